@@ -1,0 +1,1 @@
+//! Inner loops of foveate that need vector instructions.
