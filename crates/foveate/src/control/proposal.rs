@@ -1,0 +1,58 @@
+//! q(xₜ | xₜ₋₁, scene): where the next particles are put (Algorithm 1, "predict the next state").
+
+use super::Dynamics;
+use crate::geometry::State;
+use crate::rng::Streams;
+use crate::scene::Scene;
+use std::sync::Arc;
+
+/// Puts the next particles, and says what their weights owe for it.
+///
+/// Child i must come from q(· | parents[i], scene), and `log_ratio[i]` be log p/q of it, in nats (0 where
+/// q = p). Randomness comes from `streams` alone, stream i for the i-th chunk of [`CHUNK`] particles, so that
+/// neither the number of threads nor of particles changes a child. All three slices have the same length.
+pub trait Proposal: Send {
+    /// Fills `children` and `log_ratio`.
+    fn propose(
+        &mut self,
+        scene: Scene<'_>,
+        parents: &[State],
+        children: &mut [State],
+        log_ratio: &mut [f64],
+        streams: Streams,
+    );
+}
+
+/// Particles that share a random stream. Fixed: results must not depend on the number of threads.
+pub const CHUNK: usize = 64;
+
+/// The transition prior: q = p, the bootstrap filter (section 5.1: "the transition prior as proposal").
+#[derive(Clone)]
+pub struct Prior {
+    dynamics: Arc<dyn Dynamics>,
+}
+
+impl Prior {
+    /// Proposes from these dynamics.
+    pub fn new(dynamics: Arc<dyn Dynamics>) -> Self {
+        Self { dynamics }
+    }
+}
+
+impl Proposal for Prior {
+    // One thread: six normal draws a particle cost less than waking another thread for some thousands of them.
+    fn propose(
+        &mut self,
+        _: Scene<'_>,
+        parents: &[State],
+        children: &mut [State],
+        log_ratio: &mut [f64],
+        streams: Streams,
+    ) {
+        assert_eq!(parents.len(), children.len(), "one child for each parent");
+        log_ratio.fill(0.0);
+        for (i, (parents, children)) in parents.chunks(CHUNK).zip(children.chunks_mut(CHUNK)).enumerate() {
+            self.dynamics.sample_each(parents, children, &mut streams.rng(i as u64));
+        }
+    }
+}
