@@ -3,6 +3,7 @@
 
 pub mod error;
 pub mod geometry;
+pub mod rbm;
 pub mod rng;
 pub mod rows;
 pub mod scene;
