@@ -1,0 +1,9 @@
+//! Restricted Boltzmann machines: the features of the identity pathway (section 3.2), and how they are learned.
+//!
+//! Atoms: nothing here knows of images, gazes or targets; data are rows of numbers.
+
+mod product;
+#[allow(clippy::module_inception)]
+mod rbm;
+
+pub use self::rbm::{Rbm, Visible};
