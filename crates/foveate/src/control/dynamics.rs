@@ -136,3 +136,86 @@ impl Dynamics for Autoregressive {
             + log_normal(next.angle, self.angle_pull * previous.angle, self.angle)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance;
+
+    const ALL: Autoregressive = Autoregressive {
+        damping: 0.9,
+        velocity: 0.7,
+        position: 0.4,
+        scale_pull: 0.95,
+        log_scale: 0.02,
+        angle_pull: 1.0,
+        angle: 0.1,
+    };
+    const FROM: State = State { x: 10.0, y: -5.0, vx: 2.0, vy: 1.0, log_scale: 0.2, angle: 0.5 };
+
+    #[test]
+    fn draws_follow_the_density_with_and_without_each_noise() {
+        for dynamics in [
+            ALL,
+            Autoregressive { position: 0.0, ..ALL },
+            Autoregressive { velocity: 0.0, ..ALL },
+            Autoregressive { angle: 0.0, log_scale: 0.0, ..ALL },
+            Autoregressive { velocity: 0.0, position: 0.0, log_scale: 0.0, angle: 0.0, ..ALL },
+            Autoregressive::default(),
+        ] {
+            conformance::dynamics(&dynamics, &FROM);
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "the density of sample's draws")]
+    fn the_law_finds_a_wrong_density() {
+        struct Wrong;
+        impl Dynamics for Wrong {
+            fn sample(&self, previous: &State, rng: &mut Rng) -> State {
+                ALL.sample(previous, rng)
+            }
+            fn log_density(&self, next: &State, previous: &State) -> f64 {
+                Autoregressive { velocity: 0.75, ..ALL }.log_density(next, previous)
+            }
+        }
+        conformance::dynamics(&Wrong, &FROM);
+    }
+
+    #[test]
+    fn density_in_closed_form() {
+        // One deviation off in vx, two in y, at the mean elsewhere.
+        let mean = ALL.damping * FROM.vx;
+        let (vx, vy) = (mean + ALL.velocity, ALL.damping * FROM.vy);
+        let next = State {
+            vx,
+            vy,
+            x: FROM.x + vx,
+            y: FROM.y + vy - 2.0 * ALL.position,
+            log_scale: ALL.scale_pull * FROM.log_scale,
+            angle: FROM.angle,
+        };
+        let volume: f64 = [0.7, 0.7, 0.4, 0.4, 0.02, 0.1].iter().product();
+        let exact = -0.5 - 2.0 - volume.ln() - 3.0 * std::f64::consts::TAU.ln();
+        assert!((ALL.log_density(&next, &FROM) - exact).abs() < 1e-12);
+        let still = Autoregressive { angle: 0.0, ..ALL };
+        assert_eq!(still.log_density(&State { angle: 0.6, ..next }, &FROM), f64::NEG_INFINITY);
+    }
+
+    #[test]
+    fn settings_are_checked() {
+        assert!(ALL.check().is_ok() && Autoregressive::default().check().is_ok());
+        for (bad, name) in [
+            (Autoregressive { velocity: -1.0, ..ALL }, "velocity"),
+            (Autoregressive { angle: f64::NAN, ..ALL }, "dynamics.angle "),
+            (Autoregressive { damping: 1.1, ..ALL }, "damping"),
+        ] {
+            let message = bad.check().expect_err("out of range").to_string();
+            assert!(message.contains(name), "{message}");
+        }
+        let read = toml::from_str::<Autoregressive>("velocity = 3\n").expect("others have defaults");
+        assert_eq!(read, Autoregressive { velocity: 3.0, ..Autoregressive::default() });
+        let message = toml::from_str::<Autoregressive>("velocty = 3\n").expect_err("misspelt").to_string();
+        assert!(message.contains("velocty") && message.contains("velocity"), "{message}");
+    }
+}

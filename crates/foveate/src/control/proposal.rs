@@ -56,3 +56,20 @@ impl Proposal for Prior {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance::{self, blank_frame};
+    use crate::control::Autoregressive;
+
+    #[test]
+    fn the_prior_keeps_the_law() {
+        let frame = blank_frame();
+        let scene = Scene { frame: &frame, detections: &[] };
+        let parent = State::from_array([1.0, 2.0, 3.0, 4.0, 0.1, 0.2]);
+        conformance::proposal(&mut Prior::new(Arc::new(Autoregressive::default())), scene, &parent);
+        let still = Autoregressive { velocity: 0.0, position: 0.0, log_scale: 0.0, ..Default::default() };
+        conformance::proposal(&mut Prior::new(Arc::new(still)), scene, &parent);
+    }
+}
