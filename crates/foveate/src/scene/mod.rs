@@ -1,7 +1,9 @@
 //! THE WORLD COMING IN: frames, where they come from, and what is found in them.
 
+pub mod encode;
 pub mod image;
 
+pub use self::encode::{encode_jpeg, encode_png, save_png};
 pub use self::image::Image;
 
 /// One picture of a video.
