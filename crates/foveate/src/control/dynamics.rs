@@ -6,6 +6,7 @@ use crate::{Error, Result};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// Where a state leads within one frame: a density that can be drawn from.
 ///
@@ -16,6 +17,8 @@ pub trait Dynamics: Send + Sync {
     fn sample(&self, previous: &State, rng: &mut Rng) -> State;
     /// log p(next | previous) in nats, exact, with its constants.
     fn log_density(&self, next: &State, previous: &State) -> f64;
+    /// The same motion for a target of which one template unit is `unit` pixels.
+    fn sized(&self, unit: f64) -> Arc<dyn Dynamics>;
     /// One draw for each state: the same bits as calls of `sample` in turn, in one virtual call.
     fn sample_each(&self, previous: &[State], next: &mut [State], rng: &mut Rng) {
         for (next, previous) in next.iter_mut().zip(previous) {
@@ -31,6 +34,7 @@ pub trait Dynamics: Send + Sync {
 /// log_scale' = scale_pull · log_scale + scale · n
 /// angle'     = angle_pull · angle + turn · n
 /// ```
+/// Lengths are in pixels, or in template units where a configuration gives them, to be [`Dynamics::sized`].
 /// A standard deviation of 0 makes its component follow from the others. The density is then one over the
 /// remaining components, and −∞ (a probability of none) where the component does not follow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -38,9 +42,9 @@ pub trait Dynamics: Send + Sync {
 pub struct Autoregressive {
     /// Share of the velocity that is kept from frame to frame: 1 is constant velocity, 0 a random walk.
     pub damping: f64,
-    /// Standard deviation of the velocity's noise, pixels a frame.
+    /// Standard deviation of the velocity's noise, lengths a frame.
     pub velocity: f64,
-    /// Standard deviation of the position's own noise, pixels.
+    /// Standard deviation of the position's own noise, lengths.
     pub position: f64,
     /// Share of the logarithm of scale that is kept: 1 is a random walk, below 1 it returns to the first size.
     pub scale_pull: f64,
@@ -53,12 +57,13 @@ pub struct Autoregressive {
 }
 
 impl Default for Autoregressive {
-    /// The prototype's working recipe (for a target of 28 px): nearly constant velocity, hardly any change of size, no turn.
+    /// The prototype's working recipe, in template units (it had 0.7 and 0.5 px for a target of 28 px): nearly constant
+    /// velocity, hardly any change of size, no turn.
     fn default() -> Self {
         Self {
             damping: 0.95,
-            velocity: 0.7,
-            position: 0.5,
+            velocity: 0.05,
+            position: 0.035,
             scale_pull: 0.9,
             log_scale: 0.01,
             angle_pull: 0.9,
@@ -113,6 +118,10 @@ fn log_normal(value: f64, mean: f64, sd: f64) -> f64 {
 }
 
 impl Dynamics for Autoregressive {
+    fn sized(&self, unit: f64) -> Arc<dyn Dynamics> {
+        Arc::new(self.scaled(unit))
+    }
+
     #[inline]
     fn sample(&self, previous: &State, rng: &mut Rng) -> State {
         let vx = self.damping * previous.vx + noise(self.velocity, rng);
