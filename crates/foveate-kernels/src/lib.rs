@@ -10,8 +10,11 @@
 
 mod level;
 mod logistic;
+mod packed;
 mod sums;
+mod tile;
 
 pub use level::Level;
 pub use logistic::{bias_logistic, logistic};
+pub use packed::{PackedWeights, Precision};
 pub use sums::{dot, root_overlap, squared_distance, sum};
