@@ -12,9 +12,11 @@ mod level;
 mod logistic;
 mod packed;
 mod sums;
+mod taps;
 mod tile;
 
 pub use level::Level;
 pub use logistic::{bias_logistic, logistic};
 pub use packed::{PackedWeights, Precision};
 pub use sums::{dot, root_overlap, squared_distance, sum};
+pub use taps::{Plane, taps, taps_rows};
