@@ -8,6 +8,7 @@
 //! alignment, or on the thread. Sums run in fixed lanes. Between levels the last bits may differ,
 //! because fused multiply-adds round once where two operations round twice.
 
+mod boxes;
 mod level;
 mod logistic;
 mod packed;
@@ -15,6 +16,7 @@ mod sums;
 mod taps;
 mod tile;
 
+pub use boxes::{BoxScratch, Pixels, Region, box_means};
 pub use level::Level;
 pub use logistic::{bias_logistic, logistic};
 pub use packed::{PackedWeights, Precision};
