@@ -45,7 +45,7 @@ fn time(mut f: impl FnMut()) -> f64 {
         })
         .collect();
     runs.sort_by(f64::total_cmp);
-    runs[7]
+    runs[if std::env::var("BEST").is_ok() { 0 } else { 7 }]
 }
 
 /// One line: what, its rate in units of 1e9 a second, and the limit of that rate where there is one.
@@ -155,6 +155,39 @@ fn main() {
         "elements",
         None,
     );
+
+    let pixels: Vec<u8> = values(640 * 480, 7).iter().map(|x| (x * 256.0) as u8).collect();
+    let image = Pixels { data: &pixels, width: 640, height: 480 };
+    let (mut scratch, mut means) = (BoxScratch::default(), vec![0.0; 640 * 480]);
+    for (width, height) in [(120, 120), (640, 480)] {
+        let region = Region { x: 0, y: 0, width, height };
+        for side in [1, 2, 3, 4, 6, 8, 16, 33] {
+            let count = width * height;
+            let seconds = time(|| {
+                box_means(black_box(image), (side, side), region, &mut scratch, &mut means[..count]);
+            });
+            report(&format!("box_means {side} x {side}, {width} x {height}"), seconds, count as f64, "pixels", None);
+        }
+    }
+    let region = Region { x: 250, y: 170, width: 140, height: 140 };
+    let plane = box_means(image, (3, 3), region, &mut scratch, &mut means[..140 * 140]);
+    let maps: Vec<[f32; 6]> = values(600, 8)
+        .chunks(6)
+        .map(|r| [310.0 + 20.0 * r[0], 230.0 + 20.0 * r[1], 1.0 + 0.1 * r[2], 0.1 * r[3], -0.1 * r[3], 1.0 + 0.1 * r[2]])
+        .collect();
+    for cells in [48, 144, 240] {
+        let (du, dv): (Vec<f32>, Vec<f32>) = (0..cells).map(|i| ((i % 16) as f32 - 7.5, (i / 16) as f32 - 7.5)).unzip();
+        let mut out = vec![0.0; 100 * cells];
+        let count = out.len() as f64;
+        let seconds = time(|| {
+            for (map, out) in maps.iter().zip(out.chunks_exact_mut(cells)) {
+                taps(plane, *map, &du, &dv, out);
+            }
+        });
+        report(&format!("taps, {cells} cells"), seconds, count, "taps", None);
+        let seconds = time(|| taps_rows(plane, black_box(&maps), &du, &dv, &mut out, cells));
+        report(&format!("taps_rows, 100 x {cells} cells"), seconds, count, "taps", None);
+    }
 
     let (n_v, n_h) = (240, 500);
     let w: Vec<f32> = values(n_v * n_h, 5).iter().map(|x| (x - 0.5) * 0.2).collect();
