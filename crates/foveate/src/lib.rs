@@ -4,6 +4,7 @@
 pub mod error;
 pub mod files;
 pub mod geometry;
+mod quiet;
 pub mod rng;
 pub mod rows;
 pub mod scene;
