@@ -10,6 +10,7 @@ pub mod gaze;
 pub mod geometry;
 pub mod identity;
 pub mod rbm;
+mod quiet;
 pub mod rng;
 pub mod rows;
 pub mod scene;
