@@ -3,6 +3,7 @@
 pub mod idx;
 pub mod image;
 pub mod spline;
+pub mod strokes;
 pub mod synthetic;
 
 pub use self::idx::{Digits, Split};
