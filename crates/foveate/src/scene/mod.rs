@@ -1,5 +1,6 @@
 //! THE WORLD COMING IN: frames, where they come from, and what is found in them.
 
+pub mod annotation;
 pub mod encode;
 pub mod idx;
 pub mod image;
