@@ -4,6 +4,7 @@ pub mod annotation;
 pub mod encode;
 pub mod idx;
 pub mod image;
+pub mod otb;
 pub mod spline;
 pub mod strokes;
 pub mod synthetic;
