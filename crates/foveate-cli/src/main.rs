@@ -17,11 +17,15 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Synth(cmd::synth::SynthArgs),
+    Eval(cmd::eval::EvalArgs),
 }
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
         Command::Synth(args) => cmd::synth::run(&args),
+        Command::Eval(args) => {
+            cmd::eval::run(&args, &|_, _| Err(foveate::Error::Invalid("no tracker to run yet; give --results".into())))
+        }
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
