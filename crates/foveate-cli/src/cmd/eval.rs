@@ -27,7 +27,7 @@ pub struct EvalArgs {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000), conflicts_with = "results")]
     pub seeds: u64,
     /// Folder for table.txt, scores.json, curves.svg, and the tracks in foveate/ where the tracker is run
-    #[arg(long, value_name = "DIR", default_value = "foveate-eval")]
+    #[arg(long, value_name = "DIR", default_value = "out-eval")]
     pub out: PathBuf,
     /// Print scores as JSON instead of the table
     #[arg(long)]
