@@ -16,16 +16,14 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    Synth(cmd::synth::SynthArgs),
-    Eval(cmd::eval::EvalArgs),
+    Synth(cmd::synth::Args),
+    Eval(cmd::eval::Args),
 }
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
-        Command::Synth(args) => cmd::synth::run(&args),
-        Command::Eval(args) => {
-            cmd::eval::run(&args, &|_, _| Err(foveate::Error::Invalid("no tracker to run yet; give --results".into())))
-        }
+        Command::Synth(args) => cmd::synth::run(args),
+        Command::Eval(args) => cmd::eval::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

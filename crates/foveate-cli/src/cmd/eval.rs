@@ -2,15 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
 use foveate::eval::{Evaluation, Row, Sequence, TrackRun, curves, find_sequences, run_all, score_folder, table};
 use foveate::{Error, Result, files};
 
 /// Scores trackers on sequences with truth (one-pass evaluation, as OTB does it).
 ///
 /// Without --results the tracker runs over the sequences itself, from their first boxes.
-#[derive(Args, Debug)]
-pub struct EvalArgs {
+#[derive(clap::Args, Debug)]
+pub struct Args {
     /// Sequences in OTB layout (groundtruth_rect.txt, img/), or folders that hold them
     #[arg(long, value_name = "DIR", num_args = 1.., required = true)]
     pub seqs: Vec<PathBuf>,
@@ -34,8 +33,13 @@ pub struct EvalArgs {
     pub json: bool,
 }
 
-/// Runs the command; `run_tracker` follows one sequence with one seed.
-pub fn run(args: &EvalArgs, run_tracker: &dyn Fn(&Sequence, u64) -> Result<TrackRun>) -> Result<()> {
+/// Runs the command.
+pub fn run(args: Args) -> Result<()> {
+    evaluate(&args, &|_, _| Err(Error::Invalid("no tracker to run yet; give --results".into())))
+}
+
+/// Scores; `run_tracker` follows one sequence with one seed.
+fn evaluate(args: &Args, run_tracker: &dyn Fn(&Sequence, u64) -> Result<TrackRun>) -> Result<()> {
     let sequences = find_sequences(&args.seqs)?;
     let evaluations = if args.results.is_empty() {
         let seeds: Vec<u64> = (0..args.seeds).map(|i| args.seed.wrapping_add(i)).collect();

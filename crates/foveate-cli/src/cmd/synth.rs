@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Subcommand, ValueEnum};
 use foveate::scene::otb::write_otb;
 use foveate::scene::synthetic::{Clutter, Ink, NOISE};
 use foveate::scene::{Digits, Split};
@@ -12,8 +12,8 @@ use foveate::{Error, Result};
 const DRAWN: usize = 20;
 
 /// Makes videos with known truth, as folders in OTB layout.
-#[derive(Args, Debug)]
-pub struct SynthArgs {
+#[derive(clap::Args, Debug)]
+pub struct Args {
     #[command(subcommand)]
     kind: Kind,
 }
@@ -24,7 +24,7 @@ enum Kind {
     Clutter(ClutterArgs),
 }
 
-#[derive(Args, Debug)]
+#[derive(clap::Args, Debug)]
 struct ClutterArgs {
     /// The digit that moves
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=9))]
@@ -66,8 +66,8 @@ enum InkArg {
 }
 
 /// Runs the command.
-pub fn run(args: &SynthArgs) -> Result<()> {
-    let Kind::Clutter(args) = &args.kind;
+pub fn run(args: Args) -> Result<()> {
+    let Kind::Clutter(args) = args.kind;
     let settings = Clutter {
         digit: args.digit,
         seed: args.seed,
