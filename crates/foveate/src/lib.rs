@@ -5,6 +5,7 @@ pub mod config;
 pub mod conformance;
 pub mod control;
 pub mod error;
+pub mod eval;
 pub mod files;
 pub mod gaze;
 pub mod geometry;

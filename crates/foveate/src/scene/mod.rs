@@ -1,10 +1,13 @@
 //! THE WORLD COMING IN: frames, where they come from, and what is found in them.
 
 pub mod decode;
+pub mod annotation;
 pub mod encode;
 pub mod idx;
 pub mod image;
+pub mod otb;
 pub mod spline;
+pub mod strokes;
 pub mod synthetic;
 pub mod folder;
 pub mod open;
