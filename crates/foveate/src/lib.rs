@@ -5,6 +5,7 @@ pub mod control;
 pub mod error;
 pub mod gaze;
 pub mod geometry;
+pub mod observe;
 pub mod rbm;
 pub mod rng;
 pub mod rows;
