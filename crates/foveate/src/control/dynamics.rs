@@ -6,6 +6,7 @@ use crate::{Error, Result};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// Where a state leads within one frame: a density that can be drawn from.
 ///
@@ -16,6 +17,8 @@ pub trait Dynamics: Send + Sync {
     fn sample(&self, previous: &State, rng: &mut Rng) -> State;
     /// log p(next | previous) in nats, exact, with its constants.
     fn log_density(&self, next: &State, previous: &State) -> f64;
+    /// The same motion for a target of which one template unit is `unit` pixels.
+    fn sized(&self, unit: f64) -> Arc<dyn Dynamics>;
     /// One draw for each state: the same bits as calls of `sample` in turn, in one virtual call.
     fn sample_each(&self, previous: &[State], next: &mut [State], rng: &mut Rng) {
         for (next, previous) in next.iter_mut().zip(previous) {
@@ -31,6 +34,7 @@ pub trait Dynamics: Send + Sync {
 /// log_scale' = scale_pull · log_scale + scale · n
 /// angle'     = angle_pull · angle + turn · n
 /// ```
+/// Lengths are in pixels, or in template units where a configuration gives them, to be [`Dynamics::sized`].
 /// A standard deviation of 0 makes its component follow from the others. The density is then one over the
 /// remaining components, and −∞ (a probability of none) where the component does not follow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -38,9 +42,9 @@ pub trait Dynamics: Send + Sync {
 pub struct Autoregressive {
     /// Share of the velocity that is kept from frame to frame: 1 is constant velocity, 0 a random walk.
     pub damping: f64,
-    /// Standard deviation of the velocity's noise, pixels a frame.
+    /// Standard deviation of the velocity's noise, lengths a frame.
     pub velocity: f64,
-    /// Standard deviation of the position's own noise, pixels.
+    /// Standard deviation of the position's own noise, lengths.
     pub position: f64,
     /// Share of the logarithm of scale that is kept: 1 is a random walk, below 1 it returns to the first size.
     pub scale_pull: f64,
@@ -53,12 +57,13 @@ pub struct Autoregressive {
 }
 
 impl Default for Autoregressive {
-    /// The prototype's working recipe (for a target of 28 px): nearly constant velocity, hardly any change of size, no turn.
+    /// The prototype's working recipe, in template units (it had 0.7 and 0.5 px for a target of 28 px): nearly constant
+    /// velocity, hardly any change of size, no turn.
     fn default() -> Self {
         Self {
             damping: 0.95,
-            velocity: 0.7,
-            position: 0.5,
+            velocity: 0.05,
+            position: 0.035,
             scale_pull: 0.9,
             log_scale: 0.01,
             angle_pull: 0.9,
@@ -113,6 +118,10 @@ fn log_normal(value: f64, mean: f64, sd: f64) -> f64 {
 }
 
 impl Dynamics for Autoregressive {
+    fn sized(&self, unit: f64) -> Arc<dyn Dynamics> {
+        Arc::new(self.scaled(unit))
+    }
+
     #[inline]
     fn sample(&self, previous: &State, rng: &mut Rng) -> State {
         let vx = self.damping * previous.vx + noise(self.velocity, rng);
@@ -134,5 +143,88 @@ impl Dynamics for Autoregressive {
             + log_normal(next.y, previous.y + next.vy, self.position)
             + log_normal(next.log_scale, self.scale_pull * previous.log_scale, self.log_scale)
             + log_normal(next.angle, self.angle_pull * previous.angle, self.angle)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance;
+
+    const ALL: Autoregressive = Autoregressive {
+        damping: 0.9,
+        velocity: 0.7,
+        position: 0.4,
+        scale_pull: 0.95,
+        log_scale: 0.02,
+        angle_pull: 1.0,
+        angle: 0.1,
+    };
+    const FROM: State = State { x: 10.0, y: -5.0, vx: 2.0, vy: 1.0, log_scale: 0.2, angle: 0.5 };
+
+    #[test]
+    fn draws_follow_the_density_with_and_without_each_noise() {
+        for dynamics in [
+            ALL,
+            Autoregressive { position: 0.0, ..ALL },
+            Autoregressive { velocity: 0.0, ..ALL },
+            Autoregressive { angle: 0.0, log_scale: 0.0, ..ALL },
+            Autoregressive { velocity: 0.0, position: 0.0, log_scale: 0.0, angle: 0.0, ..ALL },
+            Autoregressive::default(),
+        ] {
+            conformance::dynamics(&dynamics, &FROM);
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "the density of sample's draws")]
+    fn the_law_finds_a_wrong_density() {
+        struct Wrong;
+        impl Dynamics for Wrong {
+            fn sample(&self, previous: &State, rng: &mut Rng) -> State {
+                ALL.sample(previous, rng)
+            }
+            fn log_density(&self, next: &State, previous: &State) -> f64 {
+                Autoregressive { velocity: 0.75, ..ALL }.log_density(next, previous)
+            }
+        }
+        conformance::dynamics(&Wrong, &FROM);
+    }
+
+    #[test]
+    fn density_in_closed_form() {
+        // One deviation off in vx, two in y, at the mean elsewhere.
+        let mean = ALL.damping * FROM.vx;
+        let (vx, vy) = (mean + ALL.velocity, ALL.damping * FROM.vy);
+        let next = State {
+            vx,
+            vy,
+            x: FROM.x + vx,
+            y: FROM.y + vy - 2.0 * ALL.position,
+            log_scale: ALL.scale_pull * FROM.log_scale,
+            angle: FROM.angle,
+        };
+        let volume: f64 = [0.7, 0.7, 0.4, 0.4, 0.02, 0.1].iter().product();
+        let exact = -0.5 - 2.0 - volume.ln() - 3.0 * std::f64::consts::TAU.ln();
+        assert!((ALL.log_density(&next, &FROM) - exact).abs() < 1e-12);
+        let still = Autoregressive { angle: 0.0, ..ALL };
+        assert_eq!(still.log_density(&State { angle: 0.6, ..next }, &FROM), f64::NEG_INFINITY);
+    }
+
+    #[test]
+    fn settings_are_checked() {
+        assert!(ALL.check().is_ok() && Autoregressive::default().check().is_ok());
+        for (bad, name) in [
+            (Autoregressive { velocity: -1.0, ..ALL }, "velocity"),
+            (Autoregressive { angle: f64::NAN, ..ALL }, "dynamics.angle "),
+            (Autoregressive { damping: 1.1, ..ALL }, "damping"),
+        ] {
+            let message = bad.check().expect_err("out of range").to_string();
+            assert!(message.contains(name), "{message}");
+        }
+        let read = toml::from_str::<Autoregressive>("velocity = 3\n").expect("others have defaults");
+        assert_eq!(read, Autoregressive { velocity: 3.0, ..Autoregressive::default() });
+        let message = toml::from_str::<Autoregressive>("velocty = 3\n").expect_err("misspelt").to_string();
+        assert!(message.contains("velocty") && message.contains("velocity"), "{message}");
     }
 }

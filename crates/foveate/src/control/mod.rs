@@ -8,11 +8,13 @@ mod dynamics;
 mod proposal;
 mod resampling;
 mod reward;
+mod vigilance;
 
 pub use self::dynamics::{Autoregressive, Dynamics};
 pub use self::proposal::{CHUNK, Prior, Proposal};
 pub use self::resampling::{Resampling, Scheme};
 pub use self::reward::{Concentration, LogConcentration, Reward, VarianceReduction};
+pub use self::vigilance::{Promise, Vigilance, Watch};
 
 use crate::geometry::State;
 use std::f64::consts::TAU;

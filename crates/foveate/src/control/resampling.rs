@@ -64,7 +64,8 @@ impl Resampling {
             Scheme::Multinomial => descending(weights, total, ancestors, |_| 0, rng),
             Scheme::Residual => {
                 let m = ancestors.len() as f64;
-                descending(weights, total, ancestors, |w| (m * (w / total)) as usize, rng);
+                // A whole number of places may be a rounding error short of it.
+                descending(weights, total, ancestors, |w| (m * (w / total) + 1e-9) as usize, rng);
             }
             Scheme::Stratified => ascending(weights, total, ancestors, || rng.random()),
             Scheme::Systematic => {
@@ -114,5 +115,74 @@ fn descending(weights: &[f64], total: f64, ancestors: &mut [usize], certain: imp
             draws -= 1;
             position = next(draws.max(1), position);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance;
+    use crate::rng::{Purpose, Streams};
+
+    const SCHEMES: [Scheme; 4] = [Scheme::Multinomial, Scheme::Stratified, Scheme::Systematic, Scheme::Residual];
+
+    #[test]
+    fn every_scheme_is_unbiased() {
+        let geometric: Vec<f64> = (0..20).map(|i| 0.7f64.powi(i)).collect();
+        for scheme in SCHEMES {
+            let resampling = Resampling { scheme, below: 1.0 };
+            conformance::resampling(&resampling, &[0.0, 0.3, 0.0, 0.55, 0.15, 0.0], 6);
+            conformance::resampling(&resampling, &[0.0, 0.3, 0.0, 0.55, 0.15, 0.0], 11);
+            conformance::resampling(&resampling, &geometric, 20);
+            conformance::resampling(&resampling, &[1.0], 3);
+            conformance::resampling(&resampling, &[0.25; 4], 4);
+            conformance::resampling(&resampling, &[1e-300, 0.0, 1.0, 1e-300], 4);
+        }
+    }
+
+    /// 1,000 sets of weights, seed 2: how far a count may stray from m·w, for certain.
+    #[test]
+    fn counts_stray_no_further_than_the_scheme_allows() {
+        let mut rng = Streams::new(2, 0).at(0, Purpose::Select).rng(0);
+        let n = 37;
+        for _ in 0..1000 {
+            let raw: Vec<f64> = (0..n).map(|_| rng.random::<f64>().powi(6)).collect();
+            let total: f64 = raw.iter().sum();
+            let weights: Vec<f64> = raw.iter().map(|w| w / total).collect();
+            for (scheme, low, high) in
+                [(Scheme::Systematic, 1.0, 1.0), (Scheme::Stratified, 2.0, 2.0), (Scheme::Residual, 1.0, n as f64)]
+            {
+                let mut ancestors = vec![0; n];
+                Resampling { scheme, below: 1.0 }.select(&weights, &mut ancestors, &mut rng);
+                for (i, w) in weights.iter().enumerate() {
+                    let stray = ancestors.iter().filter(|&&a| a == i).count() as f64 - n as f64 * w;
+                    assert!(-low - 1e-9 < stray && stray < high + 1e-9, "{scheme:?}: {stray}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn equal_weights_keep_everyone() {
+        let mut rng = Streams::new(3, 0).at(0, Purpose::Select).rng(0);
+        for n in [1, 2, 3, 10, 100, 1000] {
+            for scheme in [Scheme::Stratified, Scheme::Systematic, Scheme::Residual] {
+                let mut ancestors = vec![0; n];
+                Resampling { scheme, below: 1.0 }.select(&vec![1.0 / n as f64; n], &mut ancestors, &mut rng);
+                let gaps = ancestors.iter().enumerate().filter(|&(i, &a)| i != a).count();
+                assert!(gaps <= n / 100, "{scheme:?} of {n} equal weights moved {gaps}"); // rounding may move a few
+            }
+        }
+    }
+
+    #[test]
+    fn due_below_the_threshold_only() {
+        let at = |below| Resampling { scheme: Scheme::Systematic, below };
+        assert!(at(1.0).is_due(100.0, 100) && at(1.0).is_due(100.0 + 1e-9, 100));
+        assert!(at(0.5).is_due(49.9, 100) && !at(0.5).is_due(50.0, 100));
+        assert!(!at(0.0).is_due(1.0, 100));
+        assert!(at(1.5).check().is_err() && at(f64::NAN).check().is_err() && at(0.5).check().is_ok());
+        let read: Resampling = toml::from_str("scheme = \"residual\"").expect("below has a default");
+        assert_eq!(read, Resampling { scheme: Scheme::Residual, below: 1.0 });
     }
 }

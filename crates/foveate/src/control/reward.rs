@@ -124,3 +124,62 @@ fn spread(states: &[State], weights: &[f64]) -> f64 {
     });
     terms.sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance;
+
+    fn all(temperature: f64) -> [Box<dyn Reward>; 3] {
+        let ok = "a temperature within range";
+        [
+            Box::new(Concentration::new(temperature).expect(ok)),
+            Box::new(LogConcentration::new(temperature).expect(ok)),
+            Box::new(VarianceReduction::new(temperature).expect(ok)),
+        ]
+    }
+
+    #[test]
+    fn every_reward_keeps_the_law() {
+        for temperature in [1.0, 0.3, 1e-3] {
+            all(temperature).iter_mut().for_each(|reward| conformance::reward(&mut **reward));
+        }
+        for wrong in [0.0, -1.0, 1.5, f64::NAN] {
+            assert!(Concentration::new(wrong).is_err() && VarianceReduction::new(wrong).is_err());
+        }
+    }
+
+    /// Four particles, one on each corner of a 2 × 2 square; likelihoods 1, 1, 4, 4 leave w = .1, .1, .4, .4.
+    #[test]
+    fn closed_forms() {
+        let states: Vec<State> = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)]
+            .map(|(x, y)| State { x, y, ..State::default() })
+            .into();
+        let sides = |right: f64| [0.0, 0.0, right.ln(), right.ln()];
+        // Σw² = .34. Before, the variance is 1 on each axis; after, it is 1 − .6² across and 1 down.
+        let exact = [0.34, (4.0f64 * 0.34).ln() / 4.0f64.ln(), 0.18];
+        for (temperature, right) in [(1.0, 4.0), (0.5, 16.0)] {
+            for (reward, exact) in all(temperature).iter_mut().zip(exact) {
+                let r = reward.reward(&states, &[0.0; 4], &sides(right));
+                assert!((r - exact).abs() < 1e-12, "{r} is not {exact} at temperature {temperature}");
+            }
+        }
+        // The temperature softens the look, not what was known before: the same weights from the prior.
+        let exact = [0.34, exact[1], 0.0];
+        for (reward, exact) in all(0.5).iter_mut().zip(exact) {
+            let r = reward.reward(&states, &sides(4.0), &[-3.0; 4]);
+            assert!((r - exact).abs() < 1e-12, "{r} is not {exact} where only the prior knows");
+        }
+        // A look that flattens the weights again adds uncertainty: no variance was removed.
+        assert_eq!(all(1.0)[2].reward(&states, &sides(4.0), &sides(0.25)), 0.0);
+        // One particle left; none left; all in one place.
+        let out = f64::NEG_INFINITY;
+        for (reward, exact) in all(1.0).iter_mut().zip([1.0, 1.0, 1.0]) {
+            assert_eq!(reward.reward(&states, &[0.0; 4], &[out, 0.0, out, out]), exact);
+        }
+        for (reward, exact) in all(1.0).iter_mut().zip([0.25, 0.0, 0.0]) {
+            assert_eq!(reward.reward(&states, &[0.0; 4], &[out; 4]), exact);
+        }
+        assert_eq!(all(1.0)[2].reward(&[State::default(); 4], &[0.0; 4], &sides(4.0)), 0.0);
+    }
+}

@@ -57,3 +57,59 @@ impl Policy for Anchor {
         self.inner.reset();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance;
+    use crate::gaze::{Circular, Fixed, Grid, Hedge, Random};
+    use crate::rng::{Purpose, Streams};
+
+    fn hedge() -> Box<dyn Policy> {
+        Box::new(Hedge::new(Grid::default().gazes(), 1.0).expect("nine gazes and a positive rate"))
+    }
+
+    #[test]
+    fn anchors_keep_the_law() {
+        conformance::policy(&|| Box::new(Anchor::centre(hedge())));
+        conformance::policy(&|| Box::new(Anchor::new(Gaze { u: 0.9, v: 0.0, arm: None }, hedge())));
+        conformance::policy(&|| Box::new(Anchor::centre(Box::new(Random::new(Grid::default().gazes())))));
+        conformance::policy(&|| Box::new(Anchor::centre(Box::new(Circular::new(Grid::default().gazes())))));
+        conformance::policy(&|| Box::new(Anchor::centre(Box::new(Fixed::new(Gaze::CENTRE)))));
+    }
+
+    #[test]
+    fn two_looks_unless_they_are_the_same() {
+        let mut rng = Streams::new(1, 0).at(0, Purpose::Look).rng(0);
+        let mut plan = Plan::new();
+        let mut circular = Anchor::centre(Box::new(Circular::new(Grid::default().gazes())));
+        for t in 0..9 {
+            circular.plan(&mut plan, &mut rng);
+            assert_eq!(plan.chosen().arm, Some(t), "the choice is the inner policy's");
+            assert_eq!(plan.gazes().len(), if t == 4 { 1 } else { 2 });
+            assert!(plan.used().iter().all(|&used| used));
+            circular.learn(&plan, &[0.5; 2][..plan.gazes().len()]);
+        }
+        let mut full = Anchor::centre(hedge());
+        for _ in 0..50 {
+            full.plan(&mut plan, &mut rng);
+            assert_eq!(plan.gazes().len(), 9, "the centre is one of the nine");
+            assert!(plan.used()[4] && plan.used()[plan.chosen_index()]);
+            assert_eq!(plan.used().iter().filter(|&&used| used).count(), if plan.chosen_index() == 4 { 1 } else { 2 });
+            full.learn(&plan, &[0.5; 9]);
+        }
+    }
+
+    #[test]
+    fn the_inner_policy_learns_from_its_own_gazes() {
+        let mut rng = Streams::new(2, 0).at(0, Purpose::Look).rng(0);
+        let (mut plan, mut bare) = (Plan::new(), hedge());
+        let mut anchored = Anchor::new(Gaze { u: 0.1, v: 0.0, arm: None }, hedge());
+        let rewards: Vec<f64> = (0..10).map(|k| f64::from(k) / 10.0).collect();
+        anchored.plan(&mut plan, &mut rng);
+        anchored.learn(&plan, &rewards);
+        bare.plan(&mut plan, &mut rng);
+        bare.learn(&plan, &rewards[..9]);
+        assert_eq!(anchored.save(), bare.save());
+    }
+}

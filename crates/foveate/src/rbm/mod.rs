@@ -7,3 +7,14 @@ mod product;
 mod rbm;
 
 pub use self::rbm::{Rbm, Visible};
+pub struct Metadata {
+    pub retina: String,
+}
+impl Rbm {
+    pub fn from_bytes(_: &[u8], _: &std::path::Path) -> crate::Result<(Rbm, Metadata)> {
+        todo!()
+    }
+    pub fn load(_: &std::path::Path) -> crate::Result<(Rbm, Metadata)> {
+        todo!()
+    }
+}
