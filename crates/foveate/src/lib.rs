@@ -13,6 +13,7 @@ pub mod observe;
 pub mod rbm;
 pub mod rng;
 pub mod rows;
+pub mod run;
 pub mod scene;
 pub mod start;
 pub mod step;

@@ -2,8 +2,9 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+use crate::files::temporary;
 use crate::{Error, Result};
 
 /// A text file in the making. Dropped before [`Sink::finish`], it leaves nothing behind.
@@ -56,15 +57,10 @@ impl Drop for Sink {
     }
 }
 
-/// `boxes.txt` is made as `.boxes.txt.partial`, in the same folder, where renaming is one step.
-pub(super) fn temporary(path: &Path) -> PathBuf {
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!(".{name}.partial"))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::path::Path;
 
     fn names(folder: &Path) -> Vec<String> {
         let entries = std::fs::read_dir(folder).expect("the folder is there");
@@ -80,7 +76,7 @@ mod tests {
         sink.write(b"new").expect("bytes");
         sink.flush().expect("flushed");
         assert_eq!(std::fs::read_to_string(&path).expect("still the old one"), "old");
-        assert_eq!(std::fs::read_to_string(temporary(&path)).expect("what was flushed"), "new");
+        assert_eq!(std::fs::read_to_string(&sink.temporary).expect("what was flushed"), "new");
         sink.finish().expect("renamed");
         sink.finish().expect("again is nothing");
         assert!(sink.write(b"more").is_err());
