@@ -3,6 +3,8 @@
 //! Coverage of a pixel is ½ + r − d, held between 0 and 1, where d is the distance of its centre to the shape's
 //! skeleton and r half the line's width. Coordinates are image coordinates; widths and radii are pixels.
 
+use std::ops::Range;
+
 use super::font;
 use crate::scene::Image;
 
@@ -24,17 +26,17 @@ impl Drawing {
         Self { image: Image::new(width, height, 3, bytes).expect("three planes of a size that is not zero") }
     }
 
-    /// Puts a picture with its top-left corner at (`left`, `top`), each pixel `zoom` × `zoom` (0 counts as 1);
-    /// what lies outside is cut off.
-    pub fn paste(&mut self, image: &Image, left: usize, top: usize, zoom: usize) {
-        let (width, height, zoom) = (self.image.width(), self.image.height(), zoom.max(1));
+    /// Puts a picture into `width` × `height` pixels of the page, its top-left corner at (`left`, `top`): each of them
+    /// shows the nearest pixel. What lies outside is cut off.
+    pub fn paste(&mut self, image: &Image, left: usize, top: usize, width: usize, height: usize) {
+        let page = (self.width(), self.height());
         for p in 0..3 {
             let from = image.plane(p.min(image.planes() - 1));
             let to = self.image.plane_mut(p);
-            for y in top..height.min(top + image.height() * zoom) {
-                let row = &from[(y - top) / zoom * image.width()..][..image.width()];
-                for x in left..width.min(left + image.width() * zoom) {
-                    to[y * width + x] = row[(x - left) / zoom];
+            for y in 0..height.min(page.1.saturating_sub(top)) {
+                let row = &from[y * image.height() / height * image.width()..][..image.width()];
+                for x in 0..width.min(page.0.saturating_sub(left)) {
+                    to[(top + y) * page.0 + left + x] = row[x * image.width() / width];
                 }
             }
         }
@@ -57,21 +59,22 @@ impl Drawing {
         self.image
     }
 
-    /// Lays a colour over the pixels of a box as far as `coverage` (0 to 1) says at their centres.
-    fn cover(
-        &mut self,
-        (left, top): Point,
-        (right, bottom): Point,
-        colour: Colour,
-        coverage: impl Fn(f64, f64) -> f64,
-    ) {
-        let (width, height) = (self.image.width(), self.image.height());
-        // Casts from f64 saturate: coordinates may be anywhere, or NaN.
-        let columns = left.floor().max(0.0) as usize..(right.ceil() + 1.0).clamp(0.0, width as f64) as usize;
-        let rows = top.floor().max(0.0) as usize..(bottom.ceil() + 1.0).clamp(0.0, height as f64) as usize;
+    /// The columns and rows that a box touches. Casts from f64 saturate: coordinates may be anywhere, or NaN.
+    fn pixels(&self, ((left, top), (right, bottom)): (Point, Point)) -> (Range<usize>, Range<usize>) {
+        let span = |from: f64, to: f64, side: usize| {
+            let end = (to.ceil() + 1.0).clamp(0.0, side as f64) as usize;
+            (from.floor().max(0.0) as usize).min(end)..end
+        };
+        (span(left, right, self.width()), span(top, bottom, self.height()))
+    }
+
+    /// Lays a colour over the pixels of a box as far as `coverage` (0 to 1) says.
+    fn cover(&mut self, bounds: (Point, Point), colour: Colour, coverage: impl Fn(usize, usize) -> f64) {
+        let width = self.width();
+        let (columns, rows) = self.pixels(bounds);
         for y in rows {
             for x in columns.clone() {
-                let alpha = coverage(x as f64, y as f64);
+                let alpha = coverage(x, y);
                 if alpha > 0.0 {
                     for (p, &c) in colour.iter().enumerate() {
                         let pixel = &mut self.image.plane_mut(p)[y * width + x];
@@ -87,22 +90,33 @@ impl Drawing {
     pub fn fill(&mut self, left: f64, top: f64, width: f64, height: f64, colour: Colour, alpha: f64) {
         let (right, bottom) = (left + width, top + height);
         let share = |at: f64, from: f64, to: f64| (to.min(at + 0.5) - from.max(at - 0.5)).clamp(0.0, 1.0);
-        self.cover((left - 1.0, top - 1.0), (right + 1.0, bottom + 1.0), colour, |x, y| {
-            alpha * share(x, left, right) * share(y, top, bottom)
+        self.cover(((left - 1.0, top - 1.0), (right + 1.0, bottom + 1.0)), colour, |x, y| {
+            alpha * share(x as f64, left, right) * share(y as f64, top, bottom)
         });
     }
 
     /// A line through points, `thick` pixels wide with round ends; one point is a dot.
+    ///
+    /// Coverage is gathered segment by segment and laid on once, so that corners are no darker than the rest.
     pub fn line(&mut self, points: &[Point], thick: f64, colour: Colour, alpha: f64) {
         let r = thick / 2.0;
-        let Some((low, high)) = bounds(points, r + 1.0) else { return };
-        self.cover(low, high, colour, |x, y| {
-            let near = match points {
-                [one] => (one.0 - x).hypot(one.1 - y),
-                _ => points.windows(2).map(|ends| to_segment((x, y), ends[0], ends[1])).fold(f64::INFINITY, f64::min),
-            };
-            alpha * (0.5 + r - near).clamp(0.0, 1.0)
-        });
+        let Some(whole) = bounds(points, r + 1.0) else { return };
+        let (columns, rows) = self.pixels(whole);
+        let width = columns.len();
+        let mut coverage = vec![0.0f32; width * rows.len()];
+        let ends = |i: usize| (points[i], points[(i + 1).min(points.len() - 1)]);
+        for (from, to) in (0..points.len().max(2) - 1).map(ends) {
+            let Some(near) = bounds(&[from, to], r + 1.0) else { continue };
+            let (near_columns, near_rows) = self.pixels(near);
+            for y in near_rows {
+                for x in near_columns.clone() {
+                    let d = to_segment((x as f64, y as f64), from, to);
+                    let pixel = &mut coverage[(y - rows.start) * width + (x - columns.start)];
+                    *pixel = pixel.max((0.5 + r - d).clamp(0.0, 1.0) as f32);
+                }
+            }
+        }
+        self.cover(whole, colour, |x, y| alpha * f64::from(coverage[(y - rows.start) * width + (x - columns.start)]));
     }
 
     /// A line back to its first point.
@@ -118,13 +132,11 @@ impl Drawing {
 
     /// A circle.
     pub fn ring(&mut self, centre: Point, radius: f64, thick: f64, colour: Colour, alpha: f64) {
-        let reach = radius + thick;
-        self.cover(
-            (centre.0 - reach - 1.0, centre.1 - reach - 1.0),
-            (centre.0 + reach + 1.0, centre.1 + reach + 1.0),
-            colour,
-            |x, y| alpha * (0.5 + thick / 2.0 - ((x - centre.0).hypot(y - centre.1) - radius).abs()).clamp(0.0, 1.0),
-        );
+        let Some(whole) = bounds(&[centre], radius + thick + 1.0) else { return };
+        self.cover(whole, colour, |x, y| {
+            let off = (x as f64 - centre.0).hypot(y as f64 - centre.1) - radius;
+            alpha * (0.5 + thick / 2.0 - off.abs()).clamp(0.0, 1.0)
+        });
     }
 
     /// A line of text with capitals `size` pixels high, their top-left corner at `at`. Answers its width.
@@ -215,7 +227,8 @@ mod tests {
     #[test]
     fn pasting_repeats_pixels_and_cuts() {
         let mut page = Drawing::new(5, 4, [9; 3]);
-        page.paste(&Image::new(2, 2, 1, vec![1, 2, 3, 4]).expect("2 x 2"), 1, 1, 2);
+        page.paste(&Image::new(2, 2, 1, vec![1, 2, 3, 4]).expect("2 x 2"), 1, 1, 4, 4);
+        page.paste(&Image::grey(1, 1, 0), 7, 7, 3, 3);
         assert_eq!(page.image().plane(2), [9, 9, 9, 9, 9, 9, 1, 1, 2, 2, 9, 1, 1, 2, 2, 9, 3, 3, 4, 4]);
     }
 }

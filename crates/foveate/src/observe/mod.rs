@@ -3,9 +3,21 @@
 //! [`Boxes`] boxes.txt, [`Table`] track.csv, [`Trace`] trace.jsonl, [`Report`] report.html. Every file appears under its
 //! name when it is whole: at [`Observer::finish`].
 
+mod annotate;
 pub mod draw;
+mod eye;
 mod font;
+mod json;
+mod report;
 mod sink;
+mod table;
+mod trace;
+
+pub use self::annotate::Annotator;
+pub use self::json::Summary;
+pub use self::report::Report;
+pub use self::table::{Boxes, Table};
+pub use self::trace::Trace;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

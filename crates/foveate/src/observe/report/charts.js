@@ -6,30 +6,32 @@ const chartList = [
   { title: 'Reward', unit: 'of a look, 0 to 1', lines: [{ of: series.reward, name: 'chosen', ink: 'gaze' }], band: series.reward_low.some((v, i) => v !== series.reward_high[i]) && [series.reward_low, series.reward_high], bandName: 'all gazes' },
   { title: 'Effective sample size', unit: 'particles', log: true, from: 1, to: data.particles, lines: [{ of: series.ess, ink: 'target' }], mark: [data.particles, `all ${data.particles}`] },
   { title: 'Evidence', unit: 'nats', lines: [{ of: series.log_evidence, ink: 'second' }] },
-  { title: 'Doubt', unit: '0: as promised, 1: as elsewhere', from: 0, to: 1, lines: [{ of: series.doubt, ink: 'lost' }], },
+  { title: 'Doubt', unit: '0 as promised, 1 as elsewhere', from: 0, to: 1, lines: [{ of: series.doubt, ink: 'lost' }], },
   { title: 'Distance to the template', unit: 'no unit', from: 0, lines: [{ of: series.distance, ink: 'second' }] },
-  { title: 'Position uncertainty', unit: 'px, one deviation', from: 0, lines: [{ of: series.sd_x, name: 'x', ink: 'target' }, { of: series.sd_y, name: 'y', ink: 'third', dash: true }] },
+  { title: 'Position uncertainty', unit: 'px (1 sd)', from: 0, lines: [{ of: series.sd_x, name: 'x', ink: 'target' }, { of: series.sd_y, name: 'y', ink: 'third', dash: true }] },
   { title: 'Speed', unit: 'px a frame', from: 0, lines: [{ of: speed, ink: 'target' }] },
   { title: 'Scale', unit: '× first frame', least: .1, lines: [{ of: scale, ink: 'target' }] },
   { title: 'Angle', unit: 'degrees', least: 10, lines: [{ of: degrees, ink: 'target' }] },
 ];
+if (!arms.length) chartList.splice(1, 0, { title: 'Gaze', unit: 'half-boxes', lines: [{ of: series.u, name: 'u', ink: 'gaze' }, { of: series.v, name: 'v', ink: 'target', dash: true }] });
 const HEIGHT = 128, LEFT = 44, RIGHT = 12, TOP = 8, BOTTOM = 20;
 
 // Round steps that cover a span with about `n` lines.
-function ticks(low, high, n = 3) {
+function ticks(low, high, n = 4) {
   const raw = (high - low) / n, power = 10 ** Math.floor(Math.log10(raw));
-  const step = [1, 2, 2.5, 5, 10].map(m => m * power).find(s => s >= raw * .999);
+  const step = [1, 2, 5, 10].map(m => m * power).find(s => s >= raw * .999);
   const out = [];
+  out.places = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
   for (let t = Math.ceil(low / step - 1e-9) * step; t <= high + step * 1e-6; t += step) out.push(Math.abs(t) < step * 1e-9 ? 0 : t);
   return out;
 }
 // Frame numbers under every time axis, the last one with the word.
 function frameTicks(width) {
   const first = series.frame[0], last = series.frame[rows - 1];
-  const picked = ticks(first, Math.max(last, first + 1), Math.max(2, Math.min(8, Math.floor(width / 110)))).map(f => {
+  const picked = ticks(first, Math.max(last, first + 1), Math.max(2, Math.min(12, Math.floor(width / 72)))).map(f => {
     const row = series.frame.findIndex(value => value >= f);
     return { at: (Math.max(row, 0) + .5) / rows, text: String(Math.round(f)), anchor: 'middle' };
-  }).filter(t => t.at < 1 - 70 / width && Number.isInteger(+t.text));
+  }).filter(t => t.at < 1 - 92 / width && Number.isInteger(+t.text));
   return [...picked, { at: 1, text: `frame ${last}`, anchor: 'end' }];
 }
 
@@ -104,12 +106,12 @@ function drawCharts() {
     const x = chart.x = row => LEFT + (row + .5) / rows * room, y = chart.y = v => TOP + tall * (1 - unit(v));
     const marks = chart.log ? [1, 10, 100, 1000, 1e4, 1e5].filter(t => t >= low && t <= high) : ticks(low, high);
     let svg = `<svg width="${width}" height="${HEIGHT}" viewBox="0 0 ${width} ${HEIGHT}" role="img" aria-label="${chart.title}, ${chart.unit}, over frames">`;
-    svg += '<defs><pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse" patternTransform="rotate(45)"><rect class="lostbar" width="6" height="6"/><rect class="lostbar" width="2" height="6"/></pattern></defs>';
+    svg += '<defs><pattern id="hatch" width="6" height="6" patternUnits="userSpaceOnUse" patternTransform="rotate(45)"><rect class="lostbar" width="6" height="6"/><rect class="stripe" width="1.5" height="6"/></pattern></defs>';
     for (const [a, b] of lostRuns) {
       const from = x(a) - room / rows / 2, w = Math.max(1.5, (b - a + 1) / rows * room);
       svg += `<rect x="${from}" y="${TOP}" width="${w}" height="${tall}" fill="url(#hatch)"/><rect class="lostline" x="${from}" y="${TOP + tall - 2}" width="${w}" height="2"/>`;
     }
-    for (const t of marks) svg += `<line class="grid" x1="${LEFT}" x2="${width - RIGHT}" y1="${y(t)}" y2="${y(t)}"/><text x="${LEFT - 7}" y="${y(t) + 3.5}" text-anchor="end">${say(t, marks.length > 1 && Math.abs(marks[1] - marks[0]) < .01 * Math.abs(t) ? 5 : 3).replace(/(\.\d*?)0+$/, '$1').replace(/\.$/, '')}</text>`;
+    for (const t of marks) svg += `<line class="grid" x1="${LEFT}" x2="${width - RIGHT}" y1="${y(t)}" y2="${y(t)}"/><text x="${LEFT - 7}" y="${y(t) + 3.5}" text-anchor="end">${t.toFixed(marks.places || 0).replace('-', '−')}</text>`;
     if (chart.mark && chart.mark[0] <= high) svg += `<line class="reference" x1="${LEFT}" x2="${width - RIGHT}" y1="${y(chart.mark[0])}" y2="${y(chart.mark[0])}"/>`;
     for (const { at, text, anchor } of frameTicks(width)) svg += `<text x="${LEFT + at * room}" y="${HEIGHT - 4}" text-anchor="${anchor}">${text}</text>`;
     if (chart.band) {

@@ -9,12 +9,13 @@ const bytes = text => Uint8Array.from(atob(text || ''), c => c.charCodeAt(0));
 const words = text => { const b = bytes(text); return Array.from({ length: b.length >> 1 }, (_, i) => b[2 * i] | b[2 * i + 1] << 8); };
 const picture = text => { const image = new Image(); image.src = 'data:image/jpeg;base64,' + text; return image; };
 
-// A number as people read it: three figures, a real minus, a dash for "none".
+// A number as people read it: three figures (two below 1), a real minus, a dash for "none".
 function say(value, digits = 3) {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
   const size = Math.abs(value);
-  const text = size >= 1e5 || (size > 0 && size < 1e-4) ? value.toExponential(1)
-    : size >= 100 ? value.toFixed(0) : value.toFixed(Math.max(0, digits - 1 - Math.max(0, Math.floor(Math.log10(size || 1)))));
+  if (size < 1e-6) return '0';
+  const power = Math.floor(Math.log10(size)), places = power < 0 ? digits - 2 - power : digits - 1 - power;
+  const text = size >= 1e6 || size < 1e-4 ? value.toExponential(1) : value.toFixed(Math.max(0, places));
   return text.replace('-', '−');
 }
 

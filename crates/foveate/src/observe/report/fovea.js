@@ -39,7 +39,8 @@ const hex = text => [1, 3, 5].map(i => parseInt(text.slice(i, i + 2), 16));
 
 function drawFovea() {
   const key = keys[now], row = key.row;
-  byId('distance').replaceChildren('distance ', element('b', {}, say(series.distance[row])));
+  if (series.distance[row] === null) byId('distance').textContent = 'the template';
+  else byId('distance').replaceChildren('distance ', element('b', {}, say(series.distance[row])));
   if (!eye) return;
   const seen = bytes(key.glimpse), remembered = bytes(key.remembered);
   const paint = (id, values) => paintGlimpse(id, i => values.length ? colourOf(values, i) : null);

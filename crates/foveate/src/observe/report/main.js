@@ -21,15 +21,15 @@ function show(k) {
 
 // Transport.
 const icons = { play: '<svg viewBox="0 0 16 16"><path d="M4 2.5v11l9.5-5.5z"/></svg>', pause: '<svg viewBox="0 0 16 16"><path d="M3.5 2.5h3.2v11H3.5zM9.3 2.5h3.2v11H9.3z"/></svg>' };
-let before = 0, due = 0;
+let before = 0, due = 0, touched = false;
 function play() {
   if (playing || keys.length < 2) return;
-  if (now === keys.length - 1) show(0);
-  playing = true; before = performance.now(); due = 0;
+  if (!touched || now === keys.length - 1) show(0);
+  playing = touched = true; before = performance.now(); due = 0;
   button();
   requestAnimationFrame(tick);
 }
-function pause() { if (playing) { playing = false; button(); } }
+function pause() { touched = true; if (playing) { playing = false; button(); } }
 function button() {
   byId('play').replaceChildren(drawing(playing ? icons.pause : icons.play));
   byId('play').setAttribute('aria-label', playing ? 'Pause' : 'Play');
@@ -55,7 +55,7 @@ byId('back').addEventListener('click', () => { pause(); show(now - 1); });
 byId('forth').addEventListener('click', () => { pause(); show(now + 1); });
 document.addEventListener('keydown', event => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.tagName === 'SELECT') return;
-  const onButton = event.target.closest('button, summary, input[type=checkbox]');
+  const onButton = document.activeElement?.matches('button, summary, input[type=checkbox]');
   const go = { ArrowLeft: () => show(now - (event.shiftKey ? 10 : 1)), ArrowRight: () => show(now + (event.shiftKey ? 10 : 1)), Home: () => show(0), End: () => show(keys.length - 1) }[event.key];
   const layer = layers.find(l => l.key === event.key);
   if (go) { pause(); go(); }
@@ -115,7 +115,9 @@ function write() {
 function layout() { drawCharts(); drawMarks(); show(now); }
 function fromAddress() {
   const wish = /frame=(\d+)/.exec(location.hash);
-  if (!wish) return;
+  // The page opens in the midst of the run, where there is something to see; play begins at the beginning.
+  if (!wish) return show(Math.floor(keys.length * .4));
+  touched = true;
   const row = series.frame.findIndex(f => f >= +wish[1]);
   show(nearestKey(row < 0 ? rows - 1 : row));
 }

@@ -26,7 +26,8 @@ if (!listed) document.querySelector('.policy').classList.add('wide');
 
 function drawPolicy() {
   const key = keys[now], row = key.row, p = policyAt(now), chosen = series.arm[row];
-  byId('gaze').replaceChildren('looking at ', element('b', {}, `(${say(series.u[row], 2)}, ${say(series.v[row], 2)})`), ' half-boxes');
+  if (series.u[row] === null) byId('gaze').textContent = 'no look in this frame';
+  else byId('gaze').replaceChildren('looking at ', element('b', {}, `(${say(series.u[row], 2)}, ${say(series.v[row], 2)})`), ' half-boxes');
   byId('template-caption').textContent = data.learned ? 'area of a disc: probability of the next look' : `area of a disc: share of the last ${RECENT} looks`;
   armRows.forEach(({ line, bar, p: text }, i) => {
     line.classList.toggle('now', i === chosen);
@@ -87,25 +88,29 @@ function drawFilm() {
   if (!film) return;
   const width = byId('film').clientWidth, tall = film.high * arms.length, c = sharp(film.canvas, width, tall + film.bottom);
   film.canvas.style.height = tall + film.bottom + 'px';
-  const room = width - film.left - 12, x = row => film.left + (row + .5) / rows * room, step = room / rows;
+  const sharpness = window.devicePixelRatio || 1, room = width - film.left - 12, x = row => film.left + (row + .5) / rows * room, step = room / rows;
   c.clearRect(0, 0, width, tall + film.bottom);
   c.fillStyle = colour('sunken');
   c.fillRect(film.left, 0, room, tall);
-  const [target, gaze, soft, ink] = ['target', 'gaze', 'soft', 'ink'].map(colour);
+  const [target, soft, ink] = ['target', 'soft', 'ink'].map(colour);
   c.fillStyle = target;
   keys.forEach((key, k) => {
-    const from = x(key.row) - step / 2, to = k + 1 < keys.length ? x(keys[k + 1].row) - step / 2 : film.left + room;
+    const edge = row => Math.round((film.left + row * step) * sharpness) / sharpness;
+    const from = edge(key.row), to = edge(k + 1 < keys.length ? keys[k + 1].row : rows);
     policyAt(k).forEach((p, i) => {
       c.globalAlpha = Math.pow(p, .6);
-      c.fillRect(from, i * film.high, to - from + .35, film.high - 1);
+      c.fillRect(from, i * film.high, to - from, film.high - 1);
     });
   });
   c.globalAlpha = 1;
-  c.fillStyle = gaze;
+  c.fillStyle = '#ffb627';
+  c.strokeStyle = 'rgb(60 35 0 / .8)';
+  c.lineWidth = .9;
   series.arm.forEach((arm, row) => {
     if (arm === null) return;
-    const w = Math.max(1.2, Math.min(5, step * .8)), h = Math.min(5, film.high * .45);
+    const w = Math.max(1.2, Math.min(5, step * .8)), h = Math.min(5.5, film.high * .5);
     c.beginPath(); c.roundRect(x(row) - w / 2, (arm + .5) * film.high - h / 2 - .5, w, h, w / 3); c.fill();
+    if (w > 3) c.stroke();
   });
   // Small maps of where each row's gaze lies.
   arms.forEach(([u, v], i) => {

@@ -5,12 +5,12 @@ const layers = [
   { key: 'p', name: 'particles', label: 'particles', dot: '#e0528f' },
   { key: 'u', name: 'ellipse', label: 'uncertainty', dot: '#ffffff' },
   { key: 'g', name: 'fixation', label: 'fixation', dot: '#ffb627' },
-  { key: 'z', name: 'zoom', label: 'close up', off: true },
+  { key: 'z', name: 'zoom', label: 'close up' },
 ];
 const shown = {};
 for (const layer of layers) {
   const box = element('input', { type: 'checkbox' });
-  box.checked = shown[layer.name] = !layer.off;
+  box.checked = shown[layer.name] = true;
   layer.box = box;
   if (layer.dot) box.style.setProperty('--dot', layer.dot);
   box.addEventListener('change', () => { shown[layer.name] = box.checked; drawStage(); });
@@ -27,6 +27,20 @@ const tint = t => {
   return a.map((c, i) => Math.round(c + f * (b[i] - c)));
 };
 
+// The close-up stands in the corner that is farthest from the target, and moves only when the target comes near.
+const aspect = frameWidth / frameHeight, INSET = .31;
+const small = keys.some(key => 2 * Math.exp(series.log_scale[key.row]) * Math.max(series.half_w[key.row] / frameWidth, series.half_h[key.row] / frameHeight) < .3);
+if (!small) { shown.zoom = false; layers.find(l => l.name === 'zoom').box.checked = false; }
+const corners = [];
+keys.reduce((corner, { row }) => {
+  const [x, y] = [(series.x[row] + .5) / frameWidth, (series.y[row] + .5) / frameHeight];
+  const apart = ([right, low]) => Math.max(right ? 1 - x : x, low ? 1 - y : y);
+  const size = Math.exp(series.log_scale[row]) * Math.max(series.half_w[row] / frameWidth, series.half_h[row] / frameHeight);
+  const best = [[1, 0], [0, 0], [1, 1], [0, 1]].reduce((a, b) => apart(b) > apart(a) + 1e-9 ? b : a);
+  corners.push(corner && apart(corner) > INSET + .06 + size ? corner : best);
+  return corners[corners.length - 1];
+}, null);
+
 function drawStage() {
   const key = keys[now], row = key.row, canvas = byId('screen'), screen = canvas.parentElement;
   const room = Math.max(260, window.innerHeight * .74);
@@ -35,18 +49,42 @@ function drawStage() {
   canvas.style.width = width + 'px';
   canvas.style.height = height + 'px';
   const c = sharp(canvas, width, height);
-  const view = viewOf(row), k = width / view.w;
-  c.fillStyle = '#08090b';
-  c.fillRect(0, 0, width, height);
-  const image = still(now);
   for (let ahead = 1; ahead < 10 && now + ahead < keys.length; ahead++) still(now + ahead);
+  drawView(c, key, { x: 0, y: 0, w: frameWidth }, { x: 0, y: 0, w: width, h: height });
+  if (shown.zoom) {
+    const h = INSET * Math.min(width, height), [right, low] = corners[now], inset = { x: right ? width - h - 10 : 10, y: low ? height - h - 10 : 10, w: h, h };
+    c.save();
+    c.shadowColor = 'rgb(0 0 0 / .7)'; c.shadowBlur = 14; c.fillStyle = '#08090b';
+    c.beginPath(); c.roundRect(inset.x, inset.y, h, h, 6); c.fill();
+    c.shadowBlur = 0; c.clip();
+    drawView(c, key, closeUp(row), inset);
+    c.restore();
+    c.beginPath(); c.roundRect(inset.x, inset.y, h, h, 6);
+    c.strokeStyle = 'rgb(255 255 255 / .8)'; c.lineWidth = 1.4; c.stroke();
+  }
+  if (series.lost[row]) banner(c, 'believed lost', width);
+  else if (series.ess[row] === null) banner(c, 'box given', width, 'rgb(0 95 155 / .92)');
+  canvas.setAttribute('aria-label', describe(row));
+}
+
+// What the close-up shows: a square of the frame around the target.
+function closeUp(row) {
+  const w = 3.3 * Math.exp(series.log_scale[row]) * Math.max(series.half_w[row], series.half_h[row]);
+  return { x: series.x[row] + .5 - w / 2, y: series.y[row] + .5 - w / 2, w };
+}
+
+// One part of the frame, `view` in image pixels, drawn into `box` of the canvas.
+function drawView(c, key, view, box) {
+  const row = key.row, k = box.w / view.w, image = still(keys.indexOf(key));
   // Pixel centres lie at whole coordinates: the picture starts half a pixel earlier.
-  const at = (x, y) => [k * (x + .5 - view.x), k * (y + .5 - view.y)];
+  const at = (x, y) => [box.x + k * (x + .5 - view.x), box.y + k * (y + .5 - view.y)];
+  c.fillStyle = '#08090b';
+  c.fillRect(box.x, box.y, box.w, box.h);
   if (image.complete && image.naturalWidth) {
     const magnified = k * frameWidth / image.naturalWidth * (window.devicePixelRatio || 1);
     c.imageSmoothingEnabled = magnified < 3;
     c.imageSmoothingQuality = 'high';
-    c.drawImage(image, -k * view.x, -k * view.y, k * frameWidth, k * frameHeight);
+    c.drawImage(image, box.x - k * view.x, box.y - k * view.y, k * frameWidth, k * frameHeight);
   }
   c.lineJoin = c.lineCap = 'round';
   const cased = (path, ink, thick) => {
@@ -78,27 +116,16 @@ function drawStage() {
     c.setLineDash([]);
   }
   if (shown.fixation && series.u[row] !== null) {
-    drawFixation(row, series.u[row], series.v[row], at, cased, true);
-    for (const [u, v] of key.also || []) drawFixation(row, u, v, at, cased, false);
+    for (const [u, v] of key.also || []) drawFixation(c, row, u, v, at, cased, false);
+    drawFixation(c, row, series.u[row], series.v[row], at, cased, true);
   }
-  if (lost) banner(c, 'believed lost', width);
-  else if (series.ess[row] === null) banner(c, 'box given', width, 'rgb(0 95 155 / .92)');
-  canvas.setAttribute('aria-label', describe(row));
-}
-
-function viewOf(row) {
-  if (!shown.zoom) return { x: 0, y: 0, w: frameWidth };
-  const s = Math.exp(series.log_scale[row]), side = 5 * s * Math.max(series.half_w[row], series.half_h[row] * frameWidth / frameHeight);
-  const w = Math.min(frameWidth, Math.max(side, 24)), h = w * frameHeight / frameWidth;
-  const keep = (centre, size, full) => Math.min(Math.max(centre + .5 - size / 2, 0), full - size);
-  return { x: keep(series.x[row], w, frameWidth), y: keep(series.y[row], h, frameHeight), w };
 }
 
 function drawParticles(c, key, at, k) {
   key.cloud ||= (place => Array.from(bytes(key.weights), (w, i) => [
     (place[2 * i] / 65535 * 3 - 1) * frameWidth, (place[2 * i + 1] / 65535 * 3 - 1) * frameHeight, w / 255,
   ]).sort((a, b) => a[2] - b[2]))(words(key.particles));
-  const radius = Math.min(3.4, Math.max(1.7, .55 * k));
+  const radius = Math.min(3.4, Math.max(1.4, .5 * k));
   for (const [x, y, weight] of key.cloud) {
     const t = Math.sqrt(weight);
     c.beginPath(); c.arc(...at(x, y), radius * (.75 + .5 * t), 0, 7);
@@ -108,8 +135,8 @@ function drawParticles(c, key, at, k) {
 }
 
 // A cross at the gaze; around the chosen one the windows of the retina.
-function drawFixation(row, u, v, at, cased, chosen) {
-  const f = fixate(row, u, v), c = byId('screen').getContext('2d'), [x, y] = at(f.x, f.y);
+function drawFixation(c, row, u, v, at, cased, chosen) {
+  const f = fixate(row, u, v), [x, y] = at(f.x, f.y);
   const arm = chosen ? 8 : 5;
   if (chosen) windows.forEach((w, i) => {
     const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([a, b]) => at(f.x + w.reach * (a * f.ux + b * f.vx), f.y + w.reach * (a * f.uy + b * f.vy)));
