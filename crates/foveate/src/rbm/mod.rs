@@ -2,9 +2,16 @@
 //!
 //! Atoms: nothing here knows of images, gazes or targets; data are rows of numbers.
 
+pub mod likelihood;
+pub mod monitor;
+#[cfg(test)]
+mod oracle_tests;
 mod product;
 #[allow(clippy::module_inception)]
 mod rbm;
+mod recipe;
+mod train;
+mod units;
 
 pub use self::rbm::{Rbm, Visible};
 pub struct Metadata {
@@ -18,3 +25,5 @@ impl Rbm {
         todo!()
     }
 }
+pub use self::recipe::{Negative, Recipe, Sparsity};
+pub use self::train::Trainer;

@@ -29,17 +29,13 @@ pub(super) fn rows_times_transposed(rows: Rows<'_>, weights: &[f32], out: &mut [
     multiply(rows, w, out);
 }
 
-/// `weights` (k × n) += `factor` · `left`ᵀ · `right`, with `left` (m × k) and `right` (m × n).
-pub(super) fn add_outer(weights: &mut [f32], factor: f32, left: Rows<'_>, right: Rows<'_>) {
-    let (k, n) = (left.width(), right.width());
-    matmul(
-        MatMut::from_row_major_slice_mut(weights, k, n),
-        Accum::Add,
-        MatRef::from_row_major_slice(left.data(), left.len(), k).transpose(),
-        MatRef::from_row_major_slice(right.data(), right.len(), n),
-        factor,
-        Par::Seq,
-    );
+/// `weights` (k × n) += `factor` · `left`ᵀ · `right`, with columns `from .. from + k` of `left` (m rows) and `right` (m × n).
+pub(super) fn add_outer(weights: &mut [f32], factor: f32, left: Rows<'_>, from: usize, right: Rows<'_>) {
+    let n = right.width();
+    let k = weights.len() / n;
+    let left = MatRef::from_row_major_slice(left.data(), left.len(), left.width()).subcols(from, k);
+    let right = MatRef::from_row_major_slice(right.data(), right.len(), n);
+    matmul(MatMut::from_row_major_slice_mut(weights, k, n), Accum::Add, left.transpose(), right, factor, Par::Seq);
 }
 
 fn multiply(rows: Rows<'_>, w: MatRef<'_, f32>, out: &mut [f32]) {
@@ -126,7 +122,8 @@ mod tests {
         let (m, k, n) = (7, 50, 60);
         let (a, b) = (random(m * k, 3), random(m * n, 4));
         let mut w = vec![1.0; k * n];
-        add_outer(&mut w, 0.5, Rows::new(&a, k), Rows::new(&b, n));
+        add_outer(&mut w[..20 * n], 0.5, Rows::new(&a, k), 0, Rows::new(&b, n));
+        add_outer(&mut w[20 * n..], 0.5, Rows::new(&a, k), 20, Rows::new(&b, n));
         for (e, &got) in w.iter().enumerate() {
             let exact: f32 = 1.0 + 0.5 * (0..m).map(|r| a[r * k + e / n] * b[r * n + e % n]).sum::<f32>();
             assert!((got - exact).abs() < 1e-5);

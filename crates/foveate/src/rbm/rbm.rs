@@ -5,6 +5,7 @@
 //! v has n_v numbers (in [0, 1], or standardised), h has n_h (0 or 1); energies are in nats.
 
 use super::product::{rows_times, rows_times_transposed};
+use super::units::{add_bias, dot, logistic, softplus, visible_energy};
 use crate::rows::{Rows, RowsMut};
 use crate::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -73,19 +74,27 @@ impl Rbm {
     /// that row alone, bit for bit.
     pub fn h_from_v(&self, v: Rows<'_>, mut h: RowsMut<'_>) {
         self.check(v.width(), h.width());
-        rows_times(v, &self.weights, h.data());
-        add_bias(h.data(), &self.hidden_bias);
+        self.excitation(v, h.data());
         logistic(h.data());
+    }
+    /// vᵀW + c, row by row: the log odds of the hidden units.
+    pub(super) fn excitation(&self, v: Rows<'_>, z: &mut [f32]) {
+        rows_times(v, &self.weights, z);
+        add_bias(z, &self.hidden_bias);
     }
     /// The mean of v given h, for every row of `h` (m × n_h) into `v` (m × n_v): probabilities (Bernoulli) or means
     /// (Gaussian). Allocates nothing; a row's result depends on that row alone, bit for bit.
     pub fn v_from_h(&self, h: Rows<'_>, mut v: RowsMut<'_>) {
         self.check(v.width(), h.width());
-        rows_times_transposed(h, &self.weights, v.data());
+        self.reconstruct(h, v.data());
         add_bias(v.data(), &self.visible_bias);
         if self.visible == Visible::Bernoulli {
             logistic(v.data());
         }
+    }
+    /// Whᵀ, row by row: what hidden states say of v, without its bias.
+    pub(super) fn reconstruct(&self, h: Rows<'_>, v: &mut [f32]) {
+        rows_times_transposed(h, &self.weights, v);
     }
     /// E(v, h) in nats.
     pub fn energy(&self, v: &[f32], h: &[f32]) -> f64 {
@@ -104,39 +113,9 @@ impl Rbm {
     }
     /// The part of the energy that v alone has.
     pub(super) fn visible_energy(&self, v: &[f32]) -> f64 {
-        match self.visible {
-            Visible::Bernoulli => -dot(&self.visible_bias, v),
-            Visible::Gaussian => {
-                0.5 * (v.iter().zip(&self.visible_bias))
-                    .map(|(v, b)| (f64::from(*v) - f64::from(*b)).powi(2))
-                    .sum::<f64>()
-            }
-        }
+        visible_energy(self.visible, &self.visible_bias, v)
     }
     fn check(&self, n_v: usize, n_h: usize) {
         assert_eq!((n_v, n_h), (self.n_v, self.n_h), "rows must be as wide as the RBM's sides");
     }
-}
-
-/// Adds `bias` to every row of `x`.
-pub(super) fn add_bias(x: &mut [f32], bias: &[f32]) {
-    for row in x.chunks_exact_mut(bias.len()) {
-        row.iter_mut().zip(bias).for_each(|(x, b)| *x += b);
-    }
-}
-
-/// σ(x) = 1 / (1 + e⁻ˣ), in place.
-pub(super) fn logistic(x: &mut [f32]) {
-    for x in x {
-        *x = 1.0 / (1.0 + (-*x).exp());
-    }
-}
-
-/// log(1 + eˣ) without overflow.
-pub(super) fn softplus(x: f64) -> f64 {
-    x.max(0.0) + (-x.abs()).exp().ln_1p()
-}
-
-pub(super) fn dot(a: &[f32], b: &[f32]) -> f64 {
-    a.iter().zip(b).map(|(&a, &b)| f64::from(a) * f64::from(b)).sum()
 }

@@ -1,0 +1,95 @@
+//! Training an RBM and using it, one thread: 784 → 500, batch 100, CD-1, the figures of one epoch of 60,000 binary rows.
+//!
+//! `cargo bench --bench rbm -- [rounds]`, with MNIST under $FOVEATE_DATA/mnist or data/mnist; without it, random bits (a
+//! time, but nothing to learn). One JSON line a figure; seconds are those of the CPU where the system tells them.
+
+use foveate::rbm::{Negative, Rbm, Recipe, Trainer, Visible, monitor};
+use foveate::rows::{Rows, RowsMut};
+use std::io::Read;
+use std::path::PathBuf;
+
+const N_V: usize = 784;
+const N_H: usize = 500;
+
+fn main() {
+    let rounds = std::env::args().filter_map(|a| a.parse().ok()).next().unwrap_or(5);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool of one thread");
+    pool.install(|| run(rounds));
+}
+
+fn run(rounds: usize) {
+    let dir = std::env::var_os("FOVEATE_DATA").map_or_else(|| PathBuf::from("data"), PathBuf::from).join("mnist");
+    let read = |name: &str| -> Option<Vec<f32>> {
+        let mut bytes = Vec::new();
+        flate2::read::GzDecoder::new(std::fs::File::open(dir.join(name)).ok()?).read_to_end(&mut bytes).ok()?;
+        Some(bytes[16..].iter().map(|&x| f32::from(u8::from(x > 127))).collect())
+    };
+    let bits = |n: u64| {
+        (0..n * N_V as u64).map(|i| f32::from(u8::from(i.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 61 == 0))).collect()
+    };
+    let train = read("train-images-idx3-ubyte.gz");
+    let what = if train.is_some() { "MNIST, threshold 127" } else { "pseudo-random bits" };
+    let train = train.unwrap_or_else(|| bits(60_000));
+    let test = read("t10k-images-idx3-ubyte.gz").unwrap_or_else(|| bits(1000));
+    let (train, test) = (Rows::new(&train, N_V), Rows::new(&test, N_V));
+    let recipe = Recipe { momentum: 0.0, l2: 0.0, epochs: 1, rate: 0.1, ..Recipe::new(Visible::Bernoulli, N_H) };
+
+    let piece = Rows::new(&train.data()[..6000 * N_V], N_V);
+    for (name, negative) in
+        [("CD-1", Negative::Contrastive { steps: 1 }), ("SML-1", Negative::Persistent { chains: 100, steps: 1 })]
+    {
+        let mut trainer = Trainer::new(Recipe { negative, ..recipe.clone() }, piece).expect("the data are bits");
+        trainer.epoch(piece);
+        let seconds: Vec<f64> = (0..rounds).map(|_| 10.0 * seconds(|| trainer.epoch(piece))).collect();
+        report(&format!("train {name}, 784-500, batch 100, 60000 rows"), what, "s_per_epoch", &seconds);
+    }
+    let mut trainer =
+        Trainer::new(Recipe { momentum: 0.9, l2: 2e-4, ..recipe.clone() }, piece).expect("the data are bits");
+    let with: Vec<f64> = (0..rounds).map(|_| 10.0 * seconds(|| trainer.epoch(piece))).collect();
+    report("train CD-1 with momentum and decay", what, "s_per_epoch", &with);
+
+    let rbm = trainer.learned();
+    let mut h = vec![0.0; 1000 * N_H];
+    let mut encode = |rbm: &Rbm, n: usize| {
+        let v = Rows::new(&train.data()[..n * N_V], N_V);
+        seconds(|| rbm.h_from_v(v, RowsMut::new(&mut h[..n * N_H], N_H)))
+    };
+    for n in [1, 100, 1000] {
+        let seconds: Vec<f64> = (0..rounds * 20).map(|_| encode(&rbm, n)).collect();
+        report(&format!("hidden probabilities, {n} rows at once"), what, "s", &seconds);
+    }
+
+    let mut trainer = Trainer::new(recipe, train).expect("the data are bits");
+    let s = seconds(|| trainer.epoch(train));
+    let fit = monitor::Fit::of(&trainer.learned(), Rows::new(&test.data()[..500 * N_V], N_V));
+    println!(
+        "{{\"what\": \"one whole epoch\", \"data\": \"{what}\", \"s\": {s:.3}, \"pseudo_log_likelihood\": {:.3}, \"reconstruction\": {:.3}}}",
+        fit.pseudo_log_likelihood.expect("binary units"),
+        monitor::reconstruction_error(&trainer.learned(), test),
+    );
+}
+
+fn report(what: &str, data: &str, unit: &str, values: &[f64]) {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    println!(
+        "{{\"what\": \"{what}\", \"data\": \"{data}\", \"{unit}\": {:.6}, \"best\": {:.6}, \"rounds\": {}}}",
+        sorted[sorted.len() / 2],
+        sorted[0],
+        sorted.len()
+    );
+}
+
+/// CPU seconds of this thread, which does all the work; wall seconds where the system does not tell.
+fn seconds(work: impl FnOnce()) -> f64 {
+    let cpu = || -> Option<f64> {
+        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+        Some(text.split(' ').next()?.parse::<f64>().ok()? * 1e-9)
+    };
+    let (wall, before) = (std::time::Instant::now(), cpu());
+    work();
+    match (before, cpu()) {
+        (Some(a), Some(b)) => b - a,
+        _ => wall.elapsed().as_secs_f64(),
+    }
+}
