@@ -1,1 +1,17 @@
-//! Inner loops of foveate that need vector instructions.
+//! The inner loops of foveate that need vector instructions, and the only unsafe code of the project.
+//!
+//! Every function is safe to call, and is tested against a plain scalar twin at every level of the
+//! machine ([`Level`]): AVX-512, AVX2 with FMA, or portable code, which any architecture compiles.
+//! The level is found once, at run time.
+//!
+//! A result depends on the inputs of its own element or row alone: not on its place in the batch, on
+//! alignment, or on the thread. Sums run in fixed lanes. Between levels the last bits may differ,
+//! because fused multiply-adds round once where two operations round twice.
+
+mod level;
+mod logistic;
+mod sums;
+
+pub use level::Level;
+pub use logistic::{bias_logistic, logistic};
+pub use sums::{dot, root_overlap, squared_distance, sum};

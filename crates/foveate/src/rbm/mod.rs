@@ -2,6 +2,8 @@
 //!
 //! Atoms: nothing here knows of images, gazes or targets; data are rows of numbers.
 
+mod checkpoint;
+mod io;
 pub mod likelihood;
 pub mod monitor;
 #[cfg(test)]
@@ -13,6 +15,7 @@ mod recipe;
 mod train;
 mod units;
 
+pub use self::io::Metadata;
 pub use self::rbm::{Rbm, Visible};
 pub use self::recipe::{Negative, Recipe, Sparsity};
 pub use self::train::Trainer;

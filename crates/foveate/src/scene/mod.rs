@@ -1,7 +1,13 @@
 //! THE WORLD COMING IN: frames, where they come from, and what is found in them.
 
+pub mod encode;
+pub mod idx;
 pub mod image;
+pub mod spline;
+pub mod synthetic;
 
+pub use self::encode::{encode_jpeg, encode_png, save_png};
+pub use self::idx::{Digits, Split};
 pub use self::image::Image;
 
 /// One picture of a video.

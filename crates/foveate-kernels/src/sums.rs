@@ -1,0 +1,155 @@
+//! Sums over slices, in 32 fixed lanes folded in halves, so that the order of additions is fixed.
+
+use crate::level::{levels, multiply_add};
+
+const LANES: usize = 32;
+
+/// Adds the lanes up: the upper half onto the lower, until one is left.
+#[inline(always)]
+pub(crate) fn fold(mut lanes: [f32; LANES]) -> f32 {
+    let mut half = LANES / 2;
+    while half > 0 {
+        for i in 0..half {
+            lanes[i] += lanes[i + half];
+        }
+        half /= 2;
+    }
+    lanes[0]
+}
+
+#[inline(always)]
+fn sum_body<const FUSED: bool>(a: &[f32]) -> f32 {
+    let mut lanes = [0.0; LANES];
+    let (chunks, rest) = a.as_chunks::<LANES>();
+    for a in chunks {
+        for i in 0..LANES {
+            lanes[i] += a[i];
+        }
+    }
+    for (lane, &a) in lanes.iter_mut().zip(rest) {
+        *lane += a;
+    }
+    fold(lanes)
+}
+
+#[inline(always)]
+fn dot_body<const FUSED: bool>(a: &[f32], b: &[f32]) -> f32 {
+    assert_eq!(a.len(), b.len(), "a and b must be equally long");
+    let mut lanes = [0.0; LANES];
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    for (a, b) in a.iter().zip(b) {
+        for i in 0..LANES {
+            lanes[i] = multiply_add::<FUSED>(a[i], b[i], lanes[i]);
+        }
+    }
+    for (lane, (&a, &b)) in lanes.iter_mut().zip(a_rest.iter().zip(b_rest)) {
+        *lane = multiply_add::<FUSED>(a, b, *lane);
+    }
+    fold(lanes)
+}
+
+#[inline(always)]
+fn squared_distance_body<const FUSED: bool>(a: &[f32], b: &[f32]) -> f32 {
+    assert_eq!(a.len(), b.len(), "a and b must be equally long");
+    let mut lanes = [0.0; LANES];
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
+    for (a, b) in a.iter().zip(b) {
+        for i in 0..LANES {
+            let d = a[i] - b[i];
+            lanes[i] = multiply_add::<FUSED>(d, d, lanes[i]);
+        }
+    }
+    for (lane, (&a, &b)) in lanes.iter_mut().zip(a_rest.iter().zip(b_rest)) {
+        *lane = multiply_add::<FUSED>(a - b, a - b, *lane);
+    }
+    fold(lanes)
+}
+
+#[inline(always)]
+fn root_overlap_body<const FUSED: bool>(a: &[f32], b_root: &[f32]) -> (f32, f32) {
+    assert_eq!(a.len(), b_root.len(), "a and b_root must be equally long");
+    let (mut total, mut overlap) = ([0.0; LANES], [0.0; LANES]);
+    let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b_root.as_chunks::<LANES>());
+    for (a, b) in a.iter().zip(b) {
+        for i in 0..LANES {
+            total[i] += a[i];
+            overlap[i] = multiply_add::<FUSED>(a[i].sqrt(), b[i], overlap[i]);
+        }
+    }
+    for (i, (&a, &b)) in a_rest.iter().zip(b_rest).enumerate() {
+        total[i] += a;
+        overlap[i] = multiply_add::<FUSED>(a.sqrt(), b, overlap[i]);
+    }
+    (fold(total), fold(overlap))
+}
+
+levels! {
+    /// Σ a.
+    pub fn sum / sum_at (a: &[f32]) -> f32 = sum_body
+}
+
+levels! {
+    /// Σ a b.
+    ///
+    /// # Panics
+    /// If the lengths differ, as in all functions of two slices here.
+    pub fn dot / dot_at (a: &[f32], b: &[f32]) -> f32 = dot_body
+}
+
+levels! {
+    /// Σ (a - b)².
+    pub fn squared_distance / squared_distance_at (a: &[f32], b: &[f32]) -> f32 = squared_distance_body
+}
+
+levels! {
+    /// (Σ a, Σ √a · b_root): with `b_root` = √b these give the Bhattacharyya coefficient of a / Σa and b / Σb,
+    /// Σ √a √b / √(Σa Σb). `a` must not be negative.
+    pub fn root_overlap / root_overlap_at (a: &[f32], b_root: &[f32]) -> (f32, f32) = root_overlap_body
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Level;
+
+    /// Values in [0, 1) from a fixed linear congruence.
+    fn values(n: usize, mut seed: u32) -> Vec<f32> {
+        std::iter::repeat_with(|| {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (seed >> 8) as f32 / (1 << 24) as f32
+        })
+        .take(n)
+        .collect()
+    }
+
+    #[test]
+    fn agree_with_f64_sums() {
+        for n in [0, 1, 7, 31, 32, 33, 64, 100, 500, 1001] {
+            let (a, b) = (values(n, 1), values(n, 2));
+            let over = |f: fn(f64, f64) -> f64| a.iter().zip(&b).map(|(&a, &b)| f(a as f64, b as f64)).sum::<f64>();
+            for level in Level::all() {
+                let near = |got: f32, truth: f64| {
+                    assert!((got as f64 - truth).abs() <= 1e-6 * truth, "{level:?}, {n} values: {got} is not {truth}");
+                };
+                near(sum_at(level, &a), over(|a, _| a));
+                near(dot_at(level, &a, &b), over(|a, b| a * b));
+                near(squared_distance_at(level, &a, &b), over(|a, b| (a - b) * (a - b)));
+                let (total, overlap) = root_overlap_at(level, &a, &b);
+                near(total, over(|a, _| a));
+                near(overlap, over(|a, b| a.sqrt() * b));
+            }
+        }
+    }
+
+    /// Whole numbers are summed exactly, so every lane is counted once.
+    #[test]
+    fn whole_numbers_are_exact() {
+        let a: Vec<f32> = (0..517).map(|i| i as f32).collect();
+        for level in Level::all() {
+            assert_eq!(sum_at(level, &a), 517.0 * 258.0);
+            let squares: Vec<f32> = a.iter().map(|a| a * a).collect();
+            let (total, overlap) = root_overlap_at(level, &squares[..100], &[1.0; 100]);
+            assert_eq!((total, overlap), (328_350.0, 4_950.0));
+        }
+    }
+}

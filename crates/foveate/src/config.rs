@@ -1,0 +1,347 @@
+//! Names → modules: the only file that knows every implementation.
+//!
+//! A configuration is TOML. A misspelled key or name, or a number out of range, is answered with the line, the
+//! column and what would have been right. Lengths are in template units (1 = half the target's box) a frame, so
+//! that one configuration serves targets of every size.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde::{Deserialize, Deserializer, Serialize};
+
+use crate::control::{
+    Autoregressive, Concentration, LogConcentration, Prior, Resampling, Reward, VarianceReduction, Vigilance,
+};
+use crate::gaze::{Anchor, Circular, Fixed, Grid, Hedge, Policy, Random};
+use crate::geometry::Gaze;
+use crate::identity::calibrate::Calibration;
+use crate::identity::distance;
+use crate::identity::encoder::{Encoder, Raw, RbmEncoder};
+use crate::identity::gaze_appearance::{GazeAppearance, Sharpness};
+use crate::identity::retina::{Foveal, FovealConfig, Retina};
+use crate::rbm::Rbm;
+use crate::start::StartSpread;
+use crate::tracker::{Parts, Tracker};
+use crate::{Error, Result};
+
+/// Everything that can be chosen about a tracker.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// Names all randomness: same seed, same track.
+    #[serde(default)]
+    pub seed: u64,
+    /// N, at least 1.
+    #[serde(deserialize_with = "particles")]
+    pub particles: usize,
+    /// The selection step.
+    #[serde(default)]
+    pub resampling: Resampling,
+    /// p(xₜ | xₜ₋₁).
+    pub dynamics: DynamicsConfig,
+    /// p(x₀).
+    #[serde(default)]
+    pub start: StartSpread,
+    /// The retina; a trained encoder brings its own and needs none here.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub retina: Option<RetinaConfig>,
+    /// The first layer.
+    pub encoder: EncoderConfig,
+    /// d and how sharply it counts.
+    pub likelihood: LikelihoodConfig,
+    /// πₜ.
+    pub policy: PolicyConfig,
+    /// rₜ.
+    #[serde(default)]
+    pub reward: RewardConfig,
+    /// When the target counts as lost.
+    #[serde(default)]
+    pub vigilance: Vigilance,
+}
+
+/// The transition models there are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum DynamicsConfig {
+    /// A classical autoregressive process (section 3.1).
+    Autoregressive(Autoregressive),
+}
+
+/// The retinas there are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum RetinaConfig {
+    /// Concentric windows of ever coarser cells.
+    Foveal(FovealConfig),
+}
+
+/// The first layers there are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum EncoderConfig {
+    /// A restricted Boltzmann machine: `weights` is a model file, or `builtin:digits` or `builtin:natural`.
+    Rbm {
+        /// The model.
+        weights: String,
+    },
+    /// The glimpse itself, standardised.
+    Raw {},
+}
+
+/// Distance and sharpness.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LikelihoodConfig {
+    /// d.
+    pub distance: distance::Kind,
+    /// Nats per unit of distance; give this, or `calibrate`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sharpness: Option<f64>,
+    /// The rule to choose the sharpness by on the first frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibrate: Option<Calibration>,
+}
+
+/// The rewards there are, each with a temperature of its own: the power the likelihood is raised to first.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum RewardConfig {
+    /// Σw², the paper's.
+    Concentration {
+        /// 0 to 1.
+        #[serde(default = "one")]
+        temperature: f64,
+    },
+    /// log(N Σw²) / log N.
+    LogConcentration {
+        /// 0 to 1.
+        #[serde(default = "one")]
+        temperature: f64,
+    },
+    /// The share of the uncertainty about place that the look removed.
+    VarianceReduction {
+        /// 0 to 1.
+        #[serde(default = "one")]
+        temperature: f64,
+    },
+}
+
+impl Default for RewardConfig {
+    fn default() -> Self {
+        Self::VarianceReduction { temperature: 1.0 / 3.0 }
+    }
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+/// The policies there are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum PolicyConfig {
+    /// Always the same gaze: the baseline that the paper lacks.
+    Fixed {
+        /// Across, in template units.
+        #[serde(default)]
+        u: f64,
+        /// Down, in template units.
+        #[serde(default)]
+        v: f64,
+    },
+    /// Uniformly at random among the grid's gazes (section 4.1).
+    Random {
+        /// The gazes.
+        #[serde(default)]
+        grid: Grid,
+    },
+    /// The grid's gazes in order (section 4.1).
+    Circular {
+        /// The gazes.
+        #[serde(default)]
+        grid: Grid,
+    },
+    /// Hedge, with full information (section 4.2).
+    Hedge {
+        /// The gazes.
+        #[serde(default)]
+        grid: Grid,
+        /// Learning rate, above 0.
+        #[serde(deserialize_with = "positive")]
+        gamma: f64,
+    },
+    /// The centre gaze beside whatever another policy chooses: two looks a frame.
+    Anchor {
+        /// The other policy.
+        policy: Box<PolicyConfig>,
+    },
+}
+
+fn particles<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<usize, D::Error> {
+    let n = usize::deserialize(d)?;
+    if (1..=1_000_000).contains(&n) {
+        return Ok(n);
+    }
+    Err(serde::de::Error::custom(format!("expected 1 to 1000000 particles (100 to 1000 are usual), got {n}")))
+}
+
+fn positive<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<f64, D::Error> {
+    let x = f64::deserialize(d)?;
+    if x.is_finite() && x > 0.0 {
+        return Ok(x);
+    }
+    Err(serde::de::Error::custom(format!("expected a number above 0, got {x}")))
+}
+
+impl Config {
+    /// Reads a configuration; `name` stands for it in errors.
+    pub fn parse(text: &str, name: &str) -> Result<Self> {
+        toml::from_str(text).map_err(|e| Error::Config(format!("{name}: {e}")))
+    }
+
+    /// Reads a configuration file.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(Error::io(path, "cannot read the configuration"))?;
+        Self::parse(&text, &path.display().to_string())
+    }
+
+    /// A configuration that ships with the program, by name; see [`BUILTIN`].
+    pub fn builtin(name: &str) -> Option<Result<Self>> {
+        BUILTIN.iter().find(|b| b.0 == name).map(|(name, text)| Self::parse(text, name))
+    }
+
+    /// Checks that the parts fit, reading model files relative to `base`.
+    pub fn check(self, base: &Path) -> Result<Blueprint> {
+        let (retina, encoder) = self.identity(base)?;
+        let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder };
+        blueprint.tracker(0, 0)?;
+        Ok(blueprint)
+    }
+
+    fn identity(&self, base: &Path) -> Result<(Foveal, Arc<dyn Encoder>)> {
+        let given = self.retina.as_ref().map(|RetinaConfig::Foveal(config)| config.clone());
+        match &self.encoder {
+            EncoderConfig::Raw {} => {
+                let config = given.ok_or_else(|| {
+                    Error::Config("a raw encoder needs a retina; for example [retina] kind = \"foveal\", side = 28, rings = [[8, 1], [16, 2], [24, 4]]".into())
+                })?;
+                let retina = Foveal::new(config)?;
+                let encoder = Raw::new(&channels(&retina));
+                Ok((retina, Arc::new(encoder)))
+            }
+            EncoderConfig::Rbm { weights } => {
+                let (rbm, metadata) = load_rbm(weights, base)?;
+                let trained: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| {
+                    Error::malformed(
+                        weights,
+                        format!("its metadata does not describe a retina ({e}); retrain it with `foveate train rbm`"),
+                    )
+                })?;
+                if given.as_ref().is_some_and(|g| *g != trained) {
+                    return Err(Error::Config(format!(
+                        "{weights} was trained with the retina {}, but the configuration asks for another; leave out [retina], or retrain",
+                        metadata.retina
+                    )));
+                }
+                let retina = Foveal::new(trained)?;
+                let encoder = RbmEncoder::new(rbm, &channels(&retina));
+                Ok((retina, Arc::new(encoder)))
+            }
+        }
+    }
+}
+
+fn channels(retina: &Foveal) -> Vec<usize> {
+    retina.cells().iter().map(|c| c.channel).collect()
+}
+
+fn load_rbm(weights: &str, base: &Path) -> Result<(Rbm, crate::rbm::Metadata)> {
+    match weights.strip_prefix("builtin:") {
+        Some(name) => {
+            let bytes = MODELS.iter().find(|m| m.0 == name).map(|m| m.1).ok_or_else(|| {
+                let names: Vec<&str> = MODELS.iter().map(|m| m.0).collect();
+                Error::Config(format!(
+                    "no model is called builtin:{name}; there are builtin:{}",
+                    names.join(", builtin:")
+                ))
+            })?;
+            Rbm::from_bytes(bytes, Path::new(weights))
+        }
+        None => Rbm::load(&base.join(PathBuf::from(weights))),
+    }
+}
+
+/// A checked configuration: trackers made from it cannot fail to fit.
+#[derive(Clone)]
+pub struct Blueprint {
+    config: Config,
+    retina: Arc<Foveal>,
+    encoder: Arc<dyn Encoder>,
+}
+
+impl Blueprint {
+    /// A tracker for one target.
+    pub fn tracker(&self, seed: u64, target: u64) -> Result<Tracker> {
+        let c = &self.config;
+        let DynamicsConfig::Autoregressive(dynamics) = &c.dynamics;
+        let appearance = GazeAppearance::new(
+            self.retina.clone(),
+            self.encoder.clone(),
+            c.likelihood.distance,
+            sharpness(&c.likelihood)?,
+        )?;
+        let parts = Parts {
+            proposal: Box::new(Prior::new(Arc::new(*dynamics))),
+            policy: policy(&c.policy)?,
+            appearance: Box::new(appearance),
+            reward: reward(c.reward)?,
+            resampling: c.resampling,
+            vigilance: c.vigilance.clone(),
+            start: c.start,
+        };
+        Tracker::new(parts, c.particles, seed, target)
+    }
+    /// What it was made from.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+    /// The retina in use.
+    pub fn retina(&self) -> &dyn Retina {
+        &*self.retina
+    }
+}
+
+fn sharpness(config: &LikelihoodConfig) -> Result<Sharpness> {
+    match (config.sharpness, config.calibrate) {
+        (Some(sharpness), None) if sharpness.is_finite() && sharpness > 0.0 => Ok(Sharpness::Fixed(sharpness)),
+        (None, Some(rule)) => Ok(Sharpness::Calibrated(rule)),
+        (given, _) => Err(Error::Config(format!(
+            "likelihood needs either sharpness, a number above 0 (nats per unit of distance; it is {given:?}), or calibrate = \
+             {{ nats = 12, least = 10, most = 200 }}"
+        ))),
+    }
+}
+
+fn reward(config: RewardConfig) -> Result<Box<dyn Reward>> {
+    Ok(match config {
+        RewardConfig::Concentration { temperature } => Box::new(Concentration::new(temperature)?),
+        RewardConfig::LogConcentration { temperature } => Box::new(LogConcentration::new(temperature)?),
+        RewardConfig::VarianceReduction { temperature } => Box::new(VarianceReduction::new(temperature)?),
+    })
+}
+
+fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
+    Ok(match config {
+        PolicyConfig::Fixed { u, v } => Box::new(Fixed::new(Gaze { u: *u, v: *v, arm: None })),
+        PolicyConfig::Random { grid } => Box::new(Random::new(grid.gazes())),
+        PolicyConfig::Circular { grid } => Box::new(Circular::new(grid.gazes())),
+        PolicyConfig::Hedge { grid, gamma } => Box::new(Hedge::new(grid.gazes(), *gamma)?),
+        PolicyConfig::Anchor { policy: inner } => Box::new(Anchor::new(Gaze::CENTRE, policy(inner)?)),
+    })
+}
+
+/// Configurations that ship with the program.
+pub const BUILTIN: &[(&str, &str)] = &[];
+
+/// Models that ship with the program.
+const MODELS: &[(&str, &[u8])] = &[];

@@ -1,0 +1,240 @@
+//! The laws of the seams, as functions that the tests of every implementation call.
+//!
+//! Each panics with the broken law. Random checks state how often they would fail a correct implementation.
+
+use crate::control::{CHUNK, Dynamics, Proposal, Resampling, Reward};
+use crate::gaze::{Plan, Policy, Portrait};
+use crate::geometry::State;
+use crate::rng::{Purpose, Rng, Streams};
+use crate::scene::{Frame, Image, Scene};
+use rand::RngExt;
+use rand_distr::StandardNormal;
+
+/// Randomness for checks: any fixed name will do.
+fn checks() -> Streams {
+    Streams::new(0, 0).at(0, Purpose::Scene)
+}
+
+fn normal(rng: &mut Rng) -> f64 {
+    rng.sample(StandardNormal)
+}
+
+/// Panics if the mean of `values` is further than 5 standard errors from `exact` (less than 1 in 10⁶ is).
+fn assert_mean(values: &[f64], exact: f64, what: &str) {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    let allowed = 5.0 * (variance / n).sqrt() + 1e-9;
+    assert!((mean - exact).abs() < allowed, "{what}: {mean} is not {exact} ± {allowed}");
+}
+
+/// `sample` draws from the density that `log_density` evaluates.
+///
+/// If p is the density of the draws, any density g that lies within p's reach has the mean of g/p equal to 1.
+/// Here g is a narrower normal density at the draws' mean, then moved to each side; 20,000 draws, 13 checks.
+pub fn dynamics(dynamics: &dyn Dynamics, from: &State) {
+    const DRAWS: usize = 20_000;
+    let draw = |stream| -> Vec<State> {
+        let mut rng = checks().rng(stream);
+        (0..DRAWS).map(|_| dynamics.sample(from, &mut rng)).collect()
+    };
+    let states = draw(1);
+    let mut each = states.clone();
+    dynamics.sample_each(&[*from; DRAWS], &mut each, &mut checks().rng(1));
+    assert!(states == each, "sample_each must give the bits that calls of sample give");
+
+    let g = Normal::fit(&states);
+    let fresh = draw(2);
+    for dim in 0..=g.rows.len() {
+        for side in [-0.5, 0.5] {
+            let ratio = |next: &State| {
+                let log_p = dynamics.log_density(next, from);
+                assert!(log_p.is_finite(), "log_density must be finite where sample leads: {log_p} at {next:?}");
+                (g.log_density(next, dim, side) - log_p).exp()
+            };
+            let ratios: Vec<f64> = fresh.iter().map(ratio).collect();
+            assert_mean(&ratios, 1.0, "log_density must be the density of sample's draws; the mean of g/p");
+        }
+    }
+}
+
+/// A normal density over those components of a state that do not follow from others, 0.7 times as wide as draws.
+struct Normal {
+    mean: [f64; 6],
+    /// Each free component with its row of the lower Cholesky factor over the free ones up to it.
+    rows: Vec<(usize, Vec<f64>)>,
+}
+
+impl Normal {
+    /// Velocities first, so that places which follow from them do not count.
+    const ORDER: [usize; 6] = [2, 3, 0, 1, 4, 5];
+
+    fn fit(states: &[State]) -> Self {
+        let n = states.len() as f64;
+        let about = |i: usize, j: usize, mean: &[f64; 6]| {
+            states.iter().map(|s| (s.to_array()[i] - mean[i]) * (s.to_array()[j] - mean[j])).sum::<f64>() / n
+        };
+        let mean = std::array::from_fn(|i| states.iter().map(|s| s.to_array()[i]).sum::<f64>() / n);
+        let mut rows: Vec<(usize, Vec<f64>)> = Vec::new();
+        for i in Self::ORDER {
+            let mut row: Vec<f64> = Vec::new();
+            for (j, other) in &rows {
+                let inner: f64 = row.iter().zip(other).map(|(a, b)| a * b).sum();
+                row.push((0.49 * about(i, *j, &mean) - inner) / other[other.len() - 1]);
+            }
+            let variance = 0.49 * about(i, i, &mean);
+            let pivot = variance - row.iter().map(|r| r * r).sum::<f64>();
+            if pivot > 1e-9 * variance && variance > 1e-18 {
+                row.push(pivot.sqrt());
+                rows.push((i, row));
+            }
+        }
+        Self { mean, rows }
+    }
+    /// log g, moved by `shift` of its deviations along free component `dim` (not at all past the last).
+    fn log_density(&self, state: &State, dim: usize, shift: f64) -> f64 {
+        let (state, mut z, mut log_g) = (state.to_array(), Vec::new(), 0.0);
+        for (k, (i, row)) in self.rows.iter().enumerate() {
+            let inner: f64 = row.iter().zip(&z).map(|(a, b)| a * b).sum();
+            let sd = row[k];
+            z.push((state[*i] - self.mean[*i] - inner) / sd);
+            let moved = z[k] - if k == dim { shift } else { 0.0 };
+            log_g -= 0.5 * (moved * moved + std::f64::consts::TAU.ln()) + sd.ln();
+        }
+        log_g
+    }
+}
+
+/// Children depend on their parent, the scene and the stream of their chunk; log p/q is finite, and the mean of
+/// p/q over q's draws is 1 for every parent (32 batches of 1,024 children).
+pub fn proposal(proposal: &mut dyn Proposal, scene: Scene<'_>, parent: &State) {
+    const N: usize = 16 * CHUNK;
+    let parents = [*parent; N];
+    let mut propose = |n: usize, streams: Streams| {
+        let (mut children, mut log_ratio) = (vec![State::default(); n], vec![f64::NAN; n]);
+        proposal.propose(scene, &parents[..n], &mut children, &mut log_ratio, streams);
+        assert!(log_ratio.iter().all(|r| r.is_finite()), "log p/q must be finite at every child");
+        (children, log_ratio)
+    };
+    let stream = |i| Streams::new(i, 0).at(1, Purpose::Predict);
+    let (children, log_ratio) = propose(N, stream(0));
+    assert!((children.clone(), log_ratio) == propose(N, stream(0)), "the same streams must give the same children");
+    let fewer = propose(5 * CHUNK + 7, stream(0)).0;
+    assert!(fewer == children[..fewer.len()], "a child must not depend on how many there are");
+    let other = propose(N, stream(1)).0;
+    assert!(other[0] == other[1] || other != children, "other streams must give other children");
+    assert!(children[0] == children[1] || children[..CHUNK] != children[CHUNK..2 * CHUNK], "chunks must differ");
+    let ratios: Vec<f64> = (0..32).flat_map(|i| propose(N, stream(i)).1).map(f64::exp).collect();
+    assert_mean(&ratios, 1.0, "the mean of p/q over the children");
+}
+
+/// An empty scene, for proposals and others that do not look at it.
+pub fn blank_frame() -> Frame {
+    Frame { index: 0, time: 0.0, image: Image::grey(1, 1, 0) }
+}
+
+/// Places go to particle i m·wᵢ times on average; ancestors ascend; weight 0 gets none.
+///
+/// 4,000 rounds. A count's variance is a multinomial one at most, for every scheme; a correct one is further than
+/// 5 deviations off less than once in 10⁶.
+pub fn resampling(resampling: &Resampling, weights: &[f64], places: usize) {
+    const ROUNDS: usize = 4000;
+    let (mut rng, mut ancestors, mut counts) = (checks().rng(3), vec![0; places], vec![0usize; weights.len()]);
+    for _ in 0..ROUNDS {
+        resampling.select(weights, &mut ancestors, &mut rng);
+        assert!(ancestors.is_sorted(), "ancestors must ascend");
+        ancestors.iter().for_each(|&a| counts[a] += 1);
+    }
+    let total: f64 = weights.iter().sum();
+    for (i, (&count, w)) in counts.iter().zip(weights).enumerate() {
+        let w = w / total;
+        assert!(w > 0.0 || count == 0, "particle {i} has no weight, but {count} children");
+        let n = (ROUNDS * places) as f64;
+        let (mean, sd) = (n * w, (n * w * (1.0 - w)).sqrt());
+        let slack = 5.0 * sd + if mean < 30.0 { 10.0 } else { 1e-6 }; // few, so not nearly normal
+        assert!((count as f64 - mean).abs() <= slack, "particle {i} has {count} children, not {mean} ± {slack}");
+    }
+}
+
+/// In [0, 1]; blind to the particles' order and to constants added to logarithms; the same for the same weights.
+pub fn reward(reward: &mut dyn Reward) {
+    let mut rng = checks().rng(4);
+    for (n, sharpness) in [(1, 1.0), (2, 0.0), (2, 5.0), (50, 0.1), (50, 3.0), (1000, 1.0), (1000, 300.0)] {
+        let mut states: Vec<State> =
+            (0..n).map(|_| State::from_array(std::array::from_fn(|_| 10.0 * normal(&mut rng)))).collect();
+        let mut prior: Vec<f64> = (0..n).map(|_| normal(&mut rng)).collect();
+        let mut likelihood: Vec<f64> = (0..n).map(|_| sharpness * normal(&mut rng)).collect();
+        let first = reward.reward(&states, &prior, &likelihood);
+        assert!((0.0..=1.0).contains(&first), "a reward is from 0 to 1, not {first} (n = {n})");
+        assert_eq!(first, reward.reward(&states, &prior, &likelihood), "a reward must not remember");
+
+        let mut agrees = |what: &str, s: &[State], p: &[f64], l: &[f64]| {
+            let second = reward.reward(s, p, l);
+            assert!((first - second).abs() < 1e-9, "a reward must not depend on {what}: {first}, {second}");
+        };
+        let shifted = |values: &[f64], by: f64| -> Vec<f64> { values.iter().map(|v| v + by).collect() };
+        agrees("a constant in the prior", &states, &shifted(&prior, 7.5), &likelihood);
+        agrees("a constant in the likelihood", &states, &prior, &shifted(&likelihood, -60.5));
+        states.reverse();
+        prior.reverse();
+        likelihood.reverse();
+        agrees("the particles' order", &states, &prior, &likelihood);
+
+        likelihood[0] = f64::NEG_INFINITY;
+        let one_out = reward.reward(&states, &prior, &likelihood);
+        likelihood.fill(f64::NEG_INFINITY);
+        let all_out = reward.reward(&states, &prior, &likelihood);
+        for r in [one_out, all_out] {
+            assert!((0.0..=1.0).contains(&r), "a reward is from 0 to 1, not {r}, where particles explain nothing");
+        }
+    }
+}
+
+/// Plans are not empty and use a gaze; the same randomness gives the same plan; what is saved as JSON text and
+/// loaded goes on bit for bit; what does not fit is refused and changes nothing; `reset` forgets all.
+///
+/// `make` gives new policies of the same settings.
+pub fn policy(make: &dyn Fn() -> Box<dyn Policy>) {
+    let (mut a, mut b) = (make(), make());
+    let untouched = a.save();
+    play(&mut *a, &mut *b, 0..40);
+
+    let saved = a.save();
+    let text = serde_json::to_string(&saved).expect("a JSON value is text");
+    let mut resumed = make();
+    resumed.load(&serde_json::from_str(&text).expect("what was written can be read")).expect("what was saved fits");
+    assert_eq!(resumed.save(), saved, "what was loaded must be what was saved");
+    play(&mut *a, &mut *resumed, 40..80);
+
+    let saved = a.save();
+    for rubbish in ["{\"rubbish\": 1}", "[]", "\"a\"", "7"] {
+        let rubbish = serde_json::from_str(rubbish).expect("valid JSON");
+        assert!(a.load(&rubbish).is_err(), "{rubbish} must be refused");
+        assert_eq!(a.save(), saved, "a refused load must change nothing");
+    }
+    a.reset();
+    assert_eq!(a.save(), untouched, "reset must forget all that was learned");
+    play(&mut *a, &mut *make(), 0..10);
+}
+
+/// Plays two policies side by side on the same randomness and rewards: they must do the same.
+fn play(a: &mut dyn Policy, b: &mut dyn Policy, frames: std::ops::Range<u64>) {
+    let (mut plan, mut other) = (Plan::new(), Plan::new());
+    for t in frames {
+        a.plan(&mut plan, &mut checks().rng(t));
+        b.plan(&mut other, &mut checks().rng(t));
+        assert_eq!(plan, other, "the same past and randomness must give the same plan (frame {t})");
+        assert!(plan.used().contains(&true), "a plan must use one gaze at least");
+        assert!(plan.gazes().iter().all(|g| g.u.is_finite() && g.v.is_finite()), "a gaze is a place");
+        let mut rng = checks().rng(1000 + t);
+        let rewards: Vec<f64> = plan.gazes().iter().map(|_| rng.random()).collect();
+        a.learn(&plan, &rewards);
+        b.learn(&other, &rewards);
+        assert_eq!(a.save(), b.save(), "the same past must leave the same memory (frame {t})");
+        if let Portrait::Arms { gazes, probabilities } = a.portrait() {
+            assert_eq!(gazes.len(), probabilities.len(), "one probability for each gaze");
+            let sum: f64 = probabilities.iter().sum();
+            assert!((sum - 1.0).abs() < 1e-9 && probabilities.iter().all(|&p| p >= 0.0), "probabilities sum to {sum}");
+        }
+    }
+}

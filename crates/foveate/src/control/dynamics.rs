@@ -1,0 +1,230 @@
+//! p(xₜ | xₜ₋₁): how the target is expected to move (section 3.1).
+
+use crate::geometry::State;
+use crate::rng::Rng;
+use crate::{Error, Result};
+use rand::RngExt;
+use rand_distr::StandardNormal;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// Where a state leads within one frame: a density that can be drawn from.
+///
+/// `sample` must draw from the density that `log_density` evaluates, or importance weights are wrong and
+/// `conformance::dynamics` fails. Both are called from many threads.
+pub trait Dynamics: Send + Sync {
+    /// One draw from p(· | previous), with randomness from `rng` alone.
+    fn sample(&self, previous: &State, rng: &mut Rng) -> State;
+    /// log p(next | previous) in nats, exact, with its constants.
+    fn log_density(&self, next: &State, previous: &State) -> f64;
+    /// The same motion for a target of which one template unit is `unit` pixels.
+    fn sized(&self, unit: f64) -> Arc<dyn Dynamics>;
+    /// One draw for each state: the same bits as calls of `sample` in turn, in one virtual call.
+    fn sample_each(&self, previous: &[State], next: &mut [State], rng: &mut Rng) {
+        for (next, previous) in next.iter_mut().zip(previous) {
+            *next = self.sample(previous, rng);
+        }
+    }
+}
+
+/// Linear, Gaussian, first-order: with n standard normal, each one its own,
+/// ```text
+/// v'         = damping · v + velocity · n          (both axes)
+/// x'         = x + v' + position · n               (both axes)
+/// log_scale' = scale_pull · log_scale + scale · n
+/// angle'     = angle_pull · angle + turn · n
+/// ```
+/// Lengths are in pixels, or in template units where a configuration gives them, to be [`Dynamics::sized`].
+/// A standard deviation of 0 makes its component follow from the others. The density is then one over the
+/// remaining components, and −∞ (a probability of none) where the component does not follow.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Autoregressive {
+    /// Share of the velocity that is kept from frame to frame: 1 is constant velocity, 0 a random walk.
+    pub damping: f64,
+    /// Standard deviation of the velocity's noise, lengths a frame.
+    pub velocity: f64,
+    /// Standard deviation of the position's own noise, lengths.
+    pub position: f64,
+    /// Share of the logarithm of scale that is kept: 1 is a random walk, below 1 it returns to the first size.
+    pub scale_pull: f64,
+    /// Standard deviation of the noise on the natural logarithm of scale.
+    pub log_scale: f64,
+    /// Share of the angle that is kept: 1 is a random walk, below 1 it returns upright.
+    pub angle_pull: f64,
+    /// Standard deviation of the angle's noise, radians.
+    pub angle: f64,
+}
+
+impl Default for Autoregressive {
+    /// The prototype's working recipe, in template units (it had 0.7 and 0.5 px for a target of 28 px): nearly constant
+    /// velocity, hardly any change of size, no turn.
+    fn default() -> Self {
+        Self {
+            damping: 0.95,
+            velocity: 0.05,
+            position: 0.035,
+            scale_pull: 0.9,
+            log_scale: 0.01,
+            angle_pull: 0.9,
+            angle: 0.0,
+        }
+    }
+}
+
+impl Autoregressive {
+    /// Fails where a standard deviation is negative or anything is not finite, naming the field.
+    pub fn check(&self) -> Result<()> {
+        let sds = [self.velocity, self.position, self.log_scale, self.angle];
+        for (name, sd) in ["velocity", "position", "log_scale", "angle"].into_iter().zip(sds) {
+            if !(sd >= 0.0 && sd.is_finite()) {
+                return Err(Error::Config(format!("dynamics.{name} is a standard deviation, 0 or more; it is {sd}")));
+            }
+        }
+        let shares = [self.damping, self.scale_pull, self.angle_pull];
+        for (name, share) in ["damping", "scale_pull", "angle_pull"].into_iter().zip(shares) {
+            if !(0.0..=1.0).contains(&share) {
+                return Err(Error::Config(format!("dynamics.{name} is a share, from 0 to 1; it is {share}")));
+            }
+        }
+        Ok(())
+    }
+    /// The same motion for a target `factor` times as large: the noises in pixels grow with it.
+    pub fn scaled(self, factor: f64) -> Self {
+        Self { velocity: self.velocity * factor, position: self.position * factor, ..self }
+    }
+}
+
+/// A normal draw of standard deviation `sd`; no randomness is spent where `sd` is 0.
+#[inline]
+fn noise(sd: f64, rng: &mut Rng) -> f64 {
+    if sd == 0.0 {
+        return 0.0;
+    }
+    let n: f64 = rng.sample(StandardNormal);
+    sd * n
+}
+
+/// log of the normal density of `value` around `mean`; for `sd` 0, whether they agree but for rounding: 0 or −∞.
+fn log_normal(value: f64, mean: f64, sd: f64) -> f64 {
+    /// ½ ln 2π.
+    const HALF_LN_TAU: f64 = 0.918_938_533_204_672_8;
+    if sd == 0.0 {
+        let rounding = 1e-9 * (1.0 + mean.abs());
+        return if (value - mean).abs() <= rounding { 0.0 } else { f64::NEG_INFINITY };
+    }
+    let z = (value - mean) / sd;
+    -0.5 * z * z - sd.ln() - HALF_LN_TAU
+}
+
+impl Dynamics for Autoregressive {
+    fn sized(&self, unit: f64) -> Arc<dyn Dynamics> {
+        Arc::new(self.scaled(unit))
+    }
+
+    #[inline]
+    fn sample(&self, previous: &State, rng: &mut Rng) -> State {
+        let vx = self.damping * previous.vx + noise(self.velocity, rng);
+        let vy = self.damping * previous.vy + noise(self.velocity, rng);
+        State {
+            x: previous.x + vx + noise(self.position, rng),
+            y: previous.y + vy + noise(self.position, rng),
+            vx,
+            vy,
+            log_scale: self.scale_pull * previous.log_scale + noise(self.log_scale, rng),
+            angle: self.angle_pull * previous.angle + noise(self.angle, rng),
+        }
+    }
+
+    fn log_density(&self, next: &State, previous: &State) -> f64 {
+        log_normal(next.vx, self.damping * previous.vx, self.velocity)
+            + log_normal(next.vy, self.damping * previous.vy, self.velocity)
+            + log_normal(next.x, previous.x + next.vx, self.position)
+            + log_normal(next.y, previous.y + next.vy, self.position)
+            + log_normal(next.log_scale, self.scale_pull * previous.log_scale, self.log_scale)
+            + log_normal(next.angle, self.angle_pull * previous.angle, self.angle)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance;
+
+    const ALL: Autoregressive = Autoregressive {
+        damping: 0.9,
+        velocity: 0.7,
+        position: 0.4,
+        scale_pull: 0.95,
+        log_scale: 0.02,
+        angle_pull: 1.0,
+        angle: 0.1,
+    };
+    const FROM: State = State { x: 10.0, y: -5.0, vx: 2.0, vy: 1.0, log_scale: 0.2, angle: 0.5 };
+
+    #[test]
+    fn draws_follow_the_density_with_and_without_each_noise() {
+        for dynamics in [
+            ALL,
+            Autoregressive { position: 0.0, ..ALL },
+            Autoregressive { velocity: 0.0, ..ALL },
+            Autoregressive { angle: 0.0, log_scale: 0.0, ..ALL },
+            Autoregressive { velocity: 0.0, position: 0.0, log_scale: 0.0, angle: 0.0, ..ALL },
+            Autoregressive::default(),
+        ] {
+            conformance::dynamics(&dynamics, &FROM);
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "the density of sample's draws")]
+    fn the_law_finds_a_wrong_density() {
+        struct Wrong;
+        impl Dynamics for Wrong {
+            fn sample(&self, previous: &State, rng: &mut Rng) -> State {
+                ALL.sample(previous, rng)
+            }
+            fn log_density(&self, next: &State, previous: &State) -> f64 {
+                Autoregressive { velocity: 0.75, ..ALL }.log_density(next, previous)
+            }
+        }
+        conformance::dynamics(&Wrong, &FROM);
+    }
+
+    #[test]
+    fn density_in_closed_form() {
+        // One deviation off in vx, two in y, at the mean elsewhere.
+        let mean = ALL.damping * FROM.vx;
+        let (vx, vy) = (mean + ALL.velocity, ALL.damping * FROM.vy);
+        let next = State {
+            vx,
+            vy,
+            x: FROM.x + vx,
+            y: FROM.y + vy - 2.0 * ALL.position,
+            log_scale: ALL.scale_pull * FROM.log_scale,
+            angle: FROM.angle,
+        };
+        let volume: f64 = [0.7, 0.7, 0.4, 0.4, 0.02, 0.1].iter().product();
+        let exact = -0.5 - 2.0 - volume.ln() - 3.0 * std::f64::consts::TAU.ln();
+        assert!((ALL.log_density(&next, &FROM) - exact).abs() < 1e-12);
+        let still = Autoregressive { angle: 0.0, ..ALL };
+        assert_eq!(still.log_density(&State { angle: 0.6, ..next }, &FROM), f64::NEG_INFINITY);
+    }
+
+    #[test]
+    fn settings_are_checked() {
+        assert!(ALL.check().is_ok() && Autoregressive::default().check().is_ok());
+        for (bad, name) in [
+            (Autoregressive { velocity: -1.0, ..ALL }, "velocity"),
+            (Autoregressive { angle: f64::NAN, ..ALL }, "dynamics.angle "),
+            (Autoregressive { damping: 1.1, ..ALL }, "damping"),
+        ] {
+            let message = bad.check().expect_err("out of range").to_string();
+            assert!(message.contains(name), "{message}");
+        }
+        let read = toml::from_str::<Autoregressive>("velocity = 3\n").expect("others have defaults");
+        assert_eq!(read, Autoregressive { velocity: 3.0, ..Autoregressive::default() });
+        let message = toml::from_str::<Autoregressive>("velocty = 3\n").expect_err("misspelt").to_string();
+        assert!(message.contains("velocty") && message.contains("velocity"), "{message}");
+    }
+}

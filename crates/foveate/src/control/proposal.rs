@@ -1,0 +1,82 @@
+//! q(xₜ | xₜ₋₁, scene): where the next particles are put (Algorithm 1, "predict the next state").
+
+use super::Dynamics;
+use crate::geometry::State;
+use crate::rng::Streams;
+use crate::scene::Scene;
+use std::sync::Arc;
+
+/// Puts the next particles, and says what their weights owe for it.
+///
+/// Child i must come from q(· | parents[i], scene), and `log_ratio[i]` be log p/q of it, in nats (0 where
+/// q = p). Randomness comes from `streams` alone, stream i for the i-th chunk of [`CHUNK`] particles, so that
+/// neither the number of threads nor of particles changes a child. All three slices have the same length.
+pub trait Proposal: Send {
+    /// Told at the start: one template unit is `unit` pixels.
+    fn size(&mut self, unit: f64);
+    /// Fills `children` and `log_ratio`.
+    fn propose(
+        &mut self,
+        scene: Scene<'_>,
+        parents: &[State],
+        children: &mut [State],
+        log_ratio: &mut [f64],
+        streams: Streams,
+    );
+}
+
+/// Particles that share a random stream. Fixed: results must not depend on the number of threads.
+pub const CHUNK: usize = 64;
+
+/// The transition prior: q = p, the bootstrap filter (section 5.1: "the transition prior as proposal").
+#[derive(Clone)]
+pub struct Prior {
+    given: Arc<dyn Dynamics>,
+    dynamics: Arc<dyn Dynamics>,
+}
+
+impl Prior {
+    /// Proposes from these dynamics; their lengths are pixels until `size` is called.
+    pub fn new(dynamics: Arc<dyn Dynamics>) -> Self {
+        Self { given: dynamics.clone(), dynamics }
+    }
+}
+
+impl Proposal for Prior {
+    fn size(&mut self, unit: f64) {
+        self.dynamics = self.given.sized(unit);
+    }
+
+    // One thread: six normal draws a particle cost less than waking another thread for some thousands of them.
+    fn propose(
+        &mut self,
+        _: Scene<'_>,
+        parents: &[State],
+        children: &mut [State],
+        log_ratio: &mut [f64],
+        streams: Streams,
+    ) {
+        assert_eq!(parents.len(), children.len(), "one child for each parent");
+        log_ratio.fill(0.0);
+        for (i, (parents, children)) in parents.chunks(CHUNK).zip(children.chunks_mut(CHUNK)).enumerate() {
+            self.dynamics.sample_each(parents, children, &mut streams.rng(i as u64));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance::{self, blank_frame};
+    use crate::control::Autoregressive;
+
+    #[test]
+    fn the_prior_keeps_the_law() {
+        let frame = blank_frame();
+        let scene = Scene { frame: &frame, detections: &[] };
+        let parent = State::from_array([1.0, 2.0, 3.0, 4.0, 0.1, 0.2]);
+        conformance::proposal(&mut Prior::new(Arc::new(Autoregressive::default())), scene, &parent);
+        let still = Autoregressive { velocity: 0.0, position: 0.0, log_scale: 0.0, ..Default::default() };
+        conformance::proposal(&mut Prior::new(Arc::new(still)), scene, &parent);
+    }
+}

@@ -1,0 +1,124 @@
+//! Is the target still there? An honest `lost` signal (the paper: "no ability to recover from a tracking failure").
+//!
+//! The paper's Σw² cannot tell: it stays high on a wrong, sharp peak. What can (findings, section 5; field notes A9) is
+//! the evidence, measured against what the first frame promised on and off the target, and the effective
+//! sample size of softened weights, which rises when nothing in view fits better than anything else.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Error, Result};
+
+/// What log-likelihood a look is expected to give, in nats.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Promise {
+    /// On the target.
+    pub on: f64,
+    /// Elsewhere.
+    pub off: f64,
+}
+
+/// The verdict of one frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Watch {
+    /// 0 when the evidence is what the target gives, 1 when it is what other places give; smoothed over frames.
+    pub doubt: f64,
+    /// Effective sample size of the softened weights, as a share of N, 0 to 1.
+    pub tempered_ess: f64,
+    /// Whether the target is believed lost.
+    pub lost: bool,
+}
+
+/// Watches evidence and tempered weights over time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Vigilance {
+    /// Weight of the newest frame in the smoothed doubt, 0 to 1.
+    pub memory: f64,
+    /// Doubt above which the target is lost.
+    pub threshold: f64,
+    /// Power the weights are softened with.
+    pub temperature: f64,
+    /// Share of N above which the softened weights say that nothing fits; counts as doubt.
+    pub flat: f64,
+    #[serde(skip)]
+    watch: Watch,
+}
+
+impl Default for Vigilance {
+    fn default() -> Self {
+        Self { memory: 0.3, threshold: 0.6, temperature: 0.25, flat: 0.9, watch: Watch::default() }
+    }
+}
+
+impl Vigilance {
+    /// Forgets the past: the target was just given.
+    pub fn reset(&mut self) {
+        self.watch = Watch::default();
+    }
+
+    /// Judges a frame by the log evidence of `looks` looks, and by the log weights.
+    pub fn judge(&mut self, log_evidence: f64, looks: usize, log_weights: &[f64], promise: Promise) -> Watch {
+        let evidence = log_evidence / looks.max(1) as f64;
+        let gap = (promise.on - promise.off).max(1e-9);
+        let doubt = if evidence.is_finite() { ((promise.on - evidence) / gap).clamp(0.0, 2.0) } else { 2.0 };
+        let tempered_ess = tempered_ess(log_weights, self.temperature);
+        let doubt = if tempered_ess > self.flat { doubt.max(1.0) } else { doubt };
+        self.watch.doubt += self.memory * (doubt - self.watch.doubt);
+        self.watch.tempered_ess = tempered_ess;
+        self.watch.lost = self.watch.doubt > self.threshold;
+        self.watch
+    }
+
+    /// The state to resume from.
+    pub fn save(&self) -> serde_json::Value {
+        serde_json::to_value(self.watch).expect("plain data is JSON")
+    }
+
+    /// Takes up what `save` gave.
+    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+        self.watch = Watch::deserialize(saved)
+            .map_err(|e| Error::Invalid(format!("the saved vigilance cannot be used: {e}")))?;
+        Ok(())
+    }
+}
+
+/// 1/Σw² of weights raised to a power, as a share of their number.
+fn tempered_ess(log_weights: &[f64], power: f64) -> f64 {
+    let most = log_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if !most.is_finite() {
+        return 1.0;
+    }
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for w in log_weights.iter().map(|w| (power * (w - most)).exp()) {
+        sum += w;
+        squares += w * w;
+    }
+    sum * sum / squares / log_weights.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PROMISE: Promise = Promise { on: -2.0, off: -12.0 };
+
+    #[test]
+    fn evidence_of_elsewhere_means_lost_after_some_frames() {
+        let mut v = Vigilance::default();
+        let peaked = [0.0, -50.0, -50.0, -50.0];
+        for _ in 0..20 {
+            assert!(!v.judge(-2.5, 1, &peaked, PROMISE).lost);
+        }
+        let verdicts: Vec<bool> = (0..10).map(|_| v.judge(-12.0, 1, &peaked, PROMISE).lost).collect();
+        assert!(!verdicts[0] && verdicts[9], "one bad frame is not a loss, ten are: {verdicts:?}");
+    }
+
+    #[test]
+    fn flat_weights_and_no_evidence_are_doubt() {
+        let mut v = Vigilance::default();
+        let flat = v.judge(-2.0, 1, &[0.0; 8], PROMISE);
+        assert!((flat.tempered_ess - 1.0).abs() < 1e-12 && flat.doubt > 0.0);
+        let none = v.judge(f64::NEG_INFINITY, 1, &[f64::NEG_INFINITY; 8], PROMISE);
+        assert!(none.doubt > flat.doubt && none.doubt.is_finite());
+    }
+}

@@ -1,0 +1,133 @@
+//! WHERE TO LOOK? Policies over gazes, which learn from rewards (section 4).
+//!
+//! A [`Policy`] writes a [`Plan`]: the gazes it wants rewards for, and which of them are used to move the
+//! belief. All gazes (full information: Hedge) or one (partial: baselines, bandits) is thus a fact about the
+//! plan's length. A policy sees gazes and rewards, never a pixel.
+
+mod anchor;
+mod baseline;
+mod grid;
+mod hedge;
+
+pub use self::anchor::Anchor;
+pub use self::baseline::{Circular, Fixed, Random};
+pub use self::grid::Grid;
+pub use self::hedge::Hedge;
+
+use crate::geometry::Gaze;
+use crate::rng::Rng;
+use crate::{Error, Result};
+use serde_json::Value;
+
+/// The gazes of one frame: each is scored, the used ones move the belief, one is the policy's own choice.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Plan {
+    gazes: Vec<Gaze>,
+    used: Vec<bool>,
+    marked: Option<usize>,
+}
+
+impl Plan {
+    /// An empty plan.
+    pub fn new() -> Self {
+        Self::default()
+    }
+    /// Forgets all gazes; keeps the room.
+    pub fn clear(&mut self) {
+        self.gazes.clear();
+        self.used.clear();
+        self.marked = None;
+    }
+    /// Asks for one gaze, and uses it.
+    pub fn only(&mut self, gaze: Gaze) {
+        self.clear();
+        self.push(gaze, true);
+    }
+    /// Asks for all of `gazes`, and uses the one at `chosen`.
+    pub fn all(&mut self, gazes: &[Gaze], chosen: usize) {
+        assert!(chosen < gazes.len(), "gaze {chosen} of {} cannot be chosen", gazes.len());
+        self.clear();
+        for (k, &gaze) in gazes.iter().enumerate() {
+            self.push(gaze, k == chosen);
+        }
+    }
+    /// Asks for one gaze more, used or only scored.
+    pub fn push(&mut self, gaze: Gaze, used: bool) {
+        self.gazes.push(gaze);
+        self.used.push(used);
+    }
+    /// Uses the gaze at `k` too.
+    pub fn use_also(&mut self, k: usize) {
+        self.used[k] = true;
+    }
+    /// Says which of the used gazes is the policy's own choice; otherwise it is the first used one.
+    pub fn mark(&mut self, k: usize) {
+        assert!(self.used[k], "the choice must be one of the used gazes");
+        self.marked = Some(k);
+    }
+    /// What to score, in the order of the rewards.
+    pub fn gazes(&self) -> &[Gaze] {
+        &self.gazes
+    }
+    /// For each gaze, whether it moves the belief. One at least does.
+    pub fn used(&self) -> &[bool] {
+        &self.used
+    }
+    /// Index of the policy's own choice. Panics if no gaze is used, which no policy may leave so.
+    pub fn chosen_index(&self) -> usize {
+        let first = || self.used.iter().position(|&used| used).expect("a plan uses one gaze at least");
+        self.marked.unwrap_or_else(first)
+    }
+    /// The policy's own choice: what it is said to look at.
+    pub fn chosen(&self) -> Gaze {
+        self.gazes[self.chosen_index()]
+    }
+}
+
+/// What a policy has learned, for people to see.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Portrait<'a> {
+    /// Nothing to show.
+    Blank,
+    /// How likely each gaze is to be chosen next; the probabilities sum to 1.
+    Arms {
+        /// The gazes.
+        gazes: &'a [Gaze],
+        /// As many probabilities.
+        probabilities: &'a [f64],
+    },
+}
+
+/// Chooses gazes, and learns from what they were worth.
+///
+/// One call of `plan`, then one of `learn` with that plan, each frame. `plan` must use one gaze at least and
+/// draw from `rng` alone. `save` and `load` must carry all that was learned, bit for bit: a policy that loads
+/// goes on as the one that saved would have.
+pub trait Policy: Send {
+    /// Replaces the plan by the gazes of the next frame.
+    fn plan(&mut self, plan: &mut Plan, rng: &mut Rng);
+    /// Learns from rewards in [0, 1]; `rewards[k]` belongs to `plan.gazes()[k]`.
+    fn learn(&mut self, plan: &Plan, rewards: &[f64]);
+    /// What was learned, for observers only.
+    fn portrait(&self) -> Portrait<'_> {
+        Portrait::Blank
+    }
+    /// All that was learned.
+    fn save(&self) -> Value {
+        Value::Null
+    }
+    /// Goes on from what `save` gave on a policy with the same settings. Fails, unchanged, where it does not fit.
+    fn load(&mut self, saved: &Value) -> Result<()> {
+        if saved.is_null() { Ok(()) } else { Err(misfit("nothing, for this policy learns nothing", saved)) }
+    }
+    /// Forgets all that was learned.
+    fn reset(&mut self) {}
+}
+
+/// A saved state that does not fit.
+fn misfit(expected: &str, found: &Value) -> Error {
+    let found: String = found.to_string().chars().take(80).collect();
+    Error::Invalid(format!(
+        "saved policy: expected {expected}, found {found}; load a state that was saved with the same policy and settings"
+    ))
+}

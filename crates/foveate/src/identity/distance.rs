@@ -1,0 +1,120 @@
+//! Distances between feature vectors: how unlike the target does this look?
+//!
+//! The likelihood is exp(−sharpness · d(h, τ)) (section 3.1), so sharpness · d is in nats: 0 means
+//! identical, and ln 2 more halves the likelihood. `a` and `b` have length n_h; the two Bhattacharyya distances
+//! expect activation probabilities.
+
+use foveate_kernels as kernels;
+use serde::{Deserialize, Serialize};
+
+/// How unlike two feature vectors are: at least 0, and 0 for equal ones.
+pub trait Distance: Send + Sync {
+    /// Brings a template's features, in place, to the form that `distance` compares with: what depends on the
+    /// template alone is computed once a batch.
+    fn keep(&self, template: &mut [f32]);
+    /// The distance of `features` from a kept template.
+    fn distance(&self, features: &[f32], kept: &[f32]) -> f64;
+}
+
+/// The distances there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Kind {
+    /// √(1 − Σ √(âᵢ b̂ᵢ)) of activations normalised to sum 1, as in the authors' code (also called Hellinger's).
+    Bhattacharyya,
+    /// 1 − Σ √(âᵢ b̂ᵢ): its square; flatter near the template, as a Gaussian is.
+    BhattacharyyaSquared,
+    /// Mean over units of −ln(√(aᵢbᵢ) + √((1−aᵢ)(1−bᵢ))): each unit a coin of its own.
+    Bernoulli,
+    /// 1 − cosine of the angle between the vectors.
+    Cosine,
+    /// Root mean square difference.
+    Euclidean,
+}
+
+impl Distance for Kind {
+    fn keep(&self, template: &mut [f32]) {
+        match self {
+            Self::Bhattacharyya | Self::BhattacharyyaSquared => {
+                let norm = kernels::sum(template);
+                let gain = if norm > 0.0 { 1.0 / norm } else { 0.0 };
+                template.iter_mut().for_each(|t| *t = (*t * gain).sqrt());
+            }
+            Self::Cosine => {
+                let norm = kernels::dot(template, template).sqrt();
+                let gain = if norm > 0.0 { 1.0 / norm } else { 0.0 };
+                template.iter_mut().for_each(|t| *t *= gain);
+            }
+            Self::Bernoulli | Self::Euclidean => {}
+        }
+    }
+
+    fn distance(&self, features: &[f32], kept: &[f32]) -> f64 {
+        assert_eq!(features.len(), kept.len(), "feature vectors of one length");
+        match self {
+            Self::Bhattacharyya => overlap_gap(features, kept).sqrt(),
+            Self::BhattacharyyaSquared => overlap_gap(features, kept),
+            Self::Bernoulli => bernoulli(features, kept),
+            Self::Cosine => {
+                let norm = f64::from(kernels::dot(features, features)).sqrt();
+                if norm > 0.0 { (1.0 - f64::from(kernels::dot(features, kept)) / norm).max(0.0) } else { 1.0 }
+            }
+            Self::Euclidean => (f64::from(kernels::squared_distance(features, kept)) / kept.len() as f64).sqrt(),
+        }
+    }
+}
+
+/// 1 − Σ √a · kept / √Σa, at least 0; 1 where nothing is active.
+fn overlap_gap(a: &[f32], kept: &[f32]) -> f64 {
+    let (sum, overlap) = kernels::root_overlap(a, kept);
+    if sum > 0.0 { (1.0 - f64::from(overlap) / f64::from(sum).sqrt()).max(0.0) } else { 1.0 }
+}
+
+fn bernoulli(a: &[f32], b: &[f32]) -> f64 {
+    let unit = |(&p, &q): (&f32, &f32)| f64::from(-((p * q).sqrt() + ((1.0 - p) * (1.0 - q)).sqrt()).max(1e-12).ln());
+    a.iter().zip(b).map(unit).sum::<f64>().max(0.0) / a.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALL: [Kind; 5] =
+        [Kind::Bhattacharyya, Kind::BhattacharyyaSquared, Kind::Bernoulli, Kind::Cosine, Kind::Euclidean];
+
+    fn between(kind: Kind, a: &[f32], b: &[f32]) -> f64 {
+        let mut kept = b.to_vec();
+        kind.keep(&mut kept);
+        kind.distance(a, &kept)
+    }
+
+    #[test]
+    fn equal_vectors_are_at_zero_and_others_are_not() {
+        let (a, b) = ([0.1, 0.9, 0.4, 0.3], [0.8, 0.2, 0.4, 0.3]);
+        for kind in ALL {
+            assert!(between(kind, &a, &a) < 1e-3, "{kind:?} {}", between(kind, &a, &a));
+            assert!(between(kind, &a, &b) > 1e-2, "{kind:?}");
+            assert!((between(kind, &a, &b) - between(kind, &b, &a)).abs() < 1e-7, "{kind:?} is symmetric");
+        }
+    }
+
+    #[test]
+    fn closed_forms() {
+        // Two coins: BC = √(.5 · 1) + 0, after normalising (1, 1) and (2, 0) to (.5, .5) and (1, 0).
+        let d = between(Kind::Bhattacharyya, &[1.0, 1.0], &[2.0, 0.0]);
+        assert!((d - (1.0 - 0.5f64.sqrt()).sqrt()).abs() < 1e-6);
+        let d = between(Kind::Bernoulli, &[0.5], &[0.5]);
+        assert!(d.abs() < 1e-6);
+        let d = between(Kind::Bernoulli, &[0.25], &[1.0]);
+        assert!((d - 2f64.ln()).abs() < 1e-6);
+        assert!((between(Kind::Cosine, &[1.0, 0.0], &[1.0, 1.0]) - (1.0 - 0.5f64.sqrt())).abs() < 1e-6);
+        assert!((between(Kind::Euclidean, &[1.0, 2.0], &[4.0, 6.0]) - 12.5f64.sqrt()).abs() < 1e-6);
+    }
+
+    #[test]
+    fn empty_activations_are_far_not_nan() {
+        for kind in ALL {
+            assert!(between(kind, &[0.0, 0.0], &[1.0, 0.5]).is_finite(), "{kind:?}");
+        }
+    }
+}

@@ -1,0 +1,260 @@
+//! The default appearance: retina → encoder → distance to the first frame (section 3.1).
+//!
+//! The template is a frame and a state, not a table: τ(a) is one more row of every batch, so that a continuous
+//! gaze costs nothing more. All particles of a gaze are encoded as one batch, in fixed chunks of rows that
+//! threads share out; a row's result does not depend on its chunk.
+
+use base64::Engine as _;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+use super::distance::{Distance, Kind};
+use super::encoder::Encoder;
+use super::pyramid::{Pyramid, Region};
+use super::retina::Retina;
+use super::{Appearance, Expectation, Percept, calibrate};
+use crate::geometry::{Extent, Gaze, State};
+use crate::rng::Streams;
+use crate::rows::{Rows, RowsMut};
+use crate::scene::Image;
+use crate::{Error, Result};
+
+/// Rows encoded at a time: enough for the matrix product, few enough to stay in the second-level cache.
+const CHUNK: usize = 64;
+/// The farthest gaze a template can be read at, in template units.
+const FARTHEST_GAZE: f64 = 1.5;
+
+/// How log-likelihoods follow from distances: log p = −sharpness · d.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sharpness {
+    /// Given, in nats per unit of distance.
+    Fixed(f64),
+    /// Chosen on the first frame from the scene itself.
+    Calibrated(calibrate::Calibration),
+}
+
+/// Retina, encoder, distance and a template.
+pub struct GazeAppearance {
+    retina: Arc<dyn Retina>,
+    encoder: Arc<dyn Encoder>,
+    distance: Kind,
+    setting: Sharpness,
+    kept: Option<Kept>,
+    template: Pyramid,
+    pyramid: Pyramid,
+    scratch: Scratch,
+}
+
+/// What `imprint` learned.
+#[derive(Clone)]
+struct Kept {
+    image: Image,
+    state: State,
+    extent: Extent,
+    sharpness: f64,
+    expectation: Expectation,
+}
+
+#[derive(Default)]
+struct Scratch {
+    glimpses: Vec<f32>,
+    features: Vec<f32>,
+    template_glimpse: Vec<f32>,
+    template: Vec<f32>,
+}
+
+impl GazeAppearance {
+    /// Puts the parts together. Fails where the encoder does not take what the retina gives.
+    pub fn new(
+        retina: Arc<dyn Retina>,
+        encoder: Arc<dyn Encoder>,
+        distance: Kind,
+        sharpness: Sharpness,
+    ) -> Result<Self> {
+        let (n_v, n_h) = encoder.shape();
+        if n_v != retina.glimpse_len() {
+            return Err(Error::Config(format!(
+                "the encoder takes {n_v} values, but the retina gives {}; use the retina the model was trained with \
+                 (it is in the model file), or retrain with `foveate train`",
+                retina.glimpse_len()
+            )));
+        }
+        let scratch = Scratch { template_glimpse: vec![0.0; n_v], template: vec![0.0; n_h], ..Scratch::default() };
+        Ok(Self {
+            retina,
+            encoder,
+            distance,
+            setting: sharpness,
+            kept: None,
+            template: Pyramid::default(),
+            pyramid: Pyramid::default(),
+            scratch,
+        })
+    }
+
+    /// Nats per unit of distance in use; `None` before a template was imprinted.
+    pub fn sharpness(&self) -> Option<f64> {
+        self.kept.as_ref().map(|k| k.sharpness)
+    }
+
+    fn kept(&self) -> &Kept {
+        self.kept.as_ref().expect("a template is imprinted before the first look")
+    }
+
+    fn reach(&self) -> f64 {
+        self.retina.footprints().iter().map(|f| f.reach).fold(0.0, f64::max)
+    }
+
+    /// Distances of what is seen at each state to the template at the same gaze.
+    pub(super) fn distances(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
+        assert_eq!(states.len(), out.len(), "one distance a state");
+        let (n_v, n_h) = self.encoder.shape();
+        self.imprinted_features(gaze);
+        let (retina, encoder) = (&*self.retina, &*self.encoder);
+        let (pyramid, distance, extent) = (&self.pyramid, self.distance, self.kept().extent);
+        let rows = rayon::current_num_threads().min(states.len().div_ceil(CHUNK)) * CHUNK;
+        let Scratch { glimpses, features, template, .. } = &mut self.scratch;
+        let template = &template[..];
+        let one = |states: &[State], out: &mut [f64], glimpses: &mut [f32], features: &mut [f32]| {
+            let glimpses = &mut glimpses[..states.len() * n_v];
+            let features = &mut features[..states.len() * n_h];
+            for (state, glimpse) in states.iter().zip(glimpses.chunks_exact_mut(n_v)) {
+                retina.look(pyramid, state.fixate(gaze, extent), glimpse);
+                encoder.condition(glimpse);
+            }
+            encoder.encode(Rows::new(glimpses, n_v), RowsMut::new(features, n_h));
+            for (h, d) in features.chunks_exact(n_h).zip(out) {
+                *d = distance.distance(h, template);
+            }
+        };
+        if rows <= CHUNK {
+            glimpses.resize(CHUNK * n_v, 0.0);
+            features.resize(CHUNK * n_h, 0.0);
+            for (states, out) in states.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
+                one(states, out, glimpses, features);
+            }
+        } else {
+            let all = states.len().div_ceil(CHUNK) * CHUNK;
+            glimpses.resize(all * n_v, 0.0);
+            features.resize(all * n_h, 0.0);
+            states
+                .par_chunks(CHUNK)
+                .zip(out.par_chunks_mut(CHUNK))
+                .zip(glimpses.par_chunks_mut(CHUNK * n_v))
+                .zip(features.par_chunks_mut(CHUNK * n_h))
+                .for_each(|(((states, out), glimpses), features)| one(states, out, glimpses, features));
+        }
+    }
+
+    /// τ(a): encodes the template at a gaze into the scratch.
+    fn imprinted_features(&mut self, gaze: Gaze) {
+        let kept = self.kept.as_ref().expect("a template is imprinted before the first look");
+        let Scratch { template_glimpse, template, .. } = &mut self.scratch;
+        self.retina.look(&self.template, kept.state.fixate(gaze, kept.extent), template_glimpse);
+        self.encoder.condition(template_glimpse);
+        let (n_v, n_h) = self.encoder.shape();
+        self.encoder.encode(Rows::new(template_glimpse, n_v), RowsMut::new(template, n_h));
+        self.distance.keep(template);
+    }
+
+    fn keep(&mut self, kept: Kept) {
+        let gazes = [Gaze { u: FARTHEST_GAZE, v: FARTHEST_GAZE, arm: None }];
+        let region = Region::covering(&kept.image, &[kept.state], &gazes, kept.extent, self.reach());
+        let unit = units(&[kept.state], kept.extent);
+        self.template.build(&kept.image, region, self.retina.footprints(), unit);
+        self.kept = Some(kept);
+    }
+}
+
+/// Pixels per template unit at the states' mean size.
+fn units(states: &[State], extent: Extent) -> (f64, f64) {
+    let mean = states.iter().map(|s| s.log_scale).sum::<f64>() / states.len() as f64;
+    (mean.exp() * extent.half_w, mean.exp() * extent.half_h)
+}
+
+impl Appearance for GazeAppearance {
+    fn imprint(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams) {
+        let nothing = Expectation { on: 0.0, off: 0.0 };
+        self.keep(Kept { image: image.clone(), state: *state, extent, sharpness: 1.0, expectation: nothing });
+        let found = calibrate::calibrate(self, image, state, extent, streams);
+        let sharpness = match self.setting {
+            Sharpness::Fixed(sharpness) => sharpness,
+            Sharpness::Calibrated(rule) => rule.sharpness(&found),
+        };
+        let kept = self.kept.as_mut().expect("kept two lines above");
+        kept.sharpness = sharpness;
+        kept.expectation = Expectation { on: -sharpness * found.on, off: -sharpness * found.off };
+    }
+
+    fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
+        let extent = self.kept().extent;
+        let region = Region::covering(image, states, gazes, extent, self.reach());
+        self.pyramid.build(image, region, self.retina.footprints(), units(states, extent));
+    }
+
+    fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
+        let sharpness = self.kept().sharpness;
+        self.distances(states, gaze, out);
+        out.iter_mut().for_each(|d| *d *= -sharpness);
+    }
+
+    fn perceive(&mut self, state: &State, gaze: Gaze, percept: &mut Percept) {
+        let (n_v, n_h) = self.encoder.shape();
+        self.imprinted_features(gaze);
+        percept.gaze = gaze;
+        percept.glimpse.resize(n_v, 0.0);
+        percept.features.resize(n_h, 0.0);
+        self.retina.look(&self.pyramid, state.fixate(gaze, self.kept().extent), &mut percept.glimpse);
+        let conditioned = &mut self.scratch.template_glimpse;
+        conditioned.copy_from_slice(&percept.glimpse);
+        self.encoder.condition(conditioned);
+        self.encoder.encode(Rows::new(conditioned, n_v), RowsMut::new(&mut percept.features, n_h));
+        percept.distance = self.distance.distance(&percept.features, &self.scratch.template);
+    }
+
+    fn expectation(&self) -> Expectation {
+        self.kept().expectation
+    }
+
+    fn save(&self) -> serde_json::Value {
+        let Some(kept) = &self.kept else { return serde_json::Value::Null };
+        let saved = Saved {
+            width: kept.image.width(),
+            height: kept.image.height(),
+            planes: kept.image.planes(),
+            pixels: base64::engine::general_purpose::STANDARD.encode(kept.image.bytes()),
+            state: kept.state,
+            extent: kept.extent,
+            sharpness: kept.sharpness,
+            expectation: kept.expectation,
+        };
+        serde_json::to_value(saved).expect("plain data is JSON")
+    }
+
+    fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+        if saved.is_null() {
+            self.kept = None;
+            return Ok(());
+        }
+        let bad = |what: String| Error::Invalid(format!("the saved appearance cannot be used: {what}"));
+        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
+        let pixels = base64::engine::general_purpose::STANDARD.decode(&saved.pixels).map_err(|e| bad(e.to_string()))?;
+        let image = Image::new(saved.width, saved.height, saved.planes, pixels)?;
+        let Saved { state, extent, sharpness, expectation, .. } = saved;
+        self.keep(Kept { image, state, extent, sharpness, expectation });
+        Ok(())
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    width: usize,
+    height: usize,
+    planes: usize,
+    pixels: String,
+    state: State,
+    extent: Extent,
+    sharpness: f64,
+    expectation: Expectation,
+}

@@ -1,0 +1,68 @@
+//! WHAT is it? The identity (ventral) pathway: glimpses, features, distance to a template, class.
+//!
+//! As the control pathway sees it, an [`Appearance`] says how well the target, as it looked in the
+//! first frame, explains what is seen at a state: log p(hₜ | xₜ, aₜ) = −sharpness · d(h(xₜ, aₜ), h(x₁, aₜ))
+//! (section 3.1 of the paper).
+
+pub mod calibrate;
+pub mod distance;
+pub mod encoder;
+pub mod gaze_appearance;
+pub mod pyramid;
+pub mod retina;
+mod sampling;
+
+pub use distance::Distance;
+pub use encoder::Encoder;
+pub use gaze_appearance::GazeAppearance;
+pub use pyramid::Pyramid;
+pub use retina::{Foveal, Retina};
+
+use crate::Result;
+use crate::geometry::{Extent, Gaze, State};
+use crate::rng::Streams;
+use crate::scene::Image;
+
+/// One look, kept: what the fovea saw and what the first layer made of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Percept {
+    /// Where it looked.
+    pub gaze: Gaze,
+    /// vₜ: the values of the retina's cells, 0 to 1, as the retina lists them.
+    pub glimpse: Vec<f32>,
+    /// hₜ: the activations of the first layer.
+    pub features: Vec<f32>,
+    /// Distance of the features to the template's at the same gaze (no sharpness).
+    pub distance: f64,
+}
+
+/// What log-likelihood to expect, in nats a look, from calibration on the first frame.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Expectation {
+    /// On the target, a pixel or so off.
+    pub on: f64,
+    /// Somewhere else in the scene.
+    pub off: f64,
+}
+
+/// How the target looks, as the control pathway sees it.
+///
+/// `see` is called once a frame, before any `log_likelihood` or `perceive` of that frame, with every state
+/// and gaze they may ask about (or states between those). A log-likelihood must depend on its own state and gaze
+/// alone: if it does not, results change with the number of threads, and `conformance::appearance` fails.
+pub trait Appearance: Send {
+    /// Keeps the template τ: how the target looks at `state`, whose box has `extent` at scale 1.
+    fn imprint(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams);
+    /// Takes in what `states` and `gazes` of this frame need.
+    fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]);
+    /// log p(hₜ | xₜ, aₜ) in nats, up to a constant, for each state.
+    fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]);
+    /// Looks once and keeps what was seen.
+    fn perceive(&mut self, state: &State, gaze: Gaze, percept: &mut Percept);
+    /// What the first frame promised.
+    fn expectation(&self) -> Expectation;
+    /// Everything `imprint` learned, to resume from.
+    fn save(&self) -> serde_json::Value;
+    /// Takes up what `save` gave.
+    fn load(&mut self, saved: &serde_json::Value) -> Result<()>;
+}

@@ -1,0 +1,149 @@
+//! Box means of a frame at the footprints of a retina's cells, so that a glimpse costs one bilinear tap a cell.
+//!
+//! Level l holds, at every pixel of the region where particles are, the mean of the image over a box of
+//! bw × bh pixels: the footprint of the retina's cell l at the particles' mean scale, rounded to whole pixels.
+//! At scale 1 and angle 0, on whole pixels, a tap therefore *is* the mean over its cell.
+//!
+//! Deviation from a mip pyramid with levels of 1, 2, 4, 8 px: levels follow the target's size, so nothing
+//! jumps when it grows past a power of two, and a ring of 3 or 6 px cells is exact as well.
+
+use super::sampling as kernels;
+
+use super::retina::Footprint;
+use crate::geometry::{Extent, Fixation, Gaze, State};
+use crate::scene::Image;
+
+/// One plane of box means. Sample `(i, j)` is centred at image coordinates `(x0 + i, y0 + j)`.
+#[derive(Clone, Debug, Default)]
+struct Level {
+    data: Vec<f32>,
+    width: usize,
+    height: usize,
+    x0: f32,
+    y0: f32,
+}
+
+/// The levels of one frame (or of the template).
+#[derive(Clone, Debug, Default)]
+pub struct Pyramid {
+    levels: Vec<Level>,
+    channel: Vec<u8>,
+    scratch: Vec<f32>,
+}
+
+/// A rectangle of pixels: left, top, width, height; never empty, always inside the image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Region {
+    /// Left column.
+    pub x: usize,
+    /// Top row.
+    pub y: usize,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+}
+
+impl Region {
+    /// The pixels that glimpses at these states and gazes can touch, cut to the image.
+    pub fn covering(image: &Image, states: &[State], gazes: &[Gaze], extent: Extent, reach: f64) -> Self {
+        let far = gazes.iter().map(|g| g.u.abs().max(g.v.abs())).fold(0.0, f64::max) + reach;
+        let (mut x, mut y) = ((f64::INFINITY, f64::NEG_INFINITY), (f64::INFINITY, f64::NEG_INFINITY));
+        for s in states {
+            let (sin, cos) = s.angle.sin_cos();
+            let (w, h) = (s.log_scale.exp() * extent.half_w, s.log_scale.exp() * extent.half_h);
+            let (dx, dy) = (far * (cos.abs() * w + sin.abs() * h) + 2.0, far * (sin.abs() * w + cos.abs() * h) + 2.0);
+            x = (x.0.min(s.x - dx), x.1.max(s.x + dx));
+            y = (y.0.min(s.y - dy), y.1.max(s.y + dy));
+        }
+        let cut = |(low, high): (f64, f64), n: usize| {
+            let last = (n - 1) as f64;
+            let (low, high) = (low.floor().clamp(0.0, last), high.ceil().clamp(0.0, last));
+            (low as usize, (high - low) as usize + 1)
+        };
+        let ((x, width), (y, height)) = (cut(x, image.width()), cut(y, image.height()));
+        Self { x, y, width, height }
+    }
+}
+
+impl Pyramid {
+    /// Fills the levels for one region of an image. `unit` is pixels per template unit along u and v.
+    pub fn build(&mut self, image: &Image, region: Region, footprints: &[Footprint], unit: (f64, f64)) {
+        self.levels.resize_with(footprints.len(), Level::default);
+        for channel in 0..3 {
+            if footprints.iter().all(|f| f.channel != channel) {
+                continue;
+            }
+            let plain = channel == 0 && image.planes() == 1;
+            let widest = footprints.iter().filter(|f| f.channel == channel).map(|f| f.side).fold(0.0, f64::max);
+            // The channel is made where boxes can reach, not everywhere.
+            let margin = |u: f64| (widest * u).ceil() as usize + 1;
+            let source = if plain { whole(image) } else { grow(region, image, margin(unit.0), margin(unit.1)) };
+            if !plain {
+                self.channel.resize(source.width * source.height, 0);
+                make_channel(image, channel, source, &mut self.channel);
+            }
+            let bytes = if plain { image.plane(0) } else { &self.channel };
+            for (level, footprint) in self.levels.iter_mut().zip(footprints).filter(|(_, f)| f.channel == channel) {
+                let side = |unit: f64, n: usize| ((footprint.side * unit).round().max(1.0) as usize).min(n);
+                let (bw, bh) = (side(unit.0, source.width), side(unit.1, source.height));
+                level.fill(bytes, source, region, bw, bh, &mut self.scratch);
+            }
+        }
+    }
+
+    /// Reads one bilinear tap of `level` for each cell offset (`du`, `dv`, template units) around a fixation.
+    /// Outside the level the nearest sample counts.
+    pub fn read(&self, level: usize, at: Fixation, du: &[f32], dv: &[f32], out: &mut [f32]) {
+        let level = &self.levels[level];
+        let plane =
+            kernels::Plane { data: &level.data, width: level.width, height: level.height, x0: level.x0, y0: level.y0 };
+        let map = [at.x as f32, at.y as f32, at.ux as f32, at.uy as f32, at.vx as f32, at.vy as f32];
+        kernels::taps(plane, map, du, dv, out);
+    }
+}
+
+impl Level {
+    fn fill(&mut self, bytes: &[u8], source: Region, region: Region, bw: usize, bh: usize, scratch: &mut Vec<f32>) {
+        // A box of b pixels from column i is centred at i + (b − 1) / 2: one more sample on the left covers the region.
+        let (left, top) = ((bw / 2) as isize, (bh / 2) as isize);
+        self.width = region.width + usize::from(bw % 2 == 0);
+        self.height = region.height + usize::from(bh % 2 == 0);
+        self.data.resize(self.width * self.height, 0.0);
+        let first = ((region.x - source.x) as isize - left, (region.y - source.y) as isize - top);
+        let source_view = kernels::Bytes { data: bytes, width: source.width, height: source.height };
+        kernels::box_means(source_view, first, (bw, bh), (self.width, self.height), &mut self.data, scratch);
+        self.x0 = (region.x as f64 - left as f64 + (bw as f64 - 1.0) / 2.0) as f32;
+        self.y0 = (region.y as f64 - top as f64 + (bh as f64 - 1.0) / 2.0) as f32;
+    }
+}
+
+fn whole(image: &Image) -> Region {
+    Region { x: 0, y: 0, width: image.width(), height: image.height() }
+}
+
+fn grow(r: Region, image: &Image, dx: usize, dy: usize) -> Region {
+    let (x, y) = (r.x.saturating_sub(dx), r.y.saturating_sub(dy));
+    let (right, bottom) = ((r.x + r.width + dx).min(image.width()), (r.y + r.height + dy).min(image.height()));
+    Region { x, y, width: right - x, height: bottom - y }
+}
+
+/// Grey (BT.601 luma), red − green, or blue − yellow, with 128 for "neither".
+fn make_channel(image: &Image, channel: usize, region: Region, out: &mut [u8]) {
+    if image.planes() == 1 {
+        out.fill(128);
+        return;
+    }
+    for (row, out) in out.chunks_exact_mut(region.width).take(region.height).enumerate() {
+        let start = (region.y + row) * image.width() + region.x;
+        let line = |p: usize| &image.plane(p)[start..start + region.width];
+        for (((out, &r), &g), &b) in out.iter_mut().zip(line(0)).zip(line(1)).zip(line(2)) {
+            let (wide_r, wide_g, wide_b) = (i32::from(r), i32::from(g), i32::from(b));
+            *out = match channel {
+                0 => crate::scene::image::luma(r, g, b),
+                1 => ((wide_r - wide_g) / 2 + 128).clamp(0, 255) as u8,
+                _ => ((2 * wide_b - wide_r - wide_g) / 4 + 128).clamp(0, 255) as u8,
+            };
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! From a source, through a tracker, to observers: the whole program around the loop.
+
+use std::time::{Duration, Instant};
+
+use crate::geometry::BBox;
+use crate::observe::Observer;
+use crate::scene::{Frame, FrameSource, Scene};
+use crate::tracker::Tracker;
+use crate::{Error, Result};
+
+/// What to follow, and until when.
+pub struct Follow<'a> {
+    /// The target's box in the first frame; `None` goes on from a loaded state.
+    pub init: Option<BBox>,
+    /// Boxes given again at later frames (counted from 0).
+    pub again: &'a [(usize, BBox)],
+    /// Frames before this one (counted from 0) are skipped.
+    pub from: usize,
+    /// The last frame (counted from 0).
+    pub until: usize,
+    /// Asked before every frame: whether to stop.
+    pub stop: &'a dyn Fn() -> bool,
+    /// Told after every frame.
+    pub progress: &'a mut dyn FnMut(&Frame),
+}
+
+/// What became of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outcome {
+    /// Frames in the results, the first one included.
+    pub frames: usize,
+    /// Frames on which the target was believed lost.
+    pub lost: usize,
+    /// Time spent in the tracker alone.
+    pub tracking: Duration,
+    /// The target's box in every frame.
+    pub boxes: Vec<BBox>,
+    /// Whether it was asked to stop before the source ended.
+    pub stopped: bool,
+}
+
+/// Follows one target through a source.
+///
+/// Where the source breaks half-way, what was tracked until then is finished and kept, and the error is returned beside it.
+pub fn follow(
+    source: &mut dyn FrameSource,
+    tracker: &mut Tracker,
+    observer: &mut dyn Observer,
+    follow: Follow<'_>,
+) -> (Outcome, Result<()>) {
+    let mut outcome = Outcome::default();
+    let result = each_frame(source, tracker, observer, follow, &mut outcome);
+    let finished = observer.finish();
+    (outcome, result.and(finished))
+}
+
+fn each_frame(
+    source: &mut dyn FrameSource,
+    tracker: &mut Tracker,
+    observer: &mut dyn Observer,
+    mut follow: Follow<'_>,
+    outcome: &mut Outcome,
+) -> Result<()> {
+    for frame in source {
+        let frame = frame?;
+        if frame.index < follow.from {
+            continue;
+        }
+        if frame.index > follow.until {
+            break;
+        }
+        if (follow.stop)() {
+            outcome.stopped = true;
+            break;
+        }
+        let given = follow.again.iter().find(|(at, _)| *at == frame.index).map(|(_, bbox)| *bbox);
+        let began = Instant::now();
+        if let Some(bbox) = given.or(follow.init.take()) {
+            tracker.start(&frame, bbox)?;
+            outcome.tracking += began.elapsed();
+            outcome.boxes.push(bbox);
+            observer.start(&frame, &bbox)?;
+        } else {
+            let step = tracker.step(Scene { frame: &frame, detections: &[] });
+            outcome.tracking += began.elapsed();
+            outcome.boxes.push(step.bbox());
+            outcome.lost += usize::from(step.lost());
+            observer.observe(&step)?;
+        }
+        outcome.frames += 1;
+        (follow.progress)(&frame);
+    }
+    if outcome.frames == 0 && !outcome.stopped {
+        return Err(Error::Invalid("the source has no frame to track in; check --init, --until and the saved state".into()));
+    }
+    Ok(())
+}

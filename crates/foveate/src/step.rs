@@ -1,0 +1,87 @@
+//! Everything one frame computed, by reference: the tracker's buffers, seen by whoever wants to look.
+
+use crate::control::{Belief, Watch};
+use crate::gaze::{Plan, Policy, Portrait};
+use crate::geometry::{BBox, Extent, State};
+use crate::identity::Percept;
+use crate::scene::Frame;
+use crate::tracker::Work;
+
+/// One frame's results. Views of buffers that the next step overwrites.
+pub struct Step<'a> {
+    /// The frame it is about.
+    pub frame: &'a Frame,
+    /// Mean of the belief.
+    pub estimate: State,
+    /// Covariance of the belief over x, y, vx, vy, log scale, angle.
+    pub covariance: [[f64; 6]; 6],
+    /// Effective sample size 1/Σw², 1 to N.
+    pub ess: f64,
+    /// log Σ w̃: how well this frame was foreseen, nats, up to the likelihood's constant.
+    pub log_evidence: f64,
+    /// Whether the target is believed lost, and how sure that is.
+    pub watch: Watch,
+    /// Half the size of the target's box at scale 1.
+    pub extent: Extent,
+    /// x̃ₜ: the predicted particles.
+    pub predicted: &'a [State],
+    /// wₜ: their weights; sum to 1.
+    pub weights: &'a [f64],
+    /// The gazes that were scored, and those that were used.
+    pub plan: &'a Plan,
+    /// For each gaze of the plan: its reward.
+    pub rewards: &'a [f64],
+    /// For each gaze of the plan: its own log evidence.
+    pub gaze_evidence: &'a [f64],
+    /// For each particle that starts the next frame: the index of its parent here.
+    pub ancestors: &'a [usize],
+    /// What was seen at the estimate.
+    pub percept: &'a Percept,
+    /// What the policy has learned.
+    pub portrait: Portrait<'a>,
+}
+
+impl<'a> Step<'a> {
+    #[expect(clippy::too_many_arguments, reason = "one caller; each is one line of Algorithm 1")]
+    pub(crate) fn of(
+        frame: &'a Frame,
+        w: &'a Work,
+        extent: Extent,
+        estimate: State,
+        covariance: [[f64; 6]; 6],
+        ess: f64,
+        log_evidence: f64,
+        watch: Watch,
+        policy: &'a dyn Policy,
+    ) -> Self {
+        Self {
+            frame,
+            estimate,
+            covariance,
+            ess,
+            log_evidence,
+            watch,
+            extent,
+            predicted: &w.predicted,
+            weights: &w.weights,
+            plan: &w.plan,
+            rewards: &w.rewards,
+            gaze_evidence: &w.log_evidence,
+            ancestors: &w.ancestors,
+            percept: &w.percept,
+            portrait: policy.portrait(),
+        }
+    }
+    /// The target's box.
+    pub fn bbox(&self) -> BBox {
+        self.estimate.bbox(self.extent)
+    }
+    /// The weighted sample itself.
+    pub fn belief(&self) -> Belief<'a> {
+        Belief { states: self.predicted, weights: self.weights }
+    }
+    /// Whether the target is believed lost.
+    pub fn lost(&self) -> bool {
+        self.watch.lost
+    }
+}

@@ -1,0 +1,238 @@
+//! Algorithm 1 of Denil et al. (2012): particle filtering with gaze control.
+
+use serde::{Deserialize, Serialize};
+
+use crate::control::{Belief, Promise, Proposal, Resampling, Reward, Vigilance, normalize};
+use crate::gaze::{Plan, Policy};
+use crate::geometry::{BBox, Extent, State};
+use crate::identity::{Appearance, Percept};
+use crate::rng::Purpose::{Look, Predict, Select, Start};
+use crate::rng::Streams;
+use crate::scene::{Frame, Scene};
+use crate::start::StartSpread;
+use crate::step::Step;
+use crate::{Error, Result};
+
+/// The replaceable parts of a tracker, one for each box of Algorithm 1.
+pub struct Parts {
+    /// q(xₜ | xₜ₋₁, scene).
+    pub proposal: Box<dyn Proposal>,
+    /// πₜ: where to look.
+    pub policy: Box<dyn Policy>,
+    /// p(hₜ | xₜ, aₜ).
+    pub appearance: Box<dyn Appearance>,
+    /// rₜ, from the belief.
+    pub reward: Box<dyn Reward>,
+    /// The selection step.
+    pub resampling: Resampling,
+    /// Says when the target is lost.
+    pub vigilance: Vigilance,
+    /// p(x₀): how far from the given box the first particles are.
+    pub start: StartSpread,
+}
+
+/// One target being followed.
+pub struct Tracker {
+    parts: Parts,
+    streams: Streams,
+    target: Option<Target>,
+    frame: u64,
+    particles: Vec<State>,
+    log_carried: Vec<f64>,
+    work: Work,
+}
+
+/// What was given to follow.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Target {
+    state: State,
+    extent: Extent,
+}
+
+/// Buffers of one step, grown once.
+#[derive(Default)]
+pub(crate) struct Work {
+    pub predicted: Vec<State>,
+    pub log_prior: Vec<f64>,
+    pub plan: Plan,
+    pub log_likelihood: Vec<f64>,
+    pub log_posterior: Vec<f64>,
+    pub weights: Vec<f64>,
+    pub log_evidence: Vec<f64>,
+    pub rewards: Vec<f64>,
+    pub ancestors: Vec<usize>,
+    pub percept: Percept,
+}
+
+impl Tracker {
+    /// A tracker of `n_particles`, with its own streams of randomness named by `seed` and `target`.
+    pub fn new(parts: Parts, n_particles: usize, seed: u64, target: u64) -> Result<Self> {
+        if n_particles == 0 {
+            return Err(Error::Config("particles must be at least 1, got 0; 100 to 1000 are usual".into()));
+        }
+        Ok(Self {
+            parts,
+            streams: Streams::new(seed, target),
+            target: None,
+            frame: 0,
+            particles: vec![State::default(); n_particles],
+            log_carried: vec![-(n_particles as f64).ln(); n_particles],
+            work: Work::default(),
+        })
+    }
+
+    /// Starts, or starts again, on the target in `bbox` of this frame: imprints the template and draws x₀⁽ⁱ⁾ ~ p(x₀).
+    ///
+    /// Fails where the box has no area, is not finite, or does not touch the picture.
+    pub fn start(&mut self, frame: &Frame, bbox: BBox) -> Result<()> {
+        crate::start::check(&frame.image, &bbox)?;
+        let (state, extent) = (State::of(&bbox), Extent::of(&bbox));
+        let streams = self.streams.at(self.frame, Start);
+        self.target = Some(Target { state, extent });
+        self.parts.appearance.imprint(&frame.image, &state, extent, self.streams);
+        self.parts.policy.reset();
+        self.parts.vigilance.reset();
+        self.parts.proposal.size(extent.mean());
+        self.parts.start.draw(&state, extent, &mut self.particles, streams);
+        self.log_carried.fill(-(self.particles.len() as f64).ln());
+        Ok(())
+    }
+
+    /// One frame of Algorithm 1. Panics if `start` was never called.
+    pub fn step<'a>(&'a mut self, scene: Scene<'a>) -> Step<'a> {
+        let Self { parts, streams, target, particles, log_carried, frame, work: w } = self;
+        let target = target.as_ref().expect("start is called before the first step");
+        let (image, n) = (&scene.frame.image, particles.len());
+        *frame += 1;
+
+        // Predict. x̃ ~ q(x | x'), and log p/q, which the weights owe for not sampling from p.
+        w.predicted.resize(n, State::default());
+        w.log_prior.resize(n, 0.0);
+        parts.proposal.propose(scene, particles, &mut w.predicted, &mut w.log_prior, streams.at(*frame, Predict));
+        add(&mut w.log_prior, log_carried);
+
+        // Choose where to look. Some policies ask about every gaze, some about one.
+        parts.policy.plan(&mut w.plan, &mut streams.at(*frame, Look).rng(0));
+        parts.appearance.see(image, &w.predicted, w.plan.gazes());
+
+        // Weigh and reward: once for each gaze in the plan, all particles at a time.
+        w.log_likelihood.resize(w.plan.gazes().len() * n, 0.0);
+        w.weights.resize(n, 0.0);
+        w.log_evidence.clear();
+        w.rewards.clear();
+        for (&gaze, log_likelihood) in w.plan.gazes().iter().zip(w.log_likelihood.chunks_exact_mut(n)) {
+            parts.appearance.log_likelihood(&w.predicted, gaze, log_likelihood);
+            w.log_posterior.clone_from(&w.log_prior);
+            add(&mut w.log_posterior, log_likelihood);
+            w.log_evidence.push(normalize(&w.log_posterior, &mut w.weights));
+            w.rewards.push(parts.reward.reward(&w.predicted, &w.log_prior, log_likelihood));
+        }
+
+        // Learn where to look next.
+        parts.policy.learn(&w.plan, &w.rewards);
+
+        // Only the gazes the plan uses move the belief; their log-likelihoods add.
+        w.log_posterior.clone_from(&w.log_prior);
+        for (_, log_likelihood) in w.plan.used().iter().zip(w.log_likelihood.chunks_exact(n)).filter(|(used, _)| **used)
+        {
+            add(&mut w.log_posterior, log_likelihood);
+        }
+        let log_evidence = normalize(&w.log_posterior, &mut w.weights);
+        let belief = Belief { states: &w.predicted, weights: &w.weights };
+        let (estimate, covariance, ess) = (belief.mean(), belief.covariance(), belief.ess());
+        let looks = w.plan.used().iter().filter(|used| **used).count();
+        let expected = parts.appearance.expectation();
+        let promise = Promise { on: expected.on, off: expected.off };
+        let watch = parts.vigilance.judge(log_evidence, looks, &w.log_posterior, promise);
+
+        // Recognize: perceive once more, at the estimate.
+        parts.appearance.perceive(&estimate, w.plan.chosen(), &mut w.percept);
+
+        // Select. Children of heavy particles start the next frame.
+        w.ancestors.resize(n, 0);
+        if parts.resampling.is_due(ess, n) {
+            parts.resampling.select(&w.weights, &mut w.ancestors, &mut streams.at(*frame, Select).rng(0));
+            log_carried.fill(-(n as f64).ln());
+        } else {
+            w.ancestors.iter_mut().enumerate().for_each(|(i, a)| *a = i);
+            log_carried.iter_mut().zip(&w.weights).for_each(|(carried, weight)| *carried = weight.ln());
+        }
+        for (particle, &ancestor) in particles.iter_mut().zip(&w.ancestors) {
+            *particle = w.predicted[ancestor];
+        }
+
+        Step::of(scene.frame, w, target.extent, estimate, covariance, ess, log_evidence, watch, &*parts.policy)
+    }
+
+    /// The whole state of the filter in mid-video, to go on from bit for bit with [`Tracker::load`].
+    pub fn save(&self) -> serde_json::Value {
+        let saved = Saved {
+            format: FORMAT,
+            frame: self.frame,
+            target: self.target,
+            particles: self.particles.clone(),
+            weights: self.log_carried.iter().map(|w| w.exp()).collect(),
+            policy: self.parts.policy.save(),
+            appearance: self.parts.appearance.save(),
+            vigilance: self.parts.vigilance.save(),
+        };
+        serde_json::to_value(saved).expect("plain data is JSON")
+    }
+
+    /// Takes up what `save` gave, in a tracker made from the same configuration and seed.
+    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+        let bad = |what: String| Error::Invalid(format!("the saved tracker cannot be used: {what}"));
+        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
+        if saved.format != FORMAT {
+            return Err(bad(format!("its format is {}, this program writes and reads {FORMAT}", saved.format)));
+        }
+        let n = self.particles.len();
+        if saved.particles.len() != n || saved.weights.len() != n {
+            return Err(bad(format!(
+                "it has {} particles and {} weights, this tracker has {n}; use the configuration it was saved with",
+                saved.particles.len(),
+                saved.weights.len()
+            )));
+        }
+        self.parts.policy.load(&saved.policy)?;
+        self.parts.appearance.load(&saved.appearance)?;
+        self.parts.vigilance.load(&saved.vigilance)?;
+        if let Some(target) = &saved.target {
+            self.parts.proposal.size(target.extent.mean());
+        }
+        self.frame = saved.frame;
+        self.target = saved.target;
+        self.particles = saved.particles;
+        self.log_carried = saved.weights.iter().map(|w| w.ln()).collect();
+        Ok(())
+    }
+
+    /// The box of a state, at this target's size. `None` before `start`.
+    pub fn bbox(&self, state: &State) -> Option<BBox> {
+        self.target.as_ref().map(|t| state.bbox(t.extent))
+    }
+
+    /// The parts, to look at.
+    pub fn parts(&self) -> &Parts {
+        &self.parts
+    }
+}
+
+/// The format number of saved trackers.
+const FORMAT: u32 = 1;
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    format: u32,
+    frame: u64,
+    target: Option<Target>,
+    particles: Vec<State>,
+    weights: Vec<f64>,
+    policy: serde_json::Value,
+    appearance: serde_json::Value,
+    vigilance: serde_json::Value,
+}
+
+fn add(to: &mut [f64], what: &[f64]) {
+    to.iter_mut().zip(what).for_each(|(a, b)| *a += b);
+}
