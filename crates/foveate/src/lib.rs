@@ -20,5 +20,6 @@ pub mod scene;
 pub mod start;
 pub mod step;
 pub mod tracker;
+pub mod training;
 
 pub use error::{Error, Result};
