@@ -173,7 +173,9 @@ fn main() {
     let plane = box_means(image, (3, 3), region, &mut scratch, &mut means[..140 * 140]);
     let maps: Vec<[f32; 6]> = values(600, 8)
         .chunks(6)
-        .map(|r| [310.0 + 20.0 * r[0], 230.0 + 20.0 * r[1], 1.0 + 0.1 * r[2], 0.1 * r[3], -0.1 * r[3], 1.0 + 0.1 * r[2]])
+        .map(|r| {
+            [310.0 + 20.0 * r[0], 230.0 + 20.0 * r[1], 1.0 + 0.1 * r[2], 0.1 * r[3], -0.1 * r[3], 1.0 + 0.1 * r[2]]
+        })
         .collect();
     for cells in [48, 144, 240] {
         let (du, dv): (Vec<f32>, Vec<f32>) = (0..cells).map(|i| ((i % 16) as f32 - 7.5, (i / 16) as f32 - 7.5)).unzip();
