@@ -16,12 +16,16 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    Train(cmd::train::TrainArgs),
+    Synth(cmd::synth::Args),
+    Eval(cmd::eval::Args),
+    Train(cmd::train::Args),
 }
 
 fn main() -> ExitCode {
     let result = match Cli::parse().command {
-        Command::Train(args) => cmd::train::run(&args),
+        Command::Synth(args) => cmd::synth::run(args),
+        Command::Eval(args) => cmd::eval::run(args),
+        Command::Train(args) => cmd::train::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use clap::{Args, Subcommand, ValueEnum};
+use clap::{Subcommand, ValueEnum};
 use foveate::identity::retina::{Foveal, FovealConfig, Retina};
 use foveate::rbm::likelihood::{ais, mean_log_likelihood};
 use foveate::rbm::monitor::Fit;
@@ -20,8 +20,8 @@ const MONITORED: usize = 500;
 const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(10);
 
 /// Learn a model.
-#[derive(Args)]
-pub struct TrainArgs {
+#[derive(clap::Args)]
+pub struct Args {
     #[command(subcommand)]
     what: What,
 }
@@ -35,7 +35,7 @@ enum What {
 ///
 /// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
 /// ends with the same bits. The same seed gives the same model for any number of threads.
-#[derive(Args)]
+#[derive(clap::Args)]
 struct RbmArgs {
     /// Folder with the data: the four MNIST files (or a folder `mnist` of them), or photographs (or a folder `natural`).
     #[arg(long, value_name = "DIR")]
@@ -147,8 +147,8 @@ fn ring(text: &str) -> std::result::Result<[usize; 2], String> {
 }
 
 /// Runs the command.
-pub fn run(args: &TrainArgs) -> Result<()> {
-    let What::Rbm(args) = &args.what;
+pub fn run(args: Args) -> Result<()> {
+    let What::Rbm(args) = args.what;
     let threads = rayon::ThreadPoolBuilder::new().num_threads(args.threads.unwrap_or(0)).build();
     let pool = threads.map_err(|e| Error::Config(format!("--threads: {e}")))?;
     // Asked before the work, not after it.
@@ -157,7 +157,7 @@ pub fn run(args: &TrainArgs) -> Result<()> {
             return Err(Error::Config(format!("{}: its folder does not exist", path.display())));
         }
     }
-    pool.install(|| train(args))
+    pool.install(|| train(&args))
 }
 
 impl RbmArgs {

@@ -1,0 +1,254 @@
+//! A frame with what was believed of it, as a picture: for the video, for stills, for the README.
+//!
+//! On the left the frame, small ones magnified: box, path, particles coloured by weight, the fixation's cross and the
+//! windows of the retina. On the right what the fovea saw, where the policy looks, and three gauges.
+
+use std::collections::VecDeque;
+
+use super::RunInfo;
+use super::draw::{Colour, Drawing, Point, text_width};
+use super::eye::Eye;
+use crate::gaze::Portrait;
+use crate::geometry::{BBox, Extent, Gaze, State};
+use crate::scene::{Frame, Image};
+use crate::step::Step;
+
+/// Height that small frames are magnified towards, pixels.
+const TALL: usize = 480;
+/// A magnified frame is not wider than this, pixels.
+const WIDE: usize = 1280;
+/// Frames of path that are shown.
+const PATH: usize = 60;
+
+const GROUND: Colour = [18, 21, 26];
+const SUNKEN: Colour = [36, 41, 48];
+const INK: Colour = [236, 238, 240];
+const SOFT: Colour = [150, 159, 168];
+const TARGET: Colour = [57, 182, 255];
+const GAZE: Colour = [255, 182, 39];
+const LOST: Colour = [255, 122, 56];
+const BLACK: Colour = [0, 0, 0];
+
+/// Draws frames of one run, in order.
+pub struct Annotator {
+    eye: Option<Eye>,
+    /// Half the sides of the retina's windows, in template units, the innermost first.
+    windows: Vec<f64>,
+    path: VecDeque<Point>,
+}
+
+/// Where the frame lies on the page: `zoom` page pixels for each of its own.
+#[derive(Clone, Copy)]
+struct View {
+    zoom: f64,
+    /// Width of lines relative to a page of 480 rows.
+    bold: f64,
+}
+
+impl View {
+    fn at(self, (x, y): Point) -> Point {
+        // The centre of an image pixel is the centre of its block of page pixels.
+        (self.zoom * (x + 0.5) - 0.5, self.zoom * (y + 0.5) - 0.5)
+    }
+}
+
+impl Annotator {
+    /// For a run whose retina draws its windows and the glimpse; without one they are left out.
+    pub fn new(info: &RunInfo) -> Self {
+        let mut windows: Vec<(f64, f64)> = vec![];
+        for cell in info.retina.iter().flat_map(|r| r.cells()).filter(|c| c.channel == 0) {
+            let reach = cell.u.abs().max(cell.v.abs()) + cell.half;
+            match windows.iter_mut().find(|w| w.0 == cell.half) {
+                Some(window) => window.1 = window.1.max(reach),
+                None => windows.push((cell.half, reach)),
+            }
+        }
+        windows.sort_by(|a, b| a.1.total_cmp(&b.1));
+        Self {
+            eye: info.retina.as_deref().and_then(Eye::new),
+            windows: windows.into_iter().map(|w| w.1).collect(),
+            path: VecDeque::new(),
+        }
+    }
+
+    /// A frame whose box was given.
+    pub fn start(&mut self, frame: &Frame, bbox: &BBox) -> Image {
+        let (state, extent) = (State::of(bbox), Extent::of(bbox));
+        self.path.clear();
+        self.path.push_back((state.x, state.y));
+        let (mut page, view, panel) = self.page(frame);
+        outline(&mut page, view, &state, extent, Gaze::CENTRE, 1.0, 2.0, TARGET);
+        banner(&mut page, view, frame, "box given", [0, 95, 155]);
+        self.side(&mut page, panel, frame, None);
+        page.into_image()
+    }
+
+    /// A frame that was tracked.
+    pub fn annotate(&mut self, step: &Step<'_>) -> Image {
+        self.path.push_back((step.estimate.x, step.estimate.y));
+        if self.path.len() > PATH {
+            self.path.pop_front();
+        }
+        let (mut page, view, panel) = self.page(step.frame);
+        self.particles(&mut page, view, step);
+        for (i, (a, b)) in self.path.iter().zip(self.path.iter().skip(1)).enumerate() {
+            let fresh = (i + 1) as f64 / self.path.len() as f64;
+            page.line(&[view.at(*a), view.at(*b)], 1.6 * view.bold, TARGET, 0.85 * fresh);
+        }
+        let colour = if step.lost() { LOST } else { TARGET };
+        outline(&mut page, view, &step.estimate, step.extent, Gaze::CENTRE, 1.0, 2.0, colour);
+        self.fixation(&mut page, view, step);
+        if step.lost() {
+            banner(&mut page, view, step.frame, "believed lost", [190, 74, 0]);
+        }
+        // What was drawn over the panel's place is behind it.
+        self.side(&mut page, panel, step.frame, Some(step));
+        page.into_image()
+    }
+
+    /// The page with the frame on it, and where the panel begins.
+    fn page(&self, frame: &Frame) -> (Drawing, View, usize) {
+        let (w, h) = (frame.image.width(), frame.image.height());
+        let zoom = ((TALL + h / 2) / h).min(WIDE / w).max(1);
+        let (width, height) = (w * zoom, h * zoom);
+        let panel = (height * 3 / 8).clamp(150, 480);
+        // H.264 has pixels in pairs.
+        let even = |n: usize| n + n % 2;
+        let mut page = Drawing::new(even(width + panel), even(height), GROUND);
+        page.paste(&frame.image, 0, 0, width, height);
+        (page, View { zoom: zoom as f64, bold: (height as f64 / TALL as f64).clamp(0.8, 3.0) }, width)
+    }
+
+    fn particles(&self, page: &mut Drawing, view: View, step: &Step<'_>) {
+        let most = step.weights.iter().copied().fold(0.0, f64::max);
+        let mut order: Vec<usize> = (0..step.weights.len()).collect();
+        order.sort_by(|a, b| step.weights[*a].total_cmp(&step.weights[*b]));
+        for i in order {
+            let share = (step.weights[i] / most).sqrt();
+            let at = view.at((step.predicted[i].x, step.predicted[i].y));
+            page.disc(at, view.bold * (1.3 + 0.9 * share), tint(share), 0.4 + 0.5 * share);
+        }
+    }
+
+    fn fixation(&self, page: &mut Drawing, view: View, step: &Step<'_>) {
+        let chosen = step.plan.chosen_index();
+        let looks = step.plan.gazes().iter().zip(step.plan.used()).enumerate().filter(|(_, (_, used))| **used);
+        for (k, (gaze, _)) in looks {
+            let at = step.estimate.fixate(*gaze, step.extent);
+            let (x, y) = view.at((at.x, at.y));
+            if k == chosen {
+                for (i, reach) in self.windows.iter().enumerate().rev() {
+                    let thick = if i == 0 { 1.6 } else { 0.8 };
+                    outline(page, view, &step.estimate, step.extent, *gaze, *reach, thick, GAZE);
+                }
+            }
+            let (arm, colour) = if k == chosen { (7.0, INK) } else { (4.0, GAZE) };
+            for (thick, colour, alpha) in [(3.6, BLACK, 0.5), (1.8, colour, 1.0)] {
+                let (arm, thick) = (arm * view.bold, thick * view.bold);
+                page.line(&[(x - arm, y), (x + arm, y)], thick, colour, alpha);
+                page.line(&[(x, y - arm), (x, y + arm)], thick, colour, alpha);
+            }
+        }
+    }
+
+    fn side(&self, page: &mut Drawing, left: usize, frame: &Frame, step: Option<&Step<'_>>) {
+        let (width, height) = (page.width() - left, page.height() as f64);
+        let unit = height / TALL as f64;
+        let (pad, size) = (14.0 * unit, (9.0 * unit).max(6.0));
+        let (x, inner) = (left as f64 + pad, width as f64 - 2.0 * pad);
+        page.fill(left as f64 - 0.5, -0.5, width as f64, height, GROUND, 1.0);
+        let mut y = pad;
+        page.text((x, y), &format!("frame {}", frame.index + 1), 1.35 * size, INK);
+        let time = format!("{:.2} s", frame.time);
+        page.text((x + inner - text_width(&time, size), y + 0.3 * size), &time, size, SOFT);
+        y += 1.35 * size + pad;
+
+        // Two squares and three gauges share the height that is left.
+        let gauges = 3.0 * 2.7 * size;
+        let square = inner.min((height - y - gauges - pad) / 2.0 - 2.0 * size - 0.6 * pad).max(8.0);
+        page.text((x, y), "what the fovea saw", size, SOFT);
+        y += 1.9 * size;
+        page.fill(x - 0.5, y - 0.5, square, square, SUNKEN, 1.0);
+        if let (Some(eye), Some(step)) = (&self.eye, step) {
+            let side = square.round() as usize;
+            page.paste(&eye.picture(&step.percept.glimpse), x.round() as usize, y.round() as usize, side, side);
+        }
+        y += square + 0.8 * pad;
+        page.text((x, y), "where it looks", size, SOFT);
+        y += 1.9 * size;
+        page.fill(x - 0.5, y - 0.5, square, square, SUNKEN, 1.0);
+        if let Some(step) = step {
+            policy(page, (x, y), square, step, unit);
+        }
+        y += square + 0.9 * pad;
+        let Some(step) = step else { return };
+        let n = step.weights.len() as f64;
+        let reward = step.rewards[step.plan.chosen_index()];
+        for (name, value, share, colour) in [
+            ("reward", format!("{reward:.2}"), reward, GAZE),
+            ("ess", format!("{:.0} of {n}", step.ess), step.ess / n, TARGET),
+            ("doubt", format!("{:.2}", step.watch.doubt), step.watch.doubt, LOST),
+        ] {
+            page.text((x, y), name, size, SOFT);
+            page.text((x + inner - text_width(&value, size), y), &value, size, INK);
+            y += 1.45 * size;
+            let bar = 0.4 * size;
+            page.fill(x, y, inner, bar, SUNKEN, 1.0);
+            page.fill(x, y, inner * share.clamp(0.0, 1.0), bar, colour, 1.0);
+            y += 1.25 * size;
+        }
+    }
+}
+
+/// The policy over the template's box, on a square of the page.
+fn policy(page: &mut Drawing, (x, y): Point, side: f64, step: &Step<'_>, unit: f64) {
+    const REACH: f64 = 1.25;
+    let at = |u: f64, v: f64| (x + side * (u / REACH + 1.0) / 2.0, y + side * (v / REACH + 1.0) / 2.0);
+    let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(u, v)| at(u, v));
+    page.outline(&corners, 1.4 * unit, TARGET, 0.9);
+    if let Portrait::Arms { gazes, probabilities } = step.portrait {
+        let full = side * 0.17;
+        for (gaze, p) in gazes.iter().zip(probabilities) {
+            page.disc(at(gaze.u, gaze.v), (full * p.sqrt()).max(1.6 * unit), TARGET, 0.75);
+        }
+    }
+    let gaze = step.plan.chosen();
+    let (cx, cy) = at(gaze.u, gaze.v);
+    page.ring((cx, cy), 7.0 * unit, 1.8 * unit, GAZE, 1.0);
+    page.disc((cx, cy), 1.8 * unit, INK, 1.0);
+}
+
+/// A square of the template, `reach` around a gaze, as it lies on the frame.
+#[expect(clippy::too_many_arguments, reason = "a shape, a place and a pen")]
+fn outline(
+    page: &mut Drawing,
+    view: View,
+    state: &State,
+    extent: Extent,
+    gaze: Gaze,
+    reach: f64,
+    thick: f64,
+    colour: Colour,
+) {
+    let f = state.fixate(gaze, extent);
+    let corners = [(-reach, -reach), (reach, -reach), (reach, reach), (-reach, reach)]
+        .map(|(u, v)| view.at((f.x + u * f.ux + v * f.vx, f.y + u * f.uy + v * f.vy)));
+    page.outline(&corners, (thick + 1.8) * view.bold, BLACK, 0.4);
+    page.outline(&corners, thick * view.bold, colour, 1.0);
+}
+
+fn banner(page: &mut Drawing, view: View, frame: &Frame, text: &str, ground: Colour) {
+    let size = 11.0 * view.bold;
+    let (middle, y) = (view.zoom * frame.image.width() as f64 / 2.0, 2.1 * size);
+    let half = text_width(text, size) / 2.0;
+    page.line(&[(middle - half, y), (middle + half - 0.3 * size, y)], 2.4 * size, ground, 0.92);
+    page.text((middle - half, y - size / 2.0), text, size, [255; 3]);
+}
+
+/// Violet over rose to pale yellow: dark to bright for any eye.
+fn tint(t: f64) -> Colour {
+    const RAMP: [[f64; 3]; 3] = [[111.0, 71.0, 230.0], [224.0, 82.0, 143.0], [255.0, 236.0, 130.0]];
+    let t = 2.0 * t.clamp(0.0, 1.0);
+    let (a, b, f) = if t < 1.0 { (RAMP[0], RAMP[1], t) } else { (RAMP[1], RAMP[2], t - 1.0) };
+    std::array::from_fn(|i| (a[i] + f * (b[i] - a[i])).round() as u8)
+}

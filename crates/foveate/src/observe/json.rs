@@ -1,0 +1,41 @@
+//! The summary of a run that `--json` prints.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::geometry::BBox;
+
+/// What became of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// The video file or folder.
+    pub source: String,
+    /// Frames in the results, the first one included.
+    pub frames: usize,
+    /// Time spent in the tracker alone, seconds.
+    pub seconds: f64,
+    /// Frames a second of the tracker alone; 0 where nothing was measured.
+    pub fps: f64,
+    /// Frames on which the target was believed lost.
+    pub lost_frames: usize,
+    /// The last box, counted from 0, in pixels; `null` without any frame.
+    pub bbox: Option<BBox>,
+    /// The seed in force.
+    pub seed: u64,
+    /// Files written.
+    pub outputs: Vec<PathBuf>,
+    /// Why the source ended early, if it did.
+    pub error: Option<String>,
+}
+
+impl Summary {
+    /// Frames a second, from frames and seconds.
+    pub fn rate(frames: usize, seconds: f64) -> f64 {
+        if seconds > 0.0 { frames as f64 / seconds } else { 0.0 }
+    }
+    /// As JSON on several lines.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("plain data is JSON")
+    }
+}

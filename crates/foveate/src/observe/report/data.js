@@ -1,0 +1,71 @@
+// The run: one value a row (frame) in `series`, pictures and particles in `keys` (some of the rows).
+const data = JSON.parse(document.getElementById('data').textContent);
+const { info, series, keys, arms } = data;
+const rows = series.frame.length;
+const [frameWidth, frameHeight] = data.size;
+const byId = id => document.getElementById(id);
+
+const bytes = text => Uint8Array.from(atob(text || ''), c => c.charCodeAt(0));
+const words = text => { const b = bytes(text); return Array.from({ length: b.length >> 1 }, (_, i) => b[2 * i] | b[2 * i + 1] << 8); };
+const picture = text => { const image = new Image(); image.src = 'data:image/jpeg;base64,' + text; return image; };
+
+// A number as people read it: three figures (two below 1), a real minus, a dash for "none".
+function say(value, digits = 3) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return '–';
+  const size = Math.abs(value);
+  if (size < 1e-6) return '0';
+  const power = Math.floor(Math.log10(size)), places = power < 0 ? digits - 2 - power : digits - 1 - power;
+  const text = size >= 1e6 || size < 1e-4 ? value.toExponential(1) : value.toFixed(Math.max(0, places));
+  return text.replace('-', '−');
+}
+
+function element(tag, attributes = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.append(...children);
+  return made;
+}
+// SVG from text of our own making; never from data.
+function drawing(markup) {
+  const holder = document.createElement('template');
+  holder.innerHTML = markup;
+  return holder.content.firstElementChild;
+}
+const colour = name => getComputedStyle(document.documentElement).getPropertyValue('--' + name).trim();
+
+// Runs of rows on which the target was believed lost: [first, last].
+const lostRuns = [];
+series.lost.forEach((lost, row) => {
+  if (!lost) return;
+  const last = lostRuns[lostRuns.length - 1];
+  if (last && last[1] === row - 1) last[1] = row; else lostRuns.push([row, row]);
+});
+
+// A canvas that is as sharp as the screen; answers its context, drawn in CSS pixels.
+function sharp(canvas, width, height) {
+  const ratio = window.devicePixelRatio || 1;
+  const [w, h] = [Math.max(1, Math.round(width * ratio)), Math.max(1, Math.round(height * ratio))];
+  if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
+  const context = canvas.getContext('2d');
+  context.setTransform(w / width, 0, 0, h / height, 0, 0);
+  return context;
+}
+const median = list => { const s = list.filter(v => v !== null).sort((a, b) => a - b); return s.length ? s[s.length >> 1] : null; };
+
+// Where a gaze falls on the image, as State::fixate has it: centre, and one template unit along u and v.
+function fixate(row, u, v) {
+  const s = Math.exp(series.log_scale[row]), sin = Math.sin(series.angle[row]), cos = Math.cos(series.angle[row]);
+  const w = s * series.half_w[row], h = s * series.half_h[row];
+  return { x: series.x[row] + cos * w * u - sin * h * v, y: series.y[row] + sin * w * u + cos * h * v, ux: cos * w, uy: sin * w, vx: -sin * h, vy: cos * h };
+}
+
+// Windows of the retina from the inside out: half their sides in template units (grey cells).
+const windows = [];
+for (let i = 0; i < data.cells.length; i += 4) {
+  const [u, v, half, channel] = data.cells.slice(i, i + 4);
+  if (channel !== 0) continue;
+  const reach = Math.max(Math.abs(u), Math.abs(v)) + half;
+  const known = windows.find(w => Math.abs(w.half - half) < 1e-6);
+  if (known) known.reach = Math.max(known.reach, reach); else windows.push({ half, reach });
+}
+windows.sort((a, b) => a.reach - b.reach);

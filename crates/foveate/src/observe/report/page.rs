@@ -1,0 +1,228 @@
+//! The page's data, and the page made of them. `data.js` reads what [`Page::render`] writes.
+
+use std::time::Duration;
+
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::super::RunInfo;
+use crate::geometry::{Extent, State};
+use crate::scene::Frame;
+use crate::step::Step;
+
+/// One number a frame of each; NaN where there is none.
+const COLUMNS: [&str; 26] = [
+    "frame",
+    "time",
+    "x",
+    "y",
+    "vx",
+    "vy",
+    "log_scale",
+    "angle",
+    "half_w",
+    "half_h",
+    "cov_xx",
+    "cov_xy",
+    "cov_yy",
+    "sd_x",
+    "sd_y",
+    "ess",
+    "log_evidence",
+    "doubt",
+    "lost",
+    "u",
+    "v",
+    "arm",
+    "reward",
+    "reward_low",
+    "reward_high",
+    "distance",
+];
+
+/// What is kept of a frame beside its numbers. Texts are base64: a JPEG, or bytes.
+#[derive(Default, Serialize)]
+pub struct Key {
+    pub row: usize,
+    pub jpeg: String,
+    /// x and y of each particle: 16 bits over −1 to 2 pictures.
+    pub particles: String,
+    /// Relative to the heaviest, 8 bits.
+    pub weights: String,
+    pub glimpse: String,
+    pub remembered: String,
+    pub features: String,
+    /// What 0 and 255 stand for in `features`, where that is not 0 and 1.
+    pub span: Option<[f32; 2]>,
+    /// A probability an arm, 16 bits.
+    pub policy: String,
+    /// Gazes used beside the chosen one.
+    pub also: Vec<[f64; 2]>,
+}
+
+impl Key {
+    /// Bytes of its pictures before base64.
+    pub fn bytes(&self) -> usize {
+        self.jpeg.len() / 4 * 3
+    }
+}
+
+/// The target in the first frame.
+#[derive(Serialize)]
+pub struct Still {
+    pub jpeg: String,
+    /// Left, top, right, bottom in template units.
+    #[serde(rename = "box")]
+    pub bounds: [f64; 4],
+}
+
+/// All that the page shows but its keys.
+pub struct Page {
+    title: String,
+    info: Value,
+    rate: f64,
+    cells: Vec<f64>,
+    size: [usize; 2],
+    particles: usize,
+    seconds: f64,
+    tracked: usize,
+    rows: Vec<[f64; 26]>,
+    pub shown: usize,
+    pub features: usize,
+    pub learned: bool,
+    pub arms: Vec<[f64; 2]>,
+    pub template: Option<Still>,
+}
+
+impl Page {
+    pub fn new(info: &RunInfo) -> Self {
+        let cells = info.retina.iter().flat_map(|r| r.cells()).flat_map(|c| [c.u, c.v, c.half, c.channel as f64]);
+        Self {
+            title: info.source.clone(),
+            info: json!({
+                "source": info.source, "reader": info.reader, "seed": info.seed, "command": info.command,
+                "config_name": info.config_name, "config_text": info.config_text,
+                "version": concat!("foveate ", env!("CARGO_PKG_VERSION")),
+            }),
+            rate: info.rate,
+            cells: cells.collect(),
+            size: [1, 1],
+            particles: 0,
+            seconds: 0.0,
+            tracked: 0,
+            rows: vec![],
+            shown: 0,
+            features: 0,
+            learned: false,
+            arms: vec![],
+            template: None,
+        }
+    }
+
+    /// A row for a frame whose box was given; answers which.
+    pub fn given(&mut self, frame: &Frame, state: &State, extent: Extent) -> usize {
+        let mut row = [f64::NAN; 26];
+        self.size = [frame.image.width(), frame.image.height()];
+        row[0] = frame.index as f64 + 1.0;
+        row[1] = frame.time;
+        row[2..8].copy_from_slice(&state.to_array());
+        row[8..10].copy_from_slice(&[extent.half_w, extent.half_h]);
+        self.rows.push(row);
+        self.rows.len() - 1
+    }
+
+    /// A row for a frame that was tracked; answers which.
+    pub fn tracked(&mut self, step: &Step<'_>, arm: Option<usize>) -> usize {
+        let index = self.given(step.frame, &step.estimate, step.extent);
+        self.particles = step.weights.len();
+        self.tracked += 1;
+        let (c, gaze) = (&step.covariance, step.plan.chosen());
+        let low = step.rewards.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = step.rewards.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        self.rows[index][10..].copy_from_slice(&[
+            c[0][0],
+            c[0][1],
+            c[1][1],
+            c[0][0].sqrt(),
+            c[1][1].sqrt(),
+            step.ess,
+            step.log_evidence,
+            step.watch.doubt,
+            f64::from(u8::from(step.lost())),
+            gaze.u,
+            gaze.v,
+            arm.map_or(f64::NAN, |arm| arm as f64),
+            step.rewards[step.plan.chosen_index()],
+            low,
+            high,
+            step.percept.distance,
+        ]);
+        index
+    }
+
+    /// Takes in how long tracking took.
+    pub fn measure(&mut self, tracking: Duration) {
+        self.seconds = tracking.as_secs_f64();
+    }
+
+    /// The page.
+    pub fn render(&self, keys: &[Key]) -> String {
+        let column = |i: usize| self.rows.iter().map(|row| short(row[i])).collect();
+        let series: Map<String, Value> =
+            COLUMNS.iter().enumerate().map(|(i, name)| ((*name).into(), Value::Array(column(i)))).collect();
+        let fps = if self.seconds > 0.0 { short(self.tracked as f64 / self.seconds) } else { Value::Null };
+        let data = json!({
+            "format": 1, "info": self.info, "summary": { "fps": fps }, "size": self.size, "rate": self.rate,
+            "particles": self.particles, "shown": self.shown, "features": self.features, "learned": self.learned,
+            "cells": self.cells.iter().map(|v| short(*v)).collect::<Vec<_>>(), "template": self.template,
+            "arms": self.arms, "series": series, "keys": keys,
+        });
+        // No "<" is left in it, so nothing in it can end the script element or begin a comment.
+        let data = data.to_string().replace('<', "\\u003c");
+        let script = [
+            include_str!("data.js"),
+            include_str!("stage.js"),
+            include_str!("fovea.js"),
+            include_str!("policy.js"),
+            include_str!("charts.js"),
+            include_str!("main.js"),
+        ];
+        let title = format!("foveate: {}", escape(&self.title));
+        let parts = [
+            ("title", title),
+            ("style", include_str!("style.css").into()),
+            ("script", script.concat()),
+            ("data", data),
+        ];
+        fill(include_str!("page.html"), &parts)
+    }
+}
+
+/// Five figures are more than a screen shows; what is not finite becomes null.
+fn short(value: f64) -> Value {
+    if !value.is_finite() {
+        return Value::Null;
+    }
+    if value.fract() == 0.0 && value.abs() < 1e9 {
+        return json!(value as i64);
+    }
+    json!(format!("{value:.5e}").parse::<f64>().expect("printed by Rust, read by Rust"))
+}
+
+/// Text as HTML.
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// Puts parts in the places `{{name}}` of a template, in one pass: what a part holds is left alone.
+fn fill(template: &str, parts: &[(&str, String)]) -> String {
+    let mut out = String::with_capacity(template.len() + parts.iter().map(|p| p.1.len()).sum::<usize>());
+    let mut rest = template;
+    while let Some((before, after)) = rest.split_once("{{") {
+        let (name, after) = after.split_once("}}").expect("every {{ of the page has its }}");
+        out.push_str(before);
+        out.push_str(&parts.iter().find(|p| p.0 == name).expect("every place of the page has its part").1);
+        rest = after;
+    }
+    out + rest
+}

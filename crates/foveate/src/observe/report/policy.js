@@ -1,0 +1,128 @@
+// Where it looks: the policy on the template, as bars, and over time.
+const templatePicture = data.template && picture(data.template.jpeg);
+if (templatePicture) templatePicture.onload = () => drawPolicy();
+const probabilities = keys.map(() => null);
+// Probabilities at a key, or for policies that state none, how often each arm was looked at in the last frames.
+const RECENT = 30;
+function policyAt(k) {
+  if (probabilities[k]) return probabilities[k];
+  if (data.learned) return probabilities[k] = words(keys[k].policy).map(p => p / 65535);
+  const counts = arms.map(() => 0), row = keys[k].row;
+  let looks = 0;
+  for (let r = Math.max(0, row - RECENT + 1); r <= row; r++) if (series.arm[r] !== null) { counts[series.arm[r]]++; looks++; }
+  return probabilities[k] = counts.map(n => looks ? n / looks : 0);
+}
+// A small square with a point at a gaze.
+const widest = Math.max(1, ...arms.flat().map(Math.abs));
+const padMarkup = ([u, v]) => `<svg viewBox="-10 -10 20 20" aria-hidden="true"><rect x="-9" y="-9" width="18" height="18" rx="3" fill="none" stroke="currentColor" stroke-opacity=".45"/><circle cx="${6 * u / widest}" cy="${6 * v / widest}" r="2.6" fill="currentColor"/></svg>`;
+const listed = arms.length > 1 && arms.length <= 12;
+const armRows = listed ? arms.map(at => {
+  const bar = element('i'), p = element('span', { class: 'p' });
+  const line = element('div', { class: 'arm', title: `gaze (${say(at[0], 2)}, ${say(at[1], 2)}) in half-boxes` }, drawing(padMarkup(at)), element('span', { class: 'bar' }, bar), p);
+  byId('arms').append(line);
+  return { line, bar, p };
+}) : [];
+if (!listed) document.querySelector('.policy').classList.add('wide');
+
+function drawPolicy() {
+  const key = keys[now], row = key.row, p = policyAt(now), chosen = series.arm[row];
+  if (series.u[row] === null) byId('gaze').textContent = 'no look in this frame';
+  else byId('gaze').replaceChildren('looking at ', element('b', {}, `(${say(series.u[row], 2)}, ${say(series.v[row], 2)})`), ' half-boxes');
+  byId('template-caption').textContent = data.learned ? 'area of a disc: probability of the next look' : `area of a disc: share of the last ${RECENT} looks`;
+  armRows.forEach(({ line, bar, p: text }, i) => {
+    line.classList.toggle('now', i === chosen);
+    bar.style.width = `${100 * (p[i] || 0)}%`;
+    text.textContent = p.length ? `${(100 * p[i]).toFixed(p[i] < .0995 ? 1 : 0)} %` : '–';
+  });
+  const canvas = byId('template'), size = canvas.clientWidth || 220, c = sharp(canvas, size, size);
+  c.clearRect(0, 0, size, size);
+  const [u0, v0, u1, v1] = data.template ? data.template.box : [-1.6, -1.6, 1.6, 1.6];
+  const at = (u, v) => [(u - u0) / (u1 - u0) * size, (v - v0) / (v1 - v0) * size];
+  if (templatePicture && templatePicture.complete) {
+    c.imageSmoothingEnabled = size / templatePicture.naturalWidth < 3;
+    c.drawImage(templatePicture, 0, 0, size, size);
+    c.fillStyle = 'rgb(8 10 14 / .38)';
+    c.fillRect(0, 0, size, size);
+  }
+  const frame = (u, v, reach, ink, thick) => { c.strokeStyle = ink; c.lineWidth = thick; const [x, y] = at(u - reach, v - reach), [x2, y2] = at(u + reach, v + reach); c.strokeRect(x, y, x2 - x, y2 - y); };
+  frame(0, 0, 1, '#39b6ff', 1.6);
+  const unit = size / (u1 - u0), gap = arms.length > 1 ? Math.min(...arms.slice(1).map((a, i) => Math.hypot(a[0] - arms[i][0], a[1] - arms[i][1]))) : 1;
+  arms.forEach(([u, v], i) => {
+    const [x, y] = at(u, v), full = Math.max(14, Math.min(.12 * size, .95 * gap * unit));
+    c.beginPath(); c.arc(x, y, Math.max(2.2, full * Math.sqrt(p[i] || 0)), 0, 7);
+    c.fillStyle = 'rgb(120 205 255 / .8)'; c.fill();
+    c.strokeStyle = 'rgb(0 0 0 / .5)'; c.lineWidth = 1; c.stroke();
+  });
+  if (!arms.length) trail(c, at, row);
+  if (series.u[row] !== null) {
+    const u = series.u[row], v = series.v[row], [x, y] = at(u, v);
+    windows.slice(0, 1).forEach(w => frame(u, v, w.reach, '#ffb627', 1.8));
+    c.strokeStyle = '#fff'; c.lineWidth = 2;
+    c.beginPath(); c.moveTo(x - 7, y); c.lineTo(x + 7, y); c.moveTo(x, y - 7); c.lineTo(x, y + 7); c.stroke();
+  }
+}
+
+// Continuous gazes: where it looked lately.
+function trail(c, at, row) {
+  for (let r = Math.max(0, row - 40); r <= row; r++) {
+    if (series.u[r] === null) continue;
+    c.beginPath(); c.arc(...at(series.u[r], series.v[r]), 3.4, 0, 7);
+    c.fillStyle = `rgb(120 205 255 / ${.9 - .8 * (row - r) / 41})`; c.fill();
+  }
+}
+
+// One line an arm, one column a frame; the gaze that was used is marked.
+const film = arms.length > 1 && {
+  canvas: element('canvas', { role: 'img', 'aria-label': 'Probability of each gaze over time' }), left: 34, bottom: 18,
+  high: Math.max(6, Math.min(17, 260 / arms.length)),
+};
+byId('film').closest('.card').hidden = !film;
+if (film) {
+  const plot = element('div', { class: 'plot' }, film.canvas);
+  byId('film').append(plot);
+  byId('film-note').textContent = data.learned
+    ? 'a row a gaze, a column a frame: the deeper the blue, the likelier the gaze; amber: looked at' : `a row a gaze: share of the last ${RECENT} looks; amber: looked at`;
+  scrubOver(plot, () => film.left, () => plot.clientWidth - film.left - 12);
+}
+function drawFilm() {
+  if (!film) return;
+  const width = byId('film').clientWidth, tall = film.high * arms.length, c = sharp(film.canvas, width, tall + film.bottom);
+  film.canvas.style.height = tall + film.bottom + 'px';
+  const sharpness = window.devicePixelRatio || 1, room = width - film.left - 12, x = row => film.left + (row + .5) / rows * room, step = room / rows;
+  c.clearRect(0, 0, width, tall + film.bottom);
+  c.fillStyle = colour('sunken');
+  c.fillRect(film.left, 0, room, tall);
+  const [target, soft, ink] = ['target', 'soft', 'ink'].map(colour);
+  c.fillStyle = target;
+  keys.forEach((key, k) => {
+    const edge = row => Math.round((film.left + row * step) * sharpness) / sharpness;
+    const from = edge(key.row), to = edge(k + 1 < keys.length ? keys[k + 1].row : rows);
+    policyAt(k).forEach((p, i) => {
+      c.globalAlpha = Math.pow(p, .6);
+      c.fillRect(from, i * film.high, to - from, film.high - 1);
+    });
+  });
+  c.globalAlpha = 1;
+  c.fillStyle = '#ffb627';
+  c.strokeStyle = 'rgb(60 35 0 / .8)';
+  c.lineWidth = .9;
+  series.arm.forEach((arm, row) => {
+    if (arm === null) return;
+    const w = Math.max(1.2, Math.min(5, step * .8)), h = Math.min(5.5, film.high * .5);
+    c.beginPath(); c.roundRect(x(row) - w / 2, (arm + .5) * film.high - h / 2 - .5, w, h, w / 3); c.fill();
+    if (w > 3) c.stroke();
+  });
+  // Small maps of where each row's gaze lies.
+  arms.forEach(([u, v], i) => {
+    const s = Math.min(film.high - 3, 13), px = 14, py = (i + .5) * film.high - .5;
+    c.strokeStyle = soft; c.globalAlpha = .5; c.lineWidth = 1; c.strokeRect(px - s / 2, py - s / 2, s, s); c.globalAlpha = 1;
+    c.fillStyle = ink; c.beginPath(); c.arc(px + u / widest * s * .32, py + v / widest * s * .32, 1.9, 0, 7); c.fill();
+  });
+  frameTicks(width).forEach(({ at, text, anchor }) => {
+    c.fillStyle = soft; c.font = '10.5px system-ui, "DejaVu Sans", sans-serif'; c.textAlign = anchor === 'end' ? 'right' : 'center'; c.textBaseline = 'alphabetic';
+    c.fillText(text, film.left + at * room, tall + 13);
+  });
+  c.fillStyle = ink; c.globalAlpha = .65;
+  c.fillRect(Math.round(x(keys[now].row)), 0, 1, tall);
+  c.globalAlpha = 1;
+}
