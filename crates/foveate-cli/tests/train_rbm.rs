@@ -92,8 +92,7 @@ fn mistakes_are_told_before_the_work() {
     says(&[], "train-images-idx3-ubyte");
     write_digits(dir.path());
     says(&["--momentum", "1"], "momentum");
-    says(&["--hidden", "0"], "hidden units");
-    says(&["--held-out", "0"], "--held-out");
+    says(&["--batch", "0"], "rows of a batch");
     says(&["--filters", "no/such/folder/f.png"], "its folder does not exist");
     says(&["--colour", "16"], "WINDOW/CELL");
     says(&["--config", "none.toml", "--side", "20"], "cannot be used with");
