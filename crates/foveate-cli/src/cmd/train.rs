@@ -76,7 +76,7 @@ struct RbmArgs {
     /// Rows of a mini-batch.
     #[arg(long, default_value_t = 100)]
     batch: usize,
-    /// Step size: 0.1 for bernoulli, 0.01 for gaussian units, unless given.
+    /// Step size: 0.1 for bernoulli, 0.02 for gaussian units, unless given.
     #[arg(long)]
     rate: Option<f32>,
     /// Momentum, at most 0.5 in the first five epochs.
