@@ -11,10 +11,17 @@ pub enum Level {
     Avx2,
     /// x86-64 with AVX-512 F, BW, CD, DQ and VL.
     Avx512,
+    /// The same with the bf16 dot product.
+    Avx512Bf16,
 }
 
-/// Whether multiply-adds are fused where nothing is asked of the processor.
-pub(crate) const FUSED: bool = cfg!(any(target_arch = "aarch64", target_feature = "fma"));
+/// What the compiler may use in a function compiled for a level, as a const parameter `V` of its body: 0 plain
+/// arithmetic, [`FUSED`] multiply-adds too, [`AVX512`] its instructions too.
+pub(crate) const FUSED: u8 = 1;
+/// See [`FUSED`].
+pub(crate) const AVX512: u8 = 2;
+/// What it may use where nothing is asked of the processor.
+pub(crate) const BASE: u8 = if cfg!(any(target_arch = "aarch64", target_feature = "fma")) { FUSED } else { 0 };
 
 static BEST: LazyLock<Level> = LazyLock::new(|| {
     #[cfg(target_arch = "x86_64")]
@@ -22,9 +29,10 @@ static BEST: LazyLock<Level> = LazyLock::new(|| {
         use std::is_x86_feature_detected as has;
         let avx2 = has!("avx2") && has!("fma");
         let avx512 = has!("avx512f") && has!("avx512bw") && has!("avx512cd") && has!("avx512dq") && has!("avx512vl");
-        match (avx2, avx512) {
-            (true, true) => Level::Avx512,
-            (true, false) => Level::Avx2,
+        match (avx2, avx512, has!("avx512bf16")) {
+            (true, true, true) => Level::Avx512Bf16,
+            (true, true, false) => Level::Avx512,
+            (true, false, _) => Level::Avx2,
             _ => Level::Portable,
         }
     }
@@ -42,17 +50,38 @@ impl Level {
     /// Every level this processor has, for tests.
     #[cfg(test)]
     pub(crate) fn all() -> impl Iterator<Item = Self> {
-        [Level::Portable, Level::Avx2, Level::Avx512].into_iter().filter(|&l| l <= Level::best())
+        [Self::Portable, Self::Avx2, Self::Avx512, Self::Avx512Bf16].into_iter().filter(|&l| l <= Self::best())
     }
 }
 
-/// `a × b + c`, rounded once where `FUSED`: without the instruction `mul_add` is a slow library call.
+/// `a × b + c`, rounded once where fused: without the instruction `mul_add` is a slow library call.
 #[inline(always)]
-pub(crate) fn multiply_add<const FUSED: bool>(a: f32, b: f32, c: f32) -> f32 {
-    if FUSED { a.mul_add(b, c) } else { a * b + c }
+pub(crate) fn multiply_add<const V: u8>(a: f32, b: f32, c: f32) -> f32 {
+    if V >= FUSED { a.mul_add(b, c) } else { a * b + c }
 }
 
-/// Defines `pub fn $name(..)` and `fn $at(level, ..)`: `$body::<FUSED>(..)`, an `#[inline(always)]`
+/// 1 / √x for x in [1e-37, 1e37], to 2e-7 relative.
+#[inline(always)]
+pub(crate) fn reciprocal_root<const V: u8>(x: &[f32; 16]) -> [f32; 16] {
+    #[cfg(target_arch = "x86_64")]
+    if V >= AVX512 {
+        use std::arch::x86_64::*;
+        let mut y = [0.0; 16];
+        // SAFETY: `V` says that the caller is compiled for AVX-512, and runs only where it is there. 14 bits and one
+        // step of Newton's method.
+        unsafe {
+            let x = _mm512_loadu_ps(x.as_ptr());
+            let rough = _mm512_rsqrt14_ps(x);
+            let half = _mm512_mul_ps(rough, _mm512_set1_ps(0.5));
+            let miss = _mm512_fnmadd_ps(_mm512_mul_ps(x, rough), rough, _mm512_set1_ps(1.0));
+            _mm512_storeu_ps(y.as_mut_ptr(), _mm512_fmadd_ps(half, miss, rough));
+        }
+        return y;
+    }
+    x.map(|x| 1.0 / x.sqrt())
+}
+
+/// Defines `pub fn $name(..)`, where named, and `fn $at(level, ..)`: `$body::<V>(..)`, an `#[inline(always)]`
 /// function, compiled for every level.
 macro_rules! levels {
     ($(#[$doc:meta])* pub fn $name:ident / $at:ident ($($arg:ident: $ty:ty),* $(,)?) $(-> $ret:ty)? = $body:ident) => {
@@ -62,27 +91,30 @@ macro_rules! levels {
             $at($crate::level::Level::best(), $($arg),*)
         }
 
-        pub(crate) fn $at(level: $crate::level::Level, $($arg: $ty),*) $(-> $ret)? {
+        $crate::level::levels! { fn $at($($arg: $ty),*) $(-> $ret)? = $body }
+    };
+    (fn $at:ident ($($arg:ident: $ty:ty),* $(,)?) $(-> $ret:ty)? = $body:ident) => {
+        fn $at(level: $crate::level::Level, $($arg: $ty),*) $(-> $ret)? {
             #[cfg(target_arch = "x86_64")]
             {
                 #[target_feature(enable = "avx2,fma")]
                 fn avx2($($arg: $ty),*) $(-> $ret)? {
-                    $body::<true>($($arg),*)
+                    $body::<{ $crate::level::FUSED }>($($arg),*)
                 }
                 #[target_feature(enable = "avx2,fma,avx512f,avx512bw,avx512cd,avx512dq,avx512vl")]
                 fn avx512($($arg: $ty),*) $(-> $ret)? {
-                    $body::<true>($($arg),*)
+                    $body::<{ $crate::level::AVX512 }>($($arg),*)
                 }
                 assert!(level <= $crate::level::Level::best(), "this processor has no {level:?}");
                 // SAFETY: the processor has at least `level`, so it has the instructions.
                 match level {
-                    $crate::level::Level::Avx512 => return unsafe { avx512($($arg),*) },
+                    $crate::level::Level::Avx512 | $crate::level::Level::Avx512Bf16 => return unsafe { avx512($($arg),*) },
                     $crate::level::Level::Avx2 => return unsafe { avx2($($arg),*) },
                     $crate::level::Level::Portable => {}
                 }
             }
             let _ = level;
-            $body::<{ $crate::level::FUSED }>($($arg),*)
+            $body::<{ $crate::level::BASE }>($($arg),*)
         }
     };
 }

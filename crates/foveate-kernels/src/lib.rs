@@ -8,10 +8,17 @@
 //! alignment, or on the thread. Sums run in fixed lanes. Between levels the last bits may differ,
 //! because fused multiply-adds round once where two operations round twice.
 
+mod boxes;
 mod level;
 mod logistic;
+mod packed;
 mod sums;
+mod taps;
+mod tile;
 
+pub use boxes::{BoxScratch, Pixels, Region, box_means};
 pub use level::Level;
 pub use logistic::{bias_logistic, logistic};
+pub use packed::{PackedWeights, Precision};
 pub use sums::{dot, root_overlap, squared_distance, sum};
+pub use taps::{Plane, taps, taps_rows};

@@ -13,39 +13,44 @@ const LN_2_LOW: f32 = -2.121_944_4e-4;
 
 /// e^z. Relative error about 1e-7 for z in [-87, 88.3]; at least 1e-38 below that, infinite above it; NaN stays NaN.
 #[inline(always)]
-pub(crate) fn exp<const FUSED: bool>(z: f32) -> f32 {
-    let z = z.clamp(-87.0, 89.0);
-    let shifted = multiply_add::<FUSED>(z, std::f32::consts::LOG2_E, MAGIC);
+pub(crate) fn exp<const V: u8>(z: f32) -> f32 {
+    exp_within::<V>(z.clamp(-87.0, 89.0))
+}
+
+/// e^z for z in [-87, 89].
+#[inline(always)]
+pub(crate) fn exp_within<const V: u8>(z: f32) -> f32 {
+    let shifted = multiply_add::<V>(z, std::f32::consts::LOG2_E, MAGIC);
     let n = shifted - MAGIC;
-    let r = multiply_add::<FUSED>(n, -LN_2_HIGH, z);
-    let r = multiply_add::<FUSED>(n, -LN_2_LOW, r);
-    let p = multiply_add::<FUSED>(r, 1.0 / 720.0, 1.0 / 120.0);
-    let p = multiply_add::<FUSED>(p, r, 1.0 / 24.0);
-    let p = multiply_add::<FUSED>(p, r, 1.0 / 6.0);
-    let p = multiply_add::<FUSED>(p, r, 0.5);
-    let p = multiply_add::<FUSED>(p, r, 1.0);
-    let p = multiply_add::<FUSED>(p, r, 1.0);
+    let r = multiply_add::<V>(n, -LN_2_HIGH, z);
+    let r = multiply_add::<V>(n, -LN_2_LOW, r);
+    let p = multiply_add::<V>(r, 1.0 / 720.0, 1.0 / 120.0);
+    let p = multiply_add::<V>(p, r, 1.0 / 24.0);
+    let p = multiply_add::<V>(p, r, 1.0 / 6.0);
+    let p = multiply_add::<V>(p, r, 0.5);
+    let p = multiply_add::<V>(p, r, 1.0);
+    let p = multiply_add::<V>(p, r, 1.0);
     p * f32::from_bits(shifted.to_bits() << 23)
 }
 
 /// 1 / (1 + e^-x).
 #[inline(always)]
-pub(crate) fn logistic_of<const FUSED: bool>(x: f32) -> f32 {
-    1.0 / (1.0 + exp::<FUSED>(-x))
+pub(crate) fn logistic_of<const V: u8>(x: f32) -> f32 {
+    1.0 / (1.0 + exp::<V>(-x))
 }
 
 #[inline(always)]
-fn logistic_body<const FUSED: bool>(x: &mut [f32]) {
+fn logistic_body<const V: u8>(x: &mut [f32]) {
     for x in x {
-        *x = logistic_of::<FUSED>(*x);
+        *x = logistic_of::<V>(*x);
     }
 }
 
 #[inline(always)]
-fn bias_logistic_body<const FUSED: bool>(rows: &mut [f32], bias: &[f32]) {
+fn bias_logistic_body<const V: u8>(rows: &mut [f32], bias: &[f32]) {
     for row in rows.chunks_exact_mut(bias.len()) {
         for (x, &b) in row.iter_mut().zip(bias) {
-            *x = logistic_of::<FUSED>(*x + b);
+            *x = logistic_of::<V>(*x + b);
         }
     }
 }
@@ -67,7 +72,7 @@ levels! {
 }
 
 #[inline(always)]
-fn bias_logistic_checked<const FUSED: bool>(rows: &mut [f32], bias: &[f32]) {
+fn bias_logistic_checked<const V: u8>(rows: &mut [f32], bias: &[f32]) {
     if rows.is_empty() {
         return;
     }
@@ -77,7 +82,7 @@ fn bias_logistic_checked<const FUSED: bool>(rows: &mut [f32], bias: &[f32]) {
         rows.len(),
         bias.len()
     );
-    bias_logistic_body::<FUSED>(rows, bias);
+    bias_logistic_body::<V>(rows, bias);
 }
 
 #[cfg(test)]

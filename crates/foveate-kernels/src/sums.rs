@@ -6,7 +6,7 @@ const LANES: usize = 32;
 
 /// Adds the lanes up: the upper half onto the lower, until one is left.
 #[inline(always)]
-pub(crate) fn fold(mut lanes: [f32; LANES]) -> f32 {
+pub(crate) fn fold<const LANES: usize>(mut lanes: [f32; LANES]) -> f32 {
     let mut half = LANES / 2;
     while half > 0 {
         for i in 0..half {
@@ -18,7 +18,7 @@ pub(crate) fn fold(mut lanes: [f32; LANES]) -> f32 {
 }
 
 #[inline(always)]
-fn sum_body<const FUSED: bool>(a: &[f32]) -> f32 {
+fn sum_body<const V: u8>(a: &[f32]) -> f32 {
     let mut lanes = [0.0; LANES];
     let (chunks, rest) = a.as_chunks::<LANES>();
     for a in chunks {
@@ -33,52 +33,52 @@ fn sum_body<const FUSED: bool>(a: &[f32]) -> f32 {
 }
 
 #[inline(always)]
-fn dot_body<const FUSED: bool>(a: &[f32], b: &[f32]) -> f32 {
+fn dot_body<const V: u8>(a: &[f32], b: &[f32]) -> f32 {
     assert_eq!(a.len(), b.len(), "a and b must be equally long");
     let mut lanes = [0.0; LANES];
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
     for (a, b) in a.iter().zip(b) {
         for i in 0..LANES {
-            lanes[i] = multiply_add::<FUSED>(a[i], b[i], lanes[i]);
+            lanes[i] = multiply_add::<V>(a[i], b[i], lanes[i]);
         }
     }
     for (lane, (&a, &b)) in lanes.iter_mut().zip(a_rest.iter().zip(b_rest)) {
-        *lane = multiply_add::<FUSED>(a, b, *lane);
+        *lane = multiply_add::<V>(a, b, *lane);
     }
     fold(lanes)
 }
 
 #[inline(always)]
-fn squared_distance_body<const FUSED: bool>(a: &[f32], b: &[f32]) -> f32 {
+fn squared_distance_body<const V: u8>(a: &[f32], b: &[f32]) -> f32 {
     assert_eq!(a.len(), b.len(), "a and b must be equally long");
     let mut lanes = [0.0; LANES];
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());
     for (a, b) in a.iter().zip(b) {
         for i in 0..LANES {
             let d = a[i] - b[i];
-            lanes[i] = multiply_add::<FUSED>(d, d, lanes[i]);
+            lanes[i] = multiply_add::<V>(d, d, lanes[i]);
         }
     }
     for (lane, (&a, &b)) in lanes.iter_mut().zip(a_rest.iter().zip(b_rest)) {
-        *lane = multiply_add::<FUSED>(a - b, a - b, *lane);
+        *lane = multiply_add::<V>(a - b, a - b, *lane);
     }
     fold(lanes)
 }
 
 #[inline(always)]
-fn root_overlap_body<const FUSED: bool>(a: &[f32], b_root: &[f32]) -> (f32, f32) {
+fn root_overlap_body<const V: u8>(a: &[f32], b_root: &[f32]) -> (f32, f32) {
     assert_eq!(a.len(), b_root.len(), "a and b_root must be equally long");
     let (mut total, mut overlap) = ([0.0; LANES], [0.0; LANES]);
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b_root.as_chunks::<LANES>());
     for (a, b) in a.iter().zip(b) {
         for i in 0..LANES {
             total[i] += a[i];
-            overlap[i] = multiply_add::<FUSED>(a[i].sqrt(), b[i], overlap[i]);
+            overlap[i] = multiply_add::<V>(a[i].sqrt(), b[i], overlap[i]);
         }
     }
     for (i, (&a, &b)) in a_rest.iter().zip(b_rest).enumerate() {
         total[i] += a;
-        overlap[i] = multiply_add::<FUSED>(a.sqrt(), b, overlap[i]);
+        overlap[i] = multiply_add::<V>(a.sqrt(), b, overlap[i]);
     }
     (fold(total), fold(overlap))
 }
@@ -108,12 +108,12 @@ levels! {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use crate::Level;
 
     /// Values in [0, 1) from a fixed linear congruence.
-    fn values(n: usize, mut seed: u32) -> Vec<f32> {
+    pub(crate) fn values(n: usize, mut seed: u32) -> Vec<f32> {
         std::iter::repeat_with(|| {
             seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             (seed >> 8) as f32 / (1 << 24) as f32

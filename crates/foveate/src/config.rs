@@ -301,6 +301,10 @@ impl Blueprint {
         };
         Tracker::new(parts, c.particles, seed, target)
     }
+    /// The same, with another retina and encoder.
+    pub fn with(&self, retina: Arc<Foveal>, encoder: Arc<dyn Encoder>) -> Self {
+        Self { config: self.config.clone(), retina, encoder }
+    }
     /// What it was made from.
     pub fn config(&self) -> &Config {
         &self.config

@@ -4,11 +4,12 @@
 //! annealed importance sampling (Neal 2001; Salakhutdinov & Murray 2008), along p_β ∝ exp(−β E − (1 − β) E₀), where E₀ is a
 //! machine of no weights, from β = 0 to 1.
 
-use super::units::{logistic, sample_binary, sample_visible, softplus, visible_energy};
+use super::units::{sample_binary, sample_visible, softplus, visible_energy};
 use super::{Rbm, Visible};
 use crate::rng::{Purpose, Rng, Streams};
 use crate::rows::Rows;
 use crate::{Error, Result};
+use foveate_kernels::logistic;
 use rayon::prelude::*;
 
 /// Most hidden units that are enumerated: 2²⁵ states of a few hundred sums are minutes.

@@ -2,6 +2,8 @@
 //!
 //! Atoms: nothing here knows of images, gazes or targets; data are rows of numbers.
 
+mod checkpoint;
+mod io;
 pub mod likelihood;
 pub mod monitor;
 #[cfg(test)]
@@ -13,17 +15,7 @@ mod recipe;
 mod train;
 mod units;
 
+pub use self::io::Metadata;
 pub use self::rbm::{Rbm, Visible};
-pub struct Metadata {
-    pub retina: String,
-}
-impl Rbm {
-    pub fn from_bytes(_: &[u8], _: &std::path::Path) -> crate::Result<(Rbm, Metadata)> {
-        todo!()
-    }
-    pub fn load(_: &std::path::Path) -> crate::Result<(Rbm, Metadata)> {
-        todo!()
-    }
-}
 pub use self::recipe::{Negative, Recipe, Sparsity};
 pub use self::train::Trainer;

@@ -4,9 +4,10 @@
 //! reconstruction; the pseudo-log-likelihood Σᵢ log p(vᵢ | v₋ᵢ) (Besag 1975), exact; and the free energy, whose gap
 //! between held-out and training rows grows when a machine overfits (Hinton 2010, section 6).
 
-use super::units::{logistic, softplus};
+use super::units::softplus;
 use super::{Rbm, Visible};
 use crate::rows::{Rows, RowsMut};
+use foveate_kernels::logistic;
 use rayon::prelude::*;
 
 /// Rows done at a time by one thread.

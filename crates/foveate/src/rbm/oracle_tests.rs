@@ -334,3 +334,20 @@ fn bad_recipes_and_data_are_refused() {
     let message = Trainer::new(good, Rows::new(&[0.0, 0.5, 1.0, 2.0], 2)).unwrap_err().to_string();
     assert!(message.contains("row 1, value 1 of the training data is 2"), "{message}");
 }
+
+/// What the tracker needs of an encoder: it splits batches as it pleases.
+#[test]
+fn a_row_does_not_depend_on_its_neighbours() {
+    for visible in [Visible::Bernoulli, Visible::Gaussian] {
+        let rbm = small(visible, 132, 77, 0.5);
+        let (data, n_h) = (data(visible, 132, 105), 77);
+        let all = Rows::new(&data, 132);
+        let (mut h, mut v) = (vec![0.0; 105 * n_h], vec![0.0; 105 * 132]);
+        rbm.h_from_v(all, RowsMut::new(&mut h, n_h));
+        rbm.v_from_h(Rows::new(&h, n_h), RowsMut::new(&mut v, 132));
+        for i in 0..105 {
+            assert_eq!(h_from_v(&rbm, all.row(i)), h[i * n_h..][..n_h]);
+            assert_eq!(v_from_h(&rbm, &h[i * n_h..][..n_h]), v[i * 132..][..132]);
+        }
+    }
+}

@@ -5,9 +5,10 @@
 //! v has n_v numbers (in [0, 1], or standardised), h has n_h (0 or 1); energies are in nats.
 
 use super::product::{rows_times, rows_times_transposed};
-use super::units::{add_bias, dot, logistic, softplus, visible_energy};
+use super::units::{add_bias, dot, softplus, visible_energy};
 use crate::rows::{Rows, RowsMut};
 use crate::{Error, Result};
+use foveate_kernels::bias_logistic;
 use serde::{Deserialize, Serialize};
 
 /// What the visible units are.
@@ -74,8 +75,8 @@ impl Rbm {
     /// that row alone, bit for bit.
     pub fn h_from_v(&self, v: Rows<'_>, mut h: RowsMut<'_>) {
         self.check(v.width(), h.width());
-        self.excitation(v, h.data());
-        logistic(h.data());
+        rows_times(v, &self.weights, h.data());
+        bias_logistic(h.data(), &self.hidden_bias);
     }
     /// vᵀW + c, row by row: the log odds of the hidden units.
     pub(super) fn excitation(&self, v: Rows<'_>, z: &mut [f32]) {
@@ -87,9 +88,9 @@ impl Rbm {
     pub fn v_from_h(&self, h: Rows<'_>, mut v: RowsMut<'_>) {
         self.check(v.width(), h.width());
         self.reconstruct(h, v.data());
-        add_bias(v.data(), &self.visible_bias);
-        if self.visible == Visible::Bernoulli {
-            logistic(v.data());
+        match self.visible {
+            Visible::Bernoulli => bias_logistic(v.data(), &self.visible_bias),
+            Visible::Gaussian => add_bias(v.data(), &self.visible_bias),
         }
     }
     /// Whᵀ, row by row: what hidden states say of v, without its bias.

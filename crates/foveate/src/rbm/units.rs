@@ -12,13 +12,6 @@ pub(super) fn add_bias(x: &mut [f32], bias: &[f32]) {
     }
 }
 
-/// σ(x) = 1 / (1 + e⁻ˣ), in place.
-pub(super) fn logistic(x: &mut [f32]) {
-    for x in x {
-        *x = 1.0 / (1.0 + (-*x).exp());
-    }
-}
-
 /// log(1 + eˣ) without overflow.
 pub(super) fn softplus(x: f64) -> f64 {
     x.max(0.0) + (-x.abs()).exp().ln_1p()

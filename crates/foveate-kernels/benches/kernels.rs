@@ -1,0 +1,208 @@
+//! Rates of the kernels beside the limits of this core, one JSON line each: `cargo bench -p foveate-kernels`.
+//!
+//! The clock is the thread's CPU time; a figure is the median of 15 runs of about 10 ms.
+
+use foveate_kernels::*;
+use std::hint::black_box;
+
+/// CPU time of this thread, seconds.
+#[cfg(target_os = "linux")]
+fn now() -> f64 {
+    #[repr(C)]
+    struct TimeSpec {
+        seconds: std::ffi::c_long,
+        nanoseconds: std::ffi::c_long,
+    }
+    unsafe extern "C" {
+        fn clock_gettime(clock: std::ffi::c_int, time: *mut TimeSpec) -> std::ffi::c_int;
+    }
+    const THREAD_CPU_TIME: std::ffi::c_int = 3;
+    let mut time = TimeSpec { seconds: 0, nanoseconds: 0 };
+    // SAFETY: the C library's own function, given a place to write to.
+    unsafe { clock_gettime(THREAD_CPU_TIME, &mut time) };
+    time.seconds as f64 + 1e-9 * time.nanoseconds as f64
+}
+
+/// Time since the first call, seconds.
+#[cfg(not(target_os = "linux"))]
+fn now() -> f64 {
+    static START: std::sync::LazyLock<std::time::Instant> = std::sync::LazyLock::new(std::time::Instant::now);
+    START.elapsed().as_secs_f64()
+}
+
+/// Median seconds of one call.
+fn time(mut f: impl FnMut()) -> f64 {
+    let (start, mut calls) = (now(), 0);
+    while now() - start < 0.01 {
+        f();
+        calls += 1;
+    }
+    let mut runs: Vec<f64> = (0..15)
+        .map(|_| {
+            let start = now();
+            (0..calls).for_each(|_| f());
+            (now() - start) / calls as f64
+        })
+        .collect();
+    runs.sort_by(f64::total_cmp);
+    runs[if std::env::var("BEST").is_ok() { 0 } else { 7 }]
+}
+
+/// One line: what, its rate in units of 1e9 a second, and the limit of that rate where there is one.
+fn report(what: &str, seconds: f64, count: f64, unit: &str, limit: Option<f64>) {
+    let rate = count / seconds * 1e-9;
+    let share = limit.map_or(String::new(), |limit| format!(", \"limit\": {limit:.3}, \"share\": {:.3}", rate / limit));
+    println!(
+        "{{\"what\": \"{what}\", \"us\": {:.3}, \"rate\": {rate:.3}, \"unit\": \"1e9 {unit}/s\", \"ns_each\": {:.4}{share}}}",
+        1e6 * seconds,
+        1e9 * seconds / count
+    );
+}
+
+/// Values in [0, 1) from a fixed linear congruence.
+fn values(n: usize, mut seed: u32) -> Vec<f32> {
+    std::iter::repeat_with(|| {
+        seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (seed >> 8) as f32 / (1 << 24) as f32
+    })
+    .take(n)
+    .collect()
+}
+
+/// Operations a second (in 1e9) of multiply-adds that wait for nothing: f32, and bf16 where there is an instruction.
+fn peaks() -> (Option<f64>, Option<f64>) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::*;
+        const TURNS: usize = 10_000;
+        #[target_feature(enable = "avx512f")]
+        fn f32_512() {
+            let (mut acc, x) = ([_mm512_set1_ps(0.5); 16], _mm512_set1_ps(black_box(0.5)));
+            for _ in 0..TURNS {
+                for acc in &mut acc {
+                    *acc = _mm512_fmadd_ps(*acc, x, x);
+                }
+            }
+            black_box(acc);
+        }
+        #[target_feature(enable = "avx512f,avx512bf16")]
+        fn bf16_512() {
+            let (mut acc, x) =
+                ([_mm512_set1_ps(0.5); 16], _mm512_cvtne2ps_pbh(_mm512_setzero_ps(), _mm512_setzero_ps()));
+            for _ in 0..TURNS {
+                for acc in &mut acc {
+                    *acc = _mm512_dpbf16_ps(*acc, x, black_box(x));
+                }
+            }
+            black_box(acc);
+        }
+        let rate = |seconds: f64, operations: usize| (TURNS * 16 * operations) as f64 / seconds * 1e-9;
+        let level = Level::best();
+        // SAFETY: the processor has the level.
+        let f32 = (level >= Level::Avx512).then(|| rate(time(|| unsafe { f32_512() }), 32));
+        // SAFETY: the same.
+        let bf16 = (level == Level::Avx512Bf16).then(|| rate(time(|| unsafe { bf16_512() }), 64));
+        return (f32, bf16);
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    (None, None)
+}
+
+fn main() {
+    println!("{{\"level\": \"{:?}\"}}", Level::best());
+    let (f32_peak, bf16_peak) = peaks();
+    println!("{{\"f32 peak\": {f32_peak:?}, \"bf16 peak\": {bf16_peak:?}}}");
+
+    let x = values(128_000, 1);
+    let (mut y, bias) = (x.clone(), values(500, 2));
+    let n = x.len() as f64;
+    report("logistic", time(|| logistic(black_box(&mut y))), n, "elements", None);
+    report("bias_logistic, rows of 500", time(|| bias_logistic(black_box(&mut y), &bias)), n, "elements", None);
+    let (a, b) = (values(500, 3), values(500, 4));
+    report(
+        "sum, 500",
+        time(|| {
+            black_box(sum(black_box(&a)));
+        }),
+        500.0,
+        "elements",
+        None,
+    );
+    report(
+        "dot, 500",
+        time(|| {
+            black_box(dot(black_box(&a), &b));
+        }),
+        500.0,
+        "elements",
+        None,
+    );
+    report(
+        "squared_distance, 500",
+        time(|| {
+            black_box(squared_distance(black_box(&a), &b));
+        }),
+        500.0,
+        "elements",
+        None,
+    );
+    report(
+        "root_overlap, 500",
+        time(|| {
+            black_box(root_overlap(black_box(&a), &b));
+        }),
+        500.0,
+        "elements",
+        None,
+    );
+
+    let pixels: Vec<u8> = values(640 * 480, 7).iter().map(|x| (x * 256.0) as u8).collect();
+    let image = Pixels { data: &pixels, width: 640, height: 480 };
+    let (mut scratch, mut means) = (BoxScratch::default(), vec![0.0; 640 * 480]);
+    for (width, height) in [(120, 120), (640, 480)] {
+        let region = Region { x: 0, y: 0, width, height };
+        for side in [1, 2, 3, 4, 6, 8, 16, 33] {
+            let count = width * height;
+            let seconds = time(|| {
+                box_means(black_box(image), (side, side), region, &mut scratch, &mut means[..count]);
+            });
+            report(&format!("box_means {side} x {side}, {width} x {height}"), seconds, count as f64, "pixels", None);
+        }
+    }
+    let region = Region { x: 250, y: 170, width: 140, height: 140 };
+    let plane = box_means(image, (3, 3), region, &mut scratch, &mut means[..140 * 140]);
+    let maps: Vec<[f32; 6]> = values(600, 8)
+        .chunks(6)
+        .map(|r| [310.0 + 20.0 * r[0], 230.0 + 20.0 * r[1], 1.0 + 0.1 * r[2], 0.1 * r[3], -0.1 * r[3], 1.0 + 0.1 * r[2]])
+        .collect();
+    for cells in [48, 144, 240] {
+        let (du, dv): (Vec<f32>, Vec<f32>) = (0..cells).map(|i| ((i % 16) as f32 - 7.5, (i / 16) as f32 - 7.5)).unzip();
+        let mut out = vec![0.0; 100 * cells];
+        let count = out.len() as f64;
+        let seconds = time(|| {
+            for (map, out) in maps.iter().zip(out.chunks_exact_mut(cells)) {
+                taps(plane, *map, &du, &dv, out);
+            }
+        });
+        report(&format!("taps, {cells} cells"), seconds, count, "taps", None);
+        let seconds = time(|| taps_rows(plane, black_box(&maps), &du, &dv, &mut out, cells));
+        report(&format!("taps_rows, 100 x {cells} cells"), seconds, count, "taps", None);
+    }
+
+    let (n_v, n_h) = (240, 500);
+    let w: Vec<f32> = values(n_v * n_h, 5).iter().map(|x| (x - 0.5) * 0.2).collect();
+    for n in [1, 100, 500, 1000] {
+        let (v, mut h) = (values(n * n_v, 6), vec![0.0; n * n_h]);
+        let (mut totals, mut overlaps) = (vec![0.0; n], vec![0.0; n]);
+        let flops = (2 * n * n_v * n_h) as f64;
+        for (name, packed, peak) in [
+            ("f32", PackedWeights::f32(n_v, n_h, &w), f32_peak),
+            ("bf16", PackedWeights::bf16(n_v, n_h, &w), bf16_peak),
+        ] {
+            let seconds = time(|| packed.features(black_box(&v), &bias, &mut h));
+            report(&format!("features {name}, {n} x 240 x 500"), seconds, flops, "flop", peak);
+            let seconds = time(|| packed.overlaps(black_box(&v), &bias, &a, &mut totals, &mut overlaps));
+            report(&format!("overlaps {name}, {n} x 240 x 500"), seconds, flops, "flop", peak);
+        }
+    }
+}

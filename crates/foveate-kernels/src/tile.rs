@@ -1,0 +1,177 @@
+//! One tile of the product: up to 6 glimpses times 64 columns, for each level of the machine.
+//!
+//! `words` holds the glimpses of the block, `depth` words each; `lines` the tile, `depth` × 4 lines.
+//! Every sum starts at 0 and runs over the words in order.
+
+use crate::level::{BASE, Level, multiply_add};
+
+/// Columns of a tile.
+pub(crate) const TILE: usize = 64;
+/// Glimpses of a full block: 6 × 4 sums, 4 lines and a word fill the 32 registers of AVX-512.
+pub(crate) const BLOCK: usize = 6;
+
+/// 16 words, as wide and as aligned as the widest register.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub(crate) struct Line(pub [u32; 16]);
+
+/// Sums of one block: row r, column c of the tile at `[r][c]`.
+pub(crate) type Sums = [[f32; TILE]; BLOCK];
+
+/// What a word is, and with which instructions it is multiplied.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kernel {
+    F32(Level),
+    /// Two bf16 and their instruction; without it bf16 values are held as f32 and `F32` multiplies them.
+    Bf16,
+}
+
+/// Sums for the `rows` (1 to 6) glimpses in `words`.
+#[inline]
+pub(crate) fn multiply(kernel: Kernel, rows: usize, depth: usize, words: &[u32], lines: &[Line], sums: &mut Sums) {
+    assert!((1..=BLOCK).contains(&rows) && words.len() == rows * depth && lines.len() == 4 * depth);
+    // The remainders of a block run as 3, 2 and 1 rows: a row's sums are the same in any of them.
+    let mut done = 0;
+    while done < rows {
+        let step = match rows - done {
+            4 | 5 => 3,
+            step => step,
+        };
+        let (words, sums) = (&words[done * depth..(done + step) * depth], &mut sums[done..done + step]);
+        match step {
+            6 => fixed::<6>(kernel, depth, words, lines, sums),
+            3 => fixed::<3>(kernel, depth, words, lines, sums),
+            2 => fixed::<2>(kernel, depth, words, lines, sums),
+            _ => fixed::<1>(kernel, depth, words, lines, sums),
+        }
+        done += step;
+    }
+}
+
+#[inline]
+fn fixed<const ROWS: usize>(kernel: Kernel, depth: usize, words: &[u32], lines: &[Line], sums: &mut [[f32; TILE]]) {
+    let sums: &mut [[f32; TILE]; ROWS] = sums.try_into().expect("one row of sums for each row of words");
+    assert!(words.len() == ROWS * depth && lines.len() == 4 * depth);
+    // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
+    #[cfg(target_arch = "x86_64")]
+    match kernel {
+        Kernel::Bf16 => {
+            assert_eq!(Level::best(), Level::Avx512Bf16);
+            return unsafe { x86::bf16(depth, words, lines, sums) };
+        }
+        Kernel::F32(level) if level >= Level::Avx512 && level <= Level::best() => {
+            return unsafe { x86::f32_avx512(depth, words, lines, sums) };
+        }
+        Kernel::F32(level) if level >= Level::Avx2 && level <= Level::best() => {
+            return unsafe { x86::f32_avx2(depth, words, lines, sums) };
+        }
+        _ => {}
+    }
+    assert!(kernel != Kernel::Bf16, "only x86-64 has the bf16 kernel");
+    portable(depth, words, lines, sums);
+}
+
+/// The plain twin of the f32 kernels.
+fn portable<const ROWS: usize>(depth: usize, words: &[u32], lines: &[Line], sums: &mut [[f32; TILE]; ROWS]) {
+    for (r, sums) in sums.iter_mut().enumerate() {
+        for (quarter, sums) in sums.as_chunks_mut::<16>().0.iter_mut().enumerate() {
+            let mut sum = [0.0; 16];
+            for (&word, lines) in words[r * depth..][..depth].iter().zip(lines.as_chunks::<4>().0) {
+                let value = f32::from_bits(word);
+                for (sum, &w) in sum.iter_mut().zip(&lines[quarter].0) {
+                    *sum = multiply_add::<BASE>(value, f32::from_bits(w), *sum);
+                }
+            }
+            *sums = sum;
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::{Line, TILE};
+    use std::arch::x86_64::*;
+    use std::mem::transmute;
+
+    /// The two AVX-512 kernels differ in the instruction that adds word × line to a sum.
+    macro_rules! kernel_512 {
+        ($name:ident, $features:literal, |$value:ident, $line:ident, $sum:ident| $step:expr) => {
+            /// # Safety
+            /// `words` must hold ROWS × depth words and `lines` 4 × depth lines.
+            #[target_feature(enable = $features)]
+            pub(super) unsafe fn $name<const ROWS: usize>(
+                depth: usize,
+                words: &[u32],
+                lines: &[Line],
+                sums: &mut [[f32; TILE]; ROWS],
+            ) {
+                let mut acc = [[_mm512_setzero_ps(); 4]; ROWS];
+                let (mut word, mut line) = (words.as_ptr(), lines.as_ptr());
+                for _ in 0..depth {
+                    // SAFETY: `word` runs over the first row, so `word + r × depth` over row r < ROWS; `line`
+                    // over the groups of 4 lines. Lines are aligned to 64 bytes.
+                    unsafe {
+                        let group = line.cast::<__m512>();
+                        let group = [*group, *group.add(1), *group.add(2), *group.add(3)];
+                        for r in 0..ROWS {
+                            let $value = _mm512_set1_epi32(*word.add(r * depth) as i32);
+                            for c in 0..4 {
+                                let ($line, $sum) = (group[c], acc[r][c]);
+                                acc[r][c] = $step;
+                            }
+                        }
+                        word = word.add(1);
+                        line = line.add(4);
+                    }
+                }
+                for (acc, sums) in acc.iter().zip(sums) {
+                    for (acc, sums) in acc.iter().zip(sums.as_chunks_mut::<16>().0) {
+                        // SAFETY: `sums` is 16 f32.
+                        unsafe { _mm512_storeu_ps(sums.as_mut_ptr(), *acc) };
+                    }
+                }
+            }
+        };
+    }
+
+    kernel_512!(f32_avx512, "avx512f", |value, line, sum| _mm512_fmadd_ps(_mm512_castsi512_ps(value), line, sum));
+    kernel_512!(bf16, "avx512f,avx512bf16", |value, line, sum| {
+        // Both are 64 bytes of plain numbers.
+        _mm512_dpbf16_ps(sum, transmute::<__m512i, __m512bh>(value), transmute::<__m512, __m512bh>(line))
+    });
+
+    /// # Safety
+    /// `words` must hold ROWS × depth words and `lines` 4 × depth lines.
+    #[target_feature(enable = "avx2,fma")]
+    pub(super) unsafe fn f32_avx2<const ROWS: usize>(
+        depth: usize,
+        words: &[u32],
+        lines: &[Line],
+        sums: &mut [[f32; TILE]; ROWS],
+    ) {
+        for quarter in 0..4 {
+            let mut acc = [[_mm256_setzero_ps(); 2]; ROWS];
+            for k in 0..depth {
+                // SAFETY: r × depth + k < ROWS × depth, 4 × k + quarter < 4 × depth; a line is two registers.
+                unsafe {
+                    let line = lines.as_ptr().add(4 * k + quarter).cast::<__m256>();
+                    let line = [*line, *line.add(1)];
+                    for r in 0..ROWS {
+                        let value = _mm256_set1_ps(f32::from_bits(*words.as_ptr().add(r * depth + k)));
+                        for c in 0..2 {
+                            acc[r][c] = _mm256_fmadd_ps(value, line[c], acc[r][c]);
+                        }
+                    }
+                }
+            }
+            for (acc, sums) in acc.iter().zip(sums.iter_mut()) {
+                let sums = &mut sums[16 * quarter..16 * quarter + 16];
+                // SAFETY: `sums` is 16 f32.
+                unsafe {
+                    _mm256_storeu_ps(sums.as_mut_ptr(), acc[0]);
+                    _mm256_storeu_ps(sums.as_mut_ptr().add(8), acc[1]);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,19 @@
+//! How good a track is: one-pass evaluation as OTB does it, and centre errors as the paper does.
+//!
+//! One pass (OPE): the tracker gets the truth in frame 1 and nothing more. [`metrics`] scores one track,
+//! [`curves`] keeps and draws success and precision, [`sequence`] finds sequences in folders,
+//! [`compare`] scores folders of results or runs a tracker, [`table`] shows trackers side by side.
+//! Scores equal those of the got10k toolkit's OTB experiment (0.1.3) on the same boxes.
+
+pub mod centres;
+pub mod compare;
+pub mod curves;
+pub mod metrics;
+pub mod sequence;
+pub mod table;
+
+pub use centres::{CentreScore, CentreSummary, score_centres};
+pub use compare::{Evaluation, Row, TrackRun, run_all, score_folder};
+pub use curves::Curves;
+pub use metrics::{Score, score};
+pub use sequence::{Sequence, find_sequences};

@@ -1,0 +1,91 @@
+//! Sequences written in the layout of OTB: `img/0001.png ...` and `groundtruth_rect.txt`.
+
+use std::path::Path;
+
+use super::annotation::format_boxes;
+use super::{Frame, save_png};
+use crate::geometry::BBox;
+use crate::{Error, Result, files};
+
+/// Writes a sequence as a folder that is whole or not there: the frames as PNG, numbered from 1, the
+/// truth (0-based; 1-based in the file), and `notes`, further text files by name.
+///
+/// # Errors
+/// `out` exists and is not an empty folder, a frame is an error, the truth has not one box a frame,
+/// or a file cannot be written. Nothing is left behind then.
+pub fn write_otb(
+    out: &Path,
+    frames: impl Iterator<Item = Result<Frame>>,
+    truth: &[BBox],
+    notes: &[(&str, String)],
+) -> Result<()> {
+    if out.read_dir().is_ok_and(|mut inside| inside.next().is_some()) || out.is_file() {
+        return Err(Error::malformed(out, "is there already; remove it or choose another name"));
+    }
+    let out = std::path::absolute(out).map_err(Error::io(out, "cannot find"))?;
+    let part = files::temporary(&out);
+    let made = fill(&part, frames, truth, notes)
+        .and_then(|()| std::fs::rename(&part, &out).map_err(Error::io(&out, "cannot create")));
+    if made.is_err() {
+        let _ = std::fs::remove_dir_all(&part);
+    }
+    made
+}
+
+fn fill(
+    part: &Path,
+    frames: impl Iterator<Item = Result<Frame>>,
+    truth: &[BBox],
+    notes: &[(&str, String)],
+) -> Result<()> {
+    let images = part.join("img");
+    std::fs::create_dir_all(&images).map_err(Error::io(&images, "cannot create"))?;
+    let mut count = 0;
+    for frame in frames {
+        count += 1;
+        save_png(images.join(format!("{count:04}.png")), &frame?.image)?;
+    }
+    if count != truth.len() {
+        return Err(Error::Invalid(format!("{count} frames need {count} boxes of truth, got {}", truth.len())));
+    }
+    let boxes = ("groundtruth_rect.txt", format_boxes(truth));
+    for (name, text) in std::iter::once(&boxes).chain(notes) {
+        files::write(part.join(name), text.as_bytes())?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::synthetic::{Clutter, NOISE};
+    use crate::scene::{Digits, annotation};
+
+    #[test]
+    fn what_is_written_is_what_was_drawn() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let out = dir.path().join("three");
+        let settings = Clutter { frames: 3, noise: NOISE, ..Clutter::default() };
+        let video = settings.video(&Digits::drawn(1, 2)).expect("a video");
+        let write = || write_otb(&out, video.clone().source(), video.truth(), &[("label.txt", "3\n".into())]);
+        write().expect("a writable folder");
+        for t in 0..3 {
+            let read = image::open(out.join(format!("img/{:04}.png", t + 1))).expect("a PNG").to_luma8();
+            assert_eq!(read.as_raw(), video.render(t).bytes());
+        }
+        let truth = annotation::read_truth(out.join("groundtruth_rect.txt")).expect("the truth");
+        assert_eq!(truth, video.truth().iter().copied().map(Some).collect::<Vec<_>>());
+        assert_eq!(std::fs::read_to_string(out.join("label.txt")).expect("a label"), "3\n");
+        assert!(write().expect_err("it is there").to_string().contains("is there already"));
+    }
+
+    #[test]
+    fn a_broken_source_leaves_nothing() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let video = Clutter { frames: 2, ..Clutter::default() }.video(&Digits::drawn(1, 2)).expect("a video");
+        let broken = video.clone().source().take(1).chain([Err(Error::Invalid("broke".into()))]);
+        assert!(write_otb(&dir.path().join("a"), broken, video.truth(), &[]).is_err());
+        assert!(write_otb(&dir.path().join("a"), video.clone().source().take(1), video.truth(), &[]).is_err());
+        assert_eq!(dir.path().read_dir().expect("readable").count(), 0);
+    }
+}
