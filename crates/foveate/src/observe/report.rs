@@ -31,7 +31,7 @@ const QUALITY: u8 = 62;
 /// Particles drawn on a picture.
 const MOST_PARTICLES: usize = 250;
 /// How much of the first frame is shown around the target, in template units.
-const MARGIN: f64 = 1.6;
+const MARGIN: f64 = 1.4;
 /// The farthest gaze that is read on the template, in template units; as far as the appearance's own.
 const FARTHEST_GAZE: f64 = 1.5;
 
@@ -303,7 +303,7 @@ mod tests {
     fn the_surroundings_reach_past_the_picture() {
         let image = Image::grey(30, 20, 50);
         let still = around(&image, &State::default(), Extent { half_w: 10.0, half_h: 5.0 });
-        assert_eq!(still.bounds, [-1.65, -1.7, 1.65, 1.7]);
+        assert_eq!(still.bounds, [-1.45, -1.5, 1.45, 1.5]);
         let far =
             around(&image, &State { x: 1e12, y: f64::NAN, ..State::default() }, Extent { half_w: 2.0, half_h: 2.0 });
         assert!(!far.jpeg.is_empty());

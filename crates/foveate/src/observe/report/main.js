@@ -84,6 +84,8 @@ function write() {
   byId('verdict').textContent = steps === 0 ? 'One frame: the given box.'
     : lost === 0 ? `Followed through ${rows} frames and never believed lost.`
     : `Followed through ${rows} frames; believed lost on ${lost} of them, first at frame ${series.frame[lostRuns[0][0]]}.`;
+  const p = policyAt(keys.length - 1), best = p.indexOf(Math.max(...p));
+  if (data.learned && arms.length > 1 && p[best] * arms.length > 2 && p.some(q => q > 0 && q < 1)) byId('verdict').append(` By the end it looks at (${say(arms[best][0], 2)}, ${say(arms[best][1], 2)}) with probability ${p[best].toFixed(2)}.`);
   byId('about').textContent = [info.config_name, `${data.particles} particles`, `seed ${info.seed}`, info.reader].filter(Boolean).join(' · ');
   const tile = (value, unit, label) => element('div', {}, element('dt', {}, label), element('dd', {}, value, element('small', {}, unit)));
   const fps = data.summary.fps;
@@ -112,7 +114,7 @@ function write() {
   );
 }
 
-function layout() { drawCharts(); drawMarks(); show(now); }
+function layout() { drawCharts(); drawMarks(); developFilm(); show(now); }
 function fromAddress() {
   const wish = /frame=(\d+)/.exec(location.hash);
   // The page opens in the midst of the run, where there is something to see; play begins at the beginning.
