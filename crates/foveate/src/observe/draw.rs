@@ -30,13 +30,16 @@ impl Drawing {
     /// shows the nearest pixel. What lies outside is cut off.
     pub fn paste(&mut self, image: &Image, left: usize, top: usize, width: usize, height: usize) {
         let page = (self.width(), self.height());
+        let columns: Vec<usize> =
+            (0..width.min(page.0.saturating_sub(left))).map(|x| x * image.width() / width).collect();
         for p in 0..3 {
             let from = image.plane(p.min(image.planes() - 1));
             let to = self.image.plane_mut(p);
             for y in 0..height.min(page.1.saturating_sub(top)) {
                 let row = &from[y * image.height() / height * image.width()..][..image.width()];
-                for x in 0..width.min(page.0.saturating_sub(left)) {
-                    to[(top + y) * page.0 + left + x] = row[x * image.width() / width];
+                let line = &mut to[(top + y) * page.0..][..page.0];
+                for (pixel, &x) in line.iter_mut().skip(left).zip(&columns) {
+                    *pixel = row[x];
                 }
             }
         }

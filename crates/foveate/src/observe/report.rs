@@ -31,7 +31,7 @@ const QUALITY: u8 = 62;
 /// Particles drawn on a picture.
 const MOST_PARTICLES: usize = 250;
 /// How much of the first frame is shown around the target, in template units.
-const MARGIN: f64 = 1.6;
+const MARGIN: f64 = 1.4;
 /// The farthest gaze that is read on the template, in template units; as far as the appearance's own.
 const FARTHEST_GAZE: f64 = 1.5;
 
@@ -264,5 +264,56 @@ fn around(image: &Image, state: &State, extent: Extent) -> Still {
     Still {
         jpeg: text(&encode_jpeg(&shrunk(&crop, small(width), small(height)), 88)),
         bounds: [u(cx - rx), v(cy - ry), u(cx + rx), v(cy + ry)],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_runs_keep_evenly_spaced_pictures() {
+        let mut keys = Keys { kept: vec![], every: 1, bytes: 0 };
+        for row in 0..5000 {
+            if keys.wants(row) {
+                keys.push(Key { row, jpeg: "x".repeat(16_000), ..Key::default() });
+            }
+            assert!(keys.kept.len() <= MOST_KEYS && keys.bytes <= MOST_BYTES);
+        }
+        let rows: Vec<usize> = keys.kept.iter().map(|k| k.row).collect();
+        assert_eq!(rows, (0..5000).step_by(keys.every).collect::<Vec<_>>());
+        assert!(rows.len() > MOST_KEYS / 2, "{}", rows.len());
+        let mut keys = Keys { kept: vec![], every: 1, bytes: 0 };
+        for row in (0..100).filter(|r| *r < 60 || r % 2 == 0) {
+            keys.push(Key { row, jpeg: "x".repeat(200_000), ..Key::default() });
+        }
+        assert!(keys.bytes <= MOST_BYTES && keys.every == 4, "{} {}", keys.bytes, keys.every);
+    }
+
+    #[test]
+    fn shrinking_keeps_the_mean_and_the_place() {
+        let ramp: Vec<u8> = (0..60 * 40).map(|i| (3 * (i % 60)) as u8).collect();
+        let small = shrunk(&Image::new(60, 40, 1, ramp).expect("60 x 40"), 20, 10);
+        assert!((0..20).all(|x| small.at(0, x, 3) == (9 * x + 3) as u8), "means of three columns");
+        let odd = shrunk(&Image::grey(7, 5, 99), 3, 2);
+        assert!(odd.bytes().iter().all(|v| *v == 99));
+    }
+
+    #[test]
+    fn the_surroundings_reach_past_the_picture() {
+        let image = Image::grey(30, 20, 50);
+        let still = around(&image, &State::default(), Extent { half_w: 10.0, half_h: 5.0 });
+        assert_eq!(still.bounds, [-1.45, -1.5, 1.45, 1.5]);
+        let far =
+            around(&image, &State { x: 1e12, y: f64::NAN, ..State::default() }, Extent { half_w: 2.0, half_h: 2.0 });
+        assert!(!far.jpeg.is_empty());
+    }
+
+    #[test]
+    fn activations_outside_0_to_1_say_their_span() {
+        assert_eq!(quantised(&[0.0, 0.5, 1.0]), (vec![0, 128, 255], None));
+        assert_eq!(quantised(&[-1.0, 1.0]), (vec![0, 255], Some([-1.0, 1.0])));
+        assert_eq!(quantised(&[]), (vec![], None));
+        assert_eq!(quantised(&[2.0, 2.0]).0, [0, 0]);
     }
 }

@@ -5,7 +5,7 @@ const eye = (() => {
   const cells = Array.from({ length: n }, (_, i) => data.cells.slice(4 * i, 4 * i + 4));
   const reach = Math.max(...cells.map(([u, v, half]) => Math.max(Math.abs(u), Math.abs(v)) + half));
   const finest = Math.min(...cells.map(cell => cell[2]));
-  const side = Math.min(512, Math.max(1, Math.round(reach / finest)));
+  const side = Math.min(192, Math.max(1, Math.round(reach / finest)));
   const maps = [0, 1, 2].map(() => new Int32Array(side * side).fill(-1));
   cells.forEach(([u, v, half, channel], i) => {
     const from = x => Math.max(0, Math.round((x - half + reach) / (2 * reach) * side));

@@ -84,13 +84,16 @@ function write() {
   byId('verdict').textContent = steps === 0 ? 'One frame: the given box.'
     : lost === 0 ? `Followed through ${rows} frames and never believed lost.`
     : `Followed through ${rows} frames; believed lost on ${lost} of them, first at frame ${series.frame[lostRuns[0][0]]}.`;
-  byId('about').textContent = [info.config_name, `${data.particles} particles`, `seed ${info.seed}`, info.reader].filter(Boolean).join(' · ');
+  const p = policyAt(keys.length - 1), best = p.indexOf(Math.max(...p));
+  if (data.learned && arms.length > 1 && p[best] * arms.length > 2 && keys.some((_, k) => policyAt(k).some(q => q > .01 && q < .99))) byId('verdict').append(` By the end it looks at (${say(arms[best][0], 2)}, ${say(arms[best][1], 2)}) with probability ${p[best].toFixed(2)}.`);
+  const every = keys.length > 1 ? keys[1].row - keys[0].row : 1;
+  byId('about').textContent = [info.config_name, `${data.particles} particles`, `seed ${info.seed}`, info.reader, keys.length < rows && `one frame in ${every} is shown here`].filter(Boolean).join(' · ');
   const tile = (value, unit, label) => element('div', {}, element('dt', {}, label), element('dd', {}, value, element('small', {}, unit)));
   const fps = data.summary.fps;
   byId('tiles').append(tile(String(rows), '', 'frames'), ...(fps ? [tile(fps >= 100 ? String(Math.round(fps)) : say(fps), 'frames/s', 'tracking speed')] : []),
     tile(say(steps ? 100 * lost / steps : 0, 2), '%', 'believed lost'), tile(say(median(series.ess)), `of ${data.particles}`, 'median ESS'));
   const facts = [['Source', info.source], ['Read as', `${info.reader}, ${frameWidth} × ${frameHeight} px, ${say(data.rate)} frames/s`], ['Command', info.command], ['Configuration', info.config_name], ['Seed', String(info.seed)], ['Program', info.version]];
-  if (keys.length < rows) facts.push(['This page', `shows ${keys.length} of ${rows} frames (every ${keys.length > 1 ? keys[1].row - keys[0].row : 1}th), to stay small; the charts have all of them`]);
+  if (keys.length < rows) facts.push(['This page', `shows ${keys.length} of ${rows} frames, one in ${every}, to stay small; the charts have all of them`]);
   if (data.shown < data.particles) facts.push(['Particles', `${data.shown} of ${data.particles} are drawn, evenly picked, and always the heaviest one`]);
   for (const [term, text] of facts) if (text) byId('facts').append(element('dt', {}, term), element('dd', {}, text));
   byId('config').textContent = info.config_text || '(none)';
@@ -112,7 +115,7 @@ function write() {
   );
 }
 
-function layout() { drawCharts(); drawMarks(); show(now); }
+function layout() { drawCharts(); drawMarks(); developFilm(); show(now); }
 function fromAddress() {
   const wish = /frame=(\d+)/.exec(location.hash);
   // The page opens in the midst of the run, where there is something to see; play begins at the beginning.

@@ -226,3 +226,23 @@ fn fill(template: &str, parts: &[(&str, String)]) -> String {
     }
     out + rest
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_put_in_once() {
+        let parts = [("a", "{{b}} {{".to_owned()), ("b", "B".to_owned())];
+        assert_eq!(fill("x{{a}}y{{b}}z", &parts), "x{{b}} {{yBz");
+    }
+
+    #[test]
+    fn numbers_are_short_and_none_is_null() {
+        assert_eq!(
+            json!([short(1.0 / 3.0), short(-0.0), short(12.0), short(f64::NAN)]).to_string(),
+            "[0.333333,0,12,null]"
+        );
+        assert_eq!(short(123_456.789).to_string(), "123457.0");
+    }
+}

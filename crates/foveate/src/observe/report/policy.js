@@ -36,19 +36,23 @@ function drawPolicy() {
   });
   const canvas = byId('template'), size = canvas.clientWidth || 220, c = sharp(canvas, size, size);
   c.clearRect(0, 0, size, size);
-  const [u0, v0, u1, v1] = data.template ? data.template.box : [-1.6, -1.6, 1.6, 1.6];
-  const at = (u, v) => [(u - u0) / (u1 - u0) * size, (v - v0) / (v1 - v0) * size];
+  // The template's box in the target's proportions, within reason.
+  const [u0, v0, u1, v1] = data.template ? data.template.box : [-1.4, -1.4, 1.4, 1.4];
+  const slim = Math.min(2.2, Math.max(.45, series.half_w[row] / series.half_h[row]));
+  const unit = size / Math.max((u1 - u0) * slim, v1 - v0), unitU = unit * slim;
+  const at = (u, v) => [size / 2 + (u - (u0 + u1) / 2) * unitU, size / 2 + (v - (v0 + v1) / 2) * unit];
   if (templatePicture && templatePicture.complete) {
     c.imageSmoothingEnabled = size / templatePicture.naturalWidth < 3;
-    c.drawImage(templatePicture, 0, 0, size, size);
+    const [left, top] = at(u0, v0), [right, low] = at(u1, v1);
+    c.drawImage(templatePicture, left, top, right - left, low - top);
     c.fillStyle = 'rgb(8 10 14 / .38)';
-    c.fillRect(0, 0, size, size);
+    c.fillRect(left, top, right - left, low - top);
   }
   const frame = (u, v, reach, ink, thick) => { c.strokeStyle = ink; c.lineWidth = thick; const [x, y] = at(u - reach, v - reach), [x2, y2] = at(u + reach, v + reach); c.strokeRect(x, y, x2 - x, y2 - y); };
   frame(0, 0, 1, '#39b6ff', 1.6);
-  const unit = size / (u1 - u0), gap = arms.length > 1 ? Math.min(...arms.slice(1).map((a, i) => Math.hypot(a[0] - arms[i][0], a[1] - arms[i][1]))) : 1;
+  const gap = arms.length > 1 ? Math.min(...arms.slice(1).map((a, i) => Math.hypot(unitU * (a[0] - arms[i][0]), unit * (a[1] - arms[i][1])))) : size;
   arms.forEach(([u, v], i) => {
-    const [x, y] = at(u, v), full = Math.max(14, Math.min(.12 * size, .95 * gap * unit));
+    const [x, y] = at(u, v), full = Math.max(12, Math.min(.12 * size, .95 * gap));
     c.beginPath(); c.arc(x, y, Math.max(2.2, full * Math.sqrt(p[i] || 0)), 0, 7);
     c.fillStyle = 'rgb(120 205 255 / .8)'; c.fill();
     c.strokeStyle = 'rgb(0 0 0 / .5)'; c.lineWidth = 1; c.stroke();
@@ -86,16 +90,28 @@ if (film) {
 }
 function drawFilm() {
   if (!film) return;
-  const width = byId('film').clientWidth, tall = film.high * arms.length, c = sharp(film.canvas, width, tall + film.bottom);
-  film.canvas.style.height = tall + film.bottom + 'px';
-  const sharpness = window.devicePixelRatio || 1, room = width - film.left - 12, x = row => film.left + (row + .5) / rows * room, step = room / rows;
-  c.clearRect(0, 0, width, tall + film.bottom);
+  const width = byId('film').clientWidth, tall = film.high * arms.length, whole = tall + film.bottom, c = sharp(film.canvas, width, whole);
+  film.canvas.style.height = whole + 'px';
+  const room = width - film.left - 12, x = row => film.left + (row + .5) / rows * room, ratio = window.devicePixelRatio || 1;
+  c.clearRect(0, 0, width, whole);
+  c.drawImage(film.base, 0, 0, width, whole);
+  c.fillStyle = colour('ink');
+  c.globalAlpha = .65;
+  c.fillRect(Math.round(x(keys[now].row) * ratio) / ratio, 0, 1, tall);
+  c.globalAlpha = 1;
+}
+// All of it but the cursor, drawn when the page's layout changes.
+function developFilm() {
+  if (!film) return;
+  film.base = document.createElement('canvas');
+  const width = byId('film').clientWidth, tall = film.high * arms.length, c = sharp(film.base, width, tall + film.bottom);
+  const ratio = window.devicePixelRatio || 1, room = width - film.left - 12, x = row => film.left + (row + .5) / rows * room, step = room / rows;
   c.fillStyle = colour('sunken');
   c.fillRect(film.left, 0, room, tall);
   const [target, soft, ink] = ['target', 'soft', 'ink'].map(colour);
   c.fillStyle = target;
   keys.forEach((key, k) => {
-    const edge = row => Math.round((film.left + row * step) * sharpness) / sharpness;
+    const edge = row => Math.round((film.left + row * step) * ratio) / ratio;
     const from = edge(key.row), to = edge(k + 1 < keys.length ? keys[k + 1].row : rows);
     policyAt(k).forEach((p, i) => {
       c.globalAlpha = Math.pow(p, .6);
@@ -103,14 +119,18 @@ function drawFilm() {
     });
   });
   c.globalAlpha = 1;
-  c.fillStyle = '#ffb627';
-  c.strokeStyle = 'rgb(60 35 0 / .8)';
-  c.lineWidth = .9;
+  c.strokeStyle = 'rgb(60 35 0 / .75)';
   series.arm.forEach((arm, row) => {
     if (arm === null) return;
-    const w = Math.max(1.2, Math.min(5, step * .8)), h = Math.min(5.5, film.high * .5);
-    c.beginPath(); c.roundRect(x(row) - w / 2, (arm + .5) * film.high - h / 2 - .5, w, h, w / 3); c.fill();
-    if (w > 3) c.stroke();
+    const y = (arm + .5) * film.high - .5, r = Math.min(2.7, film.high * .3);
+    if (step >= 4.5) {
+      c.fillStyle = '#ffb627';
+      c.beginPath(); c.arc(x(row), y, r, 0, 7); c.fill(); c.stroke();
+    } else {
+      const w = Math.max(1, step * .7);
+      c.fillStyle = '#f0a000';
+      c.fillRect(x(row) - w / 2, y - r, w, 2 * r);
+    }
   });
   // Small maps of where each row's gaze lies.
   arms.forEach(([u, v], i) => {
@@ -119,10 +139,7 @@ function drawFilm() {
     c.fillStyle = ink; c.beginPath(); c.arc(px + u / widest * s * .32, py + v / widest * s * .32, 1.9, 0, 7); c.fill();
   });
   frameTicks(width).forEach(({ at, text, anchor }) => {
-    c.fillStyle = soft; c.font = '10.5px system-ui, "DejaVu Sans", sans-serif'; c.textAlign = anchor === 'end' ? 'right' : 'center'; c.textBaseline = 'alphabetic';
+    c.fillStyle = soft; c.font = '10.5px system-ui, "DejaVu Sans", sans-serif'; c.textAlign = anchor === 'end' ? 'right' : 'center';
     c.fillText(text, film.left + at * room, tall + 13);
   });
-  c.fillStyle = ink; c.globalAlpha = .65;
-  c.fillRect(Math.round(x(keys[now].row)), 0, 1, tall);
-  c.globalAlpha = 1;
 }

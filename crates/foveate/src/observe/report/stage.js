@@ -3,7 +3,7 @@ const layers = [
   { key: 'b', name: 'box', label: 'box', dot: '#39b6ff' },
   { key: 'h', name: 'path', label: 'path', dot: '#39b6ff' },
   { key: 'p', name: 'particles', label: 'particles', dot: '#e0528f' },
-  { key: 'u', name: 'ellipse', label: 'uncertainty', dot: '#ffffff' },
+  { key: 'u', name: 'ellipse', label: 'uncertainty', dot: '#9aa4ad' },
   { key: 'g', name: 'fixation', label: 'fixation', dot: '#ffb627' },
   { key: 'z', name: 'zoom', label: 'close up' },
 ];
