@@ -1,4 +1,5 @@
 //! Rates of the kernels beside the limits of this core, one JSON line each: `cargo bench -p foveate-kernels`.
+//! Words after `--` choose the lines that contain them all.
 //!
 //! The clock is the thread's CPU time; a figure is the median of 15 runs of about 10 ms.
 
@@ -49,7 +50,11 @@ fn time(mut f: impl FnMut()) -> f64 {
 }
 
 /// One line: what, its rate in units of 1e9 a second, and the limit of that rate where there is one.
-fn report(what: &str, seconds: f64, count: f64, unit: &str, limit: Option<f64>) {
+fn report(what: &str, count: f64, unit: &str, limit: Option<f64>, f: impl FnMut()) {
+    if !std::env::args().skip(1).all(|word| word.starts_with("--") || what.contains(&word)) {
+        return;
+    }
+    let seconds = time(f);
     let rate = count / seconds * 1e-9;
     let share = limit.map_or(String::new(), |limit| format!(", \"limit\": {limit:.3}, \"share\": {:.3}", rate / limit));
     println!(
@@ -91,7 +96,7 @@ fn peaks() -> (Option<f64>, Option<f64>) {
                 ([_mm512_set1_ps(0.5); 16], _mm512_cvtne2ps_pbh(_mm512_setzero_ps(), _mm512_setzero_ps()));
             for _ in 0..TURNS {
                 for acc in &mut acc {
-                    *acc = _mm512_dpbf16_ps(*acc, x, black_box(x));
+                    *acc = _mm512_dpbf16_ps(*acc, x, x);
                 }
             }
             black_box(acc);
@@ -116,45 +121,21 @@ fn main() {
     let x = values(128_000, 1);
     let (mut y, bias) = (x.clone(), values(500, 2));
     let n = x.len() as f64;
-    report("logistic", time(|| logistic(black_box(&mut y))), n, "elements", None);
-    report("bias_logistic, rows of 500", time(|| bias_logistic(black_box(&mut y), &bias)), n, "elements", None);
+    report("logistic", n, "elements", None, || logistic(black_box(&mut y)));
+    report("bias_logistic, rows of 500", n, "elements", None, || bias_logistic(black_box(&mut y), &bias));
     let (a, b) = (values(500, 3), values(500, 4));
-    report(
-        "sum, 500",
-        time(|| {
-            black_box(sum(black_box(&a)));
-        }),
-        500.0,
-        "elements",
-        None,
-    );
-    report(
-        "dot, 500",
-        time(|| {
-            black_box(dot(black_box(&a), &b));
-        }),
-        500.0,
-        "elements",
-        None,
-    );
-    report(
-        "squared_distance, 500",
-        time(|| {
-            black_box(squared_distance(black_box(&a), &b));
-        }),
-        500.0,
-        "elements",
-        None,
-    );
-    report(
-        "root_overlap, 500",
-        time(|| {
-            black_box(root_overlap(black_box(&a), &b));
-        }),
-        500.0,
-        "elements",
-        None,
-    );
+    report("sum, 500", 500.0, "elements", None, || {
+        black_box(sum(black_box(&a)));
+    });
+    report("dot, 500", 500.0, "elements", None, || {
+        black_box(dot(black_box(&a), &b));
+    });
+    report("squared_distance, 500", 500.0, "elements", None, || {
+        black_box(squared_distance(black_box(&a), &b));
+    });
+    report("root_overlap, 500", 500.0, "elements", None, || {
+        black_box(root_overlap(black_box(&a), &b));
+    });
 
     let pixels: Vec<u8> = values(640 * 480, 7).iter().map(|x| (x * 256.0) as u8).collect();
     let image = Pixels { data: &pixels, width: 640, height: 480 };
@@ -163,30 +144,31 @@ fn main() {
         let region = Region { x: 0, y: 0, width, height };
         for side in [1, 2, 3, 4, 6, 8, 16, 33] {
             let count = width * height;
-            let seconds = time(|| {
+            report(&format!("box_means {side} x {side}, {width} x {height}"), count as f64, "pixels", None, || {
                 box_means(black_box(image), (side, side), region, &mut scratch, &mut means[..count]);
             });
-            report(&format!("box_means {side} x {side}, {width} x {height}"), seconds, count as f64, "pixels", None);
         }
     }
     let region = Region { x: 250, y: 170, width: 140, height: 140 };
     let plane = box_means(image, (3, 3), region, &mut scratch, &mut means[..140 * 140]);
     let maps: Vec<[f32; 6]> = values(600, 8)
         .chunks(6)
-        .map(|r| [310.0 + 20.0 * r[0], 230.0 + 20.0 * r[1], 1.0 + 0.1 * r[2], 0.1 * r[3], -0.1 * r[3], 1.0 + 0.1 * r[2]])
+        .map(|r| {
+            [310.0 + 20.0 * r[0], 230.0 + 20.0 * r[1], 1.0 + 0.1 * r[2], 0.1 * r[3], -0.1 * r[3], 1.0 + 0.1 * r[2]]
+        })
         .collect();
     for cells in [48, 144, 240] {
         let (du, dv): (Vec<f32>, Vec<f32>) = (0..cells).map(|i| ((i % 16) as f32 - 7.5, (i / 16) as f32 - 7.5)).unzip();
         let mut out = vec![0.0; 100 * cells];
         let count = out.len() as f64;
-        let seconds = time(|| {
+        report(&format!("taps, {cells} cells"), count, "taps", None, || {
             for (map, out) in maps.iter().zip(out.chunks_exact_mut(cells)) {
                 taps(plane, *map, &du, &dv, out);
             }
         });
-        report(&format!("taps, {cells} cells"), seconds, count, "taps", None);
-        let seconds = time(|| taps_rows(plane, black_box(&maps), &du, &dv, &mut out, cells));
-        report(&format!("taps_rows, 100 x {cells} cells"), seconds, count, "taps", None);
+        report(&format!("taps_rows, 100 x {cells} cells"), count, "taps", None, || {
+            taps_rows(plane, black_box(&maps), &du, &dv, &mut out, cells)
+        });
     }
 
     let (n_v, n_h) = (240, 500);
@@ -199,10 +181,12 @@ fn main() {
             ("f32", PackedWeights::f32(n_v, n_h, &w), f32_peak),
             ("bf16", PackedWeights::bf16(n_v, n_h, &w), bf16_peak),
         ] {
-            let seconds = time(|| packed.features(black_box(&v), &bias, &mut h));
-            report(&format!("features {name}, {n} x 240 x 500"), seconds, flops, "flop", peak);
-            let seconds = time(|| packed.overlaps(black_box(&v), &bias, &a, &mut totals, &mut overlaps));
-            report(&format!("overlaps {name}, {n} x 240 x 500"), seconds, flops, "flop", peak);
+            report(&format!("features {name}, {n} x 240 x 500"), flops, "flop", peak, || {
+                packed.features(black_box(&v), &bias, &mut h)
+            });
+            report(&format!("overlaps {name}, {n} x 240 x 500"), flops, "flop", peak, || {
+                packed.overlaps(black_box(&v), &bias, &a, &mut totals, &mut overlaps)
+            });
         }
     }
 }
