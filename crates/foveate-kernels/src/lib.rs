@@ -9,6 +9,7 @@
 //! because fused multiply-adds round once where two operations round twice.
 
 mod boxes;
+mod ends;
 mod level;
 mod logistic;
 mod packed;
