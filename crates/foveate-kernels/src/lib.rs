@@ -10,6 +10,7 @@
 
 mod boxes;
 mod exponential;
+mod ends;
 mod level;
 mod logistic;
 mod normal;
