@@ -14,7 +14,6 @@ mod report;
 mod sink;
 mod table;
 mod trace;
-mod video;
 
 pub use self::annotate::Annotator;
 pub use self::json::Summary;
@@ -22,7 +21,6 @@ pub use self::mp4::Mp4Writer;
 pub use self::report::Report;
 pub use self::table::{Boxes, Table};
 pub use self::trace::Trace;
-pub use self::video::AnnotatedVideo;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
