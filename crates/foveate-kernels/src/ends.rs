@@ -55,14 +55,16 @@ impl End for Features<'_> {
     fn take<const V: u8>(&mut self, first: usize, sums: &[[f32; TILE]]) {
         let rows = self.features[first * self.bias.len()..].chunks_exact_mut(self.bias.len());
         for (sums, row) in sums.iter().zip(rows) {
-            let mut h = *sums;
-            for (h, b) in h.iter_mut().zip(&self.tile_bias) {
-                *h = 1.0 / one_plus_exp2::<V>(*h + b);
-            }
+            // Written in place where the tile is whole: a copy would wait for the stores just before it.
             let row = &mut row[self.left..];
-            match row.first_chunk_mut::<TILE>() {
-                Some(row) => *row = h,
-                None => row.copy_from_slice(&h[..row.len()]),
+            if let Some(row) = row.first_chunk_mut::<TILE>() {
+                for ((h, sum), b) in row.iter_mut().zip(sums).zip(&self.tile_bias) {
+                    *h = 1.0 / one_plus_exp2::<V>(sum + b);
+                }
+            } else {
+                for ((h, sum), b) in row.iter_mut().zip(sums).zip(&self.tile_bias) {
+                    *h = 1.0 / one_plus_exp2::<V>(sum + b);
+                }
             }
         }
     }
@@ -109,7 +111,9 @@ impl End for Overlaps<'_> {
 
     #[inline(always)]
     fn take<const V: u8>(&mut self, first: usize, sums: &[[f32; TILE]]) {
-        for (sums, [total, overlap]) in sums.iter().zip(&mut self.lanes[first..]) {
+        for (sums, lanes) in sums.iter().zip(&mut self.lanes[first..]) {
+            // Held in registers: in memory each line would wait for the stores of the one before.
+            let [mut total, mut overlap] = *lanes;
             for line in 0..TILE / 16 {
                 let part = 16 * line..16 * line + 16;
                 let (sums, bias) = (&sums[part.clone()], &self.tile_bias[part.clone()]);
@@ -122,6 +126,7 @@ impl End for Overlaps<'_> {
                     overlap[i] = multiply_add::<V>(root[i], template[i], overlap[i]);
                 }
             }
+            *lanes = [total, overlap];
         }
     }
 
