@@ -91,7 +91,9 @@ fn each_frame(
         (follow.progress)(&frame);
     }
     if outcome.frames == 0 && !outcome.stopped {
-        return Err(Error::Invalid("the source has no frame to track in; check --init, --until and the saved state".into()));
+        return Err(Error::Invalid(
+            "the source has no frame to track in; check --init, --until and the saved state".into(),
+        ));
     }
     Ok(())
 }

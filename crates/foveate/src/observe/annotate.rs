@@ -1,6 +1,6 @@
 //! A frame with what was believed of it, as a picture: for the video, for stills, for the README.
 //!
-//! On the left the frame, small ones magnified: box, path, particles coloured by weight, the fixation's cross and the
+//! On the left the frame, small ones magnified: box, truth where it is known, path, particles coloured by weight, the fixation's cross and the
 //! windows of the retina. On the right what the fovea saw, where the policy looks, and three gauges.
 
 use std::collections::VecDeque;
@@ -26,6 +26,7 @@ const INK: Colour = [236, 238, 240];
 const SOFT: Colour = [150, 159, 168];
 const TARGET: Colour = [57, 182, 255];
 const GAZE: Colour = [255, 182, 39];
+const TRUTH: Colour = [63, 209, 155];
 const LOST: Colour = [255, 122, 56];
 const BLACK: Colour = [0, 0, 0];
 
@@ -35,6 +36,7 @@ pub struct Annotator {
     /// Half the sides of the retina's windows, in template units, the innermost first.
     windows: Vec<f64>,
     path: VecDeque<Point>,
+    truth: Vec<BBox>,
 }
 
 /// Where the frame lies on the page: `zoom` page pixels for each of its own.
@@ -68,6 +70,7 @@ impl Annotator {
             eye: info.retina.as_deref().and_then(Eye::new),
             windows: windows.into_iter().map(|w| w.1).collect(),
             path: VecDeque::new(),
+            truth: info.truth.clone(),
         }
     }
 
@@ -94,6 +97,9 @@ impl Annotator {
         for (i, (a, b)) in self.path.iter().zip(self.path.iter().skip(1)).enumerate() {
             let fresh = (i + 1) as f64 / self.path.len() as f64;
             page.line(&[view.at(*a), view.at(*b)], 1.6 * view.bold, TARGET, 0.85 * fresh);
+        }
+        if let Some(b) = self.truth.get(step.frame.index) {
+            outline(&mut page, view, &State::of(b), Extent::of(b), Gaze::CENTRE, 1.0, 1.4, TRUTH);
         }
         let colour = if step.lost() { LOST } else { TARGET };
         outline(&mut page, view, &step.estimate, step.extent, Gaze::CENTRE, 1.0, 2.0, colour);

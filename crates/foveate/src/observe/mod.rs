@@ -90,6 +90,8 @@ pub struct RunInfo {
     pub command: String,
     /// The retina, to draw what it saw; `None` leaves that out.
     pub retina: Option<Arc<dyn Retina>>,
+    /// Where the target really is, by frame index, to be shown beside the estimate; empty where nobody knows.
+    pub truth: Vec<BBox>,
     /// Where the time spent in the tracker is added up.
     pub clock: Clock,
 }

@@ -1,21 +1,21 @@
 //! THE WORLD COMING IN: frames, where they come from, and what is found in them.
 
-pub mod decode;
 pub mod annotation;
+pub mod decode;
 pub mod encode;
+pub mod folder;
 pub mod idx;
 pub mod image;
+pub mod open;
 pub mod otb;
 pub mod spline;
 pub mod strokes;
 pub mod synthetic;
-pub mod folder;
-pub mod open;
 
 pub use self::decode::{decode_image, read_image};
 pub use self::encode::{encode_jpeg, encode_png, save_png};
-pub use self::idx::{Digits, Split};
 pub use self::folder::{ImageFolder, image_files};
+pub use self::idx::{Digits, Split};
 pub use self::image::Image;
 pub use self::open::open;
 
