@@ -1,35 +1,57 @@
-//! The `foveate` command.
+//! The `foveate` command: follow an object through video, and recognise it, by learning where to look.
 
-use std::process::ExitCode;
+mod cmd;
+mod terminal;
 
 use clap::{Parser, Subcommand};
 
-mod cmd;
-
-/// Follow an object through video, and recognise it, by learning where to look.
 #[derive(Parser)]
-#[command(name = "foveate", version)]
+#[command(version, about = "Follow an object through video by learning where to look", max_term_width = 100)]
 struct Cli {
+    /// Threads to use; results do not depend on it
+    #[arg(long, global = true, default_value_t = 0, value_name = "N", hide_default_value = true)]
+    threads: usize,
     #[command(subcommand)]
     command: Command,
 }
 
 #[derive(Subcommand)]
 enum Command {
+    /// Show the main job: track a digit among distractors, and write a report
+    Demo(cmd::demo::Args),
+    /// Follow a target through a video file or a folder of images
+    Track(cmd::track::Args),
+    /// Make synthetic scenes
     Synth(cmd::synth::Args),
+    /// Train a model
+    Train(cmd::train::Args),
+    /// Score trackers on sequences with ground truth
     Eval(cmd::eval::Args),
+    Train(cmd::train::Args),
 }
 
-fn main() -> ExitCode {
-    let result = match Cli::parse().command {
+fn main() -> std::process::ExitCode {
+    let cli = Cli::parse();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(cli.threads).build();
+    let run = || match cli.command {
+        Command::Demo(args) => cmd::demo::run(args),
+        Command::Track(args) => cmd::track::run(args),
         Command::Synth(args) => cmd::synth::run(args),
+        Command::Train(args) => cmd::train::run(args),
         Command::Eval(args) => cmd::eval::run(args),
+        Command::Train(args) => cmd::train::run(args),
+    };
+    let result = match pool {
+        Ok(pool) => pool.install(run),
+        Err(e) => {
+            Err(foveate::Error::Invalid(format!("cannot start {} threads: {e}; give a smaller --threads", cli.threads)))
+        }
     };
     match result {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => std::process::ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("foveate: {error}");
-            ExitCode::FAILURE
+            std::process::ExitCode::FAILURE
         }
     }
 }

@@ -1,4 +1,5 @@
 //! Rates of the kernels beside the limits of this core, one JSON line each: `cargo bench -p foveate-kernels`.
+//! Words after `--` choose the lines that contain them all.
 //!
 //! The clock is the thread's CPU time; a figure is the median of 15 runs of about 10 ms.
 
@@ -45,15 +46,20 @@ fn time(mut f: impl FnMut()) -> f64 {
         })
         .collect();
     runs.sort_by(f64::total_cmp);
-    runs[if std::env::var("BEST").is_ok() { 0 } else { 7 }]
+    runs[7]
 }
 
-/// One line: what, its rate in units of 1e9 a second, and the limit of that rate where there is one.
-fn report(what: &str, seconds: f64, count: f64, unit: &str, limit: Option<f64>) {
-    let rate = count / seconds * 1e-9;
-    let share = limit.map_or(String::new(), |limit| format!(", \"limit\": {limit:.3}, \"share\": {:.3}", rate / limit));
+/// One line: what, its time, its rate, and the limit of that rate where there is one.
+fn report(what: &str, count: f64, unit: &str, limit: Option<f64>, f: impl FnMut()) {
+    if !std::env::args().skip(1).all(|word| word.starts_with("--") || what.contains(&word)) {
+        return;
+    }
+    let seconds = time(f);
+    let rate = count / seconds;
+    let share =
+        limit.map_or(String::new(), |limit| format!(", \"limit\": {limit:.3e}, \"share\": {:.3}", rate / limit));
     println!(
-        "{{\"what\": \"{what}\", \"us\": {:.3}, \"rate\": {rate:.3}, \"unit\": \"1e9 {unit}/s\", \"ns_each\": {:.4}{share}}}",
+        "{{\"what\": \"{what}\", \"us\": {:.3}, \"ns_each\": {:.4}, \"rate\": {rate:.3e}, \"unit\": \"{unit}/s\"{share}}}",
         1e6 * seconds,
         1e9 * seconds / count
     );
@@ -69,7 +75,7 @@ fn values(n: usize, mut seed: u32) -> Vec<f32> {
     .collect()
 }
 
-/// Operations a second (in 1e9) of multiply-adds that wait for nothing: f32, and bf16 where there is an instruction.
+/// Operations a second of multiply-adds that wait for nothing: f32, and bf16 where there is an instruction.
 fn peaks() -> (Option<f64>, Option<f64>) {
     #[cfg(target_arch = "x86_64")]
     {
@@ -91,70 +97,51 @@ fn peaks() -> (Option<f64>, Option<f64>) {
                 ([_mm512_set1_ps(0.5); 16], _mm512_cvtne2ps_pbh(_mm512_setzero_ps(), _mm512_setzero_ps()));
             for _ in 0..TURNS {
                 for acc in &mut acc {
-                    *acc = _mm512_dpbf16_ps(*acc, x, black_box(x));
+                    *acc = _mm512_dpbf16_ps(*acc, x, x);
                 }
             }
             black_box(acc);
         }
-        let rate = |seconds: f64, operations: usize| (TURNS * 16 * operations) as f64 / seconds * 1e-9;
+        let rate = |seconds: f64, operations: usize| (TURNS * 16 * operations) as f64 / seconds;
         let level = Level::best();
         // SAFETY: the processor has the level.
         let f32 = (level >= Level::Avx512).then(|| rate(time(|| unsafe { f32_512() }), 32));
         // SAFETY: the same.
         let bf16 = (level == Level::Avx512Bf16).then(|| rate(time(|| unsafe { bf16_512() }), 64));
-        return (f32, bf16);
+        (f32, bf16)
     }
     #[cfg(not(target_arch = "x86_64"))]
     (None, None)
 }
 
 fn main() {
-    println!("{{\"level\": \"{:?}\"}}", Level::best());
     let (f32_peak, bf16_peak) = peaks();
-    println!("{{\"f32 peak\": {f32_peak:?}, \"bf16 peak\": {bf16_peak:?}}}");
+    let shown = |peak: Option<f64>| peak.map_or("null".into(), |peak| format!("{peak:.3e}"));
+    println!(
+        "{{\"level\": \"{:?}\", \"f32 peak\": {}, \"bf16 peak\": {}, \"unit\": \"flop/s\"}}",
+        Level::best(),
+        shown(f32_peak),
+        shown(bf16_peak)
+    );
 
     let x = values(128_000, 1);
     let (mut y, bias) = (x.clone(), values(500, 2));
     let n = x.len() as f64;
-    report("logistic", time(|| logistic(black_box(&mut y))), n, "elements", None);
-    report("bias_logistic, rows of 500", time(|| bias_logistic(black_box(&mut y), &bias)), n, "elements", None);
+    report("logistic", n, "elements", None, || logistic(black_box(&mut y)));
+    report("bias_logistic, rows of 500", n, "elements", None, || bias_logistic(black_box(&mut y), &bias));
     let (a, b) = (values(500, 3), values(500, 4));
-    report(
-        "sum, 500",
-        time(|| {
-            black_box(sum(black_box(&a)));
-        }),
-        500.0,
-        "elements",
-        None,
-    );
-    report(
-        "dot, 500",
-        time(|| {
-            black_box(dot(black_box(&a), &b));
-        }),
-        500.0,
-        "elements",
-        None,
-    );
-    report(
-        "squared_distance, 500",
-        time(|| {
-            black_box(squared_distance(black_box(&a), &b));
-        }),
-        500.0,
-        "elements",
-        None,
-    );
-    report(
-        "root_overlap, 500",
-        time(|| {
-            black_box(root_overlap(black_box(&a), &b));
-        }),
-        500.0,
-        "elements",
-        None,
-    );
+    report("sum, 500", 500.0, "elements", None, || {
+        black_box(sum(black_box(&a)));
+    });
+    report("dot, 500", 500.0, "elements", None, || {
+        black_box(dot(black_box(&a), &b));
+    });
+    report("squared_distance, 500", 500.0, "elements", None, || {
+        black_box(squared_distance(black_box(&a), &b));
+    });
+    report("root_overlap, 500", 500.0, "elements", None, || {
+        black_box(root_overlap(black_box(&a), &b));
+    });
 
     let pixels: Vec<u8> = values(640 * 480, 7).iter().map(|x| (x * 256.0) as u8).collect();
     let image = Pixels { data: &pixels, width: 640, height: 480 };
@@ -163,30 +150,31 @@ fn main() {
         let region = Region { x: 0, y: 0, width, height };
         for side in [1, 2, 3, 4, 6, 8, 16, 33] {
             let count = width * height;
-            let seconds = time(|| {
+            report(&format!("box_means {side} x {side}, {width} x {height}"), count as f64, "pixels", None, || {
                 box_means(black_box(image), (side, side), region, &mut scratch, &mut means[..count]);
             });
-            report(&format!("box_means {side} x {side}, {width} x {height}"), seconds, count as f64, "pixels", None);
         }
     }
     let region = Region { x: 250, y: 170, width: 140, height: 140 };
     let plane = box_means(image, (3, 3), region, &mut scratch, &mut means[..140 * 140]);
     let maps: Vec<[f32; 6]> = values(600, 8)
         .chunks(6)
-        .map(|r| [310.0 + 20.0 * r[0], 230.0 + 20.0 * r[1], 1.0 + 0.1 * r[2], 0.1 * r[3], -0.1 * r[3], 1.0 + 0.1 * r[2]])
+        .map(|r| {
+            [310.0 + 20.0 * r[0], 230.0 + 20.0 * r[1], 1.0 + 0.1 * r[2], 0.1 * r[3], -0.1 * r[3], 1.0 + 0.1 * r[2]]
+        })
         .collect();
     for cells in [48, 144, 240] {
         let (du, dv): (Vec<f32>, Vec<f32>) = (0..cells).map(|i| ((i % 16) as f32 - 7.5, (i / 16) as f32 - 7.5)).unzip();
         let mut out = vec![0.0; 100 * cells];
         let count = out.len() as f64;
-        let seconds = time(|| {
+        report(&format!("taps, {cells} cells"), count, "taps", None, || {
             for (map, out) in maps.iter().zip(out.chunks_exact_mut(cells)) {
                 taps(plane, *map, &du, &dv, out);
             }
         });
-        report(&format!("taps, {cells} cells"), seconds, count, "taps", None);
-        let seconds = time(|| taps_rows(plane, black_box(&maps), &du, &dv, &mut out, cells));
-        report(&format!("taps_rows, 100 x {cells} cells"), seconds, count, "taps", None);
+        report(&format!("taps_rows, 100 x {cells} cells"), count, "taps", None, || {
+            taps_rows(plane, black_box(&maps), &du, &dv, &mut out, cells)
+        });
     }
 
     let (n_v, n_h) = (240, 500);
@@ -199,10 +187,58 @@ fn main() {
             ("f32", PackedWeights::f32(n_v, n_h, &w), f32_peak),
             ("bf16", PackedWeights::bf16(n_v, n_h, &w), bf16_peak),
         ] {
-            let seconds = time(|| packed.features(black_box(&v), &bias, &mut h));
-            report(&format!("features {name}, {n} x 240 x 500"), seconds, flops, "flop", peak);
-            let seconds = time(|| packed.overlaps(black_box(&v), &bias, &a, &mut totals, &mut overlaps));
-            report(&format!("overlaps {name}, {n} x 240 x 500"), seconds, flops, "flop", peak);
+            report(&format!("features {name}, {n} x 240 x 500"), flops, "flop", peak, || {
+                packed.features(black_box(&v), &bias, &mut h)
+            });
+            report(&format!("overlaps {name}, {n} x 240 x 500"), flops, "flop", peak, || {
+                packed.overlaps(black_box(&v), &bias, &a, &mut totals, &mut overlaps)
+            });
+        }
+    }
+
+    frame(image, &bias, &w);
+}
+
+/// What the kernels take of one tracker frame: levels of the pyramid where the particles are, glimpses of 144 + 48 + 48
+/// cells of 1, 3 and 6 pixels, and the sums of their overlap with the template.
+fn frame(image: Pixels<'_>, bias: &[f32], weights: &[f32]) {
+    // Cells of side 1, 3 and 6 fill squares of 12, 24 and 48 pixels, each but where the one before lies.
+    let ring = |cell: i32, outer: i32, inner: i32| -> (Vec<f32>, Vec<f32>) {
+        let (cell, outer, inner) = (cell as f32, outer as f32 / 2.0, inner as f32 / 2.0);
+        let side = (2.0 * outer / cell) as usize;
+        let middle = |i: usize| (i as f32 + 0.5) * cell - outer;
+        (0..side * side)
+            .map(|i| (middle(i % side), middle(i / side)))
+            .filter(|(u, v)| u.abs() > inner || v.abs() > inner)
+            .unzip()
+    };
+    let rings = [(1, ring(1, 12, 0)), (3, ring(3, 24, 12)), (6, ring(6, 48, 24))];
+    let packed = PackedWeights::bf16(240, 500, weights);
+    let mut scratch = BoxScratch::default();
+    for (name, region) in [
+        ("whole image", Region { x: 0, y: 0, width: 640, height: 480 }),
+        ("120 x 120", Region { x: 260, y: 180, width: 120, height: 120 }),
+    ] {
+        let mut level = vec![0.0; region.width * region.height];
+        for n in [100, 500, 1000] {
+            let maps: Vec<[f32; 6]> = values(4 * n, 9)
+                .chunks(4)
+                .map(|r| {
+                    let (c, s) = (1.0 + 0.05 * (r[2] - 0.5), 0.1 * (r[3] - 0.5));
+                    [312.0 + 16.0 * r[0], 232.0 + 16.0 * r[1], c, s, -s, c]
+                })
+                .collect();
+            let (mut glimpses, mut totals, mut overlaps) = (vec![0.0; n * 240], vec![0.0; n], vec![0.0; n]);
+            report(&format!("frame kernels, {name}, {n}"), 1.0, "frames", None, || {
+                let mut first = 0;
+                for (side, (du, dv)) in &rings {
+                    let plane = box_means(image, (*side, *side), region, &mut scratch, &mut level);
+                    taps_rows(plane, &maps, du, dv, &mut glimpses[first..], 240);
+                    first += du.len();
+                }
+                packed.overlaps(&glimpses, bias, bias, &mut totals, &mut overlaps);
+                black_box(&overlaps);
+            });
         }
     }
 }

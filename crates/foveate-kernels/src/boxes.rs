@@ -74,7 +74,7 @@ pub fn box_means<'a>(
             means_wide_at(Level::best(), image, size, region, &mut scratch.wide, out);
         }
     }
-    let middle = |first: i32, side: usize| first as f32 + if side % 2 == 0 { 0.5 } else { 0.0 };
+    let middle = |first: i32, side: usize| first as f32 + if side.is_multiple_of(2) { 0.5 } else { 0.0 };
     let (x0, y0) = (middle(region.x, width), middle(region.y, height));
     Plane { data: out, width: region.width, height: region.height, stride: region.width, x0, y0 }
 }

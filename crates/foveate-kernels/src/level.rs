@@ -19,6 +19,7 @@ pub enum Level {
 /// arithmetic, [`FUSED`] multiply-adds too, [`AVX512`] its instructions too.
 pub(crate) const FUSED: u8 = 1;
 /// See [`FUSED`].
+#[cfg(target_arch = "x86_64")]
 pub(crate) const AVX512: u8 = 2;
 /// What it may use where nothing is asked of the processor.
 pub(crate) const BASE: u8 = if cfg!(any(target_arch = "aarch64", target_feature = "fma")) { FUSED } else { 0 };
@@ -60,7 +61,7 @@ pub(crate) fn multiply_add<const V: u8>(a: f32, b: f32, c: f32) -> f32 {
     if V >= FUSED { a.mul_add(b, c) } else { a * b + c }
 }
 
-/// 1 / √x for x in [1e-37, 1e37], to 2e-7 relative.
+/// 1 / √x for x in [1e-37, 3e38], to 2e-7 relative; NaN stays NaN.
 #[inline(always)]
 pub(crate) fn reciprocal_root<const V: u8>(x: &[f32; 16]) -> [f32; 16] {
     #[cfg(target_arch = "x86_64")]

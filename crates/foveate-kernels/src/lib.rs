@@ -9,16 +9,22 @@
 //! because fused multiply-adds round once where two operations round twice.
 
 mod boxes;
+mod exponential;
+mod ends;
 mod level;
 mod logistic;
+mod normal;
 mod packed;
 mod sums;
 mod taps;
 mod tile;
+mod wide;
 
 pub use boxes::{BoxScratch, Pixels, Region, box_means};
+pub use exponential::{exp_from, largest_finite};
 pub use level::Level;
 pub use logistic::{bias_logistic, logistic};
+pub use normal::Normals;
 pub use packed::{PackedWeights, Precision};
 pub use sums::{dot, root_overlap, squared_distance, sum};
 pub use taps::{Plane, taps, taps_rows};

@@ -11,15 +11,10 @@ const MAGIC: f32 = 12_582_912.0 + 127.0;
 const LN_2_HIGH: f32 = 0.693_359_4;
 const LN_2_LOW: f32 = -2.121_944_4e-4;
 
-/// e^z. Relative error about 1e-7 for z in [-87, 88.3]; at least 1e-38 below that, infinite above it; NaN stays NaN.
+/// e^z for z in [-87, 88.3], relative error about 1e-7; at least 1e-38 below that, infinite above it; NaN stays NaN.
 #[inline(always)]
-pub(crate) fn exp<const V: u8>(z: f32) -> f32 {
-    exp_within::<V>(z.clamp(-87.0, 89.0))
-}
-
-/// e^z for z in [-87, 89].
-#[inline(always)]
-pub(crate) fn exp_within<const V: u8>(z: f32) -> f32 {
+fn exp<const V: u8>(z: f32) -> f32 {
+    let z = z.clamp(-87.0, 89.0);
     let shifted = multiply_add::<V>(z, std::f32::consts::LOG2_E, MAGIC);
     let n = shifted - MAGIC;
     let r = multiply_add::<V>(n, -LN_2_HIGH, z);
@@ -31,6 +26,23 @@ pub(crate) fn exp_within<const V: u8>(z: f32) -> f32 {
     let p = multiply_add::<V>(p, r, 1.0);
     let p = multiply_add::<V>(p, r, 1.0);
     p * f32::from_bits(shifted.to_bits() << 23)
+}
+
+/// 1 + 2^x, at least 1 and at most 2.3e38; relative error 2e-7; NaN stays NaN.
+///
+/// Cheaper than [`exp`] by half: no product for the base, a polynomial of degree 5 (least greatest error, 1.1e-7)
+/// with value 1 and slope ln 2 at 0, and the exponent added to that of the polynomial.
+#[inline(always)]
+pub(crate) fn one_plus_exp2<const V: u8>(x: f32) -> f32 {
+    let x = x.clamp(-126.0, 127.4);
+    let shifted = x + (MAGIC - 127.0);
+    let f = x - (shifted - (MAGIC - 127.0));
+    let p = multiply_add::<V>(f, 1.330_060_5e-3, 9.669_691e-3);
+    let p = multiply_add::<V>(p, f, 5.550_558_5e-2);
+    let p = multiply_add::<V>(p, f, 0.240_222_83);
+    let p = multiply_add::<V>(p, f, std::f32::consts::LN_2);
+    let p = multiply_add::<V>(p, f, 1.0);
+    1.0 + f32::from_bits(p.to_bits().wrapping_add(shifted.to_bits() << 23))
 }
 
 /// 1 / (1 + e^-x).

@@ -74,7 +74,7 @@ fn taps_rows_body<const V: u8>(
         for (group, maps) in maps.chunks(together).enumerate() {
             for (map, places) in maps.iter().zip(places.chunks_exact_mut(blocks)) {
                 for ((du, dv), place) in du.chunks(CELLS).zip(dv.chunks(CELLS)).zip(places) {
-                    *place = match (du.as_array(), dv.as_array()) {
+                    *place = match (du.first_chunk(), dv.first_chunk()) {
                         (Some(du), Some(dv)) => Places::of::<V>(&plane, map, du, dv),
                         _ => Places::of::<V>(&plane, map, &padded(du), &padded(dv)),
                     };

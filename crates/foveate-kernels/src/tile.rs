@@ -113,11 +113,11 @@ mod x86 {
                     unsafe {
                         let group = line.cast::<__m512>();
                         let group = [*group, *group.add(1), *group.add(2), *group.add(3)];
-                        for r in 0..ROWS {
+                        for (r, acc) in acc.iter_mut().enumerate() {
                             let $value = _mm512_set1_epi32(*word.add(r * depth) as i32);
-                            for c in 0..4 {
-                                let ($line, $sum) = (group[c], acc[r][c]);
-                                acc[r][c] = $step;
+                            for (acc, line) in acc.iter_mut().zip(group) {
+                                let ($line, $sum) = (line, *acc);
+                                *acc = $step;
                             }
                         }
                         word = word.add(1);
@@ -156,10 +156,10 @@ mod x86 {
                 unsafe {
                     let line = lines.as_ptr().add(4 * k + quarter).cast::<__m256>();
                     let line = [*line, *line.add(1)];
-                    for r in 0..ROWS {
+                    for (r, acc) in acc.iter_mut().enumerate() {
                         let value = _mm256_set1_ps(f32::from_bits(*words.as_ptr().add(r * depth + k)));
-                        for c in 0..2 {
-                            acc[r][c] = _mm256_fmadd_ps(value, line[c], acc[r][c]);
+                        for (acc, line) in acc.iter_mut().zip(line) {
+                            *acc = _mm256_fmadd_ps(value, line, *acc);
                         }
                     }
                 }

@@ -3,7 +3,7 @@
 //! `cargo bench --bench rbm -- [rounds]`, with MNIST under $FOVEATE_DATA/mnist or data/mnist; without it, random bits (a
 //! time, but nothing to learn). One JSON line a figure; seconds are those of the CPU where the system tells them.
 
-use foveate::rbm::{Negative, Rbm, Recipe, Trainer, Visible, monitor};
+use foveate::rbm::{Negative, Recipe, Trainer, Visible, monitor};
 use foveate::rows::{Rows, RowsMut};
 use std::io::Read;
 use std::path::PathBuf;
@@ -50,23 +50,26 @@ fn run(rounds: usize) {
 
     let rbm = trainer.learned();
     let mut h = vec![0.0; 1000 * N_H];
-    let mut encode = |rbm: &Rbm, n: usize| {
-        let v = Rows::new(&train.data()[..n * N_V], N_V);
-        seconds(|| rbm.h_from_v(v, RowsMut::new(&mut h[..n * N_H], N_H)))
-    };
     for n in [1, 100, 1000] {
-        let seconds: Vec<f64> = (0..rounds * 20).map(|_| encode(&rbm, n)).collect();
-        report(&format!("hidden probabilities, {n} rows at once"), what, "s", &seconds);
+        let v = Rows::new(&train.data()[..n * N_V], N_V);
+        let mut encode = || rbm.h_from_v(v, RowsMut::new(&mut h[..n * N_H], N_H));
+        // The system tells CPU time in steps of milliseconds.
+        let times = 100_000 / (n + 9);
+        let all: Vec<f64> = (0..rounds).map(|_| seconds(|| (0..times).for_each(|_| encode())) / times as f64).collect();
+        report(&format!("hidden probabilities, {n} rows at once"), what, "s", &all);
     }
 
-    let mut trainer = Trainer::new(recipe, train).expect("the data are bits");
-    let s = seconds(|| trainer.epoch(train));
-    let fit = monitor::Fit::of(&trainer.learned(), Rows::new(&test.data()[..500 * N_V], N_V));
-    println!(
-        "{{\"what\": \"one whole epoch\", \"data\": \"{what}\", \"s\": {s:.3}, \"pseudo_log_likelihood\": {:.3}, \"reconstruction\": {:.3}}}",
-        fit.pseudo_log_likelihood.expect("binary units"),
-        monitor::reconstruction_error(&trainer.learned(), test),
-    );
+    for (order, shuffle) in [("the data's order, as rbm.py", false), ("shuffled", true)] {
+        let mut trainer = Trainer::new(Recipe { shuffle, ..recipe.clone() }, train).expect("the data are bits");
+        let s = seconds(|| trainer.epoch(train));
+        let rbm = trainer.learned();
+        let pseudo = monitor::pseudo_log_likelihood(&rbm, Rows::new(&test.data()[..500 * N_V], N_V));
+        println!(
+            "{{\"what\": \"one whole epoch, {order}\", \"data\": \"{what}\", \"s\": {s:.3}, \"pseudo_log_likelihood\": {:.3}, \"reconstruction\": {:.3}}}",
+            pseudo.expect("binary units"),
+            monitor::reconstruction_error(&rbm, test),
+        );
+    }
 }
 
 fn report(what: &str, data: &str, unit: &str, values: &[f64]) {

@@ -128,6 +128,8 @@ fn filter(proposal: &mut dyn Proposal, resampling: &Resampling, observations: &[
 struct Wide;
 
 impl Proposal for Wide {
+    fn size(&mut self, _: f64) {}
+
     fn propose(
         &mut self,
         scene: Scene<'_>,

@@ -3,6 +3,7 @@
 use crate::geometry::State;
 use crate::rng::Rng;
 use crate::{Error, Result};
+use foveate_kernels::Normals;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
@@ -19,7 +20,8 @@ pub trait Dynamics: Send + Sync {
     fn log_density(&self, next: &State, previous: &State) -> f64;
     /// The same motion for a target of which one template unit is `unit` pixels.
     fn sized(&self, unit: f64) -> Arc<dyn Dynamics>;
-    /// One draw for each state: the same bits as calls of `sample` in turn, in one virtual call.
+    /// One draw for each state, in one virtual call; not the bits that calls of `sample` give, but of the same law.
+    /// The draws for fewer states are the first ones of those for more.
     fn sample_each(&self, previous: &[State], next: &mut [State], rng: &mut Rng) {
         for (next, previous) in next.iter_mut().zip(previous) {
             *next = self.sample(previous, rng);
@@ -95,16 +97,6 @@ impl Autoregressive {
     }
 }
 
-/// A normal draw of standard deviation `sd`; no randomness is spent where `sd` is 0.
-#[inline]
-fn noise(sd: f64, rng: &mut Rng) -> f64 {
-    if sd == 0.0 {
-        return 0.0;
-    }
-    let n: f64 = rng.sample(StandardNormal);
-    sd * n
-}
-
 /// log of the normal density of `value` around `mean`; for `sd` 0, whether they agree but for rounding: 0 or −∞.
 fn log_normal(value: f64, mean: f64, sd: f64) -> f64 {
     /// ½ ln 2π.
@@ -117,22 +109,53 @@ fn log_normal(value: f64, mean: f64, sd: f64) -> f64 {
     -0.5 * z * z - sd.ln() - HALF_LN_TAU
 }
 
+/// Noises of standard deviation 1 on (vx, vy), (x, y) and (log_scale, angle).
+type Noise = [[f64; 2]; 3];
+
+impl Autoregressive {
+    /// Where `previous` leads with these noises.
+    #[inline]
+    fn step(&self, previous: &State, [velocity, position, shape]: Noise) -> State {
+        let vx = self.damping * previous.vx + self.velocity * velocity[0];
+        let vy = self.damping * previous.vy + self.velocity * velocity[1];
+        State {
+            x: previous.x + vx + self.position * position[0],
+            y: previous.y + vy + self.position * position[1],
+            vx,
+            vy,
+            log_scale: self.scale_pull * previous.log_scale + self.log_scale * shape[0],
+            angle: self.angle_pull * previous.angle + self.angle * shape[1],
+        }
+    }
+}
+
 impl Dynamics for Autoregressive {
     fn sized(&self, unit: f64) -> Arc<dyn Dynamics> {
         Arc::new(self.scaled(unit))
     }
 
-    #[inline]
     fn sample(&self, previous: &State, rng: &mut Rng) -> State {
-        let vx = self.damping * previous.vx + noise(self.velocity, rng);
-        let vy = self.damping * previous.vy + noise(self.velocity, rng);
-        State {
-            x: previous.x + vx + noise(self.position, rng),
-            y: previous.y + vy + noise(self.position, rng),
-            vx,
-            vy,
-            log_scale: self.scale_pull * previous.log_scale + noise(self.log_scale, rng),
-            angle: self.angle_pull * previous.angle + noise(self.angle, rng),
+        let mut pair = || [rng.sample(StandardNormal), rng.sample(StandardNormal)];
+        self.step(previous, [pair(), pair(), pair()])
+    }
+
+    fn sample_each(&self, previous: &[State], next: &mut [State], rng: &mut Rng) {
+        const BATCH: usize = 64;
+        let mut stream = Normals::new(rng.random());
+        let [mut velocity, mut position, mut shape] = [[[0.0; 2]; BATCH]; 3];
+        for (previous, next) in previous.chunks(BATCH).zip(next.chunks_mut(BATCH)) {
+            for (noise, needed) in [
+                (&mut velocity, self.velocity != 0.0),
+                (&mut position, self.position != 0.0),
+                (&mut shape, self.log_scale != 0.0 || self.angle != 0.0),
+            ] {
+                if needed {
+                    stream.fill(noise.as_flattened_mut());
+                }
+            }
+            for i in 0..previous.len().min(next.len()).min(BATCH) {
+                next[i] = self.step(&previous[i], [velocity[i], position[i], shape[i]]);
+            }
         }
     }
 
@@ -181,6 +204,9 @@ mod tests {
     fn the_law_finds_a_wrong_density() {
         struct Wrong;
         impl Dynamics for Wrong {
+            fn sized(&self, _: f64) -> Arc<dyn Dynamics> {
+                Arc::new(Wrong)
+            }
             fn sample(&self, previous: &State, rng: &mut Rng) -> State {
                 ALL.sample(previous, rng)
             }

@@ -17,7 +17,8 @@ pub use self::reward::{Concentration, LogConcentration, Reward, VarianceReductio
 pub use self::vigilance::{Promise, Vigilance, Watch};
 
 use crate::geometry::State;
-use std::f64::consts::TAU;
+use foveate_kernels::{exp_from, largest_finite};
+use std::f64::consts::{PI, TAU};
 
 /// bₜ: what is believed of the target, as states with weights.
 #[derive(Clone, Copy, Debug)]
@@ -37,7 +38,8 @@ impl Belief<'_> {
             for (sum, value) in sum.iter_mut().zip(state.to_array()) {
                 *sum += w * value;
             }
-            let (s, c) = (state.angle - first).sin_cos();
+            let turn = state.angle - first;
+            let (s, c) = if turn == 0.0 { (0.0, 1.0) } else { turn.sin_cos() }; // often no particle turns at all
             sin += w * s;
             cos += w * c;
         }
@@ -72,29 +74,25 @@ impl Belief<'_> {
 /// `a − b` in the order of [`State`]'s fields, the angle's difference within half a turn.
 fn deviation(a: &State, b: &State) -> [f64; 6] {
     let turn = a.angle - b.angle;
-    let turn = turn - TAU * (turn / TAU).round();
+    let turn = if turn.abs() <= PI { turn } else { turn - TAU * (turn / TAU).round() };
     [a.x - b.x, a.y - b.y, a.vx - b.vx, a.vy - b.vy, a.log_scale - b.log_scale, turn]
 }
 
 /// From log weights to weights of sum 1; returns log Σ exp, the log evidence where the log weights are
 /// log (wₜ₋₁ p/q p(h | x, a)).
 ///
-/// Sums run in index order. What is not finite weighs nothing; if nothing is finite, no particle explains
+/// The sum runs in a fixed order. What is not finite weighs nothing; if nothing is finite, no particle explains
 /// the frame: the weights are uniform and −∞ is returned. Both slices have the same, non-zero length.
 pub fn normalize(log_weights: &[f64], weights: &mut [f64]) -> f64 {
     assert_eq!(log_weights.len(), weights.len(), "one weight for each log weight");
-    let finite = |w: f64| if w.is_finite() { w } else { f64::NEG_INFINITY };
-    let max = log_weights.iter().fold(f64::NEG_INFINITY, |max, &w| finite(w).max(max));
+    let max = largest_finite(log_weights);
     if max == f64::NEG_INFINITY {
         weights.fill(1.0 / weights.len() as f64);
         return max;
     }
-    let mut sum = 0.0;
-    for (w, &log_w) in weights.iter_mut().zip(log_weights) {
-        *w = (finite(log_w) - max).exp();
-        sum += *w;
-    }
-    weights.iter_mut().for_each(|w| *w /= sum);
+    let sum = exp_from(log_weights, max, weights);
+    let share = 1.0 / sum;
+    weights.iter_mut().for_each(|w| *w *= share);
     max + sum.ln()
 }
 

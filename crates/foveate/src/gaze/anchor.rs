@@ -32,7 +32,10 @@ impl Anchor {
 impl Policy for Anchor {
     fn plan(&mut self, plan: &mut Plan, rng: &mut Rng) {
         self.inner.plan(&mut self.own, rng);
-        plan.clone_from(&self.own);
+        plan.clear();
+        for (&gaze, &used) in self.own.gazes().iter().zip(self.own.used()) {
+            plan.push(gaze, used);
+        }
         plan.mark(self.own.chosen_index());
         match self.own.gazes().iter().position(|g| (g.u, g.v) == (self.gaze.u, self.gaze.v)) {
             Some(k) => plan.use_also(k),

@@ -49,16 +49,18 @@ impl Encoder for Raw {
 }
 
 /// The activation probabilities of an RBM's hidden units.
-#[derive(Clone, Debug)]
 pub struct RbmEncoder {
     rbm: Rbm,
+    packed: kernels::PackedWeights,
     groups: Vec<std::ops::Range<usize>>,
 }
 
 impl RbmEncoder {
     /// Encodes with a trained RBM; Gaussian ones standardise each channel of a glimpse first, as their training did.
     pub fn new(rbm: Rbm, channels: &[usize]) -> Self {
-        Self { rbm, groups: groups(channels) }
+        let (n_v, n_h) = rbm.shape();
+        let packed = kernels::PackedWeights::f32(n_v, n_h, rbm.weights().data());
+        Self { rbm, packed, groups: groups(channels) }
     }
 }
 
@@ -71,8 +73,8 @@ impl Encoder for RbmEncoder {
             self.groups.iter().for_each(|g| standardise(&mut glimpse[g.clone()]));
         }
     }
-    fn encode(&self, glimpses: Rows<'_>, features: RowsMut<'_>) {
-        self.rbm.h_from_v(glimpses, features);
+    fn encode(&self, glimpses: Rows<'_>, mut features: RowsMut<'_>) {
+        self.packed.features(glimpses.data(), self.rbm.hidden_bias(), features.data());
     }
 }
 

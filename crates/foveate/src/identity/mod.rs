@@ -10,7 +10,6 @@ pub mod encoder;
 pub mod gaze_appearance;
 pub mod pyramid;
 pub mod retina;
-mod sampling;
 
 pub use distance::Distance;
 pub use encoder::Encoder;

@@ -7,7 +7,7 @@
 //! Deviation from a mip pyramid with levels of 1, 2, 4, 8 px: levels follow the target's size, so nothing
 //! jumps when it grows past a power of two, and a ring of 3 or 6 px cells is exact as well.
 
-use super::sampling as kernels;
+use foveate_kernels as kernels;
 
 use super::retina::Footprint;
 use crate::geometry::{Extent, Fixation, Gaze, State};
@@ -23,12 +23,15 @@ struct Level {
     y0: f32,
 }
 
+/// Sides of a box, at most: beyond it a cell is larger than any picture.
+const WIDEST_BOX: f64 = 2048.0;
+
 /// The levels of one frame (or of the template).
 #[derive(Clone, Debug, Default)]
 pub struct Pyramid {
     levels: Vec<Level>,
     channel: Vec<u8>,
-    scratch: Vec<f32>,
+    scratch: kernels::BoxScratch,
 }
 
 /// A rectangle of pixels: left, top, width, height; never empty, always inside the image.
@@ -80,14 +83,13 @@ impl Pyramid {
             let margin = |u: f64| (widest * u).ceil() as usize + 1;
             let source = if plain { whole(image) } else { grow(region, image, margin(unit.0), margin(unit.1)) };
             if !plain {
-                self.channel.resize(source.width * source.height, 0);
+                self.channel.resize(self.channel.len().max(source.width * source.height), 0);
                 make_channel(image, channel, source, &mut self.channel);
             }
             let bytes = if plain { image.plane(0) } else { &self.channel };
             for (level, footprint) in self.levels.iter_mut().zip(footprints).filter(|(_, f)| f.channel == channel) {
-                let side = |unit: f64, n: usize| ((footprint.side * unit).round().max(1.0) as usize).min(n);
-                let (bw, bh) = (side(unit.0, source.width), side(unit.1, source.height));
-                level.fill(bytes, source, region, bw, bh, &mut self.scratch);
+                let side = |unit: f64| (footprint.side * unit).round().clamp(1.0, WIDEST_BOX) as usize;
+                level.fill(bytes, source, region, (side(unit.0), side(unit.1)), &mut self.scratch);
             }
         }
     }
@@ -96,25 +98,40 @@ impl Pyramid {
     /// Outside the level the nearest sample counts.
     pub fn read(&self, level: usize, at: Fixation, du: &[f32], dv: &[f32], out: &mut [f32]) {
         let level = &self.levels[level];
-        let plane =
-            kernels::Plane { data: &level.data, width: level.width, height: level.height, x0: level.x0, y0: level.y0 };
+        let Level { data, width, height, x0, y0 } = level;
+        let plane = kernels::Plane { data, width: *width, height: *height, stride: *width, x0: *x0, y0: *y0 };
         let map = [at.x as f32, at.y as f32, at.ux as f32, at.uy as f32, at.vx as f32, at.vy as f32];
         kernels::taps(plane, map, du, dv, out);
     }
 }
 
 impl Level {
-    fn fill(&mut self, bytes: &[u8], source: Region, region: Region, bw: usize, bh: usize, scratch: &mut Vec<f32>) {
-        // A box of b pixels from column i is centred at i + (b − 1) / 2: one more sample on the left covers the region.
-        let (left, top) = ((bw / 2) as isize, (bh / 2) as isize);
-        self.width = region.width + usize::from(bw % 2 == 0);
-        self.height = region.height + usize::from(bh % 2 == 0);
+    fn fill(
+        &mut self,
+        bytes: &[u8],
+        source: Region,
+        region: Region,
+        size: (usize, usize),
+        scratch: &mut kernels::BoxScratch,
+    ) {
+        // The middle of an even box lies half a pixel on: one more sample on the left covers the region.
+        let early = |side: usize| usize::from(side.is_multiple_of(2));
+        self.width = region.width + early(size.0);
+        self.height = region.height + early(size.1);
         self.data.resize(self.width * self.height, 0.0);
-        let first = ((region.x - source.x) as isize - left, (region.y - source.y) as isize - top);
-        let source_view = kernels::Bytes { data: bytes, width: source.width, height: source.height };
-        kernels::box_means(source_view, first, (bw, bh), (self.width, self.height), &mut self.data, scratch);
-        self.x0 = (region.x as f64 - left as f64 + (bw as f64 - 1.0) / 2.0) as f32;
-        self.y0 = (region.y as f64 - top as f64 + (bh as f64 - 1.0) / 2.0) as f32;
+        let wanted = kernels::Region {
+            x: (region.x - source.x) as i32 - early(size.0) as i32,
+            y: (region.y - source.y) as i32 - early(size.1) as i32,
+            width: self.width,
+            height: self.height,
+        };
+        let pixels = kernels::Pixels {
+            data: &bytes[..source.width * source.height],
+            width: source.width,
+            height: source.height,
+        };
+        let plane = kernels::box_means(pixels, size, wanted, scratch, &mut self.data);
+        (self.x0, self.y0) = (plane.x0 + source.x as f32, plane.y0 + source.y as f32);
     }
 }
 

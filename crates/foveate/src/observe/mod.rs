@@ -8,6 +8,8 @@ pub mod draw;
 mod eye;
 mod font;
 mod json;
+pub mod mp4;
+mod mux;
 mod report;
 mod sink;
 mod table;
@@ -15,6 +17,7 @@ mod trace;
 
 pub use self::annotate::Annotator;
 pub use self::json::Summary;
+pub use self::mp4::Mp4Writer;
 pub use self::report::Report;
 pub use self::table::{Boxes, Table};
 pub use self::trace::Trace;

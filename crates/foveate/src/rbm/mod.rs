@@ -16,6 +16,7 @@ mod train;
 mod units;
 
 pub use self::io::Metadata;
+pub use self::product::warm;
 pub use self::rbm::{Rbm, Visible};
 pub use self::recipe::{Negative, Recipe, Sparsity};
 pub use self::train::Trainer;

@@ -24,6 +24,8 @@ pub struct Fit {
     pub pseudo_log_likelihood: Option<f64>,
     /// F(v) in nats.
     pub free_energy: f64,
+    /// p(h = 1 | v), mean over the hidden units too.
+    pub activity: f64,
 }
 
 impl Fit {
@@ -33,6 +35,7 @@ impl Fit {
             reconstruction: reconstruction_error(rbm, rows),
             pseudo_log_likelihood: pseudo_log_likelihood(rbm, rows),
             free_energy: mean_free_energy(rbm, rows),
+            activity: mean_activity(rbm, rows),
         }
     }
 }
@@ -48,6 +51,16 @@ pub fn reconstruction_error(rbm: &Rbm, rows: Rows<'_>) -> f64 {
     })
 }
 
+/// p(h = 1 | v), mean over hidden units and rows.
+pub fn mean_activity(rbm: &Rbm, rows: Rows<'_>) -> f64 {
+    let n_h = rbm.shape().1;
+    mean(rows, |v| {
+        let mut h = vec![0.0; v.len() * n_h];
+        rbm.h_from_v(v, RowsMut::new(&mut h, n_h));
+        h.into_iter().map(f64::from).sum::<f64>() / n_h as f64
+    })
+}
+
 /// F(v), mean over rows.
 pub fn mean_free_energy(rbm: &Rbm, rows: Rows<'_>) -> f64 {
     let n_h = rbm.shape().1;
@@ -59,8 +72,8 @@ pub fn mean_free_energy(rbm: &Rbm, rows: Rows<'_>) -> f64 {
     })
 }
 
-/// Σᵢ log p(vᵢ | v₋ᵢ), mean over rows; none for Gaussian units. Exact, in O(n_v n_h) a row: flipping one unit changes
-/// every hidden excitation z by a weight, and softplus(z + w) − softplus(z) = log(1 + σ(z)(e^w − 1)).
+/// Σᵢ log p(vᵢ | v₋ᵢ), mean over rows; none for Gaussian units. Exact, in O(n_v n_h) a row: moving one unit changes
+/// every hidden excitation z by a share of a weight, and softplus(z + w) − softplus(z) = log(1 + σ(z)(e^w − 1)).
 ///
 /// A value between 0 and 1 counts as a probability: its term is v log p + (1 − v) log(1 − p), the others held as they are.
 pub fn pseudo_log_likelihood(rbm: &Rbm, rows: Rows<'_>) -> Option<f64> {
@@ -78,27 +91,29 @@ pub fn pseudo_log_likelihood(rbm: &Rbm, rows: Rows<'_>) -> Option<f64> {
         rbm.excitation(v, &mut z);
         let mut h = z.clone();
         logistic(&mut h);
-        let rows = v.iter().zip(z.chunks_exact(n_h).zip(h.chunks_exact(n_h)));
-        rows.map(|(v, (z, h))| {
-            let term = |(i, &x): (usize, &f32)| {
-                // log odds of the unit being on.
-                let b = f64::from(rbm.visible_bias()[i]);
-                let odds = match x {
-                    0.0 if tame => b + log_product(h, on.row(i)),
-                    1.0 if tame => b - log_product(h, off.row(i)),
-                    _ => {
-                        let w = rbm.weights().row(i);
-                        let moved = |share: f64| -> f64 {
-                            z.iter().zip(w).map(|(&z, &w)| softplus(f64::from(z) + share * f64::from(w))).sum()
-                        };
-                        b + moved(1.0 - f64::from(x)) - moved(-f64::from(x))
+        let mut moved = vec![0.0; n_h];
+        let mut sum = 0.0;
+        for (v, (z, h)) in v.iter().zip(z.chunks_exact(n_h).zip(h.chunks_exact(n_h))) {
+            for (i, &x) in v.iter().enumerate() {
+                let w = rbm.weights().row(i);
+                // Σⱼ softplus(zⱼ + share · wⱼ), up to what does not depend on the share.
+                let mut at = |share: f32| -> f64 {
+                    if !tame {
+                        return z.iter().zip(w).map(|(z, w)| softplus(f64::from(*z) + f64::from(share * w))).sum();
                     }
+                    moved.iter_mut().zip(w).for_each(|(m, w)| *m = (share * w).exp_m1());
+                    log_product(h, &moved)
                 };
-                f64::from(x) * odds - softplus(odds)
-            };
-            v.iter().enumerate().map(term).sum::<f64>()
-        })
-        .sum()
+                let gain = match x {
+                    0.0 if tame => log_product(h, on.row(i)),
+                    1.0 if tame => -log_product(h, off.row(i)),
+                    _ => at(1.0 - x) - at(-x),
+                };
+                let log_odds = f64::from(rbm.visible_bias()[i]) + gain;
+                sum += f64::from(x) * log_odds - softplus(log_odds);
+            }
+        }
+        sum
     }))
 }
 

@@ -15,6 +15,13 @@ const SMALL: usize = 2048;
 /// Most columns a single row is multiplied by at a time: what its scratch on the stack holds, twice.
 const LANE: usize = 1024;
 
+/// Lets every thread of the present pool take the scratch that products need (once a thread, address space of twice the
+/// processor's cache), so that no later product allocates.
+pub fn warm() {
+    let ones = [1.0; 64 * 64];
+    rayon::broadcast(|_| rows_times(Rows::new(&ones, 64), &ones, &mut [0.0; 64 * 64]));
+}
+
 /// `out` (m × n) = `rows` (m × k) · `weights` (k × n).
 pub(super) fn rows_times(rows: Rows<'_>, weights: &[f32], out: &mut [f32]) {
     let k = rows.width();

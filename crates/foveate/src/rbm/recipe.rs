@@ -77,7 +77,7 @@ impl Recipe {
             epochs: 15,
             batch: 100,
             shuffle: true,
-            rate: if visible == Visible::Bernoulli { 0.1 } else { 0.01 },
+            rate: if visible == Visible::Bernoulli { 0.1 } else { 0.02 },
             momentum: 0.9,
             negative: Negative::Contrastive { steps: 1 },
             l2: 2e-4,

@@ -6,11 +6,18 @@ pub mod encode;
 pub mod folder;
 pub mod idx;
 pub mod image;
+mod ffmpeg;
+mod h264;
+mod mp4;
 pub mod open;
 pub mod otb;
 pub mod spline;
+mod sps;
+mod stream;
 pub mod strokes;
 pub mod synthetic;
+pub mod video;
+pub(crate) mod yuv;
 
 pub use self::decode::{decode_image, read_image};
 pub use self::encode::{encode_jpeg, encode_png, save_png};
@@ -18,6 +25,7 @@ pub use self::folder::{ImageFolder, image_files};
 pub use self::idx::{Digits, Split};
 pub use self::image::Image;
 pub use self::open::open;
+pub use self::video::VideoFile;
 
 /// One picture of a video.
 #[derive(Clone, Debug)]

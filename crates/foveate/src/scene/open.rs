@@ -4,7 +4,7 @@ use std::io::Read;
 use std::path::Path;
 
 use super::decode::image_kind;
-use super::{FrameSource, ImageFolder};
+use super::{FrameSource, ImageFolder, VideoFile};
 use crate::{Error, Result};
 
 /// Opens a folder of images, a video file, or one image (a source of one frame), told apart by content.
@@ -27,7 +27,7 @@ pub fn open(path: impl AsRef<Path>) -> Result<Box<dyn FrameSource>> {
     if image_kind(&head).is_some() {
         return Ok(Box::new(ImageFolder::from_files(vec![path.to_owned()])?));
     }
-    Err(Error::malformed(path, "expected a video file or an image (PNG, JPEG), found other data"))
+    Ok(Box::new(VideoFile::open(path)?))
 }
 
 #[cfg(test)]

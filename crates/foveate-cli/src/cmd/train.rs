@@ -1,0 +1,364 @@
+//! `foveate train rbm`: learns the features of the identity pathway from glimpses.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use clap::{Subcommand, ValueEnum};
+use foveate::identity::retina::{Foveal, FovealConfig, Retina};
+use foveate::rbm::likelihood::{ais, mean_log_likelihood};
+use foveate::rbm::monitor::Fit;
+use foveate::rbm::{Metadata, Negative, Rbm, Recipe, Sparsity, Trainer, Visible};
+use foveate::rows::Rows;
+use foveate::training::{self, Source, filters};
+use foveate::{Error, Result};
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Rows that are monitored after every epoch, of those learned from and of those held out.
+const MONITORED: usize = 500;
+/// A checkpoint is written after every epoch, and within one when this has passed.
+const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(10);
+
+/// Learn a model.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Subcommand)]
+enum What {
+    Rbm(Box<RbmArgs>),
+}
+
+/// Learn a restricted Boltzmann machine from glimpses.
+///
+/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
+/// ends with the same bits. The same seed gives the same model for any number of threads.
+#[derive(clap::Args)]
+struct RbmArgs {
+    /// Folder with the data: the four MNIST files (or a folder `mnist` of them), or photographs (or a folder `natural`).
+    #[arg(long, value_name = "DIR")]
+    data: PathBuf,
+    /// What to take glimpses of.
+    #[arg(long, value_enum)]
+    set: SetName,
+    /// The model file to write.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Take the retina from the table [retina] of this configuration.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["side", "rings", "colour"])]
+    config: Option<PathBuf>,
+    /// Template pixels along a side of the target's box.
+    #[arg(long, default_value_t = 28.0)]
+    side: f64,
+    /// Windows of the retina from the inside out, WINDOW/CELL in template pixels.
+    #[arg(long, value_delimiter = ',', default_value = "8/1,16/2,24/4", value_parser = ring)]
+    rings: Vec<[usize; 2]>,
+    /// Windows that read the colour opponent channels, WINDOW/CELL.
+    #[arg(long, value_delimiter = ',', value_parser = ring)]
+    colour: Vec<[usize; 2]>,
+    /// Hidden units.
+    #[arg(long, default_value_t = 500)]
+    hidden: usize,
+    /// Passes over the glimpses.
+    #[arg(long, default_value_t = 30)]
+    epochs: usize,
+    /// Glimpses to learn from.
+    #[arg(long, default_value_t = 120_000)]
+    glimpses: usize,
+    /// Glimpses of pictures never learned from, to monitor with.
+    #[arg(long, default_value_t = 2000)]
+    held_out: usize,
+    /// Visible units: bernoulli for digits, gaussian for natural, unless given.
+    #[arg(long, value_enum)]
+    visible: Option<VisibleName>,
+    /// Rows of a mini-batch.
+    #[arg(long, default_value_t = 100)]
+    batch: usize,
+    /// Step size: 0.1 for bernoulli, 0.02 for gaussian units, unless given.
+    #[arg(long)]
+    rate: Option<f32>,
+    /// Momentum, at most 0.5 in the first five epochs.
+    #[arg(long, default_value_t = 0.9)]
+    momentum: f32,
+    /// Contrastive divergence, or stochastic maximum likelihood by persistent chains.
+    #[arg(long, value_enum, default_value = "cd")]
+    method: Method,
+    /// Gibbs steps a batch.
+    #[arg(long, default_value_t = 1)]
+    steps: usize,
+    /// Persistent chains.
+    #[arg(long, default_value_t = 100)]
+    chains: usize,
+    /// Weight decay.
+    #[arg(long, default_value_t = 2e-4)]
+    l2: f32,
+    /// Weight decay of constant size.
+    #[arg(long, default_value_t = 0.0)]
+    l1: f32,
+    /// Mean activity of hidden units to aim at: 0.1 for natural, none for digits, unless given; 0 for none.
+    #[arg(long)]
+    sparsity: Option<f32>,
+    /// Weight of the sparsity target.
+    #[arg(long, default_value_t = 1.0)]
+    sparsity_cost: f32,
+    /// The epoch from which weights are averaged: half of the epochs, unless given.
+    #[arg(long)]
+    average_from: Option<usize>,
+    /// Names all random numbers.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Threads: all processors, unless given.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Picture of the filters: the model's name with .png, unless given.
+    #[arg(long, value_name = "FILE")]
+    filters: Option<PathBuf>,
+    /// At the end, estimate the log-likelihood of the held-out glimpses by annealed importance sampling.
+    #[arg(long)]
+    ais: bool,
+    /// Begin anew, even if there is a checkpoint.
+    #[arg(long)]
+    restart: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum SetName {
+    Digits,
+    Natural,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum VisibleName {
+    Bernoulli,
+    Gaussian,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Method {
+    Cd,
+    Sml,
+}
+
+fn ring(text: &str) -> std::result::Result<[usize; 2], String> {
+    let parsed = text.split_once('/').and_then(|(window, cell)| Some([window.parse().ok()?, cell.parse().ok()?]));
+    parsed.ok_or_else(|| format!("expected WINDOW/CELL such as 16/2, got {text}"))
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<()> {
+    let What::Rbm(args) = args.what;
+    let threads = rayon::ThreadPoolBuilder::new().num_threads(args.threads.unwrap_or(0)).build();
+    let pool = threads.map_err(|e| Error::Config(format!("--threads: {e}")))?;
+    // Asked before the work, not after it.
+    for path in [&args.out, &args.filters_path()] {
+        if path.parent().is_some_and(|dir| !dir.as_os_str().is_empty() && !dir.is_dir()) {
+            return Err(Error::Config(format!("{}: its folder does not exist", path.display())));
+        }
+    }
+    pool.install(|| train(&args))
+}
+
+impl RbmArgs {
+    fn recipe(&self) -> Recipe {
+        let visible = match (self.visible, self.set) {
+            (Some(VisibleName::Bernoulli), _) | (None, SetName::Digits) => Visible::Bernoulli,
+            (Some(VisibleName::Gaussian), _) | (None, SetName::Natural) => Visible::Gaussian,
+        };
+        let target = self.sparsity.unwrap_or(if matches!(self.set, SetName::Natural) { 0.1 } else { 0.0 });
+        let usual = Recipe::new(visible, self.hidden);
+        Recipe {
+            epochs: self.epochs,
+            batch: self.batch,
+            rate: self.rate.unwrap_or(usual.rate),
+            momentum: self.momentum,
+            negative: match self.method {
+                Method::Cd => Negative::Contrastive { steps: self.steps },
+                Method::Sml => Negative::Persistent { chains: self.chains, steps: self.steps },
+            },
+            l2: self.l2,
+            l1: self.l1,
+            sparsity: (target > 0.0).then_some(Sparsity { target, cost: self.sparsity_cost }),
+            average_from: Some(self.average_from.unwrap_or(self.epochs / 2)),
+            seed: self.seed,
+            ..usual
+        }
+    }
+    fn retina(&self) -> Result<Foveal> {
+        let config = match &self.config {
+            Some(path) => training::retina_of_config(path)?,
+            None => FovealConfig { side: self.side, rings: self.rings.clone(), colour: self.colour.clone() },
+        };
+        Foveal::new(config)
+    }
+    fn filters_path(&self) -> PathBuf {
+        self.filters.clone().unwrap_or_else(|| self.out.with_extension("png"))
+    }
+    /// The command that makes the same model: every setting said, folders left open.
+    fn command(&self, retina: &FovealConfig, recipe: &Recipe) -> String {
+        let rings =
+            |rings: &[[usize; 2]]| rings.iter().map(|r| format!("{}/{}", r[0], r[1])).collect::<Vec<_>>().join(",");
+        let set = self.set.to_possible_value().expect("a name");
+        let mut text = format!(
+            "foveate train rbm --data DIR --set {} --side {} --rings {} --hidden {} --epochs {} --glimpses {} --visible {} \
+             --batch {} --rate {} --momentum {} --l2 {} --l1 {} --average-from {} --seed {}",
+            set.get_name(),
+            retina.side,
+            rings(&retina.rings),
+            recipe.hidden,
+            recipe.epochs,
+            self.glimpses,
+            if recipe.visible == Visible::Bernoulli { "bernoulli" } else { "gaussian" },
+            recipe.batch,
+            recipe.rate,
+            recipe.momentum,
+            recipe.l2,
+            recipe.l1,
+            recipe.average_from.unwrap_or(recipe.epochs),
+            recipe.seed
+        );
+        match recipe.negative {
+            Negative::Contrastive { steps } => text += &format!(" --method cd --steps {steps}"),
+            Negative::Persistent { chains, steps } => {
+                text += &format!(" --method sml --steps {steps} --chains {chains}")
+            }
+        }
+        match recipe.sparsity {
+            Some(s) => text += &format!(" --sparsity {} --sparsity-cost {}", s.target, s.cost),
+            None => text += " --sparsity 0",
+        }
+        if !retina.colour.is_empty() {
+            text += &format!(" --colour {}", rings(&retina.colour));
+        }
+        text + " --out FILE"
+    }
+}
+
+fn train(args: &RbmArgs) -> Result<()> {
+    let (retina, recipe) = (args.retina()?, args.recipe());
+    recipe.check()?;
+    if args.glimpses == 0 || args.held_out == 0 {
+        return Err(Error::Config("--glimpses and --held-out must be at least 1".into()));
+    }
+    let set = match args.set {
+        SetName::Digits => training::Set::Digits,
+        SetName::Natural => training::Set::Natural,
+    };
+    let source = Source::load(set, &args.data)?;
+    let (learn, held) = source.split()?;
+    let width = retina.glimpse_len();
+    println!("{}: {} glimpses of {width} values, {} held out", source.describe(), args.glimpses, args.held_out);
+    let rows = learn.glimpses(&retina, args.glimpses, recipe.visible, args.seed);
+    let held = held.glimpses(&retina, args.held_out, recipe.visible, !args.seed);
+    let sha256 = training::sha256_of(&rows);
+    let (rows, held) = (Rows::new(&rows, width), Rows::new(&held, width));
+
+    let mut checkpoint = args.out.clone().into_os_string();
+    checkpoint.push(".checkpoint");
+    let checkpoint = PathBuf::from(checkpoint);
+    let mut trainer = if checkpoint.exists() && !args.restart {
+        let trainer = Trainer::resume(&checkpoint, recipe.clone(), rows, &sha256)?;
+        let (epoch, batch) = trainer.progress();
+        println!("going on from {}: epoch {}, batch {batch}", checkpoint.display(), epoch + 1);
+        trainer
+    } else {
+        Trainer::new(recipe.clone(), rows)?
+    };
+    if !epochs(&mut trainer, rows, held, &checkpoint, &sha256)? {
+        let (epoch, batch) = trainer.progress();
+        println!("stopped in epoch {}, after batch {batch}; the same command goes on from there", epoch + 1);
+        std::process::exit(130);
+    }
+
+    let rbm = trainer.learned();
+    let metadata = Metadata {
+        retina: serde_json::to_string(retina.config()).expect("a retina's geometry becomes JSON"),
+        command: args.command(retina.config(), &recipe),
+        data: format!("{} glimpses of {}", args.glimpses, learn.describe()),
+        data_sha256: source.sha256().into(),
+        seed: recipe.seed,
+        epochs: recipe.epochs,
+    };
+    rbm.save(&args.out, &metadata)?;
+    foveate::scene::save_png(args.filters_path(), &filters::picture(&rbm, retina.cells(), 400)?)?;
+    if args.ais {
+        print_likelihood(&rbm, rows, held, args.seed)?;
+    }
+    let _ = std::fs::remove_file(&checkpoint);
+    println!("wrote {} and {}", args.out.display(), args.filters_path().display());
+    Ok(())
+}
+
+/// Trains to the end, or until Ctrl-C: then the checkpoint is written and the answer is false.
+fn epochs(trainer: &mut Trainer, rows: Rows<'_>, held: Rows<'_>, checkpoint: &Path, sha256: &str) -> Result<bool> {
+    static STOP: AtomicBool = AtomicBool::new(false);
+    // A second Ctrl-C does not wait for the batch.
+    let handler = || {
+        if STOP.swap(true, Ordering::SeqCst) {
+            std::process::exit(130);
+        }
+    };
+    ctrlc::set_handler(handler).map_err(|e| Error::Invalid(format!("cannot listen for Ctrl-C: {e}")))?;
+
+    let (epochs, batches) = (trainer.recipe().epochs, trainer.batches(rows.len()));
+    let bar = ProgressBar::new((epochs * batches) as u64);
+    let style =
+        ProgressStyle::with_template("{wide_bar} {percent}% of the batches, {eta} left").expect("a fixed template");
+    bar.set_style(style);
+    let monitored = |rows: Rows<'_>| rows.data().len().min(MONITORED * rows.width());
+    let sample = Rows::new(&rows.data()[..monitored(rows)], rows.width());
+    let held_sample = Rows::new(&held.data()[..monitored(held)], held.width());
+    let (mut begun, mut saved) = (Instant::now(), Instant::now());
+    while !trainer.is_done() {
+        trainer.step(rows);
+        let (epoch, batch) = trainer.progress();
+        bar.set_position((epoch * batches + batch) as u64);
+        let stop = STOP.load(Ordering::SeqCst);
+        if batch == 0 || stop || saved.elapsed() > BETWEEN_CHECKPOINTS {
+            trainer.save(checkpoint, sha256)?;
+            saved = Instant::now();
+        }
+        if batch == 0 {
+            let learned = trainer.learned();
+            let line = epoch_line(&Fit::of(&learned, sample), &Fit::of(&learned, held_sample));
+            let seconds = begun.elapsed().as_secs_f64();
+            bar.suspend(|| println!("epoch {epoch}/{epochs}  {line}  {seconds:.1} s"));
+            begun = Instant::now();
+        }
+        if stop {
+            bar.finish_and_clear();
+            return Ok(false);
+        }
+    }
+    bar.finish_and_clear();
+    Ok(true)
+}
+
+/// Learned from, then held out in brackets.
+fn epoch_line(fit: &Fit, held: &Fit) -> String {
+    let mut line = format!("reconstruction {:.3} (held out {:.3})", fit.reconstruction, held.reconstruction);
+    if let (Some(a), Some(b)) = (fit.pseudo_log_likelihood, held.pseudo_log_likelihood) {
+        line += &format!("  pseudo-log-likelihood {a:.2} ({b:.2})");
+    }
+    line + &format!("  free-energy gap {:.2}  activity {:.3}", held.free_energy - fit.free_energy, fit.activity)
+}
+
+fn print_likelihood(rbm: &Rbm, rows: Rows<'_>, held: Rows<'_>, seed: u64) -> Result<()> {
+    let mut mean = vec![0.0f64; rows.width()];
+    rows.iter().for_each(|row| mean.iter_mut().zip(row).for_each(|(m, &x)| *m += f64::from(x) / rows.len() as f64));
+    let base = |m: &f64| match rbm.visible() {
+        Visible::Bernoulli => (m.clamp(0.01, 0.99) / (1.0 - m.clamp(0.01, 0.99))).ln() as f32,
+        Visible::Gaussian => *m as f32,
+    };
+    let base: Vec<f32> = mean.iter().map(base).collect();
+    let found = ais(rbm, &base, 100, 2000, seed)?;
+    println!(
+        "log-likelihood of held-out glimpses {:.2}, by AIS: log Z {:.2} ± {:.2}, {:.0} effective chains of 100",
+        mean_log_likelihood(rbm, held, found.log_z),
+        found.log_z,
+        found.standard_error,
+        found.effective_chains
+    );
+    Ok(())
+}

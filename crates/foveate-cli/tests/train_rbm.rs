@@ -1,0 +1,99 @@
+//! `foveate train rbm` as a user meets it: it trains, it survives being killed, it says what is wrong.
+
+use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// A set of digits that are rectangles of many shapes, as IDX files.
+fn write_digits(dir: &Path) {
+    let n = 60u32;
+    let mut images = [2051, n, 28, 28].map(u32::to_be_bytes).concat();
+    let mut labels = [2049, n].map(u32::to_be_bytes).concat();
+    for i in 0..n {
+        let inside =
+            |p: u32| (4 + i % 7..20 + i % 5).contains(&(p % 28)) && (6 + i % 4..14 + i % 11).contains(&(p / 28));
+        images.extend((0..784).map(|p| if inside(p) { 255 } else { 0 }));
+        labels.push((i % 10) as u8);
+    }
+    std::fs::write(dir.join("train-images-idx3-ubyte"), images).expect("a writable folder");
+    std::fs::write(dir.join("train-labels-idx1-ubyte"), labels).expect("a writable folder");
+}
+
+fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
+    command.args(["train", "rbm", "--set", "digits", "--hidden", "40", "--glimpses", "3000", "--held-out", "100"]);
+    command.args(["--rings", "8/1,16/2", "--method", "sml", "--threads", "2", "--data"]).arg(dir);
+    command.arg("--out").arg(dir.join(out)).args(extra);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+#[test]
+fn a_killed_training_goes_on_and_ends_with_the_same_bits() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    write_digits(dir.path());
+    let epochs = ["--epochs", "40"];
+    let whole = command(dir.path(), "whole.safetensors", &epochs).output().expect("it runs");
+    assert!(whole.status.success(), "{}", String::from_utf8_lossy(&whole.stderr));
+    let said = String::from_utf8_lossy(&whole.stdout).into_owned();
+    assert!(said.contains("epoch 40/40  reconstruction") && said.contains("pseudo-log-likelihood"), "{said}");
+    assert!(!dir.path().join("whole.safetensors.checkpoint").exists(), "a finished training needs no checkpoint");
+    assert!(std::fs::read(dir.path().join("whole.png")).expect("filters").starts_with(b"\x89PNG"));
+
+    // Killed (-9) twice, after its first and its tenth epoch or a little later.
+    for epoch in ["epoch 1/40", "epoch 10/40"] {
+        let mut child = command(dir.path(), "cut.safetensors", &epochs).spawn().expect("it runs");
+        let out = BufReader::new(child.stdout.take().expect("piped"));
+        out.lines().map_while(Result::ok).find(|line| line.starts_with(epoch)).expect("the epoch comes");
+        child.kill().expect("it still runs, or has ended");
+        child.wait().expect("it ends");
+    }
+    let rest = command(dir.path(), "cut.safetensors", &epochs).output().expect("it runs");
+    let said = String::from_utf8_lossy(&rest.stdout).into_owned();
+    assert!(said.contains("going on from") && !said.contains("epoch 5/40"), "{said}");
+    let bytes = |name: &str| std::fs::read(dir.path().join(name)).expect("a model");
+    assert!(bytes("cut.safetensors") == bytes("whole.safetensors"), "the same command gives the same file");
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    write_digits(dir.path());
+    let mut child = command(dir.path(), "m.safetensors", &["--epochs", "100000"]).spawn().expect("it runs");
+    let mut out = BufReader::new(child.stdout.take().expect("piped"));
+    let mut line = String::new();
+    while !line.starts_with("epoch 2") {
+        line.clear();
+        assert!(out.read_line(&mut line).expect("text") > 0, "it ended too soon");
+    }
+    assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs").success());
+    let mut rest = String::new();
+    out.read_to_string(&mut rest).expect("text");
+    assert_eq!(child.wait().expect("it ends").code(), Some(130));
+    assert!(rest.contains("the same command goes on from there"), "{rest}");
+    assert!(dir.path().join("m.safetensors.checkpoint").exists() && !dir.path().join("m.safetensors").exists());
+    // With another recipe it does not go on, and says why; --restart begins anew.
+    let other = command(dir.path(), "m.safetensors", &["--epochs", "2", "--rate", "0.3"]).output().expect("it runs");
+    assert!(!other.status.success());
+    assert!(String::from_utf8_lossy(&other.stderr).contains("it was begun as"), "{other:?}");
+    let anew = command(dir.path(), "m.safetensors", &["--epochs", "2", "--rate", "0.3", "--restart"]).status();
+    assert!(anew.expect("it runs").success());
+}
+
+#[test]
+fn mistakes_are_told_before_the_work() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let says = |extra: &[&str], words: &str| {
+        let output = command(dir.path(), "m.safetensors", extra).output().expect("it runs");
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && text.contains(words), "{text}");
+    };
+    says(&[], "train-images-idx3-ubyte");
+    write_digits(dir.path());
+    says(&["--momentum", "1"], "momentum");
+    says(&["--batch", "0"], "rows of a batch");
+    says(&["--filters", "no/such/folder/f.png"], "its folder does not exist");
+    says(&["--colour", "16"], "WINDOW/CELL");
+    says(&["--config", "none.toml", "--side", "20"], "cannot be used with");
+}

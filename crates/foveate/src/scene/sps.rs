@@ -1,0 +1,151 @@
+//! The part of an H.264 sequence parameter set that the decoders keep to themselves: the size of the
+//! picture, where it is cropped, and how its colours are coded (ITU-T H.264, 7.3.2.1.1 and E.1.1).
+
+/// What is read of a sequence parameter set.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Sps {
+    /// Width and height of the shown picture in pixels.
+    pub width: usize,
+    pub height: usize,
+    /// Whether pixels are cropped away at the left or the top.
+    pub cropped_before: bool,
+    /// Matrix coefficients as in table E-5, where given; 2 is "unspecified".
+    pub matrix: Option<u16>,
+    /// Samples use 0 to 255, not 16 to 235.
+    pub full_range: bool,
+}
+
+/// Reads a NAL unit of type 7, with its head byte. `None` where it is cut off or makes no sense.
+pub(super) fn parse(nal: &[u8]) -> Option<Sps> {
+    let payload = nal.get(1..)?;
+    let mut rbsp = Vec::with_capacity(payload.len());
+    for (i, &byte) in payload.iter().enumerate() {
+        if !(byte == 3 && i >= 2 && payload[i - 2..i] == [0, 0]) {
+            rbsp.push(byte);
+        }
+    }
+    let mut r = Bits { bytes: &rbsp, at: 0 };
+    let profile = r.bits(8)?;
+    r.bits(16)?;
+    r.ue()?;
+    let mut chroma = 1;
+    if [100, 110, 122, 244, 44, 83, 86, 118, 128, 138, 139, 134, 135].contains(&profile) {
+        chroma = r.ue()?;
+        if chroma == 3 {
+            r.bits(1)?;
+        }
+        r.ue()?;
+        r.ue()?;
+        r.bits(1)?;
+        if r.bits(1)? == 1 {
+            for i in 0..if chroma == 3 { 12 } else { 8 } {
+                if r.bits(1)? == 1 {
+                    scaling_list(&mut r, if i < 6 { 16 } else { 64 })?;
+                }
+            }
+        }
+    }
+    r.ue()?;
+    match r.ue()? {
+        0 => {
+            r.ue()?;
+        }
+        1 => {
+            r.bits(1)?;
+            r.ue()?;
+            r.ue()?;
+            for _ in 0..r.ue()?.min(256) {
+                r.ue()?;
+            }
+        }
+        _ => {}
+    }
+    r.ue()?;
+    r.bits(1)?;
+    let (columns, rows) = (r.ue()?.checked_add(1)?, r.ue()?.checked_add(1)?);
+    let frames_only = r.bits(1)?;
+    if frames_only == 0 {
+        r.bits(1)?;
+    }
+    r.bits(1)?;
+    let [mut left, mut right, mut top, mut bottom] = [0; 4];
+    if r.bits(1)? == 1 {
+        [left, right, top, bottom] = [r.ue()?, r.ue()?, r.ue()?, r.ue()?];
+    }
+    let side = |blocks: u32, cut: [u32; 2], unit: u32| {
+        let pixels = u64::from(blocks) * 16;
+        pixels.checked_sub((u64::from(cut[0]) + u64::from(cut[1])) * u64::from(unit)).filter(|&n| n > 0 && n < 1 << 16)
+    };
+    let field = 2 - frames_only;
+    let unit_x = if matches!(chroma, 1 | 2) { 2 } else { 1 };
+    let unit_y = if chroma == 1 { 2 } else { 1 } * field;
+    let width = side(columns, [left, right], unit_x)? as usize;
+    let height = side(rows.checked_mul(field)?, [top, bottom], unit_y)? as usize;
+    let (matrix, full_range) = usability(&mut r).unwrap_or((None, false));
+    Some(Sps { width, height, cropped_before: left > 0 || top > 0, matrix, full_range })
+}
+
+/// Video usability information, as far as the colours.
+fn usability(r: &mut Bits<'_>) -> Option<(Option<u16>, bool)> {
+    if r.bits(1)? == 0 {
+        return None;
+    }
+    if r.bits(1)? == 1 && r.bits(8)? == 255 {
+        r.bits(32)?;
+    }
+    if r.bits(1)? == 1 {
+        r.bits(1)?;
+    }
+    if r.bits(1)? == 0 {
+        return None;
+    }
+    r.bits(3)?;
+    let full_range = r.bits(1)? == 1;
+    if r.bits(1)? == 0 {
+        return Some((None, full_range));
+    }
+    r.bits(16)?;
+    Some((Some(r.bits(8)? as u16), full_range))
+}
+
+fn scaling_list(r: &mut Bits<'_>, n: usize) -> Option<()> {
+    let (mut last, mut next) = (8i64, 8);
+    for _ in 0..n {
+        if next != 0 {
+            let code = i64::from(r.ue()?);
+            let delta = if code % 2 == 1 { (code + 1) / 2 } else { -(code / 2) };
+            next = (last + delta).rem_euclid(256);
+        }
+        last = if next == 0 { last } else { next };
+    }
+    Some(())
+}
+
+/// Bits from the front, most significant first.
+struct Bits<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl Bits<'_> {
+    fn bits(&mut self, n: usize) -> Option<u32> {
+        let mut value = 0;
+        for _ in 0..n {
+            let byte = *self.bytes.get(self.at / 8)?;
+            value = value << 1 | u32::from(byte >> (7 - self.at % 8) & 1);
+            self.at += 1;
+        }
+        Some(value)
+    }
+    /// An Exp-Golomb code.
+    fn ue(&mut self) -> Option<u32> {
+        let mut zeros = 0;
+        while self.bits(1)? == 0 {
+            zeros += 1;
+            if zeros > 31 {
+                return None;
+            }
+        }
+        Some((1u32 << zeros) - 1 + self.bits(zeros)?)
+    }
+}
