@@ -1,7 +1,7 @@
 //! A frame with what was believed of it, as a picture: for the video, for stills, for the README.
 //!
-//! On the left the frame, small ones magnified: box, truth where it is known, path, particles coloured by weight, the fixation's cross and the
-//! windows of the retina. On the right what the fovea saw, where the policy looks, and three gauges.
+//! On the left the frame, small ones magnified: box, truth where it is known, path, particles coloured by weight, the
+//! fixation's cross and the windows of the retina. On the right what the fovea saw, where the policy looks, three gauges.
 
 use std::collections::VecDeque;
 
@@ -167,11 +167,11 @@ impl Annotator {
         page.text((x, y), &format!("frame {}", frame.index + 1), 1.35 * size, INK);
         let time = format!("{:.2} s", frame.time);
         page.text((x + inner - text_width(&time, size), y + 0.3 * size), &time, size, SOFT);
-        y += 1.35 * size + pad;
+        y += 1.35 * size + 1.3 * pad;
 
         // Two squares and three gauges share the height that is left.
         let gauges = 3.0 * 2.7 * size;
-        let square = inner.min((height - y - gauges - pad) / 2.0 - 2.0 * size - 0.6 * pad).max(8.0);
+        let square = inner.min((height - y - gauges - 0.6 * pad) / 2.0 - 2.0 * size - 0.8 * pad).max(8.0);
         page.text((x, y), "what the fovea saw", size, SOFT);
         y += 1.9 * size;
         page.fill(x - 0.5, y - 0.5, square, square, SUNKEN, 1.0);
