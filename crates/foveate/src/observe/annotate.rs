@@ -99,7 +99,7 @@ impl Annotator {
             page.line(&[view.at(*a), view.at(*b)], 1.6 * view.bold, TARGET, 0.85 * fresh);
         }
         if let Some(b) = self.truth.get(step.frame.index) {
-            outline(&mut page, view, &State::of(b), Extent::of(b), Gaze::CENTRE, 1.0, 1.4, TRUTH);
+            dashed(&mut page, view, b);
         }
         let colour = if step.lost() { LOST } else { TARGET };
         outline(&mut page, view, &step.estimate, step.extent, Gaze::CENTRE, 1.0, 2.0, colour);
@@ -241,6 +241,26 @@ fn outline(
         .map(|(u, v)| view.at((f.x + u * f.ux + v * f.vx, f.y + u * f.uy + v * f.vy)));
     page.outline(&corners, (thick + 1.8) * view.bold, BLACK, 0.4);
     page.outline(&corners, thick * view.bold, colour, 1.0);
+}
+
+/// The true box, in dashes.
+fn dashed(page: &mut Drawing, view: View, b: &BBox) {
+    let (state, extent, dash) = (State::of(b), Extent::of(b), 5.0 * view.bold);
+    let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)]
+        .map(|(u, v)| view.at((state.x + u * extent.half_w, state.y + v * extent.half_h)));
+    for (from, to) in corners.iter().zip(&corners[1..]) {
+        let length = (to.0 - from.0).hypot(to.1 - from.1);
+        // A box is at most a few pictures wide; whatever it is, a side has at most 1000 dashes.
+        let dashes = ((length / dash) as usize).clamp(1, 1000) | 1;
+        let at = |i: usize| {
+            let t = i as f64 / dashes as f64;
+            (from.0 + t * (to.0 - from.0), from.1 + t * (to.1 - from.1))
+        };
+        for i in (0..dashes).step_by(2) {
+            page.line(&[at(i), at(i + 1)], 3.2 * view.bold, BLACK, 0.4);
+            page.line(&[at(i), at(i + 1)], 1.6 * view.bold, TRUTH, 1.0);
+        }
+    }
 }
 
 fn banner(page: &mut Drawing, view: View, frame: &Frame, text: &str, ground: Colour) {
