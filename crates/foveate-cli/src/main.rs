@@ -27,7 +27,6 @@ enum Command {
     Train(cmd::train::Args),
     /// Score trackers on sequences with ground truth
     Eval(cmd::eval::Args),
-    Train(cmd::train::Args),
 }
 
 fn main() -> std::process::ExitCode {
@@ -39,7 +38,6 @@ fn main() -> std::process::ExitCode {
         Command::Synth(args) => cmd::synth::run(args),
         Command::Train(args) => cmd::train::run(args),
         Command::Eval(args) => cmd::eval::run(args),
-        Command::Train(args) => cmd::train::run(args),
     };
     let result = match pool {
         Ok(pool) => pool.install(run),

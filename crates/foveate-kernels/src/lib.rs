@@ -9,8 +9,8 @@
 //! because fused multiply-adds round once where two operations round twice.
 
 mod boxes;
-mod exponential;
 mod ends;
+mod exponential;
 mod level;
 mod logistic;
 mod normal;

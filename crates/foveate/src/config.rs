@@ -84,8 +84,12 @@ pub enum EncoderConfig {
         /// The model.
         weights: String,
     },
-    /// The glimpse itself, standardised.
-    Raw {},
+    /// The glimpse itself.
+    Raw {
+        /// Whether its mean is taken out and its contrast brought to 1.
+        #[serde(default = "yes")]
+        standardise: bool,
+    },
 }
 
 /// Distance and sharpness.
@@ -130,6 +134,10 @@ impl Default for RewardConfig {
     fn default() -> Self {
         Self::VarianceReduction { temperature: 1.0 / 3.0 }
     }
+}
+
+fn yes() -> bool {
+    true
 }
 
 fn one() -> f64 {
@@ -205,6 +213,11 @@ impl Config {
         Self::parse(&text, &path.display().to_string())
     }
 
+    /// As TOML text, every setting written out.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("a configuration is plain data")
+    }
+
     /// A configuration that ships with the program, by name; see [`BUILTIN`].
     pub fn builtin(name: &str) -> Option<Result<Self>> {
         BUILTIN.iter().find(|b| b.0 == name).map(|(name, text)| Self::parse(text, name))
@@ -221,12 +234,12 @@ impl Config {
     fn identity(&self, base: &Path) -> Result<(Foveal, Arc<dyn Encoder>)> {
         let given = self.retina.as_ref().map(|RetinaConfig::Foveal(config)| config.clone());
         match &self.encoder {
-            EncoderConfig::Raw {} => {
+            EncoderConfig::Raw { standardise } => {
                 let config = given.ok_or_else(|| {
                     Error::Config("a raw encoder needs a retina; for example [retina] kind = \"foveal\", side = 28, rings = [[8, 1], [16, 2], [24, 4]]".into())
                 })?;
                 let retina = Foveal::new(config)?;
-                let encoder = Raw::new(&channels(&retina));
+                let encoder = Raw::new(&channels(&retina), *standardise);
                 Ok((retina, Arc::new(encoder)))
             }
             EncoderConfig::Rbm { weights } => {
@@ -310,8 +323,8 @@ impl Blueprint {
         &self.config
     }
     /// The retina in use.
-    pub fn retina(&self) -> &dyn Retina {
-        &*self.retina
+    pub fn retina(&self) -> Arc<dyn Retina> {
+        self.retina.clone()
     }
 }
 
@@ -345,7 +358,7 @@ fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
 }
 
 /// Configurations that ship with the program.
-pub const BUILTIN: &[(&str, &str)] = &[];
+pub const BUILTIN: &[(&str, &str)] = &[("natural", include_str!("../../../configs/natural.toml"))];
 
 /// Models that ship with the program.
 const MODELS: &[(&str, &[u8])] = &[];

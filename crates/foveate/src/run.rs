@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::geometry::BBox;
-use crate::observe::Observer;
+use crate::observe::{Clock, Observer};
 use crate::scene::{Frame, FrameSource, Scene};
 use crate::tracker::Tracker;
 use crate::{Error, Result};
@@ -20,6 +20,8 @@ pub struct Follow<'a> {
     pub until: usize,
     /// Asked before every frame: whether to stop.
     pub stop: &'a dyn Fn() -> bool,
+    /// Where the time spent in the tracker is added up.
+    pub clock: Clock,
     /// Told after every frame.
     pub progress: &'a mut dyn FnMut(&Frame),
 }
@@ -33,10 +35,20 @@ pub struct Outcome {
     pub lost: usize,
     /// Time spent in the tracker alone.
     pub tracking: Duration,
+    /// The same for each frame, seconds.
+    pub seconds: Vec<f64>,
     /// The target's box in every frame.
     pub boxes: Vec<BBox>,
     /// Whether it was asked to stop before the source ended.
     pub stopped: bool,
+}
+
+impl Outcome {
+    fn spend(&mut self, time: Duration, clock: &Clock) {
+        self.tracking += time;
+        self.seconds.push(time.as_secs_f64());
+        clock.add(time);
+    }
 }
 
 /// Follows one target through a source.
@@ -77,12 +89,12 @@ fn each_frame(
         let began = Instant::now();
         if let Some(bbox) = given.or(follow.init.take()) {
             tracker.start(&frame, bbox)?;
-            outcome.tracking += began.elapsed();
+            outcome.spend(began.elapsed(), &follow.clock);
             outcome.boxes.push(bbox);
             observer.start(&frame, &bbox)?;
         } else {
             let step = tracker.step(Scene { frame: &frame, detections: &[] });
-            outcome.tracking += began.elapsed();
+            outcome.spend(began.elapsed(), &follow.clock);
             outcome.boxes.push(step.bbox());
             outcome.lost += usize::from(step.lost());
             observer.observe(&step)?;

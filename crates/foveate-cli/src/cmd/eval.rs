@@ -3,6 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use foveate::eval::{Evaluation, Row, Sequence, TrackRun, curves, find_sequences, run_all, score_folder, table};
+use foveate::observe::{Clock, Observer};
+use foveate::run::{Follow, follow};
+use foveate::scene::open;
 use foveate::{Error, Result, files};
 
 /// Scores trackers on sequences with truth (one-pass evaluation, as OTB does it).
@@ -16,9 +19,9 @@ pub struct Args {
     /// A tracker's results: SEQUENCE.txt (x,y,w,h a frame, 1-based) and SEQUENCE_time.txt (seconds); one folder each
     #[arg(long, value_name = "DIR", num_args = 1..)]
     pub results: Vec<PathBuf>,
-    /// Settings of the tracker to run
+    /// The tracker to run: a configuration file, or the name of one that ships with the program
     #[arg(long, value_name = "FILE", conflicts_with = "results")]
-    pub config: Option<PathBuf>,
+    pub config: Option<String>,
     /// First seed of the tracker to run
     #[arg(long, default_value_t = 1, conflicts_with = "results")]
     pub seed: u64,
@@ -35,7 +38,22 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<()> {
-    evaluate(&args, &|_, _| Err(Error::Invalid("no tracker to run yet; give --results".into())))
+    let blueprint = super::track::blueprint(args.config.as_deref().unwrap_or("natural"))?;
+    evaluate(&args, &|sequence, seed| {
+        let mut tracker = blueprint.tracker(seed, 0)?;
+        let plan = Follow {
+            init: Some(sequence.init()?),
+            again: &[],
+            from: 0,
+            until: sequence.truth.len() - 1,
+            stop: &|| false,
+            clock: Clock::default(),
+            progress: &mut |_| {},
+        };
+        let nobody: &mut Vec<Box<dyn Observer>> = &mut vec![];
+        let (outcome, result) = follow(&mut *open(&sequence.images)?, &mut tracker, nobody, plan);
+        result.map(|()| TrackRun { boxes: outcome.boxes, seconds: outcome.seconds })
+    })
 }
 
 /// Scores; `run_tracker` follows one sequence with one seed.

@@ -1,5 +1,7 @@
 //! One file a command: its arguments, and what it does.
 
+pub mod demo;
 pub mod eval;
 pub mod synth;
+pub mod track;
 pub mod train;

@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use foveate::config::{Blueprint, Config};
+use foveate::config::{BUILTIN, Blueprint, Config};
 use foveate::geometry::BBox;
-use foveate::run::{Follow, follow};
-use foveate::scene::open;
-use foveate::{Error, Result};
+use foveate::observe::{AnnotatedVideo, Boxes, Clock, Observer, Report, RunInfo, Summary, Table, Trace};
+use foveate::run::{Follow, Outcome, follow};
+use foveate::scene::{SourceInfo, annotation, open};
+use foveate::{Error, Result, files};
 
 use crate::terminal;
 
@@ -55,9 +56,11 @@ pub struct Args {
 
 /// `x,y,w,h` counted from 1, to a box counted from 0.
 fn parse_box(text: &str) -> std::result::Result<BBox, String> {
-    let numbers: Vec<f64> = text.split(',').map(|n| n.trim().parse()).collect::<std::result::Result<_, _>>().map_err(
-        |_| format!("expected four numbers x,y,w,h such as 120,80,40,60, got \"{text}\""),
-    )?;
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|n| n.trim().parse())
+        .collect::<std::result::Result<_, _>>()
+        .map_err(|_| format!("expected four numbers x,y,w,h such as 120,80,40,60, got \"{text}\""))?;
     match numbers[..] {
         [x, y, w, h] if numbers.iter().all(|n| n.is_finite()) => Ok(BBox { x: x - 1.0, y: y - 1.0, w, h }),
         _ => Err(format!("expected four finite numbers x,y,w,h such as 120,80,40,60, got \"{text}\"")),
@@ -70,26 +73,171 @@ fn parse_again(text: &str) -> std::result::Result<(usize, BBox), String> {
     Ok((frame.ok_or_else(|| format!("expected a frame number from 2 on, got \"{text}\""))?, parse_box(bbox)?))
 }
 
-/// A configuration by file or by name.
-pub fn blueprint(name: Option<&str>, default: &str) -> Result<(String, Blueprint)> {
-    let name = name.unwrap_or(default);
+/// A configuration by file or by name: how it is called, and what it says.
+pub fn blueprint(name: &str) -> Result<Blueprint> {
     let path = Path::new(name);
     if path.is_file() {
-        let base = path.parent().unwrap_or(Path::new("."));
-        return Ok((name.to_owned(), Config::read(path)?.check(base)?));
+        return Config::read(path)?.check(path.parent().unwrap_or(Path::new(".")));
     }
     match Config::builtin(name) {
-        Some(config) => Ok((name.to_owned(), config?.check(Path::new("."))?)),
-        None => {
-            let names: Vec<&str> = foveate::config::BUILTIN.iter().map(|b| b.0).collect();
-            Err(Error::Config(format!(
-                "there is no configuration file {name}, and none of that name ships with the program; those that do: {}",
-                names.join(", ")
-            )))
-        }
+        Some(config) => config?.check(Path::new(".")),
+        None => Err(Error::Config(format!(
+            "there is no configuration file {name}, and none of that name ships with the program; those that do: {}",
+            BUILTIN.iter().map(|b| b.0).collect::<Vec<_>>().join(", ")
+        ))),
+    }
+}
+
+/// What is written beside boxes.txt and track.csv.
+#[derive(Clone, Copy)]
+pub struct Outputs {
+    pub video: bool,
+    pub report: bool,
+    pub trace: bool,
+}
+
+/// The observers that write a run's files into `out`, and the names of those files.
+pub fn observers(out: &Path, info: &RunInfo, outputs: Outputs) -> Result<(Vec<Box<dyn Observer>>, Vec<PathBuf>)> {
+    std::fs::create_dir_all(out).map_err(Error::io(out, "cannot create the folder for results"))?;
+    let mut names = vec![out.join("boxes.txt"), out.join("track.csv")];
+    let mut observers: Vec<Box<dyn Observer>> =
+        vec![Box::new(Boxes::create(&names[0])?), Box::new(Table::create(&names[1])?)];
+    if outputs.trace {
+        names.push(out.join("trace.jsonl"));
+        observers.push(Box::new(Trace::create(out.join("trace.jsonl"))?));
+    }
+    if outputs.video {
+        names.push(out.join("annotated.mp4"));
+        observers.push(Box::new(AnnotatedVideo::new(out.join("annotated.mp4"), info)));
+    }
+    if outputs.report {
+        names.push(out.join("report.html"));
+        observers.push(Box::new(Report::create(out.join("report.html"), info.clone())?));
+    }
+    Ok((observers, names))
+}
+
+/// What is known of a run before it begins.
+pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &Blueprint, seed: u64) -> RunInfo {
+    RunInfo {
+        source: source.to_owned(),
+        reader: info.reader.clone(),
+        rate: info.rate,
+        config_name: config_name.to_owned(),
+        config_text: blueprint.config().to_toml(),
+        seed,
+        command: std::env::args().collect::<Vec<_>>().join(" "),
+        retina: Some(blueprint.retina()),
+        clock: Clock::default(),
     }
 }
 
 pub fn run(args: Args) -> Result<()> {
-    todo!()
+    let name = args.config.as_deref().unwrap_or("natural");
+    let blueprint = blueprint(name)?;
+    let seed = args.seed.unwrap_or(blueprint.config().seed);
+    let mut tracker = blueprint.tracker(seed, 0)?;
+    let mut source = open(&args.source)?;
+    let loaded = args.load_state.as_deref().map(read_state).transpose()?;
+    let init = match &loaded {
+        Some(saved) => {
+            tracker.load(&saved.tracker)?;
+            None
+        }
+        None => Some(first_box(&args)?),
+    };
+    let from = loaded.map_or(0, |saved| saved.next_frame);
+    let info = run_info(&args.source.display().to_string(), source.info(), name, &blueprint, seed);
+    let outputs = Outputs { video: !args.no_video, report: !args.no_report, trace: !args.no_trace };
+    let (mut observers, names) = observers(&args.out, &info, outputs)?;
+
+    terminal::catch_interrupts();
+    let again: Vec<(usize, BBox)> = args.reinit.iter().map(|(frame, bbox)| (frame - 1, *bbox)).collect();
+    let bar = terminal::progress(source.info().frames, "tracking");
+    let mut next_frame = from;
+    let plan = Follow {
+        init,
+        again: &again,
+        from,
+        until: args.until.map_or(usize::MAX, |until| until.saturating_sub(1)),
+        stop: &terminal::stopping,
+        clock: info.clock.clone(),
+        progress: &mut |frame| {
+            next_frame = frame.index + 1;
+            bar.set_position(next_frame as u64);
+        },
+    };
+    let (outcome, result) = follow(&mut *source, &mut tracker, &mut observers, plan);
+    bar.finish_and_clear();
+    if let (Some(path), true) = (&args.save_state, outcome.frames > 0) {
+        let saved = SavedState { next_frame, tracker: tracker.save() };
+        let text = serde_json::to_string(&saved).map_err(|e| Error::Invalid(e.to_string()))?;
+        files::write(path, text.as_bytes())?;
+    }
+    report(&args, &outcome, seed, names, &result);
+    result?;
+    if outcome.stopped {
+        std::process::exit(130);
+    }
+    Ok(())
+}
+
+/// A tracker in mid-video, as a file.
+#[derive(serde::Serialize, serde::Deserialize)]
+struct SavedState {
+    next_frame: usize,
+    tracker: serde_json::Value,
+}
+
+fn read_state(path: &Path) -> Result<SavedState> {
+    let text = std::fs::read_to_string(path).map_err(Error::io(path, "cannot read the saved state"))?;
+    serde_json::from_str(&text)
+        .map_err(|e| Error::malformed(path, format!("not a state written by --save-state: {e}; write it again")))
+}
+
+/// The given box, or the first one of groundtruth_rect.txt.
+fn first_box(args: &Args) -> Result<BBox> {
+    if let Some(bbox) = args.init {
+        return Ok(bbox);
+    }
+    let truth = args.source.join("groundtruth_rect.txt");
+    if !truth.is_file() {
+        return Err(Error::Invalid(format!(
+            "{}: no box to start from; give --init x,y,w,h (left, top, width, height in pixels, counted from 1)",
+            args.source.display()
+        )));
+    }
+    annotation::read_truth(&truth)?
+        .first()
+        .copied()
+        .flatten()
+        .ok_or_else(|| Error::malformed(&truth, "its first line has no box; give --init x,y,w,h"))
+}
+
+fn report(args: &Args, outcome: &Outcome, seed: u64, outputs: Vec<PathBuf>, result: &Result<()>) {
+    let seconds = outcome.tracking.as_secs_f64();
+    let fps = Summary::rate(outcome.frames, seconds);
+    let bbox = outcome.boxes.last().copied();
+    if args.json {
+        let summary = Summary {
+            source: args.source.display().to_string(),
+            frames: outcome.frames,
+            seconds,
+            fps,
+            lost_frames: outcome.lost,
+            bbox,
+            seed,
+            outputs,
+            error: result.as_ref().err().map(ToString::to_string),
+        };
+        println!("{}", summary.to_json());
+        return;
+    }
+    let lost = if outcome.lost == 0 { "never lost".into() } else { format!("lost on {} of them", outcome.lost) };
+    println!("{} frames tracked, {lost}; {fps:.0} frames a second in the tracker.", outcome.frames);
+    if let Some(b) = bbox {
+        println!("Last box: {:.1},{:.1},{:.1},{:.1} (x,y,w,h, counted from 1).", b.x + 1.0, b.y + 1.0, b.w, b.h);
+    }
+    let names: Vec<String> = outputs.iter().filter_map(|o| o.file_name()).map(|n| n.to_string_lossy().into()).collect();
+    println!("{}: {}", args.out.display(), names.join(", "));
 }

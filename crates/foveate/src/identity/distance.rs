@@ -17,7 +17,7 @@ pub trait Distance: Send + Sync {
 }
 
 /// The distances there are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
     /// √(1 − Σ √(âᵢ b̂ᵢ)) of activations normalised to sum 1, as in the authors' code (also called Hellinger's).
@@ -30,6 +30,15 @@ pub enum Kind {
     Cosine,
     /// Root mean square difference.
     Euclidean,
+    /// Is what the template shows still there? Mean over cells of min(e², cap²) / cap², where e is what is missing of a
+    /// template value (τ − v), or `extra` times what was added to it (v − τ): something bright may lie beside or around the
+    /// target, but the target's own ink cannot go. For raw glimpses of bright things on dark.
+    Presence {
+        /// Weight of what was added beside that of what is missing, 0 to 1.
+        extra: f32,
+        /// Differences count no more than this, above 0.
+        cap: f32,
+    },
 }
 
 impl Distance for Kind {
@@ -45,7 +54,7 @@ impl Distance for Kind {
                 let gain = if norm > 0.0 { 1.0 / norm } else { 0.0 };
                 template.iter_mut().for_each(|t| *t *= gain);
             }
-            Self::Bernoulli | Self::Euclidean => {}
+            Self::Bernoulli | Self::Euclidean | Self::Presence { .. } => {}
         }
     }
 
@@ -59,6 +68,7 @@ impl Distance for Kind {
                 let norm = f64::from(kernels::dot(features, features)).sqrt();
                 if norm > 0.0 { (1.0 - f64::from(kernels::dot(features, kept)) / norm).max(0.0) } else { 1.0 }
             }
+            Self::Presence { extra, cap } => presence(features, kept, *extra, *cap),
             Self::Euclidean => (f64::from(kernels::squared_distance(features, kept)) / kept.len() as f64).sqrt(),
         }
     }
@@ -68,6 +78,11 @@ impl Distance for Kind {
 fn overlap_gap(a: &[f32], kept: &[f32]) -> f64 {
     let (sum, overlap) = kernels::root_overlap(a, kept);
     if sum > 0.0 { (1.0 - f64::from(overlap) / f64::from(sum).sqrt()).max(0.0) } else { 1.0 }
+}
+
+fn presence(v: &[f32], template: &[f32], extra: f32, cap: f32) -> f64 {
+    let cell = |(&v, &t): (&f32, &f32)| ((t - v).max(extra * (v - t)) / cap).min(1.0).powi(2);
+    f64::from(v.iter().zip(template).map(cell).sum::<f32>()) / v.len() as f64
 }
 
 fn bernoulli(a: &[f32], b: &[f32]) -> f64 {
@@ -103,6 +118,9 @@ mod tests {
         // Two coins: BC = √(.5 · 1) + 0, after normalising (1, 1) and (2, 0) to (.5, .5) and (1, 0).
         let d = between(Kind::Bhattacharyya, &[1.0, 1.0], &[2.0, 0.0]);
         assert!((d - (1.0 - 0.5f64.sqrt()).sqrt()).abs() < 1e-6);
+        let presence = Kind::Presence { extra: 0.5, cap: 0.5 };
+        let d = between(presence, &[0.0, 0.9, 0.5, 0.2], &[1.0, 0.8, 0.5, 0.4]);
+        assert!((d - (1.0 + 0.01 + 0.0 + 0.16) / 4.0).abs() < 1e-6);
         let d = between(Kind::Bernoulli, &[0.5], &[0.5]);
         assert!(d.abs() < 1e-6);
         let d = between(Kind::Bernoulli, &[0.25], &[1.0]);

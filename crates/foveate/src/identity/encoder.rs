@@ -19,19 +19,20 @@ pub trait Encoder: Send + Sync {
     fn encode(&self, glimpses: Rows<'_>, features: RowsMut<'_>);
 }
 
-/// No first layer: the glimpse, with its mean taken out and its contrast brought to 1, is the feature vector.
+/// No first layer: the glimpse is the feature vector, as it is or with its mean taken out and its contrast brought to 1.
 ///
-/// With the cosine distance this is normalised cross-correlation of foveated patches: the baseline every learned
-/// feature has to beat.
+/// Standardised, with the cosine distance, this is normalised cross-correlation of foveated patches: the baseline
+/// every learned feature has to beat.
 #[derive(Clone, Debug)]
 pub struct Raw {
+    standardise: bool,
     groups: Vec<std::ops::Range<usize>>,
 }
 
 impl Raw {
-    /// For a retina whose cells have these channels, each channel standardised on its own.
-    pub fn new(channels: &[usize]) -> Self {
-        Self { groups: groups(channels) }
+    /// For a retina whose cells have these channels; if asked for, each channel is standardised on its own.
+    pub fn new(channels: &[usize], standardise: bool) -> Self {
+        Self { standardise, groups: groups(channels) }
     }
 }
 
@@ -41,6 +42,9 @@ impl Encoder for Raw {
         (n, n)
     }
     fn condition(&self, glimpse: &mut [f32]) {
+        if !self.standardise {
+            return;
+        }
         self.groups.iter().for_each(|g| standardise(&mut glimpse[g.clone()]));
     }
     fn encode(&self, glimpses: Rows<'_>, mut features: RowsMut<'_>) {

@@ -16,6 +16,7 @@ mod report;
 mod sink;
 mod table;
 mod trace;
+mod video;
 
 pub use self::annotate::Annotator;
 pub use self::film::Film;
@@ -24,6 +25,7 @@ pub use self::mp4::Mp4Writer;
 pub use self::report::Report;
 pub use self::table::{Boxes, Table};
 pub use self::trace::Trace;
+pub use self::video::AnnotatedVideo;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

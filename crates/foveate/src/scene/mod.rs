@@ -3,11 +3,11 @@
 pub mod annotation;
 pub mod decode;
 pub mod encode;
+mod ffmpeg;
 pub mod folder;
+mod h264;
 pub mod idx;
 pub mod image;
-mod ffmpeg;
-mod h264;
 mod mp4;
 pub mod open;
 pub mod otb;

@@ -124,7 +124,7 @@ impl Source {
         assert!(!self.is_empty(), "glimpses need a picture");
         let (width, streams) = (retina.glimpse_len(), Streams::new(seed, 0).at(0, Purpose::Scene));
         let channels: Vec<usize> = retina.cells().iter().map(|c| c.channel).collect();
-        let standard = Raw::new(&channels);
+        let standard = Raw::new(&channels, true);
         let mut rows = vec![0.0; n * width];
         rows.par_chunks_mut(GLIMPSES * width).enumerate().for_each_init(Pyramid::default, |pyramid, (i, rows)| {
             let mut rng = streams.rng(i as u64);
