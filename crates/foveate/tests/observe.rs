@@ -7,7 +7,7 @@ use foveate::config::Config;
 use foveate::geometry::BBox;
 use foveate::identity::retina::FovealConfig;
 use foveate::identity::{Foveal, Retina};
-use foveate::observe::{Annotator, Boxes, Observer, Report, RunInfo, Table, Trace};
+use foveate::observe::{Annotator, Boxes, Film, Observer, Report, RunInfo, Table, Trace};
 use foveate::scene::{Frame, Image, Scene};
 use foveate::step::Step;
 use foveate::{Error, Result};
@@ -236,6 +236,7 @@ fn nothing_stays_where_nothing_was_finished_and_errors_name_the_file() {
         Table::create(nowhere.join("track.csv")).err(),
         Trace::create(nowhere.join("trace.jsonl")).err(),
         Report::create(nowhere.join("report.html"), info()).err(),
+        Film::create(nowhere.join("annotated.mp4"), &info()).err(),
     ] {
         let said = error.expect("there is no such folder").to_string();
         assert!(said.contains("no/folder") && said.contains("cannot write"), "{said}");
@@ -264,4 +265,17 @@ fn one_broken_observer_does_not_keep_others_from_finishing() {
     let mut observers: Vec<Box<dyn Observer>> = vec![Box::new(Broken(count)), Box::new(Broken(count))];
     assert_eq!(observers.finish().expect_err("both fail").to_string(), "failure 1");
     assert_eq!(count.get(), 2);
+}
+
+#[test]
+fn the_film_has_every_frame() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("annotated.mp4");
+    let mut film = Film::create(&path, &info()).expect("a writable folder");
+    run(&mut film, |_| ());
+    film.finish().expect("written");
+    let source = foveate::scene::open(&path).expect("a video");
+    let frames: Vec<Frame> = source.collect::<Result<_>>().expect("every frame decodes");
+    assert_eq!((frames.len(), frames[0].image.height()), (FRAMES, 480));
+    assert!((frames[FRAMES - 1].time - (FRAMES - 1) as f64 / 25.0).abs() < 1e-3, "25 frames a second");
 }

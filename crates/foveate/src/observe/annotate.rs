@@ -1,7 +1,7 @@
 //! A frame with what was believed of it, as a picture: for the video, for stills, for the README.
 //!
-//! On the left the frame, small ones magnified: box, path, particles coloured by weight, the fixation's cross and the
-//! windows of the retina. On the right what the fovea saw, where the policy looks, and three gauges.
+//! On the left the frame, small ones magnified: box, truth where it is known, path, particles coloured by weight, the
+//! fixation's cross and the windows of the retina. On the right what the fovea saw, where the policy looks, three gauges.
 
 use std::collections::VecDeque;
 
@@ -26,6 +26,7 @@ const INK: Colour = [236, 238, 240];
 const SOFT: Colour = [150, 159, 168];
 const TARGET: Colour = [57, 182, 255];
 const GAZE: Colour = [255, 182, 39];
+const TRUTH: Colour = [63, 209, 155];
 const LOST: Colour = [255, 122, 56];
 const BLACK: Colour = [0, 0, 0];
 
@@ -35,6 +36,7 @@ pub struct Annotator {
     /// Half the sides of the retina's windows, in template units, the innermost first.
     windows: Vec<f64>,
     path: VecDeque<Point>,
+    truth: Vec<BBox>,
 }
 
 /// Where the frame lies on the page: `zoom` page pixels for each of its own.
@@ -68,6 +70,7 @@ impl Annotator {
             eye: info.retina.as_deref().and_then(Eye::new),
             windows: windows.into_iter().map(|w| w.1).collect(),
             path: VecDeque::new(),
+            truth: info.truth.clone(),
         }
     }
 
@@ -94,6 +97,9 @@ impl Annotator {
         for (i, (a, b)) in self.path.iter().zip(self.path.iter().skip(1)).enumerate() {
             let fresh = (i + 1) as f64 / self.path.len() as f64;
             page.line(&[view.at(*a), view.at(*b)], 1.6 * view.bold, TARGET, 0.85 * fresh);
+        }
+        if let Some(b) = self.truth.get(step.frame.index) {
+            dashed(&mut page, view, b);
         }
         let colour = if step.lost() { LOST } else { TARGET };
         outline(&mut page, view, &step.estimate, step.extent, Gaze::CENTRE, 1.0, 2.0, colour);
@@ -161,11 +167,11 @@ impl Annotator {
         page.text((x, y), &format!("frame {}", frame.index + 1), 1.35 * size, INK);
         let time = format!("{:.2} s", frame.time);
         page.text((x + inner - text_width(&time, size), y + 0.3 * size), &time, size, SOFT);
-        y += 1.35 * size + pad;
+        y += 1.35 * size + 1.3 * pad;
 
         // Two squares and three gauges share the height that is left.
         let gauges = 3.0 * 2.7 * size;
-        let square = inner.min((height - y - gauges - pad) / 2.0 - 2.0 * size - 0.6 * pad).max(8.0);
+        let square = inner.min((height - y - gauges - 0.6 * pad) / 2.0 - 2.0 * size - 0.8 * pad).max(8.0);
         page.text((x, y), "what the fovea saw", size, SOFT);
         y += 1.9 * size;
         page.fill(x - 0.5, y - 0.5, square, square, SUNKEN, 1.0);
@@ -235,6 +241,26 @@ fn outline(
         .map(|(u, v)| view.at((f.x + u * f.ux + v * f.vx, f.y + u * f.uy + v * f.vy)));
     page.outline(&corners, (thick + 1.8) * view.bold, BLACK, 0.4);
     page.outline(&corners, thick * view.bold, colour, 1.0);
+}
+
+/// The true box, in dashes.
+fn dashed(page: &mut Drawing, view: View, b: &BBox) {
+    let (state, extent, dash) = (State::of(b), Extent::of(b), 5.0 * view.bold);
+    let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0)]
+        .map(|(u, v)| view.at((state.x + u * extent.half_w, state.y + v * extent.half_h)));
+    for (from, to) in corners.iter().zip(&corners[1..]) {
+        let length = (to.0 - from.0).hypot(to.1 - from.1);
+        // A box is at most a few pictures wide; whatever it is, a side has at most 1000 dashes.
+        let dashes = ((length / dash) as usize).clamp(1, 1000) | 1;
+        let at = |i: usize| {
+            let t = i as f64 / dashes as f64;
+            (from.0 + t * (to.0 - from.0), from.1 + t * (to.1 - from.1))
+        };
+        for i in (0..dashes).step_by(2) {
+            page.line(&[at(i), at(i + 1)], 3.2 * view.bold, BLACK, 0.4);
+            page.line(&[at(i), at(i + 1)], 1.6 * view.bold, TRUTH, 1.0);
+        }
+    }
 }
 
 fn banner(page: &mut Drawing, view: View, frame: &Frame, text: &str, ground: Colour) {

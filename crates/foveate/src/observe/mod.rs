@@ -1,11 +1,13 @@
 //! THE RESULTS GOING OUT: observers of a run, which read each step and write files. The loop does not know them.
 //!
-//! [`Boxes`] boxes.txt, [`Table`] track.csv, [`Trace`] trace.jsonl, [`Report`] report.html. Every file appears under its
+//! [`Boxes`] boxes.txt, [`Table`] track.csv, [`Trace`] trace.jsonl, [`Film`] annotated.mp4, [`Report`]
+//! report.html. Every file appears under its
 //! name when it is whole: at [`Observer::finish`].
 
 mod annotate;
 pub mod draw;
 mod eye;
+mod film;
 mod font;
 mod json;
 pub mod mp4;
@@ -16,6 +18,7 @@ mod table;
 mod trace;
 
 pub use self::annotate::Annotator;
+pub use self::film::Film;
 pub use self::json::Summary;
 pub use self::mp4::Mp4Writer;
 pub use self::report::Report;
@@ -93,6 +96,8 @@ pub struct RunInfo {
     pub command: String,
     /// The retina, to draw what it saw; `None` leaves that out.
     pub retina: Option<Arc<dyn Retina>>,
+    /// Where the target really is, by frame index, to be shown beside the estimate; empty where nobody knows.
+    pub truth: Vec<BBox>,
     /// Where the time spent in the tracker is added up.
     pub clock: Clock,
 }

@@ -13,6 +13,12 @@ const chartList = [
   { title: 'Scale', unit: '× first frame', least: .1, lines: [{ of: scale, ink: 'target' }] },
   { title: 'Angle', unit: 'degrees', least: 10, lines: [{ of: degrees, ink: 'target' }] },
 ];
+const known = series.true_x.some(x => x !== null);
+// Where the truth is known, the error takes the place of the distance, which the panel above shows as well.
+if (known) {
+  chartList.splice(4, 1);
+  chartList.unshift({ title: 'Error', unit: 'px from the true centre', from: 0, lines: [{ of: series.true_x.map((x, i) => x === null ? null : Math.hypot(x - series.x[i], series.true_y[i] - series.y[i])), ink: 'second' }] });
+}
 if (!arms.length) chartList.splice(1, 0, { title: 'Gaze', unit: 'half-boxes', lines: [{ of: series.u, name: 'u', ink: 'gaze' }, { of: series.v, name: 'v', ink: 'target', dash: true }] });
 const HEIGHT = 128, LEFT = 44, RIGHT = 12, TOP = 8, BOTTOM = 20;
 

@@ -13,9 +13,9 @@ const picture = text => { const image = new Image(); image.src = 'data:image/jpe
 function say(value, digits = 3) {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
   const size = Math.abs(value);
-  if (size < 1e-6) return '0';
+  if (size < 5e-4) return size === 0 ? '0' : '0.000';
   const power = Math.floor(Math.log10(size)), places = power < 0 ? digits - 2 - power : digits - 1 - power;
-  const text = size >= 1e6 || size < 1e-4 ? value.toExponential(1) : value.toFixed(Math.max(0, places));
+  const text = size >= 1e6 ? value.toExponential(1) : value.toFixed(Math.max(0, places));
   return text.replace('-', '−');
 }
 

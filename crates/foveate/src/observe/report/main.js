@@ -91,7 +91,7 @@ function write() {
   const tile = (value, unit, label) => element('div', {}, element('dt', {}, label), element('dd', {}, value, element('small', {}, unit)));
   const fps = data.summary.fps;
   byId('tiles').append(tile(String(rows), '', 'frames'), ...(fps ? [tile(fps >= 100 ? String(Math.round(fps)) : say(fps), 'frames/s', 'tracking speed')] : []),
-    tile(say(steps ? 100 * lost / steps : 0, 2), '%', 'believed lost'), tile(say(median(series.ess)), `of ${data.particles}`, 'median ESS'));
+    ...(known ? [tile(say(median(chartList[0].lines[0].of)), 'px', 'median error')] : []), tile(say(steps ? 100 * lost / steps : 0, 2), '%', 'believed lost'), tile(say(median(series.ess)), `of ${data.particles}`, 'median ESS'));
   const facts = [['Source', info.source], ['Read as', `${info.reader}, ${frameWidth} × ${frameHeight} px, ${say(data.rate)} frames/s`], ['Command', info.command], ['Configuration', info.config_name], ['Seed', String(info.seed)], ['Program', info.version]];
   if (keys.length < rows) facts.push(['This page', `shows ${keys.length} of ${rows} frames, one in ${every}, to stay small; the charts have all of them`]);
   if (data.shown < data.particles) facts.push(['Particles', `${data.shown} of ${data.particles} are drawn, evenly picked, and always the heaviest one`]);
@@ -104,6 +104,7 @@ function write() {
   const keyboard = text => element('kbd', {}, text);
   byId('legend').append(
     line('<rect x="3" y="3" width="20" height="14" fill="none" stroke="var(--target)" stroke-width="2.2"/>', strong('Box and path. '), 'Where the target is believed to be: the mean of the particles, and where it came from. Dashed when believed lost.'),
+    ...(known ? [line('<rect x="3" y="3" width="20" height="14" fill="none" stroke="var(--second)" stroke-width="2" stroke-dasharray="2 3"/>', strong('Truth. '), 'Where the target really is; the tracker does not know it.')] : []),
     line('<circle cx="6" cy="13" r="3" fill="#6f47e6"/><circle cx="13" cy="8" r="3.2" fill="#e0528f"/><circle cx="20" cy="12" r="3.6" fill="#f2c94c" stroke="#0005"/>', strong('Particles. '), 'Guesses of where it might be. Violet: light, explains little; yellow: heavy, explains the frame best.'),
     line('<ellipse cx="13" cy="10" rx="10" ry="6.5" fill="none" stroke="currentColor" stroke-dasharray="2.5 2.5" stroke-width="1.5"/>', strong('Uncertainty. '), 'Two standard deviations of the belief about the position.'),
     line('<rect x="6" y="3" width="14" height="14" fill="none" stroke="var(--gaze)" stroke-width="2"/><path d="M13 6.5v7M9.5 10h7" stroke="currentColor" stroke-width="1.8"/>', strong('Fixation. '), 'The cross is where it looked in this frame; the squares are the windows of its retina, sharp inside and coarse outside.'),

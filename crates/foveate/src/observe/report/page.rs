@@ -6,12 +6,12 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::super::RunInfo;
-use crate::geometry::{Extent, State};
+use crate::geometry::{BBox, Extent, State};
 use crate::scene::Frame;
 use crate::step::Step;
 
 /// One number a frame of each; NaN where there is none.
-const COLUMNS: [&str; 26] = [
+const COLUMNS: [&str; 30] = [
     "frame",
     "time",
     "x",
@@ -22,6 +22,10 @@ const COLUMNS: [&str; 26] = [
     "angle",
     "half_w",
     "half_h",
+    "true_x",
+    "true_y",
+    "true_w",
+    "true_h",
     "cov_xx",
     "cov_xy",
     "cov_yy",
@@ -81,12 +85,13 @@ pub struct Page {
     title: String,
     info: Value,
     rate: f64,
+    truth: Vec<BBox>,
     cells: Vec<f64>,
     size: [usize; 2],
     particles: usize,
     seconds: f64,
     tracked: usize,
-    rows: Vec<[f64; 26]>,
+    rows: Vec<[f64; COLUMNS.len()]>,
     pub shown: usize,
     pub features: usize,
     pub learned: bool,
@@ -105,6 +110,7 @@ impl Page {
                 "version": concat!("foveate ", env!("CARGO_PKG_VERSION")),
             }),
             rate: info.rate,
+            truth: info.truth.clone(),
             cells: cells.collect(),
             size: [1, 1],
             particles: 0,
@@ -121,12 +127,16 @@ impl Page {
 
     /// A row for a frame whose box was given; answers which.
     pub fn given(&mut self, frame: &Frame, state: &State, extent: Extent) -> usize {
-        let mut row = [f64::NAN; 26];
+        let mut row = [f64::NAN; COLUMNS.len()];
         self.size = [frame.image.width(), frame.image.height()];
         row[0] = frame.index as f64 + 1.0;
         row[1] = frame.time;
         row[2..8].copy_from_slice(&state.to_array());
         row[8..10].copy_from_slice(&[extent.half_w, extent.half_h]);
+        if let Some(b) = self.truth.get(frame.index) {
+            let (x, y) = b.centre();
+            row[10..14].copy_from_slice(&[x, y, b.w, b.h]);
+        }
         self.rows.push(row);
         self.rows.len() - 1
     }
@@ -139,7 +149,7 @@ impl Page {
         let (c, gaze) = (&step.covariance, step.plan.chosen());
         let low = step.rewards.iter().copied().fold(f64::INFINITY, f64::min);
         let high = step.rewards.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        self.rows[index][10..].copy_from_slice(&[
+        self.rows[index][14..].copy_from_slice(&[
             c[0][0],
             c[0][1],
             c[1][1],

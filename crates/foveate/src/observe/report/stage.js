@@ -1,6 +1,7 @@
 // The frame with what was believed of it.
 const layers = [
   { key: 'b', name: 'box', label: 'box', dot: '#39b6ff' },
+  ...(series.true_x.some(x => x !== null) ? [{ key: 't', name: 'truth', label: 'truth', dot: '#3fd19b' }] : []),
   { key: 'h', name: 'path', label: 'path', dot: '#39b6ff' },
   { key: 'p', name: 'particles', label: 'particles', dot: '#e0528f' },
   { key: 'u', name: 'ellipse', label: 'uncertainty', dot: '#9aa4ad' },
@@ -100,6 +101,12 @@ function drawView(c, key, view, box) {
       c.beginPath(); c.moveTo(...at(series.x[r - 1], series.y[r - 1])); c.lineTo(...at(series.x[r], series.y[r]));
       c.strokeStyle = `rgb(57 182 255 / ${.85 * (1 - (row - r) / 60)})`; c.lineWidth = 1.8; c.stroke();
     }
+  }
+  if (shown.truth && series.true_x[row] !== null) {
+    const [x, y] = at(series.true_x[row] - series.true_w[row] / 2, series.true_y[row] - series.true_h[row] / 2);
+    c.setLineDash([2, 4]);
+    cased(() => c.rect(x, y, k * series.true_w[row], k * series.true_h[row]), '#3fd19b', 2);
+    c.setLineDash([]);
   }
   if (shown.box) {
     const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([u, v]) => fixate(row, u, v)).map(f => at(f.x, f.y));
