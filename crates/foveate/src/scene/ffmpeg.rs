@@ -109,7 +109,13 @@ impl Ffmpeg {
             return None;
         }
         let text = self.complaint.take().unwrap_or_else(|| "it gave no reason".into());
-        Some(Err(Trouble::Damaged(format!("ffmpeg cannot read it: {text}"))))
+        Some(Err(match self.frames {
+            0 => {
+                let problem = "expected a video that ffmpeg reads; it says";
+                Trouble::Damaged(format!("{problem}: {text}; check that this is a video, and whole"))
+            }
+            _ => Trouble::damaged(format!("ffmpeg stopped: {text}")),
+        }))
     }
 
     fn read(&mut self, time: Option<f64>, width: usize, height: usize) -> Decoded<Picture> {
@@ -121,7 +127,7 @@ impl Ffmpeg {
         let mut planes = vec![0; 3 * width * height];
         self.pixels.read_exact(&mut planes).map_err(|_| {
             let text = self.complaint.take().unwrap_or_else(|| "it ended in the middle of a frame".into());
-            Trouble::Damaged(format!("ffmpeg stopped: {text}"))
+            Trouble::damaged(format!("ffmpeg stopped: {text}"))
         })?;
         // Green, blue, red becomes red, green, blue.
         planes.rotate_right(width * height);

@@ -38,9 +38,8 @@ impl Setup {
             }
             (prefix != 3).then_some((parameters, prefix))
         };
-        let (parameters, prefix) = parse().ok_or_else(|| {
-            Trouble::Damaged("its decoder configuration (box \"avcC\") is cut off; the file is damaged".into())
-        })?;
+        let (parameters, prefix) =
+            parse().ok_or_else(|| Trouble::damaged("its decoder configuration (box \"avcC\") is cut off"))?;
         let sps = parameters.iter().find(|nal| nal.first().is_some_and(|head| head & 31 == 7));
         let sps = sps.and_then(|nal| sps::parse(nal));
         Ok(Self { parameters, prefix, sps })
@@ -57,7 +56,7 @@ impl Setup {
         while !frame.is_empty() {
             let cut = || {
                 let have = frame.len();
-                Trouble::Damaged(format!("a part of the coded frame is longer than the {have} bytes left of it"))
+                Trouble::damaged(format!("a part of the coded frame is longer than the {have} bytes left of it"))
             };
             let (length, rest) = frame.split_at_checked(self.prefix).ok_or_else(cut)?;
             let length = length.iter().fold(0, |n, &byte| n << 8 | usize::from(byte));
@@ -127,10 +126,8 @@ impl Decoder {
             })?,
         };
         match picture {
-            None if coded => Err(Trouble::Damaged("parts of the coded picture are missing".into())),
-            Some(picture) if !picture.is_valid() => {
-                Err(Trouble::Damaged("the decoder gave an impossible picture".into()))
-            }
+            None if coded => Err(Trouble::damaged("parts of the coded picture are missing")),
+            Some(picture) if !picture.is_valid() => Err(Trouble::damaged("the decoder gave an impossible picture")),
             Some(picture) if setup.sps.is_some_and(|sps| sps.height == 2 * picture.height) => {
                 Err(Trouble::Unsupported("single fields (interlaced video) stored as frames".into()))
             }
@@ -150,7 +147,7 @@ impl Decoder {
                 {
                     Trouble::Unsupported(what.into())
                 }
-                error => Trouble::Damaged(format!("the coded picture is damaged ({error})")),
+                error => Trouble::damaged(format!("the coded picture makes no sense ({error})")),
             })
         })?;
         Ok(picture.map(|p| {
@@ -162,13 +159,13 @@ impl Decoder {
 
 fn guard<T>(decode: impl FnOnce() -> Decoded<T>) -> Decoded<T> {
     quiet::catch(decode)
-        .unwrap_or_else(|panic| Err(Trouble::Damaged(format!("the coded picture is damaged ({panic})"))))
+        .unwrap_or_else(|panic| Err(Trouble::damaged(format!("the coded picture makes no sense ({panic})"))))
 }
 
 fn wide_trouble(error: rust_h264::error::DecodeError) -> Trouble {
     match error {
         rust_h264::error::DecodeError::Unsupported(what) => Trouble::Unsupported(what.into()),
-        error => Trouble::Damaged(format!("the coded picture is damaged ({error})")),
+        error => Trouble::damaged(format!("the coded picture makes no sense ({error})")),
     }
 }
 

@@ -65,7 +65,7 @@ pub(super) fn read(file: &mut (impl Read + Seek), len: u64) -> Decoded<Movie> {
             break;
         }
         if size < skip {
-            return Err(damaged(format!(
+            return Err(Trouble::damaged(format!(
                 "box {shown:?} at byte {at} says it is {size} bytes long, less than its head"
             )));
         }
@@ -93,7 +93,7 @@ pub(super) fn read(file: &mut (impl Read + Seek), len: u64) -> Decoded<Movie> {
     }
     let Some(moov) = moov else {
         let seen = cut.unwrap_or_else(|| format!("{len} bytes without one"));
-        return Err(damaged(format!(
+        return Err(Trouble::damaged(format!(
             "the index (box \"moov\") is missing: {seen}; the file was not written to its end"
         )));
     };
@@ -105,7 +105,8 @@ fn track(moov: &[u8], moofs: &[(u64, Vec<u8>)], len: u64, cut: Option<String>) -
     let handler = |trak| path(trak, &[b"mdia", b"hdlr"]).and_then(|hdlr| hdlr.get(8..12));
     let traks = || boxes(moov).filter(|(name, _)| name == b"trak").map(|(_, trak)| trak);
     let Some(trak) = traks().find(|trak| handler(trak) == Some(b"vide")) else {
-        return Err(damaged(format!("expected a video track, found none among {} tracks", traks().count())));
+        let problem = format!("expected a video track, found {} tracks of other kinds; give a video", traks().count());
+        return Err(Trouble::Damaged(problem));
     };
     let stbl = path(trak, &[b"mdia", b"minf", b"stbl"]).ok_or_else(|| lacks("stbl"))?;
     let stsd = child(stbl, b"stsd").and_then(|stsd| stsd.get(8..)).ok_or_else(|| lacks("stsd"))?;
@@ -136,7 +137,7 @@ fn track(moov: &[u8], moofs: &[(u64, Vec<u8>)], len: u64, cut: Option<String>) -
     let cut = fragments.err().or(misplaced).or(cut.filter(|_| child(moov, b"mvex").is_some()));
     if samples.is_empty() {
         let seen = cut.map_or(String::new(), |cut| format!(" ({cut})"));
-        return Err(damaged(format!("expected frames, found an empty video track{seen}")));
+        return Err(Trouble::damaged(format!("expected frames, found an empty video track{seen}")));
     }
     if let Some(elst) = path(trak, &[b"edts", b"elst"]) {
         edit(&mut samples, elst, scale, timescale(child(moov, b"mvhd")).unwrap_or(scale))?;
@@ -171,7 +172,9 @@ fn sample_table(stbl: &[u8], len: u64) -> Decoded<(Vec<Sample>, Option<String>)>
     let (Some(same), Some(count)) = (c.u32(), c.u32()) else { return Err(lacks("stsz")) };
     let room = if same == 0 { c.0.len() as u64 / 4 } else { len / u64::from(same) };
     if u64::from(count) > room.min(MAX_FRAMES) {
-        return Err(damaged(format!("its index (box \"stsz\") claims {count} frames, the file can hold {room}")));
+        return Err(Trouble::damaged(format!(
+            "its index (box \"stsz\") claims {count} frames, the file can hold {room}"
+        )));
     }
     let mut sizes = std::iter::from_fn(|| if same == 0 { c.u32() } else { Some(same) });
     let times = |name| child(stbl, name).into_iter().flat_map(rows::<2>).flat_map(|[n, x]| repeat(x, n));
@@ -198,8 +201,8 @@ fn sample_table(stbl: &[u8], len: u64) -> Decoded<(Vec<Sample>, Option<String>)>
         }
     }
     let placed = samples.len();
-    let misplaced = (placed < count as usize)
-        .then(|| format!("the index counts {count} frames and says where {placed} are; the file is damaged"));
+    let misplaced =
+        (placed < count as usize).then(|| format!("the index counts {count} frames and says where {placed} are"));
     Ok((samples, misplaced))
 }
 
@@ -300,15 +303,11 @@ fn edit(samples: &mut [Sample], elst: &[u8], scale: u32, movie_scale: u32) -> De
 pub(super) fn read_at(file: &mut (impl Read + Seek), at: u64, bytes: &mut [u8]) -> Decoded<()> {
     file.seek(SeekFrom::Start(at))
         .and_then(|_| file.read_exact(bytes))
-        .map_err(|error| damaged(format!("cannot read {} bytes at byte {at}: {error}", bytes.len())))
-}
-
-fn damaged(what: String) -> Trouble {
-    Trouble::Damaged(what)
+        .map_err(|error| Trouble::damaged(format!("cannot read {} bytes at byte {at}: {error}", bytes.len())))
 }
 
 fn lacks(name: &str) -> Trouble {
-    damaged(format!("its index lacks a good box {name:?}; the file is damaged"))
+    Trouble::damaged(format!("its index lacks a good box {name:?}"))
 }
 
 /// Big-endian numbers from the front of some bytes.

@@ -39,13 +39,22 @@ impl Mp4 {
             Err(Trouble::Unsupported(_)) => Decoder::wide(&setup)?,
             decoder => decoder?,
         };
-        let samples = &movie.samples;
-        let mut order: Vec<u32> = (0..samples.len() as u32).filter(|&i| samples[i as usize].shown).collect();
-        order.sort_by_key(|&i| samples[i as usize].time);
-        let mut rank = vec![None; samples.len()];
-        (0..).zip(&order).for_each(|(place, &i)| rank[i as usize] = Some(place));
-        let (waiting, bytes) = (BTreeMap::new(), Vec::new());
-        Ok(Self { file, len, movie, setup, decoder, order, rank, out: 0, fed: 0, waiting, bytes, open: false })
+        let (order, rank, bytes) = (Vec::new(), Vec::new(), Vec::new());
+        let (waiting, open) = (BTreeMap::new(), false);
+        let mut mp4 = Self { file, len, movie, setup, decoder, order, rank, out: 0, fed: 0, waiting, bytes, open };
+        // A first frame that cannot be read is an error when it is decoded.
+        mp4.open = mp4.load(0).is_ok() && mp4.setup.starts_anew(&mp4.bytes).is_ok_and(|anew| !anew);
+        let shown = |&i: &u32| mp4.movie.samples[i as usize].shown && !mp4.lost(i as usize);
+        mp4.order = (0..mp4.movie.samples.len() as u32).filter(shown).collect();
+        mp4.order.sort_by_key(|&i| mp4.movie.samples[i as usize].time);
+        mp4.rank = vec![None; mp4.movie.samples.len()];
+        (0..).zip(&mp4.order).for_each(|(place, &i)| mp4.rank[i as usize] = Some(place));
+        Ok(mp4)
+    }
+
+    /// Shown before the first frame of an open group, a frame refers to others that were cut away.
+    fn lost(&self, sample: usize) -> bool {
+        self.open && self.movie.samples[sample].time < self.movie.samples[0].time
     }
 
     /// Starts again with the decoder that knows more, up to the frames that are out. False where it is that one.
@@ -111,26 +120,24 @@ impl Mp4 {
                 return Some(Ok((picture, self.time(sample))));
             }
         }
-        self.movie.cut.take().map(|cut| Err(Trouble::Damaged(format!("the video breaks off: {cut}"))))
+        self.movie.cut.take().map(|cut| Err(Trouble::damaged(format!("the video breaks off: {cut}"))))
     }
 
-    fn decode_one(&mut self) -> Decoded<()> {
-        let sample = self.movie.samples[self.fed];
-        let end = sample.offset.saturating_add(u64::from(sample.size));
-        if end > self.len {
-            let len = self.len;
-            return Err(Trouble::Damaged(format!(
-                "the file ends at byte {len}, the coded frame should reach to byte {end}; the file is cut off, copy it again"
+    fn load(&mut self, sample: usize) -> Decoded<()> {
+        let sample = self.movie.samples[sample];
+        let (end, len) = (sample.offset.saturating_add(u64::from(sample.size)), self.len);
+        if end > len {
+            return Err(Trouble::damaged(format!(
+                "the file ends at byte {len}, the coded frame should reach to byte {end}"
             )));
         }
         self.bytes.resize(sample.size as usize, 0);
-        mp4::read_at(&mut self.file, sample.offset, &mut self.bytes)?;
-        if self.fed == 0 {
-            self.open = !self.setup.starts_anew(&self.bytes)?;
-        }
-        // Shown before the first frame of an open group, they refer to frames that were cut away.
-        let lost = self.open && sample.time < self.movie.samples[0].time;
-        if !lost
+        mp4::read_at(&mut self.file, sample.offset, &mut self.bytes)
+    }
+
+    fn decode_one(&mut self) -> Decoded<()> {
+        self.load(self.fed)?;
+        if !self.lost(self.fed)
             && let Some(picture) = self.decoder.decode(&self.setup, &self.bytes)?
             && let Some(place) = self.rank[self.fed].filter(|&place| place as usize >= self.out)
         {
@@ -138,8 +145,7 @@ impl Mp4 {
         }
         self.fed += 1;
         if self.waiting.len() > MAX_WAITING {
-            let problem = "the times of the frames are out of order beyond what H.264 allows; the file is damaged";
-            return Err(Trouble::Damaged(problem.into()));
+            return Err(Trouble::damaged("the times of the frames are out of order beyond what H.264 allows"));
         }
         Ok(())
     }
@@ -167,46 +173,4 @@ fn turned(image: Image, turns: u8) -> Image {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use md5::{Digest, Md5};
-    use std::path::Path;
-
-    fn data() -> Option<std::path::PathBuf> {
-        let root = std::env::var_os("FOVEATE_DATA").map(Into::into);
-        let root = root.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data"));
-        let clips = root.join("clips");
-        clips.is_dir().then_some(clips)
-    }
-
-    fn open(path: &Path) -> Mp4 {
-        let file = File::open(path).expect("a file");
-        let len = file.metadata().expect("a file").len();
-        Mp4::new(file, len).expect("an MP4")
-    }
-
-    /// Every frame of the three clips is the frame that a reference decoder gave, in its order.
-    #[test]
-    fn clips_decode_exactly() {
-        let Some(clips) = data() else { return println!("skipped: no data") };
-        for name in ["car-detection", "bottle-detection", "hockey"] {
-            let sums = std::fs::read_to_string(clips.join(name).with_extension("framemd5")).expect("checksums");
-            let sums: Vec<&str> = sums.lines().filter(|line| !line.starts_with('#')).collect();
-            let mut mp4 = open(&clips.join(name).with_extension("mp4"));
-            assert_eq!(mp4.frames(), sums.len(), "{name}");
-            let start = std::time::Instant::now();
-            let mut times = Vec::new();
-            for (i, sum) in sums.iter().enumerate() {
-                let (yuv, time) = mp4.yuv().expect("a frame").expect("a good frame");
-                let mut md5 = Md5::new();
-                [yuv.y, yuv.u, yuv.v].iter().for_each(|plane| md5.update(plane));
-                let found: String = md5.finalize().iter().map(|byte| format!("{byte:02x}")).collect();
-                assert_eq!(sum.rsplit(", ").next(), Some(found.as_str()), "{name}, frame {}", i + 1);
-                times.push(time);
-            }
-            assert!(mp4.yuv().is_none());
-            assert!(times[0] == 0.0 && times.is_sorted(), "{name}: times rise from 0");
-            println!("{name}: {} frames a second", (times.len() as f64 / start.elapsed().as_secs_f64()).round());
-        }
-    }
-}
+mod tests;

@@ -37,6 +37,13 @@ enum Reader {
     Ffmpeg(Ffmpeg),
 }
 
+impl Trouble {
+    /// Damage that is known only by what was found.
+    pub fn damaged(found: impl std::fmt::Display) -> Self {
+        Self::Damaged(format!("{found}; the file is damaged or cut off, copy it again"))
+    }
+}
+
 /// A picture and its time in seconds from the first.
 pub(super) type Picture = (Image, f64);
 
@@ -70,7 +77,7 @@ impl VideoFile {
             Err(Trouble::Unsupported(why)) => video.hand_over(&why)?,
             Err(Trouble::Damaged(problem)) => return Err(Error::malformed(&video.path, problem)),
         }
-        let none = "expected frames, found none that is to be shown; the file is damaged or has no video";
+        let none = "expected frames, found none that is to be shown; check the file with another player";
         let (image, time) = video.picture().unwrap_or_else(|| Err(Error::malformed(&video.path, none)))?;
         let (frames, rate, reader) = match &video.reader {
             Some(Reader::Mp4(mp4)) => (Some(mp4.frames()), mp4.rate(), mp4.decoder()),
