@@ -358,7 +358,10 @@ fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
 }
 
 /// Configurations that ship with the program.
-pub const BUILTIN: &[(&str, &str)] = &[("natural", include_str!("../../../configs/natural.toml"))];
+pub const BUILTIN: &[(&str, &str)] = &[
+    ("digits", include_str!("../../../configs/digits.toml")),
+    ("natural", include_str!("../../../configs/natural.toml")),
+];
 
 /// Models that ship with the program.
 const MODELS: &[(&str, &[u8])] = &[];

@@ -35,7 +35,8 @@ pub fn run(args: Args) -> Result<()> {
     let blueprint = blueprint(&args.config)?;
     let mut tracker = blueprint.tracker(args.seed, 0)?;
     let described = format!("a drawn {} among {} other digits", args.digit, scene.distractors);
-    let info = run_info(&described, source.info(), &args.config, &blueprint, args.seed);
+    let mut info = run_info(&described, source.info(), &args.config, &blueprint, args.seed);
+    info.truth = truth.clone();
     let (mut observers, _) = observers(&args.out, &info, Outputs { video: true, report: true, trace: true })?;
 
     terminal::catch_interrupts();

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use foveate::config::{BUILTIN, Blueprint, Config};
 use foveate::geometry::BBox;
-use foveate::observe::{AnnotatedVideo, Boxes, Clock, Observer, Report, RunInfo, Summary, Table, Trace};
+use foveate::observe::{Boxes, Clock, Film, Observer, Report, RunInfo, Summary, Table, Trace};
 use foveate::run::{Follow, Outcome, follow};
 use foveate::scene::{SourceInfo, annotation, open};
 use foveate::{Error, Result, files};
@@ -108,7 +108,7 @@ pub fn observers(out: &Path, info: &RunInfo, outputs: Outputs) -> Result<(Vec<Bo
     }
     if outputs.video {
         names.push(out.join("annotated.mp4"));
-        observers.push(Box::new(AnnotatedVideo::new(out.join("annotated.mp4"), info)));
+        observers.push(Box::new(Film::create(out.join("annotated.mp4"), info)?));
     }
     if outputs.report {
         names.push(out.join("report.html"));
@@ -128,6 +128,7 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
         seed,
         command: std::env::args().collect::<Vec<_>>().join(" "),
         retina: Some(blueprint.retina()),
+        truth: vec![],
         clock: Clock::default(),
     }
 }
@@ -147,7 +148,8 @@ pub fn run(args: Args) -> Result<()> {
         None => Some(first_box(&args)?),
     };
     let from = loaded.map_or(0, |saved| saved.next_frame);
-    let info = run_info(&args.source.display().to_string(), source.info(), name, &blueprint, seed);
+    let mut info = run_info(&args.source.display().to_string(), source.info(), name, &blueprint, seed);
+    info.truth = known_truth(&args.source);
     let outputs = Outputs { video: !args.no_video, report: !args.no_report, trace: !args.no_trace };
     let (mut observers, names) = observers(&args.out, &info, outputs)?;
 
@@ -193,6 +195,12 @@ fn read_state(path: &Path) -> Result<SavedState> {
     let text = std::fs::read_to_string(path).map_err(Error::io(path, "cannot read the saved state"))?;
     serde_json::from_str(&text)
         .map_err(|e| Error::malformed(path, format!("not a state written by --save-state: {e}; write it again")))
+}
+
+/// The truth, where the source has one, for the report to compare with; it never reaches the tracker.
+fn known_truth(source: &Path) -> Vec<BBox> {
+    let truth = annotation::read_truth(&source.join("groundtruth_rect.txt")).unwrap_or_default();
+    truth.into_iter().map_while(|bbox| bbox).collect()
 }
 
 /// The given box, or the first one of groundtruth_rect.txt.
