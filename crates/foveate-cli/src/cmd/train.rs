@@ -106,7 +106,7 @@ struct RbmArgs {
     /// The epoch from which weights are averaged: half of the epochs, unless given.
     #[arg(long)]
     average_from: Option<usize>,
-    /// Names all random numbers.
+    /// Seed of all random numbers: the same seed gives the same model.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Threads: all processors, unless given.
