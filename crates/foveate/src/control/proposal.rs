@@ -28,7 +28,7 @@ pub trait Proposal: Send {
 /// Particles that share a random stream. Fixed: results must not depend on the number of threads.
 pub const CHUNK: usize = 64;
 
-/// The transition prior: q = p, the bootstrap filter (section 5.1: "the transition prior as proposal").
+/// The transition prior: q = p, the bootstrap filter (section 6.1: "the transition prior as proposal").
 #[derive(Clone)]
 pub struct Prior {
     given: Arc<dyn Dynamics>,
