@@ -46,7 +46,7 @@ struct RbmArgs {
     /// The model file to write.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Take the retina from the table [retina] of this configuration.
+    /// Take the retina from the table `retina` of this configuration.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["side", "rings", "colour"])]
     config: Option<PathBuf>,
     /// Template pixels along a side of the target's box.

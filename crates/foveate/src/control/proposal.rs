@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 /// Puts the next particles, and says what their weights owe for it.
 ///
-/// Child i must come from q(· | parents[i], scene), and `log_ratio[i]` be log p/q of it, in nats (0 where
+/// Child i must come from `q(· | parents[i], scene)`, and `log_ratio[i]` be log p/q of it, in nats (0 where
 /// q = p). Randomness comes from `streams` alone, stream i for the i-th chunk of [`CHUNK`] particles, so that
 /// neither the number of threads nor of particles changes a child. All three slices have the same length.
 pub trait Proposal: Send {
