@@ -367,8 +367,15 @@ fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
 /// Configurations that ship with the program.
 pub const BUILTIN: &[(&str, &str)] = &[
     ("digits", include_str!("../../../configs/digits.toml")),
+    ("digits-hedge", include_str!("../../../configs/digits-hedge.toml")),
+    ("digits-rbm", include_str!("../../../configs/digits-rbm.toml")),
+    ("authors", include_str!("../../../configs/authors.toml")),
     ("natural", include_str!("../../../configs/natural.toml")),
+    ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),
 ];
 
 /// Models that ship with the program.
-const MODELS: &[(&str, &[u8])] = &[];
+const MODELS: &[(&str, &[u8])] = &[
+    ("digits", include_bytes!("../../../models/digits.safetensors")),
+    ("natural", include_bytes!("../../../models/natural.safetensors")),
+];
