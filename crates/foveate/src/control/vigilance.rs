@@ -51,6 +51,21 @@ impl Default for Vigilance {
 }
 
 impl Vigilance {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        for (name, value, most) in [
+            ("memory", self.memory, 1.0),
+            ("threshold", self.threshold, 100.0),
+            ("temperature", self.temperature, 1.0),
+            ("flat", self.flat, 1.0),
+        ] {
+            if !(0.0..=most).contains(&value) {
+                return Err(Error::Config(format!("vigilance.{name} is a number from 0 to {most}; it is {value}")));
+            }
+        }
+        Ok(())
+    }
+
     /// Forgets the past: the target was just given.
     pub fn reset(&mut self) {
         self.watch = Watch::default();
