@@ -115,6 +115,7 @@ impl Tracker {
         parts.policy.plan(&mut w.plan, &mut streams.at(*frame, Look).rng(0));
         parts.appearance.see(image, &w.predicted, w.plan.gazes());
 
+        // Deviation: where the paper samples anew for each action, all gazes of a frame weigh the same particles.
         // Weigh and reward: once for each gaze in the plan, all particles at a time.
         w.log_likelihood.resize(w.plan.gazes().len() * n, 0.0);
         w.weights.resize(n, 0.0);

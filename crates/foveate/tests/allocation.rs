@@ -77,13 +77,17 @@ fn a_step_allocates_nothing() {
     });
 }
 
-/// The target is gone: particles spread over the picture and beyond, and what is seen grows with them.
+/// The target is gone: for 200 frames particles spread over the picture and beyond, and what is seen grows with them.
 #[test]
 fn a_lost_target_costs_no_memory() {
+    let (w, h) = (500, 400);
     for planes in [1, 3] {
-        let first = frame(0, planes);
-        let gone =
-            Frame { image: Image::new(120, 90, planes, vec![9; 120 * 90 * planes]).expect("bytes"), ..first.clone() };
+        let picture = |value: &dyn Fn(usize) -> u8| {
+            let data = (0..planes * w * h).map(value).collect();
+            Frame { index: 0, time: 0.0, image: Image::new(w, h, planes, data).expect("bytes") }
+        };
+        let first = picture(&|i| ((i % w) * (i / w) % 251) as u8);
+        let gone = picture(&|_| 9);
         let frames: Vec<Frame> = std::iter::once(first).chain(std::iter::repeat_n(gone, 200)).collect();
         alone(|| {
             let counts = counts(&blueprint(POLICIES[3], false, 0.5, planes == 3, 150), &frames);

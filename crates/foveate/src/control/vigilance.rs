@@ -1,6 +1,6 @@
 //! Is the target still there? An honest `lost` signal (the paper: "no ability to recover from a tracking failure").
 //!
-//! The paper's Σw² cannot tell: it stays high on a wrong, sharp peak. What can (findings, section 5; field notes A9) is
+//! The paper's Σw² cannot tell: it stays high on a wrong, sharp peak. What can is
 //! the evidence, measured against what the first frame promised on and off the target, and the effective
 //! sample size of softened weights, which rises when nothing in view fits better than anything else.
 

@@ -193,6 +193,7 @@ impl Appearance for GazeAppearance {
         self.pyramid.build(image, region, self.retina.footprints(), units(states, extent));
     }
 
+    // Deviation: the paper prints exp(−d), without a sharpness; that tracks nothing.
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
         let sharpness = self.kept().sharpness;
         self.distances(states, gaze, out);
