@@ -181,7 +181,6 @@ pub enum PolicyConfig {
         #[serde(default)]
         grid: Grid,
         /// Learning rate, above 0.
-        #[serde(deserialize_with = "positive")]
         gamma: f64,
     },
     /// The centre gaze beside whatever another policy chooses: two looks a frame.
@@ -197,14 +196,6 @@ fn particles<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<usize, D::E
         return Ok(n);
     }
     Err(serde::de::Error::custom(format!("expected 1 to 1000000 particles (100 to 1000 are usual), got {n}")))
-}
-
-fn positive<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<f64, D::Error> {
-    let x = f64::deserialize(d)?;
-    if x.is_finite() && x > 0.0 {
-        return Ok(x);
-    }
-    Err(serde::de::Error::custom(format!("expected a number above 0, got {x}")))
 }
 
 impl Config {

@@ -6,7 +6,8 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use common::{INIT, POLICIES, blueprint, frame};
-use foveate::scene::Scene;
+use foveate::config::Blueprint;
+use foveate::scene::{Frame, Image, Scene};
 
 thread_local!(static COUNT: Cell<usize> = const { Cell::new(0) });
 
@@ -36,31 +37,61 @@ static COUNTING: Counting = Counting;
 const WARM_UP: usize = 5;
 const FRAMES: usize = 30;
 
-#[test]
-fn a_step_allocates_nothing() {
+/// Allocations of each step of one run.
+fn counts(blueprint: &Blueprint, frames: &[Frame]) -> Vec<usize> {
+    let mut tracker = blueprint.tracker(5, 0).expect("parts that fit");
+    tracker.start(&frames[0], INIT).expect("a box in the picture");
+    let step = |frame| {
+        let before = COUNT.get();
+        std::hint::black_box(tracker.step(Scene { frame, detections: &[] }));
+        COUNT.get() - before
+    };
+    frames[1..].iter().map(step).collect()
+}
+
+fn alone(work: impl FnOnce() + Send) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
-    let videos = [1, 3].map(|planes| (0..FRAMES).map(|i| frame(i, planes)).collect::<Vec<_>>());
     pool.install(|| {
         foveate::rbm::warm();
         let before = COUNT.get();
         drop(std::hint::black_box(vec![1u8; 100]));
         assert_eq!(COUNT.get(), before + 1, "the allocator counts");
+        work();
+    });
+}
+
+#[test]
+fn a_step_allocates_nothing() {
+    let videos = [1, 3].map(|planes| (0..FRAMES).map(|i| frame(i, planes)).collect::<Vec<_>>());
+    alone(|| {
         for (i, policy) in POLICIES.into_iter().enumerate() {
             for (rbm, frames) in [(false, &videos[0]), (true, &videos[0]), (false, &videos[1]), (true, &videos[1])] {
                 for below in [1.0, 0.5] {
-                    let colour = frames[0].image.planes() == 3 || i == 0;
-                    let blueprint = blueprint(policy, rbm, below, colour, 150);
-                    let mut tracker = blueprint.tracker(5, 0).expect("parts that fit");
-                    tracker.start(&frames[0], INIT).expect("a box in the picture");
-                    for (t, frame) in frames.iter().enumerate().skip(1) {
-                        let before = COUNT.get();
-                        std::hint::black_box(tracker.step(Scene { frame, detections: &[] }));
-                        let count = COUNT.get() - before;
-                        let what = format!("{policy}, rbm {rbm}, below {below}, {} planes", frame.image.planes());
-                        assert!(t < WARM_UP || count == 0, "{count} allocations in frame {t}: {what}");
-                    }
+                    let planes = frames[0].image.planes();
+                    let counts = counts(&blueprint(policy, rbm, below, planes == 3 || i == 0, 150), frames);
+                    let what = format!("{policy}, rbm {rbm}, resampling below {below}, {planes} planes");
+                    assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{what}: {counts:?}");
                 }
             }
         }
     });
+}
+
+/// The target is gone: for 200 frames particles spread over the picture and beyond, and what is seen grows with them.
+#[test]
+fn a_lost_target_costs_no_memory() {
+    let (w, h) = (500, 400);
+    for planes in [1, 3] {
+        let picture = |value: &dyn Fn(usize) -> u8| {
+            let data = (0..planes * w * h).map(value).collect();
+            Frame { index: 0, time: 0.0, image: Image::new(w, h, planes, data).expect("bytes") }
+        };
+        let first = picture(&|i| ((i % w) * (i / w) % 251) as u8);
+        let gone = picture(&|_| 9);
+        let frames: Vec<Frame> = std::iter::once(first).chain(std::iter::repeat_n(gone, 200)).collect();
+        alone(|| {
+            let counts = counts(&blueprint(POLICIES[3], false, 0.5, planes == 3, 150), &frames);
+            assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{planes} planes: {counts:?}");
+        });
+    }
 }

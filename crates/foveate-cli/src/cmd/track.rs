@@ -38,8 +38,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     save_state: Option<PathBuf>,
     /// Stop after this frame (counted from 1)
-    #[arg(long, value_name = "FRAME")]
-    until: Option<usize>,
+    #[arg(long, value_name = "FRAME", value_parser = clap::value_parser!(u64).range(1..))]
+    until: Option<u64>,
     /// Print the summary as JSON
     #[arg(long)]
     json: bool,
@@ -163,7 +163,7 @@ pub fn run(args: Args) -> Result<()> {
         init,
         again: &again,
         from,
-        until: args.until.map_or(usize::MAX, |until| until.saturating_sub(1)),
+        until: args.until.map_or(usize::MAX, |until| until as usize - 1),
         stop: &terminal::stopping,
         clock: info.clock.clone(),
         progress: &mut |frame| {

@@ -85,8 +85,8 @@ pub struct Foveal {
 impl Foveal {
     /// Lays out the cells. Fails where a window is not whole cells, or not wider than the one inside it.
     pub fn new(config: FovealConfig) -> Result<Self> {
-        if !(config.side.is_finite() && config.side >= 1.0) {
-            return Err(Error::Config(format!("retina.side must be at least 1 template pixel, got {}", config.side)));
+        if !(1.0..=1e4).contains(&config.side) {
+            return Err(Error::Config(format!("retina.side must be 1 to 10000 template pixels, got {}", config.side)));
         }
         if config.rings.is_empty() {
             return Err(Error::Config(
