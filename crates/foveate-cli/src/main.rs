@@ -27,6 +27,8 @@ enum Command {
     Train(cmd::train::Args),
     /// Score trackers on sequences with ground truth
     Eval(cmd::eval::Args),
+    /// Time the tracker on this machine
+    Bench(cmd::bench::Args),
 }
 
 fn main() -> std::process::ExitCode {
@@ -38,6 +40,7 @@ fn main() -> std::process::ExitCode {
         Command::Synth(args) => cmd::synth::run(args),
         Command::Train(args) => cmd::train::run(args),
         Command::Eval(args) => cmd::eval::run(args),
+        Command::Bench(args) => cmd::bench::run(args),
     };
     let result = match pool {
         Ok(pool) => pool.install(run),

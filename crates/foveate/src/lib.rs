@@ -1,6 +1,7 @@
 //! Follow an object through video, and recognise it, by learning where to look.
 #![forbid(unsafe_code)]
 
+pub mod bench;
 pub mod config;
 pub mod conformance;
 pub mod control;

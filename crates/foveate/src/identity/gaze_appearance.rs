@@ -14,14 +14,14 @@ use super::encoder::Encoder;
 use super::pyramid::{Pyramid, Region};
 use super::retina::Retina;
 use super::{Appearance, Expectation, Percept, calibrate};
-use crate::geometry::{Extent, Gaze, State};
+use crate::geometry::{Extent, Fixation, Gaze, State};
 use crate::rng::Streams;
 use crate::rows::{Rows, RowsMut};
 use crate::scene::Image;
 use crate::{Error, Result};
 
-/// Rows encoded at a time: enough for the matrix product, few enough to stay in the second-level cache.
-const CHUNK: usize = 64;
+/// Rows encoded at a time: whole blocks of the matrix product, few enough to stay in the second-level cache.
+const CHUNK: usize = 48;
 /// The farthest gaze a template can be read at, in template units.
 const FARTHEST_GAZE: f64 = 1.5;
 
@@ -62,6 +62,8 @@ struct Scratch {
     features: Vec<f32>,
     template_glimpse: Vec<f32>,
     template: Vec<f32>,
+    /// Of which gaze they are.
+    template_gaze: Option<Gaze>,
 }
 
 impl GazeAppearance {
@@ -119,11 +121,23 @@ impl GazeAppearance {
         let one = |states: &[State], out: &mut [f64], glimpses: &mut [f32], features: &mut [f32]| {
             let glimpses = &mut glimpses[..states.len() * n_v];
             let features = &mut features[..states.len() * n_h];
-            for (state, glimpse) in states.iter().zip(glimpses.chunks_exact_mut(n_v)) {
-                retina.look(pyramid, state.fixate(gaze, extent), glimpse);
-                encoder.condition(glimpse);
+            let mut at = [Fixation::default(); CHUNK];
+            let at = &mut at[..states.len()];
+            at.iter_mut().zip(states).for_each(|(at, state)| *at = state.fixate(gaze, extent));
+            retina.look_each(pyramid, at, RowsMut::new(glimpses, n_v));
+            glimpses.chunks_exact_mut(n_v).for_each(|glimpse| encoder.condition(glimpse));
+            let glimpses = Rows::new(glimpses, n_v);
+            if let Some(of_overlap) = distance.of_overlap() {
+                let (mut totals, mut overlaps) = ([0.0; CHUNK], [0.0; CHUNK]);
+                let (totals, overlaps) = (&mut totals[..states.len()], &mut overlaps[..states.len()]);
+                if encoder.overlaps(glimpses, template, totals, overlaps) {
+                    for ((total, overlap), d) in totals.iter().zip(&*overlaps).zip(out) {
+                        *d = of_overlap(*total, *overlap);
+                    }
+                    return;
+                }
             }
-            encoder.encode(Rows::new(glimpses, n_v), RowsMut::new(features, n_h));
+            encoder.encode(glimpses, RowsMut::new(features, n_h));
             for (h, d) in features.chunks_exact(n_h).zip(out) {
                 *d = distance.distance(h, template);
             }
@@ -147,8 +161,12 @@ impl GazeAppearance {
         }
     }
 
-    /// τ(a): encodes the template at a gaze into the scratch.
+    /// τ(a): encodes the template at a gaze into the scratch, unless it is there.
     fn imprinted_features(&mut self, gaze: Gaze) {
+        if self.scratch.template_gaze == Some(gaze) {
+            return;
+        }
+        self.scratch.template_gaze = Some(gaze);
         let kept = self.kept.as_ref().expect("a template is imprinted before the first look");
         let Scratch { template_glimpse, template, .. } = &mut self.scratch;
         self.retina.look(&self.template, kept.state.fixate(gaze, kept.extent), template_glimpse);
@@ -164,6 +182,7 @@ impl GazeAppearance {
         let unit = units(&[kept.state], kept.extent);
         self.template.build(&kept.image, region, self.retina.footprints(), unit);
         self.kept = Some(kept);
+        self.scratch.template_gaze = None;
     }
 }
 
