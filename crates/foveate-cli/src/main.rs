@@ -8,7 +8,7 @@ use clap::{Parser, Subcommand};
 #[derive(Parser)]
 #[command(version, about = "Follow an object through video by learning where to look", max_term_width = 100)]
 struct Cli {
-    /// Threads to use; results do not depend on it
+    /// Threads to use, 0 for all processors; results do not depend on it
     #[arg(long, global = true, default_value_t = 0, value_name = "N", hide_default_value = true)]
     threads: usize,
     #[command(subcommand)]
@@ -17,7 +17,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Show the main job: track a digit among distractors, and write a report
+    /// Try it: follow a drawn digit among others, and write a report
     Demo(cmd::demo::Args),
     /// Follow a target through a video file or a folder of images
     Track(cmd::track::Args),
@@ -25,10 +25,12 @@ enum Command {
     Synth(cmd::synth::Args),
     /// Train a model
     Train(cmd::train::Args),
-    /// Score trackers on sequences with ground truth
+    /// Score trackers on sequences whose true boxes are known
     Eval(cmd::eval::Args),
     /// Time the tracker on this machine
     Bench(cmd::bench::Args),
+    /// Run the paper's experiments
+    Experiment(cmd::experiment::Args),
 }
 
 fn main() -> std::process::ExitCode {
@@ -41,6 +43,7 @@ fn main() -> std::process::ExitCode {
         Command::Train(args) => cmd::train::run(args),
         Command::Eval(args) => cmd::eval::run(args),
         Command::Bench(args) => cmd::bench::run(args),
+        Command::Experiment(args) => cmd::experiment::run(args),
     };
     let result = match pool {
         Ok(pool) => pool.install(run),

@@ -24,6 +24,9 @@ use crate::start::StartSpread;
 use crate::tracker::{Parts, Tracker};
 use crate::{Error, Result};
 
+mod ranges;
+use ranges::{Ranges, in_range};
+
 /// Everything that can be chosen about a tracker.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -35,27 +38,30 @@ pub struct Config {
     #[serde(deserialize_with = "particles")]
     pub particles: usize,
     /// The selection step.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "in_range")]
     pub resampling: Resampling,
     /// p(xₜ | xₜ₋₁).
+    #[serde(deserialize_with = "in_range")]
     pub dynamics: DynamicsConfig,
     /// p(x₀).
-    #[serde(default)]
+    #[serde(default, deserialize_with = "in_range")]
     pub start: StartSpread,
     /// The retina; a trained encoder brings its own and needs none here.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub retina: Option<RetinaConfig>,
     /// The first layer.
     pub encoder: EncoderConfig,
     /// d and how sharply it counts.
+    #[serde(deserialize_with = "in_range")]
     pub likelihood: LikelihoodConfig,
     /// πₜ.
+    #[serde(deserialize_with = "in_range")]
     pub policy: PolicyConfig,
     /// rₜ.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "in_range")]
     pub reward: RewardConfig,
     /// When the target counts as lost.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "in_range")]
     pub vigilance: Vigilance,
 }
 
@@ -83,7 +89,7 @@ pub enum EncoderConfig {
     Rbm {
         /// The model.
         weights: String,
-        /// How its weights are rounded.
+        /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
         #[serde(default)]
         precision: Precision,
     },
@@ -226,8 +232,9 @@ impl Config {
         BUILTIN.iter().find(|b| b.0 == name).map(|(name, text)| Self::parse(text, name))
     }
 
-    /// Checks that the parts fit, reading model files relative to `base`.
+    /// Checks that numbers are in range and the parts fit, reading model files relative to `base`.
     pub fn check(self, base: &Path) -> Result<Blueprint> {
+        self.ranges()?;
         let (retina, encoder) = self.identity(base)?;
         let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder };
         blueprint.tracker(0, 0)?;

@@ -4,8 +4,11 @@
 
 use crate::control::{CHUNK, Dynamics, Proposal, Resampling, Reward};
 use crate::gaze::{Plan, Policy, Portrait};
-use crate::geometry::State;
+use crate::geometry::{Extent, Gaze, State};
+use crate::identity::pyramid::Region;
+use crate::identity::{Appearance, Distance, Encoder, Percept, Pyramid, Retina};
 use crate::rng::{Purpose, Rng, Streams};
+use crate::rows::{Rows, RowsMut};
 use crate::scene::{Frame, Image, Scene};
 use rand::RngExt;
 use rand_distr::StandardNormal;
@@ -237,4 +240,130 @@ fn play(a: &mut dyn Policy, b: &mut dyn Policy, frames: std::ops::Range<u64>) {
             assert!((sum - 1.0).abs() < 1e-9 && probabilities.iter().all(|&p| p >= 0.0), "probabilities sum to {sum}");
         }
     }
+}
+
+/// Every feature is finite and depends on its own row alone, bit for bit, however many rows are encoded at once.
+///
+/// `glimpses` are conditioned rows, three at least.
+pub fn encoder(encoder: &dyn Encoder, glimpses: &[f32]) {
+    let (n_v, n_h) = encoder.shape();
+    let encode = |glimpses: &[f32]| {
+        let mut features = vec![f32::NAN; glimpses.len() / n_v * n_h];
+        encoder.encode(Rows::new(glimpses, n_v), RowsMut::new(&mut features, n_h));
+        features
+    };
+    let together = encode(glimpses);
+    assert!(together.iter().all(|h| h.is_finite()), "features must be finite");
+    for rows in [1, 2, 3] {
+        for (v, h) in glimpses.chunks_exact(rows * n_v).zip(together.chunks_exact(rows * n_h)) {
+            assert!(h == encode(v), "a row's features must not depend on its neighbours ({rows} rows)");
+        }
+    }
+    let (mut once, mut again) = (glimpses[..n_v].to_vec(), glimpses[..n_v].to_vec());
+    encoder.condition(&mut once);
+    encoder.condition(&mut again);
+    assert!(once == again && once.iter().all(|v| v.is_finite()), "conditioning must not remember");
+}
+
+/// At least 0, finite, the same each time, and next to 0 from a vector to itself.
+///
+/// `features` are rows of `width` values that the distance is made for.
+pub fn distance(distance: &dyn Distance, features: &[f32], width: usize) {
+    for template in features.chunks_exact(width) {
+        let mut kept = template.to_vec();
+        distance.keep(&mut kept);
+        for row in features.chunks_exact(width) {
+            let d = distance.distance(row, &kept);
+            assert!(d >= 0.0 && d.is_finite(), "a distance is at least 0 and finite, not {d}");
+            assert_eq!(d, distance.distance(row, &kept), "a distance must not remember");
+        }
+        let own = distance.distance(template, &kept);
+        // Rounding of a sum of squares leaves 1e-7; its root 3e-4. A vector of zeros may be anywhere.
+        assert!(own < 1e-3 || template.iter().all(|&t| t == 0.0), "{own} from a vector to itself");
+    }
+}
+
+/// Values are within [0, 1], one for each cell, written whatever the buffer held; on a picture of one grey, every
+/// grey cell sees that grey.
+pub fn retina(retina: &dyn Retina) {
+    let n = retina.glimpse_len();
+    assert_eq!(n, retina.cells().len(), "one cell for each value");
+    let reach = retina.footprints().iter().map(|f| f.reach).fold(0.0, f64::max);
+    assert!(retina.cells().iter().all(|c| c.u.abs().max(c.v.abs()) <= reach + 1e-9), "cells lie within the reach");
+    let mut rng = checks().rng(5);
+    let noise: Vec<u8> = (0..40 * 30 * 3).map(|_| rng.random()).collect();
+    let noise = Image::new(40, 30, 3, noise).expect("40 x 30 x 3 bytes");
+    let extent = Extent { half_w: 7.0, half_h: 5.0 };
+    for i in 0..20 {
+        let mut at = || 3.0 * normal(&mut rng);
+        let state = State { x: 20.0 + at(), y: 15.0 + at(), log_scale: 0.1 * at(), angle: at(), ..State::default() };
+        let gaze = Gaze { u: 0.1 * at(), v: 0.1 * at(), arm: None };
+        let look = |image: &Image, dirt: f32| {
+            let region = Region::covering(image, &[state], &[gaze], extent, reach);
+            let mut pyramid = Pyramid::default();
+            pyramid.build(image, region, retina.footprints(), (extent.half_w, extent.half_h));
+            let mut glimpse = vec![dirt; n];
+            retina.look(&pyramid, state.fixate(gaze, extent), &mut glimpse);
+            glimpse
+        };
+        let glimpse = look(&noise, f32::NAN);
+        assert!(glimpse.iter().all(|v| (-1e-6..=1.0 + 1e-6).contains(v)), "values are from 0 to 1 (look {i})");
+        assert!(glimpse == look(&noise, 7.0), "a glimpse must not depend on what the buffer held");
+        for (cell, value) in retina.cells().iter().zip(look(&Image::grey(40, 30, 51), 0.0)) {
+            assert!(cell.channel != 0 || (value - 0.2).abs() < 1e-5, "one grey is seen as itself, not {value}");
+        }
+    }
+}
+
+/// A log-likelihood is not NaN, and depends on its own state and gaze alone: not on the other states of the call, on
+/// their order, or on the number of threads. What is saved as JSON text and loaded sees the same, bit for bit; what
+/// does not fit is refused.
+///
+/// `make` gives new appearances of the same settings.
+pub fn appearance(make: &dyn Fn() -> Box<dyn Appearance>) {
+    const N: usize = 150;
+    let mut rng = checks().rng(6);
+    let mut picture = || Image::new(60, 50, 1, (0..3000).map(|_| rng.random()).collect()).expect("60 x 50 bytes");
+    let (first, second) = (picture(), picture());
+    let (target, extent) = (State { x: 30.0, y: 25.0, ..State::default() }, Extent { half_w: 8.0, half_h: 8.0 });
+    let states: Vec<State> = (0..N)
+        .map(|_| State { x: 30.0 + 3.0 * normal(&mut rng), y: 25.0 + 3.0 * normal(&mut rng), ..target })
+        .collect();
+    let gazes = [Gaze::CENTRE, Gaze { u: 0.5, v: -0.5, arm: Some(1) }];
+    let weigh = |appearance: &mut dyn Appearance, states: &[State], gaze| {
+        let mut out = vec![f64::NAN; states.len()];
+        appearance.log_likelihood(states, gaze, &mut out);
+        assert!(out.iter().all(|l| !l.is_nan()), "a log-likelihood is a number");
+        out
+    };
+    let mut a = make();
+    a.imprint(&first, &target, extent, Streams::new(3, 0));
+    a.see(&second, &states, &gazes);
+    let mut resumed = make();
+    let text = serde_json::to_string(&a.save()).expect("a JSON value is text");
+    resumed.load(&serde_json::from_str(&text).expect("what was written can be read")).expect("what was saved fits");
+    assert_eq!(resumed.save(), a.save(), "what was loaded must be what was saved");
+    assert_eq!(resumed.expectation(), a.expectation());
+    resumed.see(&second, &states, &gazes);
+    for gaze in gazes {
+        let all = weigh(&mut *a, &states, gaze);
+        assert!(all == weigh(&mut *resumed, &states, gaze), "what was loaded must see the same");
+        for i in [0, 1, 63, 64, N - 1] {
+            assert_eq!(weigh(&mut *a, &states[i..=i], gaze), all[i..=i], "a state must not depend on the others");
+        }
+        let reversed: Vec<State> = states.iter().rev().copied().collect();
+        assert!(weigh(&mut *a, &reversed, gaze).iter().rev().eq(&all), "the order of states must not matter");
+        for threads in [1, 3] {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a few threads");
+            assert!(pool.install(|| weigh(&mut *a, &states, gaze)) == all, "{threads} threads must see the same");
+        }
+    }
+    for rubbish in ["{\"rubbish\": 1}", "[]", "\"a\"", "7"] {
+        let rubbish = serde_json::from_str(rubbish).expect("valid JSON");
+        assert!(resumed.load(&rubbish).is_err(), "{rubbish} must be refused");
+    }
+    a.see(&first, &[target], &gazes);
+    let mut percept = Percept::default();
+    a.perceive(&target, gazes[1], &mut percept);
+    assert!(percept.gaze == gazes[1] && percept.distance < 1e-3, "the template is at no distance from itself");
 }

@@ -92,6 +92,10 @@ fn each_frame(
             outcome.spend(began.elapsed(), &follow.clock);
             outcome.boxes.push(bbox);
             observer.start(&frame, &bbox)?;
+        } else if !tracker.is_started() {
+            return Err(Error::Invalid(
+                "the tracker has no target: give --init, or a state saved after a start".into(),
+            ));
         } else {
             let step = tracker.step(Scene { frame: &frame, detections: &[] });
             outcome.spend(began.elapsed(), &follow.clock);

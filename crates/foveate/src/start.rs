@@ -30,6 +30,20 @@ impl Default for StartSpread {
 }
 
 impl StartSpread {
+    /// Fails where a standard deviation is negative or out of all proportion, naming the field.
+    pub fn check(&self) -> Result<()> {
+        for (name, sd, most) in [
+            ("position", self.position, 100.0),
+            ("velocity", self.velocity, 100.0),
+            ("log_scale", self.log_scale, 5.0),
+            ("angle", self.angle, 100.0),
+        ] {
+            if !(0.0..=most).contains(&sd) {
+                return Err(Error::Config(format!("start.{name} is a standard deviation, 0 to {most}; it is {sd}")));
+            }
+        }
+        Ok(())
+    }
     /// Draws particles around a state.
     pub fn draw(&self, state: &State, extent: Extent, particles: &mut [State], streams: Streams) {
         for (i, particle) in particles.iter_mut().enumerate() {

@@ -115,6 +115,7 @@ impl Tracker {
         parts.policy.plan(&mut w.plan, &mut streams.at(*frame, Look).rng(0));
         parts.appearance.see(image, &w.predicted, w.plan.gazes());
 
+        // Deviation: where the paper samples anew for each action, all gazes of a frame weigh the same particles.
         // Weigh and reward: once for each gaze in the plan, all particles at a time.
         w.log_likelihood.resize(w.plan.gazes().len() * n, 0.0);
         w.weights.resize(n, 0.0);
@@ -171,7 +172,7 @@ impl Tracker {
             frame: self.frame,
             target: self.target,
             particles: self.particles.clone(),
-            weights: self.log_carried.iter().map(|w| w.exp()).collect(),
+            log_weights: self.log_carried.iter().map(|w| w.is_finite().then_some(*w)).collect(),
             policy: self.parts.policy.save(),
             appearance: self.parts.appearance.save(),
             vigilance: self.parts.vigilance.save(),
@@ -179,7 +180,8 @@ impl Tracker {
         serde_json::to_value(saved).expect("plain data is JSON")
     }
 
-    /// Takes up what `save` gave, in a tracker made from the same configuration and seed.
+    /// Takes up what `save` gave, in a tracker made from the same configuration and seed. After an error the tracker
+    /// has to be started anew.
     pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
         let bad = |what: String| Error::Invalid(format!("the saved tracker cannot be used: {what}"));
         let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
@@ -187,12 +189,21 @@ impl Tracker {
             return Err(bad(format!("its format is {}, this program writes and reads {FORMAT}", saved.format)));
         }
         let n = self.particles.len();
-        if saved.particles.len() != n || saved.weights.len() != n {
+        if saved.particles.len() != n || saved.log_weights.len() != n {
             return Err(bad(format!(
                 "it has {} particles and {} weights, this tracker has {n}; use the configuration it was saved with",
                 saved.particles.len(),
-                saved.weights.len()
+                saved.log_weights.len()
             )));
+        }
+        if saved.frame > MOST_FRAMES || saved.target.is_some() == saved.appearance.is_null() {
+            return Err(bad("its frame number is absurd, or it has a target without a template".into()));
+        }
+        if let Some(Target { extent, .. }) = &saved.target {
+            let sane = |half: f64| (0.5..=1e6).contains(&half);
+            if !(sane(extent.half_w) && sane(extent.half_h)) {
+                return Err(bad(format!("its target has halves of {} x {} pixels", extent.half_w, extent.half_h)));
+            }
         }
         self.parts.policy.load(&saved.policy)?;
         self.parts.appearance.load(&saved.appearance)?;
@@ -203,8 +214,13 @@ impl Tracker {
         self.frame = saved.frame;
         self.target = saved.target;
         self.particles = saved.particles;
-        self.log_carried = saved.weights.iter().map(|w| w.ln()).collect();
+        self.log_carried = saved.log_weights.iter().map(|w| w.unwrap_or(f64::NEG_INFINITY)).collect();
         Ok(())
+    }
+
+    /// Whether there is a target: `start` was called, or the state of a started tracker was loaded.
+    pub fn is_started(&self) -> bool {
+        self.target.is_some()
     }
 
     /// The box of a state, at this target's size. `None` before `start`.
@@ -220,6 +236,8 @@ impl Tracker {
 
 /// The format number of saved trackers.
 const FORMAT: u32 = 1;
+/// More frames than any video has.
+const MOST_FRAMES: u64 = 1 << 48;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {
@@ -227,7 +245,8 @@ struct Saved {
     frame: u64,
     target: Option<Target>,
     particles: Vec<State>,
-    weights: Vec<f64>,
+    /// JSON has no −∞: a particle without weight has none.
+    log_weights: Vec<Option<f64>>,
     policy: serde_json::Value,
     appearance: serde_json::Value,
     vigilance: serde_json::Value,

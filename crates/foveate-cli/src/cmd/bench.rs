@@ -25,8 +25,8 @@ struct FrameArgs {
     /// Frames to time
     #[arg(long, default_value_t = 201, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
-    /// How the weights of the features are rounded
-    #[arg(long, value_enum, default_value_t = PrecisionArg::F32)]
+    /// How the weights of the features are rounded; bf16 is what the tracker does unless told otherwise
+    #[arg(long, value_enum, default_value_t = PrecisionArg::Bf16)]
     precision: PrecisionArg,
     /// Print one line of JSON
     #[arg(long)]

@@ -13,17 +13,17 @@ use crate::terminal;
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Where results go
+    /// Folder for the results; open report.html in it
     #[arg(long, short, value_name = "DIR", default_value = "out/demo")]
     out: PathBuf,
     /// The digit to follow, 0 to 9
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=9))]
     digit: u8,
-    /// Names the scene and the tracker's randomness
+    /// Seed of the scene and of the tracker: the same seed gives the same run
     #[arg(long, default_value_t = 7)]
     seed: u64,
-    /// A configuration file, or the name of one that ships with the program
-    #[arg(long, short, value_name = "FILE", default_value = "digits")]
+    /// A configuration file, or one that ships with the program: digits, natural
+    #[arg(long, short, value_name = "FILE|NAME", default_value = "digits")]
     config: String,
 }
 

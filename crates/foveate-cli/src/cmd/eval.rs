@@ -8,24 +8,25 @@ use foveate::run::{Follow, follow};
 use foveate::scene::open;
 use foveate::{Error, Result, files};
 
-/// Scores trackers on sequences with truth (one-pass evaluation, as OTB does it).
+/// Scores trackers on sequences whose true boxes are known (one-pass evaluation, as OTB does it).
 ///
-/// Without --results the tracker runs over the sequences itself, from their first boxes.
+/// Without --results, foveate itself is run on every sequence, from the true box of frame 1, and scored.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Sequences in OTB layout (groundtruth_rect.txt, img/), or folders that hold them
     #[arg(long, value_name = "DIR", num_args = 1.., required = true)]
     pub seqs: Vec<PathBuf>,
-    /// A tracker's results: SEQUENCE.txt (x,y,w,h a frame, 1-based) and SEQUENCE_time.txt (seconds); one folder each
+    /// Score these results instead: one folder for each tracker, with SEQUENCE.txt (x,y,w,h a frame, counted from 1) and,
+    /// for frames per second, SEQUENCE_time.txt (seconds a frame)
     #[arg(long, value_name = "DIR", num_args = 1..)]
     pub results: Vec<PathBuf>,
-    /// The tracker to run: a configuration file, or the name of one that ships with the program
-    #[arg(long, value_name = "FILE", conflicts_with = "results")]
+    /// The tracker to run: a configuration file, or one that ships with the program: natural (taken if left out), digits
+    #[arg(long, value_name = "FILE|NAME", conflicts_with = "results")]
     pub config: Option<String>,
     /// First seed of the tracker to run
     #[arg(long, default_value_t = 1, conflicts_with = "results")]
     pub seed: u64,
-    /// Number of seeds to run; mean and spread over them are reported
+    /// Number of seeds to run, counting up from --seed; mean and spread over them are reported
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000), conflicts_with = "results")]
     pub seeds: u64,
     /// Folder for table.txt, scores.json, curves.svg, and the tracks in foveate/ where the tracker is run

@@ -35,13 +35,13 @@ struct ClutterArgs {
     /// Folder to make: img/0001.png ..., groundtruth_rect.txt (x,y,w,h, 1-based), label.txt, scene.toml
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Salt and pepper on 30 % of the black background, half of it visible, fresh in every frame
+    /// Hit 30 % of the black pixels with salt and pepper (half of the hits stay black), anew in every frame
     #[arg(long)]
     noise: bool,
     /// Length of the video
     #[arg(long, default_value_t = 300)]
     frames: usize,
-    /// Number of static digits, of the nine other classes in turn
+    /// Number of static digits, taken from the nine other classes in turn
     #[arg(long, value_name = "N", default_value_t = 18)]
     distractors: usize,
     /// How digits cover what lies below them

@@ -19,28 +19,28 @@ pub struct Args {
     /// Left out, the first line of groundtruth_rect.txt in the folder is taken
     #[arg(long, value_name = "X,Y,W,H", value_parser = parse_box, allow_hyphen_values = true)]
     init: Option<BBox>,
-    /// Give the target's box again at a later frame (counted from 1): FRAME:X,Y,W,H
+    /// Restart on the target at a later frame (counted from 1) with a new box; may be given several times
     #[arg(long, value_name = "FRAME:X,Y,W,H", value_parser = parse_again, allow_hyphen_values = true)]
     reinit: Vec<(usize, BBox)>,
-    /// Where results go
+    /// Folder for the results: boxes.txt, track.csv, trace.jsonl, annotated.mp4, report.html
     #[arg(long, short, value_name = "DIR", default_value = "out")]
     out: PathBuf,
-    /// A configuration file, or the name of one that ships with the program
-    #[arg(long, short, value_name = "FILE")]
+    /// A configuration file, or one that ships with the program: natural (taken if left out), digits
+    #[arg(long, short, value_name = "FILE|NAME")]
     config: Option<String>,
-    /// Names all randomness: same seed, same track. Stands above the configuration's
+    /// Seed of all random numbers: the same seed gives the same track. Left out, the configuration's seed is taken
     #[arg(long)]
     seed: Option<u64>,
-    /// Go on from a state written by --save-state: the source's frames after it are tracked
+    /// Go on from a state written by --save-state, at the frame after the last one tracked; needs the same --config and --seed
     #[arg(long, value_name = "FILE", conflicts_with = "init")]
     load_state: Option<PathBuf>,
-    /// Write the tracker's whole state after the last frame
+    /// Write the tracker's whole state after the last frame, for --load-state
     #[arg(long, value_name = "FILE")]
     save_state: Option<PathBuf>,
     /// Stop after this frame (counted from 1)
     #[arg(long, value_name = "FRAME")]
     until: Option<usize>,
-    /// Print a summary as JSON on standard output
+    /// Print the summary as JSON
     #[arg(long)]
     json: bool,
     /// Leave out annotated.mp4
@@ -96,12 +96,14 @@ pub struct Outputs {
     pub trace: bool,
 }
 
+/// All that watch a run.
+type Observers = Vec<Box<dyn Observer>>;
+
 /// The observers that write a run's files into `out`, and the names of those files.
-pub fn observers(out: &Path, info: &RunInfo, outputs: Outputs) -> Result<(Vec<Box<dyn Observer>>, Vec<PathBuf>)> {
+pub fn observers(out: &Path, info: &RunInfo, outputs: Outputs) -> Result<(Observers, Vec<PathBuf>)> {
     std::fs::create_dir_all(out).map_err(Error::io(out, "cannot create the folder for results"))?;
     let mut names = vec![out.join("boxes.txt"), out.join("track.csv")];
-    let mut observers: Vec<Box<dyn Observer>> =
-        vec![Box::new(Boxes::create(&names[0])?), Box::new(Table::create(&names[1])?)];
+    let mut observers: Observers = vec![Box::new(Boxes::create(&names[0])?), Box::new(Table::create(&names[1])?)];
     if outputs.trace {
         names.push(out.join("trace.jsonl"));
         observers.push(Box::new(Trace::create(out.join("trace.jsonl"))?));
@@ -199,7 +201,7 @@ fn read_state(path: &Path) -> Result<SavedState> {
 
 /// The truth, where the source has one, for the report to compare with; it never reaches the tracker.
 fn known_truth(source: &Path) -> Vec<BBox> {
-    let truth = annotation::read_truth(&source.join("groundtruth_rect.txt")).unwrap_or_default();
+    let truth = annotation::read_truth(source.join("groundtruth_rect.txt")).unwrap_or_default();
     truth.into_iter().map_while(|bbox| bbox).collect()
 }
 

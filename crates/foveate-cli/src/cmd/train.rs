@@ -46,7 +46,7 @@ struct RbmArgs {
     /// The model file to write.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Take the retina from the table [retina] of this configuration.
+    /// Take the retina from the table `retina` of this configuration.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["side", "rings", "colour"])]
     config: Option<PathBuf>,
     /// Template pixels along a side of the target's box.
@@ -106,7 +106,7 @@ struct RbmArgs {
     /// The epoch from which weights are averaged: half of the epochs, unless given.
     #[arg(long)]
     average_from: Option<usize>,
-    /// Names all random numbers.
+    /// Seed of all random numbers: the same seed gives the same model.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Threads: all processors, unless given.

@@ -9,6 +9,7 @@ use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
+// Deviation: the paper writes p(xₜ | xₜ₋₁, aₜ₋₁), but nothing in it lets the action move the target.
 /// Where a state leads within one frame: a density that can be drawn from.
 ///
 /// `sample` must draw from the density that `log_density` evaluates, or importance weights are wrong and

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 /// Puts the next particles, and says what their weights owe for it.
 ///
-/// Child i must come from q(· | parents[i], scene), and `log_ratio[i]` be log p/q of it, in nats (0 where
+/// Child i must come from `q(· | parents[i], scene)`, and `log_ratio[i]` be log p/q of it, in nats (0 where
 /// q = p). Randomness comes from `streams` alone, stream i for the i-th chunk of [`CHUNK`] particles, so that
 /// neither the number of threads nor of particles changes a child. All three slices have the same length.
 pub trait Proposal: Send {
@@ -28,7 +28,7 @@ pub trait Proposal: Send {
 /// Particles that share a random stream. Fixed: results must not depend on the number of threads.
 pub const CHUNK: usize = 64;
 
-/// The transition prior: q = p, the bootstrap filter (section 5.1: "the transition prior as proposal").
+/// The transition prior: q = p, the bootstrap filter (section 6.1: "the transition prior as proposal").
 #[derive(Clone)]
 pub struct Prior {
     given: Arc<dyn Dynamics>,

@@ -18,6 +18,8 @@ pub trait Reward: Send {
     fn reward(&mut self, states: &[State], log_prior: &[f64], log_likelihood: &[f64]) -> f64;
 }
 
+// Deviation: the paper's reward sees the filter's own weights. At the sharpness that tracks best they have collapsed, and
+// the gaze of highest Σw² is then worse than a random one; temperature 1 is as printed.
 /// Weighs particles anew at a softer temperature; keeps its room.
 #[derive(Clone, Debug)]
 struct Tempered {

@@ -1,6 +1,6 @@
 //! Is the target still there? An honest `lost` signal (the paper: "no ability to recover from a tracking failure").
 //!
-//! The paper's Σw² cannot tell: it stays high on a wrong, sharp peak. What can (findings, section 5; field notes A9) is
+//! The paper's Σw² cannot tell: it stays high on a wrong, sharp peak. What can is
 //! the evidence, measured against what the first frame promised on and off the target, and the effective
 //! sample size of softened weights, which rises when nothing in view fits better than anything else.
 
@@ -51,6 +51,21 @@ impl Default for Vigilance {
 }
 
 impl Vigilance {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        for (name, value, most) in [
+            ("memory", self.memory, 1.0),
+            ("threshold", self.threshold, 100.0),
+            ("temperature", self.temperature, 1.0),
+            ("flat", self.flat, 1.0),
+        ] {
+            if !(0.0..=most).contains(&value) {
+                return Err(Error::Config(format!("vigilance.{name} is a number from 0 to {most}; it is {value}")));
+            }
+        }
+        Ok(())
+    }
+
     /// Forgets the past: the target was just given.
     pub fn reset(&mut self) {
         self.watch = Watch::default();

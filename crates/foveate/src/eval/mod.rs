@@ -6,6 +6,7 @@
 //! Scores equal those of the got10k toolkit's OTB experiment (0.1.3) on the same boxes.
 
 pub mod centres;
+pub mod clutter;
 pub mod compare;
 pub mod curves;
 pub mod metrics;

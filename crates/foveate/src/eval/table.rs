@@ -79,7 +79,7 @@ fn figures(name: &str, s: &Score) -> Vec<String> {
 }
 
 /// Columns as wide as needed, two spaces apart; the first to the left, the others to the right.
-fn aligned(lines: &[Vec<String>]) -> String {
+pub(super) fn aligned(lines: &[Vec<String>]) -> String {
     let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
     let width =
         |c: usize| lines.iter().filter_map(|line| line.get(c)).map(|cell| cell.chars().count()).max().unwrap_or(0);

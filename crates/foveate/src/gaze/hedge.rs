@@ -1,4 +1,4 @@
-//! Hedge (section 4.2, Algorithm 2; Freund & Schapire 1997): full information over a few gazes.
+//! Hedge (section 4.2; Freund & Schapire 1997): full information over a few gazes.
 //!
 //! pₜ(i) ∝ exp(γ Gₜ₋₁(i)), with G the sum of a gaze's rewards. Every gaze is scored each frame, one is drawn
 //! from pₜ and used. With γ = √(8 ln K / T) the expected reward over T frames lies within √(T ln K / 2) of the

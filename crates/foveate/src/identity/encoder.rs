@@ -64,10 +64,11 @@ impl Encoder for Raw {
 #[serde(rename_all = "kebab-case")]
 pub enum Precision {
     /// Not at all.
-    #[default]
     F32,
-    /// To 8 significant bits. Features are within 4e-4 of the unrounded ones (root mean square, 240 inputs); a row's result
-    /// still depends on that row alone. Faster where the processor multiplies bf16, and only there.
+    /// To 8 significant bits. Features are within 4e-4 of the unrounded ones (root mean square, 240 inputs), and a row's
+    /// still depend on that row alone. A frame takes three fifths of the time where the processor multiplies bf16, as long
+    /// elsewhere; on cluttered digits the track's scores are the same (AUC 0.668 both ways, 6 videos of 5 seeds).
+    #[default]
     Bf16,
 }
 
@@ -79,14 +80,15 @@ pub struct RbmEncoder {
 }
 
 impl RbmEncoder {
-    /// Encodes with a trained RBM; Gaussian ones standardise each channel of a glimpse first, as their training did.
+    /// Encodes with a trained RBM, without rounding; Gaussian ones standardise each channel of a glimpse first, as their
+    /// training did.
     pub fn new(rbm: Rbm, channels: &[usize]) -> Self {
         let (n_v, n_h) = rbm.shape();
         let packed = kernels::PackedWeights::f32(n_v, n_h, rbm.weights().data());
         Self { rbm, packed, groups: groups(channels) }
     }
 
-    /// The same, rounding so.
+    /// The same encoder at this precision.
     pub fn rounded(self, precision: Precision) -> Self {
         let ((n_v, n_h), weights) = (self.rbm.shape(), self.rbm.weights().data());
         let packed = match precision {

@@ -80,7 +80,7 @@ impl Pyramid {
             let plain = channel == 0 && image.planes() == 1;
             let widest = footprints.iter().filter(|f| f.channel == channel).map(|f| f.side).fold(0.0, f64::max);
             // The channel is made where boxes can reach, not everywhere.
-            let margin = |u: f64| (widest * u).ceil() as usize + 1;
+            let margin = |u: f64| (widest * u).ceil().min(WIDEST_BOX) as usize + 1;
             let source = if plain { whole(image) } else { grow(region, image, margin(unit.0), margin(unit.1)) };
             if !plain {
                 self.channel.resize(self.channel.len().max(source.width * source.height), 0);

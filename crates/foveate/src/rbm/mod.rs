@@ -1,4 +1,4 @@
-//! Restricted Boltzmann machines: the features of the identity pathway (section 3.2), and how they are learned.
+//! Restricted Boltzmann machines: the features of the identity pathway (section 2.1), and how they are learned.
 //!
 //! Atoms: nothing here knows of images, gazes or targets; data are rows of numbers.
 

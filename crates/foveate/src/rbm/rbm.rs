@@ -1,4 +1,4 @@
-//! The machine itself: energy, conditionals, free energy (section 3.2).
+//! The machine itself: energy, conditionals, free energy (section 2.1).
 //!
 //! Binary visible units: E(v, h) = −vᵀWh − bᵀv − cᵀh. Gaussian ones of variance 1: E(v, h) = ½‖v − b‖² − vᵀWh − cᵀh.
 //! Either way p(hⱼ = 1 | v) = σ(cⱼ + vᵀW·ⱼ), and p(v) ∝ exp(−F(v)) with the free energy F(v) = −log Σₕ exp(−E(v, h)).

@@ -139,14 +139,7 @@ impl Decoder {
         let Self::Rusty(decoder) = self else { unreachable!("only the fast decoder is fed start codes") };
         let picture = guard(|| {
             decoder.decode(annex_b).map_err(|error| match error {
-                // Of the tools it calls unsupported, these are signs of damage.
-                rusty_h264::DecodeError::Unsupported(what)
-                    if !["invalid", "without reference", "out of range", "missing"]
-                        .iter()
-                        .any(|sign| what.contains(sign)) =>
-                {
-                    Trouble::Unsupported(what.into())
-                }
+                rusty_h264::DecodeError::Unsupported(what) if !is_damage(what) => Trouble::Unsupported(what.into()),
                 error => Trouble::damaged(format!("the coded picture makes no sense ({error})")),
             })
         })?;
@@ -162,9 +155,14 @@ fn guard<T>(decode: impl FnOnce() -> Decoded<T>) -> Decoded<T> {
         .unwrap_or_else(|panic| Err(Trouble::damaged(format!("the coded picture makes no sense ({panic})"))))
 }
 
+/// Of what the decoders call unsupported, some can only come of damage.
+fn is_damage(what: &str) -> bool {
+    ["invalid", "without reference", "out of range", "missing", "mb_type"].iter().any(|sign| what.contains(sign))
+}
+
 fn wide_trouble(error: rust_h264::error::DecodeError) -> Trouble {
     match error {
-        rust_h264::error::DecodeError::Unsupported(what) => Trouble::Unsupported(what.into()),
+        rust_h264::error::DecodeError::Unsupported(what) if !is_damage(what) => Trouble::Unsupported(what.into()),
         error => Trouble::damaged(format!("the coded picture makes no sense ({error})")),
     }
 }

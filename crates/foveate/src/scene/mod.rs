@@ -1,5 +1,6 @@
 //! THE WORLD COMING IN: frames, where they come from, and what is found in them.
 
+pub mod ahead;
 pub mod annotation;
 pub mod decode;
 pub mod encode;
@@ -19,6 +20,7 @@ pub mod synthetic;
 pub mod video;
 pub(crate) mod yuv;
 
+pub use self::ahead::ahead;
 pub use self::decode::{decode_image, read_image};
 pub use self::encode::{encode_jpeg, encode_png, save_png};
 pub use self::folder::{ImageFolder, image_files};

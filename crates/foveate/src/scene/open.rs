@@ -47,6 +47,9 @@ mod tests {
         let file = dir.path().join("picture.mp4");
         std::fs::write(&file, "").expect("a writable folder");
         assert!(refusal(&file).contains("empty"));
+        std::fs::write(&file, "no video at all").expect("a writable folder");
+        let text = VideoFile::open_with(&file, "no-such-ffmpeg".as_ref()).err().expect("an error").to_string();
+        assert!(text.contains("picture.mp4") && text.contains("install"), "{text}");
         save_png(&file, &Image::grey(4, 3, 7)).expect("a writable folder");
         let source = open(&file).expect("one image, whatever its name");
         assert_eq!(source.info().frames, Some(1));

@@ -149,3 +149,33 @@ impl Bits<'_> {
         Some((1u32 << zeros) - 1 + self.bits(zeros)?)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bytes(hex: &str) -> Vec<u8> {
+        (0..hex.len()).step_by(2).map(|i| u8::from_str_radix(&hex[i..i + 2], 16).expect("hexadecimal")).collect()
+    }
+
+    /// Sets that x264 wrote; what they say was given to it.
+    #[test]
+    fn sets_of_every_kind_are_read() {
+        let kinds = [
+            ("6764000aacd947378888c05b808080a0000003002000000641e244b2c0", (98, 82, false, Some(1), true)),
+            ("6742c00ad907378888c044000003000400000300c83c489920", (98, 82, false, None, false)),
+            ("677a000ab6cd94737888fc0440000003004000000c83c4896580", (98, 82, false, None, false)),
+            ("67640015acd9466fc9ff80ab80a43502020640000003004000000c87c50a6580", (96, 84, false, Some(6), false)),
+            ("67f40028919b280f0044fc4ffe0372052020000003002000000641e30632c0", (1920, 1080, false, None, false)),
+            ("6764000aacd9473762108c05b808080a000003000200000300641e244b2c", (94, 80, true, Some(1), true)),
+        ];
+        for (hex, (width, height, cropped_before, matrix, full_range)) in kinds {
+            let found = parse(&bytes(hex)).expect("a good set");
+            let found = Sps { matrix: found.matrix.filter(|&matrix| matrix != 2), ..found };
+            assert_eq!(found, Sps { width, height, cropped_before, matrix, full_range }, "{hex}");
+            for n in 0..hex.len() / 2 - 1 {
+                let _ = parse(&bytes(&hex[..2 * n]));
+            }
+        }
+    }
+}

@@ -1,4 +1,4 @@
-//! The paper's first experiment: one digit moves among static ones (section 7.1).
+//! The paper's first experiment: one digit moves among static ones (section 6.1).
 //!
 //! The paper gives no numbers; these are those of the authors' published video maker
 //! (`lorisbaz/AttentionalRBM`): a black canvas of 250 × 200, two static digits of each other class at

@@ -1,4 +1,4 @@
-//! Glimpses to learn from: what a retina sees of many pictures, row after row (section 3.2; `original.md` has the authors').
+//! Glimpses to learn from: what a retina sees of many pictures, row after row (section 2.1).
 //!
 //! A *plate* is one picture with places to look at: a canvas of digits drawn for the purpose, or a photograph. Plate i
 //! depends on the seed and i alone, so plates are made by all threads and the rows are the same for any number of them.

@@ -1,0 +1,82 @@
+//! `foveate experiment clutter` through the program: the table, its files, and going on after a stop.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Two videos of 12 frames, of drawn digits.
+fn clutter(dir: &Path, more: &[&str]) -> Output {
+    let out = dir.join("out");
+    Command::new(env!("CARGO_BIN_EXE_foveate"))
+        .args(["experiment", "clutter", "--config", "digits", "--digits", "3,8", "--seeds", "1", "--frames", "12"])
+        .args(["--noise", "noisy", "--json", "--out"])
+        .arg(&out)
+        .args(more)
+        .env("FOVEATE_DATA", dir)
+        .current_dir(dir)
+        .output()
+        .expect("the program starts")
+}
+
+/// The table without what depends on the clock.
+fn table(output: &Output) -> serde_json::Value {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut table: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON alone on standard output");
+    for line in table["lines"].as_array_mut().expect("lines") {
+        line.as_object_mut().expect("a line").remove("fps").expect("frames a second");
+    }
+    table
+}
+
+#[test]
+fn it_makes_a_table_and_goes_on_after_a_stop() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let first = clutter(dir.path(), &["--threads", "1"]);
+    let said = String::from_utf8_lossy(&first.stderr).into_owned();
+    assert!(said.contains("NOT MNIST") && said.contains("4 runs, 0 of them"), "{said}");
+    let table_1 = table(&first);
+    let lines = table_1["lines"].as_array().expect("lines");
+    let policies: Vec<_> = lines.iter().map(|line| line["policy"].as_str().expect("a name")).collect();
+    assert_eq!(policies, ["fixed", "hedge"]);
+    for line in lines {
+        assert_eq!((line["videos"].as_u64(), line["noise"].as_f64()), (Some(2), Some(0.3)));
+        // 11 frames from a true first box, at most 5 px a frame: it cannot be a video's diagonal away.
+        assert!((0.0..320.0).contains(&line["mean"].as_f64().expect("pixels")), "{line}");
+    }
+    assert!(lines[0]["against_fixed"].is_null() && lines[1]["against_fixed"]["high"].is_f64());
+    assert!(std::fs::read_to_string(dir.path().join("out/table.txt")).expect("a table").contains("ten videos"));
+
+    // Stopped after two runs, while a third was being written in place.
+    let mut runs: Vec<_> = std::fs::read_dir(dir.path().join("out/runs"))
+        .expect("finished runs")
+        .map(|entry| entry.expect("a file").path())
+        .collect();
+    runs.sort();
+    assert_eq!(runs.len(), 4);
+    std::fs::remove_file(&runs[0]).expect("a finished run");
+    let whole = std::fs::read(&runs[1]).expect("a finished run");
+    std::fs::write(&runs[1], &whole[..whole.len() / 2]).expect("a writable folder");
+    let kept = std::fs::metadata(&runs[3]).and_then(|m| m.modified()).expect("a finished run");
+    let again = clutter(dir.path(), &["--threads", "3"]);
+    assert!(String::from_utf8_lossy(&again.stderr).contains("4 runs, 2 of them from"));
+    assert_eq!(table(&again), table_1, "neither the stop nor the number of threads shows");
+    assert_eq!(std::fs::metadata(&runs[3]).and_then(|m| m.modified()).expect("a finished run"), kept);
+
+    // All policies share the runs of those two.
+    let all = clutter(dir.path(), &["--policies"]);
+    assert!(String::from_utf8_lossy(&all.stderr).contains("12 runs, 4 of them from"));
+    let all = table(&all);
+    let find = |policy: &str| all["lines"].as_array().expect("lines").iter().find(|l| l["policy"] == policy).cloned();
+    assert_eq!(find("hedge").as_ref(), Some(&lines[1]));
+    assert!(find("anchor+hedge").is_some());
+
+    for wrong in [&["--digits", "7-12"][..], &["--frames", "1"], &["--config", "nothing"], &["--data", "nowhere"]] {
+        let output = Command::new(env!("CARGO_BIN_EXE_foveate"))
+            .args(["experiment", "clutter", "--out"])
+            .arg(dir.path().join("wrong"))
+            .args(wrong)
+            .current_dir(dir.path())
+            .output()
+            .expect("the program starts");
+        assert!(!output.status.success() && !output.stderr.is_empty(), "{wrong:?}");
+    }
+}

@@ -1,0 +1,128 @@
+//! Numbers that make no sense are refused where they are read, so that the error shows their line.
+
+use serde::{Deserialize, Deserializer};
+
+use super::{Config, DynamicsConfig, LikelihoodConfig, PolicyConfig, RetinaConfig, RewardConfig};
+use crate::control::{Resampling, Vigilance};
+use crate::identity::distance::Kind;
+use crate::identity::retina::Foveal;
+use crate::start::StartSpread;
+use crate::{Error, Result};
+
+/// Settings with numbers in them: not one may be NaN, infinite or out of range.
+pub(super) trait Ranges {
+    /// Fails naming the key.
+    fn ranges(&self) -> Result<()>;
+}
+
+/// Reads a section and checks its numbers; the error then has the section's place in the file.
+pub(super) fn in_range<'de, D: Deserializer<'de>, T: Deserialize<'de> + Ranges>(
+    d: D,
+) -> std::result::Result<T, D::Error> {
+    let section = T::deserialize(d)?;
+    section.ranges().map_err(serde::de::Error::custom)?;
+    Ok(section)
+}
+
+fn within(key: &str, value: f64, least: f64, most: f64) -> Result<()> {
+    if (least..=most).contains(&value) {
+        return Ok(());
+    }
+    Err(Error::Config(format!("{key} is a number from {least} to {most}; it is {value}")))
+}
+
+impl Ranges for Config {
+    fn ranges(&self) -> Result<()> {
+        if !(1..=1_000_000).contains(&self.particles) {
+            return Err(Error::Config(format!("particles is a number from 1 to 1000000; it is {}", self.particles)));
+        }
+        self.resampling.ranges()?;
+        self.dynamics.ranges()?;
+        self.start.ranges()?;
+        self.retina.ranges()?;
+        self.likelihood.ranges()?;
+        self.policy.ranges()?;
+        self.reward.ranges()?;
+        self.vigilance.ranges()
+    }
+}
+
+impl Ranges for Resampling {
+    fn ranges(&self) -> Result<()> {
+        self.check()
+    }
+}
+
+impl Ranges for StartSpread {
+    fn ranges(&self) -> Result<()> {
+        self.check()
+    }
+}
+
+impl Ranges for Vigilance {
+    fn ranges(&self) -> Result<()> {
+        self.check()
+    }
+}
+
+impl Ranges for DynamicsConfig {
+    fn ranges(&self) -> Result<()> {
+        let Self::Autoregressive(motion) = self;
+        motion.check()?;
+        within("dynamics.velocity", motion.velocity, 0.0, 100.0)?;
+        within("dynamics.position", motion.position, 0.0, 100.0)?;
+        within("dynamics.log_scale", motion.log_scale, 0.0, 5.0)?;
+        within("dynamics.angle", motion.angle, 0.0, 100.0)
+    }
+}
+
+impl Ranges for Option<RetinaConfig> {
+    fn ranges(&self) -> Result<()> {
+        match self {
+            Some(RetinaConfig::Foveal(config)) => Foveal::new(config.clone()).map(|_| ()),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Ranges for LikelihoodConfig {
+    fn ranges(&self) -> Result<()> {
+        super::sharpness(self)?;
+        if let Some(sharpness) = self.sharpness {
+            within("likelihood.sharpness", sharpness, 1e-9, 1e9)?;
+        }
+        if let Some(rule) = self.calibrate {
+            within("likelihood.calibrate.nats", rule.nats, 1e-9, 1e9)?;
+            within("likelihood.calibrate.least", rule.least, 1e-9, 1e9)?;
+            within("likelihood.calibrate.most", rule.most, rule.least, 1e9)?;
+        }
+        if let Kind::Presence { extra, cap } = self.distance {
+            within("likelihood.distance.presence.extra", extra.into(), 0.0, 1.0)?;
+            within("likelihood.distance.presence.cap", cap.into(), 1e-6, 1e6)?;
+        }
+        Ok(())
+    }
+}
+
+impl Ranges for PolicyConfig {
+    fn ranges(&self) -> Result<()> {
+        match self {
+            Self::Fixed { u, v } => {
+                within("policy.u", *u, -10.0, 10.0)?;
+                within("policy.v", *v, -10.0, 10.0)
+            }
+            Self::Random { grid } | Self::Circular { grid } => grid.check(),
+            Self::Hedge { grid, gamma } => {
+                within("policy.gamma", *gamma, 1e-9, 1e9)?;
+                grid.check()
+            }
+            Self::Anchor { policy } => policy.ranges(),
+        }
+    }
+}
+
+impl Ranges for RewardConfig {
+    fn ranges(&self) -> Result<()> {
+        super::reward(*self).map(|_| ())
+    }
+}

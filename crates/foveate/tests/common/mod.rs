@@ -1,0 +1,81 @@
+//! What the tests of the whole tracker share: small videos and trackers of every kind.
+#![allow(dead_code, reason = "each test file uses a part")]
+
+use std::path::Path;
+use std::sync::Arc;
+
+use foveate::config::{Blueprint, Config};
+use foveate::geometry::BBox;
+use foveate::identity::encoder::RbmEncoder;
+use foveate::identity::retina::FovealConfig;
+use foveate::identity::{Foveal, Retina};
+use foveate::rbm::{Rbm, Visible};
+use foveate::rng::Streams;
+use foveate::scene::{Frame, Image};
+use rand::RngExt;
+
+/// Where the target of [`frame`] is in frame 0.
+pub const INIT: BBox = BBox { x: 20.0, y: 30.0, w: 24.0, h: 20.0 };
+
+/// The target's box in a later frame.
+pub fn truth(index: usize) -> BBox {
+    BBox { x: INIT.x + index as f64, y: INIT.y + (index / 2) as f64, ..INIT }
+}
+
+/// A patch with a texture of its own drifts over another texture; 1 or 3 planes of 120 × 90.
+pub fn frame(index: usize, planes: usize) -> Frame {
+    let (w, h) = (120, 90);
+    let at = truth(index);
+    let pixel = |plane: usize, x: usize, y: usize| {
+        let (u, v) = (x as isize - at.x as isize, y as isize - at.y as isize);
+        let inside = (0..24).contains(&u) && (0..20).contains(&v);
+        let plane = plane as isize;
+        if inside {
+            (80 + 30 * plane + (37 * (u / 3) * (v / 3 + plane)) % 120) as u8
+        } else {
+            ((x * y + 13 * (x / 9)) % 97) as u8
+        }
+    };
+    let data = (0..planes * w * h).map(|i| pixel(i / (w * h), i % w, i / w % h)).collect();
+    Frame { index, time: index as f64 / 30.0, image: Image::new(w, h, planes, data).expect("120 x 90") }
+}
+
+/// The policies, as TOML.
+pub const POLICIES: [&str; 6] = [
+    "{ kind = \"fixed\", u = 0.25, v = -0.25 }",
+    "{ kind = \"random\" }",
+    "{ kind = \"circular\" }",
+    "{ kind = \"hedge\", gamma = 0.5 }",
+    "{ kind = \"anchor\", policy = { kind = \"hedge\", gamma = 0.5 } }",
+    "{ kind = \"anchor\", policy = { kind = \"random\" } }",
+];
+
+/// A checked configuration of `particles`; `rbm` puts a small random machine in the place of the raw encoder.
+pub fn blueprint(policy: &str, rbm: bool, below: f64, colour: bool, particles: usize) -> Blueprint {
+    let colour: Vec<[usize; 2]> = if colour { vec![[16, 4]] } else { vec![] };
+    let distance = if rbm { "bhattacharyya" } else { "cosine" };
+    let text = format!(
+        "seed = 5\nparticles = {particles}\nresampling = {{ scheme = \"systematic\", below = {below:?} }}\n\
+         dynamics = {{ kind = \"autoregressive\", angle = 0.02 }}\n\
+         retina = {{ kind = \"foveal\", side = 28, rings = [[8, 1], [16, 2], [24, 4]], colour = {colour:?} }}\n\
+         encoder = {{ kind = \"raw\" }}\n\
+         likelihood = {{ distance = \"{distance}\", calibrate = {{ nats = 12, least = 5, most = 500 }} }}\n\
+         policy = {policy}\n"
+    );
+    let raw = Config::parse(&text, "test").and_then(|c| c.check(Path::new("."))).expect("a good configuration");
+    if !rbm {
+        return raw;
+    }
+    let rings = vec![[8, 1], [16, 2], [24, 4]];
+    let retina = Foveal::new(FovealConfig { side: 28.0, rings, colour }).expect("whole cells");
+    let channels: Vec<usize> = retina.cells().iter().map(|c| c.channel).collect();
+    raw.with(Arc::new(retina), Arc::new(RbmEncoder::new(random_rbm(channels.len(), 100), &channels)))
+}
+
+/// A Gaussian machine of random weights: some units are on, some off, at any glimpse.
+pub fn random_rbm(n_v: usize, n_h: usize) -> Rbm {
+    let mut rng = Streams::new(11, 0).rng(0);
+    let mut values = |n: usize, size: f32| (0..n).map(|_| size * (rng.random::<f32>() - 0.5)).collect::<Vec<f32>>();
+    let (weights, visible, hidden) = (values(n_v * n_h, 1.0), values(n_v, 0.1), values(n_h, 1.0));
+    Rbm::new(Visible::Gaussian, weights, visible, hidden).expect("shapes that fit")
+}

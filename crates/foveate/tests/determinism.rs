@@ -1,0 +1,174 @@
+//! Nothing but seed, configuration and video changes a track: not threads, observers, other targets, or a pause.
+
+mod common;
+
+use common::{INIT, POLICIES, blueprint, frame, truth};
+use foveate::config::Blueprint;
+use foveate::observe::{Observer, Table, Trace};
+use foveate::scene::{Frame, Scene};
+use foveate::step::Step;
+use foveate::tracker::Tracker;
+
+const FRAMES: usize = 14;
+/// Three whole chunks and a part of one.
+const PARTICLES: usize = 210;
+
+/// All numbers of a step, as bits.
+fn bits(step: &Step<'_>) -> Vec<u64> {
+    let mut all: Vec<u64> = Vec::new();
+    let mut add = |values: &[f64]| all.extend(values.iter().map(|v| v.to_bits()));
+    add(&step.estimate.to_array());
+    step.covariance.iter().for_each(|row| add(row));
+    add(&[step.ess, step.log_evidence, step.watch.doubt, step.watch.tempered_ess, step.percept.distance]);
+    step.predicted.iter().for_each(|state| add(&state.to_array()));
+    add(step.weights);
+    add(step.rewards);
+    add(step.gaze_evidence);
+    step.plan.gazes().iter().for_each(|g| add(&[g.u, g.v]));
+    all.extend(step.plan.used().iter().map(|&used| u64::from(used)));
+    all.extend(step.ancestors.iter().map(|&a| a as u64));
+    all.extend(step.percept.features.iter().chain(&step.percept.glimpse).map(|v| u64::from(v.to_bits())));
+    all
+}
+
+fn frames() -> Vec<Frame> {
+    (0..FRAMES).map(|i| frame(i, 1)).collect()
+}
+
+fn started(blueprint: &Blueprint, target: u64, frames: &[Frame]) -> Tracker {
+    let mut tracker = blueprint.tracker(5, target).expect("parts that fit");
+    tracker.start(&frames[0], INIT).expect("a box in the picture");
+    tracker
+}
+
+fn go(tracker: &mut Tracker, frames: &[Frame]) -> Vec<Vec<u64>> {
+    frames.iter().map(|frame| bits(&tracker.step(Scene { frame, detections: &[] }))).collect()
+}
+
+fn alone(blueprint: &Blueprint, frames: &[Frame]) -> Vec<Vec<u64>> {
+    go(&mut started(blueprint, 0, frames), &frames[1..])
+}
+
+/// Each policy with each encoder; every second one resamples seldom.
+fn each(check: impl Fn(&str, &Blueprint)) {
+    for (i, policy) in POLICIES.into_iter().enumerate() {
+        for rbm in [false, true] {
+            let below = if (i % 2 == 0) == rbm { 1.0 } else { 0.5 };
+            let name = format!("{policy}, rbm {rbm}, resampling below {below}");
+            check(&name, &blueprint(policy, rbm, below, false, PARTICLES));
+        }
+    }
+}
+
+#[test]
+fn threads_change_nothing() {
+    let frames = frames();
+    let pools = [1, 2, 8].map(|n| rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("a few threads"));
+    each(|name, blueprint| {
+        let [one, two, eight] = pools.each_ref().map(|pool| pool.install(|| alone(blueprint, &frames)));
+        assert!(one == two && one == eight, "{name}");
+        assert!(one[0] != one[1], "something happens: {name}");
+    });
+}
+
+#[test]
+fn observers_and_other_targets_change_nothing() {
+    let (frames, folder) = (frames(), tempfile::tempdir().expect("a temporary folder"));
+    let elsewhere = foveate::geometry::BBox { x: 70.0, y: 20.0, w: 18.0, h: 22.0 };
+    each(|name, blueprint| {
+        let plain = alone(blueprint, &frames);
+        let mut observers: Vec<Box<dyn Observer>> = vec![
+            Box::new(Table::create(folder.path().join("track.csv")).expect("a writable folder")),
+            Box::new(Trace::create(folder.path().join("trace.jsonl")).expect("a writable folder")),
+        ];
+        let mut other = blueprint.tracker(5, 1).expect("parts that fit");
+        other.start(&frames[0], elsewhere).expect("a box in the picture");
+        let mut tracker = started(blueprint, 0, &frames);
+        for (frame, plain) in frames[1..].iter().zip(&plain) {
+            let scene = Scene { frame, detections: &[] };
+            let step = tracker.step(scene);
+            observers.observe(&step).expect("room on the disk");
+            assert!(bits(&step) == *plain, "{name}");
+            let mut twin = bits(&other.step(scene));
+            twin.truncate(plain.len());
+            assert!(twin != *plain, "another target has randomness of its own");
+        }
+        observers.finish().expect("renamed");
+    });
+}
+
+#[test]
+fn a_saved_tracker_goes_on_bit_for_bit() {
+    let frames = frames();
+    each(|name, blueprint| {
+        let whole = alone(blueprint, &frames);
+        for pause in [1, 2, 7] {
+            let mut first = started(blueprint, 0, &frames);
+            assert!(go(&mut first, &frames[1..pause]) == whole[..pause - 1], "{name}");
+            let saved = first.save();
+            let text = serde_json::to_string(&saved).expect("a JSON value is text");
+            let mut fresh = blueprint.tracker(5, 0).expect("parts that fit");
+            fresh.load(&serde_json::from_str(&text).expect("JSON")).expect("what was saved fits");
+            assert_eq!(fresh.save(), saved, "{name}");
+            assert!(go(&mut fresh, &frames[pause..]) == whole[pause - 1..], "{name}, paused before frame {pause}");
+        }
+    });
+}
+
+/// Weights that resampling does not even out may reach −∞ and must come back from JSON.
+#[test]
+fn particles_without_weight_survive_a_pause() {
+    let frames = frames();
+    let mut config = blueprint(POLICIES[0], false, 0.0, false, PARTICLES).config().clone();
+    config.likelihood.calibrate = None;
+    config.likelihood.sharpness = Some(1e6);
+    let blueprint = config.check(std::path::Path::new(".")).expect("a good configuration");
+    let mut tracker = started(&blueprint, 0, &frames);
+    go(&mut tracker, &frames[1..5]);
+    let text = tracker.save().to_string();
+    assert!(text.contains("null,null"), "the test needs particles without weight");
+    let mut fresh = blueprint.tracker(5, 0).expect("parts that fit");
+    fresh.load(&serde_json::from_str(&text).expect("JSON")).expect("what was saved fits");
+    assert!(go(&mut fresh, &frames[5..]) == go(&mut tracker, &frames[5..]));
+}
+
+#[test]
+fn a_target_given_again_is_followed_from_there() {
+    let frames = frames();
+    each(|name, blueprint| {
+        for again in [1, 6] {
+            let run = || {
+                let mut tracker = started(blueprint, 0, &frames);
+                let mut said = go(&mut tracker, &frames[1..again]);
+                tracker.start(&frames[again], truth(again)).expect("a box in the picture");
+                said.extend(go(&mut tracker, &frames[again + 1..]));
+                (tracker, said)
+            };
+            let ((tracker, once), (_, twice)) = (run(), run());
+            assert!(once == twice, "{name}, given again in frame {again}");
+            let mut tracker = tracker;
+            let end = &frames[FRAMES - 1];
+            let step = tracker.step(Scene { frame: end, detections: &[] });
+            assert!(step.bbox().iou(&truth(FRAMES - 1)) > 0.3, "{name}: {:?} after frame {again}", step.bbox());
+        }
+    });
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let frames = frames();
+    let blueprint = blueprint(POLICIES[3], false, 1.0, false, 20);
+    let saved = started(&blueprint, 0, &frames).save();
+    let refuse = |key: &str, value: serde_json::Value, words: &str| {
+        let mut saved = saved.clone();
+        saved[key] = value;
+        let error = blueprint.tracker(5, 0).expect("parts that fit").load(&saved).expect_err(key).to_string();
+        assert!(error.contains(words), "{error}");
+    };
+    refuse("format", 99.into(), "format is 99");
+    refuse("particles", serde_json::json!([]), "0 particles and 20 weights, this tracker has 20");
+    refuse("policy", serde_json::json!({ "gain": [1.0] }), "9 gazes");
+    refuse("appearance", serde_json::Value::Null, "without a template");
+    refuse("frame", u64::MAX.into(), "frame");
+    refuse("vigilance", "awake".into(), "vigilance");
+}
