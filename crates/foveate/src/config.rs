@@ -16,7 +16,7 @@ use crate::gaze::{Anchor, Circular, Fixed, Grid, Hedge, Policy, Random};
 use crate::geometry::Gaze;
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;
-use crate::identity::encoder::{Encoder, Raw, RbmEncoder};
+use crate::identity::encoder::{Encoder, Precision, Raw, RbmEncoder};
 use crate::identity::gaze_appearance::{GazeAppearance, Sharpness};
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
 use crate::rbm::Rbm;
@@ -89,6 +89,9 @@ pub enum EncoderConfig {
     Rbm {
         /// The model.
         weights: String,
+        /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
+        #[serde(default)]
+        precision: Precision,
     },
     /// The glimpse itself.
     Raw {
@@ -240,7 +243,7 @@ impl Config {
                 let encoder = Raw::new(&channels(&retina), *standardise);
                 Ok((retina, Arc::new(encoder)))
             }
-            EncoderConfig::Rbm { weights } => {
+            EncoderConfig::Rbm { weights, precision } => {
                 let (rbm, metadata) = load_rbm(weights, base)?;
                 let trained: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| {
                     Error::malformed(
@@ -255,7 +258,7 @@ impl Config {
                     )));
                 }
                 let retina = Foveal::new(trained)?;
-                let encoder = RbmEncoder::new(rbm, &channels(&retina));
+                let encoder = RbmEncoder::new(rbm, &channels(&retina)).rounded(*precision);
                 Ok((retina, Arc::new(encoder)))
             }
         }
