@@ -23,7 +23,7 @@ pub struct Args {
     #[arg(long, default_value_t = 7)]
     seed: u64,
     /// A configuration file, or the name of one that ships with the program (digits, natural, ...)
-    #[arg(long, short, value_name = "FILE|NAME", default_value = "digits")]
+    #[arg(long, short, value_name = "FILE|NAME", default_value = "digits-hedge")]
     config: String,
 }
 
@@ -74,7 +74,7 @@ pub fn run(args: Args) -> Result<()> {
 fn tracker_favourite(tracker: &foveate::tracker::Tracker) -> String {
     use foveate::gaze::Portrait;
     match tracker.parts().policy.portrait() {
-        Portrait::Arms { gazes, probabilities } => {
+        Portrait::Arms { gazes, probabilities } if gazes.len() > 1 => {
             let best = (0..gazes.len()).max_by(|&a, &b| probabilities[a].total_cmp(&probabilities[b])).unwrap_or(0);
             let (g, p) = (gazes[best], probabilities[best]);
             format!(
@@ -82,6 +82,6 @@ fn tracker_favourite(tracker: &foveate::tracker::Tracker) -> String {
                 g.u, g.v
             )
         }
-        Portrait::Blank => "Its policy has nothing to learn.".into(),
+        _ => "Its policy has nothing to learn.".into(),
     }
 }

@@ -6,7 +6,7 @@ use foveate::config::{BUILTIN, Blueprint, Config};
 use foveate::geometry::BBox;
 use foveate::observe::{Boxes, Clock, Film, Observer, Report, RunInfo, Summary, Table, Trace};
 use foveate::run::{Follow, Outcome, follow};
-use foveate::scene::{SourceInfo, annotation, open};
+use foveate::scene::{SourceInfo, ahead, annotation, open};
 use foveate::{Error, Result, files};
 
 use crate::terminal;
@@ -140,7 +140,7 @@ pub fn run(args: Args) -> Result<()> {
     let blueprint = blueprint(name)?;
     let seed = args.seed.unwrap_or(blueprint.config().seed);
     let mut tracker = blueprint.tracker(seed, 0)?;
-    let mut source = open(&args.source)?;
+    let mut source = ahead(open(&args.source)?);
     let loaded = args.load_state.as_deref().map(read_state).transpose()?;
     let init = match &loaded {
         Some(saved) => {
