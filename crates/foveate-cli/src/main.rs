@@ -27,6 +27,8 @@ enum Command {
     Train(cmd::train::Args),
     /// Score trackers on sequences whose true boxes are known
     Eval(cmd::eval::Args),
+    /// Time the tracker on this machine
+    Bench(cmd::bench::Args),
     /// Run the paper's experiments
     Experiment(cmd::experiment::Args),
 }
@@ -40,6 +42,7 @@ fn main() -> std::process::ExitCode {
         Command::Synth(args) => cmd::synth::run(args),
         Command::Train(args) => cmd::train::run(args),
         Command::Eval(args) => cmd::eval::run(args),
+        Command::Bench(args) => cmd::bench::run(args),
         Command::Experiment(args) => cmd::experiment::run(args),
     };
     let result = match pool {

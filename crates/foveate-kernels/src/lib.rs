@@ -26,5 +26,5 @@ pub use level::Level;
 pub use logistic::{bias_logistic, logistic};
 pub use normal::Normals;
 pub use packed::{PackedWeights, Precision};
-pub use sums::{dot, root_overlap, squared_distance, sum};
+pub use sums::{dot, presence, root_overlap, squared_distance, sum};
 pub use taps::{Plane, taps, taps_rows};

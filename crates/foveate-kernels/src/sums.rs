@@ -83,6 +83,27 @@ fn root_overlap_body<const V: u8>(a: &[f32], b_root: &[f32]) -> (f32, f32) {
     (fold(total), fold(overlap))
 }
 
+#[inline(always)]
+fn presence_body<const V: u8>(v: &[f32], template: &[f32], extra: f32, cap: f32) -> f32 {
+    assert_eq!(v.len(), template.len(), "v and template must be equally long");
+    let mut lanes = [0.0; LANES];
+    let add = |lane: &mut f32, v: f32, template: f32| {
+        let missing = template - v;
+        let e = missing.max(-extra * missing).min(cap);
+        *lane = multiply_add::<V>(e, e, *lane);
+    };
+    let ((v, v_rest), (template, template_rest)) = (v.as_chunks::<LANES>(), template.as_chunks::<LANES>());
+    for (v, template) in v.iter().zip(template) {
+        for i in 0..LANES {
+            add(&mut lanes[i], v[i], template[i]);
+        }
+    }
+    for (lane, (&v, &template)) in lanes.iter_mut().zip(v_rest.iter().zip(template_rest)) {
+        add(lane, v, template);
+    }
+    fold(lanes)
+}
+
 levels! {
     /// Σ a.
     pub fn sum / sum_at (a: &[f32]) -> f32 = sum_body
@@ -105,6 +126,12 @@ levels! {
     /// (Σ a, Σ √a · b_root): with `b_root` = √b these give the Bhattacharyya coefficient of a / Σa and b / Σb,
     /// Σ √a √b / √(Σa Σb). `a` must not be negative.
     pub fn root_overlap / root_overlap_at (a: &[f32], b_root: &[f32]) -> (f32, f32) = root_overlap_body
+}
+
+levels! {
+    /// Σ min(e, `cap`)², where e is what is missing of the template, template - v, or `extra` times what was added to it,
+    /// v - template. `extra` must not be negative, and `cap` above 0; then so is no e.
+    pub fn presence / presence_at (v: &[f32], template: &[f32], extra: f32, cap: f32) -> f32 = presence_body
 }
 
 #[cfg(test)]
@@ -137,6 +164,7 @@ pub(crate) mod tests {
                 let (total, overlap) = root_overlap_at(level, &a, &b);
                 near(total, over(|a, _| a));
                 near(overlap, over(|a, b| a.sqrt() * b));
+                near(presence_at(level, &a, &b, 0.25, 0.5), over(|v, t| (t - v).max(0.25 * (v - t)).min(0.5).powi(2)));
             }
         }
     }

@@ -16,7 +16,7 @@ use crate::gaze::{Anchor, Circular, Fixed, Grid, Hedge, Policy, Random};
 use crate::geometry::Gaze;
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;
-use crate::identity::encoder::{Encoder, Raw, RbmEncoder};
+use crate::identity::encoder::{Encoder, Precision, Raw, RbmEncoder};
 use crate::identity::gaze_appearance::{GazeAppearance, Sharpness};
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
 use crate::rbm::Rbm;
@@ -89,6 +89,9 @@ pub enum EncoderConfig {
     Rbm {
         /// The model.
         weights: String,
+        /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
+        #[serde(default)]
+        precision: Precision,
     },
     /// The glimpse itself.
     Raw {
@@ -240,7 +243,7 @@ impl Config {
                 let encoder = Raw::new(&channels(&retina), *standardise);
                 Ok((retina, Arc::new(encoder)))
             }
-            EncoderConfig::Rbm { weights } => {
+            EncoderConfig::Rbm { weights, precision } => {
                 let (rbm, metadata) = load_rbm(weights, base)?;
                 let trained: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| {
                     Error::malformed(
@@ -255,7 +258,7 @@ impl Config {
                     )));
                 }
                 let retina = Foveal::new(trained)?;
-                let encoder = RbmEncoder::new(rbm, &channels(&retina));
+                let encoder = RbmEncoder::new(rbm, &channels(&retina)).rounded(*precision);
                 Ok((retina, Arc::new(encoder)))
             }
         }
@@ -358,8 +361,15 @@ fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
 /// Configurations that ship with the program.
 pub const BUILTIN: &[(&str, &str)] = &[
     ("digits", include_str!("../../../configs/digits.toml")),
+    ("digits-hedge", include_str!("../../../configs/digits-hedge.toml")),
+    ("digits-rbm", include_str!("../../../configs/digits-rbm.toml")),
+    ("authors", include_str!("../../../configs/authors.toml")),
     ("natural", include_str!("../../../configs/natural.toml")),
+    ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),
 ];
 
 /// Models that ship with the program.
-const MODELS: &[(&str, &[u8])] = &[];
+const MODELS: &[(&str, &[u8])] = &[
+    ("digits", include_bytes!("../../../models/digits.safetensors")),
+    ("natural", include_bytes!("../../../models/natural.safetensors")),
+];

@@ -128,7 +128,7 @@ impl Gaze {
 }
 
 /// A gaze on the image: a centre, and where one template unit along u and along v leads.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Fixation {
     /// Centre, pixels.
     pub x: f64,

@@ -22,7 +22,7 @@ pub struct Args {
     /// Seed of the scene and of the tracker: the same seed gives the same run
     #[arg(long, default_value_t = 7)]
     seed: u64,
-    /// A configuration file, or one that ships with the program: digits, natural
+    /// A configuration file, or the name of one that ships with the program (digits, natural, ...)
     #[arg(long, short, value_name = "FILE|NAME", default_value = "digits")]
     config: String,
 }

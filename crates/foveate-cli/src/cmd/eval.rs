@@ -20,7 +20,7 @@ pub struct Args {
     /// for frames per second, SEQUENCE_time.txt (seconds a frame)
     #[arg(long, value_name = "DIR", num_args = 1..)]
     pub results: Vec<PathBuf>,
-    /// The tracker to run: a configuration file, or one that ships with the program: natural (taken if left out), digits
+    /// The tracker to run: a configuration file, or the name of one that ships with the program (natural, digits, ...); natural if left out
     #[arg(long, value_name = "FILE|NAME", conflicts_with = "results")]
     pub config: Option<String>,
     /// First seed of the tracker to run

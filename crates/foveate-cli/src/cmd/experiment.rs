@@ -200,6 +200,8 @@ fn entries(args: &ClutterArgs) -> Result<Vec<Entry>> {
             policies.push(own.clone());
         }
         let fixed = entries.len();
+        let stem = file.file_stem().filter(|_| file.is_file());
+        let shown = stem.map_or_else(|| name.clone(), |stem| stem.to_string_lossy().into_owned());
         for policy in policies {
             // The seed of each run is its video's.
             let blueprint = Config { policy: policy.clone(), seed: 0, ..config.clone() }.check(base)?;
@@ -210,7 +212,7 @@ fn entries(args: &ClutterArgs) -> Result<Vec<Entry>> {
                 blueprint.config().to_toml()
             );
             entries.push(Entry {
-                name: name.clone(),
+                name: shown.clone(),
                 policy: clutter::policy_name(&policy),
                 own: policy == own,
                 fixed,

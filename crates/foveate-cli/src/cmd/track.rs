@@ -25,7 +25,7 @@ pub struct Args {
     /// Folder for the results: boxes.txt, track.csv, trace.jsonl, annotated.mp4, report.html
     #[arg(long, short, value_name = "DIR", default_value = "out")]
     out: PathBuf,
-    /// A configuration file, or one that ships with the program: natural (taken if left out), digits
+    /// A configuration file, or the name of one that ships with the program (natural, digits, ...); natural if left out
     #[arg(long, short, value_name = "FILE|NAME")]
     config: Option<String>,
     /// Seed of all random numbers: the same seed gives the same track. Left out, the configuration's seed is taken

@@ -68,21 +68,34 @@ impl Distance for Kind {
                 let norm = f64::from(kernels::dot(features, features)).sqrt();
                 if norm > 0.0 { (1.0 - f64::from(kernels::dot(features, kept)) / norm).max(0.0) } else { 1.0 }
             }
-            Self::Presence { extra, cap } => presence(features, kept, *extra, *cap),
+            Self::Presence { extra, cap } => {
+                f64::from(kernels::presence(features, kept, *extra, *cap)) / f64::from(cap * cap) / kept.len() as f64
+            }
             Self::Euclidean => (f64::from(kernels::squared_distance(features, kept)) / kept.len() as f64).sqrt(),
         }
     }
 }
 
-/// 1 − Σ √a · kept / √Σa, at least 0; 1 where nothing is active.
-fn overlap_gap(a: &[f32], kept: &[f32]) -> f64 {
-    let (sum, overlap) = kernels::root_overlap(a, kept);
-    if sum > 0.0 { (1.0 - f64::from(overlap) / f64::from(sum).sqrt()).max(0.0) } else { 1.0 }
+impl Kind {
+    /// The distance where it follows from Σ h and Σ √h · kept alone, which an encoder may give without writing the
+    /// features h ([`super::Encoder::overlaps`]).
+    pub fn of_overlap(&self) -> Option<fn(f32, f32) -> f64> {
+        match self {
+            Self::Bhattacharyya => Some(|sum, overlap| gap(sum, overlap).sqrt()),
+            Self::BhattacharyyaSquared => Some(gap),
+            _ => None,
+        }
+    }
 }
 
-fn presence(v: &[f32], template: &[f32], extra: f32, cap: f32) -> f64 {
-    let cell = |(&v, &t): (&f32, &f32)| ((t - v).max(extra * (v - t)) / cap).min(1.0).powi(2);
-    f64::from(v.iter().zip(template).map(cell).sum::<f32>()) / v.len() as f64
+fn overlap_gap(a: &[f32], kept: &[f32]) -> f64 {
+    let (sum, overlap) = kernels::root_overlap(a, kept);
+    gap(sum, overlap)
+}
+
+/// 1 − Σ √h · kept / √Σh, at least 0; 1 where nothing is active.
+fn gap(sum: f32, overlap: f32) -> f64 {
+    if sum > 0.0 { (1.0 - f64::from(overlap) / f64::from(sum).sqrt()).max(0.0) } else { 1.0 }
 }
 
 fn bernoulli(a: &[f32], b: &[f32]) -> f64 {

@@ -1,6 +1,7 @@
 //! From glimpses to features: the first layer of the identity pathway (section 2.1).
 
 use foveate_kernels as kernels;
+use serde::{Deserialize, Serialize};
 
 use crate::rbm::{Rbm, Visible};
 use crate::rows::{Rows, RowsMut};
@@ -17,6 +18,12 @@ pub trait Encoder: Send + Sync {
     fn condition(&self, _glimpse: &mut [f32]) {}
     /// Encodes conditioned glimpses.
     fn encode(&self, glimpses: Rows<'_>, features: RowsMut<'_>);
+    /// For conditioned glimpses with features h: `totals` ← Σ h and `overlaps` ← Σ √h · `root`, one each a row, without
+    /// writing the features; `root` has length n_h. Says false, and does nothing, where it knows no shorter way than
+    /// [`Encoder::encode`].
+    fn overlaps(&self, _glimpses: Rows<'_>, _root: &[f32], _totals: &mut [f32], _overlaps: &mut [f32]) -> bool {
+        false
+    }
 }
 
 /// No first layer: the glimpse is the feature vector, as it is or with its mean taken out and its contrast brought to 1.
@@ -52,6 +59,19 @@ impl Encoder for Raw {
     }
 }
 
+/// How an RBM's weights and glimpses are rounded before they are multiplied; products are added in f32 either way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Precision {
+    /// Not at all.
+    F32,
+    /// To 8 significant bits. Features are within 4e-4 of the unrounded ones (root mean square, 240 inputs), and a row's
+    /// still depend on that row alone. A frame takes three fifths of the time where the processor multiplies bf16, as long
+    /// elsewhere; on cluttered digits the track's scores are the same (AUC 0.668 both ways, 6 videos of 5 seeds).
+    #[default]
+    Bf16,
+}
+
 /// The activation probabilities of an RBM's hidden units.
 pub struct RbmEncoder {
     rbm: Rbm,
@@ -60,11 +80,22 @@ pub struct RbmEncoder {
 }
 
 impl RbmEncoder {
-    /// Encodes with a trained RBM; Gaussian ones standardise each channel of a glimpse first, as their training did.
+    /// Encodes with a trained RBM, without rounding; Gaussian ones standardise each channel of a glimpse first, as their
+    /// training did.
     pub fn new(rbm: Rbm, channels: &[usize]) -> Self {
         let (n_v, n_h) = rbm.shape();
         let packed = kernels::PackedWeights::f32(n_v, n_h, rbm.weights().data());
         Self { rbm, packed, groups: groups(channels) }
+    }
+
+    /// The same encoder at this precision.
+    pub fn rounded(self, precision: Precision) -> Self {
+        let ((n_v, n_h), weights) = (self.rbm.shape(), self.rbm.weights().data());
+        let packed = match precision {
+            Precision::F32 => kernels::PackedWeights::f32(n_v, n_h, weights),
+            Precision::Bf16 => kernels::PackedWeights::bf16(n_v, n_h, weights),
+        };
+        Self { packed, ..self }
     }
 }
 
@@ -79,6 +110,10 @@ impl Encoder for RbmEncoder {
     }
     fn encode(&self, glimpses: Rows<'_>, mut features: RowsMut<'_>) {
         self.packed.features(glimpses.data(), self.rbm.hidden_bias(), features.data());
+    }
+    fn overlaps(&self, glimpses: Rows<'_>, root: &[f32], totals: &mut [f32], overlaps: &mut [f32]) -> bool {
+        self.packed.overlaps(glimpses.data(), self.rbm.hidden_bias(), root, totals, overlaps);
+        true
     }
 }
 

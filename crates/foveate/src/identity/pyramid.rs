@@ -94,14 +94,21 @@ impl Pyramid {
         }
     }
 
-    /// Reads one bilinear tap of `level` for each cell offset (`du`, `dv`, template units) around a fixation.
-    /// Outside the level the nearest sample counts.
-    pub fn read(&self, level: usize, at: Fixation, du: &[f32], dv: &[f32], out: &mut [f32]) {
+    /// Reads one bilinear tap of `level` for each cell offset (`du`, `dv`, template units) around each fixation; those of
+    /// fixation i are written from `out[i × stride]` on. Outside the level the nearest sample counts.
+    pub fn read(&self, level: usize, at: &[Fixation], du: &[f32], dv: &[f32], out: &mut [f32], stride: usize) {
+        const MANY: usize = 64;
         let level = &self.levels[level];
         let Level { data, width, height, x0, y0 } = level;
         let plane = kernels::Plane { data, width: *width, height: *height, stride: *width, x0: *x0, y0: *y0 };
-        let map = [at.x as f32, at.y as f32, at.ux as f32, at.uy as f32, at.vx as f32, at.vy as f32];
-        kernels::taps(plane, map, du, dv, out);
+        let mut maps = [[0.0; 6]; MANY];
+        for (i, at) in at.chunks(MANY).enumerate() {
+            let maps = &mut maps[..at.len()];
+            for (map, at) in maps.iter_mut().zip(at) {
+                *map = [at.x, at.y, at.ux, at.uy, at.vx, at.vy].map(|x| x as f32);
+            }
+            kernels::taps_rows(plane, maps, du, dv, &mut out[i * MANY * stride..], stride);
+        }
     }
 }
 

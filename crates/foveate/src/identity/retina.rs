@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::pyramid::Pyramid;
 use crate::geometry::Fixation;
+use crate::rows::RowsMut;
 use crate::{Error, Result};
 
 /// One cell of a retina, in template units relative to the gaze.
@@ -35,8 +36,12 @@ pub trait Retina: Send + Sync {
     /// The footprints a pyramid must hold for this retina, in template units (sides of cells), one for each level,
     /// and the channel each level averages.
     fn footprints(&self) -> &[Footprint];
-    /// Reads a glimpse.
-    fn look(&self, pyramid: &Pyramid, at: Fixation, glimpse: &mut [f32]);
+    /// Reads a glimpse at each fixation, one a row.
+    fn look_each(&self, pyramid: &Pyramid, at: &[Fixation], glimpses: RowsMut<'_>);
+    /// Reads one glimpse.
+    fn look(&self, pyramid: &Pyramid, at: Fixation, glimpse: &mut [f32]) {
+        self.look_each(pyramid, &[at], RowsMut::new(glimpse, self.glimpse_len()));
+    }
 }
 
 /// What one pyramid level must average.
@@ -157,10 +162,11 @@ impl Retina for Foveal {
     fn footprints(&self) -> &[Footprint] {
         &self.footprints
     }
-    fn look(&self, pyramid: &Pyramid, at: Fixation, glimpse: &mut [f32]) {
+    fn look_each(&self, pyramid: &Pyramid, at: &[Fixation], mut glimpses: RowsMut<'_>) {
+        let stride = glimpses.width();
         for (level, range) in self.ranges.iter().enumerate() {
             let (du, dv) = (&self.du[range.clone()], &self.dv[range.clone()]);
-            pyramid.read(level, at, du, dv, &mut glimpse[range.clone()]);
+            pyramid.read(level, at, du, dv, &mut glimpses.data()[range.start..], stride);
         }
     }
 }

@@ -1,0 +1,129 @@
+//! The time of one tracker frame: a figure to compare machines and programs with.
+//!
+//! N particles on a 640 × 480 grey frame of blurred noise, a target of 48 px, the 144 + 48 + 48 values of a fovea in cells
+//! of 1, 3 and 6 px, 500 hidden units of random weights, one look, one thread. States have noise of 2 px in place, 1 px
+//! in velocity, 0.01 in log scale and 0.02 in angle. Every timed frame starts alike, all particles on the target; it is a
+//! whole [`Tracker::step`], the look at the estimate included.
+
+use std::sync::Arc;
+
+use rand::RngExt;
+use rand_distr::StandardNormal;
+
+use crate::Result;
+use crate::control::{Autoregressive, Concentration, Prior, Resampling, Vigilance};
+use crate::gaze;
+use crate::geometry::{BBox, Gaze};
+use crate::identity::distance::Kind;
+use crate::identity::encoder::{Precision, RbmEncoder};
+use crate::identity::gaze_appearance::{GazeAppearance, Sharpness};
+use crate::identity::retina::{Foveal, FovealConfig, Retina};
+use crate::rbm::{Rbm, Visible};
+use crate::rng::{Purpose, Rng, Streams};
+use crate::scene::{Frame, Image, Scene};
+use crate::start::StartSpread;
+use crate::tracker::{Parts, Tracker};
+
+const WIDTH: usize = 640;
+const HEIGHT: usize = 480;
+const SIDE: f64 = 48.0;
+const HIDDEN: usize = 500;
+
+/// Times of one frame, milliseconds of CPU; of the wall clock where the system tells no other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameTime {
+    /// The median.
+    pub median: f64,
+    /// The least.
+    pub best: f64,
+}
+
+/// Times `frames` (at least 1) frames of `particles` (at least 1).
+pub fn frame(particles: usize, precision: Precision, frames: usize) -> Result<FrameTime> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread can be started");
+    pool.install(|| {
+        let mut rng = Streams::new(0, 0).at(0, Purpose::Scene).rng(0);
+        let mut tracker = Tracker::new(parts(precision, &mut rng)?, particles, 0, 0)?;
+        let frame = Frame { index: 0, time: 0.0, image: noise(&mut rng)? };
+        let target = BBox::around(WIDTH as f64 / 2.0, HEIGHT as f64 / 2.0, SIDE, SIDE);
+        let mut once = || -> Result<f64> {
+            tracker.start(&frame, target)?;
+            let begin = now();
+            std::hint::black_box(tracker.step(Scene { frame: &frame, detections: &[] }));
+            Ok(1e3 * (now() - begin))
+        };
+        once()?;
+        let mut times = (0..frames.max(1)).map(|_| once()).collect::<Result<Vec<f64>>>()?;
+        times.sort_by(f64::total_cmp);
+        Ok(FrameTime { median: times[times.len() / 2], best: times[0] })
+    })
+}
+
+fn parts(precision: Precision, rng: &mut Rng) -> Result<Parts> {
+    let unit = SIDE / 2.0;
+    let dynamics = Autoregressive {
+        damping: 1.0,
+        velocity: 1.0 / unit,
+        position: 2.0 / unit,
+        scale_pull: 1.0,
+        log_scale: 0.01,
+        angle_pull: 1.0,
+        angle: 0.02,
+    };
+    let retina = Foveal::new(FovealConfig { side: SIDE, rings: vec![[12, 1], [24, 3], [48, 6]], colour: vec![] })?;
+    let n_v = retina.glimpse_len();
+    let mut normals = |n: usize, sd: f32| (0..n).map(|_| sd * rng.sample::<f32, _>(StandardNormal)).collect();
+    let rbm = Rbm::new(Visible::Bernoulli, normals(n_v * HIDDEN, 0.05), vec![0.0; n_v], normals(HIDDEN, 0.1))?;
+    let encoder = RbmEncoder::new(rbm, &vec![0; n_v]).rounded(precision);
+    let appearance =
+        GazeAppearance::new(Arc::new(retina), Arc::new(encoder), Kind::BhattacharyyaSquared, Sharpness::Fixed(20.0))?;
+    Ok(Parts {
+        proposal: Box::new(Prior::new(Arc::new(dynamics))),
+        policy: Box::new(gaze::Fixed::new(Gaze::CENTRE)),
+        appearance: Box::new(appearance),
+        reward: Box::new(Concentration::new(1.0)?),
+        resampling: Resampling::default(),
+        vigilance: Vigilance::default(),
+        start: StartSpread { position: 0.0, velocity: 0.0, log_scale: 0.0, angle: 0.0 },
+    })
+}
+
+/// Uniform noise under a Gaussian of 2 px.
+fn noise(rng: &mut Rng) -> Result<Image> {
+    let bytes: Vec<u8> = (0..WIDTH * HEIGHT).map(|_| rng.random()).collect();
+    let weights: Vec<f32> = (-6..=6).map(|i| (-(i * i) as f32 / 8.0).exp()).collect();
+    let total: f32 = weights.iter().sum();
+    let blur = |from: &[f32], at: &dyn Fn(usize, usize, isize) -> usize| -> Vec<f32> {
+        let pixel = |x: usize, y: usize| weights.iter().zip(-6..).map(|(w, i)| w * from[at(x, y, i)]).sum::<f32>();
+        (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y))).map(|(x, y)| pixel(x, y) / total).collect()
+    };
+    let bytes: Vec<f32> = bytes.into_iter().map(f32::from).collect();
+    let across = blur(&bytes, &|x, y, i| y * WIDTH + x.saturating_add_signed(i).min(WIDTH - 1));
+    let both = blur(&across, &|x, y, i| y.saturating_add_signed(i).min(HEIGHT - 1) * WIDTH + x);
+    Image::new(WIDTH, HEIGHT, 1, both.into_iter().map(|v| v.round() as u8).collect())
+}
+
+/// CPU seconds of this thread; of the wall clock where the system does not tell.
+fn now() -> f64 {
+    static START: std::sync::LazyLock<std::time::Instant> = std::sync::LazyLock::new(std::time::Instant::now);
+    // Linux brings a thread's account up to date when it gives way.
+    std::thread::yield_now();
+    let nanoseconds = || -> Option<f64> {
+        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+        text.split(' ').next()?.parse().ok()
+    };
+    nanoseconds().map_or_else(|| START.elapsed().as_secs_f64(), |ns| 1e-9 * ns)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_take_time() {
+        for precision in [Precision::F32, Precision::Bf16] {
+            let time = frame(50, precision, 3).expect("the parts fit");
+            assert!(time.best > 0.0 && time.best <= time.median, "{time:?}");
+        }
+    }
+}
