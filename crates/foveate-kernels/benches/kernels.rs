@@ -142,6 +142,9 @@ fn main() {
     report("root_overlap, 500", 500.0, "elements", None, || {
         black_box(root_overlap(black_box(&a), &b));
     });
+    report("presence, 500", 500.0, "elements", None, || {
+        black_box(presence(black_box(&a), &b, 0.3, 0.5));
+    });
 
     let pixels: Vec<u8> = values(640 * 480, 7).iter().map(|x| (x * 256.0) as u8).collect();
     let image = Pixels { data: &pixels, width: 640, height: 480 };
