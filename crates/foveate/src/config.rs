@@ -113,6 +113,9 @@ pub struct LikelihoodConfig {
     /// The rule to choose the sharpness by on the first frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibrate: Option<Calibration>,
+    /// Share, 0 to 1, taken off whatever was already there in the first frame; for a fixed camera.
+    #[serde(default)]
+    pub dim_familiar: f32,
 }
 
 /// The rewards there are, each with a temperature of its own: the power the likelihood is raised to first.
@@ -303,7 +306,8 @@ impl Blueprint {
             self.encoder.clone(),
             c.likelihood.distance,
             sharpness(&c.likelihood)?,
-        )?;
+        )?
+        .dimming(c.likelihood.dim_familiar);
         let parts = Parts {
             proposal: Box::new(Prior::new(Arc::new(*dynamics))),
             policy: policy(&c.policy)?,

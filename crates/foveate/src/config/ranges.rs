@@ -88,6 +88,7 @@ impl Ranges for Option<RetinaConfig> {
 impl Ranges for LikelihoodConfig {
     fn ranges(&self) -> Result<()> {
         super::sharpness(self)?;
+        within("likelihood.dim_familiar", self.dim_familiar.into(), 0.0, 1.0)?;
         if let Some(sharpness) = self.sharpness {
             within("likelihood.sharpness", sharpness, 1e-9, 1e9)?;
         }

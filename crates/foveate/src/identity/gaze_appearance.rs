@@ -40,6 +40,8 @@ pub struct GazeAppearance {
     encoder: Arc<dyn Encoder>,
     distance: Kind,
     setting: Sharpness,
+    dimming: f32,
+    dimmed: Option<Image>,
     kept: Option<Kept>,
     template: Pyramid,
     pyramid: Pyramid,
@@ -88,11 +90,22 @@ impl GazeAppearance {
             encoder,
             distance,
             setting: sharpness,
+            dimming: 0.0,
+            dimmed: None,
             kept: None,
             template: Pyramid::default(),
             pyramid: Pyramid::default(),
             scratch,
         })
+    }
+
+    /// Takes this share (0 to 1) off whatever was already there in the first frame, pixel by pixel, before looking: for a
+    /// fixed camera, what has not changed since then cannot be the target that has moved.
+    ///
+    /// Not in the paper, which finds its targets by motion but then forgets that they move. Without it a static thing
+    /// beneath the target in the first frame, part of the template, holds the tracker back.
+    pub fn dimming(self, share: f32) -> Self {
+        Self { dimming: share, ..self }
     }
 
     /// Nats per unit of distance in use; `None` before a template was imprinted.
@@ -186,6 +199,27 @@ impl GazeAppearance {
     }
 }
 
+/// `image` less a share of what it has in common with `first`; itself where the share is 0 or the sizes differ.
+fn dim<'a>(image: &'a Image, first: &Image, share: f32, out: &'a mut Option<Image>) -> &'a Image {
+    let like = |other: &Image| {
+        (other.width(), other.height(), other.planes()) == (image.width(), image.height(), image.planes())
+    };
+    if share <= 0.0 || !like(first) {
+        return image;
+    }
+    if !out.as_ref().is_some_and(like) {
+        *out = Some(image.clone());
+    }
+    let out = out.as_mut().expect("made above");
+    let share = (share * 256.0) as u16;
+    for p in 0..image.planes() {
+        for ((out, &now), &then) in out.plane_mut(p).iter_mut().zip(image.plane(p)).zip(first.plane(p)) {
+            *out = now - ((u16::from(now.min(then)) * share) >> 8) as u8;
+        }
+    }
+    out
+}
+
 /// Pixels per template unit at the states' mean size.
 fn units(states: &[State], extent: Extent) -> (f64, f64) {
     let mean = states.iter().map(|s| s.log_scale).sum::<f64>() / states.len() as f64;
@@ -196,7 +230,10 @@ impl Appearance for GazeAppearance {
     fn imprint(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams) {
         let nothing = Expectation { on: 0.0, off: 0.0 };
         self.keep(Kept { image: image.clone(), state: *state, extent, sharpness: 1.0, expectation: nothing });
+        // On the first frame itself everything is familiar.
+        let dimming = std::mem::take(&mut self.dimming);
         let found = calibrate::calibrate(self, image, state, extent, streams);
+        self.dimming = dimming;
         let sharpness = match self.setting {
             Sharpness::Fixed(sharpness) => sharpness,
             Sharpness::Calibrated(rule) => rule.sharpness(&found),
@@ -209,6 +246,8 @@ impl Appearance for GazeAppearance {
     fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
         let extent = self.kept().extent;
         let region = Region::covering(image, states, gazes, extent, self.reach());
+        let kept = self.kept.as_ref().expect("a template is imprinted before the first look");
+        let image = dim(image, &kept.image, self.dimming, &mut self.dimmed);
         self.pyramid.build(image, region, self.retina.footprints(), units(states, extent));
     }
 
