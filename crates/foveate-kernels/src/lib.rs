@@ -7,6 +7,13 @@
 //! A result depends on the inputs of its own element or row alone: not on its place in the batch, on
 //! alignment, or on the thread. Sums run in fixed lanes. Between levels the last bits may differ,
 //! because fused multiply-adds round once where two operations round twice.
+//!
+//! ```
+//! let mut h = [-1.0, 0.0, 30.0];
+//! foveate_kernels::logistic(&mut h);
+//! assert!((h[0] - 0.26894143).abs() < 1e-6 && h[1] == 0.5 && h[2] == 1.0);
+//! assert_eq!(foveate_kernels::dot(&[1.0, 2.0], &[3.0, 4.0]), 11.0);
+//! ```
 
 mod boxes;
 mod ends;
