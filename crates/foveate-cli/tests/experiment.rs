@@ -7,7 +7,18 @@ use std::process::{Command, Output};
 fn clutter(dir: &Path, more: &[&str]) -> Output {
     let out = dir.join("out");
     Command::new(env!("CARGO_BIN_EXE_foveate"))
-        .args(["experiment", "clutter", "--config", "digits-hedge", "--digits", "3,8", "--seeds", "1", "--frames", "12"])
+        .args([
+            "experiment",
+            "clutter",
+            "--config",
+            "digits-hedge",
+            "--digits",
+            "3,8",
+            "--seeds",
+            "1",
+            "--frames",
+            "12",
+        ])
         .args(["--noise", "noisy", "--json", "--out"])
         .arg(&out)
         .args(more)
