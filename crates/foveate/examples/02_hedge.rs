@@ -4,7 +4,7 @@
 //! √(T ln K / 2) against the best single gaze.
 //! `cargo run --release -p foveate --example 02_hedge`
 
-use foveate::gaze::{Grid, Hedge, Plan, Policy, Portrait};
+use foveate::gaze::{Context, Grid, Hedge, Plan, Policy, Portrait};
 use foveate::rng::{Purpose, Streams};
 
 const FRAMES: usize = 2000;
@@ -31,7 +31,7 @@ fn main() {
             let Portrait::Arms { probabilities, .. } = hedge.portrait() else { unreachable!("Hedge shows its arms") };
             let rewards: [f64; K] = std::array::from_fn(|k| world(t, probabilities, k));
             earned += probabilities.iter().zip(&rewards).map(|(p, r)| p * r).sum::<f64>(); // expected over the draw
-            hedge.plan(&mut plan, &mut Streams::new(1, 0).at(t as u64, Purpose::Look).rng(0));
+            hedge.plan(&Context::default(), &mut plan, &mut Streams::new(1, 0).at(t as u64, Purpose::Look).rng(0));
             hedge.learn(&plan, &rewards);
             gain = std::array::from_fn(|k| gain[k] + rewards[k]);
         }

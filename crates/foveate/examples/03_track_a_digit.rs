@@ -4,7 +4,7 @@
 
 use foveate::config::Config;
 use foveate::gaze::Portrait;
-use foveate::scene::synthetic::Clutter;
+use foveate::scene::synthetic::{Clutter, Drawn};
 use foveate::scene::{Digits, Scene};
 use std::path::Path;
 

@@ -5,7 +5,7 @@
 
 use foveate::config::Config;
 use foveate::geometry::State;
-use foveate::scene::synthetic::{Clutter, ClutterVideo};
+use foveate::scene::synthetic::{Clutter, ClutterVideo, Drawn};
 use foveate::scene::{Digits, Frame, Scene};
 use foveate::tracker::Tracker;
 use std::path::Path;

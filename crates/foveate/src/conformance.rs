@@ -3,7 +3,7 @@
 //! Each panics with the broken law. Random checks state how often they would fail a correct implementation.
 
 use crate::control::{CHUNK, Dynamics, Proposal, Resampling, Reward};
-use crate::gaze::{Plan, Policy, Portrait};
+use crate::gaze::{Context, Plan, Policy, Portrait};
 use crate::geometry::{Extent, Gaze, State};
 use crate::identity::pyramid::Region;
 use crate::identity::{Appearance, Distance, Encoder, Percept, Pyramid, Retina};
@@ -224,8 +224,9 @@ pub fn policy(make: &dyn Fn() -> Box<dyn Policy>) {
 fn play(a: &mut dyn Policy, b: &mut dyn Policy, frames: std::ops::Range<u64>) {
     let (mut plan, mut other) = (Plan::new(), Plan::new());
     for t in frames {
-        a.plan(&mut plan, &mut checks().rng(t));
-        b.plan(&mut other, &mut checks().rng(t));
+        let context = if t == 0 { Context::default() } else { context(&mut checks().rng(2000 + t)) };
+        a.plan(&context, &mut plan, &mut checks().rng(t));
+        b.plan(&context, &mut other, &mut checks().rng(t));
         assert_eq!(plan, other, "the same past and randomness must give the same plan (frame {t})");
         assert!(plan.used().contains(&true), "a plan must use one gaze at least");
         assert!(plan.gazes().iter().all(|g| g.u.is_finite() && g.v.is_finite()), "a gaze is a place");
@@ -234,12 +235,31 @@ fn play(a: &mut dyn Policy, b: &mut dyn Policy, frames: std::ops::Range<u64>) {
         a.learn(&plan, &rewards);
         b.learn(&other, &rewards);
         assert_eq!(a.save(), b.save(), "the same past must leave the same memory (frame {t})");
-        if let Portrait::Arms { gazes, probabilities } = a.portrait() {
-            assert_eq!(gazes.len(), probabilities.len(), "one probability for each gaze");
-            let sum: f64 = probabilities.iter().sum();
-            assert!((sum - 1.0).abs() < 1e-9 && probabilities.iter().all(|&p| p >= 0.0), "probabilities sum to {sum}");
+        match a.portrait() {
+            Portrait::Blank => {}
+            Portrait::Arms { gazes, probabilities } => {
+                assert_eq!(gazes.len(), probabilities.len(), "one probability for each gaze");
+                let sum: f64 = probabilities.iter().sum();
+                let one = (sum - 1.0).abs() < 1e-9 && probabilities.iter().all(|&p| p >= 0.0);
+                assert!(one, "probabilities sum to {sum}");
+            }
+            Portrait::Surface(surface) => {
+                let inside = |g: &Gaze| g.u.abs().max(g.v.abs()) <= surface.reach() + 1e-12;
+                assert!(surface.fixations().iter().all(inside), "a surface is learned from gazes within its reach");
+                assert!(surface.best().iter().all(inside), "the best gaze is within reach");
+                for (u, v) in [(0.0, 0.0), (surface.reach(), -surface.reach())] {
+                    let (mean, sd) = surface.at(u, v);
+                    assert!(mean.is_finite() && sd >= 0.0 && sd.is_finite(), "at ({u}, {v}): {mean} ± {sd}");
+                }
+            }
         }
     }
+}
+
+/// Any tracker's state of mind.
+fn context(rng: &mut Rng) -> Context {
+    let [ess, doubt, surprise, spread] = std::array::from_fn(|_| rng.random());
+    Context { ess, doubt, surprise, spread, lost: doubt > 0.6 }
 }
 
 /// Every feature is finite and depends on its own row alone, bit for bit, however many rows are encoded at once.

@@ -28,11 +28,15 @@ impl BBox {
     pub fn around(cx: f64, cy: f64, w: f64, h: f64) -> Self {
         Self { x: cx - (w - 1.0) / 2.0, y: cy - (h - 1.0) / 2.0, w, h }
     }
-    /// Intersection over union with another box, 0 to 1.
-    pub fn iou(&self, other: &Self) -> f64 {
+    /// The area both boxes cover, pixels; 0 where they do not meet.
+    pub fn intersection(&self, other: &Self) -> f64 {
         let w = (self.x + self.w).min(other.x + other.w) - self.x.max(other.x);
         let h = (self.y + self.h).min(other.y + other.h) - self.y.max(other.y);
-        let inter = w.max(0.0) * h.max(0.0);
+        w.max(0.0) * h.max(0.0)
+    }
+    /// Intersection over union with another box, 0 to 1.
+    pub fn iou(&self, other: &Self) -> f64 {
+        let inter = self.intersection(other);
         let union = self.w * self.h + other.w * other.h - inter;
         (inter / union.max(f64::EPSILON)).clamp(0.0, 1.0)
     }

@@ -32,13 +32,13 @@
 //! | selection | [`control::Resampling`] |
 //! | rₜ | [`control::Reward`]: [`control::Concentration`] (the paper's), [`control::LogConcentration`], [`control::VarianceReduction`] |
 //! | πₜ | [`gaze::Policy`]: [`gaze::Fixed`], [`gaze::Random`], [`gaze::Circular`], [`gaze::Hedge`], [`gaze::Anchor`] |
-//! | the digit videos (section 6.1) | [`scene::synthetic::Clutter`] |
+//! | the digit videos (sections 6.1, 6.2) | [`scene::synthetic::Clutter`], [`scene::synthetic::Occlusion`] |
 //!
 //! # A run
 //!
 //! ```
 //! use foveate::config::Config;
-//! use foveate::scene::synthetic::Clutter;
+//! use foveate::scene::synthetic::{Clutter, Drawn};
 //! use foveate::scene::{Digits, Scene};
 //! use std::path::Path;
 //!

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::control::{Belief, Promise, Proposal, Resampling, Reward, Vigilance, normalize};
-use crate::gaze::{Plan, Policy};
+use crate::gaze::{Context, Plan, Policy};
 use crate::geometry::{BBox, Extent, State};
 use crate::identity::{Appearance, Percept};
 use crate::rng::Purpose::{Look, Predict, Select, Start};
@@ -39,6 +39,7 @@ pub struct Tracker {
     frame: u64,
     particles: Vec<State>,
     log_carried: Vec<f64>,
+    context: Context,
     work: Work,
 }
 
@@ -77,6 +78,7 @@ impl Tracker {
             frame: 0,
             particles: vec![State::default(); n_particles],
             log_carried: vec![-(n_particles as f64).ln(); n_particles],
+            context: Context::default(),
             work: Work::default(),
         })
     }
@@ -91,6 +93,7 @@ impl Tracker {
         self.target = Some(Target { state, extent });
         self.parts.appearance.imprint(&frame.image, &state, extent, self.streams);
         self.parts.policy.reset();
+        self.context = Context::default();
         self.parts.vigilance.reset();
         self.parts.proposal.size(extent.mean());
         self.parts.start.draw(&state, extent, &mut self.particles, streams);
@@ -100,7 +103,7 @@ impl Tracker {
 
     /// One frame of Algorithm 1. Panics if `start` was never called.
     pub fn step<'a>(&'a mut self, scene: Scene<'a>) -> Step<'a> {
-        let Self { parts, streams, target, particles, log_carried, frame, work: w } = self;
+        let Self { parts, streams, target, particles, log_carried, context, frame, work: w } = self;
         let target = target.as_ref().expect("start is called before the first step");
         let (image, n) = (&scene.frame.image, particles.len());
         *frame += 1;
@@ -112,7 +115,7 @@ impl Tracker {
         add(&mut w.log_prior, log_carried);
 
         // Choose where to look. Some policies ask about every gaze, some about one.
-        parts.policy.plan(&mut w.plan, &mut streams.at(*frame, Look).rng(0));
+        parts.policy.plan(context, &mut w.plan, &mut streams.at(*frame, Look).rng(0));
         parts.appearance.see(image, &w.predicted, w.plan.gazes());
 
         // Deviation: where the paper samples anew for each action, all gazes of a frame weigh the same particles.
@@ -145,6 +148,13 @@ impl Tracker {
         let expected = parts.appearance.expectation();
         let promise = Promise { on: expected.on, off: expected.off };
         let watch = parts.vigilance.judge(log_evidence, looks, &w.log_posterior, promise);
+        *context = Context {
+            ess: ess / n as f64,
+            doubt: watch.doubt,
+            surprise: watch.surprise,
+            spread: spread(&covariance, target.extent.mean() * estimate.log_scale.exp()),
+            lost: watch.lost,
+        };
 
         // Recognize: perceive once more, at the estimate.
         parts.appearance.perceive(&estimate, w.plan.chosen(), &mut w.percept);
@@ -176,6 +186,7 @@ impl Tracker {
             policy: self.parts.policy.save(),
             appearance: self.parts.appearance.save(),
             vigilance: self.parts.vigilance.save(),
+            context: self.context,
         };
         serde_json::to_value(saved).expect("plain data is JSON")
     }
@@ -213,6 +224,7 @@ impl Tracker {
         }
         self.frame = saved.frame;
         self.target = saved.target;
+        self.context = saved.context;
         self.particles = saved.particles;
         self.log_carried = saved.log_weights.iter().map(|w| w.unwrap_or(f64::NEG_INFINITY)).collect();
         Ok(())
@@ -235,7 +247,7 @@ impl Tracker {
 }
 
 /// The format number of saved trackers.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 /// More frames than any video has.
 const MOST_FRAMES: u64 = 1 << 48;
 
@@ -250,6 +262,12 @@ struct Saved {
     policy: serde_json::Value,
     appearance: serde_json::Value,
     vigilance: serde_json::Value,
+    context: Context,
+}
+
+/// Standard deviation of place in template units; a million stands for what is not finite.
+fn spread(covariance: &[[f64; 6]; 6], unit: f64) -> f64 {
+    ((0.5 * (covariance[0][0] + covariance[1][1])).sqrt() / unit).min(1e6)
 }
 
 fn add(to: &mut [f64], what: &[f64]) {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use foveate::eval::score_centres;
 use foveate::run::{Follow, follow};
-use foveate::scene::synthetic::Clutter;
+use foveate::scene::synthetic::{Clutter, Drawn};
 use foveate::scene::{Digits, FrameSource};
 use foveate::{Error, Result};
 

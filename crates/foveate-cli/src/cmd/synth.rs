@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Subcommand, ValueEnum};
 use foveate::scene::otb::write_otb;
-use foveate::scene::synthetic::{Clutter, Ink, NOISE};
+use foveate::scene::synthetic::{Clutter, Corruption, Drawn, Ink, NOISE, Occlusion, Synthetic};
 use foveate::scene::{Digits, Split};
 use foveate::{Error, Result};
 
@@ -22,10 +22,13 @@ pub struct Args {
 enum Kind {
     /// One digit moves among static ones (the paper's first experiment)
     Clutter(ClutterArgs),
+    /// One digit on black passes behind bars, under noise (the paper's partial-information experiment)
+    Partial(PartialArgs),
 }
 
+/// What all scenes can be told.
 #[derive(clap::Args, Debug)]
-struct ClutterArgs {
+struct Common {
     /// The digit that moves
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=9))]
     digit: u8,
@@ -35,12 +38,36 @@ struct ClutterArgs {
     /// Folder to make: img/0001.png ..., groundtruth_rect.txt (x,y,w,h, 1-based), label.txt, scene.toml
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Hit 30 % of the black pixels with salt and pepper (half of the hits stay black), anew in every frame
-    #[arg(long)]
-    noise: bool,
     /// Length of the video
     #[arg(long, default_value_t = 300)]
     frames: usize,
+    /// Folder with MNIST's test files (t10k-*, plain or .gz); without it the digits are drawn by a pen
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+}
+
+#[derive(clap::Args, Debug)]
+struct PartialArgs {
+    #[command(flatten)]
+    common: Common,
+    /// Share of the pixels hit by noise, 0 to 1
+    #[arg(long, default_value_t = NOISE)]
+    noise: f64,
+    /// Invert the pixels that are hit instead of replacing them by black or white
+    #[arg(long)]
+    inverted: bool,
+    /// Number of bars across the path
+    #[arg(long, default_value_t = 2)]
+    bars: usize,
+}
+
+#[derive(clap::Args, Debug)]
+struct ClutterArgs {
+    #[command(flatten)]
+    common: Common,
+    /// Hit 30 % of the black pixels with salt and pepper (half of the hits stay black), anew in every frame
+    #[arg(long)]
+    noise: bool,
     /// Number of static digits, taken from the nine other classes in turn
     #[arg(long, value_name = "N", default_value_t = 18)]
     distractors: usize,
@@ -50,9 +77,6 @@ struct ClutterArgs {
     /// Draw the target between pixels instead of at whole ones
     #[arg(long)]
     subpixel: bool,
-    /// Folder with MNIST's test files (t10k-*, plain or .gz); without it the digits are drawn by a pen
-    #[arg(long, value_name = "DIR")]
-    data: Option<PathBuf>,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
@@ -67,21 +91,30 @@ enum InkArg {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<()> {
-    let Kind::Clutter(args) = args.kind;
-    let settings = Clutter {
-        digit: args.digit,
-        seed: args.seed,
-        frames: args.frames,
-        noise: if args.noise { NOISE } else { 0.0 },
-        distractors: args.distractors,
-        ink: match args.ink {
-            InkArg::Replace => Ink::Replace,
-            InkArg::Brighter => Ink::Brighter,
-            InkArg::Opaque => Ink::Opaque,
-        },
-        subpixel: args.subpixel,
-        ..Clutter::default()
-    };
+    match args.kind {
+        Kind::Clutter(args) => {
+            let Common { digit, seed, frames, .. } = args.common;
+            let ink = match args.ink {
+                InkArg::Replace => Ink::Replace,
+                InkArg::Brighter => Ink::Brighter,
+                InkArg::Opaque => Ink::Opaque,
+            };
+            let noise = if args.noise { NOISE } else { 0.0 };
+            let (distractors, subpixel) = (args.distractors, args.subpixel);
+            let settings = Clutter { digit, seed, frames, noise, distractors, ink, subpixel, ..Clutter::default() };
+            make(&args.common, Synthetic::Clutter(settings))
+        }
+        Kind::Partial(args) => {
+            let Common { digit, seed, frames, .. } = args.common;
+            let corruption = if args.inverted { Corruption::Inverted } else { Corruption::Replaced };
+            let (noise, bars) = (args.noise, args.bars);
+            let settings = Occlusion { digit, seed, frames, noise, bars, corruption, ..Occlusion::default() };
+            make(&args.common, Synthetic::Occlusion(settings))
+        }
+    }
+}
+
+fn make(args: &Common, settings: Synthetic) -> Result<()> {
     let (digits, from) = match &args.data {
         Some(dir) => (Digits::load(dir, Split::Test)?, "MNIST test digits"),
         None => (Digits::drawn(args.seed, DRAWN), "drawn digits"),
@@ -89,7 +122,9 @@ pub fn run(args: Args) -> Result<()> {
     let video = settings.video(&digits)?;
     let scene = toml::to_string(&settings).map_err(|e| Error::Invalid(e.to_string()))?;
     let notes = [("label.txt", format!("{}\n", video.label())), ("scene.toml", format!("# {from}\n{scene}"))];
-    write_otb(&args.out, video.clone().source(), video.truth(), &notes)?;
-    println!("{}: {} frames of digit {} ({from})", args.out.display(), video.len(), video.label());
+    let truth = video.truth().to_vec();
+    let (frames, label) = (truth.len(), video.label());
+    write_otb(&args.out, video.source(), &truth, &notes)?;
+    println!("{}: {frames} frames of digit {label} ({from})", args.out.display());
     Ok(())
 }

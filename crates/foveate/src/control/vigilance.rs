@@ -22,6 +22,8 @@ pub struct Promise {
 pub struct Watch {
     /// 0 when the evidence is what the target gives, 1 when it is what other places give; smoothed over frames.
     pub doubt: f64,
+    /// The same of this frame alone, 0 to 2.
+    pub surprise: f64,
     /// Effective sample size of the softened weights, as a share of N, 0 to 1.
     pub tempered_ess: f64,
     /// Whether the target is believed lost.
@@ -78,6 +80,7 @@ impl Vigilance {
         let doubt = if evidence.is_finite() { ((promise.on - evidence) / gap).clamp(0.0, 2.0) } else { 2.0 };
         let tempered_ess = tempered_ess(log_weights, self.temperature);
         let doubt = if tempered_ess > self.flat { doubt.max(1.0) } else { doubt };
+        self.watch.surprise = doubt;
         self.watch.doubt += self.memory * (doubt - self.watch.doubt);
         self.watch.tempered_ess = tempered_ess;
         self.watch.lost = self.watch.doubt > self.threshold;

@@ -6,9 +6,9 @@
 //! Scores equal those of the got10k toolkit's OTB experiment (0.1.3) on the same boxes.
 
 pub mod centres;
-pub mod clutter;
 pub mod compare;
 pub mod curves;
+pub mod experiment;
 pub mod metrics;
 pub mod sequence;
 pub mod table;

@@ -2,7 +2,7 @@
 //!
 //! Not in the paper. In trials "centre + chosen" was the only policy of partial information that was reliable.
 
-use super::{Plan, Policy, Portrait};
+use super::{Context, Plan, Policy, Portrait};
 use crate::Result;
 use crate::geometry::Gaze;
 use crate::rng::Rng;
@@ -30,8 +30,8 @@ impl Anchor {
 }
 
 impl Policy for Anchor {
-    fn plan(&mut self, plan: &mut Plan, rng: &mut Rng) {
-        self.inner.plan(&mut self.own, rng);
+    fn plan(&mut self, context: &Context, plan: &mut Plan, rng: &mut Rng) {
+        self.inner.plan(context, &mut self.own, rng);
         plan.clear();
         for (&gaze, &used) in self.own.gazes().iter().zip(self.own.used()) {
             plan.push(gaze, used);
@@ -87,7 +87,7 @@ mod tests {
         let mut plan = Plan::new();
         let mut circular = Anchor::centre(Box::new(Circular::new(Grid::default().gazes())));
         for t in 0..9 {
-            circular.plan(&mut plan, &mut rng);
+            circular.plan(&Context::default(), &mut plan, &mut rng);
             assert_eq!(plan.chosen().arm, Some(t), "the choice is the inner policy's");
             assert_eq!(plan.gazes().len(), if t == 4 { 1 } else { 2 });
             assert!(plan.used().iter().all(|&used| used));
@@ -95,7 +95,7 @@ mod tests {
         }
         let mut full = Anchor::centre(hedge());
         for _ in 0..50 {
-            full.plan(&mut plan, &mut rng);
+            full.plan(&Context::default(), &mut plan, &mut rng);
             assert_eq!(plan.gazes().len(), 9, "the centre is one of the nine");
             assert!(plan.used()[4] && plan.used()[plan.chosen_index()]);
             assert_eq!(plan.used().iter().filter(|&&used| used).count(), if plan.chosen_index() == 4 { 1 } else { 2 });
@@ -109,9 +109,9 @@ mod tests {
         let (mut plan, mut bare) = (Plan::new(), hedge());
         let mut anchored = Anchor::new(Gaze { u: 0.1, v: 0.0, arm: None }, hedge());
         let rewards: Vec<f64> = (0..10).map(|k| f64::from(k) / 10.0).collect();
-        anchored.plan(&mut plan, &mut rng);
+        anchored.plan(&Context::default(), &mut plan, &mut rng);
         anchored.learn(&plan, &rewards);
-        bare.plan(&mut plan, &mut rng);
+        bare.plan(&Context::default(), &mut plan, &mut rng);
         bare.learn(&plan, &rewards[..9]);
         assert_eq!(anchored.save(), bare.save());
     }

@@ -1,6 +1,6 @@
 //! Policies that learn nothing (section 4.1), to measure the others by.
 
-use super::{Plan, Policy, Portrait, misfit};
+use super::{Context, Plan, Policy, Portrait, misfit};
 use crate::Result;
 use crate::geometry::Gaze;
 use crate::rng::Rng;
@@ -21,7 +21,7 @@ impl Fixed {
 }
 
 impl Policy for Fixed {
-    fn plan(&mut self, plan: &mut Plan, _: &mut Rng) {
+    fn plan(&mut self, _: &Context, plan: &mut Plan, _: &mut Rng) {
         plan.only(self.gaze);
     }
     fn learn(&mut self, _: &Plan, _: &[f64]) {}
@@ -46,7 +46,7 @@ impl Random {
 }
 
 impl Policy for Random {
-    fn plan(&mut self, plan: &mut Plan, rng: &mut Rng) {
+    fn plan(&mut self, _: &Context, plan: &mut Plan, rng: &mut Rng) {
         plan.only(self.gazes[rng.random_range(..self.gazes.len())]);
     }
     fn learn(&mut self, _: &Plan, _: &[f64]) {}
@@ -80,7 +80,7 @@ impl Circular {
 }
 
 impl Policy for Circular {
-    fn plan(&mut self, plan: &mut Plan, _: &mut Rng) {
+    fn plan(&mut self, _: &Context, plan: &mut Plan, _: &mut Rng) {
         plan.only(self.gazes[self.turn]);
     }
     fn learn(&mut self, _: &Plan, _: &[f64]) {
@@ -126,14 +126,14 @@ mod tests {
         let arm = |plan: &Plan| plan.chosen().arm.expect("gazes of a grid are arms");
         let mut random = Random::new(Grid::default().gazes());
         for _ in 0..9000 {
-            random.plan(&mut plan, &mut rng);
+            random.plan(&Context::default(), &mut plan, &mut rng);
             counts[arm(&plan)] += 1;
         }
         let sd = (9000.0 * 8.0 / 81.0f64).sqrt();
         assert!(counts.iter().all(|&c| (f64::from(c) - 1000.0).abs() < 5.0 * sd), "{counts:?}");
         let mut circular = Circular::new(Grid::default().gazes());
         for t in 0..20 {
-            circular.plan(&mut plan, &mut rng);
+            circular.plan(&Context::default(), &mut plan, &mut rng);
             assert_eq!(arm(&plan), t % 9);
             circular.learn(&plan, &[0.5]);
         }

@@ -4,7 +4,7 @@
 //! from pₜ and used. With γ = √(8 ln K / T) the expected reward over T frames lies within √(T ln K / 2) of the
 //! best single gaze's, whatever the rewards (Cesa-Bianchi & Lugosi 2006, theorem 2.2).
 
-use super::{Plan, Policy, Portrait, misfit};
+use super::{Context, Plan, Policy, Portrait, misfit};
 use crate::geometry::Gaze;
 use crate::rng::Rng;
 use crate::{Error, Result};
@@ -60,7 +60,7 @@ fn draw(probabilities: &[f64], rng: &mut Rng) -> usize {
 }
 
 impl Policy for Hedge {
-    fn plan(&mut self, plan: &mut Plan, rng: &mut Rng) {
+    fn plan(&mut self, _: &Context, plan: &mut Plan, rng: &mut Rng) {
         plan.all(&self.gazes, draw(&self.probabilities, rng));
     }
     fn learn(&mut self, plan: &Plan, rewards: &[f64]) {
@@ -135,7 +135,7 @@ mod tests {
                 let (mut earned, mut gain) = (0.0, [0.0; K]);
                 for t in 0..frames {
                     let p = policy.probabilities.clone();
-                    policy.plan(&mut plan, &mut Streams::new(t as u64, 1).rng(0));
+                    policy.plan(&Context::default(), &mut plan, &mut Streams::new(t as u64, 1).rng(0));
                     let rewards: Vec<f64> = (0..K).map(|k| adversary(t, &p, k)).collect();
                     earned += p.iter().zip(&rewards).map(|(p, r)| p * r).sum::<f64>();
                     gain.iter_mut().zip(&rewards).for_each(|(g, r)| *g += r);
@@ -153,13 +153,13 @@ mod tests {
     fn gazes_are_drawn_with_the_printed_probabilities() {
         let (mut policy, mut plan) = (hedge(2.0), Plan::new());
         let mut rng = Streams::new(7, 0).at(0, Purpose::Look).rng(0);
-        policy.plan(&mut plan, &mut rng);
+        policy.plan(&Context::default(), &mut plan, &mut rng);
         let rewards: Vec<f64> = (0..9).map(|k| f64::from(k) / 8.0).collect();
         policy.learn(&plan, &rewards);
         let sum: f64 = rewards.iter().map(|r| (2.0 * r).exp()).sum();
         let mut counts = [0; 9];
         for _ in 0..20_000 {
-            policy.plan(&mut plan, &mut rng);
+            policy.plan(&Context::default(), &mut plan, &mut rng);
             counts[plan.chosen_index()] += 1;
         }
         for (k, (&count, r)) in counts.iter().zip(&rewards).enumerate() {
@@ -174,7 +174,7 @@ mod tests {
     fn large_gains_do_not_overflow() {
         let (mut policy, mut plan) = (hedge(1e3), Plan::new());
         for t in 0..2000 {
-            policy.plan(&mut plan, &mut Streams::new(t, 0).rng(0));
+            policy.plan(&Context::default(), &mut plan, &mut Streams::new(t, 0).rng(0));
             let rewards: Vec<f64> = (0..9).map(|k| f64::from(k == 4)).collect();
             policy.learn(&plan, &rewards);
         }

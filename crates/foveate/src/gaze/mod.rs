@@ -17,6 +17,7 @@ pub use self::hedge::Hedge;
 use crate::geometry::Gaze;
 use crate::rng::Rng;
 use crate::{Error, Result};
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// The gazes of one frame: each is scored, the used ones move the belief, one is the policy's own choice.
@@ -84,8 +85,43 @@ impl Plan {
     }
 }
 
+/// How sure the tracker was at the end of the frame before: what a policy may weigh exploring against (the paper's
+/// last paragraph). [`Default`] is the first frame's: all is well.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Context {
+    /// Effective sample size as a share of the particles, above 0 to 1.
+    pub ess: f64,
+    /// 0 while the looks fit as they do on the target, 1 when they fit as elsewhere; smoothed over frames, 0 to 2.
+    pub doubt: f64,
+    /// The same of the last frame alone, 0 to 2.
+    pub surprise: f64,
+    /// Standard deviation of the belief about place, in template units (1 is half the target's box).
+    pub spread: f64,
+    /// Whether the target is believed lost.
+    pub lost: bool,
+}
+
+impl Default for Context {
+    fn default() -> Self {
+        Self { ess: 1.0, doubt: 0.0, surprise: 0.0, spread: 0.0, lost: false }
+    }
+}
+
+/// A reward surface over the template, as a policy believes it to be.
+pub trait Surface {
+    /// Half the side of the square of gazes it is over, in template units.
+    fn reach(&self) -> f64;
+    /// Mean and standard deviation of the believed reward of looking at (u, v).
+    fn at(&self, u: f64, v: f64) -> (f64, f64);
+    /// The gazes it was learned from, oldest first.
+    fn fixations(&self) -> &[Gaze];
+    /// The gaze with the largest mean. `None` before anything was learned.
+    fn best(&self) -> Option<Gaze>;
+}
+
 /// What a policy has learned, for people to see.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy)]
 pub enum Portrait<'a> {
     /// Nothing to show.
     Blank,
@@ -96,6 +132,8 @@ pub enum Portrait<'a> {
         /// As many probabilities.
         probabilities: &'a [f64],
     },
+    /// What each gaze of a continuous space is believed to be worth; worked out where it is asked for.
+    Surface(&'a dyn Surface),
 }
 
 /// Chooses gazes, and learns from what they were worth.
@@ -104,8 +142,8 @@ pub enum Portrait<'a> {
 /// draw from `rng` alone. `save` and `load` must carry all that was learned, bit for bit: a policy that loads
 /// goes on as the one that saved would have.
 pub trait Policy: Send {
-    /// Replaces the plan by the gazes of the next frame.
-    fn plan(&mut self, plan: &mut Plan, rng: &mut Rng);
+    /// Replaces the plan by the gazes of the next frame. Most policies do not mind the context.
+    fn plan(&mut self, context: &Context, plan: &mut Plan, rng: &mut Rng);
     /// Learns from rewards in [0, 1]; `rewards[k]` belongs to `plan.gazes()[k]`.
     fn learn(&mut self, plan: &Plan, rewards: &[f64]);
     /// What was learned, for observers only.

@@ -143,7 +143,7 @@ impl Observer for Report {
         let also = looks.filter(|(k, (_, used))| **used && *k != step.plan.chosen_index());
         let policy = match step.portrait {
             Portrait::Arms { probabilities, .. } => probabilities.iter().flat_map(|p| word(*p)).collect(),
-            Portrait::Blank => vec![],
+            Portrait::Blank | Portrait::Surface(_) => vec![],
         };
         self.keys.push(Key {
             row,

@@ -112,7 +112,7 @@ impl Observer for Trace {
             percept: Percept { gaze: p.gaze, glimpse: &p.glimpse, features: &p.features, distance: p.distance },
             portrait: match step.portrait {
                 Portrait::Arms { gazes, probabilities } => Some(Arms { gazes, probabilities }),
-                Portrait::Blank => None,
+                Portrait::Blank | Portrait::Surface(_) => None,
             },
         })
     }

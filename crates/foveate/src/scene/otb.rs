@@ -58,7 +58,7 @@ fn fill(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::synthetic::{Clutter, NOISE};
+    use crate::scene::synthetic::{Clutter, Drawn, NOISE};
     use crate::scene::{Digits, annotation};
 
     #[test]

@@ -1,4 +1,4 @@
-//! The paper's first experiment as a table (section 7.1, table 1): digits among distractors, policy by policy.
+//! The paper's experiments on synthetic digits as tables (sections 6.1 and 6.2): policy by policy on the same videos.
 //!
 //! A [`Run`] is one tracker on one synthetic video: the distance of centres in every frame from the second on,
 //! as the authors measure it. A [`Line`] sums up the runs of one configuration and policy, beside those of the
@@ -16,16 +16,16 @@ use super::table::aligned;
 use crate::config::{Blueprint, PolicyConfig};
 use crate::gaze::{Grid, Hedge};
 use crate::rng::Streams;
-use crate::scene::synthetic::{Clutter, ClutterVideo, NOISE};
-use crate::scene::{Digits, Scene};
+use crate::scene::synthetic::{Clutter, Drawn, NOISE};
+use crate::scene::{Digits, Frame, Scene};
 use crate::tracker::Tracker;
 use crate::{Error, Result};
 
 /// A centre error above this, pixels, is off the target: half a digit.
 pub const OFF: f64 = 14.0;
 
-/// What others have on such videos, to print below the table.
-pub const PEERS: &str = "\
+/// What others have on videos of digits among distractors, to print below the table.
+pub const CLUTTER_PEERS: &str = "\
 Others, on ten videos of the same kind (noise 30 % | none; mean error of upper-left corners, lost = mean above 28 px):
   dlib correlation_tracker   6.7 px, median 0.8, 1 of 10 lost  |  0.7 px, 0 of 10 lost
   OpenCV CSRT                6.2 px, median 0.8, 1 of 10 lost  |  10.8 px, median 0.8, 2 of 10 lost
@@ -49,12 +49,11 @@ impl Run {
     ///
     /// # Errors
     /// The tracker refuses the first box.
-    pub fn follow(video: ClutterVideo, tracker: &mut Tracker) -> Result<Self> {
-        let truth = video.truth().to_vec();
+    pub fn follow(video: &dyn Drawn, tracker: &mut Tracker) -> Result<Self> {
         let mut run = Self::default();
-        for (frame, truth) in video.source().zip(&truth) {
-            let frame = frame?;
-            if frame.index == 0 {
+        for (index, truth) in video.truth().iter().enumerate() {
+            let frame = Frame { index, time: index as f64 / 30.0, image: video.render(index) };
+            if index == 0 {
                 tracker.start(&frame, *truth)?;
                 continue;
             }
@@ -91,7 +90,7 @@ impl Run {
 /// The tracker cannot be made.
 pub fn fingerprint(blueprint: &Blueprint) -> Result<String> {
     let video = Clutter { digit: 3, seed: 1, frames: 8, noise: NOISE, ..Clutter::default() };
-    let run = Run::follow(video.video(&Digits::drawn(1, 2))?, &mut blueprint.tracker(1, 0)?)?;
+    let run = Run::follow(&video.video(&Digits::drawn(1, 2))?, &mut blueprint.tracker(1, 0)?)?;
     let bytes: Vec<u8> = run.errors.iter().flat_map(|e| e.to_le_bytes()).collect();
     Ok(digest(&[&bytes]))
 }
@@ -252,8 +251,8 @@ pub fn paired(differences: &[f64]) -> Paired {
     Paired { mean: mean_sd(differences).0, low: quantile(&means, 0.025), high: quantile(&means, 0.975) }
 }
 
-/// Aligned text with its explanations and the others' figures.
-pub fn text(lines: &[Line]) -> String {
+/// Aligned text with its explanations, and what others have.
+pub fn text(lines: &[Line], peers: &str) -> String {
     let heads = [
         "configuration",
         "policy",
@@ -273,7 +272,7 @@ pub fn text(lines: &[Line]) -> String {
     let mut rows = vec![heads.map(String::from).to_vec()];
     rows.extend(lines.iter().map(cells));
     format!(
-        "{}\n{}\n{PEERS}\n",
+        "{}\n{}\n{peers}\n",
         aligned(&rows),
         "Errors are distances of centres in px from frame 2 on, averaged over a video first; mean, sd, median and 90 % are over videos.\n\
          lost at end: the last 20 frames are more than 15 px off on average; lost in mean: all frames are more than 28 px off.\n\
@@ -319,7 +318,7 @@ mod tests {
         assert_eq!((line.flagged_on, line.flagged_off, line.fps), (Some(0.0), Some(0.75), Some(8.0)));
         // Differences −1 and 38: half of the resamples have both, a quarter one of them twice.
         assert_eq!(line.against_fixed, Some(Paired { mean: 18.5, low: -1.0, high: 38.0 }));
-        assert!(text(&[line]).contains("+18.50 [-1.00, +38.00]"));
+        assert!(text(&[line], "").contains("+18.50 [-1.00, +38.00]"));
         let alone = Line::of("c", "fixed", 0.0, &[&good], None).expect("one run");
         assert_eq!((alone.against_fixed, alone.flagged_off), (None, None));
         assert!(Line::of("c", "fixed", 0.0, &[], None).is_err() && good.is_of(5) && !good.is_of(4));

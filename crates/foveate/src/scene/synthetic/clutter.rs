@@ -11,28 +11,16 @@
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-use super::idx::{Digits, SIDE};
-use super::spline::Spline;
-use super::{Frame, FrameSource, Image, SourceInfo};
+use super::path::Path;
+use super::{Drawn, Ink, pick, shifted, wrong};
+use crate::Result;
 use crate::geometry::BBox;
-use crate::rng::{Purpose, Rng, Streams};
-use crate::{Error, Result};
+use crate::rng::{Purpose, Streams};
+use crate::scene::Image;
+use crate::scene::idx::{Digits, SIDE};
 
 /// The salt and pepper density of the authors' noisy videos.
 pub const NOISE: f64 = 0.3;
-
-/// How a digit covers what lies below it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Ink {
-    /// Pixels with ink replace what lies below, black ones are transparent: the authors' way.
-    #[default]
-    Replace,
-    /// The brighter of the two stays: strokes melt into each other.
-    Brighter,
-    /// The whole 28 × 28 square replaces what lies below.
-    Opaque,
-}
 
 /// Settings of a video; [`Default`] is the experiment without noise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -102,17 +90,20 @@ impl Clutter {
             let digit = pick(digits, others[i % others.len()], &mut rng)?;
             let x = rng.random_range(0..=self.width - SIDE);
             let y = rng.random_range(0..=self.height - SIDE);
-            self.draw(&mut background, digit, x, y);
+            self.ink.draw(&mut background, self.width, digit, x, y);
         }
 
-        let path = self.path(&mut streams.rng(2))?;
+        let room = [(self.width - SIDE) as f64, (self.height - SIDE) as f64];
+        let mut path = Path { room, frames: self.frames, speed: self.speed }.draw(&mut streams.rng(2))?;
+        if !self.subpixel {
+            path.iter_mut().flatten().for_each(|x| *x = x.round());
+        }
         let side = SIDE as f64;
         let truth = path.into_iter().map(|[x, y]| BBox { x, y, w: side, h: side }).collect();
         Ok(ClutterVideo { settings: self.clone(), background, target, truth })
     }
 
     fn check(&self) -> Result<()> {
-        let wrong = |what: String| Err(Error::Config(format!("synthetic video: {what}")));
         let [slow, fast] = self.speed;
         match self {
             _ if self.digit > 9 => wrong(format!("digit is {}, expected 0 to 9", self.digit)),
@@ -131,86 +122,19 @@ impl Clutter {
     fn streams(&self, frame: u64) -> Streams {
         Streams::new(self.seed, u64::from(self.digit)).at(frame, Purpose::Scene)
     }
-
-    /// Top-left corners of the target: a cubic spline through uniform points, equally sampled in its
-    /// parameter, as long as the speed asks for. A point near a fault of the curve is drawn again: a
-    /// fault is a place off the canvas, a step of 5 px or more (none of the authors' videos has one;
-    /// 2.3 times the mean where that is more), or two points nearer than a tenth of the canvas.
-    fn path(&self, rng: &mut Rng) -> Result<Vec<[f64; 2]>> {
-        const TRIES: usize = 100_000;
-        let room = [(self.width - SIDE) as f64, (self.height - SIDE) as f64];
-        let near = 0.1 * room[0].hypot(room[1]);
-        let mean = self.speed[0] + (self.speed[1] - self.speed[0]) * rng.random::<f64>();
-        let top = (2.3 * mean).max(5.0);
-        let length = mean * (self.frames - 1) as f64;
-
-        let click = |rng: &mut Rng| room.map(|side| side * rng.random::<f64>());
-        let mut points = vec![click(rng), click(rng)];
-        for _ in 0..TRIES {
-            while points.windows(2).map(|p| distance(p[0], p[1])).sum::<f64>() < length {
-                points.push(click(rng));
-                if points.len() > 2 * self.frames + 2 {
-                    break;
-                }
-            }
-            let curve = Spline::through(points.clone());
-            let Some(end) = parameter_at(&curve, length) else { break };
-            let step = end / (self.frames - 1).max(1) as f64;
-            let mut path: Vec<_> = (0..self.frames).map(|t| curve.at(t as f64 * step)).collect();
-            let crowded = (0..end.ceil() as usize).find(|&i| distance(points[i], points[i + 1]) < near);
-            let outside = |p: &[f64; 2]| (0..2).any(|k| !(0.0..=room[k]).contains(&p[k]));
-            let fast = |t: usize| t > 0 && distance(path[t - 1], path[t]) >= top;
-            let fault = |t: &usize| outside(&path[*t]) || fast(*t);
-            let at = crowded.or_else(|| (0..self.frames).find(fault).map(|t| (t as f64 * step) as usize));
-            let Some(i) = at else {
-                if !self.subpixel {
-                    path.iter_mut().flatten().for_each(|x| *x = x.round());
-                }
-                return Ok(path);
-            };
-            let again = (i + rng.random_range(0..2)).min(points.len() - 1);
-            points[again] = click(rng);
-        }
-        let (w, h) = (self.width, self.height);
-        let problem =
-            format!("no path of {length:.0} px fits a canvas of {w} x {h}; make it larger, or speed or frames less");
-        Err(Error::Config(format!("synthetic video: {problem}")))
-    }
-
-    /// Draws a square digit with its top-left pixel at (x, y), cut where the canvas ends.
-    fn draw(&self, canvas: &mut [u8], digit: &[u8], x: usize, y: usize) {
-        let side = digit.len().isqrt();
-        for (below, ink) in canvas.chunks_exact_mut(self.width).skip(y).zip(digit.chunks_exact(side)) {
-            for (below, &ink) in below[x..].iter_mut().zip(ink) {
-                *below = match self.ink {
-                    Ink::Replace if ink == 0 => *below,
-                    Ink::Replace | Ink::Opaque => ink,
-                    Ink::Brighter => ink.max(*below),
-                };
-            }
-        }
-    }
 }
 
-impl ClutterVideo {
-    /// Number of frames.
-    pub fn len(&self) -> usize {
-        self.truth.len()
+impl Drawn for ClutterVideo {
+    fn size(&self) -> (usize, usize) {
+        (self.settings.width, self.settings.height)
     }
-    /// Never: a video has at least one frame.
-    pub fn is_empty(&self) -> bool {
-        self.truth.is_empty()
-    }
-    /// The target's box in each frame, 28 × 28, 0-based.
-    pub fn truth(&self) -> &[BBox] {
+    fn truth(&self) -> &[BBox] {
         &self.truth
     }
-    /// The target's class.
-    pub fn label(&self) -> u8 {
+    fn label(&self) -> u8 {
         self.settings.digit
     }
-    /// Draws frame `t`. Panics if the video is shorter.
-    pub fn render(&self, t: usize) -> Image {
+    fn render(&self, t: usize) -> Image {
         let s = &self.settings;
         let mut canvas = self.background.clone();
         if s.noise > 0.0 {
@@ -225,101 +149,21 @@ impl ClutterVideo {
         let BBox { x, y, .. } = self.truth[t];
         let (column, row) = (x.floor(), y.floor());
         if s.subpixel {
-            s.draw(&mut canvas, &shifted(&self.target, x - column, y - row), column as usize, row as usize);
+            let between = shifted(&self.target, x - column, y - row);
+            s.ink.draw(&mut canvas, s.width, &between, column as usize, row as usize);
         } else {
-            s.draw(&mut canvas, &self.target, column as usize, row as usize);
+            s.ink.draw(&mut canvas, s.width, &self.target, column as usize, row as usize);
         }
         Image::new(s.width, s.height, 1, canvas).expect("the canvas was made to these sides")
     }
-    /// The frames in order, at 30 a second.
-    pub fn source(self) -> ClutterFrames {
-        let s = &self.settings;
-        let reader = "synthetic digits".into();
-        let info = SourceInfo { width: s.width, height: s.height, frames: Some(self.len()), rate: 30.0, reader };
-        ClutterFrames { video: self, next: 0, info }
-    }
-}
-
-/// The frames of a [`ClutterVideo`].
-#[derive(Clone, Debug)]
-pub struct ClutterFrames {
-    video: ClutterVideo,
-    next: usize,
-    info: SourceInfo,
-}
-
-impl Iterator for ClutterFrames {
-    type Item = Result<Frame>;
-    fn next(&mut self) -> Option<Self::Item> {
-        let index = self.next;
-        (index < self.video.len()).then(|| {
-            self.next += 1;
-            Ok(Frame { index, time: index as f64 / self.info.rate, image: self.video.render(index) })
-        })
-    }
-    fn size_hint(&self) -> (usize, Option<usize>) {
-        let left = self.video.len() - self.next;
-        (left, Some(left))
-    }
-}
-
-impl FrameSource for ClutterFrames {
-    fn info(&self) -> &SourceInfo {
-        &self.info
-    }
-}
-
-/// One digit of a class.
-fn pick<'a>(digits: &'a Digits, class: u8, rng: &mut Rng) -> Result<&'a [u8]> {
-    let all = digits.of_class(class);
-    if all.is_empty() {
-        return Err(Error::Invalid(format!("no digit of class {class} among the {} given", digits.len())));
-    }
-    Ok(digits.digit(all[rng.random_range(0..all.len())]))
-}
-
-/// A digit moved right and down by less than a pixel, bilinear, 29 × 29.
-fn shifted(digit: &[u8], dx: f64, dy: f64) -> Vec<u8> {
-    let at = |x: usize, y: usize| if x < SIDE && y < SIDE { f64::from(digit[y * SIDE + x]) } else { 0.0 };
-    let row = |x: usize, y: usize| (1.0 - dx) * at(x, y) + dx * at(x.wrapping_sub(1), y);
-    let cells = (0..=SIDE).flat_map(|y| (0..=SIDE).map(move |x| (x, y)));
-    cells.map(|(x, y)| ((1.0 - dy) * row(x, y) + dy * row(x, y.wrapping_sub(1))).round() as u8).collect()
-}
-
-fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
-}
-
-/// The parameter at which a curve is `length` long.
-fn parameter_at(curve: &Spline, length: f64) -> Option<f64> {
-    const PIECES: usize = 32; // a point: chords then miss less than 0.2 % of an arc's length
-    let mut run = 0.0;
-    let mut last = curve.at(0.0);
-    for i in 1..=(curve.end() as usize * PIECES) {
-        let (t, next) = (i as f64 / PIECES as f64, curve.at(i as f64 / PIECES as f64));
-        let step = distance(last, next);
-        if run + step >= length {
-            return Some(t - (1.0 - (length - run) / step.max(f64::MIN_POSITIVE)) / PIECES as f64);
-        }
-        run += step;
-        last = next;
-    }
-    (length <= run).then_some(curve.end())
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::squares;
     use super::*;
+    use crate::scene::FrameSource;
 
-    /// One digit of each class: a filled square with a transparent rim, of grey 100 + class.
-    fn squares() -> Digits {
-        let pixel = |i: usize, c: u8| {
-            let inside = |k: usize| (4..24).contains(&k);
-            if inside(i / SIDE) && inside(i % SIDE) { 100 + c } else { 0 }
-        };
-        let images = (0..10).flat_map(|c| (0..SIDE * SIDE).map(move |i| pixel(i, c))).collect();
-        Digits { images, labels: (0..10).collect() }
-    }
     fn each() -> impl Iterator<Item = Clutter> {
         (0..10).flat_map(|seed| (0..10).map(move |digit| Clutter { digit, seed, ..Clutter::default() }))
     }
@@ -355,7 +199,7 @@ mod tests {
                 }
             }
         }
-        assert_eq!((video.label(), video.len()), (3, 300));
+        assert_eq!((video.label(), video.truth().len()), (3, 300));
     }
 
     #[test]
@@ -440,7 +284,7 @@ mod tests {
             assert!(problem.contains(said), "{problem}");
         }
         let one = Clutter { frames: 1, width: 28, height: 28, ..good.clone() };
-        assert_eq!(one.video(&squares()).expect("one frame needs no room").len(), 1);
+        assert_eq!(one.video(&squares()).expect("one frame needs no room").truth().len(), 1);
         assert!(Clutter { frames: 5000, ..good }.video(&squares()).is_ok());
     }
 }

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
-use clap::{Subcommand, ValueEnum};
-use foveate::config::{BUILTIN, Blueprint, Config};
-use foveate::eval::clutter::{self, Line, Run};
-use foveate::scene::synthetic::{Clutter, NOISE};
+use clap::Subcommand;
+use foveate::config::{Blueprint, Config};
+use foveate::eval::experiment::{self, Line, Run};
+use foveate::scene::synthetic::Synthetic;
 use foveate::scene::{Digits, Split};
 use foveate::{Error, Result, files};
 use serde::Serialize;
@@ -15,6 +15,9 @@ use serde_json::json;
 
 use super::track::blueprint;
 use crate::terminal;
+
+mod clutter;
+mod partial;
 
 /// Digits drawn of each class where there is no MNIST.
 const DRAWN: usize = 40;
@@ -28,25 +31,27 @@ pub struct Args {
 #[derive(Subcommand)]
 enum Kind {
     /// A digit among static ones: every configuration and policy beside the fixed centre, on the same videos
-    Clutter(ClutterArgs),
+    Clutter(clutter::Args),
+    /// A digit on black that passes behind bars, under noise: policies of partial information beside the others
+    Partial(partial::Args),
 }
 
-/// A digit among static ones: every configuration and policy beside the fixed centre, on the same videos.
-///
-/// Finished runs are kept in DIR/runs: the same command goes on where it was stopped or killed.
+pub fn run(args: Args) -> Result<()> {
+    match args.kind {
+        Kind::Clutter(args) => clutter::run(args),
+        Kind::Partial(args) => partial::run(args),
+    }
+}
+
+/// What all experiments on digits can be told.
 #[derive(clap::Args)]
-struct ClutterArgs {
+struct Common {
     /// A configuration file, or the name of one that ships with the program; may be repeated
-    /// [default: digits and its variants, and authors]
     #[arg(long, short, value_name = "FILE")]
     config: Vec<String>,
-    /// Run each configuration with every policy: fixed, random, circular, hedge, anchor+random, anchor+hedge
-    /// (else with its own and the fixed centre)
+    /// Run each configuration with every policy (else with its own and the fixed centre)
     #[arg(long)]
     policies: bool,
-    /// Without salt and pepper, with it (density 0.3), or both
-    #[arg(long, value_enum, default_value_t = Noise::Both)]
-    noise: Noise,
     /// The digits to follow, such as 3 or 0-4,7
     #[arg(long, value_name = "LIST", default_value = "0-9", value_parser = parse_digits)]
     digits: ::std::vec::Vec<u8>, // spelt out, or clap would take it for an option given many times
@@ -63,30 +68,28 @@ struct ClutterArgs {
     /// drawn by a pen]
     #[arg(long, value_name = "DIR")]
     data: Option<PathBuf>,
-    /// Folder for table.txt, table.json and the finished runs
-    #[arg(long, short, value_name = "DIR", default_value = "out/clutter")]
-    out: PathBuf,
+    /// Folder for table.txt, table.json and the finished runs [default: out/ and the experiment's name]
+    #[arg(long, short, value_name = "DIR")]
+    out: Option<PathBuf>,
     /// Print the table as JSON
     #[arg(long)]
     json: bool,
 }
 
-#[derive(ValueEnum, Clone, Copy)]
-enum Noise {
-    Clean,
-    Noisy,
-    Both,
+/// One kind of video, and what to say of it.
+struct Scenes {
+    /// The experiment's name.
+    name: &'static str,
+    /// First line of the table.
+    title: String,
+    /// What others have, below the table.
+    peers: &'static str,
+    /// For each kind: what its column says, and the settings for a digit and a seed.
+    kinds: Vec<(f64, Settings)>,
 }
 
-impl Noise {
-    fn densities(self) -> &'static [f64] {
-        match self {
-            Self::Clean => &[0.0],
-            Self::Noisy => &[NOISE],
-            Self::Both => &[0.0, NOISE],
-        }
-    }
-}
+/// Settings of the video with this digit and seed.
+type Settings = Box<dyn Fn(u8, u64) -> Synthetic + Sync>;
 
 fn parse_digits(text: &str) -> std::result::Result<Vec<u8>, String> {
     let wrong = || format!("expected digits from 0 to 9 such as 3 or 0-4,7, got {text}");
@@ -113,45 +116,48 @@ struct Entry {
     key: String,
 }
 
-/// Which run: indices of the entry, and the video.
+/// Which run: indices of the entry and of the kind of video, and the video.
 struct Job {
     entry: usize,
-    video: Clutter,
+    kind: usize,
+    video: Synthetic,
 }
 
 /// What a finished run's file holds.
 #[derive(Serialize)]
 struct Stored<'a> {
     configuration: &'a Config,
-    video: &'a Clutter,
+    video: &'a Synthetic,
     digits: &'a str,
     #[serde(flatten)]
     run: &'a Run,
 }
 
-pub fn run(args: Args) -> Result<()> {
-    let Kind::Clutter(args) = args.kind;
+/// Does all runs that are not done yet, and writes the table.
+fn compare(args: &Common, shipped: &[&str], scenes: &Scenes) -> Result<()> {
     let (digits, from) = digits(args.data.as_deref())?;
-    let entries = entries(&args)?;
-    let jobs = jobs(&args, entries.len());
-    let store = args.out.join("runs");
+    let entries = entries(args, shipped)?;
+    let jobs = jobs(args, scenes, entries.len());
+    let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(scenes.name));
+    let store = out.join("runs");
     std::fs::create_dir_all(&store).map_err(Error::io(&store, "cannot create the folder for finished runs"))?;
-    let pixels = clutter::digest(&[&digits.images, &digits.labels]);
+    let pixels = experiment::digest(&[&digits.images, &digits.labels]);
 
     terminal::catch_interrupts();
-    let bar = terminal::progress(Some(jobs.len()), "clutter");
+    let bar = terminal::progress(Some(jobs.len()), scenes.name);
     let resumed = AtomicUsize::new(0);
     let work = |job: &Job| {
         let entry = &entries[job.entry];
         let scene = serde_json::to_vec(&job.video).expect("settings are plain data");
-        let path = store.join(format!("{}.json", clutter::digest(&[entry.key.as_bytes(), &scene, pixels.as_bytes()])));
-        if let Some(run) = read(&path, job.video.frames) {
+        let key = experiment::digest(&[entry.key.as_bytes(), &scene, pixels.as_bytes()]);
+        let path = store.join(format!("{key}.json"));
+        if let Some(run) = read(&path, job.video.frames()) {
             resumed.fetch_add(1, Ordering::Relaxed);
             bar.inc(1);
             return Ok(run);
         }
-        let mut tracker = entry.blueprint.tracker(job.video.seed, u64::from(job.video.digit))?;
-        let run = Run::follow(job.video.video(&digits)?, &mut tracker)?;
+        let mut tracker = entry.blueprint.tracker(job.video.seed(), u64::from(job.video.digit()))?;
+        let run = Run::follow(&*job.video.video(&digits)?, &mut tracker)?;
         let stored = Stored { configuration: entry.blueprint.config(), video: &job.video, digits: &from, run: &run };
         files::write(&path, &serde_json::to_vec(&stored).map_err(|e| Error::Invalid(e.to_string()))?)?;
         bar.inc(1);
@@ -166,7 +172,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     let runs: Vec<Run> = runs.into_iter().flatten().collect();
     eprintln!("{} runs, {} of them from {}", jobs.len(), resumed.into_inner(), store.display());
-    report(&args, &from, &table(&args, &entries, &jobs, &runs)?)
+    report(args, scenes, &out, &from, &table(scenes, &entries, &jobs, &runs)?)
 }
 
 /// The digits that videos are made of, and what they are.
@@ -184,10 +190,12 @@ fn digits(data: Option<&Path>) -> Result<(Digits, String)> {
 }
 
 /// What is run: for each configuration the fixed centre first, then the other policies.
-fn entries(args: &ClutterArgs) -> Result<Vec<Entry>> {
-    let shipped = || BUILTIN.iter().map(|b| b.0).filter(|name| name.starts_with("digits") || *name == "authors");
-    let names: Vec<String> =
-        if args.config.is_empty() { shipped().map(String::from).collect() } else { args.config.clone() };
+fn entries(args: &Common, shipped: &[&str]) -> Result<Vec<Entry>> {
+    let names: Vec<String> = if args.config.is_empty() {
+        shipped.iter().map(|name| name.to_string()).collect()
+    } else {
+        args.config.clone()
+    };
     let mut entries = Vec::new();
     for name in names {
         let config = blueprint(&name)?.config().clone();
@@ -195,7 +203,7 @@ fn entries(args: &ClutterArgs) -> Result<Vec<Entry>> {
         let base = if file.is_file() { file.parent().unwrap_or(Path::new(".")) } else { Path::new(".") };
         let own = config.policy.clone();
         let mut policies =
-            if args.policies { clutter::policies(&own, args.frames as usize) } else { vec![clutter::FIXED] };
+            if args.policies { experiment::policies(&own, args.frames as usize) } else { vec![experiment::FIXED] };
         if !policies.contains(&own) {
             policies.push(own.clone());
         }
@@ -208,12 +216,12 @@ fn entries(args: &ClutterArgs) -> Result<Vec<Entry>> {
             let key = format!(
                 "{} {} {}",
                 env!("CARGO_PKG_VERSION"),
-                clutter::fingerprint(&blueprint)?,
+                experiment::fingerprint(&blueprint)?,
                 blueprint.config().to_toml()
             );
             entries.push(Entry {
                 name: shown.clone(),
-                policy: clutter::policy_name(&policy),
+                policy: experiment::policy_name(&policy),
                 own: policy == own,
                 fixed,
                 blueprint,
@@ -224,16 +232,14 @@ fn entries(args: &ClutterArgs) -> Result<Vec<Entry>> {
     Ok(entries)
 }
 
-/// All runs, entry after entry, noise after noise: those of one line stand together, in the order of its videos.
-fn jobs(args: &ClutterArgs, entries: usize) -> Vec<Job> {
+/// All runs, entry after entry, kind after kind: those of one line stand together, in the order of its videos.
+fn jobs(args: &Common, scenes: &Scenes, entries: usize) -> Vec<Job> {
     let seeds: Vec<u64> = (0..args.seeds).map(|i| args.first_seed.wrapping_add(i)).collect();
     let mut jobs = Vec::new();
     for entry in 0..entries {
-        for &noise in args.noise.densities() {
+        for (kind, (_, settings)) in scenes.kinds.iter().enumerate() {
             for &digit in &args.digits {
-                let video =
-                    |&seed: &u64| Clutter { digit, seed, noise, frames: args.frames as usize, ..Clutter::default() };
-                jobs.extend(seeds.iter().map(video).map(|video| Job { entry, video }));
+                jobs.extend(seeds.iter().map(|&seed| Job { entry, kind, video: settings(digit, seed) }));
             }
         }
     }
@@ -271,46 +277,47 @@ fn side_by_side(jobs: &[Job], work: &(dyn Fn(&Job) -> Result<Run> + Sync)) -> Re
     Ok(runs.into_inner().expect("all threads have ended"))
 }
 
-/// One line for each entry and noise.
-fn table(args: &ClutterArgs, entries: &[Entry], jobs: &[Job], runs: &[Run]) -> Result<Vec<Line>> {
-    let of = |entry: usize, noise: f64| -> Vec<&Run> {
-        let mine = |job: &Job| job.entry == entry && job.video.noise == noise;
+/// One line for each entry and kind of video.
+fn table(scenes: &Scenes, entries: &[Entry], jobs: &[Job], runs: &[Run]) -> Result<Vec<Line>> {
+    let of = |entry: usize, kind: usize| -> Vec<&Run> {
+        let mine = |job: &Job| job.entry == entry && job.kind == kind;
         jobs.iter().zip(runs).filter(|(job, _)| mine(job)).map(|(_, run)| run).collect()
     };
     let mut lines = Vec::new();
-    for &noise in args.noise.densities() {
+    for (kind, (noise, _)) in scenes.kinds.iter().enumerate() {
         for (i, entry) in entries.iter().enumerate() {
-            let fixed = (entry.fixed != i).then(|| of(entry.fixed, noise));
-            let line = Line::of(&entry.name, &entry.policy, noise, &of(i, noise), fixed.as_deref())?;
+            let fixed = (entry.fixed != i).then(|| of(entry.fixed, kind));
+            let line = Line::of(&entry.name, &entry.policy, *noise, &of(i, kind), fixed.as_deref())?;
             lines.push(Line { own: entry.own, ..line });
         }
     }
     Ok(lines)
 }
 
-fn report(args: &ClutterArgs, from: &str, lines: &[Line]) -> Result<()> {
+fn report(args: &Common, scenes: &Scenes, out: &Path, from: &str, lines: &[Line]) -> Result<()> {
     let last = args.first_seed.wrapping_add(args.seeds - 1);
     let title = format!(
-        "A digit among static ones: {from}; digits {:?}, seeds {} to {last}, {} frames",
-        args.digits, args.first_seed, args.frames
+        "{}: {from}; digits {:?}, seeds {} to {last}, {} frames",
+        scenes.title, args.digits, args.first_seed, args.frames
     );
-    let text = format!("{title}\n\n{}", clutter::text(lines));
+    let text = format!("{title}\n\n{}", experiment::text(lines, scenes.peers));
     let all = json!({
+        "experiment": scenes.title,
         "digits_from": from,
         "digits": args.digits,
         "first_seed": args.first_seed,
         "seeds": args.seeds,
         "frames": args.frames,
         "lines": lines,
-        "others": clutter::PEERS,
+        "others": scenes.peers,
     });
     let all = serde_json::to_string_pretty(&all).map_err(|e| Error::Invalid(e.to_string()))?;
-    files::write(args.out.join("table.txt"), text.as_bytes())?;
-    files::write(args.out.join("table.json"), all.as_bytes())?;
+    files::write(out.join("table.txt"), text.as_bytes())?;
+    files::write(out.join("table.json"), all.as_bytes())?;
     if args.json {
         println!("{all}");
     } else {
-        println!("{text}\n{}: table.txt, table.json", args.out.display());
+        println!("{text}\n{}: table.txt, table.json", out.display());
     }
     Ok(())
 }
