@@ -73,6 +73,11 @@ impl Heaps {
         self.roots[queue] = whole;
         Some(root)
     }
+    /// Slots for items.
+    #[cfg(test)]
+    pub(super) fn room(&self) -> usize {
+        self.nodes.capacity()
+    }
     /// One heap of two.
     fn meld(&mut self, a: u32, b: u32) -> u32 {
         if a == NONE || b == NONE {
