@@ -18,6 +18,7 @@
 //!   rebuilt from what [`Gp::save`] gives goes on with the same bits.
 
 mod bfgs;
+pub mod direct;
 mod factor;
 mod fit;
 mod hyper;
