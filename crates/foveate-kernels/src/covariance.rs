@@ -48,6 +48,7 @@ pub enum Covariance {
 
 /// Covariances of point `i` of `a` with points `from..` of `b`, and their slopes.
 #[inline(always)]
+#[allow(clippy::too_many_arguments)]
 fn row(kind: Covariance, variance: f64, a: Points, i: usize, b: Points, from: usize, k: &mut [f64], c: &mut [f64]) {
     let width = k.len();
     c[..width].fill(0.0);

@@ -5,6 +5,8 @@
 //!
 //! Each entry is one sum over k in order, however the work is cut into tiles: a factor that grew by rows ([`extend`]) has
 //! the bits of one made at once ([`factor`]).
+// Tiles stay in registers only where their loops run over constants and no closure hides the instructions.
+#![allow(clippy::needless_range_loop)]
 
 #[cfg(target_arch = "x86_64")]
 use crate::level::{AVX512, FUSED};
