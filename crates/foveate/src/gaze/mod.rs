@@ -6,11 +6,13 @@
 
 mod anchor;
 mod baseline;
+mod gp_ucb;
 mod grid;
 mod hedge;
 
 pub use self::anchor::Anchor;
 pub use self::baseline::{Circular, Fixed, Random};
+pub use self::gp_ucb::{Bayes, GpUcb};
 pub use self::grid::Grid;
 pub use self::hedge::Hedge;
 
