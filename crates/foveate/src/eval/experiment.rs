@@ -14,7 +14,7 @@ use super::centres::{CentreScore, CentreSummary, score_centres};
 use super::metrics::{centre_error, mean_sd};
 use super::table::aligned;
 use crate::config::{Blueprint, PolicyConfig};
-use crate::gaze::{Grid, Hedge};
+use crate::gaze::{Grid, Schedule};
 use crate::rng::Streams;
 use crate::scene::synthetic::{Clutter, Drawn, NOISE};
 use crate::scene::{Digits, Frame, Scene};
@@ -107,10 +107,10 @@ pub fn digest(parts: &[&[u8]]) -> String {
 
 /// The policies to compare for videos of so many frames: the fixed centre first, then random, circular, Hedge, and the
 /// last three's likes with an anchor. Grids are 3 × 3 with the reach of `own`, and Hedge has the rate of `own`; where it
-/// has none, the best one for so many frames ([`Hedge::gamma_for`]).
+/// has none, the best one for so many frames ([`Schedule::Frames`]).
 pub fn policies(own: &PolicyConfig, frames: usize) -> Vec<PolicyConfig> {
     let grid = Grid { n: 3, reach: grid_of(own).unwrap_or_default().reach };
-    let gamma = gamma_of(own).unwrap_or_else(|| Hedge::gamma_for(9, frames));
+    let gamma = gamma_of(own).unwrap_or(Schedule::Frames(frames as u64));
     let (random, hedge) = (PolicyConfig::Random { grid }, PolicyConfig::Hedge { grid, gamma });
     let anchor = |policy: &PolicyConfig| PolicyConfig::Anchor { policy: Box::new(policy.clone()) };
     let anchored = [anchor(&random), anchor(&hedge)];
@@ -125,12 +125,16 @@ fn grid_of(policy: &PolicyConfig) -> Option<Grid> {
         PolicyConfig::Random { grid } | PolicyConfig::Circular { grid } | PolicyConfig::Hedge { grid, .. } => {
             Some(*grid)
         }
+        PolicyConfig::Exp3(c) => Some(c.grid),
+        PolicyConfig::Exp3AsPrinted(c) => Some(c.grid),
+        PolicyConfig::Exp3Ix(c) => Some(c.grid),
+        PolicyConfig::Exp3S(c) => Some(c.grid),
         PolicyConfig::Anchor { policy } => grid_of(policy),
         _ => None,
     }
 }
 
-fn gamma_of(policy: &PolicyConfig) -> Option<f64> {
+fn gamma_of(policy: &PolicyConfig) -> Option<Schedule> {
     match policy {
         PolicyConfig::Hedge { gamma, .. } => Some(*gamma),
         PolicyConfig::Anchor { policy } => gamma_of(policy),
@@ -338,12 +342,12 @@ mod tests {
     #[test]
     fn policies_take_after_the_configurations_own() {
         let grid = Grid { n: 5, reach: 0.83 };
-        let own = PolicyConfig::Anchor { policy: Box::new(PolicyConfig::Hedge { grid, gamma: 0.1 }) };
+        let own = PolicyConfig::Anchor { policy: Box::new(PolicyConfig::Hedge { grid, gamma: Schedule::Fixed(0.1) }) };
         let all = policies(&own, 300);
         let names: Vec<_> = all.iter().map(policy_name).collect();
         assert_eq!(names, ["fixed", "random", "circular", "hedge", "anchor+random", "anchor+hedge"]);
-        assert_eq!(all[3], PolicyConfig::Hedge { grid: Grid { n: 3, reach: 0.83 }, gamma: 0.1 });
-        let gamma = Hedge::gamma_for(9, 300);
+        assert_eq!(all[3], PolicyConfig::Hedge { grid: Grid { n: 3, reach: 0.83 }, gamma: Schedule::Fixed(0.1) });
+        let gamma = Schedule::Frames(300);
         assert_eq!(policies(&FIXED, 300)[3], PolicyConfig::Hedge { grid: Grid::default(), gamma });
     }
 }
