@@ -121,6 +121,7 @@ impl Ranges for PolicyConfig {
             Self::Exp3AsPrinted(c) => c.ranges(),
             Self::Exp3Ix(c) => c.ranges(),
             Self::Exp3S(c) => c.ranges(),
+            Self::GpUcb(settings) => settings.check(),
             Self::Anchor { policy } => policy.ranges(),
         }
     }
