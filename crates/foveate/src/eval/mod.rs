@@ -9,6 +9,7 @@ pub mod centres;
 pub mod compare;
 pub mod curves;
 pub mod experiment;
+pub mod line_up;
 pub mod metrics;
 pub mod sequence;
 pub mod table;

@@ -6,13 +6,19 @@
 
 mod anchor;
 mod baseline;
+mod exp3;
+mod gp_ucb;
 mod grid;
 mod hedge;
+mod schedule;
 
 pub use self::anchor::Anchor;
 pub use self::baseline::{Circular, Fixed, Random};
+pub use self::exp3::{Exp3, Variant};
+pub use self::gp_ucb::{Bayes, GpUcb};
 pub use self::grid::Grid;
 pub use self::hedge::Hedge;
+pub use self::schedule::Schedule;
 
 use crate::geometry::Gaze;
 use crate::rng::Rng;
