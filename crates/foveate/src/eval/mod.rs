@@ -9,6 +9,7 @@ pub mod centres;
 pub mod compare;
 pub mod curves;
 pub mod experiment;
+pub mod learning;
 pub mod metrics;
 pub mod sequence;
 pub mod table;
