@@ -25,6 +25,7 @@ use crate::tracker::{Parts, Tracker};
 use crate::{Error, Result};
 
 mod ranges;
+mod shadow;
 use ranges::{Ranges, in_range};
 
 /// Everything that can be chosen about a tracker.
@@ -230,7 +231,7 @@ impl Config {
     pub fn check(self, base: &Path) -> Result<Blueprint> {
         self.ranges()?;
         let (retina, encoder) = self.identity(base)?;
-        let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder };
+        let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![] };
         blueprint.tracker(0, 0)?;
         Ok(blueprint)
     }
@@ -294,6 +295,7 @@ pub struct Blueprint {
     config: Config,
     retina: Arc<Foveal>,
     encoder: Arc<dyn Encoder>,
+    shadow: Vec<Gaze>,
 }
 
 impl Blueprint {
@@ -310,7 +312,7 @@ impl Blueprint {
         .dimming(c.likelihood.dim_familiar);
         let parts = Parts {
             proposal: Box::new(Prior::new(Arc::new(*dynamics))),
-            policy: policy(&c.policy)?,
+            policy: self.shadowed(policy(&c.policy)?),
             appearance: Box::new(appearance),
             reward: reward(c.reward)?,
             resampling: c.resampling,
@@ -321,7 +323,7 @@ impl Blueprint {
     }
     /// The same, with another retina and encoder.
     pub fn with(&self, retina: Arc<Foveal>, encoder: Arc<dyn Encoder>) -> Self {
-        Self { config: self.config.clone(), retina, encoder }
+        Self { config: self.config.clone(), retina, encoder, shadow: self.shadow.clone() }
     }
     /// What it was made from.
     pub fn config(&self) -> &Config {

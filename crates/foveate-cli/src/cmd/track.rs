@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use foveate::config::{BUILTIN, Blueprint, Config};
+use foveate::eval::experiment;
 use foveate::geometry::BBox;
-use foveate::observe::{Boxes, Clock, Film, Observer, Report, RunInfo, Summary, Table, Trace};
+use foveate::observe::{Boxes, Clock, Film, Observer, RegretFiles, Report, RunInfo, Summary, Table, Trace};
 use foveate::run::{Follow, Outcome, follow};
 use foveate::scene::{SourceInfo, ahead, annotation, open};
 use foveate::{Error, Result, files};
@@ -43,6 +44,10 @@ pub struct Args {
     /// Print the summary as JSON
     #[arg(long)]
     json: bool,
+    /// Score nine gazes in every frame beside the policy's own, and write the regret against the best of them in
+    /// hindsight: regret.csv, regret.svg and a section of the report. Takes time; the track stays the same
+    #[arg(long)]
+    regret: bool,
     /// Leave out annotated.mp4
     #[arg(long)]
     no_video: bool,
@@ -116,6 +121,10 @@ pub fn observers(out: &Path, info: &RunInfo, outputs: Outputs) -> Result<(Observ
         names.push(out.join("report.html"));
         observers.push(Box::new(Report::create(out.join("report.html"), info.clone())?));
     }
+    if !info.shadow.is_empty() {
+        names.extend(["regret.csv", "regret.svg"].map(|name| out.join(name)));
+        observers.push(Box::new(RegretFiles::create(out, info.shadow.clone())?));
+    }
     Ok((observers, names))
 }
 
@@ -132,12 +141,15 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
         retina: Some(blueprint.retina()),
         truth: vec![],
         clock: Clock::default(),
+        shadow: vec![],
     }
 }
 
 pub fn run(args: Args) -> Result<()> {
     let name = args.config.as_deref().unwrap_or("natural");
-    let blueprint = blueprint(name)?;
+    let mut blueprint = blueprint(name)?;
+    let shadow = if args.regret { experiment::grid(&blueprint.config().policy).gazes() } else { vec![] };
+    blueprint = blueprint.shadowing(shadow.clone());
     let seed = args.seed.unwrap_or(blueprint.config().seed);
     let mut tracker = blueprint.tracker(seed, 0)?;
     let mut source = ahead(open(&args.source)?);
@@ -152,6 +164,7 @@ pub fn run(args: Args) -> Result<()> {
     let from = loaded.map_or(0, |saved| saved.next_frame);
     let mut info = run_info(&args.source.display().to_string(), source.info(), name, &blueprint, seed);
     info.truth = known_truth(&args.source);
+    info.shadow = shadow;
     let outputs = Outputs { video: !args.no_video, report: !args.no_report, trace: !args.no_trace };
     let (mut observers, names) = observers(&args.out, &info, outputs)?;
 

@@ -259,7 +259,7 @@ mod tests {
         assert!((curve.distance() - ((0..6).map(exact).sum::<f64>() / 6.0).sqrt()).abs() < 1e-12);
         assert!(Curve::of("none", &[]).is_none());
         let said = text(std::slice::from_ref(&curve));
-        assert!(said.contains("within the range") && said.contains("outside"), "{said}");
+        assert!(said.contains("outside") && said.contains("0.513 off"), "{said}");
         let svg = plot(&[curve]);
         assert!(svg.contains("three (3 runs)") && svg.contains("probability of the centre gaze"));
     }

@@ -11,6 +11,7 @@ pub mod curves;
 pub mod experiment;
 pub mod learning;
 pub mod metrics;
+pub mod regret;
 pub mod sequence;
 pub mod table;
 

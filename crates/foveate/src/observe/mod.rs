@@ -1,7 +1,7 @@
 //! THE RESULTS GOING OUT: observers of a run, which read each step and write files. The loop does not know them.
 //!
 //! [`Boxes`] boxes.txt, [`Table`] track.csv, [`Trace`] trace.jsonl, [`Film`] annotated.mp4, [`Report`]
-//! report.html. Every file appears under its
+//! report.html, [`RegretFiles`] regret.csv and regret.svg. Every file appears under its
 //! name when it is whole: at [`Observer::finish`].
 
 mod annotate;
@@ -12,6 +12,7 @@ mod font;
 mod json;
 pub mod mp4;
 mod mux;
+mod regret;
 mod report;
 mod sink;
 mod table;
@@ -21,6 +22,7 @@ pub use self::annotate::Annotator;
 pub use self::film::Film;
 pub use self::json::Summary;
 pub use self::mp4::Mp4Writer;
+pub use self::regret::RegretFiles;
 pub use self::report::Report;
 pub use self::table::{Boxes, Table};
 pub use self::trace::Trace;
@@ -30,7 +32,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use crate::Result;
-use crate::geometry::BBox;
+use crate::geometry::{BBox, Gaze};
 use crate::identity::Retina;
 use crate::scene::Frame;
 use crate::step::Step;
@@ -100,4 +102,6 @@ pub struct RunInfo {
     pub truth: Vec<BBox>,
     /// Where the time spent in the tracker is added up.
     pub clock: Clock,
+    /// Gazes that are scored to know the regret against them; empty where nobody asked.
+    pub shadow: Vec<Gaze>,
 }

@@ -57,7 +57,9 @@ const SHOWN: u8 = 8;
 pub fn run(args: Args) -> Result<()> {
     let common = &args.common;
     if common.policies {
-        return Err(Error::Config("hedge-curve runs each configuration with its own policy; leave out --policies".into()));
+        return Err(Error::Config(
+            "hedge-curve runs each configuration with its own policy; leave out --policies".into(),
+        ));
     }
     let frames = common.frames as usize;
     let noise = match args.noise {
