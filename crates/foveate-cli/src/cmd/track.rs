@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use foveate::config::{BUILTIN, Blueprint, Config};
 use foveate::eval::experiment;
 use foveate::geometry::BBox;
-use foveate::observe::{Boxes, Clock, Film, Observer, RegretFiles, Report, RunInfo, Summary, Table, Trace};
+use foveate::observe::{
+    Boxes, Clock, Film, Observer, RegretFiles, Report, RunInfo, Summary, SurfacePicture, Table, Trace,
+};
 use foveate::run::{Follow, Outcome, follow};
 use foveate::scene::{SourceInfo, ahead, annotation, open};
 use foveate::{Error, Result, files};
@@ -23,7 +25,7 @@ pub struct Args {
     /// Restart on the target at a later frame (counted from 1) with a new box; may be given several times
     #[arg(long, value_name = "FRAME:X,Y,W,H", value_parser = parse_again, allow_hyphen_values = true)]
     reinit: Vec<(usize, BBox)>,
-    /// Folder for the results: boxes.txt, track.csv, trace.jsonl, annotated.mp4, report.html
+    /// Folder for the results: boxes.txt, track.csv, trace.jsonl, annotated.mp4, report.html, surface.png
     #[arg(long, short, value_name = "DIR", default_value = "out")]
     out: PathBuf,
     /// A configuration file, or the name of one that ships with the program (natural, digits, ...); natural if left out
@@ -51,7 +53,7 @@ pub struct Args {
     /// Leave out annotated.mp4
     #[arg(long)]
     no_video: bool,
-    /// Leave out report.html
+    /// Leave out report.html and surface.png
     #[arg(long)]
     no_report: bool,
     /// Leave out trace.jsonl
@@ -120,6 +122,8 @@ pub fn observers(out: &Path, info: &RunInfo, outputs: Outputs) -> Result<(Observ
     if outputs.report {
         names.push(out.join("report.html"));
         observers.push(Box::new(Report::create(out.join("report.html"), info.clone())?));
+        names.push(out.join("surface.png"));
+        observers.push(Box::new(SurfacePicture::create(out.join("surface.png"), info.clone())?));
     }
     if !info.shadow.is_empty() {
         names.extend(["regret.csv", "regret.svg"].map(|name| out.join(name)));

@@ -8,6 +8,7 @@ use std::collections::VecDeque;
 use super::RunInfo;
 use super::draw::{Colour, Drawing, Point, text_width};
 use super::eye::Eye;
+use super::heat::{Heat, ramp, span};
 use crate::gaze::Portrait;
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::scene::{Frame, Image};
@@ -17,7 +18,9 @@ use crate::step::Step;
 const TALL: usize = 480;
 /// A magnified frame is not wider than this, pixels.
 const WIDE: usize = 1280;
-/// Frames of path that are shown.
+/// Points along a side at which a reward surface is asked for.
+const POINTS: usize = 9;
+/// Frames of path, and looks at a reward surface, that are shown.
 const PATH: usize = 60;
 
 const GROUND: Colour = [18, 21, 26];
@@ -138,6 +141,12 @@ impl Annotator {
 
     fn fixation(&self, page: &mut Drawing, view: View, step: &Step<'_>) {
         let chosen = step.plan.chosen_index();
+        let shown = if let Portrait::Surface(surface) = step.portrait { surface.best() } else { None };
+        if let Some(best) = shown {
+            let at = step.estimate.fixate(best, step.extent);
+            page.ring(view.at((at.x, at.y)), 6.0 * view.bold, 4.2 * view.bold, BLACK, 0.6);
+            page.ring(view.at((at.x, at.y)), 6.0 * view.bold, 2.0 * view.bold, INK, 1.0);
+        }
         let looks = step.plan.gazes().iter().zip(step.plan.used()).enumerate().filter(|(_, (_, used))| **used);
         for (k, (gaze, _)) in looks {
             let at = step.estimate.fixate(*gaze, step.extent);
@@ -212,10 +221,30 @@ fn policy(page: &mut Drawing, (x, y): Point, side: f64, step: &Step<'_>, unit: f
     let at = |u: f64, v: f64| (x + side * (u / REACH + 1.0) / 2.0, y + side * (v / REACH + 1.0) / 2.0);
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(u, v)| at(u, v));
     page.outline(&corners, 1.4 * unit, TARGET, 0.9);
-    if let Portrait::Arms { gazes, probabilities } = step.portrait {
-        let full = side * 0.17;
-        for (gaze, p) in gazes.iter().zip(probabilities) {
-            page.disc(at(gaze.u, gaze.v), (full * p.sqrt()).max(1.6 * unit), TARGET, 0.75);
+    match step.portrait {
+        Portrait::Blank => (),
+        Portrait::Arms { gazes, probabilities } => {
+            let full = side * 0.17;
+            for (gaze, p) in gazes.iter().zip(probabilities) {
+                page.disc(at(gaze.u, gaze.v), (full * p.sqrt()).max(1.6 * unit), TARGET, 0.75);
+            }
+        }
+        Portrait::Surface(surface) => {
+            let heat = Heat::of(surface, POINTS);
+            let (low, high) = span(&heat.mean);
+            page.shade(x, y, side, side, |px, py| {
+                let gaze = |p: f64, from: f64| REACH * (2.0 * (p - from) / side - 1.0);
+                let value = heat.read(&heat.mean, gaze(px, x), gaze(py, y))?;
+                Some((ramp((value - low) / (high - low).max(f64::MIN_POSITIVE)), 0.85))
+            });
+            let all = surface.fixations();
+            for gaze in &all[all.len().saturating_sub(PATH)..] {
+                page.disc(at(gaze.u, gaze.v), 1.5 * unit, INK, 0.9);
+            }
+            if let Some(best) = surface.best() {
+                page.ring(at(best.u, best.v), 4.5 * unit, 3.6 * unit, BLACK, 0.8);
+                page.ring(at(best.u, best.v), 4.5 * unit, 1.8 * unit, INK, 1.0);
+            }
         }
     }
     let gaze = step.plan.chosen();

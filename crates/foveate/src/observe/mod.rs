@@ -1,20 +1,24 @@
 //! THE RESULTS GOING OUT: observers of a run, which read each step and write files. The loop does not know them.
 //!
 //! [`Boxes`] boxes.txt, [`Table`] track.csv, [`Trace`] trace.jsonl, [`Film`] annotated.mp4, [`Report`]
-//! report.html, [`RegretFiles`] regret.csv and regret.svg. Every file appears under its
+//! report.html, [`SurfacePicture`] surface.png, [`RegretFiles`] regret.csv and regret.svg. Every file appears under its
 //! name when it is whole: at [`Observer::finish`].
 
 mod annotate;
 pub mod draw;
 mod eye;
 mod film;
+pub mod first;
 mod font;
+pub mod heat;
 mod json;
 pub mod mp4;
 mod mux;
+mod portrait;
 mod regret;
 mod report;
 mod sink;
+pub mod surface;
 mod table;
 mod trace;
 
@@ -22,6 +26,7 @@ pub use self::annotate::Annotator;
 pub use self::film::Film;
 pub use self::json::Summary;
 pub use self::mp4::Mp4Writer;
+pub use self::portrait::SurfacePicture;
 pub use self::regret::RegretFiles;
 pub use self::report::Report;
 pub use self::table::{Boxes, Table};
