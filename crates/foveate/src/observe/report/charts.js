@@ -22,9 +22,9 @@ if (known) {
 if (!arms.length) chartList.splice(1, 0, { title: 'Gaze', unit: 'half-boxes', lines: [{ of: series.u, name: 'u', ink: 'gaze' }, { of: series.v, name: 'v', ink: 'target', dash: true }] });
 // Regret is known where other gazes were scored beside the policy's own.
 if (data.regret) {
-  const { best, total, random, reward } = data.regret;
+  const { total, random, reward } = data.regret;
   const first = chartList.find(chart => chart.title === 'Reward');
-  first.lines.push({ of: reward, name: `best fixed (${say(best[0], 2)}, ${say(best[1], 2)})`, ink: 'second', dash: true });
+  first.lines.push({ of: reward, name: 'best fixed', ink: 'second', dash: true });
   chartList.splice(chartList.indexOf(first) + 1, 0, { title: 'Regret', unit: 'summed rewards', lines: [{ of: total, name: 'policy', ink: 'gaze' }, { of: random, name: 'at random', ink: 'soft', dash: true }] });
 }
 const HEIGHT = 128, LEFT = 44, RIGHT = 12, TOP = 8, BOTTOM = 20;
