@@ -12,7 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use crate::control::{
     Autoregressive, Concentration, LogConcentration, Prior, Resampling, Reward, VarianceReduction, Vigilance,
 };
-use crate::gaze::{Anchor, Circular, Fixed, Grid, Hedge, Policy, Random};
+use crate::gaze::{Anchor, Bayes, Circular, Fixed, GpUcb, Grid, Hedge, Policy, Random};
 use crate::geometry::Gaze;
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;
@@ -44,6 +44,9 @@ pub struct Config {
     /// p(xₜ | xₜ₋₁).
     #[serde(deserialize_with = "in_range")]
     pub dynamics: DynamicsConfig,
+    /// Whether the target's centre stays in the picture, at its edge if need be.
+    #[serde(default)]
+    pub walls: bool,
     /// p(x₀).
     #[serde(default, deserialize_with = "in_range")]
     pub start: StartSpread,
@@ -190,6 +193,8 @@ pub enum PolicyConfig {
         /// Learning rate, above 0.
         gamma: f64,
     },
+    /// Bayesian optimisation over a continuous square of gazes, with partial information (section 4.4).
+    GpUcb(Bayes),
     /// The centre gaze beside whatever another policy chooses: two looks a frame.
     Anchor {
         /// The other policy.
@@ -311,7 +316,7 @@ impl Blueprint {
         )?
         .dimming(c.likelihood.dim_familiar);
         let parts = Parts {
-            proposal: Box::new(Prior::new(Arc::new(*dynamics))),
+            proposal: Box::new(Prior::new(Arc::new(*dynamics)).walls(c.walls)),
             policy: self.shadowed(policy(&c.policy)?),
             appearance: Box::new(appearance),
             reward: reward(c.reward)?,
@@ -360,6 +365,7 @@ fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
         PolicyConfig::Random { grid } => Box::new(Random::new(grid.gazes())),
         PolicyConfig::Circular { grid } => Box::new(Circular::new(grid.gazes())),
         PolicyConfig::Hedge { grid, gamma } => Box::new(Hedge::new(grid.gazes(), *gamma)?),
+        PolicyConfig::GpUcb(settings) => Box::new(GpUcb::new(settings.clone())?),
         PolicyConfig::Anchor { policy: inner } => Box::new(Anchor::new(Gaze::CENTRE, policy(inner)?)),
     })
 }
@@ -369,6 +375,9 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("digits", include_str!("../../../configs/digits.toml")),
     ("digits-hedge", include_str!("../../../configs/digits-hedge.toml")),
     ("digits-rbm", include_str!("../../../configs/digits-rbm.toml")),
+    ("digits-partial", include_str!("../../../configs/digits-partial.toml")),
+    ("digits-closeup", include_str!("../../../configs/digits-closeup.toml")),
+    ("printed", include_str!("../../../configs/printed.toml")),
     ("authors", include_str!("../../../configs/authors.toml")),
     ("natural", include_str!("../../../configs/natural.toml")),
     ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),

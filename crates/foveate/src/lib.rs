@@ -89,6 +89,7 @@ pub mod eval;
 pub mod files;
 pub mod gaze;
 pub mod geometry;
+pub mod gp;
 pub mod identity;
 pub mod observe;
 mod quiet;

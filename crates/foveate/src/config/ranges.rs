@@ -117,6 +117,7 @@ impl Ranges for PolicyConfig {
                 within("policy.gamma", *gamma, 1e-9, 1e9)?;
                 grid.check()
             }
+            Self::GpUcb(settings) => settings.check(),
             Self::Anchor { policy } => policy.ranges(),
         }
     }

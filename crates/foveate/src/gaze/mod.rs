@@ -6,12 +6,14 @@
 
 mod anchor;
 mod baseline;
+mod gp_ucb;
 mod grid;
 mod hedge;
 mod shadow;
 
 pub use self::anchor::Anchor;
 pub use self::baseline::{Circular, Fixed, Random};
+pub use self::gp_ucb::{Bayes, GpUcb};
 pub use self::grid::Grid;
 pub use self::hedge::Hedge;
 pub use self::shadow::Shadow;

@@ -40,6 +40,8 @@ pub struct Annotator {
     windows: Vec<f64>,
     path: VecDeque<Point>,
     truth: Vec<BBox>,
+    /// The top of the reward surface in the frame at hand.
+    best: Option<Gaze>,
 }
 
 /// Where the frame lies on the page: `zoom` page pixels for each of its own.
@@ -74,6 +76,7 @@ impl Annotator {
             windows: windows.into_iter().map(|w| w.1).collect(),
             path: VecDeque::new(),
             truth: info.truth.clone(),
+            best: None,
         }
     }
 
@@ -95,6 +98,7 @@ impl Annotator {
         if self.path.len() > PATH {
             self.path.pop_front();
         }
+        self.best = if let Portrait::Surface(surface) = step.portrait { surface.best() } else { None };
         let (mut page, view, panel) = self.page(step.frame);
         self.particles(&mut page, view, step);
         for (i, (a, b)) in self.path.iter().zip(self.path.iter().skip(1)).enumerate() {
@@ -141,8 +145,7 @@ impl Annotator {
 
     fn fixation(&self, page: &mut Drawing, view: View, step: &Step<'_>) {
         let chosen = step.plan.chosen_index();
-        let shown = if let Portrait::Surface(surface) = step.portrait { surface.best() } else { None };
-        if let Some(best) = shown {
+        if let Some(best) = self.best {
             let at = step.estimate.fixate(best, step.extent);
             page.ring(view.at((at.x, at.y)), 6.0 * view.bold, 4.2 * view.bold, BLACK, 0.6);
             page.ring(view.at((at.x, at.y)), 6.0 * view.bold, 2.0 * view.bold, INK, 1.0);
@@ -193,7 +196,7 @@ impl Annotator {
         y += 1.9 * size;
         page.fill(x - 0.5, y - 0.5, square, square, SUNKEN, 1.0);
         if let Some(step) = step {
-            policy(page, (x, y), square, step, unit);
+            policy(page, (x, y), square, step, self.best, unit);
         }
         y += square + 0.9 * pad;
         let Some(step) = step else { return };
@@ -216,7 +219,7 @@ impl Annotator {
 }
 
 /// The policy over the template's box, on a square of the page.
-fn policy(page: &mut Drawing, (x, y): Point, side: f64, step: &Step<'_>, unit: f64) {
+fn policy(page: &mut Drawing, (x, y): Point, side: f64, step: &Step<'_>, best: Option<Gaze>, unit: f64) {
     const REACH: f64 = 1.25;
     let at = |u: f64, v: f64| (x + side * (u / REACH + 1.0) / 2.0, y + side * (v / REACH + 1.0) / 2.0);
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(u, v)| at(u, v));
@@ -241,7 +244,7 @@ fn policy(page: &mut Drawing, (x, y): Point, side: f64, step: &Step<'_>, unit: f
             for gaze in &all[all.len().saturating_sub(PATH)..] {
                 page.disc(at(gaze.u, gaze.v), 1.5 * unit, INK, 0.9);
             }
-            if let Some(best) = surface.best() {
+            if let Some(best) = best {
                 page.ring(at(best.u, best.v), 4.5 * unit, 3.6 * unit, BLACK, 0.8);
                 page.ring(at(best.u, best.v), 4.5 * unit, 1.8 * unit, INK, 1.0);
             }

@@ -1,0 +1,292 @@
+//! Cholesky factors in double precision: A = UᵀU, the inverse W = U⁻ᵀ of its transpose, and what is summed over A⁻¹ = WᵀW.
+//!
+//! A matrix is rows of `stride` numbers, as many as columns; `stride` is a multiple of [`SQUARE`]. U is the upper triangle of
+//! its matrix, W the lower one; what lies on the other side of the diagonal has no meaning but is finite.
+//!
+//! Each entry is one sum over k in order, however the work is cut into tiles: a factor that grew by rows ([`extend`]) has
+//! the bits of one made at once ([`factor`]).
+
+#[cfg(target_arch = "x86_64")]
+use crate::level::{AVX512, FUSED};
+use crate::level::{fused, levels};
+use crate::vector::Vector;
+
+/// Rows are multiples of this many numbers long.
+pub const SQUARE: usize = 16;
+
+/// `R` rows of two registers.
+pub(crate) type Tile<T, const R: usize> = [[T; 2]; R];
+
+/// acc[r][c] − Σₖ p[k][r] q[k][c] over `depth` rows of `stride` numbers.
+#[inline(always)]
+pub(crate) fn subtract<T: Vector, const R: usize>(
+    mut acc: Tile<T, R>,
+    p: &[f64],
+    q: &[f64],
+    stride: usize,
+    depth: usize,
+) -> Tile<T, R> {
+    for k in 0..depth {
+        let (p, q) = (&p[k * stride..][..R], &q[k * stride..][..2 * T::N]);
+        let q = [T::load(q), T::load(&q[T::N..])];
+        for r in 0..R {
+            let p = T::splat(p[r]);
+            acc[r] = [acc[r][0].minus(p, q[0]), acc[r][1].minus(p, q[1])];
+        }
+    }
+    acc
+}
+
+/// Σₖ w[r][k] q[k][c] over all rows of q, each of `C` registers; rows of w are `stride` apart.
+#[inline(always)]
+pub(crate) fn multiply<T: Vector, const R: usize, const C: usize>(w: &[f64], stride: usize, q: &[f64]) -> [[T; C]; R] {
+    let mut acc = [[T::splat(0.0); C]; R];
+    let depth = q.len() / (C * T::N);
+    let mut rows = [&w[..0]; R];
+    for r in 0..R {
+        rows[r] = &w[r * stride..][..depth];
+    }
+    for k in 0..depth {
+        let q = &q[k * C * T::N..][..C * T::N];
+        for r in 0..R {
+            let p = T::splat(rows[r][k]);
+            for c in 0..C {
+                acc[r][c] = acc[r][c].plus(p, T::load(&q[c * T::N..]));
+            }
+        }
+    }
+    acc
+}
+
+#[inline(always)]
+pub(crate) fn load<T: Vector, const R: usize>(a: &[f64], stride: usize, row: usize, column: usize) -> Tile<T, R> {
+    let mut tile = [[T::splat(0.0); 2]; R];
+    for r in 0..R {
+        let row = &a[(row + r) * stride + column..][..2 * T::N];
+        tile[r] = [T::load(row), T::load(&row[T::N..])];
+    }
+    tile
+}
+
+/// The first `rows` of the tile.
+#[inline(always)]
+fn store<T: Vector, const R: usize>(
+    tile: &Tile<T, R>,
+    a: &mut [f64],
+    stride: usize,
+    row: usize,
+    rows: usize,
+    column: usize,
+) {
+    for r in 0..R {
+        if r < rows {
+            let row = &mut a[(row + r) * stride + column..][..2 * T::N];
+            tile[r][0].store(row);
+            tile[r][1].store(&mut row[T::N..]);
+        }
+    }
+}
+
+/// The rows of a block, of which each still lacks what those above it in the block take away, times their reciprocals.
+#[inline(always)]
+fn finish<T: Vector, const R: usize>(mut acc: Tile<T, R>, taken: &[[f64; R]; R], reciprocal: &[f64; R]) -> Tile<T, R> {
+    for r in 0..R {
+        let scale = T::splat(reciprocal[r]);
+        acc[r] = [acc[r][0].times(scale), acc[r][1].times(scale)];
+        for below in r + 1..R {
+            let p = T::splat(taken[r][below]);
+            acc[below] = [acc[below][0].minus(p, acc[r][0]), acc[below][1].minus(p, acc[r][1])];
+        }
+    }
+    acc
+}
+
+#[inline(always)]
+fn check(matrix: &[f64], stride: usize, n: usize) {
+    assert!(stride % SQUARE == 0 && n <= stride && matrix.len() == stride * stride, "square, in whole tiles");
+}
+
+#[inline(always)]
+fn factor_tiles<T: Vector, const V: u8, const R: usize>(
+    a: &mut [f64],
+    stride: usize,
+    n: usize,
+    floor: f64,
+    reciprocal: &mut [f64],
+) -> usize {
+    for top in (0..n).step_by(R) {
+        let rows = R.min(n - top);
+        let left = top - top % (2 * T::N);
+        let acc = subtract::<T, R>(load(a, stride, top, left), &a[top..], &a[left..], stride, top);
+        store(&acc, a, stride, top, rows, left);
+        // The corner on the diagonal, by single numbers.
+        let (mut corner, mut inverse) = ([[0.0; R]; R], [0.0; R]);
+        for r in 0..rows {
+            corner[r][r..rows].copy_from_slice(&a[(top + r) * stride + top..][r..rows]);
+        }
+        for r in 0..rows {
+            let pivot = corner[r][r];
+            if !(pivot > floor && pivot < f64::INFINITY) {
+                return top + r;
+            }
+            inverse[r] = 1.0 / pivot.sqrt();
+            for c in r + 1..R {
+                corner[r][c] *= inverse[r];
+            }
+            for below in r + 1..R {
+                for c in below..R {
+                    corner[below][c] = fused::<V>(-corner[r][below], corner[r][c], corner[below][c]);
+                }
+            }
+        }
+        reciprocal[top..top + rows].copy_from_slice(&inverse[..rows]);
+        store(&finish(acc, &corner, &inverse), a, stride, top, rows, left);
+        for left in (left + 2 * T::N..n).step_by(2 * T::N) {
+            let acc = subtract::<T, R>(load(a, stride, top, left), &a[top..], &a[left..], stride, top);
+            store(&finish(acc, &corner, &inverse), a, stride, top, rows, left);
+        }
+    }
+    n
+}
+
+#[inline(always)]
+fn factor_body<const V: u8>(a: &mut [f64], stride: usize, n: usize, floor: f64, reciprocal: &mut [f64]) -> usize {
+    check(a, stride, n);
+    assert!(reciprocal.len() >= n, "room for the reciprocals");
+    match V {
+        #[cfg(target_arch = "x86_64")]
+        AVX512 => factor_tiles::<std::arch::x86_64::__m512d, V, 8>(a, stride, n, floor, reciprocal),
+        #[cfg(target_arch = "x86_64")]
+        FUSED => factor_tiles::<std::arch::x86_64::__m256d, V, 4>(a, stride, n, floor, reciprocal),
+        _ => factor_tiles::<[f64; 2], V, 4>(a, stride, n, floor, reciprocal),
+    }
+}
+
+#[inline(always)]
+fn solve_body<const V: u8>(u: &[f64], stride: usize, reciprocal: &[f64], b: &mut [f64]) {
+    let n = b.len();
+    check(u, stride, n);
+    for k in 0..n {
+        b[k] *= reciprocal[k];
+        let (solved, row) = (b[k], &u[k * stride..][..n]);
+        for (b, u) in b[k + 1..].iter_mut().zip(&row[k + 1..]) {
+            *b = fused::<V>(-solved, *u, *b);
+        }
+    }
+}
+
+#[inline(always)]
+fn extend_body<const V: u8>(
+    u: &mut [f64],
+    stride: usize,
+    floor: f64,
+    reciprocal: &mut [f64],
+    column: &mut [f64],
+) -> bool {
+    let n = column.len() - 1;
+    solve_body::<V>(u, stride, reciprocal, &mut column[..n]);
+    let mut pivot = column[n];
+    for (k, c) in column[..n].iter().enumerate() {
+        pivot = fused::<V>(-c, *c, pivot);
+        u[k * stride + n] = *c;
+    }
+    let good = pivot > floor && pivot < f64::INFINITY;
+    if good {
+        reciprocal[n] = 1.0 / pivot.sqrt();
+        u[n * stride + n] = pivot * reciprocal[n];
+    }
+    good
+}
+
+#[inline(always)]
+fn invert_tiles<T: Vector, const R: usize>(
+    u: &[f64],
+    stride: usize,
+    rows: (usize, usize),
+    reciprocal: &[f64],
+    w: &mut [f64],
+) {
+    for top in (rows.0..rows.1).step_by(R) {
+        let here = R.min(rows.1 - top);
+        let (mut taken, mut inverse) = ([[0.0; R]; R], [0.0; R]);
+        for r in 0..here {
+            inverse[r] = reciprocal[top + r];
+            taken[r][r + 1..here].copy_from_slice(&u[(top + r) * stride + top..][r + 1..here]);
+        }
+        for left in (0..top + here).step_by(2 * T::N) {
+            let mut acc = [[T::splat(0.0); 2]; R];
+            if left < top {
+                acc = subtract(acc, &u[left * stride + top..], &w[left * stride + left..], stride, top - left);
+            }
+            for r in 0..here {
+                if (left..left + 2 * T::N).contains(&(top + r)) {
+                    let mut one = [0.0; SQUARE];
+                    one[top + r - left] = 1.0;
+                    let unit = T::splat(1.0);
+                    acc[r] = [acc[r][0].plus(T::load(&one), unit), acc[r][1].plus(T::load(&one[T::N..]), unit)];
+                }
+            }
+            store(&finish(acc, &taken, &inverse), w, stride, top, here, left);
+        }
+    }
+}
+
+#[inline(always)]
+fn invert_body<const V: u8>(u: &[f64], stride: usize, rows: (usize, usize), reciprocal: &[f64], w: &mut [f64]) {
+    check(u, stride, rows.1);
+    check(w, stride, rows.1);
+    match V {
+        #[cfg(target_arch = "x86_64")]
+        AVX512 => invert_tiles::<std::arch::x86_64::__m512d, 8>(u, stride, rows, reciprocal, w),
+        #[cfg(target_arch = "x86_64")]
+        FUSED => invert_tiles::<std::arch::x86_64::__m256d, 4>(u, stride, rows, reciprocal, w),
+        _ => invert_tiles::<[f64; 2], 4>(u, stride, rows, reciprocal, w),
+    }
+}
+
+#[inline(always)]
+fn back_body<const V: u8>(w: &[f64], stride: usize, z: &[f64], out: &mut [f64]) {
+    let n = z.len();
+    check(w, stride, n);
+    out[..n].fill(0.0);
+    for (k, z) in z.iter().enumerate() {
+        for (out, w) in out[..=k].iter_mut().zip(&w[k * stride..][..=k]) {
+            *out = fused::<V>(*w, *z, *out);
+        }
+    }
+}
+
+levels! {
+    /// A = UᵀU in place, A's leading `n` × `n` part given by its upper triangle. `reciprocal` gets 1 / U's diagonal.
+    /// Returns the rows that could be factored: `n`, or the first row whose pivot is not above `floor`.
+    ///
+    /// Reads and overwrites tiles of [`SQUARE`] columns: what is left of the diagonal in the same tile must be finite.
+    pub fn factor / factor_at (
+        a: &mut [f64], stride: usize, n: usize, floor: f64, reciprocal: &mut [f64],
+    ) -> usize = factor_body
+}
+
+levels! {
+    /// b ← U⁻ᵀ b, for as many rows as `b` has.
+    pub fn solve / solve_at (u: &[f64], stride: usize, reciprocal: &[f64], b: &mut [f64]) = solve_body
+}
+
+levels! {
+    /// Adds a row to the factor: `column` is A's next column down to the diagonal, and becomes U's above the diagonal.
+    /// False where the pivot is not above `floor`; the factor is then as it was.
+    pub fn extend / extend_at (
+        u: &mut [f64], stride: usize, floor: f64, reciprocal: &mut [f64], column: &mut [f64],
+    ) -> bool = extend_body
+}
+
+levels! {
+    /// Rows `rows.0..rows.1` of W = U⁻ᵀ; those above must be there.
+    pub fn invert / invert_at (
+        u: &[f64], stride: usize, rows: (usize, usize), reciprocal: &[f64], w: &mut [f64],
+    ) = invert_body
+}
+
+levels! {
+    /// out ← Wᵀ z: with z = U⁻ᵀ y the solution A⁻¹ y.
+    pub fn back / back_at (w: &[f64], stride: usize, z: &[f64], out: &mut [f64]) = back_body
+}
