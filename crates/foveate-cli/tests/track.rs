@@ -98,6 +98,21 @@ fn every_file_is_there_with_a_line_for_each_frame() {
 }
 
 #[test]
+fn regret_is_written_and_changes_no_box() {
+    let place = Place::new();
+    let plain = place.boxes("plain", &["video"]);
+    assert_eq!(place.boxes("regret", &["video", "--regret"]), plain);
+    assert_eq!(place.read("plain/track.csv"), place.read("regret/track.csv"));
+    assert_eq!(place.lines("regret/regret.csv"), FRAMES, "names of columns, and each frame that was tracked");
+    let text = String::from_utf8(place.read("regret/regret.csv")).expect("text");
+    assert!(text.starts_with("frame,gaze_u,gaze_v,reward,best_reward,regret,total_regret"), "{text}");
+    assert!(String::from_utf8(place.read("regret/regret.svg")).expect("text").contains("summed regret"));
+    let output = place.run(&["track", "video", "-c", "c.toml", "--no-video", "--no-trace", "--regret", "-o", "page"]);
+    assert!(output.status.success(), "{}", errors(&output));
+    assert!(String::from_utf8(place.read("page/report.html")).expect("text").contains("\"regret\":{"));
+}
+
+#[test]
 fn seeds_and_threads() {
     let place = Place::new();
     let first = place.boxes("a", &["video", "--seed", "4", "--threads", "1"]);

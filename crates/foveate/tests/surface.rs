@@ -175,7 +175,7 @@ fn the_report_has_a_surface_for_each_picture_and_draws_it() {
         return println!("skipped: chromium is there but shows no page here");
     };
     let markup: String = body.split("<script").next().expect("the page above its scripts").into();
-    assert!(markup.contains("believed reward") && markup.contains("sd of it") && !markup.contains("script failed"));
+    assert!(markup.contains("mean reward") && markup.contains("sd of it") && !markup.contains("script failed"));
 }
 
 #[test]

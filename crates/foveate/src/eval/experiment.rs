@@ -120,9 +120,13 @@ pub fn policies(own: &PolicyConfig, frames: usize) -> Vec<PolicyConfig> {
 /// The baseline: always the middle of the template.
 pub const FIXED: PolicyConfig = PolicyConfig::Fixed { u: 0.0, v: 0.0 };
 
-/// The gazes to measure a policy's regret against: its own grid, or for policies without one 3 × 3 of the usual reach.
+/// The gazes to measure a policy's regret against: its own grid, or for policies without one 3 × 3 over its reach.
 pub fn grid(policy: &PolicyConfig) -> Grid {
-    grid_of(policy).unwrap_or_default()
+    match policy {
+        PolicyConfig::GpUcb(settings) => Grid { n: 3, reach: settings.reach },
+        PolicyConfig::Anchor { policy } => grid(policy),
+        _ => grid_of(policy).unwrap_or_default(),
+    }
 }
 
 fn grid_of(policy: &PolicyConfig) -> Option<Grid> {

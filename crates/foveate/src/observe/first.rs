@@ -42,6 +42,27 @@ impl Crop {
         let (cx, cy, rx, ry) = (cx as f64, cy as f64, rx as f64 + 0.5, ry as f64 + 0.5);
         Self { image, bounds: [u(cx - rx), v(cy - ry), u(cx + rx), v(cy + ry)], aspect: extent.half_w / extent.half_h }
     }
+
+    /// The whole pixels of it that reach to about `reach` template units from the target's centre, one at least.
+    pub fn closer(&self, reach: f64) -> Self {
+        let [left, top, right, bottom] = self.bounds;
+        let (w, h) = (self.image.width(), self.image.height());
+        let part = |low: f64, high: f64, n: usize| {
+            let at = |x: f64| ((x - low) / (high - low) * n as f64).round().clamp(0.0, n as f64) as usize;
+            let from = at(-reach).min(n - 1);
+            (from, at(reach).max(from + 1))
+        };
+        let ((x0, x1), (y0, y1)) = (part(left, right, w), part(top, bottom, h));
+        let planes = (0..self.image.planes()).map(|p| self.image.plane(p));
+        let row = |plane: &[u8], y: usize| plane[y * w + x0..y * w + x1].to_vec();
+        let data = planes.flat_map(|plane| (y0..y1).flat_map(move |y| row(plane, y))).collect();
+        let image = Image::new(x1 - x0, y1 - y0, self.image.planes(), data).expect("as many bytes as pixels");
+        let (u, v) = (
+            |x: usize| left + x as f64 * (right - left) / w as f64,
+            |y: usize| top + y as f64 * (bottom - top) / h as f64,
+        );
+        Self { image, bounds: [u(x0), v(y0), u(x1), v(y1)], aspect: self.aspect }
+    }
 }
 
 /// The first frame, as a retina reads it.
@@ -84,6 +105,20 @@ mod tests {
         assert_eq!((crop.image.width(), crop.image.height(), crop.aspect), (29, 15, 2.0));
         let middle = (crop.bounds[0] + crop.bounds[2]) / 2.0;
         assert!(middle.abs() <= 0.05, "{:?}", crop.bounds);
+        let ramp = Image::new(30, 30, 1, (0..900).map(|i| (i % 30) as u8).collect()).expect("30 x 30");
+        let whole = Crop::around(&ramp, &BBox { x: 5.5, y: 5.5, w: 20.0, h: 20.0 });
+        let closer = whole.closer(1.0);
+        assert_eq!((closer.image.width(), closer.image.height()), (21, 21), "{:?}", closer.bounds);
+        assert!(
+            closer.bounds.iter().zip([-1.0, -1.0, 1.0, 1.0]).all(|(b, want): (&f64, f64)| (b - want).abs() < 0.051)
+        );
+        let at = |crop: &Crop, x: usize| {
+            let share = (x as f64 + 0.5) / crop.image.width() as f64;
+            crop.bounds[0] + share * (crop.bounds[2] - crop.bounds[0])
+        };
+        let (near, far) = (closer.image.at(0, 3, 3), (0..29).find(|&x| (at(&whole, x) - at(&closer, 3)).abs() < 1e-9));
+        assert_eq!(far.map(|x| whole.image.at(0, x, 3)), Some(near), "pixels stay where they are");
+        assert_eq!(whole.closer(0.0).image.width(), 1);
         let far = Crop::around(&image, &BBox { x: 1e12, y: f64::NAN, w: 4.0, h: 4.0 });
         assert_eq!(far.image.width(), 7);
     }

@@ -42,7 +42,10 @@ impl SurfacePicture {
 
     fn picture(&self) -> Image {
         let nothing = Crop::around(&Image::grey(3, 3, 128), &BBox { x: 0.0, y: 0.0, w: 3.0, h: 3.0 });
-        let crop = self.crop.as_ref().unwrap_or(&nothing);
+        let far = |gaze: &Gaze| gaze.u.abs().max(gaze.v.abs());
+        let reach = self.heat.as_ref().map_or(0.0, |heat| heat.reach);
+        let reach = self.arms.iter().map(|arm| far(&arm.0)).fold(reach, f64::max);
+        let crop = &self.crop.as_ref().unwrap_or(&nothing).closer((1.15 * reach).max(1.05));
         let best: Vec<Gaze> = self.best.into_iter().collect();
         let retina = self.info.retina.as_deref();
         let cells = retina.iter().flat_map(|r| r.cells()).filter(|c| c.channel == 0);

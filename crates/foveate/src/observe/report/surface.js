@@ -4,9 +4,14 @@ const STOPS = [[26, 16, 70], [111, 71, 230], [224, 82, 143], [255, 236, 130]];
 const heat = t => { t = 3 * Math.min(1, Math.max(0, t)); const i = Math.min(2, Math.floor(t)); return STOPS[i].map((from, c) => Math.round(from + (t - i) * (STOPS[i + 1][c] - from))); };
 
 const land = data.surface && (() => {
-  const [points, reach] = data.surface;
-  // One scale for the whole run, so that colours can be compared while it plays.
-  const whole = which => keys.reduce((span, key) => key.surface ? [Math.min(span[0], key.surface[which][0]), Math.max(span[1], key.surface[which][1])] : span, [Infinity, -Infinity]);
+  const [points, reach] = data.surface, RECENT_LOOKS = 100;
+  // One scale for the whole run, so that colours can be compared while it plays; the wildest tenth of the pictures (the
+  // first ones, as a rule) may go beyond it.
+  const whole = which => {
+    const spans = keys.filter(key => key.surface).map(key => key.surface[which]);
+    const at = (end, share) => spans.map(span => span[end]).sort((a, b) => a - b)[Math.round(share * (spans.length - 1))];
+    return [at(0, .1), at(1, .9)];
+  };
   const maps = ['mean', 'sd'].map(of => ({ of, span: whole(of + '_span'), pictures: keys.map(() => null), values: keys.map(() => null) }));
   const valuesAt = (map, k) => {
     const found = keys[k].surface;
@@ -42,8 +47,8 @@ const land = data.surface && (() => {
     return element('span', { class: 'scaled' }, element('b', {}, say(map.span[0])), bar, element('b', {}, say(map.span[1])), element('span', {}, name));
   };
   const canvases = [byId('template'), second], reading = element('span', { class: 'reading' });
-  captions.forEach((caption, i) => caption.replaceChildren(scale(maps[i], i ? 'sd of it' : 'believed reward')));
-  document.querySelector('.where').append(element('p', { class: 'note' }, 'Dots: where it has looked. Ring: the best gaze as believed now. ', reading));
+  captions.forEach((caption, i) => caption.replaceChildren(scale(maps[i], i ? 'sd of it' : 'mean reward')));
+  document.querySelector('.where').append(element('p', { class: 'note' }, `Dots: the last ${RECENT_LOOKS} looks. Ring: the best gaze as believed now. `, reading));
 
   let places = null, pointer = null;
   const tell = () => {
@@ -72,10 +77,10 @@ const land = data.surface && (() => {
     c.drawImage(pictureAt(maps[i], now), left - half[0], top - half[1], right - left + 2 * half[0], low - top + 2 * half[1]);
     c.restore();
     const row = keys[now].row, looks = [];
-    for (let r = row; r >= 0 && looks.length < 400; r--) if (series.u[r] !== null) looks.push([series.u[r], series.v[r]]);
+    for (let r = row; r >= 0 && looks.length < RECENT_LOOKS; r--) if (series.u[r] !== null) looks.push([series.u[r], series.v[r]]);
     for (const look of looks.reverse()) {
       const [x, y] = at(...look);
-      c.beginPath(); c.arc(x, y, 2, 0, 7); c.fillStyle = '#fff'; c.fill();
+      c.beginPath(); c.arc(x, y, 1.8, 0, 7); c.fillStyle = '#fff'; c.fill();
       c.strokeStyle = 'rgb(0 0 0 / .6)'; c.lineWidth = .8; c.stroke();
     }
     const best = keys[now].surface.best;
