@@ -12,7 +12,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 use crate::control::{
     Autoregressive, Concentration, LogConcentration, Prior, Resampling, Reward, VarianceReduction, Vigilance,
 };
-use crate::gaze::{Anchor, Bayes, Circular, Fixed, GpUcb, Grid, Hedge, Policy, Random};
+use crate::gaze::{Anchor, Bayes, Circular, Fixed, GpUcb, Grid, Hedge, Policy, Random, Schedule};
 use crate::geometry::Gaze;
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;
@@ -24,8 +24,11 @@ use crate::start::StartSpread;
 use crate::tracker::{Parts, Tracker};
 use crate::{Error, Result};
 
+mod bandits;
 mod ranges;
 mod shadow;
+
+pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 use ranges::{Ranges, in_range};
 
 /// Everything that can be chosen about a tracker.
@@ -191,10 +194,18 @@ pub enum PolicyConfig {
         #[serde(default)]
         grid: Grid,
         /// Learning rate, above 0.
-        gamma: f64,
+        gamma: Schedule,
     },
     /// Bayesian optimisation over a continuous square of gazes, with partial information (section 4.4).
     GpUcb(Bayes),
+    /// EXP3, with the reward of one gaze a frame (section 4.3) and Auer et al.'s unbiased estimate.
+    Exp3(Exp3Config),
+    /// EXP3 exactly as the paper prints it, which divides by another probability than it drew with.
+    Exp3AsPrinted(Exp3AsPrintedConfig),
+    /// EXP3-IX (Neu 2015): explores by damping its estimates.
+    Exp3Ix(Exp3IxConfig),
+    /// EXP3.S (Auer et al. 2002): gazes share weight, for rewards that change.
+    Exp3S(Exp3SConfig),
     /// The centre gaze beside whatever another policy chooses: two looks a frame.
     Anchor {
         /// The other policy.
@@ -366,6 +377,10 @@ fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
         PolicyConfig::Circular { grid } => Box::new(Circular::new(grid.gazes())),
         PolicyConfig::Hedge { grid, gamma } => Box::new(Hedge::new(grid.gazes(), *gamma)?),
         PolicyConfig::GpUcb(settings) => Box::new(GpUcb::new(settings.clone())?),
+        PolicyConfig::Exp3(c) => c.build()?,
+        PolicyConfig::Exp3AsPrinted(c) => c.build()?,
+        PolicyConfig::Exp3Ix(c) => c.build()?,
+        PolicyConfig::Exp3S(c) => c.build()?,
         PolicyConfig::Anchor { policy: inner } => Box::new(Anchor::new(Gaze::CENTRE, policy(inner)?)),
     })
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use foveate::config::{BUILTIN, Blueprint, Config};
-use foveate::eval::experiment;
+use foveate::eval::line_up;
 use foveate::geometry::BBox;
 use foveate::observe::{
     Boxes, Clock, Film, Observer, RegretFiles, Report, RunInfo, Summary, SurfacePicture, Table, Trace,
@@ -152,7 +152,7 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
 pub fn run(args: Args) -> Result<()> {
     let name = args.config.as_deref().unwrap_or("natural");
     let mut blueprint = blueprint(name)?;
-    let shadow = if args.regret { experiment::grid(&blueprint.config().policy).gazes() } else { vec![] };
+    let shadow = if args.regret { line_up::rivals(&blueprint.config().policy).gazes() } else { vec![] };
     blueprint = blueprint.shadowing(shadow.clone());
     let seed = args.seed.unwrap_or(blueprint.config().seed);
     let mut tracker = blueprint.tracker(seed, 0)?;

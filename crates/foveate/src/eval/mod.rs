@@ -10,6 +10,7 @@ pub mod compare;
 pub mod curves;
 pub mod experiment;
 pub mod learning;
+pub mod line_up;
 pub mod metrics;
 pub mod regret;
 pub mod sequence;

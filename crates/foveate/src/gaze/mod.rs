@@ -6,16 +6,20 @@
 
 mod anchor;
 mod baseline;
+mod exp3;
 mod gp_ucb;
 mod grid;
 mod hedge;
+mod schedule;
 mod shadow;
 
 pub use self::anchor::Anchor;
 pub use self::baseline::{Circular, Fixed, Random};
+pub use self::exp3::{Exp3, Variant};
 pub use self::gp_ucb::{Bayes, GpUcb};
 pub use self::grid::Grid;
 pub use self::hedge::Hedge;
+pub use self::schedule::Schedule;
 pub use self::shadow::Shadow;
 
 use crate::geometry::Gaze;

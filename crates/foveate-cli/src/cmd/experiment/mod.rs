@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use clap::Subcommand;
 use foveate::config::{Blueprint, Config};
 use foveate::eval::experiment::{self, Line, Run};
+use foveate::eval::line_up;
 use foveate::scene::synthetic::{Drawn, Synthetic};
 use foveate::scene::{Digits, Split};
 use foveate::tracker::Tracker;
@@ -236,8 +237,7 @@ fn entries(args: &Common, shipped: &[&str]) -> Result<Vec<Entry>> {
         let file = Path::new(&name);
         let base = if file.is_file() { file.parent().unwrap_or(Path::new(".")) } else { Path::new(".") };
         let own = config.policy.clone();
-        let mut policies =
-            if args.policies { experiment::policies(&own, args.frames as usize) } else { vec![experiment::FIXED] };
+        let mut policies = if args.policies { line_up::policies(&own) } else { vec![line_up::FIXED] };
         if !policies.contains(&own) {
             policies.push(own.clone());
         }
@@ -255,7 +255,7 @@ fn entries(args: &Common, shipped: &[&str]) -> Result<Vec<Entry>> {
             );
             entries.push(Entry {
                 name: shown.clone(),
-                policy: experiment::policy_name(&policy),
+                policy: line_up::policy_name(&policy),
                 own: policy == own,
                 fixed,
                 blueprint,
