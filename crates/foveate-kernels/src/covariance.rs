@@ -9,9 +9,11 @@
 //! | Matérn 5/2, a = √(5s) | σ² (1 + a + a²/3) e^(−a) | σ² 5/3 (1 + a) e^(−a) |
 
 use crate::exponential::exp;
-use crate::level::{AVX512, FUSED, levels};
-use crate::triangle::{SQUARE, load, multiply, subtract};
-use crate::vector::{One, Vector};
+#[cfg(target_arch = "x86_64")]
+use crate::level::{AVX512, FUSED};
+use crate::level::{fused, levels};
+use crate::triangle::{SQUARE, corner, finish, load, solve_body, store, subtract};
+use crate::vector::Vector;
 
 /// Numbers side by side.
 const LANES: usize = 8;
@@ -46,6 +48,7 @@ pub enum Covariance {
 
 /// Covariances of point `i` of `a` with points `from..` of `b`, and their slopes.
 #[inline(always)]
+#[allow(clippy::too_many_arguments)]
 fn row(kind: Covariance, variance: f64, a: Points, i: usize, b: Points, from: usize, k: &mut [f64], c: &mut [f64]) {
     let width = k.len();
     c[..width].fill(0.0);
@@ -130,8 +133,8 @@ fn gradient_tiles<T: Vector, const R: usize>(points: Points, c: &[f64], w: &[f64
             }
             let first = left.max(top);
             let (p, q) = (&w[first * stride + top..], &w[first * stride + left..]);
-            m = subtract(m, p, q, stride, n - first);
-            let slope = load::<T, R>(c, stride, top, left);
+            m = subtract(m, p, q, (stride, stride), n - first);
+            let slope = load::<T, R, 2>(c, stride, top, left);
             if left < top + R {
                 // On the diagonal: what is above it counts.
                 for r in 0..R {
@@ -215,8 +218,10 @@ pub struct Posterior<'a> {
     pub variance: f64,
     /// The points observed.
     pub points: Points<'a>,
-    /// The inverse factor, `stride` × `stride`.
-    pub w: &'a [f64],
+    /// The factor U, `stride` × `stride`, and 1 / its diagonal.
+    pub u: &'a [f64],
+    /// See `u`.
+    pub reciprocal: &'a [f64],
     /// (K + noise)⁻¹ y, one for each point.
     pub alpha: &'a [f64],
 }
@@ -230,7 +235,7 @@ fn predict_tile<T: Vector, const R: usize, const C: usize>(
     scratch: &mut [f64],
     out: (&mut [f64], &mut [f64]),
 ) {
-    let Posterior { kind, variance, points, w, alpha } = *posterior;
+    let Posterior { kind, variance, points, u, reciprocal, alpha } = *posterior;
     let (stride, n, width) = (points.stride, points.n, C * T::N);
     let mut slope = [0.0; SQUARE];
     if width >= LANES {
@@ -256,14 +261,17 @@ fn predict_tile<T: Vector, const R: usize, const C: usize>(
             mean[side] = mean[side].plus(alpha, T::load(&part[side * T::N..]));
         }
     }
+    // Whitened in place.
     for top in (0..n).step_by(R) {
         let here = R.min(n - top);
-        let v = multiply::<T, R, C>(&w[top * stride..], stride, &scratch[..(top + here) * width]);
-        for r in 0..R {
-            if r < here {
-                for side in 0..C {
-                    explained[side] = explained[side].plus(v[r][side], v[r][side]);
-                }
+        let (taken, inverse) = corner::<R>(u, stride, reciprocal, top, here);
+        let acc = load::<T, R, C>(scratch, width, top, 0);
+        let acc = subtract::<T, R, C>(acc, &u[top..], scratch, (stride, width), top);
+        let v = finish(acc, &taken, &inverse);
+        store(&v, scratch, width, top, here, 0);
+        for v in v.iter().take(here) {
+            for side in 0..C {
+                explained[side] = explained[side].plus(v[side], v[side]);
             }
         }
     }
@@ -278,6 +286,27 @@ fn predict_tile<T: Vector, const R: usize, const C: usize>(
     }
 }
 
+/// [`predict_tile`] at point `i` alone: the same sums, along the observations. `k`: a number for each, in whole tiles.
+#[inline(always)]
+fn predict_one<const V: u8>(posterior: &Posterior, at: Points, i: usize, k: &mut [f64]) -> (f64, f64) {
+    let Posterior { kind, variance, points, u, reciprocal, alpha } = *posterior;
+    let n = points.n;
+    let mut slope = [0.0; SQUARE];
+    for (tile, k) in k.chunks_exact_mut(SQUARE).enumerate().take(n.div_ceil(SQUARE)) {
+        row(kind, variance, at, i, points, tile * SQUARE, k, &mut slope);
+    }
+    let k = &mut k[..n];
+    let (mut mean, mut explained) = (0.0, 0.0);
+    for (k, alpha) in k.iter().zip(alpha) {
+        mean = fused::<V>(*alpha, *k, mean);
+    }
+    solve_body::<V>(u, points.stride, reciprocal, k);
+    for v in k {
+        explained = fused::<V>(*v, *v, explained);
+    }
+    (mean, (variance - explained).max(0.0))
+}
+
 #[inline(always)]
 fn predict_tiles<T: Vector, const V: u8, const R: usize>(
     posterior: &Posterior,
@@ -288,18 +317,17 @@ fn predict_tiles<T: Vector, const V: u8, const R: usize>(
 ) {
     let mut left = 0;
     while left < at.n {
-        let out = (&mut means[left..], &mut variances[left..]);
         match at.n - left {
             1 | 2 => {
-                predict_tile::<One<V>, 8, 1>(posterior, at, left, scratch, out);
+                (means[left], variances[left]) = predict_one::<V>(posterior, at, left, scratch);
                 left += 1;
             }
             few if few <= T::N && T::N >= LANES => {
-                predict_tile::<T, R, 1>(posterior, at, left, scratch, out);
+                predict_tile::<T, R, 1>(posterior, at, left, scratch, (&mut means[left..], &mut variances[left..]));
                 left += T::N;
             }
             _ => {
-                predict_tile::<T, R, 2>(posterior, at, left, scratch, out);
+                predict_tile::<T, R, 2>(posterior, at, left, scratch, (&mut means[left..], &mut variances[left..]));
                 left += 2 * T::N;
             }
         }
@@ -317,7 +345,9 @@ fn predict_body<const V: u8>(
     at.check();
     let Points { stride, n, .. } = posterior.points;
     posterior.points.check();
-    assert!(posterior.w.len() == stride * stride && posterior.alpha.len() >= n, "a square and a row");
+    assert!(posterior.u.len() == stride * stride && posterior.alpha.len() >= n, "a square and a row");
+    let rows = if at.n > 2 { SQUARE } else { 1 };
+    assert!(scratch.len() >= rows * n.next_multiple_of(SQUARE), "room for the covariances");
     assert!(means.len() == at.n && variances.len() == at.n, "one mean and one variance a point");
     match V {
         #[cfg(target_arch = "x86_64")]
@@ -359,7 +389,7 @@ levels! {
 
 levels! {
     /// Posterior means and variances (not below 0) at the points `at`; a point's bits do not depend on its neighbours.
-    /// `scratch`: [`SQUARE`] numbers a point observed; one a point observed will do for a single `at`.
+    /// `scratch`: [`SQUARE`] numbers for each observation, in whole tiles; for a single `at` one number for each.
     pub fn predict / predict_at (
         posterior: &Posterior, at: Points, scratch: &mut [f64], means: &mut [f64], variances: &mut [f64],
     ) = predict_body

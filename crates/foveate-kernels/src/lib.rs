@@ -41,4 +41,4 @@ pub use normal::Normals;
 pub use packed::{PackedWeights, Precision};
 pub use sums::{dot, presence, root_overlap, squared_distance, sum};
 pub use taps::{Plane, taps, taps_rows};
-pub use triangle::{SQUARE, back, extend, factor, invert, solve};
+pub use triangle::{SQUARE, extend, factor, invert, solve, solve_back};

@@ -5,6 +5,8 @@
 //!
 //! Each entry is one sum over k in order, however the work is cut into tiles: a factor that grew by rows ([`extend`]) has
 //! the bits of one made at once ([`factor`]).
+// Tiles stay in registers only where their loops run over constants and no closure hides the instructions.
+#![allow(clippy::needless_range_loop)]
 
 #[cfg(target_arch = "x86_64")]
 use crate::level::{AVX512, FUSED};
@@ -14,44 +16,28 @@ use crate::vector::Vector;
 /// Rows are multiples of this many numbers long.
 pub const SQUARE: usize = 16;
 
-/// `R` rows of two registers.
-pub(crate) type Tile<T, const R: usize> = [[T; 2]; R];
+/// `R` rows of `C` registers.
+pub(crate) type Tile<T, const R: usize, const C: usize = 2> = [[T; C]; R];
 
-/// acc[r][c] − Σₖ p[k][r] q[k][c] over `depth` rows of `stride` numbers.
+/// acc[r][c] − Σₖ p[k][r] q[k][c] over `depth` rows, `strides` apart.
 #[inline(always)]
-pub(crate) fn subtract<T: Vector, const R: usize>(
-    mut acc: Tile<T, R>,
+pub(crate) fn subtract<T: Vector, const R: usize, const C: usize>(
+    mut acc: Tile<T, R, C>,
     p: &[f64],
     q: &[f64],
-    stride: usize,
+    strides: (usize, usize),
     depth: usize,
-) -> Tile<T, R> {
+) -> Tile<T, R, C> {
     for k in 0..depth {
-        let (p, q) = (&p[k * stride..][..R], &q[k * stride..][..2 * T::N]);
-        let q = [T::load(q), T::load(&q[T::N..])];
+        let (p, q) = (&p[k * strides.0..][..R], &q[k * strides.1..][..C * T::N]);
+        let mut across = [T::splat(0.0); C];
+        for c in 0..C {
+            across[c] = T::load(&q[c * T::N..]);
+        }
         for r in 0..R {
             let p = T::splat(p[r]);
-            acc[r] = [acc[r][0].minus(p, q[0]), acc[r][1].minus(p, q[1])];
-        }
-    }
-    acc
-}
-
-/// Σₖ w[r][k] q[k][c] over all rows of q, each of `C` registers; rows of w are `stride` apart.
-#[inline(always)]
-pub(crate) fn multiply<T: Vector, const R: usize, const C: usize>(w: &[f64], stride: usize, q: &[f64]) -> [[T; C]; R] {
-    let mut acc = [[T::splat(0.0); C]; R];
-    let depth = q.len() / (C * T::N);
-    let mut rows = [&w[..0]; R];
-    for r in 0..R {
-        rows[r] = &w[r * stride..][..depth];
-    }
-    for k in 0..depth {
-        let q = &q[k * C * T::N..][..C * T::N];
-        for r in 0..R {
-            let p = T::splat(rows[r][k]);
             for c in 0..C {
-                acc[r][c] = acc[r][c].plus(p, T::load(&q[c * T::N..]));
+                acc[r][c] = acc[r][c].minus(p, across[c]);
             }
         }
     }
@@ -59,19 +45,26 @@ pub(crate) fn multiply<T: Vector, const R: usize, const C: usize>(w: &[f64], str
 }
 
 #[inline(always)]
-pub(crate) fn load<T: Vector, const R: usize>(a: &[f64], stride: usize, row: usize, column: usize) -> Tile<T, R> {
-    let mut tile = [[T::splat(0.0); 2]; R];
+pub(crate) fn load<T: Vector, const R: usize, const C: usize>(
+    a: &[f64],
+    stride: usize,
+    row: usize,
+    column: usize,
+) -> Tile<T, R, C> {
+    let mut tile = [[T::splat(0.0); C]; R];
     for r in 0..R {
-        let row = &a[(row + r) * stride + column..][..2 * T::N];
-        tile[r] = [T::load(row), T::load(&row[T::N..])];
+        let row = &a[(row + r) * stride + column..][..C * T::N];
+        for c in 0..C {
+            tile[r][c] = T::load(&row[c * T::N..]);
+        }
     }
     tile
 }
 
 /// The first `rows` of the tile.
 #[inline(always)]
-fn store<T: Vector, const R: usize>(
-    tile: &Tile<T, R>,
+pub(crate) fn store<T: Vector, const R: usize, const C: usize>(
+    tile: &Tile<T, R, C>,
     a: &mut [f64],
     stride: usize,
     row: usize,
@@ -80,30 +73,56 @@ fn store<T: Vector, const R: usize>(
 ) {
     for r in 0..R {
         if r < rows {
-            let row = &mut a[(row + r) * stride + column..][..2 * T::N];
-            tile[r][0].store(row);
-            tile[r][1].store(&mut row[T::N..]);
+            let row = &mut a[(row + r) * stride + column..][..C * T::N];
+            for c in 0..C {
+                tile[r][c].store(&mut row[c * T::N..]);
+            }
         }
     }
 }
 
 /// The rows of a block, of which each still lacks what those above it in the block take away, times their reciprocals.
 #[inline(always)]
-fn finish<T: Vector, const R: usize>(mut acc: Tile<T, R>, taken: &[[f64; R]; R], reciprocal: &[f64; R]) -> Tile<T, R> {
+pub(crate) fn finish<T: Vector, const R: usize, const C: usize>(
+    mut acc: Tile<T, R, C>,
+    taken: &[[f64; R]; R],
+    reciprocal: &[f64; R],
+) -> Tile<T, R, C> {
     for r in 0..R {
         let scale = T::splat(reciprocal[r]);
-        acc[r] = [acc[r][0].times(scale), acc[r][1].times(scale)];
+        for c in 0..C {
+            acc[r][c] = acc[r][c].times(scale);
+        }
         for below in r + 1..R {
             let p = T::splat(taken[r][below]);
-            acc[below] = [acc[below][0].minus(p, acc[r][0]), acc[below][1].minus(p, acc[r][1])];
+            for c in 0..C {
+                acc[below][c] = acc[below][c].minus(p, acc[r][c]);
+            }
         }
     }
     acc
 }
 
+/// U's block of `rows` on the diagonal at `top`: what lies right of the diagonal, and the reciprocals.
+#[inline(always)]
+pub(crate) fn corner<const R: usize>(
+    u: &[f64],
+    stride: usize,
+    reciprocal: &[f64],
+    top: usize,
+    rows: usize,
+) -> ([[f64; R]; R], [f64; R]) {
+    let (mut taken, mut inverse) = ([[0.0; R]; R], [0.0; R]);
+    for r in 0..rows {
+        inverse[r] = reciprocal[top + r];
+        taken[r][r + 1..rows].copy_from_slice(&u[(top + r) * stride + top..][r + 1..rows]);
+    }
+    (taken, inverse)
+}
+
 #[inline(always)]
 fn check(matrix: &[f64], stride: usize, n: usize) {
-    assert!(stride % SQUARE == 0 && n <= stride && matrix.len() == stride * stride, "square, in whole tiles");
+    assert!(stride.is_multiple_of(SQUARE) && n <= stride && matrix.len() == stride * stride, "square, in whole tiles");
 }
 
 #[inline(always)]
@@ -117,7 +136,7 @@ fn factor_tiles<T: Vector, const V: u8, const R: usize>(
     for top in (0..n).step_by(R) {
         let rows = R.min(n - top);
         let left = top - top % (2 * T::N);
-        let acc = subtract::<T, R>(load(a, stride, top, left), &a[top..], &a[left..], stride, top);
+        let acc = subtract::<T, R, 2>(load(a, stride, top, left), &a[top..], &a[left..], (stride, stride), top);
         store(&acc, a, stride, top, rows, left);
         // The corner on the diagonal, by single numbers.
         let (mut corner, mut inverse) = ([[0.0; R]; R], [0.0; R]);
@@ -142,7 +161,7 @@ fn factor_tiles<T: Vector, const V: u8, const R: usize>(
         reciprocal[top..top + rows].copy_from_slice(&inverse[..rows]);
         store(&finish(acc, &corner, &inverse), a, stride, top, rows, left);
         for left in (left + 2 * T::N..n).step_by(2 * T::N) {
-            let acc = subtract::<T, R>(load(a, stride, top, left), &a[top..], &a[left..], stride, top);
+            let acc = subtract::<T, R, 2>(load(a, stride, top, left), &a[top..], &a[left..], (stride, stride), top);
             store(&finish(acc, &corner, &inverse), a, stride, top, rows, left);
         }
     }
@@ -163,7 +182,7 @@ fn factor_body<const V: u8>(a: &mut [f64], stride: usize, n: usize, floor: f64, 
 }
 
 #[inline(always)]
-fn solve_body<const V: u8>(u: &[f64], stride: usize, reciprocal: &[f64], b: &mut [f64]) {
+pub(crate) fn solve_body<const V: u8>(u: &[f64], stride: usize, reciprocal: &[f64], b: &mut [f64]) {
     let n = b.len();
     check(u, stride, n);
     for k in 0..n {
@@ -208,15 +227,12 @@ fn invert_tiles<T: Vector, const R: usize>(
 ) {
     for top in (rows.0..rows.1).step_by(R) {
         let here = R.min(rows.1 - top);
-        let (mut taken, mut inverse) = ([[0.0; R]; R], [0.0; R]);
-        for r in 0..here {
-            inverse[r] = reciprocal[top + r];
-            taken[r][r + 1..here].copy_from_slice(&u[(top + r) * stride + top..][r + 1..here]);
-        }
+        let (taken, inverse) = corner::<R>(u, stride, reciprocal, top, here);
         for left in (0..top + here).step_by(2 * T::N) {
             let mut acc = [[T::splat(0.0); 2]; R];
             if left < top {
-                acc = subtract(acc, &u[left * stride + top..], &w[left * stride + left..], stride, top - left);
+                acc =
+                    subtract(acc, &u[left * stride + top..], &w[left * stride + left..], (stride, stride), top - left);
             }
             for r in 0..here {
                 if (left..left + 2 * T::N).contains(&(top + r)) {
@@ -245,14 +261,30 @@ fn invert_body<const V: u8>(u: &[f64], stride: usize, rows: (usize, usize), reci
 }
 
 #[inline(always)]
-fn back_body<const V: u8>(w: &[f64], stride: usize, z: &[f64], out: &mut [f64]) {
-    let n = z.len();
-    check(w, stride, n);
-    out[..n].fill(0.0);
-    for (k, z) in z.iter().enumerate() {
-        for (out, w) in out[..=k].iter_mut().zip(&w[k * stride..][..=k]) {
-            *out = fused::<V>(*w, *z, *out);
+fn solve_back_body<const V: u8>(u: &[f64], stride: usize, reciprocal: &[f64], b: &mut [f64]) {
+    const LANES: usize = 16;
+    let n = b.len();
+    check(u, stride, n);
+    for i in (0..n).rev() {
+        let (u, known) = (&u[i * stride..][i + 1..n], &b[i + 1..]);
+        let ((u, u_rest), (x, x_rest)) = (u.as_chunks::<LANES>(), known.as_chunks::<LANES>());
+        let mut lanes = [0.0; LANES];
+        for (u, x) in u.iter().zip(x) {
+            for l in 0..LANES {
+                lanes[l] = fused::<V>(u[l], x[l], lanes[l]);
+            }
         }
+        for (lane, (u, x)) in lanes.iter_mut().zip(u_rest.iter().zip(x_rest)) {
+            *lane = fused::<V>(*u, *x, *lane);
+        }
+        let mut half = LANES / 2;
+        while half > 0 {
+            for l in 0..half {
+                lanes[l] += lanes[l + half];
+            }
+            half /= 2;
+        }
+        b[i] = (b[i] - lanes[0]) * reciprocal[i];
     }
 }
 
@@ -287,6 +319,84 @@ levels! {
 }
 
 levels! {
-    /// out ← Wᵀ z: with z = U⁻ᵀ y the solution A⁻¹ y.
-    pub fn back / back_at (w: &[f64], stride: usize, z: &[f64], out: &mut [f64]) = back_body
+    /// b ← U⁻¹ b, for as many rows as `b` has: after [`solve`] the solution of A x = b.
+    pub fn solve_back / solve_back_at (u: &[f64], stride: usize, reciprocal: &[f64], b: &mut [f64]) = solve_back_body
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Level;
+
+    /// A covariance matrix and a little on its diagonal; beyond `n`, zeros.
+    fn matrix(n: usize, stride: usize) -> Vec<f64> {
+        let mut a = vec![0.0; stride * stride];
+        for i in 0..n {
+            for j in 0..n {
+                let d = (i as f64 - j as f64) / 7.0;
+                a[i * stride + j] = (-d * d).exp() + if i == j { 0.01 } else { 0.0 };
+            }
+        }
+        a
+    }
+
+    #[test]
+    fn factor_and_inverse_multiply_to_what_they_came_from() {
+        for n in [0usize, 1, 2, 7, 8, 9, 15, 16, 17, 31, 40, 65] {
+            let stride = n.next_multiple_of(SQUARE).max(SQUARE);
+            let a = matrix(n, stride);
+            for level in Level::all() {
+                let (mut u, mut w, mut r) = (a.clone(), vec![0.0; stride * stride], vec![0.0; stride]);
+                assert_eq!(factor_at(level, &mut u, stride, n, 0.0, &mut r), n);
+                invert_at(level, &u, stride, (0, n), &r, &mut w);
+                let y: Vec<f64> = (0..n).map(|i| (i as f64).sin()).collect();
+                let mut x = y.clone();
+                solve_at(level, &u, stride, &r, &mut x);
+                solve_back_at(level, &u, stride, &r, &mut x);
+                for i in 0..n {
+                    let back: f64 = (0..n).map(|j| a[i * stride + j] * x[j]).sum();
+                    assert!((back - y[i]).abs() < 1e-9, "{level:?}, {n}");
+                    for j in 0..n {
+                        let first = i.min(j);
+                        let product: f64 = (0..=first).map(|k| u[k * stride + i] * u[k * stride + j]).sum();
+                        assert!((product - a[i * stride + j]).abs() < 1e-13, "{level:?}, {n}");
+                        let one: f64 = (j..=i).map(|k| u[k * stride + i] * w[k * stride + j]).sum();
+                        assert!((one - f64::from(u8::from(i == j))).abs() < 1e-11, "{level:?}, {n}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_factor_that_grew_has_the_bits_of_one_made_at_once() {
+        let (n, stride) = (53, 64);
+        let a = matrix(n, stride);
+        for level in Level::all() {
+            let (mut grown, mut r) = (vec![0.0; stride * stride], vec![0.0; stride]);
+            for i in 0..n {
+                let mut column: Vec<f64> = (0..=i).map(|k| a[k * stride + i]).collect();
+                assert!(extend_at(level, &mut grown, stride, 0.0, &mut r, &mut column));
+            }
+            let (mut once, mut r_once) = (a.clone(), vec![0.0; stride]);
+            assert_eq!(factor_at(level, &mut once, stride, n, 0.0, &mut r_once), n);
+            assert_eq!(r, r_once, "{level:?}");
+            for i in 0..n {
+                assert_eq!(grown[i * stride + i + 1..][..n - i - 1], once[i * stride + i + 1..][..n - i - 1]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_matrix_that_is_not_positive_is_refused_where_it_fails() {
+        for level in Level::all() {
+            for bad in [3, 20] {
+                for value in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+                    let (mut a, mut r) = (matrix(40, 48), vec![0.0; 48]);
+                    a[bad * 48 + bad] = value;
+                    assert_eq!(factor_at(level, &mut a, 48, 40, 1e-12, &mut r), bad);
+                }
+            }
+        }
+    }
 }

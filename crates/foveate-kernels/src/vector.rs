@@ -49,38 +49,6 @@ impl Vector for [f64; 2] {
     }
 }
 
-/// One number, rounded as level `V` does.
-#[derive(Clone, Copy)]
-pub(crate) struct One<const V: u8>(f64);
-
-impl<const V: u8> Vector for One<V> {
-    const N: usize = 1;
-    #[inline(always)]
-    fn load(from: &[f64]) -> Self {
-        Self(from[0])
-    }
-    #[inline(always)]
-    fn store(self, to: &mut [f64]) {
-        to[0] = self.0;
-    }
-    #[inline(always)]
-    fn splat(x: f64) -> Self {
-        Self(x)
-    }
-    #[inline(always)]
-    fn times(self, other: Self) -> Self {
-        Self(self.0 * other.0)
-    }
-    #[inline(always)]
-    fn plus(self, a: Self, b: Self) -> Self {
-        Self(fused::<V>(a.0, b.0, self.0))
-    }
-    #[inline(always)]
-    fn minus(self, a: Self, b: Self) -> Self {
-        Self(fused::<V>(-a.0, b.0, self.0))
-    }
-}
-
 /// Implements [`Vector`] by the instructions of x86-64.
 #[cfg(target_arch = "x86_64")]
 macro_rules! registers {

@@ -118,7 +118,7 @@ fn run<const D: usize>(
         for batches in [false, true] {
             let mut direct = Direct::new(form).until(target);
             let all = |x: &[[f64; D]], y: &mut [f64]| y.iter_mut().zip(x).for_each(|(y, x)| *y = objective(x));
-            let mut search = |direct: &mut Direct<D>| match batches {
+            let search = |direct: &mut Direct<D>| match batches {
                 false => direct.maximise(lower, upper, 20_000, &objective),
                 true => direct.maximise_batches(lower, upper, 20_000, all),
             };

@@ -12,8 +12,6 @@ use serde::{Deserialize, Deserializer, Serialize};
 use crate::control::{
     Autoregressive, Concentration, LogConcentration, Prior, Resampling, Reward, VarianceReduction, Vigilance,
 };
-use crate::gaze::{Anchor, Bayes, Circular, Fixed, GpUcb, Grid, Hedge, Policy, Random, Schedule};
-use crate::geometry::Gaze;
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;
 use crate::identity::encoder::{Encoder, Precision, Raw, RbmEncoder};
@@ -25,10 +23,13 @@ use crate::tracker::{Parts, Tracker};
 use crate::{Error, Result};
 
 mod bandits;
+mod policies;
 mod ranges;
 mod shadow;
 
 pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
+pub use policies::PolicyConfig;
+use policies::policy;
 use ranges::{Ranges, in_range};
 
 /// Everything that can be chosen about a tracker.
@@ -161,56 +162,6 @@ fn yes() -> bool {
 
 fn one() -> f64 {
     1.0
-}
-
-/// The policies there are.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum PolicyConfig {
-    /// Always the same gaze: the baseline that the paper lacks.
-    Fixed {
-        /// Across, in template units.
-        #[serde(default)]
-        u: f64,
-        /// Down, in template units.
-        #[serde(default)]
-        v: f64,
-    },
-    /// Uniformly at random among the grid's gazes (section 4.1).
-    Random {
-        /// The gazes.
-        #[serde(default)]
-        grid: Grid,
-    },
-    /// The grid's gazes in order (section 4.1).
-    Circular {
-        /// The gazes.
-        #[serde(default)]
-        grid: Grid,
-    },
-    /// Hedge, with full information (section 4.2).
-    Hedge {
-        /// The gazes.
-        #[serde(default)]
-        grid: Grid,
-        /// Learning rate, above 0.
-        gamma: Schedule,
-    },
-    /// Bayesian optimisation over a continuous square of gazes, with partial information (section 4.4).
-    GpUcb(Bayes),
-    /// EXP3, with the reward of one gaze a frame (section 4.3) and Auer et al.'s unbiased estimate.
-    Exp3(Exp3Config),
-    /// EXP3 exactly as the paper prints it, which divides by another probability than it drew with.
-    Exp3AsPrinted(Exp3AsPrintedConfig),
-    /// EXP3-IX (Neu 2015): explores by damping its estimates.
-    Exp3Ix(Exp3IxConfig),
-    /// EXP3.S (Auer et al. 2002): gazes share weight, for rewards that change.
-    Exp3S(Exp3SConfig),
-    /// The centre gaze beside whatever another policy chooses: two looks a frame.
-    Anchor {
-        /// The other policy.
-        policy: Box<PolicyConfig>,
-    },
 }
 
 fn particles<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<usize, D::Error> {
@@ -367,21 +318,6 @@ fn reward(config: RewardConfig) -> Result<Box<dyn Reward>> {
         RewardConfig::Concentration { temperature } => Box::new(Concentration::new(temperature)?),
         RewardConfig::LogConcentration { temperature } => Box::new(LogConcentration::new(temperature)?),
         RewardConfig::VarianceReduction { temperature } => Box::new(VarianceReduction::new(temperature)?),
-    })
-}
-
-fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
-    Ok(match config {
-        PolicyConfig::Fixed { u, v } => Box::new(Fixed::new(Gaze { u: *u, v: *v, arm: None })),
-        PolicyConfig::Random { grid } => Box::new(Random::new(grid.gazes())),
-        PolicyConfig::Circular { grid } => Box::new(Circular::new(grid.gazes())),
-        PolicyConfig::Hedge { grid, gamma } => Box::new(Hedge::new(grid.gazes(), *gamma)?),
-        PolicyConfig::GpUcb(settings) => Box::new(GpUcb::new(settings.clone())?),
-        PolicyConfig::Exp3(c) => c.build()?,
-        PolicyConfig::Exp3AsPrinted(c) => c.build()?,
-        PolicyConfig::Exp3Ix(c) => c.build()?,
-        PolicyConfig::Exp3S(c) => c.build()?,
-        PolicyConfig::Anchor { policy: inner } => Box::new(Anchor::new(Gaze::CENTRE, policy(inner)?)),
     })
 }
 

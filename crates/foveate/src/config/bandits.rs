@@ -138,13 +138,14 @@ impl Ranges for Exp3SConfig {
 mod tests {
     use crate::config::PolicyConfig;
 
-    fn read(text: &str) -> Result<PolicyConfig, String> {
-        #[derive(serde::Deserialize)]
-        struct Section {
-            #[serde(deserialize_with = "crate::config::ranges::in_range")]
-            policy: PolicyConfig,
-        }
-        toml::from_str(&format!("[policy]\n{text}")).map(|s: Section| s.policy).map_err(|e| e.to_string())
+    #[derive(serde::Serialize, serde::Deserialize)]
+    struct Section {
+        #[serde(deserialize_with = "crate::config::ranges::in_range")]
+        policy: PolicyConfig,
+    }
+
+    fn read(text: &str) -> Result<Section, String> {
+        toml::from_str(text).map_err(|e| e.to_string())
     }
 
     #[test]
@@ -158,10 +159,10 @@ mod tests {
             "kind = \"hedge\"\ngamma = \"anytime\"",
             "kind = \"hedge\"\ngamma = { frames = 300 }",
         ] {
-            let policy = read(text).expect(text);
-            crate::config::policy(&policy).map(|_| ()).expect("settings in range");
-            let again = toml::to_string(&policy).expect("plain data");
-            assert_eq!(read(&again).expect("what was written"), policy, "{again}");
+            let section = read(&format!("[policy]\n{text}")).expect(text);
+            crate::config::policy(&section.policy).map(|_| ()).expect("settings in range");
+            let again = toml::to_string(&section).expect("plain data");
+            assert_eq!(read(&again).expect("what was written").policy, section.policy, "{again}");
         }
     }
 
@@ -181,7 +182,7 @@ mod tests {
             ("kind = \"exp3-s\"\ngrid = { n = 99 }", &["grid.n", "99"]),
             ("kind = \"hedge\"\ngamma = -1", &["policy.gamma", "-1"]),
         ] {
-            let error = read(text).expect_err(text);
+            let error = read(&format!("[policy]\n{text}")).map(|_| ()).expect_err(text);
             assert!(words.iter().all(|word| error.contains(word)), "{text}: {error}");
         }
     }

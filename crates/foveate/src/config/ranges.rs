@@ -117,11 +117,11 @@ impl Ranges for PolicyConfig {
                 gamma.check("policy.gamma", 1e9)?;
                 grid.check()
             }
-            Self::GpUcb(settings) => settings.check(),
             Self::Exp3(c) => c.ranges(),
             Self::Exp3AsPrinted(c) => c.ranges(),
             Self::Exp3Ix(c) => c.ranges(),
             Self::Exp3S(c) => c.ranges(),
+            Self::GpUcb(settings) => settings.check(),
             Self::Anchor { policy } => policy.ranges(),
         }
     }

@@ -174,4 +174,34 @@ impl Policy for Exp3 {
 }
 
 #[cfg(test)]
-mod tests;
+mod oracle_tests;
+
+#[cfg(test)]
+mod tests {
+    use super::oracle_tests::{VARIANTS, exp3};
+    use super::*;
+    use crate::conformance;
+
+    #[test]
+    fn all_keep_the_law() {
+        for variant in VARIANTS {
+            conformance::policy(&move || Box::new(exp3(variant, 0.2)));
+            conformance::policy(&move || Box::new(exp3(variant, 1.0).hasty(20.0).expect("in range")));
+            conformance::policy(&move || {
+                Box::new(Exp3::new(vec![Gaze::CENTRE], variant, 0.5).expect("one gaze will do"))
+            });
+            for gamma in
+                [Schedule::Anytime, Schedule::Frames(100)].into_iter().filter(|_| variant != Variant::AsPrinted)
+            {
+                conformance::policy(&move || Box::new(exp3(variant, gamma)));
+            }
+            assert!(Exp3::new(vec![], variant, 0.5).is_err());
+            for wrong in [0.0, -1.0, 1.1, f64::NAN, f64::INFINITY] {
+                assert!(Exp3::new(vec![Gaze::CENTRE], variant, wrong).is_err());
+                assert!(wrong == 1.1 || exp3(variant, 0.1).hasty(wrong).is_err());
+            }
+        }
+        assert!(Exp3::new(vec![Gaze::CENTRE], Variant::AsPrinted, Schedule::Anytime).is_err());
+        assert!([0.0, 1.5, f64::NAN].iter().all(|&s| Exp3::new(vec![Gaze::CENTRE], Variant::Sharing(s), 0.1).is_err()));
+    }
+}

@@ -159,7 +159,9 @@ impl<const D: usize> Direct<D> {
         note(&self.points, &self.values, &mut best, &mut worst);
         self.add(Rectangle { centre: [0.0; D], cuts: [0; D], depth: 0 }, self.values[0]);
 
-        while self.evaluations < most && !(best.1 >= self.target) {
+        let target = self.target;
+        let reached = |value: f64| value >= target; // never NaN
+        while self.evaluations < most && !reached(best.1) {
             self.choose(best.1, worst);
             if self.chosen.is_empty() {
                 break; // nothing is left that could be cut
@@ -210,7 +212,7 @@ impl<const D: usize> Direct<D> {
             let Some(value) = self.heaps.top(class) else { continue };
             let value = if value == f64::NEG_INFINITY { worst } else { value };
             // From the largest on, the hull rises, ever less steeply for the size that is given up.
-            if self.hull.last().is_some_and(|top| !(value > top.1)) {
+            if self.hull.last().is_some_and(|top| value <= top.1) {
                 continue;
             }
             while let [.., a, b] = self.hull[..] {

@@ -96,7 +96,7 @@ impl Factor {
         }
     }
 
-    /// Adds the last of `points` to the factor and its inverse; false where the factor must be made anew.
+    /// Adds the last of `points` to the factor; false where the factor must be made anew.
     pub fn extend<const D: usize>(&mut self, points: &[[f64; D]], shape: Shape) -> bool {
         let n = self.n;
         let [.., point] = points else { return true };
@@ -121,7 +121,7 @@ impl Factor {
         for (k, slope) in slope[..self.n].iter().enumerate() {
             self.slope[k * self.stride + n] = *slope;
         }
-        kernels::invert(&self.u, self.stride, (n, n + 1), &self.reciprocal, &mut self.w);
+        self.inverted = false;
         true
     }
 
@@ -132,17 +132,18 @@ impl Factor {
     }
 
     /// The inverse of the factor, if it is not there.
-    pub fn invert(&mut self) {
+    fn invert(&mut self) {
         if std::mem::replace(&mut self.inverted, true) {
             return;
         }
         kernels::invert(&self.u, self.stride, (0, self.n), &self.reciprocal, &mut self.w);
     }
 
-    /// α, from z and the inverse.
+    /// α, from z.
     pub fn weigh(&mut self) {
-        kernels::back(&self.w, self.stride, &self.whitened[..self.n], &mut self.alpha[..self.n]);
+        self.alpha[..self.n].copy_from_slice(&self.whitened[..self.n]);
         self.alpha[self.n..].fill(0.0);
+        kernels::solve_back(&self.u, self.stride, &self.reciprocal, &mut self.alpha[..self.n]);
     }
 
     /// ln p(y) = −½ zᵀz − Σ ln U_ii − n/2 ln 2π.
@@ -152,8 +153,9 @@ impl Factor {
         -0.5 * fit - log_root - 0.5 * self.n as f64 * std::f64::consts::TAU.ln()
     }
 
-    /// ∂ ln p(y) by ln ℓ_d, then by ln σₘ² and ln σₙ²: ½ tr((α αᵀ − (K + σₙ² I)⁻¹) ∂K). The inverse must be there.
-    pub fn gradient(&self, noise: f64, out: &mut [f64]) {
+    /// ∂ ln p(y) by ln ℓ_d, then by ln σₘ² and ln σₙ²: ½ tr((α αᵀ − (K + σₙ² I)⁻¹) ∂K).
+    pub fn gradient(&mut self, noise: f64, out: &mut [f64]) {
+        self.invert();
         let dims = out.len() - 2;
         kernels::likelihood_gradient(self.points(), &self.slope, &self.w, &self.alpha, &mut out[..=dims]);
         let trace = out[0];
@@ -198,7 +200,8 @@ impl Factor {
             kind: kernel.kind(),
             variance: signal,
             points: self.points(),
-            w: &self.w,
+            u: &self.u,
+            reciprocal: &self.reciprocal,
             alpha: &self.alpha[..self.n],
         }
     }
@@ -216,7 +219,7 @@ impl Factor {
         match self.n {
             0..=128 => predict(&mut [0.0; 128]),
             129..=1024 => predict(&mut [0.0; 1024]),
-            n => predict(&mut vec![0.0; n]),
+            n => predict(&mut vec![0.0; n.next_multiple_of(SQUARE)]),
         }
         (mean[0], variance[0])
     }

@@ -95,7 +95,6 @@ impl<const D: usize> Objective for Problem<'_, D> {
     }
     fn gradient(&mut self, g: &mut [f64]) {
         let Gp { factor, hyper, .. } = &mut *self.gp;
-        factor.invert();
         factor.weigh();
         factor.gradient(hyper.noise_variance, g);
         g.iter_mut().for_each(|g| *g = -*g);

@@ -7,7 +7,7 @@
 //! and the hyper-parameters are those of the largest posterior density under their [`Priors`] ([`Gp::fit`]).
 //!
 //! The mean is zero: to standardise the values is the caller's business. Cost: an observation takes n² operations while the
-//! window fills, n³/3 once it slides; a prediction n²/2; a step of the fit n³/2. Memory: 24 bytes × window², all taken at the start.
+//! window fills, n³/6 once it slides; a prediction n²/2; a step of the fit n³/2. Memory: 24 bytes × window², all taken at the start.
 //!
 //! # What is promised
 //! - No call allocates, panics or returns a number that is not finite, whatever the values: duplicate points, constant or huge

@@ -68,7 +68,6 @@ impl<const D: usize> Gp<D> {
         let (shape, factor) = (shape(self.kernel, &self.hyper), &mut self.factor);
         if slides || !factor.extend(&self.points, shape) {
             factor.refactor(&self.points, shape);
-            factor.invert();
         }
         self.factor.whiten(&self.values);
         self.factor.weigh();
@@ -129,7 +128,7 @@ impl<const D: usize> Gp<D> {
         self.factor.weigh();
     }
 
-    /// Other hyper-parameters: n³/3 operations.
+    /// Other hyper-parameters: n³/6 operations.
     pub fn set_hyper(&mut self, hyper: Hyper<D>) {
         self.hyper = hyper.bounded();
         self.rebuild();
@@ -137,7 +136,6 @@ impl<const D: usize> Gp<D> {
 
     pub(super) fn rebuild(&mut self) {
         self.factor.refactor(&self.points, shape(self.kernel, &self.hyper));
-        self.factor.invert();
         self.factor.whiten(&self.values);
         self.factor.weigh();
     }
@@ -168,7 +166,7 @@ impl<const D: usize> Gp<D> {
     ///
     /// # Panics
     /// If `out` has not D + 2 numbers.
-    pub fn log_marginal_likelihood_gradient(&self, out: &mut [f64]) {
+    pub fn log_marginal_likelihood_gradient(&mut self, out: &mut [f64]) {
         assert_eq!(out.len(), D + 2, "length scales, signal and noise");
         self.factor.gradient(self.hyper.noise_variance, out);
     }
