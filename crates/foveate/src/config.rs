@@ -262,7 +262,7 @@ pub struct Blueprint {
     config: Config,
     retina: Arc<Foveal>,
     encoder: Arc<dyn Encoder>,
-    shadow: Vec<Gaze>,
+    shadow: Vec<crate::geometry::Gaze>,
 }
 
 impl Blueprint {
