@@ -25,6 +25,8 @@ use crate::{Error, Result};
 mod bandits;
 mod policies;
 mod ranges;
+mod shadow;
+
 pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 pub use policies::PolicyConfig;
 use policies::policy;
@@ -196,7 +198,7 @@ impl Config {
     pub fn check(self, base: &Path) -> Result<Blueprint> {
         self.ranges()?;
         let (retina, encoder) = self.identity(base)?;
-        let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder };
+        let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![] };
         blueprint.tracker(0, 0)?;
         Ok(blueprint)
     }
@@ -260,6 +262,7 @@ pub struct Blueprint {
     config: Config,
     retina: Arc<Foveal>,
     encoder: Arc<dyn Encoder>,
+    shadow: Vec<crate::geometry::Gaze>,
 }
 
 impl Blueprint {
@@ -276,7 +279,7 @@ impl Blueprint {
         .dimming(c.likelihood.dim_familiar);
         let parts = Parts {
             proposal: Box::new(Prior::new(Arc::new(*dynamics)).walls(c.walls)),
-            policy: policy(&c.policy)?,
+            policy: self.shadowed(policy(&c.policy)?),
             appearance: Box::new(appearance),
             reward: reward(c.reward)?,
             resampling: c.resampling,
@@ -287,7 +290,7 @@ impl Blueprint {
     }
     /// The same, with another retina and encoder.
     pub fn with(&self, retina: Arc<Foveal>, encoder: Arc<dyn Encoder>) -> Self {
-        Self { config: self.config.clone(), retina, encoder }
+        Self { config: self.config.clone(), retina, encoder, shadow: self.shadow.clone() }
     }
     /// What it was made from.
     pub fn config(&self) -> &Config {

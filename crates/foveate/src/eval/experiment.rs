@@ -185,7 +185,7 @@ fn flagged(runs: &[&Run], such: impl Fn(f64) -> bool) -> Option<f64> {
 }
 
 /// The quantile `q` of at least one value, linear between neighbours.
-fn quantile(values: &[f64], q: f64) -> f64 {
+pub(super) fn quantile(values: &[f64], q: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let at = q * (sorted.len() - 1) as f64;

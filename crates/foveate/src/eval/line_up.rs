@@ -36,6 +36,11 @@ pub fn policies(own: &PolicyConfig) -> Vec<PolicyConfig> {
     own_looks.into_iter().chain(anchored).collect()
 }
 
+/// The gazes to measure a policy's regret against: 3 × 3 over its reach.
+pub fn rivals(policy: &PolicyConfig) -> Grid {
+    Grid { n: 3, reach: reach_of(policy).unwrap_or(Grid::default().reach) }
+}
+
 fn reach_of(policy: &PolicyConfig) -> Option<f64> {
     match policy {
         PolicyConfig::Random { grid } | PolicyConfig::Circular { grid } | PolicyConfig::Hedge { grid, .. } => {
