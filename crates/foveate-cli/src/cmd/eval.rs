@@ -1,8 +1,8 @@
-//! `foveate eval`: scores trackers on sequences with truth (one-pass evaluation, as OTB does it).
+//! `foveate eval`: scores trackers on sequences with truth: of one target (one-pass evaluation, as OTB does it), of many.
 
 use std::path::{Path, PathBuf};
 
-use foveate::eval::{Evaluation, Row, Sequence, TrackRun, curves, find_sequences, run_all, score_folder, table};
+use foveate::eval::{Evaluation, Row, Sequence, TrackRun, curves, find_sequences, mot, run_all, score_folder, table};
 use foveate::observe::{Clock, Observer};
 use foveate::run::{Follow, follow};
 use foveate::scene::open;
@@ -11,13 +11,24 @@ use foveate::{Error, Result, files};
 /// Scores trackers on sequences whose true boxes are known (one-pass evaluation, as OTB does it).
 ///
 /// Without --results, foveate itself is run on every sequence, from the true box of frame 1, and scored.
+///
+/// With --mot, tracks of many targets are scored instead: MOTA, IDF1, HOTA and what they are made of, as TrackEval has them:
+/// foveate eval --mot --truth DIR --results DIR
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Sequences in OTB layout (groundtruth_rect.txt, img/), or folders that hold them
-    #[arg(long, value_name = "DIR", num_args = 1.., required = true)]
+    #[arg(long, value_name = "DIR", num_args = 1.., required_unless_present = "mot")]
     pub seqs: Vec<PathBuf>,
+    /// Score tracks of many targets in MOTChallenge's text (frame,id,x,y,w,h,conf,...) instead
+    #[arg(long, requires_all = ["truth", "results"], conflicts_with_all = ["seqs", "config", "seed", "seeds"])]
+    pub mot: bool,
+    /// With --mot: sequences (gt/gt.txt, seqinfo.ini), folders that hold them, or files of true tracks.
+    /// Rows whose conf is 0 do not count; classes are not read
+    #[arg(long, value_name = "DIR|FILE", num_args = 1.., requires = "mot")]
+    pub truth: Vec<PathBuf>,
     /// Score these results instead: one folder for each tracker, with SEQUENCE.txt (x,y,w,h a frame, counted from 1) and,
-    /// for frames per second, SEQUENCE_time.txt (seconds a frame)
+    /// for frames per second, SEQUENCE_time.txt (seconds a frame). With --mot: SEQUENCE.txt, data/SEQUENCE.txt or
+    /// SEQUENCE/tracks.txt, or a file for the only sequence
     #[arg(long, value_name = "DIR", num_args = 1..)]
     pub results: Vec<PathBuf>,
     /// The tracker to run: a configuration file, or the name of one that ships with the program (natural, digits, ...); natural if left out
@@ -29,7 +40,7 @@ pub struct Args {
     /// Number of seeds to run, counting up from --seed; mean and spread over them are reported
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000), conflicts_with = "results")]
     pub seeds: u64,
-    /// Folder for table.txt, scores.json, curves.svg, and the tracks in foveate/ where the tracker is run
+    /// Folder for table.txt, scores.json, curves.svg (not with --mot), and the tracks in foveate/ where the tracker is run
     #[arg(long, value_name = "DIR", default_value = "out-eval")]
     pub out: PathBuf,
     /// Print scores as JSON instead of the table
@@ -39,6 +50,9 @@ pub struct Args {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<()> {
+    if args.mot {
+        return many(&args);
+    }
     let blueprint = super::track::blueprint(args.config.as_deref().unwrap_or("natural"))?;
     evaluate(&args, &|sequence, seed| {
         let mut tracker = blueprint.tracker(seed, 0)?;
@@ -74,22 +88,40 @@ fn evaluate(args: &Args, run_tracker: &dyn Fn(&Sequence, u64) -> Result<TrackRun
     } else {
         args.results.iter().map(|folder| score_folder(&sequences, folder)).collect::<Result<_>>()?
     };
-    let scores = serde_json::to_string_pretty(&table::json(&evaluations)).map_err(|e| Error::Invalid(e.to_string()))?;
-    let text = table::text(&evaluations);
-    save(&args.out, &evaluations, &text, &scores)?;
+    draw(&args.out, &evaluations)?;
+    report(args, &table::text(&evaluations), &table::json(&evaluations), "table.txt, scores.json, curves.svg")
+}
+
+/// Scores tracks of many targets.
+fn many(args: &Args) -> Result<()> {
+    let sequences = mot::find_sequences(&args.truth)?;
+    let scored = args.results.iter().map(|place| mot::score_results(&sequences, place));
+    let evaluations: Vec<_> = scored.collect::<Result<_>>()?;
+    report(args, &mot::table::text(&evaluations), &mot::table::json(&evaluations), "table.txt, scores.json")
+}
+
+/// Keeps the scores, and prints them.
+fn report(args: &Args, text: &str, scores: &serde_json::Value, kept: &str) -> Result<()> {
+    let scores = serde_json::to_string_pretty(scores).map_err(|e| Error::Invalid(e.to_string()))?;
+    let out = &args.out;
+    folder(out)?;
+    files::write(out.join("table.txt"), text.as_bytes())?;
+    files::write(out.join("scores.json"), scores.as_bytes())?;
     if args.json {
         println!("{scores}");
     } else {
-        println!("{text}\n{}: table.txt, scores.json, curves.svg", args.out.display());
+        println!("{text}\n{}: {kept}", out.display());
     }
     Ok(())
 }
 
-fn save(out: &Path, evaluations: &[Evaluation], text: &str, scores: &str) -> Result<()> {
-    std::fs::create_dir_all(out).map_err(Error::io(out, "cannot create"))?;
+fn draw(out: &Path, evaluations: &[Evaluation]) -> Result<()> {
+    folder(out)?;
     let means: Vec<_> = evaluations.iter().map(|e| (e.tracker.as_str(), e.curves())).collect();
     let named: Vec<_> = means.iter().map(|(name, curves)| (*name, curves)).collect();
-    files::write(out.join("table.txt"), text.as_bytes())?;
-    files::write(out.join("scores.json"), scores.as_bytes())?;
     files::write(out.join("curves.svg"), curves::plot(&named).as_bytes())
+}
+
+fn folder(out: &Path) -> Result<()> {
+    std::fs::create_dir_all(out).map_err(Error::io(out, "cannot create"))
 }

@@ -10,7 +10,7 @@ use crate::geometry::BBox;
 use crate::{Error, Result};
 
 /// Numbers beyond this are damage, not pixels.
-const LARGEST: f64 = 1e7;
+pub(super) const LARGEST: f64 = 1e7;
 
 /// The boxes of a file, 0-based; `None` where there is none.
 ///
@@ -57,7 +57,7 @@ pub fn format_boxes(boxes: &[BBox]) -> String {
 }
 
 /// Lines without the blank ones at the end, trimmed, counted from 1.
-fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+pub(super) fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let text = text.trim_start_matches('\u{feff}').trim_end();
     text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()))
 }
@@ -87,15 +87,15 @@ fn parse_box(line: &str) -> std::result::Result<Option<BBox>, String> {
     Ok(Some(BBox { x: x - 1.0, y: y - 1.0, w, h }))
 }
 
-fn shortened(text: &str) -> String {
+pub(super) fn shortened(text: &str) -> String {
     text.chars().take(40).collect()
 }
 
-fn at_line(path: &Path, number: usize, problem: &str) -> Error {
+pub(super) fn at_line(path: &Path, number: usize, problem: &str) -> Error {
     Error::malformed(path, format!("line {number}: {problem}"))
 }
 
-fn read_text(path: &Path) -> Result<String> {
+pub(super) fn read_text(path: &Path) -> Result<String> {
     let bytes = std::fs::read(path).map_err(Error::io(path, "cannot read"))?;
     String::from_utf8(bytes).map_err(|e| {
         let line = 1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();

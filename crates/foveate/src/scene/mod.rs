@@ -11,6 +11,7 @@ pub mod idx;
 pub mod image;
 mod mp4;
 pub mod open;
+pub mod mot;
 pub mod otb;
 pub mod spline;
 mod sps;

@@ -1,0 +1,105 @@
+//! How good tracks of many targets are: CLEAR MOT, identity and HOTA scores.
+//!
+//! [`clear`] counts misses, false positives and switches (MOTA, MOTP), [`identity`] gives each target one track (IDF1),
+//! [`hota`] balances detection with association. [`sequences`] finds truth and results in files, [`table`] shows scores.
+//! Scores equal those of TrackEval 1.0 on the same files, read as its benchmark MOT15.
+//!
+//! What is done before: boxes of the truth whose seventh column, cut to a whole number, is 0 are removed, and a result on such
+//! a box is a false positive. What is not: results are not thresholded by their confidence, results on
+//! distractors are not forgiven (MOT16 and later mark them by class; the class column is not read), and there are no
+//! regions to ignore. Two boxes match where their intersection over union is at least 0.5 (HOTA: each α).
+
+pub mod clear;
+pub mod hota;
+pub mod identity;
+mod moment;
+pub mod sequences;
+pub mod table;
+
+pub use self::clear::Clear;
+pub use self::hota::Hota;
+pub use self::identity::Identity;
+pub use self::sequences::{Evaluation, Sequence, find_sequences, score_results};
+pub use crate::scene::mot::{Sighting, Tracks};
+
+use serde::Serialize;
+
+use crate::Result;
+
+/// The overlap that a match needs, but for HOTA.
+const HALF: f64 = 0.5;
+
+/// All figures of one sequence, or of several pooled.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Score {
+    /// Frames up to the last one with a box in truth or results.
+    pub frames: usize,
+    /// True boxes that count.
+    pub truth_boxes: usize,
+    /// Boxes of the results.
+    pub result_boxes: usize,
+    /// Targets.
+    pub truth_ids: usize,
+    /// Tracks.
+    pub result_ids: usize,
+    /// MOTA and what goes with it.
+    #[serde(flatten)]
+    pub clear: Clear,
+    /// IDF1 and what goes with it.
+    #[serde(flatten)]
+    pub identity: Identity,
+    /// HOTA and what goes with it.
+    #[serde(flatten)]
+    pub hota: Hota,
+}
+
+/// Scores results against the truth of one video.
+///
+/// # Errors
+/// An id is negative or has two boxes in one frame; more than 4096 boxes in a frame or 50 million pairs of ids.
+pub fn score(truth: &Tracks, results: &Tracks) -> Result<Score> {
+    let all = moment::Moments::of(truth, results)?;
+    let mut clear = clear::Counter::new(all.ids.0);
+    let (mut identity, mut hota) = (identity::Counter::default(), hota::Counter::default());
+    for moment in &all.moments {
+        let overlaps = moment.overlaps();
+        clear.frame(moment, &overlaps);
+        identity.frame(moment, &overlaps);
+        hota.frame(moment, &overlaps);
+    }
+    Ok(Score {
+        frames: truth.frames().max(results.frames()),
+        truth_boxes: all.boxes.0,
+        result_boxes: all.boxes.1,
+        truth_ids: all.ids.0,
+        result_ids: all.ids.1,
+        clear: clear.finish(),
+        identity: identity.finish(all.ids, all.boxes),
+        hota: hota.finish(&all),
+    })
+}
+
+impl Score {
+    /// Over several sequences: counts are added, and figures follow from the sums, so that every box counts alike.
+    pub fn pooled<'a>(all: impl Iterator<Item = &'a Self> + Clone) -> Self {
+        let sum = |count: fn(&Self) -> usize| all.clone().map(count).sum();
+        Self {
+            frames: sum(|s| s.frames),
+            truth_boxes: sum(|s| s.truth_boxes),
+            result_boxes: sum(|s| s.result_boxes),
+            truth_ids: sum(|s| s.truth_ids),
+            result_ids: sum(|s| s.result_ids),
+            clear: Clear::pooled(all.clone().map(|s| &s.clear)),
+            identity: Identity::pooled(all.clone().map(|s| &s.identity)),
+            hota: Hota::pooled(all.map(|s| &s.hota)),
+        }
+    }
+}
+
+/// a / b; 0 where there is nothing to divide by.
+fn ratio(a: f64, b: f64) -> f64 {
+    if b > 0.0 { a / b } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests;
