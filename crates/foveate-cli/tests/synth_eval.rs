@@ -32,3 +32,31 @@ fn the_truth_of_a_made_video_scores_best() {
     let none = foveate(&["eval", "--seqs", &results, "--results", &results, "--out", &out]);
     assert!(!none.status.success() && String::from_utf8_lossy(&none.stderr).contains("no sequence here"));
 }
+
+#[test]
+fn many_targets_are_scored_from_their_files() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
+    std::fs::create_dir_all(path("street/gt")).expect("a new folder");
+    std::fs::write(path("street/gt/gt.txt"), "1,1,5,5,20,40,1,-1,-1,-1\n2,1,6,5,20,40,1,-1,-1,-1\n").expect("written");
+    std::fs::write(path("found.txt"), "1,3,5,5,20,40,0.9\n2,4,6,5,20,40,0.9\n").expect("written");
+    let (truth, results, out) = (path("street"), path("found.txt"), path("scores"));
+    let scored = foveate(&["eval", "--mot", "--truth", &truth, "--results", &results, "--out", &out, "--json"]);
+    assert!(scored.status.success(), "{}", String::from_utf8_lossy(&scored.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&scored.stdout).expect("JSON alone on the standard output");
+    let pooled = &json["trackers"][0]["pooled"];
+    // Two boxes, found under two names: one switch, half of the identity.
+    assert_eq!(
+        (pooled["mota"].as_f64(), pooled["idf1"].as_f64(), pooled["switches"].as_u64()),
+        (Some(0.5), Some(0.5), Some(1))
+    );
+    let table = std::fs::read_to_string(path("scores/table.txt")).expect("a table");
+    assert!(table.starts_with("found\n") && table.contains("street"), "{table}");
+
+    std::fs::write(path("found.txt"), "1,3,5,5\n").expect("written");
+    let damaged = foveate(&["eval", "--mot", "--truth", &truth, "--results", &results, "--out", &out]);
+    let said = String::from_utf8_lossy(&damaged.stderr).into_owned();
+    assert!(!damaged.status.success() && said.contains("found.txt: line 1: expected frame,id,x,y,w,h"), "{said}");
+    assert!(!foveate(&["eval", "--mot", "--truth", &truth]).status.success(), "results are needed");
+    assert!(!foveate(&["eval", "--truth", &truth, "--seqs", &truth]).status.success(), "--truth goes with --mot");
+}

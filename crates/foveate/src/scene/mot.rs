@@ -95,9 +95,7 @@ pub fn sequence_length(folder: &Path) -> Result<Option<usize>> {
     };
     match value.parse::<u32>() {
         Ok(frames) => Ok(Some(frames as usize)),
-        Err(_) => {
-            Err(at_line(&path, number, &format!("expected a number of frames, found {:?}", shortened(&value))))
-        }
+        Err(_) => Err(at_line(&path, number, &format!("expected a number of frames, found {:?}", shortened(&value)))),
     }
 }
 

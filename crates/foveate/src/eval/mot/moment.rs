@@ -88,7 +88,8 @@ fn numbered(what: &str, mut sightings: Vec<&Sighting>) -> Result<(Vec<(usize, us
     for frame in sightings.chunk_by(|a, b| a.frame == b.frame) {
         let at = frame[0].frame + 1;
         if frame.len() > LARGEST_FRAME {
-            let problem = format!("{what}: {} boxes in frame {at}; at most {LARGEST_FRAME} can be matched", frame.len());
+            let problem =
+                format!("{what}: {} boxes in frame {at}; at most {LARGEST_FRAME} can be matched", frame.len());
             return Err(Error::Invalid(problem));
         }
         let mut ids: Vec<i64> = frame.iter().map(|s| s.id).collect();

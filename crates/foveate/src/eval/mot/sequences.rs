@@ -120,8 +120,12 @@ pub fn score_results(sequences: &[Sequence], place: &Path) -> Result<Evaluation>
     }
     for sequence in sequences {
         let file = format!("{}.txt", sequence.name);
-        let places =
-            [place.into(), place.join(&file), place.join("data").join(&file), place.join(&sequence.name).join("tracks.txt")];
+        let places = [
+            place.into(),
+            place.join(&file),
+            place.join("data").join(&file),
+            place.join(&sequence.name).join("tracks.txt"),
+        ];
         let Some(path) = places.iter().find(|path| path.is_file()) else {
             evaluation.missing.push(sequence.name.clone());
             continue;

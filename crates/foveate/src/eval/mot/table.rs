@@ -23,15 +23,28 @@ pub fn text(evaluations: &[Evaluation]) -> String {
 
 /// All figures, HOTA's at each threshold too, as JSON.
 pub fn json(evaluations: &[Evaluation]) -> Value {
-    let one = |e: &Evaluation| {
-        json!({ "tracker": e.tracker, "pooled": e.pooled(), "sequences": e.rows, "missing": e.missing })
-    };
+    let one = |e: &Evaluation| json!({ "tracker": e.tracker, "pooled": e.pooled(), "sequences": e.rows, "missing": e.missing });
     json!({ "trackers": evaluations.iter().map(one).collect::<Vec<_>>() })
 }
 
 const HEADS: [&str; 17] = [
-    "sequence", "frames", "HOTA", "DetA", "AssA", "LocA", "MOTA", "MOTP", "IDF1", "IDP", "IDR", "FP", "FN", "IDSW",
-    "Frag", "MT/PT/ML", "tracks/true",
+    "sequence",
+    "frames",
+    "HOTA",
+    "DetA",
+    "AssA",
+    "LocA",
+    "MOTA",
+    "MOTP",
+    "IDF1",
+    "IDP",
+    "IDR",
+    "FP",
+    "FN",
+    "IDSW",
+    "Frag",
+    "MT/PT/ML",
+    "tracks/true",
 ];
 
 fn figures(name: &str, s: &Score) -> Vec<String> {
