@@ -6,8 +6,9 @@
 
 /// The pairs `(row, column)` with the largest sum of scores, by row; min(rows, columns) of them.
 ///
-/// `scores` is rows × columns, row after row. Where several assignments are best, free columns and later ones go
-/// first, which is the choice of scipy's `linear_sum_assignment`, so that what is counted over pairs equals its peers'.
+/// `scores` is rows × columns, row after row. Where several assignments are best, it is the one that scipy's
+/// `linear_sum_assignment` gives (free columns before taken ones, then in order of search), so that what is counted over
+/// pairs equals what peers count.
 ///
 /// # Panics
 /// `scores` has not rows × columns numbers, or one is not finite.
@@ -129,7 +130,8 @@ mod tests {
         assert_eq!(best(&[], 0, 0), []);
         assert_eq!(best(&[], 3, 0), []);
         // Any assignment is best: what scipy 1.17 answers.
-        assert_eq!(best(&[0.0; 6], 2, 3), [(0, 2), (1, 1)]);
+        assert_eq!(best(&[0.0; 6], 2, 3), [(0, 0), (1, 1)]);
+        assert_eq!(best(&[0.0; 6], 3, 2), [(0, 0), (1, 1)]);
         // 300 x 200, the best of row 199 - j is column j and nothing else scores.
         let mut scores = vec![0.0; 300 * 200];
         (0..200).for_each(|j| scores[(199 - j) * 200 + j] = 1.0 + j as f64);

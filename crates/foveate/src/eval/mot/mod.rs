@@ -7,7 +7,9 @@
 //! What is done before: boxes of the truth whose seventh column, cut to a whole number, is 0 are removed, and a result on such
 //! a box is a false positive. What is not: results are not thresholded by their confidence, results on
 //! distractors are not forgiven (MOT16 and later mark them by class; the class column is not read), and there are no
-//! regions to ignore. Two boxes match where their intersection over union is at least 0.5 (HOTA: each α).
+//! regions to ignore. motmetrics 1.4 gives the same misses, false positives, MOTP, IDF1, IDP and IDR; its switches (so MOTA) can differ,
+//! as it keeps a pair together through frames in which the target was not found, and it defines fragmentations and mostly tracked otherwise.
+//! Two boxes match where their intersection over union is at least 0.5 (HOTA: each α).
 
 pub mod clear;
 pub mod hota;
