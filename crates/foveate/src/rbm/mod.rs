@@ -3,7 +3,8 @@
 //! Atoms: nothing here knows of images, gazes or targets; data are rows of numbers.
 
 mod checkpoint;
-mod io;
+pub mod fixations;
+pub(crate) mod io;
 pub mod likelihood;
 pub mod monitor;
 #[cfg(test)]

@@ -5,6 +5,7 @@
 
 pub mod filters;
 mod plates;
+pub mod sequences;
 
 use crate::geometry::{Extent, Fixation};
 use crate::identity::encoder::{Encoder, Raw};
