@@ -97,6 +97,7 @@ pub mod rng;
 pub mod rows;
 pub mod run;
 pub mod scene;
+pub mod softmax;
 pub mod start;
 pub mod step;
 pub mod tracker;

@@ -10,6 +10,7 @@ pub mod compare;
 pub mod curves;
 pub mod experiment;
 pub mod metrics;
+pub mod reliability;
 pub mod sequence;
 pub mod table;
 
@@ -17,4 +18,5 @@ pub use centres::{CentreScore, CentreSummary, score_centres};
 pub use compare::{Evaluation, Row, TrackRun, run_all, score_folder};
 pub use curves::Curves;
 pub use metrics::{Score, score};
+pub use reliability::Reliability;
 pub use sequence::{Sequence, find_sequences};

@@ -9,7 +9,7 @@ pub mod likelihood;
 pub mod monitor;
 #[cfg(test)]
 mod oracle_tests;
-mod product;
+pub(crate) mod product;
 #[allow(clippy::module_inception)]
 mod rbm;
 mod recipe;

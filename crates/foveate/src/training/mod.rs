@@ -5,6 +5,7 @@
 
 pub mod filters;
 mod plates;
+pub mod recognition;
 pub mod sequences;
 
 use crate::geometry::{Extent, Fixation};

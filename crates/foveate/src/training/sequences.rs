@@ -81,6 +81,7 @@ pub struct Made {
     features: Vec<f32>,
     width: usize,
     codes: Vec<Code>,
+    gazes: Vec<[f64; 2]>,
     labels: Vec<u8>,
     window: usize,
 }
@@ -90,6 +91,10 @@ impl Made {
     pub fn sequences(&self) -> Sequences<'_> {
         let rows = Rows::new(&self.features, self.width);
         Sequences::new(rows, &self.codes, &self.labels, self.window).expect("made to fit, of probabilities")
+    }
+    /// Where each row was seen, in template units.
+    pub fn gazes(&self) -> &[[f64; 2]] {
+        &self.gazes
     }
 }
 
@@ -112,31 +117,35 @@ impl Looker {
         }
         let (width, window) = (self.width(), self.window);
         let mut features = vec![0.0; digits.len() * window * width];
-        let mut codes = vec![Code::default(); digits.len() * window];
+        let mut gazes = vec![[0.0; 2]; digits.len() * window];
         let streams = Streams::new(self.seed, 0).at(epoch, Purpose::Scene);
         let chunk = TOGETHER * window;
-        (features.par_chunks_mut(chunk * width), codes.par_chunks_mut(chunk)).into_par_iter().enumerate().for_each_init(
-            || (Pyramid::default(), vec![]),
-            |(pyramid, glimpses), (i, (features, codes))| {
-                let n_v = self.retina.glimpse_len();
-                glimpses.resize(codes.len() * n_v, 0.0);
-                for (j, codes) in codes.chunks_exact_mut(window).enumerate() {
-                    let index = i * TOGETHER + j;
-                    let mut rng = streams.rng(index as u64);
-                    self.fixate(digits, index, &mut rng, pyramid, &mut glimpses[j * window * n_v..], codes);
-                }
-                glimpses.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
-                match &self.encoder {
-                    Some(encoder) => {
-                        glimpses.chunks_exact_mut(n_v).for_each(|glimpse| encoder.condition(glimpse));
-                        encoder.encode(Rows::new(glimpses, n_v), RowsMut::new(features, width));
-                        features.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
+        (features.par_chunks_mut(chunk * width), gazes.par_chunks_mut(chunk))
+            .into_par_iter()
+            .enumerate()
+            .for_each_init(
+                || (Pyramid::default(), vec![]),
+                |(pyramid, glimpses), (i, (features, gazes))| {
+                    let n_v = self.retina.glimpse_len();
+                    glimpses.resize(gazes.len() * n_v, 0.0);
+                    for (j, gazes) in gazes.chunks_exact_mut(window).enumerate() {
+                        let index = i * TOGETHER + j;
+                        let mut rng = streams.rng(index as u64);
+                        self.fixate(digits, index, &mut rng, pyramid, &mut glimpses[j * window * n_v..], gazes);
                     }
-                    None => features.copy_from_slice(glimpses),
-                }
-            },
-        );
-        Ok(Made { features, width, codes, labels: digits.labels.clone(), window })
+                    glimpses.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
+                    match &self.encoder {
+                        Some(encoder) => {
+                            glimpses.chunks_exact_mut(n_v).for_each(|glimpse| encoder.condition(glimpse));
+                            encoder.encode(Rows::new(glimpses, n_v), RowsMut::new(features, width));
+                            features.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0));
+                        }
+                        None => features.copy_from_slice(glimpses),
+                    }
+                },
+            );
+        let codes = gazes.iter().map(|&[u, v]| self.places.code(u as f32, v as f32)).collect();
+        Ok(Made { features, width, codes, gazes, labels: digits.labels.clone(), window })
     }
     fn fixate(
         &self,
@@ -145,7 +154,7 @@ impl Looker {
         rng: &mut Rng,
         pyramid: &mut Pyramid,
         glimpses: &mut [f32],
-        codes: &mut [Code],
+        gazes: &mut [[f64; 2]],
     ) {
         let t = self.trouble;
         let image = canvas(digits, index, t, rng);
@@ -159,7 +168,7 @@ impl Looker {
         let whole = Region { x: 0, y: 0, width: CANVAS, height: CANVAS };
         pyramid.build(&image, whole, self.retina.footprints(), (half, half));
         let n_v = self.retina.glimpse_len();
-        for (k, (code, glimpse)) in codes.iter_mut().zip(glimpses.chunks_exact_mut(n_v)).enumerate() {
+        for (k, (at, glimpse)) in gazes.iter_mut().zip(glimpses.chunks_exact_mut(n_v)).enumerate() {
             let gaze = match &self.gazes {
                 Gazes::All(gazes) => gazes[k],
                 Gazes::Within { reach } => {
@@ -167,7 +176,7 @@ impl Looker {
                     Gaze { u: along(), v: along(), arm: None }
                 }
             };
-            *code = self.places.code(gaze.u as f32, gaze.v as f32);
+            *at = [gaze.u, gaze.v];
             self.retina.look(pyramid, state.fixate(gaze, extent), glimpse);
         }
     }
@@ -205,7 +214,10 @@ fn canvas(digits: &Digits, index: usize, trouble: Trouble, rng: &mut Rng) -> Ima
 /// The retina and gazes of Larochelle & Hinton's MNIST experiment (2010, section 6.1), nearly: 36 pixels and 60 cells of
 /// 3 px (theirs: 38, and 60 hexagons that grow outwards), at the corners of a square of 10 px around the centre.
 pub fn larochelle_hinton() -> Result<(crate::identity::retina::FovealConfig, Vec<Gaze>)> {
-    let retina = crate::identity::retina::FovealConfig { rings: vec![[6, 1], [24, 3]], ..crate::identity::retina::FovealConfig::authors() };
+    let retina = crate::identity::retina::FovealConfig {
+        rings: vec![[6, 1], [24, 3]],
+        ..crate::identity::retina::FovealConfig::authors()
+    };
     let off = 5.0 / (SIDE as f64 / 2.0);
     let gazes = [(-off, -off), (-off, off), (off, -off), (off, off)];
     Ok((retina, gazes.iter().enumerate().map(|(k, &(u, v))| Gaze { u, v, arm: Some(k) }).collect()))

@@ -63,7 +63,12 @@ impl<'a> Sequences<'a> {
         let place = self.codes.iter().flat_map(|c| c.parts()).map(|p| p.0).max().unwrap_or(0);
         let label = self.labels.iter().max().map_or(0, |&l| usize::from(l));
         let labelled = classes == 0 || self.labels.len() == self.len();
-        if self.glimpses.width() == n_v && place < places && self.window == window && labelled && (classes == 0 || label < classes) {
+        if self.glimpses.width() == n_v
+            && place < places
+            && self.window == window
+            && labelled
+            && (classes == 0 || label < classes)
+        {
             return Ok(());
         }
         Err(Error::Invalid(format!(

@@ -157,7 +157,11 @@ pub(super) fn gradient(
         if sequential {
             // The fixations before are the data's; only the last one was reconstructed.
             for (m, g1) in g1.chunks_exact_mut(d).enumerate() {
-                if m % window == 0 { g1.fill(0.0) } else { g1.copy_from_slice(&g0[(m - 1) * d..][..d]) }
+                if m % window == 0 {
+                    g1.fill(0.0)
+                } else {
+                    g1.copy_from_slice(&g0[(m - 1) * d..][..d])
+                }
                 add_gated(g1, &z[m * d..][..d], &a1[m * d..][..d]);
             }
         } else {
@@ -244,8 +248,10 @@ fn draw_class(p: &Parameters, h: &[f32], rng: &mut Rng) -> u8 {
     odds.iter_mut().for_each(|q| *q = (*q - most).exp());
     let mut left = rng.random::<f32>() * odds.iter().sum::<f32>();
     let last = classes - 1;
-    odds.iter().position(|q| {
-        left -= q;
-        left < 0.0
-    }).unwrap_or(last) as u8
+    odds.iter()
+        .position(|q| {
+            left -= q;
+            left < 0.0
+        })
+        .unwrap_or(last) as u8
 }

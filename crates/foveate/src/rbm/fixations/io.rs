@@ -13,8 +13,8 @@ use std::path::Path;
 pub struct About {
     /// Where it comes from.
     pub metadata: Metadata,
-    /// SHA-256 of the first layer's model file whose features it reads; empty where it reads the glimpses themselves.
-    pub first_layer_sha256: String,
+    /// The first layer whose features it reads, as JSON; empty where it reads the glimpses themselves. Not read here.
+    pub first_layer: String,
     /// What its log-probabilities are divided by, fitted on held-out sequences; 1 leaves them as they are.
     pub temperature: f32,
 }
@@ -78,7 +78,9 @@ impl FixationRbm {
         let temperature = file.about.temperature;
         if !(1..=256).contains(&file.window) || classes > 256 || !(1e-3..=1e3).contains(&temperature) {
             let window = file.window;
-            return Err(refuse(format!("a window of {window} fixations, {classes} classes or a temperature of {temperature} is out of range")));
+            return Err(refuse(format!(
+                "a window of {window} fixations, {classes} classes or a temperature of {temperature} is out of range"
+            )));
         }
         let rbm = Self::new(shape, parameters, file.places, file.window).map_err(|e| refuse(e.to_string()))?;
         sealed.map_err(refuse)?;

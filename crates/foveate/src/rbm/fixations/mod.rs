@@ -12,6 +12,8 @@
 mod batch;
 mod checkpoint;
 mod controller;
+#[cfg(test)]
+mod controller_tests;
 mod data;
 mod gradient;
 mod io;

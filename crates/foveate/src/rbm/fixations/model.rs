@@ -7,6 +7,7 @@ use super::{Code, Places};
 use crate::rows::Rows;
 use crate::{Error, Result};
 use foveate_kernels::bias_logistic;
+use serde::{Deserialize, Serialize};
 
 /// A multi-fixation RBM.
 #[derive(Clone, Debug, PartialEq)]
@@ -18,7 +19,8 @@ pub struct FixationRbm {
 }
 
 /// A term for each of the last fixations, and what follows from them: glimpse by glimpse, without allocation.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Reading {
     /// `window` rows of D, the oldest first.
     terms: Vec<f32>,
@@ -157,6 +159,11 @@ impl Reading {
     /// Fixations it stands on, at most the machine's window.
     pub fn count(&self) -> usize {
         self.count
+    }
+    /// Whether it is of a machine of this size.
+    pub fn fits(&self, rbm: &FixationRbm) -> bool {
+        let sizes = |r: &Self| [r.terms.len(), r.gates.len(), r.excitation.len(), r.on.len()];
+        sizes(self) == sizes(&rbm.reading()) && self.count <= rbm.window
     }
     /// Takes in a glimpse; the oldest is forgotten where there are `window` of them.
     pub fn fixate(&mut self, rbm: &FixationRbm, glimpse: &[f32], code: Code) {

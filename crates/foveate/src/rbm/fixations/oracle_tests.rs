@@ -256,7 +256,7 @@ fn resumed_training_ends_with_the_same_bits_for_any_number_of_threads() {
 
 #[test]
 fn models_come_back_from_files_and_damaged_ones_are_refused() {
-    let about = About { metadata: Default::default(), first_layer_sha256: "12ab".into(), temperature: 1.5 };
+    let about = About { metadata: Default::default(), first_layer: "12ab".into(), temperature: 1.5 };
     for classes in [3, 0] {
         let shape = Shape { classes, ..SHAPE };
         let rbm = machine(shape, 7);
