@@ -15,6 +15,7 @@
 //! assert_eq!(foveate_kernels::dot(&[1.0, 2.0], &[3.0, 4.0]), 11.0);
 //! ```
 
+mod adam;
 mod boxes;
 mod ends;
 mod exponential;
@@ -27,6 +28,7 @@ mod taps;
 mod tile;
 mod wide;
 
+pub use adam::{Adam, adam};
 pub use boxes::{BoxScratch, Pixels, Region, box_means};
 pub use exponential::{exp_from, largest_finite};
 pub use level::Level;

@@ -44,16 +44,16 @@ pub struct Trouble {
     pub log_scale: f64,
     /// Standard deviation of the angle, radians.
     pub angle: f64,
-    /// Share of digits with one to four others around, some of whose ink they cover.
+    /// Share of digits with one or two others around, some of whose ink they cover.
     pub cluttered: f64,
     /// Share of digits on salt-and-pepper noise of up to a fifth of the black pixels.
     pub noisy: f64,
 }
 
 impl Trouble {
-    /// As along a track: 1.5 px off, a little turned, and half of them among others, a third on noise.
+    /// As along a track: 1.5 px off, a little turned, three of ten among others, one of five on noise.
     pub fn of_tracks() -> Self {
-        Self { jitter: 1.5, log_scale: 0.05, angle: 0.05, cluttered: 0.5, noisy: 0.33 }
+        Self { jitter: 1.5, log_scale: 0.05, angle: 0.05, cluttered: 0.3, noisy: 0.2 }
     }
 }
 
@@ -194,7 +194,7 @@ fn canvas(digits: &Digits, index: usize, trouble: Trouble, rng: &mut Rng) -> Ima
     };
     let (cluttered, noisy): (f64, f64) = (rng.random(), rng.random());
     if cluttered < trouble.cluttered {
-        for _ in 0..rng.random_range(1..=4) {
+        for _ in 0..rng.random_range(1..=2) {
             let other = rng.random_range(0..digits.len());
             put(digits.digit(other), rng.random_range(0..=CANVAS - SIDE), rng.random_range(0..=CANVAS - SIDE));
         }

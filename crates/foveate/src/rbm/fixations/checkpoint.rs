@@ -32,7 +32,8 @@ impl Trainer {
         let state = State { recipe, places, data: data.into(), epoch, batch, steps: self.steps };
         let names = PREFIXES.map(|prefix| NAMES.map(|name| format!("{prefix}{name}")));
         let parts = [&self.parameters, &self.first, &self.second, &self.mean].into_iter().zip(&names);
-        let tensors: Vec<_> = parts.flat_map(|(part, names)| part.tensors(self.shape, names)).collect();
+        let mut tensors: Vec<_> = parts.flat_map(|(part, names)| part.tensors(self.shape, names)).collect();
+        tensors.push(("offset", vec![self.shape.n_v], &self.offset));
         files::write(path, &io::pack("fixations-checkpoint", state, &tensors))
     }
     /// Goes on from a checkpoint made with the same recipe, places and data (`now` being those of its epoch).
@@ -56,6 +57,10 @@ impl Trainer {
         let mut part = |prefix: &str| -> Result<Parameters> { take(&mut tensors, fresh.shape, prefix).map_err(refuse) };
         let [parameters, first, second, mean] = PREFIXES;
         let (parameters, first, second, mean) = (part(parameters)?, part(first)?, part(second)?, part(mean)?);
+        match tensors.remove("offset") {
+            Some((_, offset)) if offset.len() == fresh.offset.len() => fresh.offset = offset,
+            _ => return Err(refuse("the tensor offset is missing or does not fit".into())),
+        }
         if state.batch >= fresh.batches(now.len()) {
             return Err(refuse("it counts more batches than the data have".into()));
         }

@@ -11,6 +11,8 @@ pub struct Sequences<'a> {
     codes: &'a [Code],
     labels: &'a [u8],
     window: usize,
+    /// The largest place and label.
+    largest: (usize, usize),
 }
 
 impl<'a> Sequences<'a> {
@@ -32,7 +34,9 @@ impl<'a> Sequences<'a> {
             let (row, x) = (i / glimpses.width(), glimpses.data()[i]);
             return Err(Error::Invalid(format!("glimpse {row} holds {x}: binary units need values from 0 to 1")));
         }
-        Ok(Self { glimpses, codes, labels, window })
+        let place = codes.iter().flat_map(|c| c.parts()).map(|p| p.0).max().unwrap_or(0);
+        let label = labels.iter().max().map_or(0, |&l| usize::from(l));
+        Ok(Self { glimpses, codes, labels, window, largest: (place, label) })
     }
     /// Number of sequences.
     pub fn len(&self) -> usize {
@@ -60,8 +64,7 @@ impl<'a> Sequences<'a> {
     }
     /// Fails where they do not fit a machine.
     pub(super) fn check(&self, n_v: usize, places: usize, classes: usize, window: usize) -> Result<()> {
-        let place = self.codes.iter().flat_map(|c| c.parts()).map(|p| p.0).max().unwrap_or(0);
-        let label = self.labels.iter().max().map_or(0, |&l| usize::from(l));
+        let (place, label) = self.largest;
         let labelled = classes == 0 || self.labels.len() == self.len();
         if self.glimpses.width() == n_v
             && place < places

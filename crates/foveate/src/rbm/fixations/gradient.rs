@@ -21,7 +21,7 @@ const TOGETHER: usize = 32;
 /// A mini-batch and all that is computed of it. Data first, then reconstruction, where a field has both.
 #[derive(Debug, Default)]
 pub(super) struct Work {
-    /// Glimpses, 2 N × n_v.
+    /// Glimpses less μ, 2 N × n_v.
     pub(super) x: Vec<f32>,
     /// N.
     pub(super) codes: Vec<Code>,
@@ -56,7 +56,7 @@ pub(super) struct Tally {
 /// Adds the ascending gradient of minus the cost, summed over the batch in `work`, to `gradient`; that of `gates` are of
 /// V itself. `stream` names the random numbers of row m (0 to M − 1).
 pub(super) fn gradient(
-    (shape, p, gates): (Shape, &Parameters, &[f32]),
+    (shape, p, gates, offset): (Shape, &Parameters, &[f32], &[f32]),
     recipe: &Recipe,
     stream: &(dyn Fn(usize) -> Rng + Sync),
     work: &mut Work,
@@ -118,9 +118,12 @@ pub(super) fn gradient(
                 for (l, q) in log_p.iter().enumerate() {
                     let target = if l == y { 1.0 } else { 0.0 };
                     let weight = sharp * (target - q.exp() as f32) + soft * target;
-                    let on = &on[l * n_h..][..n_h];
-                    add(delta, weight, on);
-                    add(&mut du[l * n_h..][..n_h], weight, on);
+                    let on = on[l * n_h..][..n_h].iter().zip(&mut du[l * n_h..][..n_h]).zip(&mut *delta);
+                    on.for_each(|((&on, du), delta)| {
+                        let moved = weight * on;
+                        *du += moved;
+                        *delta += moved;
+                    });
                     dd[l] += weight;
                 }
             }
@@ -153,6 +156,7 @@ pub(super) fn gradient(
         }
         times_transposed(Rows::new(gated, d), &p.filters, x1);
         bias_logistic(x1, &p.visible_bias);
+        x1.chunks_exact_mut(n_v).for_each(|x| add(x, -1.0, offset));
         times(Rows::new(x1, n_v), &p.filters, a1);
         if sequential {
             // The fixations before are the data's; only the last one was reconstructed.

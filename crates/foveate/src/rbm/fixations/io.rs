@@ -49,7 +49,8 @@ impl FixationRbm {
     pub fn to_bytes(&self, about: &About) -> Vec<u8> {
         let file = File { window: self.window, places: self.places.clone(), about: about.clone() };
         let names = NAMES.map(String::from);
-        let tensors: Vec<_> = self.parameters.tensors(self.shape, &names).collect();
+        let mut tensors: Vec<_> = self.parameters.tensors(self.shape, &names).collect();
+        tensors.push(("offset", vec![self.shape.n_v], &self.offset));
         io::pack("fixations", file, &tensors)
     }
     /// Writes a model file; it is whole or not there.
@@ -72,6 +73,10 @@ impl FixationRbm {
         let classes = if tensors.contains_key("labels") { sides(&tensors, "labels")?.0 } else { 0 };
         let shape = Shape { n_v, factors, hidden, places: file.places.len(), classes };
         let parameters = take(&mut tensors, shape, "").map_err(refuse)?;
+        let offset = tensors.remove("offset").filter(|o| o.0 == [n_v]);
+        let Some((_, offset)) = offset else {
+            return Err(refuse(format!("the tensor offset is not there, or not {n_v} long")));
+        };
         if let Some(name) = tensors.keys().min() {
             return Err(refuse(format!("it has an unknown tensor {name}")));
         }
@@ -82,7 +87,7 @@ impl FixationRbm {
                 "a window of {window} fixations, {classes} classes or a temperature of {temperature} is out of range"
             )));
         }
-        let rbm = Self::new(shape, parameters, file.places, file.window).map_err(|e| refuse(e.to_string()))?;
+        let rbm = Self::new(shape, parameters, offset, file.places, file.window).map_err(|e| refuse(e.to_string()))?;
         sealed.map_err(refuse)?;
         Ok((rbm, file.about))
     }

@@ -2,7 +2,7 @@
 
 use super::super::units::{add_bias, dot, softplus};
 use super::batch::{add, add_gated, classify, gates_of, gather, times};
-use super::parameters::{Parameters, Shape};
+use super::parameters::{Offset, Parameters, Shape};
 use super::{Code, Places};
 use crate::rows::Rows;
 use crate::{Error, Result};
@@ -14,6 +14,10 @@ use serde::{Deserialize, Serialize};
 pub struct FixationRbm {
     pub(super) shape: Shape,
     pub(super) parameters: Parameters,
+    /// μ, n_v.
+    pub(super) offset: Offset,
+    /// Fᵀμ.
+    pub(super) offset_seen: Vec<f32>,
     pub(super) places: Places,
     pub(super) window: usize,
 }
@@ -32,11 +36,19 @@ pub struct Reading {
 }
 
 impl FixationRbm {
-    pub(super) fn new(shape: Shape, parameters: Parameters, places: Places, window: usize) -> Result<Self> {
-        if !parameters.is_finite() {
+    pub(super) fn new(
+        shape: Shape,
+        parameters: Parameters,
+        offset: Offset,
+        places: Places,
+        window: usize,
+    ) -> Result<Self> {
+        if !parameters.is_finite() || !offset.iter().all(|x| x.is_finite()) {
             return Err(Error::Invalid("a multi-fixation RBM needs finite numbers".into()));
         }
-        Ok(Self { shape, parameters, places, window })
+        let mut offset_seen = vec![0.0; shape.factors];
+        times(Rows::new(&offset, shape.n_v), &parameters.filters, &mut offset_seen);
+        Ok(Self { shape, parameters, offset, offset_seen, places, window })
     }
     /// Values of a glimpse.
     pub fn glimpse_len(&self) -> usize {
@@ -75,14 +87,15 @@ impl FixationRbm {
         };
         (0..s.n_v * s.hidden).map(|e| entry(e / s.hidden, e % s.hidden)).collect()
     }
-    /// Log odds of the hidden units but for a class, in f64: c + Σₖ xₖᵀW(k).
+    /// Log odds of the hidden units but for a class, in f64: c + Σₖ (xₖ − μ)ᵀW(k).
     fn exact_excitation(&self, glimpses: Rows<'_>, codes: &[Code]) -> Vec<f64> {
         assert_eq!((glimpses.width(), glimpses.len()), (self.shape.n_v, codes.len()), "a glimpse for each code");
         let mut z: Vec<f64> = self.parameters.hidden_bias.iter().map(|&c| f64::from(c)).collect();
         for (x, &code) in glimpses.iter().zip(codes) {
             let w = self.weights(code);
-            for (x, w) in x.iter().zip(w.chunks_exact(self.shape.hidden)) {
-                z.iter_mut().zip(w).for_each(|(z, w)| *z += f64::from(*x) * w);
+            for ((x, m), w) in x.iter().zip(&self.offset).zip(w.chunks_exact(self.shape.hidden)) {
+                let x = f64::from(*x) - f64::from(*m);
+                z.iter_mut().zip(w).for_each(|(z, w)| *z += x * w);
             }
         }
         z
@@ -107,13 +120,14 @@ impl FixationRbm {
         let u = |j: usize| class.map_or(0.0, |l| f64::from(self.labels_of(l)[j]));
         self.outer_energy(glimpses, class) - z.map(|(j, z)| softplus(z + u(j))).sum::<f64>()
     }
-    /// c + Σₖ xₖᵀW(k) for sequences of `window` glimpses each (any number), a row of n_h each.
+    /// c + Σₖ (xₖ − μ)ᵀW(k) for sequences of `window` glimpses each (any number), a row of n_h each.
     pub(super) fn excitations(&self, glimpses: Rows<'_>, codes: &[Code], window: usize) -> Vec<f32> {
         let s = self.shape;
         assert_eq!((glimpses.width(), glimpses.len()), (s.n_v, codes.len()), "a glimpse for each code");
         let (mut z, mut a) = (vec![0.0; codes.len() * s.factors], vec![0.0; codes.len() * s.factors]);
         gates_of(codes, &self.parameters.gates, s.factors, &mut z);
         times(glimpses, &self.parameters.filters, &mut a);
+        a.chunks_exact_mut(s.factors).for_each(|a| add(a, -1.0, &self.offset_seen));
         let sequences = codes.len() / window;
         let (mut g, mut o) = (vec![0.0; sequences * s.factors], vec![0.0; sequences * s.hidden]);
         gather(&z, &a, s.factors, window, false, &mut g);
@@ -121,7 +135,7 @@ impl FixationRbm {
         add_bias(&mut o, &self.parameters.hidden_bias);
         o
     }
-    /// logistic(c + Σₖ xₖᵀW(k)), what the glimpses say of the hidden units without a class: a row of n_h for each sequence of
+    /// logistic(c + Σₖ (xₖ − μ)ᵀW(k)), what the glimpses say of the hidden units without a class: a row of n_h for each sequence of
     /// `window` glimpses.
     pub fn hidden_probabilities(&self, glimpses: Rows<'_>, codes: &[Code], window: usize) -> Vec<f32> {
         let mut h = self.excitations(glimpses, codes, window);
@@ -175,12 +189,13 @@ impl Reading {
         let (gates, seen) = self.gates.split_at_mut(d);
         gates_of(&[code], &rbm.parameters.gates, d, gates);
         times(Rows::new(glimpse, rbm.shape.n_v), &rbm.parameters.filters, seen);
+        add(seen, -1.0, &rbm.offset_seen);
         let term = &mut self.terms[self.count * d..][..d];
         term.fill(0.0);
         add_gated(term, gates, seen);
         self.count += 1;
     }
-    /// c + Σₖ xₖᵀW(k).
+    /// c + Σₖ (xₖ − μ)ᵀW(k).
     fn excite(&mut self, rbm: &FixationRbm) {
         let d = rbm.shape.factors;
         let sum = &mut self.gates[..d];

@@ -19,7 +19,7 @@ fn random(shape: Shape, seed: u64) -> Parameters {
 
 fn machine(shape: Shape, seed: u64) -> FixationRbm {
     let places = Places::grid(2, 0.5).expect("four places");
-    FixationRbm::new(shape, random(shape, seed), places, WINDOW).expect("finite")
+    FixationRbm::new(shape, random(shape, seed), vec![0.3, -0.2, 0.6], places, WINDOW).expect("finite")
 }
 
 /// All vectors of n bits.
@@ -107,17 +107,18 @@ fn gradients_are_those_of_finite_differences() {
         let z: Vec<Code> = (0..n * WINDOW).map(|_| rbm.places().code(rng.random(), rng.random())).collect();
         let y: Vec<u8> = if classes == 0 { vec![] } else { (0..n).map(|i| (i % 3) as u8).collect() };
         let mut work = Work::default();
-        (work.x, work.codes, work.labels) = (x.clone(), z.clone(), y.clone());
+        let centred = x.iter().enumerate().map(|(i, x)| x - rbm.offset[i % 3]).collect();
+        (work.x, work.codes, work.labels) = (centred, z.clone(), y.clone());
         let mut found = Parameters::zeros(shape);
         let stream = |m: usize| Streams::new(5, 0).rng(m as u64);
-        let machine = (shape, &rbm.parameters, &*rbm.parameters.gates);
+        let machine = (shape, &rbm.parameters, &*rbm.parameters.gates, &*rbm.offset);
         let tally = gradient(machine, &recipe, &stream, &mut work, &mut found);
 
         // Minus the cost, with the reconstruction held.
         let (sharp, soft) = recipe.shares();
-        let dreamt = work.x[n * WINDOW * 3..].to_vec();
+        let dreamt: Vec<f32> = (n * WINDOW * 3..work.x.len()).map(|i| work.x[i] + rbm.offset[i % 3]).collect();
         let value = |p: Parameters| -> f64 {
-            let rbm = FixationRbm { parameters: p, ..rbm.clone() };
+            let rbm = FixationRbm::new(shape, p, rbm.offset.clone(), rbm.places.clone(), WINDOW).expect("finite");
             let mut sum = 0.0;
             for i in 0..n {
                 let label = (classes > 0).then(|| usize::from(y[i]));

@@ -36,6 +36,9 @@ pub(super) struct Parameters {
     pub(super) class_bias: Vec<f32>,
 }
 
+/// What is subtracted from glimpses, n_v; it is not learned but measured.
+pub(super) type Offset = Vec<f32>;
+
 /// Names of the tensors in files.
 pub(super) const NAMES: [&str; 7] =
     ["filters", "gates", "pooling", "labels", "visible_bias", "hidden_bias", "class_bias"];

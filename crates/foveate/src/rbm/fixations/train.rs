@@ -1,10 +1,11 @@
 //! Learning a multi-fixation RBM: mini-batches, Adam, the mean of the parameters.
 
 use super::gradient::{Tally, Work, gradient};
-use super::parameters::{Parameters, Shape};
+use super::parameters::{Offset, Parameters, Shape};
 use super::{FixationRbm, Gates, Places, Recipe, Sequences};
 use crate::rng::{Purpose, Streams};
 use crate::{Error, Result};
+use foveate_kernels::{self as kernels, Adam};
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
@@ -25,6 +26,7 @@ pub struct Trainer {
     pub(super) places: Places,
     /// Here `gates` is what V is made of.
     pub(super) parameters: Parameters,
+    pub(super) offset: Offset,
     pub(super) first: Parameters,
     pub(super) second: Parameters,
     pub(super) mean: Parameters,
@@ -65,8 +67,9 @@ impl Trainer {
         fill(&mut p.labels, 0.0, 0.05);
         let mut mean = vec![0.0f64; n_v];
         data.glimpses().iter().for_each(|row| mean.iter_mut().zip(row).for_each(|(m, &x)| *m += f64::from(x)));
-        for (b, m) in p.visible_bias.iter_mut().zip(mean) {
-            let m = (m / data.glimpses().len() as f64).clamp(0.01, 0.99);
+        let offset: Offset = mean.iter().map(|m| (m / data.glimpses().len() as f64) as f32).collect();
+        for (b, &m) in p.visible_bias.iter_mut().zip(&offset) {
+            let m = f64::from(m).clamp(0.01, 0.99);
             *b = (m / (1.0 - m)).ln() as f32;
         }
         let zeros = || Parameters::zeros(shape);
@@ -76,6 +79,7 @@ impl Trainer {
             places,
             mean: p.clone(),
             parameters: p,
+            offset,
             first: zeros(),
             second: zeros(),
             epoch: 0,
@@ -117,13 +121,15 @@ impl Trainer {
     pub fn learned(&self) -> Result<FixationRbm> {
         let mut parameters = if self.recipe.average > 0.0 { self.mean.clone() } else { self.parameters.clone() };
         effective(self.recipe.gates, &mut parameters.gates);
-        FixationRbm::new(self.shape, parameters, self.places.clone(), self.recipe.window).map_err(|_| {
-            Error::Invalid(format!(
-                "the training diverged in epoch {}: its numbers are no longer finite; use a lower rate than {}",
-                self.epoch + 1,
-                self.recipe.rate
-            ))
-        })
+        FixationRbm::new(self.shape, parameters, self.offset.clone(), self.places.clone(), self.recipe.window).map_err(
+            |_| {
+                Error::Invalid(format!(
+                    "the training diverged in epoch {}: its numbers are no longer finite; use a lower rate than {}",
+                    self.epoch + 1,
+                    self.recipe.rate
+                ))
+            },
+        )
     }
     /// The rest of the present epoch. `data` may be others in every epoch, of the same kind and as many.
     pub fn epoch(&mut self, data: Sequences<'_>) {
@@ -155,7 +161,7 @@ impl Trainer {
             }
             for &k in &*fixations {
                 let row = i as usize * window + usize::from(k);
-                work.x.extend_from_slice(data.glimpses().row(row));
+                work.x.extend(data.glimpses().row(row).iter().zip(&self.offset).map(|(x, m)| x - m));
                 work.codes.push(data.codes()[row]);
             }
             work.labels.extend(data.labels().get(i as usize));
@@ -167,7 +173,7 @@ impl Trainer {
         let rows = if self.recipe.sequential() { window } else { 1 };
         let first = (from * rows) as u64;
         let stream = |m: usize| draws.rng(1 + first + m as u64);
-        let (machine, n) = ((s, &self.parameters, &*self.gates), batch.len());
+        let (machine, n) = ((s, &self.parameters, &*self.gates, &*self.offset), batch.len());
         let tally = gradient(machine, &self.recipe, &stream, &mut self.work, &mut self.gradient);
         self.tally.log_posterior += tally.log_posterior;
         self.tally.wrong += tally.wrong;
@@ -192,6 +198,7 @@ impl Trainer {
         // The mean forgets the beginning: its memory is at most a fifth of the steps done.
         let share = 1.0 - r.average.min((1.0 + t) / (6.0 + t));
         let scale = 1.0 / n as f32;
+        let (step, widen) = (rate / one, two.sqrt().recip());
         let parts = (self.parameters.all_mut().into_iter().zip(self.gradient.all()))
             .zip(self.first.all_mut().into_iter().zip(self.second.all_mut()))
             .zip(self.mean.all_mut());
@@ -205,15 +212,8 @@ impl Trainer {
                 q.par_chunks_mut(TOGETHER),
                 mean.par_chunks_mut(TOGETHER),
             );
-            parts.into_par_iter().for_each(|(x, g, u, q, mean)| {
-                for ((((x, g), u), q), mean) in x.iter_mut().zip(g).zip(u).zip(q).zip(mean) {
-                    let g = g * scale;
-                    *u = PAST.0 * *u + (1.0 - PAST.0) * g;
-                    *q = PAST.1 * *q + (1.0 - PAST.1) * g * g;
-                    *x += rate * (*u / one) / ((*q / two).sqrt() + LEAST) - pull * *x;
-                    *mean += share * (*x - *mean);
-                }
-            });
+            let adam = Adam { past: PAST, scale, step, widen, least: LEAST, pull, share };
+            parts.into_par_iter().for_each(|(x, g, u, q, mean)| kernels::adam(adam, x, g, [u, q], mean));
         }
     }
 }
@@ -221,7 +221,7 @@ impl Trainer {
 /// V from what is learned.
 pub(super) fn effective(gates: Gates, values: &mut [f32]) {
     if gates == Gates::Logistic {
-        foveate_kernels::logistic(values);
+        kernels::logistic(values);
     }
 }
 
