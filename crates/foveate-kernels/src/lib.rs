@@ -17,6 +17,7 @@
 
 mod adam;
 mod boxes;
+mod classes;
 mod ends;
 mod exponential;
 mod level;
@@ -30,6 +31,7 @@ mod wide;
 
 pub use adam::{Adam, adam};
 pub use boxes::{BoxScratch, Pixels, Region, box_means};
+pub use classes::{add_to_both, softplus_sum};
 pub use exponential::{exp_from, largest_finite};
 pub use level::Level;
 pub use logistic::{bias_logistic, logistic};

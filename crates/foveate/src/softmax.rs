@@ -254,7 +254,7 @@ fn minimize(objective: Objective<'_>, x: &mut [f64], steps: usize, tolerance: f6
         for _ in 0..30 {
             next.iter_mut().zip(&*x).zip(&d).for_each(|((n, x), d)| *n = x + t * d);
             let there = objective(&next, &mut tried);
-            if !(there <= value + 1e-4 * t * slope) {
+            if there.is_nan() || there > value + 1e-4 * t * slope {
                 high = t;
             } else {
                 found = Some(there);

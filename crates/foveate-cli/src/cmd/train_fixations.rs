@@ -56,12 +56,15 @@ pub struct FixationArgs {
     /// Fixations that a decision stands on.
     #[arg(long, default_value_t = 3)]
     window: usize,
-    /// Gazes are drawn from a square of this half side, in template units.
+    /// The places lie in a square of this half side, in template units.
     #[arg(long, default_value_t = 0.5)]
     reach: f64,
-    /// Places along a side of that square that have a code of their own.
+    /// Places along a side of that square; fixations are drawn among all of them.
     #[arg(long, default_value_t = 3)]
     grid: usize,
+    /// Draw fixations from the whole square, not the places alone.
+    #[arg(long)]
+    anywhere: bool,
     /// Training digits to learn from, 10 to 55000; the last 5000 are held out.
     #[arg(long, default_value_t = 55_000)]
     digits: usize,
@@ -166,7 +169,8 @@ impl FixationArgs {
             }
             let (seen, layer): (Foveal, Arc<dyn Encoder>) = config.identity(&base)?;
             places = Places::grid(self.grid, self.reach as f32)?;
-            (retina, encoder, gazes) = (seen, Some(layer), Gazes::Within { reach: self.reach });
+            gazes = if self.anywhere { Gazes::Within { reach: self.reach } } else { Gazes::Among };
+            (retina, encoder) = (seen, Some(layer));
             trouble = if self.clean { Trouble::default() } else { Trouble::of_tracks() };
             first_layer = serde_json::to_string(&config.encoder).expect("a configuration becomes JSON");
         }
@@ -181,7 +185,11 @@ impl FixationArgs {
             "--larochelle-hinton".to_string()
         } else {
             let clean = if self.clean { " --clean" } else { "" };
-            format!("--config {} --window {} --reach {} --grid {}{clean}", self.config, r.window, self.reach, self.grid)
+            let anywhere = if self.anywhere { " --anywhere" } else { "" };
+            format!(
+                "--config {} --window {} --reach {} --grid {}{anywhere}{clean}",
+                self.config, r.window, self.reach, self.grid
+            )
         };
         format!(
             "foveate train fixations --data DIR {what} --cost {} --alpha {} --digits {} --hidden {} --factors {} --gates {} \

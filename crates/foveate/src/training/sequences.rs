@@ -28,6 +28,8 @@ const TOGETHER: usize = 64;
 pub enum Gazes {
     /// These, in this order, all of them.
     All(Vec<Gaze>),
+    /// Drawn among the places, none twice until all were taken.
+    Among,
     /// Drawn from the square from −reach to reach, template units.
     Within {
         /// Half the square's side.
@@ -168,9 +170,18 @@ impl Looker {
         let whole = Region { x: 0, y: 0, width: CANVAS, height: CANVAS };
         pyramid.build(&image, whole, self.retina.footprints(), (half, half));
         let n_v = self.retina.glimpse_len();
+        let points = self.places.points();
+        let mut left: Vec<usize> = vec![];
         for (k, (at, glimpse)) in gazes.iter_mut().zip(glimpses.chunks_exact_mut(n_v)).enumerate() {
             let gaze = match &self.gazes {
                 Gazes::All(gazes) => gazes[k],
+                Gazes::Among => {
+                    if left.is_empty() {
+                        left.extend(0..points.len());
+                    }
+                    let place = left.swap_remove(rng.random_range(0..left.len()));
+                    Gaze { u: points[place][0].into(), v: points[place][1].into(), arm: Some(place) }
+                }
                 Gazes::Within { reach } => {
                     let mut along = || reach * rng.random_range(-1.0..=1.0);
                     Gaze { u: along(), v: along(), arm: None }
@@ -221,4 +232,52 @@ pub fn larochelle_hinton() -> Result<(crate::identity::retina::FovealConfig, Vec
     let off = 5.0 / (SIDE as f64 / 2.0);
     let gazes = [(-off, -off), (-off, off), (off, -off), (off, off)];
     Ok((retina, gazes.iter().enumerate().map(|(k, &(u, v))| Gaze { u, v, arm: Some(k) }).collect()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identity::retina::FovealConfig;
+
+    fn looker(gazes: Gazes, trouble: Trouble) -> Looker {
+        let retina = Foveal::new(FovealConfig::authors()).expect("the authors' geometry");
+        let places = Places::grid(3, 0.5).expect("nine places");
+        Looker { retina, encoder: None, places, gazes, window: 3, trouble, seed: 1 }
+    }
+
+    #[test]
+    fn sequences_do_not_depend_on_threads_and_change_with_the_epoch() {
+        let digits = Digits::drawn(3, 20);
+        let look = |threads: usize, epoch: u64| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            let looker = looker(Gazes::Within { reach: 0.5 }, Trouble::of_tracks());
+            pool.install(|| looker.look(&digits, epoch).expect("digits"))
+        };
+        let (one, three, other) = (look(1, 0), look(3, 0), look(1, 1));
+        assert!(one.features == three.features && one.gazes == three.gazes && one.features != other.features);
+        assert_eq!(one.labels, digits.labels);
+        assert!(one.gazes.iter().flatten().all(|x| x.abs() <= 0.5));
+    }
+
+    #[test]
+    fn clean_digits_are_seen_where_they_are_and_gazes_among_places_are_distinct() {
+        let digits = Digits::drawn(1, 10);
+        let made = looker(Gazes::Among, Trouble::default()).look(&digits, 0).expect("digits");
+        let s = made.sequences();
+        for (codes, gazes) in s.codes().chunks_exact(3).zip(made.gazes().chunks_exact(3)) {
+            let places: Vec<usize> = codes.iter().map(|c| c.nearest()).collect();
+            assert!(places[0] != places[1] && places[0] != places[2] && places[1] != places[2]);
+            assert!(codes.iter().all(|c| c.parts().count() == 1) && gazes.iter().flatten().all(|x| x.abs() <= 0.5));
+        }
+        // The fovea of the centre is the digit's own middle pixels.
+        let gazes = Gazes::All(vec![Gaze::CENTRE; 3]);
+        let made = looker(gazes, Trouble::default()).look(&digits, 0).expect("digits");
+        let row = made.sequences().glimpses().row(0);
+        for (i, x) in row[..64].iter().enumerate() {
+            let pixel = digits.digit(0)[(10 + i / 8) * 28 + 10 + i % 8];
+            assert!((x - f32::from(pixel) / 255.0).abs() < 1e-5, "{i}: {x} {pixel}");
+        }
+        let few = looker(Gazes::All(vec![Gaze::CENTRE]), Trouble::default());
+        assert!(few.look(&digits, 0).expect_err("one gaze for three").to_string().contains("1 given"));
+    }
 }

@@ -3,7 +3,7 @@
 use super::super::product::{add_outer, rows_times, rows_times_transposed};
 use super::Code;
 use crate::rows::Rows;
-use foveate_kernels::bias_logistic;
+use foveate_kernels::{bias_logistic, softplus_sum};
 use rayon::prelude::*;
 
 /// `out` = `rows` · `weights`, by all threads.
@@ -69,33 +69,6 @@ pub(super) fn gather(z: &[f32], a: &[f32], factors: usize, window: usize, sequen
             add_gated(&mut out[row * factors..][..factors], z, a);
         }
     }
-}
-
-/// Σⱼ log(1 + exp(xⱼ + uⱼ)), given `s` = logistic(x + u): no further exponential, and a logarithm for 512 terms.
-fn softplus_sum(x: &[f32], u: &[f32], s: &[f32]) -> f64 {
-    const LANES: usize = 16;
-    const PIECE: usize = 512;
-    let mut sum = 0.0;
-    for ((x, u), s) in x.chunks(PIECE).zip(u.chunks(PIECE)).zip(s.chunks(PIECE)) {
-        // log(1 + eʸ) = max(y, 0) − log max(s, 1 − s): at most 33 factors of at least a half in a lane do not underflow in
-        // f32, nor do 16 such products in f64.
-        let (mut positive, mut product) = ([0.0f32; LANES], [1.0f32; LANES]);
-        let ((x, x_end), (u, u_end), (s, s_end)) =
-            (x.as_chunks::<LANES>(), u.as_chunks::<LANES>(), s.as_chunks::<LANES>());
-        for ((x, u), s) in x.iter().zip(u).zip(s) {
-            for lane in 0..LANES {
-                positive[lane] += (x[lane] + u[lane]).max(0.0);
-                product[lane] *= s[lane].max(1.0 - s[lane]);
-            }
-        }
-        for (lane, ((x, u), s)) in x_end.iter().zip(u_end).zip(s_end).enumerate() {
-            positive[lane] += (x + u).max(0.0);
-            product[lane] *= s.max(1.0 - s);
-        }
-        sum += f64::from(positive.iter().sum::<f32>());
-        sum -= product.iter().map(|&p| f64::from(p)).product::<f64>().ln();
-    }
-    sum
 }
 
 /// For one row x of excitations (n_h): `on`[l] ← p(h | x, y = l), n_c × n_h, and `log_p` ← log p(y | x) (exact: h is summed

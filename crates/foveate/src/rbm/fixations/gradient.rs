@@ -11,7 +11,7 @@ use super::parameters::{Parameters, Shape};
 use super::{Code, Recipe};
 use crate::rng::Rng;
 use crate::rows::Rows;
-use foveate_kernels::{bias_logistic, dot, logistic};
+use foveate_kernels::{add_to_both, bias_logistic, dot, logistic};
 use rand::RngExt;
 use rayon::prelude::*;
 
@@ -72,8 +72,10 @@ pub(super) fn gradient(
     x.resize(2 * n * n_v, 0.0);
     z.resize(n * d, 0.0);
     a.resize(2 * n * d, 0.0);
-    (g.resize(2 * rows * d, 0.0), dg.resize(2 * rows * d, 0.0));
-    (delta.resize(2 * rows * n_h, 0.0), h.resize(rows * n_h, 0.0));
+    g.resize(2 * rows * d, 0.0);
+    dg.resize(2 * rows * d, 0.0);
+    delta.resize(2 * rows * n_h, 0.0);
+    h.resize(rows * n_h, 0.0);
     fantasy.resize(rows, 0);
     let (x, x1) = x.split_at_mut(n * n_v);
     let (a0, a1) = a.split_at_mut(n * d);
@@ -118,12 +120,7 @@ pub(super) fn gradient(
                 for (l, q) in log_p.iter().enumerate() {
                     let target = if l == y { 1.0 } else { 0.0 };
                     let weight = sharp * (target - q.exp() as f32) + soft * target;
-                    let on = on[l * n_h..][..n_h].iter().zip(&mut du[l * n_h..][..n_h]).zip(&mut *delta);
-                    on.for_each(|((&on, du), delta)| {
-                        let moved = weight * on;
-                        *du += moved;
-                        *delta += moved;
-                    });
+                    add_to_both(weight, &on[l * n_h..][..n_h], &mut du[l * n_h..][..n_h], delta);
                     dd[l] += weight;
                 }
             }

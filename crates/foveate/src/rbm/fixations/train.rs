@@ -151,7 +151,9 @@ impl Trainer {
 
         // Take the sequences' glimpses, their fixations in an order of their own.
         let work = &mut self.work;
-        (work.x.clear(), work.codes.clear(), work.labels.clear());
+        work.x.clear();
+        work.codes.clear();
+        work.labels.clear();
         for (r, &i) in batch.iter().enumerate() {
             let mut fixations: [u8; 256] = std::array::from_fn(|k| k as u8);
             let fixations = &mut fixations[..window];
