@@ -203,7 +203,8 @@ impl Config {
         Ok(blueprint)
     }
 
-    fn identity(&self, base: &Path) -> Result<(Foveal, Arc<dyn Encoder>)> {
+    /// The retina and the first layer alone, model files being relative to `base`.
+    pub fn identity(&self, base: &Path) -> Result<(Foveal, Arc<dyn Encoder>)> {
         let given = self.retina.as_ref().map(|RetinaConfig::Foveal(config)| config.clone());
         match &self.encoder {
             EncoderConfig::Raw { standardise } => {

@@ -29,6 +29,7 @@ pub struct Args {
 #[derive(Subcommand)]
 enum What {
     Rbm(Box<RbmArgs>),
+    Fixations(Box<super::train_fixations::FixationArgs>),
 }
 
 /// Learn a restricted Boltzmann machine from glimpses.
@@ -148,7 +149,10 @@ fn ring(text: &str) -> std::result::Result<[usize; 2], String> {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<()> {
-    let What::Rbm(args) = args.what;
+    let args = match args.what {
+        What::Rbm(args) => args,
+        What::Fixations(args) => return super::train_fixations::run(&args),
+    };
     let threads = rayon::ThreadPoolBuilder::new().num_threads(args.threads.unwrap_or(0)).build();
     let pool = threads.map_err(|e| Error::Config(format!("--threads: {e}")))?;
     // Asked before the work, not after it.

@@ -13,6 +13,7 @@ pub mod learning;
 pub mod line_up;
 pub mod metrics;
 pub mod regret;
+pub mod reliability;
 pub mod sequence;
 pub mod table;
 
@@ -20,4 +21,5 @@ pub use centres::{CentreScore, CentreSummary, score_centres};
 pub use compare::{Evaluation, Row, TrackRun, run_all, score_folder};
 pub use curves::Curves;
 pub use metrics::{Score, score};
+pub use reliability::Reliability;
 pub use sequence::{Sequence, find_sequences};

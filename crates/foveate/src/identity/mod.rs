@@ -8,12 +8,14 @@ pub mod calibrate;
 pub mod distance;
 pub mod encoder;
 pub mod gaze_appearance;
+pub mod multi_fixation;
 pub mod pyramid;
 pub mod retina;
 
 pub use distance::Distance;
 pub use encoder::Encoder;
 pub use gaze_appearance::GazeAppearance;
+pub use multi_fixation::MultiFixation;
 pub use pyramid::Pyramid;
 pub use retina::{Foveal, Retina};
 

@@ -3,12 +3,13 @@
 //! Atoms: nothing here knows of images, gazes or targets; data are rows of numbers.
 
 mod checkpoint;
-mod io;
+pub mod fixations;
+pub(crate) mod io;
 pub mod likelihood;
 pub mod monitor;
 #[cfg(test)]
 mod oracle_tests;
-mod product;
+pub(crate) mod product;
 #[allow(clippy::module_inception)]
 mod rbm;
 mod recipe;
