@@ -10,7 +10,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::control::{
-    Autoregressive, Concentration, LogConcentration, Prior, Resampling, Reward, VarianceReduction, Vigilance,
+    Autoregressive, Concentration, LogConcentration, Prior, Resampling, Reward, Search, VarianceReduction, Vigilance,
 };
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;
@@ -71,6 +71,9 @@ pub struct Config {
     /// When the target counts as lost.
     #[serde(default, deserialize_with = "in_range")]
     pub vigilance: Vigilance,
+    /// How it is looked for then; not at all unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub search: Option<Search>,
 }
 
 /// The transition models there are.
@@ -285,6 +288,7 @@ impl Blueprint {
             reward: reward(c.reward)?,
             resampling: c.resampling,
             vigilance: c.vigilance.clone(),
+            search: c.search.clone(),
             start: c.start,
         };
         Tracker::new(parts, c.particles, seed, target)
