@@ -17,9 +17,11 @@ use crate::geometry::Gaze;
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;
 use crate::identity::encoder::{Encoder, Precision, Raw, RbmEncoder};
+use crate::identity::factored::FactoredEncoder;
 use crate::identity::gaze_appearance::{GazeAppearance, Sharpness};
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
-use crate::rbm::Rbm;
+use crate::rbm::factored::FactoredRbm;
+use crate::rbm::{Metadata, Rbm};
 use crate::start::StartSpread;
 use crate::tracker::{Parts, Tracker};
 use crate::{Error, Result};
@@ -92,6 +94,11 @@ pub enum EncoderConfig {
         /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
         #[serde(default)]
         precision: Precision,
+    },
+    /// A factored RBM, of covariance and mean units: `weights` is a model file, or `builtin:natural-mcrbm`.
+    Mcrbm {
+        /// The model.
+        weights: String,
     },
     /// The glimpse itself.
     Raw {
@@ -247,32 +254,49 @@ impl Config {
                 Ok((retina, Arc::new(encoder)))
             }
             EncoderConfig::Rbm { weights, precision } => {
-                let (rbm, metadata) = load_rbm(weights, base)?;
-                let trained: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| {
-                    Error::malformed(
-                        weights,
-                        format!("its metadata does not describe a retina ({e}); retrain it with `foveate train rbm`"),
-                    )
-                })?;
-                if given.as_ref().is_some_and(|g| *g != trained) {
-                    return Err(Error::Config(format!(
-                        "{weights} was trained with the retina {}, but the configuration asks for another; leave out [retina], or retrain",
-                        metadata.retina
-                    )));
-                }
-                let retina = Foveal::new(trained)?;
+                let (rbm, metadata) = model(weights, base, Rbm::from_bytes, Rbm::load)?;
+                let retina = trained_retina(weights, &metadata, given, "rbm")?;
                 let encoder = RbmEncoder::new(rbm, &channels(&retina)).rounded(*precision);
+                Ok((retina, Arc::new(encoder)))
+            }
+            EncoderConfig::Mcrbm { weights } => {
+                let (rbm, metadata) = model(weights, base, FactoredRbm::from_bytes, FactoredRbm::load)?;
+                let retina = trained_retina(weights, &metadata, given, "mcrbm")?;
+                let encoder = FactoredEncoder::new(rbm, &channels(&retina));
                 Ok((retina, Arc::new(encoder)))
             }
         }
     }
 }
 
+/// The retina that a model was trained with; a configuration may ask for no other.
+fn trained_retina(weights: &str, metadata: &Metadata, given: Option<FovealConfig>, kind: &str) -> Result<Foveal> {
+    let trained: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| {
+        Error::malformed(
+            weights,
+            format!("its metadata does not describe a retina ({e}); retrain it with `foveate train {kind}`"),
+        )
+    })?;
+    if given.is_some_and(|g| g != trained) {
+        return Err(Error::Config(format!(
+            "{weights} was trained with the retina {}, but the configuration asks for another; leave out [retina], or retrain",
+            metadata.retina
+        )));
+    }
+    Foveal::new(trained)
+}
+
 fn channels(retina: &Foveal) -> Vec<usize> {
     retina.cells().iter().map(|c| c.channel).collect()
 }
 
-fn load_rbm(weights: &str, base: &Path) -> Result<(Rbm, crate::rbm::Metadata)> {
+/// A model of some kind: one that ships with the program, or a file relative to `base`.
+fn model<M>(
+    weights: &str,
+    base: &Path,
+    from_bytes: fn(&[u8], &Path) -> Result<(M, Metadata)>,
+    load: fn(&Path) -> Result<(M, Metadata)>,
+) -> Result<(M, Metadata)> {
     match weights.strip_prefix("builtin:") {
         Some(name) => {
             let bytes = MODELS.iter().find(|m| m.0 == name).map(|m| m.1).ok_or_else(|| {
@@ -282,9 +306,9 @@ fn load_rbm(weights: &str, base: &Path) -> Result<(Rbm, crate::rbm::Metadata)> {
                     names.join(", builtin:")
                 ))
             })?;
-            Rbm::from_bytes(bytes, Path::new(weights))
+            from_bytes(bytes, Path::new(weights))
         }
-        None => Rbm::load(&base.join(PathBuf::from(weights))),
+        None => load(&base.join(PathBuf::from(weights))),
     }
 }
 

@@ -3,6 +3,8 @@
 //! Atoms: nothing here knows of images, gazes or targets; data are rows of numbers.
 
 mod checkpoint;
+pub mod factored;
+mod hmc;
 mod io;
 pub mod likelihood;
 pub mod monitor;
@@ -14,9 +16,11 @@ mod rbm;
 mod recipe;
 mod train;
 mod units;
+mod whiten;
 
 pub use self::io::Metadata;
 pub use self::product::warm;
 pub use self::rbm::{Rbm, Visible};
 pub use self::recipe::{Negative, Recipe, Sparsity};
 pub use self::train::Trainer;
+pub use self::whiten::Whitening;
