@@ -4,7 +4,7 @@
 //! column and what would have been right. Lengths are in template units (1 = half the target's box) a frame, so
 //! that one configuration serves targets of every size.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use serde::{Deserialize, Deserializer, Serialize};
@@ -16,16 +16,15 @@ use crate::gaze::{Anchor, Circular, Fixed, Grid, Hedge, Policy, Random};
 use crate::geometry::Gaze;
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;
-use crate::identity::encoder::{Encoder, Precision, Raw, RbmEncoder};
-use crate::identity::factored::FactoredEncoder;
+use crate::identity::encoder::{Encoder, Precision};
 use crate::identity::gaze_appearance::{GazeAppearance, Sharpness};
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
-use crate::rbm::factored::FactoredRbm;
-use crate::rbm::{Metadata, Rbm};
+use crate::rbm::factored::Units;
 use crate::start::StartSpread;
 use crate::tracker::{Parts, Tracker};
 use crate::{Error, Result};
 
+mod identity;
 mod ranges;
 use ranges::{Ranges, in_range};
 
@@ -99,6 +98,17 @@ pub enum EncoderConfig {
     Mcrbm {
         /// The model.
         weights: String,
+        /// Which of its units are features.
+        #[serde(default)]
+        units: Units,
+    },
+    /// The hidden layer of a denoising autoencoder: `weights` is a model file.
+    Autoencoder {
+        /// The model.
+        weights: String,
+        /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
+        #[serde(default)]
+        precision: Precision,
     },
     /// The glimpse itself.
     Raw {
@@ -241,75 +251,6 @@ impl Config {
         blueprint.tracker(0, 0)?;
         Ok(blueprint)
     }
-
-    fn identity(&self, base: &Path) -> Result<(Foveal, Arc<dyn Encoder>)> {
-        let given = self.retina.as_ref().map(|RetinaConfig::Foveal(config)| config.clone());
-        match &self.encoder {
-            EncoderConfig::Raw { standardise } => {
-                let config = given.ok_or_else(|| {
-                    Error::Config("a raw encoder needs a retina; for example [retina] kind = \"foveal\", side = 28, rings = [[8, 1], [16, 2], [24, 4]]".into())
-                })?;
-                let retina = Foveal::new(config)?;
-                let encoder = Raw::new(&channels(&retina), *standardise);
-                Ok((retina, Arc::new(encoder)))
-            }
-            EncoderConfig::Rbm { weights, precision } => {
-                let (rbm, metadata) = model(weights, base, Rbm::from_bytes, Rbm::load)?;
-                let retina = trained_retina(weights, &metadata, given, "rbm")?;
-                let encoder = RbmEncoder::new(rbm, &channels(&retina)).rounded(*precision);
-                Ok((retina, Arc::new(encoder)))
-            }
-            EncoderConfig::Mcrbm { weights } => {
-                let (rbm, metadata) = model(weights, base, FactoredRbm::from_bytes, FactoredRbm::load)?;
-                let retina = trained_retina(weights, &metadata, given, "mcrbm")?;
-                let encoder = FactoredEncoder::new(rbm, &channels(&retina));
-                Ok((retina, Arc::new(encoder)))
-            }
-        }
-    }
-}
-
-/// The retina that a model was trained with; a configuration may ask for no other.
-fn trained_retina(weights: &str, metadata: &Metadata, given: Option<FovealConfig>, kind: &str) -> Result<Foveal> {
-    let trained: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| {
-        Error::malformed(
-            weights,
-            format!("its metadata does not describe a retina ({e}); retrain it with `foveate train {kind}`"),
-        )
-    })?;
-    if given.is_some_and(|g| g != trained) {
-        return Err(Error::Config(format!(
-            "{weights} was trained with the retina {}, but the configuration asks for another; leave out [retina], or retrain",
-            metadata.retina
-        )));
-    }
-    Foveal::new(trained)
-}
-
-fn channels(retina: &Foveal) -> Vec<usize> {
-    retina.cells().iter().map(|c| c.channel).collect()
-}
-
-/// A model of some kind: one that ships with the program, or a file relative to `base`.
-fn model<M>(
-    weights: &str,
-    base: &Path,
-    from_bytes: fn(&[u8], &Path) -> Result<(M, Metadata)>,
-    load: fn(&Path) -> Result<(M, Metadata)>,
-) -> Result<(M, Metadata)> {
-    match weights.strip_prefix("builtin:") {
-        Some(name) => {
-            let bytes = MODELS.iter().find(|m| m.0 == name).map(|m| m.1).ok_or_else(|| {
-                let names: Vec<&str> = MODELS.iter().map(|m| m.0).collect();
-                Error::Config(format!(
-                    "no model is called builtin:{name}; there are builtin:{}",
-                    names.join(", builtin:")
-                ))
-            })?;
-            from_bytes(bytes, Path::new(weights))
-        }
-        None => load(&base.join(PathBuf::from(weights))),
-    }
 }
 
 /// A checked configuration: trackers made from it cannot fail to fit.
@@ -394,10 +335,4 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("authors", include_str!("../../../configs/authors.toml")),
     ("natural", include_str!("../../../configs/natural.toml")),
     ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),
-];
-
-/// Models that ship with the program.
-const MODELS: &[(&str, &[u8])] = &[
-    ("digits", include_bytes!("../../../models/digits.safetensors")),
-    ("natural", include_bytes!("../../../models/natural.safetensors")),
 ];

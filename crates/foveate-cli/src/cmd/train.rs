@@ -11,6 +11,7 @@ use foveate::rows::Rows;
 use foveate::training::{self, Source, filters};
 use foveate::{Error, Result};
 
+mod autoencoder;
 mod common;
 mod mcrbm;
 
@@ -28,6 +29,7 @@ pub struct Args {
 enum What {
     Rbm(Box<RbmArgs>),
     Mcrbm(Box<mcrbm::Args>),
+    Autoencoder(Box<autoencoder::Args>),
 }
 
 /// Learn a restricted Boltzmann machine from glimpses.
@@ -153,6 +155,7 @@ pub fn run(args: Args) -> Result<()> {
             pool.install(|| train(&args))
         }
         What::Mcrbm(args) => mcrbm::run(&args),
+        What::Autoencoder(args) => autoencoder::run(&args),
     }
 }
 

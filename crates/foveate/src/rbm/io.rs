@@ -37,9 +37,9 @@ pub struct Metadata {
 }
 
 /// A named tensor: name, shape, values row-major.
-pub(super) type Tensor<'a> = (&'a str, Vec<usize>, &'a [f32]);
+pub(crate) type Tensor<'a> = (&'a str, Vec<usize>, &'a [f32]);
 /// Tensors of a file by name.
-pub(super) type Tensors = HashMap<String, (Vec<usize>, Vec<f32>)>;
+pub(crate) type Tensors = HashMap<String, (Vec<usize>, Vec<f32>)>;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -104,7 +104,7 @@ impl Rbm {
 }
 
 /// The bytes of a file, if it is not absurdly large.
-pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     let size = std::fs::metadata(path).map_err(Error::io(path, "cannot read the model"))?.len();
     if size > MOST_BYTES {
         return Err(Error::malformed(path, format!("it has {size} bytes, far more than any model")));
@@ -112,12 +112,12 @@ pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
     std::fs::read(path).map_err(Error::io(path, "cannot read the model"))
 }
 
-pub(super) fn refuse(path: &Path, problem: &str, kind: &str) -> Error {
+pub(crate) fn refuse(path: &Path, problem: &str, kind: &str) -> Error {
     Error::malformed(path, format!("not a usable model: {problem}; `foveate train {kind}` makes one"))
 }
 
 /// The bytes of a file of tensors.
-pub(super) fn pack(kind: &str, about: impl Serialize, tensors: &[Tensor<'_>]) -> Vec<u8> {
+pub(crate) fn pack(kind: &str, about: impl Serialize, tensors: &[Tensor<'_>]) -> Vec<u8> {
     let mut header = Header { format: FORMAT, kind: kind.into(), about, sha256: String::new() };
     let bytes: Vec<Vec<u8>> = tensors.iter().map(|t| t.2.iter().flat_map(|x| x.to_le_bytes()).collect()).collect();
     let views: Vec<(&str, TensorView<'_>)> = (tensors.iter().zip(&bytes))
@@ -132,7 +132,7 @@ pub(super) fn pack(kind: &str, about: impl Serialize, tensors: &[Tensor<'_>]) ->
 
 /// What a file of tensors holds, and whether its seal is whole: to be asked last, for a better reason may be found
 /// before. Any problem is said in words.
-pub(super) fn unpack<T: Serialize + DeserializeOwned>(
+pub(crate) fn unpack<T: Serialize + DeserializeOwned>(
     bytes: &[u8],
     kind: &str,
 ) -> std::result::Result<(T, Tensors, std::result::Result<(), String>), String> {

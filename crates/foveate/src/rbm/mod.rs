@@ -5,16 +5,16 @@
 mod checkpoint;
 pub mod factored;
 mod hmc;
-mod io;
+pub(crate) mod io;
 pub mod likelihood;
 pub mod monitor;
 #[cfg(test)]
 mod oracle_tests;
-mod product;
+pub(crate) mod product;
 #[allow(clippy::module_inception)]
 mod rbm;
 mod recipe;
-mod train;
+pub(crate) mod train;
 mod units;
 mod whiten;
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use foveate::Result;
 use foveate::identity::retina::Retina;
-use foveate::rbm::factored::{FactoredRbm, Negative, Pooling, Recipe, Trainer};
+use foveate::rbm::factored::{FactoredRbm, Negative, Pooling, Recipe, Trainer, Units};
 use foveate::rows::{Rows, RowsMut};
 use foveate::training::filters;
 
@@ -55,9 +55,12 @@ pub struct Args {
     /// Share of proposals to be rejected.
     #[arg(long, default_value_t = 0.1)]
     rejection: f32,
-    /// Epochs before pooling weights are learned and --l1 pulls.
+    /// Epochs before --l1 pulls.
     #[arg(long, default_value_t = 10)]
     settle: usize,
+    /// Epochs before pooling weights are learned; never, unless given.
+    #[arg(long)]
+    learn_pooling: Option<usize>,
     /// Weight decay of constant size.
     #[arg(long, default_value_t = 0.001)]
     l1: f32,
@@ -94,6 +97,7 @@ impl Args {
             leaps: self.leaps,
             rejection: self.rejection,
             settle: self.settle,
+            learn_pooling: self.learn_pooling,
             l1: self.l1,
             seed: self.natural.seed,
             ..Recipe::new(self.factors, self.means)
@@ -102,9 +106,10 @@ impl Args {
     /// The command that makes the same model: every setting said, folders left open.
     fn command(&self, glimpses: &Glimpses) -> String {
         let name = |value: Option<clap::builder::PossibleValue>| value.expect("a name").get_name().to_string();
+        let pooling = self.learn_pooling.map_or(String::new(), |from| format!(" --learn-pooling {from}"));
         format!(
             "{} --factors {} --pooling {} --means {} --keep {} --epochs {} --batch {} --rate {} --anneal {} \
-             --negative {} --leaps {} --rejection {} --settle {} --l1 {} --out FILE",
+             --negative {} --leaps {} --rejection {} --settle {} --l1 {}{pooling} --out FILE",
             self.natural.command("mcrbm", glimpses.retina.config()),
             self.factors,
             name(self.pooling.to_possible_value()),
@@ -196,14 +201,14 @@ impl Training for Mcrbm<'_> {
 
 /// Means over some rows: free energy, and how much the units of both kinds are on.
 fn fit(model: &FactoredRbm, rows: Rows<'_>) -> (f64, f64, f64) {
-    let (n_v, n_h) = model.shape();
+    let (n_v, n_h) = (model.glimpse_len(), model.width(Units::Both));
     let n = rows.len().min(MONITORED);
     let rows = Rows::new(&rows.data()[..n * n_v], n_v);
     let mut h = vec![0.0; n * n_h];
-    model.features(rows, RowsMut::new(&mut h, n_h));
+    model.features(rows, Units::Both, RowsMut::new(&mut h, n_h));
     let n_c = model.sizes().covariance;
     let mean = |part: &dyn Fn(&[f32]) -> f32| f64::from(h.chunks_exact(n_h).map(part).sum::<f32>()) / n as f64;
     let share = |h: &[f32]| h.iter().sum::<f32>() / h.len() as f32;
     let energy = rows.iter().map(|v| model.free_energy(v)).sum::<f64>() / n as f64;
-    (energy, mean(&|h| share(&h[..n_c])), mean(&|h| share(&h[n_c..])))
+    (energy, 1.0 - mean(&|h| share(&h[..n_c])), mean(&|h| share(&h[n_c..])))
 }

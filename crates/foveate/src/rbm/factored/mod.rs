@@ -3,8 +3,7 @@
 //!
 //! On whitened glimpses x (n_x numbers), with x̂ = x / √(mean(x²) + ½), factors u = Cᵀx̂ and P ≥ 0:
 //! E(x, hᶜ, hᵐ) = ½ Σ_k h_kᶜ Σ_f P_fk u_f² − bᶜᵀhᶜ − xᵀWhᵐ − bᵐᵀhᵐ + ½‖x‖² − bᵛᵀx, in nats.
-//! So p(h_kᶜ = 1 | x) = σ(b_kᶜ − ½ Σ_f P_fk u_f²): a covariance unit is on while its factors are silent. Features are the
-//! probabilities [hᶜ, hᵐ].
+//! So p(h_kᶜ = 1 | x) = σ(b_kᶜ − ½ Σ_f P_fk u_f²): a covariance unit is on while its factors are silent.
 
 mod energy;
 mod io;
@@ -21,6 +20,7 @@ use super::whiten::Whitening;
 use crate::rows::{Rows, RowsMut};
 use crate::{Error, Result};
 use foveate_kernels::bias_logistic;
+use serde::{Deserialize, Serialize};
 
 /// Added to the mean square of x, so that flat glimpses are not blown up (the authors' code).
 const SMALL: f32 = 0.5;
@@ -40,6 +40,19 @@ pub struct Sizes {
     pub covariance: usize,
     /// Mean units.
     pub mean: usize,
+}
+
+/// Which hidden units are asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Units {
+    /// Covariance units, then mean units.
+    #[default]
+    Both,
+    /// Covariance units alone.
+    Covariance,
+    /// Mean units alone.
+    Mean,
 }
 
 /// All that is learned, in whitened space.
@@ -132,19 +145,31 @@ impl FactoredRbm {
         }
         Ok(Self { whitening, parameters })
     }
-    /// (n_v, n_c + n_m): values of a glimpse, and of its features.
-    pub fn shape(&self) -> (usize, usize) {
+    /// n_v: values of a glimpse.
+    pub fn glimpse_len(&self) -> usize {
+        self.whitening.shape().0
+    }
+    /// How many features these units give.
+    pub fn width(&self, units: Units) -> usize {
         let Sizes { covariance, mean, .. } = self.sizes();
-        (self.whitening.shape().0, covariance + mean)
+        match units {
+            Units::Both => covariance + mean,
+            Units::Covariance => covariance,
+            Units::Mean => mean,
+        }
     }
     /// How many units there are.
     pub fn sizes(&self) -> Sizes {
         self.parameters.sizes()
     }
-    /// p(hᶜ = 1 | v), then p(hᵐ = 1 | v), for every row of `v` (m × n_v) into `h` (m × (n_c + n_m)). Allocates nothing but
-    /// for a thread's first product (see [`warm`](super::warm)); a row's result depends on that row alone, bit for bit.
-    pub fn features(&self, v: Rows<'_>, mut h: RowsMut<'_>) {
-        let (n_v, n_h) = self.shape();
+    /// p(hᶜ = 0 | v), then p(hᵐ = 1 | v), of the units asked for, for every row of `v` (m × n_v) into `h` (m ×
+    /// [`FactoredRbm::width`]). Allocates nothing but for a thread's first product (see [`warm`](super::warm)); a row's
+    /// result depends on that row alone, bit for bit.
+    ///
+    /// Deviation: the article takes p(hᶜ = 1), which nearly all units have high, on flat patches most of all: then any two
+    /// glimpses are alike. That a relation is broken is rare, and says what is there.
+    pub fn features(&self, v: Rows<'_>, units: Units, mut h: RowsMut<'_>) {
+        let (n_v, n_h) = (self.whitening.shape().0, self.width(units));
         assert_eq!((v.width(), h.width()), (n_v, n_h), "rows must be as wide as the machine's sides");
         let Sizes { white, factors, covariance, mean } = self.sizes();
         // Scratch of a row, and as many rows at a time as fit.
@@ -158,22 +183,26 @@ impl FactoredRbm {
             let (x, rest) = rest.split_at_mut(m * widths[1]);
             let (u, rest) = rest.split_at_mut(m * widths[2]);
             self.whitening.whiten(Rows::new(v, n_v), centred, x);
-            let out = &mut rest[..m * mean];
-            rows_times(Rows::new(x, white), &p.weights, out);
-            bias_logistic(out, &p.mean_bias);
-            for (h, out) in h.chunks_exact_mut(n_h).zip(out.chunks_exact(mean)) {
-                h[covariance..].copy_from_slice(out);
+            if units != Units::Covariance {
+                let out = &mut rest[..m * mean];
+                rows_times(Rows::new(x, white), &p.weights, out);
+                bias_logistic(out, &p.mean_bias);
+                for (h, out) in h.chunks_exact_mut(n_h).zip(out.chunks_exact(mean)) {
+                    h[n_h - mean..].copy_from_slice(out);
+                }
             }
-            x.chunks_exact_mut(white).for_each(|x| {
-                energy::normalise(x);
-            });
-            rows_times(Rows::new(x, white), &p.filters, u);
-            u.iter_mut().for_each(|u| *u *= -0.5 * *u);
-            let out = &mut rest[..m * covariance];
-            rows_times(Rows::new(u, factors), &p.pooling, out);
-            bias_logistic(out, &p.covariance_bias);
-            for (h, out) in h.chunks_exact_mut(n_h).zip(out.chunks_exact(covariance)) {
-                h[..covariance].copy_from_slice(out);
+            if units != Units::Mean {
+                x.chunks_exact_mut(white).for_each(|x| {
+                    energy::normalise(x);
+                });
+                rows_times(Rows::new(x, white), &p.filters, u);
+                u.iter_mut().for_each(|u| *u *= -0.5 * *u);
+                let out = &mut rest[..m * covariance];
+                rows_times(Rows::new(u, factors), &p.pooling, out);
+                bias_logistic(out, &p.covariance_bias);
+                for (h, out) in h.chunks_exact_mut(n_h).zip(out.chunks_exact(covariance)) {
+                    h.iter_mut().zip(out).for_each(|(h, on)| *h = 1.0 - on);
+                }
             }
         }
     }

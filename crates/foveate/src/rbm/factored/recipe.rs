@@ -30,8 +30,11 @@ pub struct Recipe {
     pub leaps: usize,
     /// Share of proposals to be rejected.
     pub rejection: f32,
-    /// The epoch (from 0) from which P is learned and `l1` pulls: not before the filters have settled.
+    /// The epoch (from 0) from which `l1` pulls: not before the filters have settled.
     pub settle: usize,
+    /// The epoch (from 0) from which P is learned; never, unless given. Deviation: the authors learn it, after 10 epochs; on
+    /// glimpses every unit then comes to pool a little of every factor, and they all say the same.
+    pub learn_pooling: Option<usize>,
     /// Pull of C and W towards 0, of constant size.
     pub l1: f32,
     /// Names all random numbers.
@@ -75,6 +78,7 @@ impl Recipe {
             leaps: 20,
             rejection: 0.1,
             settle: 10,
+            learn_pooling: None,
             l1: 0.001,
             seed: 1,
         }

@@ -22,8 +22,10 @@ const C_RATE: f32 = 2.0;
 const W_RATE: f32 = 0.2;
 const MEAN_BIAS_RATE: f32 = 0.1;
 const SLOW_RATE: f32 = 0.02;
+/// First length of the columns of C. Deviation: 0.2 in the authors' code, from where it takes many epochs to grow, because
+/// the common length takes up a twentieth of every step.
+const FIRST_LENGTH: f32 = 1.0;
 /// First values (the authors' code).
-const FILTER_SD: f32 = 0.02;
 const WEIGHT_SD: f32 = 0.05;
 const COVARIANCE_BIAS: f32 = 2.0;
 const MEAN_BIAS: f32 = -2.0;
@@ -83,7 +85,7 @@ impl Trainer {
             (0..n).map(draw).map(|z: f32| sd * z).collect()
         };
         let mut parameters = Parameters {
-            filters: normal(n_x * n_f, FILTER_SD),
+            filters: normal(n_x * n_f, 1.0),
             pooling,
             covariance_bias: vec![COVARIANCE_BIAS; n_c],
             weights: normal(n_x * n_m, WEIGHT_SD),
@@ -91,7 +93,7 @@ impl Trainer {
             visible_bias: vec![0.0; n_x],
         };
         let chains = normal(recipe.batch * n_x, 1.0);
-        let length = equalise(&mut parameters.filters, n_f, None);
+        let length = equalise(&mut parameters.filters, n_f, |_| FIRST_LENGTH);
         // Shapes, and what a glimpse may have.
         FactoredRbm::new(whitening.clone(), parameters.clone())?;
         let step = Step { size: FIRST_STEP, rejection: recipe.rejection };
@@ -203,24 +205,27 @@ impl Trainer {
         let r = &self.recipe;
         let epoch = self.epoch as f32 + 1.0;
         let rate = r.rate / (epoch / r.anneal.max(1) as f32).max(1.0) / r.batch as f32;
-        let settled = self.epoch >= r.settle;
         let (p, w) = (&mut self.parameters, &mut self.work);
         let s = &mut w.whole;
 
         let hat = Rows::new(&s.hat, white);
         outer(&mut p.filters, -C_RATE * rate, hat, Rows::new(&s.pull, factors));
         outer(&mut p.weights, W_RATE * rate, Rows::new(&w.x, white), Rows::new(&s.mean, mean));
-        if settled {
+        if r.learn_pooling.is_some_and(|from| self.epoch >= from) {
             s.u.iter_mut().for_each(|u| *u *= 0.5 * *u);
             outer(&mut p.pooling, -SLOW_RATE * rate, Rows::new(&s.u, factors), Rows::new(&s.covariance, covariance));
             whole_shares(&mut p.pooling, covariance);
+        }
+        if self.epoch >= r.settle {
             let batch = r.batch as f32;
             for (values, rate) in [(&mut p.filters, C_RATE * rate), (&mut p.weights, W_RATE * rate)] {
                 let pull = r.l1 * rate * batch;
                 values.iter_mut().for_each(|x| *x -= x.clamp(-pull, pull));
             }
         }
-        self.length = equalise(&mut p.filters, factors, Some(self.length));
+        let old = self.length;
+        self.length =
+            equalise(&mut p.filters, factors, |mean| LENGTH_REMEMBERED * old + (1.0 - LENGTH_REMEMBERED) * mean);
         let half = r.batch * white;
         w.x[half..].iter_mut().for_each(|x| *x = -*x);
         for (bias, rows, rate) in [
@@ -258,15 +263,14 @@ fn outer(values: &mut [f32], factor: f32, left: Rows<'_>, right: Rows<'_>) {
     (values.par_chunks_mut(block * n).enumerate()).for_each(|(b, v)| add_outer(v, factor, left, b * block, right));
 }
 
-/// Gives the columns of C one length, a running mean of theirs, and gives that length.
-fn equalise(filters: &mut [f32], n_f: usize, remembered: Option<f32>) -> f32 {
+/// Gives the columns of C one length, chosen from the mean of theirs, and gives that length.
+fn equalise(filters: &mut [f32], n_f: usize, choose: impl Fn(f32) -> f32) -> f32 {
     let mut lengths = vec![0.0f32; n_f];
     for row in filters.chunks_exact(n_f) {
         lengths.iter_mut().zip(row).for_each(|(l, c)| *l += c * c);
     }
     lengths.iter_mut().for_each(|l| *l = l.sqrt());
-    let mean = lengths.iter().sum::<f32>() / n_f as f32;
-    let length = remembered.map_or(mean, |old| LENGTH_REMEMBERED * old + (1.0 - LENGTH_REMEMBERED) * mean);
+    let length = choose(lengths.iter().sum::<f32>() / n_f as f32);
     // A column of zeros has no direction: it stays.
     lengths.iter_mut().for_each(|l| *l = if *l > 0.0 { length / *l } else { 1.0 });
     for row in filters.chunks_exact_mut(n_f) {
