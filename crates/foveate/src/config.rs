@@ -335,4 +335,5 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("authors", include_str!("../../../configs/authors.toml")),
     ("natural", include_str!("../../../configs/natural.toml")),
     ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),
+    ("natural-mcrbm", include_str!("../../../configs/natural-mcrbm.toml")),
 ];

@@ -238,8 +238,8 @@ mod tests {
         for e in 0..n {
             let at = |by: f32| {
                 let mut layer = trainer.model.layer.clone();
-                let all = layer.weights.iter_mut().chain(&mut layer.visible_bias).chain(&mut layer.hidden_bias);
-                *all.skip(e).next().expect("a parameter") += by;
+                let mut all = layer.weights.iter_mut().chain(&mut layer.visible_bias).chain(&mut layer.hidden_bias);
+                *all.nth(e).expect("a parameter") += by;
                 let (mut h, mut back) = ([0.0; 12], [0.0; 18]);
                 layer.h_from_v(Rows::new(&noisy, 6), RowsMut::new(&mut h, 4));
                 layer.v_from_h(Rows::new(&h, 4), RowsMut::new(&mut back, 6));

@@ -68,13 +68,16 @@ fn channels(retina: &Foveal) -> Vec<usize> {
     retina.cells().iter().map(|c| c.channel).collect()
 }
 
+/// A model and what its file says of it.
+type Read<M> = Result<(M, Metadata)>;
+
 /// A model of some kind: one that ships with the program, or a file relative to `base`.
 fn model<M>(
     weights: &str,
     base: &Path,
-    from_bytes: fn(&[u8], &Path) -> Result<(M, Metadata)>,
-    load: fn(&Path) -> Result<(M, Metadata)>,
-) -> Result<(M, Metadata)> {
+    from_bytes: fn(&[u8], &Path) -> Read<M>,
+    load: fn(&Path) -> Read<M>,
+) -> Read<M> {
     match weights.strip_prefix("builtin:") {
         Some(name) => {
             let bytes = MODELS.iter().find(|m| m.0 == name).map(|m| m.1).ok_or_else(|| {
@@ -94,4 +97,5 @@ fn model<M>(
 const MODELS: &[(&str, &[u8])] = &[
     ("digits", include_bytes!("../../../../models/digits.safetensors")),
     ("natural", include_bytes!("../../../../models/natural.safetensors")),
+    ("natural-mcrbm", include_bytes!("../../../../models/natural-mcrbm.safetensors")),
 ];

@@ -196,7 +196,7 @@ impl FactoredRbm {
                     energy::normalise(x);
                 });
                 rows_times(Rows::new(x, white), &p.filters, u);
-                u.iter_mut().for_each(|u| *u *= -0.5 * *u);
+                u.iter_mut().for_each(|u| *u = -0.5 * *u * *u);
                 let out = &mut rest[..m * covariance];
                 rows_times(Rows::new(u, factors), &p.pooling, out);
                 bias_logistic(out, &p.covariance_bias);

@@ -68,16 +68,16 @@ fn conditionals_and_free_energy_are_those_of_the_joint() {
         let (hc, hm) = ([1.0, 0.0, 1.0, 1.0], [0.0, 1.0, 1.0]);
         let at = |values: &[f32], i: usize, j: usize, n: usize| f64::from(values[i * n + j]);
         let mut energy = 0.0;
-        for k in 0..4 {
+        for (k, h) in hc.iter().enumerate() {
             for f in 0..6 {
                 let u: f64 = (0..5).map(|i| at(&machine.filters, i, f, 6) * x[i] * r).sum();
-                energy += 0.5 * hc[k] * at(&machine.pooling, f, k, 4) * u * u;
+                energy += 0.5 * h * at(&machine.pooling, f, k, 4) * u * u;
             }
-            energy -= f64::from(machine.covariance_bias[k]) * hc[k];
+            energy -= f64::from(machine.covariance_bias[k]) * h;
         }
-        for j in 0..3 {
-            energy -= hm[j]
-                * (f64::from(machine.mean_bias[j]) + (0..5).map(|i| x[i] * at(&machine.weights, i, j, 3)).sum::<f64>());
+        for (j, h) in hm.iter().enumerate() {
+            let wx: f64 = (0..5).map(|i| x[i] * at(&machine.weights, i, j, 3)).sum();
+            energy -= h * (f64::from(machine.mean_bias[j]) + wx);
         }
         energy += (0..5).map(|i| 0.5 * x[i] * x[i] - f64::from(machine.visible_bias[i]) * x[i]).sum::<f64>();
         close(machine.energy(x, &hc, &hm), energy, 1e-9);
@@ -108,7 +108,8 @@ fn gradients_are_those_of_the_free_energy() {
     };
     let half_squares: Vec<f32> = s.u.iter().map(|u| 0.5 * u * u).collect();
     type Pick = fn(&mut Parameters) -> &mut Vec<f32>;
-    let parts: [(Pick, usize, &dyn Fn(usize) -> f64); 6] = [
+    type Moved<'a> = &'a dyn Fn(usize) -> f64;
+    let parts: [(Pick, usize, Moved<'_>); 6] = [
         (|p| &mut p.filters, 30, &|e| -sum(&s.hat, e / 6, 5, &s.pull, e % 6, 6)),
         (|p| &mut p.pooling, 24, &|e| -sum(&half_squares, e / 4, 6, &s.covariance, e % 4, 4)),
         (|p| &mut p.covariance_bias, 4, &|e| sum(&[1.0; 2], 0, 1, &s.covariance, e, 4)),

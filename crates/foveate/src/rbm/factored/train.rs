@@ -212,7 +212,7 @@ impl Trainer {
         outer(&mut p.filters, -C_RATE * rate, hat, Rows::new(&s.pull, factors));
         outer(&mut p.weights, W_RATE * rate, Rows::new(&w.x, white), Rows::new(&s.mean, mean));
         if r.learn_pooling.is_some_and(|from| self.epoch >= from) {
-            s.u.iter_mut().for_each(|u| *u *= 0.5 * *u);
+            s.u.iter_mut().for_each(|u| *u = 0.5 * *u * *u);
             outer(&mut p.pooling, -SLOW_RATE * rate, Rows::new(&s.u, factors), Rows::new(&s.covariance, covariance));
             whole_shares(&mut p.pooling, covariance);
         }
