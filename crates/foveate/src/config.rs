@@ -102,7 +102,8 @@ pub enum EncoderConfig {
         #[serde(default)]
         units: Units,
     },
-    /// The hidden layer of a denoising autoencoder: `weights` is a model file.
+    /// The hidden layer of a denoising autoencoder: `weights` is a model file, or
+    /// `builtin:natural-autoencoder`.
     Autoencoder {
         /// The model.
         weights: String,
@@ -336,4 +337,5 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("natural", include_str!("../../../configs/natural.toml")),
     ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),
     ("natural-mcrbm", include_str!("../../../configs/natural-mcrbm.toml")),
+    ("natural-autoencoder", include_str!("../../../configs/natural-autoencoder.toml")),
 ];

@@ -41,8 +41,8 @@ pub struct Recipe {
 impl Recipe {
     /// The usual settings, to be changed field by field.
     pub fn new(hidden: usize) -> Self {
-        let (mask, noise) = (0.25, 0.3);
-        Self { hidden, epochs: 20, batch: 100, rate: 0.05, momentum: 0.9, mask, noise, l2: 1e-4, seed: 1 }
+        let (mask, noise) = (0.3, 0.5);
+        Self { hidden, epochs: 30, batch: 100, rate: 0.5, momentum: 0.9, mask, noise, l2: 1e-3, seed: 1 }
     }
     /// Fails, with the reason, if a number is out of its range.
     pub fn check(&self) -> Result<()> {
@@ -255,7 +255,7 @@ mod tests {
     fn it_learns_and_a_resumed_training_ends_with_the_same_bits() {
         let data = rows(400);
         let all = Rows::new(&data, 6);
-        let recipe = Recipe { batch: 20, epochs: 15, rate: 0.2, ..Recipe::new(8) };
+        let recipe = Recipe { batch: 20, epochs: 15, rate: 0.2, mask: 0.25, noise: 0.3, l2: 1e-4, ..Recipe::new(8) };
         let mut whole = Trainer::new(recipe.clone(), all).expect("good rows");
         let before = whole.learned().error(all);
         while !whole.is_done() {

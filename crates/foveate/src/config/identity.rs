@@ -98,4 +98,5 @@ const MODELS: &[(&str, &[u8])] = &[
     ("digits", include_bytes!("../../../../models/digits.safetensors")),
     ("natural", include_bytes!("../../../../models/natural.safetensors")),
     ("natural-mcrbm", include_bytes!("../../../../models/natural-mcrbm.safetensors")),
+    ("natural-autoencoder", include_bytes!("../../../../models/natural-autoencoder.safetensors")),
 ];

@@ -22,28 +22,28 @@ pub struct Args {
     #[command(flatten)]
     natural: Natural,
     /// Hidden units.
-    #[arg(long, default_value_t = 400)]
+    #[arg(long, default_value_t = 200)]
     hidden: usize,
     /// Passes over the glimpses.
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 30)]
     epochs: usize,
     /// Rows of a mini-batch.
     #[arg(long, default_value_t = 100)]
     batch: usize,
     /// Step size.
-    #[arg(long, default_value_t = 0.05)]
+    #[arg(long, default_value_t = 0.5)]
     rate: f32,
     /// Momentum.
     #[arg(long, default_value_t = 0.9)]
     momentum: f32,
     /// Share of a glimpse's values that noise sets to 0.
-    #[arg(long, default_value_t = 0.25)]
+    #[arg(long, default_value_t = 0.3)]
     mask: f32,
     /// Standard deviation of the noise added to the others.
-    #[arg(long, default_value_t = 0.3)]
+    #[arg(long, default_value_t = 0.5)]
     noise: f32,
     /// Weight decay.
-    #[arg(long, default_value_t = 1e-4)]
+    #[arg(long, default_value_t = 0.001)]
     l2: f32,
 }
 
