@@ -16,6 +16,7 @@
 //! ```
 
 mod boxes;
+mod covariance;
 mod ends;
 mod exponential;
 mod level;
@@ -25,9 +26,14 @@ mod packed;
 mod sums;
 mod taps;
 mod tile;
+mod triangle;
+mod vector;
 mod wide;
 
 pub use boxes::{BoxScratch, Pixels, Region, box_means};
+pub use covariance::{
+    Covariance, Points, Posterior, covariances, covariances_with, likelihood_gradient, predict, slopes_times,
+};
 pub use exponential::{exp_from, largest_finite};
 pub use level::Level;
 pub use logistic::{bias_logistic, logistic};
@@ -35,3 +41,4 @@ pub use normal::Normals;
 pub use packed::{PackedWeights, Precision};
 pub use sums::{dot, presence, root_overlap, squared_distance, sum};
 pub use taps::{Plane, taps, taps_rows};
+pub use triangle::{SQUARE, extend, factor, invert, solve, solve_back};
