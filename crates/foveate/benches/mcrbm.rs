@@ -1,4 +1,4 @@
-//! A training step of the factored RBM beside the matrix products it is made of, one thread: 160 values, 256 factors, 256
+//! A training step of the factored RBM beside a large matrix product, one thread: 160 values before whitening, 256 factors, 256
 //! covariance and 100 mean units, batch 128, 20 leaps.
 //!
 //! `cargo bench --bench mcrbm -- [rounds]`. One JSON line a round: operations of the products alone (two for each
@@ -23,7 +23,7 @@ fn main() {
 }
 
 fn run(rounds: usize) {
-    // Noise with some directions weak, as glimpses have them: 130 of 160 hold nearly all variance.
+    // Noise with some directions weak, as glimpses have them.
     let noise = |i: usize| ((i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f32 / (1u64 << 24) as f32 - 0.5;
     let rows: Vec<f32> = (0..20_000 * 160).map(|i| noise(i) * if i % 160 < 130 { 1.0 } else { 0.01 }).collect();
     let recipe = Recipe { settle: 0, learn_pooling: Some(0), epochs: usize::MAX, ..Recipe::new(256, 100) };
