@@ -4,7 +4,7 @@
 //! column and what would have been right. Lengths are in template units (1 = half the target's box) a frame, so
 //! that one configuration serves targets of every size.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use serde::{Deserialize, Deserializer, Serialize};
@@ -14,15 +14,16 @@ use crate::control::{
 };
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;
-use crate::identity::encoder::{Encoder, Precision, Raw, RbmEncoder};
+use crate::identity::encoder::{Encoder, Precision};
 use crate::identity::gaze_appearance::{GazeAppearance, Sharpness};
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
-use crate::rbm::Rbm;
+use crate::rbm::factored::Units;
 use crate::start::StartSpread;
 use crate::tracker::{Parts, Tracker};
 use crate::{Error, Result};
 
 mod bandits;
+mod identity;
 mod policies;
 mod ranges;
 mod shadow;
@@ -98,6 +99,23 @@ pub enum RetinaConfig {
 pub enum EncoderConfig {
     /// A restricted Boltzmann machine: `weights` is a model file, or `builtin:digits` or `builtin:natural`.
     Rbm {
+        /// The model.
+        weights: String,
+        /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
+        #[serde(default)]
+        precision: Precision,
+    },
+    /// A factored RBM, of covariance and mean units: `weights` is a model file, or `builtin:natural-mcrbm`.
+    Mcrbm {
+        /// The model.
+        weights: String,
+        /// Which of its units are features.
+        #[serde(default)]
+        units: Units,
+    },
+    /// The hidden layer of a denoising autoencoder: `weights` is a model file, or
+    /// `builtin:natural-autoencoder`.
+    Autoencoder {
         /// The model.
         weights: String,
         /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
@@ -205,59 +223,6 @@ impl Config {
         blueprint.tracker(0, 0)?;
         Ok(blueprint)
     }
-
-    /// The retina and the first layer alone, model files being relative to `base`.
-    pub fn identity(&self, base: &Path) -> Result<(Foveal, Arc<dyn Encoder>)> {
-        let given = self.retina.as_ref().map(|RetinaConfig::Foveal(config)| config.clone());
-        match &self.encoder {
-            EncoderConfig::Raw { standardise } => {
-                let config = given.ok_or_else(|| {
-                    Error::Config("a raw encoder needs a retina; for example [retina] kind = \"foveal\", side = 28, rings = [[8, 1], [16, 2], [24, 4]]".into())
-                })?;
-                let retina = Foveal::new(config)?;
-                let encoder = Raw::new(&channels(&retina), *standardise);
-                Ok((retina, Arc::new(encoder)))
-            }
-            EncoderConfig::Rbm { weights, precision } => {
-                let (rbm, metadata) = load_rbm(weights, base)?;
-                let trained: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| {
-                    Error::malformed(
-                        weights,
-                        format!("its metadata does not describe a retina ({e}); retrain it with `foveate train rbm`"),
-                    )
-                })?;
-                if given.as_ref().is_some_and(|g| *g != trained) {
-                    return Err(Error::Config(format!(
-                        "{weights} was trained with the retina {}, but the configuration asks for another; leave out [retina], or retrain",
-                        metadata.retina
-                    )));
-                }
-                let retina = Foveal::new(trained)?;
-                let encoder = RbmEncoder::new(rbm, &channels(&retina)).rounded(*precision);
-                Ok((retina, Arc::new(encoder)))
-            }
-        }
-    }
-}
-
-fn channels(retina: &Foveal) -> Vec<usize> {
-    retina.cells().iter().map(|c| c.channel).collect()
-}
-
-fn load_rbm(weights: &str, base: &Path) -> Result<(Rbm, crate::rbm::Metadata)> {
-    match weights.strip_prefix("builtin:") {
-        Some(name) => {
-            let bytes = MODELS.iter().find(|m| m.0 == name).map(|m| m.1).ok_or_else(|| {
-                let names: Vec<&str> = MODELS.iter().map(|m| m.0).collect();
-                Error::Config(format!(
-                    "no model is called builtin:{name}; there are builtin:{}",
-                    names.join(", builtin:")
-                ))
-            })?;
-            Rbm::from_bytes(bytes, Path::new(weights))
-        }
-        None => Rbm::load(&base.join(PathBuf::from(weights))),
-    }
 }
 
 /// A checked configuration: trackers made from it cannot fail to fit.
@@ -337,10 +302,6 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("authors", include_str!("../../../configs/authors.toml")),
     ("natural", include_str!("../../../configs/natural.toml")),
     ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),
-];
-
-/// Models that ship with the program.
-const MODELS: &[(&str, &[u8])] = &[
-    ("digits", include_bytes!("../../../models/digits.safetensors")),
-    ("natural", include_bytes!("../../../models/natural.safetensors")),
+    ("natural-mcrbm", include_str!("../../../configs/natural-mcrbm.toml")),
+    ("natural-autoencoder", include_str!("../../../configs/natural-autoencoder.toml")),
 ];

@@ -7,6 +7,7 @@
 pub mod calibrate;
 pub mod distance;
 pub mod encoder;
+pub mod factored;
 pub mod gaze_appearance;
 pub mod multi_fixation;
 pub mod pyramid;

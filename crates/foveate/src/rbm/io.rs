@@ -77,26 +77,24 @@ impl Rbm {
     ///
     /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
-        let (about, mut tensors, sealed) = unpack::<AboutRbm>(bytes, "rbm").map_err(|p| refuse(path, &p))?;
+        let refuse = |problem: &str| refuse(path, problem, "rbm");
+        let (about, mut tensors, sealed) = unpack::<AboutRbm>(bytes, "rbm").map_err(|p| refuse(&p))?;
         let mut take =
-            |name: &str| tensors.remove(name).ok_or_else(|| refuse(path, &format!("the tensor {name} is missing")));
+            |name: &str| tensors.remove(name).ok_or_else(|| refuse(&format!("the tensor {name} is missing")));
         let (weights, visible_bias, hidden_bias) = (take("weights")?, take("visible_bias")?, take("hidden_bias")?);
         let (n_v, n_h) = (visible_bias.1.len(), hidden_bias.1.len());
         if weights.0 != [n_v, n_h] || visible_bias.0 != [n_v] || hidden_bias.0 != [n_h] || !tensors.is_empty() {
-            return Err(refuse(
-                path,
-                &format!(
-                    "weights are {:?}, visible_bias {:?}, hidden_bias {:?}, and {} tensors more; expected [n_v, n_h], [n_v], [n_h] alone",
-                    weights.0,
-                    visible_bias.0,
-                    hidden_bias.0,
-                    tensors.len()
-                ),
-            ));
+            return Err(refuse(&format!(
+                "weights are {:?}, visible_bias {:?}, hidden_bias {:?}, and {} tensors more; expected [n_v, n_h], [n_v], [n_h] alone",
+                weights.0,
+                visible_bias.0,
+                hidden_bias.0,
+                tensors.len()
+            )));
         }
-        let rbm = Self::new(about.visible, weights.1, visible_bias.1, hidden_bias.1)
-            .map_err(|e| refuse(path, &e.to_string()))?;
-        sealed.map_err(|p| refuse(path, &p))?;
+        let rbm =
+            Self::new(about.visible, weights.1, visible_bias.1, hidden_bias.1).map_err(|e| refuse(&e.to_string()))?;
+        sealed.map_err(|p| refuse(&p))?;
         Ok((rbm, about.metadata))
     }
     /// Reads a model file; see [`Rbm::from_bytes`].
@@ -109,13 +107,13 @@ impl Rbm {
 pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     let size = std::fs::metadata(path).map_err(Error::io(path, "cannot read the model"))?.len();
     if size > MOST_BYTES {
-        return Err(refuse(path, &format!("it has {size} bytes, far more than any model")));
+        return Err(Error::malformed(path, format!("it has {size} bytes, far more than any model")));
     }
     std::fs::read(path).map_err(Error::io(path, "cannot read the model"))
 }
 
-pub(super) fn refuse(path: &Path, problem: &str) -> Error {
-    Error::malformed(path, format!("not a usable model: {problem}; `foveate train rbm` makes one"))
+pub(crate) fn refuse(path: &Path, problem: &str, kind: &str) -> Error {
+    Error::malformed(path, format!("not a usable model: {problem}; `foveate train {kind}` makes one"))
 }
 
 /// The bytes of a file of tensors.

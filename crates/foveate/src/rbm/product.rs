@@ -30,7 +30,7 @@ pub(crate) fn rows_times(rows: Rows<'_>, weights: &[f32], out: &mut [f32]) {
 }
 
 /// `out` (m × k) = `rows` (m × n) · `weights`ᵀ, with `weights` (k × n).
-pub(super) fn rows_times_transposed(rows: Rows<'_>, weights: &[f32], out: &mut [f32]) {
+pub(crate) fn rows_times_transposed(rows: Rows<'_>, weights: &[f32], out: &mut [f32]) {
     let n = rows.width();
     let w = MatRef::from_row_major_slice(weights, weights.len() / n, n).transpose();
     multiply(rows, w, out);
