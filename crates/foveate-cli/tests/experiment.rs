@@ -91,3 +91,49 @@ fn it_makes_a_table_and_goes_on_after_a_stop() {
         assert!(!output.status.success() && !output.stderr.is_empty(), "{wrong:?}");
     }
 }
+
+#[test]
+fn the_curve_is_drawn_and_goes_on_after_a_stop() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let curve = |more: &[&str]| {
+        Command::new(env!("CARGO_BIN_EXE_foveate"))
+            .args([
+                "experiment",
+                "hedge-curve",
+                "--digits",
+                "3,8",
+                "--seeds",
+                "2",
+                "--frames",
+                "25",
+                "--json",
+                "-o",
+                "out",
+            ])
+            .args(more)
+            .env("FOVEATE_DATA", dir.path())
+            .current_dir(dir.path())
+            .output()
+            .expect("the program starts")
+    };
+    let first = curve(&["--threads", "1"]);
+    assert!(first.status.success(), "{}", String::from_utf8_lossy(&first.stderr));
+    let table: serde_json::Value = serde_json::from_slice(&first.stdout).expect("JSON alone on standard output");
+    let all = &table["curves"][0];
+    assert_eq!((all["name"].as_str(), all["runs"].as_u64()), (Some("authors: all"), Some(4)));
+    assert_eq!(all["points"].as_array().map(Vec::len), Some(24));
+    let mean = all["points"][0]["mean"].as_f64().expect("a probability");
+    assert!((mean - 1.0 / 9.0).abs() < 0.02, "one frame changes little: {mean}");
+    for name in ["table.txt", "table.json", "curve.svg"] {
+        assert!(dir.path().join("out").join(name).is_file(), "{name}");
+    }
+    let again = curve(&["--threads", "2"]);
+    assert!(String::from_utf8_lossy(&again.stderr).contains("4 runs, 4 of them from"));
+    assert_eq!(again.stdout, first.stdout);
+    let other = curve(&["--template", "authors"]);
+    assert!(String::from_utf8_lossy(&other.stderr).contains("4 runs, 0 of them from"), "another template, other runs");
+    assert!(!curve(&["--policies"]).status.success());
+    let fixed = dir.path().join("fixed.toml");
+    std::fs::write(&fixed, "particles = 5").expect("a writable folder");
+    assert!(!curve(&["-c", "fixed.toml"]).status.success());
+}

@@ -83,6 +83,7 @@ fn every_file_is_there_with_a_line_for_each_frame() {
     assert!(text.lines().count() >= FRAMES);
     assert_eq!(&place.read("all/annotated.mp4")[4..8], b"ftyp");
     assert!(place.read("all/report.html").starts_with(b"<!"));
+    assert!(place.read("all/surface.png").starts_with(b"\x89PNG"));
     // Without --init the first line of the truth is the start.
     let first = |name: &str| -> Vec<f64> {
         let text = String::from_utf8(place.read(name)).expect("text");
@@ -91,9 +92,24 @@ fn every_file_is_there_with_a_line_for_each_frame() {
     assert_eq!(first("all/boxes.txt"), first("video/groundtruth_rect.txt"));
     let left: Vec<_> =
         std::fs::read_dir(place.path("all")).expect("results").map(|e| e.expect("one").file_name()).collect();
-    assert_eq!(left.len(), 5, "no temporary file stays: {left:?}");
+    assert_eq!(left.len(), 6, "no temporary file stays: {left:?}");
     place.boxes("few", &["video", "--no-trace"]);
     assert_eq!(std::fs::read_dir(place.path("few")).expect("results").count(), 2, "boxes.txt and track.csv alone");
+}
+
+#[test]
+fn regret_is_written_and_changes_no_box() {
+    let place = Place::new();
+    let plain = place.boxes("plain", &["video"]);
+    assert_eq!(place.boxes("regret", &["video", "--regret"]), plain);
+    assert_eq!(place.read("plain/track.csv"), place.read("regret/track.csv"));
+    assert_eq!(place.lines("regret/regret.csv"), FRAMES, "names of columns, and each frame that was tracked");
+    let text = String::from_utf8(place.read("regret/regret.csv")).expect("text");
+    assert!(text.starts_with("frame,gaze_u,gaze_v,reward,best_reward,regret,total_regret"), "{text}");
+    assert!(String::from_utf8(place.read("regret/regret.svg")).expect("text").contains("summed regret"));
+    let output = place.run(&["track", "video", "-c", "c.toml", "--no-video", "--no-trace", "--regret", "-o", "page"]);
+    assert!(output.status.success(), "{}", errors(&output));
+    assert!(String::from_utf8(place.read("page/report.html")).expect("text").contains("\"regret\":{"));
 }
 
 #[test]

@@ -10,7 +10,7 @@ const LANES: usize = 8;
 
 /// e^z for z in [-708, 0]: relative error below 1e-15. 0 below, and for what is not a number; 0 above 0.
 #[inline(always)]
-fn exp(z: f64) -> f64 {
+pub(crate) fn exp(z: f64) -> f64 {
     /// Adding this to a small number leaves it, rounded, plus the exponent's bias, in the low bits.
     const MAGIC: f64 = 6_755_399_441_055_744.0 + 1023.0;
     const LN_2_HIGH: f64 = 6.931_471_803_691_238e-1; // 33 bits: n times it is exact

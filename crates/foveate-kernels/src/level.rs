@@ -61,6 +61,12 @@ pub(crate) fn multiply_add<const V: u8>(a: f32, b: f32, c: f32) -> f32 {
     if V >= FUSED { a.mul_add(b, c) } else { a * b + c }
 }
 
+/// [`multiply_add`] in double precision.
+#[inline(always)]
+pub(crate) fn fused<const V: u8>(a: f64, b: f64, c: f64) -> f64 {
+    if V >= FUSED { a.mul_add(b, c) } else { a * b + c }
+}
+
 /// 1 / √x for x in [1e-37, 3e38], to 2e-7 relative; NaN stays NaN.
 #[inline(always)]
 pub(crate) fn reciprocal_root<const V: u8>(x: &[f32; 16]) -> [f32; 16] {

@@ -18,6 +18,7 @@
 mod adam;
 mod boxes;
 mod classes;
+mod covariance;
 mod ends;
 mod exponential;
 mod level;
@@ -27,11 +28,16 @@ mod packed;
 mod sums;
 mod taps;
 mod tile;
+mod triangle;
+mod vector;
 mod wide;
 
 pub use adam::{Adam, adam};
 pub use boxes::{BoxScratch, Pixels, Region, box_means};
 pub use classes::{add_to_both, softplus_sum};
+pub use covariance::{
+    Covariance, Points, Posterior, covariances, covariances_with, likelihood_gradient, predict, slopes_times,
+};
 pub use exponential::{exp_from, largest_finite};
 pub use level::Level;
 pub use logistic::{bias_logistic, logistic};
@@ -39,3 +45,4 @@ pub use normal::Normals;
 pub use packed::{PackedWeights, Precision};
 pub use sums::{dot, presence, root_overlap, squared_distance, sum};
 pub use taps::{Plane, taps, taps_rows};
+pub use triangle::{SQUARE, extend, factor, invert, solve, solve_back};

@@ -12,8 +12,6 @@ use serde::{Deserialize, Deserializer, Serialize};
 use crate::control::{
     Autoregressive, Concentration, LogConcentration, Prior, Resampling, Reward, VarianceReduction, Vigilance,
 };
-use crate::gaze::{Anchor, Circular, Fixed, Grid, Hedge, Policy, Random};
-use crate::geometry::Gaze;
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;
 use crate::identity::encoder::{Encoder, Precision, Raw, RbmEncoder};
@@ -24,7 +22,14 @@ use crate::start::StartSpread;
 use crate::tracker::{Parts, Tracker};
 use crate::{Error, Result};
 
+mod bandits;
+mod policies;
 mod ranges;
+mod shadow;
+
+pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
+pub use policies::PolicyConfig;
+use policies::policy;
 use ranges::{Ranges, in_range};
 
 /// Everything that can be chosen about a tracker.
@@ -43,6 +48,9 @@ pub struct Config {
     /// p(xₜ | xₜ₋₁).
     #[serde(deserialize_with = "in_range")]
     pub dynamics: DynamicsConfig,
+    /// Whether the target's centre stays in the picture, at its edge if need be.
+    #[serde(default)]
+    pub walls: bool,
     /// p(x₀).
     #[serde(default, deserialize_with = "in_range")]
     pub start: StartSpread,
@@ -156,46 +164,6 @@ fn one() -> f64 {
     1.0
 }
 
-/// The policies there are.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum PolicyConfig {
-    /// Always the same gaze: the baseline that the paper lacks.
-    Fixed {
-        /// Across, in template units.
-        #[serde(default)]
-        u: f64,
-        /// Down, in template units.
-        #[serde(default)]
-        v: f64,
-    },
-    /// Uniformly at random among the grid's gazes (section 4.1).
-    Random {
-        /// The gazes.
-        #[serde(default)]
-        grid: Grid,
-    },
-    /// The grid's gazes in order (section 4.1).
-    Circular {
-        /// The gazes.
-        #[serde(default)]
-        grid: Grid,
-    },
-    /// Hedge, with full information (section 4.2).
-    Hedge {
-        /// The gazes.
-        #[serde(default)]
-        grid: Grid,
-        /// Learning rate, above 0.
-        gamma: f64,
-    },
-    /// The centre gaze beside whatever another policy chooses: two looks a frame.
-    Anchor {
-        /// The other policy.
-        policy: Box<PolicyConfig>,
-    },
-}
-
 fn particles<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<usize, D::Error> {
     let n = usize::deserialize(d)?;
     if (1..=1_000_000).contains(&n) {
@@ -230,7 +198,7 @@ impl Config {
     pub fn check(self, base: &Path) -> Result<Blueprint> {
         self.ranges()?;
         let (retina, encoder) = self.identity(base)?;
-        let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder };
+        let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![] };
         blueprint.tracker(0, 0)?;
         Ok(blueprint)
     }
@@ -295,6 +263,7 @@ pub struct Blueprint {
     config: Config,
     retina: Arc<Foveal>,
     encoder: Arc<dyn Encoder>,
+    shadow: Vec<crate::geometry::Gaze>,
 }
 
 impl Blueprint {
@@ -310,8 +279,8 @@ impl Blueprint {
         )?
         .dimming(c.likelihood.dim_familiar);
         let parts = Parts {
-            proposal: Box::new(Prior::new(Arc::new(*dynamics))),
-            policy: policy(&c.policy)?,
+            proposal: Box::new(Prior::new(Arc::new(*dynamics)).walls(c.walls)),
+            policy: self.shadowed(policy(&c.policy)?),
             appearance: Box::new(appearance),
             reward: reward(c.reward)?,
             resampling: c.resampling,
@@ -322,7 +291,7 @@ impl Blueprint {
     }
     /// The same, with another retina and encoder.
     pub fn with(&self, retina: Arc<Foveal>, encoder: Arc<dyn Encoder>) -> Self {
-        Self { config: self.config.clone(), retina, encoder }
+        Self { config: self.config.clone(), retina, encoder, shadow: self.shadow.clone() }
     }
     /// What it was made from.
     pub fn config(&self) -> &Config {
@@ -353,21 +322,14 @@ fn reward(config: RewardConfig) -> Result<Box<dyn Reward>> {
     })
 }
 
-fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
-    Ok(match config {
-        PolicyConfig::Fixed { u, v } => Box::new(Fixed::new(Gaze { u: *u, v: *v, arm: None })),
-        PolicyConfig::Random { grid } => Box::new(Random::new(grid.gazes())),
-        PolicyConfig::Circular { grid } => Box::new(Circular::new(grid.gazes())),
-        PolicyConfig::Hedge { grid, gamma } => Box::new(Hedge::new(grid.gazes(), *gamma)?),
-        PolicyConfig::Anchor { policy: inner } => Box::new(Anchor::new(Gaze::CENTRE, policy(inner)?)),
-    })
-}
-
 /// Configurations that ship with the program.
 pub const BUILTIN: &[(&str, &str)] = &[
     ("digits", include_str!("../../../configs/digits.toml")),
     ("digits-hedge", include_str!("../../../configs/digits-hedge.toml")),
     ("digits-rbm", include_str!("../../../configs/digits-rbm.toml")),
+    ("digits-partial", include_str!("../../../configs/digits-partial.toml")),
+    ("digits-closeup", include_str!("../../../configs/digits-closeup.toml")),
+    ("printed", include_str!("../../../configs/printed.toml")),
     ("authors", include_str!("../../../configs/authors.toml")),
     ("natural", include_str!("../../../configs/natural.toml")),
     ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),

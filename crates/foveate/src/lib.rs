@@ -31,7 +31,7 @@
 //! | bₜ | [`control::Belief`] |
 //! | selection | [`control::Resampling`] |
 //! | rₜ | [`control::Reward`]: [`control::Concentration`] (the paper's), [`control::LogConcentration`], [`control::VarianceReduction`] |
-//! | πₜ | [`gaze::Policy`]: [`gaze::Fixed`], [`gaze::Random`], [`gaze::Circular`], [`gaze::Hedge`], [`gaze::Anchor`] |
+//! | πₜ | [`gaze::Policy`]: [`gaze::Fixed`], [`gaze::Random`], [`gaze::Circular`], [`gaze::Hedge`], [`gaze::Exp3`], [`gaze::Anchor`] |
 //! | the digit videos (sections 6.1, 6.2) | [`scene::synthetic::Clutter`], [`scene::synthetic::Occlusion`] |
 //!
 //! # A run
@@ -89,6 +89,7 @@ pub mod eval;
 pub mod files;
 pub mod gaze;
 pub mod geometry;
+pub mod gp;
 pub mod identity;
 pub mod observe;
 mod quiet;

@@ -2,7 +2,7 @@
 
 use crate::control::{Belief, Watch};
 use crate::gaze::{Plan, Policy, Portrait};
-use crate::geometry::{BBox, Extent, State};
+use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::identity::Percept;
 use crate::scene::Frame;
 use crate::tracker::Work;
@@ -31,6 +31,8 @@ pub struct Step<'a> {
     pub plan: &'a Plan,
     /// For each gaze of the plan: its reward.
     pub rewards: &'a [f64],
+    /// For each gaze that the plan asks to record: its reward.
+    pub recorded: &'a [f64],
     /// For each gaze of the plan: its own log evidence.
     pub gaze_evidence: &'a [f64],
     /// For each particle that starts the next frame: the index of its parent here.
@@ -66,6 +68,7 @@ impl<'a> Step<'a> {
             weights: &w.weights,
             plan: &w.plan,
             rewards: &w.rewards,
+            recorded: &w.recorded,
             gaze_evidence: &w.log_evidence,
             ancestors: &w.ancestors,
             percept: &w.percept,
@@ -79,6 +82,13 @@ impl<'a> Step<'a> {
     /// The weighted sample itself.
     pub fn belief(&self) -> Belief<'a> {
         Belief { states: self.predicted, weights: self.weights }
+    }
+    /// The reward of a gaze; `None` where it was neither scored nor recorded.
+    pub fn reward_of(&self, gaze: Gaze) -> Option<f64> {
+        let of = |gazes: &[Gaze], rewards: &[f64]| {
+            gazes.iter().position(|g| (g.u, g.v) == (gaze.u, gaze.v)).map(|k| rewards[k])
+        };
+        of(self.plan.gazes(), self.rewards).or_else(|| of(self.plan.recorded(), self.recorded))
     }
     /// Whether the target is believed lost.
     pub fn lost(&self) -> bool {

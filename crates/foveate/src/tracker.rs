@@ -61,6 +61,7 @@ pub(crate) struct Work {
     pub weights: Vec<f64>,
     pub log_evidence: Vec<f64>,
     pub rewards: Vec<f64>,
+    pub recorded: Vec<f64>,
     pub ancestors: Vec<usize>,
     pub percept: Percept,
 }
@@ -170,6 +171,16 @@ impl Tracker {
         }
         for (particle, &ancestor) in particles.iter_mut().zip(&w.ancestors) {
             *particle = w.predicted[ancestor];
+        }
+
+        // For the record: what other gazes would have earned. It comes last, so that nothing above depends on it.
+        w.recorded.clear();
+        if !w.plan.recorded().is_empty() {
+            parts.appearance.see(image, &w.predicted, w.plan.recorded());
+            for &gaze in w.plan.recorded() {
+                parts.appearance.log_likelihood(&w.predicted, gaze, &mut w.log_posterior);
+                w.recorded.push(parts.reward.reward(&w.predicted, &w.log_prior, &w.log_posterior));
+            }
         }
 
         Step::of(scene.frame, w, target.extent, estimate, covariance, ess, log_evidence, watch, &*parts.policy)

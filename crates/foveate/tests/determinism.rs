@@ -98,6 +98,40 @@ fn observers_and_other_targets_change_nothing() {
 }
 
 #[test]
+fn gazes_that_are_only_scored_change_nothing() {
+    let frames = frames();
+    each(|name, blueprint| {
+        let far = foveate::gaze::Grid { n: 4, reach: 1.4 }.gazes();
+        let mut plain = started(blueprint, 0, &frames);
+        let mut shadowed = started(&blueprint.clone().shadowing(far), 0, &frames);
+        for frame in &frames[1..] {
+            let scene = Scene { frame, detections: &[] };
+            let (a, b) = (plain.step(scene), shadowed.step(scene));
+            assert!(bits(&a) == bits(&b), "{name}");
+            assert_eq!((b.bbox(), b.recorded.len(), a.recorded.len()), (a.bbox(), 16, 0), "{name}");
+            assert!(b.recorded.iter().all(|reward| (0.0..=1.0).contains(reward)), "{name}");
+        }
+        assert_eq!(plain.save(), shadowed.save(), "{name}");
+    });
+}
+
+/// What is recorded is what would have been earned: in the first frame all policies weigh the same particles.
+#[test]
+fn recorded_rewards_are_those_of_gazes_that_are_scored() {
+    let frames = frames();
+    let gazes = foveate::gaze::Grid::default().gazes();
+    let mut hedge = started(&blueprint(POLICIES[3], true, 1.0, false, PARTICLES), 0, &frames);
+    let fixed = blueprint(POLICIES[0], true, 1.0, false, PARTICLES).shadowing(gazes.clone());
+    let mut fixed = started(&fixed, 0, &frames);
+    let scene = Scene { frame: &frames[1], detections: &[] };
+    let (a, b) = (hedge.step(scene), fixed.step(scene));
+    for gaze in gazes {
+        let [a, b] = [&a, &b].map(|step| step.reward_of(gaze).expect("scored or recorded"));
+        assert!((a - b).abs() < 1e-5, "{gaze:?}: {a} {b}");
+    }
+}
+
+#[test]
 fn a_saved_tracker_goes_on_bit_for_bit() {
     let frames = frames();
     each(|name, blueprint| {

@@ -3,8 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use foveate::config::{BUILTIN, Blueprint, Config};
+use foveate::eval::line_up;
 use foveate::geometry::BBox;
-use foveate::observe::{Boxes, Clock, Film, Observer, Report, RunInfo, Summary, Table, Trace};
+use foveate::observe::{
+    Boxes, Clock, Film, Observer, RegretFiles, Report, RunInfo, Summary, SurfacePicture, Table, Trace,
+};
 use foveate::run::{Follow, Outcome, follow};
 use foveate::scene::{SourceInfo, ahead, annotation, open};
 use foveate::{Error, Result, files};
@@ -22,7 +25,7 @@ pub struct Args {
     /// Restart on the target at a later frame (counted from 1) with a new box; may be given several times
     #[arg(long, value_name = "FRAME:X,Y,W,H", value_parser = parse_again, allow_hyphen_values = true)]
     reinit: Vec<(usize, BBox)>,
-    /// Folder for the results: boxes.txt, track.csv, trace.jsonl, annotated.mp4, report.html
+    /// Folder for the results: boxes.txt, track.csv, trace.jsonl, annotated.mp4, report.html, surface.png
     #[arg(long, short, value_name = "DIR", default_value = "out")]
     out: PathBuf,
     /// A configuration file, or the name of one that ships with the program (natural, digits, ...); natural if left out
@@ -43,10 +46,14 @@ pub struct Args {
     /// Print the summary as JSON
     #[arg(long)]
     json: bool,
+    /// Score nine gazes in every frame beside the policy's own, and write the regret against the best of them in
+    /// hindsight: regret.csv, regret.svg and a section of the report. Takes time; the track stays the same
+    #[arg(long)]
+    regret: bool,
     /// Leave out annotated.mp4
     #[arg(long)]
     no_video: bool,
-    /// Leave out report.html
+    /// Leave out report.html and surface.png
     #[arg(long)]
     no_report: bool,
     /// Leave out trace.jsonl
@@ -115,6 +122,12 @@ pub fn observers(out: &Path, info: &RunInfo, outputs: Outputs) -> Result<(Observ
     if outputs.report {
         names.push(out.join("report.html"));
         observers.push(Box::new(Report::create(out.join("report.html"), info.clone())?));
+        names.push(out.join("surface.png"));
+        observers.push(Box::new(SurfacePicture::create(out.join("surface.png"), info.clone())?));
+    }
+    if !info.shadow.is_empty() {
+        names.extend(["regret.csv", "regret.svg"].map(|name| out.join(name)));
+        observers.push(Box::new(RegretFiles::create(out, info.shadow.clone())?));
     }
     Ok((observers, names))
 }
@@ -132,12 +145,15 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
         retina: Some(blueprint.retina()),
         truth: vec![],
         clock: Clock::default(),
+        shadow: vec![],
     }
 }
 
 pub fn run(args: Args) -> Result<()> {
     let name = args.config.as_deref().unwrap_or("natural");
-    let blueprint = blueprint(name)?;
+    let mut blueprint = blueprint(name)?;
+    let shadow = if args.regret { line_up::rivals(&blueprint.config().policy).gazes() } else { vec![] };
+    blueprint = blueprint.shadowing(shadow.clone());
     let seed = args.seed.unwrap_or(blueprint.config().seed);
     let mut tracker = blueprint.tracker(seed, 0)?;
     let mut source = ahead(open(&args.source)?);
@@ -152,6 +168,7 @@ pub fn run(args: Args) -> Result<()> {
     let from = loaded.map_or(0, |saved| saved.next_frame);
     let mut info = run_info(&args.source.display().to_string(), source.info(), name, &blueprint, seed);
     info.truth = known_truth(&args.source);
+    info.shadow = shadow;
     let outputs = Outputs { video: !args.no_video, report: !args.no_report, trace: !args.no_trace };
     let (mut observers, names) = observers(&args.out, &info, outputs)?;
 

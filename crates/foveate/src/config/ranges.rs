@@ -24,7 +24,7 @@ pub(super) fn in_range<'de, D: Deserializer<'de>, T: Deserialize<'de> + Ranges>(
     Ok(section)
 }
 
-fn within(key: &str, value: f64, least: f64, most: f64) -> Result<()> {
+pub(super) fn within(key: &str, value: f64, least: f64, most: f64) -> Result<()> {
     if (least..=most).contains(&value) {
         return Ok(());
     }
@@ -114,9 +114,14 @@ impl Ranges for PolicyConfig {
             }
             Self::Random { grid } | Self::Circular { grid } => grid.check(),
             Self::Hedge { grid, gamma } => {
-                within("policy.gamma", *gamma, 1e-9, 1e9)?;
+                gamma.check("policy.gamma", 1e9)?;
                 grid.check()
             }
+            Self::Exp3(c) => c.ranges(),
+            Self::Exp3AsPrinted(c) => c.ranges(),
+            Self::Exp3Ix(c) => c.ranges(),
+            Self::Exp3S(c) => c.ranges(),
+            Self::GpUcb(settings) => settings.check(),
             Self::Anchor { policy } => policy.ranges(),
         }
     }

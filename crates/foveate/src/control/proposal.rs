@@ -33,12 +33,30 @@ pub const CHUNK: usize = 64;
 pub struct Prior {
     given: Arc<dyn Dynamics>,
     dynamics: Arc<dyn Dynamics>,
+    walls: bool,
 }
 
 impl Prior {
     /// Proposes from these dynamics; their lengths are pixels until `size` is called.
     pub fn new(dynamics: Arc<dyn Dynamics>) -> Self {
-        Self { given: dynamics.clone(), dynamics }
+        Self { given: dynamics.clone(), dynamics, walls: false }
+    }
+    /// Whether a target's centre that would leave the picture stays at its edge, without the speed that took it there.
+    ///
+    /// Deviation: the paper has no walls, and a lost particle flies off for good. It is p that has them, so p/q stays 1.
+    pub fn walls(self, walls: bool) -> Self {
+        Self { walls, ..self }
+    }
+}
+
+/// Keeps a state's centre within the pixels of a picture.
+fn confine(state: &mut State, width: usize, height: usize) {
+    let [right, bottom] = [width, height].map(|side| (side - 1) as f64);
+    for (place, speed, end) in [(&mut state.x, &mut state.vx, right), (&mut state.y, &mut state.vy, bottom)] {
+        if !(0.0..=end).contains(place) {
+            *place = place.clamp(0.0, end);
+            *speed = 0.0;
+        }
     }
 }
 
@@ -50,7 +68,7 @@ impl Proposal for Prior {
     // One thread: six normal draws a particle cost less than waking another thread for some thousands of them.
     fn propose(
         &mut self,
-        _: Scene<'_>,
+        scene: Scene<'_>,
         parents: &[State],
         children: &mut [State],
         log_ratio: &mut [f64],
@@ -60,6 +78,10 @@ impl Proposal for Prior {
         log_ratio.fill(0.0);
         for (i, (parents, children)) in parents.chunks(CHUNK).zip(children.chunks_mut(CHUNK)).enumerate() {
             self.dynamics.sample_each(parents, children, &mut streams.rng(i as u64));
+        }
+        if self.walls {
+            let image = &scene.frame.image;
+            children.iter_mut().for_each(|child| confine(child, image.width(), image.height()));
         }
     }
 }
@@ -78,5 +100,17 @@ mod tests {
         conformance::proposal(&mut Prior::new(Arc::new(Autoregressive::default())), scene, &parent);
         let still = Autoregressive { velocity: 0.0, position: 0.0, log_scale: 0.0, ..Default::default() };
         conformance::proposal(&mut Prior::new(Arc::new(still)), scene, &parent);
+        conformance::proposal(&mut Prior::new(Arc::new(still)).walls(true), scene, &parent);
+    }
+
+    #[test]
+    fn walls_stop_what_would_leave() {
+        let mut state = State { x: -3.0, y: 7.5, vx: -4.0, vy: 2.0, ..State::default() };
+        confine(&mut state, 20, 8);
+        assert_eq!((state.x, state.y, state.vx, state.vy), (0.0, 7.0, 0.0, 0.0));
+        let inside = State { x: 19.0, y: 0.0, vx: 9.0, vy: -9.0, ..State::default() };
+        state = inside;
+        confine(&mut state, 20, 8);
+        assert_eq!(state, inside, "its speed is its own until it leaves");
     }
 }

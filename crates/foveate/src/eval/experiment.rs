@@ -13,8 +13,7 @@ use sha2::{Digest, Sha256};
 use super::centres::{CentreScore, CentreSummary, score_centres};
 use super::metrics::{centre_error, mean_sd};
 use super::table::aligned;
-use crate::config::{Blueprint, PolicyConfig};
-use crate::gaze::{Grid, Hedge};
+use crate::config::Blueprint;
 use crate::rng::Streams;
 use crate::scene::synthetic::{Clutter, Drawn, NOISE};
 use crate::scene::{Digits, Frame, Scene};
@@ -105,51 +104,6 @@ pub fn digest(parts: &[&[u8]]) -> String {
     sha.finalize()[..16].iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// The policies to compare for videos of so many frames: the fixed centre first, then random, circular, Hedge, and the
-/// last three's likes with an anchor. Grids are 3 × 3 with the reach of `own`, and Hedge has the rate of `own`; where it
-/// has none, the best one for so many frames ([`Hedge::gamma_for`]).
-pub fn policies(own: &PolicyConfig, frames: usize) -> Vec<PolicyConfig> {
-    let grid = Grid { n: 3, reach: grid_of(own).unwrap_or_default().reach };
-    let gamma = gamma_of(own).unwrap_or_else(|| Hedge::gamma_for(9, frames));
-    let (random, hedge) = (PolicyConfig::Random { grid }, PolicyConfig::Hedge { grid, gamma });
-    let anchor = |policy: &PolicyConfig| PolicyConfig::Anchor { policy: Box::new(policy.clone()) };
-    let anchored = [anchor(&random), anchor(&hedge)];
-    [FIXED, random, PolicyConfig::Circular { grid }, hedge].into_iter().chain(anchored).collect()
-}
-
-/// The baseline: always the middle of the template.
-pub const FIXED: PolicyConfig = PolicyConfig::Fixed { u: 0.0, v: 0.0 };
-
-fn grid_of(policy: &PolicyConfig) -> Option<Grid> {
-    match policy {
-        PolicyConfig::Random { grid } | PolicyConfig::Circular { grid } | PolicyConfig::Hedge { grid, .. } => {
-            Some(*grid)
-        }
-        PolicyConfig::Anchor { policy } => grid_of(policy),
-        _ => None,
-    }
-}
-
-fn gamma_of(policy: &PolicyConfig) -> Option<f64> {
-    match policy {
-        PolicyConfig::Hedge { gamma, .. } => Some(*gamma),
-        PolicyConfig::Anchor { policy } => gamma_of(policy),
-        _ => None,
-    }
-}
-
-/// What a policy is called in the table: its kind, with `anchor+` before the one beside an anchor.
-pub fn policy_name(policy: &PolicyConfig) -> String {
-    fn name(policy: &serde_json::Value) -> String {
-        let kind = policy["kind"].as_str().unwrap_or("?");
-        match policy.get("policy") {
-            Some(inner) => format!("{kind}+{}", name(inner)),
-            None => kind.to_owned(),
-        }
-    }
-    name(&serde_json::to_value(policy).expect("a configuration is plain data"))
-}
-
 /// One line of the table: a configuration with a policy, on all videos of one kind.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Line {
@@ -231,7 +185,7 @@ fn flagged(runs: &[&Run], such: impl Fn(f64) -> bool) -> Option<f64> {
 }
 
 /// The quantile `q` of at least one value, linear between neighbours.
-fn quantile(values: &[f64], q: f64) -> f64 {
+pub(super) fn quantile(values: &[f64], q: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let at = q * (sorted.len() - 1) as f64;
@@ -333,17 +287,5 @@ mod tests {
         let covers = |d: Paired| d.low <= 0.5 && 0.5 <= d.high;
         let hits = (0..100).filter(|_| covers(paired(&sample(&mut rng)))).count();
         assert!(hits >= 80, "{hits} of 100 intervals hold the mean");
-    }
-
-    #[test]
-    fn policies_take_after_the_configurations_own() {
-        let grid = Grid { n: 5, reach: 0.83 };
-        let own = PolicyConfig::Anchor { policy: Box::new(PolicyConfig::Hedge { grid, gamma: 0.1 }) };
-        let all = policies(&own, 300);
-        let names: Vec<_> = all.iter().map(policy_name).collect();
-        assert_eq!(names, ["fixed", "random", "circular", "hedge", "anchor+random", "anchor+hedge"]);
-        assert_eq!(all[3], PolicyConfig::Hedge { grid: Grid { n: 3, reach: 0.83 }, gamma: 0.1 });
-        let gamma = Hedge::gamma_for(9, 300);
-        assert_eq!(policies(&FIXED, 300)[3], PolicyConfig::Hedge { grid: Grid::default(), gamma });
     }
 }

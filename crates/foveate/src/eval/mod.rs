@@ -9,8 +9,11 @@ pub mod centres;
 pub mod compare;
 pub mod curves;
 pub mod experiment;
+pub mod learning;
+pub mod line_up;
 pub mod metrics;
 pub mod reliability;
+pub mod regret;
 pub mod sequence;
 pub mod table;
 

@@ -4,7 +4,7 @@
 //! from pₜ and used. With γ = √(8 ln K / T) the expected reward over T frames lies within √(T ln K / 2) of the
 //! best single gaze's, whatever the rewards (Cesa-Bianchi & Lugosi 2006, theorem 2.2).
 
-use super::{Context, Plan, Policy, Portrait, misfit};
+use super::{Context, Plan, Policy, Portrait, Schedule, misfit};
 use crate::geometry::Gaze;
 use crate::rng::Rng;
 use crate::{Error, Result};
@@ -15,22 +15,23 @@ use serde_json::{Value, json};
 #[derive(Clone, Debug)]
 pub struct Hedge {
     gazes: Vec<Gaze>,
-    gamma: f64,
+    gamma: Schedule,
     gain: Vec<f64>,
+    /// Frames learned from.
+    frames: u64,
     probabilities: Vec<f64>,
 }
 
 impl Hedge {
     /// Over these gazes (one at least), with learning rate `gamma` > 0 on rewards in [0, 1].
-    pub fn new(gazes: Vec<Gaze>, gamma: f64) -> Result<Self> {
+    pub fn new(gazes: Vec<Gaze>, gamma: impl Into<Schedule>) -> Result<Self> {
+        let gamma = gamma.into();
         if gazes.is_empty() {
             return Err(Error::Config("hedge needs one gaze at least to choose from".into()));
         }
-        if !(gamma > 0.0 && gamma.is_finite()) {
-            return Err(Error::Config(format!("hedge: gamma, the learning rate, is above 0; it is {gamma}")));
-        }
+        gamma.check("hedge: gamma, the learning rate,", 1e9)?;
         let k = gazes.len();
-        Ok(Self { gazes, gamma, gain: vec![0.0; k], probabilities: vec![1.0 / k as f64; k] })
+        Ok(Self { gazes, gamma, gain: vec![0.0; k], frames: 0, probabilities: vec![1.0 / k as f64; k] })
     }
     /// The learning rate with the best bound for `k` gazes over a known number of frames: √(8 ln K / T).
     pub fn gamma_for(k: usize, frames: usize) -> f64 {
@@ -38,9 +39,11 @@ impl Hedge {
     }
     /// pₜ from Gₜ₋₁; the largest gain is subtracted, so nothing overflows.
     fn weigh(&mut self) {
+        let log_k = (self.gazes.len().max(2) as f64).ln();
+        let gamma = self.gamma.rate(self.frames.saturating_add(1), 8.0 * log_k, 4.0 * log_k);
         let max = self.gain.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         for (p, gain) in self.probabilities.iter_mut().zip(&self.gain) {
-            *p = (self.gamma * (gain - max)).exp();
+            *p = (gamma * (gain - max)).exp();
         }
         let sum: f64 = self.probabilities.iter().sum();
         self.probabilities.iter_mut().for_each(|p| *p /= sum);
@@ -48,7 +51,7 @@ impl Hedge {
 }
 
 /// Draws an index with these probabilities, which sum to 1 but for rounding.
-fn draw(probabilities: &[f64], rng: &mut Rng) -> usize {
+pub(super) fn draw(probabilities: &[f64], rng: &mut Rng) -> usize {
     let mut left: f64 = rng.random();
     for (k, p) in probabilities.iter().enumerate() {
         left -= p;
@@ -57,6 +60,17 @@ fn draw(probabilities: &[f64], rng: &mut Rng) -> usize {
         }
     }
     probabilities.iter().rposition(|&p| p > 0.0).expect("probabilities sum to 1")
+}
+
+/// The finite gains of `k` gazes and the number of frames that a bandit saved.
+pub(super) fn saved_gains(saved: &Value, k: usize) -> Result<(Vec<f64>, u64)> {
+    let numbers = |v: &Value| v.as_array()?.iter().map(|g| g.as_f64().filter(|g| g.is_finite())).collect();
+    let gain: Option<Vec<f64>> = numbers(&saved["gain"]);
+    let frames = saved["frames"].as_u64();
+    match (gain.filter(|gain| gain.len() == k), frames) {
+        (Some(gain), Some(frames)) => Ok((gain, frames)),
+        _ => Err(misfit(&format!("the gains of {k} gazes and a number of frames"), saved)),
+    }
 }
 
 impl Policy for Hedge {
@@ -69,24 +83,23 @@ impl Policy for Hedge {
         for (gain, reward) in self.gain.iter_mut().zip(rewards) {
             *gain += reward;
         }
+        self.frames = self.frames.saturating_add(1);
         self.weigh();
     }
     fn portrait(&self) -> Portrait<'_> {
         Portrait::Arms { gazes: &self.gazes, probabilities: &self.probabilities }
     }
     fn save(&self) -> Value {
-        json!({ "gain": self.gain })
+        json!({ "gain": self.gain, "frames": self.frames })
     }
     fn load(&mut self, saved: &Value) -> Result<()> {
-        let numbers = |v: &Value| v.as_array()?.iter().map(|g| g.as_f64().filter(|g| g.is_finite())).collect();
-        let gain: Option<Vec<f64>> = numbers(&saved["gain"]);
-        let gain = gain.filter(|gain| gain.len() == self.gazes.len());
-        self.gain = gain.ok_or_else(|| misfit(&format!("the gains of {} gazes", self.gazes.len()), saved))?;
+        (self.gain, self.frames) = saved_gains(saved, self.gazes.len())?;
         self.weigh();
         Ok(())
     }
     fn reset(&mut self) {
         self.gain.fill(0.0);
+        self.frames = 0;
         self.weigh();
     }
 }
@@ -98,18 +111,20 @@ mod tests {
     use crate::gaze::Grid;
     use crate::rng::{Purpose, Streams};
 
-    fn hedge(gamma: f64) -> Hedge {
+    fn hedge(gamma: impl Into<Schedule>) -> Hedge {
         Hedge::new(Grid::default().gazes(), gamma).expect("nine gazes and a positive rate")
     }
 
     #[test]
     fn hedge_keeps_the_law() {
         conformance::policy(&|| Box::new(hedge(0.5)));
+        conformance::policy(&|| Box::new(hedge(Schedule::Anytime)));
+        conformance::policy(&|| Box::new(hedge(Schedule::Frames(50))));
         conformance::policy(&|| Box::new(Hedge::new(vec![Gaze::CENTRE], 5.0).expect("one gaze will do")));
         assert!(Hedge::new(vec![], 1.0).is_err());
         assert!([0.0, -1.0, f64::NAN, f64::INFINITY].iter().all(|&g| Hedge::new(vec![Gaze::CENTRE], g).is_err()));
         let mut policy = hedge(0.5);
-        assert!(policy.load(&json!({ "gain": [1.0, 2.0] })).is_err(), "nine gazes, two gains");
+        assert!(policy.load(&json!({ "gain": [1.0, 2.0], "frames": 2 })).is_err(), "nine gazes, two gains");
     }
 
     /// The theorem holds for every sequence, so no slack: adversaries that see pₜ, drifting and random rewards.
@@ -129,8 +144,9 @@ mod tests {
             ("switches half-way", &mut |t, _, k| f64::from(k == if t < 500 { 1 } else { 7 })),
         ];
         for (name, adversary) in adversaries {
-            for frames in [10, 100, 1000] {
-                let mut policy = hedge(Hedge::gamma_for(K, frames));
+            for (frames, anytime) in [(10, false), (100, false), (1000, false), (10, true), (100, true), (1000, true)] {
+                let known = Schedule::Fixed(Hedge::gamma_for(K, frames));
+                let mut policy = hedge(if anytime { Schedule::Anytime } else { known });
                 let mut plan = Plan::new();
                 let (mut earned, mut gain) = (0.0, [0.0; K]);
                 for t in 0..frames {
@@ -142,7 +158,7 @@ mod tests {
                     policy.learn(&plan, &rewards);
                 }
                 let regret = gain.iter().copied().fold(0.0, f64::max) - earned;
-                let bound = (frames as f64 * (K as f64).ln() / 2.0).sqrt();
+                let bound = (frames as f64 * (K as f64).ln() / if anytime { 1.0 } else { 2.0 }).sqrt();
                 assert!(regret <= bound + 1e-9, "{name}, {frames} frames: regret {regret:.3} above {bound:.3}");
             }
         }
@@ -180,5 +196,16 @@ mod tests {
         }
         assert_eq!(policy.probabilities[4], 1.0);
         assert_eq!(plan.chosen_index(), 4);
+    }
+
+    #[test]
+    fn a_known_number_of_frames_gives_the_theorems_rate() {
+        let (mut known, mut fixed) = (hedge(Schedule::Frames(70)), hedge(Hedge::gamma_for(9, 70)));
+        let (mut plan, rewards) = (Plan::new(), [0.0, 0.1, 0.9, 0.3, 0.7, 0.2, 1.0, 0.4, 0.5]);
+        for policy in [&mut known, &mut fixed] {
+            policy.plan(&Context::default(), &mut plan, &mut Streams::new(1, 0).rng(0));
+            policy.learn(&plan, &rewards);
+        }
+        assert_eq!(known.probabilities, fixed.probabilities);
     }
 }

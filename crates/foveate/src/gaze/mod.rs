@@ -6,13 +6,21 @@
 
 mod anchor;
 mod baseline;
+mod exp3;
+mod gp_ucb;
 mod grid;
 mod hedge;
+mod schedule;
+mod shadow;
 
 pub use self::anchor::Anchor;
 pub use self::baseline::{Circular, Fixed, Random};
+pub use self::exp3::{Exp3, Variant};
+pub use self::gp_ucb::{Bayes, GpUcb};
 pub use self::grid::Grid;
 pub use self::hedge::Hedge;
+pub use self::schedule::Schedule;
+pub use self::shadow::Shadow;
 
 use crate::geometry::Gaze;
 use crate::rng::Rng;
@@ -26,6 +34,7 @@ pub struct Plan {
     gazes: Vec<Gaze>,
     used: Vec<bool>,
     marked: Option<usize>,
+    recorded: Vec<Gaze>,
 }
 
 impl Plan {
@@ -38,6 +47,7 @@ impl Plan {
         self.gazes.clear();
         self.used.clear();
         self.marked = None;
+        self.recorded.clear();
     }
     /// Asks for one gaze, and uses it.
     pub fn only(&mut self, gaze: Gaze) {
@@ -65,6 +75,14 @@ impl Plan {
     pub fn mark(&mut self, k: usize) {
         assert!(self.used[k], "the choice must be one of the used gazes");
         self.marked = Some(k);
+    }
+    /// Asks for the reward of a gaze for observers alone: it neither moves the belief nor comes to `learn`.
+    pub fn record(&mut self, gaze: Gaze) {
+        self.recorded.push(gaze);
+    }
+    /// The gazes whose rewards are for observers alone.
+    pub fn recorded(&self) -> &[Gaze] {
+        &self.recorded
     }
     /// What to score, in the order of the rewards.
     pub fn gazes(&self) -> &[Gaze] {

@@ -8,6 +8,7 @@ use std::collections::VecDeque;
 use super::RunInfo;
 use super::draw::{Colour, Drawing, Point, text_width};
 use super::eye::Eye;
+use super::heat::{Heat, ramp, span};
 use crate::gaze::Portrait;
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::scene::{Frame, Image};
@@ -17,7 +18,9 @@ use crate::step::Step;
 const TALL: usize = 480;
 /// A magnified frame is not wider than this, pixels.
 const WIDE: usize = 1280;
-/// Frames of path that are shown.
+/// Points along a side at which a reward surface is asked for.
+const POINTS: usize = 9;
+/// Frames of path, and looks at a reward surface, that are shown.
 const PATH: usize = 60;
 
 const GROUND: Colour = [18, 21, 26];
@@ -37,6 +40,8 @@ pub struct Annotator {
     windows: Vec<f64>,
     path: VecDeque<Point>,
     truth: Vec<BBox>,
+    /// The top of the reward surface in the frame at hand.
+    best: Option<Gaze>,
 }
 
 /// Where the frame lies on the page: `zoom` page pixels for each of its own.
@@ -71,6 +76,7 @@ impl Annotator {
             windows: windows.into_iter().map(|w| w.1).collect(),
             path: VecDeque::new(),
             truth: info.truth.clone(),
+            best: None,
         }
     }
 
@@ -92,6 +98,7 @@ impl Annotator {
         if self.path.len() > PATH {
             self.path.pop_front();
         }
+        self.best = if let Portrait::Surface(surface) = step.portrait { surface.best() } else { None };
         let (mut page, view, panel) = self.page(step.frame);
         self.particles(&mut page, view, step);
         for (i, (a, b)) in self.path.iter().zip(self.path.iter().skip(1)).enumerate() {
@@ -138,6 +145,11 @@ impl Annotator {
 
     fn fixation(&self, page: &mut Drawing, view: View, step: &Step<'_>) {
         let chosen = step.plan.chosen_index();
+        if let Some(best) = self.best {
+            let at = step.estimate.fixate(best, step.extent);
+            page.ring(view.at((at.x, at.y)), 6.0 * view.bold, 4.2 * view.bold, BLACK, 0.6);
+            page.ring(view.at((at.x, at.y)), 6.0 * view.bold, 2.0 * view.bold, INK, 1.0);
+        }
         let looks = step.plan.gazes().iter().zip(step.plan.used()).enumerate().filter(|(_, (_, used))| **used);
         for (k, (gaze, _)) in looks {
             let at = step.estimate.fixate(*gaze, step.extent);
@@ -184,7 +196,7 @@ impl Annotator {
         y += 1.9 * size;
         page.fill(x - 0.5, y - 0.5, square, square, SUNKEN, 1.0);
         if let Some(step) = step {
-            policy(page, (x, y), square, step, unit);
+            policy(page, (x, y), square, step, self.best, unit);
         }
         y += square + 0.9 * pad;
         let Some(step) = step else { return };
@@ -207,15 +219,35 @@ impl Annotator {
 }
 
 /// The policy over the template's box, on a square of the page.
-fn policy(page: &mut Drawing, (x, y): Point, side: f64, step: &Step<'_>, unit: f64) {
+fn policy(page: &mut Drawing, (x, y): Point, side: f64, step: &Step<'_>, best: Option<Gaze>, unit: f64) {
     const REACH: f64 = 1.25;
     let at = |u: f64, v: f64| (x + side * (u / REACH + 1.0) / 2.0, y + side * (v / REACH + 1.0) / 2.0);
     let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(u, v)| at(u, v));
     page.outline(&corners, 1.4 * unit, TARGET, 0.9);
-    if let Portrait::Arms { gazes, probabilities } = step.portrait {
-        let full = side * 0.17;
-        for (gaze, p) in gazes.iter().zip(probabilities) {
-            page.disc(at(gaze.u, gaze.v), (full * p.sqrt()).max(1.6 * unit), TARGET, 0.75);
+    match step.portrait {
+        Portrait::Blank => (),
+        Portrait::Arms { gazes, probabilities } => {
+            let full = side * 0.17;
+            for (gaze, p) in gazes.iter().zip(probabilities) {
+                page.disc(at(gaze.u, gaze.v), (full * p.sqrt()).max(1.6 * unit), TARGET, 0.75);
+            }
+        }
+        Portrait::Surface(surface) => {
+            let heat = Heat::of(surface, POINTS);
+            let (low, high) = span(&heat.mean);
+            page.shade(x, y, side, side, |px, py| {
+                let gaze = |p: f64, from: f64| REACH * (2.0 * (p - from) / side - 1.0);
+                let value = heat.read(&heat.mean, gaze(px, x), gaze(py, y))?;
+                Some((ramp((value - low) / (high - low).max(f64::MIN_POSITIVE)), 0.85))
+            });
+            let all = surface.fixations();
+            for gaze in &all[all.len().saturating_sub(PATH)..] {
+                page.disc(at(gaze.u, gaze.v), 1.5 * unit, INK, 0.9);
+            }
+            if let Some(best) = best {
+                page.ring(at(best.u, best.v), 4.5 * unit, 3.6 * unit, BLACK, 0.8);
+                page.ring(at(best.u, best.v), 4.5 * unit, 1.8 * unit, INK, 1.0);
+            }
         }
     }
     let gaze = step.plan.chosen();

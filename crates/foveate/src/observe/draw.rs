@@ -98,6 +98,30 @@ impl Drawing {
         });
     }
 
+    /// Lays colours over the pixels of a box, those whose centres lie in it: each pixel's own, as far as its alpha (0 to 1)
+    /// says; `None` leaves it alone.
+    pub fn shade(
+        &mut self,
+        left: f64,
+        top: f64,
+        width: f64,
+        height: f64,
+        colour: impl Fn(f64, f64) -> Option<(Colour, f64)>,
+    ) {
+        let page = self.width();
+        let (columns, rows) = self.pixels(((left, top), (left + width, top + height)));
+        let inside = |at: f64, from: f64, long: f64| from <= at && at < from + long;
+        for y in rows.filter(|&y| inside(y as f64, top, height)) {
+            for x in columns.clone().filter(|&x| inside(x as f64, left, width)) {
+                let Some((colour, alpha)) = colour(x as f64, y as f64) else { continue };
+                for (p, &c) in colour.iter().enumerate() {
+                    let pixel = &mut self.image.plane_mut(p)[y * page + x];
+                    *pixel = (f64::from(*pixel) + alpha * (f64::from(c) - f64::from(*pixel))).round() as u8;
+                }
+            }
+        }
+    }
+
     /// A line through points, `thick` pixels wide with round ends; one point is a dot.
     ///
     /// Coverage is gathered segment by segment and laid on once, so that corners are no darker than the rest.
@@ -215,6 +239,18 @@ mod tests {
             page.line(&[], 1.0, white, 1.0);
         }
         assert!(ink(|d| d.disc((-1.0, 20.0), 3.0, white, 1.0)) > 5.0, "the part inside is drawn");
+    }
+
+    #[test]
+    fn shades_stay_in_their_box() {
+        let mut page = Drawing::new(6, 5, [100; 3]);
+        page.shade(1.0, 2.0, 3.0, 2.0, |x, y| (x != y).then_some(([200, 0, 100], 0.5)));
+        for (i, value) in page.image().plane(0).iter().enumerate() {
+            let (x, y) = (i % 6, i / 6);
+            let inside = (1..4).contains(&x) && (2..4).contains(&y) && x != y;
+            assert_eq!(*value, if inside { 150 } else { 100 }, "{x} {y}");
+        }
+        assert_eq!((page.image().at(1, 1, 2), page.image().at(2, 1, 2)), (50, 100));
     }
 
     #[test]

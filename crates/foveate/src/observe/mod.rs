@@ -1,19 +1,24 @@
 //! THE RESULTS GOING OUT: observers of a run, which read each step and write files. The loop does not know them.
 //!
 //! [`Boxes`] boxes.txt, [`Table`] track.csv, [`Trace`] trace.jsonl, [`Film`] annotated.mp4, [`Report`]
-//! report.html. Every file appears under its
+//! report.html, [`SurfacePicture`] surface.png, [`RegretFiles`] regret.csv and regret.svg. Every file appears under its
 //! name when it is whole: at [`Observer::finish`].
 
 mod annotate;
 pub mod draw;
 mod eye;
 mod film;
+pub mod first;
 mod font;
+pub mod heat;
 mod json;
 pub mod mp4;
 mod mux;
+mod portrait;
+mod regret;
 mod report;
 mod sink;
+pub mod surface;
 mod table;
 mod trace;
 
@@ -21,6 +26,8 @@ pub use self::annotate::Annotator;
 pub use self::film::Film;
 pub use self::json::Summary;
 pub use self::mp4::Mp4Writer;
+pub use self::portrait::SurfacePicture;
+pub use self::regret::RegretFiles;
 pub use self::report::Report;
 pub use self::table::{Boxes, Table};
 pub use self::trace::Trace;
@@ -30,7 +37,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use crate::Result;
-use crate::geometry::BBox;
+use crate::geometry::{BBox, Gaze};
 use crate::identity::Retina;
 use crate::scene::Frame;
 use crate::step::Step;
@@ -100,4 +107,6 @@ pub struct RunInfo {
     pub truth: Vec<BBox>,
     /// Where the time spent in the tracker is added up.
     pub clock: Clock,
+    /// Gazes that are scored to know the regret against them; empty where nobody asked.
+    pub shadow: Vec<Gaze>,
 }

@@ -9,14 +9,15 @@ use std::path::PathBuf;
 
 use base64::Engine as _;
 
-use self::page::{Key, Page, Still};
+use self::page::{Hills, Key, Page, Still};
+use super::first::{Crop, First};
+use super::heat::{Heat, span};
 use super::sink::Sink;
 use super::{Observer, RunInfo};
 use crate::Result;
+use crate::eval::regret::Ledger;
 use crate::gaze::Portrait;
 use crate::geometry::{BBox, Extent, Gaze, State};
-use crate::identity::Pyramid;
-use crate::identity::pyramid::Region;
 use crate::scene::{Frame, Image, encode_jpeg};
 use crate::step::Step;
 
@@ -30,10 +31,8 @@ const LONGEST: usize = 480;
 const QUALITY: u8 = 62;
 /// Particles drawn on a picture.
 const MOST_PARTICLES: usize = 250;
-/// How much of the first frame is shown around the target, in template units.
-const MARGIN: f64 = 1.4;
-/// The farthest gaze that is read on the template, in template units; as far as the appearance's own.
-const FARTHEST_GAZE: f64 = 1.5;
+/// Points along a side of a reward surface on the page.
+const SURFACE: usize = 21;
 
 /// Keeps what the page needs, and writes it at the end.
 pub struct Report {
@@ -42,14 +41,8 @@ pub struct Report {
     finished: bool,
     page: Page,
     keys: Keys,
-    template: Option<Template>,
-}
-
-/// The first frame, as the retina reads it.
-struct Template {
-    pyramid: Pyramid,
-    state: State,
-    extent: Extent,
+    ledger: Ledger,
+    first: Option<First>,
 }
 
 /// Some of the rows, evenly spaced: every `every`-th.
@@ -79,20 +72,15 @@ impl Report {
     /// Starts the file. Fails where its folder cannot be written.
     pub fn create(path: impl Into<PathBuf>, info: RunInfo) -> Result<Self> {
         let file = Sink::create(path)?;
-        let page = Page::new(&info);
+        let (page, ledger) = (Page::new(&info), Ledger::new(info.shadow.clone()));
         let keys = Keys { kept: vec![], every: 1, bytes: 0 };
-        Ok(Self { info, file, finished: false, page, keys, template: None })
+        Ok(Self { info, file, finished: false, page, keys, ledger, first: None })
     }
 
     /// The target at the same gaze in the first frame, cell by cell; empty where that is not known.
     fn remembered(&self, gaze: Gaze) -> Vec<f32> {
-        let (Some(t), Some(retina)) = (&self.template, &self.info.retina) else { return vec![] };
-        let far = gaze.u.abs().max(gaze.v.abs()) > FARTHEST_GAZE;
-        let mut glimpse = vec![0.0; if far { 0 } else { retina.glimpse_len() }];
-        if !far {
-            retina.look(&t.pyramid, t.state.fixate(gaze, t.extent), &mut glimpse);
-        }
-        glimpse
+        let (Some(first), Some(retina)) = (&self.first, &self.info.retina) else { return vec![] };
+        first.glimpse(&**retina, gaze)
     }
 
     /// Which of the page's arms a gaze is.
@@ -109,16 +97,9 @@ impl Observer for Report {
     fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
         let (state, extent) = (State::of(bbox), Extent::of(bbox));
         if self.page.template.is_none() {
-            self.page.template = Some(around(&frame.image, &state, extent));
+            self.page.template = Some(still(&Crop::around(&frame.image, bbox)));
         }
-        if let Some(retina) = &self.info.retina {
-            let reach = retina.footprints().iter().map(|f| f.reach).fold(0.0, f64::max);
-            let corner = Gaze { u: FARTHEST_GAZE, v: FARTHEST_GAZE, arm: None };
-            let mut pyramid = Pyramid::default();
-            let region = Region::covering(&frame.image, &[state], &[corner], extent, reach);
-            pyramid.build(&frame.image, region, retina.footprints(), (extent.half_w, extent.half_h));
-            self.template = Some(Template { pyramid, state, extent });
-        }
+        self.first = self.info.retina.as_deref().map(|retina| First::new(&frame.image, bbox, retina));
         let row = self.page.given(frame, &state, extent);
         if self.keys.wants(row) {
             let template = text(&levels(&self.remembered(Gaze::CENTRE)));
@@ -132,6 +113,9 @@ impl Observer for Report {
         let gaze = step.plan.chosen();
         let arm = self.arm(gaze, step.portrait);
         let row = self.page.tracked(step, arm);
+        if !self.ledger.gazes().is_empty() {
+            self.ledger.enter(step)?;
+        }
         if !self.keys.wants(row) {
             return Ok(());
         }
@@ -141,10 +125,16 @@ impl Observer for Report {
         self.page.shown = weights.len();
         let looks = step.plan.gazes().iter().zip(step.plan.used()).enumerate();
         let also = looks.filter(|(k, (_, used))| **used && *k != step.plan.chosen_index());
-        let policy = match step.portrait {
-            Portrait::Arms { probabilities, .. } => probabilities.iter().flat_map(|p| word(*p)).collect(),
-            Portrait::Blank | Portrait::Surface(_) => vec![],
-        };
+        let (mut policy, mut surface) = (vec![], None);
+        match step.portrait {
+            Portrait::Blank => (),
+            Portrait::Arms { probabilities, .. } => policy = probabilities.iter().flat_map(|p| word(*p)).collect(),
+            Portrait::Surface(shown) => {
+                let heat = Heat::of(shown, SURFACE);
+                self.page.surface = Some([SURFACE as f64, heat.reach]);
+                surface = Some(hills(&heat, shown.best()));
+            }
+        }
         self.keys.push(Key {
             row,
             jpeg: picture(&step.frame.image),
@@ -156,6 +146,7 @@ impl Observer for Report {
             span,
             policy: text(&policy),
             also: also.map(|(_, (gaze, _))| [gaze.u, gaze.v]).collect(),
+            surface,
         });
         Ok(())
     }
@@ -163,6 +154,7 @@ impl Observer for Report {
     fn finish(&mut self) -> Result<()> {
         if !std::mem::replace(&mut self.finished, true) {
             self.page.measure(self.info.clock.total());
+            self.page.regret(&self.ledger);
             self.file.write(self.page.render(&self.keys.kept).as_bytes())?;
         }
         self.file.finish()
@@ -185,6 +177,17 @@ fn particles(step: &Step<'_>) -> (Vec<u8>, Vec<u8>) {
         weights.push((255.0 * step.weights[i] / most).round() as u8);
     }
     (places, weights)
+}
+
+/// A reward surface as the page has it: each map as bytes between its own least and greatest value.
+fn hills(heat: &Heat, best: Option<Gaze>) -> Hills {
+    let map = |values: &[f64]| {
+        let (low, high) = span(values);
+        let byte = |v: &f64| (255.0 * (v - low) / (high - low).max(f64::MIN_POSITIVE)).round() as u8;
+        (text(&values.iter().map(byte).collect::<Vec<_>>()), [low, high])
+    };
+    let ((mean, mean_span), (sd, sd_span)) = (map(&heat.mean), map(&heat.sd));
+    Hills { mean, mean_span, sd, sd_span, best: best.map(|g| [g.u, g.v]) }
 }
 
 /// 0 to 1 as two bytes, the low one first.
@@ -241,30 +244,12 @@ fn shrunk(image: &Image, width: usize, height: usize) -> Image {
     Image::new(width, height, image.planes(), data).expect("as many bytes as pixels")
 }
 
-/// The target and what is around it; outside the picture its edge is repeated.
-fn around(image: &Image, state: &State, extent: Extent) -> Still {
-    let reach = |half: f64| (MARGIN * half).ceil().clamp(1.0, 4096.0) as isize;
-    let (rx, ry) = (reach(extent.half_w), reach(extent.half_h));
-    let (cx, cy) = (state.x.round() as isize, state.y.round() as isize);
-    let at = |i: isize, side: usize| i.clamp(0, side as isize - 1) as usize;
-    let mut data = vec![];
-    for p in 0..image.planes() {
-        for y in cy - ry..=cy + ry {
-            data.extend((cx - rx..=cx + rx).map(|x| image.at(p, at(x, image.width()), at(y, image.height()))));
-        }
-    }
-    let (width, height) = (2 * rx as usize + 1, 2 * ry as usize + 1);
-    let crop = Image::new(width, height, image.planes(), data).expect("as many bytes as pixels");
+/// The cut-out as the page has it.
+fn still(crop: &Crop) -> Still {
+    let (width, height) = (crop.image.width(), crop.image.height());
     let longest = width.max(height);
     let small = |side: usize| if longest > LONGEST { (side * LONGEST / longest).max(1) } else { side };
-    // Edges of the outermost pixels, in template units.
-    let u = |x: f64| (x - state.x) / extent.half_w;
-    let v = |y: f64| (y - state.y) / extent.half_h;
-    let (cx, cy, rx, ry) = (cx as f64, cy as f64, rx as f64 + 0.5, ry as f64 + 0.5);
-    Still {
-        jpeg: text(&encode_jpeg(&shrunk(&crop, small(width), small(height)), 88)),
-        bounds: [u(cx - rx), v(cy - ry), u(cx + rx), v(cy + ry)],
-    }
+    Still { jpeg: text(&encode_jpeg(&shrunk(&crop.image, small(width), small(height)), 88)), bounds: crop.bounds }
 }
 
 #[cfg(test)]
@@ -297,16 +282,6 @@ mod tests {
         assert!((0..20).all(|x| small.at(0, x, 3) == (9 * x + 3) as u8), "means of three columns");
         let odd = shrunk(&Image::grey(7, 5, 99), 3, 2);
         assert!(odd.bytes().iter().all(|v| *v == 99));
-    }
-
-    #[test]
-    fn the_surroundings_reach_past_the_picture() {
-        let image = Image::grey(30, 20, 50);
-        let still = around(&image, &State::default(), Extent { half_w: 10.0, half_h: 5.0 });
-        assert_eq!(still.bounds, [-1.45, -1.5, 1.45, 1.5]);
-        let far =
-            around(&image, &State { x: 1e12, y: f64::NAN, ..State::default() }, Extent { half_w: 2.0, half_h: 2.0 });
-        assert!(!far.jpeg.is_empty());
     }
 
     #[test]

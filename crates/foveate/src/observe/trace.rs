@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::Observer;
+use super::heat::Heat;
 use super::sink::Sink;
 use crate::Result;
 use crate::control::Watch;
@@ -46,9 +47,14 @@ struct Tracked<'a> {
     ancestors: &'a [usize],
     plan: Plan<'a>,
     rewards: &'a [f64],
+    /// Gazes scored for observers alone, and their rewards; left out where there are none.
+    #[serde(skip_serializing_if = "<[Gaze]>::is_empty")]
+    recorded_gazes: &'a [Gaze],
+    #[serde(skip_serializing_if = "<[f64]>::is_empty")]
+    recorded_rewards: &'a [f64],
     gaze_evidence: &'a [f64],
     percept: Percept<'a>,
-    portrait: Option<Arms<'a>>,
+    portrait: Option<Shown<'a>>,
 }
 
 #[derive(Serialize)]
@@ -66,11 +72,25 @@ struct Percept<'a> {
     distance: f64,
 }
 
+/// What the policy has learned.
 #[derive(Serialize)]
-struct Arms<'a> {
-    gazes: &'a [Gaze],
-    probabilities: &'a [f64],
+#[serde(untagged)]
+enum Shown<'a> {
+    Arms {
+        gazes: &'a [Gaze],
+        probabilities: &'a [f64],
+    },
+    /// A reward surface at points × points gazes from −reach to reach, row by row from the top.
+    Surface {
+        points: usize,
+        reach: f64,
+        mean: Vec<f64>,
+        best: Option<Gaze>,
+    },
 }
+
+/// Points along a side of a reward surface.
+const POINTS: usize = 11;
 
 impl Trace {
     /// Starts the file. Fails where its folder cannot be written.
@@ -108,11 +128,17 @@ impl Observer for Trace {
             ancestors: step.ancestors,
             plan: Plan { gazes: step.plan.gazes(), used: step.plan.used(), chosen: step.plan.chosen_index() },
             rewards: step.rewards,
+            recorded_gazes: step.plan.recorded(),
+            recorded_rewards: step.recorded,
             gaze_evidence: step.gaze_evidence,
             percept: Percept { gaze: p.gaze, glimpse: &p.glimpse, features: &p.features, distance: p.distance },
             portrait: match step.portrait {
-                Portrait::Arms { gazes, probabilities } => Some(Arms { gazes, probabilities }),
-                Portrait::Blank | Portrait::Surface(_) => None,
+                Portrait::Arms { gazes, probabilities } => Some(Shown::Arms { gazes, probabilities }),
+                Portrait::Surface(surface) => {
+                    let Heat { n, reach, mean, .. } = Heat::of(surface, POINTS);
+                    Some(Shown::Surface { points: n, reach, mean, best: surface.best() })
+                }
+                Portrait::Blank => None,
             },
         })
     }

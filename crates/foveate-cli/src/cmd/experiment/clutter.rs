@@ -2,7 +2,6 @@
 
 use clap::ValueEnum;
 use foveate::Result;
-use foveate::config::BUILTIN;
 use foveate::eval::experiment::CLUTTER_PEERS;
 use foveate::scene::synthetic::{Clutter, NOISE, Synthetic};
 
@@ -51,6 +50,5 @@ pub fn run(args: Args) -> Result<()> {
         peers: CLUTTER_PEERS,
         kinds: args.noise.densities().iter().map(kind).collect(),
     };
-    let shipped = |name: &&str| name.starts_with("digits") || *name == "authors";
-    compare(&args.common, &BUILTIN.iter().map(|b| b.0).filter(shipped).collect::<Vec<_>>(), &scenes)
+    compare(&args.common, &["digits", "digits-hedge", "digits-rbm", "authors"], &scenes)
 }

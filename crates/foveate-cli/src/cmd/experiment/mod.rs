@@ -7,16 +7,20 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use clap::Subcommand;
 use foveate::config::{Blueprint, Config};
 use foveate::eval::experiment::{self, Line, Run};
-use foveate::scene::synthetic::Synthetic;
+use foveate::eval::line_up;
+use foveate::scene::synthetic::{Drawn, Synthetic};
 use foveate::scene::{Digits, Split};
+use foveate::tracker::Tracker;
 use foveate::{Error, Result, files};
 use serde::Serialize;
+use serde::de::DeserializeOwned;
 use serde_json::json;
 
 use super::track::blueprint;
 use crate::terminal;
 
 mod clutter;
+mod hedge_curve;
 mod partial;
 
 /// Digits drawn of each class where there is no MNIST.
@@ -32,6 +36,8 @@ pub struct Args {
 enum Kind {
     /// A digit among static ones: every configuration and policy beside the fixed centre, on the same videos
     Clutter(clutter::Args),
+    /// The companion paper's curve: how fast Hedge learns to look at the centre
+    HedgeCurve(hedge_curve::Args),
     /// A digit on black that passes behind bars, under noise: policies of partial information beside the others
     Partial(partial::Args),
 }
@@ -39,6 +45,7 @@ enum Kind {
 pub fn run(args: Args) -> Result<()> {
     match args.kind {
         Kind::Clutter(args) => clutter::run(args),
+        Kind::HedgeCurve(args) => hedge_curve::run(args),
         Kind::Partial(args) => partial::run(args),
     }
 }
@@ -125,12 +132,27 @@ struct Job {
 
 /// What a finished run's file holds.
 #[derive(Serialize)]
-struct Stored<'a> {
+struct Stored<'a, R> {
     configuration: &'a Config,
     video: &'a Synthetic,
     digits: &'a str,
     #[serde(flatten)]
-    run: &'a Run,
+    run: &'a R,
+}
+
+/// Follows the target of a video.
+type Following<R> = dyn Fn(&dyn Drawn, &mut Tracker) -> Result<R> + Sync;
+
+/// What an experiment keeps of one tracker on one video.
+trait Kept: Serialize + DeserializeOwned + Clone + Send {
+    /// Whether it could be that of a video of so many frames: a check of what was read from a file.
+    fn is_of(&self, frames: usize) -> bool;
+}
+
+impl Kept for Run {
+    fn is_of(&self, frames: usize) -> bool {
+        self.is_of(frames)
+    }
 }
 
 /// Does all runs that are not done yet, and writes the table.
@@ -139,40 +161,53 @@ fn compare(args: &Common, shipped: &[&str], scenes: &Scenes) -> Result<()> {
     let entries = entries(args, shipped)?;
     let jobs = jobs(args, scenes, entries.len());
     let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(scenes.name));
+    let runs: Vec<Run> = all_runs(scenes.name, &out, &entries, &jobs, (&digits, &from), &Run::follow)?;
+    report(args, scenes, &out, &from, &table(scenes, &entries, &jobs, &runs)?)
+}
+
+/// The runs of all jobs, in their order; those that are not in the store of `out` yet are done by `follow` and put
+/// there. With the digits comes what they are.
+fn all_runs<R: Kept>(
+    name: &'static str,
+    out: &Path,
+    entries: &[Entry],
+    jobs: &[Job],
+    (digits, from): (&Digits, &str),
+    follow: &Following<R>,
+) -> Result<Vec<R>> {
     let store = out.join("runs");
     std::fs::create_dir_all(&store).map_err(Error::io(&store, "cannot create the folder for finished runs"))?;
     let pixels = experiment::digest(&[&digits.images, &digits.labels]);
 
     terminal::catch_interrupts();
-    let bar = terminal::progress(Some(jobs.len()), scenes.name);
+    let bar = terminal::progress(Some(jobs.len()), name);
     let resumed = AtomicUsize::new(0);
     let work = |job: &Job| {
         let entry = &entries[job.entry];
         let scene = serde_json::to_vec(&job.video).expect("settings are plain data");
         let key = experiment::digest(&[entry.key.as_bytes(), &scene, pixels.as_bytes()]);
         let path = store.join(format!("{key}.json"));
-        if let Some(run) = read(&path, job.video.frames()) {
+        if let Some(run) = read::<R>(&path, job.video.frames()) {
             resumed.fetch_add(1, Ordering::Relaxed);
             bar.inc(1);
             return Ok(run);
         }
         let mut tracker = entry.blueprint.tracker(job.video.seed(), u64::from(job.video.digit()))?;
-        let run = Run::follow(&*job.video.video(&digits)?, &mut tracker)?;
-        let stored = Stored { configuration: entry.blueprint.config(), video: &job.video, digits: &from, run: &run };
+        let run = follow(&*job.video.video(digits)?, &mut tracker)?;
+        let stored = Stored { configuration: entry.blueprint.config(), video: &job.video, digits: from, run: &run };
         files::write(&path, &serde_json::to_vec(&stored).map_err(|e| Error::Invalid(e.to_string()))?)?;
         bar.inc(1);
         Ok(run)
     };
-    let runs = side_by_side(&jobs, &work)?;
+    let runs = side_by_side(jobs, &work)?;
     bar.finish_and_clear();
     let done = runs.iter().flatten().count();
     if done < jobs.len() {
         println!("stopped after {done} of {} runs; the same command goes on from there", jobs.len());
         std::process::exit(130);
     }
-    let runs: Vec<Run> = runs.into_iter().flatten().collect();
     eprintln!("{} runs, {} of them from {}", jobs.len(), resumed.into_inner(), store.display());
-    report(args, scenes, &out, &from, &table(scenes, &entries, &jobs, &runs)?)
+    Ok(runs.into_iter().flatten().collect())
 }
 
 /// The digits that videos are made of, and what they are.
@@ -202,8 +237,7 @@ fn entries(args: &Common, shipped: &[&str]) -> Result<Vec<Entry>> {
         let file = Path::new(&name);
         let base = if file.is_file() { file.parent().unwrap_or(Path::new(".")) } else { Path::new(".") };
         let own = config.policy.clone();
-        let mut policies =
-            if args.policies { experiment::policies(&own, args.frames as usize) } else { vec![experiment::FIXED] };
+        let mut policies = if args.policies { line_up::policies(&own) } else { vec![line_up::FIXED] };
         if !policies.contains(&own) {
             policies.push(own.clone());
         }
@@ -221,7 +255,7 @@ fn entries(args: &Common, shipped: &[&str]) -> Result<Vec<Entry>> {
             );
             entries.push(Entry {
                 name: shown.clone(),
-                policy: experiment::policy_name(&policy),
+                policy: line_up::policy_name(&policy),
                 own: policy == own,
                 fixed,
                 blueprint,
@@ -247,14 +281,14 @@ fn jobs(args: &Common, scenes: &Scenes, entries: usize) -> Vec<Job> {
 }
 
 /// A finished run; `None` where there is none, or its file is damaged.
-fn read(path: &Path, frames: usize) -> Option<Run> {
-    let run: Run = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
+fn read<R: Kept>(path: &Path, frames: usize) -> Option<R> {
+    let run: R = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
     run.is_of(frames).then_some(run)
 }
 
 /// Does all jobs, as many at a time as there are threads and each one in a single thread; the results stand in the order
 /// of the jobs, and are missing where it was asked to stop.
-fn side_by_side(jobs: &[Job], work: &(dyn Fn(&Job) -> Result<Run> + Sync)) -> Result<Vec<Option<Run>>> {
+fn side_by_side<R: Kept>(jobs: &[Job], work: &(dyn Fn(&Job) -> Result<R> + Sync)) -> Result<Vec<Option<R>>> {
     let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
     let runs = Mutex::new(vec![None; jobs.len()]);
     // A pool of one thread: what the tracker shares out stays in its own job, or times would be those of several.

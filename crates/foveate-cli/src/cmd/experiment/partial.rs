@@ -72,5 +72,5 @@ pub fn run(args: Args) -> Result<()> {
         peers: PEERS,
         kinds: vec![(args.noise, each)],
     };
-    compare(&args.common, &["digits", "authors"], &scenes)
+    compare(&args.common, &["digits-partial", "printed", "authors"], &scenes)
 }

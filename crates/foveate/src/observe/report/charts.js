@@ -20,6 +20,13 @@ if (known) {
   chartList.unshift({ title: 'Error', unit: 'px from the true centre', from: 0, lines: [{ of: series.true_x.map((x, i) => x === null ? null : Math.hypot(x - series.x[i], series.true_y[i] - series.y[i])), ink: 'second' }] });
 }
 if (!arms.length) chartList.splice(1, 0, { title: 'Gaze', unit: 'half-boxes', lines: [{ of: series.u, name: 'u', ink: 'gaze' }, { of: series.v, name: 'v', ink: 'target', dash: true }] });
+// Regret is known where other gazes were scored beside the policy's own.
+if (data.regret) {
+  const { total, random, reward } = data.regret;
+  const first = chartList.find(chart => chart.title === 'Reward');
+  first.lines.push({ of: reward, name: 'best fixed', ink: 'second', dash: true });
+  chartList.splice(chartList.indexOf(first) + 1, 0, { title: 'Regret', unit: 'summed rewards', lines: [{ of: total, name: 'policy', ink: 'gaze' }, { of: random, name: 'at random', ink: 'soft', dash: true }] });
+}
 const HEIGHT = 128, LEFT = 44, RIGHT = 12, TOP = 8, BOTTOM = 20;
 
 // Round steps that cover a span with about `n` lines.

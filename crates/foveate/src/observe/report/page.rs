@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::super::RunInfo;
+use crate::eval::regret::Ledger;
 use crate::geometry::{BBox, Extent, State};
 use crate::scene::Frame;
 use crate::step::Step;
@@ -62,12 +63,25 @@ pub struct Key {
     pub policy: String,
     /// Gazes used beside the chosen one.
     pub also: Vec<[f64; 2]>,
+    /// What the policy believes of all gazes, where it does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub surface: Option<Hills>,
+}
+
+/// A reward surface: n × n bytes each, row by row, between the two values of its span.
+#[derive(Serialize)]
+pub struct Hills {
+    pub mean: String,
+    pub mean_span: [f64; 2],
+    pub sd: String,
+    pub sd_span: [f64; 2],
+    pub best: Option<[f64; 2]>,
 }
 
 impl Key {
-    /// Bytes of its pictures before base64.
+    /// Bytes of its pictures and surfaces before base64.
     pub fn bytes(&self) -> usize {
-        self.jpeg.len() / 4 * 3
+        (self.jpeg.len() + self.surface.as_ref().map_or(0, |s| s.mean.len() + s.sd.len())) / 4 * 3
     }
 }
 
@@ -97,6 +111,9 @@ pub struct Page {
     pub learned: bool,
     pub arms: Vec<[f64; 2]>,
     pub template: Option<Still>,
+    /// Points along a side of a reward surface, and its reach.
+    pub surface: Option<[f64; 2]>,
+    regret: Value,
 }
 
 impl Page {
@@ -122,6 +139,8 @@ impl Page {
             learned: false,
             arms: vec![],
             template: None,
+            surface: None,
+            regret: Value::Null,
         }
     }
 
@@ -170,6 +189,29 @@ impl Page {
         index
     }
 
+    /// Takes in what was earned and what could have been; a ledger has the rows that were tracked.
+    pub fn regret(&mut self, ledger: &Ledger) {
+        let Some(regret) = ledger.regret() else { return };
+        let mut tracked = 0;
+        let mut series = vec![vec![]; 3];
+        for row in &self.rows {
+            // The column of the gaze: a frame whose box was given has none.
+            let values = if row[23].is_nan() || tracked >= ledger.frames() {
+                [f64::NAN; 3]
+            } else {
+                tracked += 1;
+                let t = tracked - 1;
+                [ledger.offered(t)[regret.best], regret.cumulative[t], regret.at_random[t]]
+            };
+            series.iter_mut().zip(values).for_each(|(column, value)| column.push(short(value)));
+        }
+        let best = ledger.gazes()[regret.best];
+        self.regret = json!({
+            "gazes": ledger.gazes().len(), "best": [best.u, best.v],
+            "reward": series[0], "total": series[1], "random": series[2],
+        });
+    }
+
     /// Takes in how long tracking took.
     pub fn measure(&mut self, tracking: Duration) {
         self.seconds = tracking.as_secs_f64();
@@ -185,7 +227,7 @@ impl Page {
             "format": 1, "info": self.info, "summary": { "fps": fps }, "size": self.size, "rate": self.rate,
             "particles": self.particles, "shown": self.shown, "features": self.features, "learned": self.learned,
             "cells": self.cells.iter().map(|v| short(*v)).collect::<Vec<_>>(), "template": self.template,
-            "arms": self.arms, "series": series, "keys": keys,
+            "arms": self.arms, "surface": self.surface, "regret": self.regret, "series": series, "keys": keys,
         });
         // No "<" is left in it, so nothing in it can end the script element or begin a comment.
         let data = data.to_string().replace('<', "\\u003c");
@@ -194,6 +236,7 @@ impl Page {
             include_str!("stage.js"),
             include_str!("fovea.js"),
             include_str!("policy.js"),
+            include_str!("surface.js"),
             include_str!("charts.js"),
             include_str!("main.js"),
         ];

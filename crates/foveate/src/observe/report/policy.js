@@ -28,7 +28,7 @@ function drawPolicy() {
   const key = keys[now], row = key.row, p = policyAt(now), chosen = series.arm[row];
   if (series.u[row] === null) byId('gaze').textContent = 'no look in this frame';
   else byId('gaze').replaceChildren('looking at ', element('b', {}, `(${say(series.u[row], 2)}, ${say(series.v[row], 2)})`), ' half-boxes');
-  byId('template-caption').textContent = data.learned ? 'area of a disc: probability of the next look' : `area of a disc: share of the last ${RECENT} looks`;
+  if (!land) byId('template-caption').textContent = data.learned ? 'area of a disc: probability of the next look' : `area of a disc: share of the last ${RECENT} looks`;
   armRows.forEach(({ line, bar, p: text }, i) => {
     line.classList.toggle('now', i === chosen);
     bar.style.width = `${100 * (p[i] || 0)}%`;
@@ -41,12 +41,19 @@ function drawPolicy() {
   const slim = Math.min(2.2, Math.max(.45, series.half_w[row] / series.half_h[row]));
   const unit = size / Math.max((u1 - u0) * slim, v1 - v0), unitU = unit * slim;
   const at = (u, v) => [size / 2 + (u - (u0 + u1) / 2) * unitU, size / 2 + (v - (v0 + v1) / 2) * unit];
-  if (templatePicture && templatePicture.complete) {
+  const ground = c => {
+    if (!templatePicture || !templatePicture.complete) return;
     c.imageSmoothingEnabled = size / templatePicture.naturalWidth < 3;
     const [left, top] = at(u0, v0), [right, low] = at(u1, v1);
     c.drawImage(templatePicture, left, top, right - left, low - top);
-    c.fillStyle = 'rgb(8 10 14 / .38)';
+    c.fillStyle = `rgb(8 10 14 / ${land ? .12 : .38})`;
     c.fillRect(left, top, right - left, low - top);
+  };
+  ground(c);
+  if (land) {
+    land.paint(c, at, 0);
+    const gaze = (x, y) => [(x - size / 2) / unitU + (u0 + u1) / 2, (y - size / 2) / unit + (v0 + v1) / 2];
+    land.beside(size, c => { ground(c); land.paint(c, at, 1); }, gaze);
   }
   const frame = (u, v, reach, ink, thick) => { c.strokeStyle = ink; c.lineWidth = thick; const [x, y] = at(u - reach, v - reach), [x2, y2] = at(u + reach, v + reach); c.strokeRect(x, y, x2 - x, y2 - y); };
   frame(0, 0, 1, '#39b6ff', 1.6);
@@ -57,7 +64,7 @@ function drawPolicy() {
     c.fillStyle = 'rgb(120 205 255 / .8)'; c.fill();
     c.strokeStyle = 'rgb(0 0 0 / .5)'; c.lineWidth = 1; c.stroke();
   });
-  if (!arms.length) trail(c, at, row);
+  if (!arms.length && !land) trail(c, at, row);
   if (series.u[row] !== null) {
     const u = series.u[row], v = series.v[row], [x, y] = at(u, v);
     windows.slice(0, 1).forEach(w => frame(u, v, w.reach, '#ffb627', 1.8));

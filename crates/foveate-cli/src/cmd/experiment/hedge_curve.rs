@@ -1,0 +1,126 @@
+//! `foveate experiment hedge-curve`: how fast Hedge learns to look at the centre (the companion paper's figure 4).
+
+use std::path::Path;
+
+use clap::ValueEnum;
+use foveate::eval::learning::{self, Curve, Learning, PAPER, Template};
+use foveate::scene::synthetic::{Clutter, Drawn, Synthetic};
+use foveate::tracker::Tracker;
+use foveate::{Error, Result, files};
+use serde_json::json;
+
+use super::{Common, Job, Kept, Scenes, all_runs, digits, entries, jobs};
+
+/// The companion paper's curve: how fast Hedge learns to look at the centre.
+///
+/// Each configuration (authors, unless told otherwise) follows digits among static ones, without noise. Beside the
+/// paper's figures stand all runs, those on target, and those of the eight, which is what the paper's figure shows.
+/// Finished runs are kept in DIR/runs: the same command goes on where it was stopped or killed.
+#[derive(clap::Args)]
+#[command(mut_arg("policies", |arg| arg.hide(true)))]
+pub struct Args {
+    /// Density of salt and pepper in the videos; the paper's figure has none
+    #[arg(long, value_enum, default_value_t = Noise::Clean)]
+    noise: Noise,
+    /// What the target's template is read from
+    #[arg(long, value_enum, default_value_t = From::Frame)]
+    template: From,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(ValueEnum, Clone, Copy)]
+enum Noise {
+    /// None
+    Clean,
+    /// 0.3
+    Noisy,
+}
+
+#[derive(ValueEnum, Clone, Copy)]
+enum From {
+    /// The first frame as it is
+    Frame,
+    /// The box alone, median filtered, on black, as in the authors' program
+    Authors,
+}
+
+impl Kept for Learning {
+    fn is_of(&self, frames: usize) -> bool {
+        self.is_of(frames)
+    }
+}
+
+/// The digit in the paper's figure.
+const SHOWN: u8 = 8;
+
+pub fn run(args: Args) -> Result<()> {
+    let common = &args.common;
+    if common.policies {
+        return Err(Error::Config(
+            "hedge-curve runs each configuration with its own policy; leave out --policies".into(),
+        ));
+    }
+    let frames = common.frames as usize;
+    let noise = match args.noise {
+        Noise::Clean => 0.0,
+        Noise::Noisy => foveate::scene::synthetic::NOISE,
+    };
+    let settings = move |digit, seed| Synthetic::Clutter(Clutter { digit, seed, noise, frames, ..Clutter::default() });
+    let scenes = Scenes {
+        name: "hedge-curve",
+        title: "Probability of the centre gaze".into(),
+        peers: "",
+        kinds: vec![(noise, Box::new(settings))],
+    };
+    let (digits, from) = digits(common.data.as_deref())?;
+    let mut entries = entries(common, &["authors"])?;
+    entries.retain(|entry| entry.own);
+    let template = match args.template {
+        From::Frame => Template::Frame,
+        From::Authors => Template::Authors,
+    };
+    entries.iter_mut().for_each(|entry| entry.key.push_str(&format!(" hedge-curve {template:?}")));
+    let jobs = jobs(common, &scenes, entries.len());
+    let out = common.out.clone().unwrap_or_else(|| Path::new("out").join(scenes.name));
+    let follow = move |video: &dyn Drawn, tracker: &mut Tracker| Learning::follow(video, tracker, template);
+    let runs = all_runs(scenes.name, &out, &entries, &jobs, (&digits, &from), &follow)?;
+    let mut curves = Vec::new();
+    for (i, entry) in entries.iter().enumerate() {
+        let such = |wanted: &dyn Fn(&Job, &Learning) -> bool| -> Vec<&Learning> {
+            let both = jobs.iter().zip(&runs).filter(|(job, run)| job.entry == i && wanted(job, run));
+            both.map(|(_, run)| run).collect()
+        };
+        let sets: [(&str, Vec<&Learning>); 4] = [
+            ("all", such(&|_, _| true)),
+            ("on target", such(&|_, run| run.on_target())),
+            ("the eight", such(&|job, _| job.video.digit() == SHOWN)),
+            ("the eight, on target", such(&|job, run| job.video.digit() == SHOWN && run.on_target())),
+        ];
+        curves.extend(sets.iter().filter_map(|(name, runs)| Curve::of(&format!("{}: {name}", entry.name), runs)));
+    }
+    report(common, &out, &from, &curves)
+}
+
+fn report(args: &Common, out: &Path, from: &str, curves: &[Curve]) -> Result<()> {
+    let last = args.first_seed.wrapping_add(args.seeds - 1);
+    let title = format!(
+        "Probability of the centre gaze: {from}; digits {:?}, seeds {} to {last}, {} frames",
+        args.digits, args.first_seed, args.frames
+    );
+    let text = format!("{title}\n\n{}", learning::text(curves));
+    let all = json!({
+        "experiment": "hedge-curve", "digits_from": from, "digits": args.digits, "first_seed": args.first_seed,
+        "seeds": args.seeds, "frames": args.frames, "paper": PAPER, "curves": curves,
+    });
+    let all = serde_json::to_string_pretty(&all).map_err(|e| Error::Invalid(e.to_string()))?;
+    files::write(out.join("table.txt"), text.as_bytes())?;
+    files::write(out.join("table.json"), all.as_bytes())?;
+    files::write(out.join("curve.svg"), learning::plot(curves).as_bytes())?;
+    if args.json {
+        println!("{all}");
+    } else {
+        println!("{text}\n{}: table.txt, table.json, curve.svg", out.display());
+    }
+    Ok(())
+}

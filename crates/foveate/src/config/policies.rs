@@ -1,0 +1,74 @@
+//! Names → policies.
+
+use serde::{Deserialize, Serialize};
+
+use super::bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
+use crate::Result;
+use crate::gaze::{Anchor, Bayes, Circular, Fixed, GpUcb, Grid, Hedge, Policy, Random, Schedule};
+use crate::geometry::Gaze;
+
+/// The policies there are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum PolicyConfig {
+    /// Always the same gaze: the baseline that the paper lacks.
+    Fixed {
+        /// Across, in template units.
+        #[serde(default)]
+        u: f64,
+        /// Down, in template units.
+        #[serde(default)]
+        v: f64,
+    },
+    /// Uniformly at random among the grid's gazes (section 4.1).
+    Random {
+        /// The gazes.
+        #[serde(default)]
+        grid: Grid,
+    },
+    /// The grid's gazes in order (section 4.1).
+    Circular {
+        /// The gazes.
+        #[serde(default)]
+        grid: Grid,
+    },
+    /// Hedge, with full information (section 4.2).
+    Hedge {
+        /// The gazes.
+        #[serde(default)]
+        grid: Grid,
+        /// Learning rate, above 0.
+        gamma: Schedule,
+    },
+    /// EXP3, with the reward of one gaze a frame (section 4.3) and Auer et al.'s unbiased estimate.
+    Exp3(Exp3Config),
+    /// EXP3 exactly as the paper prints it, which divides by another probability than it drew with.
+    Exp3AsPrinted(Exp3AsPrintedConfig),
+    /// EXP3-IX (Neu 2015): explores by damping its estimates.
+    Exp3Ix(Exp3IxConfig),
+    /// EXP3.S (Auer et al. 2002): gazes share weight, for rewards that change.
+    Exp3S(Exp3SConfig),
+    /// Bayesian optimisation over a continuous square of gazes, with partial information (section 4.4).
+    GpUcb(Bayes),
+    /// The centre gaze beside whatever another policy chooses: two looks a frame.
+    Anchor {
+        /// The other policy.
+        policy: Box<PolicyConfig>,
+    },
+}
+
+/// The policy of these settings.
+pub(super) fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
+    Ok(match config {
+        PolicyConfig::Fixed { u, v } => Box::new(Fixed::new(Gaze { u: *u, v: *v, arm: None })),
+        PolicyConfig::Random { grid } => Box::new(Random::new(grid.gazes())),
+        PolicyConfig::Circular { grid } => Box::new(Circular::new(grid.gazes())),
+        PolicyConfig::Hedge { grid, gamma } => Box::new(Hedge::new(grid.gazes(), *gamma)?),
+        PolicyConfig::Exp3(c) => c.build()?,
+        PolicyConfig::Exp3AsPrinted(c) => c.build()?,
+        PolicyConfig::Exp3Ix(c) => c.build()?,
+        PolicyConfig::Exp3S(c) => c.build()?,
+        PolicyConfig::GpUcb(settings) => Box::new(GpUcb::new(settings.clone())?),
+        PolicyConfig::Anchor { policy: inner } => Box::new(Anchor::new(Gaze::CENTRE, policy(inner)?)),
+    })
+}
