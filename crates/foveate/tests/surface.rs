@@ -77,6 +77,7 @@ fn tracker() -> Tracker {
         resampling: Resampling::default(),
         vigilance: Vigilance::default(),
         start: foveate::start::StartSpread::default(),
+        recognizer: None,
     };
     Tracker::new(parts, 80, 3, 0).expect("some particles")
 }

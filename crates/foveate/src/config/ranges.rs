@@ -43,7 +43,8 @@ impl Ranges for Config {
         self.likelihood.ranges()?;
         self.policy.ranges()?;
         self.reward.ranges()?;
-        self.vigilance.ranges()
+        self.vigilance.ranges()?;
+        self.recogniser.ranges()
     }
 }
 

@@ -12,8 +12,9 @@ pub mod experiment;
 pub mod learning;
 pub mod line_up;
 pub mod metrics;
-pub mod reliability;
+pub mod recognised;
 pub mod regret;
+pub mod reliability;
 pub mod sequence;
 pub mod table;
 
