@@ -114,3 +114,43 @@ fn what_does_not_fit_is_refused_by_name() {
     refuse("weights = \"bad.safetensors\"", "bad.safetensors");
     assert!(Path::new(&model).exists());
 }
+
+#[test]
+fn tables_traces_and_reports_say_the_class() {
+    use foveate::observe::{Observer, Report, RunInfo, Table, Trace};
+    let (frames, (folder, model)) = (frames(), random_recogniser());
+    let (info, at) = (RunInfo::default(), |name: &str| folder.path().join(name));
+    let mut observers: Vec<Box<dyn Observer>> = vec![
+        Box::new(Table::create(at("track.csv")).expect("a writable folder")),
+        Box::new(Trace::create(at("trace.jsonl")).expect("a writable folder")),
+        Box::new(Report::create(at("report.html"), info).expect("a writable folder")),
+    ];
+    let mut tracker = started(&recognising(&raw(POLICIES[3]), &model, RULES[0], ""), &frames);
+    observers.start(&frames[0], &INIT).expect("room on the disk");
+    let mut said = vec![];
+    for frame in &frames[1..] {
+        let step = tracker.step(Scene { frame, detections: &[] });
+        said.push((step.class().expect("a recogniser"), step.classes.to_vec()));
+        observers.observe(&step).expect("room on the disk");
+    }
+    observers.finish().expect("renamed");
+    let read = |name: &str| std::fs::read_to_string(at(name)).expect("it was written");
+    let table = read("track.csv");
+    let mut lines = table.lines().map(|line| line.split(',').rev().take(2).collect::<Vec<_>>());
+    assert_eq!(lines.next(), Some(vec!["class_probability", "class"]));
+    assert_eq!(lines.next(), Some(vec!["", ""]), "the box was given");
+    let columns = table.lines().map(|line| line.split(',').count()).collect::<std::collections::BTreeSet<_>>();
+    assert_eq!(columns.len(), 1, "{columns:?}");
+    for (line, ((class, p), _)) in lines.zip(&said) {
+        assert_eq!((line[1].parse::<usize>(), line[0].parse::<f64>()), (Ok(*class), Ok(*p)));
+    }
+    for (line, (_, classes)) in read("trace.jsonl").lines().skip(1).zip(&said) {
+        let line: serde_json::Value = serde_json::from_str(line).expect("an object");
+        assert_eq!(line["classes"], serde_json::json!(classes));
+        assert_eq!(line["own_classes"].as_array().map(Vec::len), Some(3));
+        assert_eq!(line["recognition_gazes"].as_array().map(Vec::len), Some(1));
+    }
+    let last = said.last().expect("frames").0.0;
+    let page = read("report.html");
+    assert!(page.contains("\"classes\":[{") && page.contains(&format!("\"name\":\"{last}\"")));
+}

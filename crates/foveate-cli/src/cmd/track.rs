@@ -53,7 +53,7 @@ pub struct Args {
     /// Say what the target is: a model of `foveate train fixations`. Its class stands in track.csv, trace.jsonl, video and
     /// report; the track stays the same. It takes the place of the configuration's recogniser
     #[arg(long, visible_alias = "recognize", value_name = "MODEL")]
-    recognise: Option<PathBuf>,
+    recognise: Option<String>,
     /// Leave out annotated.mp4
     #[arg(long)]
     no_video: bool,
@@ -84,38 +84,19 @@ fn parse_again(text: &str) -> std::result::Result<(usize, BBox), String> {
     Ok((frame.ok_or_else(|| format!("expected a frame number from 2 on, got \"{text}\""))?, parse_box(bbox)?))
 }
 
-/// A configuration by file or by name, and the folder that its files' names start from.
-fn configuration(name: &str) -> Result<(Config, PathBuf)> {
+/// A configuration by file or by name: how it is called, and what it says.
+pub fn blueprint(name: &str) -> Result<Blueprint> {
     let path = Path::new(name);
     if path.is_file() {
-        return Ok((Config::read(path)?, path.parent().unwrap_or(Path::new(".")).to_owned()));
+        return Config::read(path)?.check(path.parent().unwrap_or(Path::new(".")));
     }
     match Config::builtin(name) {
-        Some(config) => Ok((config?, ".".into())),
+        Some(config) => config?.check(Path::new(".")),
         None => Err(Error::Config(format!(
             "there is no configuration file {name}, and none of that name ships with the program; those that do: {}",
             BUILTIN.iter().map(|b| b.0).collect::<Vec<_>>().join(", ")
         ))),
     }
-}
-
-/// The parts of a configuration given by file or by name.
-pub fn blueprint(name: &str) -> Result<Blueprint> {
-    let (config, base) = configuration(name)?;
-    config.check(&base)
-}
-
-/// The same, with this model in the place of its recogniser.
-pub fn recognising(name: &str, model: &Path, with: impl Fn(String) -> RecogniserConfig) -> Result<Blueprint> {
-    let (config, base) = configuration(name)?;
-    let shipped = model.to_str().is_some_and(|m| m.starts_with("builtin:"));
-    let path =
-        if shipped { model.into() } else { std::path::absolute(model).map_err(Error::io(model, "cannot find"))? };
-    let weights = path
-        .to_str()
-        .map(String::from)
-        .ok_or_else(|| Error::Config(format!("{}: a model's file needs a name that is text", path.display())))?;
-    Config { recogniser: Some(with(weights)), ..config }.check(&base)
 }
 
 /// What is written beside boxes.txt and track.csv.
@@ -174,10 +155,10 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
 
 pub fn run(args: Args) -> Result<()> {
     let name = args.config.as_deref().unwrap_or("natural");
-    let mut blueprint = match &args.recognise {
-        Some(model) => recognising(name, model, RecogniserConfig::multi_fixation)?,
-        None => blueprint(name)?,
-    };
+    let mut blueprint = blueprint(name)?;
+    if let Some(model) = &args.recognise {
+        blueprint = blueprint.recognising(RecogniserConfig::multi_fixation(model), Path::new("."))?;
+    }
     let shadow = if args.regret { line_up::rivals(&blueprint.config().policy).gazes() } else { vec![] };
     blueprint = blueprint.shadowing(shadow.clone());
     let seed = args.seed.unwrap_or(blueprint.config().seed);

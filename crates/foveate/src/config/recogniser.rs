@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::policies::policy;
 use super::ranges::Ranges;
-use super::{EncoderConfig, PolicyConfig, channels, load_rbm};
+use super::{Blueprint, EncoderConfig, PolicyConfig, channels, load_rbm};
 use crate::gaze::{Policy, Random};
 use crate::geometry::Gaze;
 use crate::identity::accumulate::Accumulate;
@@ -96,6 +96,17 @@ impl RecogniserConfig {
     }
 }
 
+impl Blueprint {
+    /// The same, with this recogniser in the place of its own; its model's file is relative to `base`. The track stays the
+    /// same.
+    pub fn recognising(mut self, config: RecogniserConfig, base: &Path) -> Result<Self> {
+        config.ranges()?;
+        self.recogniser = Some(config.read(base)?);
+        self.config.recogniser = Some(config);
+        Ok(self)
+    }
+}
+
 fn none_of_that_name(name: &str) -> Error {
     let names: Vec<String> = MODELS.iter().map(|m| format!("builtin:{}", m.0)).collect();
     let there =
@@ -121,10 +132,16 @@ impl Recogniser {
     }
 }
 
-impl Ranges for Option<RecogniserConfig> {
+impl Ranges for RecogniserConfig {
     fn ranges(&self) -> Result<()> {
-        let Some(RecogniserConfig::MultiFixation { accumulate, policy, .. }) = self else { return Ok(()) };
+        let Self::MultiFixation { accumulate, policy, .. } = self;
         accumulate.check()?;
         policy.as_ref().map_or(Ok(()), Ranges::ranges)
+    }
+}
+
+impl Ranges for Option<RecogniserConfig> {
+    fn ranges(&self) -> Result<()> {
+        self.as_ref().map_or(Ok(()), Ranges::ranges)
     }
 }

@@ -1,9 +1,9 @@
 //! `foveate experiment recognise`: what the target is called, along real tracks (the paper's table 2).
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::ValueEnum;
-use foveate::config::{Config, Exp3Config, PolicyConfig, RecogniserConfig};
+use foveate::config::{Exp3Config, PolicyConfig, RecogniserConfig};
 use foveate::eval::experiment::digest;
 use foveate::eval::line_up::policy_name;
 use foveate::eval::recognised::{self, Line, Recognised};
@@ -27,7 +27,7 @@ use super::{Common, Entry, Job, Kept, Scenes, Settings, all_runs, digits, entrie
 pub struct Args {
     /// The recogniser: a model of `foveate train fixations`, with ten classes
     #[arg(long, value_name = "MODEL")]
-    recognise: PathBuf,
+    recognise: String,
     /// Where it looks; may be repeated [default: random and circular]
     #[arg(long, value_enum, value_name = "POLICY")]
     looks: Vec<Looks>,
@@ -89,11 +89,11 @@ impl Args {
     }
     /// A digest of the model's files: runs depend on what is in them.
     fn model(&self) -> Result<String> {
-        if self.recognise.to_string_lossy().starts_with("builtin:") {
+        if self.recognise.starts_with("builtin:") {
             return Ok(String::new());
         }
         let bytes = std::fs::read(&self.recognise).map_err(Error::io(&self.recognise, "cannot read the model"))?;
-        let classifier = std::fs::read(classifier_path(&self.recognise)).unwrap_or_default();
+        let classifier = std::fs::read(classifier_path(Path::new(&self.recognise))).unwrap_or_default();
         Ok(digest(&[&bytes, &classifier]))
     }
 }
@@ -147,17 +147,14 @@ fn with(args: &Args, entry: &Entry, policy: &PolicyConfig, model: &str) -> Resul
         Rule::Count => Accumulate::Count,
         Rule::Forgetting => Accumulate::Forgetting { memory: args.memory },
     };
-    let weights =
-        args.recognise.to_str().ok_or_else(|| Error::Config("a model's file needs a name that is text".into()))?;
-    let recogniser =
-        RecogniserConfig::MultiFixation { weights: weights.into(), accumulate, policy: Some(policy.clone()) };
-    let config = Config { recogniser: Some(recogniser), ..entry.blueprint.config().clone() };
+    let weights = args.recognise.clone();
+    let recogniser = RecogniserConfig::MultiFixation { weights, accumulate, policy: Some(policy.clone()) };
     Ok(Entry {
         name: entry.name.clone(),
         policy: entry.policy.clone(),
         own: true,
         fixed: 0,
-        blueprint: config.check(Path::new("."))?,
+        blueprint: entry.blueprint.clone().recognising(recogniser, Path::new("."))?,
         key: format!("{} recognise {accumulate:?} {policy:?} {model}", entry.key),
     })
 }
