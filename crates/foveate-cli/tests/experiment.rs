@@ -74,7 +74,7 @@ fn it_makes_a_table_and_goes_on_after_a_stop() {
 
     // All policies share the runs of those two.
     let all = clutter(dir.path(), &["--policies"]);
-    assert!(String::from_utf8_lossy(&all.stderr).contains("12 runs, 4 of them from"));
+    assert!(String::from_utf8_lossy(&all.stderr).contains("28 runs, 4 of them from"));
     let all = table(&all);
     let find = |policy: &str| all["lines"].as_array().expect("lines").iter().find(|l| l["policy"] == policy).cloned();
     assert_eq!(find("hedge").as_ref(), Some(&lines[1]));

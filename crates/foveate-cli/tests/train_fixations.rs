@@ -78,7 +78,7 @@ fn what_cannot_be_done_is_said_before_the_work() {
     write_digits(dir.path());
     for (extra, word) in [
         (&["--config", "no-such.toml"][..], "no-such.toml"),
-        (&["--alpha", "-1"], "alpha"),
+        (&["--alpha=-1"], "alpha"),
         (&["--digits", "3"], "at least 10"),
         (&["--reach", "7"], "--reach"),
     ] {

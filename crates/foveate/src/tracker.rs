@@ -283,7 +283,7 @@ impl Tracker {
 }
 
 /// The format number of saved trackers.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 /// More frames than any video has.
 const MOST_FRAMES: u64 = 1 << 48;
 

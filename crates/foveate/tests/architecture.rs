@@ -45,6 +45,7 @@ fn modules_import_what_they_may() {
         ("control", &["identity", "gaze", "rbm"]),
         ("scene", &["identity", "control", "gaze", "rbm"]),
         ("rbm", &["identity", "control", "gaze", "scene", "geometry"]),
+        ("gp", &["identity", "control", "gaze", "scene", "geometry", "rbm"]),
     ] {
         for (file, text) in sources(folder) {
             for module in imports(&text) {

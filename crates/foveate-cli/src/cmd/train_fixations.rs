@@ -50,9 +50,10 @@ pub struct FixationArgs {
     /// What to make small: `generative` learns layer by layer, with a classifier of its own on top, as the paper does.
     #[arg(long, value_enum, default_value = "hybrid-sequential")]
     cost: CostName,
-    /// Weight of the generative part of the hybrid costs.
-    #[arg(long, default_value_t = 0.1)]
-    alpha: f32,
+    /// Weight of the generative part of the hybrid costs: 0.1 for 96 pixels of four fixations, 0.003 for the many features of
+    /// a first layer, unless given.
+    #[arg(long)]
+    alpha: Option<f32>,
     /// Fixations that a decision stands on.
     #[arg(long, default_value_t = 3)]
     window: usize,
@@ -81,13 +82,13 @@ pub struct FixationArgs {
     #[arg(long, value_enum, default_value = "logistic")]
     gates: GatesName,
     /// Passes over the digits.
-    #[arg(long, default_value_t = 20)]
+    #[arg(long, default_value_t = 14)]
     epochs: usize,
     /// Sequences of a mini-batch.
     #[arg(long, default_value_t = 100)]
     batch: usize,
     /// First step size.
-    #[arg(long, default_value_t = 0.005)]
+    #[arg(long, default_value_t = 0.008)]
     rate: f32,
     /// Weight decay, beside the step size.
     #[arg(long, default_value_t = 0.01)]
@@ -135,7 +136,7 @@ impl FixationArgs {
         Recipe {
             hidden: self.hidden,
             factors: self.factors,
-            alpha: self.alpha,
+            alpha: self.alpha.unwrap_or(if self.larochelle_hinton { 0.1 } else { 0.003 }),
             gates: match self.gates {
                 GatesName::Linear => Gates::Linear,
                 GatesName::Logistic => Gates::Logistic,

@@ -42,13 +42,29 @@ pub struct Vigilance {
     pub temperature: f64,
     /// Share of N above which the softened weights say that nothing fits; counts as doubt.
     pub flat: f64,
+    /// Frames after the start, believed to be on the target, whose mean evidence lowers what the first frame promised: it
+    /// compares the template with itself and so knows of no noise. 0 to 1000.
+    pub settle: usize,
     #[serde(skip)]
-    watch: Watch,
+    past: Past,
 }
+
+/// What is remembered between frames.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Past {
+    watch: Watch,
+    /// Frames judged since the start, `settle` at most, and the sum of how far their evidence fell short of the promise.
+    settled: usize,
+    shortfall: f64,
+}
+
+/// Share of the way from on to off that settling may go at most: beyond it, on and off could not be told apart.
+const MOST_SHORTFALL: f64 = 0.7;
 
 impl Default for Vigilance {
     fn default() -> Self {
-        Self { memory: 0.3, threshold: 0.6, temperature: 0.25, flat: 0.9, watch: Watch::default() }
+        Self { memory: 0.3, threshold: 0.6, temperature: 0.25, flat: 0.9, settle: 10, past: Past::default() }
     }
 }
 
@@ -65,37 +81,48 @@ impl Vigilance {
                 return Err(Error::Config(format!("vigilance.{name} is a number from 0 to {most}; it is {value}")));
             }
         }
+        if self.settle > 1000 {
+            return Err(Error::Config(format!("vigilance.settle is 0 to 1000 frames; it is {}", self.settle)));
+        }
         Ok(())
     }
 
     /// Forgets the past: the target was just given.
     pub fn reset(&mut self) {
-        self.watch = Watch::default();
+        self.past = Past::default();
     }
 
     /// Judges a frame by the log evidence of `looks` looks, and by the log weights.
     pub fn judge(&mut self, log_evidence: f64, looks: usize, log_weights: &[f64], promise: Promise) -> Watch {
         let evidence = log_evidence / looks.max(1) as f64;
         let gap = (promise.on - promise.off).max(1e-9);
-        let doubt = if evidence.is_finite() { ((promise.on - evidence) / gap).clamp(0.0, 2.0) } else { 2.0 };
+        let short = if evidence.is_finite() { (promise.on - evidence) / gap } else { 2.0 };
+        let m = &mut self.past;
+        if m.settled < self.settle {
+            m.settled += 1;
+            m.shortfall += short.clamp(0.0, MOST_SHORTFALL);
+        }
+        // On the target the evidence is `usual` of the gap below the promise; doubt counts from there.
+        let usual = if m.settled > 0 { m.shortfall / m.settled as f64 } else { 0.0 };
+        let doubt = ((short - usual) / (1.0 - usual)).clamp(0.0, 2.0);
         let tempered_ess = tempered_ess(log_weights, self.temperature);
         let doubt = if tempered_ess > self.flat { doubt.max(1.0) } else { doubt };
-        self.watch.surprise = doubt;
-        self.watch.doubt += self.memory * (doubt - self.watch.doubt);
-        self.watch.tempered_ess = tempered_ess;
-        self.watch.lost = self.watch.doubt > self.threshold;
-        self.watch
+        m.watch.surprise = doubt;
+        m.watch.doubt += self.memory * (doubt - m.watch.doubt);
+        m.watch.tempered_ess = tempered_ess;
+        m.watch.lost = m.watch.doubt > self.threshold;
+        m.watch
     }
 
     /// The state to resume from.
     pub fn save(&self) -> serde_json::Value {
-        serde_json::to_value(self.watch).expect("plain data is JSON")
+        serde_json::to_value(&self.past).expect("plain data is JSON")
     }
 
     /// Takes up what `save` gave.
     pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
-        self.watch = Watch::deserialize(saved)
-            .map_err(|e| Error::Invalid(format!("the saved vigilance cannot be used: {e}")))?;
+        self.past =
+            Past::deserialize(saved).map_err(|e| Error::Invalid(format!("the saved vigilance cannot be used: {e}")))?;
         Ok(())
     }
 }
@@ -129,6 +156,25 @@ mod tests {
         }
         let verdicts: Vec<bool> = (0..10).map(|_| v.judge(-12.0, 1, &peaked, PROMISE).lost).collect();
         assert!(!verdicts[0] && verdicts[9], "one bad frame is not a loss, ten are: {verdicts:?}");
+    }
+
+    /// Noise takes half of what was promised, as it does from frame 2 on: usual after some frames, and a loss is still one.
+    #[test]
+    fn what_is_usual_is_no_loss() {
+        let mut v = Vigilance::default();
+        let peaked = [0.0, -50.0, -50.0, -50.0];
+        for t in 0..40 {
+            let evidence = -7.0 + if t % 2 == 0 { 0.5 } else { -0.5 };
+            assert!(!v.judge(evidence, 1, &peaked, PROMISE).lost, "frame {t}");
+        }
+        let resumed = v.save();
+        let lost =
+            |v: &mut Vigilance| (0..12).map(|_| v.judge(-12.0, 1, &peaked, PROMISE)).last().expect("twelve frames");
+        let verdict = lost(&mut v);
+        assert!(verdict.lost);
+        let mut other = Vigilance::default();
+        other.load(&resumed).expect("it was saved");
+        assert_eq!(lost(&mut other), verdict);
     }
 
     #[test]

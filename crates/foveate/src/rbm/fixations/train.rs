@@ -61,7 +61,7 @@ impl Trainer {
         fill(&mut p.filters, 0.0, (n_v as f32).powf(-0.5));
         match recipe.gates {
             Gates::Linear => fill(&mut p.gates, 1.0, 0.5),
-            Gates::Logistic => fill(&mut p.gates, 0.0, 1.0),
+            Gates::Logistic => fill(&mut p.gates, 0.0, 3.0),
         }
         fill(&mut p.pooling, 0.0, 0.5 * (factors as f32).powf(-0.5));
         fill(&mut p.labels, 0.0, 0.05);
