@@ -60,6 +60,8 @@ fn a_track_says_what_it_follows_and_an_experiment_counts() {
     assert_eq!(said(&again), said(&first), "the same table from the finished runs");
     assert!(String::from_utf8_lossy(&again.stderr).contains("2 runs, 2 of them"));
 
+    let words = track("shipped", &["--recognise"]);
+    assert!(words.contains("Recognised as class ") && read("shipped/boxes.txt") == read("plain/boxes.txt"), "{words}");
     let missing = foveate(dir, &["track", "video", "--recognise", "gone.safetensors"]);
     let words = String::from_utf8_lossy(&missing.stderr).into_owned();
     assert!(!missing.status.success() && words.contains("gone.safetensors"), "{words}");

@@ -32,7 +32,7 @@ pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 pub use policies::PolicyConfig;
 use policies::policy;
 use ranges::{Ranges, in_range};
-pub use recogniser::RecogniserConfig;
+pub use recogniser::{RECOGNISERS, RecogniserConfig};
 
 /// Everything that can be chosen about a tracker.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

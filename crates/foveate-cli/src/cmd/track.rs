@@ -14,6 +14,9 @@ use foveate::{Error, Result, files};
 
 use crate::terminal;
 
+/// The recogniser that ships with the program.
+pub const DIGITS: &str = "builtin:digits";
+
 #[derive(clap::Args)]
 pub struct Args {
     /// A video file, or a folder of images
@@ -50,9 +53,10 @@ pub struct Args {
     /// hindsight: regret.csv, regret.svg and a section of the report. Takes time; the track stays the same
     #[arg(long)]
     regret: bool,
-    /// Say what the target is: a model of `foveate train fixations`. Its class stands in track.csv, trace.jsonl, video and
-    /// report; the track stays the same. It takes the place of the configuration's recogniser
-    #[arg(long, visible_alias = "recognize", value_name = "MODEL")]
+    /// Say what the target is, by a model of `foveate train fixations`; without MODEL, which digit it is. Its class stands
+    /// in track.csv, trace.jsonl, video and report; the track stays the same. It takes the place of the configuration's
+    /// recogniser
+    #[arg(long, visible_alias = "recognize", value_name = "MODEL", num_args = 0..=1, default_missing_value = DIGITS)]
     recognise: Option<String>,
     /// Leave out annotated.mp4
     #[arg(long)]

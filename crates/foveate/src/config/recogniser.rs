@@ -35,8 +35,9 @@ pub enum RecogniserConfig {
     },
 }
 
-/// Recognisers that ship with the program.
-const MODELS: &[(&str, &[u8])] = &[];
+/// Recognisers that ship with the program: names after `builtin:`, and model files.
+pub const RECOGNISERS: &[(&str, &[u8])] =
+    &[("digits", include_bytes!("../../../../models/digits-fixations.safetensors"))];
 
 /// A recogniser read from its file.
 #[derive(Clone)]
@@ -59,7 +60,8 @@ impl RecogniserConfig {
         let Self::MultiFixation { weights, accumulate, policy } = self;
         let ((machine, about), beside) = match weights.strip_prefix("builtin:") {
             Some(name) => {
-                let bytes = MODELS.iter().find(|m| m.0 == name).map(|m| m.1).ok_or_else(|| none_of_that_name(name))?;
+                let bytes =
+                    RECOGNISERS.iter().find(|m| m.0 == name).map(|m| m.1).ok_or_else(|| none_of_that_name(name))?;
                 let (rbm, about) = FixationRbm::from_bytes(bytes, Path::new(weights))?;
                 let temperature = about.temperature.into();
                 ((MultiFixation::new(Arc::new(rbm), None, temperature)?, about), PathBuf::new())
@@ -108,11 +110,10 @@ impl Blueprint {
 }
 
 fn none_of_that_name(name: &str) -> Error {
-    let names: Vec<String> = MODELS.iter().map(|m| format!("builtin:{}", m.0)).collect();
-    let there =
-        if names.is_empty() { "none ships with the program".into() } else { format!("there are {}", names.join(", ")) };
+    let names: Vec<String> = RECOGNISERS.iter().map(|m| format!("builtin:{}", m.0)).collect();
+    let there = names.join(", ");
     Error::Config(format!(
-        "no recogniser is called builtin:{name}; {there}; `foveate train fixations` makes one, to be given by its file's name"
+        "no recogniser is called builtin:{name}; there is {there}; `foveate train fixations` makes others, to be given by its file's name"
     ))
 }
 

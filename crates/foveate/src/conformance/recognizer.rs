@@ -29,13 +29,13 @@ pub fn recognizer(make: &dyn Fn() -> Box<dyn Recognizer>) {
     a.reset();
     let first: Vec<Vec<f64>> = (0..LOOKS).map(|look| say(&mut *a, look)).collect();
     a.reset();
-    for look in 0..LOOKS {
+    for (look, first) in first.iter().enumerate() {
         let text = serde_json::to_string(&a.save()).expect("a JSON value is text");
         let mut b = make();
         say(&mut *b, LOOKS - 1);
         b.load(&serde_json::from_str(&text).expect("what was written can be read")).expect("what was saved fits");
-        assert_eq!(say(&mut *b, look), first[look], "what was loaded must go on as the one that was saved");
-        assert_eq!(say(&mut *a, look), first[look], "the same looks must be recognised as the same");
+        assert_eq!(say(&mut *b, look), *first, "what was loaded must go on as the one that was saved");
+        assert_eq!(say(&mut *a, look), *first, "the same looks must be recognised as the same");
     }
     for rubbish in ["{\"rubbish\": 1}", "[]", "\"a\"", "7", "null"] {
         let rubbish = serde_json::from_str(rubbish).expect("valid JSON");

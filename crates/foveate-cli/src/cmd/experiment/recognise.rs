@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use clap::ValueEnum;
-use foveate::config::{Exp3Config, PolicyConfig, RecogniserConfig};
+use foveate::config::{Exp3Config, PolicyConfig, RECOGNISERS, RecogniserConfig};
 use foveate::eval::experiment::digest;
 use foveate::eval::line_up::policy_name;
 use foveate::eval::recognised::{self, Line, Recognised};
@@ -14,6 +14,7 @@ use foveate::scene::synthetic::{Clutter, Synthetic};
 use foveate::{Error, Result, files};
 use serde_json::json;
 
+use super::super::track::DIGITS;
 use super::clutter::Noise;
 use super::{Common, Entry, Job, Kept, Scenes, Settings, all_runs, digits, entries, jobs};
 
@@ -26,7 +27,7 @@ use super::{Common, Entry, Job, Kept, Scenes, Settings, all_runs, digits, entrie
 #[command(mut_arg("policies", |arg| arg.hide(true)))]
 pub struct Args {
     /// The recogniser: a model of `foveate train fixations`, with ten classes
-    #[arg(long, value_name = "MODEL")]
+    #[arg(long, value_name = "MODEL", default_value = DIGITS)]
     recognise: String,
     /// Where it looks; may be repeated [default: random and circular]
     #[arg(long, value_enum, value_name = "POLICY")]
@@ -89,8 +90,9 @@ impl Args {
     }
     /// A digest of the model's files: runs depend on what is in them.
     fn model(&self) -> Result<String> {
-        if self.recognise.starts_with("builtin:") {
-            return Ok(String::new());
+        if let Some(name) = self.recognise.strip_prefix("builtin:") {
+            let shipped = RECOGNISERS.iter().find(|model| model.0 == name);
+            return Ok(shipped.map(|model| digest(&[model.1])).unwrap_or_default());
         }
         let bytes = std::fs::read(&self.recognise).map_err(Error::io(&self.recognise, "cannot read the model"))?;
         let classifier = std::fs::read(classifier_path(Path::new(&self.recognise))).unwrap_or_default();
