@@ -137,3 +137,24 @@ fn the_curve_is_drawn_and_goes_on_after_a_stop() {
     std::fs::write(&fixed, "particles = 5").expect("a writable folder");
     assert!(!curve(&["-c", "fixed.toml"]).status.success());
 }
+
+#[test]
+fn surfaces_are_drawn_for_policies_that_have_one() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let run = |more: &[&str]| {
+        Command::new(env!("CARGO_BIN_EXE_foveate"))
+            .args(["experiment", "surfaces", "--digits", "3", "--runs", "2", "--frames", "30", "--out", "out"])
+            .args(more)
+            .env("FOVEATE_DATA", "nowhere")
+            .current_dir(dir.path())
+            .output()
+            .expect("the program starts")
+    };
+    assert!(run(&[]).status.success());
+    let text = std::fs::read(dir.path().join("out/surfaces.json")).expect("results");
+    let all: serde_json::Value = serde_json::from_slice(&text).expect("valid JSON");
+    assert_eq!(all["surfaces"][0]["best"].as_array().map(Vec::len), Some(2));
+    assert!(dir.path().join("out/surfaces.png").is_file());
+    let other = run(&["--config", "digits"]);
+    assert!(!other.status.success() && String::from_utf8_lossy(&other.stderr).contains("gp-ucb"));
+}

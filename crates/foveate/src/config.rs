@@ -10,7 +10,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::control::{
-    Autoregressive, Concentration, LogConcentration, Prior, Resampling, Reward, VarianceReduction, Vigilance,
+    Autoregressive, Concentration, LogConcentration, Prior, Resampling, Reward, Search, VarianceReduction, Vigilance,
 };
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;
@@ -76,6 +76,9 @@ pub struct Config {
     /// What the target is called; left out, nobody asks.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub recogniser: Option<RecogniserConfig>,
+    /// How it is looked for then; not at all unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub search: Option<Search>,
 }
 
 /// The transition models there are.
@@ -292,6 +295,7 @@ impl Blueprint {
             reward: reward(c.reward)?,
             resampling: c.resampling,
             vigilance: c.vigilance.clone(),
+            search: c.search.clone(),
             start: c.start,
             recognizer: self.recogniser.as_ref().map(recogniser::Recogniser::recognition).transpose()?,
         };

@@ -2,12 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::control::{Belief, Promise, Proposal, Resampling, Reward, Vigilance, normalize};
+use crate::control::{Belief, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Vigilance, normalize};
 use crate::gaze::{Context, Plan, Policy};
-use crate::geometry::{BBox, Extent, State};
+use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::identity::{Appearance, Percept};
 use crate::recognition::{Recognition, Recognized};
-use crate::rng::Purpose::{Look, Predict, Recognize, Select, Start};
+use crate::rng::Purpose::{self, Look, Predict, Recognize, Select, Start};
 use crate::rng::Streams;
 use crate::scene::{Frame, Scene};
 use crate::start::StartSpread;
@@ -28,6 +28,8 @@ pub struct Parts {
     pub resampling: Resampling,
     /// Says when the target is lost.
     pub vigilance: Vigilance,
+    /// Looks for it then.
+    pub search: Option<Search>,
     /// p(x₀): how far from the given box the first particles are.
     pub start: StartSpread,
     /// p(cₜ | all looks at the estimate): what the target is called. It never changes the track.
@@ -67,6 +69,7 @@ pub(crate) struct Work {
     pub recorded: Vec<f64>,
     pub ancestors: Vec<usize>,
     pub percept: Percept,
+    pub search: Vec<f64>,
 }
 
 impl Tracker {
@@ -178,6 +181,21 @@ impl Tracker {
         }
         for (particle, &ancestor) in particles.iter_mut().zip(&w.ancestors) {
             *particle = w.predicted[ancestor];
+        }
+
+        // Search. A lost target may be anywhere: some particles start again where the picture looks most like it.
+        if let Some(search) = parts.search.as_mut().filter(|search| search.is_due(watch, *frame)) {
+            let places = search.places((image.width(), image.height()), &estimate, target.extent);
+            w.search.resize(places.len(), 0.0);
+            parts.appearance.see(image, places, &[Gaze::CENTRE]);
+            parts.appearance.log_likelihood(places, Gaze::CENTRE, &mut w.search);
+            for _ in 0..REFINEMENTS {
+                let places = search.refine(&w.search);
+                w.search.resize(places.len(), 0.0);
+                parts.appearance.log_likelihood(places, Gaze::CENTRE, &mut w.search);
+            }
+            search.restart(&w.search, promise, target.extent, particles, streams.at(*frame, Purpose::Search));
+            log_carried.fill(-(n as f64).ln());
         }
 
         // For the record: what other gazes would have earned. It comes last, so that nothing above depends on it.

@@ -23,6 +23,7 @@ mod clutter;
 mod hedge_curve;
 mod partial;
 mod recognise;
+mod surfaces;
 
 /// Digits drawn of each class where there is no MNIST.
 const DRAWN: usize = 40;
@@ -43,6 +44,8 @@ enum Kind {
     Partial(partial::Args),
     /// A digit among static ones, tracked and recognised: how many frames have the right decision
     Recognise(recognise::Args),
+    /// Where it learned to look at each digit: the paper's figure of reward surfaces
+    Surfaces(surfaces::Args),
 }
 
 pub fn run(args: Args) -> Result<()> {
@@ -51,6 +54,7 @@ pub fn run(args: Args) -> Result<()> {
         Kind::HedgeCurve(args) => hedge_curve::run(args),
         Kind::Partial(args) => partial::run(args),
         Kind::Recognise(args) => recognise::run(args),
+        Kind::Surfaces(args) => surfaces::run(args),
     }
 }
 
