@@ -86,6 +86,7 @@ fn parts(precision: Precision, rng: &mut Rng) -> Result<Parts> {
         vigilance: Vigilance::default(),
         search: None,
         start: StartSpread { position: 0.0, velocity: 0.0, log_scale: 0.0, angle: 0.0 },
+        recognizer: None,
     })
 }
 

@@ -26,12 +26,14 @@ mod bandits;
 mod identity;
 mod policies;
 mod ranges;
+mod recogniser;
 mod shadow;
 
 pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 pub use policies::PolicyConfig;
 use policies::policy;
 use ranges::{Ranges, in_range};
+pub use recogniser::{RECOGNISERS, RecogniserConfig};
 
 /// Everything that can be chosen about a tracker.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -72,6 +74,9 @@ pub struct Config {
     /// When the target counts as lost.
     #[serde(default, deserialize_with = "in_range")]
     pub vigilance: Vigilance,
+    /// What the target is called; left out, nobody asks.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub recogniser: Option<RecogniserConfig>,
     /// How it is looked for then; not at all unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub search: Option<Search>,
@@ -219,7 +224,8 @@ impl Config {
     pub fn check(self, base: &Path) -> Result<Blueprint> {
         self.ranges()?;
         let (retina, encoder) = self.identity(base)?;
-        let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![] };
+        let recogniser = self.recogniser.as_ref().map(|r| r.read(base)).transpose()?;
+        let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![], recogniser };
         blueprint.tracker(0, 0)?;
         Ok(blueprint)
     }
@@ -232,6 +238,7 @@ pub struct Blueprint {
     retina: Arc<Foveal>,
     encoder: Arc<dyn Encoder>,
     shadow: Vec<crate::geometry::Gaze>,
+    recogniser: Option<recogniser::Recogniser>,
 }
 
 impl Blueprint {
@@ -255,12 +262,13 @@ impl Blueprint {
             vigilance: c.vigilance.clone(),
             search: c.search.clone(),
             start: c.start,
+            recognizer: self.recogniser.as_ref().map(recogniser::Recogniser::recognition).transpose()?,
         };
         Tracker::new(parts, c.particles, seed, target)
     }
     /// The same, with another retina and encoder.
     pub fn with(&self, retina: Arc<Foveal>, encoder: Arc<dyn Encoder>) -> Self {
-        Self { config: self.config.clone(), retina, encoder, shadow: self.shadow.clone() }
+        Self { retina, encoder, ..self.clone() }
     }
     /// What it was made from.
     pub fn config(&self) -> &Config {

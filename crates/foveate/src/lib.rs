@@ -98,6 +98,7 @@ pub mod identity;
 pub mod observe;
 mod quiet;
 pub mod rbm;
+pub mod recognition;
 pub mod rng;
 pub mod rows;
 pub mod run;

@@ -6,7 +6,8 @@ use crate::control::{Belief, Promise, Proposal, REFINEMENTS, Resampling, Reward,
 use crate::gaze::{Context, Plan, Policy};
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::identity::{Appearance, Percept};
-use crate::rng::Purpose::{self, Look, Predict, Select, Start};
+use crate::recognition::{Recognition, Recognized};
+use crate::rng::Purpose::{self, Look, Predict, Recognize, Select, Start};
 use crate::rng::Streams;
 use crate::scene::{Frame, Scene};
 use crate::start::StartSpread;
@@ -31,6 +32,8 @@ pub struct Parts {
     pub search: Option<Search>,
     /// p(x₀): how far from the given box the first particles are.
     pub start: StartSpread,
+    /// p(cₜ | all looks at the estimate): what the target is called. It never changes the track.
+    pub recognizer: Option<Recognition>,
 }
 
 /// One target being followed.
@@ -97,6 +100,7 @@ impl Tracker {
         self.target = Some(Target { state, extent });
         self.parts.appearance.imprint(&frame.image, &state, extent, self.streams);
         self.parts.policy.reset();
+        self.parts.recognizer.iter_mut().for_each(Recognition::reset);
         self.context = Context::default();
         self.parts.vigilance.reset();
         self.parts.proposal.size(extent.mean());
@@ -162,6 +166,9 @@ impl Tracker {
 
         // Recognize: perceive once more, at the estimate.
         parts.appearance.perceive(&estimate, w.plan.chosen(), &mut w.percept);
+        if let Some(recognizer) = &mut parts.recognizer {
+            recognizer.look(image, &estimate, target.extent, context, &mut streams.at(*frame, Recognize).rng(0));
+        }
 
         // Select. Children of heavy particles start the next frame.
         w.ancestors.resize(n, 0);
@@ -201,7 +208,19 @@ impl Tracker {
             }
         }
 
-        Step::of(scene.frame, w, target.extent, estimate, covariance, ess, log_evidence, watch, &*parts.policy)
+        let recognized = parts.recognizer.as_ref().map_or(Recognized::default(), Recognition::recognized);
+        Step::of(
+            scene.frame,
+            w,
+            target.extent,
+            estimate,
+            covariance,
+            ess,
+            log_evidence,
+            watch,
+            &*parts.policy,
+            recognized,
+        )
     }
 
     /// The whole state of the filter in mid-video, to go on from bit for bit with [`Tracker::load`].
@@ -216,6 +235,7 @@ impl Tracker {
             appearance: self.parts.appearance.save(),
             vigilance: self.parts.vigilance.save(),
             context: self.context,
+            recognizer: self.parts.recognizer.as_ref().map(Recognition::save),
         };
         serde_json::to_value(saved).expect("plain data is JSON")
     }
@@ -248,6 +268,11 @@ impl Tracker {
         self.parts.policy.load(&saved.policy)?;
         self.parts.appearance.load(&saved.appearance)?;
         self.parts.vigilance.load(&saved.vigilance)?;
+        match (&mut self.parts.recognizer, &saved.recognizer) {
+            (Some(recognizer), Some(saved)) => recognizer.load(saved)?,
+            (Some(recognizer), None) => recognizer.reset(),
+            (None, _) => (),
+        }
         if let Some(target) = &saved.target {
             self.parts.proposal.size(target.extent.mean());
         }
@@ -292,6 +317,9 @@ struct Saved {
     appearance: serde_json::Value,
     vigilance: serde_json::Value,
     context: Context,
+    /// None of a tracker that did not recognise; one that does begins then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    recognizer: Option<serde_json::Value>,
 }
 
 /// Standard deviation of place in template units; a million stands for what is not finite.

@@ -78,6 +78,7 @@ fn tracker() -> Tracker {
         vigilance: Vigilance::default(),
         search: None,
         start: foveate::start::StartSpread::default(),
+        recognizer: None,
     };
     Tracker::new(parts, 80, 3, 0).expect("some particles")
 }

@@ -44,6 +44,7 @@ impl Ranges for Config {
         self.policy.ranges()?;
         self.reward.ranges()?;
         self.vigilance.ranges()?;
+        self.recogniser.ranges()?;
         self.search.ranges()
     }
 }

@@ -12,6 +12,7 @@ pub mod experiment;
 pub mod learning;
 pub mod line_up;
 pub mod metrics;
+pub mod recognised;
 pub mod regret;
 pub mod reliability;
 pub mod sequence;

@@ -4,6 +4,7 @@
 //! learned without them and a logistic regression reads its hidden units (the paper). Either way log-probabilities are
 //! divided by a temperature that was fitted on held-out digits, so that they mean what they say.
 
+use super::Recognizer;
 use crate::geometry::Gaze;
 use crate::rbm::fixations::{About, FixationRbm, Reading};
 use crate::softmax::{Softmax, normalize};
@@ -112,6 +113,28 @@ impl MultiFixation {
     }
 }
 
+impl Recognizer for MultiFixation {
+    fn classes(&self) -> usize {
+        MultiFixation::classes(self)
+    }
+    fn width(&self) -> usize {
+        MultiFixation::width(self)
+    }
+    fn recognize(&mut self, features: &[f32], gaze: Gaze, log_p: &mut [f64]) {
+        self.look(features, gaze);
+        self.log_probabilities(log_p);
+    }
+    fn reset(&mut self) {
+        self.clear();
+    }
+    fn save(&self) -> Value {
+        MultiFixation::save(self)
+    }
+    fn load(&mut self, saved: &Value) -> Result<()> {
+        self.restore(saved)
+    }
+}
+
 /// Where the classifier of a machine without classes lies: FILE.softmax beside FILE.
 pub fn classifier_path(path: &Path) -> PathBuf {
     let mut name = path.to_path_buf().into_os_string();
@@ -182,6 +205,7 @@ mod tests {
             other.log_probabilities(&mut again);
             assert_eq!(again, log_p);
             assert!(other.restore(&Value::from(3)).is_err());
+            crate::conformance::recognizer(&|| Box::new(recogniser.clone()));
         }
     }
 }
