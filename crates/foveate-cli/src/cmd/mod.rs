@@ -7,3 +7,4 @@ pub mod experiment;
 pub mod synth;
 pub mod track;
 pub mod train;
+pub mod train_fixations;
