@@ -78,8 +78,11 @@ impl Moments {
     }
 }
 
-/// `(frame, id, box)` by frame, else in the order of the file, with ids counted from 0; and how many ids there are.
-fn numbered(what: &str, mut sightings: Vec<&Sighting>) -> Result<(Vec<(usize, usize, BBox)>, usize)> {
+/// Frame, id, box.
+type Numbered = (usize, usize, BBox);
+
+/// Sightings by frame, else in the order of the file, with ids counted from 0; and how many ids there are.
+fn numbered(what: &str, mut sightings: Vec<&Sighting>) -> Result<(Vec<Numbered>, usize)> {
     if let Some(s) = sightings.iter().find(|s| s.id < 0) {
         let (id, frame) = (s.id, s.frame + 1);
         return Err(Error::Invalid(format!("{what}: id {id} in frame {frame}; a track's id is 0 or more")));
