@@ -15,7 +15,9 @@
 //! assert_eq!(foveate_kernels::dot(&[1.0, 2.0], &[3.0, 4.0]), 11.0);
 //! ```
 
+mod adam;
 mod boxes;
+mod classes;
 mod covariance;
 mod ends;
 mod exponential;
@@ -30,7 +32,9 @@ mod triangle;
 mod vector;
 mod wide;
 
+pub use adam::{Adam, adam};
 pub use boxes::{BoxScratch, Pixels, Region, box_means};
+pub use classes::{add_to_both, softplus_sum};
 pub use covariance::{
     Covariance, Points, Posterior, covariances, covariances_with, likelihood_gradient, predict, slopes_times,
 };

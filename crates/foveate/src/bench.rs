@@ -84,7 +84,9 @@ fn parts(precision: Precision, rng: &mut Rng) -> Result<Parts> {
         reward: Box::new(Concentration::new(1.0)?),
         resampling: Resampling::default(),
         vigilance: Vigilance::default(),
+        search: None,
         start: StartSpread { position: 0.0, velocity: 0.0, log_scale: 0.0, angle: 0.0 },
+        recognizer: None,
     })
 }
 

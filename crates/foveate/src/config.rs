@@ -4,33 +4,36 @@
 //! column and what would have been right. Lengths are in template units (1 = half the target's box) a frame, so
 //! that one configuration serves targets of every size.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::control::{
-    Autoregressive, Concentration, LogConcentration, Prior, Resampling, Reward, VarianceReduction, Vigilance,
+    Autoregressive, Concentration, LogConcentration, Prior, Resampling, Reward, Search, VarianceReduction, Vigilance,
 };
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;
-use crate::identity::encoder::{Encoder, Precision, Raw, RbmEncoder};
+use crate::identity::encoder::{Encoder, Precision};
 use crate::identity::gaze_appearance::{GazeAppearance, Sharpness};
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
-use crate::rbm::Rbm;
+use crate::rbm::factored::Units;
 use crate::start::StartSpread;
 use crate::tracker::{Parts, Tracker};
 use crate::{Error, Result};
 
 mod bandits;
+mod identity;
 mod policies;
 mod ranges;
+mod recogniser;
 mod shadow;
 
 pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 pub use policies::PolicyConfig;
 use policies::policy;
 use ranges::{Ranges, in_range};
+pub use recogniser::{RECOGNISERS, RecogniserConfig};
 
 /// Everything that can be chosen about a tracker.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -71,6 +74,12 @@ pub struct Config {
     /// When the target counts as lost.
     #[serde(default, deserialize_with = "in_range")]
     pub vigilance: Vigilance,
+    /// What the target is called; left out, nobody asks.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub recogniser: Option<RecogniserConfig>,
+    /// How it is looked for then; not at all unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub search: Option<Search>,
 }
 
 /// The transition models there are.
@@ -95,6 +104,23 @@ pub enum RetinaConfig {
 pub enum EncoderConfig {
     /// A restricted Boltzmann machine: `weights` is a model file, or `builtin:digits` or `builtin:natural`.
     Rbm {
+        /// The model.
+        weights: String,
+        /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
+        #[serde(default)]
+        precision: Precision,
+    },
+    /// A factored RBM, of covariance and mean units: `weights` is a model file, or `builtin:natural-mcrbm`.
+    Mcrbm {
+        /// The model.
+        weights: String,
+        /// Which of its units are features.
+        #[serde(default)]
+        units: Units,
+    },
+    /// The hidden layer of a denoising autoencoder: `weights` is a model file, or
+    /// `builtin:natural-autoencoder`.
+    Autoencoder {
         /// The model.
         weights: String,
         /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
@@ -198,61 +224,10 @@ impl Config {
     pub fn check(self, base: &Path) -> Result<Blueprint> {
         self.ranges()?;
         let (retina, encoder) = self.identity(base)?;
-        let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![] };
+        let recogniser = self.recogniser.as_ref().map(|r| r.read(base)).transpose()?;
+        let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![], recogniser };
         blueprint.tracker(0, 0)?;
         Ok(blueprint)
-    }
-
-    fn identity(&self, base: &Path) -> Result<(Foveal, Arc<dyn Encoder>)> {
-        let given = self.retina.as_ref().map(|RetinaConfig::Foveal(config)| config.clone());
-        match &self.encoder {
-            EncoderConfig::Raw { standardise } => {
-                let config = given.ok_or_else(|| {
-                    Error::Config("a raw encoder needs a retina; for example [retina] kind = \"foveal\", side = 28, rings = [[8, 1], [16, 2], [24, 4]]".into())
-                })?;
-                let retina = Foveal::new(config)?;
-                let encoder = Raw::new(&channels(&retina), *standardise);
-                Ok((retina, Arc::new(encoder)))
-            }
-            EncoderConfig::Rbm { weights, precision } => {
-                let (rbm, metadata) = load_rbm(weights, base)?;
-                let trained: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| {
-                    Error::malformed(
-                        weights,
-                        format!("its metadata does not describe a retina ({e}); retrain it with `foveate train rbm`"),
-                    )
-                })?;
-                if given.as_ref().is_some_and(|g| *g != trained) {
-                    return Err(Error::Config(format!(
-                        "{weights} was trained with the retina {}, but the configuration asks for another; leave out [retina], or retrain",
-                        metadata.retina
-                    )));
-                }
-                let retina = Foveal::new(trained)?;
-                let encoder = RbmEncoder::new(rbm, &channels(&retina)).rounded(*precision);
-                Ok((retina, Arc::new(encoder)))
-            }
-        }
-    }
-}
-
-fn channels(retina: &Foveal) -> Vec<usize> {
-    retina.cells().iter().map(|c| c.channel).collect()
-}
-
-fn load_rbm(weights: &str, base: &Path) -> Result<(Rbm, crate::rbm::Metadata)> {
-    match weights.strip_prefix("builtin:") {
-        Some(name) => {
-            let bytes = MODELS.iter().find(|m| m.0 == name).map(|m| m.1).ok_or_else(|| {
-                let names: Vec<&str> = MODELS.iter().map(|m| m.0).collect();
-                Error::Config(format!(
-                    "no model is called builtin:{name}; there are builtin:{}",
-                    names.join(", builtin:")
-                ))
-            })?;
-            Rbm::from_bytes(bytes, Path::new(weights))
-        }
-        None => Rbm::load(&base.join(PathBuf::from(weights))),
     }
 }
 
@@ -263,6 +238,7 @@ pub struct Blueprint {
     retina: Arc<Foveal>,
     encoder: Arc<dyn Encoder>,
     shadow: Vec<crate::geometry::Gaze>,
+    recogniser: Option<recogniser::Recogniser>,
 }
 
 impl Blueprint {
@@ -284,13 +260,15 @@ impl Blueprint {
             reward: reward(c.reward)?,
             resampling: c.resampling,
             vigilance: c.vigilance.clone(),
+            search: c.search.clone(),
             start: c.start,
+            recognizer: self.recogniser.as_ref().map(recogniser::Recogniser::recognition).transpose()?,
         };
         Tracker::new(parts, c.particles, seed, target)
     }
     /// The same, with another retina and encoder.
     pub fn with(&self, retina: Arc<Foveal>, encoder: Arc<dyn Encoder>) -> Self {
-        Self { config: self.config.clone(), retina, encoder, shadow: self.shadow.clone() }
+        Self { retina, encoder, ..self.clone() }
     }
     /// What it was made from.
     pub fn config(&self) -> &Config {
@@ -332,10 +310,6 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("authors", include_str!("../../../configs/authors.toml")),
     ("natural", include_str!("../../../configs/natural.toml")),
     ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),
-];
-
-/// Models that ship with the program.
-const MODELS: &[(&str, &[u8])] = &[
-    ("digits", include_bytes!("../../../models/digits.safetensors")),
-    ("natural", include_bytes!("../../../models/natural.safetensors")),
+    ("natural-mcrbm", include_str!("../../../configs/natural-mcrbm.toml")),
+    ("natural-autoencoder", include_str!("../../../configs/natural-autoencoder.toml")),
 ];

@@ -17,6 +17,9 @@ use crate::scene::{Frame, Image, Scene};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
+mod recognizer;
+pub use self::recognizer::recognizer;
+
 /// Randomness for checks: any fixed name will do.
 fn checks() -> Streams {
     Streams::new(0, 0).at(0, Purpose::Scene)

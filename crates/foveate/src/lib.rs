@@ -25,6 +25,9 @@
 //! | vₜ, the foveated glimpse | [`identity::Retina`]: [`identity::Foveal`], on a [`identity::Pyramid`] |
 //! | hₜ, first-layer features | [`identity::Encoder`]: [`identity::encoder::RbmEncoder`], [`identity::encoder::Raw`] |
 //! | the RBM and its training | [`rbm::Rbm`], [`rbm::Trainer`]; what it learns from, [`training`] |
+//! | h⁽²⁾ₜ, zₜ: the multi-fixation RBM (section 2.2) | [`rbm::fixations::FixationRbm`], [`rbm::fixations::Trainer`]; what it learns from, [`training::sequences`] |
+//! | p(cₜ \| h⁽²⁾ₜ) | [`softmax::Softmax`]; both on the last Δ looks: [`identity::MultiFixation`] |
+//! | where to look for the class (future work in section 2.2) | [`rbm::fixations::Controller`] |
 //! | d(h, τ) | [`identity::Distance`]: [`identity::distance::Kind`] |
 //! | p(hₜ \| xₜ, aₜ) | [`identity::Appearance`]: [`identity::GazeAppearance`] |
 //! | p(xₜ \| xₜ₋₁), q | [`control::Dynamics`]: [`control::Autoregressive`]; [`control::Proposal`]: [`control::Prior`] |
@@ -80,6 +83,7 @@
 //! every trait has its laws ([`conformance`]). The same seed gives the same track, for any number of threads ([`rng`]).
 #![forbid(unsafe_code)]
 
+pub mod autoencoder;
 pub mod bench;
 pub mod config;
 pub mod conformance;
@@ -94,10 +98,12 @@ pub mod identity;
 pub mod observe;
 mod quiet;
 pub mod rbm;
+pub mod recognition;
 pub mod rng;
 pub mod rows;
 pub mod run;
 pub mod scene;
+pub mod softmax;
 pub mod start;
 pub mod step;
 pub mod tracker;

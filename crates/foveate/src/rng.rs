@@ -30,6 +30,8 @@ pub enum Purpose {
     Scene = 7,
     /// Training: initial weights, shuffles, Gibbs chains.
     Train = 8,
+    /// Where a lost target's particles start again.
+    Search = 9,
 }
 
 /// A family of independent random streams with one name.

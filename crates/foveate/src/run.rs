@@ -39,6 +39,8 @@ pub struct Outcome {
     pub seconds: Vec<f64>,
     /// The target's box in every frame.
     pub boxes: Vec<BBox>,
+    /// The likeliest class after the last frame, and its probability; `None` without a recogniser.
+    pub class: Option<(usize, f64)>,
     /// Whether it was asked to stop before the source ended.
     pub stopped: bool,
 }
@@ -101,6 +103,7 @@ fn each_frame(
             outcome.spend(began.elapsed(), &follow.clock);
             outcome.boxes.push(step.bbox());
             outcome.lost += usize::from(step.lost());
+            outcome.class = step.class();
             observer.observe(&step)?;
         }
         outcome.frames += 1;

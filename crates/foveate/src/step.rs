@@ -4,6 +4,8 @@ use crate::control::{Belief, Watch};
 use crate::gaze::{Plan, Policy, Portrait};
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::identity::Percept;
+use crate::identity::accumulate::likeliest;
+use crate::recognition::Recognized;
 use crate::scene::Frame;
 use crate::tracker::Work;
 
@@ -39,6 +41,12 @@ pub struct Step<'a> {
     pub ancestors: &'a [usize],
     /// What was seen at the estimate.
     pub percept: &'a Percept,
+    /// p(c | all frames so far), one a class; empty without a recogniser.
+    pub classes: &'a [f64],
+    /// p(c | the last few looks): this frame's own decision.
+    pub own_classes: &'a [f64],
+    /// Where the recogniser looked.
+    pub recognition_gazes: &'a [Gaze],
     /// What the policy has learned.
     pub portrait: Portrait<'a>,
 }
@@ -55,6 +63,7 @@ impl<'a> Step<'a> {
         log_evidence: f64,
         watch: Watch,
         policy: &'a dyn Policy,
+        recognized: Recognized<'a>,
     ) -> Self {
         Self {
             frame,
@@ -72,6 +81,9 @@ impl<'a> Step<'a> {
             gaze_evidence: &w.log_evidence,
             ancestors: &w.ancestors,
             percept: &w.percept,
+            classes: recognized.classes,
+            own_classes: recognized.own,
+            recognition_gazes: recognized.gazes,
             portrait: policy.portrait(),
         }
     }
@@ -94,4 +106,17 @@ impl<'a> Step<'a> {
     pub fn lost(&self) -> bool {
         self.watch.lost
     }
+    /// The likeliest class over all frames so far, and its probability; `None` without a recogniser.
+    pub fn class(&self) -> Option<(usize, f64)> {
+        best(self.classes)
+    }
+    /// The likeliest class by this frame's own decision, and its probability.
+    pub fn own_class(&self) -> Option<(usize, f64)> {
+        best(self.own_classes)
+    }
+}
+
+fn best(probabilities: &[f64]) -> Option<(usize, f64)> {
+    let class = likeliest(probabilities);
+    probabilities.get(class).map(|p| (class, *p))
 }

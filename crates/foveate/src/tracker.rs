@@ -2,11 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::control::{Belief, Promise, Proposal, Resampling, Reward, Vigilance, normalize};
+use crate::control::{Belief, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Vigilance, normalize};
 use crate::gaze::{Context, Plan, Policy};
-use crate::geometry::{BBox, Extent, State};
+use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::identity::{Appearance, Percept};
-use crate::rng::Purpose::{Look, Predict, Select, Start};
+use crate::recognition::{Recognition, Recognized};
+use crate::rng::Purpose::{self, Look, Predict, Recognize, Select, Start};
 use crate::rng::Streams;
 use crate::scene::{Frame, Scene};
 use crate::start::StartSpread;
@@ -27,8 +28,12 @@ pub struct Parts {
     pub resampling: Resampling,
     /// Says when the target is lost.
     pub vigilance: Vigilance,
+    /// Looks for it then.
+    pub search: Option<Search>,
     /// p(x₀): how far from the given box the first particles are.
     pub start: StartSpread,
+    /// p(cₜ | all looks at the estimate): what the target is called. It never changes the track.
+    pub recognizer: Option<Recognition>,
 }
 
 /// One target being followed.
@@ -64,6 +69,7 @@ pub(crate) struct Work {
     pub recorded: Vec<f64>,
     pub ancestors: Vec<usize>,
     pub percept: Percept,
+    pub search: Vec<f64>,
 }
 
 impl Tracker {
@@ -94,6 +100,7 @@ impl Tracker {
         self.target = Some(Target { state, extent });
         self.parts.appearance.imprint(&frame.image, &state, extent, self.streams);
         self.parts.policy.reset();
+        self.parts.recognizer.iter_mut().for_each(Recognition::reset);
         self.context = Context::default();
         self.parts.vigilance.reset();
         self.parts.proposal.size(extent.mean());
@@ -159,6 +166,9 @@ impl Tracker {
 
         // Recognize: perceive once more, at the estimate.
         parts.appearance.perceive(&estimate, w.plan.chosen(), &mut w.percept);
+        if let Some(recognizer) = &mut parts.recognizer {
+            recognizer.look(image, &estimate, target.extent, context, &mut streams.at(*frame, Recognize).rng(0));
+        }
 
         // Select. Children of heavy particles start the next frame.
         w.ancestors.resize(n, 0);
@@ -173,6 +183,21 @@ impl Tracker {
             *particle = w.predicted[ancestor];
         }
 
+        // Search. A lost target may be anywhere: some particles start again where the picture looks most like it.
+        if let Some(search) = parts.search.as_mut().filter(|search| search.is_due(watch, *frame)) {
+            let places = search.places((image.width(), image.height()), &estimate, target.extent);
+            w.search.resize(places.len(), 0.0);
+            parts.appearance.see(image, places, &[Gaze::CENTRE]);
+            parts.appearance.log_likelihood(places, Gaze::CENTRE, &mut w.search);
+            for _ in 0..REFINEMENTS {
+                let places = search.refine(&w.search);
+                w.search.resize(places.len(), 0.0);
+                parts.appearance.log_likelihood(places, Gaze::CENTRE, &mut w.search);
+            }
+            search.restart(&w.search, promise, target.extent, particles, streams.at(*frame, Purpose::Search));
+            log_carried.fill(-(n as f64).ln());
+        }
+
         // For the record: what other gazes would have earned. It comes last, so that nothing above depends on it.
         w.recorded.clear();
         if !w.plan.recorded().is_empty() {
@@ -183,7 +208,19 @@ impl Tracker {
             }
         }
 
-        Step::of(scene.frame, w, target.extent, estimate, covariance, ess, log_evidence, watch, &*parts.policy)
+        let recognized = parts.recognizer.as_ref().map_or(Recognized::default(), Recognition::recognized);
+        Step::of(
+            scene.frame,
+            w,
+            target.extent,
+            estimate,
+            covariance,
+            ess,
+            log_evidence,
+            watch,
+            &*parts.policy,
+            recognized,
+        )
     }
 
     /// The whole state of the filter in mid-video, to go on from bit for bit with [`Tracker::load`].
@@ -198,6 +235,7 @@ impl Tracker {
             appearance: self.parts.appearance.save(),
             vigilance: self.parts.vigilance.save(),
             context: self.context,
+            recognizer: self.parts.recognizer.as_ref().map(Recognition::save),
         };
         serde_json::to_value(saved).expect("plain data is JSON")
     }
@@ -230,6 +268,11 @@ impl Tracker {
         self.parts.policy.load(&saved.policy)?;
         self.parts.appearance.load(&saved.appearance)?;
         self.parts.vigilance.load(&saved.vigilance)?;
+        match (&mut self.parts.recognizer, &saved.recognizer) {
+            (Some(recognizer), Some(saved)) => recognizer.load(saved)?,
+            (Some(recognizer), None) => recognizer.reset(),
+            (None, _) => (),
+        }
         if let Some(target) = &saved.target {
             self.parts.proposal.size(target.extent.mean());
         }
@@ -274,6 +317,9 @@ struct Saved {
     appearance: serde_json::Value,
     vigilance: serde_json::Value,
     context: Context,
+    /// None of a tracker that did not recognise; one that does begins then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    recognizer: Option<serde_json::Value>,
 }
 
 /// Standard deviation of place in template units; a million stands for what is not finite.

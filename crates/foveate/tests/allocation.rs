@@ -5,7 +5,7 @@ mod common;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use common::{INIT, POLICIES, blueprint, frame};
+use common::{INIT, POLICIES, blueprint, frame, random_recogniser, recognising};
 use foveate::config::Blueprint;
 use foveate::scene::{Frame, Image, Scene};
 
@@ -72,6 +72,20 @@ fn a_step_allocates_nothing() {
                     let what = format!("{policy}, rbm {rbm}, resampling below {below}, {planes} planes");
                     assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{what}: {counts:?}");
                 }
+            }
+        }
+    });
+}
+
+#[test]
+fn recognition_allocates_nothing() {
+    let (frames, (_folder, model)) = ((0..FRAMES).map(|i| frame(i, 1)).collect::<Vec<_>>(), random_recogniser());
+    alone(|| {
+        for looking in ["", "{ kind = \"anchor\", policy = { kind = \"exp3\", gamma = 0.3 } }"] {
+            for rule in ["\"sum\"", "\"count\""] {
+                let blueprint = recognising(&blueprint(POLICIES[3], false, 0.5, false, 100), &model, rule, looking);
+                let counts = counts(&blueprint, &frames);
+                assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{looking} {rule}: {counts:?}");
             }
         }
     });

@@ -86,6 +86,7 @@ fn every_implementation_calls_its_law() {
             ("Distance", "distance"),
             ("Appearance", "appearance"),
             ("Detector", "detector"),
+            ("Recognizer", "recognizer"),
         ] {
             for line in text.lines().filter(|line| line.starts_with(&format!("impl {name} for "))) {
                 let who = line[format!("impl {name} for ").len()..].trim_end_matches([' ', '{']);

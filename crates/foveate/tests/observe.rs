@@ -118,6 +118,7 @@ fn boxes_and_table_read_back() {
         }
         assert_eq!(bits("gaze_u"), u.to_bits());
         assert_eq!(got[column("class")], None, "empty without a recogniser");
+        assert_eq!(got[column("class_probability")], None);
     }
 }
 

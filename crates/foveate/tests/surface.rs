@@ -76,7 +76,9 @@ fn tracker() -> Tracker {
         reward: Box::new(VarianceReduction::new(0.3).expect("a temperature")),
         resampling: Resampling::default(),
         vigilance: Vigilance::default(),
+        search: None,
         start: foveate::start::StartSpread::default(),
+        recognizer: None,
     };
     Tracker::new(parts, 80, 3, 0).expect("some particles")
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use foveate::config::{BUILTIN, Blueprint, Config};
+use foveate::config::{BUILTIN, Blueprint, Config, RecogniserConfig};
 use foveate::eval::line_up;
 use foveate::geometry::BBox;
 use foveate::observe::{
@@ -13,6 +13,9 @@ use foveate::scene::{SourceInfo, ahead, annotation, motion, open};
 use foveate::{Error, Result, files};
 
 use crate::terminal;
+
+/// The recogniser that ships with the program.
+pub const DIGITS: &str = "builtin:digits";
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -51,6 +54,11 @@ pub struct Args {
     /// hindsight: regret.csv, regret.svg and a section of the report. Takes time; the track stays the same
     #[arg(long)]
     regret: bool,
+    /// Say what the target is, by a model of `foveate train fixations`; without MODEL, which digit it is. Its class stands
+    /// in track.csv, trace.jsonl, video and report; the track stays the same. It takes the place of the configuration's
+    /// recogniser
+    #[arg(long, visible_alias = "recognize", value_name = "MODEL", num_args = 0..=1, default_missing_value = DIGITS)]
+    recognise: Option<String>,
     /// Leave out annotated.mp4
     #[arg(long)]
     no_video: bool,
@@ -172,6 +180,9 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
 pub fn run(args: Args) -> Result<()> {
     let name = args.config.as_deref().unwrap_or("natural");
     let mut blueprint = blueprint(name)?;
+    if let Some(model) = &args.recognise {
+        blueprint = blueprint.recognising(RecogniserConfig::multi_fixation(model), Path::new("."))?;
+    }
     let shadow = if args.regret { line_up::rivals(&blueprint.config().policy).gazes() } else { vec![] };
     blueprint = blueprint.shadowing(shadow.clone());
     let seed = args.seed.unwrap_or(blueprint.config().seed);
@@ -289,6 +300,7 @@ fn report(args: &Args, outcome: &Outcome, seed: u64, outputs: Vec<PathBuf>, resu
             fps,
             lost_frames: outcome.lost,
             bbox,
+            class: outcome.class,
             seed,
             outputs,
             error: result.as_ref().err().map(ToString::to_string),
@@ -300,6 +312,9 @@ fn report(args: &Args, outcome: &Outcome, seed: u64, outputs: Vec<PathBuf>, resu
     println!("{} frames tracked, {lost}; {fps:.0} frames a second in the tracker.", outcome.frames);
     if let Some(b) = bbox {
         println!("Last box: {:.1},{:.1},{:.1},{:.1} (x,y,w,h, counted from 1).", b.x + 1.0, b.y + 1.0, b.w, b.h);
+    }
+    if let Some((class, p)) = outcome.class {
+        println!("Recognised as class {class}, with probability {p:.3}.");
     }
     let names: Vec<String> = outputs.iter().filter_map(|o| o.file_name()).map(|n| n.to_string_lossy().into()).collect();
     println!("{}: {}", args.out.display(), names.join(", "));

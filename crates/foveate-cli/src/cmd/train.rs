@@ -1,8 +1,6 @@
-//! `foveate train rbm`: learns the features of the identity pathway from glimpses.
+//! `foveate train`: learns the features of the identity pathway from glimpses; here RBMs, in the folder the others.
 
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::path::PathBuf;
 
 use clap::{Subcommand, ValueEnum};
 use foveate::identity::retina::{Foveal, FovealConfig, Retina};
@@ -12,12 +10,13 @@ use foveate::rbm::{Metadata, Negative, Rbm, Recipe, Sparsity, Trainer, Visible};
 use foveate::rows::Rows;
 use foveate::training::{self, Source, filters};
 use foveate::{Error, Result};
-use indicatif::{ProgressBar, ProgressStyle};
+
+mod autoencoder;
+mod common;
+mod mcrbm;
 
 /// Rows that are monitored after every epoch, of those learned from and of those held out.
 const MONITORED: usize = 500;
-/// A checkpoint is written after every epoch, and within one when this has passed.
-const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(10);
 
 /// Learn a model.
 #[derive(clap::Args)]
@@ -29,6 +28,9 @@ pub struct Args {
 #[derive(Subcommand)]
 enum What {
     Rbm(Box<RbmArgs>),
+    Fixations(Box<super::train_fixations::FixationArgs>),
+    Mcrbm(Box<mcrbm::Args>),
+    Autoencoder(Box<autoencoder::Args>),
 }
 
 /// Learn a restricted Boltzmann machine from glimpses.
@@ -148,16 +150,15 @@ fn ring(text: &str) -> std::result::Result<[usize; 2], String> {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<()> {
-    let What::Rbm(args) = args.what;
-    let threads = rayon::ThreadPoolBuilder::new().num_threads(args.threads.unwrap_or(0)).build();
-    let pool = threads.map_err(|e| Error::Config(format!("--threads: {e}")))?;
-    // Asked before the work, not after it.
-    for path in [&args.out, &args.filters_path()] {
-        if path.parent().is_some_and(|dir| !dir.as_os_str().is_empty() && !dir.is_dir()) {
-            return Err(Error::Config(format!("{}: its folder does not exist", path.display())));
+    match args.what {
+        What::Rbm(args) => {
+            let pool = common::pool(args.threads, &[&args.out, &args.filters_path()])?;
+            pool.install(|| train(&args))
         }
+        What::Fixations(args) => super::train_fixations::run(&args),
+        What::Mcrbm(args) => mcrbm::run(&args),
+        What::Autoencoder(args) => autoencoder::run(&args),
     }
-    pool.install(|| train(&args))
 }
 
 impl RbmArgs {
@@ -257,7 +258,7 @@ fn train(args: &RbmArgs) -> Result<()> {
     let mut checkpoint = args.out.clone().into_os_string();
     checkpoint.push(".checkpoint");
     let checkpoint = PathBuf::from(checkpoint);
-    let mut trainer = if checkpoint.exists() && !args.restart {
+    let trainer = if checkpoint.exists() && !args.restart {
         let trainer = Trainer::resume(&checkpoint, recipe.clone(), rows, &sha256)?;
         let (epoch, batch) = trainer.progress();
         println!("going on from {}: epoch {}, batch {batch}", checkpoint.display(), epoch + 1);
@@ -265,11 +266,9 @@ fn train(args: &RbmArgs) -> Result<()> {
     } else {
         Trainer::new(recipe.clone(), rows)?
     };
-    if !epochs(&mut trainer, rows, held, &checkpoint, &sha256)? {
-        let (epoch, batch) = trainer.progress();
-        println!("stopped in epoch {}, after batch {batch}; the same command goes on from there", epoch + 1);
-        std::process::exit(130);
-    }
+    let mut training = RbmTraining { trainer, rows, held, checkpoint, sha256 };
+    common::train(&mut training)?;
+    let RbmTraining { trainer, checkpoint, .. } = training;
 
     let rbm = trainer.learned();
     let metadata = Metadata {
@@ -281,7 +280,7 @@ fn train(args: &RbmArgs) -> Result<()> {
         epochs: recipe.epochs,
     };
     rbm.save(&args.out, &metadata)?;
-    foveate::scene::save_png(args.filters_path(), &filters::picture(&rbm, retina.cells(), 400)?)?;
+    foveate::scene::save_png(args.filters_path(), &filters::picture(rbm.weights(), retina.cells(), 400)?)?;
     if args.ais {
         print_likelihood(&rbm, rows, held, args.seed)?;
     }
@@ -290,49 +289,33 @@ fn train(args: &RbmArgs) -> Result<()> {
     Ok(())
 }
 
-/// Trains to the end, or until Ctrl-C: then the checkpoint is written and the answer is false.
-fn epochs(trainer: &mut Trainer, rows: Rows<'_>, held: Rows<'_>, checkpoint: &Path, sha256: &str) -> Result<bool> {
-    static STOP: AtomicBool = AtomicBool::new(false);
-    // A second Ctrl-C does not wait for the batch.
-    let handler = || {
-        if STOP.swap(true, Ordering::SeqCst) {
-            std::process::exit(130);
-        }
-    };
-    ctrlc::set_handler(handler).map_err(|e| Error::Invalid(format!("cannot listen for Ctrl-C: {e}")))?;
+struct RbmTraining<'a> {
+    trainer: Trainer,
+    rows: Rows<'a>,
+    held: Rows<'a>,
+    checkpoint: PathBuf,
+    sha256: String,
+}
 
-    let (epochs, batches) = (trainer.recipe().epochs, trainer.batches(rows.len()));
-    let bar = ProgressBar::new((epochs * batches) as u64);
-    let style =
-        ProgressStyle::with_template("{wide_bar} {percent}% of the batches, {eta} left").expect("a fixed template");
-    bar.set_style(style);
-    let monitored = |rows: Rows<'_>| rows.data().len().min(MONITORED * rows.width());
-    let sample = Rows::new(&rows.data()[..monitored(rows)], rows.width());
-    let held_sample = Rows::new(&held.data()[..monitored(held)], held.width());
-    let (mut begun, mut saved) = (Instant::now(), Instant::now());
-    while !trainer.is_done() {
-        trainer.step(rows);
-        let (epoch, batch) = trainer.progress();
-        bar.set_position((epoch * batches + batch) as u64);
-        let stop = STOP.load(Ordering::SeqCst);
-        if batch == 0 || stop || saved.elapsed() > BETWEEN_CHECKPOINTS {
-            trainer.save(checkpoint, sha256)?;
-            saved = Instant::now();
-        }
-        if batch == 0 {
-            let learned = trainer.learned();
-            let line = epoch_line(&Fit::of(&learned, sample), &Fit::of(&learned, held_sample));
-            let seconds = begun.elapsed().as_secs_f64();
-            bar.suspend(|| println!("epoch {epoch}/{epochs}  {line}  {seconds:.1} s"));
-            begun = Instant::now();
-        }
-        if stop {
-            bar.finish_and_clear();
-            return Ok(false);
-        }
+impl common::Training for RbmTraining<'_> {
+    fn step(&mut self) {
+        self.trainer.step(self.rows);
     }
-    bar.finish_and_clear();
-    Ok(true)
+    fn progress(&self) -> (usize, usize) {
+        self.trainer.progress()
+    }
+    fn whole(&self) -> (usize, usize) {
+        (self.trainer.recipe().epochs, self.trainer.batches(self.rows.len()))
+    }
+    fn save(&self) -> Result<()> {
+        self.trainer.save(&self.checkpoint, &self.sha256)
+    }
+    fn line(&self) -> String {
+        let learned = self.trainer.learned();
+        let some = |rows: Rows<'_>| rows.data().len().min(MONITORED * rows.width());
+        let fit = |rows: Rows<'_>| Fit::of(&learned, Rows::new(&rows.data()[..some(rows)], rows.width()));
+        epoch_line(&fit(self.rows), &fit(self.held))
+    }
 }
 
 /// Learned from, then held out in brackets.

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Deserializer};
 
 use super::{Config, DynamicsConfig, LikelihoodConfig, PolicyConfig, RetinaConfig, RewardConfig};
-use crate::control::{Resampling, Vigilance};
+use crate::control::{Resampling, Search, Vigilance};
 use crate::identity::distance::Kind;
 use crate::identity::retina::Foveal;
 use crate::start::StartSpread;
@@ -43,7 +43,9 @@ impl Ranges for Config {
         self.likelihood.ranges()?;
         self.policy.ranges()?;
         self.reward.ranges()?;
-        self.vigilance.ranges()
+        self.vigilance.ranges()?;
+        self.recogniser.ranges()?;
+        self.search.ranges()
     }
 }
 
@@ -62,6 +64,12 @@ impl Ranges for StartSpread {
 impl Ranges for Vigilance {
     fn ranges(&self) -> Result<()> {
         self.check()
+    }
+}
+
+impl Ranges for Option<Search> {
+    fn ranges(&self) -> Result<()> {
+        self.as_ref().map_or(Ok(()), Search::check)
     }
 }
 

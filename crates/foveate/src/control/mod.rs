@@ -8,12 +8,14 @@ mod dynamics;
 mod proposal;
 mod resampling;
 mod reward;
+mod search;
 mod vigilance;
 
 pub use self::dynamics::{Autoregressive, Dynamics};
 pub use self::proposal::{CHUNK, Prior, Proposal};
 pub use self::resampling::{Resampling, Scheme};
 pub use self::reward::{Concentration, LogConcentration, Reward, VarianceReduction};
+pub use self::search::{REFINEMENTS, Search};
 pub use self::vigilance::{Promise, Vigilance, Watch};
 
 use crate::geometry::State;

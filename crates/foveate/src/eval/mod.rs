@@ -12,7 +12,9 @@ pub mod experiment;
 pub mod learning;
 pub mod line_up;
 pub mod metrics;
+pub mod recognised;
 pub mod regret;
+pub mod reliability;
 pub mod sequence;
 pub mod table;
 
@@ -20,4 +22,5 @@ pub use centres::{CentreScore, CentreSummary, score_centres};
 pub use compare::{Evaluation, Row, TrackRun, run_all, score_folder};
 pub use curves::Curves;
 pub use metrics::{Score, score};
+pub use reliability::Reliability;
 pub use sequence::{Sequence, find_sequences};

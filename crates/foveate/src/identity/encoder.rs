@@ -118,7 +118,7 @@ impl Encoder for RbmEncoder {
 }
 
 /// Runs of equal channel.
-fn groups(channels: &[usize]) -> Vec<std::ops::Range<usize>> {
+pub(super) fn groups(channels: &[usize]) -> Vec<std::ops::Range<usize>> {
     let mut groups: Vec<std::ops::Range<usize>> = vec![];
     for (i, channel) in channels.iter().enumerate() {
         match groups.last_mut() {

@@ -4,16 +4,20 @@
 //! first frame, explains what is seen at a state: log p(hₜ | xₜ, aₜ) = −sharpness · d(h(xₜ, aₜ), h(x₁, aₜ))
 //! (section 3.1 of the paper).
 
+pub mod accumulate;
 pub mod calibrate;
 pub mod distance;
 pub mod encoder;
+pub mod factored;
 pub mod gaze_appearance;
+pub mod multi_fixation;
 pub mod pyramid;
 pub mod retina;
 
 pub use distance::Distance;
 pub use encoder::Encoder;
 pub use gaze_appearance::GazeAppearance;
+pub use multi_fixation::MultiFixation;
 pub use pyramid::Pyramid;
 pub use retina::{Foveal, Retina};
 
@@ -63,5 +67,24 @@ pub trait Appearance: Send {
     /// Everything `imprint` learned, to resume from.
     fn save(&self) -> serde_json::Value;
     /// Takes up what `save` gave.
+    fn load(&mut self, saved: &serde_json::Value) -> Result<()>;
+}
+
+/// What is it called? From looks at the target to the probabilities of classes (section 2.2).
+///
+/// It remembers a few looks, and what it says must depend on these alone. It takes any gaze: continuous policies can
+/// recognise too. `conformance::recognizer` is its law.
+pub trait Recognizer: Send {
+    /// n_c, at least 2.
+    fn classes(&self) -> usize;
+    /// Length of the features it reads.
+    fn width(&self) -> usize;
+    /// Takes in one look more, and writes log p(c | the looks it remembers), nats, one a class.
+    fn recognize(&mut self, features: &[f32], gaze: Gaze, log_p: &mut [f64]);
+    /// Forgets all looks.
+    fn reset(&mut self);
+    /// The looks it remembers.
+    fn save(&self) -> serde_json::Value;
+    /// Takes up what `save` gave. Fails where it does not fit.
     fn load(&mut self, saved: &serde_json::Value) -> Result<()>;
 }

@@ -111,6 +111,7 @@ impl Annotator {
         let colour = if step.lost() { LOST } else { TARGET };
         outline(&mut page, view, &step.estimate, step.extent, Gaze::CENTRE, 1.0, 2.0, colour);
         self.fixation(&mut page, view, step);
+        label(&mut page, view, step);
         if step.lost() {
             banner(&mut page, view, step.frame, "believed lost", [190, 74, 0]);
         }
@@ -293,6 +294,16 @@ fn dashed(page: &mut Drawing, view: View, b: &BBox) {
             page.line(&[at(i), at(i + 1)], 1.6 * view.bold, TRUTH, 1.0);
         }
     }
+}
+
+/// What the target is called, above its box, or below where there is no room.
+fn label(page: &mut Drawing, view: View, step: &Step<'_>) {
+    let Some((class, p)) = step.class() else { return };
+    let (text, size, b) = (format!("{class}  {:.0} %", 100.0 * p), 9.0 * view.bold, step.bbox());
+    let (x, top) = view.at((b.x, b.y));
+    let y = if top >= 2.4 * size { top - 2.2 * size } else { view.at((b.x, b.y + b.h)).1 + 0.8 * size };
+    page.fill(x - 0.4 * size, y - 0.4 * size, text_width(&text, size) + 0.8 * size, 1.8 * size, BLACK, 0.55);
+    page.text((x, y), &text, size, INK);
 }
 
 fn banner(page: &mut Drawing, view: View, frame: &Frame, text: &str, ground: Colour) {

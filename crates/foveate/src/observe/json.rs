@@ -21,6 +21,9 @@ pub struct Summary {
     pub lost_frames: usize,
     /// The last box, counted from 0, in pixels; `null` without any frame.
     pub bbox: Option<BBox>,
+    /// The likeliest class over all frames, counted from 0, and its probability; left out without a recogniser.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub class: Option<(usize, f64)>,
     /// The seed in force.
     pub seed: u64,
     /// Files written.

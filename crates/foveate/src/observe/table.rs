@@ -49,7 +49,8 @@ const STATE: [&str; 6] = ["x", "y", "vx", "vy", "log_scale", "angle"];
 ///   `sd_x,sd_y`: position uncertainty in pixels;
 /// - `ess`: effective sample size; `log_evidence` in nats; `doubt`; `lost`: 1 if believed lost, else 0;
 /// - `gaze_u,gaze_v`: the chosen gaze in template units; `reward`: what it earned; `distance` of what was seen there to
-///   the template; `class`: empty without a recogniser.
+///   the template; `class`, counted from 0, and `class_probability`: the likeliest over all frames so far; empty without a
+///   recogniser.
 ///
 /// Where the box was given instead of tracked, all from `cov_x_x` on is empty. Numbers read back bit for bit.
 #[derive(Debug)]
@@ -81,8 +82,8 @@ impl Table {
     }
 }
 
-/// Columns that a tracked frame has and a given one has not: covariance and the eleven after it.
-const TRACKED: usize = 21 + 11;
+/// Columns that a tracked frame has and a given one has not: covariance and the twelve after it.
+const TRACKED: usize = 21 + 12;
 
 fn header() -> String {
     let mut names: Vec<String> = ["frame", "time", "left", "top", "width", "height"].map(String::from).to_vec();
@@ -90,7 +91,7 @@ fn header() -> String {
     for (i, a) in STATE.iter().enumerate() {
         names.extend(STATE[i..].iter().map(|b| format!("cov_{a}_{b}")));
     }
-    let rest = "sd_x,sd_y,ess,log_evidence,doubt,lost,gaze_u,gaze_v,reward,distance,class";
+    let rest = "sd_x,sd_y,ess,log_evidence,doubt,lost,gaze_u,gaze_v,reward,distance,class,class_probability";
     format!("{},{rest}\n", names.join(","))
 }
 
@@ -109,7 +110,8 @@ impl Observer for Table {
         rest.extend([c[0][0].sqrt(), c[1][1].sqrt(), step.ess, step.log_evidence, step.watch.doubt]);
         rest.extend([f64::from(u8::from(step.lost())), gaze.u, gaze.v]);
         rest.extend([step.rewards[step.plan.chosen_index()], step.percept.distance]);
-        self.put(step.frame, &step.bbox(), &step.estimate, &rest, 1)
+        rest.extend(step.class().into_iter().flat_map(|(class, p)| [class as f64, p]));
+        self.put(step.frame, &step.bbox(), &step.estimate, &rest, TRACKED - rest.len())
     }
 
     fn finish(&mut self) -> Result<()> {

@@ -54,6 +54,14 @@ struct Tracked<'a> {
     recorded_rewards: &'a [f64],
     gaze_evidence: &'a [f64],
     percept: Percept<'a>,
+    /// Probabilities of classes over all frames so far, those of this frame's own decision, and where it looked for
+    /// them; left out without a recogniser.
+    #[serde(skip_serializing_if = "<[f64]>::is_empty")]
+    classes: &'a [f64],
+    #[serde(skip_serializing_if = "<[f64]>::is_empty")]
+    own_classes: &'a [f64],
+    #[serde(skip_serializing_if = "<[Gaze]>::is_empty")]
+    recognition_gazes: &'a [Gaze],
     portrait: Option<Shown<'a>>,
 }
 
@@ -132,6 +140,9 @@ impl Observer for Trace {
             recorded_rewards: step.recorded,
             gaze_evidence: step.gaze_evidence,
             percept: Percept { gaze: p.gaze, glimpse: &p.glimpse, features: &p.features, distance: p.distance },
+            classes: step.classes,
+            own_classes: step.own_classes,
+            recognition_gazes: step.recognition_gazes,
             portrait: match step.portrait {
                 Portrait::Arms { gazes, probabilities } => Some(Shown::Arms { gazes, probabilities }),
                 Portrait::Surface(surface) => {

@@ -37,9 +37,9 @@ pub struct Metadata {
 }
 
 /// A named tensor: name, shape, values row-major.
-pub(super) type Tensor<'a> = (&'a str, Vec<usize>, &'a [f32]);
+pub(crate) type Tensor<'a> = (&'a str, Vec<usize>, &'a [f32]);
 /// Tensors of a file by name.
-pub(super) type Tensors = HashMap<String, (Vec<usize>, Vec<f32>)>;
+pub(crate) type Tensors = HashMap<String, (Vec<usize>, Vec<f32>)>;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -77,26 +77,24 @@ impl Rbm {
     ///
     /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
-        let (about, mut tensors, sealed) = unpack::<AboutRbm>(bytes, "rbm").map_err(|p| refuse(path, &p))?;
+        let refuse = |problem: &str| refuse(path, problem, "rbm");
+        let (about, mut tensors, sealed) = unpack::<AboutRbm>(bytes, "rbm").map_err(|p| refuse(&p))?;
         let mut take =
-            |name: &str| tensors.remove(name).ok_or_else(|| refuse(path, &format!("the tensor {name} is missing")));
+            |name: &str| tensors.remove(name).ok_or_else(|| refuse(&format!("the tensor {name} is missing")));
         let (weights, visible_bias, hidden_bias) = (take("weights")?, take("visible_bias")?, take("hidden_bias")?);
         let (n_v, n_h) = (visible_bias.1.len(), hidden_bias.1.len());
         if weights.0 != [n_v, n_h] || visible_bias.0 != [n_v] || hidden_bias.0 != [n_h] || !tensors.is_empty() {
-            return Err(refuse(
-                path,
-                &format!(
-                    "weights are {:?}, visible_bias {:?}, hidden_bias {:?}, and {} tensors more; expected [n_v, n_h], [n_v], [n_h] alone",
-                    weights.0,
-                    visible_bias.0,
-                    hidden_bias.0,
-                    tensors.len()
-                ),
-            ));
+            return Err(refuse(&format!(
+                "weights are {:?}, visible_bias {:?}, hidden_bias {:?}, and {} tensors more; expected [n_v, n_h], [n_v], [n_h] alone",
+                weights.0,
+                visible_bias.0,
+                hidden_bias.0,
+                tensors.len()
+            )));
         }
-        let rbm = Self::new(about.visible, weights.1, visible_bias.1, hidden_bias.1)
-            .map_err(|e| refuse(path, &e.to_string()))?;
-        sealed.map_err(|p| refuse(path, &p))?;
+        let rbm =
+            Self::new(about.visible, weights.1, visible_bias.1, hidden_bias.1).map_err(|e| refuse(&e.to_string()))?;
+        sealed.map_err(|p| refuse(&p))?;
         Ok((rbm, about.metadata))
     }
     /// Reads a model file; see [`Rbm::from_bytes`].
@@ -106,20 +104,20 @@ impl Rbm {
 }
 
 /// The bytes of a file, if it is not absurdly large.
-pub(super) fn read(path: &Path) -> Result<Vec<u8>> {
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>> {
     let size = std::fs::metadata(path).map_err(Error::io(path, "cannot read the model"))?.len();
     if size > MOST_BYTES {
-        return Err(refuse(path, &format!("it has {size} bytes, far more than any model")));
+        return Err(Error::malformed(path, format!("it has {size} bytes, far more than any model")));
     }
     std::fs::read(path).map_err(Error::io(path, "cannot read the model"))
 }
 
-pub(super) fn refuse(path: &Path, problem: &str) -> Error {
-    Error::malformed(path, format!("not a usable model: {problem}; `foveate train rbm` makes one"))
+pub(crate) fn refuse(path: &Path, problem: &str, kind: &str) -> Error {
+    Error::malformed(path, format!("not a usable model: {problem}; `foveate train {kind}` makes one"))
 }
 
 /// The bytes of a file of tensors.
-pub(super) fn pack(kind: &str, about: impl Serialize, tensors: &[Tensor<'_>]) -> Vec<u8> {
+pub(crate) fn pack(kind: &str, about: impl Serialize, tensors: &[Tensor<'_>]) -> Vec<u8> {
     let mut header = Header { format: FORMAT, kind: kind.into(), about, sha256: String::new() };
     let bytes: Vec<Vec<u8>> = tensors.iter().map(|t| t.2.iter().flat_map(|x| x.to_le_bytes()).collect()).collect();
     let views: Vec<(&str, TensorView<'_>)> = (tensors.iter().zip(&bytes))
@@ -134,7 +132,7 @@ pub(super) fn pack(kind: &str, about: impl Serialize, tensors: &[Tensor<'_>]) ->
 
 /// What a file of tensors holds, and whether its seal is whole: to be asked last, for a better reason may be found
 /// before. Any problem is said in words.
-pub(super) fn unpack<T: Serialize + DeserializeOwned>(
+pub(crate) fn unpack<T: Serialize + DeserializeOwned>(
     bytes: &[u8],
     kind: &str,
 ) -> std::result::Result<(T, Tensors, std::result::Result<(), String>), String> {

@@ -23,21 +23,21 @@ pub fn warm() {
 }
 
 /// `out` (m × n) = `rows` (m × k) · `weights` (k × n).
-pub(super) fn rows_times(rows: Rows<'_>, weights: &[f32], out: &mut [f32]) {
+pub(crate) fn rows_times(rows: Rows<'_>, weights: &[f32], out: &mut [f32]) {
     let k = rows.width();
     let w = MatRef::from_row_major_slice(weights, k, weights.len() / k);
     multiply(rows, w, out);
 }
 
 /// `out` (m × k) = `rows` (m × n) · `weights`ᵀ, with `weights` (k × n).
-pub(super) fn rows_times_transposed(rows: Rows<'_>, weights: &[f32], out: &mut [f32]) {
+pub(crate) fn rows_times_transposed(rows: Rows<'_>, weights: &[f32], out: &mut [f32]) {
     let n = rows.width();
     let w = MatRef::from_row_major_slice(weights, weights.len() / n, n).transpose();
     multiply(rows, w, out);
 }
 
 /// `weights` (k × n) += `factor` · `left`ᵀ · `right`, with columns `from .. from + k` of `left` (m rows) and `right` (m × n).
-pub(super) fn add_outer(weights: &mut [f32], factor: f32, left: Rows<'_>, from: usize, right: Rows<'_>) {
+pub(crate) fn add_outer(weights: &mut [f32], factor: f32, left: Rows<'_>, from: usize, right: Rows<'_>) {
     let n = right.width();
     let k = weights.len() / n;
     let left = MatRef::from_row_major_slice(left.data(), left.len(), left.width()).subcols(from, k);

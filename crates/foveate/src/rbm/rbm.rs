@@ -27,9 +27,9 @@ pub struct Rbm {
     n_v: usize,
     n_h: usize,
     visible: Visible,
-    pub(super) weights: Vec<f32>,
-    pub(super) visible_bias: Vec<f32>,
-    pub(super) hidden_bias: Vec<f32>,
+    pub(crate) weights: Vec<f32>,
+    pub(crate) visible_bias: Vec<f32>,
+    pub(crate) hidden_bias: Vec<f32>,
 }
 
 impl Rbm {

@@ -324,7 +324,7 @@ impl Trainer {
 
 /// Rows a thread takes at a time: all of them for one thread, so that weights are packed once; any number gives the
 /// same bits.
-fn block_of(rows: usize) -> usize {
+pub(crate) fn block_of(rows: usize) -> usize {
     rows.div_ceil(rayon::current_num_threads()).max(8)
 }
 
@@ -337,7 +337,7 @@ fn logit(p: f64) -> f64 {
 }
 
 /// The order of an epoch: a fresh permutation (Fisher & Yates), or the data's own.
-fn order(n: usize, shuffle: bool, order: &mut Vec<u32>, draws: Streams) {
+pub(crate) fn order(n: usize, shuffle: bool, order: &mut Vec<u32>, draws: Streams) {
     order.clear();
     order.extend(0..u32::try_from(n).expect("fewer than 2³² rows"));
     let mut rng = draws.rng(0);

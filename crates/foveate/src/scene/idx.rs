@@ -79,6 +79,10 @@ impl Digits {
     pub fn digit(&self, i: usize) -> &[u8] {
         &self.images[i * PIXELS..][..PIXELS]
     }
+    /// Digits `from` to `to` − 1. Panics if there are not that many.
+    pub fn range(&self, from: usize, to: usize) -> Self {
+        Self { images: self.images[from * PIXELS..to * PIXELS].to_vec(), labels: self.labels[from..to].to_vec() }
+    }
     /// The indices of all digits of class `c`, in order.
     pub fn of_class(&self, c: u8) -> Vec<usize> {
         (0..self.len()).filter(|&i| self.labels[i] == c).collect()

@@ -2,17 +2,17 @@
 
 use crate::Result;
 use crate::identity::retina::Cell;
-use crate::rbm::Rbm;
+use crate::rows::Rows;
 use crate::scene::Image;
 
 /// Least side of one unit's tile, pixels.
 const TILE: usize = 48;
 
-/// A grey picture of the filters of the first `most` hidden units in a grid, 128 for weight 0, each unit on its own
-/// scale from −max to max. Cells of further channels stand beside the grey ones. Fails if there are not as many cells as
-/// visible units.
-pub fn picture(rbm: &Rbm, cells: &[Cell], most: usize) -> Result<Image> {
-    let (n_v, n_h) = rbm.shape();
+/// A grey picture of the first `most` columns of `weights` (n_v × n_h), one a hidden unit, in a grid; 128 for weight 0,
+/// each unit on its own scale from −max to max. Cells of further channels stand beside the grey ones. Fails if there are
+/// not as many cells as visible units.
+pub fn picture(weights: Rows<'_>, cells: &[Cell], most: usize) -> Result<Image> {
+    let (n_v, n_h) = (weights.len(), weights.width());
     if cells.len() != n_v {
         return Err(crate::Error::Invalid(format!("{n_v} visible units cannot be drawn on {} cells", cells.len())));
     }
@@ -33,7 +33,7 @@ pub fn picture(rbm: &Rbm, cells: &[Cell], most: usize) -> Result<Image> {
     order.sort_by(|&a, &b| cells[b].half.total_cmp(&cells[a].half));
     for unit in 0..n.min(n_h) {
         let (left, top) = (2 + unit % columns * width, 2 + unit / columns * height);
-        let weight = |i: usize| f64::from(rbm.weights().row(i)[unit]);
+        let weight = |i: usize| f64::from(weights.row(i)[unit]);
         let largest = (0..n_v).map(|i| weight(i).abs()).fold(f64::MIN_POSITIVE, f64::max);
         (0..side).for_each(|y| plane[(top + y) * stride + left..][..channels * side].fill(128));
         for &i in &order {
@@ -53,7 +53,6 @@ pub fn picture(rbm: &Rbm, cells: &[Cell], most: usize) -> Result<Image> {
 mod tests {
     use super::*;
     use crate::identity::retina::{Foveal, FovealConfig, Retina};
-    use crate::rbm::Visible;
 
     #[test]
     fn weights_land_on_their_cells() {
@@ -61,8 +60,8 @@ mod tests {
         // Unit 0 likes the first cell of the fovea, unit 1 dislikes the last of the outer ring.
         let mut weights = vec![0.0; 132 * 2];
         (weights[0], weights[131 * 2 + 1]) = (0.5, -2.0);
-        let rbm = Rbm::new(Visible::Bernoulli, weights, vec![0.0; 132], vec![0.0; 2]).expect("finite");
-        let image = picture(&rbm, retina.cells(), 100).expect("as many cells as units");
+        let weights = Rows::new(&weights, 2);
+        let image = picture(weights, retina.cells(), 100).expect("as many cells as units");
         // The window is 24 template pixels in tiles of 48: two pixels to one; the fovea begins at 8.
         assert_eq!((image.width(), image.height()), (2 * 50 + 2, 52));
         assert_eq!(
@@ -73,6 +72,6 @@ mod tests {
             [image.at(0, 52 + 47, 2 + 47), image.at(0, 52 + 40, 2 + 40), image.at(0, 52 + 39, 2 + 47)],
             [0, 0, 128]
         );
-        assert!(picture(&rbm, &retina.cells()[1..], 100).is_err());
+        assert!(picture(weights, &retina.cells()[1..], 100).is_err());
     }
 }

@@ -5,6 +5,8 @@
 
 pub mod filters;
 mod plates;
+pub mod recognition;
+pub mod sequences;
 
 use crate::geometry::{Extent, Fixation};
 use crate::identity::encoder::{Encoder, Raw};

@@ -79,3 +79,42 @@ pub fn random_rbm(n_v: usize, n_h: usize) -> Rbm {
     let (weights, visible, hidden) = (values(n_v * n_h, 1.0), values(n_v, 0.1), values(n_h, 1.0));
     Rbm::new(Visible::Gaussian, weights, visible, hidden).expect("shapes that fit")
 }
+
+/// A model file of a small multi-fixation RBM with three classes, of random weights, that reads the glimpses of a foveal
+/// retina; in a folder that goes when it is dropped.
+pub fn random_recogniser() -> (tempfile::TempDir, String) {
+    use foveate::rbm::fixations::{About, Code, Cost, Places, Recipe, Sequences, Trainer};
+    use foveate::rows::Rows;
+    let retina = Foveal::new(FovealConfig { side: 28.0, rings: vec![[8, 2], [16, 4]], colour: vec![] });
+    let n_v = retina.expect("whole cells").glimpse_len();
+    let mut rng = Streams::new(12, 0).rng(0);
+    let x: Vec<f32> = (0..30 * 2 * n_v).map(|_| rng.random()).collect();
+    let z: Vec<Code> = (0..60).map(|i| Code::one_hot(i % 9)).collect();
+    let y: Vec<u8> = (0..30).map(|i| i % 3).collect();
+    let data = Sequences::new(Rows::new(&x, n_v), &z, &y, 2).expect("they fit");
+    let recipe = Recipe { hidden: 12, factors: 10, epochs: 3, rate: 0.1, batch: 5, ..Recipe::new(Cost::Hybrid, 2, 3) };
+    let mut trainer = Trainer::new(recipe, Places::grid(3, 0.5).expect("nine places"), data).expect("they fit");
+    while !trainer.is_done() {
+        trainer.epoch(data);
+    }
+    let metadata = foveate::rbm::Metadata {
+        retina: "{\"side\":28.0,\"rings\":[[8,2],[16,4]]}".into(),
+        ..foveate::rbm::Metadata::default()
+    };
+    let about = About { metadata, first_layer: String::new(), temperature: 1.0 };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("m.safetensors");
+    trainer.learned().expect("finite").save(&path, &about).expect("a writable folder");
+    (folder, path.display().to_string())
+}
+
+/// The same configuration with this recogniser; `policy` as TOML, or empty for the usual one.
+pub fn recognising(blueprint: &Blueprint, weights: &str, accumulate: &str, policy: &str) -> Blueprint {
+    let policy = if policy.is_empty() { String::new() } else { format!(", policy = {policy}") };
+    let text = format!(
+        "{}\n[recogniser]\nkind = \"multi-fixation\"\nweights = '{weights}'\naccumulate = {accumulate}\n",
+        blueprint.config().to_toml()
+    );
+    let text = if policy.is_empty() { text } else { format!("{text}{}\n", &policy[2..]) };
+    Config::parse(&text, "test").and_then(|c| c.check(Path::new("."))).expect("a good configuration")
+}

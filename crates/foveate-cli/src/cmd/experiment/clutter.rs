@@ -21,14 +21,14 @@ pub struct Args {
 }
 
 #[derive(ValueEnum, Clone, Copy)]
-enum Noise {
+pub enum Noise {
     Clean,
     Noisy,
     Both,
 }
 
 impl Noise {
-    fn densities(self) -> &'static [f64] {
+    pub fn densities(self) -> &'static [f64] {
         match self {
             Self::Clean => &[0.0],
             Self::Noisy => &[NOISE],

@@ -22,6 +22,7 @@ use crate::terminal;
 mod clutter;
 mod hedge_curve;
 mod partial;
+mod recognise;
 mod surfaces;
 
 /// Digits drawn of each class where there is no MNIST.
@@ -41,6 +42,8 @@ enum Kind {
     HedgeCurve(hedge_curve::Args),
     /// A digit on black that passes behind bars, under noise: policies of partial information beside the others
     Partial(partial::Args),
+    /// A digit among static ones, tracked and recognised: how many frames have the right decision
+    Recognise(recognise::Args),
     /// Where it learned to look at each digit: the paper's figure of reward surfaces
     Surfaces(surfaces::Args),
 }
@@ -50,6 +53,7 @@ pub fn run(args: Args) -> Result<()> {
         Kind::Clutter(args) => clutter::run(args),
         Kind::HedgeCurve(args) => hedge_curve::run(args),
         Kind::Partial(args) => partial::run(args),
+        Kind::Recognise(args) => recognise::run(args),
         Kind::Surfaces(args) => surfaces::run(args),
     }
 }

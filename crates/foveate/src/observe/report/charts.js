@@ -27,6 +27,11 @@ if (data.regret) {
   first.lines.push({ of: reward, name: 'best fixed', ink: 'second', dash: true });
   chartList.splice(chartList.indexOf(first) + 1, 0, { title: 'Regret', unit: 'summed rewards', lines: [{ of: total, name: 'policy', ink: 'gaze' }, { of: random, name: 'at random', ink: 'soft', dash: true }] });
 }
+// What it is called, where a recogniser was asked.
+if (data.classes) {
+  const inks = ['target', 'gaze', 'second', 'third', 'lost', 'soft'];
+  chartList.unshift({ title: 'Class', unit: 'probability, all frames so far', from: 0, to: 1, lines: data.classes.map(({ name, of }, i) => ({ name, of, ink: inks[i], dash: i > 0 })) });
+}
 const HEIGHT = 128, LEFT = 44, RIGHT = 12, TOP = 8, BOTTOM = 20;
 
 // Round steps that cover a span with about `n` lines.

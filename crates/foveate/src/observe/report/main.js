@@ -84,6 +84,7 @@ function write() {
   byId('verdict').textContent = steps === 0 ? 'One frame: the given box.'
     : lost === 0 ? `Followed through ${rows} frames and never believed lost.`
     : `Followed through ${rows} frames; believed lost on ${lost} of them, first at frame ${series.frame[lostRuns[0][0]]}.`;
+  if (data.classes) byId('verdict').append(` Recognised as ${data.classes[0].name}, with probability ${say(data.classes[0].of[rows - 1], 2)}.`);
   const p = policyAt(keys.length - 1), best = p.indexOf(Math.max(...p));
   if (data.learned && arms.length > 1 && p[best] * arms.length > 2 && keys.some((_, k) => policyAt(k).some(q => q > .01 && q < .99))) byId('verdict').append(` By the end it looks at (${say(arms[best][0], 2)}, ${say(arms[best][1], 2)}) with probability ${p[best].toFixed(2)}.`);
   const every = keys.length > 1 ? keys[1].row - keys[0].row : 1;

@@ -45,6 +45,9 @@ const COLUMNS: [&str; 30] = [
     "distance",
 ];
 
+/// Classes that are drawn: as many as there are inks.
+const MOST_CLASSES: usize = 6;
+
 /// What is kept of a frame beside its numbers. Texts are base64: a JPEG, or bytes.
 #[derive(Default, Serialize)]
 pub struct Key {
@@ -114,6 +117,8 @@ pub struct Page {
     /// Points along a side of a reward surface, and its reach.
     pub surface: Option<[f64; 2]>,
     regret: Value,
+    /// Probabilities of classes, a list a row; empty where there are none.
+    classes: Vec<Vec<f64>>,
 }
 
 impl Page {
@@ -141,6 +146,7 @@ impl Page {
             template: None,
             surface: None,
             regret: Value::Null,
+            classes: vec![],
         }
     }
 
@@ -157,6 +163,7 @@ impl Page {
             row[10..14].copy_from_slice(&[x, y, b.w, b.h]);
         }
         self.rows.push(row);
+        self.classes.push(vec![]);
         self.rows.len() - 1
     }
 
@@ -164,6 +171,7 @@ impl Page {
     pub fn tracked(&mut self, step: &Step<'_>, arm: Option<usize>) -> usize {
         let index = self.given(step.frame, &step.estimate, step.extent);
         self.particles = step.weights.len();
+        self.classes[index].extend_from_slice(step.classes);
         self.tracked += 1;
         let (c, gaze) = (&step.covariance, step.plan.chosen());
         let low = step.rewards.iter().copied().fold(f64::INFINITY, f64::min);
@@ -212,6 +220,22 @@ impl Page {
         });
     }
 
+    /// The classes that were ever the likeliest to be shown, the last decision first: names and a value a row. Null without
+    /// a recogniser.
+    fn classes(&self) -> Value {
+        let Some(last) = self.classes.iter().rfind(|p| !p.is_empty()) else { return Value::Null };
+        let peak = |class: usize| self.classes.iter().filter_map(|p| p.get(class)).copied().fold(0.0, f64::max);
+        let mut order: Vec<(usize, f64)> = (0..last.len()).map(|class| (class, peak(class))).collect();
+        order.sort_by(|a, b| b.1.total_cmp(&a.1));
+        order.truncate(MOST_CLASSES);
+        order.sort_by(|a, b| last[b.0].total_cmp(&last[a.0]));
+        let lines = order.iter().map(|&(class, _)| {
+            let column = self.classes.iter().map(|p| short(p.get(class).copied().unwrap_or(f64::NAN)));
+            json!({ "name": class.to_string(), "of": column.collect::<Vec<Value>>() })
+        });
+        Value::Array(lines.collect())
+    }
+
     /// Takes in how long tracking took.
     pub fn measure(&mut self, tracking: Duration) {
         self.seconds = tracking.as_secs_f64();
@@ -227,7 +251,7 @@ impl Page {
             "format": 1, "info": self.info, "summary": { "fps": fps }, "size": self.size, "rate": self.rate,
             "particles": self.particles, "shown": self.shown, "features": self.features, "learned": self.learned,
             "cells": self.cells.iter().map(|v| short(*v)).collect::<Vec<_>>(), "template": self.template,
-            "arms": self.arms, "surface": self.surface, "regret": self.regret, "series": series, "keys": keys,
+            "arms": self.arms, "surface": self.surface, "regret": self.regret, "classes": self.classes(), "series": series, "keys": keys,
         });
         // No "<" is left in it, so nothing in it can end the script element or begin a comment.
         let data = data.to_string().replace('<', "\\u003c");

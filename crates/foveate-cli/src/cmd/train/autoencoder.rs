@@ -1,0 +1,135 @@
+//! `foveate train autoencoder`: a denoising autoencoder with tied weights, from natural glimpses.
+
+use std::path::PathBuf;
+
+use foveate::Result;
+use foveate::autoencoder::{Recipe, Trainer};
+use foveate::identity::retina::Retina;
+use foveate::rows::Rows;
+use foveate::training::filters;
+
+use super::common::{self, Glimpses, Natural, Training};
+
+/// Rows that are monitored after every epoch, of those learned from and of those held out.
+const MONITORED: usize = 500;
+
+/// Learn a denoising autoencoder with tied weights from glimpses of natural photographs.
+///
+/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
+/// ends with the same bits. The same seed gives the same model for any number of threads.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    natural: Natural,
+    /// Hidden units.
+    #[arg(long, default_value_t = 200)]
+    hidden: usize,
+    /// Passes over the glimpses.
+    #[arg(long, default_value_t = 30)]
+    epochs: usize,
+    /// Rows of a mini-batch.
+    #[arg(long, default_value_t = 100)]
+    batch: usize,
+    /// Step size.
+    #[arg(long, default_value_t = 0.5)]
+    rate: f32,
+    /// Momentum.
+    #[arg(long, default_value_t = 0.9)]
+    momentum: f32,
+    /// Share of a glimpse's values that noise sets to 0.
+    #[arg(long, default_value_t = 0.3)]
+    mask: f32,
+    /// Standard deviation of the noise added to the others.
+    #[arg(long, default_value_t = 0.5)]
+    noise: f32,
+    /// Weight decay.
+    #[arg(long, default_value_t = 0.001)]
+    l2: f32,
+}
+
+impl Args {
+    fn recipe(&self) -> Recipe {
+        Recipe {
+            epochs: self.epochs,
+            batch: self.batch,
+            rate: self.rate,
+            momentum: self.momentum,
+            mask: self.mask,
+            noise: self.noise,
+            l2: self.l2,
+            seed: self.natural.seed,
+            ..Recipe::new(self.hidden)
+        }
+    }
+    /// The command that makes the same model: every setting said, folders left open.
+    fn command(&self, glimpses: &Glimpses) -> String {
+        format!(
+            "{} --hidden {} --epochs {} --batch {} --rate {} --momentum {} --mask {} --noise {} --l2 {} --out FILE",
+            self.natural.command("autoencoder", glimpses.retina.config()),
+            self.hidden,
+            self.epochs,
+            self.batch,
+            self.rate,
+            self.momentum,
+            self.mask,
+            self.noise,
+            self.l2
+        )
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    let (out, picture) = (&args.natural.out, args.natural.filters_path());
+    common::pool(args.natural.threads, &[out, &picture])?.install(|| {
+        let recipe = args.recipe();
+        recipe.check()?;
+        let glimpses = args.natural.glimpses()?;
+        let checkpoint = args.natural.checkpoint();
+        let trainer = if checkpoint.exists() && !args.natural.restart {
+            let trainer = Trainer::resume(&checkpoint, recipe.clone(), glimpses.rows(), &glimpses.sha256)?;
+            let (epoch, batch) = trainer.progress();
+            println!("going on from {}: epoch {}, batch {batch}", checkpoint.display(), epoch + 1);
+            trainer
+        } else {
+            Trainer::new(recipe.clone(), glimpses.rows())?
+        };
+        let mut training = AutoencoderTraining { trainer, glimpses: &glimpses, checkpoint };
+        common::train(&mut training)?;
+
+        let model = training.trainer.learned();
+        model.save(out, &args.natural.metadata(&glimpses, args.command(&glimpses), recipe.epochs))?;
+        let drawn = filters::picture(model.layer().weights(), glimpses.retina.cells(), 400)?;
+        foveate::scene::save_png(&picture, &drawn)?;
+        let _ = std::fs::remove_file(&training.checkpoint);
+        println!("wrote {} and {}", out.display(), picture.display());
+        Ok(())
+    })
+}
+
+struct AutoencoderTraining<'a> {
+    trainer: Trainer,
+    glimpses: &'a Glimpses,
+    checkpoint: PathBuf,
+}
+
+impl Training for AutoencoderTraining<'_> {
+    fn step(&mut self) {
+        self.trainer.step(self.glimpses.rows());
+    }
+    fn progress(&self) -> (usize, usize) {
+        self.trainer.progress()
+    }
+    fn whole(&self) -> (usize, usize) {
+        (self.trainer.recipe().epochs, self.trainer.batches(self.glimpses.rows().len()))
+    }
+    fn save(&self) -> Result<()> {
+        self.trainer.save(&self.checkpoint, &self.glimpses.sha256)
+    }
+    fn line(&self) -> String {
+        let some = |rows: Rows<'_>| rows.data().len().min(MONITORED * rows.width());
+        let error = |rows: Rows<'_>| self.trainer.learned().error(Rows::new(&rows.data()[..some(rows)], rows.width()));
+        let (ours, theirs) = (error(self.glimpses.rows()), error(self.glimpses.held()));
+        format!("reconstruction {ours:.3} (held out {theirs:.3})")
+    }
+}

@@ -1,0 +1,214 @@
+//! `foveate train mcrbm`: a factored RBM, of covariance and mean units, from natural glimpses.
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+use foveate::Result;
+use foveate::identity::retina::Retina;
+use foveate::rbm::factored::{FactoredRbm, Negative, Pooling, Recipe, Trainer, Units};
+use foveate::rows::{Rows, RowsMut};
+use foveate::training::filters;
+
+use super::common::{self, Glimpses, Natural, Training};
+
+/// Rows that are monitored after every epoch, of those learned from and of those held out.
+const MONITORED: usize = 500;
+
+/// Learn a factored RBM, of covariance and mean units, from glimpses of natural photographs.
+///
+/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
+/// ends with the same bits. The same seed gives the same model for any number of threads.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    natural: Natural,
+    /// Factors; the square of an even number for pooling over a grid.
+    #[arg(long, default_value_t = 256)]
+    factors: usize,
+    /// Which factors a covariance unit begins with: one, or 3 x 3 neighbours on a grid.
+    #[arg(long, value_enum, default_value = "single")]
+    pooling: PoolingName,
+    /// Mean units.
+    #[arg(long, default_value_t = 100)]
+    means: usize,
+    /// Share of the glimpses' variance that whitening keeps.
+    #[arg(long, default_value_t = 0.99)]
+    keep: f64,
+    /// Passes over the glimpses.
+    #[arg(long, default_value_t = 50)]
+    epochs: usize,
+    /// Rows of a mini-batch.
+    #[arg(long, default_value_t = 128)]
+    batch: usize,
+    /// Step size.
+    #[arg(long, default_value_t = 0.075)]
+    rate: f32,
+    /// The epoch after which the step size falls as 1 / epoch.
+    #[arg(long, default_value_t = 20)]
+    anneal: usize,
+    /// Whether the model's own glimpses begin at the data in every batch, or go on from the batch before.
+    #[arg(long, value_enum, default_value = "persistent")]
+    negative: NegativeName,
+    /// Leapfrog steps a batch.
+    #[arg(long, default_value_t = 20)]
+    leaps: usize,
+    /// Share of proposals to be rejected.
+    #[arg(long, default_value_t = 0.1)]
+    rejection: f32,
+    /// Epochs before --l1 pulls.
+    #[arg(long, default_value_t = 10)]
+    settle: usize,
+    /// Epochs before pooling weights are learned; never, unless given.
+    #[arg(long)]
+    learn_pooling: Option<usize>,
+    /// Weight decay of constant size.
+    #[arg(long, default_value_t = 0.001)]
+    l1: f32,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum PoolingName {
+    Single,
+    Grid,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum NegativeName {
+    Contrastive,
+    Persistent,
+}
+
+impl Args {
+    fn recipe(&self) -> Recipe {
+        Recipe {
+            pooling: match self.pooling {
+                PoolingName::Single => Pooling::Single,
+                PoolingName::Grid => Pooling::Grid,
+            },
+            keep: self.keep,
+            epochs: self.epochs,
+            batch: self.batch,
+            rate: self.rate,
+            anneal: self.anneal,
+            negative: match self.negative {
+                NegativeName::Contrastive => Negative::Contrastive,
+                NegativeName::Persistent => Negative::Persistent,
+            },
+            leaps: self.leaps,
+            rejection: self.rejection,
+            settle: self.settle,
+            learn_pooling: self.learn_pooling,
+            l1: self.l1,
+            seed: self.natural.seed,
+            ..Recipe::new(self.factors, self.means)
+        }
+    }
+    /// The command that makes the same model: every setting said, folders left open.
+    fn command(&self, glimpses: &Glimpses) -> String {
+        let name = |value: Option<clap::builder::PossibleValue>| value.expect("a name").get_name().to_string();
+        let pooling = self.learn_pooling.map_or(String::new(), |from| format!(" --learn-pooling {from}"));
+        format!(
+            "{} --factors {} --pooling {} --means {} --keep {} --epochs {} --batch {} --rate {} --anneal {} \
+             --negative {} --leaps {} --rejection {} --settle {} --l1 {}{pooling} --out FILE",
+            self.natural.command("mcrbm", glimpses.retina.config()),
+            self.factors,
+            name(self.pooling.to_possible_value()),
+            self.means,
+            self.keep,
+            self.epochs,
+            self.batch,
+            self.rate,
+            self.anneal,
+            name(self.negative.to_possible_value()),
+            self.leaps,
+            self.rejection,
+            self.settle,
+            self.l1
+        )
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    let (out, picture) = (&args.natural.out, args.natural.filters_path());
+    common::pool(args.natural.threads, &[out, &picture])?.install(|| {
+        let recipe = args.recipe();
+        recipe.check()?;
+        let glimpses = args.natural.glimpses()?;
+        let checkpoint = args.natural.checkpoint();
+        let trainer = if checkpoint.exists() && !args.natural.restart {
+            let trainer = Trainer::resume(&checkpoint, recipe.clone(), glimpses.rows(), &glimpses.sha256)?;
+            let (epoch, batch) = trainer.progress();
+            println!("going on from {}: epoch {}, batch {batch}", checkpoint.display(), epoch + 1);
+            trainer
+        } else {
+            Trainer::new(recipe.clone(), glimpses.rows())?
+        };
+        let sizes = trainer.learned().sizes();
+        println!(
+            "{} whitened values, {} factors, {} covariance and {} mean units",
+            sizes.white, sizes.factors, sizes.covariance, sizes.mean
+        );
+        let mut training = Mcrbm { trainer, glimpses: &glimpses, checkpoint };
+        common::train(&mut training)?;
+
+        let rbm = training.trainer.learned();
+        let metadata = args.natural.metadata(&glimpses, args.command(&glimpses), recipe.epochs);
+        rbm.save(out, &metadata)?;
+        let (factors, means) = (rbm.factor_filters(), rbm.mean_filters());
+        // The factors' filters, then the mean units'.
+        let both: Vec<f32> = (factors.chunks_exact(sizes.factors).zip(means.chunks_exact(sizes.mean)))
+            .flat_map(|(f, m)| f.iter().chain(m).copied())
+            .collect();
+        let both = Rows::new(&both, sizes.factors + sizes.mean);
+        foveate::scene::save_png(&picture, &filters::picture(both, glimpses.retina.cells(), both.width())?)?;
+        let _ = std::fs::remove_file(&training.checkpoint);
+        println!("wrote {} and {}", out.display(), picture.display());
+        Ok(())
+    })
+}
+
+struct Mcrbm<'a> {
+    trainer: Trainer,
+    glimpses: &'a Glimpses,
+    checkpoint: PathBuf,
+}
+
+impl Training for Mcrbm<'_> {
+    fn step(&mut self) {
+        self.trainer.step();
+    }
+    fn progress(&self) -> (usize, usize) {
+        self.trainer.progress()
+    }
+    fn whole(&self) -> (usize, usize) {
+        (self.trainer.recipe().epochs, self.trainer.batches())
+    }
+    fn save(&self) -> Result<()> {
+        self.trainer.save(&self.checkpoint, &self.glimpses.sha256)
+    }
+    fn line(&self) -> String {
+        let model = self.trainer.learned();
+        let (ours, covariance, mean) = fit(&model, self.glimpses.rows());
+        let (theirs, ..) = fit(&model, self.glimpses.held());
+        let (leap, rejected) = self.trainer.leap();
+        format!(
+            "free energy {ours:.2} (held out {theirs:.2})  covariance units on {covariance:.3}, mean units {mean:.3}  leap \
+             {leap:.3}, {rejected:.2} rejected"
+        )
+    }
+}
+
+/// Means over some rows: free energy, and how much the units of both kinds are on.
+fn fit(model: &FactoredRbm, rows: Rows<'_>) -> (f64, f64, f64) {
+    let (n_v, n_h) = (model.glimpse_len(), model.width(Units::Both));
+    let n = rows.len().min(MONITORED);
+    let rows = Rows::new(&rows.data()[..n * n_v], n_v);
+    let mut h = vec![0.0; n * n_h];
+    model.features(rows, Units::Both, RowsMut::new(&mut h, n_h));
+    let n_c = model.sizes().covariance;
+    let mean = |part: &dyn Fn(&[f32]) -> f32| f64::from(h.chunks_exact(n_h).map(part).sum::<f32>()) / n as f64;
+    let share = |h: &[f32]| h.iter().sum::<f32>() / h.len() as f32;
+    let energy = rows.iter().map(|v| model.free_energy(v)).sum::<f64>() / n as f64;
+    (energy, 1.0 - mean(&|h| share(&h[..n_c])), mean(&|h| share(&h[n_c..])))
+}

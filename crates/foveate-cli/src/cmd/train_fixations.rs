@@ -1,0 +1,403 @@
+//! `foveate train fixations`: learns to recognise digits from a few fixations.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use clap::ValueEnum;
+use foveate::config::Config;
+use foveate::eval::Reliability;
+use foveate::identity::multi_fixation::classifier_path;
+use foveate::identity::retina::Foveal;
+use foveate::identity::{Encoder, MultiFixation};
+use foveate::rbm::Metadata;
+use foveate::rbm::fixations::{About, Cost, FixationRbm, Gates, Places, Recipe, Trainer};
+use foveate::rows::Rows;
+use foveate::scene::{Digits, Split};
+use foveate::softmax::{Fit, Softmax, temperature};
+use foveate::training::recognition::curve;
+use foveate::training::sequences::{Gazes, Looker, Trouble, larochelle_hinton};
+use foveate::{Error, Result};
+use indicatif::{ProgressBar, ProgressStyle};
+
+/// Training digits that are held out: the last of the set.
+const HELD_OUT: usize = 5000;
+/// A checkpoint is written after every epoch, and within one when this has passed.
+const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(10);
+/// Looks of the curve at the end, and digits of it.
+const CURVE: (usize, usize) = (30, 2000);
+
+/// Learn a multi-fixation RBM, which recognises a digit by a few looks at it.
+///
+/// It reads the features of a configuration's first layer, at random gazes on digits as a tracker sees them: a little off,
+/// among others, on noise. Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes
+/// on from there and ends with the same bits. The same seed gives the same model for any number of threads.
+#[derive(clap::Args)]
+pub struct FixationArgs {
+    /// Folder with the four MNIST files, or with a folder `mnist` of them.
+    #[arg(long, value_name = "DIR")]
+    data: PathBuf,
+    /// The model file to write.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Take retina and first layer from this configuration: a file, or the name of one that ships with the program.
+    #[arg(long, value_name = "FILE", default_value = "digits-rbm", conflicts_with = "larochelle_hinton")]
+    config: String,
+    /// Instead, do as Larochelle and Hinton (2010): no first layer, centred digits, four fixed gazes.
+    #[arg(long)]
+    larochelle_hinton: bool,
+    /// What to make small: `generative` learns layer by layer, with a classifier of its own on top, as the paper does.
+    #[arg(long, value_enum, default_value = "hybrid-sequential")]
+    cost: CostName,
+    /// Weight of the generative part of the hybrid costs: 0.1 for 96 pixels of four fixations, 0.003 for the many features of
+    /// a first layer, unless given.
+    #[arg(long)]
+    alpha: Option<f32>,
+    /// Fixations that a decision stands on.
+    #[arg(long, default_value_t = 3)]
+    window: usize,
+    /// The places lie in a square of this half side, in template units.
+    #[arg(long, default_value_t = 0.5)]
+    reach: f64,
+    /// Places along a side of that square; fixations are drawn among all of them.
+    #[arg(long, default_value_t = 3)]
+    grid: usize,
+    /// Draw fixations from the whole square, not the places alone.
+    #[arg(long)]
+    anywhere: bool,
+    /// Training digits to learn from, 10 to 55000; the last 5000 are held out.
+    #[arg(long, default_value_t = 55_000)]
+    digits: usize,
+    /// Show digits centred and alone.
+    #[arg(long)]
+    clean: bool,
+    /// Hidden units.
+    #[arg(long, default_value_t = 500)]
+    hidden: usize,
+    /// Factors.
+    #[arg(long, default_value_t = 250)]
+    factors: usize,
+    /// What keeps the gates: `linear` is the paper's.
+    #[arg(long, value_enum, default_value = "logistic")]
+    gates: GatesName,
+    /// Passes over the digits.
+    #[arg(long, default_value_t = 14)]
+    epochs: usize,
+    /// Sequences of a mini-batch.
+    #[arg(long, default_value_t = 100)]
+    batch: usize,
+    /// First step size.
+    #[arg(long, default_value_t = 0.008)]
+    rate: f32,
+    /// Weight decay, beside the step size.
+    #[arg(long, default_value_t = 0.01)]
+    l2: f32,
+    /// Share of the past in the mean of the parameters.
+    #[arg(long, default_value_t = 0.999)]
+    average: f32,
+    /// Seed of all random numbers: the same seed gives the same model.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Begin anew, even if there is a checkpoint.
+    #[arg(long)]
+    restart: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum CostName {
+    Generative,
+    Hybrid,
+    HybridSequential,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum GatesName {
+    Linear,
+    Logistic,
+}
+
+/// What is seen of digits, and what it is called.
+struct View {
+    looker: Looker,
+    retina: String,
+    first_layer: String,
+}
+
+impl FixationArgs {
+    fn recipe(&self) -> Recipe {
+        let cost = match self.cost {
+            CostName::Generative => Cost::Generative,
+            CostName::Hybrid => Cost::Hybrid,
+            CostName::HybridSequential => Cost::HybridSequential,
+        };
+        let classes = if cost == Cost::Generative { 0 } else { 10 };
+        let window = if self.larochelle_hinton { 4 } else { self.window };
+        Recipe {
+            hidden: self.hidden,
+            factors: self.factors,
+            alpha: self.alpha.unwrap_or(if self.larochelle_hinton { 0.1 } else { 0.003 }),
+            gates: match self.gates {
+                GatesName::Linear => Gates::Linear,
+                GatesName::Logistic => Gates::Logistic,
+            },
+            epochs: self.epochs,
+            batch: self.batch,
+            rate: self.rate,
+            l2: self.l2,
+            average: self.average,
+            seed: self.seed,
+            ..Recipe::new(cost, window, classes)
+        }
+    }
+    fn view(&self, window: usize) -> Result<View> {
+        let (retina, encoder, places, gazes, trouble, first_layer);
+        if self.larochelle_hinton {
+            let (config, fixed) = larochelle_hinton()?;
+            places = Places::new(fixed.iter().map(|g| [g.u as f32, g.v as f32]).collect())?;
+            (retina, encoder, gazes) = (Foveal::new(config)?, None, Gazes::All(fixed));
+            (trouble, first_layer) = (Trouble::default(), String::new());
+        } else {
+            let (config, base) = match Config::builtin(&self.config) {
+                Some(config) => (config?, PathBuf::new()),
+                None => {
+                    let path = Path::new(&self.config);
+                    (Config::read(path)?, path.parent().map(Path::to_path_buf).unwrap_or_default())
+                }
+            };
+            if !(0.0..=1.0).contains(&self.reach) || !(1..=31).contains(&self.grid) {
+                return Err(Error::Config("--reach must be 0 to 1 template units, --grid 1 to 31 places".into()));
+            }
+            let (seen, layer): (Foveal, Arc<dyn Encoder>) = config.identity(&base)?;
+            places = Places::grid(self.grid, self.reach as f32)?;
+            gazes = if self.anywhere { Gazes::Within { reach: self.reach } } else { Gazes::Among };
+            (retina, encoder) = (seen, Some(layer));
+            trouble = if self.clean { Trouble::default() } else { Trouble::of_tracks() };
+            first_layer = serde_json::to_string(&config.encoder).expect("a configuration becomes JSON");
+        }
+        let geometry = serde_json::to_string(retina.config()).expect("a retina's geometry becomes JSON");
+        let looker = Looker { retina, encoder, places, gazes, window, trouble, seed: self.seed };
+        Ok(View { looker, retina: geometry, first_layer })
+    }
+    /// The command that makes the same model: every setting said, folders left open.
+    fn command(&self, r: &Recipe) -> String {
+        let name = |value: Option<clap::builder::PossibleValue>| value.expect("a name").get_name().to_string();
+        let what = if self.larochelle_hinton {
+            "--larochelle-hinton".to_string()
+        } else {
+            let clean = if self.clean { " --clean" } else { "" };
+            let anywhere = if self.anywhere { " --anywhere" } else { "" };
+            format!(
+                "--config {} --window {} --reach {} --grid {}{anywhere}{clean}",
+                self.config, r.window, self.reach, self.grid
+            )
+        };
+        format!(
+            "foveate train fixations --data DIR {what} --cost {} --alpha {} --digits {} --hidden {} --factors {} --gates {} \
+             --epochs {} --batch {} --rate {} --l2 {} --average {} --seed {} --out FILE",
+            name(self.cost.to_possible_value()),
+            r.alpha,
+            self.digits,
+            r.hidden,
+            r.factors,
+            name(self.gates.to_possible_value()),
+            r.epochs,
+            r.batch,
+            r.rate,
+            r.l2,
+            r.average,
+            r.seed
+        )
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &FixationArgs) -> Result<()> {
+    if args.out.parent().is_some_and(|dir| !dir.as_os_str().is_empty() && !dir.is_dir()) {
+        return Err(Error::Config(format!("{}: its folder does not exist", args.out.display())));
+    }
+    let recipe = args.recipe();
+    recipe.check()?;
+    let view = args.view(recipe.window)?;
+    let all = Digits::load(&args.data, Split::Train)?;
+    let most = all.len().saturating_sub(HELD_OUT.min(all.len() / 10));
+    if args.digits < 10 || most < 10 {
+        return Err(Error::Config(format!(
+            "--digits is {}, and there are {most}: at least 10 are needed",
+            args.digits
+        )));
+    }
+    let (learn, held) = (all.range(0, args.digits.min(most)), all.range(most, all.len()));
+    let held = view.looker.look(&held, u64::MAX)?;
+    println!(
+        "{} digits, {} held out: {} values a fixation, {} fixations",
+        learn.len(),
+        all.len() - most,
+        view.looker.width(),
+        recipe.window
+    );
+
+    let mut checkpoint = args.out.clone().into_os_string();
+    checkpoint.push(".checkpoint");
+    let checkpoint = PathBuf::from(checkpoint);
+    let name = format!("{} digits, {}", learn.len(), args.command(&recipe));
+    let still = matches!(view.looker.gazes, Gazes::All(_)) && view.looker.trouble == Trouble::default();
+    let shown = |epoch: usize| view.looker.look(&learn, if still { 0 } else { epoch as u64 });
+    let mut trainer = if checkpoint.exists() && !args.restart {
+        let now = shown(Trainer::epoch_of(&checkpoint)?)?;
+        let places = view.looker.places.clone();
+        let trainer = Trainer::resume(&checkpoint, recipe.clone(), places, now.sequences(), &name)?;
+        let (epoch, batch) = trainer.progress();
+        println!("going on from {}: epoch {}, batch {batch}", checkpoint.display(), epoch + 1);
+        trainer
+    } else {
+        Trainer::new(recipe.clone(), view.looker.places.clone(), shown(0)?.sequences())?
+    };
+    if !epochs(&mut trainer, &shown, &held, &checkpoint, &name)? {
+        let (epoch, batch) = trainer.progress();
+        println!("stopped in epoch {}, after batch {batch}; the same command goes on from there", epoch + 1);
+        std::process::exit(130);
+    }
+
+    // A temperature for the classes, or a classifier of the hidden units, with its own.
+    let rbm = trainer.learned()?;
+    let metadata = Metadata {
+        retina: view.retina.clone(),
+        command: args.command(&recipe),
+        data: format!("{} MNIST training digits", learn.len()),
+        data_sha256: foveate::training::Source::of_digits(learn.clone()).sha256().into(),
+        seed: recipe.seed,
+        epochs: recipe.epochs,
+    };
+    let mut about = About { metadata, first_layer: view.first_layer.clone(), temperature: 1.0 };
+    if rbm.classes() > 0 {
+        let s = held.sequences();
+        let log_p = rbm.log_posterior(s.glimpses(), s.codes(), s.window());
+        about.temperature = temperature(&log_p, s.labels(), rbm.classes()) as f32;
+    } else {
+        let classifier = classifier(&rbm, &shown, still, &held)?;
+        classifier.save(&classifier_path(&args.out), &about.metadata)?;
+        println!("wrote {}", classifier_path(&args.out).display());
+    }
+    rbm.save(&args.out, &about)?;
+    let _ = std::fs::remove_file(&checkpoint);
+    println!("wrote {}", args.out.display());
+    match Digits::load(&args.data, Split::Test) {
+        Ok(test) => assess(&MultiFixation::load(&args.out)?.0, view.looker, &test),
+        Err(_) => Ok(()),
+    }
+}
+
+type Made = foveate::training::sequences::Made;
+
+/// The paper's classifier: fitted on the digits as two epochs showed them, its temperature on those held out.
+fn classifier(rbm: &FixationRbm, shown: &dyn Fn(usize) -> Result<Made>, still: bool, held: &Made) -> Result<Softmax> {
+    let (mut hidden, mut labels) = (vec![], vec![]);
+    for epoch in 0..if still { 1 } else { 2 } {
+        let made = shown(epoch)?;
+        let s = made.sequences();
+        hidden.extend(rbm.hidden_probabilities(s.glimpses(), s.codes(), s.window()));
+        labels.extend_from_slice(s.labels());
+    }
+    let mut classifier = Softmax::fit(Rows::new(&hidden, rbm.hidden()), &labels, 10, Fit::default())?;
+    let s = held.sequences();
+    let hidden = rbm.hidden_probabilities(s.glimpses(), s.codes(), s.window());
+    classifier.calibrate(Rows::new(&hidden, rbm.hidden()), s.labels())?;
+    Ok(classifier)
+}
+
+/// Trains to the end, or until Ctrl-C: then the checkpoint is written and the answer is false.
+fn epochs(
+    trainer: &mut Trainer,
+    shown: &dyn Fn(usize) -> Result<Made>,
+    held: &Made,
+    checkpoint: &Path,
+    name: &str,
+) -> Result<bool> {
+    static STOP: AtomicBool = AtomicBool::new(false);
+    // A second Ctrl-C does not wait for the batch.
+    let handler = || {
+        if STOP.swap(true, Ordering::SeqCst) {
+            std::process::exit(130);
+        }
+    };
+    ctrlc::set_handler(handler).map_err(|e| Error::Invalid(format!("cannot listen for Ctrl-C: {e}")))?;
+
+    let (epochs, mut saved) = (trainer.recipe().epochs, Instant::now());
+    let bar = ProgressBar::new(0);
+    bar.set_style(ProgressStyle::with_template("{wide_bar} {percent}% of the epoch").expect("a fixed template"));
+    while !trainer.is_done() {
+        let (begun, (epoch, _)) = (Instant::now(), trainer.progress());
+        let made = shown(epoch)?;
+        let data = made.sequences();
+        let batches = trainer.batches(data.len());
+        bar.set_length(batches as u64);
+        while trainer.progress().0 == epoch {
+            trainer.step(data);
+            let (now, batch) = trainer.progress();
+            bar.set_position(batch as u64);
+            let stop = STOP.load(Ordering::SeqCst);
+            if now > epoch || stop || saved.elapsed() > BETWEEN_CHECKPOINTS {
+                trainer.save(checkpoint, name)?;
+                saved = Instant::now();
+            }
+            if stop {
+                bar.finish_and_clear();
+                return Ok(false);
+            }
+        }
+        let (log_p, wrong) = trainer.take_tally();
+        let rbm = trainer.learned()?;
+        let mut line = format!("epoch {}/{epochs}", epoch + 1);
+        if rbm.classes() > 0 {
+            let s = held.sequences();
+            let log_p_held = rbm.log_posterior(s.glimpses(), s.codes(), s.window());
+            let held = Reliability::of(&log_p_held, s.labels(), rbm.classes(), 10);
+            let errors = (100.0 * wrong, 100.0 * (1.0 - held.accuracy));
+            line += &format!(
+                "  log p(y|x) {log_p:.4} (held out {:.4})  errors {:.2} % ({:.2} %)",
+                -held.log_loss, errors.0, errors.1
+            );
+        }
+        bar.suspend(|| println!("{line}  {:.1} s", begun.elapsed().as_secs_f64()));
+    }
+    bar.finish_and_clear();
+    Ok(true)
+}
+
+/// Prints how well test digits are recognised.
+fn assess(recogniser: &MultiFixation, mut looker: Looker, test: &Digits) -> Result<()> {
+    let told = |what: &str, found: &Reliability| {
+        let (errors, ece) = (100.0 * (1.0 - found.accuracy), 100.0 * found.ece);
+        println!("{what}: errors {errors:.2} %, log loss {:.4}, calibration error {ece:.2} %", found.log_loss);
+    };
+    looker.seed = !looker.seed;
+    let n = test.len();
+    if let Gazes::All(_) = looker.gazes {
+        let (points, found) = curve(recogniser, &looker, test)?;
+        told(&format!("{n} test digits, all {} fixations", looker.window), &found);
+        points.iter().for_each(|p| println!("  {} fixations: {:.2} % right", p.looks, 100.0 * p.single));
+        return Ok(());
+    }
+    let window = looker.window;
+    for (what, trouble) in [("centred and alone", Trouble::default()), ("as along tracks", Trouble::of_tracks())] {
+        looker.trouble = trouble;
+        looker.window = window;
+        let (_, found) = curve(recogniser, &looker, test)?;
+        told(&format!("{n} test digits, {what}, a decision of {window} fixations"), &found);
+        found.bins.iter().filter(|b| b.count > 0).for_each(|b| {
+            println!("  confidence {:.3}: {:.3} right, {} decisions", b.confidence, b.accuracy, b.count);
+        });
+        looker.window = CURVE.0;
+        let (points, _) = curve(recogniser, &looker, &test.range(0, CURVE.1.min(n)))?;
+        for p in points.iter().filter(|p| [1, 2, 3, 5, 10, 20, 30].contains(&p.looks)) {
+            println!(
+                "  {} fixations: the last {window} alone {:.2} % right, all together {:.2} %",
+                p.looks,
+                100.0 * p.single,
+                100.0 * p.gathered
+            );
+        }
+    }
+    Ok(())
+}

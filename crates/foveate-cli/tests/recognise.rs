@@ -1,0 +1,68 @@
+//! Recognition as a user meets it: a model is trained, a track says what it follows, an experiment counts how often.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn foveate(dir: &Path, args: &[&str]) -> Output {
+    let program = env!("CARGO_BIN_EXE_foveate");
+    Command::new(program).current_dir(dir).env("FOVEATE_DATA", dir).args(args).output().expect("it starts")
+}
+
+fn said(output: &Output) -> String {
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// Blots instead of digits, as IDX files: enough for a model that knows nothing.
+fn write_digits(dir: &Path) {
+    for (name, n) in [("train", 120u32), ("t10k", 20)] {
+        let mut images = [2051, n, 28, 28].map(u32::to_be_bytes).concat();
+        let mut labels = [2049, n].map(u32::to_be_bytes).concat();
+        for i in 0..n {
+            images.extend((0..784u32).map(|p| if (p * (i % 10 + 3) / 7) % 11 < 3 { 255 } else { 0 }));
+            labels.push((i % 10) as u8);
+        }
+        std::fs::write(dir.join(format!("{name}-images-idx3-ubyte")), images).expect("a writable folder");
+        std::fs::write(dir.join(format!("{name}-labels-idx1-ubyte")), labels).expect("a writable folder");
+    }
+}
+
+#[test]
+fn a_track_says_what_it_follows_and_an_experiment_counts() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let dir = dir.path();
+    write_digits(dir);
+    let train = ["train", "fixations", "--config", "digits", "--data", ".", "--out", "m.safetensors"];
+    said(&foveate(dir, &[&train[..], &["--hidden", "8", "--factors", "8", "--epochs", "1"]].concat()));
+    said(&foveate(dir, &["synth", "clutter", "--frames", "8", "--out", "video"]));
+    let track = |out: &str, more: &[&str]| {
+        said(&foveate(dir, &[&["track", "video", "-c", "digits", "--no-video", "-o", out][..], more].concat()))
+    };
+    assert!(!track("plain", &[]).contains("Recognised"));
+    let words = track("named", &["--recognise", "m.safetensors"]);
+    assert!(words.contains("Recognised as class "), "{words}");
+    let read = |name: &str| std::fs::read_to_string(dir.join(name)).expect("it was written");
+    assert_eq!(read("plain/boxes.txt"), read("named/boxes.txt"), "the track stays the same");
+    let last = read("named/track.csv").lines().last().expect("frames").split(',').rev().nth(1).map(str::to_owned);
+    let json = track("json", &["--recognise", "m.safetensors", "--json"]);
+    let json: serde_json::Value = serde_json::from_str(&json).expect("JSON alone");
+    assert_eq!(Some(json["class"][0].to_string()), last);
+
+    let experiment = ["experiment", "recognise", "--recognise", "m.safetensors", "--digits", "3,8", "--seeds", "1"];
+    let experiment =
+        [&experiment[..], &["--config", "digits", "--frames", "6", "--json", "--looks", "learned"]].concat();
+    let first = foveate(dir, &experiment);
+    let table: serde_json::Value = serde_json::from_str(&said(&first)).expect("JSON alone");
+    let line = &table["lines"][0];
+    let names = (line["looks"].as_str(), line["policy"].as_str());
+    assert_eq!((line["videos"].as_u64(), names), (Some(2), (Some("exp3"), Some("fixed"))));
+    let again = foveate(dir, &experiment);
+    assert_eq!(said(&again), said(&first), "the same table from the finished runs");
+    assert!(String::from_utf8_lossy(&again.stderr).contains("2 runs, 2 of them"));
+
+    let words = track("shipped", &["--recognise"]);
+    assert!(words.contains("Recognised as class ") && read("shipped/boxes.txt") == read("plain/boxes.txt"), "{words}");
+    let missing = foveate(dir, &["track", "video", "--recognise", "gone.safetensors"]);
+    let words = String::from_utf8_lossy(&missing.stderr).into_owned();
+    assert!(!missing.status.success() && words.contains("gone.safetensors"), "{words}");
+}
