@@ -16,6 +16,9 @@ const PASSES: i32 = 12;
 /// Distance at which a place counts half, in pixels a frame: in the first pass, halved with each, and in the last ones.
 const HALF: [f64; 2] = [8.0, 0.5];
 
+/// Cells along the edges that are left out where a map is large enough: patches there see less of what leaves the picture.
+const EDGE: usize = 8;
+
 impl Affine {
     /// The flow at a place.
     pub fn at(&self, x: f64, y: f64) -> (f64, f64) {
@@ -28,8 +31,9 @@ impl Affine {
     pub fn fit(u: &Map, v: &Map, places: &mut Vec<[f64; 4]>) -> Self {
         let (w, cell) = (u.width(), u.cell() as f64);
         places.clear();
-        for j in (0..u.height()).step_by(4) {
-            for i in (0..w).step_by(4) {
+        let inner = |side: usize| (EDGE.min(side / 4)..side - EDGE.min(side / 4)).step_by(4);
+        for j in inner(u.height()) {
+            for i in inner(w) {
                 let centre = |i: usize| cell * (i as f64 + 0.5) - 0.5;
                 places.push([centre(i), centre(j), f64::from(u.at(i, j)), f64::from(v.at(i, j))]);
             }
