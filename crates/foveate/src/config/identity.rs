@@ -16,33 +16,42 @@ impl Config {
     /// The retina and the first layer, of model files relative to `base`.
     pub fn identity(&self, base: &Path) -> Result<(Foveal, Arc<dyn Encoder>)> {
         let given = self.retina.as_ref().map(|RetinaConfig::Foveal(config)| config.clone());
-        match &self.encoder {
-            EncoderConfig::Raw { standardise } => {
-                let config = given.ok_or_else(|| {
+        first_layer(&self.encoder, given, base)
+    }
+}
+
+/// A first layer with the retina it was trained on, which is the given one where one is given.
+pub(super) fn first_layer(
+    encoder: &EncoderConfig,
+    given: Option<FovealConfig>,
+    base: &Path,
+) -> Result<(Foveal, Arc<dyn Encoder>)> {
+    match encoder {
+        EncoderConfig::Raw { standardise } => {
+            let config = given.ok_or_else(|| {
                     Error::Config("a raw encoder needs a retina; for example [retina] kind = \"foveal\", side = 28, rings = [[8, 1], [16, 2], [24, 4]]".into())
                 })?;
-                let retina = Foveal::new(config)?;
-                let encoder = Raw::new(&channels(&retina), *standardise);
-                Ok((retina, Arc::new(encoder)))
-            }
-            EncoderConfig::Rbm { weights, precision } => {
-                let (rbm, metadata) = model(weights, base, Rbm::from_bytes, Rbm::load)?;
-                let retina = trained_retina(weights, &metadata, given, "rbm")?;
-                let encoder = RbmEncoder::new(rbm, &channels(&retina)).rounded(*precision);
-                Ok((retina, Arc::new(encoder)))
-            }
-            EncoderConfig::Autoencoder { weights, precision } => {
-                let (model, metadata) = model(weights, base, Autoencoder::from_bytes, Autoencoder::load)?;
-                let retina = trained_retina(weights, &metadata, given, "autoencoder")?;
-                let encoder = RbmEncoder::new(model.layer().clone(), &channels(&retina)).rounded(*precision);
-                Ok((retina, Arc::new(encoder)))
-            }
-            EncoderConfig::Mcrbm { weights, units } => {
-                let (rbm, metadata) = model(weights, base, FactoredRbm::from_bytes, FactoredRbm::load)?;
-                let retina = trained_retina(weights, &metadata, given, "mcrbm")?;
-                let encoder = FactoredEncoder::new(rbm, *units, &channels(&retina));
-                Ok((retina, Arc::new(encoder)))
-            }
+            let retina = Foveal::new(config)?;
+            let encoder = Raw::new(&channels(&retina), *standardise);
+            Ok((retina, Arc::new(encoder)))
+        }
+        EncoderConfig::Rbm { weights, precision } => {
+            let (rbm, metadata) = model(weights, base, Rbm::from_bytes, Rbm::load)?;
+            let retina = trained_retina(weights, &metadata, given, "rbm")?;
+            let encoder = RbmEncoder::new(rbm, &channels(&retina)).rounded(*precision);
+            Ok((retina, Arc::new(encoder)))
+        }
+        EncoderConfig::Autoencoder { weights, precision } => {
+            let (model, metadata) = model(weights, base, Autoencoder::from_bytes, Autoencoder::load)?;
+            let retina = trained_retina(weights, &metadata, given, "autoencoder")?;
+            let encoder = RbmEncoder::new(model.layer().clone(), &channels(&retina)).rounded(*precision);
+            Ok((retina, Arc::new(encoder)))
+        }
+        EncoderConfig::Mcrbm { weights, units } => {
+            let (rbm, metadata) = model(weights, base, FactoredRbm::from_bytes, FactoredRbm::load)?;
+            let retina = trained_retina(weights, &metadata, given, "mcrbm")?;
+            let encoder = FactoredEncoder::new(rbm, *units, &channels(&retina));
+            Ok((retina, Arc::new(encoder)))
         }
     }
 }

@@ -5,13 +5,14 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::identity::first_layer;
 use super::policies::policy;
 use super::ranges::Ranges;
-use super::{Blueprint, EncoderConfig, PolicyConfig, channels, load_rbm};
+use super::{Blueprint, PolicyConfig};
 use crate::gaze::{Policy, Random};
 use crate::geometry::Gaze;
 use crate::identity::accumulate::Accumulate;
-use crate::identity::encoder::{Encoder, Raw, RbmEncoder};
+use crate::identity::encoder::Encoder;
 use crate::identity::retina::{Foveal, FovealConfig};
 use crate::identity::{MultiFixation, Retina};
 use crate::rbm::fixations::FixationRbm;
@@ -78,18 +79,12 @@ impl RecogniserConfig {
             Error::malformed(Path::new(weights), problem)
         };
         let config: FovealConfig = serde_json::from_str(&about.metadata.retina).map_err(|e| unclear("retina", e))?;
-        let retina = Foveal::new(config)?;
-        let channels = channels(&retina);
-        let encoder: Option<Arc<dyn Encoder>> = if about.first_layer.is_empty() {
-            None
+        let (retina, encoder) = if about.first_layer.is_empty() {
+            (Foveal::new(config)?, None)
         } else {
-            Some(match serde_json::from_str(&about.first_layer).map_err(|e| unclear("first layer", e))? {
-                EncoderConfig::Raw { standardise } => Arc::new(Raw::new(&channels, standardise)),
-                EncoderConfig::Rbm { weights: layer, precision } => {
-                    let rbm = load_rbm(&layer, &beside)?.0;
-                    Arc::new(RbmEncoder::new(rbm, &channels).rounded(precision))
-                }
-            })
+            let layer = serde_json::from_str(&about.first_layer).map_err(|e| unclear("first layer", e))?;
+            let (retina, encoder) = first_layer(&layer, Some(config), &beside)?;
+            (retina, Some(encoder))
         };
         let read =
             Recogniser { retina: Arc::new(retina), encoder, machine, accumulate: *accumulate, policy: policy.clone() };
