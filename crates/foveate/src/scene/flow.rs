@@ -206,11 +206,11 @@ impl Patch {
             sample(now, self.x as f32 + flow.0, self.y as f32 + flow.1, &mut residual);
             let mean = residual.iter().sum::<f32>() / PIXELS as f32;
             let (mut error, mut bx, mut by) = (0.0, 0.0, 0.0);
-            for k in 0..PIXELS {
-                let r = residual[k] - mean - self.pixels[k];
+            for (value, ((pixel, gx), gy)) in residual.iter().zip(self.pixels.iter().zip(&self.gx).zip(&self.gy)) {
+                let r = value - mean - pixel;
                 error += r * r;
-                bx += r * self.gx[k];
-                by += r * self.gy[k];
+                bx += r * gx;
+                by += r * gy;
             }
             if error >= least {
                 break;

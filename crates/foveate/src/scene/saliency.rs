@@ -125,8 +125,8 @@ impl Saliency {
             }
         }
         for (oriented, gabor) in self.oriented.iter_mut().zip(&self.gabors) {
-            for l in FINEST..LEVELS {
-                energy(&self.channels[0][l], gabor, &mut oriented[l]);
+            for (from, to) in self.channels[0].iter().zip(oriented).skip(FINEST) {
+                energy(from, gabor, to);
             }
         }
     }
@@ -253,9 +253,9 @@ mod tests {
             let (upright, colour) = if (i, j) == at { odd } else { usual };
             let (cx, cy) = (30 + 52 * i + (7 * k) % 5, 28 + 50 * j + (11 * k) % 5);
             let (rx, ry) = if upright { (3, 12) } else { (12, 3) };
-            for p in 0..planes {
+            for (p, &value) in colour.iter().take(planes).enumerate() {
                 for y in cy - ry..cy + ry {
-                    image.plane_mut(p)[y * w + cx - rx..y * w + cx + rx].fill(colour[p]);
+                    image.plane_mut(p)[y * w + cx - rx..y * w + cx + rx].fill(value);
                 }
             }
         }
