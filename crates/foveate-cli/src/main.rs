@@ -21,6 +21,8 @@ enum Command {
     Demo(cmd::demo::Args),
     /// Follow a target through a video file or a folder of images
     Track(cmd::track::Args),
+    /// Show what stands out or moves in a frame, and the candidates found there
+    Look(cmd::look::Args),
     /// Make synthetic scenes
     Synth(cmd::synth::Args),
     /// Train a model
@@ -39,6 +41,7 @@ fn main() -> std::process::ExitCode {
     let run = || match cli.command {
         Command::Demo(args) => cmd::demo::run(args),
         Command::Track(args) => cmd::track::run(args),
+        Command::Look(args) => cmd::look::run(args),
         Command::Synth(args) => cmd::synth::run(args),
         Command::Train(args) => cmd::train::run(args),
         Command::Eval(args) => cmd::eval::run(args),

@@ -2,6 +2,10 @@
 //!
 //! Each panics with the broken law. Random checks state how often they would fail a correct implementation.
 
+mod detector;
+
+pub use self::detector::detector;
+
 use crate::control::{CHUNK, Dynamics, Proposal, Resampling, Reward};
 use crate::gaze::{Context, Plan, Policy, Portrait};
 use crate::geometry::{Extent, Gaze, State};

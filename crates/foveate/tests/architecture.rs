@@ -85,6 +85,7 @@ fn every_implementation_calls_its_law() {
             ("Encoder", "encoder"),
             ("Distance", "distance"),
             ("Appearance", "appearance"),
+            ("Detector", "detector"),
             ("Recognizer", "recognizer"),
         ] {
             for line in text.lines().filter(|line| line.starts_with(&format!("impl {name} for "))) {

@@ -4,6 +4,7 @@ pub mod bench;
 pub mod demo;
 pub mod eval;
 pub mod experiment;
+pub mod look;
 pub mod synth;
 pub mod track;
 pub mod train;

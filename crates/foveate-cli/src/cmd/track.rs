@@ -9,7 +9,7 @@ use foveate::observe::{
     Boxes, Clock, Film, Observer, RegretFiles, Report, RunInfo, Summary, SurfacePicture, Table, Trace,
 };
 use foveate::run::{Follow, Outcome, follow};
-use foveate::scene::{SourceInfo, ahead, annotation, open};
+use foveate::scene::{SourceInfo, ahead, annotation, motion, open};
 use foveate::{Error, Result, files};
 
 use crate::terminal;
@@ -22,9 +22,10 @@ pub struct Args {
     /// A video file, or a folder of images
     source: PathBuf,
     /// The target's box in the first frame: left, top, width, height in pixels, counted from 1 as in boxes.txt.
+    /// `motion` takes what moves between the first two frames (the camera must stand still); `motion:W,H` gives it that size.
     /// Left out, the first line of groundtruth_rect.txt in the folder is taken
-    #[arg(long, value_name = "X,Y,W,H", value_parser = parse_box, allow_hyphen_values = true)]
-    init: Option<BBox>,
+    #[arg(long, value_name = "X,Y,W,H|motion", value_parser = parse_init, allow_hyphen_values = true)]
+    init: Option<Init>,
     /// Restart on the target at a later frame (counted from 1) with a new box; may be given several times
     #[arg(long, value_name = "FRAME:X,Y,W,H", value_parser = parse_again, allow_hyphen_values = true)]
     reinit: Vec<(usize, BBox)>,
@@ -67,6 +68,25 @@ pub struct Args {
     /// Leave out trace.jsonl
     #[arg(long)]
     no_trace: bool,
+}
+
+/// Where the first box comes from.
+#[derive(Clone, Copy)]
+enum Init {
+    Given(BBox),
+    /// What moved, in a box of its own size or of a given one.
+    Motion(Option<(f64, f64)>),
+}
+
+fn parse_init(text: &str) -> std::result::Result<Init, String> {
+    let Some(size) = text.strip_prefix("motion") else { return parse_box(text).map(Init::Given) };
+    let sides = size.strip_prefix(':').and_then(|s| s.split_once(','));
+    let sides = sides.and_then(|(w, h)| Some((w.trim().parse().ok()?, h.trim().parse().ok()?)));
+    match sides {
+        None if size.is_empty() => Ok(Init::Motion(None)),
+        Some((w, h)) if (1.0..1e5).contains(&w) && (1.0..1e5).contains(&h) => Ok(Init::Motion(Some((w, h)))),
+        _ => Err(format!("expected motion, or motion:w,h such as motion:28,28, got \"{text}\"")),
+    }
 }
 
 /// `x,y,w,h` counted from 1, to a box counted from 0.
@@ -235,8 +255,10 @@ fn known_truth(source: &Path) -> Vec<BBox> {
 
 /// The given box, or the first one of groundtruth_rect.txt.
 fn first_box(args: &Args) -> Result<BBox> {
-    if let Some(bbox) = args.init {
-        return Ok(bbox);
+    match args.init {
+        Some(Init::Given(bbox)) => return Ok(bbox),
+        Some(Init::Motion(size)) => return moving(args, size),
+        None => {}
     }
     let truth = args.source.join("groundtruth_rect.txt");
     if !truth.is_file() {
@@ -250,6 +272,20 @@ fn first_box(args: &Args) -> Result<BBox> {
         .copied()
         .flatten()
         .ok_or_else(|| Error::malformed(&truth, "its first line has no box; give --init x,y,w,h"))
+}
+
+/// The box of what moves between the first two frames.
+fn moving(args: &Args, size: Option<(f64, f64)>) -> Result<BBox> {
+    let mut frames = open(&args.source)?.take(2);
+    let pair = (frames.next().transpose()?, frames.next().transpose()?);
+    let found = match pair {
+        (Some(a), Some(b)) => motion::first_box(&a.image, &b.image, size),
+        _ => None,
+    };
+    found.ok_or_else(|| {
+        let source = args.source.display();
+        Error::Invalid(format!("{source}: nothing moves between the first two frames; give --init x,y,w,h"))
+    })
 }
 
 fn report(args: &Args, outcome: &Outcome, seed: u64, outputs: Vec<PathBuf>, result: &Result<()>) {

@@ -2,17 +2,24 @@
 
 pub mod ahead;
 pub mod annotation;
+pub mod camera;
 pub mod decode;
+pub mod detect;
 pub mod encode;
 mod ffmpeg;
+pub mod flow;
 pub mod folder;
 mod h264;
 pub mod idx;
 pub mod image;
+pub mod map;
+mod morphology;
 pub mod mot;
+pub mod motion;
 mod mp4;
 pub mod open;
 pub mod otb;
+pub mod saliency;
 pub mod spline;
 mod sps;
 mod stream;
@@ -23,11 +30,16 @@ pub(crate) mod yuv;
 
 pub use self::ahead::ahead;
 pub use self::decode::{decode_image, read_image};
+pub use self::detect::Detector;
 pub use self::encode::{encode_jpeg, encode_png, save_png};
+pub use self::flow::Flow;
 pub use self::folder::{ImageFolder, image_files};
 pub use self::idx::{Digits, Split};
 pub use self::image::Image;
+pub use self::map::Map;
+pub use self::motion::Motion;
 pub use self::open::open;
+pub use self::saliency::Saliency;
 pub use self::video::VideoFile;
 
 /// One picture of a video.

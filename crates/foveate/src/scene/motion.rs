@@ -1,0 +1,256 @@
+//! What moves: each frame against a background that is learned as the video goes.
+//!
+//! Each pixel keeps the mean and variance of its grey (after a 3 × 3 median, which takes away salt and pepper). A pixel that
+//! is several deviations off is in motion; opening takes away specks, closing joins the parts of one thing. Pixels in motion
+//! do not teach the background, unless they stay as they are for a while: so what was there at first and left, and what
+//! came and stopped, becomes background again. The camera must stand still; where it moves, see [`Flow`](super::flow::Flow).
+//!
+//! [`first_box`] is how the paper's authors found their target: by the difference of the first two frames.
+
+use super::detect::{Blobs, Detector, Score};
+use super::image::luma;
+use super::morphology::{Mask, Rows, median};
+use super::{Detection, Frame, Image, Map};
+use crate::geometry::BBox;
+
+/// Frame differencing against a running background. The map has a value a pixel: deviations from the background where
+/// something moves, 0 elsewhere.
+#[derive(Clone, Debug)]
+pub struct Motion {
+    /// Deviations from the mean at which a pixel is in motion.
+    pub threshold: f32,
+    /// Least deviation a pixel is taken to have, grey levels of 255: coding noise.
+    pub least_deviation: f32,
+    /// Share of a frame in the running mean and variance, once there were enough frames.
+    pub rate: f32,
+    /// Frames after which a pixel in motion that did not change is background.
+    pub patience: u8,
+    /// Radius of the opening, pixels.
+    pub open: usize,
+    /// Radius of the closing, pixels.
+    pub close: usize,
+    map: Map,
+    blobs: Blobs,
+    frames: u32,
+    grey: Vec<u8>,
+    now: Vec<u8>,
+    before: Vec<u8>,
+    mean: Vec<f32>,
+    variance: Vec<f32>,
+    still: Vec<u8>,
+    rows: Rows,
+    mask: Mask,
+}
+
+impl Default for Motion {
+    fn default() -> Self {
+        Self {
+            threshold: 4.0,
+            least_deviation: 6.0,
+            rate: 0.05,
+            patience: 12,
+            open: 1,
+            close: 3,
+            map: Map::default(),
+            blobs: Blobs::new(40, Score::Mass),
+            frames: 0,
+            grey: vec![],
+            now: vec![],
+            before: vec![],
+            mean: vec![],
+            variance: vec![],
+            still: vec![],
+            rows: Rows::default(),
+            mask: Mask::default(),
+        }
+    }
+}
+
+impl Detector for Motion {
+    fn detect(&mut self, frame: &Frame, found: &mut Vec<Detection>) {
+        found.clear();
+        let size @ (width, height) = (frame.image.width(), frame.image.height());
+        let same = (self.map.width(), self.map.height()) == size;
+        std::mem::swap(&mut self.now, &mut self.before);
+        grey(&frame.image, &mut self.grey);
+        median(&self.grey, width, &mut self.rows, &mut self.now);
+        self.map.cover(width, height, 1);
+        if !same {
+            return self.begin();
+        }
+        self.frames = self.frames.saturating_add(1);
+        self.compare(width);
+        self.learn();
+        self.blobs.find(&self.map, 0.0, size, found);
+    }
+    fn map(&self) -> &Map {
+        &self.map
+    }
+}
+
+impl Motion {
+    fn begin(&mut self) {
+        self.frames = 1;
+        self.mean.clear();
+        self.mean.extend(self.now.iter().map(|&v| f32::from(v)));
+        self.variance.clear();
+        self.variance.resize(self.now.len(), 0.0);
+        self.still.clear();
+        self.still.resize(self.now.len(), 0);
+    }
+    fn deviation(&self, k: usize) -> f32 {
+        (self.variance[k] + self.least_deviation * self.least_deviation).sqrt()
+    }
+    /// Marks what is off the background, cleans the marks, and fills the map.
+    fn compare(&mut self, width: usize) {
+        for k in 0..self.now.len() {
+            let off = (f32::from(self.now[k]) - self.mean[k]).abs() / self.deviation(k);
+            self.map.values_mut()[k] = off;
+        }
+        self.mask.marks.clear();
+        self.mask.marks.extend(self.map.values().iter().map(|off| *off > self.threshold));
+        self.mask.open(width, self.open);
+        self.mask.close(width, self.close);
+        for (value, &mark) in self.map.values_mut().iter_mut().zip(&self.mask.marks) {
+            *value = if mark { value.max(1.0) } else { 0.0 }; // gaps that were closed count as one deviation
+        }
+    }
+    /// Background pixels move their mean and variance; those in motion wait.
+    fn learn(&mut self) {
+        let share = self.rate.max(1.0 / self.frames as f32);
+        for k in 0..self.now.len() {
+            let now = f32::from(self.now[k]);
+            if !self.mask.marks[k] {
+                let off = now - self.mean[k];
+                self.mean[k] += share * off;
+                self.variance[k] += share * (off * off - self.variance[k]);
+                self.still[k] = 0;
+                continue;
+            }
+            let changed = (now - f32::from(self.before[k])).abs() > self.threshold * self.least_deviation;
+            self.still[k] = if changed { 0 } else { self.still[k] + 1 };
+            if self.still[k] >= self.patience.max(1) {
+                (self.mean[k], self.still[k]) = (now, 0);
+            }
+        }
+    }
+}
+
+/// The luma of a picture into a buffer.
+fn grey(image: &Image, to: &mut Vec<u8>) {
+    to.clear();
+    if image.planes() == 1 {
+        return to.extend_from_slice(image.plane(0));
+    }
+    let (r, g, b) = (image.plane(0), image.plane(1), image.plane(2));
+    to.extend(r.iter().zip(g).zip(b).map(|((&r, &g), &b)| luma(r, g, b)));
+}
+
+/// Grey levels by which a pixel of [`first_box`] must differ.
+const DIFFERENCE: u8 = 25;
+
+/// A target's box in the first frame, by what moved between it and the second one (the start of the authors' published
+/// program): absolute difference, 3 × 3 median, opening and dilation by a disc of radius 2, the largest connected part.
+/// `size` is that of the box round the part's centre, which keeps within the picture; `None` takes the part's own.
+///
+/// Answers `None` where nothing moved, or the pictures differ in size. Deviation: where opening leaves nothing, because a
+/// thin thing moved a little, the difference is dilated as it is.
+pub fn first_box(first: &Image, second: &Image, size: Option<(f64, f64)>) -> Option<BBox> {
+    let (width, height) = (first.width(), first.height());
+    if (second.width(), second.height()) != (width, height) {
+        return None;
+    }
+    let (mut a, mut b, mut smooth) = (vec![], vec![], vec![]);
+    grey(first, &mut a);
+    grey(second, &mut b);
+    a.iter_mut().zip(&b).for_each(|(a, b)| *a = a.abs_diff(*b));
+    median(&a, width, &mut Rows::default(), &mut smooth);
+    let marks: Vec<bool> = smooth.iter().map(|d| *d > DIFFERENCE).collect();
+    let mut mask = Mask::default();
+    mask.marks.clone_from(&marks);
+    mask.open(width, 2);
+    if !mask.marks.contains(&true) {
+        mask.marks = marks;
+    }
+    mask.dilate(width, 2);
+    let mut map = Map::over(width, height, 1);
+    map.values_mut().iter_mut().zip(&mask.marks).for_each(|(value, &mark)| *value = f32::from(u8::from(mark)));
+    let mut found = vec![];
+    Blobs::new(1, Score::Mass).find(&map, 0.5, (width, height), &mut found);
+    let part = found.first()?.bbox;
+    let Some((w, h)) = size.map(|(w, h)| (w.clamp(1.0, width as f64), h.clamp(1.0, height as f64))) else {
+        return Some(part);
+    };
+    let (x, y) = part.centre();
+    let around = BBox::around(x, y, w, h);
+    let within = |from: f64, long: f64, side: usize| from.clamp(0.0, side as f64 - long);
+    Some(BBox { x: within(around.x, w, width), y: within(around.y, h, height), ..around })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance;
+    use crate::scene::Digits;
+    use crate::scene::synthetic::{Clutter, Drawn, NOISE, Occlusion};
+
+    #[test]
+    fn it_is_a_detector() {
+        conformance::detector(&|| Box::<Motion>::default());
+    }
+
+    /// Share of the frames from `from` on whose best candidate's centre is within 6 pixels of the digit's box's, and
+    /// candidates a frame.
+    fn follow(video: impl Drawn, from: usize) -> (f64, f64) {
+        let truth = video.truth().to_vec();
+        let (mut motion, mut found, mut near, mut count) = (Motion::default(), vec![], 0, 0);
+        for frame in video.source() {
+            let frame = frame.expect("a frame");
+            motion.detect(&frame, &mut found);
+            if frame.index < from {
+                continue;
+            }
+            count += found.len();
+            let (x, y) = truth[frame.index].centre();
+            near += usize::from(found.first().is_some_and(|d| {
+                let at = d.bbox.centre();
+                (at.0 - x).hypot(at.1 - y) <= 6.0
+            }));
+        }
+        let frames = (truth.len() - from) as f64;
+        (near as f64 / frames, count as f64 / frames)
+    }
+
+    #[test]
+    fn the_moving_digit_is_found() {
+        let digits = Digits::drawn(1, 2);
+        for digit in [2, 3, 5] {
+            for noise in [0.0, NOISE] {
+                let scene = Clutter { digit, noise, frames: 80, ..Clutter::default() };
+                let (near, count) = follow(scene.video(&digits).expect("a video"), 30);
+                assert!(near > 0.95 && count < 1.2, "digit {digit}, noise {noise}: near in {near}, {count} candidates");
+            }
+            let scene = Occlusion { digit, frames: 80, ..Occlusion::default() };
+            let (near, count) = follow(scene.video(&digits).expect("a video"), 30);
+            // Behind the bars there is nothing to see; beside them a part of it.
+            assert!(near > 0.65 && count < 1.2, "digit {digit} behind bars: near in {near}, {count} candidates");
+        }
+    }
+
+    #[test]
+    fn the_first_box_is_where_the_digit_is() {
+        let digits = Digits::drawn(1, 2);
+        for noise in [0.0, NOISE] {
+            let (mut good, mut sum) = (0, 0.0);
+            for seed in 0..40 {
+                let scene = Clutter { digit: (seed % 10) as u8, seed, noise, frames: 30, ..Clutter::default() };
+                let video = scene.video(&digits).expect("a video");
+                let found = first_box(&video.render(0), &video.render(1), Some((28.0, 28.0)));
+                let iou = found.map_or(0.0, |b| b.iou(&video.truth()[0]));
+                sum += iou;
+                good += usize::from(iou > 0.5);
+            }
+            assert!(good >= 36 && sum / 40.0 > 0.7, "noise {noise}: {good} of 40 overlap, mean {}", sum / 40.0);
+        }
+    }
+}
