@@ -10,6 +10,7 @@
 use super::camera::Affine;
 use super::detect::{Blobs, Detector, Score};
 use super::{Detection, Frame, Image, Map};
+use crate::geometry::BBox;
 
 /// Side of a patch, and distance between two, in pixels of a level.
 const PATCH: usize = 8;
@@ -78,6 +79,12 @@ impl Detector for Flow {
             *value = (self.u.values()[k] - cu as f32).hypot(self.v.values()[k] - cv as f32);
         }
         self.blobs.find(&self.map, self.threshold, size, found);
+        // A patch at an edge moves with what moves in it: boxes reach about half a stride too far on each side.
+        let smear = (STRIDE << self.finest) as f64 / 2.0;
+        for Detection { bbox: b, .. } in found.iter_mut() {
+            let (dx, dy) = (smear.min(b.w / 4.0), smear.min(b.h / 4.0));
+            *b = BBox { x: b.x + dx, y: b.y + dy, w: b.w - 2.0 * dx, h: b.h - 2.0 * dy };
+        }
     }
     fn map(&self) -> &Map {
         &self.map
