@@ -92,7 +92,7 @@ function write() {
   const tile = (value, unit, label) => element('div', {}, element('dt', {}, label), element('dd', {}, value, element('small', {}, unit)));
   const fps = data.summary.fps;
   byId('tiles').append(tile(String(rows), '', 'frames'), ...(fps ? [tile(fps >= 100 ? String(Math.round(fps)) : say(fps), 'frames/s', 'tracking speed')] : []),
-    ...(known ? [tile(say(median(chartList[0].lines[0].of)), 'px', 'median error')] : []), tile(say(steps ? 100 * lost / steps : 0, 2), '%', 'believed lost'), tile(say(median(series.ess)), `of ${data.particles}`, 'median ESS'));
+    ...(known ? [tile(say(median(chartList.find(chart => chart.title === 'Error').lines[0].of)), 'px', 'median error')] : []), tile(say(steps ? 100 * lost / steps : 0, 2), '%', 'believed lost'), tile(say(median(series.ess)), `of ${data.particles}`, 'median ESS'));
   if (data.regret) {
     const last = rows - 1, { best, total, random, gazes } = data.regret;
     byId('verdict').append(` Of ${gazes} fixed gazes (${say(best[0], 2)}, ${say(best[1], 2)}) would have earned most: ${say(total[last])} more in all than it did; looking at random, ${say(random[last])} more.`);
