@@ -8,4 +8,3 @@ pub mod look;
 pub mod synth;
 pub mod track;
 pub mod train;
-pub mod train_fixations;

@@ -3,16 +3,17 @@
 use std::path::PathBuf;
 
 use clap::{Subcommand, ValueEnum};
-use foveate::identity::retina::{Foveal, FovealConfig, Retina};
+use foveate::Result;
+use foveate::identity::retina::{FovealConfig, Retina};
 use foveate::rbm::likelihood::{ais, mean_log_likelihood};
 use foveate::rbm::monitor::Fit;
-use foveate::rbm::{Metadata, Negative, Rbm, Recipe, Sparsity, Trainer, Visible};
+use foveate::rbm::{Negative, Rbm, Recipe, Sparsity, Trainer, Visible};
 use foveate::rows::Rows;
-use foveate::training::{self, Source, filters};
-use foveate::{Error, Result};
+use foveate::training::{self, filters};
 
 mod autoencoder;
 mod common;
+mod fixations;
 mod mcrbm;
 
 /// Rows that are monitored after every epoch, of those learned from and of those held out.
@@ -28,7 +29,7 @@ pub struct Args {
 #[derive(Subcommand)]
 enum What {
     Rbm(Box<RbmArgs>),
-    Fixations(Box<super::train_fixations::FixationArgs>),
+    Fixations(Box<fixations::Args>),
     Mcrbm(Box<mcrbm::Args>),
     Autoencoder(Box<autoencoder::Args>),
 }
@@ -155,7 +156,7 @@ pub fn run(args: Args) -> Result<()> {
             let pool = common::pool(args.threads, &[&args.out, &args.filters_path()])?;
             pool.install(|| train(&args))
         }
-        What::Fixations(args) => super::train_fixations::run(&args),
+        What::Fixations(args) => fixations::run(&args),
         What::Mcrbm(args) => mcrbm::run(&args),
         What::Autoencoder(args) => autoencoder::run(&args),
     }
@@ -186,27 +187,18 @@ impl RbmArgs {
             ..usual
         }
     }
-    fn retina(&self) -> Result<Foveal> {
-        let config = match &self.config {
-            Some(path) => training::retina_of_config(path)?,
-            None => FovealConfig { side: self.side, rings: self.rings.clone(), colour: self.colour.clone() },
-        };
-        Foveal::new(config)
-    }
     fn filters_path(&self) -> PathBuf {
         self.filters.clone().unwrap_or_else(|| self.out.with_extension("png"))
     }
     /// The command that makes the same model: every setting said, folders left open.
     fn command(&self, retina: &FovealConfig, recipe: &Recipe) -> String {
-        let rings =
-            |rings: &[[usize; 2]]| rings.iter().map(|r| format!("{}/{}", r[0], r[1])).collect::<Vec<_>>().join(",");
         let set = self.set.to_possible_value().expect("a name");
         let mut text = format!(
             "foveate train rbm --data DIR --set {} --side {} --rings {} --hidden {} --epochs {} --glimpses {} --visible {} \
              --batch {} --rate {} --momentum {} --l2 {} --l1 {} --average-from {} --seed {}",
             set.get_name(),
             retina.side,
-            rings(&retina.rings),
+            common::rings(&retina.rings),
             recipe.hidden,
             recipe.epochs,
             self.glimpses,
@@ -229,92 +221,69 @@ impl RbmArgs {
             Some(s) => text += &format!(" --sparsity {} --sparsity-cost {}", s.target, s.cost),
             None => text += " --sparsity 0",
         }
-        if !retina.colour.is_empty() {
-            text += &format!(" --colour {}", rings(&retina.colour));
-        }
-        text + " --out FILE"
+        text + &common::colour(retina) + " --out FILE"
     }
 }
 
 fn train(args: &RbmArgs) -> Result<()> {
-    let (retina, recipe) = (args.retina()?, args.recipe());
+    let retina = common::retina(args.config.as_deref(), args.side, &args.rings, &args.colour)?;
+    let recipe = args.recipe();
     recipe.check()?;
-    if args.glimpses == 0 || args.held_out == 0 {
-        return Err(Error::Config("--glimpses and --held-out must be at least 1".into()));
-    }
     let set = match args.set {
         SetName::Digits => training::Set::Digits,
         SetName::Natural => training::Set::Natural,
     };
-    let source = Source::load(set, &args.data)?;
-    let (learn, held) = source.split()?;
-    let width = retina.glimpse_len();
-    println!("{}: {} glimpses of {width} values, {} held out", source.describe(), args.glimpses, args.held_out);
-    let rows = learn.glimpses(&retina, args.glimpses, recipe.visible, args.seed);
-    let held = held.glimpses(&retina, args.held_out, recipe.visible, !args.seed);
-    let sha256 = training::sha256_of(&rows);
-    let (rows, held) = (Rows::new(&rows, width), Rows::new(&held, width));
+    let counts = [args.glimpses, args.held_out];
+    let glimpses = common::Glimpses::look(retina, (set, &args.data), counts, recipe.visible, args.seed)?;
 
-    let mut checkpoint = args.out.clone().into_os_string();
-    checkpoint.push(".checkpoint");
-    let checkpoint = PathBuf::from(checkpoint);
-    let trainer = if checkpoint.exists() && !args.restart {
-        let trainer = Trainer::resume(&checkpoint, recipe.clone(), rows, &sha256)?;
-        let (epoch, batch) = trainer.progress();
-        println!("going on from {}: epoch {}, batch {batch}", checkpoint.display(), epoch + 1);
-        trainer
-    } else {
-        Trainer::new(recipe.clone(), rows)?
-    };
-    let mut training = RbmTraining { trainer, rows, held, checkpoint, sha256 };
+    let checkpoint = common::checkpoint(&args.out);
+    let trainer = common::begin(
+        &checkpoint,
+        args.restart,
+        Trainer::progress,
+        |path| Trainer::resume(path, recipe.clone(), glimpses.rows(), &glimpses.sha256),
+        || Trainer::new(recipe.clone(), glimpses.rows()),
+    )?;
+    let mut training = RbmTraining { trainer, glimpses: &glimpses, checkpoint };
     common::train(&mut training)?;
-    let RbmTraining { trainer, checkpoint, .. } = training;
 
-    let rbm = trainer.learned();
-    let metadata = Metadata {
-        retina: serde_json::to_string(retina.config()).expect("a retina's geometry becomes JSON"),
-        command: args.command(retina.config(), &recipe),
-        data: format!("{} glimpses of {}", args.glimpses, learn.describe()),
-        data_sha256: source.sha256().into(),
-        seed: recipe.seed,
-        epochs: recipe.epochs,
-    };
-    rbm.save(&args.out, &metadata)?;
+    let (rbm, retina) = (training.trainer.learned(), &glimpses.retina);
+    let command = args.command(retina.config(), &recipe);
+    rbm.save(&args.out, &glimpses.metadata(command, recipe.seed, recipe.epochs))?;
     foveate::scene::save_png(args.filters_path(), &filters::picture(rbm.weights(), retina.cells(), 400)?)?;
     if args.ais {
-        print_likelihood(&rbm, rows, held, args.seed)?;
+        print_likelihood(&rbm, glimpses.rows(), glimpses.held(), args.seed)?;
     }
-    let _ = std::fs::remove_file(&checkpoint);
+    let _ = std::fs::remove_file(&training.checkpoint);
     println!("wrote {} and {}", args.out.display(), args.filters_path().display());
     Ok(())
 }
 
 struct RbmTraining<'a> {
     trainer: Trainer,
-    rows: Rows<'a>,
-    held: Rows<'a>,
+    glimpses: &'a common::Glimpses,
     checkpoint: PathBuf,
-    sha256: String,
 }
 
 impl common::Training for RbmTraining<'_> {
-    fn step(&mut self) {
-        self.trainer.step(self.rows);
+    fn step(&mut self) -> Result<()> {
+        self.trainer.step(self.glimpses.rows());
+        Ok(())
     }
     fn progress(&self) -> (usize, usize) {
         self.trainer.progress()
     }
     fn whole(&self) -> (usize, usize) {
-        (self.trainer.recipe().epochs, self.trainer.batches(self.rows.len()))
+        (self.trainer.recipe().epochs, self.trainer.batches(self.glimpses.rows().len()))
     }
     fn save(&self) -> Result<()> {
-        self.trainer.save(&self.checkpoint, &self.sha256)
+        self.trainer.save(&self.checkpoint, &self.glimpses.sha256)
     }
-    fn line(&self) -> String {
+    fn line(&mut self) -> Result<String> {
         let learned = self.trainer.learned();
         let some = |rows: Rows<'_>| rows.data().len().min(MONITORED * rows.width());
         let fit = |rows: Rows<'_>| Fit::of(&learned, Rows::new(&rows.data()[..some(rows)], rows.width()));
-        epoch_line(&fit(self.rows), &fit(self.held))
+        Ok(epoch_line(&fit(self.glimpses.rows()), &fit(self.glimpses.held())))
     }
 }
 

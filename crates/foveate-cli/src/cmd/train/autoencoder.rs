@@ -85,20 +85,19 @@ pub fn run(args: &Args) -> Result<()> {
         let recipe = args.recipe();
         recipe.check()?;
         let glimpses = args.natural.glimpses()?;
-        let checkpoint = args.natural.checkpoint();
-        let trainer = if checkpoint.exists() && !args.natural.restart {
-            let trainer = Trainer::resume(&checkpoint, recipe.clone(), glimpses.rows(), &glimpses.sha256)?;
-            let (epoch, batch) = trainer.progress();
-            println!("going on from {}: epoch {}, batch {batch}", checkpoint.display(), epoch + 1);
-            trainer
-        } else {
-            Trainer::new(recipe.clone(), glimpses.rows())?
-        };
+        let checkpoint = common::checkpoint(out);
+        let trainer = common::begin(
+            &checkpoint,
+            args.natural.restart,
+            Trainer::progress,
+            |path| Trainer::resume(path, recipe.clone(), glimpses.rows(), &glimpses.sha256),
+            || Trainer::new(recipe.clone(), glimpses.rows()),
+        )?;
         let mut training = AutoencoderTraining { trainer, glimpses: &glimpses, checkpoint };
         common::train(&mut training)?;
 
         let model = training.trainer.learned();
-        model.save(out, &args.natural.metadata(&glimpses, args.command(&glimpses), recipe.epochs))?;
+        model.save(out, &glimpses.metadata(args.command(&glimpses), recipe.seed, recipe.epochs))?;
         let drawn = filters::picture(model.layer().weights(), glimpses.retina.cells(), 400)?;
         foveate::scene::save_png(&picture, &drawn)?;
         let _ = std::fs::remove_file(&training.checkpoint);
@@ -114,8 +113,9 @@ struct AutoencoderTraining<'a> {
 }
 
 impl Training for AutoencoderTraining<'_> {
-    fn step(&mut self) {
+    fn step(&mut self) -> Result<()> {
         self.trainer.step(self.glimpses.rows());
+        Ok(())
     }
     fn progress(&self) -> (usize, usize) {
         self.trainer.progress()
@@ -126,10 +126,10 @@ impl Training for AutoencoderTraining<'_> {
     fn save(&self) -> Result<()> {
         self.trainer.save(&self.checkpoint, &self.glimpses.sha256)
     }
-    fn line(&self) -> String {
+    fn line(&mut self) -> Result<String> {
         let some = |rows: Rows<'_>| rows.data().len().min(MONITORED * rows.width());
         let error = |rows: Rows<'_>| self.trainer.learned().error(Rows::new(&rows.data()[..some(rows)], rows.width()));
         let (ours, theirs) = (error(self.glimpses.rows()), error(self.glimpses.held()));
-        format!("reconstruction {ours:.3} (held out {theirs:.3})")
+        Ok(format!("reconstruction {ours:.3} (held out {theirs:.3})"))
     }
 }

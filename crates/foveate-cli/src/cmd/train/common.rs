@@ -1,4 +1,4 @@
-//! What all trainings share: where glimpses come from, and going on after an interruption.
+//! What all trainings share: where glimpses come from, where files go, and going on after an interruption.
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -71,31 +71,62 @@ impl Natural {
     pub fn filters_path(&self) -> PathBuf {
         self.filters.clone().unwrap_or_else(|| self.out.with_extension("png"))
     }
-    /// Where the checkpoint is.
-    pub fn checkpoint(&self) -> PathBuf {
-        let mut name = self.out.clone().into_os_string();
-        name.push(".checkpoint");
-        PathBuf::from(name)
-    }
-    fn retina(&self) -> Result<Foveal> {
-        Foveal::new(match &self.config {
-            Some(path) => training::retina_of_config(path)?,
-            None => FovealConfig { side: self.side, rings: self.rings.clone(), colour: self.colour.clone() },
-        })
-    }
     /// Reads the photographs and looks at them; says what it found.
     pub fn glimpses(&self) -> Result<Glimpses> {
-        let retina = self.retina()?;
-        if self.glimpses == 0 || self.held_out == 0 {
+        let retina = retina(self.config.as_deref(), self.side, &self.rings, &self.colour)?;
+        Glimpses::look(retina, (Set::Natural, &self.data), [self.glimpses, self.held_out], Visible::Gaussian, self.seed)
+    }
+    /// The part of the command that says which glimpses, folders left open.
+    pub fn command(&self, kind: &str, retina: &FovealConfig) -> String {
+        format!(
+            "foveate train {kind} --data DIR --side {} --rings {} --glimpses {} --seed {}{}",
+            retina.side,
+            rings(&retina.rings),
+            self.glimpses,
+            self.seed,
+            colour(retina)
+        )
+    }
+}
+
+/// The retina of a configuration, or else of these windows. Fails where the configuration has none, or windows do not fit.
+pub fn retina(config: Option<&Path>, side: f64, rings: &[[usize; 2]], colour: &[[usize; 2]]) -> Result<Foveal> {
+    Foveal::new(match config {
+        Some(path) => training::retina_of_config(path)?,
+        None => FovealConfig { side, rings: rings.to_vec(), colour: colour.to_vec() },
+    })
+}
+
+/// Windows as `--rings` takes them.
+pub fn rings(rings: &[[usize; 2]]) -> String {
+    rings.iter().map(|r| format!("{}/{}", r[0], r[1])).collect::<Vec<_>>().join(",")
+}
+
+/// ` --colour WINDOWS`, where a retina has such.
+pub fn colour(retina: &FovealConfig) -> String {
+    if retina.colour.is_empty() { String::new() } else { format!(" --colour {}", rings(&retina.colour)) }
+}
+
+impl Glimpses {
+    /// Reads the pictures of a set in a folder, and looks `counts` times at those to learn from and at the others; says what
+    /// it found. Fails where a count is 0, before it reads anything.
+    pub fn look(
+        retina: Foveal,
+        (set, data): (Set, &Path),
+        counts: [usize; 2],
+        visible: Visible,
+        seed: u64,
+    ) -> Result<Self> {
+        if counts.contains(&0) {
             return Err(Error::Config("--glimpses and --held-out must be at least 1".into()));
         }
-        let source = Source::load(Set::Natural, &self.data)?;
+        let source = Source::load(set, data)?;
         let (learn, held) = source.split()?;
         let width = retina.glimpse_len();
-        println!("{}: {} glimpses of {width} values, {} held out", source.describe(), self.glimpses, self.held_out);
-        let rows = learn.glimpses(&retina, self.glimpses, Visible::Gaussian, self.seed);
-        Ok(Glimpses {
-            held: held.glimpses(&retina, self.held_out, Visible::Gaussian, !self.seed),
+        println!("{}: {} glimpses of {width} values, {} held out", source.describe(), counts[0], counts[1]);
+        let rows = learn.glimpses(&retina, counts[0], visible, seed);
+        Ok(Self {
+            held: held.glimpses(&retina, counts[1], visible, !seed),
             sha256: training::sha256_of(&rows),
             learn: rows,
             retina,
@@ -103,36 +134,17 @@ impl Natural {
             pictures: learn.describe(),
         })
     }
-    /// The part of the command that says which glimpses, folders left open.
-    pub fn command(&self, kind: &str, retina: &FovealConfig) -> String {
-        let rings =
-            |rings: &[[usize; 2]]| rings.iter().map(|r| format!("{}/{}", r[0], r[1])).collect::<Vec<_>>().join(",");
-        let mut text = format!(
-            "foveate train {kind} --data DIR --side {} --rings {} --glimpses {} --seed {}",
-            retina.side,
-            rings(&retina.rings),
-            self.glimpses,
-            self.seed
-        );
-        if !retina.colour.is_empty() {
-            text += &format!(" --colour {}", rings(&retina.colour));
-        }
-        text
-    }
     /// What a model file says of its making.
-    pub fn metadata(&self, glimpses: &Glimpses, command: String, epochs: usize) -> Metadata {
+    pub fn metadata(&self, command: String, seed: u64, epochs: usize) -> Metadata {
         Metadata {
-            retina: serde_json::to_string(glimpses.retina.config()).expect("a retina's geometry becomes JSON"),
+            retina: serde_json::to_string(self.retina.config()).expect("a retina's geometry becomes JSON"),
             command,
-            data: format!("{} glimpses of {}", self.glimpses, glimpses.pictures),
-            data_sha256: glimpses.pictures_sha256.clone(),
-            seed: self.seed,
+            data: format!("{} glimpses of {}", self.rows().len(), self.pictures),
+            data_sha256: self.pictures_sha256.clone(),
+            seed,
             epochs,
         }
     }
-}
-
-impl Glimpses {
     /// The glimpses to learn from.
     pub fn rows(&self) -> Rows<'_> {
         Rows::new(&self.learn, self.retina.glimpse_len())
@@ -143,29 +155,60 @@ impl Glimpses {
     }
 }
 
-/// Threads to work with, and folders that are there: asked before the work, not after it.
-pub fn pool(threads: Option<usize>, files: &[&Path]) -> Result<rayon::ThreadPool> {
+/// Fails where the folder of one of these files is not there: asked before the work, not after it.
+pub fn folders(files: &[&Path]) -> Result<()> {
     for path in files {
         if path.parent().is_some_and(|dir| !dir.as_os_str().is_empty() && !dir.is_dir()) {
             return Err(Error::Config(format!("{}: its folder does not exist", path.display())));
         }
     }
+    Ok(())
+}
+
+/// Threads to work with, and [`folders`] that are there.
+pub fn pool(threads: Option<usize>, files: &[&Path]) -> Result<rayon::ThreadPool> {
+    folders(files)?;
     let threads = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
     threads.map_err(|e| Error::Config(format!("--threads: {e}")))
+}
+
+/// Where the checkpoint of a model file is.
+pub fn checkpoint(out: &Path) -> PathBuf {
+    let mut name = out.to_path_buf().into_os_string();
+    name.push(".checkpoint");
+    PathBuf::from(name)
+}
+
+/// A training that goes on from its checkpoint where there is one, unless it is to `restart`; else a new one. The trainer is
+/// asked for its `progress`, to say where it goes on.
+pub fn begin<T>(
+    checkpoint: &Path,
+    restart: bool,
+    progress: fn(&T) -> (usize, usize),
+    resume: impl FnOnce(&Path) -> Result<T>,
+    new: impl FnOnce() -> Result<T>,
+) -> Result<T> {
+    if restart || !checkpoint.exists() {
+        return new();
+    }
+    let trainer = resume(checkpoint)?;
+    let (epoch, batch) = progress(&trainer);
+    println!("going on from {}: epoch {}, batch {batch}", checkpoint.display(), epoch + 1);
+    Ok(trainer)
 }
 
 /// A training that can be interrupted.
 pub trait Training {
     /// One mini-batch.
-    fn step(&mut self);
+    fn step(&mut self) -> Result<()>;
     /// Epochs done, and batches done of the next.
     fn progress(&self) -> (usize, usize);
     /// Epochs to do, and batches an epoch has.
     fn whole(&self) -> (usize, usize);
     /// Writes a checkpoint.
     fn save(&self) -> Result<()>;
-    /// How well it goes.
-    fn line(&self) -> String;
+    /// How well the epoch that just ended went.
+    fn line(&mut self) -> Result<String>;
 }
 
 /// Trains to the end, or until Ctrl-C: then a checkpoint is written, and the program ends.
@@ -186,7 +229,7 @@ pub fn train(training: &mut impl Training) -> Result<()> {
     bar.set_style(style);
     let (mut begun, mut saved) = (Instant::now(), Instant::now());
     while training.progress().0 < epochs {
-        training.step();
+        training.step()?;
         let (epoch, batch) = training.progress();
         bar.set_position((epoch * batches + batch) as u64);
         let stop = STOP.load(Ordering::SeqCst);
@@ -195,7 +238,7 @@ pub fn train(training: &mut impl Training) -> Result<()> {
             saved = Instant::now();
         }
         if batch == 0 {
-            let (line, seconds) = (training.line(), begun.elapsed().as_secs_f64());
+            let (line, seconds) = (training.line()?, begun.elapsed().as_secs_f64());
             bar.suspend(|| println!("epoch {epoch}/{epochs}  {line}  {seconds:.1} s"));
             begun = Instant::now();
         }

@@ -135,15 +135,14 @@ pub fn run(args: &Args) -> Result<()> {
         let recipe = args.recipe();
         recipe.check()?;
         let glimpses = args.natural.glimpses()?;
-        let checkpoint = args.natural.checkpoint();
-        let trainer = if checkpoint.exists() && !args.natural.restart {
-            let trainer = Trainer::resume(&checkpoint, recipe.clone(), glimpses.rows(), &glimpses.sha256)?;
-            let (epoch, batch) = trainer.progress();
-            println!("going on from {}: epoch {}, batch {batch}", checkpoint.display(), epoch + 1);
-            trainer
-        } else {
-            Trainer::new(recipe.clone(), glimpses.rows())?
-        };
+        let checkpoint = common::checkpoint(out);
+        let trainer = common::begin(
+            &checkpoint,
+            args.natural.restart,
+            Trainer::progress,
+            |path| Trainer::resume(path, recipe.clone(), glimpses.rows(), &glimpses.sha256),
+            || Trainer::new(recipe.clone(), glimpses.rows()),
+        )?;
         let sizes = trainer.learned().sizes();
         println!(
             "{} whitened values, {} factors, {} covariance and {} mean units",
@@ -153,8 +152,7 @@ pub fn run(args: &Args) -> Result<()> {
         common::train(&mut training)?;
 
         let rbm = training.trainer.learned();
-        let metadata = args.natural.metadata(&glimpses, args.command(&glimpses), recipe.epochs);
-        rbm.save(out, &metadata)?;
+        rbm.save(out, &glimpses.metadata(args.command(&glimpses), recipe.seed, recipe.epochs))?;
         let (factors, means) = (rbm.factor_filters(), rbm.mean_filters());
         // The factors' filters, then the mean units'.
         let both: Vec<f32> = (factors.chunks_exact(sizes.factors).zip(means.chunks_exact(sizes.mean)))
@@ -175,8 +173,9 @@ struct Mcrbm<'a> {
 }
 
 impl Training for Mcrbm<'_> {
-    fn step(&mut self) {
+    fn step(&mut self) -> Result<()> {
         self.trainer.step();
+        Ok(())
     }
     fn progress(&self) -> (usize, usize) {
         self.trainer.progress()
@@ -187,15 +186,15 @@ impl Training for Mcrbm<'_> {
     fn save(&self) -> Result<()> {
         self.trainer.save(&self.checkpoint, &self.glimpses.sha256)
     }
-    fn line(&self) -> String {
+    fn line(&mut self) -> Result<String> {
         let model = self.trainer.learned();
         let (ours, covariance, mean) = fit(&model, self.glimpses.rows());
         let (theirs, ..) = fit(&model, self.glimpses.held());
         let (leap, rejected) = self.trainer.leap();
-        format!(
+        Ok(format!(
             "free energy {ours:.2} (held out {theirs:.2})  covariance units on {covariance:.3}, mean units {mean:.3}  leap \
              {leap:.3}, {rejected:.2} rejected"
-        )
+        ))
     }
 }
 

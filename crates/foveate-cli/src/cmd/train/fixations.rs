@@ -2,8 +2,6 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
 
 use clap::ValueEnum;
 use foveate::config::Config;
@@ -17,14 +15,13 @@ use foveate::rows::Rows;
 use foveate::scene::{Digits, Split};
 use foveate::softmax::{Fit, Softmax, temperature};
 use foveate::training::recognition::curve;
-use foveate::training::sequences::{Gazes, Looker, Trouble, larochelle_hinton};
+use foveate::training::sequences::{Gazes, Looker, Made, Trouble, larochelle_hinton};
 use foveate::{Error, Result};
-use indicatif::{ProgressBar, ProgressStyle};
+
+use super::common::{self, Training};
 
 /// Training digits that are held out: the last of the set.
 const HELD_OUT: usize = 5000;
-/// A checkpoint is written after every epoch, and within one when this has passed.
-const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(10);
 /// Looks of the curve at the end, and digits of it.
 const CURVE: (usize, usize) = (30, 2000);
 
@@ -34,7 +31,7 @@ const CURVE: (usize, usize) = (30, 2000);
 /// among others, on noise. Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes
 /// on from there and ends with the same bits. The same seed gives the same model for any number of threads.
 #[derive(clap::Args)]
-pub struct FixationArgs {
+pub struct Args {
     /// Folder with the four MNIST files, or with a folder `mnist` of them.
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
@@ -124,7 +121,7 @@ struct View {
     first_layer: String,
 }
 
-impl FixationArgs {
+impl Args {
     fn recipe(&self) -> Recipe {
         let cost = match self.cost {
             CostName::Generative => Cost::Generative,
@@ -212,10 +209,8 @@ impl FixationArgs {
 }
 
 /// Runs the command.
-pub fn run(args: &FixationArgs) -> Result<()> {
-    if args.out.parent().is_some_and(|dir| !dir.as_os_str().is_empty() && !dir.is_dir()) {
-        return Err(Error::Config(format!("{}: its folder does not exist", args.out.display())));
-    }
+pub fn run(args: &Args) -> Result<()> {
+    common::folders(&[&args.out])?;
     let recipe = args.recipe();
     recipe.check()?;
     let view = args.view(recipe.window)?;
@@ -237,30 +232,31 @@ pub fn run(args: &FixationArgs) -> Result<()> {
         recipe.window
     );
 
-    let mut checkpoint = args.out.clone().into_os_string();
-    checkpoint.push(".checkpoint");
-    let checkpoint = PathBuf::from(checkpoint);
+    let checkpoint = common::checkpoint(&args.out);
     let name = format!("{} digits, {}", learn.len(), args.command(&recipe));
     let still = matches!(view.looker.gazes, Gazes::All(_)) && view.looker.trouble == Trouble::default();
     let shown = |epoch: usize| view.looker.look(&learn, if still { 0 } else { epoch as u64 });
-    let mut trainer = if checkpoint.exists() && !args.restart {
-        let now = shown(Trainer::epoch_of(&checkpoint)?)?;
-        let places = view.looker.places.clone();
-        let trainer = Trainer::resume(&checkpoint, recipe.clone(), places, now.sequences(), &name)?;
-        let (epoch, batch) = trainer.progress();
-        println!("going on from {}: epoch {}, batch {batch}", checkpoint.display(), epoch + 1);
-        trainer
-    } else {
-        Trainer::new(recipe.clone(), view.looker.places.clone(), shown(0)?.sequences())?
-    };
-    if !epochs(&mut trainer, &shown, &held, &checkpoint, &name)? {
-        let (epoch, batch) = trainer.progress();
-        println!("stopped in epoch {}, after batch {batch}; the same command goes on from there", epoch + 1);
-        std::process::exit(130);
-    }
+    let places = view.looker.places.clone();
+    let mut training = common::begin(
+        &checkpoint,
+        args.restart,
+        Fixations::progress,
+        |path| {
+            let epoch = Trainer::epoch_of(path)?;
+            let made = shown(epoch)?;
+            let trainer = Trainer::resume(path, recipe.clone(), places.clone(), made.sequences(), &name)?;
+            Ok(Fixations { trainer, shown: &shown, made, epoch, held: &held, checkpoint: &checkpoint, name: &name })
+        },
+        || {
+            let made = shown(0)?;
+            let trainer = Trainer::new(recipe.clone(), places.clone(), made.sequences())?;
+            Ok(Fixations { trainer, shown: &shown, made, epoch: 0, held: &held, checkpoint: &checkpoint, name: &name })
+        },
+    )?;
+    common::train(&mut training)?;
 
     // A temperature for the classes, or a classifier of the hidden units, with its own.
-    let rbm = trainer.learned()?;
+    let rbm = training.trainer.learned()?;
     let metadata = Metadata {
         retina: view.retina.clone(),
         command: args.command(&recipe),
@@ -288,8 +284,6 @@ pub fn run(args: &FixationArgs) -> Result<()> {
     }
 }
 
-type Made = foveate::training::sequences::Made;
-
 /// The paper's classifier: fitted on the digits as two epochs showed them, its temperature on those held out.
 fn classifier(rbm: &FixationRbm, shown: &dyn Fn(usize) -> Result<Made>, still: bool, held: &Made) -> Result<Softmax> {
     let (mut hidden, mut labels) = (vec![], vec![]);
@@ -306,63 +300,51 @@ fn classifier(rbm: &FixationRbm, shown: &dyn Fn(usize) -> Result<Made>, still: b
     Ok(classifier)
 }
 
-/// Trains to the end, or until Ctrl-C: then the checkpoint is written and the answer is false.
-fn epochs(
-    trainer: &mut Trainer,
-    shown: &dyn Fn(usize) -> Result<Made>,
-    held: &Made,
-    checkpoint: &Path,
-    name: &str,
-) -> Result<bool> {
-    static STOP: AtomicBool = AtomicBool::new(false);
-    // A second Ctrl-C does not wait for the batch.
-    let handler = || {
-        if STOP.swap(true, Ordering::SeqCst) {
-            std::process::exit(130);
-        }
-    };
-    ctrlc::set_handler(handler).map_err(|e| Error::Invalid(format!("cannot listen for Ctrl-C: {e}")))?;
+/// The training, and the digits as this epoch shows them.
+struct Fixations<'a> {
+    trainer: Trainer,
+    shown: &'a dyn Fn(usize) -> Result<Made>,
+    made: Made,
+    /// The epoch that `made` is of.
+    epoch: usize,
+    held: &'a Made,
+    checkpoint: &'a Path,
+    name: &'a str,
+}
 
-    let (epochs, mut saved) = (trainer.recipe().epochs, Instant::now());
-    let bar = ProgressBar::new(0);
-    bar.set_style(ProgressStyle::with_template("{wide_bar} {percent}% of the epoch").expect("a fixed template"));
-    while !trainer.is_done() {
-        let (begun, (epoch, _)) = (Instant::now(), trainer.progress());
-        let made = shown(epoch)?;
-        let data = made.sequences();
-        let batches = trainer.batches(data.len());
-        bar.set_length(batches as u64);
-        while trainer.progress().0 == epoch {
-            trainer.step(data);
-            let (now, batch) = trainer.progress();
-            bar.set_position(batch as u64);
-            let stop = STOP.load(Ordering::SeqCst);
-            if now > epoch || stop || saved.elapsed() > BETWEEN_CHECKPOINTS {
-                trainer.save(checkpoint, name)?;
-                saved = Instant::now();
-            }
-            if stop {
-                bar.finish_and_clear();
-                return Ok(false);
-            }
+impl Training for Fixations<'_> {
+    fn step(&mut self) -> Result<()> {
+        let (epoch, _) = self.trainer.progress();
+        if epoch != self.epoch {
+            (self.made, self.epoch) = ((self.shown)(epoch)?, epoch);
         }
-        let (log_p, wrong) = trainer.take_tally();
-        let rbm = trainer.learned()?;
-        let mut line = format!("epoch {}/{epochs}", epoch + 1);
-        if rbm.classes() > 0 {
-            let s = held.sequences();
-            let log_p_held = rbm.log_posterior(s.glimpses(), s.codes(), s.window());
-            let held = Reliability::of(&log_p_held, s.labels(), rbm.classes(), 10);
-            let errors = (100.0 * wrong, 100.0 * (1.0 - held.accuracy));
-            line += &format!(
-                "  log p(y|x) {log_p:.4} (held out {:.4})  errors {:.2} % ({:.2} %)",
-                -held.log_loss, errors.0, errors.1
-            );
-        }
-        bar.suspend(|| println!("{line}  {:.1} s", begun.elapsed().as_secs_f64()));
+        self.trainer.step(self.made.sequences());
+        Ok(())
     }
-    bar.finish_and_clear();
-    Ok(true)
+    fn progress(&self) -> (usize, usize) {
+        self.trainer.progress()
+    }
+    fn whole(&self) -> (usize, usize) {
+        (self.trainer.recipe().epochs, self.trainer.batches(self.made.sequences().len()))
+    }
+    fn save(&self) -> Result<()> {
+        self.trainer.save(self.checkpoint, self.name)
+    }
+    fn line(&mut self) -> Result<String> {
+        let (log_p, wrong) = self.trainer.take_tally();
+        let rbm = self.trainer.learned()?;
+        if rbm.classes() == 0 {
+            return Ok(String::new());
+        }
+        let s = self.held.sequences();
+        let log_p_held = rbm.log_posterior(s.glimpses(), s.codes(), s.window());
+        let held = Reliability::of(&log_p_held, s.labels(), rbm.classes(), 10);
+        let errors = (100.0 * wrong, 100.0 * (1.0 - held.accuracy));
+        Ok(format!(
+            "log p(y|x) {log_p:.4} (held out {:.4})  errors {:.2} % ({:.2} %)",
+            -held.log_loss, errors.0, errors.1
+        ))
+    }
 }
 
 /// Prints how well test digits are recognised.
