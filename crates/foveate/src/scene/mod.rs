@@ -3,6 +3,7 @@
 pub mod ahead;
 pub mod annotation;
 pub mod camera;
+pub mod crossings;
 pub mod decode;
 pub mod detect;
 pub mod encode;

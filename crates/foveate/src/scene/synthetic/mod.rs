@@ -1,9 +1,10 @@
-//! Synthetic digit videos with known truth: [`Clutter`] (section 6.1) and [`Occlusion`] (section 6.2).
+//! Synthetic digit videos with known truth: [`Clutter`] and [`Multi`] (section 6.1), [`Occlusion`] (section 6.2).
 //!
 //! A video is settings and a few small pictures; frame `t` depends on the settings and `t` alone, so that any
 //! frame can be drawn without the others, and what is drawn does not depend on who asks.
 
 mod clutter;
+mod multi;
 mod occlusion;
 mod path;
 
@@ -11,6 +12,7 @@ use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
 pub use self::clutter::{Clutter, ClutterVideo, NOISE};
+pub use self::multi::{Mover, Multi, MultiFrames, MultiVideo};
 pub use self::occlusion::{Corruption, Occlusion, OcclusionVideo};
 use super::idx::Digits;
 use super::{Frame, FrameSource, Image, SourceInfo};
@@ -144,12 +146,16 @@ impl Ink {
         let side = digit.len().isqrt();
         for (below, ink) in canvas.chunks_exact_mut(width).skip(y).zip(digit.chunks_exact(side)) {
             for (below, &ink) in below[x..].iter_mut().zip(ink) {
-                *below = match self {
-                    Self::Replace if ink == 0 => *below,
-                    Self::Replace | Self::Opaque => ink,
-                    Self::Brighter => ink.max(*below),
-                };
+                *below = self.over(*below, ink);
             }
+        }
+    }
+    /// One pixel with ink over what lies below.
+    fn over(self, below: u8, ink: u8) -> u8 {
+        match self {
+            Self::Replace if ink == 0 => below,
+            Self::Replace | Self::Opaque => ink,
+            Self::Brighter => ink.max(below),
         }
     }
 }
