@@ -305,6 +305,7 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("digits-hedge", include_str!("../../../configs/digits-hedge.toml")),
     ("digits-rbm", include_str!("../../../configs/digits-rbm.toml")),
     ("digits-partial", include_str!("../../../configs/digits-partial.toml")),
+    ("digits-multi", include_str!("../../../configs/digits-multi.toml")),
     ("digits-closeup", include_str!("../../../configs/digits-closeup.toml")),
     ("printed", include_str!("../../../configs/printed.toml")),
     ("authors", include_str!("../../../configs/authors.toml")),

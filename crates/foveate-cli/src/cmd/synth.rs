@@ -3,15 +3,18 @@
 use std::path::PathBuf;
 
 use clap::{Subcommand, ValueEnum};
-use foveate::scene::otb::write_otb;
-use foveate::scene::synthetic::{Clutter, Corruption, Drawn, Ink, NOISE, Occlusion, Synthetic};
+use foveate::geometry::BBox;
+use foveate::observe::Mp4Writer;
+use foveate::scene::annotation::format_boxes;
+use foveate::scene::otb::{write_folder, write_otb};
+use foveate::scene::synthetic::{Clutter, Corruption, Drawn, Ink, Multi, NOISE, Occlusion, Synthetic};
 use foveate::scene::{Digits, Split};
 use foveate::{Error, Result};
 
 /// Digits drawn of each class where there is no MNIST.
 const DRAWN: usize = 20;
 
-/// Makes videos with known truth, as folders in OTB layout.
+/// Makes videos with known truth, as folders in OTB's layout (and MOTChallenge's, where targets are many).
 #[derive(clap::Args, Debug)]
 pub struct Args {
     #[command(subcommand)]
@@ -24,6 +27,8 @@ enum Kind {
     Clutter(ClutterArgs),
     /// One digit on black passes behind bars, under noise (the paper's partial-information experiment)
     Partial(PartialArgs),
+    /// Several digits grow, turn and pass over each other (the paper's second experiment)
+    Multi(MultiArgs),
 }
 
 /// What all scenes can be told.
@@ -80,7 +85,7 @@ struct ClutterArgs {
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
-enum InkArg {
+pub enum InkArg {
     /// Ink replaces, black is transparent (the authors' way)
     Replace,
     /// The brighter of the two stays
@@ -89,16 +94,85 @@ enum InkArg {
     Opaque,
 }
 
+impl From<InkArg> for Ink {
+    fn from(arg: InkArg) -> Self {
+        match arg {
+            InkArg::Replace => Self::Replace,
+            InkArg::Brighter => Self::Brighter,
+            InkArg::Opaque => Self::Opaque,
+        }
+    }
+}
+
+#[derive(clap::Args, Debug)]
+struct MultiArgs {
+    #[command(flatten)]
+    scene: MultiScene,
+    /// Same seed, same video
+    #[arg(long, default_value_t = 7)]
+    seed: u64,
+    /// Length of the video
+    #[arg(long, default_value_t = 300)]
+    frames: usize,
+    /// Folder to make: img1/000001.png ..., gt/gt.txt and seqinfo.ini (MOTChallenge), groundtruth_rect.1.txt ... (OTB),
+    /// truth.csv (scale, angle, visible share), scene.toml
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Write the video to this file too, H.264 in MP4
+    #[arg(long, value_name = "FILE")]
+    video: Option<PathBuf>,
+    /// Folder with MNIST's test files (t10k-*, plain or .gz); without it the digits are drawn by a pen
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+}
+
+/// What a scene of many digits can be told.
+#[derive(clap::Args, Debug)]
+pub struct MultiScene {
+    /// Number of moving digits, 1 to 10, of different classes
+    #[arg(long, value_name = "N", default_value_t = 5)]
+    targets: usize,
+    /// Least and largest size, in units of 28 px
+    #[arg(long, value_name = "LEAST,LARGEST", default_value = "1,3", value_parser = pair)]
+    scale: [f64; 2],
+    /// Largest angle away from upright, degrees
+    #[arg(long, value_name = "DEGREES", default_value_t = 90.0)]
+    turn: f64,
+    /// At least so many times one digit passes over another
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    crossings: usize,
+    /// Number of static digits behind
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    clutter: usize,
+    /// Share of the pixels replaced by black or white, 0 to 1
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0)]
+    noise: f64,
+    /// How digits cover what lies below them
+    #[arg(long, value_enum, default_value_t = InkArg::Replace)]
+    ink: InkArg,
+}
+
+impl MultiScene {
+    /// The settings for a seed and a length.
+    pub fn settings(&self, seed: u64, frames: usize) -> Multi {
+        let &Self { targets, scale, turn, crossings, clutter, noise, ink } = self;
+        Multi { seed, targets, frames, scale, turn, crossings, clutter, noise, ink: ink.into(), ..Multi::default() }
+    }
+}
+
+fn pair(text: &str) -> std::result::Result<[f64; 2], String> {
+    let wrong = || format!("expected two numbers such as 1,3, got {text}");
+    let (low, high) = text.split_once(',').ok_or_else(wrong)?;
+    let number = |word: &str| word.trim().parse().map_err(|_| wrong());
+    Ok([number(low)?, number(high)?])
+}
+
 /// Runs the command.
 pub fn run(args: Args) -> Result<()> {
     match args.kind {
         Kind::Clutter(args) => {
             let Common { digit, seed, frames, .. } = args.common;
-            let ink = match args.ink {
-                InkArg::Replace => Ink::Replace,
-                InkArg::Brighter => Ink::Brighter,
-                InkArg::Opaque => Ink::Opaque,
-            };
+            let ink = args.ink.into();
             let noise = if args.noise { NOISE } else { 0.0 };
             let (distractors, subpixel) = (args.distractors, args.subpixel);
             let settings = Clutter { digit, seed, frames, noise, distractors, ink, subpixel, ..Clutter::default() };
@@ -111,14 +185,52 @@ pub fn run(args: Args) -> Result<()> {
             let settings = Occlusion { digit, seed, frames, noise, bars, corruption, ..Occlusion::default() };
             make(&args.common, Synthetic::Occlusion(settings))
         }
+        Kind::Multi(args) => many(&args),
     }
 }
 
-fn make(args: &Common, settings: Synthetic) -> Result<()> {
-    let (digits, from) = match &args.data {
+fn many(args: &MultiArgs) -> Result<()> {
+    let settings = args.scene.settings(args.seed, args.frames);
+    let (digits, from) = digits(args.data.as_deref(), args.seed)?;
+    let video = settings.video(&digits)?;
+    if let Some(path) = &args.video {
+        let (width, height) = video.size();
+        let mut film = Mp4Writer::create(path, width, height, 30.0)?;
+        (0..video.frames()).try_for_each(|t| film.push(&video.render(t)))?;
+        film.finish()?;
+    }
+    let name = args.out.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let (width, height) = video.size();
+    let scene = toml::to_string(&settings).map_err(|e| Error::Invalid(e.to_string()))?;
+    let mut notes = vec![
+        ("gt/gt.txt".to_string(), video.gt_txt()),
+        ("seqinfo.ini".into(), format!(
+            "[Sequence]\nname={name}\nimDir=img1\nframeRate=30\nseqLength={}\nimWidth={width}\nimHeight={height}\nimExt=.png\n",
+            video.frames()
+        )),
+        ("truth.csv".into(), video.truth_csv()),
+        ("scene.toml".into(), format!("# {from}\n{scene}")),
+    ];
+    for (i, mover) in video.movers().iter().enumerate() {
+        let boxes: Vec<BBox> = (0..video.frames()).map(|t| mover.bbox(t)).collect();
+        notes.push((format!("groundtruth_rect.{}.txt", i + 1), format_boxes(&boxes)));
+    }
+    let classes: Vec<u8> = video.movers().iter().map(|mover| mover.class).collect();
+    let frames = video.frames();
+    write_folder(&args.out, "img1", 6, video.source(), frames, &notes)?;
+    println!("{}: {frames} frames of digits {classes:?} ({from})", args.out.display());
+    Ok(())
+}
+
+fn digits(data: Option<&std::path::Path>, seed: u64) -> Result<(Digits, &'static str)> {
+    Ok(match data {
         Some(dir) => (Digits::load(dir, Split::Test)?, "MNIST test digits"),
-        None => (Digits::drawn(args.seed, DRAWN), "drawn digits"),
-    };
+        None => (Digits::drawn(seed, DRAWN), "drawn digits"),
+    })
+}
+
+fn make(args: &Common, settings: Synthetic) -> Result<()> {
+    let (digits, from) = digits(args.data.as_deref(), args.seed)?;
     let video = settings.video(&digits)?;
     let scene = toml::to_string(&settings).map_err(|e| Error::Invalid(e.to_string()))?;
     let notes = [("label.txt", format!("{}\n", video.label())), ("scene.toml", format!("# {from}\n{scene}"))];

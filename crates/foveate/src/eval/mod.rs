@@ -13,6 +13,7 @@ pub mod learning;
 pub mod line_up;
 pub mod metrics;
 pub mod mot;
+pub mod multi;
 pub mod recognised;
 pub mod regret;
 pub mod reliability;

@@ -11,7 +11,7 @@ use crate::{Error, Result};
 pub struct Sequence {
     /// The folder's name; further targets of the same video have `-2`, `-3` behind it.
     pub name: String,
-    /// Where the images are: `img/` in OTB's layout, the folder itself in GOT-10k's.
+    /// Where the images are: `img/` in OTB's layout, `img1/` in MOTChallenge's, the folder itself in GOT-10k's.
     pub images: PathBuf,
     /// The file of the truth.
     pub truth_file: PathBuf,
@@ -68,8 +68,8 @@ fn add(folder: &Path, found: &mut Vec<Sequence>) -> Result<()> {
         let whole = std::path::absolute(folder).map_err(Error::io(folder, "cannot find"))?;
         let base = whole.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let name = if target == 1 { base } else { format!("{base}-{target}") };
-        let img = folder.join("img");
-        let images = if img.is_dir() { img } else { folder.to_path_buf() };
+        let inner = ["img", "img1"].iter().map(|inner| folder.join(inner)).find(|inner| inner.is_dir());
+        let images = inner.unwrap_or_else(|| folder.to_path_buf());
         found.push(Sequence { name, images, truth: read_truth(&truth_file)?, truth_file });
     }
     Ok(())

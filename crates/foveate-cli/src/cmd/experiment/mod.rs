@@ -21,6 +21,7 @@ use crate::terminal;
 
 mod clutter;
 mod hedge_curve;
+mod multi;
 mod partial;
 mod recognise;
 mod surfaces;
@@ -40,6 +41,8 @@ enum Kind {
     Clutter(clutter::Args),
     /// The companion paper's curve: how fast Hedge learns to look at the centre
     HedgeCurve(hedge_curve::Args),
+    /// Digits that grow, turn and pass over each other, all followed: the paper's second experiment
+    Multi(multi::Args),
     /// A digit on black that passes behind bars, under noise: policies of partial information beside the others
     Partial(partial::Args),
     /// A digit among static ones, tracked and recognised: how many frames have the right decision
@@ -52,6 +55,7 @@ pub fn run(args: Args) -> Result<()> {
     match args.kind {
         Kind::Clutter(args) => clutter::run(args),
         Kind::HedgeCurve(args) => hedge_curve::run(args),
+        Kind::Multi(args) => multi::run(args),
         Kind::Partial(args) => partial::run(args),
         Kind::Recognise(args) => recognise::run(args),
         Kind::Surfaces(args) => surfaces::run(args),
@@ -183,27 +187,46 @@ fn all_runs<R: Kept>(
     (digits, from): (&Digits, &str),
     follow: &Following<R>,
 ) -> Result<Vec<R>> {
+    let pixels = experiment::digest(&[&digits.images, &digits.labels]);
+    let key = |job: &Job| {
+        let scene = serde_json::to_vec(&job.video).expect("settings are plain data");
+        experiment::digest(&[entries[job.entry].key.as_bytes(), &scene, pixels.as_bytes()])
+    };
+    let make = |job: &Job| {
+        let entry = &entries[job.entry];
+        let mut tracker = entry.blueprint.tracker(job.video.seed(), u64::from(job.video.digit()))?;
+        let run = follow(&*job.video.video(digits)?, &mut tracker)?;
+        let stored = Stored { configuration: entry.blueprint.config(), video: &job.video, digits: from, run: &run };
+        let text = serde_json::to_vec(&stored).map_err(|e| Error::Invalid(e.to_string()))?;
+        Ok((run, text))
+    };
+    kept_runs(name, out, jobs, &|job| job.video.frames(), &key, &make)
+}
+
+/// The runs of all jobs, in their order; those whose file, named by `key`, is not in `out`/runs yet are made and put there
+/// as the text that comes with them.
+fn kept_runs<J: Sync, R: Kept>(
+    name: &'static str,
+    out: &Path,
+    jobs: &[J],
+    frames: &(dyn Fn(&J) -> usize + Sync),
+    key: &(dyn Fn(&J) -> String + Sync),
+    make: &(dyn Fn(&J) -> Result<(R, Vec<u8>)> + Sync),
+) -> Result<Vec<R>> {
     let store = out.join("runs");
     std::fs::create_dir_all(&store).map_err(Error::io(&store, "cannot create the folder for finished runs"))?;
-    let pixels = experiment::digest(&[&digits.images, &digits.labels]);
-
     terminal::catch_interrupts();
     let bar = terminal::progress(Some(jobs.len()), name);
     let resumed = AtomicUsize::new(0);
-    let work = |job: &Job| {
-        let entry = &entries[job.entry];
-        let scene = serde_json::to_vec(&job.video).expect("settings are plain data");
-        let key = experiment::digest(&[entry.key.as_bytes(), &scene, pixels.as_bytes()]);
-        let path = store.join(format!("{key}.json"));
-        if let Some(run) = read::<R>(&path, job.video.frames()) {
+    let work = |job: &J| {
+        let path = store.join(format!("{}.json", key(job)));
+        if let Some(run) = read::<R>(&path, frames(job)) {
             resumed.fetch_add(1, Ordering::Relaxed);
             bar.inc(1);
             return Ok(run);
         }
-        let mut tracker = entry.blueprint.tracker(job.video.seed(), u64::from(job.video.digit()))?;
-        let run = follow(&*job.video.video(digits)?, &mut tracker)?;
-        let stored = Stored { configuration: entry.blueprint.config(), video: &job.video, digits: from, run: &run };
-        files::write(&path, &serde_json::to_vec(&stored).map_err(|e| Error::Invalid(e.to_string()))?)?;
+        let (run, text) = make(job)?;
+        files::write(&path, &text)?;
         bar.inc(1);
         Ok(run)
     };
@@ -296,7 +319,7 @@ fn read<R: Kept>(path: &Path, frames: usize) -> Option<R> {
 
 /// Does all jobs, as many at a time as there are threads and each one in a single thread; the results stand in the order
 /// of the jobs, and are missing where it was asked to stop.
-fn side_by_side<R: Kept>(jobs: &[Job], work: &(dyn Fn(&Job) -> Result<R> + Sync)) -> Result<Vec<Option<R>>> {
+fn side_by_side<J: Sync, R: Kept>(jobs: &[J], work: &(dyn Fn(&J) -> Result<R> + Sync)) -> Result<Vec<Option<R>>> {
     let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
     let runs = Mutex::new(vec![None; jobs.len()]);
     // A pool of one thread: what the tracker shares out stays in its own job, or times would be those of several.

@@ -14,6 +14,7 @@
 pub mod clear;
 pub mod hota;
 pub mod identity;
+pub mod kept;
 mod moment;
 pub mod sequences;
 pub mod table;
@@ -21,6 +22,7 @@ pub mod table;
 pub use self::clear::Clear;
 pub use self::hota::Hota;
 pub use self::identity::Identity;
+pub use self::kept::Crossings;
 pub use self::sequences::{Evaluation, Sequence, find_sequences, score_results};
 pub use crate::scene::mot::{Sighting, Tracks};
 

@@ -1,0 +1,136 @@
+//! `foveate experiment multi`: digits that grow, turn and pass over each other (section 6.1, the second experiment).
+
+use std::path::{Path, PathBuf};
+
+use foveate::config::{Blueprint, Config};
+use foveate::eval::experiment::{digest, fingerprint};
+use foveate::eval::multi::{self, Alone, Line, Run};
+use foveate::observe::many::ManyObserver;
+use foveate::scene::synthetic::{Multi, MultiVideo};
+use foveate::{Error, Result, files};
+use serde_json::json;
+
+use super::{Kept, digits, kept_runs};
+use crate::cmd::synth::MultiScene;
+use crate::cmd::track::blueprint;
+
+/// Digits that grow, turn and pass over each other, all followed from their true first boxes.
+///
+/// Finished runs are kept in DIR/runs: the same command goes on where it was stopped or killed.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A configuration file, or the name of one that ships with the program; may be repeated
+    #[arg(long, short, value_name = "FILE", default_value = "digits-multi")]
+    config: Vec<String>,
+    #[command(flatten)]
+    scene: MultiScene,
+    /// Number of videos
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    seeds: u64,
+    /// The first video's seed; it names the trackers' randomness, too
+    #[arg(long, value_name = "SEED", default_value_t = 1)]
+    first_seed: u64,
+    /// Length of each video
+    #[arg(long, value_name = "N", default_value_t = 300, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    frames: u32,
+    /// Folder with MNIST's test files (t10k-*, plain or .gz) [default: $FOVEATE_DATA or data; without them the digits are
+    /// drawn by a pen]
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Folder for table.txt, table.json and the finished runs
+    #[arg(long, short, value_name = "DIR", default_value = "out/multi")]
+    out: PathBuf,
+    /// Print the table as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+impl Kept for Run {
+    fn is_of(&self, frames: usize) -> bool {
+        self.is_of(frames)
+    }
+}
+
+/// A way to follow all targets.
+struct Way {
+    name: String,
+    blueprint: Blueprint,
+    key: String,
+}
+
+impl Way {
+    fn follow(&self, video: &MultiVideo, seed: u64, observer: &mut dyn ManyObserver) -> Result<Run> {
+        let ids = 1..=video.movers().len() as u64;
+        let trackers = ids.map(|id| self.blueprint.tracker(seed, id)).collect::<Result<Vec<_>>>()?;
+        Run::follow(video, &mut Alone::new(trackers), observer)
+    }
+}
+
+fn ways(args: &Args) -> Result<Vec<Way>> {
+    let mut ways = vec![];
+    for name in &args.config {
+        let config = blueprint(name)?.config().clone();
+        let file = Path::new(name);
+        let base = if file.is_file() { file.parent().unwrap_or(Path::new(".")) } else { Path::new(".") };
+        let blueprint = Config { seed: 0, ..config }.check(base)?;
+        let stem = file.file_stem().filter(|_| file.is_file());
+        let shown = stem.map_or_else(|| name.clone(), |stem| stem.to_string_lossy().into_owned());
+        let text = blueprint.config().to_toml();
+        let key = format!("{} {} {text} alone", env!("CARGO_PKG_VERSION"), fingerprint(&blueprint)?);
+        ways.push(Way { name: format!("{shown}, alone"), blueprint, key });
+    }
+    Ok(ways)
+}
+
+pub fn run(args: Args) -> Result<()> {
+    let (digits, from) = digits(args.data.as_deref())?;
+    let ways = ways(&args)?;
+    let seeds = (0..args.seeds).map(|i| args.first_seed.wrapping_add(i));
+    let scenes: Vec<Multi> = seeds.map(|seed| args.scene.settings(seed, args.frames as usize)).collect();
+    let videos = scenes.iter().map(|scene| scene.video(&digits)).collect::<Result<Vec<_>>>()?;
+    let jobs: Vec<(usize, usize)> = (0..ways.len()).flat_map(|w| (0..scenes.len()).map(move |v| (w, v))).collect();
+    let pixels = digest(&[&digits.images, &digits.labels]);
+    let key = |&(way, video): &(usize, usize)| {
+        let scene = serde_json::to_vec(&scenes[video]).expect("settings are plain data");
+        digest(&[ways[way].key.as_bytes(), &scene, pixels.as_bytes()])
+    };
+    let make = |&(way, video): &(usize, usize)| {
+        let (way, scene) = (&ways[way], &scenes[video]);
+        let run = way.follow(&videos[video], scene.seed, &mut Vec::<Box<dyn ManyObserver>>::new())?;
+        let stored = json!({
+            "configuration": way.blueprint.config(), "video": scene, "digits": from,
+            "frames": run.frames, "found": run.found, "seconds": run.seconds,
+        });
+        let text = serde_json::to_vec(&stored).map_err(|e| Error::Invalid(e.to_string()))?;
+        Ok((run, text))
+    };
+    let runs: Vec<Run> = kept_runs("multi", &args.out, &jobs, &|_| args.frames as usize, &key, &make)?;
+    let mut lines = vec![];
+    for (way, runs) in ways.iter().zip(runs.chunks(scenes.len())) {
+        let judged = runs.iter().zip(&videos).map(|(run, video)| run.judge(video)).collect::<Result<Vec<_>>>()?;
+        lines.extend(Line::of(&way.name, &runs.iter().collect::<Vec<_>>(), &judged));
+    }
+    report(&args, &from, &lines)
+}
+
+fn report(args: &Args, from: &str, lines: &[Line]) -> Result<()> {
+    let last = args.first_seed.wrapping_add(args.seeds - 1);
+    let scene = args.scene.settings(args.first_seed, args.frames as usize);
+    let title = format!(
+        "{} digits that grow, turn and cross: {from}; seeds {} to {last}, {} frames, size 28 px times {} to {}, up to {}° from upright",
+        scene.targets, args.first_seed, args.frames, scene.scale[0], scene.scale[1], scene.turn
+    );
+    let text = format!("{title}\n\n{}", multi::text(lines));
+    let all = json!({
+        "experiment": "multi", "digits_from": from, "scene": scene, "seeds": args.seeds, "lines": lines,
+    });
+    let all = serde_json::to_string_pretty(&all).map_err(|e| Error::Invalid(e.to_string()))?;
+    files::write(args.out.join("table.txt"), text.as_bytes())?;
+    files::write(args.out.join("table.json"), all.as_bytes())?;
+    if args.json {
+        println!("{all}");
+    } else {
+        println!("{text}\n{}: table.txt, table.json", args.out.display());
+    }
+    Ok(())
+}
