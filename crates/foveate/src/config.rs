@@ -24,6 +24,7 @@ use crate::{Error, Result};
 
 mod bandits;
 mod identity;
+mod many;
 mod policies;
 mod ranges;
 mod recogniser;
@@ -80,6 +81,9 @@ pub struct Config {
     /// How it is looked for then; not at all unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub search: Option<Search>,
+    /// What happens between targets, where many are followed.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub many: Option<crate::many::Settings>,
 }
 
 /// The transition models there are.
@@ -310,6 +314,7 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("printed", include_str!("../../../configs/printed.toml")),
     ("authors", include_str!("../../../configs/authors.toml")),
     ("natural", include_str!("../../../configs/natural.toml")),
+    ("many", include_str!("../../../configs/many.toml")),
     ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),
     ("natural-mcrbm", include_str!("../../../configs/natural-mcrbm.toml")),
     ("natural-autoencoder", include_str!("../../../configs/natural-autoencoder.toml")),

@@ -14,6 +14,8 @@ use crate::start::StartSpread;
 use crate::step::Step;
 use crate::{Error, Result};
 
+mod company;
+
 /// The replaceable parts of a tracker, one for each box of Algorithm 1.
 pub struct Parts {
     /// q(xₜ | xₜ₋₁, scene).
@@ -45,6 +47,7 @@ pub struct Tracker {
     particles: Vec<State>,
     log_carried: Vec<f64>,
     context: Context,
+    visible: f64,
     work: Work,
 }
 
@@ -86,6 +89,7 @@ impl Tracker {
             particles: vec![State::default(); n_particles],
             log_carried: vec![-(n_particles as f64).ln(); n_particles],
             context: Context::default(),
+            visible: 1.0,
             work: Work::default(),
         })
     }
@@ -111,7 +115,7 @@ impl Tracker {
 
     /// One frame of Algorithm 1. Panics if `start` was never called.
     pub fn step<'a>(&'a mut self, scene: Scene<'a>) -> Step<'a> {
-        let Self { parts, streams, target, particles, log_carried, context, frame, work: w } = self;
+        let Self { parts, streams, target, particles, log_carried, context, frame, visible, work: w } = self;
         let target = target.as_ref().expect("start is called before the first step");
         let (image, n) = (&scene.frame.image, particles.len());
         *frame += 1;
@@ -134,6 +138,7 @@ impl Tracker {
         w.rewards.clear();
         for (&gaze, log_likelihood) in w.plan.gazes().iter().zip(w.log_likelihood.chunks_exact_mut(n)) {
             parts.appearance.log_likelihood(&w.predicted, gaze, log_likelihood);
+            company::shade(log_likelihood, *visible);
             w.log_posterior.clone_from(&w.log_prior);
             add(&mut w.log_posterior, log_likelihood);
             w.log_evidence.push(normalize(&w.log_posterior, &mut w.weights));
@@ -155,7 +160,10 @@ impl Tracker {
         let looks = w.plan.used().iter().filter(|used| **used).count();
         let expected = parts.appearance.expectation();
         let promise = Promise { on: expected.on, off: expected.off };
-        let watch = parts.vigilance.judge(log_evidence, looks, &w.log_posterior, promise);
+        let watch = match company::can_be_judged(*visible) {
+            true => parts.vigilance.judge(log_evidence, looks, &w.log_posterior, promise),
+            false => parts.vigilance.watch(),
+        };
         *context = Context {
             ess: ess / n as f64,
             doubt: watch.doubt,

@@ -14,6 +14,8 @@ use foveate::{Error, Result, files};
 
 use crate::terminal;
 
+mod many;
+
 /// The recogniser that ships with the program.
 pub const DIGITS: &str = "builtin:digits";
 
@@ -23,9 +25,11 @@ pub struct Args {
     source: PathBuf,
     /// The target's box in the first frame: left, top, width, height in pixels, counted from 1 as in boxes.txt.
     /// `motion` takes what moves between the first two frames (the camera must stand still); `motion:W,H` gives it that size.
-    /// Left out, the first line of groundtruth_rect.txt in the folder is taken
+    /// Left out, the first line of groundtruth_rect.txt in the folder is taken. Given several times, many targets are followed
     #[arg(long, value_name = "X,Y,W,H|motion", value_parser = parse_init, allow_hyphen_values = true)]
-    init: Option<Init>,
+    init: Vec<Init>,
+    #[command(flatten)]
+    many: many::ManyArgs,
     /// Restart on the target at a later frame (counted from 1) with a new box; may be given several times
     #[arg(long, value_name = "FRAME:X,Y,W,H", value_parser = parse_again, allow_hyphen_values = true)]
     reinit: Vec<(usize, BBox)>,
@@ -178,7 +182,8 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
 }
 
 pub fn run(args: Args) -> Result<()> {
-    let name = args.config.as_deref().unwrap_or("natural");
+    let is_many = args.many.asked() || args.init.len() > 1;
+    let name = args.config.as_deref().unwrap_or(if is_many { "many" } else { "natural" });
     let mut blueprint = blueprint(name)?;
     if let Some(model) = &args.recognise {
         blueprint = blueprint.recognising(RecogniserConfig::multi_fixation(model), Path::new("."))?;
@@ -186,6 +191,10 @@ pub fn run(args: Args) -> Result<()> {
     let shadow = if args.regret { line_up::rivals(&blueprint.config().policy).gazes() } else { vec![] };
     blueprint = blueprint.shadowing(shadow.clone());
     let seed = args.seed.unwrap_or(blueprint.config().seed);
+    if is_many {
+        let boxes = args.init.iter().map(|init| first_box(&args, Some(*init))).collect::<Result<Vec<_>>>()?;
+        return many::run(&args, &boxes, &blueprint, name, seed);
+    }
     let mut tracker = blueprint.tracker(seed, 0)?;
     let mut source = ahead(open(&args.source)?);
     let loaded = args.load_state.as_deref().map(read_state).transpose()?;
@@ -194,7 +203,7 @@ pub fn run(args: Args) -> Result<()> {
             tracker.load(&saved.tracker)?;
             None
         }
-        None => Some(first_box(&args)?),
+        None => Some(first_box(&args, args.init.first().copied())?),
     };
     let from = loaded.map_or(0, |saved| saved.next_frame);
     let mut info = run_info(&args.source.display().to_string(), source.info(), name, &blueprint, seed);
@@ -254,8 +263,8 @@ fn known_truth(source: &Path) -> Vec<BBox> {
 }
 
 /// The given box, or the first one of groundtruth_rect.txt.
-fn first_box(args: &Args) -> Result<BBox> {
-    match args.init {
+fn first_box(args: &Args, init: Option<Init>) -> Result<BBox> {
+    match init {
         Some(Init::Given(bbox)) => return Ok(bbox),
         Some(Init::Motion(size)) => return moving(args, size),
         None => {}

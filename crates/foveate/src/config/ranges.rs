@@ -6,6 +6,7 @@ use super::{Config, DynamicsConfig, LikelihoodConfig, PolicyConfig, RetinaConfig
 use crate::control::{Resampling, Search, Vigilance};
 use crate::identity::distance::Kind;
 use crate::identity::retina::Foveal;
+use crate::many;
 use crate::start::StartSpread;
 use crate::{Error, Result};
 
@@ -45,7 +46,8 @@ impl Ranges for Config {
         self.reward.ranges()?;
         self.vigilance.ranges()?;
         self.recogniser.ranges()?;
-        self.search.ranges()
+        self.search.ranges()?;
+        self.many.ranges()
     }
 }
 
@@ -70,6 +72,12 @@ impl Ranges for Vigilance {
 impl Ranges for Option<Search> {
     fn ranges(&self) -> Result<()> {
         self.as_ref().map_or(Ok(()), Search::check)
+    }
+}
+
+impl Ranges for Option<many::Settings> {
+    fn ranges(&self) -> Result<()> {
+        self.as_ref().map_or(Ok(()), many::Settings::check)
     }
 }
 

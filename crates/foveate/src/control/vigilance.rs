@@ -114,6 +114,11 @@ impl Vigilance {
         m.watch
     }
 
+    /// The last verdict.
+    pub fn watch(&self) -> Watch {
+        self.past.watch
+    }
+
     /// The state to resume from.
     pub fn save(&self) -> serde_json::Value {
         serde_json::to_value(&self.past).expect("plain data is JSON")

@@ -21,7 +21,7 @@ pub enum Phase {
 }
 
 /// One living target in one frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Seen {
     /// Who it is: 1, 2, ... in order of birth, or as given; never used twice.
     pub id: u64,
@@ -44,6 +44,7 @@ pub struct Seen {
     /// How much the evidence speaks against it being there: 0 none, 1 as much as elsewhere, up to 2.
     pub doubt: f64,
     /// What a detector found and was taken to be this target.
+    #[serde(skip)]
     pub detection: Option<Detection>,
     /// The likeliest class and its probability; `None` without a recogniser.
     pub class: Option<(usize, f64)>,

@@ -22,6 +22,7 @@ mod sink;
 pub mod surface;
 mod table;
 mod trace;
+mod tracks;
 
 pub use self::annotate::Annotator;
 pub use self::film::Film;
@@ -33,6 +34,7 @@ pub use self::regret::RegretFiles;
 pub use self::report::Report;
 pub use self::table::{Boxes, Table};
 pub use self::trace::Trace;
+pub use self::tracks::{MotFile, TargetsTable, TracksTable};
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};

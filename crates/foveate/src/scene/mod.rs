@@ -4,6 +4,7 @@ pub mod ahead;
 pub mod annotation;
 pub mod camera;
 pub mod crossings;
+pub mod cut;
 pub mod decode;
 pub mod detect;
 pub mod encode;
@@ -30,6 +31,7 @@ pub mod video;
 pub(crate) mod yuv;
 
 pub use self::ahead::ahead;
+pub use self::cut::Cuts;
 pub use self::decode::{decode_image, read_image};
 pub use self::detect::Detector;
 pub use self::encode::{encode_jpeg, encode_png, save_png};

@@ -1,0 +1,111 @@
+//! Births: detections that follow each other become a target.
+
+use super::settings::Birth;
+use crate::assignment;
+use crate::geometry::BBox;
+use crate::scene::Detection;
+
+/// Something that may become a target.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+struct Candidate {
+    bbox: BBox,
+    /// Pixels a frame.
+    velocity: (f64, f64),
+    hits: usize,
+    first: usize,
+    last: usize,
+}
+
+/// All that may become targets.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct Nursery {
+    candidates: Vec<Candidate>,
+}
+
+/// Least intersection over union of a detection with where a candidate is expected.
+const LEAST_OVERLAP: f64 = 0.2;
+/// Frames a candidate may miss.
+const MOST_MISSED: usize = 2;
+/// Share of the newest displacement in a candidate's velocity.
+const NEWEST: f64 = 0.5;
+
+impl Nursery {
+    /// Takes the detections of a frame that belong to nobody, and gives those that are targets by now.
+    pub fn grow(&mut self, frame: usize, detections: &[Detection], s: &Birth) -> Vec<Detection> {
+        self.candidates.retain(|c| frame - c.last <= MOST_MISSED + 1 && frame - c.first < s.within.max(1));
+        let (rows, columns) = (self.candidates.len(), detections.len());
+        let overlap = |k: usize| {
+            let iou = self.candidates[k / columns].expected(frame).iou(&detections[k % columns].bbox);
+            if iou >= LEAST_OVERLAP { iou } else { 0.0 }
+        };
+        let scores: Vec<f64> = (0..rows * columns).map(overlap).collect();
+        let mut taken = vec![false; columns];
+        for (i, j) in assignment::best(&scores, rows, columns) {
+            if scores[i * columns + j] > 0.0 {
+                taken[j] = true;
+                self.candidates[i].hit(frame, &detections[j].bbox);
+            }
+        }
+        let fresh = detections.iter().zip(&taken).filter(|(_, taken)| !**taken);
+        self.candidates.extend(fresh.map(|(d, _)| Candidate {
+            bbox: d.bbox,
+            velocity: (0.0, 0.0),
+            hits: 1,
+            first: frame,
+            last: frame,
+        }));
+        let ripe = |c: &Candidate| c.last == frame && c.hits >= s.hits;
+        let born = self.candidates.iter().filter(|c| ripe(c)).map(|c| Detection { bbox: c.bbox, score: c.hits as f64 });
+        let born = born.collect();
+        self.candidates.retain(|c| !ripe(c));
+        born
+    }
+
+    /// Forgets all candidates.
+    pub fn clear(&mut self) {
+        self.candidates.clear();
+    }
+}
+
+impl Candidate {
+    fn expected(&self, frame: usize) -> BBox {
+        let frames = (frame - self.last) as f64;
+        BBox { x: self.bbox.x + frames * self.velocity.0, y: self.bbox.y + frames * self.velocity.1, ..self.bbox }
+    }
+    fn hit(&mut self, frame: usize, bbox: &BBox) {
+        let frames = (frame - self.last).max(1) as f64;
+        let ((x, y), (x0, y0)) = (bbox.centre(), self.bbox.centre());
+        let share = if self.hits == 1 { 1.0 } else { NEWEST };
+        self.velocity.0 += share * ((x - x0) / frames - self.velocity.0);
+        self.velocity.1 += share * ((y - y0) / frames - self.velocity.1);
+        (self.bbox, self.last, self.hits) = (*bbox, frame, self.hits + 1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(x: f64) -> Detection {
+        Detection { bbox: BBox { x, y: 5.0, w: 20.0, h: 30.0 }, score: 1.0 }
+    }
+
+    #[test]
+    fn three_in_a_row_are_a_target_and_stray_ones_are_not() {
+        let (mut nursery, s) = (Nursery::default(), Birth::default());
+        for frame in 0..40 {
+            // One moves on by 8 px a frame from frame 10 on and is missed in frame 11; others come and go.
+            let mut detections = vec![found(300.0 + 40.0 * (frame % 7) as f64)];
+            if frame >= 10 && frame != 11 && frame <= 13 {
+                detections.push(found(8.0 * (frame - 10) as f64));
+            }
+            let born = nursery.grow(frame, &detections, &s);
+            match frame {
+                13 => assert_eq!(born[0].bbox.x, 24.0),
+                _ => assert!(born.is_empty(), "frame {frame}: {born:?}"),
+            }
+        }
+        let at_once = Birth { hits: 1, within: 1, ..s };
+        assert_eq!(nursery.grow(41, &[found(1.0)], &at_once).len(), 1);
+    }
+}

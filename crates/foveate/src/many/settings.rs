@@ -1,0 +1,161 @@
+//! When targets are born, die and are found again: thresholds.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{Error, Result};
+
+/// Rules for many targets. Lengths are in template units: 1 is half the target's box.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// Farthest a detection may lie from where its target is expected, above 0 to 100.
+    pub gate: f64,
+    /// The most a detection's size may differ from its target's: a factor, 1 to 100.
+    pub size: f64,
+    /// Least score of a pair of target and detection, 0 to 1.
+    pub score: f64,
+    /// Weight of looks in that score, 0 to 1; the rest is overlap and motion, in equal parts.
+    pub looks: f64,
+    /// How targets begin.
+    pub birth: Birth,
+    /// How they end.
+    pub death: Death,
+    /// How they are known again.
+    pub memory: Memory,
+    /// How they hide each other.
+    pub occlusion: Occlusion,
+}
+
+/// A target begins where detections follow each other.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Birth {
+    /// Detections it takes, 1 to 1000.
+    pub hits: usize,
+    /// Frames they may be spread over, at least `hits`, to 1000.
+    pub within: usize,
+    /// Intersection over union with a living target at which nothing is born, 0 to 1.
+    pub overlap: f64,
+    /// Share of the detection that living targets cover at which nothing is born, 0 to 1.
+    pub covered: f64,
+    /// Least width and height, pixels, 2 to 10000.
+    pub side: f64,
+}
+
+/// A target ends when it is gone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Death {
+    /// Frames in a row it may be believed lost, 1 to 1,000,000.
+    pub lost: usize,
+    /// Frames in a row without a detection of its own, where there is a detector, 1 to 1,000,000.
+    pub unseen: usize,
+    /// Share of its box that must lie within the picture, 0 to 1.
+    pub inside: f64,
+}
+
+/// The dead are remembered, and compared with what is born.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Memory {
+    /// Frames a dead target is remembered, 0 to 1,000,000.
+    pub frames: usize,
+    /// Likeness at which a newborn is a remembered target, 0 to 2 (1: as in its first frame; above 1: never).
+    pub likeness: f64,
+}
+
+/// Targets that overlap hide each other.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Occlusion {
+    /// Weight of "the lower edge is nearer" against likeness, 0 to 100: a whole height lower weighs as much as this
+    /// difference in likeness. For things that stand on the ground, seen from the side; else 0.
+    pub ground: f64,
+    /// Advantage of the one that was in front a frame ago, in likeness, 0 to 2.
+    pub habit: f64,
+    /// Share in view below which a target counts as hidden, 0 to 1.
+    pub hidden: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let (birth, death) = (Birth::default(), Death::default());
+        let (memory, occlusion) = (Memory::default(), Occlusion::default());
+        Self { gate: 1.0, size: 1.6, score: 0.2, looks: 0.3, birth, death, memory, occlusion }
+    }
+}
+
+impl Default for Birth {
+    fn default() -> Self {
+        Self { hits: 3, within: 4, overlap: 0.3, covered: 0.6, side: 8.0 }
+    }
+}
+
+impl Default for Death {
+    fn default() -> Self {
+        Self { lost: 10, unseen: 25, inside: 0.4 }
+    }
+}
+
+impl Default for Memory {
+    fn default() -> Self {
+        Self { frames: 250, likeness: 0.6 }
+    }
+}
+
+impl Default for Occlusion {
+    fn default() -> Self {
+        Self { ground: 2.0, habit: 0.2, hidden: 0.5 }
+    }
+}
+
+impl Settings {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        let Self { birth, death, memory, occlusion, .. } = self;
+        for (name, value, least, most) in [
+            ("gate", self.gate, 1e-6, 100.0),
+            ("size", self.size, 1.0, 100.0),
+            ("score", self.score, 0.0, 1.0),
+            ("looks", self.looks, 0.0, 1.0),
+            ("birth.hits", birth.hits as f64, 1.0, 1000.0),
+            ("birth.within", birth.within as f64, birth.hits as f64, 1000.0),
+            ("birth.overlap", birth.overlap, 0.0, 1.0),
+            ("birth.covered", birth.covered, 0.0, 1.0),
+            ("birth.side", birth.side, 2.0, 10_000.0),
+            ("death.lost", death.lost as f64, 1.0, 1e6),
+            ("death.unseen", death.unseen as f64, 1.0, 1e6),
+            ("death.inside", death.inside, 0.0, 1.0),
+            ("memory.frames", memory.frames as f64, 0.0, 1e6),
+            ("memory.likeness", memory.likeness, 0.0, 2.0),
+            ("occlusion.ground", occlusion.ground, 0.0, 100.0),
+            ("occlusion.habit", occlusion.habit, 0.0, 2.0),
+            ("occlusion.hidden", occlusion.hidden, 0.0, 1.0),
+        ] {
+            if !(least..=most).contains(&value) {
+                return Err(Error::Config(format!("many.{name} is a number from {least} to {most}; it is {value}")));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_out_of_range_are_named() {
+        assert!(Settings::default().check().is_ok());
+        let base = Settings::default();
+        for (settings, name) in [
+            (Settings { gate: f64::NAN, ..base }, "many.gate"),
+            (Settings { birth: Birth { hits: 9, ..base.birth }, ..base }, "many.birth.within"),
+            (Settings { death: Death { lost: 0, ..base.death }, ..base }, "many.death.lost"),
+            (Settings { occlusion: Occlusion { hidden: 1.5, ..base.occlusion }, ..base }, "many.occlusion.hidden"),
+        ] {
+            let said = settings.check().expect_err(name).to_string();
+            assert!(said.contains(name), "{said}");
+        }
+    }
+}
