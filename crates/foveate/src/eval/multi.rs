@@ -11,6 +11,7 @@ use super::experiment::quantile;
 use super::mot::{Crossings, Score, Sighting, Tracks, score};
 use super::table::aligned;
 use crate::geometry::{BBox, Extent, Gaze, State};
+use crate::many::Many;
 use crate::observe::many::{ManyObserver, Phase, Seen};
 use crate::scene::synthetic::MultiVideo;
 use crate::scene::{Frame, Scene};
@@ -88,6 +89,20 @@ impl Follower for Alone {
 
     fn seen(&self) -> &[Seen] {
         &self.seen
+    }
+}
+
+impl Follower for Many {
+    fn start(&mut self, frame: &Frame, boxes: &[BBox]) -> Result<()> {
+        Many::step(self, frame, &[]);
+        (1..).zip(boxes).try_for_each(|(id, bbox)| self.give(frame, Some(id), *bbox).map(drop))
+    }
+    fn step(&mut self, frame: &Frame) -> Result<()> {
+        Many::step(self, frame, &[]);
+        Ok(())
+    }
+    fn seen(&self) -> &[Seen] {
+        Many::seen(self)
     }
 }
 

@@ -55,11 +55,16 @@ impl Kept for Run {
 struct Way {
     name: String,
     blueprint: Blueprint,
+    /// Whether targets know of each other.
+    together: bool,
     key: String,
 }
 
 impl Way {
     fn follow(&self, video: &MultiVideo, seed: u64, observer: &mut dyn ManyObserver) -> Result<Run> {
+        if self.together {
+            return Run::follow(video, &mut self.blueprint.many(seed)?, observer);
+        }
         let ids = 1..=video.movers().len() as u64;
         let trackers = ids.map(|id| self.blueprint.tracker(seed, id)).collect::<Result<Vec<_>>>()?;
         Run::follow(video, &mut Alone::new(trackers), observer)
@@ -76,8 +81,11 @@ fn ways(args: &Args) -> Result<Vec<Way>> {
         let stem = file.file_stem().filter(|_| file.is_file());
         let shown = stem.map_or_else(|| name.clone(), |stem| stem.to_string_lossy().into_owned());
         let text = blueprint.config().to_toml();
-        let key = format!("{} {} {text} alone", env!("CARGO_PKG_VERSION"), fingerprint(&blueprint)?);
-        ways.push(Way { name: format!("{shown}, alone"), blueprint, key });
+        let print = fingerprint(&blueprint)?;
+        for (together, how) in [(true, "together"), (false, "alone")] {
+            let key = format!("{} {print} {text} {how}", env!("CARGO_PKG_VERSION"));
+            ways.push(Way { name: format!("{shown}, {how}"), blueprint: blueprint.clone(), together, key });
+        }
     }
     Ok(ways)
 }
