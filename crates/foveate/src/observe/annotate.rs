@@ -46,14 +46,14 @@ pub struct Annotator {
 
 /// Where the frame lies on the page: `zoom` page pixels for each of its own.
 #[derive(Clone, Copy)]
-struct View {
+pub(super) struct View {
     zoom: f64,
     /// Width of lines relative to a page of 480 rows.
-    bold: f64,
+    pub bold: f64,
 }
 
 impl View {
-    fn at(self, (x, y): Point) -> Point {
+    pub fn at(self, (x, y): Point) -> Point {
         // The centre of an image pixel is the centre of its block of page pixels.
         (self.zoom * (x + 0.5) - 0.5, self.zoom * (y + 0.5) - 0.5)
     }
@@ -122,15 +122,11 @@ impl Annotator {
 
     /// The page with the frame on it, and where the panel begins.
     fn page(&self, frame: &Frame) -> (Drawing, View, usize) {
-        let (w, h) = (frame.image.width(), frame.image.height());
-        let zoom = ((TALL + h / 2) / h).min(WIDE / w).max(1);
-        let (width, height) = (w * zoom, h * zoom);
+        let (width, height, view) = magnification(&frame.image);
         let panel = (height * 3 / 8).clamp(150, 480);
-        // H.264 has pixels in pairs.
-        let even = |n: usize| n + n % 2;
         let mut page = Drawing::new(even(width + panel), even(height), GROUND);
         page.paste(&frame.image, 0, 0, width, height);
-        (page, View { zoom: zoom as f64, bold: (height as f64 / TALL as f64).clamp(0.8, 3.0) }, width)
+        (page, view, width)
     }
 
     fn particles(&self, page: &mut Drawing, view: View, step: &Step<'_>) {
@@ -219,6 +215,27 @@ impl Annotator {
     }
 }
 
+/// H.264 has pixels in pairs.
+fn even(n: usize) -> usize {
+    n + n % 2
+}
+
+/// Width and height of a picture on the page, and how it lies there.
+fn magnification(image: &Image) -> (usize, usize, View) {
+    let (w, h) = (image.width(), image.height());
+    let zoom = ((TALL + h / 2) / h).min(WIDE / w).max(1);
+    let (width, height) = (w * zoom, h * zoom);
+    (width, height, View { zoom: zoom as f64, bold: (height as f64 / TALL as f64).clamp(0.8, 3.0) })
+}
+
+/// A page that holds a picture, magnified where it is small, and nothing else.
+pub(super) fn magnified(image: &Image) -> (Drawing, View) {
+    let (width, height, view) = magnification(image);
+    let mut page = Drawing::new(even(width), even(height), GROUND);
+    page.paste(image, 0, 0, width, height);
+    (page, view)
+}
+
 /// The policy over the template's box, on a square of the page.
 fn policy(page: &mut Drawing, (x, y): Point, side: f64, step: &Step<'_>, best: Option<Gaze>, unit: f64) {
     const REACH: f64 = 1.25;
@@ -259,7 +276,7 @@ fn policy(page: &mut Drawing, (x, y): Point, side: f64, step: &Step<'_>, best: O
 
 /// A square of the template, `reach` around a gaze, as it lies on the frame.
 #[expect(clippy::too_many_arguments, reason = "a shape, a place and a pen")]
-fn outline(
+pub(super) fn outline(
     page: &mut Drawing,
     view: View,
     state: &State,

@@ -1,6 +1,6 @@
 //! annotated.mp4: the annotated frames as a video.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::{Annotator, Mp4Writer, Observer, RunInfo};
 use crate::geometry::BBox;
@@ -9,7 +9,7 @@ use crate::step::Step;
 use crate::{Error, Result};
 
 /// Frames a second where the source does not say.
-const USUAL_RATE: f64 = 30.0;
+pub(super) const USUAL_RATE: f64 = 30.0;
 
 /// Draws each frame and appends it to a video.
 pub struct Film {
@@ -23,8 +23,7 @@ impl Film {
     /// Will write `path`. Fails where its folder is not there; its size follows from the first frame.
     pub fn create(path: impl Into<PathBuf>, info: &RunInfo) -> Result<Self> {
         let path = path.into();
-        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(".".as_ref());
-        std::fs::metadata(folder).map_err(Error::io(&path, "cannot write"))?;
+        writable(&path)?;
         let rate = if info.rate.is_finite() && info.rate > 0.0 { info.rate } else { USUAL_RATE };
         Ok(Self { path, rate, annotator: Annotator::new(info), writer: None })
     }
@@ -35,6 +34,12 @@ impl Film {
         }
         self.writer.as_mut().expect("made above").push(picture)
     }
+}
+
+/// Fails where the folder of a file is not there.
+pub(super) fn writable(path: &Path) -> Result<()> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(".".as_ref());
+    std::fs::metadata(folder).map(drop).map_err(Error::io(path, "cannot write"))
 }
 
 impl Observer for Film {

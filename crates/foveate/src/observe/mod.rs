@@ -1,10 +1,12 @@
 //! THE RESULTS GOING OUT: observers of a run, which read each step and write files. The loop does not know them.
 //!
 //! [`Boxes`] boxes.txt, [`Table`] track.csv, [`Trace`] trace.jsonl, [`Film`] annotated.mp4, [`Report`]
-//! report.html, [`SurfacePicture`] surface.png, [`RegretFiles`] regret.csv and regret.svg. Every file appears under its
-//! name when it is whole: at [`Observer::finish`].
+//! report.html, [`SurfacePicture`] surface.png, [`RegretFiles`] regret.csv and regret.svg; of many targets [`CrowdFilm`],
+//! [`CrowdReport`] and [`CrowdStrip`]. Every file appears under its name when it is whole: at [`Observer::finish`].
 
 mod annotate;
+pub mod crowd;
+mod crowd_film;
 pub mod draw;
 mod eye;
 mod film;
@@ -25,13 +27,15 @@ mod trace;
 mod tracks;
 
 pub use self::annotate::Annotator;
+pub use self::crowd::CrowdAnnotator;
+pub use self::crowd_film::{CrowdFilm, CrowdStrip};
 pub use self::film::Film;
 pub use self::json::Summary;
 pub use self::many::{ManyObserver, Phase, Seen};
 pub use self::mp4::Mp4Writer;
 pub use self::portrait::SurfacePicture;
 pub use self::regret::RegretFiles;
-pub use self::report::Report;
+pub use self::report::{CrowdReport, Report};
 pub use self::table::{Boxes, Table};
 pub use self::trace::Trace;
 pub use self::tracks::{MotFile, TargetsTable, TracksTable};

@@ -3,7 +3,10 @@
 //! Every frame has a row of numbers; pictures, particles and glimpses are kept for some of them, evenly spaced, so that
 //! the page stays small: at most [`MOST_KEYS`] pictures and about 10 MB. The page itself is `report/*.{html,css,js}`.
 
+mod crowd;
 mod page;
+
+pub use self::crowd::CrowdReport;
 
 use std::path::PathBuf;
 
@@ -211,12 +214,12 @@ fn quantised(values: &[f32]) -> (Vec<u8>, Option<[f32; 2]>) {
     (values.iter().map(|v| (255.0 * (v - low) / range).round() as u8).collect(), Some([low, high]))
 }
 
-fn text(bytes: &[u8]) -> String {
+pub(super) fn text(bytes: &[u8]) -> String {
     base64::engine::general_purpose::STANDARD.encode(bytes)
 }
 
 /// A frame as the page has it: small, JPEG, base64.
-fn picture(image: &Image) -> String {
+pub(super) fn picture(image: &Image) -> String {
     let longest = image.width().max(image.height());
     if longest <= LONGEST {
         return text(&encode_jpeg(image, QUALITY));
@@ -226,7 +229,7 @@ fn picture(image: &Image) -> String {
 }
 
 /// A picture made smaller: each new pixel is the mean of the whole old pixels under it.
-fn shrunk(image: &Image, width: usize, height: usize) -> Image {
+pub(super) fn shrunk(image: &Image, width: usize, height: usize) -> Image {
     let mut data = Vec::with_capacity(width * height * image.planes());
     let span = |i: usize, old: usize, new: usize| i * old / new..((i + 1) * old / new).max(i * old / new + 1);
     for plane in (0..image.planes()).map(|p| image.plane(p)) {
@@ -245,7 +248,7 @@ fn shrunk(image: &Image, width: usize, height: usize) -> Image {
 }
 
 /// The cut-out as the page has it.
-fn still(crop: &Crop) -> Still {
+pub(super) fn still(crop: &Crop) -> Still {
     let (width, height) = (crop.image.width(), crop.image.height());
     let longest = width.max(height);
     let small = |side: usize| if longest > LONGEST { (side * LONGEST / longest).max(1) } else { side };

@@ -2,17 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use foveate::config::{Blueprint, Config};
+use foveate::config::{Blueprint, Config, RecogniserConfig};
 use foveate::eval::experiment::{digest, fingerprint};
 use foveate::eval::multi::{self, Alone, Line, Run};
-use foveate::observe::many::ManyObserver;
+use foveate::observe::{CrowdFilm, CrowdReport, CrowdStrip, ManyObserver, RunInfo};
 use foveate::scene::synthetic::{Multi, MultiVideo};
 use foveate::{Error, Result, files};
 use serde_json::json;
 
 use super::{Kept, digits, kept_runs};
 use crate::cmd::synth::MultiScene;
-use crate::cmd::track::blueprint;
+use crate::cmd::track::{DIGITS, blueprint};
 
 /// Digits that grow, turn and pass over each other, all followed from their true first boxes.
 ///
@@ -40,6 +40,12 @@ pub struct Args {
     /// Folder for table.txt, table.json and the finished runs
     #[arg(long, short, value_name = "DIR", default_value = "out/multi")]
     out: PathBuf,
+    /// The recogniser that says which digit is which; it does not change the tracks
+    #[arg(long, visible_alias = "recognize", value_name = "MODEL", default_value = DIGITS)]
+    recognise: String,
+    /// Show the first video, as followed by the first configuration: figure.png (the film strip), annotated.mp4, report.html
+    #[arg(long)]
+    figure: bool,
     /// Print the table as JSON
     #[arg(long)]
     json: bool,
@@ -77,7 +83,8 @@ fn ways(args: &Args) -> Result<Vec<Way>> {
         let config = blueprint(name)?.config().clone();
         let file = Path::new(name);
         let base = if file.is_file() { file.parent().unwrap_or(Path::new(".")) } else { Path::new(".") };
-        let blueprint = Config { seed: 0, ..config }.check(base)?;
+        let recogniser = RecogniserConfig::multi_fixation(args.recognise.clone());
+        let blueprint = Config { seed: 0, ..config }.check(base)?.recognising(recogniser, Path::new("."))?;
         let stem = file.file_stem().filter(|_| file.is_file());
         let shown = stem.map_or_else(|| name.clone(), |stem| stem.to_string_lossy().into_owned());
         let text = blueprint.config().to_toml();
@@ -118,7 +125,40 @@ pub fn run(args: Args) -> Result<()> {
         let judged = runs.iter().zip(&videos).map(|(run, video)| run.judge(video)).collect::<Result<Vec<_>>>()?;
         lines.extend(Line::of(&way.name, &runs.iter().collect::<Vec<_>>(), &judged));
     }
-    report(&args, &from, &lines)
+    report(&args, &from, &lines)?;
+    if args.figure { figure(&args, &ways[0], &videos[0], scenes[0].seed, &from) } else { Ok(()) }
+}
+
+/// Pictures of a shown frame: the strip's columns and rows.
+const COLUMNS: usize = 4;
+const SHOWN: usize = 8;
+
+fn figure(args: &Args, way: &Way, video: &MultiVideo, seed: u64, from: &str) -> Result<()> {
+    let last = video.frames() - 1;
+    let mut shown: Vec<usize> = (0..SHOWN).map(|i| (i * last + SHOWN / 2) / (SHOWN - 1)).map(|t| t.min(last)).collect();
+    shown.dedup();
+    let classes: Vec<String> = video.movers().iter().map(|mover| mover.class.to_string()).collect();
+    let classes = classes.join(", ");
+    let title = format!("Digits that grow, turn and pass over each other; no 1 to {} are truly {classes}", video.movers().len());
+    let info = RunInfo {
+        source: format!("synthetic digits {classes}"),
+        reader: from.into(),
+        rate: 30.0,
+        config_name: way.name.clone(),
+        config_text: way.blueprint.config().to_toml(),
+        seed,
+        command: std::env::args().collect::<Vec<_>>().join(" "),
+        ..RunInfo::default()
+    };
+    let mut observers: Vec<Box<dyn ManyObserver>> = vec![
+        Box::new(CrowdStrip::create(args.out.join("figure.png"), &title, shown, COLUMNS)?),
+        Box::new(CrowdFilm::create(args.out.join("annotated.mp4"), &info)?),
+        Box::new(CrowdReport::create(args.out.join("report.html"), info)?),
+    ];
+    way.follow(video, seed, &mut observers)?;
+    observers.finish()?;
+    println!("{}: figure.png, annotated.mp4, report.html", args.out.display());
+    Ok(())
 }
 
 fn report(args: &Args, from: &str, lines: &[Line]) -> Result<()> {

@@ -276,7 +276,7 @@ impl Page {
 }
 
 /// Five figures are more than a screen shows; what is not finite becomes null.
-fn short(value: f64) -> Value {
+pub fn short(value: f64) -> Value {
     if !value.is_finite() {
         return Value::Null;
     }
@@ -287,12 +287,12 @@ fn short(value: f64) -> Value {
 }
 
 /// Text as HTML.
-fn escape(text: &str) -> String {
+pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 /// Puts parts in the places `{{name}}` of a template, in one pass: what a part holds is left alone.
-fn fill(template: &str, parts: &[(&str, String)]) -> String {
+pub fn fill(template: &str, parts: &[(&str, String)]) -> String {
     let mut out = String::with_capacity(template.len() + parts.iter().map(|p| p.1.len()).sum::<usize>());
     let mut rest = template;
     while let Some((before, after)) = rest.split_once("{{") {
