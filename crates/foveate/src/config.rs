@@ -10,7 +10,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::control::{
-    Autoregressive, Concentration, LogConcentration, Prior, Resampling, Reward, Search, VarianceReduction, Vigilance,
+    Autoregressive, Concentration, LogConcentration, Resampling, Reward, Search, Sighting, VarianceReduction, Vigilance,
 };
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;
@@ -26,6 +26,7 @@ mod bandits;
 mod identity;
 mod many;
 mod policies;
+mod proposals;
 mod ranges;
 mod recogniser;
 mod shadow;
@@ -33,6 +34,7 @@ mod shadow;
 pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 pub use policies::PolicyConfig;
 use policies::policy;
+pub use proposals::ProposalConfig;
 use ranges::{Ranges, in_range};
 pub use recogniser::{RECOGNISERS, RecogniserConfig};
 
@@ -55,6 +57,12 @@ pub struct Config {
     /// Whether the target's centre stays in the picture, at its edge if need be.
     #[serde(default)]
     pub walls: bool,
+    /// q(xₜ | xₜ₋₁, scene).
+    #[serde(default, deserialize_with = "in_range")]
+    pub proposal: ProposalConfig,
+    /// p(detections | xₜ), where they are taken to be the target's; left out, they do not weigh.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub sighting: Option<Sighting>,
     /// p(x₀).
     #[serde(default, deserialize_with = "in_range")]
     pub start: StartSpread,
@@ -258,7 +266,8 @@ impl Blueprint {
         )?
         .dimming(c.likelihood.dim_familiar);
         let parts = Parts {
-            proposal: Box::new(Prior::new(Arc::new(*dynamics)).walls(c.walls)),
+            proposal: proposals::proposal(&c.proposal, *dynamics, c.walls),
+            sighting: c.sighting,
             policy: self.shadowed(policy(&c.policy)?),
             appearance: Box::new(appearance),
             reward: reward(c.reward)?,

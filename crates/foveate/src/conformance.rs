@@ -3,17 +3,19 @@
 //! Each panics with the broken law. Random checks state how often they would fail a correct implementation.
 
 mod detector;
+mod proposal;
 
 pub use self::detector::detector;
+pub use self::proposal::{proposal, proposal_weights};
 
-use crate::control::{CHUNK, Dynamics, Proposal, Resampling, Reward};
+use crate::control::{Dynamics, Resampling, Reward};
 use crate::gaze::{Context, Plan, Policy, Portrait};
 use crate::geometry::{Extent, Gaze, State};
 use crate::identity::pyramid::Region;
 use crate::identity::{Appearance, Distance, Encoder, Percept, Pyramid, Retina};
 use crate::rng::{Purpose, Rng, Streams};
 use crate::rows::{Rows, RowsMut};
-use crate::scene::{Frame, Image, Scene};
+use crate::scene::{Frame, Image};
 use rand::RngExt;
 use rand_distr::StandardNormal;
 
@@ -113,29 +115,6 @@ impl Normal {
         }
         log_g
     }
-}
-
-/// Children depend on their parent, the scene and the stream of their chunk; log p/q is finite, and the mean of
-/// p/q over q's draws is 1 for every parent (32 batches of 1,024 children).
-pub fn proposal(proposal: &mut dyn Proposal, scene: Scene<'_>, parent: &State) {
-    const N: usize = 16 * CHUNK;
-    let parents = [*parent; N];
-    let mut propose = |n: usize, streams: Streams| {
-        let (mut children, mut log_ratio) = (vec![State::default(); n], vec![f64::NAN; n]);
-        proposal.propose(scene, &parents[..n], &mut children, &mut log_ratio, streams);
-        assert!(log_ratio.iter().all(|r| r.is_finite()), "log p/q must be finite at every child");
-        (children, log_ratio)
-    };
-    let stream = |i| Streams::new(i, 0).at(1, Purpose::Predict);
-    let (children, log_ratio) = propose(N, stream(0));
-    assert!((children.clone(), log_ratio) == propose(N, stream(0)), "the same streams must give the same children");
-    let fewer = propose(5 * CHUNK + 7, stream(0)).0;
-    assert!(fewer == children[..fewer.len()], "a child must not depend on how many there are");
-    let other = propose(N, stream(1)).0;
-    assert!(other[0] == other[1] || other != children, "other streams must give other children");
-    assert!(children[0] == children[1] || children[..CHUNK] != children[CHUNK..2 * CHUNK], "chunks must differ");
-    let ratios: Vec<f64> = (0..32).flat_map(|i| propose(N, stream(i)).1).map(f64::exp).collect();
-    assert_mean(&ratios, 1.0, "the mean of p/q over the children");
 }
 
 /// An empty scene, for proposals and others that do not look at it.

@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::control::{Belief, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Vigilance, normalize};
+use crate::control::{
+    Belief, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Sighting, Vigilance, normalize,
+};
 use crate::gaze::{Context, Plan, Policy};
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::identity::{Appearance, Percept};
@@ -20,6 +22,8 @@ mod company;
 pub struct Parts {
     /// q(xₜ | xₜ₋₁, scene).
     pub proposal: Box<dyn Proposal>,
+    /// p(detections | xₜ): what a detector says of where the target is.
+    pub sighting: Option<Sighting>,
     /// πₜ: where to look.
     pub policy: Box<dyn Policy>,
     /// p(hₜ | xₜ, aₜ).
@@ -125,6 +129,11 @@ impl Tracker {
         w.log_prior.resize(n, 0.0);
         parts.proposal.propose(scene, particles, &mut w.predicted, &mut w.log_prior, streams.at(*frame, Predict));
         add(&mut w.log_prior, log_carried);
+
+        // Weigh also by what was seen of it, where detections are taken to be the target's.
+        if let Some(sighting) = &parts.sighting {
+            sighting.weigh(scene.detections, &w.predicted, target.extent, &mut w.log_prior);
+        }
 
         // Choose where to look. Some policies ask about every gaze, some about one.
         parts.policy.plan(context, &mut w.plan, &mut streams.at(*frame, Look).rng(0));

@@ -39,6 +39,8 @@ impl Ranges for Config {
         }
         self.resampling.ranges()?;
         self.dynamics.ranges()?;
+        self.proposal.ranges()?;
+        self.sighting.ranges()?;
         self.start.ranges()?;
         self.retina.ranges()?;
         self.likelihood.ranges()?;

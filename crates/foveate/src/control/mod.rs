@@ -5,17 +5,21 @@
 //! log wₜ = log wₜ₋₁ + log p/q + log p(h | x, a), up to its own logarithm of a sum, the evidence.
 
 mod dynamics;
+mod mixture;
 mod proposal;
 mod resampling;
 mod reward;
 mod search;
+mod sighting;
 mod vigilance;
 
 pub use self::dynamics::{Autoregressive, Dynamics};
+pub use self::mixture::{Mixing, Mixture};
 pub use self::proposal::{CHUNK, Prior, Proposal};
 pub use self::resampling::{Resampling, Scheme};
 pub use self::reward::{Concentration, LogConcentration, Reward, VarianceReduction};
 pub use self::search::{REFINEMENTS, Search};
+pub use self::sighting::Sighting;
 pub use self::vigilance::{Promise, Vigilance, Watch};
 
 use crate::geometry::State;

@@ -50,7 +50,7 @@ impl Prior {
 }
 
 /// Keeps a state's centre within the pixels of a picture.
-fn confine(state: &mut State, width: usize, height: usize) {
+pub(super) fn confine(state: &mut State, width: usize, height: usize) {
     let [right, bottom] = [width, height].map(|side| (side - 1) as f64);
     for (place, speed, end) in [(&mut state.x, &mut state.vx, right), (&mut state.y, &mut state.vy, bottom)] {
         if !(0.0..=end).contains(place) {
