@@ -79,6 +79,7 @@ fn parts(precision: Precision, rng: &mut Rng) -> Result<Parts> {
         GazeAppearance::new(Arc::new(retina), Arc::new(encoder), Kind::BhattacharyyaSquared, Sharpness::Fixed(20.0))?;
     Ok(Parts {
         proposal: Box::new(Prior::new(Arc::new(dynamics))),
+        guide: None,
         sighting: None,
         policy: Box::new(gaze::Fixed::new(Gaze::CENTRE)),
         appearance: Box::new(appearance),

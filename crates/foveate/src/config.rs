@@ -10,7 +10,8 @@ use std::sync::Arc;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::control::{
-    Autoregressive, Concentration, LogConcentration, Resampling, Reward, Search, Sighting, VarianceReduction, Vigilance,
+    Autoregressive, Concentration, Guide, LogConcentration, Resampling, Reward, Search, Sighting, VarianceReduction,
+    Vigilance,
 };
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;
@@ -34,7 +35,7 @@ mod shadow;
 pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 pub use policies::PolicyConfig;
 use policies::policy;
-pub use proposals::ProposalConfig;
+pub use proposals::{DetectorConfig, ProposalConfig};
 use ranges::{Ranges, in_range};
 pub use recogniser::{RECOGNISERS, RecogniserConfig};
 
@@ -63,6 +64,12 @@ pub struct Config {
     /// p(detections | xₜ), where they are taken to be the target's; left out, they do not weigh.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub sighting: Option<Sighting>,
+    /// Whether particles move with the camera, or with the flow where they are; left out, they do not.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub guide: Option<Guide>,
+    /// What looks for candidates in every frame, for the proposal and the sighting; left out, nothing does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detector: Option<DetectorConfig>,
     /// p(x₀).
     #[serde(default, deserialize_with = "in_range")]
     pub start: StartSpread,
@@ -267,6 +274,7 @@ impl Blueprint {
         .dimming(c.likelihood.dim_familiar);
         let parts = Parts {
             proposal: proposals::proposal(&c.proposal, *dynamics, c.walls),
+            guide: c.guide,
             sighting: c.sighting,
             policy: self.shadowed(policy(&c.policy)?),
             appearance: Box::new(appearance),

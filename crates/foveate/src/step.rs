@@ -6,13 +6,15 @@ use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::identity::Percept;
 use crate::identity::accumulate::likeliest;
 use crate::recognition::Recognized;
-use crate::scene::Frame;
+use crate::scene::{Detection, Frame, Scene};
 use crate::tracker::Work;
 
 /// One frame's results. Views of buffers that the next step overwrites.
 pub struct Step<'a> {
     /// The frame it is about.
     pub frame: &'a Frame,
+    /// What the tracker was told that a detector found in it.
+    pub detections: &'a [Detection],
     /// Mean of the belief.
     pub estimate: State,
     /// Covariance of the belief over x, y, vx, vy, log scale, angle.
@@ -54,7 +56,7 @@ pub struct Step<'a> {
 impl<'a> Step<'a> {
     #[expect(clippy::too_many_arguments, reason = "one caller; each is one line of Algorithm 1")]
     pub(crate) fn of(
-        frame: &'a Frame,
+        scene: Scene<'a>,
         w: &'a Work,
         extent: Extent,
         estimate: State,
@@ -66,7 +68,8 @@ impl<'a> Step<'a> {
         recognized: Recognized<'a>,
     ) -> Self {
         Self {
-            frame,
+            frame: scene.frame,
+            detections: scene.detections,
             estimate,
             covariance,
             ess,

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::control::{
-    Belief, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Sighting, Vigilance, normalize,
+    Belief, Guide, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Sighting, Vigilance, normalize,
 };
 use crate::gaze::{Context, Plan, Policy};
 use crate::geometry::{BBox, Extent, Gaze, State};
@@ -11,7 +11,7 @@ use crate::identity::{Appearance, Percept};
 use crate::recognition::{Recognition, Recognized};
 use crate::rng::Purpose::{self, Look, Predict, Recognize, Select, Start};
 use crate::rng::Streams;
-use crate::scene::{Frame, Scene};
+use crate::scene::{Flow, Frame, Scene};
 use crate::start::StartSpread;
 use crate::step::Step;
 use crate::{Error, Result};
@@ -22,6 +22,8 @@ mod company;
 pub struct Parts {
     /// q(xₜ | xₜ₋₁, scene).
     pub proposal: Box<dyn Proposal>,
+    /// How states move with the picture before they are predicted.
+    pub guide: Option<Guide>,
     /// p(detections | xₜ): what a detector says of where the target is.
     pub sighting: Option<Sighting>,
     /// πₜ: where to look.
@@ -115,6 +117,14 @@ impl Tracker {
         self.parts.start.draw(&state, extent, &mut self.particles, streams);
         self.log_carried.fill(-(self.particles.len() as f64).ln());
         Ok(())
+    }
+
+    /// Tells how the picture moved since the last frame, before [`Tracker::step`] with the one it moved to; without
+    /// `Parts::guide` nothing happens.
+    pub fn guide(&mut self, flow: &Flow) {
+        if let Some(guide) = &self.parts.guide {
+            guide.shift(flow, &mut self.particles);
+        }
     }
 
     /// One frame of Algorithm 1. Panics if `start` was never called.
@@ -226,18 +236,7 @@ impl Tracker {
         }
 
         let recognized = parts.recognizer.as_ref().map_or(Recognized::default(), Recognition::recognized);
-        Step::of(
-            scene.frame,
-            w,
-            target.extent,
-            estimate,
-            covariance,
-            ess,
-            log_evidence,
-            watch,
-            &*parts.policy,
-            recognized,
-        )
+        Step::of(scene, w, target.extent, estimate, covariance, ess, log_evidence, watch, &*parts.policy, recognized)
     }
 
     /// The whole state of the filter in mid-video, to go on from bit for bit with [`Tracker::load`].

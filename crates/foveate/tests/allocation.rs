@@ -6,7 +6,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use common::{INIT, POLICIES, blueprint, frame, random_recogniser, recognising};
-use foveate::config::Blueprint;
+use foveate::config::{Blueprint, Config};
 use foveate::scene::{Frame, Image, Scene};
 
 thread_local!(static COUNT: Cell<usize> = const { Cell::new(0) });
@@ -88,6 +88,30 @@ fn recognition_allocates_nothing() {
                 assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{looking} {rule}: {counts:?}");
             }
         }
+    });
+}
+
+/// Detections in the proposal and the weights, a detector, and the flow.
+#[test]
+fn what_a_scout_tells_allocates_nothing() {
+    let frames: Vec<Frame> = (0..FRAMES).map(|i| frame(i, 1)).collect();
+    let base = blueprint(POLICIES[3], false, 0.5, false, 100).config().to_toml();
+    let text = base.replace("[proposal]\nkind = \"prior\"\n", "")
+        + "\n[proposal]\nkind = \"mixture\"\n[sighting]\n[guide]\nlocal = 0.5\n[detector]\nkind = \"saliency\"\n";
+    let blueprint = Config::parse(&text, "test").and_then(|c| c.check(".".as_ref())).expect("a good configuration");
+    alone(|| {
+        let (mut tracker, mut scout) = (blueprint.tracker(5, 0).expect("parts that fit"), blueprint.scout());
+        scout.look(&frames[0]);
+        tracker.start(&frames[0], INIT).expect("a box in the picture");
+        let step = |frame| {
+            let before = COUNT.get();
+            scout.look(frame);
+            tracker.guide(scout.flow().expect("it was asked for"));
+            std::hint::black_box(tracker.step(scout.scene(frame)));
+            COUNT.get() - before
+        };
+        let counts: Vec<usize> = frames[1..].iter().map(step).collect();
+        assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{counts:?}");
     });
 }
 

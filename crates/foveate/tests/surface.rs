@@ -71,6 +71,7 @@ fn tracker() -> Tracker {
         GazeAppearance::new(retina, encoder, Kind::Cosine, Sharpness::Fixed(20.0)).expect("parts that fit");
     let parts = Parts {
         proposal: Box::new(Prior::new(Arc::new(Autoregressive::default()))),
+        guide: None,
         sighting: None,
         policy: Box::new(Wanderer::default()),
         appearance: Box::new(appearance),

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use foveate::eval::{Evaluation, Row, Sequence, TrackRun, curves, find_sequences, mot, run_all, score_folder, table};
 use foveate::observe::{Clock, Observer};
-use foveate::run::{Follow, follow};
+use foveate::run::{Follow, follow_with};
 use foveate::scene::open;
 use foveate::{Error, Result, files};
 
@@ -66,7 +66,8 @@ pub fn run(args: Args) -> Result<()> {
             progress: &mut |_| {},
         };
         let nobody: &mut Vec<Box<dyn Observer>> = &mut vec![];
-        let (outcome, result) = follow(&mut *open(&sequence.images)?, &mut tracker, nobody, plan);
+        let (mut scout, mut source) = (blueprint.scout(), open(&sequence.images)?);
+        let (outcome, result) = follow_with(&mut scout, &mut *source, &mut tracker, nobody, plan);
         result.map(|()| TrackRun { boxes: outcome.boxes, seconds: outcome.seconds })
     })
 }

@@ -8,7 +8,7 @@ use foveate::geometry::BBox;
 use foveate::observe::{
     Boxes, Clock, Film, Observer, RegretFiles, Report, RunInfo, Summary, SurfacePicture, Table, Trace,
 };
-use foveate::run::{Follow, Outcome, follow};
+use foveate::run::{Follow, Outcome, follow_with};
 use foveate::scene::{SourceInfo, ahead, annotation, motion, open};
 use foveate::{Error, Result, files};
 
@@ -228,7 +228,7 @@ pub fn run(args: Args) -> Result<()> {
             bar.set_position(next_frame as u64);
         },
     };
-    let (outcome, result) = follow(&mut *source, &mut tracker, &mut observers, plan);
+    let (outcome, result) = follow_with(&mut blueprint.scout(), &mut *source, &mut tracker, &mut observers, plan);
     bar.finish_and_clear();
     if let (Some(path), true) = (&args.save_state, outcome.frames > 0) {
         let saved = SavedState { next_frame, tracker: tracker.save() };

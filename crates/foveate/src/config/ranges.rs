@@ -41,6 +41,7 @@ impl Ranges for Config {
         self.dynamics.ranges()?;
         self.proposal.ranges()?;
         self.sighting.ranges()?;
+        self.guide.ranges()?;
         self.start.ranges()?;
         self.retina.ranges()?;
         self.likelihood.ranges()?;

@@ -5,6 +5,7 @@
 //! log wₜ = log wₜ₋₁ + log p/q + log p(h | x, a), up to its own logarithm of a sum, the evidence.
 
 mod dynamics;
+mod guided;
 mod mixture;
 mod proposal;
 mod resampling;
@@ -14,6 +15,7 @@ mod sighting;
 mod vigilance;
 
 pub use self::dynamics::{Autoregressive, Dynamics};
+pub use self::guided::Guide;
 pub use self::mixture::{Mixing, Mixture};
 pub use self::proposal::{CHUNK, Prior, Proposal};
 pub use self::resampling::{Resampling, Scheme};

@@ -100,6 +100,11 @@ impl Annotator {
         }
         self.best = if let Portrait::Surface(surface) = step.portrait { surface.best() } else { None };
         let (mut page, view, panel) = self.page(step.frame);
+        for b in step.detections.iter().map(|d| d.bbox) {
+            let corners =
+                [(b.x, b.y), (b.x + b.w - 1.0, b.y), (b.x + b.w - 1.0, b.y + b.h - 1.0), (b.x, b.y + b.h - 1.0)];
+            page.outline(&corners.map(|corner| view.at(corner)), view.bold, SOFT, 0.9);
+        }
         self.particles(&mut page, view, step);
         for (i, (a, b)) in self.path.iter().zip(self.path.iter().skip(1)).enumerate() {
             let fresh = (i + 1) as f64 / self.path.len() as f64;

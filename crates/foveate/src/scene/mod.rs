@@ -22,6 +22,7 @@ mod mp4;
 pub mod open;
 pub mod otb;
 pub mod saliency;
+pub mod scout;
 pub mod spline;
 mod sps;
 mod stream;
@@ -43,6 +44,7 @@ pub use self::map::Map;
 pub use self::motion::Motion;
 pub use self::open::open;
 pub use self::saliency::Saliency;
+pub use self::scout::Scout;
 pub use self::video::VideoFile;
 
 /// One picture of a video.
