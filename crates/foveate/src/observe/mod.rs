@@ -18,6 +18,7 @@ mod portrait;
 mod regret;
 mod report;
 mod sink;
+mod strip;
 pub mod surface;
 mod table;
 mod trace;
@@ -29,6 +30,7 @@ pub use self::mp4::Mp4Writer;
 pub use self::portrait::SurfacePicture;
 pub use self::regret::RegretFiles;
 pub use self::report::Report;
+pub use self::strip::Strip;
 pub use self::table::{Boxes, Table};
 pub use self::trace::Trace;
 
