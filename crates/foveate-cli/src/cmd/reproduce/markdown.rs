@@ -47,15 +47,8 @@ pub fn summary(all: &[Results]) -> String {
         let scene = results.scenes().first().copied().unwrap_or("").to_owned();
         let unit = unit(results);
         let first = |group: Group, row: Option<&str>| {
-            let baseline = |line: &Line| line.policy == "fixed" && !line.name.contains(',');
-            let such = |line: &&Line| {
-                let same = row.map_or_else(
-                    || line.policy == "fixed" && (group != Group::Recommended || baseline(line)),
-                    |row| line.row.as_deref() == Some(row),
-                );
-                line.group == group && line.scene == scene && same
-            };
-            results.lines.iter().find(such)
+            let same = |line: &Line| row.map_or(line.policy == "fixed", |row| line.row.as_deref() == Some(row));
+            results.lines.iter().find(|line| line.group == group && line.scene == scene && same(line))
         };
         let short = |group, row| first(group, row).map_or("-".into(), |line| short(line, unit));
         let name = results.title.split(':').next().unwrap_or("");
