@@ -105,8 +105,8 @@ impl Store {
         Self { folder: out.join("runs"), ..Self::default() }
     }
 
-    /// The runs of all jobs, in their order; those that are nowhere yet are done by `follow` and put there. Runs of another
-    /// shard are missing, and what was left when it was asked to stop.
+    /// The runs of trackers on videos: those of all jobs, in their order, done by `follow` where they are not kept yet. With
+    /// the digits comes what they are.
     pub fn runs<R: Kept>(
         &self,
         name: &str,
@@ -115,29 +115,43 @@ impl Store {
         (digits, from): (&Digits, &str),
         follow: &Following<R>,
     ) -> Result<Vec<Option<R>>> {
+        let pixels = experiment::digest(&[&digits.images, &digits.labels]);
+        let key = |job: &Job| {
+            let scene = serde_json::to_vec(&job.video).expect("settings are plain data");
+            let seed = job.seed.to_le_bytes();
+            experiment::digest(&[entries[job.entry].key.as_bytes(), &scene, &seed, pixels.as_bytes()])
+        };
+        let make = |job: &Job| {
+            let blueprint = &entries[job.entry].blueprint;
+            let mut tracker = blueprint.tracker(job.seed, u64::from(job.video.digit()))?;
+            let run = follow(&*job.video.video(digits)?, &mut tracker)?;
+            let (configuration, video, seed) = (blueprint.config(), &job.video, job.seed);
+            let stored = Stored { configuration, video, seed, digits: from, run: &run };
+            let text = serde_json::to_vec(&stored).map_err(|e| Error::Invalid(e.to_string()))?;
+            Ok((run, text))
+        };
+        self.kept(name, jobs, &|job| job.video.frames(), &key, &make)
+    }
+
+    /// The runs of all jobs, in their order; those whose file, named by `key`, is nowhere yet are made and put there as the
+    /// text that comes with them. Runs of another shard are missing, and what was left when it was asked to stop.
+    pub fn kept<J: Sync, R: Kept>(
+        &self,
+        name: &str,
+        jobs: &[J],
+        frames: &(dyn Fn(&J) -> usize + Sync),
+        key: &(dyn Fn(&J) -> String + Sync),
+        make: &(dyn Fn(&J) -> Result<(R, Vec<u8>)> + Sync),
+    ) -> Result<Vec<Option<R>>> {
         let folder = &self.folder;
         std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot create the folder for finished runs"))?;
-        let pixels = experiment::digest(&[&digits.images, &digits.labels]);
-
         terminal::catch_interrupts();
         let progress = Progress::new(name, jobs.len());
         let resumed = AtomicUsize::new(0);
-        let work = |job: &Job| {
-            let entry = &entries[job.entry];
-            let scene = serde_json::to_vec(&job.video).expect("settings are plain data");
-            let seed = job.seed.to_le_bytes();
-            let key = experiment::digest(&[entry.key.as_bytes(), &scene, &seed, pixels.as_bytes()]);
+        let work = |job: &J| {
+            let key = key(job);
             let path = folder.join(format!("{key}.json"));
-            if let Some(run) = read::<R>(&path, job.video.frames()) {
-                resumed.fetch_add(1, Ordering::Relaxed);
-                progress.found();
-                return Ok(Some(run));
-            }
-            let elsewhere = self.others.iter().map(|other| other.join(format!("{key}.json")));
-            let found = elsewhere.filter_map(|path| Some((read::<R>(&path, job.video.frames())?, path))).next();
-            if let Some((run, from)) = found {
-                let bytes = std::fs::read(&from).map_err(Error::io(&from, "cannot read a finished run"))?;
-                files::write(&path, &bytes)?;
+            if let Some(run) = self.find(&path, frames(job))? {
                 resumed.fetch_add(1, Ordering::Relaxed);
                 progress.found();
                 return Ok(Some(run));
@@ -147,11 +161,8 @@ impl Store {
                 progress.found();
                 return Ok(None);
             }
-            let mut tracker = entry.blueprint.tracker(job.seed, u64::from(job.video.digit()))?;
-            let run = follow(&*job.video.video(digits)?, &mut tracker)?;
-            let configuration = entry.blueprint.config();
-            let stored = Stored { configuration, video: &job.video, seed: job.seed, digits: from, run: &run };
-            files::write(&path, &serde_json::to_vec(&stored).map_err(|e| Error::Invalid(e.to_string()))?)?;
+            let (run, text) = make(job)?;
+            files::write(&path, &text)?;
             progress.done();
             Ok(Some(run))
         };
@@ -161,6 +172,21 @@ impl Store {
             eprintln!("{} runs, {} of them from {}", jobs.len(), resumed.into_inner(), folder.display());
         }
         Ok(runs)
+    }
+
+    /// A finished run, here or in another store; what is found elsewhere is put here.
+    fn find<R: Kept>(&self, path: &Path, frames: usize) -> Result<Option<R>> {
+        if let Some(run) = read(path, frames) {
+            return Ok(Some(run));
+        }
+        for other in &self.others {
+            let from = other.join(path.file_name().unwrap_or_default());
+            if let Some(run) = read(&from, frames) {
+                files::write(path, &std::fs::read(&from).map_err(Error::io(&from, "cannot read a finished run"))?)?;
+                return Ok(Some(run));
+            }
+        }
+        Ok(None)
     }
 }
 
@@ -173,13 +199,17 @@ pub fn all_runs<R: Kept>(
     digits: (&Digits, &str),
     follow: &Following<R>,
 ) -> Result<Vec<R>> {
-    let runs = Store::of(out).runs(name, entries, jobs, digits, follow)?;
-    let done = runs.iter().flatten().count();
-    if done < jobs.len() {
-        println!("stopped after {done} of {} runs; the same command goes on from there", jobs.len());
+    Store::of(out).runs(name, entries, jobs, digits, follow).map(whole)
+}
+
+/// All runs; ends the program where some are missing because it was asked to stop.
+pub fn whole<R>(runs: Vec<Option<R>>) -> Vec<R> {
+    let (done, all) = (runs.iter().flatten().count(), runs.len());
+    if done < all {
+        println!("stopped after {done} of {all} runs; the same command goes on from there");
         std::process::exit(130);
     }
-    Ok(runs.into_iter().flatten().collect())
+    runs.into_iter().flatten().collect()
 }
 
 /// The digits that videos are made of, and what they are.
@@ -204,7 +234,10 @@ fn read<R: Kept>(path: &Path, frames: usize) -> Option<R> {
 
 /// Does all jobs, as many at a time as there are threads and each one in a single thread; the results stand in the order
 /// of the jobs, and are missing where it was asked to stop.
-fn side_by_side<R: Kept>(jobs: &[Job], work: &(dyn Fn(&Job) -> Result<Option<R>> + Sync)) -> Result<Vec<Option<R>>> {
+fn side_by_side<J: Sync, R: Kept>(
+    jobs: &[J],
+    work: &(dyn Fn(&J) -> Result<Option<R>> + Sync),
+) -> Result<Vec<Option<R>>> {
     let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
     let runs = Mutex::new(vec![None; jobs.len()]);
     // A pool of one thread: what the tracker shares out stays in its own job, or times would be those of several.

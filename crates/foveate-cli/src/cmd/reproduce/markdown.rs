@@ -141,7 +141,7 @@ fn digits(results: &Results) -> String {
     out
 }
 
-/// A document with its blocks filled in.
+/// A document with its blocks filled in; those without results are left as they are.
 pub fn fill(text: &str, name: &str, all: &[Results]) -> Result<String> {
     let mut out = String::new();
     let mut lines = text.lines();
@@ -152,20 +152,16 @@ pub fn fill(text: &str, name: &str, all: &[Results]) -> Result<String> {
             continue;
         };
         let end = format!("<!-- results:{block}:end -->");
-        if !lines.by_ref().any(|line| line == end) {
+        let old: Vec<&str> = lines.by_ref().take_while(|line| *line != end).collect();
+        if !text.lines().any(|line| line == end) {
             return Err(Error::Invalid(format!("{name}: {line} has no end; put {end} where the block ends")));
         }
-        let results = all.iter().find(|r| r.experiment == block);
-        let content = match (block, results) {
-            ("summary", _) => summary(all),
-            (_, Some(results)) => table(results).trim_end().to_owned() + "\n",
-            _ => {
-                return Err(Error::Invalid(format!(
-                    "{name}: there are no results of {block}; run foveate reproduce {block} --write-docs"
-                )));
-            }
+        out += &match all.iter().find(|r| r.experiment == block) {
+            _ if block == "summary" => summary(all),
+            Some(results) => table(results).trim_end().to_owned() + "\n",
+            None => old.iter().flat_map(|line| [line, "\n"]).collect(),
         };
-        out += &format!("{content}{end}\n");
+        out += &format!("{end}\n");
     }
     Ok(out)
 }
@@ -199,7 +195,8 @@ mod tests {
             filled.starts_with("a\n<!-- results:summary:begin -->\n| table |") && filled.ends_with(":end -->\nb\n")
         );
         assert!(!filled.contains("old") && fill(&filled, "t", &[]).expect("the same") == filled);
-        assert!(fill("<!-- results:table1:begin -->\n<!-- results:table1:end -->\n", "t", &[]).is_err());
+        let other = "<!-- results:table1:begin -->\nold\n<!-- results:table1:end -->\n";
+        assert_eq!(fill(other, "t", &[]).expect("no results, no change"), other);
         assert!(fill("<!-- results:summary:begin -->\n", "t", &[]).is_err_and(|e| e.to_string().contains("no end")));
     }
 }
