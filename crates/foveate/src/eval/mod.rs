@@ -18,7 +18,9 @@ pub mod recognised;
 pub mod regret;
 pub mod reliability;
 pub mod sequence;
+pub mod story;
 pub mod table;
+pub mod tally;
 
 pub use centres::{CentreScore, CentreSummary, score_centres};
 pub use compare::{Evaluation, Row, TrackRun, run_all, score_folder};
