@@ -127,6 +127,18 @@ pub enum EncoderConfig {
         #[serde(default)]
         precision: Precision,
     },
+    /// k-means filters convolved with the rings: `weights` is a model file, or `builtin:natural-kmeans`. It serves any retina;
+    /// left out, the one it was trained with is taken.
+    Kmeans {
+        /// The model.
+        weights: String,
+        /// What filters say is averaged over a grid of this many cells along a side of each ring.
+        #[serde(default = "two")]
+        pool: usize,
+        /// A filter counts for what its product with a whitened patch is above this.
+        #[serde(default = "unit")]
+        threshold: f32,
+    },
     /// The glimpse itself.
     Raw {
         /// Whether its mean is taken out and its contrast brought to 1.
@@ -184,6 +196,14 @@ impl Default for RewardConfig {
 
 fn yes() -> bool {
     true
+}
+
+fn unit() -> f32 {
+    1.0
+}
+
+fn two() -> usize {
+    2
 }
 
 fn one() -> f64 {
@@ -312,4 +332,5 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),
     ("natural-mcrbm", include_str!("../../../configs/natural-mcrbm.toml")),
     ("natural-autoencoder", include_str!("../../../configs/natural-autoencoder.toml")),
+    ("natural-kmeans", include_str!("../../../configs/natural-kmeans.toml")),
 ];
