@@ -41,7 +41,10 @@ fn a_user_s_classes_are_learned_and_a_track_says_them_by_name() {
         command(dir, &["train", "classifier", "--data", "pictures", "--epochs", "25", "--threads", "2", "--out", out])
     };
     let words = said(&train("whole.safetensors").output().expect("it runs"));
-    assert!(words.contains("48 pictures to learn from, 12 held out") && words.contains("one, a stroke: 16 and 4"), "{words}");
+    assert!(
+        words.contains("48 pictures to learn from, 12 held out") && words.contains("one, a stroke: 16 and 4"),
+        "{words}"
+    );
     // Three classes of pen strokes that differ as a ring, a line and two bows: all twelve right.
     assert!(words.contains("held-out pictures as they are: 100.0 % right"), "{words}");
 
@@ -102,6 +105,7 @@ fn mistakes_are_told() {
     }
     says("found 1", &[]);
     std::fs::write(dir.join("cut"), b"short").expect("a writable folder");
-    let track = command(dir, &["track", "pictures/one, a stroke", "--init", "1,1,20,20", "--recognise", "cut"]).output();
+    let track =
+        command(dir, &["track", "pictures/one, a stroke", "--init", "1,1,20,20", "--recognise", "cut"]).output();
     assert!(!track.expect("it runs").status.success());
 }

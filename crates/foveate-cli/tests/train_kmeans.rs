@@ -17,7 +17,18 @@ fn write_photographs(dir: &Path) {
 
 fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
-    command.args(["train", "kmeans", "--glimpses", "1500", "--held-out", "100", "--rings", "8/1,16/2", "--threads", "2"]);
+    command.args([
+        "train",
+        "kmeans",
+        "--glimpses",
+        "1500",
+        "--held-out",
+        "100",
+        "--rings",
+        "8/1,16/2",
+        "--threads",
+        "2",
+    ]);
     command.arg("--data").arg(dir).arg("--out").arg(dir.join(out)).args(extra);
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     command
@@ -55,7 +66,8 @@ fn a_killed_training_goes_on_and_ends_with_the_same_bits_and_its_filters_serve_a
     };
     check("").expect("the retina it was trained with");
     check("retina = { kind = \"foveal\", side = 28, rings = [[28, 1]] }\n").expect("another");
-    let small = check("retina = { kind = \"foveal\", side = 28, rings = [[8, 4]] }\n").expect_err("too small").to_string();
+    let small =
+        check("retina = { kind = \"foveal\", side = 28, rings = [[8, 4]] }\n").expect_err("too small").to_string();
     assert!(small.contains("2 x 2 cells"), "{small}");
 }
 

@@ -16,8 +16,7 @@ fn crop(image: &Image, bbox: &BBox) -> Image {
         let first = (from.round().max(0.0) as usize).min(most - 1);
         (first, ((from + size).round().max(0.0) as usize).clamp(first + 1, most))
     };
-    let ((left, right), (top, bottom)) =
-        (whole(bbox.x, bbox.w, image.width()), whole(bbox.y, bbox.h, image.height()));
+    let ((left, right), (top, bottom)) = (whole(bbox.x, bbox.w, image.width()), whole(bbox.y, bbox.h, image.height()));
     let mut data = vec![];
     for plane in 0..image.planes() {
         for row in image.plane(plane).chunks_exact(image.width()).take(bottom).skip(top) {
@@ -29,7 +28,7 @@ fn crop(image: &Image, bbox: &BBox) -> Image {
 
 /// Cuts every `step`-th frame of a sequence; answers how many pictures it gave.
 fn cut(sequence: &Path, into: &Path, step: usize) -> foveate::Result<usize> {
-    let truth = annotation::read_truth(&sequence.join("groundtruth_rect.txt"))?;
+    let truth = annotation::read_truth(sequence.join("groundtruth_rect.txt"))?;
     let name = sequence.file_name().unwrap_or_default().to_string_lossy().into_owned();
     std::fs::create_dir_all(into).map_err(foveate::Error::io(into, "cannot create the folder"))?;
     let mut count = 0;

@@ -135,8 +135,8 @@ pub enum EncoderConfig {
         /// What filters say is averaged over a grid of this many cells along a side of each ring.
         #[serde(default = "two")]
         pool: usize,
-        /// A filter counts for what its product with a whitened patch is above this.
-        #[serde(default = "unit")]
+        /// A filter counts for what its product with a whitened patch is above this: 0 unless given.
+        #[serde(default)]
         threshold: f32,
     },
     /// The glimpse itself.
@@ -196,10 +196,6 @@ impl Default for RewardConfig {
 
 fn yes() -> bool {
     true
-}
-
-fn unit() -> f32 {
-    1.0
 }
 
 fn two() -> usize {

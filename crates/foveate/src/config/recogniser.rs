@@ -46,7 +46,7 @@ pub enum RecogniserConfig {
 }
 
 fn a_few() -> Accumulate {
-    Accumulate::Forgetting { memory: 10.0 }
+    Accumulate::Forgetting { memory: 3.0 }
 }
 
 /// Recognisers that ship with the program: names after `builtin:`, and model files.
@@ -73,7 +73,11 @@ impl RecogniserConfig {
     /// What a model file (relative to `base`) or a name after `builtin:` stands for, its other settings as usual. A file that
     /// cannot be read is told of when it is used.
     pub fn of_model(weights: &str, base: &Path) -> Self {
-        let bytes = if weights.starts_with("builtin:") { vec![] } else { std::fs::read(base.join(weights)).unwrap_or_default() };
+        let bytes = if weights.starts_with("builtin:") {
+            vec![]
+        } else {
+            std::fs::read(base.join(weights)).unwrap_or_default()
+        };
         if Classifier::is_one(&bytes) {
             return Self::Classifier { weights: weights.into(), accumulate: a_few() };
         }
@@ -112,9 +116,7 @@ impl RecogniserConfig {
             }
         };
         let unclear = |what: &str, e: serde_json::Error| {
-            let problem = format!(
-                "it does not say what {what} it was trained with ({e}); train it again"
-            );
+            let problem = format!("it does not say what {what} it was trained with ({e}); train it again");
             Error::malformed(Path::new(weights), problem)
         };
         let config: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| unclear("retina", e))?;
@@ -125,8 +127,7 @@ impl RecogniserConfig {
             let (retina, encoder) = first_layer(&layer, Some(config), &beside)?;
             (retina, Some(encoder))
         };
-        let read =
-            Recogniser { retina: Arc::new(retina), encoder, machine, accumulate: *accumulate, policy };
+        let read = Recogniser { retina: Arc::new(retina), encoder, machine, accumulate: *accumulate, policy };
         read.recognition().map_err(|e| Error::Config(format!("{weights}: {e}")))?;
         Ok(read)
     }

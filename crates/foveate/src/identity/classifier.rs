@@ -64,8 +64,7 @@ impl Classifier {
     }
     /// Writes a model file; it is whole or not there. The names are the classifier's own.
     pub fn save(&self, path: &Path, metadata: &Metadata, first_layer: &str) -> Result<()> {
-        let about =
-            About { metadata: metadata.clone(), first_layer: first_layer.into(), names: self.names.to_vec() };
+        let about = About { metadata: metadata.clone(), first_layer: first_layer.into(), names: self.names.to_vec() };
         let file = File { about, temperature: self.softmax.temperature() };
         files::write(path, &pack(KIND, file, &self.softmax.tensors()))
     }

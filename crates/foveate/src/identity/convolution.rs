@@ -51,7 +51,8 @@ impl Patches {
     ///
     /// Fails where an image is too small for that, or the retina leaves a part of an image unseen.
     pub fn new(cells: &[Cell], side: usize, pool: usize) -> Result<Self> {
-        let mut it = Self { n_v: cells.len(), taps: vec![], ends: vec![], side, places: vec![], images: vec![], cells: 0 };
+        let mut it =
+            Self { n_v: cells.len(), taps: vec![], ends: vec![], side, places: vec![], images: vec![], cells: 0 };
         let mut from = 0;
         while from < cells.len() {
             let Cell { half, channel, .. } = cells[from];
@@ -263,8 +264,8 @@ mod tests {
 
     fn model(side: usize, filters: usize) -> KMeans {
         let data = random(side * side * 600);
-        let mut trainer =
-            Trainer::new(Recipe { keep: 0.95, ..Recipe::new(filters) }, Rows::new(&data, side * side)).expect("patches");
+        let mut trainer = Trainer::new(Recipe { keep: 0.95, ..Recipe::new(filters) }, Rows::new(&data, side * side))
+            .expect("patches");
         (0..3).for_each(|_| trainer.step());
         trainer.learned().clone()
     }
@@ -282,7 +283,7 @@ mod tests {
             glimpses.chunks_exact_mut(cells.len()).for_each(|glimpse| encoder.condition(glimpse));
             glimpses[..cells.len()].fill(0.0);
             conformance::encoder(&encoder, &glimpses);
-            assert_eq!(encoder.shape(), (cells.len(), (rings.len() + colour.len()) * 4 * filters));
+            assert_eq!(encoder.shape(), (cells.len(), (rings.len() + 2 * colour.len()) * 4 * filters));
         }
     }
 

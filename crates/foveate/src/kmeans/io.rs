@@ -2,8 +2,8 @@
 
 use super::{KMeans, Recipe, Trainer};
 use crate::rbm::Metadata;
-use crate::rbm::io::{Tensors, pack, read, refuse, unpack};
 use crate::rbm::Whitening;
+use crate::rbm::io::{Tensors, pack, read, refuse, unpack};
 use crate::rows::Rows;
 use crate::{Error, Result, files};
 use serde::{Deserialize, Serialize};

@@ -36,7 +36,8 @@ impl KMeans {
         let (n_p, n_x) = whitening.shape();
         let k = filters.len() / n_x;
         let fits = n_p <= MOST.0 && (1..=MOST.1).contains(&k) && filters.len() == n_x * k;
-        if !fits || !filters.iter().all(|x| x.is_finite()) || !(softening > 0.0 && softening.is_finite()) {
+        let finite = filters.iter().all(|x| x.is_finite()) && softening.is_finite();
+        if !(fits && finite && softening > 0.0) {
             return Err(Error::Invalid(format!(
                 "k-means has patches of at most {} values, 1 to {} filters of {n_x} finite numbers, and a softening above 0; got patches of \
                  {n_p}, {} numbers, softening {softening}",

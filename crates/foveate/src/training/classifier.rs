@@ -43,7 +43,7 @@ pub struct Recipe {
 impl Recipe {
     /// The usual settings, to be changed field by field.
     pub fn new(classes: usize) -> Self {
-        Self { classes, epochs: 60, batch: 32, rate: 0.002, decay: 0.002, seed: 1 }
+        Self { classes, epochs: 100, batch: 32, rate: 0.002, decay: 0.002, seed: 1 }
     }
     /// Fails, with the reason, if a number is out of its range.
     pub fn check(&self) -> Result<()> {
@@ -51,7 +51,7 @@ impl Recipe {
             "classes are 2 to 256"
         } else if self.batch == 0 || self.epochs == 0 {
             "epochs and pictures of a batch are at least 1"
-        } else if !(self.rate > 0.0 && self.rate <= 1.0) || !(0.0..1.0).contains(&self.decay) {
+        } else if !(self.rate > 0.0 && self.rate <= 1.0 && (0.0..1.0).contains(&self.decay)) {
             "the rate is above 0 and at most 1, the decay at least 0 and under 1"
         } else {
             return Ok(());
@@ -128,9 +128,8 @@ impl Trainer {
         }
         let first = self.batch * self.recipe.batch;
         let picked = &self.order[first..(first + self.recipe.batch).min(rows.len())];
-        let scaled = |&i: &u32| {
-            rows.row(i as usize).iter().zip(&self.centre).zip(&self.gain).map(|((x, m), g)| (x - m) * g)
-        };
+        let scaled =
+            |&i: &u32| rows.row(i as usize).iter().zip(&self.centre).zip(&self.gain).map(|((x, m), g)| (x - m) * g);
         let x: Vec<f32> = picked.iter().flat_map(scaled).collect();
         let x = Rows::new(&x, n_in);
         let [now, mean, moments @ ..] = &mut self.parts;
@@ -285,7 +284,8 @@ mod tests {
         let (x, y) = rows(100, 1);
         let data = Rows::new(&x, 10);
         let recipe = Recipe { batch: 16, epochs: 20, rate: 0.02, ..Recipe::new(3) };
-        let (dir, mut whole) = (tempfile::tempdir().expect("a folder"), Trainer::new(recipe.clone(), data).expect("rows"));
+        let (dir, mut whole) =
+            (tempfile::tempdir().expect("a folder"), Trainer::new(recipe.clone(), data).expect("rows"));
         let path = dir.path().join("c");
         while whole.progress().0 < 20 {
             if whole.progress() == (7, 3) {

@@ -136,7 +136,8 @@ fn sorted(dir: &Path) -> Result<Vec<PathBuf>> {
 /// A picture from the bytes of its file, grey, at most [`SIDE`] pixels along a side.
 fn small(bytes: &[u8]) -> std::result::Result<Image, String> {
     let picture = crate::quiet::catch(|| image::load_from_memory(bytes).map_err(|e| e.to_string())).and_then(|r| r);
-    let mut picture = picture.map_err(|e| format!("not a picture that can be read ({e}); remove it or save it anew"))?;
+    let mut picture =
+        picture.map_err(|e| format!("not a picture that can be read ({e}); remove it or save it anew"))?;
     if picture.width().max(picture.height()) > SIDE {
         picture = picture.resize(SIDE, SIDE, image::imageops::FilterType::Triangle);
     }

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use foveate::Result;
 use foveate::config::{Config, EncoderConfig, RetinaConfig};
-use foveate::identity::retina::FovealConfig;
 use foveate::identity::Classifier;
+use foveate::identity::retina::FovealConfig;
 use foveate::rbm::Metadata;
 use foveate::rows::Rows;
 use foveate::training::classifier::{Held, Recipe, Trainer, judge};
@@ -32,11 +32,11 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Take retina and first layer from this configuration, a file or the name of one that ships with the program; unless
-    /// given, k-means filters on 28 x 28 cells.
+    /// given, k-means filters on 14 x 14 cells.
     #[arg(long, value_name = "FILE|NAME")]
     config: Option<String>,
     /// Times that every picture is shown.
-    #[arg(long, default_value_t = 60)]
+    #[arg(long, default_value_t = 100)]
     epochs: usize,
     /// Pictures of a mini-batch.
     #[arg(long, default_value_t = 32)]
@@ -76,7 +76,7 @@ impl Args {
     fn layer(&self) -> Result<(Config, PathBuf)> {
         let Some(name) = &self.config else {
             let mut config = Config::builtin("natural-kmeans").expect("it ships with the library")?;
-            let rings = vec![[28, 1]];
+            let rings = vec![[28, 2]];
             config.retina = Some(RetinaConfig::Foveal(FovealConfig { side: 28.0, rings, colour: vec![] }));
             if let EncoderConfig::Kmeans { pool, .. } = &mut config.encoder {
                 *pool = 3;
@@ -141,8 +141,17 @@ fn train(args: &Args) -> Result<()> {
     let show = |epoch: usize| shown(&beholder, epoch);
     let as_they_are = look(&beholder, Variation::default(), &held, 1);
     let (labels, checkpoint_path, data) = (learn.labels(), &checkpoint, &data);
-    let mut training =
-        Learning { trainer, show: &show, made, epoch, labels, n_h, held: (&as_they_are, held.labels()), checkpoint_path, data };
+    let mut training = Learning {
+        trainer,
+        show: &show,
+        made,
+        epoch,
+        labels,
+        n_h,
+        held: (&as_they_are, held.labels()),
+        checkpoint_path,
+        data,
+    };
     common::train(&mut training)?;
 
     let mut softmax = training.trainer.learned()?;
@@ -161,7 +170,11 @@ fn train(args: &Args) -> Result<()> {
     };
     Classifier::new(softmax, all.names().to_vec())?.save(&args.out, &metadata, &first_layer)?;
     let _ = std::fs::remove_file(&checkpoint);
-    println!("wrote {}; try it with: foveate track VIDEO --init X,Y,W,H --recognise {}", args.out.display(), args.out.display());
+    println!(
+        "wrote {}; try it with: foveate track VIDEO --init X,Y,W,H --recognise {}",
+        args.out.display(),
+        args.out.display()
+    );
     Ok(())
 }
 

@@ -33,7 +33,7 @@ pub struct Args {
     #[arg(long, default_value_t = 0.99)]
     keep: f64,
     /// Added to a patch's variance before it is divided by its root, where a glimpse has variance 1.
-    #[arg(long, default_value_t = 0.1)]
+    #[arg(long, default_value_t = 1.0)]
     softening: f32,
     /// Passes over the patches.
     #[arg(long, default_value_t = 30)]
