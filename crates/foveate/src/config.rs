@@ -146,6 +146,18 @@ pub enum EncoderConfig {
         #[serde(default)]
         precision: Precision,
     },
+    /// k-means filters convolved with the rings: `weights` is a model file, or `builtin:natural-kmeans`. It serves any retina;
+    /// left out, the one it was trained with is taken.
+    Kmeans {
+        /// The model.
+        weights: String,
+        /// What filters say is averaged over a grid of this many cells along a side of each ring.
+        #[serde(default = "two")]
+        pool: usize,
+        /// A filter counts for what its product with a whitened patch is above this: 0 unless given.
+        #[serde(default)]
+        threshold: f32,
+    },
     /// The glimpse itself.
     Raw {
         /// Whether its mean is taken out and its contrast brought to 1.
@@ -203,6 +215,10 @@ impl Default for RewardConfig {
 
 fn yes() -> bool {
     true
+}
+
+fn two() -> usize {
+    2
 }
 
 fn one() -> f64 {
@@ -335,4 +351,5 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),
     ("natural-mcrbm", include_str!("../../../configs/natural-mcrbm.toml")),
     ("natural-autoencoder", include_str!("../../../configs/natural-autoencoder.toml")),
+    ("natural-kmeans", include_str!("../../../configs/natural-kmeans.toml")),
 ];

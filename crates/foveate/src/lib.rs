@@ -96,6 +96,7 @@ pub mod gaze;
 pub mod geometry;
 pub mod gp;
 pub mod identity;
+pub mod kmeans;
 pub mod many;
 pub mod observe;
 mod quiet;

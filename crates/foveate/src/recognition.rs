@@ -42,6 +42,8 @@ pub struct Recognition {
 pub struct Recognized<'a> {
     /// p(c | all frames so far), after accumulation; empty without a recogniser.
     pub classes: &'a [f64],
+    /// What they are called; empty where they have numbers alone.
+    pub names: &'a [String],
     /// p(c | the last Δ looks), this frame's own decision.
     pub own: &'a [f64],
     /// Where it looked in this frame.
@@ -131,7 +133,7 @@ impl Recognition {
 
     /// What was recognised up to the last look.
     pub fn recognized(&self) -> Recognized<'_> {
-        Recognized { classes: &self.classes, own: &self.own, gazes: self.plan.gazes() }
+        Recognized { classes: &self.classes, names: self.recognizer.names(), own: &self.own, gazes: self.plan.gazes() }
     }
     /// n_c.
     pub fn classes(&self) -> usize {

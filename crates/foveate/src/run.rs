@@ -41,6 +41,8 @@ pub struct Outcome {
     pub boxes: Vec<BBox>,
     /// The likeliest class after the last frame, and its probability; `None` without a recogniser.
     pub class: Option<(usize, f64)>,
+    /// What it is called, where the recogniser's classes have names.
+    pub class_name: Option<String>,
     /// Whether it was asked to stop before the source ended.
     pub stopped: bool,
 }
@@ -121,6 +123,7 @@ fn each_frame(
             outcome.boxes.push(step.bbox());
             outcome.lost += usize::from(step.lost());
             outcome.class = step.class();
+            outcome.class_name = step.class().and_then(|(class, _)| step.class_names.get(class).cloned());
             observer.observe(&step)?;
         }
         outcome.frames += 1;

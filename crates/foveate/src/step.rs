@@ -1,5 +1,7 @@
 //! Everything one frame computed, by reference: the tracker's buffers, seen by whoever wants to look.
 
+use std::borrow::Cow;
+
 use crate::control::{Belief, Watch};
 use crate::gaze::{Plan, Policy, Portrait};
 use crate::geometry::{BBox, Extent, Gaze, State};
@@ -45,6 +47,8 @@ pub struct Step<'a> {
     pub percept: &'a Percept,
     /// p(c | all frames so far), one a class; empty without a recogniser.
     pub classes: &'a [f64],
+    /// What the classes are called; empty where they have numbers alone.
+    pub class_names: &'a [String],
     /// p(c | the last few looks): this frame's own decision.
     pub own_classes: &'a [f64],
     /// Where the recogniser looked.
@@ -85,6 +89,7 @@ impl<'a> Step<'a> {
             ancestors: &w.ancestors,
             percept: &w.percept,
             classes: recognized.classes,
+            class_names: recognized.names,
             own_classes: recognized.own,
             recognition_gazes: recognized.gazes,
             portrait: policy.portrait(),
@@ -112,6 +117,10 @@ impl<'a> Step<'a> {
     /// The likeliest class over all frames so far, and its probability; `None` without a recogniser.
     pub fn class(&self) -> Option<(usize, f64)> {
         best(self.classes)
+    }
+    /// What a class is called: its name, or else its number.
+    pub fn class_name(&self, class: usize) -> Cow<'a, str> {
+        self.class_names.get(class).map_or_else(|| class.to_string().into(), |name| name.as_str().into())
     }
     /// The likeliest class by this frame's own decision, and its probability.
     pub fn own_class(&self) -> Option<(usize, f64)> {

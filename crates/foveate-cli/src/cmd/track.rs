@@ -58,7 +58,7 @@ pub struct Args {
     /// hindsight: regret.csv, regret.svg and a section of the report. Takes time; the track stays the same
     #[arg(long)]
     regret: bool,
-    /// Say what the target is, by a model of `foveate train fixations`; without MODEL, which digit it is. Its class stands
+    /// Say what the target is, by a model of `foveate train classifier` or `train fixations`; without MODEL, which digit it is. Its class stands
     /// in track.csv, trace.jsonl, video and report; the track stays the same. It takes the place of the configuration's
     /// recogniser
     #[arg(long, visible_alias = "recognize", value_name = "MODEL", num_args = 0..=1, default_missing_value = DIGITS)]
@@ -186,7 +186,7 @@ pub fn run(args: Args) -> Result<()> {
     let name = args.config.as_deref().unwrap_or(if is_many { "many" } else { "natural" });
     let mut blueprint = blueprint(name)?;
     if let Some(model) = &args.recognise {
-        blueprint = blueprint.recognising(RecogniserConfig::multi_fixation(model), Path::new("."))?;
+        blueprint = blueprint.recognising(RecogniserConfig::of_model(model, Path::new(".")), Path::new("."))?;
     }
     let shadow = if args.regret { line_up::rivals(&blueprint.config().policy).gazes() } else { vec![] };
     blueprint = blueprint.shadowing(shadow.clone());
@@ -310,6 +310,7 @@ fn report(args: &Args, outcome: &Outcome, seed: u64, outputs: Vec<PathBuf>, resu
             lost_frames: outcome.lost,
             bbox,
             class: outcome.class,
+            class_name: outcome.class_name.clone(),
             seed,
             outputs,
             error: result.as_ref().err().map(ToString::to_string),
@@ -323,7 +324,8 @@ fn report(args: &Args, outcome: &Outcome, seed: u64, outputs: Vec<PathBuf>, resu
         println!("Last box: {:.1},{:.1},{:.1},{:.1} (x,y,w,h, counted from 1).", b.x + 1.0, b.y + 1.0, b.w, b.h);
     }
     if let Some((class, p)) = outcome.class {
-        println!("Recognised as class {class}, with probability {p:.3}.");
+        let name = outcome.class_name.clone().unwrap_or_else(|| format!("class {class}"));
+        println!("Recognised as {name}, with probability {p:.3}.");
     }
     let names: Vec<String> = outputs.iter().filter_map(|o| o.file_name()).map(|n| n.to_string_lossy().into()).collect();
     println!("{}: {}", args.out.display(), names.join(", "));

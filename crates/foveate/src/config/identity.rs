@@ -5,9 +5,11 @@ use std::sync::Arc;
 
 use super::{Config, EncoderConfig, RetinaConfig};
 use crate::autoencoder::Autoencoder;
+use crate::identity::convolution::ConvolutionEncoder;
 use crate::identity::encoder::{Encoder, Raw, RbmEncoder};
 use crate::identity::factored::FactoredEncoder;
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
+use crate::kmeans::KMeans;
 use crate::rbm::factored::FactoredRbm;
 use crate::rbm::{Metadata, Rbm};
 use crate::{Error, Result};
@@ -51,6 +53,15 @@ pub(super) fn first_layer(
             let (rbm, metadata) = model(weights, base, FactoredRbm::from_bytes, FactoredRbm::load)?;
             let retina = trained_retina(weights, &metadata, given, "mcrbm")?;
             let encoder = FactoredEncoder::new(rbm, *units, &channels(&retina));
+            Ok((retina, Arc::new(encoder)))
+        }
+        EncoderConfig::Kmeans { weights, pool, threshold } => {
+            let (model, metadata) = model(weights, base, KMeans::from_bytes, KMeans::load)?;
+            let retina = match given {
+                Some(config) => Foveal::new(config)?,
+                None => trained_retina(weights, &metadata, None, "kmeans")?,
+            };
+            let encoder = ConvolutionEncoder::new(&model, retina.cells(), *pool, *threshold)?;
             Ok((retina, Arc::new(encoder)))
         }
     }
@@ -108,4 +119,5 @@ const MODELS: &[(&str, &[u8])] = &[
     ("natural", include_bytes!("../../../../models/natural.safetensors")),
     ("natural-mcrbm", include_bytes!("../../../../models/natural-mcrbm.safetensors")),
     ("natural-autoencoder", include_bytes!("../../../../models/natural-autoencoder.safetensors")),
+    ("natural-kmeans", include_bytes!("../../../../models/natural-kmeans.safetensors")),
 ];

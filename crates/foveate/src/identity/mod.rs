@@ -6,6 +6,8 @@
 
 pub mod accumulate;
 pub mod calibrate;
+pub mod classifier;
+pub mod convolution;
 pub mod distance;
 pub mod encoder;
 pub mod factored;
@@ -14,6 +16,7 @@ pub mod multi_fixation;
 pub mod pyramid;
 pub mod retina;
 
+pub use classifier::Classifier;
 pub use distance::Distance;
 pub use encoder::Encoder;
 pub use gaze_appearance::GazeAppearance;
@@ -77,6 +80,10 @@ pub trait Appearance: Send {
 pub trait Recognizer: Send {
     /// n_c, at least 2.
     fn classes(&self) -> usize;
+    /// What the classes are called, in their order; empty where they have numbers alone.
+    fn names(&self) -> &[String] {
+        &[]
+    }
     /// Length of the features it reads.
     fn width(&self) -> usize;
     /// Takes in one look more, and writes log p(c | the looks it remembers), nats, one a class.

@@ -321,7 +321,7 @@ fn dashed(page: &mut Drawing, view: View, b: &BBox) {
 /// What the target is called, above its box, or below where there is no room.
 fn label(page: &mut Drawing, view: View, step: &Step<'_>) {
     let Some((class, p)) = step.class() else { return };
-    let (text, size, b) = (format!("{class}  {:.0} %", 100.0 * p), 9.0 * view.bold, step.bbox());
+    let (text, size, b) = (format!("{}  {:.0} %", step.class_name(class), 100.0 * p), 9.0 * view.bold, step.bbox());
     let (x, top) = view.at((b.x, b.y));
     let y = if top >= 2.4 * size { top - 2.2 * size } else { view.at((b.x, b.y + b.h)).1 + 0.8 * size };
     page.fill(x - 0.4 * size, y - 0.4 * size, text_width(&text, size) + 0.8 * size, 1.8 * size, BLACK, 0.55);

@@ -58,6 +58,9 @@ struct Tracked<'a> {
     /// them; left out without a recogniser.
     #[serde(skip_serializing_if = "<[f64]>::is_empty")]
     classes: &'a [f64],
+    /// What the likeliest is called; left out where classes have numbers alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    class: Option<&'a str>,
     #[serde(skip_serializing_if = "<[f64]>::is_empty")]
     own_classes: &'a [f64],
     #[serde(skip_serializing_if = "<[Gaze]>::is_empty")]
@@ -141,6 +144,7 @@ impl Observer for Trace {
             gaze_evidence: step.gaze_evidence,
             percept: Percept { gaze: p.gaze, glimpse: &p.glimpse, features: &p.features, distance: p.distance },
             classes: step.classes,
+            class: step.class().and_then(|(class, _)| step.class_names.get(class)).map(String::as_str),
             own_classes: step.own_classes,
             recognition_gazes: step.recognition_gazes,
             portrait: match step.portrait {
