@@ -1,6 +1,6 @@
 //! Everything one frame computed, by reference: the tracker's buffers, seen by whoever wants to look.
 
-use crate::control::{Belief, Watch};
+use crate::control::{Belief, Trust, Watch};
 use crate::gaze::{Plan, Policy, Portrait};
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::identity::Percept;
@@ -21,8 +21,10 @@ pub struct Step<'a> {
     pub ess: f64,
     /// log Σ w̃: how well this frame was foreseen, nats, up to the likelihood's constant.
     pub log_evidence: f64,
-    /// Whether the target is believed lost, and how sure that is.
+    /// How the evidence compares with what was promised.
     pub watch: Watch,
+    /// How probably the target is lost, and what is believed of the track.
+    pub trust: Trust,
     /// Half the size of the target's box at scale 1.
     pub extent: Extent,
     /// x̃ₜ: the predicted particles.
@@ -61,7 +63,7 @@ impl<'a> Step<'a> {
         covariance: [[f64; 6]; 6],
         ess: f64,
         log_evidence: f64,
-        watch: Watch,
+        (watch, trust): (Watch, Trust),
         policy: &'a dyn Policy,
         recognized: Recognized<'a>,
     ) -> Self {
@@ -72,6 +74,7 @@ impl<'a> Step<'a> {
             ess,
             log_evidence,
             watch,
+            trust,
             extent,
             predicted: &w.predicted,
             weights: &w.weights,
@@ -91,6 +94,10 @@ impl<'a> Step<'a> {
     pub fn bbox(&self) -> BBox {
         self.estimate.bbox(self.extent)
     }
+    /// Pixels per template unit at the estimate's size.
+    pub fn unit(&self) -> f64 {
+        self.extent.mean() * self.estimate.log_scale.exp()
+    }
     /// The weighted sample itself.
     pub fn belief(&self) -> Belief<'a> {
         Belief { states: self.predicted, weights: self.weights }
@@ -102,9 +109,9 @@ impl<'a> Step<'a> {
         };
         of(self.plan.gazes(), self.rewards).or_else(|| of(self.plan.recorded(), self.recorded))
     }
-    /// Whether the target is believed lost.
+    /// Whether the target is believed out of sight: occluded, or lost.
     pub fn lost(&self) -> bool {
-        self.watch.lost
+        self.trust.standing.is_out()
     }
     /// The likeliest class over all frames so far, and its probability; `None` without a recogniser.
     pub fn class(&self) -> Option<(usize, f64)> {

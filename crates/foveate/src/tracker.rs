@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::control::{Belief, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Vigilance, normalize};
+use crate::control::{
+    Belief, Confidence, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Shown, Vigilance, normalize,
+};
 use crate::gaze::{Context, Plan, Policy};
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::identity::{Appearance, Percept};
@@ -26,8 +28,10 @@ pub struct Parts {
     pub reward: Box<dyn Reward>,
     /// The selection step.
     pub resampling: Resampling,
-    /// Says when the target is lost.
+    /// Compares the evidence with what was promised.
     pub vigilance: Vigilance,
+    /// Says how probably the target is lost.
+    pub confidence: Confidence,
     /// Looks for it then.
     pub search: Option<Search>,
     /// p(x₀): how far from the given box the first particles are.
@@ -103,6 +107,7 @@ impl Tracker {
         self.parts.recognizer.iter_mut().for_each(Recognition::reset);
         self.context = Context::default();
         self.parts.vigilance.reset();
+        self.parts.confidence.reset();
         self.parts.proposal.size(extent.mean());
         self.parts.start.draw(&state, extent, &mut self.particles, streams);
         self.log_carried.fill(-(self.particles.len() as f64).ln());
@@ -156,16 +161,14 @@ impl Tracker {
         let expected = parts.appearance.expectation();
         let promise = Promise { on: expected.on, off: expected.off };
         let watch = parts.vigilance.judge(log_evidence, looks, &w.log_posterior, promise);
-        *context = Context {
-            ess: ess / n as f64,
-            doubt: watch.doubt,
-            surprise: watch.surprise,
-            spread: spread(&covariance, target.extent.mean() * estimate.log_scale.exp()),
-            lost: watch.lost,
-        };
+        let spread = spread(&covariance, target.extent.mean() * estimate.log_scale.exp());
 
         // Recognize: perceive once more, at the estimate.
         parts.appearance.perceive(&estimate, w.plan.chosen(), &mut w.percept);
+        let evidence = log_evidence / looks.max(1) as f64;
+        let trust = parts.confidence.judge(&Shown { watch, evidence, promise, spread, distance: w.percept.distance });
+        let lost = trust.standing.is_out();
+        *context = Context { ess: ess / n as f64, doubt: watch.doubt, surprise: watch.surprise, spread, lost };
         if let Some(recognizer) = &mut parts.recognizer {
             recognizer.look(image, &estimate, target.extent, context, &mut streams.at(*frame, Recognize).rng(0));
         }
@@ -184,7 +187,7 @@ impl Tracker {
         }
 
         // Search. A lost target may be anywhere: some particles start again where the picture looks most like it.
-        if let Some(search) = parts.search.as_mut().filter(|search| search.is_due(watch, *frame)) {
+        if let Some(search) = parts.search.as_mut().filter(|search| search.is_due(lost, *frame)) {
             let places = search.places((image.width(), image.height()), &estimate, target.extent);
             w.search.resize(places.len(), 0.0);
             parts.appearance.see(image, places, &[Gaze::CENTRE]);
@@ -217,7 +220,7 @@ impl Tracker {
             covariance,
             ess,
             log_evidence,
-            watch,
+            (watch, trust),
             &*parts.policy,
             recognized,
         )
@@ -234,6 +237,7 @@ impl Tracker {
             policy: self.parts.policy.save(),
             appearance: self.parts.appearance.save(),
             vigilance: self.parts.vigilance.save(),
+            confidence: self.parts.confidence.save(),
             context: self.context,
             recognizer: self.parts.recognizer.as_ref().map(Recognition::save),
         };
@@ -268,6 +272,7 @@ impl Tracker {
         self.parts.policy.load(&saved.policy)?;
         self.parts.appearance.load(&saved.appearance)?;
         self.parts.vigilance.load(&saved.vigilance)?;
+        self.parts.confidence.load(&saved.confidence)?;
         match (&mut self.parts.recognizer, &saved.recognizer) {
             (Some(recognizer), Some(saved)) => recognizer.load(saved)?,
             (Some(recognizer), None) => recognizer.reset(),
@@ -301,7 +306,7 @@ impl Tracker {
 }
 
 /// The format number of saved trackers.
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 /// More frames than any video has.
 const MOST_FRAMES: u64 = 1 << 48;
 
@@ -316,6 +321,7 @@ struct Saved {
     policy: serde_json::Value,
     appearance: serde_json::Value,
     vigilance: serde_json::Value,
+    confidence: serde_json::Value,
     context: Context,
     /// None of a tracker that did not recognise; one that does begins then.
     #[serde(default, skip_serializing_if = "Option::is_none")]

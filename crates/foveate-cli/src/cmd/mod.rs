@@ -8,3 +8,4 @@ pub mod look;
 pub mod synth;
 pub mod track;
 pub mod train;
+mod videos;

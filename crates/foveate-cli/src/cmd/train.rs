@@ -13,6 +13,7 @@ use foveate::training::{self, filters};
 
 mod autoencoder;
 mod common;
+mod confidence;
 mod fixations;
 mod mcrbm;
 
@@ -32,6 +33,7 @@ enum What {
     Fixations(Box<fixations::Args>),
     Mcrbm(Box<mcrbm::Args>),
     Autoencoder(Box<autoencoder::Args>),
+    Confidence(Box<confidence::Args>),
 }
 
 /// Learn a restricted Boltzmann machine from glimpses.
@@ -159,6 +161,7 @@ pub fn run(args: Args) -> Result<()> {
         What::Fixations(args) => fixations::run(&args),
         What::Mcrbm(args) => mcrbm::run(&args),
         What::Autoencoder(args) => autoencoder::run(&args),
+        What::Confidence(args) => confidence::run(&args),
     }
 }
 

@@ -8,7 +8,7 @@ use rand::RngExt;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
-use super::{Promise, Watch};
+use super::Promise;
 use crate::geometry::{Extent, State};
 use crate::rng::Streams;
 use crate::{Error, Result};
@@ -75,8 +75,8 @@ impl Search {
         }
     }
     /// Whether to search in this frame.
-    pub fn is_due(&self, watch: Watch, frame: u64) -> bool {
-        watch.lost && self.share > 0.0 && frame.is_multiple_of(self.every)
+    pub fn is_due(&self, lost: bool, frame: u64) -> bool {
+        lost && self.share > 0.0 && frame.is_multiple_of(self.every)
     }
     /// Places all over a picture, of the estimate's scale and angle and at rest, row by row.
     pub fn places(&mut self, size: (usize, usize), estimate: &State, extent: Extent) -> &[State] {
@@ -190,8 +190,8 @@ mod tests {
 
     #[test]
     fn it_is_due_while_lost() {
-        let (search, lost) = (Search::default(), Watch { lost: true, ..Watch::default() });
-        assert!(search.is_due(lost, 8) && !search.is_due(lost, 9) && !search.is_due(Watch::default(), 8));
+        let search = Search::default();
+        assert!(search.is_due(true, 8) && !search.is_due(true, 9) && !search.is_due(false, 8));
         for (search, said) in [
             (Search { every: 0, ..Search::default() }, "every"),
             (Search { step: f64::NAN, ..Search::default() }, "step"),

@@ -18,6 +18,10 @@ pub mod regret;
 pub mod reliability;
 pub mod sequence;
 pub mod table;
+pub mod trust;
+pub mod trust_fit;
+pub mod trust_plot;
+pub mod recovery;
 
 pub use centres::{CentreScore, CentreSummary, score_centres};
 pub use compare::{Evaluation, Row, TrackRun, run_all, score_folder};

@@ -23,6 +23,7 @@ mod clutter;
 mod hedge_curve;
 mod partial;
 mod recognise;
+mod recovery;
 mod surfaces;
 
 /// Digits drawn of each class where there is no MNIST.
@@ -44,6 +45,8 @@ enum Kind {
     Partial(partial::Args),
     /// A digit among static ones, tracked and recognised: how many frames have the right decision
     Recognise(recognise::Args),
+    /// Targets that vanish from real video and come back: how soon they are found, and whether anything else is taken for them
+    Recovery(recovery::Args),
     /// Where it learned to look at each digit: the paper's figure of reward surfaces
     Surfaces(surfaces::Args),
 }
@@ -54,6 +57,7 @@ pub fn run(args: Args) -> Result<()> {
         Kind::HedgeCurve(args) => hedge_curve::run(args),
         Kind::Partial(args) => partial::run(args),
         Kind::Recognise(args) => recognise::run(args),
+        Kind::Recovery(args) => recovery::run(args),
         Kind::Surfaces(args) => surfaces::run(args),
     }
 }
