@@ -10,7 +10,8 @@ use std::sync::Arc;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::control::{
-    Autoregressive, Concentration, Confidence, LogConcentration, Prior, Resampling, Reward, Search, VarianceReduction, Vigilance,
+    Autoregressive, Concentration, Confidence, LogConcentration, Prior, Resampling, Reward, Search, VarianceReduction,
+    Vigilance,
 };
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;

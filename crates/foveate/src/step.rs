@@ -25,6 +25,8 @@ pub struct Step<'a> {
     pub watch: Watch,
     /// How probably the target is lost, and what is believed of the track.
     pub trust: Trust,
+    /// What credible regions are wider by than the belief, standard deviation in template units.
+    pub blur: f64,
     /// Half the size of the target's box at scale 1.
     pub extent: Extent,
     /// x̃ₜ: the predicted particles.
@@ -53,6 +55,19 @@ pub struct Step<'a> {
     pub portrait: Portrait<'a>,
 }
 
+/// An ellipse on the image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Region {
+    /// Centre, pixels.
+    pub x: f64,
+    /// Centre, pixels.
+    pub y: f64,
+    /// Half axes, the longer one first, pixels.
+    pub half: [f64; 2],
+    /// Direction of the longer one, radians from x towards y.
+    pub turn: f64,
+}
+
 impl<'a> Step<'a> {
     #[expect(clippy::too_many_arguments, reason = "one caller; each is one line of Algorithm 1")]
     pub(crate) fn of(
@@ -63,7 +78,7 @@ impl<'a> Step<'a> {
         covariance: [[f64; 6]; 6],
         ess: f64,
         log_evidence: f64,
-        (watch, trust): (Watch, Trust),
+        (watch, trust, blur): (Watch, Trust, f64),
         policy: &'a dyn Policy,
         recognized: Recognized<'a>,
     ) -> Self {
@@ -75,6 +90,7 @@ impl<'a> Step<'a> {
             log_evidence,
             watch,
             trust,
+            blur,
             extent,
             predicted: &w.predicted,
             weights: &w.weights,
@@ -97,6 +113,16 @@ impl<'a> Step<'a> {
     /// Pixels per template unit at the estimate's size.
     pub fn unit(&self) -> f64 {
         self.extent.mean() * self.estimate.log_scale.exp()
+    }
+    /// The credible region of the target's centre that holds this share (0 to below 1) of the probability, as of a normal
+    /// belief: its covariance and the blur.
+    pub fn region(&self, share: f64) -> Region {
+        let (c, blur) = (&self.covariance, self.blur * self.unit());
+        let (a, b, d) = (c[0][0] + blur * blur, c[0][1], c[1][1] + blur * blur);
+        let (middle, apart) = (0.5 * (a + d), (0.5 * (a - d)).hypot(b));
+        let size = -2.0 * (1.0 - share).ln();
+        let half = [middle + apart, middle - apart].map(|v| (size * v).max(0.0).sqrt());
+        Region { x: self.estimate.x, y: self.estimate.y, half, turn: 0.5 * (2.0 * b).atan2(a - d) }
     }
     /// The weighted sample itself.
     pub fn belief(&self) -> Belief<'a> {

@@ -8,6 +8,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Promise, Watch};
+use crate::geometry::State;
 use crate::{Error, Result};
 
 /// Number of cues.
@@ -79,6 +80,12 @@ pub struct Shown {
     pub spread: f64,
     /// Distance to the template at the estimate.
     pub distance: f64,
+    /// The greatest log-likelihood of a look among the particles, nats.
+    pub best: f64,
+    /// Mean of the belief.
+    pub estimate: State,
+    /// Pixels per template unit there.
+    pub unit: f64,
 }
 
 /// The model, and the rules of the states.
@@ -112,10 +119,15 @@ pub struct Confidence {
 struct Past {
     /// Frames the usual values were taken from.
     frames: usize,
-    /// Mean evidence, its mean deviation, and mean distance, on the target.
+    /// Mean evidence, its mean deviation, mean distance, and mean of the best log-likelihood, on the target.
     evidence: f64,
     deviation: f64,
     distance: f64,
+    best: f64,
+    /// Where it was seen last.
+    seen: State,
+    /// What fitted best in the whole picture, by the last search since it went out.
+    best_place: Option<State>,
     /// Smoothed drop.
     lasting: f64,
     standing: Standing,
@@ -176,7 +188,7 @@ impl Confidence {
     pub fn judge(&mut self, shown: &Shown) -> Trust {
         let cues = self.cues(shown);
         let p_lost = self.probability(&cues);
-        self.stand(p_lost);
+        self.stand(p_lost, shown);
         if self.past.frames < (1.0 / NEWEST) as usize / 2 || p_lost < self.leave {
             self.learn(shown);
         }
@@ -208,7 +220,7 @@ impl Confidence {
     /// What is usual on the target.
     fn learn(&mut self, s: &Shown) {
         let m = &mut self.past;
-        if !(s.evidence.is_finite() && s.distance.is_finite()) {
+        if !(s.evidence.is_finite() && s.distance.is_finite() && s.best.is_finite()) {
             return;
         }
         m.frames += 1;
@@ -219,18 +231,27 @@ impl Confidence {
         }
         m.evidence += share * off;
         m.distance += share * (s.distance - m.distance);
+        m.best += share * (s.best - m.best);
+        m.seen = s.estimate;
     }
 
-    fn stand(&mut self, p_lost: f64) {
+    /// What fits best in the whole picture: nothing else is found while it lies elsewhere.
+    pub fn searched(&mut self, best: Option<&State>) {
+        self.past.best_place = best.copied();
+    }
+
+    fn stand(&mut self, p_lost: f64, s: &Shown) {
         let m = &mut self.past;
-        let speaks = if m.standing.is_out() { p_lost < self.leave } else { p_lost > self.enter };
+        let apart = |place: &State| (place.x - s.estimate.x).abs().max((place.y - s.estimate.y).abs());
+        let elsewhere = m.best_place.is_some_and(|place| apart(&place) > s.unit);
+        let speaks = if m.standing.is_out() { p_lost < self.leave && !elsewhere } else { p_lost > self.enter };
         m.against = if speaks { m.against + 1 } else { 0 };
         if m.standing.is_out() {
             m.out += 1;
             if m.against >= self.confirm {
                 // Hidden for a moment only, it was never away.
                 m.standing = if m.standing == Standing::Lost { Standing::Found } else { Standing::Tracking };
-                (m.against, m.out) = (0, 0);
+                (m.against, m.out, m.best_place) = (0, 0, None);
             } else if m.out > self.patience {
                 m.standing = Standing::Lost;
             }
@@ -248,6 +269,17 @@ impl Confidence {
     /// Frames since the target went out; 0 while it is not.
     pub fn frames_out(&self) -> usize {
         if self.past.standing.is_out() { self.past.out } else { 0 }
+    }
+
+    /// Where the target was seen last; none before the first frame.
+    pub fn seen(&self) -> Option<&State> {
+        (self.past.frames > 0).then_some(&self.past.seen)
+    }
+
+    /// What the best of the particles usually has on the target, log-likelihood of a look in nats; none before the first
+    /// frame.
+    pub fn usual(&self) -> Option<f64> {
+        (self.past.frames > 0).then_some(self.past.best)
     }
 
     /// The state to resume from.
@@ -271,7 +303,17 @@ mod tests {
 
     fn shown(evidence: f64, doubt: f64) -> Shown {
         let watch = Watch { doubt, surprise: doubt, tempered_ess: 0.3, lost: false };
-        Shown { watch, evidence, promise: PROMISE, spread: 0.1, distance: 0.1 - 0.02 * evidence }
+        let (best, estimate) = (evidence + 1.0, State::default());
+        Shown {
+            watch,
+            evidence,
+            promise: PROMISE,
+            spread: 0.1,
+            distance: 0.1 - 0.02 * evidence,
+            best,
+            estimate,
+            unit: 10.0,
+        }
     }
 
     /// On the target for a while, then hidden for `hidden` frames, then back: the standings.
@@ -287,7 +329,10 @@ mod tests {
     #[test]
     fn a_moment_is_an_occlusion_and_long_is_lost_until_found() {
         let moment = standings(8);
-        assert!(moment[..30].iter().all(|s| *s == Standing::Tracking) && moment[36] == Standing::Occluded, "{moment:?}");
+        assert!(
+            moment[..30].iter().all(|s| *s == Standing::Tracking) && moment[36] == Standing::Occluded,
+            "{moment:?}"
+        );
         assert!(!moment.contains(&Standing::Lost) && !moment.contains(&Standing::Found), "{moment:?}");
         let long = standings(40);
         let first = |s: Standing| long.iter().position(|x| *x == s).expect("it comes");

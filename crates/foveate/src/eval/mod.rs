@@ -14,6 +14,7 @@ pub mod line_up;
 pub mod metrics;
 pub mod mot;
 pub mod recognised;
+pub mod recovery;
 pub mod regret;
 pub mod reliability;
 pub mod sequence;
@@ -21,7 +22,6 @@ pub mod table;
 pub mod trust;
 pub mod trust_fit;
 pub mod trust_plot;
-pub mod recovery;
 
 pub use centres::{CentreScore, CentreSummary, score_centres};
 pub use compare::{Evaluation, Row, TrackRun, run_all, score_folder};

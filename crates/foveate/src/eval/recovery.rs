@@ -93,9 +93,8 @@ impl Line {
     pub fn of(way: Option<Way>, cases: &[&Case]) -> Self {
         let all: Vec<&&Case> = cases.iter().filter(|c| way.is_none_or(|way| c.hide.way == way)).collect();
         let held: Vec<&&&Case> = all.iter().filter(|c| c.held).collect();
-        let share = |such: &dyn Fn(&Case) -> bool| {
-            held.iter().filter(|c| such(c)).count() as f64 / held.len().max(1) as f64
-        };
+        let share =
+            |such: &dyn Fn(&Case) -> bool| held.iter().filter(|c| such(c)).count() as f64 / held.len().max(1) as f64;
         let found: Vec<f64> = held.iter().filter_map(|c| c.found).map(|f| f as f64).collect();
         Self {
             way,

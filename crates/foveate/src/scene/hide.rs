@@ -72,7 +72,10 @@ impl Hide {
         let from = BEFORE + rng.random_range(0..=room - hidden);
         let until = from + hidden;
         let Some(there) = truth[until] else {
-            return Err(Error::Invalid(format!("the target is absent in frame {}, where it should be back", until + 1)));
+            return Err(Error::Invalid(format!(
+                "the target is absent in frame {}, where it should be back",
+                until + 1
+            )));
         };
         // Anywhere in the picture with the whole target, at least two of its sizes from where it would have been.
         let mut aside = (0, 0);

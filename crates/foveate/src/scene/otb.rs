@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::annotation::format_boxes;
+use super::annotation::format_truth;
 use super::{Frame, save_png};
 use crate::geometry::BBox;
 use crate::{Error, Result, files};
@@ -16,7 +16,7 @@ use crate::{Error, Result, files};
 pub fn write_otb(
     out: &Path,
     frames: impl Iterator<Item = Result<Frame>>,
-    truth: &[BBox],
+    truth: &[Option<BBox>],
     notes: &[(&str, String)],
 ) -> Result<()> {
     if out.read_dir().is_ok_and(|mut inside| inside.next().is_some()) || out.is_file() {
@@ -35,7 +35,7 @@ pub fn write_otb(
 fn fill(
     part: &Path,
     frames: impl Iterator<Item = Result<Frame>>,
-    truth: &[BBox],
+    truth: &[Option<BBox>],
     notes: &[(&str, String)],
 ) -> Result<()> {
     let images = part.join("img");
@@ -48,7 +48,7 @@ fn fill(
     if count != truth.len() {
         return Err(Error::Invalid(format!("{count} frames need {count} boxes of truth, got {}", truth.len())));
     }
-    let boxes = ("groundtruth_rect.txt", format_boxes(truth));
+    let boxes = ("groundtruth_rect.txt", format_truth(truth));
     for (name, text) in std::iter::once(&boxes).chain(notes) {
         files::write(part.join(name), text.as_bytes())?;
     }
@@ -67,7 +67,8 @@ mod tests {
         let out = dir.path().join("three");
         let settings = Clutter { frames: 3, noise: NOISE, ..Clutter::default() };
         let video = settings.video(&Digits::drawn(1, 2)).expect("a video");
-        let write = || write_otb(&out, video.clone().source(), video.truth(), &[("label.txt", "3\n".into())]);
+        let known: Vec<_> = video.truth().iter().copied().map(Some).collect();
+        let write = || write_otb(&out, video.clone().source(), &known, &[("label.txt", "3\n".into())]);
         write().expect("a writable folder");
         for t in 0..3 {
             let read = image::open(out.join(format!("img/{:04}.png", t + 1))).expect("a PNG").to_luma8();
@@ -83,9 +84,10 @@ mod tests {
     fn a_broken_source_leaves_nothing() {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let video = Clutter { frames: 2, ..Clutter::default() }.video(&Digits::drawn(1, 2)).expect("a video");
+        let known = [Some(video.truth()[0]); 2];
         let broken = video.clone().source().take(1).chain([Err(Error::Invalid("broke".into()))]);
-        assert!(write_otb(&dir.path().join("a"), broken, video.truth(), &[]).is_err());
-        assert!(write_otb(&dir.path().join("a"), video.clone().source().take(1), video.truth(), &[]).is_err());
+        assert!(write_otb(&dir.path().join("a"), broken, &known, &[]).is_err());
+        assert!(write_otb(&dir.path().join("a"), video.clone().source().take(1), &known, &[]).is_err());
         assert_eq!(dir.path().read_dir().expect("readable").count(), 0);
     }
 }

@@ -23,7 +23,7 @@ mod clutter;
 mod hedge_curve;
 mod partial;
 mod recognise;
-mod recovery;
+pub(in crate::cmd) mod recovery;
 mod surfaces;
 
 /// Digits drawn of each class where there is no MNIST.

@@ -47,9 +47,9 @@ pub struct Args {
 
 pub(in crate::cmd) fn range(text: &str) -> std::result::Result<(usize, usize), String> {
     let parsed = text.split_once(',').and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
-    parsed
-        .filter(|(least, most)| (1..=100_000).contains(least) && (least..=&100_000).contains(&most))
-        .ok_or_else(|| format!("expected two numbers of frames such as 30,90, the first not above the second, got {text}"))
+    parsed.filter(|(least, most)| (1..=100_000).contains(least) && (least..=&100_000).contains(&most)).ok_or_else(
+        || format!("expected two numbers of frames such as 30,90, the first not above the second, got {text}"),
+    )
 }
 
 pub fn run(args: Args) -> Result<()> {

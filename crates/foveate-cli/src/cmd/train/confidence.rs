@@ -83,7 +83,8 @@ pub fn run(args: &Args) -> Result<()> {
         for seed in (0..args.seeds).map(|i| args.seed.wrapping_add(i)) {
             let clips = ways.iter().flat_map(|way| (0..args.hidden).map(move |k| (*way, seed.wrapping_mul(1000) + k)));
             // Videos too short to hide anything in are tracked as they are.
-            let hidden = clips.filter_map(|(way, seed)| Hide::choose(way, &video.truth, video.size, (30, 90), seed).ok());
+            let hidden =
+                clips.filter_map(|(way, seed)| Hide::choose(way, &video.truth, video.size, (30, 90), seed).ok());
             for hide in std::iter::once(None).chain(hidden.map(Some)) {
                 if terminal::stopping() {
                     return Err(Error::Invalid("stopped; nothing was written".into()));
