@@ -85,6 +85,7 @@ fn parts(precision: Precision, rng: &mut Rng) -> Result<Parts> {
         appearance: Box::new(appearance),
         reward: Box::new(Concentration::new(1.0)?),
         resampling: Resampling::default(),
+        confidence: Default::default(),
         vigilance: Vigilance::default(),
         search: None,
         start: StartSpread { position: 0.0, velocity: 0.0, log_scale: 0.0, angle: 0.0 },

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::control::{
-    Autoregressive, Concentration, Guide, LogConcentration, Resampling, Reward, Search, Sighting, VarianceReduction,
+    Autoregressive, Concentration, Confidence, Guide, LogConcentration, Resampling, Reward, Search, Sighting, VarianceReduction,
     Vigilance,
 };
 use crate::identity::calibrate::Calibration;
@@ -87,9 +87,12 @@ pub struct Config {
     /// rₜ.
     #[serde(default, deserialize_with = "in_range")]
     pub reward: RewardConfig,
-    /// When the target counts as lost.
+    /// How the evidence is compared with what the first frame promised.
     #[serde(default, deserialize_with = "in_range")]
     pub vigilance: Vigilance,
+    /// How probable it is that the target is lost.
+    #[serde(default, deserialize_with = "in_range")]
+    pub confidence: Confidence,
     /// What the target is called; left out, nobody asks.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub recogniser: Option<RecogniserConfig>,
@@ -297,6 +300,7 @@ impl Blueprint {
             reward: reward(c.reward)?,
             resampling: c.resampling,
             vigilance: c.vigilance.clone(),
+            confidence: c.confidence.clone(),
             search: c.search.clone(),
             start: c.start,
             recognizer: self.recogniser.as_ref().map(recogniser::Recogniser::recognition).transpose()?,

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::control::{Belief, Watch};
+use crate::control::{Belief, Trust, Watch};
 use crate::gaze::{Plan, Policy, Portrait};
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::identity::Percept;
@@ -25,8 +25,12 @@ pub struct Step<'a> {
     pub ess: f64,
     /// log Σ w̃: how well this frame was foreseen, nats, up to the likelihood's constant.
     pub log_evidence: f64,
-    /// Whether the target is believed lost, and how sure that is.
+    /// How the evidence compares with what was promised.
     pub watch: Watch,
+    /// How probably the target is lost, and what is believed of the track.
+    pub trust: Trust,
+    /// What credible regions are wider by than the belief, standard deviation in template units.
+    pub blur: f64,
     /// Half the size of the target's box at scale 1.
     pub extent: Extent,
     /// x̃ₜ: the predicted particles.
@@ -57,6 +61,19 @@ pub struct Step<'a> {
     pub portrait: Portrait<'a>,
 }
 
+/// An ellipse on the image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Region {
+    /// Centre, pixels.
+    pub x: f64,
+    /// Centre, pixels.
+    pub y: f64,
+    /// Half axes, the longer one first, pixels.
+    pub half: [f64; 2],
+    /// Direction of the longer one, radians from x towards y.
+    pub turn: f64,
+}
+
 impl<'a> Step<'a> {
     #[expect(clippy::too_many_arguments, reason = "one caller; each is one line of Algorithm 1")]
     pub(crate) fn of(
@@ -67,7 +84,7 @@ impl<'a> Step<'a> {
         covariance: [[f64; 6]; 6],
         ess: f64,
         log_evidence: f64,
-        watch: Watch,
+        (watch, trust, blur): (Watch, Trust, f64),
         policy: &'a dyn Policy,
         recognized: Recognized<'a>,
     ) -> Self {
@@ -79,6 +96,8 @@ impl<'a> Step<'a> {
             ess,
             log_evidence,
             watch,
+            trust,
+            blur,
             extent,
             predicted: &w.predicted,
             weights: &w.weights,
@@ -99,6 +118,20 @@ impl<'a> Step<'a> {
     pub fn bbox(&self) -> BBox {
         self.estimate.bbox(self.extent)
     }
+    /// Pixels per template unit at the estimate's size.
+    pub fn unit(&self) -> f64 {
+        self.extent.mean() * self.estimate.log_scale.exp()
+    }
+    /// The credible region of the target's centre that holds this share (0 to below 1) of the probability, as of a normal
+    /// belief: its covariance and the blur.
+    pub fn region(&self, share: f64) -> Region {
+        let (c, blur) = (&self.covariance, self.blur * self.unit());
+        let (a, b, d) = (c[0][0] + blur * blur, c[0][1], c[1][1] + blur * blur);
+        let (middle, apart) = (0.5 * (a + d), (0.5 * (a - d)).hypot(b));
+        let size = -2.0 * (1.0 - share).ln();
+        let half = [middle + apart, middle - apart].map(|v| (size * v).max(0.0).sqrt());
+        Region { x: self.estimate.x, y: self.estimate.y, half, turn: 0.5 * (2.0 * b).atan2(a - d) }
+    }
     /// The weighted sample itself.
     pub fn belief(&self) -> Belief<'a> {
         Belief { states: self.predicted, weights: self.weights }
@@ -110,9 +143,9 @@ impl<'a> Step<'a> {
         };
         of(self.plan.gazes(), self.rewards).or_else(|| of(self.plan.recorded(), self.recorded))
     }
-    /// Whether the target is believed lost.
+    /// Whether the target is believed out of sight: occluded, or lost.
     pub fn lost(&self) -> bool {
-        self.watch.lost
+        self.trust.standing.is_out()
     }
     /// The likeliest class over all frames so far, and its probability; `None` without a recogniser.
     pub fn class(&self) -> Option<(usize, f64)> {

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::control::{
-    Belief, Guide, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Sighting, Vigilance, normalize,
+    Belief, Confidence, Guide, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Shown, Sighting, Vigilance, normalize,
 };
 use crate::gaze::{Context, Plan, Policy};
 use crate::geometry::{BBox, Extent, Gaze, State};
@@ -34,8 +34,10 @@ pub struct Parts {
     pub reward: Box<dyn Reward>,
     /// The selection step.
     pub resampling: Resampling,
-    /// Says when the target is lost.
+    /// Compares the evidence with what was promised.
     pub vigilance: Vigilance,
+    /// Says how probably the target is lost.
+    pub confidence: Confidence,
     /// Looks for it then.
     pub search: Option<Search>,
     /// p(x₀): how far from the given box the first particles are.
@@ -113,6 +115,7 @@ impl Tracker {
         self.parts.recognizer.iter_mut().for_each(Recognition::reset);
         self.context = Context::default();
         self.parts.vigilance.reset();
+        self.parts.confidence.reset();
         self.parts.proposal.size(extent.mean());
         self.parts.start.draw(&state, extent, &mut self.particles, streams);
         self.log_carried.fill(-(self.particles.len() as f64).ln());
@@ -183,16 +186,18 @@ impl Tracker {
             true => parts.vigilance.judge(log_evidence, looks, &w.log_posterior, promise),
             false => parts.vigilance.watch(),
         };
-        *context = Context {
-            ess: ess / n as f64,
-            doubt: watch.doubt,
-            surprise: watch.surprise,
-            spread: spread(&covariance, target.extent.mean() * estimate.log_scale.exp()),
-            lost: watch.lost,
-        };
+        let unit = target.extent.mean() * estimate.log_scale.exp();
+        let spread = spread(&covariance, unit);
 
         // Recognize: perceive once more, at the estimate.
         parts.appearance.perceive(&estimate, w.plan.chosen(), &mut w.percept);
+        let evidence = log_evidence / looks.max(1) as f64;
+        let best = best_look(&w.plan, &w.log_likelihood);
+        let distance = w.percept.distance;
+        let shown = Shown { watch, evidence, promise, spread, distance, best, estimate, unit };
+        let trust = parts.confidence.judge(&shown);
+        let lost = trust.standing.is_out();
+        *context = Context { ess: ess / n as f64, doubt: watch.doubt, surprise: watch.surprise, spread, lost };
         if let Some(recognizer) = &mut parts.recognizer {
             recognizer.look(image, &estimate, target.extent, context, &mut streams.at(*frame, Recognize).rng(0));
         }
@@ -211,8 +216,10 @@ impl Tracker {
         }
 
         // Search. A lost target may be anywhere: some particles start again where the picture looks most like it.
-        if let Some(search) = parts.search.as_mut().filter(|search| search.is_due(watch, *frame)) {
-            let places = search.places((image.width(), image.height()), &estimate, target.extent);
+        if let Some(search) = parts.search.as_mut().filter(|search| search.is_due(lost, *frame)) {
+            let like = parts.confidence.seen().unwrap_or(&estimate);
+            let out = parts.confidence.frames_out();
+            let places = search.places((image.width(), image.height()), like, out, target.extent);
             w.search.resize(places.len(), 0.0);
             parts.appearance.see(image, places, &[Gaze::CENTRE]);
             parts.appearance.log_likelihood(places, Gaze::CENTRE, &mut w.search);
@@ -221,7 +228,9 @@ impl Tracker {
                 w.search.resize(places.len(), 0.0);
                 parts.appearance.log_likelihood(places, Gaze::CENTRE, &mut w.search);
             }
-            search.restart(&w.search, promise, target.extent, particles, streams.at(*frame, Purpose::Search));
+            let usual = parts.confidence.usual().unwrap_or(promise.on);
+            search.restart(&w.search, usual, promise, target.extent, particles, streams.at(*frame, Purpose::Search));
+            parts.confidence.searched(search.best());
             log_carried.fill(-(n as f64).ln());
         }
 
@@ -236,7 +245,8 @@ impl Tracker {
         }
 
         let recognized = parts.recognizer.as_ref().map_or(Recognized::default(), Recognition::recognized);
-        Step::of(scene, w, target.extent, estimate, covariance, ess, log_evidence, watch, &*parts.policy, recognized)
+        let trust = (watch, trust, parts.confidence.blur);
+        Step::of(scene, w, target.extent, estimate, covariance, ess, log_evidence, trust, &*parts.policy, recognized)
     }
 
     /// The whole state of the filter in mid-video, to go on from bit for bit with [`Tracker::load`].
@@ -250,6 +260,7 @@ impl Tracker {
             policy: self.parts.policy.save(),
             appearance: self.parts.appearance.save(),
             vigilance: self.parts.vigilance.save(),
+            confidence: self.parts.confidence.save(),
             context: self.context,
             recognizer: self.parts.recognizer.as_ref().map(Recognition::save),
         };
@@ -284,6 +295,7 @@ impl Tracker {
         self.parts.policy.load(&saved.policy)?;
         self.parts.appearance.load(&saved.appearance)?;
         self.parts.vigilance.load(&saved.vigilance)?;
+        self.parts.confidence.load(&saved.confidence)?;
         match (&mut self.parts.recognizer, &saved.recognizer) {
             (Some(recognizer), Some(saved)) => recognizer.load(saved)?,
             (Some(recognizer), None) => recognizer.reset(),
@@ -317,7 +329,7 @@ impl Tracker {
 }
 
 /// The format number of saved trackers.
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 /// More frames than any video has.
 const MOST_FRAMES: u64 = 1 << 48;
 
@@ -332,10 +344,18 @@ struct Saved {
     policy: serde_json::Value,
     appearance: serde_json::Value,
     vigilance: serde_json::Value,
+    confidence: serde_json::Value,
     context: Context,
     /// None of a tracker that did not recognise; one that does begins then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     recognizer: Option<serde_json::Value>,
+}
+
+/// The greatest log-likelihood that one particle has in a look that is used.
+fn best_look(plan: &Plan, log_likelihood: &[f64]) -> f64 {
+    let n = log_likelihood.len() / plan.gazes().len();
+    let used = plan.used().iter().zip(log_likelihood.chunks_exact(n)).filter(|(used, _)| **used);
+    used.flat_map(|(_, l)| l).copied().filter(|l| l.is_finite()).fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// Standard deviation of place in template units; a million stands for what is not finite.

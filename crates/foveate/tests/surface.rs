@@ -77,6 +77,7 @@ fn tracker() -> Tracker {
         appearance: Box::new(appearance),
         reward: Box::new(VarianceReduction::new(0.3).expect("a temperature")),
         resampling: Resampling::default(),
+        confidence: Default::default(),
         vigilance: Vigilance::default(),
         search: None,
         start: foveate::start::StartSpread::default(),

@@ -9,3 +9,4 @@ pub mod reproduce;
 pub mod synth;
 pub mod track;
 pub mod train;
+mod videos;

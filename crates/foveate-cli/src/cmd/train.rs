@@ -14,6 +14,7 @@ use foveate::training::{self, filters};
 mod autoencoder;
 mod classifier;
 mod common;
+mod confidence;
 mod fixations;
 mod kmeans;
 mod mcrbm;
@@ -36,6 +37,7 @@ enum What {
     Autoencoder(Box<autoencoder::Args>),
     Kmeans(Box<kmeans::Args>),
     Classifier(Box<classifier::Args>),
+    Confidence(Box<confidence::Args>),
 }
 
 /// Learn a restricted Boltzmann machine from glimpses.
@@ -165,6 +167,7 @@ pub fn run(args: Args) -> Result<()> {
         What::Autoencoder(args) => autoencoder::run(&args),
         What::Kmeans(args) => kmeans::run(&args),
         What::Classifier(args) => classifier::run(&args),
+        What::Confidence(args) => confidence::run(&args),
     }
 }
 

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Deserializer};
 
 use super::{Config, DynamicsConfig, LikelihoodConfig, PolicyConfig, RetinaConfig, RewardConfig};
-use crate::control::{Resampling, Search, Vigilance};
+use crate::control::{Confidence, Resampling, Search, Vigilance};
 use crate::identity::distance::Kind;
 use crate::identity::retina::Foveal;
 use crate::many;
@@ -48,6 +48,7 @@ impl Ranges for Config {
         self.policy.ranges()?;
         self.reward.ranges()?;
         self.vigilance.ranges()?;
+        self.confidence.ranges()?;
         self.recogniser.ranges()?;
         self.search.ranges()?;
         self.many.ranges()
@@ -67,6 +68,12 @@ impl Ranges for StartSpread {
 }
 
 impl Ranges for Vigilance {
+    fn ranges(&self) -> Result<()> {
+        self.check()
+    }
+}
+
+impl Ranges for Confidence {
     fn ranges(&self) -> Result<()> {
         self.check()
     }

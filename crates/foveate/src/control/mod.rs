@@ -4,6 +4,7 @@
 //! [`normalize`] weighs them, [`Reward`] says how much a look told, [`Resampling`] selects survivors.
 //! log wₜ = log wₜ₋₁ + log p/q + log p(h | x, a), up to its own logarithm of a sum, the evidence.
 
+mod confidence;
 mod dynamics;
 mod guided;
 mod mixture;
@@ -14,6 +15,7 @@ mod search;
 mod sighting;
 mod vigilance;
 
+pub use self::confidence::{CUE_NAMES, CUES, Confidence, Cues, Shown, Standing, Trust};
 pub use self::dynamics::{Autoregressive, Dynamics};
 pub use self::guided::Guide;
 pub use self::mixture::{Mixing, Mixture};

@@ -9,6 +9,7 @@ use super::RunInfo;
 use super::draw::{Colour, Drawing, Point, text_width};
 use super::eye::Eye;
 use super::heat::{Heat, ramp, span};
+use crate::control::Standing;
 use crate::gaze::Portrait;
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::scene::{Frame, Image};
@@ -117,8 +118,12 @@ impl Annotator {
         outline(&mut page, view, &step.estimate, step.extent, Gaze::CENTRE, 1.0, 2.0, colour);
         self.fixation(&mut page, view, step);
         label(&mut page, view, step);
-        if step.lost() {
-            banner(&mut page, view, step.frame, "believed lost", [190, 74, 0]);
+        credible(&mut page, view, step);
+        match step.trust.standing {
+            Standing::Tracking => (),
+            Standing::Found => banner(&mut page, view, step.frame, "found again", [0, 110, 75]),
+            Standing::Occluded => banner(&mut page, view, step.frame, "believed occluded", [190, 74, 0]),
+            Standing::Lost => banner(&mut page, view, step.frame, "believed lost", [190, 74, 0]),
         }
         // What was drawn over the panel's place is behind it.
         self.side(&mut page, panel, step.frame, Some(step));
@@ -207,7 +212,7 @@ impl Annotator {
         for (name, value, share, colour) in [
             ("reward", format!("{reward:.2}"), reward, GAZE),
             ("ess", format!("{:.0} of {n}", step.ess), step.ess / n, TARGET),
-            ("doubt", format!("{:.2}", step.watch.doubt), step.watch.doubt, LOST),
+            ("P(lost)", format!("{:.2}", step.trust.p_lost), step.trust.p_lost, LOST),
         ] {
             page.text((x, y), name, size, SOFT);
             page.text((x + inner - text_width(&value, size), y), &value, size, INK);
@@ -316,6 +321,20 @@ fn dashed(page: &mut Drawing, view: View, b: &BBox) {
             page.line(&[at(i), at(i + 1)], 1.6 * view.bold, TRUTH, 1.0);
         }
     }
+}
+
+/// Where the centre is with a probability of 90 %.
+fn credible(page: &mut Drawing, view: View, step: &Step<'_>) {
+    const POINTS: usize = 48;
+    let (r, (sin, cos)) = (step.region(0.9), step.region(0.9).turn.sin_cos());
+    let at = |i: usize| {
+        let (s, c) = (std::f64::consts::TAU * i as f64 / POINTS as f64).sin_cos();
+        let (u, v) = (r.half[0] * c, r.half[1] * s);
+        view.at((r.x + cos * u - sin * v, r.y + sin * u + cos * v))
+    };
+    let points: [Point; POINTS] = std::array::from_fn(at);
+    page.outline(&points, 2.6 * view.bold, BLACK, 0.4);
+    page.outline(&points, 1.2 * view.bold, INK, 0.9);
 }
 
 /// What the target is called, above its box, or below where there is no room.

@@ -48,7 +48,8 @@ const STATE: [&str; 6] = ["x", "y", "vx", "vy", "log_scale", "angle"];
 /// - `frame` counted from 1, `time` in seconds; `left,top,width,height`: the box, counted from 0, in pixels;
 /// - `x … angle`: the state ([`State`]); `cov_x_x … cov_angle_angle`: the upper triangle of its covariance, row by row;
 ///   `sd_x,sd_y`: position uncertainty in pixels;
-/// - `ess`: effective sample size; `log_evidence` in nats; `doubt`; `lost`: 1 if believed lost, else 0;
+/// - `ess`: effective sample size; `log_evidence` in nats; `doubt`; `lost`: 1 if believed out of sight, else 0;
+///   `p_lost`: the probability of being lost; `standing`: 0 tracking, 1 occluded, 2 lost, 3 found again;
 /// - `gaze_u,gaze_v`: the chosen gaze in template units; `reward`: what it earned; `distance` of what was seen there to
 ///   the template; `class`, its name, or its number counted from 0 where classes have no names, and
 ///   `class_probability`: the likeliest over all frames so far; empty without a recogniser. A name with a comma, a quote or a
@@ -96,8 +97,8 @@ impl Table {
     }
 }
 
-/// Columns that a tracked frame has and a given one has not: covariance and the twelve after it.
-const TRACKED: usize = 21 + 12;
+/// Columns that a tracked frame has and a given one has not: covariance and the fourteen after it.
+const TRACKED: usize = 21 + 14;
 
 /// A text as a field of CSV.
 fn quoted(text: &str) -> Cow<'_, str> {
@@ -114,7 +115,8 @@ fn header() -> String {
     for (i, a) in STATE.iter().enumerate() {
         names.extend(STATE[i..].iter().map(|b| format!("cov_{a}_{b}")));
     }
-    let rest = "sd_x,sd_y,ess,log_evidence,doubt,lost,gaze_u,gaze_v,reward,distance,class,class_probability";
+    let rest =
+        "sd_x,sd_y,ess,log_evidence,doubt,lost,p_lost,standing,gaze_u,gaze_v,reward,distance,class,class_probability";
     format!("{},{rest}\n", names.join(","))
 }
 
@@ -131,7 +133,8 @@ impl Observer for Table {
         }
         let gaze = step.plan.chosen();
         rest.extend([c[0][0].sqrt(), c[1][1].sqrt(), step.ess, step.log_evidence, step.watch.doubt]);
-        rest.extend([f64::from(u8::from(step.lost())), gaze.u, gaze.v]);
+        rest.extend([f64::from(u8::from(step.lost())), step.trust.p_lost, f64::from(step.trust.standing as u8)]);
+        rest.extend([gaze.u, gaze.v]);
         rest.extend([step.rewards[step.plan.chosen_index()], step.percept.distance]);
         let class = step.class().map(|(class, p)| (step.class_name(class), p));
         self.put(step.frame, &step.bbox(), &step.estimate, &rest, class)

@@ -8,7 +8,7 @@ use super::Observer;
 use super::heat::Heat;
 use super::sink::Sink;
 use crate::Result;
-use crate::control::Watch;
+use crate::control::{Trust, Watch};
 use crate::gaze::Portrait;
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::scene::Frame;
@@ -40,6 +40,7 @@ struct Tracked<'a> {
     ess: f64,
     log_evidence: f64,
     watch: Watch,
+    trust: Trust,
     extent: Extent,
     /// Predicted particles: x, y, vx, vy, log_scale, angle.
     predicted: Vec<[f64; 6]>,
@@ -133,6 +134,7 @@ impl Observer for Trace {
             ess: step.ess,
             log_evidence: step.log_evidence,
             watch: step.watch,
+            trust: step.trust,
             extent: step.extent,
             predicted: step.predicted.iter().map(State::to_array).collect(),
             weights: step.weights,

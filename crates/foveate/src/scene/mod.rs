@@ -12,6 +12,7 @@ mod ffmpeg;
 pub mod flow;
 pub mod folder;
 mod h264;
+pub mod hide;
 pub mod idx;
 pub mod image;
 pub mod map;

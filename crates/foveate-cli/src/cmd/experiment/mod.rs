@@ -18,6 +18,7 @@ mod hedge_curve;
 mod multi;
 mod partial;
 mod recognise;
+pub(in crate::cmd) mod recovery;
 pub mod runner;
 pub mod surfaces;
 
@@ -39,6 +40,8 @@ enum Kind {
     Partial(partial::Args),
     /// A digit among static ones, tracked and recognised: how many frames have the right decision
     Recognise(recognise::Args),
+    /// Targets that vanish from real video and come back: how soon they are found, and whether anything else is taken for them
+    Recovery(recovery::Args),
     /// Where it learned to look at each digit: the paper's figure of reward surfaces
     Surfaces(surfaces::Args),
 }
@@ -50,6 +53,7 @@ pub fn run(args: Args) -> Result<()> {
         Kind::Multi(args) => multi::run(args),
         Kind::Partial(args) => partial::run(args),
         Kind::Recognise(args) => recognise::run(args),
+        Kind::Recovery(args) => recovery::run(args),
         Kind::Surfaces(args) => surfaces::run(args),
     }
 }

@@ -12,7 +12,7 @@ use crate::scene::Frame;
 use crate::step::Step;
 
 /// One number a frame of each; NaN where there is none.
-const COLUMNS: [&str; 30] = [
+const COLUMNS: [&str; 33] = [
     "frame",
     "time",
     "x",
@@ -43,6 +43,9 @@ const COLUMNS: [&str; 30] = [
     "reward_low",
     "reward_high",
     "distance",
+    "p_lost",
+    "standing",
+    "blur",
 ];
 
 /// Classes that are drawn: as many as there are inks.
@@ -198,6 +201,9 @@ impl Page {
             low,
             high,
             step.percept.distance,
+            step.trust.p_lost,
+            f64::from(step.trust.standing as u8),
+            step.blur * step.unit(),
         ]);
         index
     }
