@@ -182,7 +182,8 @@ impl Tracker {
         let looks = w.plan.used().iter().filter(|used| **used).count();
         let expected = parts.appearance.expectation();
         let promise = Promise { on: expected.on, off: expected.off };
-        let watch = match company::can_be_judged(*visible) {
+        let judged = company::can_be_judged(*visible);
+        let watch = match judged {
             true => parts.vigilance.judge(log_evidence, looks, &w.log_posterior, promise),
             false => parts.vigilance.watch(),
         };
@@ -195,7 +196,7 @@ impl Tracker {
         let best = best_look(&w.plan, &w.log_likelihood);
         let distance = w.percept.distance;
         let shown = Shown { watch, evidence, promise, spread, distance, best, estimate, unit };
-        let trust = parts.confidence.judge(&shown);
+        let trust = if judged { parts.confidence.judge(&shown) } else { parts.confidence.held() };
         let lost = trust.standing.is_out();
         *context = Context { ess: ess / n as f64, doubt: watch.doubt, surprise: watch.surprise, spread, lost };
         if let Some(recognizer) = &mut parts.recognizer {

@@ -130,7 +130,10 @@ struct Past {
     best_place: Option<State>,
     /// Smoothed drop.
     lasting: f64,
+    /// The last verdict.
     standing: Standing,
+    p_lost: f64,
+    cues: Cues,
     /// Frames in a row that spoke against the standing, and frames since the target went out.
     against: usize,
     out: usize,
@@ -192,7 +195,13 @@ impl Confidence {
         if self.past.frames < (1.0 / NEWEST) as usize / 2 || p_lost < self.leave {
             self.learn(shown);
         }
-        Trust { p_lost, standing: self.past.standing, cues }
+        (self.past.p_lost, self.past.cues) = (p_lost, cues);
+        self.held()
+    }
+
+    /// The last verdict, for a frame that tells nothing of the target.
+    pub fn held(&self) -> Trust {
+        Trust { p_lost: self.past.p_lost, standing: self.past.standing, cues: self.past.cues }
     }
 
     /// P(lost) of a frame with these cues.
@@ -344,7 +353,9 @@ mod tests {
     #[test]
     fn one_frame_that_fits_by_chance_finds_nothing() {
         let mut c = Confidence::default();
-        (0..30).for_each(|_| drop(c.judge(&shown(-3.0, 0.0))));
+        for _ in 0..30 {
+            c.judge(&shown(-3.0, 0.0));
+        }
         for t in 0..60 {
             let chance = t > 20 && t % 3 == 0;
             let trust = c.judge(&shown(if chance { -3.0 } else { -12.0 }, if chance { 0.0 } else { 1.0 }));
@@ -356,7 +367,9 @@ mod tests {
     fn it_goes_on_from_what_was_saved() {
         let frames: Vec<_> = (0..50).map(|t| shown(-3.0 - (t % 7) as f64, 0.02 * t as f64)).collect();
         let mut c = Confidence::default();
-        frames[..25].iter().for_each(|f| drop(c.judge(f)));
+        for f in &frames[..25] {
+            c.judge(f);
+        }
         let mut other = Confidence::default();
         other.load(&c.save()).expect("it was saved");
         assert!(frames[25..].iter().all(|f| c.judge(f) == other.judge(f)));
