@@ -32,7 +32,7 @@ pub struct Parts {
     pub search: Option<Search>,
     /// p(x₀): how far from the given box the first particles are.
     pub start: StartSpread,
-    /// p(cₜ | all looks at the estimate): what the target is called. It never changes the track.
+    /// p(cₜ | all looks at the estimate): what the target is called. It never changes the track, unless it has an alarm.
     pub recognizer: Option<Recognition>,
 }
 
@@ -156,6 +156,8 @@ impl Tracker {
         let expected = parts.appearance.expectation();
         let promise = Promise { on: expected.on, off: expected.off };
         let watch = parts.vigilance.judge(log_evidence, looks, &w.log_posterior, promise);
+        let threshold = parts.vigilance.threshold;
+        let watch = parts.recognizer.as_ref().map_or(watch, |recognizer| recognizer.warn(watch, threshold));
         *context = Context {
             ess: ess / n as f64,
             doubt: watch.doubt,

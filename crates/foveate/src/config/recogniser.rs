@@ -33,6 +33,10 @@ pub enum RecogniserConfig {
         /// Where it looks; left out, at random among the places it was trained at.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         policy: Option<PolicyConfig>,
+        /// Whether a class that is no longer seen means that the target is lost; without it, the track is the same as without a
+        /// recogniser.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        alarm: bool,
     },
 }
 
@@ -48,17 +52,18 @@ pub(super) struct Recogniser {
     machine: MultiFixation,
     accumulate: Accumulate,
     policy: Option<PolicyConfig>,
+    alarm: bool,
 }
 
 impl RecogniserConfig {
     /// This model, summing log-probabilities, looking at random among its places.
     pub fn multi_fixation(weights: impl Into<String>) -> Self {
-        Self::MultiFixation { weights: weights.into(), accumulate: Accumulate::Sum, policy: None }
+        Self::MultiFixation { weights: weights.into(), accumulate: Accumulate::Sum, policy: None, alarm: false }
     }
 
     /// Reads the model, whose place is relative to `base`, and the first layer, whose place is relative to the model's.
     pub(super) fn read(&self, base: &Path) -> Result<Recogniser> {
-        let Self::MultiFixation { weights, accumulate, policy } = self;
+        let Self::MultiFixation { weights, accumulate, policy, alarm } = self;
         let ((machine, about), beside) = match weights.strip_prefix("builtin:") {
             Some(name) => {
                 let bytes =
@@ -86,8 +91,8 @@ impl RecogniserConfig {
             let (retina, encoder) = first_layer(&layer, Some(config), &beside)?;
             (retina, Some(encoder))
         };
-        let read =
-            Recogniser { retina: Arc::new(retina), encoder, machine, accumulate: *accumulate, policy: policy.clone() };
+        let (retina, policy) = (Arc::new(retina), policy.clone());
+        let read = Recogniser { retina, encoder, machine, accumulate: *accumulate, policy, alarm: *alarm };
         read.recognition().map_err(|e| Error::Config(format!("{weights}: {e}")))?;
         Ok(read)
     }
@@ -124,7 +129,9 @@ impl Recogniser {
             }
         };
         let retina: Arc<dyn Retina> = self.retina.clone();
-        Recognition::new(retina, self.encoder.clone(), Box::new(self.machine.clone()), policy, self.accumulate)
+        let machine = Box::new(self.machine.clone());
+        let recognition = Recognition::new(retina, self.encoder.clone(), machine, policy, self.accumulate)?;
+        if self.alarm { recognition.alarming() } else { Ok(recognition) }
     }
 }
 
