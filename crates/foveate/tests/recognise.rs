@@ -119,7 +119,7 @@ fn what_does_not_fit_is_refused_by_name() {
     refuse("weights = \"m.safetensors\"\naccumulate = { forgetting = { memory = 0.5 } }", "memory");
     refuse("weights = \"m.safetensors\"\nacumulate = \"sum\"", "acumulate");
     refuse("weights = \"m.safetensors\"\npolicy = { kind = \"fixed\", u = 99 }", "policy.u");
-    refuse("weights = \"m.safetensors\"\nalarm = 1", "alarm");
+    refuse("weights = \"m.safetensors\"\nalarm = 1", "boolean");
     std::fs::write(folder.path().join("bad.safetensors"), b"no model").expect("a writable folder");
     refuse("weights = \"bad.safetensors\"", "bad.safetensors");
     assert!(Path::new(&model).exists());
