@@ -10,8 +10,8 @@ use std::sync::Arc;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::control::{
-    Autoregressive, Concentration, Confidence, Guide, LogConcentration, Resampling, Reward, Search, Sighting, VarianceReduction,
-    Vigilance,
+    Autoregressive, Concentration, Confidence, Guide, LogConcentration, Resampling, Reward, Search, Sighting,
+    VarianceReduction, Vigilance,
 };
 use crate::identity::calibrate::Calibration;
 use crate::identity::distance;

@@ -83,6 +83,7 @@
 //! every trait has its laws ([`conformance`]). The same seed gives the same track, for any number of threads ([`rng`]).
 #![forbid(unsafe_code)]
 
+mod alarm;
 pub mod assignment;
 pub mod autoencoder;
 pub mod bench;

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::control::{
-    Belief, Confidence, Guide, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Shown, Sighting, Vigilance, normalize,
+    Belief, Confidence, Guide, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Shown, Sighting, Vigilance,
+    normalize,
 };
 use crate::gaze::{Context, Plan, Policy};
 use crate::geometry::{BBox, Extent, Gaze, State};
@@ -42,7 +43,7 @@ pub struct Parts {
     pub search: Option<Search>,
     /// p(x₀): how far from the given box the first particles are.
     pub start: StartSpread,
-    /// p(cₜ | all looks at the estimate): what the target is called. It never changes the track.
+    /// p(cₜ | all looks at the estimate): what the target is called. It never changes the track, unless it has an alarm.
     pub recognizer: Option<Recognition>,
 }
 
@@ -195,10 +196,12 @@ impl Tracker {
         let evidence = log_evidence / looks.max(1) as f64;
         let best = best_look(&w.plan, &w.log_likelihood);
         let distance = w.percept.distance;
-        let shown = Shown { watch, evidence, promise, spread, distance, best, estimate, unit };
+        let alarm = parts.recognizer.as_ref().map_or(0.0, Recognition::alarm);
+        let shown = Shown { watch, evidence, promise, spread, distance, best, estimate, unit, alarm };
         let trust = if judged { parts.confidence.judge(&shown) } else { parts.confidence.held() };
         let lost = trust.standing.is_out();
-        *context = Context { ess: ess / n as f64, doubt: watch.doubt, surprise: watch.surprise, spread, lost };
+        let doubt = watch.doubt.max(alarm);
+        *context = Context { ess: ess / n as f64, doubt, surprise: watch.surprise, spread, lost };
         if let Some(recognizer) = &mut parts.recognizer {
             recognizer.look(image, &estimate, target.extent, context, &mut streams.at(*frame, Recognize).rng(0));
         }

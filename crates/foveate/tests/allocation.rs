@@ -81,7 +81,8 @@ fn a_step_allocates_nothing() {
 fn recognition_allocates_nothing() {
     let (frames, (_folder, model)) = ((0..FRAMES).map(|i| frame(i, 1)).collect::<Vec<_>>(), random_recogniser());
     alone(|| {
-        for looking in ["", "{ kind = \"anchor\", policy = { kind = \"exp3\", gamma = 0.3 } }"] {
+        let alarming = "{ kind = \"random\" }\nalarm = true";
+        for looking in ["", alarming, "{ kind = \"anchor\", policy = { kind = \"exp3\", gamma = 0.3 } }"] {
             for rule in ["\"sum\"", "\"count\""] {
                 let blueprint = recognising(&blueprint(POLICIES[3], false, 0.5, false, 100), &model, rule, looking);
                 let counts = counts(&blueprint, &frames);

@@ -33,6 +33,10 @@ pub enum RecogniserConfig {
         /// Where it looks; left out, at random among the places it was trained at.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         policy: Option<PolicyConfig>,
+        /// Whether a class that is no longer seen means that the target is lost; without it, the track is the same as without a
+        /// recogniser.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        alarm: bool,
     },
     /// A classifier of single looks at the middle, with the retina and first layer it was trained on; its classes have names.
     Classifier {
@@ -61,6 +65,7 @@ pub(super) struct Recogniser {
     machine: Machine,
     accumulate: Accumulate,
     policy: Option<PolicyConfig>,
+    alarm: bool,
 }
 
 #[derive(Clone)]
@@ -86,14 +91,14 @@ impl RecogniserConfig {
 
     /// This model, summing log-probabilities, looking at random among its places.
     pub fn multi_fixation(weights: impl Into<String>) -> Self {
-        Self::MultiFixation { weights: weights.into(), accumulate: Accumulate::Sum, policy: None }
+        Self::MultiFixation { weights: weights.into(), accumulate: Accumulate::Sum, policy: None, alarm: false }
     }
 
     /// Reads the model, whose place is relative to `base`, and the first layer, whose place is relative to the model's.
     pub(super) fn read(&self, base: &Path) -> Result<Recogniser> {
-        let (weights, accumulate, policy) = match self {
-            Self::MultiFixation { weights, accumulate, policy } => (weights, accumulate, policy.clone()),
-            Self::Classifier { weights, accumulate } => (weights, accumulate, None),
+        let (weights, accumulate, policy, alarm) = match self {
+            Self::MultiFixation { weights, accumulate, policy, alarm } => (weights, accumulate, policy.clone(), *alarm),
+            Self::Classifier { weights, accumulate } => (weights, accumulate, None, false),
         };
         let path = base.join(weights);
         let mut beside = path.parent().map(PathBuf::from).unwrap_or_default();
@@ -127,7 +132,7 @@ impl RecogniserConfig {
             let (retina, encoder) = first_layer(&layer, Some(config), &beside)?;
             (retina, Some(encoder))
         };
-        let read = Recogniser { retina: Arc::new(retina), encoder, machine, accumulate: *accumulate, policy };
+        let read = Recogniser { retina: Arc::new(retina), encoder, machine, accumulate: *accumulate, policy, alarm };
         read.recognition().map_err(|e| Error::Config(format!("{weights}: {e}")))?;
         Ok(read)
     }
@@ -171,7 +176,8 @@ impl Recogniser {
                 Machine::Classifier(machine) => Box::new(machine.clone()),
             },
         );
-        Recognition::new(retina, self.encoder.clone(), machine, policy, self.accumulate)
+        let recognition = Recognition::new(retina, self.encoder.clone(), machine, policy, self.accumulate)?;
+        if self.alarm { recognition.alarming() } else { Ok(recognition) }
     }
 }
 

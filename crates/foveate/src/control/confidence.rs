@@ -86,6 +86,8 @@ pub struct Shown {
     pub estimate: State,
     /// Pixels per template unit there.
     pub unit: f64,
+    /// What another than the appearance makes P(lost) at least: the class, say; 0 where nobody objects.
+    pub alarm: f64,
 }
 
 /// The model, and the rules of the states.
@@ -190,7 +192,7 @@ impl Confidence {
     /// Judges a frame.
     pub fn judge(&mut self, shown: &Shown) -> Trust {
         let cues = self.cues(shown);
-        let p_lost = self.probability(&cues);
+        let p_lost = self.probability(&cues).max(shown.alarm);
         self.stand(p_lost, shown);
         if self.past.frames < (1.0 / NEWEST) as usize / 2 || p_lost < self.leave {
             self.learn(shown);
@@ -322,6 +324,7 @@ mod tests {
             best,
             estimate,
             unit: 10.0,
+            alarm: 0.0,
         }
     }
 

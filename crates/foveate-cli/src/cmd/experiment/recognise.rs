@@ -151,7 +151,8 @@ fn with(args: &Args, entry: &Entry, policy: &PolicyConfig, model: &str) -> Resul
         Rule::Forgetting => Accumulate::Forgetting { memory: args.memory },
     };
     let weights = args.recognise.clone();
-    let recogniser = RecogniserConfig::MultiFixation { weights, accumulate, policy: Some(policy.clone()) };
+    let recogniser =
+        RecogniserConfig::MultiFixation { weights, accumulate, policy: Some(policy.clone()), alarm: false };
     Ok(Entry {
         name: entry.name.clone(),
         policy: entry.policy.clone(),

@@ -320,8 +320,12 @@ fn recognising(entry: Entry, looks: Looks) -> Result<Entry> {
     };
     let model = RECOGNISERS.iter().find(|model| DIGITS.ends_with(model.0)).map_or(&[][..], |model| model.1);
     let key = format!("{} recognise {policy:?} {}", entry.key, digest(&[model]));
-    let recogniser =
-        RecogniserConfig::MultiFixation { weights: DIGITS.into(), accumulate: Accumulate::Sum, policy: Some(policy) };
+    let recogniser = RecogniserConfig::MultiFixation {
+        weights: DIGITS.into(),
+        accumulate: Accumulate::Sum,
+        policy: Some(policy),
+        alarm: false,
+    };
     Ok(Entry { blueprint: entry.blueprint.recognising(recogniser, Path::new("."))?, key, ..entry })
 }
 
