@@ -6,7 +6,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use common::{INIT, POLICIES, blueprint, frame, random_recogniser, recognising};
-use foveate::config::Blueprint;
+use foveate::config::{Blueprint, Config};
 use foveate::scene::{Frame, Image, Scene};
 
 thread_local!(static COUNT: Cell<usize> = const { Cell::new(0) });
@@ -88,6 +88,17 @@ fn recognition_allocates_nothing() {
                 assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{looking} {rule}: {counts:?}");
             }
         }
+    });
+}
+
+#[test]
+fn convolution_allocates_nothing() {
+    let frames: Vec<Frame> = (0..FRAMES).map(|i| frame(i, 1)).collect();
+    alone(|| {
+        let config = Config::builtin("natural-kmeans").expect("it ships").expect("a good configuration");
+        let blueprint = Config { particles: 100, ..config }.check(".".as_ref()).expect("parts that fit");
+        let counts = counts(&blueprint, &frames);
+        assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{counts:?}");
     });
 }
 
