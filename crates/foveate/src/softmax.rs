@@ -93,6 +93,10 @@ impl Softmax {
     pub fn temperature(&self) -> f64 {
         self.temperature
     }
+    /// The same at another temperature, within 0.001 and 1000.
+    pub fn at(self, temperature: f64) -> Self {
+        Self { temperature: temperature.clamp(1e-3, 1e3), ..self }
+    }
     /// Fits T on rows that W and b were not fitted on. Fails where they do not fit.
     pub fn calibrate(&mut self, rows: Rows<'_>, labels: &[u8]) -> Result<()> {
         check(rows, labels, self.classes())?;

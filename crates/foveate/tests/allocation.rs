@@ -116,6 +116,17 @@ fn what_a_scout_tells_allocates_nothing() {
     });
 }
 
+#[test]
+fn convolution_allocates_nothing() {
+    let frames: Vec<Frame> = (0..FRAMES).map(|i| frame(i, 1)).collect();
+    alone(|| {
+        let config = Config::builtin("natural-kmeans").expect("it ships").expect("a good configuration");
+        let blueprint = Config { particles: 100, ..config }.check(".".as_ref()).expect("parts that fit");
+        let counts = counts(&blueprint, &frames);
+        assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{counts:?}");
+    });
+}
+
 /// The target is gone: for 200 frames particles spread over the picture and beyond, and what is seen grows with them.
 #[test]
 fn a_lost_target_costs_no_memory() {

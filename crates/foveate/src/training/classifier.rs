@@ -234,7 +234,17 @@ pub struct Held {
     pub confusion: Vec<Vec<usize>>,
 }
 
-/// Judges a classifier on rows that it was not learned from.
+/// Fits the temperature on rows that the classifier was not learned from. It is at least 1: a few pictures that are all told
+/// apart rightly would else make it as sure as it can be.
+pub fn calibrated(softmax: Softmax, rows: Rows<'_>, labels: &[u8]) -> Softmax {
+    let mut log_p = vec![0.0; labels.len() * softmax.classes()];
+    let softmax = softmax.at(1.0);
+    softmax.log_probabilities(rows, &mut log_p);
+    let t = temperature(&log_p, labels, softmax.classes()).max(1.0);
+    softmax.at(t)
+}
+
+/// Judges a classifier (at temperature 1) on rows that it was not learned from.
 pub fn judge(softmax: &Softmax, rows: Rows<'_>, labels: &[u8]) -> Held {
     let n = softmax.classes();
     let mut log_p = vec![0.0; labels.len() * n];
@@ -247,7 +257,7 @@ pub fn judge(softmax: &Softmax, rows: Rows<'_>, labels: &[u8]) -> Held {
     let (mut calibrated, mut order) = (vec![], vec![]);
     for odd in [false, true] {
         let ((mut own, own_labels), (other, other_labels)) = (half(odd), half(!odd));
-        let t = if other_labels.is_empty() { 1.0 } else { temperature(&other, &other_labels, n) };
+        let t = if other_labels.is_empty() { 1.0 } else { temperature(&other, &other_labels, n).max(1.0) };
         for q in own.chunks_exact_mut(n) {
             q.iter_mut().for_each(|q| *q /= t);
             normalize(q);
@@ -310,6 +320,9 @@ mod tests {
         let right: usize = (0..3).map(|c| held.confusion[c][c]).sum();
         assert_eq!(right as f64 / 200.0, held.reliability.accuracy);
         assert_eq!(held.confusion.iter().flatten().sum::<usize>(), 200);
+        // All of a few are right: that is no reason to be surer.
+        let few = calibrated(whole.learned().expect("finite"), Rows::new(&x[..30], 10), &y[..3]);
+        assert_eq!(few.temperature(), 1.0);
         // One row alone can be judged too.
         assert_eq!(judge(&whole.learned().expect("finite"), Rows::new(&x[..10], 10), &y[..1]).confusion[0][0], 1);
     }

@@ -8,7 +8,7 @@ use foveate::identity::Classifier;
 use foveate::identity::retina::FovealConfig;
 use foveate::rbm::Metadata;
 use foveate::rows::Rows;
-use foveate::training::classifier::{Held, Recipe, Trainer, judge};
+use foveate::training::classifier::{Held, Recipe, Trainer, calibrated, judge};
 use foveate::training::pictures::{Beholder, Pictures, Variation};
 
 use super::common::{self, Training};
@@ -154,12 +154,12 @@ fn train(args: &Args) -> Result<()> {
     };
     common::train(&mut training)?;
 
-    let mut softmax = training.trainer.learned()?;
+    let softmax = training.trainer.learned()?;
     let varied = look(&beholder, Variation::of_tracks(), &held, SHOWN);
     let again = held.labels().repeat(SHOWN as usize);
-    softmax.calibrate(Rows::new(&varied, n_h), &again)?;
     told("held-out pictures as they are", all.names(), &judge(&softmax, Rows::new(&as_they_are, n_h), held.labels()));
     told("held-out pictures as along tracks", all.names(), &judge(&softmax, Rows::new(&varied, n_h), &again));
+    let softmax = calibrated(softmax, Rows::new(&varied, n_h), &again);
     let metadata = Metadata {
         retina: geometry,
         command: args.command(),
