@@ -82,7 +82,7 @@ impl Many {
             settings,
             make,
             living: vec![],
-            dead: vec![],
+            dead: Vec::with_capacity(MOST_REMEMBERED + 1), // so that a death allocates nothing
             nursery: Nursery::default(),
             fronts: Fronts::default(),
             next_id: 1,

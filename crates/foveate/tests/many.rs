@@ -63,7 +63,7 @@ fn two_that_cross_keep_their_ids() {
     for (seed, detected) in [(1, false), (2, false), (3, false), (4, true), (5, true)] {
         let mut many = many(seed);
         let mut hidden = 0;
-        for t in 0..56 {
+        for t in 0..56usize {
             let squares = passing(t);
             let apart = squares[0].1.intersection(&squares[1].1) == 0.0;
             let detections: Vec<_> = squares.iter().map(|s| found(s.1)).collect();
@@ -102,7 +102,7 @@ fn visits(t: usize) -> (Vec<(u64, BBox)>, Vec<Detection>) {
 fn who_comes_is_born_who_leaves_dies_and_who_returns_is_known() {
     let mut many = many(1);
     let mut phases = vec![];
-    for t in 0..80 {
+    for t in 0..80usize {
         let (squares, detections) = visits(t);
         let seen = many.step(&frame(t, &squares), &detections);
         assert!(seen.len() <= 1, "frame {t}: noise is nobody: {seen:?}");
@@ -139,7 +139,7 @@ fn a_cut_is_the_end_and_boxes_that_are_none_are_refused() {
 fn life(id: u64, seed: u64, others: &[(u64, BBox)]) -> Vec<Seen> {
     let mut many = many(seed);
     let mut life = vec![];
-    for t in 0..25 {
+    for t in 0..25usize {
         let mut squares = vec![(3, at(10.0 + 2.0 * t as f64, 80.0))];
         squares.extend_from_slice(others);
         let detections: Vec<_> = squares.iter().filter(|_| !t.is_multiple_of(3)).map(|s| found(s.1)).collect();
@@ -163,7 +163,7 @@ fn others_far_away_and_threads_change_no_bit() {
     assert_ne!(life(3, 6, &others), together, "another seed is another track");
     let mut alone = many(5);
     let mut seen = vec![];
-    for t in 0..25 {
+    for t in 0..25usize {
         let own = at(10.0 + 2.0 * t as f64, 80.0);
         let mut squares = vec![(3, own)];
         squares.extend_from_slice(&others);

@@ -90,6 +90,11 @@ fn background(source: &Path) -> Result<Vec<Image>> {
 }
 
 impl ManyArgs {
+    /// The configuration that ships for this: with detections, or with first boxes alone.
+    pub fn config(&self) -> &'static str {
+        if self.detect.is_some() || self.detections.is_some() { "many" } else { "many-boxes" }
+    }
+
     /// Whether many targets are asked for, apart from several --init.
     pub fn asked(&self) -> bool {
         self.detect.is_some() || self.detections.is_some() || self.inits.is_some() || self.save_detections.is_some()
