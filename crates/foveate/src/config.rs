@@ -352,6 +352,7 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("authors", include_str!("../../../configs/authors.toml")),
     ("natural", include_str!("../../../configs/natural.toml")),
     ("many", include_str!("../../../configs/many.toml")),
+    ("many-boxes", include_str!("../../../configs/many-boxes.toml")),
     ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),
     ("natural-mcrbm", include_str!("../../../configs/natural-mcrbm.toml")),
     ("natural-autoencoder", include_str!("../../../configs/natural-autoencoder.toml")),

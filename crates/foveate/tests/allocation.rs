@@ -7,6 +7,7 @@ use std::cell::Cell;
 
 use common::{INIT, POLICIES, blueprint, frame, random_recogniser, recognising};
 use foveate::config::{Blueprint, Config};
+use foveate::geometry::BBox;
 use foveate::scene::{Frame, Image, Scene};
 
 thread_local!(static COUNT: Cell<usize> = const { Cell::new(0) });
@@ -109,6 +110,28 @@ fn what_a_scout_tells_allocates_nothing() {
             scout.look(frame);
             tracker.guide(scout.flow().expect("it was asked for"));
             std::hint::black_box(tracker.step(scout.scene(frame)));
+            COUNT.get() - before
+        };
+        let counts: Vec<usize> = frames[1..].iter().map(step).collect();
+        assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{counts:?}");
+    });
+}
+
+/// Two targets that hide each other for a while, nobody born, nobody detected.
+#[test]
+fn many_targets_allocate_nothing() {
+    let config = Config::builtin("many").expect("it ships with the library").expect("it is right");
+    let blueprint = Config { particles: 150, ..config }.check(std::path::Path::new(".")).expect("parts that fit");
+    let frames: Vec<Frame> = (0..FRAMES).map(|i| frame(i, 3)).collect();
+    alone(|| {
+        let mut many = blueprint.many(5).expect("trackers");
+        many.step(&frames[0], &[]);
+        for bbox in [INIT, BBox { x: INIT.x + 10.0, ..INIT }] {
+            many.give(&frames[0], None, bbox).expect("a box in the picture");
+        }
+        let step = |frame| {
+            let before = COUNT.get();
+            std::hint::black_box(many.step(frame, &[]));
             COUNT.get() - before
         };
         let counts: Vec<usize> = frames[1..].iter().map(step).collect();

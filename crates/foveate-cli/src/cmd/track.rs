@@ -183,7 +183,7 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
 
 pub fn run(args: Args) -> Result<()> {
     let is_many = args.many.asked() || args.init.len() > 1;
-    let name = args.config.as_deref().unwrap_or(if is_many { "many" } else { "natural" });
+    let name = args.config.as_deref().unwrap_or(if is_many { args.many.config() } else { "natural" });
     let mut blueprint = blueprint(name)?;
     if let Some(model) = &args.recognise {
         blueprint = blueprint.recognising(RecogniserConfig::of_model(model, Path::new(".")), Path::new("."))?;

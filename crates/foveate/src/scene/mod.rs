@@ -30,6 +30,7 @@ mod stream;
 pub mod strokes;
 pub mod synthetic;
 pub mod video;
+pub mod walkers;
 pub(crate) mod yuv;
 
 pub use self::ahead::ahead;
@@ -47,6 +48,7 @@ pub use self::open::open;
 pub use self::saliency::Saliency;
 pub use self::scout::Scout;
 pub use self::video::VideoFile;
+pub use self::walkers::Walkers;
 
 /// One picture of a video.
 #[derive(Clone, Debug)]
