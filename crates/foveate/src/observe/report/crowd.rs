@@ -13,7 +13,7 @@ use super::super::many::{ManyObserver, Phase, Seen};
 use super::super::sink::Sink;
 use super::super::RunInfo;
 use super::page::{escape, fill, short};
-use super::{LONGEST, MOST_BYTES, MOST_KEYS, picture, still, text};
+use super::{MOST_BYTES, MOST_KEYS, picture, still, text};
 use crate::Result;
 use crate::geometry::Gaze;
 use crate::scene::{Frame, Image, encode_jpeg};
