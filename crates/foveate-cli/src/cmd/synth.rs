@@ -204,10 +204,13 @@ fn many(args: &MultiArgs) -> Result<()> {
     let scene = toml::to_string(&settings).map_err(|e| Error::Invalid(e.to_string()))?;
     let mut notes = vec![
         ("gt/gt.txt".to_string(), video.gt_txt()),
-        ("seqinfo.ini".into(), format!(
-            "[Sequence]\nname={name}\nimDir=img1\nframeRate=30\nseqLength={}\nimWidth={width}\nimHeight={height}\nimExt=.png\n",
-            video.frames()
-        )),
+        (
+            "seqinfo.ini".into(),
+            format!(
+                "[Sequence]\nname={name}\nimDir=img1\nframeRate=30\nseqLength={}\nimWidth={width}\nimHeight={height}\nimExt=.png\n",
+                video.frames()
+            ),
+        ),
         ("truth.csv".into(), video.truth_csv()),
         ("scene.toml".into(), format!("# {from}\n{scene}")),
     ];

@@ -340,24 +340,31 @@ mod tests {
     impl Oracle {
         fn at(&mut self, t: usize) {
             let last = self.0.movers().len();
-            self.1 = (1..).zip(self.0.movers()).map(|(id, mover)| {
-                let truth = mover.states[t];
-                let state = State { log_scale: truth.log_scale + 1.1f64.ln(), angle: truth.angle - 3f64.to_radians(), ..truth };
-                Seen {
-                    id,
-                    born: 0,
-                    phase: if id as usize == last { Phase::Lost } else { Phase::Followed },
-                    bbox: state.bbox(mover.extent),
-                    state,
-                    extent: mover.extent,
-                    covariance: [[0.0; 6]; 6],
-                    gaze: Gaze::CENTRE,
-                    visible: 1.0,
-                    doubt: 0.0,
-                    detection: None,
-                    class: Some((if t > 10 { mover.class.into() } else { 11 }, 0.9)),
-                }
-            }).collect();
+            self.1 = (1..)
+                .zip(self.0.movers())
+                .map(|(id, mover)| {
+                    let truth = mover.states[t];
+                    let state = State {
+                        log_scale: truth.log_scale + 1.1f64.ln(),
+                        angle: truth.angle - 3f64.to_radians(),
+                        ..truth
+                    };
+                    Seen {
+                        id,
+                        born: 0,
+                        phase: if id as usize == last { Phase::Lost } else { Phase::Followed },
+                        bbox: state.bbox(mover.extent),
+                        state,
+                        extent: mover.extent,
+                        covariance: [[0.0; 6]; 6],
+                        gaze: Gaze::CENTRE,
+                        visible: 1.0,
+                        doubt: 0.0,
+                        detection: None,
+                        class: Some((if t > 10 { mover.class.into() } else { 11 }, 0.9)),
+                    }
+                })
+                .collect();
         }
     }
 

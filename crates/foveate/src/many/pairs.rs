@@ -97,7 +97,8 @@ mod tests {
     fn near_ones_belong_together_and_far_ones_to_nobody() {
         let s = Settings::default();
         let mut never = |_: usize, _: usize| panic!("nothing is contested");
-        let given = pairs(&[expected(0.0), expected(100.0), expected(200.0)], &[found(103.0), found(2.0)], &s, &mut never);
+        let given =
+            pairs(&[expected(0.0), expected(100.0), expected(200.0)], &[found(103.0), found(2.0)], &s, &mut never);
         assert_eq!(given, [Some(1), Some(0), None]);
         assert_eq!(pairs(&[], &[found(1.0)], &s, &mut never), []);
         assert_eq!(pairs(&[expected(1.0)], &[], &s, &mut never), [None]);
@@ -110,6 +111,9 @@ mod tests {
         let s = Settings { looks: 0.8, ..Settings::default() };
         // By place the first is nearer to the first; by looks they have changed sides.
         let mut likeness = |i: usize, j: usize| if i == j { 0.1 } else { 0.9 };
-        assert_eq!(pairs(&[expected(0.0), expected(6.0)], &[found(2.0), found(4.0)], &s, &mut likeness), [Some(1), Some(0)]);
+        assert_eq!(
+            pairs(&[expected(0.0), expected(6.0)], &[found(2.0), found(4.0)], &s, &mut likeness),
+            [Some(1), Some(0)]
+        );
     }
 }

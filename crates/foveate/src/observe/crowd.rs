@@ -156,7 +156,8 @@ pub(super) mod tests {
 
     #[test]
     fn every_target_has_its_colour_and_its_turned_box() {
-        let picture = CrowdAnnotator::default().annotate(&frame(3), &[seen(1, 30.0, Phase::Followed), seen(2, 80.0, Phase::Lost)]);
+        let picture = CrowdAnnotator::default()
+            .annotate(&frame(3), &[seen(1, 30.0, Phase::Followed), seen(2, 80.0, Phase::Lost)]);
         assert_eq!((picture.width(), picture.height()), (960, 480), "8 times as large");
         let shows = |x: f64, y: f64, id: u64| {
             let (x, y) = ((8.0 * (x + 0.5)) as usize, (8.0 * (y + 0.5)) as usize);

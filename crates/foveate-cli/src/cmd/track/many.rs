@@ -121,7 +121,12 @@ fn given(args: &Args, boxes: &[BBox]) -> Result<Vec<(usize, Option<u64>, BBox)>>
         let id = match s.id {
             -1 => None,
             id @ 0.. => Some(id as u64),
-            id => return Err(Error::malformed(path, format!("frame {}: id {id}; give 0 or more, or -1 for a new one", s.frame + 1))),
+            id => {
+                return Err(Error::malformed(
+                    path,
+                    format!("frame {}: id {id}; give 0 or more, or -1 for a new one", s.frame + 1),
+                ));
+            }
         };
         given.push((s.frame, id, s.bbox));
     }

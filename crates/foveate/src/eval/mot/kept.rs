@@ -104,7 +104,8 @@ mod tests {
             vec![boxed(t, a, 0.0), boxed(t, b, passes(t))]
         });
         assert_eq!(Crossings::of(&truth, &swapped), Crossings { all: 1, kept: 0, swapped: 1 });
-        let lost = results(&|t| if t < 15 { vec![boxed(t, 7, 0.0), boxed(t, 9, passes(t))] } else { vec![boxed(t, 7, 0.0)] });
+        let lost =
+            results(&|t| if t < 15 { vec![boxed(t, 7, 0.0), boxed(t, 9, passes(t))] } else { vec![boxed(t, 7, 0.0)] });
         assert_eq!(Crossings::of(&truth, &lost), Crossings { all: 1, kept: 0, swapped: 0 });
         let renamed = results(&|t| vec![boxed(t, if t < 15 { 7 } else { 8 }, 0.0), boxed(t, 9, passes(t))]);
         assert_eq!(Crossings::of(&truth, &renamed), Crossings { all: 1, kept: 0, swapped: 0 });

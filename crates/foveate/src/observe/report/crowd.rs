@@ -6,12 +6,12 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
+use super::super::RunInfo;
 use super::super::crowd::{CrowdAnnotator, colour};
 use super::super::crowd_film::smaller;
 use super::super::first::Crop;
 use super::super::many::{ManyObserver, Phase, Seen};
 use super::super::sink::Sink;
-use super::super::RunInfo;
 use super::page::{escape, fill, short};
 use super::{MOST_BYTES, MOST_KEYS, picture, still, text};
 use crate::Result;
@@ -144,7 +144,11 @@ impl CrowdReport {
     fn page(&self) -> String {
         let (lives, left_out) = self.shown();
         let seconds = self.info.clock.total().as_secs_f64();
-        let speed = if seconds > 0.0 { format!(", {:.0} frames a second", self.frames as f64 / seconds) } else { String::new() };
+        let speed = if seconds > 0.0 {
+            format!(", {:.0} frames a second", self.frames as f64 / seconds)
+        } else {
+            String::new()
+        };
         let most = (0..=self.last).map(|t| self.lives.values().filter(|life| life.at(t)).count()).max().unwrap_or(0);
         let found: usize = self.lives.values().map(|life| life.found).sum();
         let summary = format!(
@@ -162,8 +166,12 @@ impl CrowdReport {
             concat!("foveate ", env!("CARGO_PKG_VERSION"))
         );
         let more = if left_out > 0 { format!("{left_out} short lives are left out.") } else { String::new() };
-        let keys: Vec<Value> =
-            self.keys.all.iter().map(|(_, k)| json!({ "frame": k.frame + 1, "jpeg": k.jpeg, "targets": k.targets })).collect();
+        let keys: Vec<Value> = self
+            .keys
+            .all
+            .iter()
+            .map(|(_, k)| json!({ "frame": k.frame + 1, "jpeg": k.jpeg, "targets": k.targets }))
+            .collect();
         let data = json!({ "size": self.size, "rate": self.info.rate, "every": self.keys.every, "keys": keys });
         // No "<" is left in it, so nothing in it can end the script element or begin a comment.
         let data = data.to_string().replace('<', "\\u003c");
@@ -188,7 +196,10 @@ impl CrowdReport {
     fn film(&self) -> String {
         let one = |(_, p): &(usize, Picture)| {
             let n = p.frame + 1;
-            format!("<figure><img src=\"data:image/jpeg;base64,{}\" alt=\"Frame {n}\"><figcaption>frame {n}</figcaption></figure>", p.jpeg)
+            format!(
+                "<figure><img src=\"data:image/jpeg;base64,{}\" alt=\"Frame {n}\"><figcaption>frame {n}</figcaption></figure>",
+                p.jpeg
+            )
         };
         self.strip.all.iter().map(one).collect()
     }
@@ -274,7 +285,11 @@ fn bars(lives: &[(u64, &Life)], last: usize) -> String {
     let step = tick(last + 1);
     for frame in (0..=last + 1).step_by(step) {
         let (at, foot) = (x(frame as f64), height - 24.0);
-        let _ = write!(svg, "<path d=\"M{at:.1} 0V{foot}\" class=\"grid\"/><text x=\"{at:.1}\" y=\"{}\">{frame}</text>", height - 6.0);
+        let _ = write!(
+            svg,
+            "<path d=\"M{at:.1} 0V{foot}\" class=\"grid\"/><text x=\"{at:.1}\" y=\"{}\">{frame}</text>",
+            height - 6.0
+        );
     }
     for (i, (id, life)) in lives.iter().enumerate() {
         let (y, [r, g, b]) = (ROW * i as f64, colour(*id));
@@ -309,7 +324,8 @@ fn row(id: u64, life: &Life) -> String {
     let [r, g, b] = colour(id);
     let class = life.class.map_or("–".into(), |(class, p)| format!("{class} ({:.0} %)", 100.0 * p));
     let cell = |text: String| format!("<td>{text}</td>");
-    let picture = format!("<img src=\"data:image/jpeg;base64,{}\" alt=\"Target {id} when it was born\">", life.template);
+    let picture =
+        format!("<img src=\"data:image/jpeg;base64,{}\" alt=\"Target {id} when it was born\">", life.template);
     let cells = [
         format!("<i class=\"dot\" style=\"background:rgb({r} {g} {b})\"></i>no {id}"),
         picture,

@@ -16,8 +16,8 @@ use super::{Ink, pick, wrong};
 use crate::Result;
 use crate::geometry::{BBox, Extent, State};
 use crate::rng::{Purpose, Rng, Streams};
-use crate::scene::idx::{Digits, SIDE};
 use crate::scene::crossings::crossings;
+use crate::scene::idx::{Digits, SIDE};
 use crate::scene::mot::{Sighting, Tracks};
 use crate::scene::{Frame, FrameSource, Image, SourceInfo};
 
@@ -201,9 +201,7 @@ impl Multi {
         let ([slow, fast], [low, high]) = (self.speed, self.scale);
         let sides = (2.0 * HALF * high).ceil()..=10_000.0;
         match self {
-            _ if !(1..=10).contains(&self.targets) => {
-                wrong(format!("targets is {}, expected 1 to 10", self.targets))
-            }
+            _ if !(1..=10).contains(&self.targets) => wrong(format!("targets is {}, expected 1 to 10", self.targets)),
             _ if self.frames == 0 => wrong("frames is 0, expected at least 1".into()),
             _ if !(1.0 <= low && low <= high && high <= 10.0) => {
                 wrong(format!("scale is from {low} to {high}, expected 1 to 10, the smaller first"))
@@ -247,8 +245,11 @@ impl MultiVideo {
     /// The true boxes; ids are places in [`MultiVideo::movers`], counted from 1.
     pub fn truth(&self) -> Tracks {
         let at = |frame: usize| {
-            let one = move |(i, mover): (usize, &Mover)| {
-                Sighting { frame, id: i as i64 + 1, bbox: mover.bbox(frame), confidence: 1.0 }
+            let one = move |(i, mover): (usize, &Mover)| Sighting {
+                frame,
+                id: i as i64 + 1,
+                bbox: mover.bbox(frame),
+                confidence: 1.0,
             };
             self.movers.iter().enumerate().map(one)
         };
@@ -316,7 +317,8 @@ impl MultiVideo {
                 let (BBox { x, y, w, h }, state) = (mover.bbox(t), mover.states[t]);
                 let (scale, angle) = (state.log_scale.exp(), state.angle.to_degrees());
                 let place = format!("{:.3},{:.3},{w:.3},{h:.3}", x + 1.0, y + 1.0);
-                let _ = writeln!(text, "{},{},{},{place},{scale:.5},{angle:.3},{visible:.3}", t + 1, i + 1, mover.class);
+                let _ =
+                    writeln!(text, "{},{},{},{place},{scale:.5},{angle:.3},{visible:.3}", t + 1, i + 1, mover.class);
             }
         }
         text
