@@ -158,3 +158,32 @@ fn surfaces_are_drawn_for_policies_that_have_one() {
     let other = run(&["--config", "digits"]);
     assert!(!other.status.success() && String::from_utf8_lossy(&other.stderr).contains("gp-ucb"));
 }
+
+#[test]
+fn many_digits_are_followed_scored_and_shown() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let multi = |more: &[&str]| {
+        Command::new(env!("CARGO_BIN_EXE_foveate"))
+            .args(["experiment", "multi", "--seeds", "1", "--frames", "24", "--crossings", "0", "--json", "--out"])
+            .arg(dir.path().join("out"))
+            .args(more)
+            .env("FOVEATE_DATA", dir.path())
+            .current_dir(dir.path())
+            .output()
+            .expect("the program starts")
+    };
+    let first = multi(&["--threads", "1"]);
+    let table_1 = table(&first);
+    let lines = table_1["lines"].as_array().expect("lines");
+    assert_eq!(lines.len(), 2, "together and alone");
+    for line in lines {
+        // 23 frames of targets that start apart, from true boxes.
+        assert!(line["idf1"].as_f64().expect("a share") > 0.9, "{line}");
+        assert!(line["scale_error"][0].as_f64().expect("a share") < 0.1, "{line}");
+    }
+    let again = multi(&["--figure"]);
+    assert!(String::from_utf8_lossy(&again.stderr).contains("2 runs, 2 of them"));
+    for file in ["figure.png", "annotated.mp4", "report.html", "table.txt"] {
+        assert!(std::fs::metadata(dir.path().join("out").join(file)).expect(file).len() > 400, "{file}");
+    }
+}

@@ -60,3 +60,41 @@ fn many_targets_are_scored_from_their_files() {
     assert!(!foveate(&["eval", "--mot", "--truth", &truth]).status.success(), "results are needed");
     assert!(!foveate(&["eval", "--truth", &truth, "--seqs", &truth]).status.success(), "--truth goes with --mot");
 }
+
+#[test]
+fn a_scene_of_many_digits_has_both_layouts() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
+    let (scene, out) = (path("scenes/five"), path("scores"));
+    let made = foveate(&[
+        "synth",
+        "multi",
+        "--frames",
+        "40",
+        "--crossings",
+        "0",
+        "--out",
+        &scene,
+        "--video",
+        &path("five.mp4"),
+    ]);
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    assert_eq!(std::fs::read_dir(path("scenes/five/img1")).expect("images").count(), 40);
+    assert!(std::fs::metadata(path("five.mp4")).expect("a video").len() > 1000);
+    // Its truth is a perfect result in MOTChallenge's layout, and five sequences in OTB's.
+    std::fs::copy(path("scenes/five/gt/gt.txt"), path("five.txt")).expect("copied");
+    let scored =
+        foveate(&["eval", "--mot", "--truth", &scene, "--results", &path("five.txt"), "--out", &out, "--json"]);
+    assert!(scored.status.success(), "{}", String::from_utf8_lossy(&scored.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&scored.stdout).expect("JSON alone on the standard output");
+    assert_eq!(
+        (json["trackers"][0]["pooled"]["mota"].as_f64(), json["trackers"][0]["pooled"]["truth_ids"].as_u64()),
+        (Some(1.0), Some(5))
+    );
+    let run = foveate(&["eval", "--seqs", &scene, "--config", "digits-multi", "--out", &out, "--json"]);
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&run.stdout).expect("JSON alone on the standard output");
+    assert_eq!(json["trackers"][0]["mean"]["frames"].as_u64(), Some(200), "five targets of 40 frames");
+    let wrong = foveate(&["synth", "multi", "--scale", "3", "--out", &path("none")]);
+    assert!(!wrong.status.success() && String::from_utf8_lossy(&wrong.stderr).contains("two numbers such as 1,3"));
+}

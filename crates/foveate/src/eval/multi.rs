@@ -327,3 +327,82 @@ pub fn text(lines: &[Line]) -> String {
          class right: the class decided over all frames so far. frames/s: all targets of a frame, in one thread.\n"
     )
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Digits;
+    use crate::scene::synthetic::Multi;
+
+    /// Says what is true, but for a size 10 % too large, an angle 3 degrees off, and a last target that is lost.
+    struct Oracle(MultiVideo, Vec<Seen>);
+
+    impl Oracle {
+        fn at(&mut self, t: usize) {
+            let last = self.0.movers().len();
+            self.1 = (1..)
+                .zip(self.0.movers())
+                .map(|(id, mover)| {
+                    let truth = mover.states[t];
+                    let state = State {
+                        log_scale: truth.log_scale + 1.1f64.ln(),
+                        angle: truth.angle - 3f64.to_radians(),
+                        ..truth
+                    };
+                    Seen {
+                        id,
+                        born: 0,
+                        phase: if id as usize == last { Phase::Lost } else { Phase::Followed },
+                        bbox: state.bbox(mover.extent),
+                        state,
+                        extent: mover.extent,
+                        covariance: [[0.0; 6]; 6],
+                        gaze: Gaze::CENTRE,
+                        visible: 1.0,
+                        doubt: 0.0,
+                        detection: None,
+                        class: Some((if t > 10 { mover.class.into() } else { 11 }, 0.9)),
+                    }
+                })
+                .collect();
+        }
+    }
+
+    impl Follower for Oracle {
+        fn start(&mut self, _: &Frame, boxes: &[BBox]) -> Result<()> {
+            assert_eq!(boxes.len(), self.0.movers().len());
+            self.at(0);
+            Ok(())
+        }
+        fn step(&mut self, frame: &Frame) -> Result<()> {
+            self.at(frame.index);
+            Ok(())
+        }
+        fn seen(&self) -> &[Seen] {
+            &self.1
+        }
+    }
+
+    #[test]
+    fn figures_of_a_known_follower() {
+        let video = Multi { targets: 4, frames: 31, crossings: 0, ..Multi::default() };
+        let video = video.video(&Digits::drawn(1, 2)).expect("a video");
+        let mut nobody: Vec<Box<dyn ManyObserver>> = vec![];
+        let run = Run::follow(&video, &mut Oracle(video.clone(), vec![]), &mut nobody).expect("it follows");
+        assert!(run.is_of(31) && !run.is_of(30) && run.found.len() == 124);
+        let judged = run.judge(&video).expect("it can be judged");
+        assert!(judged.scale.iter().all(|e| (e - 0.1).abs() < 1e-9) && judged.scale.len() == 120);
+        assert!(judged.angle.iter().all(|e| (e - 3.0).abs() < 1e-9));
+        assert_eq!((judged.on, judged.named, judged.right), (120, 120, 80));
+        // Three of four boxes are there: recall 3/4, precision 1.
+        assert!((judged.score.clear.mota - 0.75).abs() < 1e-9);
+        assert!((judged.score.identity.idf1 - 2.0 * 0.75 / 1.75).abs() < 1e-9);
+        let line = Line::of("oracle", &[&run], &[judged]).expect("a run");
+        assert!((line.scale_error[0] - 0.1).abs() < 1e-9 && line.right == Some(80.0 / 120.0));
+        assert!(text(&[line]).contains("10.0 % (10.0 %)"));
+        assert!(Line::of("none", &[], &[]).is_none());
+        let mut too_few = Alone::new(vec![]);
+        let problem = Run::follow(&video, &mut too_few, &mut nobody).expect_err("no tracker").to_string();
+        assert!(problem.contains("0 trackers for 4 targets"), "{problem}");
+    }
+}

@@ -140,7 +140,7 @@ fn figure(args: &Args, way: &Way, video: &MultiVideo, seed: u64, from: &str) -> 
     let classes: Vec<String> = video.movers().iter().map(|mover| mover.class.to_string()).collect();
     let classes = classes.join(", ");
     let title = format!(
-        "Digits that grow, turn and pass over each other; no 1 to {} are truly {classes}",
+        "Digits that grow, turn and pass over each other · no 1 to {} are truly {classes}",
         video.movers().len()
     );
     let info = RunInfo {

@@ -1,12 +1,12 @@
 //! `foveate track` of many targets: with a detector, with detections from a file, or with several first boxes.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::ValueEnum;
 use foveate::config::Blueprint;
 use foveate::geometry::BBox;
 use foveate::many::{Followed, Plan, follow};
-use foveate::observe::{ManyObserver, MotFile, RunInfo, TargetsTable, TracksTable};
+use foveate::observe::{CrowdFilm, CrowdReport, ManyObserver, MotFile, RunInfo, TargetsTable, TracksTable};
 use foveate::scene::mot::{Sighting, Tracks};
 use foveate::scene::{Cuts, Detection, Detector, Flow, Frame, Image, Motion, Saliency, Walkers, ahead, open};
 use foveate::{Error, Result};
@@ -109,7 +109,7 @@ pub fn run(args: &Args, boxes: &[BBox], blueprint: &Blueprint, config_name: &str
     let mut many = blueprint.many(seed)?;
     let mut source = ahead(open(&args.source)?);
     let info = super::run_info(&args.source.display().to_string(), source.info(), config_name, blueprint, seed);
-    let (mut observers, names) = observers(&args.out, &info)?;
+    let (mut observers, names) = observers(args, &info)?;
     terminal::catch_interrupts();
     let bar = terminal::progress(source.info().frames, "tracking");
     let plan = Plan {
@@ -232,15 +232,25 @@ impl Detections {
 type Observers = Vec<Box<dyn ManyObserver>>;
 
 /// The observers that write a run's files into `out`, and the names of those files.
-fn observers(out: &Path, _info: &RunInfo) -> Result<(Observers, Vec<PathBuf>)> {
+fn observers(args: &Args, info: &RunInfo) -> Result<(Observers, Vec<PathBuf>)> {
+    let out = &args.out;
     std::fs::create_dir_all(out).map_err(Error::io(out, "cannot create the folder for results"))?;
     let names = ["tracks.txt", "tracks.csv", "targets.csv"].map(|name| out.join(name));
-    let observers: Observers = vec![
+    let mut observers: Observers = vec![
         Box::new(MotFile::create(&names[0])?),
         Box::new(TracksTable::create(&names[1])?),
         Box::new(TargetsTable::create(&names[2])?),
     ];
-    Ok((observers, names.to_vec()))
+    let mut names = names.to_vec();
+    if !args.no_video {
+        names.push(out.join("annotated.mp4"));
+        observers.push(Box::new(CrowdFilm::create(out.join("annotated.mp4"), info)?));
+    }
+    if !args.no_report {
+        names.push(out.join("report.html"));
+        observers.push(Box::new(CrowdReport::create(out.join("report.html"), info.clone())?));
+    }
+    Ok((observers, names))
 }
 
 fn report(args: &Args, outcome: &Followed, outputs: &[PathBuf], result: &Result<()>) {
