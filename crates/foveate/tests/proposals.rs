@@ -122,8 +122,9 @@ fn saliency_finds_again_what_jumped() {
     let mixture = "[proposal]\nkind = \"mixture\"\nspread = 0.3\n";
     let found = |lines: &str| (0..10).map(|seed| found_after(lines, seed)).collect::<Vec<_>>();
     let (with, without) = (found(mixture), found(""));
-    let soon = |found: &[Option<usize>]| found.iter().flatten().filter(|after| **after <= 5).count();
-    assert!(soon(&with) >= 9 && soon(&without) <= 3, "found after so many frames: {with:?}, without: {without:?}");
+    // Alike, they would differ so in nine of ten runs once in a hundred times; the seeds are fixed.
+    let sooner = with.iter().zip(&without).filter(|(with, without)| with.unwrap_or(99) < without.unwrap_or(99)).count();
+    assert!(sooner >= 9, "found after so many frames: {with:?}, without: {without:?}");
 }
 
 /// The runner tells the tracker what the configuration's detector finds, in the frames before the start too.
