@@ -30,7 +30,8 @@
 //! | where to look for the class (future work in section 2.2) | [`rbm::fixations::Controller`] |
 //! | d(h, τ) | [`identity::Distance`]: [`identity::distance::Kind`] |
 //! | p(hₜ \| xₜ, aₜ) | [`identity::Appearance`]: [`identity::GazeAppearance`] |
-//! | p(xₜ \| xₜ₋₁), q | [`control::Dynamics`]: [`control::Autoregressive`]; [`control::Proposal`]: [`control::Prior`] |
+//! | p(xₜ \| xₜ₋₁), q | [`control::Dynamics`]: [`control::Autoregressive`]; with the camera: [`control::Guide`]; [`control::Proposal`]: [`control::Prior`], [`control::Mixture`] |
+//! | p(detections \| xₜ), which the paper has not | [`control::Sighting`] |
 //! | bₜ | [`control::Belief`] |
 //! | selection | [`control::Resampling`] |
 //! | rₜ | [`control::Reward`]: [`control::Concentration`] (the paper's), [`control::LogConcentration`], [`control::VarianceReduction`] |

@@ -117,7 +117,7 @@ fn mistakes_are_told_with_place_and_valid_names() {
         ("[proposal]", "0.25", "1.0", &["line 45, column 1", "proposal.alpha", "0 to 0.99", "it is 1"]),
         ("[proposal]", "spread", "spred", &["line 45", "spred", "`spread`"]),
         ("[sighting]", "0.02", "0", &["line 51, column 1", "sighting.outlier", "it is 0"]),
-        ("[guide]", "local", "flow", &["line 55", "flow", "`local`"]),
+        ("[guide]", "local", "flow", &["line 57, column 1", "flow", "`local`"]),
         ("[detector]", "saliency", "silence", &["line 59", "silence", "`saliency`"]),
     ] {
         let error = error(section, from, to);

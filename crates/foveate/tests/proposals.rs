@@ -90,9 +90,11 @@ fn false_detections_do_not_take_the_track_away() {
 }
 
 /// A digit on black that jumps by three half boxes, in a video with a saliency detector: frames until it is found again.
+/// The dynamics are those of `natural`, eleven deviations: too far for draws of p, but not for what p allows a look to say.
 fn found_after(lines: &str, seed: u64) -> Option<usize> {
     let digit = Digits::drawn(seed, 1).digit((seed % 10) as usize).to_vec();
-    let base = Config::builtin("digits").expect("it ships").expect("it is right").check(".".as_ref()).expect("it fits");
+    let [digits, natural] = ["digits", "natural"].map(|n| Config::builtin(n).expect("it ships").expect("it is right"));
+    let base = Config { dynamics: natural.dynamics, ..digits }.check(".".as_ref()).expect("it fits");
     let blueprint = with(&base, &format!("[detector]\nkind = \"saliency\"\n{lines}"));
     let (mut tracker, mut scout) = (blueprint.tracker(seed, 0).expect("it fits"), blueprint.scout());
     for index in 0..30 {
@@ -120,8 +122,9 @@ fn saliency_finds_again_what_jumped() {
     let mixture = "[proposal]\nkind = \"mixture\"\nspread = 0.3\n";
     let found = |lines: &str| (0..10).map(|seed| found_after(lines, seed)).collect::<Vec<_>>();
     let (with, without) = (found(mixture), found(""));
-    let soon = |found: &[Option<usize>]| found.iter().flatten().filter(|after| **after <= 5).count();
-    assert!(soon(&with) >= 9 && soon(&without) <= 3, "found after so many frames: {with:?}, without: {without:?}");
+    // Alike, they would differ so in nine of ten runs once in a hundred times; the seeds are fixed.
+    let sooner = with.iter().zip(&without).filter(|(with, without)| with.unwrap_or(99) < without.unwrap_or(99)).count();
+    assert!(sooner >= 9, "found after so many frames: {with:?}, without: {without:?}");
 }
 
 /// The runner tells the tracker what the configuration's detector finds, in the frames before the start too.
