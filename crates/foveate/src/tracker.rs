@@ -194,10 +194,9 @@ impl Tracker {
         // Recognize: perceive once more, at the estimate.
         parts.appearance.perceive(&estimate, w.plan.chosen(), &mut w.percept);
         let evidence = log_evidence / looks.max(1) as f64;
-        let best = best_look(&w.plan, &w.log_likelihood);
         let distance = w.percept.distance;
         let alarm = parts.recognizer.as_ref().map_or(0.0, Recognition::alarm);
-        let shown = Shown { watch, evidence, promise, spread, distance, best, estimate, unit, alarm };
+        let shown = Shown { watch, evidence, promise, spread, distance, estimate, unit, alarm };
         let trust = if judged { parts.confidence.judge(&shown) } else { parts.confidence.held() };
         let lost = trust.standing.is_out();
         let doubt = watch.doubt.max(alarm);
@@ -222,8 +221,7 @@ impl Tracker {
         // Search. A lost target may be anywhere: some particles start again where the picture looks most like it.
         if let Some(search) = parts.search.as_mut().filter(|search| search.is_due(lost, *frame)) {
             let like = parts.confidence.seen().unwrap_or(&estimate);
-            let out = parts.confidence.frames_out();
-            let places = search.places((image.width(), image.height()), like, out, target.extent);
+            let places = search.places((image.width(), image.height()), like, target.extent);
             w.search.resize(places.len(), 0.0);
             parts.appearance.see(image, places, &[Gaze::CENTRE]);
             parts.appearance.log_likelihood(places, Gaze::CENTRE, &mut w.search);
@@ -232,8 +230,7 @@ impl Tracker {
                 w.search.resize(places.len(), 0.0);
                 parts.appearance.log_likelihood(places, Gaze::CENTRE, &mut w.search);
             }
-            let usual = parts.confidence.usual().unwrap_or(promise.on);
-            search.restart(&w.search, usual, promise, target.extent, particles, streams.at(*frame, Purpose::Search));
+            search.restart(&w.search, promise, target.extent, particles, streams.at(*frame, Purpose::Search));
             parts.confidence.searched(search.best());
             log_carried.fill(-(n as f64).ln());
         }
@@ -353,13 +350,6 @@ struct Saved {
     /// None of a tracker that did not recognise; one that does begins then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     recognizer: Option<serde_json::Value>,
-}
-
-/// The greatest log-likelihood that one particle has in a look that is used.
-fn best_look(plan: &Plan, log_likelihood: &[f64]) -> f64 {
-    let n = log_likelihood.len() / plan.gazes().len();
-    let used = plan.used().iter().zip(log_likelihood.chunks_exact(n)).filter(|(used, _)| **used);
-    used.flat_map(|(_, l)| l).copied().filter(|l| l.is_finite()).fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// Standard deviation of place in template units; a million stands for what is not finite.

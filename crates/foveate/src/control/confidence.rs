@@ -80,8 +80,6 @@ pub struct Shown {
     pub spread: f64,
     /// Distance to the template at the estimate.
     pub distance: f64,
-    /// The greatest log-likelihood of a look among the particles, nats.
-    pub best: f64,
     /// Mean of the belief.
     pub estimate: State,
     /// Pixels per template unit there.
@@ -121,11 +119,10 @@ pub struct Confidence {
 struct Past {
     /// Frames the usual values were taken from.
     frames: usize,
-    /// Mean evidence, its mean deviation, mean distance, and mean of the best log-likelihood, on the target.
+    /// Mean evidence, its mean deviation, and mean distance, on the target.
     evidence: f64,
     deviation: f64,
     distance: f64,
-    best: f64,
     /// Where it was seen last.
     seen: State,
     /// What fitted best in the whole picture, by the last search since it went out.
@@ -231,7 +228,7 @@ impl Confidence {
     /// What is usual on the target.
     fn learn(&mut self, s: &Shown) {
         let m = &mut self.past;
-        if !(s.evidence.is_finite() && s.distance.is_finite() && s.best.is_finite()) {
+        if !(s.evidence.is_finite() && s.distance.is_finite()) {
             return;
         }
         m.frames += 1;
@@ -242,7 +239,6 @@ impl Confidence {
         }
         m.evidence += share * off;
         m.distance += share * (s.distance - m.distance);
-        m.best += share * (s.best - m.best);
         m.seen = s.estimate;
     }
 
@@ -277,20 +273,9 @@ impl Confidence {
         }
     }
 
-    /// Frames since the target went out; 0 while it is not.
-    pub fn frames_out(&self) -> usize {
-        if self.past.standing.is_out() { self.past.out } else { 0 }
-    }
-
     /// Where the target was seen last; none before the first frame.
     pub fn seen(&self) -> Option<&State> {
         (self.past.frames > 0).then_some(&self.past.seen)
-    }
-
-    /// What the best of the particles usually has on the target, log-likelihood of a look in nats; none before the first
-    /// frame.
-    pub fn usual(&self) -> Option<f64> {
-        (self.past.frames > 0).then_some(self.past.best)
     }
 
     /// The state to resume from.
@@ -314,7 +299,7 @@ mod tests {
 
     fn shown(evidence: f64, doubt: f64) -> Shown {
         let watch = Watch { doubt, surprise: doubt, tempered_ess: 0.3, lost: false };
-        let (best, estimate) = (evidence + 1.0, State::default());
+        let estimate = State::default();
         Shown {
             watch,
             evidence,

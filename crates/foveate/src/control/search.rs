@@ -25,12 +25,9 @@ pub struct Search {
     pub share: f64,
     /// Places they start from, 1 to 1000.
     pub places: usize,
-    /// A place counts only if its log-likelihood lies at most this share of what the first frame promised between the
-    /// target and elsewhere below what the target usually had; 0 to 2.
+    /// A place counts only if its log-likelihood lies at most this share below what the first frame promised on the
+    /// target, towards what it promised elsewhere; 0 to 2.
     pub fit: f64,
-    /// How much wider it looks around the place where the target was seen last with every frame that it is out, template
-    /// units; 0 is the whole picture at once. 0 to 1000.
-    pub widen: f64,
     /// Standard deviation about a place, 0 to 10; the velocity's too.
     pub spread: f64,
     #[serde(skip)]
@@ -56,8 +53,8 @@ struct Found {
 impl Default for Search {
     fn default() -> Self {
         let (states, found, best, apart, half) = (vec![], vec![], None, (0.0, 0.0), (0.0, 0.0));
-        let (every, step, share, places, fit, widen, spread) = (2, 0.3, 0.3, 8, 0.2, 0.0, 0.15);
-        Self { every, step, share, places, fit, widen, spread, states, found, best, apart, half }
+        let (every, step, share, places, fit, spread) = (4, 0.3, 0.3, 8, 0.2, 0.15);
+        Self { every, step, share, places, fit, spread, states, found, best, apart, half }
     }
 }
 
@@ -87,7 +84,6 @@ impl Search {
             s if !(0.0..=1.0).contains(&s.share) => wrong("share", "0 to 1", s.share),
             s if !(1..=1000).contains(&s.places) => wrong("places", "1 to 1000", s.places as f64),
             s if !(0.0..=2.0).contains(&s.fit) => wrong("fit", "0 to 2", s.fit),
-            s if !(0.0..=1000.0).contains(&s.widen) => wrong("widen", "0 to 1000 template units a frame", s.widen),
             s if !(0.0..=10.0).contains(&s.spread) => wrong("spread", "0 to 10 template units", s.spread),
             _ => Ok(()),
         }
@@ -96,9 +92,8 @@ impl Search {
     pub fn is_due(&self, lost: bool, frame: u64) -> bool {
         lost && self.share > 0.0 && frame.is_multiple_of(self.every)
     }
-    /// Places all over a picture, or as far around where the target was `seen` last as it has been out frames for; of the
-    /// same scale and angle and at rest, row by row. There is one at least.
-    pub fn places(&mut self, size: (usize, usize), seen: &State, out: usize, extent: Extent) -> &[State] {
+    /// Places all over a picture, of the scale and angle with which the target was `seen` last, at rest, row by row.
+    pub fn places(&mut self, size: (usize, usize), seen: &State, extent: Extent) -> &[State] {
         let (width, height) = (size.0 as f64, size.1 as f64);
         let scale = seen.log_scale.exp();
         self.half = (extent.half_w * scale, extent.half_h * scale);
@@ -107,17 +102,11 @@ impl Search {
         self.apart = (dx * coarser, dy * coarser);
         let (dx, dy) = self.apart;
         let (columns, rows) = ((width / dx).ceil() as usize, (height / dy).ceil() as usize);
-        let reach = if self.widen > 0.0 { 2.0 + self.widen * out as f64 } else { f64::INFINITY };
         self.states.clear();
         self.found.clear();
         for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
             let place = State { x: (column as f64 + 0.5) * dx, y: (row as f64 + 0.5) * dy, vx: 0.0, vy: 0.0, ..*seen };
-            if apart(&place, seen, self.half) <= reach {
-                self.states.push(place);
-            }
-        }
-        if self.states.is_empty() {
-            self.states.push(State { vx: 0.0, vy: 0.0, ..*seen });
+            self.states.push(place);
         }
         &self.states
     }
@@ -163,7 +152,6 @@ impl Search {
     pub fn restart(
         &mut self,
         log_likelihood: &[f64],
-        usual: f64,
         promise: Promise,
         extent: Extent,
         particles: &mut [State],
@@ -171,7 +159,7 @@ impl Search {
     ) {
         self.keep_best(log_likelihood);
         self.best = self.found.first().map(|found| found.state);
-        let least = usual - self.fit * (promise.on - promise.off);
+        let least = promise.on - self.fit * (promise.on - promise.off);
         self.found.retain(|found| found.log_likelihood >= least);
         let Some(best) = self.found.first().copied() else { return };
         let weight = |found: &Found| (found.log_likelihood - best.log_likelihood).exp();
@@ -205,34 +193,31 @@ mod tests {
         let mut search = Search::default();
         let estimate = State { log_scale: 0.5, angle: 0.2, vx: 3.0, ..State::default() };
         let step = 0.5 * 10.0 * 0.5f64.exp();
-        let places = search.places((100, 60), &estimate, 0, EXTENT).to_vec();
+        let places = search.places((100, 60), &estimate, EXTENT).to_vec();
         for (x, y) in [(0.0, 0.0), (99.0, 0.0), (0.0, 59.0), (99.0, 59.0), (50.0, 30.0)] {
             let near = |p: &State| (p.x - x).abs() <= step && (p.y - y).abs() <= step;
             assert!(places.iter().any(near), "no place near ({x}, {y})");
         }
         assert!(places.iter().all(|p| (p.log_scale, p.angle, p.vx) == (0.5, 0.2, 0.0)));
         let tiny = State { log_scale: -8.0, ..State::default() };
-        assert!(
-            search.places((4000, 3000), &tiny, 0, EXTENT).len() <= 10_300,
-            "a small target does not make it endless"
-        );
+        assert!(search.places((4000, 3000), &tiny, EXTENT).len() <= 10_300, "a small target does not make it endless");
     }
 
     #[test]
     fn a_share_starts_again_where_it_fits() {
         let mut search = Search { places: 2, ..Search::default() };
-        let n = search.places((100, 60), &State::default(), 0, EXTENT).len();
+        let n = search.places((100, 60), &State::default(), EXTENT).len();
         let at = search.states[7];
         let fresh = search.clone();
         let streams = Streams::new(1, 0).at(8, Purpose::Search);
         let mut particles = vec![State { x: -1.0, ..State::default() }; 10];
         let mut log_likelihood = vec![-11.0; n];
-        search.restart(&log_likelihood, PROMISE.on, PROMISE, EXTENT, &mut particles, streams);
+        search.restart(&log_likelihood, PROMISE, EXTENT, &mut particles, streams);
         assert!(particles.iter().all(|p| p.x == -1.0), "nothing fits, nothing starts again");
         search = fresh;
         log_likelihood[7] = -2.5;
         log_likelihood[8] = f64::NAN;
-        search.restart(&log_likelihood, PROMISE.on, PROMISE, EXTENT, &mut particles, streams);
+        search.restart(&log_likelihood, PROMISE, EXTENT, &mut particles, streams);
         assert!(particles[..7].iter().all(|p| p.x == -1.0));
         // 1.5 px of spread: three draws beyond 5 deviations have a probability below 1e-5, and the seed is fixed.
         assert!(particles[7..].iter().all(|p| (p.x - at.x).hypot(p.y - at.y) < 7.5 * 2f64.sqrt()));
