@@ -76,6 +76,9 @@ struct Stored<'a, R> {
 /// Follows the target of a video.
 pub type Following<R> = dyn Fn(&dyn Drawn, &mut Tracker) -> Result<R> + Sync;
 
+/// Does a job: its run, and the text of its file.
+pub type Making<'a, J, R> = dyn Fn(&J) -> Result<(R, Vec<u8>)> + Sync + 'a;
+
 /// What an experiment keeps of one tracker on one video.
 pub trait Kept: Serialize + DeserializeOwned + Clone + Send {
     /// Whether it could be that of a video of so many frames: a check of what was read from a file.
@@ -141,7 +144,7 @@ impl Store {
         jobs: &[J],
         frames: &(dyn Fn(&J) -> usize + Sync),
         key: &(dyn Fn(&J) -> String + Sync),
-        make: &(dyn Fn(&J) -> Result<(R, Vec<u8>)> + Sync),
+        make: &Making<'_, J, R>,
     ) -> Result<Vec<Option<R>>> {
         let folder = &self.folder;
         std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot create the folder for finished runs"))?;

@@ -83,14 +83,18 @@ fn short(line: &Line, unit: &str) -> String {
     format!("{:.2} {unit}, {:.0} % lost", line.tally.mean, 100.0 * line.tally.lost)
 }
 
-/// One table for each scene: means, medians, lost, differences.
+/// One table for each scene: means, medians, lost, differences; which settings a line has, where they differ.
 pub fn table(results: &Results) -> String {
     let unit = unit(results);
+    let mixed = results.lines.iter().any(|l| l.group != Group::Recommended);
+    let settings = |text: &str| if mixed { format!(" {text} |") } else { String::new() };
     let mut out = String::new();
     for scene in results.scenes() {
         out += &format!(
-            "{scene}, {} videos a line:\n\n| settings | line | mean {unit} | median {unit} | lost | difference | from |\n| --- | --- | --- | --- | --- | --- | --- |\n",
-            results.lines.iter().find(|l| l.scene == scene).map_or(0, |l| l.tally.videos)
+            "{scene}, {} videos a line:\n\n|{} line | mean {unit} | median {unit} | lost | difference | from |\n|{} --- | --- | --- | --- | --- | --- |\n",
+            results.lines.iter().find(|l| l.scene == scene).map_or(0, |l| l.tally.videos),
+            settings("settings"),
+            settings("---"),
         );
         for line in results.lines.iter().filter(|l| l.scene == scene) {
             let t = &line.tally;
@@ -99,8 +103,8 @@ pub fn table(results: &Results) -> String {
                 _ => (String::new(), ""),
             };
             out += &format!(
-                "| {} | {} | {:.2} [{:.2}, {:.2}] | {:.2} | {:.0} % | {difference} | {from} |\n",
-                line.group.title(),
+                "|{} {} | {:.2} [{:.2}, {:.2}] | {:.2} | {:.0} % | {difference} | {from} |\n",
+                settings(line.group.title()),
                 line.name,
                 t.mean,
                 t.interval[0],
