@@ -13,6 +13,7 @@ use crate::control::{
     Autoregressive, Concentration, LogConcentration, Prior, Resampling, Reward, Search, VarianceReduction, Vigilance,
 };
 use crate::identity::calibrate::Calibration;
+use crate::identity::discriminant;
 use crate::identity::distance;
 use crate::identity::encoder::{Encoder, Precision};
 use crate::identity::gaze_appearance::{GazeAppearance, Sharpness};
@@ -65,6 +66,9 @@ pub struct Config {
     /// d and how sharply it counts.
     #[serde(deserialize_with = "in_range")]
     pub likelihood: LikelihoodConfig,
+    /// What tells the target from what is around it, learned while tracking; not at all unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub discriminant: Option<discriminant::Settings>,
     /// πₜ.
     #[serde(deserialize_with = "in_range")]
     pub policy: PolicyConfig,
@@ -127,6 +131,12 @@ pub enum EncoderConfig {
         #[serde(default)]
         precision: Precision,
     },
+    /// Gradients (prototype).
+    Oriented {
+        /// Weights of gradients, grey and colour.
+        #[serde(default = "weights")]
+        weights: [f32; 3],
+    },
     /// The glimpse itself.
     Raw {
         /// Whether its mean is taken out and its contrast brought to 1.
@@ -184,6 +194,10 @@ impl Default for RewardConfig {
 
 fn yes() -> bool {
     true
+}
+
+fn weights() -> [f32; 3] {
+    [0.6, 0.2, 0.2]
 }
 
 fn one() -> f64 {
@@ -253,6 +267,10 @@ impl Blueprint {
             sharpness(&c.likelihood)?,
         )?
         .dimming(c.likelihood.dim_familiar);
+        let appearance = match c.discriminant {
+            Some(settings) => appearance.discriminating(settings),
+            None => appearance,
+        };
         let parts = Parts {
             proposal: Box::new(Prior::new(Arc::new(*dynamics)).walls(c.walls)),
             policy: self.shadowed(policy(&c.policy)?),

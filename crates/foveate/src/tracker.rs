@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::control::{Belief, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Vigilance, normalize};
+use crate::control::{Belief, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Vigilance, normalize, rivals};
 use crate::gaze::{Context, Plan, Policy};
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::identity::{Appearance, Percept};
@@ -70,6 +70,7 @@ pub(crate) struct Work {
     pub ancestors: Vec<usize>,
     pub percept: Percept,
     pub search: Vec<f64>,
+    pub rivals: Vec<State>,
 }
 
 impl Tracker {
@@ -168,6 +169,12 @@ impl Tracker {
         parts.appearance.perceive(&estimate, w.plan.chosen(), &mut w.percept);
         if let Some(recognizer) = &mut parts.recognizer {
             recognizer.look(image, &estimate, target.extent, context, &mut streams.at(*frame, Recognize).rng(0));
+        }
+
+        // Adapt: what tells the target from what is around it, while there is no doubt that this is it.
+        if parts.appearance.adapts() && !watch.lost {
+            rivals(&w.predicted, &w.log_posterior, &estimate, target.extent, &mut w.rivals);
+            parts.appearance.adapt(image, &estimate, &w.rivals, watch.surprise);
         }
 
         // Select. Children of heavy particles start the next frame.

@@ -27,6 +27,12 @@ pub(super) fn first_layer(
     base: &Path,
 ) -> Result<(Foveal, Arc<dyn Encoder>)> {
     match encoder {
+        EncoderConfig::Oriented { weights } => {
+            let config = given.ok_or_else(|| Error::Config("oriented needs a retina".into()))?;
+            let retina = Foveal::new(config)?;
+            let encoder = crate::identity::oriented::Oriented::new(&channels(&retina), *weights)?;
+            Ok((retina, Arc::new(encoder)))
+        }
         EncoderConfig::Raw { standardise } => {
             let config = given.ok_or_else(|| {
                     Error::Config("a raw encoder needs a retina; for example [retina] kind = \"foveal\", side = 28, rings = [[8, 1], [16, 2], [24, 4]]".into())

@@ -4,6 +4,7 @@ use serde::{Deserialize, Deserializer};
 
 use super::{Config, DynamicsConfig, LikelihoodConfig, PolicyConfig, RetinaConfig, RewardConfig};
 use crate::control::{Resampling, Search, Vigilance};
+use crate::identity::discriminant;
 use crate::identity::distance::Kind;
 use crate::identity::retina::Foveal;
 use crate::start::StartSpread;
@@ -45,6 +46,7 @@ impl Ranges for Config {
         self.reward.ranges()?;
         self.vigilance.ranges()?;
         self.recogniser.ranges()?;
+        self.discriminant.ranges()?;
         self.search.ranges()
     }
 }
@@ -64,6 +66,12 @@ impl Ranges for StartSpread {
 impl Ranges for Vigilance {
     fn ranges(&self) -> Result<()> {
         self.check()
+    }
+}
+
+impl Ranges for Option<discriminant::Settings> {
+    fn ranges(&self) -> Result<()> {
+        self.as_ref().map_or(Ok(()), discriminant::Settings::check)
     }
 }
 

@@ -57,6 +57,11 @@ pub struct Autoregressive {
     pub angle_pull: f64,
     /// Standard deviation of the angle's noise, radians.
     pub angle: f64,
+    /// Share of the states that leap: their noises of position, scale and angle are `leap` times as large. Of heavy tails
+    /// are the jerks of cameras held in a hand, and of things thrown.
+    pub leaps: f64,
+    /// How many times as large, 1 to 100.
+    pub leap: f64,
 }
 
 impl Default for Autoregressive {
@@ -71,6 +76,8 @@ impl Default for Autoregressive {
             log_scale: 0.01,
             angle_pull: 0.9,
             angle: 0.0,
+            leaps: 0.0,
+            leap: 5.0,
         }
     }
 }
@@ -84,11 +91,14 @@ impl Autoregressive {
                 return Err(Error::Config(format!("dynamics.{name} is a standard deviation, 0 or more; it is {sd}")));
             }
         }
-        let shares = [self.damping, self.scale_pull, self.angle_pull];
-        for (name, share) in ["damping", "scale_pull", "angle_pull"].into_iter().zip(shares) {
+        let shares = [self.damping, self.scale_pull, self.angle_pull, self.leaps];
+        for (name, share) in ["damping", "scale_pull", "angle_pull", "leaps"].into_iter().zip(shares) {
             if !(0.0..=1.0).contains(&share) {
                 return Err(Error::Config(format!("dynamics.{name} is a share, from 0 to 1; it is {share}")));
             }
+        }
+        if !(1.0..=100.0).contains(&self.leap) {
+            return Err(Error::Config(format!("dynamics.leap is a factor, from 1 to 100; it is {}", self.leap)));
         }
         Ok(())
     }
@@ -130,6 +140,13 @@ impl Autoregressive {
     }
 }
 
+impl Autoregressive {
+    /// The noises of a state that leaps.
+    fn leaping(&self, [velocity, position, shape]: Noise) -> Noise {
+        [velocity, position.map(|x| self.leap * x), shape.map(|x| self.leap * x)]
+    }
+}
+
 impl Dynamics for Autoregressive {
     fn sized(&self, unit: f64) -> Arc<dyn Dynamics> {
         Arc::new(self.scaled(unit))
@@ -137,7 +154,9 @@ impl Dynamics for Autoregressive {
 
     fn sample(&self, previous: &State, rng: &mut Rng) -> State {
         let mut pair = || [rng.sample(StandardNormal), rng.sample(StandardNormal)];
-        self.step(previous, [pair(), pair(), pair()])
+        let noise = [pair(), pair(), pair()];
+        let leaps = self.leaps > 0.0 && rng.random::<f64>() < self.leaps;
+        self.step(previous, if leaps { self.leaping(noise) } else { noise })
     }
 
     fn sample_each(&self, previous: &[State], next: &mut [State], rng: &mut Rng) {
@@ -154,19 +173,33 @@ impl Dynamics for Autoregressive {
                     stream.fill(noise.as_flattened_mut());
                 }
             }
+            // Every so many leap, from a random one on: each with the same probability, and always about as many.
+            let mut turn = if self.leaps > 0.0 { rng.random::<f64>() } else { 0.0 };
             for i in 0..previous.len().min(next.len()).min(BATCH) {
-                next[i] = self.step(&previous[i], [velocity[i], position[i], shape[i]]);
+                let noise = [velocity[i], position[i], shape[i]];
+                turn += self.leaps;
+                let leaps = turn >= 1.0;
+                turn -= f64::from(u8::from(leaps));
+                next[i] = self.step(&previous[i], if leaps { self.leaping(noise) } else { noise });
             }
         }
     }
 
     fn log_density(&self, next: &State, previous: &State) -> f64 {
-        log_normal(next.vx, self.damping * previous.vx, self.velocity)
-            + log_normal(next.vy, self.damping * previous.vy, self.velocity)
-            + log_normal(next.x, previous.x + next.vx, self.position)
-            + log_normal(next.y, previous.y + next.vy, self.position)
-            + log_normal(next.log_scale, self.scale_pull * previous.log_scale, self.log_scale)
-            + log_normal(next.angle, self.angle_pull * previous.angle, self.angle)
+        let of_speed = log_normal(next.vx, self.damping * previous.vx, self.velocity)
+            + log_normal(next.vy, self.damping * previous.vy, self.velocity);
+        let of_rest = |factor: f64| {
+            log_normal(next.x, previous.x + next.vx, factor * self.position)
+                + log_normal(next.y, previous.y + next.vy, factor * self.position)
+                + log_normal(next.log_scale, self.scale_pull * previous.log_scale, factor * self.log_scale)
+                + log_normal(next.angle, self.angle_pull * previous.angle, factor * self.angle)
+        };
+        let [steps, leaps] = [(1.0 - self.leaps).ln() + of_rest(1.0), self.leaps.ln() + of_rest(self.leap)];
+        let most = steps.max(leaps);
+        if most == f64::NEG_INFINITY {
+            return most;
+        }
+        of_speed + most + ((steps - most).exp() + (leaps - most).exp()).ln()
     }
 }
 
@@ -183,6 +216,8 @@ mod tests {
         log_scale: 0.02,
         angle_pull: 1.0,
         angle: 0.1,
+        leaps: 0.0,
+        leap: 3.0,
     };
     const FROM: State = State { x: 10.0, y: -5.0, vx: 2.0, vy: 1.0, log_scale: 0.2, angle: 0.5 };
 

@@ -8,6 +8,7 @@ mod dynamics;
 mod proposal;
 mod resampling;
 mod reward;
+mod rivals;
 mod search;
 mod vigilance;
 
@@ -15,6 +16,7 @@ pub use self::dynamics::{Autoregressive, Dynamics};
 pub use self::proposal::{CHUNK, Prior, Proposal};
 pub use self::resampling::{Resampling, Scheme};
 pub use self::reward::{Concentration, LogConcentration, Reward, VarianceReduction};
+pub use self::rivals::rivals;
 pub use self::search::{REFINEMENTS, Search};
 pub use self::vigilance::{Promise, Vigilance, Watch};
 
