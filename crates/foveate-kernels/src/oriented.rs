@@ -33,16 +33,8 @@ fn oriented_body<const V: u8>(patch: &[f32], blocks: usize, out: &mut [f32]) {
 #[inline(always)]
 fn histograms<const V: u8, const WIDTH: usize>(patch: &[f32], blocks: usize, out: &mut [f32]) {
     const HALF: f32 = std::f32::consts::FRAC_1_SQRT_2;
-    const AT: [(f32, f32); DIRECTIONS] = [
-        (1.0, 0.0),
-        (HALF, HALF),
-        (0.0, 1.0),
-        (-HALF, HALF),
-        (-1.0, 0.0),
-        (-HALF, -HALF),
-        (0.0, -1.0),
-        (HALF, -HALF),
-    ];
+    const AT: [(f32, f32); DIRECTIONS] =
+        [(1.0, 0.0), (HALF, HALF), (0.0, 1.0), (-HALF, HALF), (-1.0, 0.0), (-HALF, -HALF), (0.0, -1.0), (HALF, -HALF)];
     let (n, side) = (BLOCK * blocks, BLOCK * blocks + 2);
     let (histograms, sums_of_four) = out.split_at_mut(DIRECTIONS * blocks * blocks);
     for block in 0..blocks {
@@ -74,6 +66,50 @@ fn histograms<const V: u8, const WIDTH: usize>(patch: &[f32], blocks: usize, out
                 let s = &sums[column * BLOCK..][..BLOCK];
                 *out = (s[0] + s[1]) + (s[2] + s[3]);
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Level, sums::tests::values};
+
+    #[test]
+    fn agree_with_the_twin() {
+        for blocks in [1, 3, 4, 5, 8] {
+            let side = 4 * blocks + 2;
+            let patch = values(side * side, 1);
+            let at = |x: usize, y: usize| f64::from(patch[y * side + x]);
+            for level in Level::all() {
+                let mut out = vec![f32::NAN; 12 * blocks * blocks];
+                oriented_at(level, &patch, blocks, &mut out);
+                let mut exact = vec![0.0; out.len()];
+                for (y, x) in (0..4 * blocks).flat_map(|y| (0..4 * blocks).map(move |x| (y, x))) {
+                    let (gx, gy) = (at(x + 2, y + 1) - at(x, y + 1), at(x + 1, y + 2) - at(x + 1, y));
+                    for k in 0..DIRECTIONS {
+                        let (sin, cos) = (std::f64::consts::FRAC_PI_4 * k as f64).sin_cos();
+                        let along = gx * cos + gy * sin - gx.hypot(gy) * std::f64::consts::FRAC_1_SQRT_2;
+                        exact[(y / BLOCK * blocks + x / BLOCK) * DIRECTIONS + k] += along.max(0.0);
+                    }
+                    exact[DIRECTIONS * blocks * blocks + y / 2 * (2 * blocks) + x / 2] += at(x + 1, y + 1);
+                }
+                for (out, exact) in out.iter().zip(&exact) {
+                    assert!((f64::from(*out) - exact).abs() < 2e-5, "{level:?}: {out} is not {exact}");
+                }
+            }
+        }
+    }
+
+    /// A ramp has the gradient of its slope, in one direction.
+    #[test]
+    fn a_ramp_points_one_way() {
+        let patch: Vec<f32> = (0..100).map(|i| (i % 10) as f32 * 0.1).collect();
+        let mut out = [0.0; 48];
+        oriented(&patch, 2, &mut out);
+        for block in out[..32].chunks(DIRECTIONS) {
+            assert!((block[0] - 16.0 * 0.2 * (1.0 - std::f32::consts::FRAC_1_SQRT_2)).abs() < 1e-5, "{block:?}");
+            assert!(block[2..7].iter().all(|&other| other == 0.0), "{block:?}");
         }
     }
 }

@@ -17,6 +17,7 @@ use crate::identity::discriminant;
 use crate::identity::distance;
 use crate::identity::encoder::{Encoder, Precision};
 use crate::identity::gaze_appearance::{GazeAppearance, Sharpness};
+use crate::identity::oriented;
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
 use crate::rbm::factored::Units;
 use crate::start::StartSpread;
@@ -131,11 +132,11 @@ pub enum EncoderConfig {
         #[serde(default)]
         precision: Precision,
     },
-    /// Gradients (prototype).
+    /// Gradients in eight directions, grey and colour of a retina of one ring.
     Oriented {
-        /// Weights of gradients, grey and colour.
-        #[serde(default = "weights")]
-        weights: [f32; 3],
+        /// What each of them counts.
+        #[serde(default)]
+        weights: oriented::Weights,
     },
     /// The glimpse itself.
     Raw {
@@ -194,10 +195,6 @@ impl Default for RewardConfig {
 
 fn yes() -> bool {
     true
-}
-
-fn weights() -> [f32; 3] {
-    [0.6, 0.2, 0.2]
 }
 
 fn one() -> f64 {
@@ -327,6 +324,9 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("printed", include_str!("../../../configs/printed.toml")),
     ("authors", include_str!("../../../configs/authors.toml")),
     ("natural", include_str!("../../../configs/natural.toml")),
+    ("natural-fast", include_str!("../../../configs/natural-fast.toml")),
+    ("natural-accurate", include_str!("../../../configs/natural-accurate.toml")),
+    ("natural-raw", include_str!("../../../configs/natural-raw.toml")),
     ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),
     ("natural-mcrbm", include_str!("../../../configs/natural-mcrbm.toml")),
     ("natural-autoencoder", include_str!("../../../configs/natural-autoencoder.toml")),

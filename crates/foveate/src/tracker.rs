@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::control::{Belief, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Vigilance, normalize, rivals};
+use crate::control::{
+    Belief, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Vigilance, normalize, rivals,
+};
 use crate::gaze::{Context, Plan, Policy};
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::identity::{Appearance, Percept};

@@ -35,6 +35,9 @@ pub struct Args {
     /// A configuration file, or the name of one that ships with the program (natural, digits, ...); natural if left out
     #[arg(long, short, value_name = "FILE|NAME")]
     config: Option<String>,
+    /// How much time a frame may take, where no configuration is given
+    #[arg(long, value_enum, conflicts_with = "config")]
+    profile: Option<Profile>,
     /// Seed of all random numbers: the same seed gives the same track. Left out, the configuration's seed is taken
     #[arg(long)]
     seed: Option<u64>,
@@ -68,6 +71,27 @@ pub struct Args {
     /// Leave out trace.jsonl
     #[arg(long)]
     no_trace: bool,
+}
+
+/// Configurations for real video, by the time they take.
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+pub enum Profile {
+    /// Thousands of frames a second: natural-fast
+    Fast,
+    /// What is taken unless told otherwise: natural
+    Balanced,
+    /// Some hundred frames a second: natural-accurate
+    Accurate,
+}
+
+/// The configuration asked for by name or by profile; `natural` unless told otherwise.
+pub fn config_name(config: Option<&str>, profile: Option<Profile>) -> &str {
+    match (config, profile) {
+        (Some(name), _) => name,
+        (None, Some(Profile::Fast)) => "natural-fast",
+        (None, Some(Profile::Accurate)) => "natural-accurate",
+        (None, Some(Profile::Balanced) | None) => "natural",
+    }
 }
 
 /// Where the first box comes from.
@@ -178,7 +202,7 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
 }
 
 pub fn run(args: Args) -> Result<()> {
-    let name = args.config.as_deref().unwrap_or("natural");
+    let name = config_name(args.config.as_deref(), args.profile);
     let mut blueprint = blueprint(name)?;
     if let Some(model) = &args.recognise {
         blueprint = blueprint.recognising(RecogniserConfig::multi_fixation(model), Path::new("."))?;

@@ -7,6 +7,7 @@ use super::{Config, EncoderConfig, RetinaConfig};
 use crate::autoencoder::Autoencoder;
 use crate::identity::encoder::{Encoder, Raw, RbmEncoder};
 use crate::identity::factored::FactoredEncoder;
+use crate::identity::oriented::Oriented;
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
 use crate::rbm::factored::FactoredRbm;
 use crate::rbm::{Metadata, Rbm};
@@ -28,9 +29,11 @@ pub(super) fn first_layer(
 ) -> Result<(Foveal, Arc<dyn Encoder>)> {
     match encoder {
         EncoderConfig::Oriented { weights } => {
-            let config = given.ok_or_else(|| Error::Config("oriented needs a retina".into()))?;
+            let config = given.ok_or_else(|| {
+                Error::Config("an oriented encoder needs a retina; for example [retina] kind = \"foveal\", side = 16, rings = [[18, 1]], colour = [[16, 4]]".into())
+            })?;
             let retina = Foveal::new(config)?;
-            let encoder = crate::identity::oriented::Oriented::new(&channels(&retina), *weights)?;
+            let encoder = Oriented::new(&channels(&retina), *weights)?;
             Ok((retina, Arc::new(encoder)))
         }
         EncoderConfig::Raw { standardise } => {

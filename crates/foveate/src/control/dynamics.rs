@@ -38,6 +38,9 @@ pub trait Dynamics: Send + Sync {
 /// angle'     = angle_pull · angle + turn · n
 /// ```
 /// Lengths are in pixels, or in template units where a configuration gives them, to be [`Dynamics::sized`].
+/// A share `leaps` of the states has the noises of position, scale and angle `leap` times as large: a mixture of two normals,
+/// of heavy tails.
+///
 /// A standard deviation of 0 makes its component follow from the others. The density is then one over the
 /// remaining components, and −∞ (a probability of none) where the component does not follow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,10 +60,9 @@ pub struct Autoregressive {
     pub angle_pull: f64,
     /// Standard deviation of the angle's noise, radians.
     pub angle: f64,
-    /// Share of the states that leap: their noises of position, scale and angle are `leap` times as large. Of heavy tails
-    /// are the jerks of cameras held in a hand, and of things thrown.
+    /// Share of the states that leap, for cameras held in a hand: 0 to 1.
     pub leaps: f64,
-    /// How many times as large, 1 to 100.
+    /// How many times as large their noises of position, scale and angle are, 1 to 100.
     pub leap: f64,
 }
 
@@ -230,6 +232,7 @@ mod tests {
             Autoregressive { angle: 0.0, log_scale: 0.0, ..ALL },
             Autoregressive { velocity: 0.0, position: 0.0, log_scale: 0.0, angle: 0.0, ..ALL },
             Autoregressive::default(),
+            Autoregressive { leaps: 0.2, ..ALL },
         ] {
             conformance::dynamics(&dynamics, &FROM);
         }
@@ -269,6 +272,13 @@ mod tests {
         let volume: f64 = [0.7, 0.7, 0.4, 0.4, 0.02, 0.1].iter().product();
         let exact = -0.5 - 2.0 - volume.ln() - 3.0 * std::f64::consts::TAU.ln();
         assert!((ALL.log_density(&next, &FROM) - exact).abs() < 1e-12);
+        // One that leaps has a density of a mixture, of the other four components.
+        let leaping = Autoregressive { leaps: 0.25, ..ALL };
+        let far = |factor: f64| {
+            -0.5 - 2.0 / factor.powi(2) - 4.0 * factor.ln() - volume.ln() - 3.0 * std::f64::consts::TAU.ln()
+        };
+        let mixture = (0.75 * far(1.0).exp() + 0.25 * far(ALL.leap).exp()).ln();
+        assert!((leaping.log_density(&next, &FROM) - mixture).abs() < 1e-12);
         let still = Autoregressive { angle: 0.0, ..ALL };
         assert_eq!(still.log_density(&State { angle: 0.6, ..next }, &FROM), f64::NEG_INFINITY);
     }
@@ -280,6 +290,8 @@ mod tests {
             (Autoregressive { velocity: -1.0, ..ALL }, "velocity"),
             (Autoregressive { angle: f64::NAN, ..ALL }, "dynamics.angle "),
             (Autoregressive { damping: 1.1, ..ALL }, "damping"),
+            (Autoregressive { leaps: 1.1, ..ALL }, "leaps"),
+            (Autoregressive { leap: 0.5, ..ALL }, "leap "),
         ] {
             let message = bad.check().expect_err("out of range").to_string();
             assert!(message.contains(name), "{message}");

@@ -8,17 +8,17 @@
 //! ```
 //! and a few steps of conjugate gradients a frame, from the last w on, follow its solution.
 //!
-//! Not in the paper, whose template is the first frame for ever. Correlation filters learn the same from all shifts at
-//! once (Henriques et al., 2015); glimpses have no shifts to exploit, and need no windows and no resizing either.
+//! Deviation: the paper's template is the first frame for ever. Correlation filters learn the same from all shifts at
+//! once (Henriques et al., 2015); glimpses, foveated and turned, are no shifts of each other.
 
 use base64::Engine as _;
 use foveate_kernels as kernels;
 use serde::{Deserialize, Serialize};
 
-use crate::geometry::{Extent, State};
+use crate::geometry::{Extent, Gaze, State};
 use crate::{Error, Result};
 
-/// Settings of the discriminant.
+/// Settings of the discriminant. It needs a gaze at the centre; other gazes are compared with the template alone.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
@@ -40,7 +40,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { share: 0.5, rate: 0.05, first: 0.3, ridge: 0.003, spread: 0.2, log_scale: 0.1, surprise: 0.5 }
+        Self { share: 0.5, rate: 0.1, first: 0.5, ridge: 0.003, spread: 0.2, log_scale: 0.1, surprise: 0.5 }
     }
 }
 
@@ -70,6 +70,8 @@ impl Settings {
 const RINGS: [f64; 6] = [0.12, 0.2, 0.35, 0.6, 1.0, 1.7];
 /// Other sizes at the target: differences of log scale.
 const SIZES: [f64; 6] = [-0.2, -0.1, -0.05, 0.05, 0.1, 0.2];
+/// The most rivals that are learned from.
+const RIVALS: usize = 6;
 /// Steps of conjugate gradients on the first frame, and on each other.
 const STEPS: (usize, usize) = (30, 4);
 
@@ -99,16 +101,16 @@ pub struct Discriminant {
 impl Discriminant {
     /// Of features of length `n_h`. It knows nothing yet.
     pub fn new(settings: Settings, n_h: usize) -> Self {
-        let n = n_h + 1;
+        let (n, most) = (n_h + 1, 1 + RINGS.len() * 8 + SIZES.len() + RIVALS);
         let zeros = Sums { gram: vec![0.0; n * (n + 1) / 2], cross: vec![0.0; n] };
         Self {
             settings,
             first: zeros.clone(),
             recent: zeros.clone(),
             weights: vec![0.0; n],
-            places: vec![],
-            rows: vec![],
-            labels: vec![],
+            places: Vec::with_capacity(most),
+            rows: Vec::with_capacity(most * n),
+            labels: Vec::with_capacity(most),
             system: zeros,
             work: [vec![0.0; n], vec![0.0; n]],
         }
@@ -117,6 +119,11 @@ impl Discriminant {
     /// The settings it was made with.
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// Whether it has learned to judge what is seen at a gaze: the centre only.
+    pub fn knows(gaze: Gaze) -> bool {
+        gaze.u == 0.0 && gaze.v == 0.0
     }
 
     /// The distance that counts, of features whose distance from the template is given: 0 at the target, about 1 elsewhere.
@@ -139,7 +146,7 @@ impl Discriminant {
             }
         }
         places.extend(SIZES.map(|d| State { log_scale: state.log_scale + d, ..*state }));
-        places.extend(rivals);
+        places.extend(rivals.iter().take(RIVALS));
         labels.clear();
         labels.extend(places.iter().map(|place| {
             let (u, v) = ((place.x - state.x) / w / settings.spread, (place.y - state.y) / h / settings.spread);
@@ -227,4 +234,109 @@ fn decode(text: &str) -> Option<Vec<f32>> {
     let (values, rest) = bytes.as_chunks::<4>();
     let values: Vec<f32> = values.iter().map(|x| f32::from_le_bytes(*x)).collect();
     (rest.is_empty() && values.iter().all(|x| x.is_finite())).then_some(values)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Streams;
+    use rand::RngExt;
+
+    const N: usize = 7;
+    const EXTENT: Extent = Extent { half_w: 10.0, half_h: 20.0 };
+    const TARGET: State = State { x: 50.0, y: 40.0, vx: 0.0, vy: 0.0, log_scale: 0.1, angle: 0.0 };
+
+    /// Of random features at the places around the target, learned on so many frames.
+    fn learned(settings: Settings, frames: u64) -> Discriminant {
+        let mut it = Discriminant::new(settings, N - 1);
+        for frame in 0..frames {
+            let mut rng = Streams::new(4, 0).rng(frame);
+            it.look_around(&TARGET, EXTENT, &[State { x: 80.0, ..TARGET }]);
+            it.rows.iter_mut().for_each(|h| *h = rng.random::<f32>() - 0.5);
+            it.rows.chunks_exact_mut(N).for_each(|row| row[N - 1] = 1.0);
+            it.learn(frame == 0);
+        }
+        it
+    }
+
+    /// The solution by elimination, in f64, of sums made anew.
+    fn exact(settings: Settings, frames: u64) -> Vec<f64> {
+        let mut a = vec![[0.0; N + 1]; N];
+        for frame in 0..frames {
+            let now = learned(settings, frame + 1);
+            let age = (frames - 1 - frame) as i32;
+            let recent = (1.0 - settings.rate).powi(age) * if frame == 0 { 1.0 } else { settings.rate };
+            let weight = (1.0 - settings.first) * recent + if frame == 0 { settings.first } else { 0.0 };
+            for (row, label) in now.rows.chunks_exact(N).zip(&now.labels) {
+                for i in 0..N {
+                    for j in 0..N {
+                        a[i][j] += weight * f64::from(row[i]) * f64::from(row[j]);
+                    }
+                    a[i][N] += weight * f64::from(row[i]) * f64::from(*label);
+                }
+            }
+        }
+        (0..N).for_each(|i| a[i][i] += settings.ridge);
+        for i in 0..N {
+            for k in (0..N).filter(|k| *k != i) {
+                let factor = a[k][i] / a[i][i];
+                for j in i..=N {
+                    a[k][j] -= factor * a[i][j];
+                }
+            }
+        }
+        (0..N).map(|i| a[i][N] / a[i][i]).collect()
+    }
+
+    /// Conjugate gradients find the ridge regression that elimination finds. Few features, so that four steps suffice.
+    #[test]
+    fn it_is_ridge_regression() {
+        let settings = Settings { ridge: 0.5, rate: 0.3, first: 0.4, ..Settings::default() };
+        for (frames, within) in [(1, 1e-4), (4, 0.02)] {
+            let it = learned(settings, frames);
+            for (w, exact) in it.weights.iter().zip(exact(settings, frames)) {
+                assert!((f64::from(*w) - exact).abs() < within, "{frames} frames: {w} is not {exact}");
+            }
+        }
+    }
+
+    #[test]
+    fn labels_say_how_near_a_place_is() {
+        let it = learned(Settings::default(), 1);
+        assert_eq!((it.places[0], it.labels[0]), (TARGET, 1.0));
+        let one_deviation = (-0.5f32).exp();
+        let (w, h) = (EXTENT.half_w * TARGET.log_scale.exp(), EXTENT.half_h * TARGET.log_scale.exp());
+        for (place, label) in it.places.iter().zip(&it.labels) {
+            let (u, v, s) = ((place.x - TARGET.x) / w, (place.y - TARGET.y) / h, place.log_scale - TARGET.log_scale);
+            assert!((u.hypot(v) - 0.2).abs() > 1e-9 || (label - one_deviation).abs() < 1e-6);
+            assert!((s.abs() - 0.1).abs() > 1e-9 || (label - one_deviation).abs() < 1e-6);
+        }
+        assert_eq!(it.places.last().map(|rival| rival.x), Some(80.0));
+        assert!(it.labels.last().is_some_and(|label| *label < 1e-9), "a rival is not the target");
+    }
+
+    #[test]
+    fn what_was_learned_is_kept() {
+        let it = learned(Settings::default(), 3);
+        let mut other = Discriminant::new(Settings::default(), N - 1);
+        other.load(&it.save()).expect("it was saved");
+        assert_eq!((&other.weights, &other.recent, &other.first), (&it.weights, &it.recent, &it.first));
+        let mut wider = Discriminant::new(Settings::default(), N);
+        let said = wider.load(&it.save()).expect_err("another width").to_string();
+        assert!(said.contains("28 numbers where this tracker has 36"), "{said}");
+        assert!(wider.load(&serde_json::json!([1, 2])).is_err());
+        assert!(wider.load(&serde_json::json!(["?", "", "", "", ""])).is_err());
+    }
+
+    #[test]
+    fn settings_are_checked() {
+        assert!(Settings::default().check().is_ok());
+        for (bad, name) in [
+            (Settings { share: 1.1, ..Settings::default() }, "share"),
+            (Settings { ridge: 0.0, ..Settings::default() }, "ridge"),
+            (Settings { rate: f64::NAN, ..Settings::default() }, "rate"),
+        ] {
+            assert!(bad.check().expect_err("out of range").to_string().contains(name));
+        }
+    }
 }

@@ -140,7 +140,7 @@ impl GazeAppearance {
         let (retina, encoder) = (&*self.retina, &*self.encoder);
         let (pyramid, distance, extent) = (&self.pyramid, self.distance, self.kept().extent);
         let rows = rayon::current_num_threads().min(states.len().div_ceil(CHUNK)) * CHUNK;
-        let discriminant = self.discriminant.as_ref();
+        let discriminant = self.discriminant.as_ref().filter(|_| Discriminant::knows(gaze));
         let Scratch { glimpses, features, template, .. } = &mut self.scratch;
         let template = &template[..];
         let one = |states: &[State], out: &mut [f64], glimpses: &mut [f32], features: &mut [f32]| {
@@ -347,7 +347,11 @@ impl Appearance for GazeAppearance {
         match (&mut self.discriminant, &saved.discriminant) {
             (Some(it), Some(saved)) => it.load(saved)?,
             (None, None) => (),
-            _ => return Err(bad("it, or this tracker, has no discriminant; use the configuration it was saved with".into())),
+            _ => {
+                return Err(bad(
+                    "it, or this tracker, has no discriminant; use the configuration it was saved with".into()
+                ));
+            }
         }
         let Saved { state, extent, sharpness, expectation, .. } = saved;
         self.keep(Kept { image, state, extent, sharpness, expectation });
