@@ -38,7 +38,7 @@ pub trait Dynamics: Send + Sync {
 /// angle'     = angle_pull · angle + turn · n
 /// ```
 /// Lengths are in pixels, or in template units where a configuration gives them, to be [`Dynamics::sized`].
-/// A share `leaps` of the states has the noises of position, scale and angle `leap` times as large: a mixture of two normals,
+/// Deviation: a share `leaps` of the states has the noises of position, scale and angle `leap` times as large: a mixture of two normals,
 /// of heavy tails.
 ///
 /// A standard deviation of 0 makes its component follow from the others. The density is then one over the
