@@ -115,6 +115,7 @@ fn parts(precision: Precision, rng: &mut Rng) -> Result<Parts> {
         log_scale: 0.01,
         angle_pull: 1.0,
         angle: 0.02,
+        ..Autoregressive::default()
     };
     let retina = Foveal::new(FovealConfig { side: SIDE, rings: vec![[12, 1], [24, 3], [48, 6]], colour: vec![] })?;
     let n_v = retina.glimpse_len();

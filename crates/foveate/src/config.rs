@@ -14,9 +14,11 @@ use crate::control::{
     VarianceReduction, Vigilance,
 };
 use crate::identity::calibrate::Calibration;
+use crate::identity::discriminant;
 use crate::identity::distance;
 use crate::identity::encoder::{Encoder, Precision};
 use crate::identity::gaze_appearance::{GazeAppearance, Sharpness};
+use crate::identity::oriented;
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
 use crate::rbm::factored::Units;
 use crate::start::StartSpread;
@@ -81,6 +83,9 @@ pub struct Config {
     /// d and how sharply it counts.
     #[serde(deserialize_with = "in_range")]
     pub likelihood: LikelihoodConfig,
+    /// What tells the target from what is around it, learned while tracking; not at all unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub discriminant: Option<discriminant::Settings>,
     /// πₜ.
     #[serde(deserialize_with = "in_range")]
     pub policy: PolicyConfig,
@@ -160,6 +165,12 @@ pub enum EncoderConfig {
         /// A filter counts for what its product with a whitened patch is above this: 0 unless given.
         #[serde(default)]
         threshold: f32,
+    },
+    /// Gradients in eight directions, grey and colour of a retina of one ring.
+    Oriented {
+        /// What each of them counts.
+        #[serde(default)]
+        weights: oriented::Weights,
     },
     /// The glimpse itself.
     Raw {
@@ -261,6 +272,13 @@ impl Config {
     /// Checks that numbers are in range and the parts fit, reading model files relative to `base`.
     pub fn check(self, base: &Path) -> Result<Blueprint> {
         self.ranges()?;
+        let DynamicsConfig::Autoregressive(motion) = &self.dynamics;
+        if matches!(self.proposal, ProposalConfig::Mixture(_)) && motion.leaps > 0.0 {
+            return Err(Error::Config(format!(
+                "proposal: a mixture with detections needs dynamics of normal noise; dynamics.leaps is {}, set it to 0",
+                motion.leaps
+            )));
+        }
         let (retina, encoder) = self.identity(base)?;
         let recogniser = self.recogniser.as_ref().map(|r| r.read(base)).transpose()?;
         let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![], recogniser };
@@ -291,6 +309,10 @@ impl Blueprint {
             sharpness(&c.likelihood)?,
         )?
         .dimming(c.likelihood.dim_familiar);
+        let appearance = match c.discriminant {
+            Some(settings) => appearance.discriminating(settings),
+            None => appearance,
+        };
         let parts = Parts {
             proposal: proposals::proposal(&c.proposal, *dynamics, c.walls),
             guide: c.guide,
@@ -353,6 +375,9 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("natural", include_str!("../../../configs/natural.toml")),
     ("many", include_str!("../../../configs/many.toml")),
     ("many-boxes", include_str!("../../../configs/many-boxes.toml")),
+    ("natural-fast", include_str!("../../../configs/natural-fast.toml")),
+    ("natural-accurate", include_str!("../../../configs/natural-accurate.toml")),
+    ("natural-raw", include_str!("../../../configs/natural-raw.toml")),
     ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),
     ("natural-mcrbm", include_str!("../../../configs/natural-mcrbm.toml")),
     ("natural-autoencoder", include_str!("../../../configs/natural-autoencoder.toml")),

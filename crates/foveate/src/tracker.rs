@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::control::{
     Belief, Confidence, Guide, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Shown, Sighting, Vigilance,
-    normalize,
+    normalize, rivals,
 };
 use crate::gaze::{Context, Plan, Policy};
 use crate::geometry::{BBox, Extent, Gaze, State};
@@ -82,6 +82,7 @@ pub(crate) struct Work {
     pub ancestors: Vec<usize>,
     pub percept: Percept,
     pub search: Vec<f64>,
+    pub rivals: Vec<State>,
 }
 
 impl Tracker {
@@ -203,6 +204,12 @@ impl Tracker {
         *context = Context { ess: ess / n as f64, doubt, surprise: watch.surprise, spread, lost };
         if let Some(recognizer) = &mut parts.recognizer {
             recognizer.look(image, &estimate, target.extent, context, &mut streams.at(*frame, Recognize).rng(0));
+        }
+
+        // Adapt: what tells the target from what is around it, while there is no doubt that this is it.
+        if parts.appearance.adapts() && judged && !watch.lost {
+            rivals(&w.predicted, &w.log_posterior, &estimate, target.extent, &mut w.rivals);
+            parts.appearance.adapt(image, &estimate, &w.rivals, watch.surprise);
         }
 
         // Select. Children of heavy particles start the next frame.

@@ -5,7 +5,7 @@ mod common;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use common::{INIT, POLICIES, blueprint, frame, random_recogniser, recognising};
+use common::{INIT, POLICIES, blueprint, frame, natural, random_recogniser, recognising};
 use foveate::config::{Blueprint, Config};
 use foveate::geometry::BBox;
 use foveate::scene::{Frame, Image, Scene};
@@ -76,6 +76,17 @@ fn a_step_allocates_nothing() {
             }
         }
     });
+}
+
+#[test]
+fn learning_while_tracking_allocates_nothing() {
+    for planes in [1, 3] {
+        let frames: Vec<Frame> = (0..FRAMES).map(|i| frame(i, planes)).collect();
+        alone(|| {
+            let counts = counts(&natural(150), &frames);
+            assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{planes} planes: {counts:?}");
+        });
+    }
 }
 
 #[test]

@@ -12,6 +12,8 @@ use foveate::run::{Follow, follow_with};
 use foveate::scene::open;
 use foveate::{Error, Result, files};
 
+use super::track::{self, Profile};
+
 /// Scores trackers on sequences whose true boxes are known (one-pass evaluation, as OTB does it).
 ///
 /// Without --results, foveate itself is run on every sequence, from the true box of frame 1, and scored; and so is what it
@@ -39,6 +41,9 @@ pub struct Args {
     /// The tracker to run: a configuration file, or the name of one that ships with the program (natural, digits, ...); natural if left out
     #[arg(long, value_name = "FILE|NAME", conflicts_with = "results")]
     pub config: Option<String>,
+    /// How much time a frame may take, where no configuration is given
+    #[arg(long, value_enum, conflicts_with_all = ["config", "results", "mot"])]
+    pub profile: Option<Profile>,
     /// First seed of the tracker to run
     #[arg(long, default_value_t = 1, conflicts_with = "results")]
     pub seed: u64,
@@ -59,7 +64,7 @@ pub fn run(args: Args) -> Result<()> {
     if args.mot {
         return many(&args);
     }
-    let blueprint = super::track::blueprint(args.config.as_deref().unwrap_or("natural"))?;
+    let blueprint = track::blueprint(track::config_name(args.config.as_deref(), args.profile))?;
     let judged: RefCell<Vec<Vec<Judged>>> = RefCell::new(vec![]);
     evaluate(&args, &|sequence, seed| {
         let mut tracker = blueprint.tracker(seed, 0)?;

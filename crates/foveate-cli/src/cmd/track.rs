@@ -39,6 +39,9 @@ pub struct Args {
     /// A configuration file, or the name of one that ships with the program (natural, digits, ...); natural if left out
     #[arg(long, short, value_name = "FILE|NAME")]
     config: Option<String>,
+    /// How much time a frame may take, where no configuration is given
+    #[arg(long, value_enum, conflicts_with = "config")]
+    profile: Option<Profile>,
     /// Seed of all random numbers: the same seed gives the same track. Left out, the configuration's seed is taken
     #[arg(long)]
     seed: Option<u64>,
@@ -72,6 +75,27 @@ pub struct Args {
     /// Leave out trace.jsonl
     #[arg(long)]
     no_trace: bool,
+}
+
+/// Configurations for real video, by the time they take.
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+pub enum Profile {
+    /// Thousands of frames a second: natural-fast
+    Fast,
+    /// What is taken unless told otherwise: natural
+    Balanced,
+    /// Some hundred frames a second: natural-accurate
+    Accurate,
+}
+
+/// The configuration asked for by name or by profile; `natural` unless told otherwise.
+pub fn config_name(config: Option<&str>, profile: Option<Profile>) -> &str {
+    match (config, profile) {
+        (Some(name), _) => name,
+        (None, Some(Profile::Fast)) => "natural-fast",
+        (None, Some(Profile::Accurate)) => "natural-accurate",
+        (None, Some(Profile::Balanced) | None) => "natural",
+    }
 }
 
 /// Where the first box comes from.
@@ -183,7 +207,10 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
 
 pub fn run(args: Args) -> Result<()> {
     let is_many = args.many.asked() || args.init.len() > 1;
-    let name = args.config.as_deref().unwrap_or(if is_many { args.many.config() } else { "natural" });
+    let name = match (&args.config, args.profile) {
+        (None, None) if is_many => args.many.config(),
+        (config, profile) => config_name(config.as_deref(), profile),
+    };
     let mut blueprint = blueprint(name)?;
     if let Some(model) = &args.recognise {
         blueprint = blueprint.recognising(RecogniserConfig::of_model(model, Path::new(".")), Path::new("."))?;

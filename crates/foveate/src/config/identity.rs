@@ -8,6 +8,7 @@ use crate::autoencoder::Autoencoder;
 use crate::identity::convolution::ConvolutionEncoder;
 use crate::identity::encoder::{Encoder, Raw, RbmEncoder};
 use crate::identity::factored::FactoredEncoder;
+use crate::identity::oriented::Oriented;
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
 use crate::kmeans::KMeans;
 use crate::rbm::factored::FactoredRbm;
@@ -29,6 +30,14 @@ pub(super) fn first_layer(
     base: &Path,
 ) -> Result<(Foveal, Arc<dyn Encoder>)> {
     match encoder {
+        EncoderConfig::Oriented { weights } => {
+            let config = given.ok_or_else(|| {
+                Error::Config("an oriented encoder needs a retina; for example [retina] kind = \"foveal\", side = 16, rings = [[18, 1]], colour = [[16, 4]]".into())
+            })?;
+            let retina = Foveal::new(config)?;
+            let encoder = Oriented::new(&channels(&retina), *weights)?;
+            Ok((retina, Arc::new(encoder)))
+        }
         EncoderConfig::Raw { standardise } => {
             let config = given.ok_or_else(|| {
                     Error::Config("a raw encoder needs a retina; for example [retina] kind = \"foveal\", side = 28, rings = [[8, 1], [16, 2], [24, 4]]".into())

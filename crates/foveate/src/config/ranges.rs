@@ -4,6 +4,7 @@ use serde::{Deserialize, Deserializer};
 
 use super::{Config, DynamicsConfig, LikelihoodConfig, PolicyConfig, RetinaConfig, RewardConfig};
 use crate::control::{Confidence, Resampling, Search, Vigilance};
+use crate::identity::discriminant;
 use crate::identity::distance::Kind;
 use crate::identity::retina::Foveal;
 use crate::many;
@@ -50,6 +51,7 @@ impl Ranges for Config {
         self.vigilance.ranges()?;
         self.confidence.ranges()?;
         self.recogniser.ranges()?;
+        self.discriminant.ranges()?;
         self.search.ranges()?;
         self.many.ranges()
     }
@@ -76,6 +78,12 @@ impl Ranges for Vigilance {
 impl Ranges for Confidence {
     fn ranges(&self) -> Result<()> {
         self.check()
+    }
+}
+
+impl Ranges for Option<discriminant::Settings> {
+    fn ranges(&self) -> Result<()> {
+        self.as_ref().map_or(Ok(()), discriminant::Settings::check)
     }
 }
 

@@ -306,7 +306,6 @@ mod tests {
             promise: PROMISE,
             spread: 0.1,
             distance: 0.1 - 0.02 * evidence,
-            best,
             estimate,
             unit: 10.0,
             alarm: 0.0,

@@ -1,6 +1,6 @@
 //! `foveate track` of many targets: with a detector, with detections from a file, or with several first boxes.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use foveate::config::Blueprint;
