@@ -289,16 +289,7 @@ mod tests {
     fn shown(evidence: f64, doubt: f64) -> Shown {
         let watch = Watch { doubt, surprise: doubt, tempered_ess: 0.3, lost: false };
         let estimate = State::default();
-        Shown {
-            watch,
-            evidence,
-            promise: PROMISE,
-            spread: 0.1,
-            distance: 0.1 - 0.02 * evidence,
-            best,
-            estimate,
-            unit: 10.0,
-        }
+        Shown { watch, evidence, promise: PROMISE, spread: 0.1, distance: 0.1 - 0.02 * evidence, estimate, unit: 10.0 }
     }
 
     /// On the target for a while, then hidden for `hidden` frames, then back: the standings.
