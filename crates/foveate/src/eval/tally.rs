@@ -150,7 +150,9 @@ mod tests {
     fn a_line_a_row() {
         let rows = [("one".to_owned(), [1.0, 0.5, 2.0], "#0072B2"), ("two".to_owned(), [3.0, 2.5, 4.0], "#D55E00")];
         let svg = plot("px", &rows);
-        assert!(svg.contains("one") && svg.contains("two") && svg.contains("#D55E00"));
+        assert!(svg.contains("one") && svg.contains("two"));
+        let other = [rows[0].clone(), (rows[1].0.clone(), rows[1].1, "#0072B2")];
+        assert_ne!(plot("px", &other), svg, "colours are seen");
     }
 
     #[test]

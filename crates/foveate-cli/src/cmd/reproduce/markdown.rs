@@ -23,6 +23,8 @@ pub fn document(all: &[Results]) -> String {
         }
         let checks: Vec<String> = results.checks.iter().map(|c| format!("- {}\n", c.text())).collect();
         out += &if checks.is_empty() { String::new() } else { format!("\n{}", checks.concat()) };
+        out.truncate(out.trim_end().len());
+        out.push('\n');
     }
     out
 }
@@ -185,9 +187,11 @@ mod tests {
         let all = docs::stored(&root).expect("results are readable");
         assert!(all.iter().any(|r| r.experiment == "table1"), "results are kept in experiments/results");
         let read = |name: &str| std::fs::read_to_string(root.join(name)).expect("a document");
-        assert_eq!(read("docs/results.md"), document(&all), "docs/results.md is not of the stored results");
+        let again = "write it anew: foveate reproduce all --write-docs .";
+        assert!(read("docs/results.md") == document(&all), "docs/results.md is not of the stored results; {again}");
         for name in docs::FILLED {
-            assert_eq!(read(name), fill(&read(name), name, &all).expect(name), "{name} is not of the stored results");
+            let filled = fill(&read(name), name, &all).expect(name);
+            assert!(read(name) == filled, "{name} is not of the stored results; {again}");
         }
     }
 
