@@ -162,7 +162,7 @@ impl Many {
     fn assign(&mut self, frame: &Frame, detections: &[Detection]) {
         let Work { expected, detections: left, .. } = &mut self.work;
         left.clear();
-        left.extend(detections.iter().filter(|d| !pairs::holds_several(&d.bbox, expected)));
+        left.extend(detections.iter().filter(|d| pairs::is_box(&d.bbox) && !pairs::holds_several(&d.bbox, expected)));
         if left.is_empty() {
             return self.living.iter_mut().for_each(|target| target.seen.detection = None);
         }

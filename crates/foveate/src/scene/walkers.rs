@@ -146,7 +146,7 @@ mod tests {
             (80, 30, 25, 60),
             (112, 30, 25, 60),
             (104, 50, 9, 6),
-            (190, 5, 8, 8),
+            (190, 5, 5, 5),
         ]);
         let mut found = vec![];
         walkers.detect(&Frame { index: 0, time: 0.0, image }, &mut found);
