@@ -269,9 +269,7 @@ mod tests {
             let weight = (1.0 - settings.first) * recent + if frame == 0 { settings.first } else { 0.0 };
             for (row, label) in now.rows.chunks_exact(N).zip(&now.labels) {
                 for i in 0..N {
-                    for j in 0..N {
-                        a[i][j] += weight * f64::from(row[i]) * f64::from(row[j]);
-                    }
+                    a[i].iter_mut().zip(row).for_each(|(a, h)| *a += weight * f64::from(row[i]) * f64::from(*h));
                     a[i][N] += weight * f64::from(row[i]) * f64::from(*label);
                 }
             }
