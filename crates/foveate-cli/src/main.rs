@@ -33,6 +33,8 @@ enum Command {
     Bench(cmd::bench::Args),
     /// Run the paper's experiments
     Experiment(cmd::experiment::Args),
+    /// The paper on one command: its tables and figures beside ours, on one page
+    Reproduce(cmd::reproduce::Args),
 }
 
 fn main() -> std::process::ExitCode {
@@ -47,6 +49,7 @@ fn main() -> std::process::ExitCode {
         Command::Eval(args) => cmd::eval::run(args),
         Command::Bench(args) => cmd::bench::run(args),
         Command::Experiment(args) => cmd::experiment::run(args),
+        Command::Reproduce(args) => cmd::reproduce::run(args),
     };
     let result = match pool {
         Ok(pool) => pool.install(run),

@@ -140,3 +140,51 @@ impl End for Overlaps<'_> {
         self.overlaps = &mut std::mem::take(&mut self.overlaps)[rows..];
     }
 }
+
+/// Adds what is above a threshold to a cell of each row's own.
+pub(crate) struct Pooled<'a> {
+    /// gain × sum − threshold counts; the gains of rows not yet taken, back on the sums' scale.
+    gains: &'a [f32],
+    thresholds: &'a [f32],
+    /// The cells of rows not yet taken.
+    cells: &'a [u32],
+    pooled: &'a mut [f32],
+    left: usize,
+    tile_thresholds: [f32; TILE],
+}
+
+impl<'a> Pooled<'a> {
+    pub(crate) fn new(gains: &'a [f32], thresholds: &'a [f32], cells: &'a [u32], pooled: &'a mut [f32]) -> Self {
+        Self { gains, thresholds, cells, pooled, left: 0, tile_thresholds: [0.0; TILE] }
+    }
+}
+
+impl End for Pooled<'_> {
+    fn tile(&mut self, left: usize) {
+        self.left = left;
+        self.tile_thresholds = padded(self.thresholds, left);
+    }
+
+    #[inline(always)]
+    fn take<const V: u8>(&mut self, first: usize, sums: &[[f32; TILE]]) {
+        let width = self.thresholds.len();
+        for (r, sums) in sums.iter().enumerate() {
+            let gain = self.gains[first + r] / TO_EXP2;
+            let cell = &mut self.pooled[self.cells[first + r] as usize * width..][..width][self.left..];
+            if let Some(cell) = cell.first_chunk_mut::<TILE>() {
+                for ((h, sum), t) in cell.iter_mut().zip(sums).zip(&self.tile_thresholds) {
+                    *h += multiply_add::<V>(gain, *sum, -t).max(0.0);
+                }
+            } else {
+                for ((h, sum), t) in cell.iter_mut().zip(sums).zip(&self.tile_thresholds) {
+                    *h += multiply_add::<V>(gain, *sum, -t).max(0.0);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn finish<const V: u8>(&mut self, rows: usize) {
+        (self.gains, self.cells) = (&self.gains[rows..], &self.cells[rows..]);
+    }
+}

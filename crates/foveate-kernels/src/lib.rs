@@ -21,10 +21,13 @@ mod classes;
 mod covariance;
 mod ends;
 mod exponential;
+mod gram;
 mod level;
 mod logistic;
 mod normal;
+mod oriented;
 mod packed;
+mod rows;
 mod sums;
 mod taps;
 mod tile;
@@ -39,10 +42,13 @@ pub use covariance::{
     Covariance, Points, Posterior, covariances, covariances_with, likelihood_gradient, predict, slopes_times,
 };
 pub use exponential::{exp_from, largest_finite};
+pub use gram::{add_outer, symmetric_times};
 pub use level::Level;
 pub use logistic::{bias_logistic, logistic};
 pub use normal::Normals;
+pub use oriented::{BLOCK, DIRECTIONS, oriented};
 pub use packed::{PackedWeights, Precision};
+pub use rows::{add_product, add_scaled, product};
 pub use sums::{dot, presence, root_overlap, squared_distance, sum};
 pub use taps::{Plane, taps, taps_rows};
 pub use triangle::{SQUARE, extend, factor, invert, solve, solve_back};

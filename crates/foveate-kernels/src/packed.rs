@@ -8,7 +8,7 @@
 //!
 //! Weights are kept times -log₂ e: then logistic(x) is 1 / (1 + 2^y) of the sum y.
 
-use crate::ends::{End, Features, Overlaps, TO_EXP2, TOGETHER, padded};
+use crate::ends::{End, Features, Overlaps, Pooled, TO_EXP2, TOGETHER, padded};
 use crate::level::{Level, levels};
 use crate::tile::{self, BLOCK, Kernel, Line, Sums, TILE};
 
@@ -148,6 +148,20 @@ impl PackedWeights {
         overlaps_at(self.level, self, glimpses, &mut end);
     }
 
+    /// For each row v (n × n_v), `pooled` (cells × n_h) of its cell += max(0, gain · (v W) − `thresholds`): with a gain and a cell for
+    /// each row, and a threshold (n_h) for each column.
+    ///
+    /// Rows are added in their order. Allocates nothing for n_v up to 1365.
+    ///
+    /// # Panics
+    /// If the sizes do not agree, or a cell is not in `pooled`.
+    pub fn pool(&self, rows: &[f32], gains: &[f32], cells: &[u32], thresholds: &[f32], pooled: &mut [f32]) {
+        let n = self.rows(rows, thresholds);
+        assert!(gains.len() == n && cells.len() == n, "there must be one gain and one cell a row");
+        let mut end = Pooled::new(gains, thresholds, cells, pooled);
+        pool_at(self.level, self, rows, &mut end);
+    }
+
     /// The number of glimpses.
     fn rows(&self, glimpses: &[f32], bias: &[f32]) -> usize {
         assert!(
@@ -227,6 +241,15 @@ fn features_body<const V: u8>(weights: &PackedWeights, glimpses: &[f32], end: &m
 #[inline(always)]
 fn overlaps_body<const V: u8>(weights: &PackedWeights, glimpses: &[f32], end: &mut Overlaps<'_>) {
     weights.multiply::<V>(glimpses, end);
+}
+
+#[inline(always)]
+fn pool_body<const V: u8>(weights: &PackedWeights, rows: &[f32], end: &mut Pooled<'_>) {
+    weights.multiply::<V>(rows, end);
+}
+
+levels! {
+    fn pool_at(weights: &PackedWeights, rows: &[f32], end: &mut Pooled<'_>) = pool_body
 }
 
 levels! {
@@ -384,6 +407,31 @@ mod tests {
             packed.repack(&w);
             packed.features(&glimpses, &bias, &mut again);
             assert_eq!(h, again, "{level:?} {precision:?}");
+        }
+    }
+
+    #[test]
+    fn pooled_sums_agree_with_f64() {
+        for (n, n_v, n_h) in [(1, 1, 1), (7, 3, 5), (100, 25, 100), (49, 25, 129)] {
+            let (rows, w, thresholds) = (values(n * n_v, 1), weights(n_v * n_h), values(n_h, 2));
+            let gains: Vec<f32> = values(n, 6).iter().map(|x| 5.0 * x).collect();
+            let cells: Vec<u32> = (0..n).map(|r| (r * r % 3) as u32).collect();
+            let mut truth = vec![0.25f64; 3 * n_h];
+            for r in 0..n {
+                for j in 0..n_h {
+                    let sum: f64 = (0..n_v).map(|i| f64::from(rows[r * n_v + i]) * f64::from(w[i * n_h + j])).sum();
+                    let above = f64::from(gains[r]) * sum - f64::from(thresholds[j]);
+                    truth[cells[r] as usize * n_h + j] += above.max(0.0);
+                }
+            }
+            for level in Level::all() {
+                let mut pooled = vec![0.25; 3 * n_h];
+                let packed = PackedWeights::new(level, Precision::F32, n_v, n_h, &w);
+                packed.pool(&rows, &gains, &cells, &thresholds, &mut pooled);
+                for (&got, &truth) in pooled.iter().zip(&truth) {
+                    assert!((f64::from(got) - truth).abs() < 1e-5 * (1.0 + truth), "{level:?}: {got}, not {truth}");
+                }
+            }
         }
     }
 

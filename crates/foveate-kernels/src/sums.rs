@@ -33,7 +33,7 @@ fn sum_body<const V: u8>(a: &[f32]) -> f32 {
 }
 
 #[inline(always)]
-fn dot_body<const V: u8>(a: &[f32], b: &[f32]) -> f32 {
+pub(crate) fn dot_body<const V: u8>(a: &[f32], b: &[f32]) -> f32 {
     assert_eq!(a.len(), b.len(), "a and b must be equally long");
     let mut lanes = [0.0; LANES];
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<LANES>(), b.as_chunks::<LANES>());

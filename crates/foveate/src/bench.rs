@@ -18,9 +18,10 @@ use crate::identity::distance::Kind;
 use crate::identity::encoder::{Precision, RbmEncoder};
 use crate::identity::gaze_appearance::{GazeAppearance, Sharpness};
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
+use crate::many::Many;
 use crate::rbm::{Rbm, Visible};
 use crate::rng::{Purpose, Rng, Streams};
-use crate::scene::{Frame, Image, Scene};
+use crate::scene::{Detection, Frame, Image, Scene};
 use crate::start::StartSpread;
 use crate::tracker::{Parts, Tracker};
 
@@ -59,6 +60,51 @@ pub fn frame(particles: usize, precision: Precision, frames: usize) -> Result<Fr
     })
 }
 
+/// Targets of 40 × 48 px, each with a look of its own, go to and fro over a 640 × 480 grey frame of blurred noise, apart from
+/// each other, and are detected in every frame. Times of `frames` (at least 1) frames, milliseconds of CPU, after a warm-up.
+pub fn many(many: &mut Many, targets: usize, frames: usize) -> Result<FrameTime> {
+    const TURN: usize = 20;
+    let mut rng = Streams::new(0, 0).at(1, Purpose::Scene).rng(0);
+    let ground = noise(&mut rng)?;
+    let looks: Vec<u8> = (0..targets * 100).map(|_| rng.random()).collect();
+    let bbox = |k: usize, t: usize| {
+        let (x, y) = (20 + 120 * (k % 5) + 2 * t, 20 + 110 * (k / 5 % 4));
+        BBox { x: x as f64, y: y as f64, w: 40.0, h: 48.0 }
+    };
+    let picture = |t: usize| {
+        let mut image = ground.clone();
+        for k in 0..targets {
+            let b = bbox(k, t);
+            for (v, row) in image.plane_mut(0).chunks_exact_mut(WIDTH).skip(b.y as usize).take(48).enumerate() {
+                let look = |u: usize| looks[100 * k + 10 * (v / 5) + u / 4];
+                row[b.x as usize..][..40].iter_mut().enumerate().for_each(|(u, pixel)| *pixel = look(u));
+            }
+        }
+        Frame { index: 0, time: 0.0, image }
+    };
+    let mut pictures: Vec<Frame> = (0..=TURN).map(picture).collect();
+    many.step(&pictures[0], &[]);
+    for k in 0..targets {
+        many.give(&pictures[0], None, bbox(k, 0))?;
+    }
+    let mut times = vec![];
+    for index in 1..=frames.max(1) + WARM {
+        let t = index % (2 * TURN);
+        let t = t.min(2 * TURN - t);
+        let detections: Vec<_> = (0..targets).map(|k| Detection { bbox: bbox(k, t), score: 1.0 }).collect();
+        pictures[t].index = index;
+        let begin = now();
+        std::hint::black_box(many.step(&pictures[t], &detections));
+        times.push(1e3 * (now() - begin));
+    }
+    times.drain(..WARM);
+    times.sort_by(f64::total_cmp);
+    Ok(FrameTime { median: times[times.len() / 2], best: times[0] })
+}
+
+/// Frames that are not timed.
+const WARM: usize = 5;
+
 fn parts(precision: Precision, rng: &mut Rng) -> Result<Parts> {
     let unit = SIDE / 2.0;
     let dynamics = Autoregressive {
@@ -69,6 +115,7 @@ fn parts(precision: Precision, rng: &mut Rng) -> Result<Parts> {
         log_scale: 0.01,
         angle_pull: 1.0,
         angle: 0.02,
+        ..Autoregressive::default()
     };
     let retina = Foveal::new(FovealConfig { side: SIDE, rings: vec![[12, 1], [24, 3], [48, 6]], colour: vec![] })?;
     let n_v = retina.glimpse_len();
@@ -79,11 +126,13 @@ fn parts(precision: Precision, rng: &mut Rng) -> Result<Parts> {
         GazeAppearance::new(Arc::new(retina), Arc::new(encoder), Kind::BhattacharyyaSquared, Sharpness::Fixed(20.0))?;
     Ok(Parts {
         proposal: Box::new(Prior::new(Arc::new(dynamics))),
+        guide: None,
         sighting: None,
         policy: Box::new(gaze::Fixed::new(Gaze::CENTRE)),
         appearance: Box::new(appearance),
         reward: Box::new(Concentration::new(1.0)?),
         resampling: Resampling::default(),
+        confidence: Default::default(),
         vigilance: Vigilance::default(),
         search: None,
         start: StartSpread { position: 0.0, velocity: 0.0, log_scale: 0.0, angle: 0.0 },

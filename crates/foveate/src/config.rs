@@ -10,12 +10,15 @@ use std::sync::Arc;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::control::{
-    Autoregressive, Concentration, LogConcentration, Resampling, Reward, Search, Sighting, VarianceReduction, Vigilance,
+    Autoregressive, Concentration, Confidence, Guide, LogConcentration, Resampling, Reward, Search, Sighting,
+    VarianceReduction, Vigilance,
 };
 use crate::identity::calibrate::Calibration;
+use crate::identity::discriminant;
 use crate::identity::distance;
 use crate::identity::encoder::{Encoder, Precision};
 use crate::identity::gaze_appearance::{GazeAppearance, Sharpness};
+use crate::identity::oriented;
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
 use crate::rbm::factored::Units;
 use crate::start::StartSpread;
@@ -34,7 +37,7 @@ mod shadow;
 pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 pub use policies::PolicyConfig;
 use policies::policy;
-pub use proposals::ProposalConfig;
+pub use proposals::{DetectorConfig, ProposalConfig};
 use ranges::{Ranges, in_range};
 pub use recogniser::{RECOGNISERS, RecogniserConfig};
 
@@ -63,6 +66,12 @@ pub struct Config {
     /// p(detections | xₜ), where they are taken to be the target's; left out, they do not weigh.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub sighting: Option<Sighting>,
+    /// Whether particles move with the camera, or with the flow where they are; left out, they do not.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub guide: Option<Guide>,
+    /// What looks for candidates in every frame, for the proposal and the sighting; left out, nothing does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detector: Option<DetectorConfig>,
     /// p(x₀).
     #[serde(default, deserialize_with = "in_range")]
     pub start: StartSpread,
@@ -74,15 +83,21 @@ pub struct Config {
     /// d and how sharply it counts.
     #[serde(deserialize_with = "in_range")]
     pub likelihood: LikelihoodConfig,
+    /// What tells the target from what is around it, learned while tracking; not at all unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub discriminant: Option<discriminant::Settings>,
     /// πₜ.
     #[serde(deserialize_with = "in_range")]
     pub policy: PolicyConfig,
     /// rₜ.
     #[serde(default, deserialize_with = "in_range")]
     pub reward: RewardConfig,
-    /// When the target counts as lost.
+    /// How the evidence is compared with what the first frame promised.
     #[serde(default, deserialize_with = "in_range")]
     pub vigilance: Vigilance,
+    /// How probable it is that the target is lost.
+    #[serde(default, deserialize_with = "in_range")]
+    pub confidence: Confidence,
     /// What the target is called; left out, nobody asks.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub recogniser: Option<RecogniserConfig>,
@@ -138,6 +153,24 @@ pub enum EncoderConfig {
         /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
         #[serde(default)]
         precision: Precision,
+    },
+    /// k-means filters convolved with the rings: `weights` is a model file, or `builtin:natural-kmeans`. It serves any retina;
+    /// left out, the one it was trained with is taken.
+    Kmeans {
+        /// The model.
+        weights: String,
+        /// What filters say is averaged over a grid of this many cells along a side of each ring.
+        #[serde(default = "two")]
+        pool: usize,
+        /// A filter counts for what its product with a whitened patch is above this: 0 unless given.
+        #[serde(default)]
+        threshold: f32,
+    },
+    /// Gradients in eight directions, grey and colour of a retina of one ring.
+    Oriented {
+        /// What each of them counts.
+        #[serde(default)]
+        weights: oriented::Weights,
     },
     /// The glimpse itself.
     Raw {
@@ -198,6 +231,10 @@ fn yes() -> bool {
     true
 }
 
+fn two() -> usize {
+    2
+}
+
 fn one() -> f64 {
     1.0
 }
@@ -235,6 +272,13 @@ impl Config {
     /// Checks that numbers are in range and the parts fit, reading model files relative to `base`.
     pub fn check(self, base: &Path) -> Result<Blueprint> {
         self.ranges()?;
+        let DynamicsConfig::Autoregressive(motion) = &self.dynamics;
+        if matches!(self.proposal, ProposalConfig::Mixture(_)) && motion.leaps > 0.0 {
+            return Err(Error::Config(format!(
+                "proposal: a mixture with detections needs dynamics of normal noise; dynamics.leaps is {}, set it to 0",
+                motion.leaps
+            )));
+        }
         let (retina, encoder) = self.identity(base)?;
         let recogniser = self.recogniser.as_ref().map(|r| r.read(base)).transpose()?;
         let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![], recogniser };
@@ -265,14 +309,20 @@ impl Blueprint {
             sharpness(&c.likelihood)?,
         )?
         .dimming(c.likelihood.dim_familiar);
+        let appearance = match c.discriminant {
+            Some(settings) => appearance.discriminating(settings),
+            None => appearance,
+        };
         let parts = Parts {
             proposal: proposals::proposal(&c.proposal, *dynamics, c.walls),
+            guide: c.guide,
             sighting: c.sighting,
             policy: self.shadowed(policy(&c.policy)?),
             appearance: Box::new(appearance),
             reward: reward(c.reward)?,
             resampling: c.resampling,
             vigilance: c.vigilance.clone(),
+            confidence: c.confidence.clone(),
             search: c.search.clone(),
             start: c.start,
             recognizer: self.recogniser.as_ref().map(recogniser::Recogniser::recognition).transpose()?,
@@ -324,7 +374,12 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("authors", include_str!("../../../configs/authors.toml")),
     ("natural", include_str!("../../../configs/natural.toml")),
     ("many", include_str!("../../../configs/many.toml")),
+    ("many-boxes", include_str!("../../../configs/many-boxes.toml")),
+    ("natural-fast", include_str!("../../../configs/natural-fast.toml")),
+    ("natural-accurate", include_str!("../../../configs/natural-accurate.toml")),
+    ("natural-raw", include_str!("../../../configs/natural-raw.toml")),
     ("natural-rbm", include_str!("../../../configs/natural-rbm.toml")),
     ("natural-mcrbm", include_str!("../../../configs/natural-mcrbm.toml")),
     ("natural-autoencoder", include_str!("../../../configs/natural-autoencoder.toml")),
+    ("natural-kmeans", include_str!("../../../configs/natural-kmeans.toml")),
 ];

@@ -23,14 +23,15 @@
 //! | the full algorithm (section 5) | [`tracker::Tracker`], its results [`step::Step`] |
 //! | xₜ, aₜ, and where a gaze falls | [`geometry::State`], [`geometry::Gaze`], [`geometry::Fixation`] |
 //! | vₜ, the foveated glimpse | [`identity::Retina`]: [`identity::Foveal`], on a [`identity::Pyramid`] |
-//! | hₜ, first-layer features | [`identity::Encoder`]: [`identity::encoder::RbmEncoder`], [`identity::encoder::Raw`] |
+//! | hₜ, first-layer features | [`identity::Encoder`]: [`identity::encoder::RbmEncoder`], [`identity::encoder::Raw`], [`identity::oriented::Oriented`] |
 //! | the RBM and its training | [`rbm::Rbm`], [`rbm::Trainer`]; what it learns from, [`training`] |
 //! | h⁽²⁾ₜ, zₜ: the multi-fixation RBM (section 2.2) | [`rbm::fixations::FixationRbm`], [`rbm::fixations::Trainer`]; what it learns from, [`training::sequences`] |
 //! | p(cₜ \| h⁽²⁾ₜ) | [`softmax::Softmax`]; both on the last Δ looks: [`identity::MultiFixation`] |
 //! | where to look for the class (future work in section 2.2) | [`rbm::fixations::Controller`] |
 //! | d(h, τ) | [`identity::Distance`]: [`identity::distance::Kind`] |
-//! | p(hₜ \| xₜ, aₜ) | [`identity::Appearance`]: [`identity::GazeAppearance`] |
-//! | p(xₜ \| xₜ₋₁), q | [`control::Dynamics`]: [`control::Autoregressive`]; [`control::Proposal`]: [`control::Prior`] |
+//! | p(hₜ \| xₜ, aₜ) | [`identity::Appearance`]: [`identity::GazeAppearance`]; what is learned while tracking: [`identity::discriminant::Discriminant`] |
+//! | p(xₜ \| xₜ₋₁), q | [`control::Dynamics`]: [`control::Autoregressive`]; with the camera: [`control::Guide`]; [`control::Proposal`]: [`control::Prior`], [`control::Mixture`] |
+//! | p(detections \| xₜ), which the paper has not | [`control::Sighting`] |
 //! | bₜ | [`control::Belief`] |
 //! | selection | [`control::Resampling`] |
 //! | rₜ | [`control::Reward`]: [`control::Concentration`] (the paper's), [`control::LogConcentration`], [`control::VarianceReduction`] |
@@ -83,6 +84,7 @@
 //! every trait has its laws ([`conformance`]). The same seed gives the same track, for any number of threads ([`rng`]).
 #![forbid(unsafe_code)]
 
+mod alarm;
 pub mod assignment;
 pub mod autoencoder;
 pub mod bench;
@@ -96,6 +98,7 @@ pub mod gaze;
 pub mod geometry;
 pub mod gp;
 pub mod identity;
+pub mod kmeans;
 pub mod many;
 pub mod observe;
 mod quiet;

@@ -28,7 +28,7 @@ use crate::observe::{Phase, Seen};
 use crate::scene::{Detection, Frame, Scene};
 use crate::tracker::Tracker;
 use births::Nursery;
-use occlusion::Body;
+use occlusion::{Body, Fronts};
 use pairs::Expected;
 
 /// Makes the tracker of the target with this id.
@@ -46,7 +46,7 @@ pub struct Many {
     /// By time of death.
     dead: Vec<Target>,
     nursery: Nursery,
-    fronts: Vec<(u64, u64)>,
+    fronts: Fronts,
     next_id: u64,
     /// Whether there ever was a detection.
     detecting: bool,
@@ -62,6 +62,8 @@ struct Target {
     lost: usize,
     unseen: usize,
     died: usize,
+    /// Logarithm of its box's width over height, less that of its template's.
+    shape: f64,
 }
 
 /// Buffers of one step.
@@ -80,9 +82,9 @@ impl Many {
             settings,
             make,
             living: vec![],
-            dead: vec![],
+            dead: Vec::with_capacity(MOST_REMEMBERED + 1), // so that a death allocates nothing
             nursery: Nursery::default(),
-            fronts: vec![],
+            fronts: Fronts::default(),
             next_id: 1,
             detecting: false,
             seen: vec![],
@@ -96,7 +98,8 @@ impl Many {
         self.expect();
         self.assign(frame, detections);
         self.hide(frame);
-        let move_on = |target: &mut Target| target.step(frame, &self.settings);
+        let (s, detecting) = (&self.settings, self.detecting);
+        let move_on = |target: &mut Target| target.step(frame, s, detecting);
         match self.living.len() > 1 && rayon::current_num_threads() > 1 {
             true => self.living.par_iter_mut().for_each(move_on),
             false => self.living.iter_mut().for_each(move_on),
@@ -128,7 +131,7 @@ impl Many {
     /// The picture changed altogether: all targets die, to be found again if they come back.
     pub fn cut(&mut self, frame: usize) {
         self.nursery.clear();
-        self.fronts.clear();
+        self.fronts = Fronts::default();
         for mut target in self.living.drain(..) {
             target.died = frame;
             self.dead.push(target);
@@ -151,7 +154,7 @@ impl Many {
         self.work.expected.clear();
         self.work.expected.extend(self.living.iter().map(|t| {
             let c = &t.seen.covariance;
-            Expected { bbox: t.next().bbox(t.seen.extent), variance: (c[0][0] + c[2][2], c[1][1] + c[3][3]) }
+            Expected { bbox: t.shaped(t.next().bbox(t.seen.extent)), variance: (c[0][0] + c[2][2], c[1][1] + c[3][3]) }
         }));
     }
 
@@ -159,7 +162,10 @@ impl Many {
     fn assign(&mut self, frame: &Frame, detections: &[Detection]) {
         let Work { expected, detections: left, .. } = &mut self.work;
         left.clear();
-        left.extend(detections.iter().filter(|d| !pairs::holds_several(&d.bbox, expected)));
+        left.extend(detections.iter().filter(|d| pairs::is_box(&d.bbox) && !pairs::holds_several(&d.bbox, expected)));
+        if left.is_empty() {
+            return self.living.iter_mut().for_each(|target| target.seen.detection = None);
+        }
         let living = &mut self.living;
         let given = pairs::pairs(expected, left, &self.settings, &mut |i, j| {
             let tracker = &mut living[i].tracker;
@@ -266,7 +272,7 @@ impl Many {
     fn start(&mut self, frame: &Frame, id: u64, bbox: BBox) -> Result<()> {
         let mut tracker = (self.make)(id);
         tracker.start(frame, bbox)?;
-        let mut target = Target { tracker, seen: unknown(id), lost: 0, unseen: 0, died: 0 };
+        let mut target = Target { tracker, seen: unknown(id), lost: 0, unseen: 0, died: 0, shape: 0.0 };
         target.begin(frame.index, bbox, Phase::Born);
         self.next_id = self.next_id.max(id + 1);
         self.dead.retain(|dead| dead.seen.id != id);
@@ -293,36 +299,54 @@ impl Target {
         State { x: s.x + s.vx, y: s.y + s.vy, ..s }
     }
 
+    /// The same box in the target's present shape.
+    fn shaped(&self, b: BBox) -> BBox {
+        let ((x, y), wider) = (b.centre(), (self.shape / 2.0).exp());
+        BBox::around(x, y, b.w * wider, b.h / wider)
+    }
+
     /// A box that was given, or found.
     fn begin(&mut self, born: usize, bbox: BBox, phase: Phase) {
         let extent = self.tracker.extent().expect("it was started");
         let state = self.tracker.state_at(&bbox);
         let Seen { id, gaze, class, .. } = self.seen;
         self.seen = Seen { born, phase, bbox, state, extent, gaze, class, ..unknown(id) };
-        (self.lost, self.unseen) = (0, 0);
+        (self.lost, self.unseen, self.shape) = (0, 0, (bbox.w / bbox.h / extent.half_w * extent.half_h).ln());
     }
 
-    fn step(&mut self, frame: &Frame, s: &Settings) {
+    fn step(&mut self, frame: &Frame, s: &Settings, detecting: bool) {
         let detections = self.seen.detection.as_slice();
         let step = self.tracker.step(Scene { frame, detections });
-        let hidden = self.seen.visible < s.occlusion.hidden;
-        let phase = match step.lost() {
+        let (estimate, covariance, doubt, class) = (step.estimate, step.covariance, step.watch.doubt, step.class());
+        let (gaze, bbox, lost) = (step.plan.chosen(), step.bbox(), step.lost() && detections.is_empty());
+        self.unseen = if detections.is_empty() { self.unseen + 1 } else { 0 };
+        self.lost = if lost { self.lost + 1 } else { 0 };
+        let phase = match lost || (detecting && self.unseen > s.death.guess) {
             true => Phase::Lost,
-            false if hidden => Phase::Hidden,
+            false if self.seen.visible < s.occlusion.hidden => Phase::Hidden,
             false => Phase::Followed,
         };
-        self.lost = if step.lost() { self.lost + 1 } else { 0 };
-        self.unseen = if self.seen.detection.is_some() { 0 } else { self.unseen + 1 };
-        self.seen = Seen {
-            phase,
-            bbox: step.bbox(),
-            state: step.estimate,
-            covariance: step.covariance,
-            gaze: step.plan.chosen(),
-            doubt: step.watch.doubt,
-            class: step.class(),
-            ..self.seen
-        };
+        let extent = self.tracker.extent().expect("it was started");
+        self.seen = Seen { phase, state: estimate, covariance, extent, gaze, doubt, class, ..self.seen };
+        if let Some(detection) = self.seen.detection {
+            let b = detection.bbox;
+            self.shape += s.shape * ((b.w / b.h / extent.half_w * extent.half_h).ln() - self.shape);
+            self.seen.bbox = self.shaped(bbox);
+            if doubt > s.renew && self.seen.visible >= 1.0 {
+                self.renew(frame);
+            }
+        } else {
+            self.seen.bbox = self.shaped(bbox);
+        }
+    }
+
+    /// Takes a new template where it is, in its present shape; the old one stays where the box is no good.
+    fn renew(&mut self, frame: &Frame) {
+        let State { vx, vy, .. } = self.seen.state;
+        if self.tracker.renew(&frame.image, &self.seen.bbox, (vx, vy)).is_ok() {
+            self.seen.extent = self.tracker.extent().expect("it was started");
+            (self.seen.state.log_scale, self.shape, self.seen.doubt) = (0.0, 0.0, 0.0);
+        }
     }
 }
 

@@ -1,10 +1,12 @@
 //! WHAT is it called? Looks at the estimate, through a recogniser, to classes over time (section 2.2).
 //!
 //! Recognition stands beside the filter: it looks at the frame anew, at the estimate, through a retina and first layer of
-//! its own and where a policy of its own says. It never moves the belief.
+//! its own and where a policy of its own says. It never moves the belief; with an alarm ([`Recognition::alarming`]) it has a
+//! word in whether the target is lost.
 
 use std::sync::Arc;
 
+use crate::alarm::Alarm;
 use crate::gaze::{Context, Plan, Policy};
 use crate::geometry::{Extent, Gaze, State};
 use crate::identity::accumulate::{Accumulate, Accumulator};
@@ -26,6 +28,7 @@ pub struct Recognition {
     recognizer: Box<dyn Recognizer>,
     policy: Box<dyn Policy>,
     accumulator: Accumulator,
+    alarm: Option<Alarm>,
     pyramid: Pyramid,
     is_new: bool,
     plan: Plan,
@@ -42,6 +45,8 @@ pub struct Recognition {
 pub struct Recognized<'a> {
     /// p(c | all frames so far), after accumulation; empty without a recogniser.
     pub classes: &'a [f64],
+    /// What they are called; empty where they have numbers alone.
+    pub names: &'a [String],
     /// p(c | the last Δ looks), this frame's own decision.
     pub own: &'a [f64],
     /// Where it looked in this frame.
@@ -72,6 +77,7 @@ impl Recognition {
         let alike = 1.0 / n as f64;
         Ok(Self {
             accumulator: Accumulator::new(accumulate, n)?,
+            alarm: None,
             glimpse: vec![0.0; n_v],
             features: vec![0.0; gives],
             log_p: vec![0.0; n],
@@ -86,6 +92,16 @@ impl Recognition {
             plan: Plan::new(),
             rewards: vec![],
         })
+    }
+
+    /// The same, with an alarm: a class that is no longer seen counts as doubt.
+    pub fn alarming(mut self) -> Result<Self> {
+        self.alarm = Some(Alarm::new(self.classes())?);
+        Ok(self)
+    }
+    /// Doubt of the class that the target is still there, 0 to 1; 0 without an alarm.
+    pub fn alarm(&self) -> f64 {
+        self.alarm.as_ref().map_or(0.0, Alarm::doubt)
     }
 
     /// Looks at every gaze that its policy plans for this frame, at `estimate`, and takes in what that says.
@@ -127,11 +143,12 @@ impl Recognition {
         self.own.iter_mut().zip(&self.log_p).for_each(|(p, q)| *p = q.exp());
         self.accumulator.add(&self.log_p);
         self.accumulator.posterior(&mut self.classes);
+        self.alarm.iter_mut().for_each(|alarm| alarm.hear(&self.log_p, context));
     }
 
     /// What was recognised up to the last look.
     pub fn recognized(&self) -> Recognized<'_> {
-        Recognized { classes: &self.classes, own: &self.own, gazes: self.plan.gazes() }
+        Recognized { classes: &self.classes, names: self.recognizer.names(), own: &self.own, gazes: self.plan.gazes() }
     }
     /// n_c.
     pub fn classes(&self) -> usize {
@@ -142,6 +159,7 @@ impl Recognition {
         self.recognizer.reset();
         self.policy.reset();
         self.accumulator.reset();
+        self.alarm.iter_mut().for_each(Alarm::reset);
         let alike = 1.0 / self.classes.len() as f64;
         self.classes.fill(alike);
         self.own.fill(alike);
@@ -149,7 +167,12 @@ impl Recognition {
     }
     /// All that was taken in and learned.
     pub fn save(&self) -> Value {
-        json!({ "looks": self.recognizer.save(), "policy": self.policy.save(), "evidence": self.accumulator.save() })
+        let (looks, policy) = (self.recognizer.save(), self.policy.save());
+        let mut saved = json!({ "looks": looks, "policy": policy, "evidence": self.accumulator.save() });
+        if let Some(alarm) = &self.alarm {
+            saved["alarm"] = alarm.save();
+        }
+        saved
     }
     /// Takes up what `save` gave. Fails where it does not fit; it has to be reset then.
     pub fn load(&mut self, saved: &Value) -> Result<()> {
@@ -158,7 +181,10 @@ impl Recognition {
         self.policy.load(&saved["policy"])?;
         self.accumulator.load(&saved["evidence"])?;
         self.accumulator.posterior(&mut self.classes);
-        Ok(())
+        match (&mut self.alarm, saved.get("alarm")) {
+            (Some(alarm), Some(saved)) => alarm.load(saved),
+            _ => Ok(()),
+        }
     }
 }
 

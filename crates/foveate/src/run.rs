@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use crate::geometry::BBox;
 use crate::observe::{Clock, Observer};
-use crate::scene::{Frame, FrameSource, Scene};
+use crate::scene::{Frame, FrameSource, Scout};
 use crate::tracker::Tracker;
 use crate::{Error, Result};
 
@@ -41,6 +41,8 @@ pub struct Outcome {
     pub boxes: Vec<BBox>,
     /// The likeliest class after the last frame, and its probability; `None` without a recogniser.
     pub class: Option<(usize, f64)>,
+    /// What it is called, where the recogniser's classes have names.
+    pub class_name: Option<String>,
     /// Whether it was asked to stop before the source ended.
     pub stopped: bool,
 }
@@ -62,13 +64,25 @@ pub fn follow(
     observer: &mut dyn Observer,
     follow: Follow<'_>,
 ) -> (Outcome, Result<()>) {
+    follow_with(&mut Scout::default(), source, tracker, observer, follow)
+}
+
+/// The same, with a scout that looks at every frame first, those before `from` too.
+pub fn follow_with(
+    scout: &mut Scout,
+    source: &mut dyn FrameSource,
+    tracker: &mut Tracker,
+    observer: &mut dyn Observer,
+    follow: Follow<'_>,
+) -> (Outcome, Result<()>) {
     let mut outcome = Outcome::default();
-    let result = each_frame(source, tracker, observer, follow, &mut outcome);
+    let result = each_frame(scout, source, tracker, observer, follow, &mut outcome);
     let finished = observer.finish();
     (outcome, result.and(finished))
 }
 
 fn each_frame(
+    scout: &mut Scout,
     source: &mut dyn FrameSource,
     tracker: &mut Tracker,
     observer: &mut dyn Observer,
@@ -78,6 +92,7 @@ fn each_frame(
     for frame in source {
         let frame = frame?;
         if frame.index < follow.from {
+            scout.look(&frame);
             continue;
         }
         if frame.index > follow.until {
@@ -89,6 +104,7 @@ fn each_frame(
         }
         let given = follow.again.iter().find(|(at, _)| *at == frame.index).map(|(_, bbox)| *bbox);
         let began = Instant::now();
+        scout.look(&frame);
         if let Some(bbox) = given.or(follow.init.take()) {
             tracker.start(&frame, bbox)?;
             outcome.spend(began.elapsed(), &follow.clock);
@@ -99,11 +115,15 @@ fn each_frame(
                 "the tracker has no target: give --init, or a state saved after a start".into(),
             ));
         } else {
-            let step = tracker.step(Scene { frame: &frame, detections: &[] });
+            if let Some(flow) = scout.flow() {
+                tracker.guide(flow);
+            }
+            let step = tracker.step(scout.scene(&frame));
             outcome.spend(began.elapsed(), &follow.clock);
             outcome.boxes.push(step.bbox());
             outcome.lost += usize::from(step.lost());
             outcome.class = step.class();
+            outcome.class_name = step.class().and_then(|(class, _)| step.class_names.get(class).cloned());
             observer.observe(&step)?;
         }
         outcome.frames += 1;

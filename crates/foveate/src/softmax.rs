@@ -50,6 +50,21 @@ struct About {
 }
 
 impl Softmax {
+    /// From W (n_in × n_c, row-major), b (n_c) and T.
+    ///
+    /// Fails where they do not fit, a number is not finite, or T is not within 0.001 and 1000.
+    pub fn new(weights: Vec<f32>, bias: Vec<f32>, temperature: f64) -> Result<Self> {
+        let n = bias.len();
+        let finite = weights.iter().chain(&bias).all(|x| x.is_finite());
+        let fits = (2..=TOGETHER).contains(&n) && !weights.is_empty() && weights.len().is_multiple_of(n);
+        if !fits || !finite || !(1e-3..=1e3).contains(&temperature) {
+            return Err(Error::Invalid(format!(
+                "a classifier has 2 to {TOGETHER} classes and finite numbers; got {n} classes, {} weights, temperature {temperature}",
+                weights.len()
+            )));
+        }
+        Ok(Self { weights, bias, temperature })
+    }
     /// Fits rows and their labels (0 to `classes` − 1).
     ///
     /// Fails with fewer than two classes, without rows, or where labels do not fit or a value is not finite.
@@ -77,6 +92,10 @@ impl Softmax {
     /// T.
     pub fn temperature(&self) -> f64 {
         self.temperature
+    }
+    /// The same at another temperature, within 0.001 and 1000.
+    pub fn at(self, temperature: f64) -> Self {
+        Self { temperature: temperature.clamp(1e-3, 1e3), ..self }
     }
     /// Fits T on rows that W and b were not fitted on. Fails where they do not fit.
     pub fn calibrate(&mut self, rows: Rows<'_>, labels: &[u8]) -> Result<()> {
@@ -137,27 +156,30 @@ impl Softmax {
     /// Writes a model file; it is whole or not there.
     pub fn save(&self, path: &Path, metadata: &Metadata) -> Result<()> {
         let about = About { temperature: self.temperature, metadata: metadata.clone() };
+        files::write(path, &io::pack("softmax", about, &self.tensors()))
+    }
+    /// W and b, as model files have them.
+    pub(crate) fn tensors(&self) -> [io::Tensor<'_>; 2] {
         let (n_in, n) = (self.width(), self.classes());
-        let tensors = [("weights", vec![n_in, n], &*self.weights), ("bias", vec![n], &*self.bias)];
-        files::write(path, &io::pack("softmax", about, &tensors))
+        [("weights", vec![n_in, n], &*self.weights), ("bias", vec![n], &*self.bias)]
+    }
+    /// From the tensors of a model file; problems in words.
+    pub(crate) fn of_tensors(mut tensors: io::Tensors, temperature: f64) -> std::result::Result<Self, String> {
+        let (Some((shape, weights)), Some((_, bias))) = (tensors.remove("weights"), tensors.remove("bias")) else {
+            return Err("weights or bias are missing".into());
+        };
+        if shape.len() != 2 || shape[1] != bias.len() {
+            return Err(format!("weights are {shape:?} for {} classes", bias.len()));
+        }
+        Self::new(weights, bias, temperature).map_err(|e| e.to_string())
     }
     /// Reads a model file. Fails, with the reason, if it is none, or is damaged in any way.
     pub fn load(path: &Path) -> Result<(Self, Metadata)> {
         let refuse = |problem: String| Error::malformed(path, format!("not a usable classifier: {problem}"));
-        let (about, mut tensors, sealed) = io::unpack::<About>(&io::read(path)?, "softmax").map_err(refuse)?;
-        let (Some((shape, weights)), Some((_, bias))) = (tensors.remove("weights"), tensors.remove("bias")) else {
-            return Err(refuse("weights or bias are missing".into()));
-        };
-        let n = bias.len();
-        let finite = weights.iter().chain(&bias).all(|x| x.is_finite());
-        if !(2..=TOGETHER).contains(&n) || shape.len() != 2 || shape[0] == 0 || shape[1] != n || !finite {
-            return Err(refuse(format!("weights are {shape:?} for {n} classes, or a number is not finite")));
-        }
-        if !(1e-3..=1e3).contains(&about.temperature) {
-            return Err(refuse(format!("its temperature is {}", about.temperature)));
-        }
+        let (about, tensors, sealed) = io::unpack::<About>(&io::read(path)?, "softmax").map_err(refuse)?;
+        let softmax = Self::of_tensors(tensors, about.temperature).map_err(refuse)?;
         sealed.map_err(refuse)?;
-        Ok((Self { weights, bias, temperature: about.temperature }, about.metadata))
+        Ok((softmax, about.metadata))
     }
 }
 

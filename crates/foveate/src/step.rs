@@ -1,18 +1,22 @@
 //! Everything one frame computed, by reference: the tracker's buffers, seen by whoever wants to look.
 
-use crate::control::{Belief, Watch};
+use std::borrow::Cow;
+
+use crate::control::{Belief, Trust, Watch};
 use crate::gaze::{Plan, Policy, Portrait};
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::identity::Percept;
 use crate::identity::accumulate::likeliest;
 use crate::recognition::Recognized;
-use crate::scene::Frame;
+use crate::scene::{Detection, Frame, Scene};
 use crate::tracker::Work;
 
 /// One frame's results. Views of buffers that the next step overwrites.
 pub struct Step<'a> {
     /// The frame it is about.
     pub frame: &'a Frame,
+    /// What the tracker was told that a detector found in it.
+    pub detections: &'a [Detection],
     /// Mean of the belief.
     pub estimate: State,
     /// Covariance of the belief over x, y, vx, vy, log scale, angle.
@@ -21,8 +25,12 @@ pub struct Step<'a> {
     pub ess: f64,
     /// log Σ w̃: how well this frame was foreseen, nats, up to the likelihood's constant.
     pub log_evidence: f64,
-    /// Whether the target is believed lost, and how sure that is.
+    /// How the evidence compares with what was promised.
     pub watch: Watch,
+    /// How probably the target is lost, and what is believed of the track.
+    pub trust: Trust,
+    /// What credible regions are wider by than the belief, standard deviation in template units.
+    pub blur: f64,
     /// Half the size of the target's box at scale 1.
     pub extent: Extent,
     /// x̃ₜ: the predicted particles.
@@ -43,6 +51,8 @@ pub struct Step<'a> {
     pub percept: &'a Percept,
     /// p(c | all frames so far), one a class; empty without a recogniser.
     pub classes: &'a [f64],
+    /// What the classes are called; empty where they have numbers alone.
+    pub class_names: &'a [String],
     /// p(c | the last few looks): this frame's own decision.
     pub own_classes: &'a [f64],
     /// Where the recogniser looked.
@@ -51,27 +61,43 @@ pub struct Step<'a> {
     pub portrait: Portrait<'a>,
 }
 
+/// An ellipse on the image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Region {
+    /// Centre, pixels.
+    pub x: f64,
+    /// Centre, pixels.
+    pub y: f64,
+    /// Half axes, the longer one first, pixels.
+    pub half: [f64; 2],
+    /// Direction of the longer one, radians from x towards y.
+    pub turn: f64,
+}
+
 impl<'a> Step<'a> {
     #[expect(clippy::too_many_arguments, reason = "one caller; each is one line of Algorithm 1")]
     pub(crate) fn of(
-        frame: &'a Frame,
+        scene: Scene<'a>,
         w: &'a Work,
         extent: Extent,
         estimate: State,
         covariance: [[f64; 6]; 6],
         ess: f64,
         log_evidence: f64,
-        watch: Watch,
+        (watch, trust, blur): (Watch, Trust, f64),
         policy: &'a dyn Policy,
         recognized: Recognized<'a>,
     ) -> Self {
         Self {
-            frame,
+            frame: scene.frame,
+            detections: scene.detections,
             estimate,
             covariance,
             ess,
             log_evidence,
             watch,
+            trust,
+            blur,
             extent,
             predicted: &w.predicted,
             weights: &w.weights,
@@ -82,6 +108,7 @@ impl<'a> Step<'a> {
             ancestors: &w.ancestors,
             percept: &w.percept,
             classes: recognized.classes,
+            class_names: recognized.names,
             own_classes: recognized.own,
             recognition_gazes: recognized.gazes,
             portrait: policy.portrait(),
@@ -90,6 +117,20 @@ impl<'a> Step<'a> {
     /// The target's box.
     pub fn bbox(&self) -> BBox {
         self.estimate.bbox(self.extent)
+    }
+    /// Pixels per template unit at the estimate's size.
+    pub fn unit(&self) -> f64 {
+        self.extent.mean() * self.estimate.log_scale.exp()
+    }
+    /// The credible region of the target's centre that holds this share (0 to below 1) of the probability, as of a normal
+    /// belief: its covariance and the blur.
+    pub fn region(&self, share: f64) -> Region {
+        let (c, blur) = (&self.covariance, self.blur * self.unit());
+        let (a, b, d) = (c[0][0] + blur * blur, c[0][1], c[1][1] + blur * blur);
+        let (middle, apart) = (0.5 * (a + d), (0.5 * (a - d)).hypot(b));
+        let size = -2.0 * (1.0 - share).ln();
+        let half = [middle + apart, middle - apart].map(|v| (size * v).max(0.0).sqrt());
+        Region { x: self.estimate.x, y: self.estimate.y, half, turn: 0.5 * (2.0 * b).atan2(a - d) }
     }
     /// The weighted sample itself.
     pub fn belief(&self) -> Belief<'a> {
@@ -102,13 +143,17 @@ impl<'a> Step<'a> {
         };
         of(self.plan.gazes(), self.rewards).or_else(|| of(self.plan.recorded(), self.recorded))
     }
-    /// Whether the target is believed lost.
+    /// Whether the target is believed out of sight: occluded, or lost.
     pub fn lost(&self) -> bool {
-        self.watch.lost
+        self.trust.standing.is_out()
     }
     /// The likeliest class over all frames so far, and its probability; `None` without a recogniser.
     pub fn class(&self) -> Option<(usize, f64)> {
         best(self.classes)
+    }
+    /// What a class is called: its name, or else its number.
+    pub fn class_name(&self, class: usize) -> Cow<'a, str> {
+        self.class_names.get(class).map_or_else(|| class.to_string().into(), |name| name.as_str().into())
     }
     /// The likeliest class by this frame's own decision, and its probability.
     pub fn own_class(&self) -> Option<(usize, f64)> {

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::control::{
-    Belief, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Sighting, Vigilance, normalize,
+    Belief, Confidence, Guide, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Shown, Sighting, Vigilance,
+    normalize, rivals,
 };
 use crate::gaze::{Context, Plan, Policy};
 use crate::geometry::{BBox, Extent, Gaze, State};
@@ -11,7 +12,7 @@ use crate::identity::{Appearance, Percept};
 use crate::recognition::{Recognition, Recognized};
 use crate::rng::Purpose::{self, Look, Predict, Recognize, Select, Start};
 use crate::rng::Streams;
-use crate::scene::{Frame, Scene};
+use crate::scene::{Flow, Frame, Scene};
 use crate::start::StartSpread;
 use crate::step::Step;
 use crate::{Error, Result};
@@ -22,6 +23,8 @@ mod company;
 pub struct Parts {
     /// q(xₜ | xₜ₋₁, scene).
     pub proposal: Box<dyn Proposal>,
+    /// How states move with the picture before they are predicted.
+    pub guide: Option<Guide>,
     /// p(detections | xₜ): what a detector says of where the target is.
     pub sighting: Option<Sighting>,
     /// πₜ: where to look.
@@ -32,13 +35,15 @@ pub struct Parts {
     pub reward: Box<dyn Reward>,
     /// The selection step.
     pub resampling: Resampling,
-    /// Says when the target is lost.
+    /// Compares the evidence with what was promised.
     pub vigilance: Vigilance,
+    /// Says how probably the target is lost.
+    pub confidence: Confidence,
     /// Looks for it then.
     pub search: Option<Search>,
     /// p(x₀): how far from the given box the first particles are.
     pub start: StartSpread,
-    /// p(cₜ | all looks at the estimate): what the target is called. It never changes the track.
+    /// p(cₜ | all looks at the estimate): what the target is called. It never changes the track, unless it has an alarm.
     pub recognizer: Option<Recognition>,
 }
 
@@ -77,6 +82,7 @@ pub(crate) struct Work {
     pub ancestors: Vec<usize>,
     pub percept: Percept,
     pub search: Vec<f64>,
+    pub rivals: Vec<State>,
 }
 
 impl Tracker {
@@ -111,10 +117,19 @@ impl Tracker {
         self.parts.recognizer.iter_mut().for_each(Recognition::reset);
         self.context = Context::default();
         self.parts.vigilance.reset();
+        self.parts.confidence.reset();
         self.parts.proposal.size(extent.mean());
         self.parts.start.draw(&state, extent, &mut self.particles, streams);
         self.log_carried.fill(-(self.particles.len() as f64).ln());
         Ok(())
+    }
+
+    /// Tells how the picture moved since the last frame, before [`Tracker::step`] with the one it moved to; without
+    /// `Parts::guide` nothing happens.
+    pub fn guide(&mut self, flow: &Flow) {
+        if let Some(guide) = &self.parts.guide {
+            guide.shift(flow, &mut self.particles);
+        }
     }
 
     /// One frame of Algorithm 1. Panics if `start` was never called.
@@ -169,22 +184,32 @@ impl Tracker {
         let looks = w.plan.used().iter().filter(|used| **used).count();
         let expected = parts.appearance.expectation();
         let promise = Promise { on: expected.on, off: expected.off };
-        let watch = match company::can_be_judged(*visible) {
+        let judged = company::can_be_judged(*visible);
+        let watch = match judged {
             true => parts.vigilance.judge(log_evidence, looks, &w.log_posterior, promise),
             false => parts.vigilance.watch(),
         };
-        *context = Context {
-            ess: ess / n as f64,
-            doubt: watch.doubt,
-            surprise: watch.surprise,
-            spread: spread(&covariance, target.extent.mean() * estimate.log_scale.exp()),
-            lost: watch.lost,
-        };
+        let unit = target.extent.mean() * estimate.log_scale.exp();
+        let spread = spread(&covariance, unit);
 
         // Recognize: perceive once more, at the estimate.
         parts.appearance.perceive(&estimate, w.plan.chosen(), &mut w.percept);
+        let evidence = log_evidence / looks.max(1) as f64;
+        let distance = w.percept.distance;
+        let alarm = parts.recognizer.as_ref().map_or(0.0, Recognition::alarm);
+        let shown = Shown { watch, evidence, promise, spread, distance, estimate, unit, alarm };
+        let trust = if judged { parts.confidence.judge(&shown) } else { parts.confidence.held() };
+        let lost = trust.standing.is_out();
+        let doubt = watch.doubt.max(alarm);
+        *context = Context { ess: ess / n as f64, doubt, surprise: watch.surprise, spread, lost };
         if let Some(recognizer) = &mut parts.recognizer {
             recognizer.look(image, &estimate, target.extent, context, &mut streams.at(*frame, Recognize).rng(0));
+        }
+
+        // Adapt: what tells the target from what is around it, while there is no doubt that this is it.
+        if parts.appearance.adapts() && judged && !watch.lost {
+            rivals(&w.predicted, &w.log_posterior, &estimate, target.extent, &mut w.rivals);
+            parts.appearance.adapt(image, &estimate, &w.rivals, watch.surprise);
         }
 
         // Select. Children of heavy particles start the next frame.
@@ -201,8 +226,9 @@ impl Tracker {
         }
 
         // Search. A lost target may be anywhere: some particles start again where the picture looks most like it.
-        if let Some(search) = parts.search.as_mut().filter(|search| search.is_due(watch, *frame)) {
-            let places = search.places((image.width(), image.height()), &estimate, target.extent);
+        if let Some(search) = parts.search.as_mut().filter(|search| search.is_due(lost, *frame)) {
+            let like = parts.confidence.seen().unwrap_or(&estimate);
+            let places = search.places((image.width(), image.height()), like, target.extent);
             w.search.resize(places.len(), 0.0);
             parts.appearance.see(image, places, &[Gaze::CENTRE]);
             parts.appearance.log_likelihood(places, Gaze::CENTRE, &mut w.search);
@@ -212,6 +238,7 @@ impl Tracker {
                 parts.appearance.log_likelihood(places, Gaze::CENTRE, &mut w.search);
             }
             search.restart(&w.search, promise, target.extent, particles, streams.at(*frame, Purpose::Search));
+            parts.confidence.searched(search.best());
             log_carried.fill(-(n as f64).ln());
         }
 
@@ -226,18 +253,8 @@ impl Tracker {
         }
 
         let recognized = parts.recognizer.as_ref().map_or(Recognized::default(), Recognition::recognized);
-        Step::of(
-            scene.frame,
-            w,
-            target.extent,
-            estimate,
-            covariance,
-            ess,
-            log_evidence,
-            watch,
-            &*parts.policy,
-            recognized,
-        )
+        let trust = (watch, trust, parts.confidence.blur);
+        Step::of(scene, w, target.extent, estimate, covariance, ess, log_evidence, trust, &*parts.policy, recognized)
     }
 
     /// The whole state of the filter in mid-video, to go on from bit for bit with [`Tracker::load`].
@@ -251,6 +268,7 @@ impl Tracker {
             policy: self.parts.policy.save(),
             appearance: self.parts.appearance.save(),
             vigilance: self.parts.vigilance.save(),
+            confidence: self.parts.confidence.save(),
             context: self.context,
             recognizer: self.parts.recognizer.as_ref().map(Recognition::save),
         };
@@ -285,6 +303,7 @@ impl Tracker {
         self.parts.policy.load(&saved.policy)?;
         self.parts.appearance.load(&saved.appearance)?;
         self.parts.vigilance.load(&saved.vigilance)?;
+        self.parts.confidence.load(&saved.confidence)?;
         match (&mut self.parts.recognizer, &saved.recognizer) {
             (Some(recognizer), Some(saved)) => recognizer.load(saved)?,
             (Some(recognizer), None) => recognizer.reset(),
@@ -318,7 +337,7 @@ impl Tracker {
 }
 
 /// The format number of saved trackers.
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 /// More frames than any video has.
 const MOST_FRAMES: u64 = 1 << 48;
 
@@ -333,6 +352,7 @@ struct Saved {
     policy: serde_json::Value,
     appearance: serde_json::Value,
     vigilance: serde_json::Value,
+    confidence: serde_json::Value,
     context: Context,
     /// None of a tracker that did not recognise; one that does begins then.
     #[serde(default, skip_serializing_if = "Option::is_none")]

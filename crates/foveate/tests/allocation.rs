@@ -5,8 +5,9 @@ mod common;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use common::{INIT, POLICIES, blueprint, frame, random_recogniser, recognising};
-use foveate::config::Blueprint;
+use common::{INIT, POLICIES, blueprint, frame, natural, random_recogniser, recognising};
+use foveate::config::{Blueprint, Config};
+use foveate::geometry::BBox;
 use foveate::scene::{Frame, Image, Scene};
 
 thread_local!(static COUNT: Cell<usize> = const { Cell::new(0) });
@@ -78,16 +79,85 @@ fn a_step_allocates_nothing() {
 }
 
 #[test]
+fn learning_while_tracking_allocates_nothing() {
+    for planes in [1, 3] {
+        let frames: Vec<Frame> = (0..FRAMES).map(|i| frame(i, planes)).collect();
+        alone(|| {
+            let counts = counts(&natural(150), &frames);
+            assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{planes} planes: {counts:?}");
+        });
+    }
+}
+
+#[test]
 fn recognition_allocates_nothing() {
     let (frames, (_folder, model)) = ((0..FRAMES).map(|i| frame(i, 1)).collect::<Vec<_>>(), random_recogniser());
     alone(|| {
-        for looking in ["", "{ kind = \"anchor\", policy = { kind = \"exp3\", gamma = 0.3 } }"] {
+        let alarming = "{ kind = \"random\" }\nalarm = true";
+        for looking in ["", alarming, "{ kind = \"anchor\", policy = { kind = \"exp3\", gamma = 0.3 } }"] {
             for rule in ["\"sum\"", "\"count\""] {
                 let blueprint = recognising(&blueprint(POLICIES[3], false, 0.5, false, 100), &model, rule, looking);
                 let counts = counts(&blueprint, &frames);
                 assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{looking} {rule}: {counts:?}");
             }
         }
+    });
+}
+
+/// Detections in the proposal and the weights, a detector, and the flow.
+#[test]
+fn what_a_scout_tells_allocates_nothing() {
+    let frames: Vec<Frame> = (0..FRAMES).map(|i| frame(i, 1)).collect();
+    let base = blueprint(POLICIES[3], false, 0.5, false, 100).config().to_toml();
+    let text = base.replace("[proposal]\nkind = \"prior\"\n", "")
+        + "\n[proposal]\nkind = \"mixture\"\n[sighting]\n[guide]\nlocal = 0.5\n[detector]\nkind = \"saliency\"\n";
+    let blueprint = Config::parse(&text, "test").and_then(|c| c.check(".".as_ref())).expect("a good configuration");
+    alone(|| {
+        let (mut tracker, mut scout) = (blueprint.tracker(5, 0).expect("parts that fit"), blueprint.scout());
+        scout.look(&frames[0]);
+        tracker.start(&frames[0], INIT).expect("a box in the picture");
+        let step = |frame| {
+            let before = COUNT.get();
+            scout.look(frame);
+            tracker.guide(scout.flow().expect("it was asked for"));
+            std::hint::black_box(tracker.step(scout.scene(frame)));
+            COUNT.get() - before
+        };
+        let counts: Vec<usize> = frames[1..].iter().map(step).collect();
+        assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{counts:?}");
+    });
+}
+
+/// Two targets that hide each other for a while, nobody born, nobody detected.
+#[test]
+fn many_targets_allocate_nothing() {
+    let config = Config::builtin("many").expect("it ships with the library").expect("it is right");
+    let blueprint = Config { particles: 150, ..config }.check(std::path::Path::new(".")).expect("parts that fit");
+    let frames: Vec<Frame> = (0..FRAMES).map(|i| frame(i, 3)).collect();
+    alone(|| {
+        let mut many = blueprint.many(5).expect("trackers");
+        many.step(&frames[0], &[]);
+        for bbox in [INIT, BBox { x: INIT.x + 10.0, ..INIT }] {
+            many.give(&frames[0], None, bbox).expect("a box in the picture");
+        }
+        let step = |frame| {
+            let before = COUNT.get();
+            std::hint::black_box(many.step(frame, &[]));
+            COUNT.get() - before
+        };
+        let counts: Vec<usize> = frames[1..].iter().map(step).collect();
+        assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{counts:?}");
+    });
+}
+
+#[test]
+fn convolution_allocates_nothing() {
+    let frames: Vec<Frame> = (0..FRAMES).map(|i| frame(i, 1)).collect();
+    alone(|| {
+        let config = Config::builtin("natural-kmeans").expect("it ships").expect("a good configuration");
+        let blueprint = Config { particles: 100, ..config }.check(".".as_ref()).expect("parts that fit");
+        let counts = counts(&blueprint, &frames);
+        assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{counts:?}");
     });
 }
 

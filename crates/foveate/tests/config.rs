@@ -56,6 +56,21 @@ memory = 0.3
 threshold = 0.6
 temperature = 0.25
 flat = 0.9
+[proposal]
+kind = "mixture"
+alpha = 0.25
+spread = 0.3
+size = 0.1
+gate = 4.0
+[sighting]
+place = 0.2
+size = 0.1
+outlier = 0.02
+[guide]
+camera = 1.0
+local = 0.5
+[detector]
+kind = "saliency"
 "#;
 
 fn check(text: &str) -> foveate::Result<()> {
@@ -99,6 +114,11 @@ fn mistakes_are_told_with_place_and_valid_names() {
         ("[reward]", "0.3", "3", &["line 37, column 1", "reward.temperature", "it is 3"]),
         ("[vigilance]", "0.25", "-0.1", &["line 40, column 1", "vigilance.temperature", "-0.1"]),
         ("[encoder]", "[encoder]", "[encoder", &["line 25, column"]),
+        ("[proposal]", "0.25", "1.0", &["line 45, column 1", "proposal.alpha", "0 to 0.99", "it is 1"]),
+        ("[proposal]", "spread", "spred", &["line 45", "spred", "`spread`"]),
+        ("[sighting]", "0.02", "0", &["line 51, column 1", "sighting.outlier", "it is 0"]),
+        ("[guide]", "local", "flow", &["line 57, column 1", "flow", "`local`"]),
+        ("[detector]", "saliency", "silence", &["line 59", "silence", "`saliency`"]),
     ] {
         let error = error(section, from, to);
         for word in ["my.toml"].iter().chain(words) {

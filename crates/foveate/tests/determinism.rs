@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{INIT, POLICIES, blueprint, frame, truth};
+use common::{INIT, POLICIES, blueprint, frame, natural, truth};
 use foveate::config::Blueprint;
 use foveate::observe::{Observer, Table, Trace};
 use foveate::scene::{Frame, Scene};
@@ -58,6 +58,7 @@ fn each(check: impl Fn(&str, &Blueprint)) {
             check(&name, &blueprint(policy, rbm, below, false, PARTICLES));
         }
     }
+    check("natural", &natural(PARTICLES));
 }
 
 #[test]

@@ -28,6 +28,8 @@ const MOTION: Autoregressive = Autoregressive {
     log_scale: 0.05,
     angle_pull: 0.95,
     angle: 0.04,
+    leaps: 0.0,
+    leap: 1.0,
 };
 /// Standard deviation of the first state's components.
 const START: [f64; 6] = [2.0, 2.0, 1.0, 1.0, 0.1, 0.1];

@@ -10,9 +10,12 @@ use foveate::scene::{Frame, Scene};
 use foveate::tracker::Tracker;
 
 const RULES: [&str; 3] = ["\"sum\"", "\"count\"", "{ forgetting = { memory = 4.0 } }"];
-/// The usual, one that learns from rewards, one of continuous gazes, one of two looks a frame.
-const LOOKING: [&str; 4] = [
+/// One whose class has a word in whether the target is lost.
+const ALARMING: &str = "{ kind = \"random\" }\nalarm = true";
+/// The usual, the alarming, one that learns from rewards, one of continuous gazes, one of two looks a frame.
+const LOOKING: [&str; 5] = [
     "",
+    ALARMING,
     "{ kind = \"exp3\", gamma = 0.3 }",
     "{ kind = \"gp-ucb\" }",
     "{ kind = \"anchor\", policy = { kind = \"circular\" } }",
@@ -44,7 +47,9 @@ fn said(tracker: &mut Tracker, frame: &Frame) -> Vec<f64> {
 #[test]
 fn recognition_changes_no_bit_of_the_track() {
     let (frames, (_folder, model)) = (frames(), random_recogniser());
-    for (policy, looking) in POLICIES.into_iter().zip(LOOKING.into_iter().cycle()) {
+    for (policy, looking) in
+        POLICIES.into_iter().zip(LOOKING.into_iter().filter(|looking| *looking != ALARMING).cycle())
+    {
         let (mut a, mut b) =
             (started(&recognising(&raw(policy), &model, RULES[0], looking), &frames), started(&raw(policy), &frames));
         for frame in &frames[1..] {
@@ -86,6 +91,10 @@ fn what_is_recognised_survives_a_pause_and_is_forgotten_with_the_target() {
             let mut damaged = first.save();
             damaged["recognizer"]["evidence"] = serde_json::json!([1.0]);
             assert!(later.load(&damaged).expect_err("one class").to_string().contains("3 classes"));
+            let mut damaged = first.save();
+            assert_eq!(damaged["recognizer"].get("alarm").is_some(), looking == ALARMING);
+            damaged["recognizer"]["alarm"] = serde_json::json!({ "evidence": [0.0, 0.0, 0.0], "past": "gone" });
+            assert_eq!(later.load(&damaged).is_err(), looking == ALARMING);
             whole.start(&frames[0], INIT).expect("a box in the picture");
             let again = whole.step(Scene { frame: &frames[1], detections: &[] });
             assert!(rule != RULES[1] || again.classes.contains(&1.0), "one frame, one vote: {:?}", again.classes);
@@ -96,7 +105,7 @@ fn what_is_recognised_survives_a_pause_and_is_forgotten_with_the_target() {
 #[test]
 fn what_does_not_fit_is_refused_by_name() {
     let (folder, model) = random_recogniser();
-    let config = recognising(&raw(POLICIES[0]), &model, RULES[2], LOOKING[3]).config().clone();
+    let config = recognising(&raw(POLICIES[0]), &model, RULES[2], LOOKING[4]).config().clone();
     assert_eq!(Config::parse(&config.to_toml(), "again").expect("what was written"), config);
     let base = raw(POLICIES[0]).config().to_toml();
     let refuse = |lines: &str, words: &str| {
@@ -110,6 +119,7 @@ fn what_does_not_fit_is_refused_by_name() {
     refuse("weights = \"m.safetensors\"\naccumulate = { forgetting = { memory = 0.5 } }", "memory");
     refuse("weights = \"m.safetensors\"\nacumulate = \"sum\"", "acumulate");
     refuse("weights = \"m.safetensors\"\npolicy = { kind = \"fixed\", u = 99 }", "policy.u");
+    refuse("weights = \"m.safetensors\"\nalarm = 1", "boolean");
     std::fs::write(folder.path().join("bad.safetensors"), b"no model").expect("a writable folder");
     refuse("weights = \"bad.safetensors\"", "bad.safetensors");
     assert!(Path::new(&model).exists());

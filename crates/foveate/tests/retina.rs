@@ -7,6 +7,7 @@ use std::sync::Arc;
 use foveate::conformance;
 use foveate::geometry::{Extent, Gaze, State};
 use foveate::identity::calibrate::Calibration;
+use foveate::identity::discriminant;
 use foveate::identity::distance::Kind;
 use foveate::identity::encoder::{Raw, RbmEncoder};
 use foveate::identity::gaze_appearance::Sharpness;
@@ -258,6 +259,10 @@ fn appearances_keep_the_law() {
                 conformance::appearance(&|| -> Box<dyn Appearance> {
                     let made = GazeAppearance::new(retina.clone(), encoder.clone(), distance, sharpness);
                     Box::new(made.expect("widths that fit"))
+                });
+                conformance::appearance(&|| -> Box<dyn Appearance> {
+                    let made = GazeAppearance::new(retina.clone(), encoder.clone(), distance, sharpness);
+                    Box::new(made.expect("widths that fit").discriminating(discriminant::Settings::default()))
                 });
             }
         }

@@ -71,11 +71,13 @@ fn tracker() -> Tracker {
         GazeAppearance::new(retina, encoder, Kind::Cosine, Sharpness::Fixed(20.0)).expect("parts that fit");
     let parts = Parts {
         proposal: Box::new(Prior::new(Arc::new(Autoregressive::default()))),
+        guide: None,
         sighting: None,
         policy: Box::new(Wanderer::default()),
         appearance: Box::new(appearance),
         reward: Box::new(VarianceReduction::new(0.3).expect("a temperature")),
         resampling: Resampling::default(),
+        confidence: Default::default(),
         vigilance: Vigilance::default(),
         search: None,
         start: foveate::start::StartSpread::default(),

@@ -22,8 +22,20 @@ pub struct Args {
 enum What {
     /// One frame of the tracker: 640 x 480 pixels, 240 values a glimpse, 500 features, one thread
     Frame(FrameArgs),
+    /// Many targets in 640 x 480 pixels, with a detection each, one thread: time a frame against their number
+    Many(ManyArgs),
     /// Every policy over a long video: time a frame and memory, early and late
     Policies(PoliciesArgs),
+}
+
+#[derive(clap::Args, Debug)]
+struct ManyArgs {
+    /// Frames to time for each number of targets
+    #[arg(long, default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..))]
+    frames: u32,
+    /// A configuration file, or the name of one that ships with the program
+    #[arg(long, value_name = "FILE|NAME", default_value = "many")]
+    config: String,
 }
 
 #[derive(clap::Args, Debug)]
@@ -64,8 +76,23 @@ enum PrecisionArg {
 pub fn run(args: Args) -> Result<()> {
     match args.what {
         What::Frame(args) => frame(args),
+        What::Many(args) => many(args),
         What::Policies(args) => policies(args),
     }
+}
+
+/// Targets walk about over a busy picture, most of them apart from each other.
+fn many(args: ManyArgs) -> Result<()> {
+    let blueprint = super::track::blueprint(&args.config)?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+    let pool = pool.map_err(|e| foveate::Error::Invalid(format!("cannot start a thread: {e}")))?;
+    println!("targets   ms of CPU a frame (median)   frames/s   ms a target");
+    for n in [1, 2, 5, 10, 20] {
+        let mut many = blueprint.many(1)?;
+        let ms = pool.install(|| foveate::bench::many(&mut many, n, args.frames as usize))?.median;
+        println!("{n:7} {ms:28.3} {:10.0} {:13.3}", 1e3 / ms, ms / n as f64);
+    }
+    Ok(())
 }
 
 /// A digit goes to and fro for as long as it takes. The first tenth is left out: what a policy learns there it has to grow.

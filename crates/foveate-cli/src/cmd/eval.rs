@@ -1,16 +1,23 @@
 //! `foveate eval`: scores trackers on sequences with truth: of one target (one-pass evaluation, as OTB does it), of many.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
-use foveate::eval::{Evaluation, Row, Sequence, TrackRun, curves, find_sequences, mot, run_all, score_folder, table};
-use foveate::observe::{Clock, Observer};
-use foveate::run::{Follow, follow};
+use foveate::eval::trust::{self, Judged, TrustScore, Witness};
+use foveate::eval::{
+    Evaluation, Row, Sequence, TrackRun, curves, find_sequences, mot, run_all, score_folder, table, trust_plot,
+};
+use foveate::observe::Clock;
+use foveate::run::{Follow, follow_with};
 use foveate::scene::open;
 use foveate::{Error, Result, files};
 
+use super::track::{self, Profile};
+
 /// Scores trackers on sequences whose true boxes are known (one-pass evaluation, as OTB does it).
 ///
-/// Without --results, foveate itself is run on every sequence, from the true box of frame 1, and scored.
+/// Without --results, foveate itself is run on every sequence, from the true box of frame 1, and scored; and so is what it
+/// says about being lost: calibration, false alarms, frames to notice a loss, coverage of credible regions.
 ///
 /// With --mot, tracks of many targets are scored instead: MOTA, IDF1, HOTA and what they are made of, as TrackEval has them:
 /// foveate eval --mot --truth DIR --results DIR
@@ -34,13 +41,17 @@ pub struct Args {
     /// The tracker to run: a configuration file, or the name of one that ships with the program (natural, digits, ...); natural if left out
     #[arg(long, value_name = "FILE|NAME", conflicts_with = "results")]
     pub config: Option<String>,
+    /// How much time a frame may take, where no configuration is given
+    #[arg(long, value_enum, conflicts_with_all = ["config", "results", "mot"])]
+    pub profile: Option<Profile>,
     /// First seed of the tracker to run
     #[arg(long, default_value_t = 1, conflicts_with = "results")]
     pub seed: u64,
     /// Number of seeds to run, counting up from --seed; mean and spread over them are reported
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000), conflicts_with = "results")]
     pub seeds: u64,
-    /// Folder for table.txt, scores.json, curves.svg (not with --mot), and the tracks in foveate/ where the tracker is run
+    /// Folder for table.txt, scores.json, curves.svg (not with --mot); where the tracker is run, the tracks in foveate/, trust.txt, trust.json and
+    /// reliability.svg
     #[arg(long, value_name = "DIR", default_value = "out-eval")]
     pub out: PathBuf,
     /// Print scores as JSON instead of the table
@@ -53,7 +64,8 @@ pub fn run(args: Args) -> Result<()> {
     if args.mot {
         return many(&args);
     }
-    let blueprint = super::track::blueprint(args.config.as_deref().unwrap_or("natural"))?;
+    let blueprint = track::blueprint(track::config_name(args.config.as_deref(), args.profile))?;
+    let judged: RefCell<Vec<Vec<Judged>>> = RefCell::new(vec![]);
     evaluate(&args, &|sequence, seed| {
         let mut tracker = blueprint.tracker(seed, 0)?;
         let plan = Follow {
@@ -65,10 +77,32 @@ pub fn run(args: Args) -> Result<()> {
             clock: Clock::default(),
             progress: &mut |_| {},
         };
-        let nobody: &mut Vec<Box<dyn Observer>> = &mut vec![];
-        let (outcome, result) = follow(&mut *open(&sequence.images)?, &mut tracker, nobody, plan);
+        let mut witness = Witness::of(&sequence.truth);
+        let (mut scout, mut source) = (blueprint.scout(), open(&sequence.images)?);
+        let (outcome, result) = follow_with(&mut scout, &mut *source, &mut tracker, &mut witness, plan);
+        judged.borrow_mut().push(witness.frames);
         result.map(|()| TrackRun { boxes: outcome.boxes, seconds: outcome.seconds })
-    })
+    })?;
+    let judged = judged.into_inner();
+    if judged.is_empty() {
+        return Ok(()); // results of others say nothing about being lost
+    }
+    let tracks: Vec<&[Judged]> = judged.iter().map(Vec::as_slice).collect();
+    trusted(&args, &TrustScore::of(&tracks, blueprint.config().confidence.blur))
+}
+
+/// Keeps what the tracker's own probability of being lost is worth, and prints it.
+fn trusted(args: &Args, score: &TrustScore) -> Result<()> {
+    let (out, text) = (&args.out, trust::text(score));
+    let json = serde_json::to_string_pretty(score).map_err(|e| Error::Invalid(e.to_string()))?;
+    files::write(out.join("trust.txt"), text.as_bytes())?;
+    files::write(out.join("trust.json"), json.as_bytes())?;
+    files::write(out.join("reliability.svg"), trust_plot::plot(&[("foveate", score)]).as_bytes())?;
+    if !args.json {
+        println!("\nWhat it says about being lost (IoU below 0.1, or out of sight):\n{text}");
+        println!("{}: trust.txt, trust.json, reliability.svg", out.display());
+    }
+    Ok(())
 }
 
 /// Scores; `run_tracker` follows one sequence with one seed.

@@ -5,6 +5,8 @@ pub mod demo;
 pub mod eval;
 pub mod experiment;
 pub mod look;
+pub mod reproduce;
 pub mod synth;
 pub mod track;
 pub mod train;
+mod videos;

@@ -3,13 +3,17 @@
 use std::path::PathBuf;
 
 use clap::{Subcommand, ValueEnum};
+use foveate::eval::find_sequences;
 use foveate::geometry::BBox;
 use foveate::observe::Mp4Writer;
 use foveate::scene::annotation::format_boxes;
+use foveate::scene::hide::{Hide, Way};
 use foveate::scene::otb::{write_folder, write_otb};
 use foveate::scene::synthetic::{Clutter, Corruption, Drawn, Ink, Multi, NOISE, Occlusion, Synthetic};
-use foveate::scene::{Digits, Split};
+use foveate::scene::{Digits, Frame, Split};
 use foveate::{Error, Result};
+
+use super::videos::of_sequence;
 
 /// Digits drawn of each class where there is no MNIST.
 const DRAWN: usize = 20;
@@ -29,6 +33,37 @@ enum Kind {
     Partial(PartialArgs),
     /// Several digits grow, turn and pass over each other (the paper's second experiment)
     Multi(MultiArgs),
+    /// A real sequence whose target vanishes and comes back
+    Hide(HideArgs),
+}
+
+#[derive(clap::Args, Debug)]
+struct HideArgs {
+    /// A sequence in OTB layout
+    #[arg(long, value_name = "DIR")]
+    seq: PathBuf,
+    /// How the target vanishes
+    #[arg(long, value_enum)]
+    way: WayArg,
+    /// Fewest and most frames that it is out of sight
+    #[arg(long, value_name = "LEAST,MOST", default_value = "30,90", value_parser = super::experiment::recovery::range)]
+    hidden: (usize, usize),
+    /// Same seed, same frames
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Folder to make, in OTB layout; while the target is out of sight its truth is NaN
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum WayArg {
+    /// What is beside it is mirrored over it
+    Behind,
+    /// The camera looks elsewhere, and back
+    Away,
+    /// The camera looks elsewhere, and then to another place
+    Elsewhere,
 }
 
 /// What all scenes can be told.
@@ -186,6 +221,7 @@ pub fn run(args: Args) -> Result<()> {
             make(&args.common, Synthetic::Occlusion(settings))
         }
         Kind::Multi(args) => many(&args),
+        Kind::Hide(args) => hide(&args),
     }
 }
 
@@ -225,6 +261,28 @@ fn many(args: &MultiArgs) -> Result<()> {
     Ok(())
 }
 
+fn hide(args: &HideArgs) -> Result<()> {
+    let way = match args.way {
+        WayArg::Behind => Way::Behind,
+        WayArg::Away => Way::Away,
+        WayArg::Elsewhere => Way::Elsewhere,
+    };
+    let sequences = find_sequences(std::slice::from_ref(&args.seq))?;
+    let video = of_sequence(&sequences[0])?;
+    let hide = Hide::choose(way, &video.truth, video.size, args.hidden, args.seed)?;
+    let truth: Vec<_> = video.truth.iter().enumerate().map(|(t, b)| hide.truth(t, *b)).collect();
+    let frames = video.truth.iter().enumerate().map(|(index, b)| {
+        let image = hide.apply(index, &(video.picture)(index)?, *b);
+        Ok(Frame { index, time: index as f64 / 30.0, image })
+    });
+    let settings = toml::to_string(&hide).map_err(|e| Error::Invalid(e.to_string()))?;
+    let note = format!("# {}, frames counted from 0\n{settings}", video.name);
+    write_otb(&args.out, frames, &truth, &[("hide.toml", note)])?;
+    let (from, until) = (hide.from + 1, hide.until);
+    println!("{}: {} frames, the target out of sight in frames {from} to {until}", args.out.display(), truth.len());
+    Ok(())
+}
+
 fn digits(data: Option<&std::path::Path>, seed: u64) -> Result<(Digits, &'static str)> {
     Ok(match data {
         Some(dir) => (Digits::load(dir, Split::Test)?, "MNIST test digits"),
@@ -237,7 +295,7 @@ fn make(args: &Common, settings: Synthetic) -> Result<()> {
     let video = settings.video(&digits)?;
     let scene = toml::to_string(&settings).map_err(|e| Error::Invalid(e.to_string()))?;
     let notes = [("label.txt", format!("{}\n", video.label())), ("scene.toml", format!("# {from}\n{scene}"))];
-    let truth = video.truth().to_vec();
+    let truth: Vec<_> = video.truth().iter().copied().map(Some).collect();
     let (frames, label) = (truth.len(), video.label());
     write_otb(&args.out, video.source(), &truth, &notes)?;
     println!("{}: {frames} frames of digit {label} ({from})", args.out.display());

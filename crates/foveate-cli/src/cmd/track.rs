@@ -8,7 +8,7 @@ use foveate::geometry::BBox;
 use foveate::observe::{
     Boxes, Clock, Film, Observer, RegretFiles, Report, RunInfo, Summary, SurfacePicture, Table, Trace,
 };
-use foveate::run::{Follow, Outcome, follow};
+use foveate::run::{Follow, Outcome, follow_with};
 use foveate::scene::{SourceInfo, ahead, annotation, motion, open};
 use foveate::{Error, Result, files};
 
@@ -39,6 +39,9 @@ pub struct Args {
     /// A configuration file, or the name of one that ships with the program (natural, digits, ...); natural if left out
     #[arg(long, short, value_name = "FILE|NAME")]
     config: Option<String>,
+    /// How much time a frame may take, where no configuration is given
+    #[arg(long, value_enum, conflicts_with = "config")]
+    profile: Option<Profile>,
     /// Seed of all random numbers: the same seed gives the same track. Left out, the configuration's seed is taken
     #[arg(long)]
     seed: Option<u64>,
@@ -58,7 +61,7 @@ pub struct Args {
     /// hindsight: regret.csv, regret.svg and a section of the report. Takes time; the track stays the same
     #[arg(long)]
     regret: bool,
-    /// Say what the target is, by a model of `foveate train fixations`; without MODEL, which digit it is. Its class stands
+    /// Say what the target is, by a model of `foveate train classifier` or `train fixations`; without MODEL, which digit it is. Its class stands
     /// in track.csv, trace.jsonl, video and report; the track stays the same. It takes the place of the configuration's
     /// recogniser
     #[arg(long, visible_alias = "recognize", value_name = "MODEL", num_args = 0..=1, default_missing_value = DIGITS)]
@@ -72,6 +75,27 @@ pub struct Args {
     /// Leave out trace.jsonl
     #[arg(long)]
     no_trace: bool,
+}
+
+/// Configurations for real video, by the time they take.
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+pub enum Profile {
+    /// Thousands of frames a second: natural-fast
+    Fast,
+    /// What is taken unless told otherwise: natural
+    Balanced,
+    /// Some hundred frames a second: natural-accurate
+    Accurate,
+}
+
+/// The configuration asked for by name or by profile; `natural` unless told otherwise.
+pub fn config_name(config: Option<&str>, profile: Option<Profile>) -> &str {
+    match (config, profile) {
+        (Some(name), _) => name,
+        (None, Some(Profile::Fast)) => "natural-fast",
+        (None, Some(Profile::Accurate)) => "natural-accurate",
+        (None, Some(Profile::Balanced) | None) => "natural",
+    }
 }
 
 /// Where the first box comes from.
@@ -183,10 +207,13 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
 
 pub fn run(args: Args) -> Result<()> {
     let is_many = args.many.asked() || args.init.len() > 1;
-    let name = args.config.as_deref().unwrap_or(if is_many { "many" } else { "natural" });
+    let name = match (&args.config, args.profile) {
+        (None, None) if is_many => args.many.config(),
+        (config, profile) => config_name(config.as_deref(), profile),
+    };
     let mut blueprint = blueprint(name)?;
     if let Some(model) = &args.recognise {
-        blueprint = blueprint.recognising(RecogniserConfig::multi_fixation(model), Path::new("."))?;
+        blueprint = blueprint.recognising(RecogniserConfig::of_model(model, Path::new(".")), Path::new("."))?;
     }
     let shadow = if args.regret { line_up::rivals(&blueprint.config().policy).gazes() } else { vec![] };
     blueprint = blueprint.shadowing(shadow.clone());
@@ -228,7 +255,7 @@ pub fn run(args: Args) -> Result<()> {
             bar.set_position(next_frame as u64);
         },
     };
-    let (outcome, result) = follow(&mut *source, &mut tracker, &mut observers, plan);
+    let (outcome, result) = follow_with(&mut blueprint.scout(), &mut *source, &mut tracker, &mut observers, plan);
     bar.finish_and_clear();
     if let (Some(path), true) = (&args.save_state, outcome.frames > 0) {
         let saved = SavedState { next_frame, tracker: tracker.save() };
@@ -310,6 +337,7 @@ fn report(args: &Args, outcome: &Outcome, seed: u64, outputs: Vec<PathBuf>, resu
             lost_frames: outcome.lost,
             bbox,
             class: outcome.class,
+            class_name: outcome.class_name.clone(),
             seed,
             outputs,
             error: result.as_ref().err().map(ToString::to_string),
@@ -323,7 +351,8 @@ fn report(args: &Args, outcome: &Outcome, seed: u64, outputs: Vec<PathBuf>, resu
         println!("Last box: {:.1},{:.1},{:.1},{:.1} (x,y,w,h, counted from 1).", b.x + 1.0, b.y + 1.0, b.w, b.h);
     }
     if let Some((class, p)) = outcome.class {
-        println!("Recognised as class {class}, with probability {p:.3}.");
+        let name = outcome.class_name.clone().unwrap_or_else(|| format!("class {class}"));
+        println!("Recognised as {name}, with probability {p:.3}.");
     }
     let names: Vec<String> = outputs.iter().filter_map(|o| o.file_name()).map(|n| n.to_string_lossy().into()).collect();
     println!("{}: {}", args.out.display(), names.join(", "));

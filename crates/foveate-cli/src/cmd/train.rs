@@ -12,8 +12,11 @@ use foveate::rows::Rows;
 use foveate::training::{self, filters};
 
 mod autoencoder;
+mod classifier;
 mod common;
+mod confidence;
 mod fixations;
+mod kmeans;
 mod mcrbm;
 
 /// Rows that are monitored after every epoch, of those learned from and of those held out.
@@ -32,6 +35,9 @@ enum What {
     Fixations(Box<fixations::Args>),
     Mcrbm(Box<mcrbm::Args>),
     Autoencoder(Box<autoencoder::Args>),
+    Kmeans(Box<kmeans::Args>),
+    Classifier(Box<classifier::Args>),
+    Confidence(Box<confidence::Args>),
 }
 
 /// Learn a restricted Boltzmann machine from glimpses.
@@ -159,6 +165,9 @@ pub fn run(args: Args) -> Result<()> {
         What::Fixations(args) => fixations::run(&args),
         What::Mcrbm(args) => mcrbm::run(&args),
         What::Autoencoder(args) => autoencoder::run(&args),
+        What::Kmeans(args) => kmeans::run(&args),
+        What::Classifier(args) => classifier::run(&args),
+        What::Confidence(args) => confidence::run(&args),
     }
 }
 

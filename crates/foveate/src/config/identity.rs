@@ -5,9 +5,12 @@ use std::sync::Arc;
 
 use super::{Config, EncoderConfig, RetinaConfig};
 use crate::autoencoder::Autoencoder;
+use crate::identity::convolution::ConvolutionEncoder;
 use crate::identity::encoder::{Encoder, Raw, RbmEncoder};
 use crate::identity::factored::FactoredEncoder;
+use crate::identity::oriented::Oriented;
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
+use crate::kmeans::KMeans;
 use crate::rbm::factored::FactoredRbm;
 use crate::rbm::{Metadata, Rbm};
 use crate::{Error, Result};
@@ -27,6 +30,14 @@ pub(super) fn first_layer(
     base: &Path,
 ) -> Result<(Foveal, Arc<dyn Encoder>)> {
     match encoder {
+        EncoderConfig::Oriented { weights } => {
+            let config = given.ok_or_else(|| {
+                Error::Config("an oriented encoder needs a retina; for example [retina] kind = \"foveal\", side = 16, rings = [[18, 1]], colour = [[16, 4]]".into())
+            })?;
+            let retina = Foveal::new(config)?;
+            let encoder = Oriented::new(&channels(&retina), *weights)?;
+            Ok((retina, Arc::new(encoder)))
+        }
         EncoderConfig::Raw { standardise } => {
             let config = given.ok_or_else(|| {
                     Error::Config("a raw encoder needs a retina; for example [retina] kind = \"foveal\", side = 28, rings = [[8, 1], [16, 2], [24, 4]]".into())
@@ -51,6 +62,15 @@ pub(super) fn first_layer(
             let (rbm, metadata) = model(weights, base, FactoredRbm::from_bytes, FactoredRbm::load)?;
             let retina = trained_retina(weights, &metadata, given, "mcrbm")?;
             let encoder = FactoredEncoder::new(rbm, *units, &channels(&retina));
+            Ok((retina, Arc::new(encoder)))
+        }
+        EncoderConfig::Kmeans { weights, pool, threshold } => {
+            let (model, metadata) = model(weights, base, KMeans::from_bytes, KMeans::load)?;
+            let retina = match given {
+                Some(config) => Foveal::new(config)?,
+                None => trained_retina(weights, &metadata, None, "kmeans")?,
+            };
+            let encoder = ConvolutionEncoder::new(&model, retina.cells(), *pool, *threshold)?;
             Ok((retina, Arc::new(encoder)))
         }
     }
@@ -108,4 +128,5 @@ const MODELS: &[(&str, &[u8])] = &[
     ("natural", include_bytes!("../../../../models/natural.safetensors")),
     ("natural-mcrbm", include_bytes!("../../../../models/natural-mcrbm.safetensors")),
     ("natural-autoencoder", include_bytes!("../../../../models/natural-autoencoder.safetensors")),
+    ("natural-kmeans", include_bytes!("../../../../models/natural-kmeans.safetensors")),
 ];

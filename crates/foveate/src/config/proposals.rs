@@ -4,9 +4,11 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use super::Blueprint;
 use super::ranges::Ranges;
 use crate::Result;
-use crate::control::{Autoregressive, Mixing, Mixture, Prior, Proposal, Sighting};
+use crate::control::{Autoregressive, Guide, Mixing, Mixture, Prior, Proposal, Sighting};
+use crate::scene::{Detector, Flow, Motion, Saliency, Scout};
 
 /// The proposals there are.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -17,6 +19,37 @@ pub enum ProposalConfig {
     Prior,
     /// Some particles start at what a detector found (section 6.3).
     Mixture(Mixing),
+}
+
+/// The detectors there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum DetectorConfig {
+    /// What differs from the background learned so far; for a camera that stands still.
+    Motion,
+    /// What is unlike its surroundings (Itti and Koch).
+    Saliency,
+    /// What moves otherwise than the camera.
+    Flow,
+}
+
+impl DetectorConfig {
+    /// A detector that has seen nothing yet.
+    pub fn detector(self) -> Box<dyn Detector> {
+        match self {
+            Self::Motion => Box::<Motion>::default(),
+            Self::Saliency => Box::<Saliency>::default(),
+            Self::Flow => Box::<Flow>::default(),
+        }
+    }
+}
+
+impl Blueprint {
+    /// What looks at every frame beside the trackers, as the configuration has it.
+    pub fn scout(&self) -> Scout {
+        let config = self.config();
+        Scout::new(config.detector.map(DetectorConfig::detector), config.guide.is_some())
+    }
 }
 
 /// The proposal of a configuration.
@@ -39,5 +72,11 @@ impl Ranges for ProposalConfig {
 impl Ranges for Option<Sighting> {
     fn ranges(&self) -> Result<()> {
         self.as_ref().map_or(Ok(()), Sighting::check)
+    }
+}
+
+impl Ranges for Option<Guide> {
+    fn ranges(&self) -> Result<()> {
+        self.as_ref().map_or(Ok(()), Guide::check)
     }
 }

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Deserializer};
 
 use super::{Config, DynamicsConfig, LikelihoodConfig, PolicyConfig, RetinaConfig, RewardConfig};
-use crate::control::{Resampling, Search, Vigilance};
+use crate::control::{Confidence, Resampling, Search, Vigilance};
+use crate::identity::discriminant;
 use crate::identity::distance::Kind;
 use crate::identity::retina::Foveal;
 use crate::many;
@@ -41,13 +42,16 @@ impl Ranges for Config {
         self.dynamics.ranges()?;
         self.proposal.ranges()?;
         self.sighting.ranges()?;
+        self.guide.ranges()?;
         self.start.ranges()?;
         self.retina.ranges()?;
         self.likelihood.ranges()?;
         self.policy.ranges()?;
         self.reward.ranges()?;
         self.vigilance.ranges()?;
+        self.confidence.ranges()?;
         self.recogniser.ranges()?;
+        self.discriminant.ranges()?;
         self.search.ranges()?;
         self.many.ranges()
     }
@@ -68,6 +72,18 @@ impl Ranges for StartSpread {
 impl Ranges for Vigilance {
     fn ranges(&self) -> Result<()> {
         self.check()
+    }
+}
+
+impl Ranges for Confidence {
+    fn ranges(&self) -> Result<()> {
+        self.check()
+    }
+}
+
+impl Ranges for Option<discriminant::Settings> {
+    fn ranges(&self) -> Result<()> {
+        self.as_ref().map_or(Ok(()), discriminant::Settings::check)
     }
 }
 

@@ -9,12 +9,12 @@ use super::identity::first_layer;
 use super::policies::policy;
 use super::ranges::Ranges;
 use super::{Blueprint, PolicyConfig};
-use crate::gaze::{Policy, Random};
+use crate::gaze::{Fixed, Policy, Random};
 use crate::geometry::Gaze;
 use crate::identity::accumulate::Accumulate;
 use crate::identity::encoder::Encoder;
 use crate::identity::retina::{Foveal, FovealConfig};
-use crate::identity::{MultiFixation, Retina};
+use crate::identity::{Classifier, MultiFixation, Recognizer, Retina};
 use crate::rbm::fixations::FixationRbm;
 use crate::recognition::Recognition;
 use crate::{Error, Result};
@@ -33,7 +33,24 @@ pub enum RecogniserConfig {
         /// Where it looks; left out, at random among the places it was trained at.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         policy: Option<PolicyConfig>,
+        /// Whether a class that is no longer seen means that the target is lost; without it, the track is the same as without a
+        /// recogniser.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        alarm: bool,
     },
+    /// A classifier of single looks at the middle, with the retina and first layer it was trained on; its classes have names.
+    Classifier {
+        /// A model file of `foveate train classifier`.
+        weights: String,
+        /// How frames add up. The frames of a track are alike, and a classifier that is wrong of one is wrong of the next: unless
+        /// told otherwise, no more than the last few count.
+        #[serde(default = "a_few")]
+        accumulate: Accumulate,
+    },
+}
+
+fn a_few() -> Accumulate {
+    Accumulate::Forgetting { memory: 3.0 }
 }
 
 /// Recognisers that ship with the program: names after `builtin:`, and model files.
@@ -45,49 +62,77 @@ pub const RECOGNISERS: &[(&str, &[u8])] =
 pub(super) struct Recogniser {
     retina: Arc<Foveal>,
     encoder: Option<Arc<dyn Encoder>>,
-    machine: MultiFixation,
+    machine: Machine,
     accumulate: Accumulate,
     policy: Option<PolicyConfig>,
+    alarm: bool,
+}
+
+#[derive(Clone)]
+enum Machine {
+    Fixations(MultiFixation),
+    Classifier(Classifier),
 }
 
 impl RecogniserConfig {
+    /// What a model file (relative to `base`) or a name after `builtin:` stands for, its other settings as usual. A file that
+    /// cannot be read is told of when it is used.
+    pub fn of_model(weights: &str, base: &Path) -> Self {
+        let bytes = if weights.starts_with("builtin:") {
+            vec![]
+        } else {
+            std::fs::read(base.join(weights)).unwrap_or_default()
+        };
+        if Classifier::is_one(&bytes) {
+            return Self::Classifier { weights: weights.into(), accumulate: a_few() };
+        }
+        Self::multi_fixation(weights)
+    }
+
     /// This model, summing log-probabilities, looking at random among its places.
     pub fn multi_fixation(weights: impl Into<String>) -> Self {
-        Self::MultiFixation { weights: weights.into(), accumulate: Accumulate::Sum, policy: None }
+        Self::MultiFixation { weights: weights.into(), accumulate: Accumulate::Sum, policy: None, alarm: false }
     }
 
     /// Reads the model, whose place is relative to `base`, and the first layer, whose place is relative to the model's.
     pub(super) fn read(&self, base: &Path) -> Result<Recogniser> {
-        let Self::MultiFixation { weights, accumulate, policy } = self;
-        let ((machine, about), beside) = match weights.strip_prefix("builtin:") {
-            Some(name) => {
+        let (weights, accumulate, policy, alarm) = match self {
+            Self::MultiFixation { weights, accumulate, policy, alarm } => (weights, accumulate, policy.clone(), *alarm),
+            Self::Classifier { weights, accumulate } => (weights, accumulate, None, false),
+        };
+        let path = base.join(weights);
+        let mut beside = path.parent().map(PathBuf::from).unwrap_or_default();
+        let (machine, metadata, layer) = match (self, weights.strip_prefix("builtin:")) {
+            (Self::Classifier { .. }, _) => {
+                let (machine, about) = Classifier::load(&path)?;
+                (Machine::Classifier(machine), about.metadata, about.first_layer)
+            }
+            (Self::MultiFixation { .. }, Some(name)) => {
                 let bytes =
                     RECOGNISERS.iter().find(|m| m.0 == name).map(|m| m.1).ok_or_else(|| none_of_that_name(name))?;
                 let (rbm, about) = FixationRbm::from_bytes(bytes, Path::new(weights))?;
-                let temperature = about.temperature.into();
-                ((MultiFixation::new(Arc::new(rbm), None, temperature)?, about), PathBuf::new())
+                let machine = MultiFixation::new(Arc::new(rbm), None, about.temperature.into())?;
+                beside = PathBuf::new();
+                (Machine::Fixations(machine), about.metadata, about.first_layer)
             }
-            None => {
-                let path = base.join(weights);
-                (MultiFixation::load(&path)?, path.parent().map(PathBuf::from).unwrap_or_default())
+            (Self::MultiFixation { .. }, None) => {
+                let (machine, about) = MultiFixation::load(&path)?;
+                (Machine::Fixations(machine), about.metadata, about.first_layer)
             }
         };
         let unclear = |what: &str, e: serde_json::Error| {
-            let problem = format!(
-                "it does not say what {what} it was trained with ({e}); train it with `foveate train fixations`"
-            );
+            let problem = format!("it does not say what {what} it was trained with ({e}); train it again");
             Error::malformed(Path::new(weights), problem)
         };
-        let config: FovealConfig = serde_json::from_str(&about.metadata.retina).map_err(|e| unclear("retina", e))?;
-        let (retina, encoder) = if about.first_layer.is_empty() {
+        let config: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| unclear("retina", e))?;
+        let (retina, encoder) = if layer.is_empty() {
             (Foveal::new(config)?, None)
         } else {
-            let layer = serde_json::from_str(&about.first_layer).map_err(|e| unclear("first layer", e))?;
+            let layer = serde_json::from_str(&layer).map_err(|e| unclear("first layer", e))?;
             let (retina, encoder) = first_layer(&layer, Some(config), &beside)?;
             (retina, Some(encoder))
         };
-        let read =
-            Recogniser { retina: Arc::new(retina), encoder, machine, accumulate: *accumulate, policy: policy.clone() };
+        let read = Recogniser { retina: Arc::new(retina), encoder, machine, accumulate: *accumulate, policy, alarm };
         read.recognition().map_err(|e| Error::Config(format!("{weights}: {e}")))?;
         Ok(read)
     }
@@ -115,24 +160,36 @@ fn none_of_that_name(name: &str) -> Error {
 impl Recogniser {
     /// What a tracker has of it.
     pub(super) fn recognition(&self) -> Result<Recognition> {
-        let policy: Box<dyn Policy> = match &self.policy {
-            Some(config) => policy(config)?,
-            None => {
-                let places = self.machine.rbm().places().points().iter().enumerate();
+        let policy: Box<dyn Policy> = match (&self.policy, &self.machine) {
+            (Some(config), _) => policy(config)?,
+            (None, Machine::Fixations(machine)) => {
+                let places = machine.rbm().places().points().iter().enumerate();
                 let gaze = |(k, at): (usize, &[f32; 2])| Gaze { u: at[0].into(), v: at[1].into(), arm: Some(k) };
                 Box::new(Random::new(places.map(gaze).collect()))
             }
+            (None, Machine::Classifier(_)) => Box::new(Fixed::new(Gaze::CENTRE)),
         };
-        let retina: Arc<dyn Retina> = self.retina.clone();
-        Recognition::new(retina, self.encoder.clone(), Box::new(self.machine.clone()), policy, self.accumulate)
+        let (retina, machine): (Arc<dyn Retina>, Box<dyn Recognizer>) = (
+            self.retina.clone(),
+            match &self.machine {
+                Machine::Fixations(machine) => Box::new(machine.clone()),
+                Machine::Classifier(machine) => Box::new(machine.clone()),
+            },
+        );
+        let recognition = Recognition::new(retina, self.encoder.clone(), machine, policy, self.accumulate)?;
+        if self.alarm { recognition.alarming() } else { Ok(recognition) }
     }
 }
 
 impl Ranges for RecogniserConfig {
     fn ranges(&self) -> Result<()> {
-        let Self::MultiFixation { accumulate, policy, .. } = self;
-        accumulate.check()?;
-        policy.as_ref().map_or(Ok(()), Ranges::ranges)
+        match self {
+            Self::MultiFixation { accumulate, policy, .. } => {
+                accumulate.check()?;
+                policy.as_ref().map_or(Ok(()), Ranges::ranges)
+            }
+            Self::Classifier { accumulate, .. } => accumulate.check(),
+        }
     }
 }
 

@@ -38,6 +38,9 @@ pub trait Dynamics: Send + Sync {
 /// angle'     = angle_pull · angle + turn · n
 /// ```
 /// Lengths are in pixels, or in template units where a configuration gives them, to be [`Dynamics::sized`].
+/// Deviation: a share `leaps` of the states has the noises of position, scale and angle `leap` times as large: a mixture of two normals,
+/// of heavy tails.
+///
 /// A standard deviation of 0 makes its component follow from the others. The density is then one over the
 /// remaining components, and −∞ (a probability of none) where the component does not follow.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -57,6 +60,10 @@ pub struct Autoregressive {
     pub angle_pull: f64,
     /// Standard deviation of the angle's noise, radians.
     pub angle: f64,
+    /// Share of the states that leap, for cameras held in a hand: 0 to 1.
+    pub leaps: f64,
+    /// How many times as large their noises of position, scale and angle are, 1 to 100.
+    pub leap: f64,
 }
 
 impl Default for Autoregressive {
@@ -71,6 +78,8 @@ impl Default for Autoregressive {
             log_scale: 0.01,
             angle_pull: 0.9,
             angle: 0.0,
+            leaps: 0.0,
+            leap: 5.0,
         }
     }
 }
@@ -84,11 +93,14 @@ impl Autoregressive {
                 return Err(Error::Config(format!("dynamics.{name} is a standard deviation, 0 or more; it is {sd}")));
             }
         }
-        let shares = [self.damping, self.scale_pull, self.angle_pull];
-        for (name, share) in ["damping", "scale_pull", "angle_pull"].into_iter().zip(shares) {
+        let shares = [self.damping, self.scale_pull, self.angle_pull, self.leaps];
+        for (name, share) in ["damping", "scale_pull", "angle_pull", "leaps"].into_iter().zip(shares) {
             if !(0.0..=1.0).contains(&share) {
                 return Err(Error::Config(format!("dynamics.{name} is a share, from 0 to 1; it is {share}")));
             }
+        }
+        if !(1.0..=100.0).contains(&self.leap) {
+            return Err(Error::Config(format!("dynamics.leap is a factor, from 1 to 100; it is {}", self.leap)));
         }
         Ok(())
     }
@@ -130,6 +142,13 @@ impl Autoregressive {
     }
 }
 
+impl Autoregressive {
+    /// The noises of a state that leaps.
+    fn leaping(&self, [velocity, position, shape]: Noise) -> Noise {
+        [velocity, position.map(|x| self.leap * x), shape.map(|x| self.leap * x)]
+    }
+}
+
 impl Dynamics for Autoregressive {
     fn sized(&self, unit: f64) -> Arc<dyn Dynamics> {
         Arc::new(self.scaled(unit))
@@ -137,7 +156,9 @@ impl Dynamics for Autoregressive {
 
     fn sample(&self, previous: &State, rng: &mut Rng) -> State {
         let mut pair = || [rng.sample(StandardNormal), rng.sample(StandardNormal)];
-        self.step(previous, [pair(), pair(), pair()])
+        let noise = [pair(), pair(), pair()];
+        let leaps = self.leaps > 0.0 && rng.random::<f64>() < self.leaps;
+        self.step(previous, if leaps { self.leaping(noise) } else { noise })
     }
 
     fn sample_each(&self, previous: &[State], next: &mut [State], rng: &mut Rng) {
@@ -154,19 +175,33 @@ impl Dynamics for Autoregressive {
                     stream.fill(noise.as_flattened_mut());
                 }
             }
+            // Every so many leap, from a random one on: each with the same probability, and always about as many.
+            let mut turn = if self.leaps > 0.0 { rng.random::<f64>() } else { 0.0 };
             for i in 0..previous.len().min(next.len()).min(BATCH) {
-                next[i] = self.step(&previous[i], [velocity[i], position[i], shape[i]]);
+                let noise = [velocity[i], position[i], shape[i]];
+                turn += self.leaps;
+                let leaps = turn >= 1.0;
+                turn -= f64::from(u8::from(leaps));
+                next[i] = self.step(&previous[i], if leaps { self.leaping(noise) } else { noise });
             }
         }
     }
 
     fn log_density(&self, next: &State, previous: &State) -> f64 {
-        log_normal(next.vx, self.damping * previous.vx, self.velocity)
-            + log_normal(next.vy, self.damping * previous.vy, self.velocity)
-            + log_normal(next.x, previous.x + next.vx, self.position)
-            + log_normal(next.y, previous.y + next.vy, self.position)
-            + log_normal(next.log_scale, self.scale_pull * previous.log_scale, self.log_scale)
-            + log_normal(next.angle, self.angle_pull * previous.angle, self.angle)
+        let of_speed = log_normal(next.vx, self.damping * previous.vx, self.velocity)
+            + log_normal(next.vy, self.damping * previous.vy, self.velocity);
+        let of_rest = |factor: f64| {
+            log_normal(next.x, previous.x + next.vx, factor * self.position)
+                + log_normal(next.y, previous.y + next.vy, factor * self.position)
+                + log_normal(next.log_scale, self.scale_pull * previous.log_scale, factor * self.log_scale)
+                + log_normal(next.angle, self.angle_pull * previous.angle, factor * self.angle)
+        };
+        let [steps, leaps] = [(1.0 - self.leaps).ln() + of_rest(1.0), self.leaps.ln() + of_rest(self.leap)];
+        let most = steps.max(leaps);
+        if most == f64::NEG_INFINITY {
+            return most;
+        }
+        of_speed + most + ((steps - most).exp() + (leaps - most).exp()).ln()
     }
 }
 
@@ -183,6 +218,8 @@ mod tests {
         log_scale: 0.02,
         angle_pull: 1.0,
         angle: 0.1,
+        leaps: 0.0,
+        leap: 3.0,
     };
     const FROM: State = State { x: 10.0, y: -5.0, vx: 2.0, vy: 1.0, log_scale: 0.2, angle: 0.5 };
 
@@ -195,6 +232,7 @@ mod tests {
             Autoregressive { angle: 0.0, log_scale: 0.0, ..ALL },
             Autoregressive { velocity: 0.0, position: 0.0, log_scale: 0.0, angle: 0.0, ..ALL },
             Autoregressive::default(),
+            Autoregressive { leaps: 0.2, ..ALL },
         ] {
             conformance::dynamics(&dynamics, &FROM);
         }
@@ -234,6 +272,13 @@ mod tests {
         let volume: f64 = [0.7, 0.7, 0.4, 0.4, 0.02, 0.1].iter().product();
         let exact = -0.5 - 2.0 - volume.ln() - 3.0 * std::f64::consts::TAU.ln();
         assert!((ALL.log_density(&next, &FROM) - exact).abs() < 1e-12);
+        // One that leaps has a density of a mixture, of the other four components.
+        let leaping = Autoregressive { leaps: 0.25, ..ALL };
+        let far = |factor: f64| {
+            -0.5 - 2.0 / factor.powi(2) - 4.0 * factor.ln() - volume.ln() - 3.0 * std::f64::consts::TAU.ln()
+        };
+        let mixture = (0.75 * far(1.0).exp() + 0.25 * far(ALL.leap).exp()).ln();
+        assert!((leaping.log_density(&next, &FROM) - mixture).abs() < 1e-12);
         let still = Autoregressive { angle: 0.0, ..ALL };
         assert_eq!(still.log_density(&State { angle: 0.6, ..next }, &FROM), f64::NEG_INFINITY);
     }
@@ -245,6 +290,8 @@ mod tests {
             (Autoregressive { velocity: -1.0, ..ALL }, "velocity"),
             (Autoregressive { angle: f64::NAN, ..ALL }, "dynamics.angle "),
             (Autoregressive { damping: 1.1, ..ALL }, "damping"),
+            (Autoregressive { leaps: 1.1, ..ALL }, "leaps"),
+            (Autoregressive { leap: 0.5, ..ALL }, "leap "),
         ] {
             let message = bad.check().expect_err("out of range").to_string();
             assert!(message.contains(name), "{message}");

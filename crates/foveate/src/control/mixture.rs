@@ -70,6 +70,7 @@ impl Mixing {
 }
 
 /// The mixture. It needs more of the dynamics than draws: the law of the place alone, and of the velocity given the place.
+/// Both are normal laws: dynamics with `leaps` have none, and a configuration with both is refused.
 #[derive(Clone)]
 pub struct Mixture {
     mixing: Mixing,
@@ -210,6 +211,8 @@ mod tests {
         log_scale: 0.05,
         angle_pull: 1.0,
         angle: 0.1,
+        leaps: 0.0,
+        leap: 1.0,
     };
     const FROM: State = State { x: 10.0, y: 20.0, vx: 2.0, vy: 1.0, log_scale: 0.2, angle: 0.5 };
     const MIXING: Mixing = Mixing { alpha: 0.4, spread: 0.5, size: Some(0.1), gate: 6.0 };

@@ -4,20 +4,26 @@
 //! [`normalize`] weighs them, [`Reward`] says how much a look told, [`Resampling`] selects survivors.
 //! log wₜ = log wₜ₋₁ + log p/q + log p(h | x, a), up to its own logarithm of a sum, the evidence.
 
+mod confidence;
 mod dynamics;
+mod guided;
 mod mixture;
 mod proposal;
 mod resampling;
 mod reward;
+mod rivals;
 mod search;
 mod sighting;
 mod vigilance;
 
+pub use self::confidence::{CUE_NAMES, CUES, Confidence, Cues, Shown, Standing, Trust};
 pub use self::dynamics::{Autoregressive, Dynamics};
+pub use self::guided::Guide;
 pub use self::mixture::{Mixing, Mixture};
 pub use self::proposal::{CHUNK, Prior, Proposal};
 pub use self::resampling::{Resampling, Scheme};
 pub use self::reward::{Concentration, LogConcentration, Reward, VarianceReduction};
+pub use self::rivals::rivals;
 pub use self::search::{REFINEMENTS, Search};
 pub use self::sighting::Sighting;
 pub use self::vigilance::{Promise, Vigilance, Watch};

@@ -8,7 +8,7 @@ use rand::RngExt;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
-use super::{Promise, Watch};
+use super::Promise;
 use crate::geometry::{Extent, State};
 use crate::rng::Streams;
 use crate::{Error, Result};
@@ -35,7 +35,12 @@ pub struct Search {
     #[serde(skip)]
     found: Vec<Found>,
     #[serde(skip)]
-    apart: f64,
+    best: Option<State>,
+    /// Distances of neighbouring places, and halves of the box, across and down, pixels.
+    #[serde(skip)]
+    apart: (f64, f64),
+    #[serde(skip)]
+    half: (f64, f64),
 }
 
 /// One of the best places, and its log-likelihood.
@@ -47,8 +52,9 @@ struct Found {
 
 impl Default for Search {
     fn default() -> Self {
-        let (states, found, apart) = (vec![], vec![], 0.0);
-        Self { every: 4, step: 0.5, share: 0.3, places: 8, fit: 0.2, spread: 0.15, states, found, apart }
+        let (states, found, best, apart, half) = (vec![], vec![], None, (0.0, 0.0), (0.0, 0.0));
+        let (every, step, share, places, fit, spread) = (4, 0.3, 0.3, 8, 0.2, 0.15);
+        Self { every, step, share, places, fit, spread, states, found, best, apart, half }
     }
 }
 
@@ -57,6 +63,14 @@ pub const REFINEMENTS: usize = 2;
 
 /// The most places that are scored at once.
 const MOST: f64 = 10_000.0;
+
+/// Places nearer to each other than this, in template units, are one.
+const NEAR: f64 = 0.5;
+
+/// How far two places are apart, across or down, in template units.
+fn apart(a: &State, b: &State, half: (f64, f64)) -> f64 {
+    ((a.x - b.x).abs() / half.0).max((a.y - b.y).abs() / half.1)
+}
 
 impl Search {
     /// Fails where a number is out of range, naming it.
@@ -75,20 +89,24 @@ impl Search {
         }
     }
     /// Whether to search in this frame.
-    pub fn is_due(&self, watch: Watch, frame: u64) -> bool {
-        watch.lost && self.share > 0.0 && frame.is_multiple_of(self.every)
+    pub fn is_due(&self, lost: bool, frame: u64) -> bool {
+        lost && self.share > 0.0 && frame.is_multiple_of(self.every)
     }
-    /// Places all over a picture, of the estimate's scale and angle and at rest, row by row.
-    pub fn places(&mut self, size: (usize, usize), estimate: &State, extent: Extent) -> &[State] {
+    /// Places all over a picture, of the scale and angle with which the target was `seen` last, at rest, row by row.
+    pub fn places(&mut self, size: (usize, usize), seen: &State, extent: Extent) -> &[State] {
         let (width, height) = (size.0 as f64, size.1 as f64);
-        let step = (self.step * extent.mean() * estimate.log_scale.exp()).max((width * height / MOST).sqrt()).max(1.0);
-        let (columns, rows) = ((width / step).ceil() as usize, (height / step).ceil() as usize);
+        let scale = seen.log_scale.exp();
+        self.half = (extent.half_w * scale, extent.half_h * scale);
+        let (dx, dy) = ((self.step * self.half.0).max(1.0), (self.step * self.half.1).max(1.0));
+        let coarser = (width * height / (dx * dy) / MOST).sqrt().max(1.0);
+        self.apart = (dx * coarser, dy * coarser);
+        let (dx, dy) = self.apart;
+        let (columns, rows) = ((width / dx).ceil() as usize, (height / dy).ceil() as usize);
         self.states.clear();
         self.found.clear();
-        self.apart = step;
         for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
-            let (x, y) = ((column as f64 + 0.5) * step, (row as f64 + 0.5) * step);
-            self.states.push(State { x, y, vx: 0.0, vy: 0.0, ..*estimate });
+            let place = State { x: (column as f64 + 0.5) * dx, y: (row as f64 + 0.5) * dy, vx: 0.0, vy: 0.0, ..*seen };
+            self.states.push(place);
         }
         &self.states
     }
@@ -96,22 +114,38 @@ impl Search {
     /// called [`REFINEMENTS`] times, each followed by scoring, before [`Search::restart`].
     pub fn refine(&mut self, log_likelihood: &[f64]) -> &[State] {
         self.keep_best(log_likelihood);
-        self.apart /= 3.0;
+        self.apart = (self.apart.0 / 3.0, self.apart.1 / 3.0);
         self.states.clear();
         for found in &self.found {
             for (row, column) in [(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)] {
-                let (dx, dy) = (f64::from(column) * self.apart, f64::from(row) * self.apart);
+                let (dx, dy) = (f64::from(column) * self.apart.0, f64::from(row) * self.apart.1);
                 self.states.push(State { x: found.state.x + dx, y: found.state.y + dy, ..found.state });
             }
         }
         &self.states
     }
+    /// The best of what was found and scored, none of which is near a better one.
     fn keep_best(&mut self, log_likelihood: &[f64]) {
         let scored = self.states.iter().zip(log_likelihood).filter(|(_, l)| l.is_finite());
         self.found.extend(scored.map(|(&state, &log_likelihood)| Found { state, log_likelihood }));
-        // A stable sort: equal places stay in their order.
-        self.found.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
-        self.found.truncate(self.places);
+        let order = |a: &Found, b: &Found| {
+            let places = || (a.state.y.total_cmp(&b.state.y)).then(a.state.x.total_cmp(&b.state.x));
+            b.log_likelihood.total_cmp(&a.log_likelihood).then_with(places)
+        };
+        self.found.sort_unstable_by(order);
+        let mut kept = 0;
+        for i in 0..self.found.len() {
+            let it = self.found[i];
+            if kept < self.places && self.found[..kept].iter().all(|f| apart(&f.state, &it.state, self.half) >= NEAR) {
+                self.found[kept] = it;
+                kept += 1;
+            }
+        }
+        self.found.truncate(kept);
+    }
+    /// The place that fits best of all that were scored, however well; after [`Search::restart`].
+    pub fn best(&self) -> Option<&State> {
+        self.best.as_ref()
     }
     /// Lets the last of `particles` start again from the best places, given the log-likelihood of those scored last; none
     /// where nothing fits.
@@ -124,6 +158,7 @@ impl Search {
         streams: Streams,
     ) {
         self.keep_best(log_likelihood);
+        self.best = self.found.first().map(|found| found.state);
         let least = promise.on - self.fit * (promise.on - promise.off);
         self.found.retain(|found| found.log_likelihood >= least);
         let Some(best) = self.found.first().copied() else { return };
@@ -190,8 +225,8 @@ mod tests {
 
     #[test]
     fn it_is_due_while_lost() {
-        let (search, lost) = (Search::default(), Watch { lost: true, ..Watch::default() });
-        assert!(search.is_due(lost, 8) && !search.is_due(lost, 9) && !search.is_due(Watch::default(), 8));
+        let search = Search::default();
+        assert!(search.is_due(true, 8) && !search.is_due(true, 9) && !search.is_due(false, 8));
         for (search, said) in [
             (Search { every: 0, ..Search::default() }, "every"),
             (Search { step: f64::NAN, ..Search::default() }, "step"),

@@ -8,7 +8,7 @@
 //! with places in half boxes of d along each axis. The units are d's, not x's, or larger states would fit better. The
 //! uniform part bounds what a false detection can cost: log(1/outlier) nats a frame, so that the looks outweigh it.
 //!
-//! The paper has no such term: detections enter its proposal alone, and the weights undo them.
+//! Deviation: the paper has no such term; detections enter its proposal alone, and the weights undo them.
 
 use serde::{Deserialize, Serialize};
 

@@ -131,7 +131,7 @@ pub struct Line {
 }
 
 /// A mean over pairs with its bootstrap interval.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Paired {
     /// Mean difference, pixels.
     pub mean: f64,

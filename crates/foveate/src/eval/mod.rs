@@ -15,10 +15,16 @@ pub mod metrics;
 pub mod mot;
 pub mod multi;
 pub mod recognised;
+pub mod recovery;
 pub mod regret;
 pub mod reliability;
 pub mod sequence;
+pub mod story;
 pub mod table;
+pub mod tally;
+pub mod trust;
+pub mod trust_fit;
+pub mod trust_plot;
 
 pub use centres::{CentreScore, CentreSummary, score_centres};
 pub use compare::{Evaluation, Row, TrackRun, run_all, score_folder};

@@ -1,7 +1,7 @@
 //! Whether probabilities of classes mean what they say: calibration error and reliability bins (Guo et al. 2017).
 
 /// Decisions whose confidence (the probability of the most likely class) is about the same.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Bin {
     /// Decisions.
     pub count: usize,

@@ -9,11 +9,12 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
+use super::discriminant::Discriminant;
 use super::distance::{Distance, Kind};
 use super::encoder::Encoder;
 use super::pyramid::{Pyramid, Region};
 use super::retina::Retina;
-use super::{Appearance, Expectation, Percept, calibrate};
+use super::{Appearance, Expectation, Percept, calibrate, discriminant};
 use crate::geometry::{Extent, Fixation, Gaze, State};
 use crate::rng::Streams;
 use crate::rows::{Rows, RowsMut};
@@ -46,6 +47,7 @@ pub struct GazeAppearance {
     template: Pyramid,
     pyramid: Pyramid,
     scratch: Scratch,
+    discriminant: Option<Discriminant>,
 }
 
 /// What `imprint` learned.
@@ -64,6 +66,8 @@ struct Scratch {
     features: Vec<f32>,
     template_glimpse: Vec<f32>,
     template: Vec<f32>,
+    /// Of a place that is learned from.
+    learned: Vec<f32>,
     /// Of which gaze they are.
     template_gaze: Option<Gaze>,
 }
@@ -96,6 +100,7 @@ impl GazeAppearance {
             template: Pyramid::default(),
             pyramid: Pyramid::default(),
             scratch,
+            discriminant: None,
         })
     }
 
@@ -106,6 +111,12 @@ impl GazeAppearance {
     /// beneath the target in the first frame, part of the template, holds the tracker back.
     pub fn dimming(self, share: f32) -> Self {
         Self { dimming: share, ..self }
+    }
+
+    /// Learns while tracking what tells the target from what is around it, by these settings.
+    pub fn discriminating(self, settings: discriminant::Settings) -> Self {
+        let (_, n_h) = self.encoder.shape();
+        Self { discriminant: Some(Discriminant::new(settings, n_h)), ..self }
     }
 
     /// Nats per unit of distance in use; `None` before a template was imprinted.
@@ -129,6 +140,7 @@ impl GazeAppearance {
         let (retina, encoder) = (&*self.retina, &*self.encoder);
         let (pyramid, distance, extent) = (&self.pyramid, self.distance, self.kept().extent);
         let rows = rayon::current_num_threads().min(states.len().div_ceil(CHUNK)) * CHUNK;
+        let discriminant = self.discriminant.as_ref().filter(|_| Discriminant::knows(gaze));
         let Scratch { glimpses, features, template, .. } = &mut self.scratch;
         let template = &template[..];
         let one = |states: &[State], out: &mut [f64], glimpses: &mut [f32], features: &mut [f32]| {
@@ -140,7 +152,7 @@ impl GazeAppearance {
             retina.look_each(pyramid, at, RowsMut::new(glimpses, n_v));
             glimpses.chunks_exact_mut(n_v).for_each(|glimpse| encoder.condition(glimpse));
             let glimpses = Rows::new(glimpses, n_v);
-            if let Some(of_overlap) = distance.of_overlap() {
+            if let Some(of_overlap) = distance.of_overlap().filter(|_| discriminant.is_none()) {
                 let (mut totals, mut overlaps) = ([0.0; CHUNK], [0.0; CHUNK]);
                 let (totals, overlaps) = (&mut totals[..states.len()], &mut overlaps[..states.len()]);
                 if encoder.overlaps(glimpses, template, totals, overlaps) {
@@ -152,7 +164,8 @@ impl GazeAppearance {
             }
             encoder.encode(glimpses, RowsMut::new(features, n_h));
             for (h, d) in features.chunks_exact(n_h).zip(out) {
-                *d = distance.distance(h, template);
+                let from_template = distance.distance(h, template);
+                *d = discriminant.map_or(from_template, |it| it.mixed(from_template, h));
             }
         };
         if rows <= CHUNK {
@@ -187,6 +200,25 @@ impl GazeAppearance {
         let (n_v, n_h) = self.encoder.shape();
         self.encoder.encode(Rows::new(template_glimpse, n_v), RowsMut::new(template, n_h));
         self.distance.keep(template);
+    }
+
+    /// Looks at the target and around it, and learns the difference.
+    fn discriminate(&mut self, image: &Image, state: &State, rivals: &[State], first: bool) {
+        let Some(mut it) = self.discriminant.take() else { return };
+        let (extent, (n_v, n_h)) = (self.kept().extent, self.encoder.shape());
+        it.look_around(state, extent, rivals);
+        self.see(image, &it.places, &[Gaze::CENTRE]);
+        let glimpse = &mut self.scratch.learned;
+        glimpse.resize(n_v, 0.0);
+        for (place, row) in it.places.iter().zip(it.rows.chunks_exact_mut(n_h + 1)) {
+            let (features, one) = row.split_at_mut(n_h);
+            self.retina.look(&self.pyramid, place.fixate(Gaze::CENTRE, extent), glimpse);
+            self.encoder.condition(glimpse);
+            self.encoder.encode(Rows::new(glimpse, n_v), RowsMut::new(features, n_h));
+            one[0] = 1.0;
+        }
+        it.learn(first);
+        self.discriminant = Some(it);
     }
 
     fn keep(&mut self, kept: Kept) {
@@ -232,6 +264,7 @@ impl Appearance for GazeAppearance {
         self.keep(Kept { image: image.clone(), state: *state, extent, sharpness: 1.0, expectation: nothing });
         // On the first frame itself everything is familiar.
         let dimming = std::mem::take(&mut self.dimming);
+        self.discriminate(image, state, &[], true);
         let found = calibrate::calibrate(self, image, state, extent, streams);
         self.dimming = dimming;
         let sharpness = match self.setting {
@@ -272,6 +305,16 @@ impl Appearance for GazeAppearance {
         percept.distance = self.distance.distance(&percept.features, &self.scratch.template);
     }
 
+    fn adapts(&self) -> bool {
+        self.discriminant.is_some()
+    }
+
+    fn adapt(&mut self, image: &Image, state: &State, rivals: &[State], surprise: f64) {
+        if self.discriminant.as_ref().is_some_and(|it| surprise <= it.settings().surprise) {
+            self.discriminate(image, state, rivals, false);
+        }
+    }
+
     fn expectation(&self) -> Expectation {
         self.kept().expectation
     }
@@ -287,6 +330,7 @@ impl Appearance for GazeAppearance {
             extent: kept.extent,
             sharpness: kept.sharpness,
             expectation: kept.expectation,
+            discriminant: self.discriminant.as_ref().map(Discriminant::save),
         };
         serde_json::to_value(saved).expect("plain data is JSON")
     }
@@ -300,6 +344,15 @@ impl Appearance for GazeAppearance {
         let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
         let pixels = base64::engine::general_purpose::STANDARD.decode(&saved.pixels).map_err(|e| bad(e.to_string()))?;
         let image = Image::new(saved.width, saved.height, saved.planes, pixels)?;
+        match (&mut self.discriminant, &saved.discriminant) {
+            (Some(it), Some(saved)) => it.load(saved)?,
+            (None, None) => (),
+            _ => {
+                return Err(bad(
+                    "it, or this tracker, has no discriminant; use the configuration it was saved with".into()
+                ));
+            }
+        }
         let Saved { state, extent, sharpness, expectation, .. } = saved;
         self.keep(Kept { image, state, extent, sharpness, expectation });
         Ok(())
@@ -316,6 +369,8 @@ struct Saved {
     extent: Extent,
     sharpness: f64,
     expectation: Expectation,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    discriminant: Option<serde_json::Value>,
 }
 
 #[cfg(test)]

@@ -6,14 +6,19 @@
 
 pub mod accumulate;
 pub mod calibrate;
+pub mod classifier;
+pub mod convolution;
+pub mod discriminant;
 pub mod distance;
 pub mod encoder;
 pub mod factored;
 pub mod gaze_appearance;
 pub mod multi_fixation;
+pub mod oriented;
 pub mod pyramid;
 pub mod retina;
 
+pub use classifier::Classifier;
 pub use distance::Distance;
 pub use encoder::Encoder;
 pub use gaze_appearance::GazeAppearance;
@@ -62,6 +67,13 @@ pub trait Appearance: Send {
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]);
     /// Looks once and keeps what was seen.
     fn perceive(&mut self, state: &State, gaze: Gaze, percept: &mut Percept);
+    /// Whether [`Appearance::adapt`] does anything.
+    fn adapts(&self) -> bool {
+        false
+    }
+    /// Learns from the target, believed to be at `state` of this frame and not at the `rivals`. `surprise` is 0 where the
+    /// evidence is what the target gives, 1 where it is what other places give. What was seen of the frame is forgotten.
+    fn adapt(&mut self, _image: &Image, _state: &State, _rivals: &[State], _surprise: f64) {}
     /// What the first frame promised.
     fn expectation(&self) -> Expectation;
     /// Everything `imprint` learned, to resume from.
@@ -77,6 +89,10 @@ pub trait Appearance: Send {
 pub trait Recognizer: Send {
     /// n_c, at least 2.
     fn classes(&self) -> usize;
+    /// What the classes are called, in their order; empty where they have numbers alone.
+    fn names(&self) -> &[String] {
+        &[]
+    }
     /// Length of the features it reads.
     fn width(&self) -> usize;
     /// Takes in one look more, and writes log p(c | the looks it remembers), nats, one a class.

@@ -94,9 +94,9 @@ mod tests {
     fn three_in_a_row_are_a_target_and_stray_ones_are_not() {
         let (mut nursery, s) = (Nursery::default(), Birth::default());
         for frame in 0..40 {
-            // One moves on by 8 px a frame from frame 10 on and is missed in frame 11; others come and go.
+            // One moves on by 8 px a frame from frame 10 on and is missed in frame 12; others come and go.
             let mut detections = vec![found(300.0 + 40.0 * (frame % 7) as f64)];
-            if frame >= 10 && frame != 11 && frame <= 13 {
+            if frame >= 10 && frame != 12 && frame <= 13 {
                 detections.push(found(8.0 * (frame - 10) as f64));
             }
             let born = nursery.grow(frame, &detections, &s);

@@ -24,10 +24,18 @@ pub(super) fn meet(a: &BBox, b: &BBox) -> bool {
 /// Cells along each side of a box, to measure what is covered.
 const CELLS: usize = 10;
 
-/// Fills the share of each body that is in view, 0 to 1. `fronts` has the pairs (front, behind) of the frame before, and
-/// gets those of this one.
-pub(super) fn visible(bodies: &[Body], s: &Occlusion, fronts: &mut Vec<(u64, u64)>, out: &mut Vec<f64>) {
-    let before = std::mem::take(fronts);
+/// Who is in front of whom: pairs (front, behind), of this frame and of the one before.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct Fronts {
+    pub now: Vec<(u64, u64)>,
+    before: Vec<(u64, u64)>,
+}
+
+/// Fills the share of each body that is in view, 0 to 1.
+pub(super) fn visible(bodies: &[Body], s: &Occlusion, fronts: &mut Fronts, out: &mut Vec<f64>) {
+    std::mem::swap(&mut fronts.now, &mut fronts.before);
+    let Fronts { now: fronts, before } = fronts;
+    fronts.clear();
     for (i, a) in bodies.iter().enumerate() {
         for b in bodies[i + 1..].iter().filter(|b| meet(&a.bbox, &b.bbox)) {
             let lower = (a.bbox.y + a.bbox.h - b.bbox.y - b.bbox.h) / (0.5 * (a.bbox.h + b.bbox.h));
@@ -63,7 +71,7 @@ mod tests {
         Body { id, bbox: BBox { x, y, w: 20.0, h: 40.0 }, likeness }
     }
 
-    fn shares(bodies: &[Body], s: &Occlusion, fronts: &mut Vec<(u64, u64)>) -> Vec<f64> {
+    fn shares(bodies: &[Body], s: &Occlusion, fronts: &mut Fronts) -> Vec<f64> {
         let mut out = vec![];
         visible(bodies, s, fronts, &mut out);
         out
@@ -74,21 +82,21 @@ mod tests {
         let ground = Occlusion::default();
         let flat = Occlusion { ground: 0.0, ..ground };
         let far = [body(1, 0.0, 0.0, 0.5), body(2, 50.0, 0.0, 0.5)];
-        assert_eq!(shares(&far, &ground, &mut vec![]), [1.0, 1.0]);
+        assert_eq!(shares(&far, &ground, &mut Fronts::default()), [1.0, 1.0]);
         // The second stands 8 px lower, over half of the first's width and 0.8 of its height.
         let near = [body(1, 0.0, 0.0, 0.6), body(2, 10.0, 8.0, 0.5)];
-        assert_eq!(shares(&near, &ground, &mut vec![]), [1.0 - 0.5 * 0.8, 1.0]);
-        assert_eq!(shares(&near, &flat, &mut vec![]), [1.0, 1.0 - 0.5 * 0.8]);
+        assert_eq!(shares(&near, &ground, &mut Fronts::default()), [1.0 - 0.5 * 0.8, 1.0]);
+        assert_eq!(shares(&near, &flat, &mut Fronts::default()), [1.0, 1.0 - 0.5 * 0.8]);
     }
 
     #[test]
     fn order_is_kept_unless_looks_are_clearly_against_it() {
         let flat = Occlusion { ground: 0.0, ..Occlusion::default() };
-        let mut fronts = vec![(1, 2)];
+        let mut fronts = Fronts { now: vec![(1, 2)], before: vec![] };
         let slight = [body(1, 0.0, 0.0, 0.5), body(2, 10.0, 0.0, 0.6)];
         assert_eq!(shares(&slight, &flat, &mut fronts), [1.0, 0.5]);
         let clear = [body(1, 0.0, 0.0, 0.1), body(2, 10.0, 0.0, 0.6)];
         assert_eq!(shares(&clear, &flat, &mut fronts), [0.5, 1.0]);
-        assert_eq!(fronts, [(2, 1)]);
+        assert_eq!(fronts.now, [(2, 1)]);
     }
 }

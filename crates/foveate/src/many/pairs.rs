@@ -30,6 +30,12 @@ pub(super) fn by_place(expected: &Expected, detection: &BBox, s: &Settings) -> O
     Some((expected.bbox.iou(detection) + (-mahalanobis / 2.0).exp()) / 2.0)
 }
 
+/// Whether a detection can be a target's at all, whoever made it.
+pub(super) fn is_box(b: &BBox) -> bool {
+    let sane = |side: f64| (1.0..=1e6).contains(&side);
+    b.x.abs() <= 1e6 && b.y.abs() <= 1e6 && sane(b.w) && sane(b.h)
+}
+
 /// Whether a detection is several targets in one box: it holds most of each of two or more, and is larger than either.
 pub(super) fn holds_several(detection: &BBox, expected: &[Expected]) -> bool {
     let area = |b: &BBox| b.w * b.h;

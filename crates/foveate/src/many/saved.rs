@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::births::Nursery;
+use super::occlusion::Fronts;
 use super::{Many, Target};
 use crate::observe::Seen;
 use crate::{Error, Result};
@@ -16,7 +17,7 @@ struct Saved {
     format: u32,
     next_id: u64,
     detecting: bool,
-    fronts: Vec<(u64, u64)>,
+    fronts: Fronts,
     nursery: Nursery,
     living: Vec<SavedTarget>,
     dead: Vec<SavedTarget>,
@@ -28,6 +29,7 @@ struct SavedTarget {
     lost: usize,
     unseen: usize,
     died: usize,
+    shape: f64,
     tracker: Value,
 }
 
@@ -70,8 +72,8 @@ impl Many {
 
 impl SavedTarget {
     fn of(target: &Target) -> Self {
-        let Target { tracker, seen, lost, unseen, died } = target;
-        Self { seen: *seen, lost: *lost, unseen: *unseen, died: *died, tracker: tracker.save() }
+        let Target { tracker, seen, lost, unseen, died, shape } = target;
+        Self { seen: *seen, lost: *lost, unseen: *unseen, died: *died, shape: *shape, tracker: tracker.save() }
     }
     fn read(self, many: &Many) -> Result<Target> {
         let mut tracker = (many.make)(self.seen.id);
@@ -79,6 +81,7 @@ impl SavedTarget {
         if !tracker.is_started() {
             return Err(Error::Invalid(format!("the saved targets cannot be used: {} has no template", self.seen.id)));
         }
-        Ok(Target { tracker, seen: self.seen, lost: self.lost, unseen: self.unseen, died: self.died })
+        let Self { seen, lost, unseen, died, shape, .. } = self;
+        Ok(Target { tracker, seen, lost, unseen, died, shape })
     }
 }

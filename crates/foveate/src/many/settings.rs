@@ -16,6 +16,10 @@ pub struct Settings {
     pub score: f64,
     /// Weight of looks in that score, 0 to 1; the rest is overlap and motion, in equal parts.
     pub looks: f64,
+    /// Doubt at which a target that has a detection and is in full view gets a new template there, 0 to 3 (above 2: never).
+    pub renew: f64,
+    /// Weight of the newest detection in the shape of a target's box, 0 to 1.
+    pub shape: f64,
     /// How targets begin.
     pub birth: Birth,
     /// How they end.
@@ -50,6 +54,8 @@ pub struct Death {
     pub lost: usize,
     /// Frames in a row without a detection of its own, where there is a detector, 1 to 1,000,000.
     pub unseen: usize,
+    /// Of these, the frames after which its box counts as a guess, 0 to 1,000,000.
+    pub guess: usize,
     /// Share of its box that must lie within the picture, 0 to 1.
     pub inside: f64,
 }
@@ -81,7 +87,7 @@ impl Default for Settings {
     fn default() -> Self {
         let (birth, death) = (Birth::default(), Death::default());
         let (memory, occlusion) = (Memory::default(), Occlusion::default());
-        Self { gate: 1.0, size: 1.6, score: 0.2, looks: 0.3, birth, death, memory, occlusion }
+        Self { gate: 1.0, size: 1.6, score: 0.2, looks: 0.3, renew: 0.4, shape: 0.3, birth, death, memory, occlusion }
     }
 }
 
@@ -93,7 +99,7 @@ impl Default for Birth {
 
 impl Default for Death {
     fn default() -> Self {
-        Self { lost: 10, unseen: 25, inside: 0.4 }
+        Self { lost: 10, unseen: 25, guess: 12, inside: 0.4 }
     }
 }
 
@@ -118,6 +124,8 @@ impl Settings {
             ("size", self.size, 1.0, 100.0),
             ("score", self.score, 0.0, 1.0),
             ("looks", self.looks, 0.0, 1.0),
+            ("renew", self.renew, 0.0, 3.0),
+            ("shape", self.shape, 0.0, 1.0),
             ("birth.hits", birth.hits as f64, 1.0, 1000.0),
             ("birth.within", birth.within as f64, birth.hits as f64, 1000.0),
             ("birth.overlap", birth.overlap, 0.0, 1.0),
@@ -125,6 +133,7 @@ impl Settings {
             ("birth.side", birth.side, 2.0, 10_000.0),
             ("death.lost", death.lost as f64, 1.0, 1e6),
             ("death.unseen", death.unseen as f64, 1.0, 1e6),
+            ("death.guess", death.guess as f64, 0.0, 1e6),
             ("death.inside", death.inside, 0.0, 1.0),
             ("memory.frames", memory.frames as f64, 0.0, 1e6),
             ("memory.likeness", memory.likeness, 0.0, 2.0),

@@ -9,6 +9,7 @@ use super::RunInfo;
 use super::draw::{Colour, Drawing, Point, text_width};
 use super::eye::Eye;
 use super::heat::{Heat, ramp, span};
+use crate::control::Standing;
 use crate::gaze::Portrait;
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::scene::{Frame, Image};
@@ -100,6 +101,11 @@ impl Annotator {
         }
         self.best = if let Portrait::Surface(surface) = step.portrait { surface.best() } else { None };
         let (mut page, view, panel) = self.page(step.frame);
+        for b in step.detections.iter().map(|d| d.bbox) {
+            let corners =
+                [(b.x, b.y), (b.x + b.w - 1.0, b.y), (b.x + b.w - 1.0, b.y + b.h - 1.0), (b.x, b.y + b.h - 1.0)];
+            page.outline(&corners.map(|corner| view.at(corner)), view.bold, SOFT, 0.9);
+        }
         self.particles(&mut page, view, step);
         for (i, (a, b)) in self.path.iter().zip(self.path.iter().skip(1)).enumerate() {
             let fresh = (i + 1) as f64 / self.path.len() as f64;
@@ -112,8 +118,12 @@ impl Annotator {
         outline(&mut page, view, &step.estimate, step.extent, Gaze::CENTRE, 1.0, 2.0, colour);
         self.fixation(&mut page, view, step);
         label(&mut page, view, step);
-        if step.lost() {
-            banner(&mut page, view, step.frame, "believed lost", [190, 74, 0]);
+        credible(&mut page, view, step);
+        match step.trust.standing {
+            Standing::Tracking => (),
+            Standing::Found => banner(&mut page, view, step.frame, "found again", [0, 110, 75]),
+            Standing::Occluded => banner(&mut page, view, step.frame, "believed occluded", [190, 74, 0]),
+            Standing::Lost => banner(&mut page, view, step.frame, "believed lost", [190, 74, 0]),
         }
         // What was drawn over the panel's place is behind it.
         self.side(&mut page, panel, step.frame, Some(step));
@@ -202,7 +212,7 @@ impl Annotator {
         for (name, value, share, colour) in [
             ("reward", format!("{reward:.2}"), reward, GAZE),
             ("ess", format!("{:.0} of {n}", step.ess), step.ess / n, TARGET),
-            ("doubt", format!("{:.2}", step.watch.doubt), step.watch.doubt, LOST),
+            ("P(lost)", format!("{:.2}", step.trust.p_lost), step.trust.p_lost, LOST),
         ] {
             page.text((x, y), name, size, SOFT);
             page.text((x + inner - text_width(&value, size), y), &value, size, INK);
@@ -313,10 +323,24 @@ fn dashed(page: &mut Drawing, view: View, b: &BBox) {
     }
 }
 
+/// Where the centre is with a probability of 90 %.
+fn credible(page: &mut Drawing, view: View, step: &Step<'_>) {
+    const POINTS: usize = 48;
+    let (r, (sin, cos)) = (step.region(0.9), step.region(0.9).turn.sin_cos());
+    let at = |i: usize| {
+        let (s, c) = (std::f64::consts::TAU * i as f64 / POINTS as f64).sin_cos();
+        let (u, v) = (r.half[0] * c, r.half[1] * s);
+        view.at((r.x + cos * u - sin * v, r.y + sin * u + cos * v))
+    };
+    let points: [Point; POINTS] = std::array::from_fn(at);
+    page.outline(&points, 2.6 * view.bold, BLACK, 0.4);
+    page.outline(&points, 1.2 * view.bold, INK, 0.9);
+}
+
 /// What the target is called, above its box, or below where there is no room.
 fn label(page: &mut Drawing, view: View, step: &Step<'_>) {
     let Some((class, p)) = step.class() else { return };
-    let (text, size, b) = (format!("{class}  {:.0} %", 100.0 * p), 9.0 * view.bold, step.bbox());
+    let (text, size, b) = (format!("{}  {:.0} %", step.class_name(class), 100.0 * p), 9.0 * view.bold, step.bbox());
     let (x, top) = view.at((b.x, b.y));
     let y = if top >= 2.4 * size { top - 2.2 * size } else { view.at((b.x, b.y + b.h)).1 + 0.8 * size };
     page.fill(x - 0.4 * size, y - 0.4 * size, text_width(&text, size) + 0.8 * size, 1.8 * size, BLACK, 0.55);

@@ -1,13 +1,13 @@
 //! A reward surface as numbers on a grid, and the colours it is drawn in.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::draw::Colour;
 use crate::gaze::Surface;
 use crate::geometry::Gaze;
 
 /// What a policy believed gazes to be worth, sampled on n × n points over the square from −reach to reach.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Heat {
     /// Points along a side.
     pub n: usize,

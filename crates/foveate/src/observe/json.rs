@@ -24,6 +24,9 @@ pub struct Summary {
     /// The likeliest class over all frames, counted from 0, and its probability; left out without a recogniser.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub class: Option<(usize, f64)>,
+    /// What it is called, where the recogniser's classes have names.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub class_name: Option<String>,
     /// The seed in force.
     pub seed: u64,
     /// Files written.

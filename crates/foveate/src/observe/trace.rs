@@ -8,7 +8,7 @@ use super::Observer;
 use super::heat::Heat;
 use super::sink::Sink;
 use crate::Result;
-use crate::control::Watch;
+use crate::control::{Trust, Watch};
 use crate::gaze::Portrait;
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::scene::Frame;
@@ -40,6 +40,7 @@ struct Tracked<'a> {
     ess: f64,
     log_evidence: f64,
     watch: Watch,
+    trust: Trust,
     extent: Extent,
     /// Predicted particles: x, y, vx, vy, log_scale, angle.
     predicted: Vec<[f64; 6]>,
@@ -58,6 +59,9 @@ struct Tracked<'a> {
     /// them; left out without a recogniser.
     #[serde(skip_serializing_if = "<[f64]>::is_empty")]
     classes: &'a [f64],
+    /// What the likeliest is called; left out where classes have numbers alone.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    class: Option<&'a str>,
     #[serde(skip_serializing_if = "<[f64]>::is_empty")]
     own_classes: &'a [f64],
     #[serde(skip_serializing_if = "<[Gaze]>::is_empty")]
@@ -130,6 +134,7 @@ impl Observer for Trace {
             ess: step.ess,
             log_evidence: step.log_evidence,
             watch: step.watch,
+            trust: step.trust,
             extent: step.extent,
             predicted: step.predicted.iter().map(State::to_array).collect(),
             weights: step.weights,
@@ -141,6 +146,7 @@ impl Observer for Trace {
             gaze_evidence: step.gaze_evidence,
             percept: Percept { gaze: p.gaze, glimpse: &p.glimpse, features: &p.features, distance: p.distance },
             classes: step.classes,
+            class: step.class().and_then(|(class, _)| step.class_names.get(class)).map(String::as_str),
             own_classes: step.own_classes,
             recognition_gazes: step.recognition_gazes,
             portrait: match step.portrait {

@@ -163,6 +163,13 @@ pub(crate) fn unpack<T: Serialize + DeserializeOwned>(
     Ok((header.about, tensors, sealed))
 }
 
+/// The kind of a file of tensors; none where it is not one of ours.
+pub(crate) fn kind(bytes: &[u8]) -> Option<String> {
+    let (_, metadata) = SafeTensors::read_metadata(bytes).ok()?;
+    let text = metadata.metadata().as_ref()?.get(KEY)?;
+    serde_json::from_str::<serde_json::Value>(text).ok()?["kind"].as_str().map(String::from)
+}
+
 /// SHA-256 over the header (without this) and all tensors, in the order of their names.
 fn seal<T: Serialize>(header: &Header<T>, mut tensors: Vec<(&str, &TensorView<'_>)>) -> String {
     tensors.sort_by_key(|t| t.0);

@@ -38,11 +38,20 @@ pub(crate) fn rows_times_transposed(rows: Rows<'_>, weights: &[f32], out: &mut [
 
 /// `weights` (k × n) += `factor` · `left`ᵀ · `right`, with columns `from .. from + k` of `left` (m rows) and `right` (m × n).
 pub(crate) fn add_outer(weights: &mut [f32], factor: f32, left: Rows<'_>, from: usize, right: Rows<'_>) {
+    outer(weights, Accum::Add, factor, left, from, right);
+}
+
+/// The same, with `weights` = in place of +=.
+pub(crate) fn set_outer(weights: &mut [f32], factor: f32, left: Rows<'_>, from: usize, right: Rows<'_>) {
+    outer(weights, Accum::Replace, factor, left, from, right);
+}
+
+fn outer(weights: &mut [f32], accum: Accum, factor: f32, left: Rows<'_>, from: usize, right: Rows<'_>) {
     let n = right.width();
     let k = weights.len() / n;
     let left = MatRef::from_row_major_slice(left.data(), left.len(), left.width()).subcols(from, k);
     let right = MatRef::from_row_major_slice(right.data(), right.len(), n);
-    matmul(MatMut::from_row_major_slice_mut(weights, k, n), Accum::Add, left.transpose(), right, factor, Par::Seq);
+    matmul(MatMut::from_row_major_slice_mut(weights, k, n), accum, left.transpose(), right, factor, Par::Seq);
 }
 
 fn multiply(rows: Rows<'_>, w: MatRef<'_, f32>, out: &mut [f32]) {
@@ -135,5 +144,8 @@ mod tests {
             let exact: f32 = 1.0 + 0.5 * (0..m).map(|r| a[r * k + e / n] * b[r * n + e % n]).sum::<f32>();
             assert!((got - exact).abs() < 1e-5);
         }
+        let mut fresh = vec![f32::NAN; k * n];
+        set_outer(&mut fresh, 0.5, Rows::new(&a, k), 0, Rows::new(&b, n));
+        assert!(fresh.iter().zip(&w).all(|(fresh, w)| (fresh + 1.0 - w).abs() < 1e-5), "what was there is gone");
     }
 }

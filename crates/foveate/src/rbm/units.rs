@@ -67,7 +67,7 @@ pub(super) fn sample_visible(visible: Visible, v: &mut [f32], rng: &mut Rng) {
 /// `sums` += the sum of the rows of `x`.
 pub(super) fn add_rows(x: &[f32], sums: &mut [f32]) {
     for row in x.chunks_exact(sums.len()) {
-        sums.iter_mut().zip(row).for_each(|(s, x)| *s += x);
+        foveate_kernels::add_scaled(1.0, row, sums);
     }
 }
 

@@ -56,6 +56,12 @@ pub fn format_boxes(boxes: &[BBox]) -> String {
     boxes.iter().map(|b| format!("{},{},{},{}\n", b.x + 1.0, b.y + 1.0, b.w, b.h)).collect()
 }
 
+/// The same of boxes that may be absent: `NaN,NaN,NaN,NaN` then.
+pub fn format_truth(truth: &[Option<BBox>]) -> String {
+    let line = |b: &Option<BBox>| b.map_or("NaN,NaN,NaN,NaN\n".into(), |b| format_boxes(&[b]));
+    truth.iter().map(line).collect()
+}
+
 /// Lines without the blank ones at the end, trimmed, counted from 1.
 pub(super) fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
     let text = text.trim_start_matches('\u{feff}').trim_end();

@@ -69,8 +69,7 @@ impl Detector for Flow {
     fn detect(&mut self, frame: &Frame, found: &mut Vec<Detection>) {
         found.clear();
         let size = (frame.image.width(), frame.image.height());
-        self.next(&frame.image);
-        self.camera = Affine::fit(&self.u, &self.v, &mut self.places);
+        self.look(&frame.image);
         self.map.like(&self.u);
         let (w, cell) = (self.u.width(), self.u.cell() as f64);
         for (k, value) in self.map.values_mut().iter_mut().enumerate() {
@@ -92,6 +91,10 @@ impl Detector for Flow {
 }
 
 impl Flow {
+    /// Flow whose search ends at this level.
+    pub fn down_to(finest: usize) -> Self {
+        Self { finest, ..Self::default() }
+    }
     /// Takes the next picture, and fills [`Flow::field`] with the flow from the one before to it; zeros where there is none
     /// of its size.
     pub fn next(&mut self, image: &Image) {
@@ -132,7 +135,12 @@ impl Flow {
     pub fn field(&self) -> (&Map, &Map) {
         (&self.u, &self.v)
     }
-    /// How the camera moved between the last two frames of [`Detector::detect`], as most of the flow has it.
+    /// Takes the next picture as [`Flow::next`] does, and fits the camera's motion to the flow.
+    pub fn look(&mut self, image: &Image) {
+        self.next(image);
+        self.camera = Affine::fit(&self.u, &self.v, &mut self.places);
+    }
+    /// How the camera moved between the last two pictures of [`Flow::look`], as most of the flow has it.
     pub fn camera(&self) -> Affine {
         self.camera
     }

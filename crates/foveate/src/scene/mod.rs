@@ -12,6 +12,7 @@ mod ffmpeg;
 pub mod flow;
 pub mod folder;
 mod h264;
+pub mod hide;
 pub mod idx;
 pub mod image;
 pub mod map;
@@ -22,12 +23,14 @@ mod mp4;
 pub mod open;
 pub mod otb;
 pub mod saliency;
+pub mod scout;
 pub mod spline;
 mod sps;
 mod stream;
 pub mod strokes;
 pub mod synthetic;
 pub mod video;
+pub mod walkers;
 pub(crate) mod yuv;
 
 pub use self::ahead::ahead;
@@ -43,7 +46,9 @@ pub use self::map::Map;
 pub use self::motion::Motion;
 pub use self::open::open;
 pub use self::saliency::Saliency;
+pub use self::scout::Scout;
 pub use self::video::VideoFile;
+pub use self::walkers::Walkers;
 
 /// One picture of a video.
 #[derive(Clone, Debug)]

@@ -89,6 +89,31 @@ impl Detector for Motion {
 }
 
 impl Motion {
+    /// Takes the median of these pictures, pixel by pixel, for the background: frames from all over a video, in which each
+    /// pixel shows the background more often than not. Then even the first frame has things that move, and those that stand
+    /// still stay in motion for as long as `patience`, 255 frames at most, allows. Pictures of another size than the first
+    /// do not count.
+    pub fn learn_background(&mut self, frames: &[Image]) {
+        let Some(first) = frames.first() else { return };
+        let (width, height) = (first.width(), first.height());
+        let mut stack: Vec<Vec<u8>> = vec![];
+        for image in frames.iter().filter(|image| (image.width(), image.height()) == (width, height)) {
+            let mut smooth = vec![];
+            grey(image, &mut self.grey);
+            median(&self.grey, width, &mut self.rows, &mut smooth);
+            stack.push(smooth);
+        }
+        self.now.clear();
+        let mut values = vec![0; stack.len()];
+        for k in 0..width * height {
+            values.iter_mut().zip(&stack).for_each(|(value, smooth)| *value = smooth[k]);
+            values.sort_unstable();
+            self.now.push(values[values.len() / 2]);
+        }
+        self.map.cover(width, height, 1);
+        self.begin();
+        self.frames = u32::try_from(stack.len()).unwrap_or(u32::MAX);
+    }
     fn begin(&mut self) {
         self.frames = 1;
         self.mean.clear();

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::annotation::format_boxes;
+use super::annotation::format_truth;
 use super::{Frame, save_png};
 use crate::geometry::BBox;
 use crate::{Error, Result, files};
@@ -16,10 +16,10 @@ use crate::{Error, Result, files};
 pub fn write_otb(
     out: &Path,
     frames: impl Iterator<Item = Result<Frame>>,
-    truth: &[BBox],
+    truth: &[Option<BBox>],
     notes: &[(&str, String)],
 ) -> Result<()> {
-    let boxes = ("groundtruth_rect.txt".to_string(), format_boxes(truth));
+    let boxes = ("groundtruth_rect.txt".to_string(), format_truth(truth));
     let notes: Vec<_> = std::iter::once(boxes).chain(notes.iter().map(|n| (n.0.to_string(), n.1.clone()))).collect();
     write_folder(out, "img", 4, frames, truth.len(), &notes)
 }
@@ -80,7 +80,8 @@ mod tests {
         let out = dir.path().join("three");
         let settings = Clutter { frames: 3, noise: NOISE, ..Clutter::default() };
         let video = settings.video(&Digits::drawn(1, 2)).expect("a video");
-        let write = || write_otb(&out, video.clone().source(), video.truth(), &[("label.txt", "3\n".into())]);
+        let known: Vec<_> = video.truth().iter().copied().map(Some).collect();
+        let write = || write_otb(&out, video.clone().source(), &known, &[("label.txt", "3\n".into())]);
         write().expect("a writable folder");
         for t in 0..3 {
             let read = image::open(out.join(format!("img/{:04}.png", t + 1))).expect("a PNG").to_luma8();
@@ -96,9 +97,10 @@ mod tests {
     fn a_broken_source_leaves_nothing() {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let video = Clutter { frames: 2, ..Clutter::default() }.video(&Digits::drawn(1, 2)).expect("a video");
+        let known = [Some(video.truth()[0]); 2];
         let broken = video.clone().source().take(1).chain([Err(Error::Invalid("broke".into()))]);
-        assert!(write_otb(&dir.path().join("a"), broken, video.truth(), &[]).is_err());
-        assert!(write_otb(&dir.path().join("a"), video.clone().source().take(1), video.truth(), &[]).is_err());
+        assert!(write_otb(&dir.path().join("a"), broken, &known, &[]).is_err());
+        assert!(write_otb(&dir.path().join("a"), video.clone().source().take(1), &known, &[]).is_err());
         assert_eq!(dir.path().read_dir().expect("readable").count(), 0);
     }
 }

@@ -2,6 +2,7 @@
 //! be put where the target was found again.
 
 use super::{Target, Tracker};
+use crate::Result;
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::rng::Purpose;
 use crate::scene::Image;
@@ -68,6 +69,24 @@ impl Tracker {
         self.parts.start.draw(&state, scaled, &mut self.particles, self.streams.at(self.frame, Purpose::Start));
         self.log_carried.fill(-(self.particles.len() as f64).ln());
         self.visible = 1.0;
+    }
+
+    /// Takes what is in this box for what the target looks like from now on. It moves on as it did, and what policy and
+    /// recogniser learned stays. Panics before `start`.
+    ///
+    /// Fails where the box has no area, is not finite, or does not touch the picture; then nothing has changed.
+    pub fn renew(&mut self, image: &Image, bbox: &BBox, velocity: (f64, f64)) -> Result<()> {
+        crate::start::check(image, bbox)?;
+        assert!(self.target.is_some(), "start is called before a look is renewed");
+        let (state, extent) = (State::of(bbox), Extent::of(bbox));
+        let state = State { vx: velocity.0, vy: velocity.1, ..state };
+        self.target = Some(Target { state, extent });
+        self.parts.appearance.imprint(image, &state, extent, self.streams);
+        self.parts.vigilance.reset();
+        self.parts.proposal.size(extent.mean());
+        self.parts.start.draw(&state, extent, &mut self.particles, self.streams.at(self.frame, Purpose::Start));
+        self.log_carried.fill(-(self.particles.len() as f64).ln());
+        Ok(())
     }
 
     /// The pixels a template unit has at scale 1; `None` before `start`.

@@ -3,7 +3,9 @@
 //! A *plate* is one picture with places to look at: a canvas of digits drawn for the purpose, or a photograph. Plate i
 //! depends on the seed and i alone, so plates are made by all threads and the rows are the same for any number of them.
 
+pub mod classifier;
 pub mod filters;
+pub mod pictures;
 mod plates;
 pub mod recognition;
 pub mod sequences;

@@ -72,6 +72,12 @@ pub fn blueprint(policy: &str, rbm: bool, below: f64, colour: bool, particles: u
     raw.with(Arc::new(retina), Arc::new(RbmEncoder::new(random_rbm(channels.len(), 100), &channels)))
 }
 
+/// The configuration for real video, of fewer particles.
+pub fn natural(particles: usize) -> Blueprint {
+    let config = Config::builtin("natural").expect("it ships").expect("it is right");
+    Config { particles, ..config }.check(Path::new(".")).expect("a good configuration")
+}
+
 /// A Gaussian machine of random weights: some units are on, some off, at any glimpse.
 pub fn random_rbm(n_v: usize, n_h: usize) -> Rbm {
     let mut rng = Streams::new(11, 0).rng(0);

@@ -6,10 +6,10 @@ use clap::ValueEnum;
 use foveate::eval::learning::{self, Curve, Learning, PAPER, Template};
 use foveate::scene::synthetic::{Clutter, Drawn, Synthetic};
 use foveate::tracker::Tracker;
-use foveate::{Error, Result, files};
+use foveate::{Error, Result};
 use serde_json::json;
 
-use super::{Common, Job, Kept, Scenes, all_runs, digits, entries, jobs};
+use super::{Common, Job, Kept, Scenes, all_runs, digits, entries, jobs, report};
 
 /// The companion paper's curve: how fast Hedge learns to look at the centre.
 ///
@@ -99,28 +99,7 @@ pub fn run(args: Args) -> Result<()> {
         ];
         curves.extend(sets.iter().filter_map(|(name, runs)| Curve::of(&format!("{}: {name}", entry.name), runs)));
     }
-    report(common, &out, &from, &curves)
-}
-
-fn report(args: &Common, out: &Path, from: &str, curves: &[Curve]) -> Result<()> {
-    let last = args.first_seed.wrapping_add(args.seeds - 1);
-    let title = format!(
-        "Probability of the centre gaze: {from}; digits {:?}, seeds {} to {last}, {} frames",
-        args.digits, args.first_seed, args.frames
-    );
-    let text = format!("{title}\n\n{}", learning::text(curves));
-    let all = json!({
-        "experiment": "hedge-curve", "digits_from": from, "digits": args.digits, "first_seed": args.first_seed,
-        "seeds": args.seeds, "frames": args.frames, "paper": PAPER, "curves": curves,
-    });
-    let all = serde_json::to_string_pretty(&all).map_err(|e| Error::Invalid(e.to_string()))?;
-    files::write(out.join("table.txt"), text.as_bytes())?;
-    files::write(out.join("table.json"), all.as_bytes())?;
-    files::write(out.join("curve.svg"), learning::plot(curves).as_bytes())?;
-    if args.json {
-        println!("{all}");
-    } else {
-        println!("{text}\n{}: table.txt, table.json, curve.svg", out.display());
-    }
-    Ok(())
+    let results = json!({ "experiment": "hedge-curve", "paper": PAPER, "curves": curves });
+    let more = [("curve.svg", learning::plot(&curves))];
+    report(common, (&scenes.title, &from), &out, &learning::text(&curves), results, &more)
 }

@@ -10,7 +10,7 @@ use foveate::scene::synthetic::{Multi, MultiVideo};
 use foveate::{Error, Result, files};
 use serde_json::json;
 
-use super::{Kept, digits, kept_runs};
+use super::runner::{Kept, Store, digits, whole};
 use crate::cmd::synth::MultiScene;
 use crate::cmd::track::{DIGITS, blueprint};
 
@@ -119,7 +119,7 @@ pub fn run(args: Args) -> Result<()> {
         let text = serde_json::to_vec(&stored).map_err(|e| Error::Invalid(e.to_string()))?;
         Ok((run, text))
     };
-    let runs: Vec<Run> = kept_runs("multi", &args.out, &jobs, &|_| args.frames as usize, &key, &make)?;
+    let runs: Vec<Run> = whole(Store::of(&args.out).kept("multi", &jobs, &|_| args.frames as usize, &key, &make)?);
     let mut lines = vec![];
     for (way, runs) in ways.iter().zip(runs.chunks(scenes.len())) {
         let judged = runs.iter().zip(&videos).map(|(run, video)| run.judge(video)).collect::<Result<Vec<_>>>()?;

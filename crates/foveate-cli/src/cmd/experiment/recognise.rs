@@ -11,12 +11,12 @@ use foveate::gaze::Grid;
 use foveate::identity::accumulate::Accumulate;
 use foveate::identity::multi_fixation::classifier_path;
 use foveate::scene::synthetic::{Clutter, Synthetic};
-use foveate::{Error, Result, files};
+use foveate::{Error, Result};
 use serde_json::json;
 
 use super::super::track::DIGITS;
 use super::clutter::Noise;
-use super::{Common, Entry, Job, Kept, Scenes, Settings, all_runs, digits, entries, jobs};
+use super::{Common, Entry, Job, Kept, Scenes, Settings, all_runs, digits, entries, jobs, report};
 
 /// A digit among static ones, tracked and recognised: how many frames have the right decision.
 ///
@@ -139,7 +139,8 @@ pub fn run(args: Args) -> Result<()> {
             lines.extend(Line::of(&entry.name, &entry.policy, &looks[i], *noise, &such));
         }
     }
-    report(&args, &out, &from, &lines)
+    let results = json!({ "experiment": "recognise", "lines": lines, "others": recognised::PAPER });
+    report(common, (&scenes.title, &from), &out, &recognised::text(&lines), results, &[])
 }
 
 /// The entry with a recogniser that looks by this policy.
@@ -150,7 +151,8 @@ fn with(args: &Args, entry: &Entry, policy: &PolicyConfig, model: &str) -> Resul
         Rule::Forgetting => Accumulate::Forgetting { memory: args.memory },
     };
     let weights = args.recognise.clone();
-    let recogniser = RecogniserConfig::MultiFixation { weights, accumulate, policy: Some(policy.clone()) };
+    let recogniser =
+        RecogniserConfig::MultiFixation { weights, accumulate, policy: Some(policy.clone()), alarm: false };
     Ok(Entry {
         name: entry.name.clone(),
         policy: entry.policy.clone(),
@@ -159,27 +161,4 @@ fn with(args: &Args, entry: &Entry, policy: &PolicyConfig, model: &str) -> Resul
         blueprint: entry.blueprint.clone().recognising(recogniser, Path::new("."))?,
         key: format!("{} recognise {accumulate:?} {policy:?} {model}", entry.key),
     })
-}
-
-fn report(args: &Args, out: &Path, from: &str, lines: &[Line]) -> Result<()> {
-    let common = &args.common;
-    let last = common.first_seed.wrapping_add(common.seeds - 1);
-    let title = format!(
-        "Recognition of a digit among static ones: {from}; digits {:?}, seeds {} to {last}, {} frames",
-        common.digits, common.first_seed, common.frames
-    );
-    let text = format!("{title}\n\n{}", recognised::text(lines));
-    let all = json!({
-        "experiment": "recognise", "digits_from": from, "digits": common.digits, "first_seed": common.first_seed,
-        "seeds": common.seeds, "frames": common.frames, "lines": lines, "others": recognised::PAPER,
-    });
-    let all = serde_json::to_string_pretty(&all).map_err(|e| Error::Invalid(e.to_string()))?;
-    files::write(out.join("table.txt"), text.as_bytes())?;
-    files::write(out.join("table.json"), all.as_bytes())?;
-    if common.json {
-        println!("{all}");
-    } else {
-        println!("{text}\n{}: table.txt, table.json", out.display());
-    }
-    Ok(())
 }

@@ -1,29 +1,31 @@
 //! `foveate experiment surfaces`: where it learned to look at each digit (section 6.2, the paper's figure of ten digits).
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use foveate::config::Blueprint;
 use foveate::gaze::Portrait;
 use foveate::geometry::Gaze;
+use foveate::identity::Retina;
 use foveate::observe::first::Crop;
 use foveate::observe::heat::Heat;
 use foveate::observe::surface::{Column, Panel, banner, mean_picture, seen};
-use foveate::scene::synthetic::{Drawn, Occlusion, OcclusionVideo};
+use foveate::scene::synthetic::{Drawn, Occlusion, Synthetic};
 use foveate::scene::{Frame, Scene, encode_png};
+use foveate::tracker::Tracker;
 use foveate::{Error, Result, files};
-use rayon::prelude::*;
-use serde_json::json;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
-use super::{digits, parse_digits};
+use super::parse_digits;
+use super::runner::{Entry, Job, Kept, all_runs, digits};
 use crate::cmd::track::blueprint;
-use crate::terminal;
 
 /// Points along a side of the surfaces.
-const POINTS: usize = 33;
+pub const POINTS: usize = 33;
 
 /// Where it learned to look at each digit: reward surface, best gazes of several runs, and what is seen there.
 ///
 /// One video of each digit, followed by several trackers that differ in their randomness alone. About a minute for 100 runs.
+/// Finished runs are kept in DIR/runs: the same command goes on where it was stopped or killed.
 #[derive(clap::Args)]
 pub struct Args {
     /// A configuration file, or the name of one that ships with the program; its policy learns a surface
@@ -54,65 +56,78 @@ pub struct Args {
 }
 
 /// What one run learned.
-struct Learned {
-    heat: Heat,
-    best: Gaze,
+#[derive(Clone, Serialize, Deserialize)]
+pub struct Learned {
+    pub heat: Heat,
+    pub best: Gaze,
+    /// Length of the video.
+    frames: usize,
+}
+
+impl Kept for Learned {
+    fn is_of(&self, frames: usize) -> bool {
+        self.frames == frames && self.heat.mean.len() == POINTS * POINTS && self.heat.sd.len() == POINTS * POINTS
+    }
+}
+
+impl Learned {
+    /// Follows a video's target, and keeps what the policy believes at the end.
+    pub fn follow(video: &dyn Drawn, tracker: &mut Tracker) -> Result<Self> {
+        for (index, truth) in video.truth().iter().enumerate() {
+            let frame = Frame { index, time: index as f64 / 30.0, image: video.render(index) };
+            match index {
+                0 => tracker.start(&frame, *truth)?,
+                _ => drop(tracker.step(Scene { frame: &frame, detections: &[] })),
+            }
+        }
+        let Portrait::Surface(surface) = tracker.parts().policy.portrait() else {
+            return Err(Error::Config(
+                "surfaces are learned by the policy gp-ucb, alone or beside an anchor; this configuration has another"
+                    .into(),
+            ));
+        };
+        let best = surface.best().ok_or_else(|| Error::Config("the video is shorter than the warm-up".into()))?;
+        Ok(Self { heat: Heat::of(surface, POINTS), best, frames: video.truth().len() })
+    }
+}
+
+/// What the runs on each video share with others of its kind: their key must tell them from runs of another kind.
+pub fn entry(entry: Entry) -> Entry {
+    Entry { key: format!("{} surfaces", entry.key), ..entry }
 }
 
 pub fn run(args: Args) -> Result<()> {
-    let blueprint = blueprint(&args.config)?;
+    let config = blueprint(&args.config)?.config().clone();
+    let base = PathBuf::from(&args.config);
+    let base = base.parent().filter(|_| base.is_file()).unwrap_or(std::path::Path::new("."));
+    let entries = [entry(Entry::of(&args.config, config, base)?)];
     let (all, from) = digits(args.data.as_deref())?;
-    std::fs::create_dir_all(&args.out).map_err(Error::io(&args.out, "cannot create the folder"))?;
-    let video = |&digit: &u8| {
-        let (seed, frames, noise) = (args.seed, args.frames as usize, args.noise);
-        Occlusion { digit, seed, frames, noise, ..Occlusion::default() }.video(&all)
-    };
-    let videos = args.digits.iter().map(video).collect::<Result<Vec<_>>>()?;
-    terminal::catch_interrupts();
-    let bar = terminal::progress(Some(videos.len() * args.runs as usize), "surfaces");
-    let jobs: Vec<_> = videos.iter().flat_map(|video| (0..args.runs).map(move |run| (video, run))).collect();
-    let learned: Vec<Option<Learned>> = jobs
-        .par_iter()
-        .map(|(video, run)| {
-            if terminal::stopping() {
-                return Ok(None);
-            }
-            let learned = learn(&blueprint, video, args.seed.wrapping_add(*run))?;
-            bar.inc(1);
-            Ok(Some(learned))
-        })
-        .collect::<Result<_>>()?;
-    bar.finish_and_clear();
-    let Some(learned) = learned.into_iter().collect::<Option<Vec<_>>>() else {
-        println!("stopped; nothing is written before all runs are done");
-        std::process::exit(130);
-    };
-    write(&args, &blueprint, &videos, &learned, &from)
+    let (seed, frames, noise) = (args.seed, args.frames as usize, args.noise);
+    let settings = |&digit: &u8| Synthetic::Occlusion(Occlusion { digit, seed, frames, noise, ..Occlusion::default() });
+    let settings: Vec<Synthetic> = args.digits.iter().map(settings).collect();
+    let job =
+        |video: &Synthetic, run: u64| Job { entry: 0, kind: 0, video: video.clone(), seed: seed.wrapping_add(run) };
+    let jobs: Vec<Job> = settings.iter().flat_map(|video| (0..args.runs).map(|run| job(video, run))).collect();
+    let learned = all_runs("surfaces", &args.out, &entries, &jobs, (&all, &from), &Learned::follow)?;
+    let videos = settings.iter().map(|video| video.video(&all)).collect::<Result<Vec<_>>>()?;
+    let title = format!("Where it learned to look: {} runs on a video of each digit ({from})", args.runs);
+    let (png, rows) = picture(&title, &videos, &learned, &*entries[0].blueprint.retina());
+    files::write(args.out.join("surfaces.png"), &png)?;
+    let all = json!({ "digits_from": from, "seed": args.seed, "runs": args.runs, "points": POINTS, "surfaces": rows });
+    let all = serde_json::to_string_pretty(&all).map_err(|e| Error::Invalid(e.to_string()))?;
+    files::write(args.out.join("surfaces.json"), all.as_bytes())?;
+    println!("{}: surfaces.png, surfaces.json", args.out.display());
+    Ok(())
 }
 
-fn learn(blueprint: &Blueprint, video: &OcclusionVideo, seed: u64) -> Result<Learned> {
-    let mut tracker = blueprint.tracker(seed, u64::from(video.label()))?;
-    for (index, truth) in video.truth().iter().enumerate() {
-        let frame = Frame { index, time: index as f64 / 30.0, image: video.render(index) };
-        match index {
-            0 => tracker.start(&frame, *truth)?,
-            _ => drop(tracker.step(Scene { frame: &frame, detections: &[] })),
-        }
-    }
-    match tracker.parts().policy.portrait() {
-        Portrait::Surface(surface) => {
-            let best = surface.best().ok_or_else(|| Error::Config("the video is shorter than the warm-up".into()))?;
-            Ok(Learned { heat: Heat::of(surface, POINTS), best })
-        }
-        _ => Err(Error::Config(
-            "surfaces are learned by the policy gp-ucb, alone or beside an anchor; this configuration has another"
-                .into(),
-        )),
-    }
-}
-
-fn write(args: &Args, blueprint: &Blueprint, videos: &[OcclusionVideo], learned: &[Learned], from: &str) -> Result<()> {
-    let runs = args.runs as usize;
+/// The figure as PNG, and its numbers: a column a video, from as many runs on each, which stand together.
+pub fn picture(
+    title: &str,
+    videos: &[Box<dyn Drawn>],
+    learned: &[Learned],
+    retina: &dyn Retina,
+) -> (Vec<u8>, Vec<Value>) {
+    let runs = (learned.len() / videos.len().max(1)).max(1);
     let first: Vec<_> = videos.iter().map(|video| video.render(0)).collect();
     let templates: Vec<_> =
         videos.iter().zip(&first).map(|(video, image)| Crop::around(image, &video.truth()[0]).closer(1.2)).collect();
@@ -121,7 +136,6 @@ fn write(args: &Args, blueprint: &Blueprint, videos: &[OcclusionVideo], learned:
         .map(|runs| Heat::average(&runs.iter().map(|run| run.heat.clone()).collect::<Vec<_>>()))
         .collect();
     let bests: Vec<Vec<Gaze>> = learned.chunks(runs).map(|runs| runs.iter().map(|run| run.best).collect()).collect();
-    let retina = blueprint.retina();
     let columns: Vec<_> = (0..videos.len())
         .map(|i| Column {
             panel: Panel {
@@ -132,22 +146,14 @@ fn write(args: &Args, blueprint: &Blueprint, videos: &[OcclusionVideo], learned:
             view: mean_picture(
                 &bests[i]
                     .iter()
-                    .filter_map(|&gaze| seen(&first[i], &videos[i].truth()[0], &*retina, gaze))
+                    .filter_map(|&gaze| seen(&first[i], &videos[i].truth()[0], retina, gaze))
                     .collect::<Vec<_>>(),
             ),
         })
         .collect();
-    let title = format!("Where it learned to look: {runs} runs on a video of each digit ({from})");
-    files::write(args.out.join("surfaces.png"), &encode_png(banner(&title, &columns).image()))?;
-    let rows: Vec<_> = (0..videos.len())
-        .map(|i| {
-            let best: Vec<_> = bests[i].iter().map(|gaze| [gaze.u, gaze.v]).collect();
-            json!({ "digit": videos[i].label(), "best": best, "mean": heats[i].as_ref().map(|heat| &heat.mean) })
-        })
-        .collect();
-    let all = json!({ "digits_from": from, "seed": args.seed, "runs": runs, "points": POINTS, "surfaces": rows });
-    let all = serde_json::to_string_pretty(&all).map_err(|e| Error::Invalid(e.to_string()))?;
-    files::write(args.out.join("surfaces.json"), all.as_bytes())?;
-    println!("{}: surfaces.png, surfaces.json", Path::new(&args.out).display());
-    Ok(())
+    let row = |i: usize| {
+        let best: Vec<_> = bests[i].iter().map(|gaze| [gaze.u, gaze.v]).collect();
+        json!({ "digit": videos[i].label(), "best": best, "mean": heats[i].as_ref().map(|heat| &heat.mean) })
+    };
+    (encode_png(banner(title, &columns).image()), (0..videos.len()).map(row).collect())
 }

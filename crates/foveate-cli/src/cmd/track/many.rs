@@ -1,6 +1,6 @@
 //! `foveate track` of many targets: with a detector, with detections from a file, or with several first boxes.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use foveate::config::Blueprint;
@@ -8,7 +8,7 @@ use foveate::geometry::BBox;
 use foveate::many::{Followed, Plan, follow};
 use foveate::observe::{CrowdFilm, CrowdReport, ManyObserver, MotFile, RunInfo, TargetsTable, TracksTable};
 use foveate::scene::mot::{Sighting, Tracks};
-use foveate::scene::{Cuts, Detection, Detector, Flow, Frame, Motion, Saliency, ahead, open};
+use foveate::scene::{Cuts, Detection, Detector, Flow, Frame, Image, Motion, Saliency, Walkers, ahead, open};
 use foveate::{Error, Result};
 
 use super::Args;
@@ -36,10 +36,12 @@ pub struct ManyArgs {
 }
 
 /// Detectors that need no model.
-#[derive(ValueEnum, Clone, Copy)]
+#[derive(ValueEnum, Clone, Copy, PartialEq)]
 pub enum Kind {
     /// What differs from the background; for a camera that stands still
     Motion,
+    /// The same, with boxes for upright walkers: parts above each other are joined, what is too wide is cut
+    Walkers,
     /// What is unlike its surroundings
     Saliency,
     /// What moves otherwise than the camera
@@ -47,16 +49,52 @@ pub enum Kind {
 }
 
 impl Kind {
-    fn detector(self) -> Box<dyn Detector> {
+    fn detector(self, background: &[Image]) -> Box<dyn Detector> {
         match self {
-            Self::Motion => Box::<Motion>::default(),
+            Self::Motion => {
+                let mut motion = Motion::default();
+                motion.patience = u8::MAX;
+                motion.learn_background(background);
+                Box::new(motion)
+            }
+            Self::Walkers => {
+                let mut walkers = Walkers::default();
+                walkers.learn_background(background);
+                Box::new(walkers)
+            }
             Self::Saliency => Box::<Saliency>::default(),
             Self::Flow => Box::<Flow>::default(),
         }
     }
 }
 
+/// Frames that the background is learned from, and how far into the video they lie.
+const PICTURES: usize = 40;
+const AHEAD: usize = 400;
+
+/// Pictures from all over the beginning of a video, up to its first cut.
+fn background(source: &Path) -> Result<Vec<Image>> {
+    let frames = open(source)?;
+    let every = frames.info().frames.map_or(AHEAD, |n| n.min(AHEAD)).div_ceil(PICTURES).max(1);
+    let (mut cuts, mut pictures) = (Cuts::default(), vec![]);
+    // Where the source breaks, tracking will say so when it comes there.
+    for frame in ahead(frames).take(AHEAD).map_while(Result::ok) {
+        if cuts.cut(&frame.image) {
+            break;
+        }
+        if frame.index.is_multiple_of(every) {
+            pictures.push(frame.image);
+        }
+    }
+    Ok(pictures)
+}
+
 impl ManyArgs {
+    /// The configuration that ships for this: with detections, or with first boxes alone.
+    pub fn config(&self) -> &'static str {
+        if self.detect.is_some() || self.detections.is_some() { "many" } else { "many-boxes" }
+    }
+
     /// Whether many targets are asked for, apart from several --init.
     pub fn asked(&self) -> bool {
         self.detect.is_some() || self.detections.is_some() || self.inits.is_some() || self.save_detections.is_some()
@@ -67,7 +105,7 @@ impl ManyArgs {
 pub fn run(args: &Args, boxes: &[BBox], blueprint: &Blueprint, config_name: &str, seed: u64) -> Result<()> {
     refuse(args)?;
     let given = given(args, boxes)?;
-    let mut detections = Detections::of(&args.many)?;
+    let mut detections = Detections::of(args)?;
     let mut many = blueprint.many(seed)?;
     let mut source = ahead(open(&args.source)?);
     let info = super::run_info(&args.source.display().to_string(), source.info(), config_name, blueprint, seed);
@@ -145,7 +183,8 @@ struct Detections {
 }
 
 impl Detections {
-    fn of(args: &ManyArgs) -> Result<Self> {
+    fn of(args: &Args) -> Result<Self> {
+        let (source, args) = (&args.source, &args.many);
         let mut read = vec![];
         if let Some(path) = &args.detections {
             let tracks = Tracks::read(path)?;
@@ -156,12 +195,16 @@ impl Detections {
             }
         }
         let kept = args.save_detections.is_some().then(Tracks::default);
-        Ok(Self { kind: args.detect, detector: args.detect.map(Kind::detector), read, kept })
+        let pictures = match args.detect {
+            Some(Kind::Motion | Kind::Walkers) => background(source)?,
+            _ => vec![],
+        };
+        Ok(Self { kind: args.detect, detector: args.detect.map(|kind| kind.detector(&pictures)), read, kept })
     }
 
     fn next(&mut self, frame: &Frame, cut: bool, found: &mut Vec<Detection>) -> Result<()> {
         if let (true, Some(kind)) = (cut, self.kind) {
-            self.detector = Some(kind.detector());
+            self.detector = Some(kind.detector(&[]));
         }
         match &mut self.detector {
             Some(detector) => detector.detect(frame, found),

@@ -6,7 +6,7 @@ const chartList = [
   { title: 'Reward', unit: 'of a look, 0 to 1', lines: [{ of: series.reward, name: 'chosen', ink: 'gaze' }], band: series.reward_low.some((v, i) => v !== series.reward_high[i]) && [series.reward_low, series.reward_high], bandName: 'all gazes' },
   { title: 'Effective sample size', unit: 'particles', log: true, from: 1, to: data.particles, lines: [{ of: series.ess, ink: 'target' }], mark: [data.particles, `all ${data.particles}`] },
   { title: 'Evidence', unit: 'nats', lines: [{ of: series.log_evidence, ink: 'second' }] },
-  { title: 'Doubt', unit: '0 as promised, 1 as elsewhere', from: 0, to: 1, lines: [{ of: series.doubt, ink: 'lost' }], },
+  { title: 'P(lost)', unit: 'probability; doubt: 0 as promised, 1 as elsewhere', from: 0, to: 1, lines: [{ of: series.p_lost, name: 'P(lost)', ink: 'lost' }, { of: series.doubt, name: 'doubt', ink: 'soft', dash: true }], },
   { title: 'Distance to the template', unit: 'no unit', from: 0, lines: [{ of: series.distance, ink: 'second' }] },
   { title: 'Position uncertainty', unit: 'px (1 sd)', from: 0, lines: [{ of: series.sd_x, name: 'x', ink: 'target' }, { of: series.sd_y, name: 'y', ink: 'third', dash: true }] },
   { title: 'Speed', unit: 'px a frame', from: 0, lines: [{ of: speed, ink: 'target' }] },

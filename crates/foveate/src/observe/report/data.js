@@ -33,6 +33,8 @@ function drawing(markup) {
 }
 const colour = name => getComputedStyle(document.documentElement).getPropertyValue('--' + name).trim();
 
+// What is believed of the track.
+const standings = ['tracking', 'believed occluded', 'believed lost', 'found again'];
 // Runs of rows on which the target was believed lost: [first, last].
 const lostRuns = [];
 series.lost.forEach((lost, row) => {

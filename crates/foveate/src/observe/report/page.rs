@@ -12,7 +12,7 @@ use crate::scene::Frame;
 use crate::step::Step;
 
 /// One number a frame of each; NaN where there is none.
-const COLUMNS: [&str; 30] = [
+const COLUMNS: [&str; 33] = [
     "frame",
     "time",
     "x",
@@ -43,6 +43,9 @@ const COLUMNS: [&str; 30] = [
     "reward_low",
     "reward_high",
     "distance",
+    "p_lost",
+    "standing",
+    "blur",
 ];
 
 /// Classes that are drawn: as many as there are inks.
@@ -119,6 +122,7 @@ pub struct Page {
     regret: Value,
     /// Probabilities of classes, a list a row; empty where there are none.
     classes: Vec<Vec<f64>>,
+    class_names: Vec<String>,
 }
 
 impl Page {
@@ -147,6 +151,7 @@ impl Page {
             surface: None,
             regret: Value::Null,
             classes: vec![],
+            class_names: vec![],
         }
     }
 
@@ -172,6 +177,9 @@ impl Page {
         let index = self.given(step.frame, &step.estimate, step.extent);
         self.particles = step.weights.len();
         self.classes[index].extend_from_slice(step.classes);
+        if self.class_names.is_empty() {
+            self.class_names = step.class_names.to_vec();
+        }
         self.tracked += 1;
         let (c, gaze) = (&step.covariance, step.plan.chosen());
         let low = step.rewards.iter().copied().fold(f64::INFINITY, f64::min);
@@ -193,6 +201,9 @@ impl Page {
             low,
             high,
             step.percept.distance,
+            step.trust.p_lost,
+            f64::from(step.trust.standing as u8),
+            step.blur * step.unit(),
         ]);
         index
     }
@@ -231,7 +242,8 @@ impl Page {
         order.sort_by(|a, b| last[b.0].total_cmp(&last[a.0]));
         let lines = order.iter().map(|&(class, _)| {
             let column = self.classes.iter().map(|p| short(p.get(class).copied().unwrap_or(f64::NAN)));
-            json!({ "name": class.to_string(), "of": column.collect::<Vec<Value>>() })
+            let name = self.class_names.get(class).cloned().unwrap_or_else(|| class.to_string());
+            json!({ "name": name, "of": column.collect::<Vec<Value>>() })
         });
         Value::Array(lines.collect())
     }

@@ -63,7 +63,7 @@ function drawStage() {
     c.beginPath(); c.roundRect(inset.x, inset.y, h, h, 6);
     c.strokeStyle = 'rgb(255 255 255 / .8)'; c.lineWidth = 1.4; c.stroke();
   }
-  if (series.lost[row]) banner(c, 'believed lost', width);
+  if (series.standing[row]) banner(c, standings[series.standing[row]], width, series.lost[row] ? undefined : 'rgb(0 110 75 / .92)');
   else if (series.ess[row] === null) banner(c, 'box given', width, 'rgb(0 95 155 / .92)');
   canvas.setAttribute('aria-label', describe(row));
 }
@@ -115,9 +115,9 @@ function drawView(c, key, view, box) {
     c.setLineDash([]);
   }
   if (shown.ellipse && series.cov_xx[row] !== null) {
-    const [a, b, d] = [series.cov_xx[row], series.cov_xy[row], series.cov_yy[row]];
+    const blur = series.blur[row] ** 2, [a, b, d] = [series.cov_xx[row] + blur, series.cov_xy[row], series.cov_yy[row] + blur];
     const middle = (a + d) / 2, apart = Math.hypot((a - d) / 2, b), turn = .5 * Math.atan2(2 * b, a - d);
-    const [r1, r2] = [middle + apart, middle - apart].map(v => 2 * k * Math.sqrt(Math.max(v, 0)));
+    const [r1, r2] = [middle + apart, middle - apart].map(v => Math.sqrt(-2 * Math.log(.1)) * k * Math.sqrt(Math.max(v, 0)));
     c.setLineDash([3, 4]);
     cased(() => c.ellipse(...at(series.x[row], series.y[row]), r1, r2, turn, 0, 7), '#ffffff', 1.2);
     c.setLineDash([]);
@@ -164,4 +164,4 @@ function banner(c, text, width, ground = 'rgb(194 74 0 / .94)') {
 }
 
 const describe = row => `Frame ${series.frame[row]}: target at ${say(series.x[row])}, ${say(series.y[row])} px` +
-  (series.ess[row] === null ? ', box given' : `, looking at ${say(series.u[row], 2)}, ${say(series.v[row], 2)}${series.lost[row] ? ', believed lost' : ''}`);
+  (series.ess[row] === null ? ', box given' : `, looking at ${say(series.u[row], 2)}, ${say(series.v[row], 2)}${series.standing[row] ? `, ${standings[series.standing[row]]}` : ''}`);

@@ -1,9 +1,9 @@
 //! What is done to many fixations at once: gates, sums over a sequence, classes. Rows depend on themselves alone.
 
-use super::super::product::{add_outer, rows_times, rows_times_transposed};
+use super::super::product::{rows_times, rows_times_transposed, set_outer};
 use super::Code;
 use crate::rows::Rows;
-use foveate_kernels::{bias_logistic, softplus_sum};
+use foveate_kernels::{add_product, add_scaled, bias_logistic, softplus_sum};
 use rayon::prelude::*;
 
 /// `out` = `rows` · `weights`, by all threads.
@@ -22,11 +22,11 @@ pub(super) fn times_transposed(rows: Rows<'_>, weights: &[f32], out: &mut [f32])
         .for_each(|(out, rows)| rows_times_transposed(Rows::new(rows, n), weights, out));
 }
 
-/// `out` += `left`ᵀ · `right`, by all threads.
+/// `out` = `left`ᵀ · `right`, by all threads.
 pub(super) fn outer(out: &mut [f32], left: Rows<'_>, right: Rows<'_>) {
     let block = block_of(left.width());
     (out.par_chunks_mut(block * right.width()).enumerate())
-        .for_each(|(b, out)| add_outer(out, 1.0, left, b * block, right));
+        .for_each(|(b, out)| set_outer(out, 1.0, left, b * block, right));
 }
 
 /// Rows a thread takes at a time; any number gives the same bits.
@@ -46,12 +46,12 @@ pub(super) fn gates_of(codes: &[Code], gates: &[f32], factors: usize, out: &mut 
 
 /// `out` += `factor` · `x`.
 pub(super) fn add(out: &mut [f32], factor: f32, x: &[f32]) {
-    out.iter_mut().zip(x).for_each(|(o, x)| *o += factor * x);
+    add_scaled(factor, x, out);
 }
 
 /// `out` += `x` ∘ `y`.
 pub(super) fn add_gated(out: &mut [f32], x: &[f32], y: &[f32]) {
-    out.iter_mut().zip(x).zip(y).for_each(|((o, x), y)| *o += x * y);
+    add_product(1.0, x, y, out);
 }
 
 /// What the factors pass on: Σₖ (V zₖ) ∘ (Fᵀxₖ), one row of `out` a sequence of `window` rows of `z` and `a`; or one row a

@@ -11,7 +11,7 @@ use super::parameters::{Parameters, Shape};
 use super::{Code, Recipe};
 use crate::rng::Rng;
 use crate::rows::Rows;
-use foveate_kernels::{add_to_both, bias_logistic, dot, logistic};
+use foveate_kernels::{add_product, add_to_both, bias_logistic, dot, logistic, product};
 use rand::RngExt;
 use rayon::prelude::*;
 
@@ -53,8 +53,8 @@ pub(super) struct Tally {
     pub(super) wrong: usize,
 }
 
-/// Adds the ascending gradient of minus the cost, summed over the batch in `work`, to `gradient`; that of `gates` are of
-/// V itself. `stream` names the random numbers of row m (0 to M − 1).
+/// The ascending gradient of minus the cost, summed over the batch in `work`, in `gradient`; that of `gates` are of V
+/// itself. `stream` names the random numbers of row m (0 to M − 1).
 pub(super) fn gradient(
     (shape, p, gates, offset): (Shape, &Parameters, &[f32], &[f32]),
     recipe: &Recipe,
@@ -69,6 +69,9 @@ pub(super) fn gradient(
     let rows = if sequential { n } else { n / window };
     let of_sequence = |m: usize| if sequential { m / window } else { m };
     let label = |labels: &[u8], m: usize| labels.get(of_sequence(m)).map_or(0, |&l| usize::from(l));
+    // F and P are written as a whole, the others summed up.
+    let Parameters { gates: of_gates, labels: of_labels, visible_bias, hidden_bias, class_bias, .. } = &mut *gradient;
+    [of_gates, of_labels, visible_bias, hidden_bias, class_bias].into_iter().for_each(|sum| sum.fill(0.0));
     x.resize(2 * n * n_v, 0.0);
     z.resize(n * d, 0.0);
     a.resize(2 * n * d, 0.0);
@@ -228,10 +231,9 @@ pub(super) fn gradient(
 fn back(code: Code, term: &[f32], a: &mut [f32], z: &[f32], gates: &mut [f32]) {
     let d = term.len();
     for (place, share) in code.parts() {
-        let gates = &mut gates[place * d..][..d];
-        gates.iter_mut().zip(term).zip(&*a).for_each(|((v, t), a)| *v += share * t * a);
+        add_product(share, term, a, &mut gates[place * d..][..d]);
     }
-    a.iter_mut().zip(term).zip(z).for_each(|((a, t), z)| *a = t * z);
+    product(term, z, a);
 }
 
 /// y ~ p(y | h).

@@ -151,7 +151,8 @@ impl Trainer {
 
         // Take the sequences' glimpses, their fixations in an order of their own.
         let work = &mut self.work;
-        work.x.clear();
+        work.x.resize(2 * batch.len() * window * s.n_v, 0.0);
+        let mut rows = work.x.chunks_exact_mut(s.n_v);
         work.codes.clear();
         work.labels.clear();
         for (r, &i) in batch.iter().enumerate() {
@@ -163,7 +164,8 @@ impl Trainer {
             }
             for &k in &*fixations {
                 let row = i as usize * window + usize::from(k);
-                work.x.extend(data.glimpses().row(row).iter().zip(&self.offset).map(|(x, m)| x - m));
+                let seen = rows.next().expect("a row for each fixation").iter_mut();
+                seen.zip(data.glimpses().row(row)).zip(&self.offset).for_each(|((to, x), m)| *to = x - m);
                 work.codes.push(data.codes()[row]);
             }
             work.labels.extend(data.labels().get(i as usize));
@@ -171,7 +173,6 @@ impl Trainer {
 
         self.gates.clone_from(&self.parameters.gates);
         effective(self.recipe.gates, &mut self.gates);
-        self.gradient.all_mut().into_iter().for_each(|g| g.fill(0.0));
         let rows = if self.recipe.sequential() { window } else { 1 };
         let first = (from * rows) as u64;
         let stream = |m: usize| draws.rng(1 + first + m as u64);

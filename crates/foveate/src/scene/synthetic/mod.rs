@@ -75,6 +75,13 @@ impl Synthetic {
             Self::Occlusion(settings) => Box::new(settings.video(digits)?),
         })
     }
+    /// The same kind of video with another target, seed and length.
+    pub fn with(&self, digit: u8, seed: u64, frames: usize) -> Self {
+        match self.clone() {
+            Self::Clutter(settings) => Self::Clutter(Clutter { digit, seed, frames, ..settings }),
+            Self::Occlusion(settings) => Self::Occlusion(Occlusion { digit, seed, frames, ..settings }),
+        }
+    }
     /// Class of the target, 0 to 9.
     pub fn digit(&self) -> u8 {
         match self {

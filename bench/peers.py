@@ -1,0 +1,125 @@
+#!/usr/bin/env python3
+"""Other trackers on the videos of `foveate reproduce`, for its --peer.
+
+  pip install opencv-contrib-python dlib
+  bench/peers.py --foveate target/release/foveate --data data --seeds 10 --out peers.csv
+  foveate reproduce table1 --peer peers.csv
+
+Each video is written by `foveate synth`, read as pictures, and thrown away. A tracker gets the true box in frame 1 and
+nothing more; where it reports a failure its last box stands. mean and spread are of the distance of centres from frame 2
+on, in pixels; lost is 1 where the last 20 frames are more than 15 px off on average. Trackers that are not installed are
+left out. One thread.
+"""
+import argparse
+import glob
+import math
+import os
+import subprocess
+import sys
+import tempfile
+
+import cv2
+
+SCENES = {
+    ("table1", "clean"): ["clutter"],
+    ("table1", "30 % salt and pepper"): ["clutter", "--noise"],
+    ("table3", "bars and noise"): ["partial"],
+}
+
+
+class OpenCv:
+    def __init__(self, make):
+        self.tracker = make()
+
+    def start(self, image, box):
+        self.tracker.init(image, tuple(round(v) for v in box))
+
+    def follow(self, image):
+        found, box = self.tracker.update(image)
+        return box if found else None
+
+
+class Dlib:
+    def __init__(self):
+        import dlib
+
+        self.rectangle, self.tracker = dlib.drectangle, dlib.correlation_tracker()
+
+    def start(self, image, box):
+        x, y, w, h = box
+        self.tracker.start_track(image, self.rectangle(x, y, x + w - 1, y + h - 1))
+
+    def follow(self, image):
+        self.tracker.update(image)
+        box = self.tracker.get_position()
+        return box.left(), box.top(), box.width(), box.height()
+
+
+def trackers():
+    """Name -> maker, of those that are installed."""
+    found = {}
+    for name in ["CSRT", "KCF"]:
+        if hasattr(cv2, f"Tracker{name}_create"):
+            make = getattr(cv2, f"Tracker{name}_create")
+            found[f"OpenCV {cv2.__version__} {name}"] = lambda make=make: OpenCv(make)
+    try:
+        import dlib
+
+        found[f"dlib {dlib.__version__} correlation tracker"] = Dlib
+    except ImportError:
+        print("dlib is not installed: left out", file=sys.stderr)
+    return found
+
+
+def centre_errors(make, images, truth):
+    tracker, box, errors = make(), truth[0], []
+    tracker.start(images[0], box)
+    for image, (tx, ty, tw, th) in zip(images[1:], truth[1:]):
+        box = tracker.follow(image) or box
+        x, y, w, h = box
+        errors.append(math.hypot(x + w / 2 - tx - tw / 2, y + h / 2 - ty - th / 2))
+    return errors
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--foveate", default="foveate")
+    parser.add_argument("--data", default=os.environ.get("FOVEATE_DATA", "data"))
+    parser.add_argument("--experiment", action="append", choices=["table1", "table3"])
+    parser.add_argument("--digits", default="0123456789")
+    parser.add_argument("--seeds", type=int, default=10)
+    parser.add_argument("--frames", type=int, default=300)
+    parser.add_argument("--out", default="peers.csv")
+    args = parser.parse_args()
+    cv2.setNumThreads(1)
+    peers = trackers()
+    rows = []
+    for (experiment, scene), synth in SCENES.items():
+        if args.experiment and experiment not in args.experiment:
+            continue
+        for digit in args.digits:
+            for seed in range(1, args.seeds + 1):
+                with tempfile.TemporaryDirectory() as folder:
+                    command = [args.foveate, "synth", *synth, "--digit", digit, "--seed", str(seed)]
+                    command += ["--frames", str(args.frames), "--data", args.data, "--out", f"{folder}/video"]
+                    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+                    images = [cv2.imread(path) for path in sorted(glob.glob(f"{folder}/video/img/*.png"))]
+                    with open(f"{folder}/video/groundtruth_rect.txt") as file:
+                        boxes = [[float(v) for v in line.split(",")] for line in file]
+                truth = [(x - 1, y - 1, w, h) for x, y, w, h in boxes]
+                for name, make in peers.items():
+                    errors = centre_errors(make, images, truth)
+                    mean = sum(errors) / len(errors)
+                    spread = math.sqrt(sum((e - mean) ** 2 for e in errors) / len(errors))
+                    lost = int(sum(errors[-20:]) / len(errors[-20:]) > 15)
+                    rows.append(f"{experiment},{scene},{name},{digit},{seed},{mean:.6g},{spread:.6g},{lost}")
+            print(f"{experiment}, {scene}: digit {digit} is done", file=sys.stderr)
+    part = f"{args.out}.tmp"
+    with open(part, "w") as file:
+        file.write("# " + " ".join(sys.argv) + "\n")
+        file.write("experiment,scene,tracker,digit,seed,mean,spread,lost\n" + "\n".join(rows) + "\n")
+    os.replace(part, args.out)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,295 @@
+//! Runs of trackers on synthetic videos: done side by side, each kept in a file of its own, never done twice.
+//!
+//! A run's file is named by a digest of all that the run depends on: configuration, model, program, video, digits, seed.
+//! So a store may be shared by experiments, filled by several machines ([`Store::shard`]), put together from several
+//! ([`Store::others`]), and killed at any time.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use foveate::config::{Blueprint, Config};
+use foveate::eval::experiment::{self, Run};
+use foveate::eval::line_up::policy_name;
+use foveate::scene::synthetic::{Drawn, Synthetic};
+use foveate::scene::{Digits, Split};
+use foveate::tracker::Tracker;
+use foveate::{Error, Result, files};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::terminal;
+
+/// Digits drawn of each class where there is no MNIST.
+const DRAWN: usize = 40;
+/// Time between two lines of progress where standard error is a file.
+const REPORT: Duration = Duration::from_secs(30);
+
+/// A configuration with one of its policies.
+pub struct Entry {
+    pub name: String,
+    pub policy: String,
+    pub own: bool,
+    /// The entry of the same configuration with the fixed centre.
+    pub fixed: usize,
+    pub blueprint: Blueprint,
+    /// What its results depend on: configuration, model, program.
+    pub key: String,
+}
+
+impl Entry {
+    /// A configuration as it is; model files are found relative to `base`.
+    pub fn of(name: &str, config: Config, base: &Path) -> Result<Self> {
+        // The seed of each run is its job's.
+        let blueprint = Config { seed: 0, ..config }.check(base)?;
+        let key = format!(
+            "{} {} {}",
+            env!("CARGO_PKG_VERSION"),
+            experiment::fingerprint(&blueprint)?,
+            blueprint.config().to_toml()
+        );
+        let policy = policy_name(&blueprint.config().policy);
+        Ok(Self { name: name.into(), policy, own: true, fixed: 0, blueprint, key })
+    }
+}
+
+/// Which run: indices of the entry and of the kind of video, the video, and the seed of the tracker's randomness.
+pub struct Job {
+    pub entry: usize,
+    pub kind: usize,
+    pub video: Synthetic,
+    pub seed: u64,
+}
+
+/// What a finished run's file holds.
+#[derive(Serialize)]
+struct Stored<'a, R> {
+    configuration: &'a Config,
+    video: &'a Synthetic,
+    seed: u64,
+    digits: &'a str,
+    #[serde(flatten)]
+    run: &'a R,
+}
+
+/// Follows the target of a video.
+pub type Following<R> = dyn Fn(&dyn Drawn, &mut Tracker) -> Result<R> + Sync;
+
+/// Does a job: its run, and the text of its file.
+pub type Making<'a, J, R> = dyn Fn(&J) -> Result<(R, Vec<u8>)> + Sync + 'a;
+
+/// What an experiment keeps of one tracker on one video.
+pub trait Kept: Serialize + DeserializeOwned + Clone + Send {
+    /// Whether it could be that of a video of so many frames: a check of what was read from a file.
+    fn is_of(&self, frames: usize) -> bool;
+}
+
+impl Kept for Run {
+    fn is_of(&self, frames: usize) -> bool {
+        self.is_of(frames)
+    }
+}
+
+/// Where finished runs are kept.
+#[derive(Clone, Debug, Default)]
+pub struct Store {
+    /// One file a run.
+    pub folder: PathBuf,
+    /// Folders of other stores, from which runs are taken that are not here yet.
+    pub others: Vec<PathBuf>,
+    /// Do only the `i`-th of `n` parts of the runs, `i` from 0.
+    pub shard: Option<(u32, u32)>,
+}
+
+impl Store {
+    /// The folder `runs` in `out`.
+    pub fn of(out: &Path) -> Self {
+        Self { folder: out.join("runs"), ..Self::default() }
+    }
+
+    /// The runs of trackers on videos: those of all jobs, in their order, done by `follow` where they are not kept yet. With
+    /// the digits comes what they are.
+    pub fn runs<R: Kept>(
+        &self,
+        name: &str,
+        entries: &[Entry],
+        jobs: &[Job],
+        (digits, from): (&Digits, &str),
+        follow: &Following<R>,
+    ) -> Result<Vec<Option<R>>> {
+        let pixels = experiment::digest(&[&digits.images, &digits.labels]);
+        let key = |job: &Job| {
+            let scene = serde_json::to_vec(&job.video).expect("settings are plain data");
+            let seed = job.seed.to_le_bytes();
+            experiment::digest(&[entries[job.entry].key.as_bytes(), &scene, &seed, pixels.as_bytes()])
+        };
+        let make = |job: &Job| {
+            let blueprint = &entries[job.entry].blueprint;
+            let mut tracker = blueprint.tracker(job.seed, u64::from(job.video.digit()))?;
+            let run = follow(&*job.video.video(digits)?, &mut tracker)?;
+            let (configuration, video, seed) = (blueprint.config(), &job.video, job.seed);
+            let stored = Stored { configuration, video, seed, digits: from, run: &run };
+            let text = serde_json::to_vec(&stored).map_err(|e| Error::Invalid(e.to_string()))?;
+            Ok((run, text))
+        };
+        self.kept(name, jobs, &|job| job.video.frames(), &key, &make)
+    }
+
+    /// The runs of all jobs, in their order; those whose file, named by `key`, is nowhere yet are made and put there as the
+    /// text that comes with them. Runs of another shard are missing, and what was left when it was asked to stop.
+    pub fn kept<J: Sync, R: Kept>(
+        &self,
+        name: &str,
+        jobs: &[J],
+        frames: &(dyn Fn(&J) -> usize + Sync),
+        key: &(dyn Fn(&J) -> String + Sync),
+        make: &Making<'_, J, R>,
+    ) -> Result<Vec<Option<R>>> {
+        let folder = &self.folder;
+        std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot create the folder for finished runs"))?;
+        terminal::catch_interrupts();
+        let progress = Progress::new(name, jobs.len());
+        let resumed = AtomicUsize::new(0);
+        let work = |job: &J| {
+            let key = key(job);
+            let path = folder.join(format!("{key}.json"));
+            if let Some(run) = self.find(&path, frames(job))? {
+                resumed.fetch_add(1, Ordering::Relaxed);
+                progress.found();
+                return Ok(Some(run));
+            }
+            let part = u32::from_str_radix(&key[..8], 16).expect("a digest is hexadecimal");
+            if self.shard.is_some_and(|(i, n)| part % n != i) {
+                progress.found();
+                return Ok(None);
+            }
+            let (run, text) = make(job)?;
+            files::write(&path, &text)?;
+            progress.done();
+            Ok(Some(run))
+        };
+        let runs = side_by_side(jobs, &work)?;
+        progress.bar.finish_and_clear();
+        if !terminal::stopping() {
+            eprintln!("{} runs, {} of them from {}", jobs.len(), resumed.into_inner(), folder.display());
+        }
+        Ok(runs)
+    }
+
+    /// A finished run, here or in another store; what is found elsewhere is put here.
+    fn find<R: Kept>(&self, path: &Path, frames: usize) -> Result<Option<R>> {
+        if let Some(run) = read(path, frames) {
+            return Ok(Some(run));
+        }
+        for other in &self.others {
+            let from = other.join(path.file_name().unwrap_or_default());
+            if let Some(run) = read(&from, frames) {
+                files::write(path, &std::fs::read(&from).map_err(Error::io(&from, "cannot read a finished run"))?)?;
+                return Ok(Some(run));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// The runs of all jobs, in their order, kept in `out`; ends the program where it was asked to stop.
+pub fn all_runs<R: Kept>(
+    name: &str,
+    out: &Path,
+    entries: &[Entry],
+    jobs: &[Job],
+    digits: (&Digits, &str),
+    follow: &Following<R>,
+) -> Result<Vec<R>> {
+    Store::of(out).runs(name, entries, jobs, digits, follow).map(whole)
+}
+
+/// All runs; ends the program where some are missing because it was asked to stop.
+pub fn whole<R>(runs: Vec<Option<R>>) -> Vec<R> {
+    let (done, all) = (runs.iter().flatten().count(), runs.len());
+    if done < all {
+        println!("stopped after {done} of {all} runs; the same command goes on from there");
+        std::process::exit(130);
+    }
+    runs.into_iter().flatten().collect()
+}
+
+/// The digits that videos are made of, and what they are.
+pub fn digits(data: Option<&Path>) -> Result<(Digits, String)> {
+    let mnist = |dir: &Path| Ok((Digits::load(dir, Split::Test)?, "MNIST test digits".to_owned()));
+    if let Some(dir) = data {
+        return mnist(dir);
+    }
+    let dir = std::env::var_os("FOVEATE_DATA").map_or_else(|| PathBuf::from("data"), PathBuf::from);
+    mnist(&dir).or_else(|error| {
+        let note = "digits drawn by a pen, NOT MNIST: figures are not to be compared with those on MNIST";
+        eprintln!("foveate: {note} ({error}; --data DIR says where they are)");
+        Ok((Digits::drawn(1, DRAWN), note.to_owned()))
+    })
+}
+
+/// A finished run; `None` where there is none, or its file is damaged.
+fn read<R: Kept>(path: &Path, frames: usize) -> Option<R> {
+    let run: R = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
+    run.is_of(frames).then_some(run)
+}
+
+/// Does all jobs, as many at a time as there are threads and each one in a single thread; the results stand in the order
+/// of the jobs, and are missing where it was asked to stop.
+fn side_by_side<J: Sync, R: Kept>(
+    jobs: &[J],
+    work: &(dyn Fn(&J) -> Result<Option<R>> + Sync),
+) -> Result<Vec<Option<R>>> {
+    let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let runs = Mutex::new(vec![None; jobs.len()]);
+    // A pool of one thread: what the tracker shares out stays in its own job, or times would be those of several.
+    let worker = || -> Result<()> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let pool = pool.map_err(|e| Error::Invalid(format!("cannot start a thread: {e}; give a smaller --threads")))?;
+        while !terminal::stopping() && !failed.load(Ordering::Relaxed) {
+            let i = next.fetch_add(1, Ordering::Relaxed);
+            let Some(job) = jobs.get(i) else { break };
+            let run = pool.install(|| work(job));
+            failed.fetch_or(run.is_err(), Ordering::Relaxed);
+            runs.lock().expect("no thread panics while it holds the list")[i] = run?;
+        }
+        Ok(())
+    };
+    std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..rayon::current_num_threads()).map(|_| scope.spawn(worker)).collect();
+        workers.into_iter().try_for_each(|w| w.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    })?;
+    Ok(runs.into_inner().expect("all threads have ended"))
+}
+
+/// Progress and time left: a bar on a terminal, else a line now and then.
+struct Progress {
+    name: String,
+    bar: indicatif::ProgressBar,
+    began: Instant,
+    done: AtomicUsize,
+    said: Mutex<Instant>,
+}
+
+impl Progress {
+    fn new(name: &str, jobs: usize) -> Self {
+        let (bar, now) = (terminal::progress(Some(jobs), name), Instant::now());
+        Self { name: name.into(), bar, began: now, done: AtomicUsize::new(0), said: Mutex::new(now) }
+    }
+    /// One job needed no work.
+    fn found(&self) {
+        self.bar.inc(1);
+    }
+    fn done(&self) {
+        self.bar.inc(1);
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        let mut said = self.said.lock().expect("no thread panics while it holds the time");
+        if self.bar.is_hidden() && said.elapsed() > REPORT {
+            *said = Instant::now();
+            let (at, all) = (self.bar.position(), self.bar.length().unwrap_or(0));
+            let left = self.began.elapsed().as_secs_f64() / done as f64 * all.saturating_sub(at) as f64;
+            eprintln!("{}: {at} of {all} runs, {:.0} min left", self.name, left / 60.0);
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! index.html: one page with everything in it, to read offline.
+
+use std::time::Duration;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use foveate::eval::tally;
+
+use super::figures::Shown;
+use super::plan::{Group, Measure};
+use super::results::{Line, Results};
+use super::table::Table;
+
+/// One experiment on the page.
+pub struct Section {
+    pub name: String,
+    pub title: String,
+    pub about: String,
+    pub content: Content,
+}
+
+pub enum Content {
+    Table(Table),
+    Figure(Shown),
+}
+
+impl Section {
+    pub fn results(&self) -> Option<&Results> {
+        match &self.content {
+            Content::Table(table) => Some(&table.results),
+            Content::Figure(_) => None,
+        }
+    }
+}
+
+const STYLE: &str = "\
+:root{color-scheme:light}body{font:15px/1.5 system-ui,sans-serif;color:#1a1e22;background:#fff;max-width:1200px;margin:0 auto;padding:1.5rem}
+h1{font-size:1.6rem;margin:0}h2{margin:2.6rem 0 .3rem;font-size:1.25rem}h3{margin:1.2rem 0 .3rem;font-size:1rem}
+p{max-width:75ch;margin:.4rem 0}.soft{color:#5f6870}nav a{margin-right:1rem;white-space:nowrap}a{color:#00578f}
+.wide{overflow-x:auto}table{border-collapse:collapse;font-variant-numeric:tabular-nums;font-size:13px;margin:.4rem 0 1rem}
+th,td{padding:.22rem .5rem;text-align:right;white-space:nowrap;border-bottom:1px solid #e3e6e9}th{background:#f4f6f7}
+th:first-child,td:first-child{text-align:left;position:sticky;left:0;background:#fff}th:first-child{background:#f4f6f7}
+tr.group td{background:#f4f6f7;font-weight:600;text-align:left}tr.paper td{background:#fff8e6}
+small{color:#5f6870;display:block;line-height:1.1}figure{margin:1rem 0}figure img{max-width:100%;border:1px solid #e3e6e9}
+figcaption{color:#5f6870;font-size:13px}.met:before{content:'\\2713 ';color:#00734f}.missed:before{content:'\\2717 ';color:#b33c00}
+.missed{font-weight:600}ul{padding-left:1.2rem}";
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// The whole page.
+pub fn html(sections: &[Section], digits: &str, took: Duration) -> String {
+    let links: String = sections
+        .iter()
+        .map(|s| format!("<a href=\"#{}\">{}</a>", s.name, escaped(&s.name)))
+        .collect::<Vec<_>>()
+        .join(" ");
+    let checks = sections.iter().filter_map(Section::results).flat_map(|r| r.checks.iter().map(move |c| (r, c)));
+    let check = |(results, check): (&Results, &super::results::Check)| {
+        let class = if check.met { "met" } else { "missed" };
+        let name = results.title.split(':').next().unwrap_or("");
+        format!("<li class=\"{class}\">{}: {}</li>", escaped(name), escaped(&check.text()))
+    };
+    let checks: String = checks.map(check).collect();
+    let checks = if checks.is_empty() { checks } else { format!("<h3>Expected ranges</h3><ul>{checks}</ul>") };
+    let body: String = sections.iter().map(section).collect();
+    let command = escaped(&std::env::args().collect::<Vec<_>>().join(" "));
+    format!(
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
+         <title>The paper, reproduced</title><style>{STYLE}</style><h1>Learning where to attend, reproduced</h1>\
+         <p class=\"soft\">Denil, Bazzani, Larochelle and de Freitas (2012) beside foveate {}. Videos are made of {}. \
+         Made in {:.1} minutes by <code>{command}</code>.</p><nav>{links}</nav>{checks}{body}</html>\n",
+        env!("CARGO_PKG_VERSION"),
+        escaped(digits),
+        took.as_secs_f64() / 60.0,
+    )
+}
+
+fn section(section: &Section) -> String {
+    let body = match &section.content {
+        Content::Table(table) => tables(table),
+        Content::Figure(shown) => {
+            let missing: String = shown.missing.iter().map(|m| format!("<p>Not shown: {}</p>", escaped(m))).collect();
+            missing + &shown.pictures().map(|(file, caption, bytes)| picture(file, caption, bytes)).collect::<String>()
+        }
+    };
+    format!("<h2 id=\"{}\">{}</h2><p>{}</p>{body}", section.name, escaped(&section.title), escaped(&section.about))
+}
+
+fn picture(file: &str, caption: &str, bytes: &[u8]) -> String {
+    let kind = if file.ends_with(".svg") { "svg+xml" } else { "png" };
+    let (data, caption) = (STANDARD.encode(bytes), escaped(caption));
+    format!(
+        "<figure><img alt=\"{caption}\" src=\"data:image/{kind};base64,{data}\"><figcaption>{caption}</figcaption></figure>"
+    )
+}
+
+fn tables(table: &Table) -> String {
+    let results = &table.results;
+    let mut out = format!(
+        "<p class=\"soft\">Digits {}, {} videos of each, {} frames; {}. Bold: the best mean of a column among lines with these settings.</p>",
+        results.digits.iter().map(u8::to_string).collect::<Vec<_>>().join(", "),
+        results.seeds,
+        results.frames,
+        escaped(&results.digits_from)
+    );
+    for (i, scene) in results.scenes().into_iter().enumerate() {
+        let lines: Vec<(&Line, Option<f64>)> =
+            results.lines.iter().zip(table.speeds.iter().copied()).filter(|(line, _)| line.scene == scene).collect();
+        out +=
+            &format!("<h3>{}</h3><div class=\"wide\">{}</div>", escaped(scene), scene_table(results, &lines, i == 0));
+        out += &forest(results, &lines, i == 0);
+    }
+    out
+}
+
+/// Means and intervals, with the paper's averages. Errors differ by orders of magnitude: their logarithms are drawn.
+fn forest(results: &Results, lines: &[(&Line, Option<f64>)], with_paper: bool) -> String {
+    let (label, scale): (&str, fn(f64) -> f64) = match results.measure {
+        Measure::Error => {
+            ("mean error: 10 to this power, px (0 is 1 px, 1 is 10 px, 2 is 100 px)", |x| x.max(0.01).log10())
+        }
+        Measure::Accuracy => ("frames recognised, %", |x| x),
+    };
+    let colour = |group| match group {
+        Group::Recommended => "#0072B2",
+        Group::Authors => "#D55E00",
+        Group::Printed => "#CC79A7",
+        Group::Peer => "#009E73",
+    };
+    let mut rows: Vec<(String, [f64; 3], &str)> = vec![];
+    for row in results.paper.iter().filter(|_| with_paper) {
+        rows.push((format!("the paper: {}", row.row), [scale(row.average); 3], "#000000"));
+    }
+    for (line, _) in lines {
+        let t = &line.tally;
+        rows.push((line.name.clone(), [t.mean, t.interval[0], t.interval[1]].map(scale), colour(line.group)));
+    }
+    let svg = tally::plot(label, &rows);
+    picture(
+        "means.svg",
+        "Means with 95 % intervals. Black: the paper; blue: as recommended; vermilion: the authors' parameters; purple: as printed; green: other trackers.",
+        svg.as_bytes(),
+    )
+}
+
+fn scene_table(results: &Results, lines: &[(&Line, Option<f64>)], with_paper: bool) -> String {
+    let digits: String = results.digits.iter().map(|d| format!("<th>{d}</th>")).collect();
+    let mut out = format!(
+        "<table><tr><th></th>{digits}<th>mean</th><th>95 %</th><th>median</th><th>lost</th><th>difference [95 %]</th><th>from</th><th>frames/s</th></tr>"
+    );
+    let cell = |mean: f64, spread: Option<f64>, best: bool| {
+        let spread = spread.filter(|s| *s > 0.0).map_or(String::new(), |s| format!("<small>({s:.2})</small>"));
+        if best { format!("<td><b>{mean:.2}</b>{spread}</td>") } else { format!("<td>{mean:.2}{spread}</td>") }
+    };
+    let columns = results.digits.len() + 8;
+    if with_paper && !results.paper.is_empty() {
+        out += &format!("<tr class=\"group\"><td colspan=\"{columns}\">the paper</td></tr>");
+        for row in &results.paper {
+            let cells: String = (results.digits.iter().map(|d| usize::from(*d)))
+                .map(|d| row.digits.get(d).map_or("<td></td>".into(), |m| cell(*m, row.spread.get(d).copied(), false)))
+                .collect();
+            let (name, average) = (escaped(&row.row), row.average);
+            out +=
+                &format!("<tr class=\"paper\"><td>{name}</td>{cells}<td>{average:.2}</td><td colspan=\"6\"></td></tr>");
+        }
+    }
+    for group in [Group::Recommended, Group::Authors, Group::Printed, Group::Peer] {
+        let mine: Vec<_> = lines.iter().filter(|(line, _)| line.group == group).collect();
+        if mine.is_empty() {
+            continue;
+        }
+        out += &format!("<tr class=\"group\"><td colspan=\"{columns}\">{}</td></tr>", group.title());
+        let better = |a: f64, b: f64| match results.measure {
+            Measure::Error => a < b,
+            Measure::Accuracy => a > b,
+        };
+        for (line, speed) in &mine {
+            let t = &line.tally;
+            let is_best = |value: f64, of: &dyn Fn(&Line) -> Option<f64>| {
+                mine.len() > 1 && !mine.iter().any(|(l, _)| of(l).is_some_and(|v| better(v, value)))
+            };
+            let cells: String = (results.digits.iter())
+                .map(|digit| {
+                    let of = |l: &Line| l.tally.digits.iter().find(|d| d.digit == *digit).map(|d| d.mean);
+                    let found = t.digits.iter().find(|d| d.digit == *digit);
+                    found.map_or("<td></td>".into(), |d| cell(d.mean, Some(d.spread), is_best(d.mean, &of)))
+                })
+                .collect();
+            let difference =
+                t.against.map_or(String::new(), |d| format!("{:+.2} [{:+.2}, {:+.2}]", d.mean, d.low, d.high));
+            out += &format!(
+                "<tr><td>{}</td>{cells}{}<td>{:.2} to {:.2}</td><td>{:.2}</td><td>{:.0} %</td><td>{difference}</td><td>{}</td><td>{}</td></tr>",
+                escaped(&line.name),
+                cell(t.mean, None, is_best(t.mean, &|l| Some(l.tally.mean))),
+                t.interval[0],
+                t.interval[1],
+                t.median,
+                100.0 * t.lost,
+                escaped(line.other.as_deref().unwrap_or("")),
+                speed.map_or(String::new(), |s| format!("{s:.0}")),
+            );
+        }
+    }
+    out + "</table>"
+}

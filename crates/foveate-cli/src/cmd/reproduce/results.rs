@@ -1,0 +1,142 @@
+//! What an experiment gave, as it is kept: small, without anything that depends on the clock or the machine's size.
+
+use foveate::eval::tally::Tally;
+use foveate::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+use super::plan::{Experiment, Figure, Group, Measure, Printed};
+
+/// A table of figures.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Results {
+    /// Folder below `experiments/`.
+    pub experiment: String,
+    pub title: String,
+    pub about: String,
+    pub measure: Measure,
+    pub digits_from: String,
+    pub digits: Vec<u8>,
+    pub seeds: u64,
+    pub frames: usize,
+    /// The program's.
+    pub version: String,
+    pub lines: Vec<Line>,
+    pub paper: Vec<Printed>,
+    pub checks: Vec<Check>,
+}
+
+/// A configuration with a policy, on all videos of a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Line {
+    pub name: String,
+    pub group: Group,
+    pub row: Option<String>,
+    pub configuration: String,
+    pub policy: String,
+    pub scene: String,
+    /// The line that the differences are against.
+    pub other: Option<String>,
+    #[serde(flatten)]
+    pub tally: Tally,
+}
+
+/// An expected range, and whether the figure lies in it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Check {
+    pub line: String,
+    pub scene: String,
+    pub figure: Figure,
+    pub value: f64,
+    pub at_least: Option<f64>,
+    pub at_most: Option<f64>,
+    pub met: bool,
+}
+
+impl Results {
+    /// Compares the lines with what the experiment expects.
+    pub fn check(&mut self, experiment: &Experiment, quick: bool, mnist: bool) {
+        for expect in experiment.expect.iter().filter(|e| mnist || !e.mnist_only) {
+            let (at_least, at_most) = expect.range(quick);
+            let line = self.lines.iter().find(|l| l.name == expect.line && l.scene == expect.scene);
+            let Some(line) = line.filter(|_| at_least.is_some() || at_most.is_some()) else { continue };
+            let value = match expect.figure {
+                Figure::Mean => line.tally.mean,
+                Figure::Median => line.tally.median,
+                Figure::Lost => line.tally.lost,
+            };
+            let met = at_least.is_none_or(|low| value >= low) && at_most.is_none_or(|high| value <= high);
+            let (line, scene, figure) = (expect.line.clone(), expect.scene.clone(), expect.figure);
+            self.checks.push(Check { line, scene, figure, value, at_least, at_most, met });
+        }
+    }
+
+    /// The scenes, each once, in the order of the lines.
+    pub fn scenes(&self) -> Vec<&str> {
+        let mut scenes: Vec<&str> = vec![];
+        for line in &self.lines {
+            if !scenes.contains(&line.scene.as_str()) {
+                scenes.push(&line.scene);
+            }
+        }
+        scenes
+    }
+
+    pub fn json(&self) -> Result<String> {
+        let text = serde_json::to_string_pretty(self).map_err(|e| Error::Invalid(e.to_string()))?;
+        Ok(text + "\n")
+    }
+
+    pub fn read(text: &str, name: &str) -> Result<Self> {
+        serde_json::from_str(text)
+            .map_err(|e| Error::Invalid(format!("{name}: not results of foveate reproduce: {e}; write them again")))
+    }
+
+    /// A row a line and digit, and one for all digits.
+    pub fn csv(&self) -> String {
+        let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
+        let mut out = String::from(
+            "scene,group,line,digit,videos,mean,spread,low,high,median,lost,difference,difference_low,difference_high\n",
+        );
+        for line in &self.lines {
+            let (t, who) = (&line.tally, [&line.scene, line.group.title(), &line.name].map(quoted).join(","));
+            let against = t.against.map_or(",,".into(), |d| format!("{},{},{}", d.mean, d.low, d.high));
+            let [low, high] = t.interval;
+            out +=
+                &format!("{who},all,{},{},{},{low},{high},{},{},{against}\n", t.videos, t.mean, t.sd, t.median, t.lost);
+            for d in &t.digits {
+                out += &format!("{who},{},{},{},{},,,,,,,\n", d.digit, t.videos / t.digits.len(), d.mean, d.spread);
+            }
+        }
+        for row in &self.paper {
+            let who = ["", "the paper", &row.row].map(quoted).join(",");
+            out += &format!("{who},all,,{},,,,,,,,\n", row.average);
+            for (digit, mean) in row.digits.iter().enumerate() {
+                let spread = row.spread.get(digit).map(f64::to_string).unwrap_or_default();
+                out += &format!("{who},{digit},,{mean},{spread},,,,,,,\n");
+            }
+        }
+        out
+    }
+}
+
+impl Check {
+    /// In words.
+    pub fn text(&self) -> String {
+        let percent = |x: f64| match self.figure {
+            Figure::Lost => format!("{:.1} %", 100.0 * x),
+            _ => format!("{x:.2}"),
+        };
+        let what = match self.figure {
+            Figure::Mean => "mean",
+            Figure::Median => "median",
+            Figure::Lost => "lost",
+        };
+        let bound = match (self.at_least, self.at_most) {
+            (Some(low), Some(high)) => format!("{} to {}", percent(low), percent(high)),
+            (Some(low), None) => format!("at least {}", percent(low)),
+            (_, high) => format!("at most {}", percent(high.unwrap_or(f64::INFINITY))),
+        };
+        let verdict = if self.met { "met" } else { "NOT met" };
+        format!("{} ({}), {what}: {}, expected {bound}: {verdict}", self.line, self.scene, percent(self.value))
+    }
+}

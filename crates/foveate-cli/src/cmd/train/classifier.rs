@@ -1,0 +1,251 @@
+//! `foveate train classifier`: a recogniser of the user's own classes, from a folder of pictures for each.
+
+use std::path::{Path, PathBuf};
+
+use foveate::Result;
+use foveate::config::{Config, EncoderConfig, RetinaConfig};
+use foveate::identity::Classifier;
+use foveate::identity::retina::FovealConfig;
+use foveate::rbm::Metadata;
+use foveate::rows::Rows;
+use foveate::training::classifier::{Held, Recipe, Trainer, calibrated, judge};
+use foveate::training::pictures::{Beholder, Pictures, Variation};
+
+use super::common::{self, Training};
+
+/// Times that held-out pictures are shown otherwise, to see what a track would make of them.
+const SHOWN: u64 = 4;
+/// Classes of the largest table of decisions that is printed.
+const MOST: usize = 20;
+
+/// Learn a recogniser of your own classes: DIR has a folder of pictures for each, whose name is the class.
+///
+/// Pictures are JPEG or PNG of any size, cut to the thing they show. The last fifth of each folder, by name, is held out to
+/// judge the recogniser by. `foveate track VIDEO --recognise FILE` uses it. Progress is kept in FILE.checkpoint: after an
+/// interruption (Ctrl-C, kill) the same command goes on from there and ends with the same bits.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Folder with a folder of pictures for each class.
+    #[arg(long, value_name = "DIR")]
+    data: PathBuf,
+    /// The model file to write.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Take retina and first layer from this configuration, a file or the name of one that ships with the program; unless
+    /// given, k-means filters on 14 x 14 cells.
+    #[arg(long, value_name = "FILE|NAME")]
+    config: Option<String>,
+    /// Times that every picture is shown.
+    #[arg(long, default_value_t = 100)]
+    epochs: usize,
+    /// Pictures of a mini-batch.
+    #[arg(long, default_value_t = 32)]
+    batch: usize,
+    /// Step size.
+    #[arg(long, default_value_t = 0.002)]
+    rate: f32,
+    /// Weight decay, with every step.
+    #[arg(long, default_value_t = 0.002)]
+    decay: f32,
+    /// Show pictures as they are, not shifted, scaled, turned and in another light as along tracks.
+    #[arg(long)]
+    still: bool,
+    /// Seed of all random numbers: the same seed gives the same model.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Threads: all processors, unless given.
+    #[arg(long)]
+    threads: Option<usize>,
+    /// Begin anew, even if there is a checkpoint.
+    #[arg(long)]
+    restart: bool,
+}
+
+impl Args {
+    fn recipe(&self, classes: usize) -> Recipe {
+        Recipe {
+            epochs: self.epochs,
+            batch: self.batch,
+            rate: self.rate,
+            decay: self.decay,
+            seed: self.seed,
+            ..Recipe::new(classes)
+        }
+    }
+    /// The configuration of retina and first layer, and where its files are.
+    fn layer(&self) -> Result<(Config, PathBuf)> {
+        let Some(name) = &self.config else {
+            let mut config = Config::builtin("natural-kmeans").expect("it ships with the library")?;
+            let rings = vec![[28, 2]];
+            config.retina = Some(RetinaConfig::Foveal(FovealConfig { side: 28.0, rings, colour: vec![] }));
+            if let EncoderConfig::Kmeans { pool, .. } = &mut config.encoder {
+                *pool = 3;
+            }
+            return Ok((config, PathBuf::new()));
+        };
+        match Config::builtin(name) {
+            Some(config) => Ok((config?, PathBuf::new())),
+            None => {
+                let path = Path::new(name);
+                Ok((Config::read(path)?, path.parent().map(Path::to_path_buf).unwrap_or_default()))
+            }
+        }
+    }
+    /// The command that makes the same model: every setting said, folders left open.
+    fn command(&self) -> String {
+        let config = self.config.as_ref().map_or(String::new(), |name| format!(" --config {name}"));
+        let still = if self.still { " --still" } else { "" };
+        format!(
+            "foveate train classifier --data DIR{config}{still} --epochs {} --batch {} --rate {} --decay {} --seed {} --out FILE",
+            self.epochs, self.batch, self.rate, self.decay, self.seed
+        )
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    common::pool(args.threads, &[&args.out])?.install(|| train(args))
+}
+
+fn train(args: &Args) -> Result<()> {
+    let (config, base) = args.layer()?;
+    let (retina, encoder) = config.identity(&base)?;
+    let geometry = serde_json::to_string(retina.config()).expect("a retina's geometry becomes JSON");
+    let first_layer = serde_json::to_string(&config.encoder).expect("a configuration becomes JSON");
+    let all = Pictures::load(&args.data)?;
+    let (learn, held) = all.split();
+    let recipe = args.recipe(all.names().len());
+    recipe.check()?;
+    let n_h = encoder.shape().1;
+    println!("{} pictures to learn from, {} held out: {n_h} features each", learn.len(), held.len());
+    for (class, name) in all.names().iter().enumerate() {
+        println!("  {name}: {} and {}", learn.of_class(class), held.of_class(class));
+    }
+
+    let variation = if args.still { Variation::default() } else { Variation::of_tracks() };
+    let beholder = Beholder { retina, encoder, variation, seed: args.seed };
+    let shown = |beholder: &Beholder, epoch: usize| beholder.look(&learn, if args.still { 0 } else { epoch as u64 });
+    let checkpoint = common::checkpoint(&args.out);
+    let data = format!("{} {first_layer} {geometry} {}", all.sha256(), args.still);
+    let first = shown(&beholder, 0);
+    let rows = Rows::new(&first, n_h);
+    let trainer = common::begin(
+        &checkpoint,
+        args.restart,
+        Trainer::progress,
+        |path| Trainer::resume(path, recipe.clone(), rows, &data),
+        || Trainer::new(recipe.clone(), rows),
+    )?;
+    let epoch = trainer.progress().0;
+    let made = if epoch == 0 { first } else { shown(&beholder, epoch) };
+    let show = |epoch: usize| shown(&beholder, epoch);
+    let as_they_are = look(&beholder, Variation::default(), &held, 1);
+    let (labels, checkpoint_path, data) = (learn.labels(), &checkpoint, &data);
+    let mut training = Learning {
+        trainer,
+        show: &show,
+        made,
+        epoch,
+        labels,
+        n_h,
+        held: (&as_they_are, held.labels()),
+        checkpoint_path,
+        data,
+    };
+    common::train(&mut training)?;
+
+    let softmax = training.trainer.learned()?;
+    let varied = look(&beholder, Variation::of_tracks(), &held, SHOWN);
+    let again = held.labels().repeat(SHOWN as usize);
+    told("held-out pictures as they are", all.names(), &judge(&softmax, Rows::new(&as_they_are, n_h), held.labels()));
+    told("held-out pictures as along tracks", all.names(), &judge(&softmax, Rows::new(&varied, n_h), &again));
+    let softmax = calibrated(softmax, Rows::new(&varied, n_h), &again);
+    let metadata = Metadata {
+        retina: geometry,
+        command: args.command(),
+        data: format!("{} pictures of {} classes", learn.len(), all.names().len()),
+        data_sha256: all.sha256().into(),
+        seed: recipe.seed,
+        epochs: recipe.epochs,
+    };
+    Classifier::new(softmax, all.names().to_vec())?.save(&args.out, &metadata, &first_layer)?;
+    let _ = std::fs::remove_file(&checkpoint);
+    println!(
+        "wrote {}; try it with: foveate track VIDEO --init X,Y,W,H --recognise {}",
+        args.out.display(),
+        args.out.display()
+    );
+    Ok(())
+}
+
+/// Features of pictures shown so, `times` over, as no epoch of the training shows them.
+fn look(beholder: &Beholder, variation: Variation, pictures: &Pictures, times: u64) -> Vec<f32> {
+    let other = Beholder {
+        retina: beholder.retina.clone(),
+        encoder: beholder.encoder.clone(),
+        variation,
+        seed: !beholder.seed,
+    };
+    (0..times).flat_map(|time| other.look(pictures, time)).collect()
+}
+
+/// Prints how well held-out pictures are told apart.
+fn told(what: &str, names: &[String], held: &Held) {
+    let r = &held.reliability;
+    println!(
+        "{what}: {:.1} % right, log loss {:.3}, calibration error {:.1} %",
+        100.0 * r.accuracy,
+        r.log_loss,
+        100.0 * r.ece
+    );
+    if names.len() > MOST {
+        return;
+    }
+    let longest = names.iter().map(|n| n.chars().count()).max().unwrap_or(0);
+    println!("  decided for, in the same order, of each class:");
+    for (name, row) in names.iter().zip(&held.confusion) {
+        let counts: String = row.iter().map(|n| format!("{n:>5}")).collect();
+        println!("  {name:longest$}{counts}");
+    }
+}
+
+/// The training, and the pictures as this epoch shows them.
+struct Learning<'a> {
+    trainer: Trainer,
+    show: &'a dyn Fn(usize) -> Vec<f32>,
+    made: Vec<f32>,
+    /// The epoch that `made` is of.
+    epoch: usize,
+    labels: &'a [u8],
+    n_h: usize,
+    held: (&'a [f32], &'a [u8]),
+    checkpoint_path: &'a Path,
+    data: &'a str,
+}
+
+impl Training for Learning<'_> {
+    fn step(&mut self) -> Result<()> {
+        let (epoch, _) = self.trainer.progress();
+        if epoch != self.epoch {
+            (self.made, self.epoch) = ((self.show)(epoch), epoch);
+        }
+        self.trainer.step(Rows::new(&self.made, self.n_h), self.labels);
+        Ok(())
+    }
+    fn progress(&self) -> (usize, usize) {
+        self.trainer.progress()
+    }
+    fn whole(&self) -> (usize, usize) {
+        (self.trainer.recipe().epochs, self.trainer.batches(self.labels.len()))
+    }
+    fn save(&self) -> Result<()> {
+        self.trainer.save(self.checkpoint_path, self.data)
+    }
+    fn line(&mut self) -> Result<String> {
+        let softmax = self.trainer.learned()?;
+        let right = |rows: &[f32], labels: &[u8]| {
+            100.0 * judge(&softmax, Rows::new(rows, self.n_h), labels).reliability.accuracy
+        };
+        Ok(format!("right {:.1} % (held out {:.1} %)", right(&self.made, self.labels), right(self.held.0, self.held.1)))
+    }
+}

@@ -1,0 +1,130 @@
+//! `foveate train kmeans`: k-means filters of natural patches, for a convolutional first layer.
+
+use std::path::PathBuf;
+
+use foveate::Result;
+use foveate::identity::convolution::Patches;
+use foveate::identity::retina::{Foveal, FovealConfig, Retina};
+use foveate::kmeans::{Recipe, Trainer};
+use foveate::rng::{Purpose, Streams};
+use foveate::rows::Rows;
+use foveate::training::{filters, sha256_of};
+
+use super::common::{self, Glimpses, Natural, Training};
+
+/// Learn k-means filters of whitened patches, from the rings of glimpses of natural photographs.
+///
+/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
+/// ends with the same bits. The same seed gives the same model for any number of threads.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(flatten)]
+    natural: Natural,
+    /// Filters.
+    #[arg(long, default_value_t = 100)]
+    units: usize,
+    /// Cells along a side of a patch, 2 to 8.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(2..=8))]
+    patch: u8,
+    /// Patches to learn from, each at a random place of a glimpse.
+    #[arg(long, default_value_t = 300_000)]
+    patches: usize,
+    /// Share of the patches' variance that whitening keeps.
+    #[arg(long, default_value_t = 0.99)]
+    keep: f64,
+    /// Added to a patch's variance before it is divided by its root, where a glimpse has variance 1.
+    #[arg(long, default_value_t = 1.0)]
+    softening: f32,
+    /// Passes over the patches.
+    #[arg(long, default_value_t = 30)]
+    epochs: usize,
+}
+
+impl Args {
+    fn recipe(&self) -> Recipe {
+        Recipe {
+            epochs: self.epochs,
+            keep: self.keep,
+            softening: self.softening,
+            seed: self.natural.seed,
+            ..Recipe::new(self.units)
+        }
+    }
+    /// The command that makes the same model: every setting said, folders left open.
+    fn command(&self, glimpses: &Glimpses) -> String {
+        format!(
+            "{} --units {} --patch {} --patches {} --keep {} --softening {} --epochs {} --out FILE",
+            self.natural.command("kmeans", glimpses.retina.config()),
+            self.units,
+            self.patch,
+            self.patches,
+            self.keep,
+            self.softening,
+            self.epochs
+        )
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    let (out, picture) = (&args.natural.out, args.natural.filters_path());
+    common::pool(args.natural.threads, &[out, &picture])?.install(|| {
+        let (recipe, side) = (args.recipe(), usize::from(args.patch));
+        recipe.check()?;
+        let glimpses = args.natural.glimpses()?;
+        let cut = Patches::new(glimpses.retina.cells(), side, 1)?;
+        let streams = |seed| Streams::new(seed, 0).at(1, Purpose::Scene);
+        let learn = cut.some(glimpses.rows(), args.patches, streams(args.natural.seed));
+        let held = cut.some(glimpses.held(), glimpses.held().len(), streams(!args.natural.seed));
+        let (learn, held, sha256) = (Rows::new(&learn, side * side), Rows::new(&held, side * side), sha256_of(&learn));
+        let checkpoint = common::checkpoint(out);
+        let trainer = common::begin(
+            &checkpoint,
+            args.natural.restart,
+            Trainer::progress,
+            |path| Trainer::resume(path, recipe.clone(), learn, &sha256),
+            || Trainer::new(recipe.clone(), learn),
+        )?;
+        let (n_p, n_x, k) = trainer.learned().shape();
+        println!("{} patches of {n_p} values, {n_x} of them whitened, {k} filters", learn.len());
+        let mut training = KMeansTraining { trainer, held, sha256, checkpoint };
+        common::train(&mut training)?;
+
+        let model = training.trainer.learned();
+        model.save(out, &glimpses.metadata(args.command(&glimpses), recipe.seed, recipe.epochs))?;
+        let patch = Foveal::new(FovealConfig { side: side as f64, rings: vec![[side, 1]], colour: vec![] })?;
+        let drawn = filters::picture(Rows::new(&model.pictures(), k), patch.cells(), 400)?;
+        foveate::scene::save_png(&picture, &drawn)?;
+        let _ = std::fs::remove_file(&training.checkpoint);
+        println!("wrote {} and {}", out.display(), picture.display());
+        Ok(())
+    })
+}
+
+struct KMeansTraining<'a> {
+    trainer: Trainer,
+    held: Rows<'a>,
+    sha256: String,
+    checkpoint: PathBuf,
+}
+
+impl Training for KMeansTraining<'_> {
+    fn step(&mut self) -> Result<()> {
+        self.trainer.step();
+        Ok(())
+    }
+    fn progress(&self) -> (usize, usize) {
+        self.trainer.progress()
+    }
+    fn whole(&self) -> (usize, usize) {
+        (self.trainer.recipe().epochs, 1)
+    }
+    fn save(&self) -> Result<()> {
+        self.trainer.save(&self.checkpoint, &self.sha256)
+    }
+    fn line(&mut self) -> Result<String> {
+        let (error, n_x) = (self.trainer.error(), self.trainer.learned().shape().1);
+        let held = self.trainer.learned().error(self.held);
+        Ok(format!("variance left {:.4} (held out {held:.4})", error / n_x as f64))
+    }
+}

@@ -1,0 +1,41 @@
+//! Videos with truth of which any frame can be had: sequences in memory, and drawn scenes.
+
+use foveate::eval::Sequence;
+use foveate::geometry::BBox;
+use foveate::scene::synthetic::Synthetic;
+use foveate::scene::{Digits, Image, open};
+use foveate::{Error, Result};
+
+/// A video, and where its target is.
+pub struct Video<'a> {
+    /// Its name.
+    pub name: String,
+    /// The box in each frame, 0-based; none where the target is absent.
+    pub truth: Vec<Option<BBox>>,
+    /// Width and height in pixels.
+    pub size: (usize, usize),
+    /// Frame t.
+    pub picture: Box<dyn Fn(usize) -> Result<Image> + 'a>,
+}
+
+/// A sequence, decoded.
+pub fn of_sequence(sequence: &Sequence) -> Result<Video<'static>> {
+    let mut source = open(&sequence.images)?;
+    let size = (source.info().width, source.info().height);
+    let frames = source.by_ref().take(sequence.truth.len());
+    let images = frames.map(|frame| Ok(frame?.image)).collect::<Result<Vec<Image>>>()?;
+    if images.len() < sequence.truth.len() {
+        let problem = format!("it has {} boxes for {} frames", sequence.truth.len(), images.len());
+        return Err(Error::malformed(&sequence.truth_file, problem));
+    }
+    let picture = Box::new(move |t: usize| Ok(images[t].clone()));
+    Ok(Video { name: sequence.name.clone(), truth: sequence.truth.clone(), size, picture })
+}
+
+/// A drawn scene.
+pub fn of_scene<'a>(scene: &Synthetic, digits: &'a Digits) -> Result<Video<'a>> {
+    let video = scene.video(digits)?;
+    let truth = video.truth().iter().copied().map(Some).collect();
+    let name = format!("digit {}, seed {}", scene.digit(), scene.seed());
+    Ok(Video { name, truth, size: video.size(), picture: Box::new(move |t| Ok(video.render(t))) })
+}

@@ -1,0 +1,63 @@
+//! Sums and products of rows, entry by entry. Nothing is fused: the bits are the same at every level, and as plain loops
+//! have them.
+
+use crate::level::levels;
+
+#[inline(always)]
+fn add_scaled_body<const V: u8>(factor: f32, x: &[f32], out: &mut [f32]) {
+    for (o, &x) in out.iter_mut().zip(x) {
+        *o += factor * x;
+    }
+}
+
+levels! {
+    /// `out` += `factor` · `x`, as far as both go.
+    pub fn add_scaled / add_scaled_at (factor: f32, x: &[f32], out: &mut [f32]) = add_scaled_body
+}
+
+#[inline(always)]
+fn add_product_body<const V: u8>(factor: f32, x: &[f32], y: &[f32], out: &mut [f32]) {
+    for ((o, &x), &y) in out.iter_mut().zip(x).zip(y) {
+        *o += factor * x * y;
+    }
+}
+
+levels! {
+    /// `out` += `factor` · `x` ∘ `y`, as far as all go.
+    pub fn add_product / add_product_at (factor: f32, x: &[f32], y: &[f32], out: &mut [f32]) = add_product_body
+}
+
+#[inline(always)]
+fn product_body<const V: u8>(x: &[f32], y: &[f32], out: &mut [f32]) {
+    for ((o, &x), &y) in out.iter_mut().zip(x).zip(y) {
+        *o = x * y;
+    }
+}
+
+levels! {
+    /// `out` = `x` ∘ `y`, as far as all go.
+    pub fn product / product_at (x: &[f32], y: &[f32], out: &mut [f32]) = product_body
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Level;
+
+    #[test]
+    fn every_level_has_the_bits_of_plain_loops() {
+        for n in [0, 1, 15, 16, 250, 515] {
+            let x: Vec<f32> = (0..n).map(|i| (i as f32 * 0.7).sin()).collect();
+            let y: Vec<f32> = (0..n).map(|i| (i as f32 * 1.3).cos() * 3.0).collect();
+            for level in Level::all() {
+                let (mut a, mut b, mut c) = (y.clone(), x.clone(), x.clone());
+                add_scaled_at(level, 0.3, &x, &mut a);
+                add_product_at(level, 0.3, &x, &y, &mut b);
+                product_at(level, &x, &y, &mut c);
+                for i in 0..n {
+                    assert_eq!([a[i], b[i], c[i]], [y[i] + 0.3 * x[i], x[i] + 0.3 * x[i] * y[i], x[i] * y[i]]);
+                }
+            }
+        }
+    }
+}

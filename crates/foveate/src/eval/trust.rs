@@ -1,0 +1,313 @@
+//! Whether P(lost) means what it says, when a loss is noticed, and how often the alarm is false; coverage of credible regions.
+//!
+//! The truth of *lost*: the box has an IoU below [`LOST`] with the target, or the target is not to be seen.
+
+use serde::{Deserialize, Serialize};
+
+use super::experiment::quantile;
+use super::reliability::Bin;
+use super::table::aligned;
+use crate::Result;
+use crate::control::{Confidence, Cues, Standing};
+use crate::geometry::BBox;
+use crate::observe::Observer;
+use crate::scene::Frame;
+use crate::step::Step;
+
+/// An IoU below this is lost.
+pub const LOST: f64 = 0.1;
+/// A loss of fewer frames is no episode.
+pub const EPISODE: usize = 5;
+/// Bins of the reliability curve.
+const BINS: usize = 10;
+/// Credible regions that are checked.
+pub const REGIONS: [f64; 2] = [0.5, 0.9];
+
+/// What a tracker said of one frame, beside the truth.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Judged {
+    /// P(lost) as it was said.
+    pub p_lost: f64,
+    /// What was believed of the track.
+    pub standing: Standing,
+    /// What P(lost) was made of.
+    pub cues: Cues,
+    /// IoU with the target; 0 where it is not to be seen.
+    pub iou: f64,
+    /// The true centre less the estimate, in template units; none where the target is not to be seen.
+    pub off: Option<[f64; 2]>,
+    /// Covariance of the belief about place, in template units: xx, xy, yy.
+    pub covariance: [f64; 3],
+}
+
+impl Judged {
+    /// Of a step and the truth.
+    pub fn of(step: &Step<'_>, truth: Option<BBox>) -> Self {
+        let (unit, c) = (step.unit(), &step.covariance);
+        let off = truth.map(|truth| {
+            let (there, here) = (truth.centre(), step.bbox().centre());
+            [(there.0 - here.0) / unit, (there.1 - here.1) / unit]
+        });
+        let area = unit * unit;
+        Self {
+            p_lost: step.trust.p_lost,
+            standing: step.trust.standing,
+            cues: step.trust.cues,
+            iou: truth.map_or(0.0, |truth| step.bbox().iou(&truth)),
+            off,
+            covariance: [c[0][0] / area, c[0][1] / area, c[1][1] / area],
+        }
+    }
+    /// Whether the target is truly lost.
+    pub fn lost(&self) -> bool {
+        self.iou < LOST
+    }
+    /// The squared Mahalanobis distance of the truth, with this much blur (standard deviation, template units).
+    fn squares(&self, blur: f64) -> Option<f64> {
+        let ([dx, dy], [a, b, d]) = (self.off?, self.covariance);
+        // A millionth of a unit at least: a belief of one particle has no covariance.
+        let (a, d) = (a + blur * blur + 1e-12, d + blur * blur + 1e-12);
+        Some((d * dx * dx - 2.0 * b * dx * dy + a * dy * dy) / (a * d - b * b).max(1e-24))
+    }
+}
+
+/// Notes every frame of a run beside the truth.
+pub struct Witness<'a> {
+    truth: &'a [Option<BBox>],
+    /// From the second frame on.
+    pub frames: Vec<Judged>,
+}
+
+impl<'a> Witness<'a> {
+    /// For a video with this truth.
+    pub fn of(truth: &'a [Option<BBox>]) -> Self {
+        Self { truth, frames: vec![] }
+    }
+}
+
+impl Observer for Witness<'_> {
+    fn start(&mut self, _: &Frame, _: &BBox) -> Result<()> {
+        Ok(())
+    }
+    fn observe(&mut self, step: &Step<'_>) -> Result<()> {
+        let truth = self.truth.get(step.frame.index).copied().flatten();
+        self.frames.push(Judged::of(step, truth));
+        Ok(())
+    }
+    fn finish(&mut self) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// The figures of many tracks.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct TrustScore {
+    /// Frames judged, and those truly lost.
+    pub frames: usize,
+    /// Of these, frames truly lost.
+    pub lost: usize,
+    /// By P(lost), ten bins of equal width: how many, mean P(lost) and share truly lost.
+    pub bins: Vec<Bin>,
+    /// Mean distance between P(lost) and the share truly lost of a bin, by count.
+    pub ece: f64,
+    /// Mean of (P(lost) − truth)².
+    pub brier: f64,
+    /// The same of always saying the share of lost frames.
+    pub brier_of_share: f64,
+    /// How probably a lost frame has the greater P(lost) than one on the target; none without both.
+    pub roc: Option<f64>,
+    /// Share of truly lost frames on which it was said, and of frames on the target on which it was said, per 1000.
+    pub said_lost: Option<f64>,
+    /// Frames on the target that were said to be lost, for each 1000 on it.
+    pub false_alarms: Option<f64>,
+    /// Losses of five frames or more, and those that were noticed before they ended.
+    pub episodes: usize,
+    /// Of these, noticed.
+    pub noticed: usize,
+    /// Frames from a loss to its notice: median, and the 90 % quantile; of those noticed.
+    pub delay: Option<[f64; 2]>,
+    /// Share of frames on the target whose truth lies in the 50 % and the 90 % region: of the belief alone, and with blur.
+    pub coverage: Option<[[f64; 2]; 2]>,
+    /// The blur with which the 90 % region holds 90 %, template units.
+    pub best_blur: Option<f64>,
+}
+
+impl TrustScore {
+    /// Sums up tracks, each in the order of its frames; the blur is what the tracker's regions have.
+    pub fn of(tracks: &[&[Judged]], blur: f64) -> Self {
+        let all: Vec<&Judged> = tracks.iter().copied().flatten().collect();
+        let (on, off): (Vec<&Judged>, Vec<&Judged>) = all.iter().partition(|j| !j.lost());
+        let share = |part: usize, of: usize| (of > 0).then(|| part as f64 / of as f64);
+        let out = |such: &[&Judged]| such.iter().filter(|j| j.standing.is_out()).count();
+        let pairs: Vec<(f64, bool)> = all.iter().map(|j| (j.p_lost, j.lost())).collect();
+        let (bins, ece) = reliability(&pairs);
+        let n = all.len().max(1) as f64;
+        let rate = off.len() as f64 / n;
+        let delays: Vec<Option<usize>> = tracks.iter().flat_map(|track| delays(track)).collect();
+        let noticed: Vec<f64> = delays.iter().flatten().map(|d| *d as f64).collect();
+        let coverage = (!on.is_empty()).then(|| [0.0, blur].map(|blur| REGIONS.map(|p| coverage(&on, p, blur))));
+        Self {
+            frames: all.len(),
+            lost: off.len(),
+            bins,
+            ece,
+            brier: pairs.iter().map(|(p, lost)| (p - f64::from(u8::from(*lost))).powi(2)).sum::<f64>() / n,
+            brier_of_share: rate * (1.0 - rate),
+            roc: roc(&pairs),
+            said_lost: share(out(&off), off.len()),
+            false_alarms: share(out(&on), on.len()).map(|s| 1000.0 * s),
+            episodes: delays.len(),
+            noticed: noticed.len(),
+            delay: (!noticed.is_empty()).then(|| [0.5, 0.9].map(|q| quantile(&noticed, q))),
+            coverage,
+            best_blur: (!on.is_empty()).then(|| best_blur(&on)),
+        }
+    }
+    /// The same with P(lost) by another table; states stay as they were.
+    pub fn rejudged(tracks: &[Vec<Judged>], confidence: &Confidence) -> Vec<Vec<Judged>> {
+        let again = |j: &Judged| Judged { p_lost: confidence.probability(&j.cues), ..*j };
+        tracks.iter().map(|track| track.iter().map(again).collect()).collect()
+    }
+}
+
+/// Bins by P(lost), and their mean distance from the diagonal.
+fn reliability(pairs: &[(f64, bool)]) -> (Vec<Bin>, f64) {
+    let mut bins = vec![Bin::default(); BINS];
+    for (p, lost) in pairs {
+        let bin = &mut bins[((p * BINS as f64) as usize).min(BINS - 1)];
+        bin.count += 1;
+        bin.confidence += p;
+        bin.accuracy += f64::from(u8::from(*lost));
+    }
+    for bin in bins.iter_mut().filter(|bin| bin.count > 0) {
+        bin.confidence /= bin.count as f64;
+        bin.accuracy /= bin.count as f64;
+    }
+    let apart: f64 = bins.iter().map(|b| b.count as f64 * (b.confidence - b.accuracy).abs()).sum();
+    (bins, apart / pairs.len().max(1) as f64)
+}
+
+/// The area under the ROC curve, by ranks; ties count half.
+fn roc(pairs: &[(f64, bool)]) -> Option<f64> {
+    let mut sorted = pairs.to_vec();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let lost = sorted.iter().filter(|p| p.1).count() as f64;
+    let on = sorted.len() as f64 - lost;
+    let (mut below, mut won) = (0.0, 0.0);
+    for tie in sorted.chunk_by(|a, b| a.0 == b.0) {
+        let such = tie.iter().filter(|p| p.1).count() as f64;
+        let others = tie.len() as f64 - such;
+        won += such * (below + 0.5 * others);
+        below += others;
+    }
+    (lost > 0.0 && on > 0.0).then(|| won / (lost * on))
+}
+
+/// For each episode of a track: frames until it was noticed; none where it ended before.
+fn delays(track: &[Judged]) -> Vec<Option<usize>> {
+    let runs = track.chunk_by(|a, b| a.lost() == b.lost()).filter(|run| run[0].lost() && run.len() >= EPISODE);
+    runs.map(|run| run.iter().position(|j| j.standing.is_out())).collect()
+}
+
+/// Share of frames whose truth lies in the credible ellipse of probability p: for a normal belief the squared Mahalanobis
+/// distance is at most −2 ln(1 − p).
+fn coverage(frames: &[&Judged], p: f64, blur: f64) -> f64 {
+    let most = -2.0 * (1.0 - p).ln();
+    let squares: Vec<f64> = frames.iter().filter_map(|j| j.squares(blur)).collect();
+    squares.iter().filter(|s| **s <= most).count() as f64 / squares.len().max(1) as f64
+}
+
+/// The least blur, to a thousandth of a unit, with which the 90 % region holds 90 % of the frames.
+fn best_blur(frames: &[&Judged]) -> f64 {
+    let (mut low, mut high) = (0.0, 4.0);
+    while high - low > 1e-3 {
+        let middle = 0.5 * (low + high);
+        if coverage(frames, REGIONS[1], middle) < REGIONS[1] { low = middle } else { high = middle }
+    }
+    high
+}
+
+/// As lines of text.
+pub fn text(score: &TrustScore) -> String {
+    let s = score;
+    let or = |v: Option<String>| v.unwrap_or_else(|| "-".into());
+    let percent = |v: f64| format!("{:.1} %", 100.0 * v);
+    let coverage = |k: usize| or(s.coverage.map(|c| format!("{} / {}", percent(c[k][0]), percent(c[k][1]))));
+    let rows = [
+        ("frames, truly lost", format!("{}, {}", s.frames, s.lost)),
+        ("calibration error of P(lost)", format!("{:.4}", s.ece)),
+        ("Brier score (of the mere share)", format!("{:.4} ({:.4})", s.brier, s.brier_of_share)),
+        ("area under ROC", or(s.roc.map(|r| format!("{r:.3}")))),
+        ("lost frames said so", or(s.said_lost.map(percent))),
+        ("false alarms per 1000 frames", or(s.false_alarms.map(|f| format!("{f:.1}")))),
+        ("losses noticed", format!("{} of {}", s.noticed, s.episodes)),
+        ("frames to notice, median, 90 %", or(s.delay.map(|d| format!("{:.0}, {:.0}", d[0], d[1])))),
+        ("truth in 50 / 90 % region, belief alone", coverage(0)),
+        ("truth in 50 / 90 % region, with blur", coverage(1)),
+        ("blur for 90 %, template units", or(s.best_blur.map(|b| format!("{b:.3}")))),
+    ];
+    let rows: Vec<Vec<String>> = rows.into_iter().map(|(name, value)| vec![name.to_string(), value]).collect();
+    let mut bins = vec![["P(lost)", "frames", "mean", "truly lost"].map(String::from).to_vec()];
+    for (i, b) in s.bins.iter().enumerate().filter(|(_, b)| b.count > 0) {
+        let (low, high) = (i as f64 / BINS as f64, (i + 1) as f64 / BINS as f64);
+        let mean = format!("{:.3}", b.confidence);
+        bins.push(vec![format!("{low:.1} to {high:.1}"), b.count.to_string(), mean, percent(b.accuracy)]);
+    }
+    format!("{}\n{}", aligned(&rows), aligned(&bins))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::Streams;
+    use rand::RngExt;
+    use rand_distr::StandardNormal;
+
+    fn judged(p_lost: f64, iou: f64, standing: Standing) -> Judged {
+        Judged { p_lost, standing, cues: Cues::default(), iou, off: Some([0.0, 0.0]), covariance: [1.0, 0.0, 1.0] }
+    }
+
+    #[test]
+    fn a_track_by_hand() {
+        let (tracking, out) = (Standing::Tracking, Standing::Occluded);
+        let mut track = vec![judged(0.05, 0.8, tracking); 10];
+        track[3].standing = out;
+        track.extend([judged(0.05, 0.0, tracking); 2]);
+        track.extend([judged(0.95, 0.0, out); 4]);
+        track.extend([judged(0.05, 0.5, tracking); 4]);
+        track.extend([judged(0.95, 0.0, tracking); 4]); // too short for an episode
+        let s = TrustScore::of(&[&track], 0.0);
+        assert_eq!((s.frames, s.lost, s.episodes, s.noticed), (24, 10, 1, 1));
+        assert_eq!((s.delay, s.said_lost), (Some([2.0, 2.0]), Some(0.4)));
+        assert!((s.false_alarms.expect("on the target") - 1000.0 / 14.0).abs() < 1e-9);
+        // 16 frames at 0.05, of which 2 are lost; 8 at 0.95, all lost.
+        assert!((s.ece - (16.0 * (0.125 - 0.05) + 8.0 * 0.05) / 24.0).abs() < 1e-12);
+        assert!((s.brier - (22.0 * 0.05f64.powi(2) + 2.0 * 0.95f64.powi(2)) / 24.0).abs() < 1e-12);
+        // Of 140 pairs, 112 in order and 28 tied.
+        assert!((s.roc.expect("both") - (112.0 + 14.0) / 140.0).abs() < 1e-12);
+        assert!(text(&s).contains("1 of 1") && TrustScore::of(&[], 0.1).roc.is_none());
+    }
+
+    /// 4000 draws from beliefs that are right, and from beliefs that do not know of 0.3 units: the share within the 90 %
+    /// region has a deviation of 0.005; beyond five of them a correct program fails once in a million.
+    #[test]
+    fn regions_of_right_beliefs_hold_what_they_say() {
+        let mut rng = Streams::new(11, 0).rng(0);
+        let mut frames = |blur: f64| -> Vec<Judged> {
+            let draw = |_| {
+                let [a, b, c, d] = std::array::from_fn(|_| rng.sample::<f64, _>(StandardNormal));
+                // x = 0.2 a, y = 0.1 a + 0.3 b.
+                let off = Some([0.2 * a + blur * c, 0.1 * a + 0.3 * b + blur * d]);
+                Judged { off, covariance: [0.04, 0.02, 0.1], ..judged(0.0, 1.0, Standing::Tracking) }
+            };
+            (0..4000).map(draw).collect()
+        };
+        let (right, blurred) = (frames(0.0), frames(0.3));
+        let of = |frames: &[Judged], blur| TrustScore::of(&[frames], blur).coverage.expect("frames");
+        let near = |got: [f64; 2]| (got[0] - 0.5).abs() < 0.04 && (got[1] - 0.9).abs() < 0.025;
+        assert!(near(of(&right, 0.0)[0]) && near(of(&blurred, 0.3)[1]));
+        assert!(of(&blurred, 0.3)[0][1] < 0.8, "the belief alone is too sure");
+        let found = TrustScore::of(&[&blurred], 0.0).best_blur.expect("frames");
+        assert!((found - 0.3).abs() < 0.04, "{found}");
+    }
+}
