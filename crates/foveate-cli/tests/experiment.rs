@@ -164,7 +164,9 @@ fn many_digits_are_followed_scored_and_shown() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let multi = |more: &[&str]| {
         Command::new(env!("CARGO_BIN_EXE_foveate"))
-            .args(["experiment", "multi", "--seeds", "1", "--frames", "24", "--crossings", "0", "--json", "--out"])
+            // Few frames: what 300 have room for would be too fast here.
+            .args(["experiment", "multi", "--seeds", "1", "--frames", "24", "--crossings", "0", "--scale", "1,1.3"])
+            .args(["--turn", "10", "--json", "--out"])
             .arg(dir.path().join("out"))
             .args(more)
             .env("FOVEATE_DATA", dir.path())
