@@ -11,6 +11,7 @@
 //! their steps in parallel; the results do not depend on the number of threads.
 
 mod births;
+mod explain;
 pub mod follow;
 mod occlusion;
 mod pairs;
@@ -28,6 +29,7 @@ use crate::observe::{Phase, Seen};
 use crate::scene::{Detection, Frame, Scene};
 use crate::tracker::Tracker;
 use births::Nursery;
+use explain::Look;
 use occlusion::{Body, Fronts};
 use pairs::Expected;
 
@@ -73,6 +75,8 @@ struct Work {
     bodies: Vec<Body>,
     visible: Vec<f64>,
     detections: Vec<Detection>,
+    /// The picture for each target, less what the others show.
+    cleared: Vec<Frame>,
 }
 
 impl Many {
@@ -98,11 +102,13 @@ impl Many {
         self.expect();
         self.assign(frame, detections);
         self.hide(frame);
+        self.explain(frame);
         let (s, detecting) = (&self.settings, self.detecting);
-        let move_on = |target: &mut Target| target.step(frame, s, detecting);
+        let cleared = &self.work.cleared;
+        let move_on = |(i, target): (usize, &mut Target)| target.step(cleared.get(i).unwrap_or(frame), s, detecting);
         match self.living.len() > 1 && rayon::current_num_threads() > 1 {
-            true => self.living.par_iter_mut().for_each(move_on),
-            false => self.living.iter_mut().for_each(move_on),
+            true => self.living.par_iter_mut().enumerate().for_each(move_on),
+            false => self.living.iter_mut().enumerate().for_each(move_on),
         }
         self.bury(frame);
         self.deliver(frame);
@@ -195,8 +201,30 @@ impl Many {
         }
         occlusion::visible(bodies, &self.settings.occlusion, &mut self.fronts, visible);
         for (target, &visible) in self.living.iter_mut().zip(&*visible) {
-            target.tracker.shade(visible);
+            target.tracker.shade(if self.settings.occlusion.explain > 0.0 { 1.0 } else { visible });
             target.seen.visible = visible;
+        }
+    }
+
+    /// Takes off each target's picture what the others show.
+    fn explain(&mut self, frame: &Frame) {
+        let (share, cleared) = (self.settings.occlusion.explain, &mut self.work.cleared);
+        if share <= 0.0 {
+            return;
+        }
+        let like = |f: &Frame| (f.image.width(), f.image.height()) == (frame.image.width(), frame.image.height());
+        cleared.retain(|f| like(f) && f.image.planes() == frame.image.planes());
+        cleared.resize_with(self.living.len().max(cleared.len()), || frame.clone());
+        for (i, cleared) in cleared.iter_mut().enumerate().take(self.living.len()) {
+            (cleared.index, cleared.time) = (frame.index, frame.time);
+            for p in 0..frame.image.planes() {
+                cleared.image.plane_mut(p).copy_from_slice(frame.image.plane(p));
+            }
+            for (_, other) in self.living.iter().enumerate().filter(|(j, t)| *j != i && t.seen.sure()) {
+                if let Some((image, state, extent)) = other.tracker.parts().appearance.imprinted() {
+                    explain::take_off(&mut cleared.image, Look { image, state, extent }, &other.next(), share);
+                }
+            }
         }
     }
 

@@ -315,6 +315,10 @@ impl Appearance for GazeAppearance {
         }
     }
 
+    fn imprinted(&self) -> Option<(&Image, &State, Extent)> {
+        self.kept.as_ref().map(|kept| (&kept.image, &kept.state, kept.extent))
+    }
+
     fn expectation(&self) -> Expectation {
         self.kept().expectation
     }

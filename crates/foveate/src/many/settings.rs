@@ -81,6 +81,9 @@ pub struct Occlusion {
     pub habit: f64,
     /// Share in view below which a target counts as hidden, 0 to 1.
     pub hidden: f64,
+    /// Share of what a target shows that is no evidence of the others, 0 to 1: it is taken off the picture they look at. For
+    /// bright things on dark that hide little of each other. Above 0 being hidden excuses nobody.
+    pub explain: f64,
 }
 
 impl Default for Settings {
@@ -111,7 +114,7 @@ impl Default for Memory {
 
 impl Default for Occlusion {
     fn default() -> Self {
-        Self { ground: 2.0, habit: 0.2, hidden: 0.5 }
+        Self { ground: 2.0, habit: 0.2, hidden: 0.5, explain: 0.0 }
     }
 }
 
@@ -140,6 +143,7 @@ impl Settings {
             ("occlusion.ground", occlusion.ground, 0.0, 100.0),
             ("occlusion.habit", occlusion.habit, 0.0, 2.0),
             ("occlusion.hidden", occlusion.hidden, 0.0, 1.0),
+            ("occlusion.explain", occlusion.explain, 0.0, 1.0),
         ] {
             if !(least..=most).contains(&value) {
                 return Err(Error::Config(format!("many.{name} is a number from {least} to {most}; it is {value}")));

@@ -1,0 +1,84 @@
+//! Explaining away: what one target shows is no evidence of another.
+//!
+//! Each target looks at the picture less what the others, as they looked in their first frame, show where they are expected.
+//! A small one can then not settle on the strokes of a large one, which it would fit nearly as well as itself. For bright
+//! things on dark, of which little is hidden where they pass over each other; a target that is lost explains nothing.
+
+use crate::geometry::{BBox, Extent, State};
+use crate::scene::Image;
+
+/// What a target looked like in its first frame, and where it was.
+#[derive(Clone, Copy)]
+pub(super) struct Look<'a> {
+    pub image: &'a Image,
+    pub state: &'a State,
+    pub extent: Extent,
+}
+
+/// Takes off `image` the share (0 to 1) of its values that a target at `state` shows there.
+pub(super) fn take_off(image: &mut Image, look: Look, state: &State, share: f64) {
+    if look.image.planes() != image.planes() {
+        return;
+    }
+    let Extent { half_w, half_h } = look.extent;
+    let unit = state.log_scale.exp();
+    let (sin, cos) = state.angle.sin_cos();
+    let reach = (half_w * unit).hypot(half_h * unit);
+    let BBox { x, y, .. } = BBox::around(state.x, state.y, 2.0 * reach, 2.0 * reach);
+    let end = |v: f64, side: usize| v.clamp(0.0, side as f64) as usize;
+    let width = image.width();
+    let (columns, rows) =
+        (end(x, width)..end(x + 2.0 * reach, width), end(y, image.height())..end(y + 2.0 * reach, image.height()));
+    for p in 0..image.planes() {
+        let plane = image.plane_mut(p);
+        for (row, column) in rows.clone().flat_map(|row| columns.clone().map(move |column| (row, column))) {
+            let (dx, dy) = ((column as f64 - state.x) / unit, (row as f64 - state.y) / unit);
+            let (u, v) = (cos * dx + sin * dy, cos * dy - sin * dx);
+            if u.abs() <= half_w && v.abs() <= half_h {
+                let shown = share * value(look.image, p, look.state.x + u, look.state.y + v);
+                let pixel = &mut plane[row * width + column];
+                *pixel = (f64::from(*pixel) - shown).max(0.0) as u8;
+            }
+        }
+    }
+}
+
+/// Between pixels; black outside.
+fn value(image: &Image, p: usize, x: f64, y: f64) -> f64 {
+    let (i, j) = (x.floor(), y.floor());
+    let at = |i: f64, j: f64| {
+        let inside = i >= 0.0 && j >= 0.0 && i < image.width() as f64 && j < image.height() as f64;
+        if inside { f64::from(image.at(p, i as usize, j as usize)) } else { 0.0 }
+    };
+    let row = |j: f64| (1.0 - (x - i)) * at(i, j) + (x - i) * at(i + 1.0, j);
+    (1.0 - (y - j)) * row(j) + (y - j) * row(j + 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_shown_is_taken_off_where_it_is() {
+        // A square of 4 px in the first frame; later twice as large, elsewhere, on a stripe that is not its own.
+        let paint = |side: usize, at: std::ops::Range<usize>, stripe: bool| {
+            let white = |k: usize| at.contains(&(k % side)) && at.contains(&(k / side)) || stripe && k / side == 35;
+            Image::new(side, side, 1, (0..side * side).map(|k| if white(k) { 200 } else { 0 }).collect())
+                .expect("whole")
+        };
+        let first = paint(30, 8..12, false);
+        let (was, extent) = (State { x: 9.5, y: 9.5, ..State::default() }, Extent { half_w: 4.0, half_h: 4.0 });
+        let look = Look { image: &first, state: &was, extent };
+        let now = State { x: 23.5, y: 23.5, log_scale: 2f64.ln(), ..State::default() };
+        let mut image = paint(50, 20..28, true);
+        take_off(&mut image, look, &now, 1.0);
+        let left = |rows: std::ops::Range<usize>| {
+            rows.flat_map(|y| (0..50).map(move |x| (x, y))).map(|(x, y)| f64::from(image.at(0, x, y))).sum::<f64>()
+        };
+        assert!(left(0..35) < 0.15 * 64.0 * 200.0, "{}", left(0..35));
+        assert_eq!(left(35..36), 50.0 * 200.0);
+        let mut half = paint(50, 20..28, true);
+        take_off(&mut half, look, &now, 0.5);
+        assert_eq!(half.at(0, 23, 23), 100);
+    }
+}
