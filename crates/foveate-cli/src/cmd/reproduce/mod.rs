@@ -178,8 +178,8 @@ fn ground(args: &Args) -> Result<Ground> {
 /// seconds are no part of a shard.
 fn content(experiment: &Experiment, ground: &Ground, args: &Args) -> Result<Option<Content>> {
     Ok(match experiment.kind {
-        Kind::Table => table::table(experiment, ground)?.map(Content::Table),
-        Kind::Crowd => crowd::crowd(experiment, ground, &args.out)?.map(Content::Table),
+        Kind::Table => table::table(experiment, ground)?.map(Box::new).map(Content::Table),
+        Kind::Crowd => crowd::crowd(experiment, ground, &args.out)?.map(Box::new).map(Content::Table),
         Kind::Digits => figures::digits(experiment, ground)?.map(Content::Figure),
         _ if args.shard.is_some() => None,
         Kind::Policy => Some(Content::Figure(figures::policy(experiment, ground)?)),

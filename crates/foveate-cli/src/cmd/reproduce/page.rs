@@ -21,7 +21,7 @@ pub struct Section {
 }
 
 pub enum Content {
-    Table(Table),
+    Table(Box<Table>),
     Figure(Shown),
 }
 
