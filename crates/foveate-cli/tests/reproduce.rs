@@ -83,6 +83,32 @@ fn kills_and_parts_do_not_show() {
 }
 
 #[test]
+fn many_targets_in_parts() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    let multi = |out: &str, more: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
+        command.args(["reproduce", "fig-multi", "--quick", "--seeds", "1", "--out", out]).args(more);
+        command.env("FOVEATE_DATA", dir).current_dir(dir).stdout(Stdio::null()).stderr(Stdio::null());
+        succeeds(command);
+        let files = ["fig-multi.json", "fig-multi.csv", "fig-multi-strip.png"];
+        files.map(|name| std::fs::read(dir.join(out).join(name)).ok())
+    };
+    let whole = multi("whole", &[]);
+    assert!(whole.iter().all(Option::is_some), "table and film strip");
+    // Together and alone.
+    assert_eq!(runs(dir, "whole").len(), 2);
+    // Which part does a run follows from its digest: one may have both.
+    for part in ["1/2", "2/2"] {
+        multi(&format!("part{}", &part[..1]), &["--shard", part]);
+    }
+    assert_eq!(runs(dir, "part1").len() + runs(dir, "part2").len(), 2);
+    assert_eq!(multi("merged", &["--merge", "part1", "--merge", "part2", "--threads", "1"]), whole);
+    let page = std::fs::read_to_string(dir.join("merged/index.html")).expect("a page");
+    assert!(page.contains("<th>HOTA</th>") && page.contains("data:image/png;base64,"));
+}
+
+#[test]
 fn what_cannot_be_is_said() {
     let dir = tempfile::tempdir().expect("a folder");
     std::fs::write(dir.path().join("peers.csv"), "a,b\n1,2\n").expect("writable");

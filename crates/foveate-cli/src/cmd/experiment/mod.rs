@@ -15,7 +15,7 @@ use super::track::blueprint;
 
 mod clutter;
 mod hedge_curve;
-mod multi;
+pub mod multi;
 mod partial;
 mod recognise;
 pub(in crate::cmd) mod recovery;

@@ -6,6 +6,7 @@ use foveate::config::{Blueprint, Config, RecogniserConfig};
 use foveate::eval::experiment::{digest, fingerprint};
 use foveate::eval::multi::{self, Alone, Line, Run};
 use foveate::observe::{CrowdFilm, CrowdReport, CrowdStrip, ManyObserver, RunInfo};
+use foveate::scene::Digits;
 use foveate::scene::synthetic::{Multi, MultiVideo};
 use foveate::{Error, Result, files};
 use serde_json::json;
@@ -58,16 +59,28 @@ impl Kept for Run {
 }
 
 /// A way to follow all targets.
-struct Way {
-    name: String,
-    blueprint: Blueprint,
+pub struct Way {
+    pub name: String,
+    pub blueprint: Blueprint,
     /// Whether targets know of each other.
     together: bool,
+    /// What its results depend on: configuration, models, program.
     key: String,
 }
 
 impl Way {
-    fn follow(&self, video: &MultiVideo, seed: u64, observer: &mut dyn ManyObserver) -> Result<Run> {
+    /// With the recogniser's model that says which digit is which; model files are found relative to `base`.
+    pub fn of(name: String, config: Config, base: &Path, recognise: &str, together: bool) -> Result<Self> {
+        // The seed of each run is its video's.
+        let recogniser = RecogniserConfig::multi_fixation(recognise);
+        let blueprint = Config { seed: 0, ..config }.check(base)?.recognising(recogniser, Path::new("."))?;
+        let (print, text) = (fingerprint(&blueprint)?, blueprint.config().to_toml());
+        let how = if together { "together" } else { "alone" };
+        let key = format!("{} {print} {text} {how}", env!("CARGO_PKG_VERSION"));
+        Ok(Self { name, blueprint, together, key })
+    }
+
+    pub fn follow(&self, video: &MultiVideo, seed: u64, observer: &mut dyn ManyObserver) -> Result<Run> {
         if self.together {
             return Run::follow(video, &mut self.blueprint.many(seed)?, observer);
         }
@@ -83,15 +96,10 @@ fn ways(args: &Args) -> Result<Vec<Way>> {
         let config = blueprint(name)?.config().clone();
         let file = Path::new(name);
         let base = if file.is_file() { file.parent().unwrap_or(Path::new(".")) } else { Path::new(".") };
-        let recogniser = RecogniserConfig::multi_fixation(args.recognise.clone());
-        let blueprint = Config { seed: 0, ..config }.check(base)?.recognising(recogniser, Path::new("."))?;
         let stem = file.file_stem().filter(|_| file.is_file());
         let shown = stem.map_or_else(|| name.clone(), |stem| stem.to_string_lossy().into_owned());
-        let text = blueprint.config().to_toml();
-        let print = fingerprint(&blueprint)?;
         for (together, how) in [(true, "together"), (false, "alone")] {
-            let key = format!("{} {print} {text} {how}", env!("CARGO_PKG_VERSION"));
-            ways.push(Way { name: format!("{shown}, {how}"), blueprint: blueprint.clone(), together, key });
+            ways.push(Way::of(format!("{shown}, {how}"), config.clone(), base, &args.recognise, together)?);
         }
     }
     Ok(ways)
@@ -102,49 +110,94 @@ pub fn run(args: Args) -> Result<()> {
     let ways = ways(&args)?;
     let seeds = (0..args.seeds).map(|i| args.first_seed.wrapping_add(i));
     let scenes: Vec<Multi> = seeds.map(|seed| args.scene.settings(seed, args.frames as usize)).collect();
-    let videos = scenes.iter().map(|scene| scene.video(&digits)).collect::<Result<Vec<_>>>()?;
-    let jobs: Vec<(usize, usize)> = (0..ways.len()).flat_map(|w| (0..scenes.len()).map(move |v| (w, v))).collect();
-    let pixels = digest(&[&digits.images, &digits.labels]);
-    let key = |&(way, video): &(usize, usize)| {
-        let scene = serde_json::to_vec(&scenes[video]).expect("settings are plain data");
-        digest(&[ways[way].key.as_bytes(), &scene, pixels.as_bytes()])
-    };
-    let make = |&(way, video): &(usize, usize)| {
-        let (way, scene) = (&ways[way], &scenes[video]);
-        let run = way.follow(&videos[video], scene.seed, &mut Vec::<Box<dyn ManyObserver>>::new())?;
-        let stored = json!({
-            "configuration": way.blueprint.config(), "video": scene, "digits": from,
-            "frames": run.frames, "found": run.found, "seconds": run.seconds,
-        });
-        let text = serde_json::to_vec(&stored).map_err(|e| Error::Invalid(e.to_string()))?;
-        Ok((run, text))
-    };
-    let runs: Vec<Run> = whole(Store::of(&args.out).kept("multi", &jobs, &|_| args.frames as usize, &key, &make)?);
-    let mut lines = vec![];
-    for (way, runs) in ways.iter().zip(runs.chunks(scenes.len())) {
-        let judged = runs.iter().zip(&videos).map(|(run, video)| run.judge(video)).collect::<Result<Vec<_>>>()?;
-        lines.extend(Line::of(&way.name, &runs.iter().collect::<Vec<_>>(), &judged));
-    }
-    report(&args, &from, &lines)?;
-    if args.figure { figure(&args, &ways[0], &videos[0], scenes[0].seed, &from) } else { Ok(()) }
+    let crowd = Crowd::new(scenes, (&digits, &from))?;
+    let runs = whole(crowd.runs("multi", &Store::of(&args.out), &ways)?);
+    report(&args, &from, &crowd.lines(&ways, &runs)?)?;
+    if args.figure { figure(&args, &ways[0], &crowd, &from) } else { Ok(()) }
 }
 
-/// Pictures of a shown frame: the strip's columns and rows.
-const COLUMNS: usize = 4;
-const SHOWN: usize = 8;
+/// Videos of many targets.
+pub struct Crowd<'a> {
+    scenes: Vec<Multi>,
+    videos: Vec<MultiVideo>,
+    digits: &'a Digits,
+    /// What the digits are.
+    from: &'a str,
+}
 
-fn figure(args: &Args, way: &Way, video: &MultiVideo, seed: u64, from: &str) -> Result<()> {
+impl<'a> Crowd<'a> {
+    /// The videos of some settings; with the digits comes what they are.
+    pub fn new(scenes: Vec<Multi>, (digits, from): (&'a Digits, &'a str)) -> Result<Self> {
+        let videos = scenes.iter().map(|scene| scene.video(digits)).collect::<Result<Vec<_>>>()?;
+        Ok(Self { scenes, videos, digits, from })
+    }
+
+    /// All videos in each of the ways, way by way, done where they are not kept yet. Each tracker's randomness is named by
+    /// the video's seed.
+    pub fn runs(&self, name: &str, store: &Store, ways: &[Way]) -> Result<Vec<Option<Run>>> {
+        let videos = 0..self.scenes.len();
+        let jobs: Vec<(usize, usize)> =
+            (0..ways.len()).flat_map(|way| videos.clone().map(move |video| (way, video))).collect();
+        let pixels = digest(&[&self.digits.images, &self.digits.labels]);
+        let key = |&(way, video): &(usize, usize)| {
+            let scene = serde_json::to_vec(&self.scenes[video]).expect("settings are plain data");
+            digest(&[ways[way].key.as_bytes(), &scene, pixels.as_bytes()])
+        };
+        let make = |&(way, video): &(usize, usize)| {
+            let (way, scene) = (&ways[way], &self.scenes[video]);
+            let run = way.follow(&self.videos[video], scene.seed, &mut Vec::<Box<dyn ManyObserver>>::new())?;
+            let stored = json!({
+                "configuration": way.blueprint.config(), "video": scene, "digits": self.from,
+                "frames": run.frames, "found": run.found, "seconds": run.seconds,
+            });
+            let text = serde_json::to_vec(&stored).map_err(|e| Error::Invalid(e.to_string()))?;
+            Ok((run, text))
+        };
+        store.kept(name, &jobs, &|&(_, video)| self.scenes[video].frames, &key, &make)
+    }
+
+    /// One line a way, of the runs as [`Crowd::runs`] gives them.
+    pub fn lines(&self, ways: &[Way], runs: &[Run]) -> Result<Vec<Line>> {
+        let mut lines = vec![];
+        for (way, runs) in ways.iter().zip(runs.chunks(self.scenes.len())) {
+            let judged =
+                runs.iter().zip(&self.videos).map(|(run, video)| run.judge(video)).collect::<Result<Vec<_>>>()?;
+            lines.extend(Line::of(&way.name, &runs.iter().collect::<Vec<_>>(), &judged));
+        }
+        Ok(lines)
+    }
+
+    /// The first video and its seed, of which pictures are made; `None` without any.
+    pub fn first(&self) -> Option<(&MultiVideo, u64)> {
+        Some((self.videos.first()?, self.scenes.first()?.seed))
+    }
+}
+
+/// Pictures of a film strip, and how many stand in a row.
+const SHOWN: usize = 8;
+const COLUMNS: usize = 4;
+
+/// The film strip of a video, to be written to `path`.
+pub fn strip(path: PathBuf, video: &MultiVideo) -> Result<CrowdStrip> {
     let last = video.frames() - 1;
     let mut shown: Vec<usize> = (0..SHOWN).map(|i| (i * last + SHOWN / 2) / (SHOWN - 1)).map(|t| t.min(last)).collect();
     shown.dedup();
-    let classes: Vec<String> = video.movers().iter().map(|mover| mover.class.to_string()).collect();
-    let classes = classes.join(", ");
     let title = format!(
-        "Digits that grow, turn and pass over each other · no 1 to {} are truly {classes}",
-        video.movers().len()
+        "Digits that grow, turn and pass over each other · no 1 to {} are truly {}",
+        video.movers().len(),
+        classes(video)
     );
+    CrowdStrip::create(path, &title, shown, COLUMNS)
+}
+
+fn classes(video: &MultiVideo) -> String {
+    video.movers().iter().map(|mover| mover.class.to_string()).collect::<Vec<_>>().join(", ")
+}
+
+fn figure(args: &Args, way: &Way, crowd: &Crowd<'_>, from: &str) -> Result<()> {
+    let Some((video, seed)) = crowd.first() else { return Ok(()) };
     let info = RunInfo {
-        source: format!("synthetic digits {classes}"),
+        source: format!("synthetic digits {}", classes(video)),
         reader: from.into(),
         rate: 30.0,
         config_name: way.name.clone(),
@@ -154,7 +207,7 @@ fn figure(args: &Args, way: &Way, video: &MultiVideo, seed: u64, from: &str) -> 
         ..RunInfo::default()
     };
     let mut observers: Vec<Box<dyn ManyObserver>> = vec![
-        Box::new(CrowdStrip::create(args.out.join("figure.png"), &title, shown, COLUMNS)?),
+        Box::new(strip(args.out.join("figure.png"), video)?),
         Box::new(CrowdFilm::create(args.out.join("annotated.mp4"), &info)?),
         Box::new(CrowdReport::create(args.out.join("report.html"), info)?),
     ];

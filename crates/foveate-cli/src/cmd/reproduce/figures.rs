@@ -199,6 +199,11 @@ fn sequence(
     Ok((pictures, numbers))
 }
 
+/// Pictures as files.
+pub fn write(pictures: &[Picture], out: &Path) -> Result<()> {
+    pictures.iter().try_for_each(|picture| files::write(out.join(&picture.file), &picture.bytes))
+}
+
 impl Shown {
     fn add(&mut self, pictures: Vec<Picture>, numbers: Value) {
         self.pictures.extend(pictures);
@@ -209,9 +214,7 @@ impl Shown {
 
     /// The pictures and the numbers as files.
     pub fn write(&self, out: &Path, name: &str) -> Result<()> {
-        for picture in &self.pictures {
-            files::write(out.join(&picture.file), &picture.bytes)?;
-        }
+        write(&self.pictures, out)?;
         let numbers = serde_json::to_string(&self.numbers).map_err(|e| Error::Invalid(e.to_string()))?;
         files::write(out.join(format!("{name}.json")), numbers.as_bytes())
     }

@@ -5,6 +5,7 @@
 
 use foveate::{Error, Result};
 
+use super::crowd;
 use super::plan::{Group, Measure};
 use super::results::{Line, Results};
 
@@ -85,8 +86,12 @@ fn short(line: &Line, unit: &str) -> String {
     format!("{:.2} {unit}, {:.0} % lost", line.tally.mean, 100.0 * line.tally.lost)
 }
 
-/// One table for each scene: means, medians, lost, differences; which settings a line has, where they differ.
+/// One table for each scene: means, medians, lost, differences; which settings a line has, where they differ. Or that of
+/// many targets.
 pub fn table(results: &Results) -> String {
+    if !results.crowd.is_empty() {
+        return crowd::markdown(&results.crowd);
+    }
     let unit = unit(results);
     let mixed = results.lines.iter().any(|l| l.group != Group::Recommended);
     let settings = |text: &str| if mixed { format!(" {text} |") } else { String::new() };

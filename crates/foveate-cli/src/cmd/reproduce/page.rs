@@ -6,7 +6,8 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use foveate::eval::tally;
 
-use super::figures::Shown;
+use super::crowd;
+use super::figures::{Picture, Shown};
 use super::plan::{Group, Measure};
 use super::results::{Line, Results};
 use super::table::Table;
@@ -20,7 +21,7 @@ pub struct Section {
 }
 
 pub enum Content {
-    Table(Table),
+    Table(Box<Table>),
     Figure(Shown),
 }
 
@@ -79,13 +80,39 @@ pub fn html(sections: &[Section], digits: &str, took: Duration) -> String {
 
 fn section(section: &Section) -> String {
     let body = match &section.content {
+        Content::Table(table) if !table.results.crowd.is_empty() => crowd_table(table) + &pictures(&table.pictures),
         Content::Table(table) => tables(table),
         Content::Figure(shown) => {
             let missing: String = shown.missing.iter().map(|m| format!("<p>Not shown: {}</p>", escaped(m))).collect();
-            missing + &shown.pictures().map(|(file, caption, bytes)| picture(file, caption, bytes)).collect::<String>()
+            missing + &pictures(&shown.pictures)
         }
     };
     format!("<h2 id=\"{}\">{}</h2><p>{}</p>{body}", section.name, escaped(&section.title), escaped(&section.about))
+}
+
+fn pictures(all: &[Picture]) -> String {
+    all.iter().map(|p| picture(&p.file, &p.caption, &p.bytes)).collect()
+}
+
+fn crowd_table(table: &Table) -> String {
+    let Results { seeds, frames, digits_from, crowd, .. } = &table.results;
+    let cells = |kind: &str, cells: &mut dyn Iterator<Item = &str>| -> String {
+        cells.map(|cell| format!("<{kind}>{}</{kind}>", escaped(cell))).collect()
+    };
+    let rows: String = (crowd.iter().zip(&table.speeds))
+        .map(|(line, speed)| {
+            let speed = speed.map_or(String::new(), |s| format!("{s:.0}"));
+            let all = line.cells();
+            let row = cells("td", &mut all.iter().map(String::as_str).chain([speed.as_str()]));
+            format!("<tr>{row}</tr>")
+        })
+        .collect();
+    format!(
+        "<p class=\"soft\">Seeds 1 to {seeds}, {frames} frames; {}. {}</p><div class=\"wide\"><table><tr>{}</tr>{rows}</table></div>",
+        escaped(digits_from),
+        escaped(crowd::LEGEND),
+        cells("th", &mut crowd::HEADS.into_iter().chain(["frames/s"]))
+    )
 }
 
 fn picture(file: &str, caption: &str, bytes: &[u8]) -> String {

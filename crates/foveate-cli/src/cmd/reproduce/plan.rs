@@ -7,7 +7,7 @@ use foveate::eval::experiment::digest;
 use foveate::eval::line_up;
 use foveate::gaze::Grid;
 use foveate::identity::accumulate::Accumulate;
-use foveate::scene::synthetic::Synthetic;
+use foveate::scene::synthetic::{Multi, Synthetic};
 use foveate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
@@ -21,11 +21,12 @@ macro_rules! experiments {
 }
 
 /// Names and texts, in the order of the page.
-pub const EXPERIMENTS: [(&str, &str); 13] = experiments![
+pub const EXPERIMENTS: [(&str, &str); 14] = experiments![
     "table1",
     "table2",
     "table3",
     "fig-policy",
+    "fig-multi",
     "fig-digits",
     "fig-face",
     "why-likelihood",
@@ -63,7 +64,9 @@ pub struct Experiment {
     #[serde(default)]
     pub sequences: Vec<String>,
     #[serde(default, rename = "scene")]
-    pub scenes: Vec<Scene>,
+    pub scenes: Vec<Scene<Synthetic>>,
+    /// The scene of many targets.
+    pub crowd: Option<Scene<Multi>>,
     #[serde(rename = "line")]
     pub lines: Vec<LineOf>,
     #[serde(default)]
@@ -83,6 +86,8 @@ pub enum Kind {
     Digits,
     /// Real sequences.
     Face,
+    /// Many targets: a table and a film strip.
+    Crowd,
 }
 
 /// What is measured of a video.
@@ -108,10 +113,10 @@ struct Quick {
 /// A kind of video.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Scene {
+pub struct Scene<V> {
     pub name: String,
     /// Its digit, seed and length are put in.
-    pub video: Synthetic,
+    pub video: V,
 }
 
 /// Which settings a line shows.
@@ -162,6 +167,9 @@ pub struct LineOf {
     against: Option<String>,
     /// Where a recogniser looks.
     pub looks: Option<Looks>,
+    /// Each of many targets has a tracker that knows nothing of the others.
+    #[serde(default)]
+    pub alone: bool,
 }
 
 /// Where a recogniser looks.
@@ -201,6 +209,9 @@ pub struct Expect {
     /// It says nothing of digits drawn by a pen.
     #[serde(default)]
     pub mnist_only: bool,
+    /// What is wanted: missing it is said, and is no failure.
+    #[serde(default)]
+    pub goal: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -210,6 +221,12 @@ pub enum Figure {
     Median,
     /// Share of videos lost, 0 to 1.
     Lost,
+    /// Of many targets.
+    Hota,
+    /// Of many targets.
+    Idf1,
+    /// Share of the crossings after which both targets have their tracks, 0 to 1.
+    Kept,
 }
 
 impl Expect {

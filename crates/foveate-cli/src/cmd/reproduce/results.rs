@@ -4,7 +4,9 @@ use foveate::eval::tally::Tally;
 use foveate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-use super::plan::{Experiment, Figure, Group, Measure, Printed};
+use super::Ground;
+use super::crowd::{self, CrowdLine};
+use super::plan::{Expect, Experiment, Figure, Group, Measure, Printed};
 
 /// A table of figures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,6 +23,9 @@ pub struct Results {
     /// The program's.
     pub version: String,
     pub lines: Vec<Line>,
+    /// Those of many targets.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub crowd: Vec<CrowdLine>,
     pub paper: Vec<Printed>,
     pub checks: Vec<Check>,
 }
@@ -50,23 +55,55 @@ pub struct Check {
     pub at_least: Option<f64>,
     pub at_most: Option<f64>,
     pub met: bool,
+    /// What is wanted: missing it is no failure.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub goal: bool,
 }
 
 impl Results {
+    /// Without lines.
+    pub fn empty(experiment: &Experiment, ground: &Ground) -> Self {
+        Self {
+            experiment: experiment.name.clone(),
+            title: experiment.title.clone(),
+            about: experiment.about.trim().into(),
+            measure: experiment.measure,
+            digits_from: ground.from.clone(),
+            digits: experiment.digits.clone(),
+            seeds: experiment.seeds,
+            frames: experiment.frames,
+            version: env!("CARGO_PKG_VERSION").into(),
+            lines: vec![],
+            crowd: vec![],
+            paper: experiment.paper.clone(),
+            checks: vec![],
+        }
+    }
+
     /// Compares the lines with what the experiment expects.
     pub fn check(&mut self, experiment: &Experiment, quick: bool, mnist: bool) {
         for expect in experiment.expect.iter().filter(|e| mnist || !e.mnist_only) {
             let (at_least, at_most) = expect.range(quick);
-            let line = self.lines.iter().find(|l| l.name == expect.line && l.scene == expect.scene);
-            let Some(line) = line.filter(|_| at_least.is_some() || at_most.is_some()) else { continue };
-            let value = match expect.figure {
-                Figure::Mean => line.tally.mean,
-                Figure::Median => line.tally.median,
-                Figure::Lost => line.tally.lost,
-            };
+            let value = self.figure(expect).filter(|_| at_least.is_some() || at_most.is_some());
+            let Some(value) = value else { continue };
             let met = at_least.is_none_or(|low| value >= low) && at_most.is_none_or(|high| value <= high);
-            let (line, scene, figure) = (expect.line.clone(), expect.scene.clone(), expect.figure);
-            self.checks.push(Check { line, scene, figure, value, at_least, at_most, met });
+            let (line, scene) = (expect.line.clone(), expect.scene.clone());
+            let (figure, goal) = (expect.figure, expect.goal);
+            self.checks.push(Check { line, scene, figure, value, at_least, at_most, met, goal });
+        }
+    }
+
+    /// A line's figure; `None` where there is no such line.
+    fn figure(&self, expect: &Expect) -> Option<f64> {
+        let tally = || self.lines.iter().find(|l| l.name == expect.line && l.scene == expect.scene).map(|l| &l.tally);
+        let crowd = || self.crowd.iter().find(|l| l.name == expect.line && l.scene == expect.scene);
+        match expect.figure {
+            Figure::Mean => tally().map(|t| t.mean),
+            Figure::Median => tally().map(|t| t.median),
+            Figure::Lost => tally().map(|t| t.lost),
+            Figure::Hota => crowd().map(|l| l.hota),
+            Figure::Idf1 => crowd().map(|l| l.idf1),
+            Figure::Kept => crowd().map(|l| l.kept),
         }
     }
 
@@ -91,8 +128,11 @@ impl Results {
             .map_err(|e| Error::Invalid(format!("{name}: not results of foveate reproduce: {e}; write them again")))
     }
 
-    /// A row a line and digit, and one for all digits.
+    /// A row a line and digit, and one for all digits; a row a line of many targets.
     pub fn csv(&self) -> String {
+        if !self.crowd.is_empty() {
+            return crowd::csv(&self.crowd);
+        }
         let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
         let mut out = String::from(
             "scene,group,line,digit,videos,mean,spread,low,high,median,lost,difference,difference_low,difference_high\n",
@@ -123,13 +163,17 @@ impl Check {
     /// In words.
     pub fn text(&self) -> String {
         let percent = |x: f64| match self.figure {
-            Figure::Lost => format!("{:.1} %", 100.0 * x),
-            _ => format!("{x:.2}"),
+            Figure::Lost | Figure::Kept => format!("{:.1} %", 100.0 * x),
+            Figure::Hota | Figure::Idf1 => format!("{x:.3}"),
+            Figure::Mean | Figure::Median => format!("{x:.2}"),
         };
         let what = match self.figure {
             Figure::Mean => "mean",
             Figure::Median => "median",
             Figure::Lost => "lost",
+            Figure::Hota => "HOTA",
+            Figure::Idf1 => "IDF1",
+            Figure::Kept => "crossings kept",
         };
         let bound = match (self.at_least, self.at_most) {
             (Some(low), Some(high)) => format!("{} to {}", percent(low), percent(high)),
@@ -137,6 +181,7 @@ impl Check {
             (_, high) => format!("at most {}", percent(high.unwrap_or(f64::INFINITY))),
         };
         let verdict = if self.met { "met" } else { "NOT met" };
-        format!("{} ({}), {what}: {}, expected {bound}: {verdict}", self.line, self.scene, percent(self.value))
+        let wish = if self.goal { "wanted" } else { "expected" };
+        format!("{} ({}), {what}: {}, {wish} {bound}: {verdict}", self.line, self.scene, percent(self.value))
     }
 }

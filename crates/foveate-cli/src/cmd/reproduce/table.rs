@@ -6,14 +6,16 @@ use foveate::eval::tally::{Figure, Tally};
 use foveate::{Error, Result};
 
 use super::Ground;
+use super::figures::Picture;
 use super::plan::{Experiment, Measure};
 use super::results::{Line, Results};
 use crate::cmd::experiment::runner::{Entry, Job};
 
-/// A table with what depends on the machine: frames a second of each line, where they are known.
+/// A table with its pictures, and what depends on the machine: frames a second of each line, where they are known.
 pub struct Table {
     pub results: Results,
     pub speeds: Vec<Option<f64>>,
+    pub pictures: Vec<Picture>,
 }
 
 /// What one run gave, and how long it took.
@@ -55,22 +57,9 @@ pub fn table(experiment: &Experiment, ground: &Ground) -> Result<Option<Table>> 
             speeds.push((seconds > 0.0).then(|| frames as f64 / seconds));
         }
     }
-    let mut results = Results {
-        experiment: experiment.name.clone(),
-        title: experiment.title.clone(),
-        about: experiment.about.trim().into(),
-        measure: experiment.measure,
-        digits_from: ground.from.clone(),
-        digits: experiment.digits.clone(),
-        seeds: experiment.seeds,
-        frames: experiment.frames,
-        version: env!("CARGO_PKG_VERSION").into(),
-        lines,
-        paper: experiment.paper.clone(),
-        checks: vec![],
-    };
+    let mut results = Results { lines, ..Results::empty(experiment, ground) };
     results.check(experiment, ground.quick, ground.mnist);
-    Ok(Some(Table { results, speeds }))
+    Ok(Some(Table { results, speeds, pictures: vec![] }))
 }
 
 /// Runs of a line on a scene stand together, in the order of its videos.
