@@ -212,9 +212,10 @@ impl Tracker {
             parts.appearance.adapt(image, &estimate, &w.rivals, watch.surprise);
         }
 
-        // Select. Children of heavy particles start the next frame.
+        // Select. Children of heavy particles start the next frame; always before a search, which makes all weights equal.
         w.ancestors.resize(n, 0);
-        if parts.resampling.is_due(ess, n) {
+        let searches = parts.search.as_ref().is_some_and(|search| search.is_due(lost, *frame));
+        if searches || parts.resampling.is_due(ess, n) {
             parts.resampling.select(&w.weights, &mut w.ancestors, &mut streams.at(*frame, Select).rng(0));
             log_carried.fill(-(n as f64).ln());
         } else {
@@ -226,7 +227,7 @@ impl Tracker {
         }
 
         // Search. A lost target may be anywhere: some particles start again where the picture looks most like it.
-        if let Some(search) = parts.search.as_mut().filter(|search| search.is_due(lost, *frame)) {
+        if let Some(search) = parts.search.as_mut().filter(|_| searches) {
             let like = parts.confidence.seen().unwrap_or(&estimate);
             let places = search.places((image.width(), image.height()), like, target.extent);
             w.search.resize(places.len(), 0.0);
@@ -239,7 +240,6 @@ impl Tracker {
             }
             search.restart(&w.search, promise, target.extent, particles, streams.at(*frame, Purpose::Search));
             parts.confidence.searched(search.best());
-            log_carried.fill(-(n as f64).ln());
         }
 
         // For the record: what other gazes would have earned. It comes last, so that nothing above depends on it.
