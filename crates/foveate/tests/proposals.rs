@@ -93,7 +93,8 @@ fn false_detections_do_not_take_the_track_away() {
 /// The dynamics are those of `natural-raw`, eleven deviations: too far for draws of p, but not for what p allows a look to say.
 fn found_after(lines: &str, seed: u64) -> Option<usize> {
     let digit = Digits::drawn(seed, 1).digit((seed % 10) as usize).to_vec();
-    let [digits, natural] = ["digits", "natural-raw"].map(|n| Config::builtin(n).expect("it ships").expect("it is right"));
+    let [digits, natural] =
+        ["digits", "natural-raw"].map(|n| Config::builtin(n).expect("it ships").expect("it is right"));
     let base = Config { dynamics: natural.dynamics, ..digits }.check(".".as_ref()).expect("it fits");
     let blueprint = with(&base, &format!("[detector]\nkind = \"saliency\"\n{lines}"));
     let (mut tracker, mut scout) = (blueprint.tracker(seed, 0).expect("it fits"), blueprint.scout());

@@ -167,7 +167,7 @@ impl Confidence {
         let wrong = |name: &str, expected: &str, found: f64| {
             Err(Error::Config(format!("confidence.{name} is {expected}; it is {found}")))
         };
-        if let Some(weight) = self.weights.iter().chain([&self.bias]).find(|w| !(w.abs() <= 1e3)) {
+        if let Some(weight) = self.weights.iter().chain([&self.bias]).find(|w| w.is_nan() || w.abs() > 1e3) {
             return wrong("weights and confidence.bias", "from -1000 to 1000", *weight);
         }
         match self {

@@ -276,11 +276,10 @@ mod tests {
         }
         (0..N).for_each(|i| a[i][i] += settings.ridge);
         for i in 0..N {
-            for k in (0..N).filter(|k| *k != i) {
-                let factor = a[k][i] / a[i][i];
-                for j in i..=N {
-                    a[k][j] -= factor * a[i][j];
-                }
+            let pivot = a[i].clone();
+            for row in a.iter_mut().enumerate().filter(|(k, _)| *k != i).map(|(_, row)| row) {
+                let factor = row[i] / pivot[i];
+                row.iter_mut().zip(&pivot).for_each(|(a, p)| *a -= factor * p);
             }
         }
         (0..N).map(|i| a[i][N] / a[i][i]).collect()
