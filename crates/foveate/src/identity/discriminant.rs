@@ -276,7 +276,7 @@ mod tests {
         }
         (0..N).for_each(|i| a[i][i] += settings.ridge);
         for i in 0..N {
-            let pivot = a[i].clone();
+            let pivot = a[i];
             for row in a.iter_mut().enumerate().filter(|(k, _)| *k != i).map(|(_, row)| row) {
                 let factor = row[i] / pivot[i];
                 row.iter_mut().zip(&pivot).for_each(|(a, p)| *a -= factor * p);
