@@ -2,29 +2,14 @@
 
 use super::{Autoencoder, Recipe, Trainer};
 use crate::rbm::Metadata;
-use crate::rbm::io::{Tensor, Tensors, pack, read, refuse, unpack};
+use crate::rbm::io::{About, Tensor, Tensors, open, pack, read};
+use crate::rbm::progress::{Checkpoint, Progress};
 use crate::rows::Rows;
-use crate::{Error, Result, files};
-use serde::{Deserialize, Serialize};
+use crate::{Result, files};
 use std::path::Path;
 
 const KIND: &str = "autoencoder";
 const CHECKPOINT: &str = "autoencoder-checkpoint";
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct About {
-    metadata: Metadata,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Progress {
-    recipe: Recipe,
-    data_sha256: String,
-    epoch: usize,
-    batch: usize,
-}
 
 fn tensors(model: &Autoencoder) -> Vec<Tensor<'_>> {
     let (n_v, n_h) = model.layer.shape();
@@ -54,13 +39,7 @@ impl Autoencoder {
     ///
     /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
-        let refuse = |problem: &str| refuse(path, problem, KIND);
-        let (about, mut tensors, sealed) = unpack::<About>(bytes, KIND).map_err(|p| refuse(&p))?;
-        let found = model(&mut tensors).map_err(|p| refuse(&p))?;
-        if !tensors.is_empty() {
-            return Err(refuse(&format!("it has {} tensors more than an autoencoder", tensors.len())));
-        }
-        sealed.map_err(|p| refuse(&p))?;
+        let (found, about) = open(bytes, path, KIND, |_: &About, tensors| model(tensors))?;
         Ok((found, about.metadata))
     }
     /// Reads a model file; see [`Autoencoder::from_bytes`].
@@ -76,32 +55,25 @@ impl Trainer {
     pub fn save(&self, path: &Path, data_sha256: &str) -> Result<()> {
         self.check()?;
         let (epoch, batch) = self.progress();
-        let about = Progress { recipe: self.recipe.clone(), data_sha256: data_sha256.into(), epoch, batch };
+        let progress = Progress { recipe: self.recipe.clone(), data_sha256: data_sha256.into(), epoch, batch };
         let mut all = tensors(&self.model);
         all.push(("velocity", vec![self.velocity.len()], &self.velocity));
-        files::write(path, &pack(CHECKPOINT, about, &all))
+        progress.save(path, CHECKPOINT, &all)
     }
     /// Goes on from a checkpoint, made with the same recipe (but for the number of epochs) and the same rows.
     ///
     /// Fails, with the reason, if the recipe or the data are others, or the file is damaged.
     pub fn resume(path: &Path, recipe: Recipe, rows: Rows<'_>, data_sha256: &str) -> Result<Self> {
-        let refuse = |problem: &str| Error::malformed(path, format!("cannot go on from this checkpoint: {problem}"));
-        let (about, mut tensors, sealed) = unpack::<Progress>(&read(path)?, CHECKPOINT).map_err(|p| refuse(&p))?;
-        sealed.map_err(|p| refuse(&p))?;
-        if (Recipe { epochs: recipe.epochs, ..about.recipe.clone() }) != recipe || about.data_sha256 != data_sha256 {
-            return Err(refuse("it was begun with other settings or other data; remove it to begin anew"));
-        }
-        let found = model(&mut tensors).map_err(|p| refuse(&p))?;
+        let as_long = |begun| Recipe { epochs: recipe.epochs, ..begun };
+        let mut checkpoint = Checkpoint::open(path, CHECKPOINT, &recipe, as_long, ("data", data_sha256))?;
+        let found = model(&mut checkpoint.tensors).map_err(|p| checkpoint.refuse(&p))?;
         let mut fresh = Self::new(recipe, rows)?;
-        match tensors.remove("velocity") {
-            Some((_, velocity)) if velocity.len() == fresh.velocity.len() => fresh.velocity = velocity,
-            _ => return Err(refuse("the tensor velocity is missing or does not fit")),
-        }
-        if found.layer.shape() != fresh.model.layer.shape() || about.batch >= fresh.batches(rows.len()) {
-            return Err(refuse("its sizes or batches are not those of the data"));
+        fresh.velocity = checkpoint.take("velocity", fresh.velocity.len())?;
+        if found.layer.shape() != fresh.model.layer.shape() || checkpoint.batch >= fresh.batches(rows.len()) {
+            return Err(checkpoint.refuse("its sizes or batches are not those of the data"));
         }
         fresh.model = found;
-        (fresh.epoch, fresh.batch) = (about.epoch, about.batch);
+        (fresh.epoch, fresh.batch) = (checkpoint.epoch, checkpoint.batch);
         Ok(fresh)
     }
 }

@@ -3,9 +3,10 @@
 use super::{KMeans, Recipe, Trainer};
 use crate::rbm::Metadata;
 use crate::rbm::Whitening;
-use crate::rbm::io::{Tensors, pack, read, refuse, unpack};
+use crate::rbm::io::{Tensors, open, pack, read};
+use crate::rbm::progress::{Checkpoint, Progress};
 use crate::rows::Rows;
-use crate::{Error, Result, files};
+use crate::{Result, files};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -19,21 +20,10 @@ struct About {
     metadata: Metadata,
 }
 
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Progress {
-    recipe: Recipe,
-    data_sha256: String,
-    epoch: usize,
-}
-
 /// The model in `tensors`; problems in words.
-fn model(softening: f32, mut tensors: Tensors) -> std::result::Result<KMeans, String> {
+fn model(softening: f32, tensors: &mut Tensors) -> std::result::Result<KMeans, String> {
     let mut take = |name: &str| tensors.remove(name).ok_or_else(|| format!("the tensor {name} is missing"));
     let (mean, matrix, filters) = (take("mean")?, take("whitening")?, take("filters")?);
-    if !tensors.is_empty() {
-        return Err(format!("it has {} tensors more than k-means", tensors.len()));
-    }
     let white = matrix.0.get(1).copied().unwrap_or(0);
     let n_p = mean.1.len();
     if mean.0 != [n_p] || matrix.0 != [n_p, white] || filters.0.len() != 2 || filters.0[0] != white || white == 0 {
@@ -59,10 +49,7 @@ impl KMeans {
     ///
     /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
-        let refuse = |problem: &str| refuse(path, problem, KIND);
-        let (about, tensors, sealed) = unpack::<About>(bytes, KIND).map_err(|p| refuse(&p))?;
-        let found = model(about.softening, tensors).map_err(|p| refuse(&p))?;
-        sealed.map_err(|p| refuse(&p))?;
+        let (found, about) = open(bytes, path, KIND, |about: &About, tensors| model(about.softening, tensors))?;
         Ok((found, about.metadata))
     }
     /// Reads a model file; see [`KMeans::from_bytes`].
@@ -74,26 +61,20 @@ impl KMeans {
 impl Trainer {
     /// Writes a checkpoint; the file is whole or as it was before. `data_sha256` names the patches.
     pub fn save(&self, path: &Path, data_sha256: &str) -> Result<()> {
-        let about = Progress { recipe: self.recipe().clone(), data_sha256: data_sha256.into(), epoch: self.epoch };
+        let (recipe, epoch) = (self.recipe().clone(), self.epoch);
+        let progress = Progress { recipe, data_sha256: data_sha256.into(), epoch, batch: 0 };
         let (_, n_x, k) = self.model.shape();
-        files::write(path, &pack(CHECKPOINT, about, &[("filters", vec![n_x, k], &self.model.filters)]))
+        progress.save(path, CHECKPOINT, &[("filters", vec![n_x, k], &self.model.filters)])
     }
     /// Goes on from a checkpoint, made with the same recipe (but for the number of epochs) and the same patches.
     ///
     /// Fails, with the reason, if the recipe or the data are others, or the file is damaged.
     pub fn resume(path: &Path, recipe: Recipe, patches: Rows<'_>, data_sha256: &str) -> Result<Self> {
-        let refuse = |problem: &str| Error::malformed(path, format!("cannot go on from this checkpoint: {problem}"));
-        let (about, mut tensors, sealed) = unpack::<Progress>(&read(path)?, CHECKPOINT).map_err(|p| refuse(&p))?;
-        sealed.map_err(|p| refuse(&p))?;
-        if (Recipe { epochs: recipe.epochs, ..about.recipe.clone() }) != recipe || about.data_sha256 != data_sha256 {
-            return Err(refuse("it was begun with other settings or other data; remove it to begin anew"));
-        }
+        let as_long = |begun| Recipe { epochs: recipe.epochs, ..begun };
+        let mut checkpoint = Checkpoint::open(path, CHECKPOINT, &recipe, as_long, ("data", data_sha256))?;
         let mut fresh = Self::new(recipe, patches)?;
-        match tensors.remove("filters") {
-            Some((_, filters)) if filters.len() == fresh.model.filters.len() => fresh.model.filters = filters,
-            _ => return Err(refuse("the tensor filters is missing or does not fit")),
-        }
-        fresh.epoch = about.epoch;
+        fresh.model.filters = checkpoint.take("filters", fresh.model.filters.len())?;
+        fresh.epoch = checkpoint.epoch;
         Ok(fresh)
     }
 }

@@ -3,22 +3,15 @@
 //! Random numbers have names (epoch, row, step), so a generator has no state to keep; a training that is resumed ends
 //! with the same bits as one that was never interrupted.
 
-use super::io::{self, Tensor};
+use super::io::Tensor;
+use super::progress::{Checkpoint, Progress};
 use super::train::Parameters;
 use super::{Rbm, Recipe, Trainer};
+use crate::Result;
 use crate::rows::Rows;
-use crate::{Error, Result, files};
-use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct About {
-    recipe: Recipe,
-    data_sha256: String,
-    epoch: usize,
-    batch: usize,
-}
+const KIND: &str = "rbm-checkpoint";
 
 impl Trainer {
     /// Writes a checkpoint; the file is whole or as it was before. `data_sha256` names the training rows.
@@ -28,7 +21,7 @@ impl Trainer {
         self.check()?;
         let (n_v, n_h) = self.rbm.shape();
         let (epoch, batch) = self.progress();
-        let about = About { recipe: self.recipe.clone(), data_sha256: data_sha256.into(), epoch, batch };
+        let progress = Progress { recipe: self.recipe.clone(), data_sha256: data_sha256.into(), epoch, batch };
         let (u, rbm) = (&self.velocity, &self.rbm);
         let mut tensors: Vec<Tensor<'_>> = vec![
             ("weights", vec![n_v, n_h], &rbm.weights),
@@ -45,34 +38,18 @@ impl Trainer {
             tensors.push(("mean.visible_bias", vec![n_v], &mean.visible_bias));
             tensors.push(("mean.hidden_bias", vec![n_h], &mean.hidden_bias));
         }
-        files::write(path, &io::pack("rbm-checkpoint", about, &tensors))
+        progress.save(path, KIND, &tensors)
     }
     /// Goes on from a checkpoint, made with the same recipe (but for the number of epochs) and the same data.
     ///
     /// Fails, with the reason, if the recipe or the data are others, or the file is damaged.
     pub fn resume(path: &Path, recipe: Recipe, data: Rows<'_>, data_sha256: &str) -> Result<Self> {
-        let refuse = |problem: &str| Error::malformed(path, format!("cannot go on from this checkpoint: {problem}"));
-        let (about, mut tensors, sealed) =
-            io::unpack::<About>(&io::read(path)?, "rbm-checkpoint").map_err(|p| refuse(&p))?;
-        sealed.map_err(|p| refuse(&p))?;
-        if (Recipe { epochs: recipe.epochs, ..about.recipe.clone() }) != recipe {
-            let text = |r: &Recipe| serde_json::to_string(r).unwrap_or_default();
-            return Err(refuse(&format!(
-                "it was begun as {}, and now {} is asked for; remove it to begin anew",
-                text(&about.recipe),
-                text(&recipe)
-            )));
-        }
-        if about.data_sha256 != data_sha256 {
-            return Err(refuse("it was begun with other data; remove it to begin anew"));
-        }
+        let as_long = |begun| Recipe { epochs: recipe.epochs, ..begun };
+        let mut checkpoint = Checkpoint::open(path, KIND, &recipe, as_long, ("data", data_sha256))?;
         let mut fresh = Self::new(recipe, data)?;
-        let mut take = |name: &str, into: &mut Vec<f32>| match tensors.remove(name) {
-            Some((_, values)) if values.len() == into.len() => {
-                *into = values;
-                Ok(())
-            }
-            _ => Err(refuse(&format!("the tensor {name} is missing or does not fit"))),
+        let mut take = |name: &str, into: &mut Vec<f32>| -> Result<()> {
+            *into = checkpoint.take(name, into.len())?;
+            Ok(())
         };
         let mut rbm = Parameters::zeros(data.width(), fresh.recipe.hidden);
         let mut parts = vec![("", &mut rbm), ("velocity.", &mut fresh.velocity)];
@@ -84,11 +61,11 @@ impl Trainer {
         }
         take("chains", &mut fresh.chains)?;
         take("activity", &mut fresh.activity)?;
-        if about.batch >= fresh.batches(data.len()) {
-            return Err(refuse("it counts more batches than the data have"));
+        if checkpoint.batch >= fresh.batches(data.len()) {
+            return Err(checkpoint.refuse("it counts more batches than the data have"));
         }
         fresh.rbm = Rbm::new(fresh.recipe.visible, rbm.weights, rbm.visible_bias, rbm.hidden_bias)?;
-        (fresh.epoch, fresh.batch) = (about.epoch, about.batch);
+        (fresh.epoch, fresh.batch) = (checkpoint.epoch, checkpoint.batch);
         Ok(fresh)
     }
 }

@@ -50,6 +50,13 @@ struct Header<T> {
     sha256: String,
 }
 
+/// What a model file says beside the tensors, where these are all of the model.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct About {
+    pub metadata: Metadata,
+}
+
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct AboutRbm {
@@ -77,24 +84,18 @@ impl Rbm {
     ///
     /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
-        let refuse = |problem: &str| refuse(path, problem, "rbm");
-        let (about, mut tensors, sealed) = unpack::<AboutRbm>(bytes, "rbm").map_err(|p| refuse(&p))?;
-        let mut take =
-            |name: &str| tensors.remove(name).ok_or_else(|| refuse(&format!("the tensor {name} is missing")));
-        let (weights, visible_bias, hidden_bias) = (take("weights")?, take("visible_bias")?, take("hidden_bias")?);
-        let (n_v, n_h) = (visible_bias.1.len(), hidden_bias.1.len());
-        if weights.0 != [n_v, n_h] || visible_bias.0 != [n_v] || hidden_bias.0 != [n_h] || !tensors.is_empty() {
-            return Err(refuse(&format!(
-                "weights are {:?}, visible_bias {:?}, hidden_bias {:?}, and {} tensors more; expected [n_v, n_h], [n_v], [n_h] alone",
-                weights.0,
-                visible_bias.0,
-                hidden_bias.0,
-                tensors.len()
-            )));
-        }
-        let rbm =
-            Self::new(about.visible, weights.1, visible_bias.1, hidden_bias.1).map_err(|e| refuse(&e.to_string()))?;
-        sealed.map_err(|p| refuse(&p))?;
+        let (rbm, about) = open(bytes, path, "rbm", |about: &AboutRbm, tensors| {
+            let mut take = |name: &str| tensors.remove(name).ok_or_else(|| format!("the tensor {name} is missing"));
+            let (weights, visible_bias, hidden_bias) = (take("weights")?, take("visible_bias")?, take("hidden_bias")?);
+            let (n_v, n_h) = (visible_bias.1.len(), hidden_bias.1.len());
+            if weights.0 != [n_v, n_h] || visible_bias.0 != [n_v] || hidden_bias.0 != [n_h] {
+                return Err(format!(
+                    "weights are {:?}, visible_bias {:?}, hidden_bias {:?}; expected [n_v, n_h], [n_v], [n_h]",
+                    weights.0, visible_bias.0, hidden_bias.0
+                ));
+            }
+            Self::new(about.visible, weights.1, visible_bias.1, hidden_bias.1).map_err(|e| e.to_string())
+        })?;
         Ok((rbm, about.metadata))
     }
     /// Reads a model file; see [`Rbm::from_bytes`].
@@ -161,6 +162,25 @@ pub(crate) fn unpack<T: Serialize + DeserializeOwned>(
     let found = seal(&header, views.iter().map(|(name, view)| (*name, view)).collect());
     let sealed = if found == promised { Ok(()) } else { Err("its checksum is wrong: the file is damaged".to_string()) };
     Ok((header.about, tensors, sealed))
+}
+
+/// The model in the bytes of a model file, which `take` makes of its tensors, all of them, and what the file says beside.
+///
+/// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
+pub(crate) fn open<T: Serialize + DeserializeOwned, M>(
+    bytes: &[u8],
+    path: &Path,
+    kind: &str,
+    take: impl FnOnce(&T, &mut Tensors) -> std::result::Result<M, String>,
+) -> Result<(M, T)> {
+    let no = |problem: String| refuse(path, &problem, kind);
+    let (about, mut tensors, sealed) = unpack::<T>(bytes, kind).map_err(no)?;
+    let model = take(&about, &mut tensors).map_err(no)?;
+    if !tensors.is_empty() {
+        return Err(no(format!("it has {} tensors more than a model of kind \"{kind}\"", tensors.len())));
+    }
+    sealed.map_err(no)?;
+    Ok((model, about))
 }
 
 /// The kind of a file of tensors; none where it is not one of ours.

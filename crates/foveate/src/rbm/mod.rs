@@ -12,6 +12,7 @@ pub mod monitor;
 #[cfg(test)]
 mod oracle_tests;
 pub(crate) mod product;
+pub(crate) mod progress;
 #[allow(clippy::module_inception)]
 mod rbm;
 mod recipe;

@@ -5,13 +5,13 @@
 //! end up in the weights. Same seed, same bits, for any number of threads and after any interruption.
 
 use crate::eval::Reliability;
-use crate::rbm::io::{Tensors, pack, read, unpack};
 use crate::rbm::product::{add_outer, rows_times};
+use crate::rbm::progress::{Checkpoint, Progress};
 use crate::rbm::train::order;
 use crate::rng::{Purpose, Streams};
 use crate::rows::Rows;
 use crate::softmax::{Softmax, normalize, temperature};
-use crate::{Error, Result, files};
+use crate::{Error, Result};
 use foveate_kernels as kernels;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -184,44 +184,28 @@ impl Trainer {
     }
     /// Writes a checkpoint; the file is whole or as it was before. `data` names pictures and first layer.
     pub fn save(&self, path: &Path, data: &str) -> Result<()> {
-        let about = Progress { recipe: self.recipe.clone(), data: data.into(), epoch: self.epoch, batch: self.batch };
+        let (recipe, epoch, batch) = (self.recipe.clone(), self.epoch, self.batch);
+        let progress = Progress { recipe, data_sha256: data.into(), epoch, batch };
         let all = NAMES.iter().zip(&self.parts).map(|(name, part)| (*name, vec![part.len()], &part[..]));
-        files::write(path, &pack(CHECKPOINT, about, &all.collect::<Vec<_>>()))
+        progress.save(path, CHECKPOINT, &all.collect::<Vec<_>>())
     }
     /// Goes on from a checkpoint, made with the same recipe (but for the number of epochs), pictures and first layer; `first`
     /// as [`Trainer::new`] had it.
     ///
     /// Fails, with the reason, if any of them is another, or the file is damaged.
     pub fn resume(path: &Path, recipe: Recipe, first: Rows<'_>, data: &str) -> Result<Self> {
-        let refuse = |problem: &str| Error::malformed(path, format!("cannot go on from this checkpoint: {problem}"));
-        let (about, mut tensors, sealed): (Progress, Tensors, _) =
-            unpack(&read(path)?, CHECKPOINT).map_err(|p| refuse(&p))?;
-        sealed.map_err(|p| refuse(&p))?;
-        if (Recipe { epochs: recipe.epochs, ..about.recipe.clone() }) != recipe || about.data != data {
-            return Err(refuse("it was begun with other settings or other pictures; remove it to begin anew"));
-        }
+        let as_long = |begun| Recipe { epochs: recipe.epochs, ..begun };
+        let mut checkpoint = Checkpoint::open(path, CHECKPOINT, &recipe, as_long, ("pictures", data))?;
         let mut fresh = Self::new(recipe, first)?;
         for (name, part) in NAMES.iter().zip(&mut fresh.parts) {
-            match tensors.remove(*name) {
-                Some((_, values)) if values.len() == part.len() => *part = values,
-                _ => return Err(refuse(&format!("the tensor {name} is missing or does not fit"))),
-            }
+            *part = checkpoint.take(name, part.len())?;
         }
-        if about.batch >= fresh.batches(first.len()) {
-            return Err(refuse("its batches are not those of the pictures"));
+        if checkpoint.batch >= fresh.batches(first.len()) {
+            return Err(checkpoint.refuse("its batches are not those of the pictures"));
         }
-        (fresh.epoch, fresh.batch) = (about.epoch, about.batch);
+        (fresh.epoch, fresh.batch) = (checkpoint.epoch, checkpoint.batch);
         Ok(fresh)
     }
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Progress {
-    recipe: Recipe,
-    data: String,
-    epoch: usize,
-    batch: usize,
 }
 
 /// How well held-out rows are told apart.

@@ -4,30 +4,15 @@ use super::train::Trainer;
 use super::{FactoredRbm, Parameters, Recipe, Sizes};
 use crate::rbm::Metadata;
 use crate::rbm::hmc::Step;
-use crate::rbm::io::{Tensor, Tensors, pack, read, refuse, unpack};
+use crate::rbm::io::{About, Tensor, Tensors, open, pack, read};
+use crate::rbm::progress::{Checkpoint, Progress};
 use crate::rbm::whiten::Whitening;
 use crate::rows::Rows;
-use crate::{Error, Result, files};
-use serde::{Deserialize, Serialize};
+use crate::{Result, files};
 use std::path::Path;
 
 const KIND: &str = "mcrbm";
 const CHECKPOINT: &str = "mcrbm-checkpoint";
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct About {
-    metadata: Metadata,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Progress {
-    recipe: Recipe,
-    data_sha256: String,
-    epoch: usize,
-    batch: usize,
-}
 
 fn tensors<'a>(whitening: &'a Whitening, parameters: &'a Parameters) -> Vec<Tensor<'a>> {
     let (n_v, n_x) = whitening.shape();
@@ -78,13 +63,7 @@ impl FactoredRbm {
     ///
     /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
-        let refuse = |problem: &str| refuse(path, problem, KIND);
-        let (about, mut tensors, sealed) = unpack::<About>(bytes, KIND).map_err(|p| refuse(&p))?;
-        let found = machine(&mut tensors).map_err(|p| refuse(&p))?;
-        if !tensors.is_empty() {
-            return Err(refuse(&format!("it has {} tensors more than a factored RBM", tensors.len())));
-        }
-        sealed.map_err(|p| refuse(&p))?;
+        let (found, about) = open(bytes, path, KIND, |_: &About, tensors| machine(tensors))?;
         Ok((found, about.metadata))
     }
     /// Reads a model file; see [`FactoredRbm::from_bytes`].
@@ -100,46 +79,34 @@ impl Trainer {
     pub fn save(&self, path: &Path, data_sha256: &str) -> Result<()> {
         self.check()?;
         let (epoch, batch) = self.progress();
-        let about = Progress { recipe: self.recipe.clone(), data_sha256: data_sha256.into(), epoch, batch };
+        let progress = Progress { recipe: self.recipe.clone(), data_sha256: data_sha256.into(), epoch, batch };
         let state = [self.step.size, self.step.rejection, self.length];
         let n_x = self.whitening.shape().1;
         let mut all = tensors(&self.whitening, &self.parameters);
         all.push(("chains", vec![self.recipe.batch, n_x], &self.chains));
         all.push(("state", vec![3], &state));
-        files::write(path, &pack(CHECKPOINT, about, &all))
+        progress.save(path, CHECKPOINT, &all)
     }
     /// Goes on from a checkpoint, made with the same recipe (but for the number of epochs) and the same rows.
     ///
     /// Fails, with the reason, if the recipe or the data are others, or the file is damaged.
     pub fn resume(path: &Path, recipe: Recipe, rows: Rows<'_>, data_sha256: &str) -> Result<Self> {
-        let refuse = |problem: &str| Error::malformed(path, format!("cannot go on from this checkpoint: {problem}"));
-        let (about, mut tensors, sealed) = unpack::<Progress>(&read(path)?, CHECKPOINT).map_err(|p| refuse(&p))?;
-        sealed.map_err(|p| refuse(&p))?;
-        if (Recipe { epochs: recipe.epochs, ..about.recipe.clone() }) != recipe {
-            let text = |r: &Recipe| serde_json::to_string(r).unwrap_or_default();
-            return Err(refuse(&format!(
-                "it was begun as {}, and now {} is asked for; remove it to begin anew",
-                text(&about.recipe),
-                text(&recipe)
-            )));
-        }
-        if about.data_sha256 != data_sha256 {
-            return Err(refuse("it was begun with other data; remove it to begin anew"));
-        }
-        let found = machine(&mut tensors).map_err(|p| refuse(&p))?;
+        let as_long = |begun| Recipe { epochs: recipe.epochs, ..begun };
+        let mut checkpoint = Checkpoint::open(path, CHECKPOINT, &recipe, as_long, ("data", data_sha256))?;
+        let found = machine(&mut checkpoint.tensors).map_err(|p| checkpoint.refuse(&p))?;
         let mut fresh = Self::new(recipe, rows)?;
-        let mut take = |name: &str, len: usize| match tensors.remove(name) {
-            Some((_, values)) if values.len() == len && values.iter().all(|x| x.is_finite()) => Ok(values),
-            _ => Err(refuse(&format!("the tensor {name} is missing or does not fit"))),
+        let mut take = |name: &str, len: usize| match checkpoint.take(name, len)? {
+            values if values.iter().all(|x| x.is_finite()) => Ok(values),
+            _ => Err(checkpoint.refuse(&format!("the tensor {name} is not finite"))),
         };
         let (chains, state) = (take("chains", fresh.chains.len())?, take("state", 3)?);
-        if found.sizes() != fresh.learned().sizes() || about.batch >= fresh.batches() {
-            return Err(refuse("its sizes or batches are not those of the data"));
+        if found.sizes() != fresh.learned().sizes() || checkpoint.batch >= fresh.batches() {
+            return Err(checkpoint.refuse("its sizes or batches are not those of the data"));
         }
         fresh.rewhiten(found.whitening, rows);
         (fresh.parameters, fresh.chains) = (found.parameters, chains);
         (fresh.step, fresh.length) = (Step { size: state[0], rejection: state[1] }, state[2]);
-        (fresh.epoch, fresh.batch) = (about.epoch, about.batch);
+        (fresh.epoch, fresh.batch) = (checkpoint.epoch, checkpoint.batch);
         Ok(fresh)
     }
 }

@@ -1,0 +1,78 @@
+//! What the checkpoints of all trainings by epochs share: how far they are, and whether they may go on.
+
+use super::io::{Tensor, Tensors, pack, read, unpack};
+use crate::{Error, Result, files};
+use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use std::path::Path;
+
+/// What a checkpoint says beside its tensors.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Progress<R> {
+    pub recipe: R,
+    /// Names the rows that are learned from.
+    pub data_sha256: String,
+    pub epoch: usize,
+    /// Batches of that epoch that are done; 0 where a whole epoch is one step.
+    pub batch: usize,
+}
+
+impl<R: Serialize> Progress<R> {
+    /// Writes the checkpoint; the file is whole or as it was before.
+    pub fn save(self, path: &Path, kind: &str, tensors: &[Tensor<'_>]) -> Result<()> {
+        files::write(path, &pack(kind, self, tensors))
+    }
+}
+
+/// A checkpoint that was written with the recipe and on the data that are asked for.
+pub(crate) struct Checkpoint<'a> {
+    path: &'a Path,
+    pub epoch: usize,
+    pub batch: usize,
+    pub tensors: Tensors,
+}
+
+impl<'a> Checkpoint<'a> {
+    /// Opens one. `as_long` gives a recipe as many epochs as are asked for now: those alone may differ. `what` is what
+    /// `data_sha256` names, for people.
+    ///
+    /// Fails, with the reason, if the recipe or the data are others, or the file is damaged.
+    pub fn open<R: Clone + PartialEq + Serialize + DeserializeOwned>(
+        path: &'a Path,
+        kind: &str,
+        recipe: &R,
+        as_long: impl Fn(R) -> R,
+        (what, data_sha256): (&str, &str),
+    ) -> Result<Self> {
+        let no = |problem: String| refuse(path, &problem);
+        let (found, tensors, sealed) = unpack::<Progress<R>>(&read(path)?, kind).map_err(no)?;
+        sealed.map_err(no)?;
+        if as_long(found.recipe.clone()) != *recipe {
+            let text = |r: &R| serde_json::to_string(r).unwrap_or_default();
+            return Err(no(format!(
+                "it was begun as {}, and now {} is asked for; remove it to begin anew",
+                text(&found.recipe),
+                text(recipe)
+            )));
+        }
+        if found.data_sha256 != data_sha256 {
+            return Err(no(format!("it was begun with other {what}; remove it to begin anew")));
+        }
+        Ok(Self { path, epoch: found.epoch, batch: found.batch, tensors })
+    }
+    /// The values of a tensor that has to have so many.
+    pub fn take(&mut self, name: &str, len: usize) -> Result<Vec<f32>> {
+        match self.tensors.remove(name) {
+            Some((_, values)) if values.len() == len => Ok(values),
+            _ => Err(self.refuse(&format!("the tensor {name} is missing or does not fit"))),
+        }
+    }
+    /// The error of a checkpoint that does not fit.
+    pub fn refuse(&self, problem: &str) -> Error {
+        refuse(self.path, problem)
+    }
+}
+
+fn refuse(path: &Path, problem: &str) -> Error {
+    Error::malformed(path, format!("cannot go on from this checkpoint: {problem}"))
+}
