@@ -134,6 +134,7 @@ fn parts(precision: Precision, rng: &mut Rng) -> Result<Parts> {
         resampling: Resampling::default(),
         confidence: Default::default(),
         vigilance: Vigilance::default(),
+        rivals: None,
         search: None,
         start: StartSpread { position: 0.0, velocity: 0.0, log_scale: 0.0, angle: 0.0 },
         recognizer: None,

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::control::{
-    Autoregressive, Concentration, Confidence, Guide, LogConcentration, Resampling, Reward, Search, Sighting,
+    Around, Autoregressive, Concentration, Confidence, Guide, LogConcentration, Resampling, Reward, Search, Sighting,
     VarianceReduction, Vigilance,
 };
 use crate::identity::calibrate::Calibration;
@@ -86,6 +86,9 @@ pub struct Config {
     /// What tells the target from what is around it, learned while tracking; not at all unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub discriminant: Option<discriminant::Settings>,
+    /// Where it looks for what the target could be mistaken for; among the particles only unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub rivals: Option<Around>,
     /// πₜ.
     #[serde(deserialize_with = "in_range")]
     pub policy: PolicyConfig,
@@ -279,6 +282,11 @@ impl Config {
                 motion.leaps
             )));
         }
+        if self.rivals.is_some() && self.discriminant.is_none() {
+            return Err(Error::Config(
+                "rivals: they are learned by the discriminant; add [discriminant], or leave [rivals] out".into(),
+            ));
+        }
         let (retina, encoder) = self.identity(base)?;
         let recogniser = self.recogniser.as_ref().map(|r| r.read(base)).transpose()?;
         let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![], recogniser };
@@ -323,6 +331,7 @@ impl Blueprint {
             resampling: c.resampling,
             vigilance: c.vigilance.clone(),
             confidence: c.confidence.clone(),
+            rivals: c.rivals.clone(),
             search: c.search.clone(),
             start: c.start,
             recognizer: self.recogniser.as_ref().map(recogniser::Recogniser::recognition).transpose()?,

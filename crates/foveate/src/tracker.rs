@@ -3,11 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use crate::control::{
-    Belief, Confidence, Guide, Promise, Proposal, REFINEMENTS, Resampling, Reward, Search, Shown, Sighting, Vigilance,
-    normalize, rivals,
+    Around, Belief, Confidence, Guide, Promise, Proposal, Resampling, Reward, Search, Shown, Sighting, Vigilance,
+    normalize,
 };
 use crate::gaze::{Context, Plan, Policy};
-use crate::geometry::{BBox, Extent, Gaze, State};
+use crate::geometry::{BBox, Extent, State};
 use crate::identity::{Appearance, Percept};
 use crate::recognition::{Recognition, Recognized};
 use crate::rng::Purpose::{self, Look, Predict, Recognize, Select, Start};
@@ -18,6 +18,7 @@ use crate::step::Step;
 use crate::{Error, Result};
 
 mod company;
+mod looks;
 
 /// The replaceable parts of a tracker, one for each box of Algorithm 1.
 pub struct Parts {
@@ -39,6 +40,8 @@ pub struct Parts {
     pub vigilance: Vigilance,
     /// Says how probably the target is lost.
     pub confidence: Confidence,
+    /// Where what the target could be mistaken for is looked for; `None` for among the particles only.
+    pub rivals: Option<Around>,
     /// Looks for it then.
     pub search: Option<Search>,
     /// p(x₀): how far from the given box the first particles are.
@@ -82,6 +85,8 @@ pub(crate) struct Work {
     pub ancestors: Vec<usize>,
     pub percept: Percept,
     pub search: Vec<f64>,
+    pub drawn: Vec<usize>,
+    pub fresh: Vec<State>,
     pub rivals: Vec<State>,
 }
 
@@ -178,13 +183,24 @@ impl Tracker {
         {
             add(&mut w.log_posterior, log_likelihood);
         }
-        let log_evidence = normalize(&w.log_posterior, &mut w.weights);
-        let belief = Belief { states: &w.predicted, weights: &w.weights };
-        let (estimate, covariance, ess) = (belief.mean(), belief.covariance(), belief.ess());
+        let mut log_evidence = normalize(&w.log_posterior, &mut w.weights);
         let looks = w.plan.used().iter().filter(|used| **used).count();
         let expected = parts.appearance.expectation();
         let promise = Promise { on: expected.on, off: expected.off };
         let judged = company::can_be_judged(*visible);
+
+        // Look again. A lost target may be anywhere: some particles are drawn from where the picture looks most like it.
+        if parts.search.as_ref().is_some_and(|search| search.is_due(context.lost, *frame)) {
+            let expected = Belief { states: &w.predicted, weights: &w.weights }.mean();
+            let seen = parts.confidence.seen().copied().unwrap_or(expected);
+            let streams = streams.at(*frame, Purpose::Search);
+            if looks::search(parts, (image, &seen, target), (promise, *visible), w, streams) {
+                log_evidence = normalize(&w.log_posterior, &mut w.weights);
+            }
+        }
+
+        let belief = Belief { states: &w.predicted, weights: &w.weights };
+        let (estimate, covariance, ess) = (belief.mean(), belief.covariance(), belief.ess());
         let watch = match judged {
             true => parts.vigilance.judge(log_evidence, looks, &w.log_posterior, promise),
             false => parts.vigilance.watch(),
@@ -197,7 +213,8 @@ impl Tracker {
         let evidence = log_evidence / looks.max(1) as f64;
         let distance = w.percept.distance;
         let alarm = parts.recognizer.as_ref().map_or(0.0, Recognition::alarm);
-        let shown = Shown { watch, evidence, promise, spread, distance, estimate, unit, alarm };
+        let rival = looks::beside(parts, (image, &estimate, target.extent), w);
+        let shown = Shown { watch, evidence, rival, promise, spread, distance, estimate, unit, alarm };
         let trust = if judged { parts.confidence.judge(&shown) } else { parts.confidence.held() };
         let lost = trust.standing.is_out();
         let doubt = watch.doubt.max(alarm);
@@ -208,14 +225,12 @@ impl Tracker {
 
         // Adapt: what tells the target from what is around it, while there is no doubt that this is it.
         if parts.appearance.adapts() && judged && !watch.lost {
-            rivals(&w.predicted, &w.log_posterior, &estimate, target.extent, &mut w.rivals);
             parts.appearance.adapt(image, &estimate, &w.rivals, watch.surprise);
         }
 
-        // Select. Children of heavy particles start the next frame; always before a search, which makes all weights equal.
+        // Select. Children of heavy particles start the next frame.
         w.ancestors.resize(n, 0);
-        let searches = parts.search.as_ref().is_some_and(|search| search.is_due(lost, *frame));
-        if searches || parts.resampling.is_due(ess, n) {
+        if parts.resampling.is_due(ess, n) {
             parts.resampling.select(&w.weights, &mut w.ancestors, &mut streams.at(*frame, Select).rng(0));
             log_carried.fill(-(n as f64).ln());
         } else {
@@ -224,22 +239,6 @@ impl Tracker {
         }
         for (particle, &ancestor) in particles.iter_mut().zip(&w.ancestors) {
             *particle = w.predicted[ancestor];
-        }
-
-        // Search. A lost target may be anywhere: some particles start again where the picture looks most like it.
-        if let Some(search) = parts.search.as_mut().filter(|_| searches) {
-            let like = parts.confidence.seen().unwrap_or(&estimate);
-            let places = search.places((image.width(), image.height()), like, target.extent);
-            w.search.resize(places.len(), 0.0);
-            parts.appearance.see(image, places, &[Gaze::CENTRE]);
-            parts.appearance.log_likelihood(places, Gaze::CENTRE, &mut w.search);
-            for _ in 0..REFINEMENTS {
-                let places = search.refine(&w.search);
-                w.search.resize(places.len(), 0.0);
-                parts.appearance.log_likelihood(places, Gaze::CENTRE, &mut w.search);
-            }
-            search.restart(&w.search, promise, target.extent, particles, streams.at(*frame, Purpose::Search));
-            parts.confidence.searched(search.best());
         }
 
         // For the record: what other gazes would have earned. It comes last, so that nothing above depends on it.
@@ -337,7 +336,7 @@ impl Tracker {
 }
 
 /// The format number of saved trackers.
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 /// More frames than any video has.
 const MOST_FRAMES: u64 = 1 << 48;
 

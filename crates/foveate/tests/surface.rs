@@ -79,6 +79,7 @@ fn tracker() -> Tracker {
         resampling: Resampling::default(),
         confidence: Default::default(),
         vigilance: Vigilance::default(),
+        rivals: None,
         search: None,
         start: foveate::start::StartSpread::default(),
         recognizer: None,

@@ -18,6 +18,19 @@ pub struct Video<'a> {
     pub picture: Box<dyn Fn(usize) -> Result<Image> + 'a>,
 }
 
+impl Video<'_> {
+    /// From its end to its beginning, under the same name.
+    pub fn backwards(&self) -> Video<'_> {
+        let last = self.truth.len() - 1;
+        Video {
+            name: self.name.clone(),
+            truth: self.truth.iter().rev().copied().collect(),
+            size: self.size,
+            picture: Box::new(move |t| (self.picture)(last - t)),
+        }
+    }
+}
+
 /// A sequence, decoded.
 pub fn of_sequence(sequence: &Sequence) -> Result<Video<'static>> {
     let mut source = open(&sequence.images)?;

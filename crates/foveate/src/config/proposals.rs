@@ -48,7 +48,7 @@ impl Blueprint {
     /// What looks at every frame beside the trackers, as the configuration has it.
     pub fn scout(&self) -> Scout {
         let config = self.config();
-        Scout::new(config.detector.map(DetectorConfig::detector), config.guide.is_some())
+        Scout::new(config.detector.map(DetectorConfig::detector), config.guide.map(|guide| guide.finest()))
     }
 }
 

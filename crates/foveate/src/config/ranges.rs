@@ -3,7 +3,7 @@
 use serde::{Deserialize, Deserializer};
 
 use super::{Config, DynamicsConfig, LikelihoodConfig, PolicyConfig, RetinaConfig, RewardConfig};
-use crate::control::{Confidence, Resampling, Search, Vigilance};
+use crate::control::{Around, Confidence, Resampling, Search, Vigilance};
 use crate::identity::discriminant;
 use crate::identity::distance::Kind;
 use crate::identity::retina::Foveal;
@@ -52,6 +52,7 @@ impl Ranges for Config {
         self.confidence.ranges()?;
         self.recogniser.ranges()?;
         self.discriminant.ranges()?;
+        self.rivals.ranges()?;
         self.search.ranges()?;
         self.many.ranges()
     }
@@ -84,6 +85,12 @@ impl Ranges for Confidence {
 impl Ranges for Option<discriminant::Settings> {
     fn ranges(&self) -> Result<()> {
         self.as_ref().map_or(Ok(()), discriminant::Settings::check)
+    }
+}
+
+impl Ranges for Option<Around> {
+    fn ranges(&self) -> Result<()> {
+        self.as_ref().map_or(Ok(()), Around::check)
     }
 }
 

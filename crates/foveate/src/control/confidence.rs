@@ -12,9 +12,9 @@ use crate::geometry::State;
 use crate::{Error, Result};
 
 /// Number of cues.
-pub const CUES: usize = 7;
+pub const CUES: usize = 8;
 /// Their names, in order.
-pub const CUE_NAMES: [&str; CUES] = ["doubt", "surprise", "drop", "lasting", "flat", "spread", "distance"];
+pub const CUE_NAMES: [&str; CUES] = ["doubt", "surprise", "drop", "lasting", "flat", "spread", "distance", "margin"];
 
 /// What one frame tells about being lost:
 /// *doubt* and *surprise* as [`Watch`] has them, 0 to 2;
@@ -22,7 +22,9 @@ pub const CUE_NAMES: [&str; CUES] = ["doubt", "surprise", "drop", "lasting", "fl
 /// *lasting*: the same, smoothed over about five frames;
 /// *flat*: the tempered effective sample size, 0 to 1;
 /// *spread*: ln of the belief's standard deviation about place in template units, from 1/50 of one, −4 to 4;
-/// *distance*: ln of the distance to the template at the estimate, relative to the usual one, −3 to 3.
+/// *distance*: ln of the distance to the template at the estimate, relative to the usual one, −3 to 3;
+/// *margin*: how far the evidence lies above the best rival's, as a share of what was promised between on and off, −1 to 1;
+/// 0 where nobody looks for rivals.
 pub type Cues = [f64; CUES];
 
 /// What is believed of the track as a whole.
@@ -76,6 +78,8 @@ pub struct Shown {
     pub evidence: f64,
     /// What the first frame promised.
     pub promise: Promise,
+    /// Log-likelihood of the best rival (`control/rivals.rs`); `None` where nobody looked, −∞ where there was none.
+    pub rival: Option<f64>,
     /// Standard deviation of the belief about place, template units.
     pub spread: f64,
     /// Distance to the template at the estimate.
@@ -148,7 +152,7 @@ const LEAST_DEVIATION: f64 = 0.02;
 impl Default for Confidence {
     fn default() -> Self {
         Self {
-            weights: [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3],
+            weights: [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0],
             bias: -4.0,
             enter: 0.5,
             leave: 0.3,
@@ -222,7 +226,9 @@ impl Confidence {
         m.lasting += SMOOTH * (drop - m.lasting);
         let spread = ((s.spread + 0.02).ln()).clamp(-4.0, 4.0);
         let distance = if distance.is_finite() { distance.clamp(-3.0, 3.0) } else { 3.0 };
-        [s.watch.doubt, s.watch.surprise, drop, m.lasting, s.watch.tempered_ess, spread, distance]
+        let margin = s.rival.map_or(0.0, |rival| (s.evidence - rival) / gap);
+        let margin = if margin.is_nan() { 0.0 } else { margin.clamp(-1.0, 1.0) };
+        [s.watch.doubt, s.watch.surprise, drop, m.lasting, s.watch.tempered_ess, spread, distance, margin]
     }
 
     /// What is usual on the target.
@@ -304,6 +310,7 @@ mod tests {
             watch,
             evidence,
             promise: PROMISE,
+            rival: None,
             spread: 0.1,
             distance: 0.1 - 0.02 * evidence,
             estimate,

@@ -5,7 +5,8 @@
 //! m = camera · c(place) + local · (f(place) − camera · c(place))
 //! ```
 //! pixels, and its velocity, kept as it is, means what moves beyond that: with `camera`, relative to the ground; with
-//! `local` = 1, whatever the flow missed.
+//! `local` = 1, whatever the flow missed. A `share` of the parents is moved, the others stay: the camera's motion may be
+//! mistaken, where one thing fills most of the picture, and the likelihood can tell.
 //!
 //! Deviation: the paper puts flow into the proposal q. Here it belongs to p, which then knows that cameras move: p/q stays
 //! 1, and a target is not taken to have jumped where the picture did.
@@ -24,23 +25,31 @@ pub struct Guide {
     pub camera: f64,
     /// Share of what the flow at a state's place has beyond that, 0 to 1.
     pub local: f64,
+    /// Share of the states that are moved, 0 to 1; the others are where a camera that stands would leave them.
+    pub share: f64,
 }
 
 impl Default for Guide {
     fn default() -> Self {
-        Self { camera: 1.0, local: 0.0 }
+        Self { camera: 1.0, local: 0.0, share: 1.0 }
     }
 }
 
 impl Guide {
     /// Fails where a number is out of range, naming it.
     pub fn check(&self) -> Result<()> {
-        for (name, value) in [("camera", self.camera), ("local", self.local)] {
+        for (name, value) in [("camera", self.camera), ("local", self.local), ("share", self.share)] {
             if !(0.0..=1.0).contains(&value) {
                 return Err(Error::Config(format!("guide.{name} is a share, from 0 to 1; it is {value}")));
             }
         }
         Ok(())
+    }
+
+    /// The level of the picture's pyramid at which the flow may end: for the camera alone an eighth of the sides does, in
+    /// a fraction of the time.
+    pub fn finest(&self) -> usize {
+        if self.local > 0.0 { 2 } else { 3 }
     }
 
     /// Moves states of the frame before by the flow from it to the one at hand.
@@ -49,7 +58,8 @@ impl Guide {
         if u.values().is_empty() {
             return;
         }
-        for state in states {
+        let rank = |i: usize| (i as f64 * self.share) as usize;
+        for (_, state) in states.iter_mut().enumerate().filter(|(i, _)| rank(i + 1) > rank(*i)) {
             let (cu, cv) = camera.at(state.x, state.y);
             let (mut dx, mut dy) = (self.camera * cu, self.camera * cv);
             if self.local > 0.0 {
@@ -102,7 +112,7 @@ mod tests {
             let [s] = states;
             (s.x - 80.0, s.y - 80.0, s.vx)
         };
-        let all = Guide { camera: 1.0, local: 1.0 };
+        let all = Guide { camera: 1.0, local: 1.0, share: 1.0 };
         assert_eq!(shifted(all, &flow), (0.0, 0.0, 0.5), "no picture yet");
         flow.look(&picture(0.0));
         assert_eq!(shifted(all, &flow), (0.0, 0.0, 0.5), "no flow yet");
@@ -114,7 +124,7 @@ mod tests {
             (0.0, 0.5, (-0.5, 0.5)),
             (0.0, 0.0, (0.0, 0.0)),
         ] {
-            let (dx, dy, vx) = shifted(Guide { camera, local }, &flow);
+            let (dx, dy, vx) = shifted(Guide { camera, local, share: 1.0 }, &flow);
             let off = (dx - exact.0).hypot(dy - exact.1);
             assert!(off < 0.2 && vx == 0.5, "camera {camera}, local {local}: moved by {dx}, {dy}, not {exact:?}");
         }
@@ -123,9 +133,10 @@ mod tests {
     #[test]
     fn settings_are_checked() {
         assert!(Guide::default().check().is_ok());
-        for (bad, name) in
-            [(Guide { camera: 1.5, local: 0.0 }, "camera"), (Guide { camera: 1.0, local: f64::NAN }, "local")]
-        {
+        for (bad, name) in [
+            (Guide { camera: 1.5, ..Guide::default() }, "camera"),
+            (Guide { local: f64::NAN, ..Guide::default() }, "local"),
+        ] {
             assert!(bad.check().expect_err(name).to_string().contains(name));
         }
     }

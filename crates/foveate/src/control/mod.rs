@@ -23,7 +23,7 @@ pub use self::mixture::{Mixing, Mixture};
 pub use self::proposal::{CHUNK, Prior, Proposal};
 pub use self::resampling::{Resampling, Scheme};
 pub use self::reward::{Concentration, LogConcentration, Reward, VarianceReduction};
-pub use self::rivals::rivals;
+pub use self::rivals::{Around, rivals};
 pub use self::search::{REFINEMENTS, Search};
 pub use self::sighting::Sighting;
 pub use self::vigilance::{Promise, Vigilance, Watch};

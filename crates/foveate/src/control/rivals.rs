@@ -1,21 +1,72 @@
-//! Rivals: places where the target is believed to be a little, and is not where it is estimated to be.
+//! Rivals: places that look like the target, or where it is believed to be a little, and that are not where it is estimated
+//! to be.
 //!
-//! What tells the target from them is worth learning (`identity/discriminant.rs`): they are the particles' own mistakes.
+//! What tells the target from them is worth learning (`identity/discriminant.rs`), before it passes close to one: among the
+//! particles they are the tracker's own mistakes, [`Around`] the target they are those it could still make.
+
+use serde::{Deserialize, Serialize};
 
 use crate::geometry::{Extent, State};
+use crate::{Error, Result};
+
+/// Places around the target, to find rivals among; lengths in template units (1 = half the target's box).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Around {
+    /// How far they are from the target at most, across and down; 1 to 50.
+    pub reach: f64,
+    /// Distance of neighbouring places, 0.1 to 10.
+    pub step: f64,
+    #[serde(skip)]
+    places: Vec<State>,
+}
+
+impl Default for Around {
+    fn default() -> Self {
+        Self { reach: 6.0, step: 0.8, places: vec![] }
+    }
+}
+
+impl Around {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        for (name, value, least, most) in [("reach", self.reach, 1.0, 50.0), ("step", self.step, 0.1, 10.0)] {
+            if !(least..=most).contains(&value) {
+                return Err(Error::Config(format!("rivals.{name} is {least} to {most} template units; it is {value}")));
+            }
+        }
+        Ok(())
+    }
+    /// A lattice of places about the estimate, the estimate one of them, of its size and angle, those inside a picture of
+    /// this size; row by row.
+    pub fn places(&mut self, size: (usize, usize), estimate: &State, extent: Extent) -> &[State] {
+        let scale = estimate.log_scale.exp();
+        let (dx, dy) = (self.step * extent.half_w * scale, self.step * extent.half_h * scale);
+        let count = (self.reach / self.step) as i32;
+        let inside = |v: f64, side: usize| (0.0..side as f64).contains(&v);
+        self.places.clear();
+        for y in (-count..=count).map(|i| estimate.y + f64::from(i) * dy).filter(|y| inside(*y, size.1)) {
+            let row = (-count..=count).map(|i| estimate.x + f64::from(i) * dx).filter(|x| inside(*x, size.0));
+            self.places.extend(row.map(|x| State { x, y, ..*estimate }));
+        }
+        &self.places
+    }
+}
 
 /// How many there are at most.
 const MOST: usize = 6;
 /// How far from the estimate they are at least, and from each other, template units.
 const APART: (f64, f64) = (0.7, 0.5);
 
-/// Fills `rivals` with the most probable states away from the estimate and from each other, at most six.
-pub fn rivals(states: &[State], log_weights: &[f64], estimate: &State, extent: Extent, rivals: &mut Vec<State>) {
+/// Fills `rivals` with the most probable states away from the estimate and from each other, at most six. The log weight of
+/// the best; −∞ where there is none.
+pub fn rivals(states: &[State], log_weights: &[f64], estimate: &State, extent: Extent, rivals: &mut Vec<State>) -> f64 {
     let scale = estimate.log_scale.exp();
     let far = |a: &State, b: &State, apart: f64| {
         let (u, v) = ((a.x - b.x) / (scale * extent.half_w), (a.y - b.y) / (scale * extent.half_h));
         u * u + v * v > apart * apart
     };
+    let mut best = f64::NEG_INFINITY;
     rivals.clear();
     rivals.reserve(MOST);
     while rivals.len() < MOST {
@@ -25,10 +76,14 @@ pub fn rivals(states: &[State], log_weights: &[f64], estimate: &State, extent: E
                 && rivals.iter().all(|rival| far(state, rival, APART.1))
         });
         match candidates.max_by(|a, b| a.1.total_cmp(b.1)) {
-            Some((state, _)) => rivals.push(*state),
+            Some((state, log_weight)) => {
+                best = best.max(*log_weight);
+                rivals.push(*state);
+            }
             None => break,
         }
     }
+    best
 }
 
 #[cfg(test)]
@@ -36,6 +91,20 @@ mod tests {
     use super::*;
 
     const EXTENT: Extent = Extent { half_w: 10.0, half_h: 20.0 };
+
+    #[test]
+    fn places_lie_around_the_target_and_in_the_picture() {
+        let mut around = Around { reach: 2.0, step: 0.5, ..Around::default() };
+        let at = State { x: 30.0, y: 50.0, log_scale: 0.5f64.ln(), angle: 0.3, ..State::default() };
+        let places = around.places((100, 60), &at, EXTENT).to_vec();
+        assert!(places.contains(&at));
+        assert!(places.iter().all(|p| (p.x - at.x).abs() <= 10.0 && (p.y - at.y).abs() <= 20.0 && p.angle == 0.3));
+        // Nine columns, and of nine rows 5 px apart from 30 to 70 those above 60.
+        assert_eq!((places.len(), places[0].x, places[0].y), (9 * 6, 20.0, 30.0));
+        let outside = State { x: -50.0, ..at };
+        assert!(around.places((100, 60), &outside, EXTENT).is_empty(), "nothing there to be mistaken for");
+        assert!(Around { step: 0.0, ..Around::default() }.check().expect_err("no step").to_string().contains("step"));
+    }
 
     #[test]
     fn the_best_that_are_apart() {

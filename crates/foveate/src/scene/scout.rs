@@ -10,13 +10,11 @@ pub struct Scout {
     found: Vec<Detection>,
 }
 
-/// Level at which the flow ends: a quarter of the picture's sides. States are moved by smooth motions, in a millisecond.
-const FINEST: usize = 2;
-
 impl Scout {
-    /// Looks for candidates with `detector`, and for motion where `flow` is set.
-    pub fn new(detector: Option<Box<dyn Detector>>, flow: bool) -> Self {
-        Self { detector, flow: flow.then(|| Flow::down_to(FINEST)), found: vec![] }
+    /// Looks for candidates with `detector`, and for motion with a flow that ends at the level `flow`: 0 the picture
+    /// itself, 1 half of it.
+    pub fn new(detector: Option<Box<dyn Detector>>, flow: Option<usize>) -> Self {
+        Self { detector, flow: flow.map(Flow::down_to), found: vec![] }
     }
     /// Looks at the next frame of the video. Detectors and flow compare frames, so that it has to see each.
     pub fn look(&mut self, frame: &Frame) {

@@ -102,8 +102,8 @@ fn cut(args: &Args, blueprint: &Blueprint, sequence: &Sequence, video: &Video<'_
             if terminal::stopping() {
                 return Ok(cases);
             }
-            let mut tracker = blueprint.tracker(seed, way as u64)?;
-            let track = follow(&video.truth, hide.until + AFTER, Some(&hide), &*video.picture, &mut tracker)?;
+            let parts = (&mut blueprint.scout(), &mut blueprint.tracker(seed, way as u64)?);
+            let track = follow(&video.truth, hide.until + AFTER, Some(&hide), &*video.picture, parts)?;
             cases.push(Case::of(&sequence.name, seed, hide, &track));
         }
     }

@@ -31,6 +31,9 @@ pub struct Args {
     /// Sequences in OTB layout, or folders that hold them
     #[arg(long, value_name = "DIR", num_args = 1.., required_unless_present = "scene")]
     seqs: Vec<PathBuf>,
+    /// Each sequence from its end to its beginning, too: the same target with another first frame
+    #[arg(long, conflicts_with = "scene")]
+    backwards: bool,
     /// Drawn scenes instead: ten digits, 300 frames, 30 % noise
     #[arg(long, value_enum, conflicts_with = "seqs")]
     scene: Option<SceneName>,
@@ -94,9 +97,9 @@ pub fn run(args: &Args) -> Result<()> {
                     video.truth.len(),
                     hide.as_ref(),
                     &*video.picture,
-                    &mut blueprint.tracker(seed, 0)?,
+                    (&mut blueprint.scout(), &mut blueprint.tracker(seed, 0)?),
                 )?;
-                tracks.push(Judgement { video: video.name.clone(), frames });
+                tracks.push(Judgement { video: video.name.clone(), hidden: hide.is_some(), frames });
             }
         }
         Ok(())
@@ -106,7 +109,11 @@ pub fn run(args: &Args) -> Result<()> {
             let sequences = find_sequences(&args.seqs)?;
             let bar = terminal::progress(Some(sequences.len()), "confidence");
             for sequence in &sequences {
-                each(&of_sequence(sequence)?, &WAYS)?;
+                let video = of_sequence(sequence)?;
+                each(&video, &WAYS)?;
+                if args.backwards {
+                    each(&video.backwards(), &WAYS)?;
+                }
                 bar.inc(1);
             }
             bar.finish_and_clear();
