@@ -383,6 +383,7 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("authors", include_str!("../../../configs/authors.toml")),
     ("natural", include_str!("../../../configs/natural.toml")),
     ("many", include_str!("../../../configs/many.toml")),
+    ("many-motion", include_str!("../../../configs/many-motion.toml")),
     ("many-boxes", include_str!("../../../configs/many-boxes.toml")),
     ("natural-fast", include_str!("../../../configs/natural-fast.toml")),
     ("natural-accurate", include_str!("../../../configs/natural-accurate.toml")),

@@ -11,6 +11,7 @@
 //! their steps in parallel; the results do not depend on the number of threads.
 
 mod births;
+mod edge;
 mod explain;
 pub mod follow;
 mod occlusion;
@@ -254,8 +255,10 @@ impl Many {
     fn deliver(&mut self, frame: &Frame) {
         let s = self.settings.birth;
         let mut left = std::mem::take(&mut self.work.detections);
-        left.retain(|d| d.bbox.w >= s.side && d.bbox.h >= s.side && !self.is_taken(&d.bbox));
-        for born in self.nursery.grow(frame.index, &left, &s) {
+        let size @ (width, height) = (frame.image.width() as f64, frame.image.height() as f64);
+        let fits = |b: &BBox| b.w >= s.side && b.h >= s.side && b.w * b.h <= s.most * width * height;
+        left.retain(|d| fits(&d.bbox) && !self.is_taken(&d.bbox));
+        for born in self.nursery.grow(frame.index, &left, size, &s) {
             if crate::start::check(&frame.image, &born.bbox).is_err() || self.is_taken(&born.bbox) {
                 continue;
             }
@@ -300,7 +303,7 @@ impl Many {
     fn start(&mut self, frame: &Frame, id: u64, bbox: BBox) -> Result<()> {
         let mut tracker = (self.make)(id);
         tracker.start(frame, bbox)?;
-        let mut target = Target { tracker, seen: unknown(id), lost: 0, unseen: 0, died: 0, shape: 0.0 };
+        let mut target = Target { tracker, seen: Seen::unknown(id), lost: 0, unseen: 0, died: 0, shape: 0.0 };
         target.begin(frame.index, bbox, Phase::Born);
         self.next_id = self.next_id.max(id + 1);
         self.dead.retain(|dead| dead.seen.id != id);
@@ -338,7 +341,7 @@ impl Target {
         let extent = self.tracker.extent().expect("it was started");
         let state = self.tracker.state_at(&bbox);
         let Seen { id, gaze, class, .. } = self.seen;
-        self.seen = Seen { born, phase, bbox, state, extent, gaze, class, ..unknown(id) };
+        self.seen = Seen { born, phase, bbox, state, extent, gaze, class, ..Seen::unknown(id) };
         (self.lost, self.unseen, self.shape) = (0, 0, (bbox.w / bbox.h / extent.half_w * extent.half_h).ln());
     }
 
@@ -349,22 +352,26 @@ impl Target {
         let (gaze, bbox, lost) = (step.plan.chosen(), step.bbox(), step.lost() && detections.is_empty());
         self.unseen = if detections.is_empty() { self.unseen + 1 } else { 0 };
         self.lost = if lost { self.lost + 1 } else { 0 };
-        let phase = match lost || (detecting && self.unseen > s.death.guess) {
+        let guessed = if detecting { self.unseen > s.death.guess } else { lost };
+        let phase = match guessed {
             true => Phase::Lost,
             false if self.seen.visible < s.occlusion.hidden => Phase::Hidden,
             false => Phase::Followed,
         };
         let extent = self.tracker.extent().expect("it was started");
         self.seen = Seen { phase, state: estimate, covariance, extent, gaze, doubt, class, ..self.seen };
-        if let Some(detection) = self.seen.detection {
-            let b = detection.bbox;
+        if let Some(Detection { bbox: b, .. }) = self.seen.detection {
             self.shape += s.shape * ((b.w / b.h / extent.half_w * extent.half_h).ln() - self.shape);
-            self.seen.bbox = self.shaped(bbox);
-            if doubt > s.renew && self.seen.visible >= 1.0 {
+        }
+        self.seen.bbox = self.shaped(bbox);
+        if let Some(Detection { bbox: b, .. }) = self.seen.detection {
+            let comes_in = edge::comes_in(&self.seen.bbox, &b, &frame.image, s.birth.most);
+            if comes_in {
+                self.seen.bbox = b;
+            }
+            if comes_in || (doubt > s.renew && self.seen.visible >= 1.0) {
                 self.renew(frame);
             }
-        } else {
-            self.seen.bbox = self.shaped(bbox);
         }
     }
 
@@ -375,23 +382,5 @@ impl Target {
             self.seen.extent = self.tracker.extent().expect("it was started");
             (self.seen.state.log_scale, self.shape, self.seen.doubt) = (0.0, 0.0, 0.0);
         }
-    }
-}
-
-/// Somebody of whom nothing is known but the id.
-fn unknown(id: u64) -> Seen {
-    Seen {
-        id,
-        born: 0,
-        phase: Phase::Born,
-        bbox: BBox { x: 0.0, y: 0.0, w: 1.0, h: 1.0 },
-        state: State::default(),
-        extent: crate::geometry::Extent { half_w: 0.5, half_h: 0.5 },
-        covariance: [[0.0; 6]; 6],
-        gaze: crate::geometry::Gaze::CENTRE,
-        visible: 1.0,
-        doubt: 0.0,
-        detection: None,
-        class: None,
     }
 }

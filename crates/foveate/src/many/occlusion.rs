@@ -47,6 +47,9 @@ pub(super) fn visible(bodies: &[Body], s: &Occlusion, fronts: &mut Fronts, out: 
     }
     out.clear();
     out.extend(bodies.iter().map(|body| {
+        if fronts.iter().all(|(_, behind)| *behind != body.id) {
+            return 1.0;
+        }
         let over = |other: &&Body| fronts.contains(&(other.id, body.id));
         share(&body.bbox, &|x, y| bodies.iter().filter(over).any(|other| holds(&other.bbox, x, y)))
     }));

@@ -21,8 +21,8 @@ pub(super) fn by_place(expected: &Expected, detection: &BBox, s: &Settings) -> O
     let BBox { w, h, .. } = expected.bbox;
     let ((x, y), (cx, cy)) = (detection.centre(), expected.bbox.centre());
     let (dx, dy) = (x - cx, y - cy);
-    let grown = (detection.w * detection.h / (w * h)).ln().abs() / 2.0;
-    if (2.0 * dx / w).hypot(2.0 * dy / h) > s.gate || grown > s.size.ln() {
+    let far = (2.0 * dx / w).hypot(2.0 * dy / h) > s.gate;
+    if far || (detection.w * detection.h / (w * h)).ln().abs() / 2.0 > s.size.ln() {
         return None;
     }
     let variance = |variance: f64, side: f64| variance + (OFF * side / 2.0).powi(2);

@@ -10,7 +10,7 @@ use crate::observe::Seen;
 use crate::{Error, Result};
 
 /// The format number.
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {

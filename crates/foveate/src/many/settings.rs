@@ -38,12 +38,16 @@ pub struct Birth {
     pub hits: usize,
     /// Frames they may be spread over, at least `hits`, to 1000.
     pub within: usize,
+    /// How far they must have moved since the first of them, 0 to 100: what never moves is a change of the ground.
+    pub moved: f64,
     /// Intersection over union with a living target at which nothing is born, 0 to 1.
     pub overlap: f64,
     /// Share of the detection that living targets cover at which nothing is born, 0 to 1.
     pub covered: f64,
     /// Least width and height, pixels, 2 to 10000.
     pub side: f64,
+    /// Largest share of the picture, 0 to 1.
+    pub most: f64,
 }
 
 /// A target ends when it is gone.
@@ -54,7 +58,8 @@ pub struct Death {
     pub lost: usize,
     /// Frames in a row without a detection of its own, where there is a detector, 1 to 1,000,000.
     pub unseen: usize,
-    /// Of these, the frames after which its box counts as a guess, 0 to 1,000,000.
+    /// Of these, the frames after which its box counts as a guess, 0 to 1,000,000. Until then it goes on, whatever it looks
+    /// like; without a detector looks alone decide.
     pub guess: usize,
     /// Share of its box that must lie within the picture, 0 to 1.
     pub inside: f64,
@@ -96,7 +101,7 @@ impl Default for Settings {
 
 impl Default for Birth {
     fn default() -> Self {
-        Self { hits: 3, within: 4, overlap: 0.3, covered: 0.6, side: 8.0 }
+        Self { hits: 3, within: 4, moved: 0.0, overlap: 0.3, covered: 0.6, side: 8.0, most: 0.5 }
     }
 }
 
@@ -131,9 +136,11 @@ impl Settings {
             ("shape", self.shape, 0.0, 1.0),
             ("birth.hits", birth.hits as f64, 1.0, 1000.0),
             ("birth.within", birth.within as f64, birth.hits as f64, 1000.0),
+            ("birth.moved", birth.moved, 0.0, 100.0),
             ("birth.overlap", birth.overlap, 0.0, 1.0),
             ("birth.covered", birth.covered, 0.0, 1.0),
             ("birth.side", birth.side, 2.0, 10_000.0),
+            ("birth.most", birth.most, 0.0, 1.0),
             ("death.lost", death.lost as f64, 1.0, 1e6),
             ("death.unseen", death.unseen as f64, 1.0, 1e6),
             ("death.guess", death.guess as f64, 0.0, 1e6),

@@ -51,6 +51,23 @@ pub struct Seen {
 }
 
 impl Seen {
+    /// Somebody of whom nothing is known but the id.
+    pub(crate) fn unknown(id: u64) -> Self {
+        Self {
+            id,
+            born: 0,
+            phase: Phase::Born,
+            bbox: BBox { x: 0.0, y: 0.0, w: 1.0, h: 1.0 },
+            state: State::default(),
+            extent: Extent { half_w: 0.5, half_h: 0.5 },
+            covariance: [[0.0; 6]; 6],
+            gaze: Gaze::CENTRE,
+            visible: 1.0,
+            doubt: 0.0,
+            detection: None,
+            class: None,
+        }
+    }
     /// Whether the box is a result, rather than a guess.
     pub fn sure(&self) -> bool {
         self.phase != Phase::Lost

@@ -11,6 +11,7 @@ pub mod encode;
 mod ffmpeg;
 pub mod flow;
 pub mod folder;
+mod ghosts;
 mod h264;
 pub mod hide;
 pub mod idx;

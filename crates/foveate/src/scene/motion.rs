@@ -3,11 +3,13 @@
 //! Each pixel keeps the mean and variance of its grey (after a 3 × 3 median, which takes away salt and pepper). A pixel that
 //! is several deviations off is in motion; opening takes away specks, closing joins the parts of one thing. Pixels in motion
 //! do not teach the background, unless they stay as they are for a while: so what was there at first and left, and what
-//! came and stopped, becomes background again. The camera must stand still; where it moves, see [`Flow`](super::flow::Flow).
+//! came and stopped, becomes background again; what left is told by its edges, too (`ghosts.rs`). Each frame is compared at
+//! the background's brightness. The camera must stand still; where it moves, see [`Flow`](super::flow::Flow).
 //!
 //! [`first_box`] is how the paper's authors found their target: by the difference of the first two frames.
 
 use super::detect::{Blobs, Detector, Score};
+use super::ghosts::{Ghosts, Marked};
 use super::image::luma;
 use super::morphology::{Mask, Rows, median};
 use super::{Detection, Frame, Image, Map};
@@ -38,8 +40,12 @@ pub struct Motion {
     mean: Vec<f32>,
     variance: Vec<f32>,
     still: Vec<u8>,
+    /// Brightness of the frame, as a factor of the background's.
+    gain: f32,
+    ratios: Vec<f32>,
     rows: Rows,
     mask: Mask,
+    ghosts: Ghosts,
 }
 
 impl Default for Motion {
@@ -60,8 +66,11 @@ impl Default for Motion {
             mean: vec![],
             variance: vec![],
             still: vec![],
+            gain: 1.0,
+            ratios: vec![],
             rows: Rows::default(),
             mask: Mask::default(),
+            ghosts: Ghosts::default(),
         }
     }
 }
@@ -79,7 +88,9 @@ impl Detector for Motion {
             return self.begin();
         }
         self.frames = self.frames.saturating_add(1);
+        self.expose();
         self.compare(width);
+        self.exorcise(width);
         self.learn();
         self.blobs.find(&self.map, 0.0, size, found);
     }
@@ -126,10 +137,26 @@ impl Motion {
     fn deviation(&self, k: usize) -> f32 {
         (self.variance[k] + self.least_deviation * self.least_deviation).sqrt()
     }
+    /// How much brighter or darker the frame is than the background, most of which is in view: cameras adapt to what comes.
+    fn expose(&mut self) {
+        /// Grey levels from which on a ratio means something; one pixel in so many is asked; so many are enough.
+        const DARK: f32 = 16.0;
+        const EVERY: usize = 7;
+        const ENOUGH: usize = 100;
+        let Self { now, mean, ratios, .. } = self;
+        ratios.clear();
+        let pixels = now.iter().zip(&*mean).step_by(EVERY).filter(|(_, mean)| **mean > DARK);
+        ratios.extend(pixels.map(|(now, mean)| f32::from(*now) / mean));
+        let middle = ratios.len() / 2;
+        self.gain = 1.0;
+        if ratios.len() > ENOUGH {
+            self.gain = ratios.select_nth_unstable_by(middle, f32::total_cmp).1.clamp(0.25, 4.0);
+        }
+    }
     /// Marks what is off the background, cleans the marks, and fills the map.
     fn compare(&mut self, width: usize) {
         for k in 0..self.now.len() {
-            let off = (f32::from(self.now[k]) - self.mean[k]).abs() / self.deviation(k);
+            let off = (f32::from(self.now[k]) / self.gain - self.mean[k]).abs() / self.deviation(k);
             self.map.values_mut()[k] = off;
         }
         self.mask.marks.clear();
@@ -140,11 +167,20 @@ impl Motion {
             *value = if mark { value.max(1.0) } else { 0.0 }; // gaps that were closed count as one deviation
         }
     }
+    /// What left the background is taken out of it, and out of the marks.
+    fn exorcise(&mut self, width: usize) {
+        let Self { ghosts, mask, mean, variance, still, now, map, gain, .. } = self;
+        for &k in ghosts.find(Marked { marks: &mask.marks, width, now, mean, still }) {
+            (mean[k], variance[k], still[k]) = (f32::from(now[k]) / *gain, 0.0, 0);
+            mask.marks[k] = false;
+            map.values_mut()[k] = 0.0;
+        }
+    }
     /// Background pixels move their mean and variance; those in motion wait.
     fn learn(&mut self) {
         let share = self.rate.max(1.0 / self.frames as f32);
         for k in 0..self.now.len() {
-            let now = f32::from(self.now[k]);
+            let now = f32::from(self.now[k]) / self.gain;
             if !self.mask.marks[k] {
                 let off = now - self.mean[k];
                 self.mean[k] += share * off;
@@ -152,7 +188,7 @@ impl Motion {
                 self.still[k] = 0;
                 continue;
             }
-            let changed = (now - f32::from(self.before[k])).abs() > self.threshold * self.least_deviation;
+            let changed = f32::from(self.now[k].abs_diff(self.before[k])) > self.threshold * self.least_deviation;
             self.still[k] = if changed { 0 } else { self.still[k] + 1 };
             if self.still[k] >= self.patience.max(1) {
                 (self.mean[k], self.still[k]) = (now, 0);
@@ -259,6 +295,27 @@ mod tests {
             let (near, count) = follow(scene.video(&digits).expect("a video"), 30);
             // Behind the bars there is nothing to see; beside them a part of it.
             assert!(near > 0.65 && count < 1.2, "digit {digit} behind bars: near in {near}, {count} candidates");
+        }
+    }
+
+    /// A block stands where the background was learned, leaves, and another comes in while the camera darkens all.
+    #[test]
+    fn what_left_is_forgotten_and_exposure_is_no_motion() {
+        let picture = |x: usize, gain: f32| {
+            let block = |k: usize| (x..x + 20).contains(&(k % 120)) && (30..70).contains(&(k / 120));
+            let grey = |k: usize| if block(k) { 220.0 } else { 90.0 + (k % 7) as f32 };
+            Image::new(120, 100, 1, (0..12_000).map(|k| (gain * grey(k)) as u8).collect()).expect("bytes")
+        };
+        let mut motion = Motion { patience: u8::MAX, ..Motion::default() };
+        motion.learn_background(&[picture(20, 1.0), picture(20, 1.0), picture(20, 1.0)]);
+        let mut found = vec![];
+        for index in 0..20 {
+            let gain = if index < 10 { 1.0 } else { 0.6 };
+            motion.detect(&Frame { index, time: 0.0, image: picture(80, gain) }, &mut found);
+            let near = |x: f64| found.iter().filter(|d| (d.bbox.x - x).abs() <= 2.0 && d.bbox.w <= 24.0).count();
+            assert_eq!(near(80.0), 1, "frame {index}: {found:?}");
+            assert_eq!(near(20.0), usize::from(index < 6), "frame {index}: {found:?}");
+            assert!(found.len() <= 2, "frame {index}: {found:?}");
         }
     }
 

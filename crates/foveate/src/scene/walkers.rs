@@ -22,7 +22,9 @@ pub struct Walkers {
 
 impl Default for Walkers {
     fn default() -> Self {
-        Self { shape: 0.42, least: 0.001, gap: 0.2, motion: Motion::default(), whole: vec![] }
+        let mut motion = Motion::default();
+        motion.patience = u8::MAX;
+        Self { shape: 0.42, least: 0.001, gap: 0.2, motion, whole: vec![] }
     }
 }
 

@@ -90,9 +90,13 @@ fn background(source: &Path) -> Result<Vec<Image>> {
 }
 
 impl ManyArgs {
-    /// The configuration that ships for this: with detections, or with first boxes alone.
+    /// The configuration that ships for this: with what moves, with other detections, or with first boxes alone.
     pub fn config(&self) -> &'static str {
-        if self.detect.is_some() || self.detections.is_some() { "many" } else { "many-boxes" }
+        match self.detect {
+            Some(Kind::Motion | Kind::Walkers | Kind::Flow) => "many-motion",
+            None if self.detections.is_none() => "many-boxes",
+            _ => "many",
+        }
     }
 
     /// Whether many targets are asked for, apart from several --init.
