@@ -20,55 +20,13 @@ import tempfile
 
 import cv2
 
+from trackers import trackers
+
 SCENES = {
     ("table1", "clean"): ["clutter"],
     ("table1", "30 % salt and pepper"): ["clutter", "--noise"],
     ("table3", "bars and noise"): ["partial"],
 }
-
-
-class OpenCv:
-    def __init__(self, make):
-        self.tracker = make()
-
-    def start(self, image, box):
-        self.tracker.init(image, tuple(round(v) for v in box))
-
-    def follow(self, image):
-        found, box = self.tracker.update(image)
-        return box if found else None
-
-
-class Dlib:
-    def __init__(self):
-        import dlib
-
-        self.rectangle, self.tracker = dlib.drectangle, dlib.correlation_tracker()
-
-    def start(self, image, box):
-        x, y, w, h = box
-        self.tracker.start_track(image, self.rectangle(x, y, x + w - 1, y + h - 1))
-
-    def follow(self, image):
-        self.tracker.update(image)
-        box = self.tracker.get_position()
-        return box.left(), box.top(), box.width(), box.height()
-
-
-def trackers():
-    """Name -> maker, of those that are installed."""
-    found = {}
-    for name in ["CSRT", "KCF"]:
-        if hasattr(cv2, f"Tracker{name}_create"):
-            make = getattr(cv2, f"Tracker{name}_create")
-            found[f"OpenCV {cv2.__version__} {name}"] = lambda make=make: OpenCv(make)
-    try:
-        import dlib
-
-        found[f"dlib {dlib.__version__} correlation tracker"] = Dlib
-    except ImportError:
-        print("dlib is not installed: left out", file=sys.stderr)
-    return found
 
 
 def centre_errors(make, images, truth):
@@ -91,8 +49,7 @@ def main():
     parser.add_argument("--frames", type=int, default=300)
     parser.add_argument("--out", default="peers.csv")
     args = parser.parse_args()
-    cv2.setNumThreads(1)
-    peers = trackers()
+    peers = dict(peer for short, peer in trackers().items() if short in ("csrt", "kcf", "dlib"))
     rows = []
     for (experiment, scene), synth in SCENES.items():
         if args.experiment and experiment not in args.experiment:
