@@ -95,6 +95,32 @@ fn a_scene_of_many_digits_has_both_layouts() {
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     let json: serde_json::Value = serde_json::from_slice(&run.stdout).expect("JSON alone on the standard output");
     assert_eq!(json["trackers"][0]["mean"]["frames"].as_u64(), Some(200), "five targets of 40 frames");
+    let page = std::fs::read_to_string(path("scores/report.html")).expect("a report");
+    assert!(page.matches("<section>").count() == 5 && page.contains("five-2"), "a section for each target");
+
+    // Beside others, all of them named at once; the second knows one target only.
+    for (tracker, targets) in [("still", &["five", "five-2"][..]), ("short", &["five"])] {
+        std::fs::create_dir_all(path(&format!("peers/{tracker}"))).expect("a new folder");
+        for target in targets {
+            std::fs::write(path(&format!("peers/{tracker}/{target}.txt")), "1,1,50,50\n".repeat(40)).expect("written");
+        }
+    }
+    let (peers, seen) = (path("peers"), path("beside"));
+    let args =
+        ["eval", "--seqs", &scene, "--config", "digits-multi", "--peers", &peers, "--out", &seen, "--seeds", "2"];
+    let run = foveate(&args);
+    let table = String::from_utf8_lossy(&run.stdout).into_owned();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    assert!(table.contains("foveate against") && table.contains("short has no result for five-2"), "{table}");
+    let again = foveate(&["eval", "--seqs", &scene, "--results", &(seen.clone() + "/foveate"), &peers, "--out", &out]);
+    assert!(again.status.success(), "{}", String::from_utf8_lossy(&again.stderr));
+    for file in ["curves.svg", "table.txt"] {
+        let read = |folder: &str| std::fs::read(format!("{folder}/{file}")).expect("written");
+        assert_eq!(read(&seen), read(&out), "{file}: what was run is scored as its files are");
+    }
+    let both = foveate(&["eval", "--seqs", &scene, "--results", &peers, "--peers", &peers, "--out", &out]);
+    assert!(!both.status.success() && String::from_utf8_lossy(&both.stderr).contains("cannot be used with"));
+
     let wrong = foveate(&["synth", "multi", "--scale", "3", "--out", &path("none")]);
     assert!(!wrong.status.success() && String::from_utf8_lossy(&wrong.stderr).contains("two numbers such as 1,3"));
 }

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use foveate::eval::trust::{self, Judged, TrustScore, Witness};
 use foveate::eval::{
-    Evaluation, Row, Sequence, TrackRun, curves, find_sequences, mot, run_all, score_folder, table, trust_plot,
+    Case, Evaluation, Row, Sequence, TrackRun, cases, curves, find_sequences, mot, run_all, score_folder, table,
+    trust_plot,
 };
 use foveate::observe::Clock;
 use foveate::run::{Follow, follow_with};
@@ -33,11 +34,15 @@ pub struct Args {
     /// Rows whose conf is 0 do not count; classes are not read
     #[arg(long, value_name = "DIR|FILE", num_args = 1.., requires = "mot")]
     pub truth: Vec<PathBuf>,
-    /// Score these results instead: one folder for each tracker, with SEQUENCE.txt (x,y,w,h a frame, counted from 1) and,
-    /// for frames per second, SEQUENCE_time.txt (seconds a frame). With --mot: SEQUENCE.txt, data/SEQUENCE.txt or
+    /// Score these results instead: a folder for each tracker, or one that holds such folders, with SEQUENCE.txt (x,y,w,h a
+    /// frame, counted from 1) and, for frames per second, SEQUENCE_time.txt (seconds a frame), or these in seed-1, seed-2 ...;
+    /// the curves of the first are drawn thickest. With --mot: SEQUENCE.txt, data/SEQUENCE.txt or
     /// SEQUENCE/tracks.txt, or a file for the only sequence
     #[arg(long, value_name = "DIR", num_args = 1..)]
     pub results: Vec<PathBuf>,
+    /// Results of other trackers, to stand beside foveate's own in table and curves: folders as --results has them
+    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["results", "mot"])]
+    pub peers: Vec<PathBuf>,
     /// The tracker to run: a configuration file, or the name of one that ships with the program (natural, digits, ...); natural if left out
     #[arg(long, value_name = "FILE|NAME", conflicts_with = "results")]
     pub config: Option<String>,
@@ -50,8 +55,8 @@ pub struct Args {
     /// Number of seeds to run, counting up from --seed; mean and spread over them are reported
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000), conflicts_with = "results")]
     pub seeds: u64,
-    /// Folder for table.txt, scores.json, curves.svg (not with --mot); where the tracker is run, the tracks in foveate/, trust.txt, trust.json and
-    /// reliability.svg
+    /// Folder for table.txt, scores.json, curves.svg (not with --mot); where the tracker is run, the tracks in foveate/, trust.txt, trust.json,
+    /// reliability.svg and report.html: where the first seed won and lost, with pictures
     #[arg(long, value_name = "DIR", default_value = "out-eval")]
     pub out: PathBuf,
     /// Print scores as JSON instead of the table
@@ -65,8 +70,8 @@ pub fn run(args: Args) -> Result<()> {
         return many(&args);
     }
     let blueprint = track::blueprint(track::config_name(args.config.as_deref(), args.profile))?;
-    let judged: RefCell<Vec<Vec<Judged>>> = RefCell::new(vec![]);
-    evaluate(&args, &|sequence, seed| {
+    let runs: RefCell<Vec<Case>> = RefCell::new(vec![]);
+    let others = evaluate(&args, &|sequence, seed| {
         let mut tracker = blueprint.tracker(seed, 0)?;
         let plan = Follow {
             init: Some(sequence.init()?),
@@ -80,14 +85,18 @@ pub fn run(args: Args) -> Result<()> {
         let mut witness = Witness::of(&sequence.truth);
         let (mut scout, mut source) = (blueprint.scout(), open(&sequence.images)?);
         let (outcome, result) = follow_with(&mut scout, &mut *source, &mut tracker, &mut witness, plan);
-        judged.borrow_mut().push(witness.frames);
-        result.map(|()| TrackRun { boxes: outcome.boxes, seconds: outcome.seconds })
+        result?;
+        let boxes = outcome.boxes.clone();
+        runs.borrow_mut().push(Case { sequence: sequence.clone(), seed, boxes, judged: witness.frames });
+        Ok(TrackRun { boxes: outcome.boxes, seconds: outcome.seconds })
     })?;
-    let judged = judged.into_inner();
-    if judged.is_empty() {
+    let runs = runs.into_inner();
+    if runs.is_empty() {
         return Ok(()); // results of others say nothing about being lost
     }
-    let tracks: Vec<&[Judged]> = judged.iter().map(Vec::as_slice).collect();
+    let first: Vec<Case> = runs.iter().filter(|run| run.seed == args.seed).cloned().collect();
+    files::write(args.out.join("report.html"), cases::page(&first, &others)?.as_bytes())?;
+    let tracks: Vec<&[Judged]> = runs.iter().map(|run| run.judged.as_slice()).collect();
     trusted(&args, &TrustScore::of(&tracks, blueprint.config().confidence.blur))
 }
 
@@ -100,15 +109,19 @@ fn trusted(args: &Args, score: &TrustScore) -> Result<()> {
     files::write(out.join("reliability.svg"), trust_plot::plot(&[("foveate", score)]).as_bytes())?;
     if !args.json {
         println!("\nWhat it says about being lost (IoU below 0.1, or out of sight):\n{text}");
-        println!("{}: trust.txt, trust.json, reliability.svg", out.display());
+        println!("{}: trust.txt, trust.json, reliability.svg, report.html", out.display());
     }
     Ok(())
 }
 
-/// Scores; `run_tracker` follows one sequence with one seed.
-fn evaluate(args: &Args, run_tracker: &dyn Fn(&Sequence, u64) -> Result<TrackRun>) -> Result<()> {
+/// Scores; `run_tracker` follows one sequence with one seed. Answers the scores of the other trackers.
+fn evaluate(args: &Args, run_tracker: &dyn Fn(&Sequence, u64) -> Result<TrackRun>) -> Result<Vec<Evaluation>> {
     let sequences = find_sequences(&args.seqs)?;
-    let evaluations = if args.results.is_empty() {
+    let score = |folder: &PathBuf| score_folder(&sequences, folder);
+    let others: Vec<Vec<Evaluation>> = args.results.iter().chain(&args.peers).map(score).collect::<Result<_>>()?;
+    let others = others.concat();
+    let mut evaluations = others.clone();
+    if args.results.is_empty() {
         let seeds: Vec<u64> = (0..args.seeds).map(|i| args.seed.wrapping_add(i)).collect();
         let mut told = |row: &Row| {
             let (name, score) = (&row.sequence, &row.score);
@@ -118,12 +131,12 @@ fn evaluate(args: &Args, run_tracker: &dyn Fn(&Sequence, u64) -> Result<TrackRun
                 score.auc, score.p20, score.lost, score.frames
             );
         };
-        vec![run_all("foveate", &sequences, &seeds, Some(&args.out.join("foveate")), run_tracker, &mut told)?]
-    } else {
-        args.results.iter().map(|folder| score_folder(&sequences, folder)).collect::<Result<_>>()?
-    };
+        let out = args.out.join("foveate");
+        evaluations.insert(0, run_all("foveate", &sequences, &seeds, Some(&out), run_tracker, &mut told)?);
+    }
     draw(&args.out, &evaluations)?;
-    report(args, &table::text(&evaluations), &table::json(&evaluations), "table.txt, scores.json, curves.svg")
+    report(args, &table::text(&evaluations), &table::json(&evaluations), "table.txt, scores.json, curves.svg")?;
+    Ok(others)
 }
 
 /// Scores tracks of many targets.
@@ -151,9 +164,8 @@ fn report(args: &Args, text: &str, scores: &serde_json::Value, kept: &str) -> Re
 
 fn draw(out: &Path, evaluations: &[Evaluation]) -> Result<()> {
     folder(out)?;
-    let means: Vec<_> = evaluations.iter().map(|e| (e.tracker.as_str(), e.curves())).collect();
-    let named: Vec<_> = means.iter().map(|(name, curves)| (*name, curves)).collect();
-    files::write(out.join("curves.svg"), curves::plot(&named).as_bytes())
+    let drawn: Vec<_> = evaluations.iter().map(Evaluation::drawn).collect();
+    files::write(out.join("curves.svg"), curves::plot(&drawn).as_bytes())
 }
 
 fn folder(out: &Path) -> Result<()> {

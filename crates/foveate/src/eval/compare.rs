@@ -1,9 +1,11 @@
 //! A tracker on many sequences: scored from its files, or run.
 
-use std::path::Path;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use super::curves::Drawn;
 use super::metrics::{self, Score, frames_per_second};
 use super::{Curves, Sequence};
 use crate::geometry::BBox;
@@ -63,17 +65,21 @@ impl Evaluation {
     pub fn curves(&self) -> Curves {
         Curves::mean(self.rows.iter().map(|row| &row.curves))
     }
+    /// The rows of each seed.
+    fn by_seed(&self) -> Vec<Vec<&Row>> {
+        let seeds: BTreeSet<_> = self.rows.iter().map(|row| row.seed).collect();
+        seeds.into_iter().map(|seed| self.rows.iter().filter(|row| row.seed == seed).collect()).collect()
+    }
+    /// What the plot draws: the mean curves, and how far those of single seeds are from them.
+    pub fn drawn(&self) -> Drawn<'_> {
+        let seeds: Vec<Curves> =
+            self.by_seed().iter().map(|rows| Curves::mean(rows.iter().map(|row| &row.curves))).collect();
+        Drawn { name: &self.tracker, mean: self.curves(), band: Curves::band(&seeds) }
+    }
     /// A figure's mean over sequences, seed by seed: its mean and spread over seeds.
     pub fn spread(&self, figure: impl Fn(&Score) -> f64) -> Option<Spread> {
-        let mut seeds: Vec<_> = self.rows.iter().map(|row| row.seed).collect();
-        seeds.sort();
-        seeds.dedup();
-        let mean_of = |seed| {
-            let scores = self.rows.iter().filter(|row| row.seed == seed).map(|row| &row.score);
-            let (sum, n) = scores.fold((0.0, 0.0), |(sum, n), score| (sum + figure(score), n + 1.0));
-            sum / n
-        };
-        let means: Vec<f64> = seeds.into_iter().map(mean_of).collect();
+        let mean_of = |rows: &Vec<&Row>| rows.iter().map(|row| figure(&row.score)).sum::<f64>() / rows.len() as f64;
+        let means: Vec<f64> = self.by_seed().iter().map(mean_of).collect();
         let n = means.len() as f64;
         let (mean, sd) = metrics::mean_sd(&means);
         (n > 0.0).then(|| Spread { mean, sd: (n > 1.0).then(|| sd * (n / (n - 1.0)).sqrt()) })
@@ -84,37 +90,79 @@ impl Evaluation {
     }
 }
 
-/// Scores a folder of results: `<sequence>.txt` (or `<sequence>/boxes.txt`, as tracking writes it) with one box
-/// `x,y,w,h` a frame, 1-based, the first frame included; and, where there is one,
-/// `<sequence>_time.txt` (beside it or in `times/`) with the seconds of each frame.
+/// Scores what a folder holds: a tracker's results, or folders of trackers, which are answered best first (by AUC).
+///
+/// A tracker's results are `<sequence>.txt` (or `<sequence>/boxes.txt`, as tracking writes it) with one box `x,y,w,h` a
+/// frame, 1-based, the first frame included; and, where there is one, `<sequence>_time.txt` (beside it or in `times/`) with
+/// the seconds of each frame. Where several seeds were run these are in folders `seed-S`, as [`run_all`] leaves them.
 ///
 /// # Errors
-/// The folder has no result for any of the sequences, or a file is damaged or has not one line a frame.
-pub fn score_folder(sequences: &[Sequence], folder: &Path) -> Result<Evaluation> {
+/// There is no result for any of the sequences, or a file is damaged or has not one line a frame.
+pub fn score_folder(sequences: &[Sequence], folder: &Path) -> Result<Vec<Evaluation>> {
+    if let Some(one) = score_tracker(sequences, folder)? {
+        return Ok(vec![one]);
+    }
+    let mut all = Vec::new();
+    for (_, inner) in folders(folder)? {
+        all.extend(score_tracker(sequences, &inner)?);
+    }
+    if all.is_empty() {
+        let first = sequences.first().map_or("SEQUENCE", |s| s.name.as_str());
+        let problem = format!("no result here: expected files such as {first}.txt, or folders that have them");
+        return Err(Error::malformed(folder, problem));
+    }
+    let auc = |e: &Evaluation| e.mean().map_or(0.0, |s| s.auc);
+    all.sort_by(|a, b| auc(b).total_cmp(&auc(a)));
+    Ok(all)
+}
+
+/// One tracker's results, of one pass or of several seeds; `None` where there are none.
+fn score_tracker(sequences: &[Sequence], folder: &Path) -> Result<Option<Evaluation>> {
     let whole = std::path::absolute(folder).map_err(Error::io(folder, "cannot find"))?;
     let tracker = whole.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let mut evaluation = Evaluation { tracker, rows: Vec::new(), missing: Vec::new() };
+    let mut rows = score_files(sequences, folder, None)?;
+    if rows.is_empty() {
+        for (name, inner) in folders(folder)? {
+            if let Some(seed) = name.strip_prefix("seed-").and_then(|seed| seed.parse().ok()) {
+                rows.extend(score_files(sequences, &inner, Some(seed))?);
+            }
+        }
+    }
+    let found = |name: &String| rows.iter().any(|row| row.sequence == *name);
+    let missing = sequences.iter().map(|s| &s.name).filter(|name| !found(name)).cloned().collect();
+    Ok((!rows.is_empty()).then_some(Evaluation { tracker, rows, missing }))
+}
+
+/// A row for each sequence that has a file in this folder.
+fn score_files(sequences: &[Sequence], folder: &Path, seed: Option<u64>) -> Result<Vec<Row>> {
+    let mut rows = Vec::new();
     for sequence in sequences {
         let places = [folder.join(format!("{}.txt", sequence.name)), folder.join(&sequence.name).join("boxes.txt")];
-        let Some(path) = places.iter().find(|path| path.is_file()) else {
-            evaluation.missing.push(sequence.name.clone());
-            continue;
-        };
-        let boxes = read_boxes(path)?;
+        let Some(path) = places.iter().find(|path| path.is_file()) else { continue };
         let in_file = |e: Error| Error::malformed(path, e.to_string());
-        let (mut score, curves) = metrics::score(&boxes, &sequence.truth).map_err(in_file)?;
+        let (mut score, curves) = metrics::score(&read_boxes(path)?, &sequence.truth).map_err(in_file)?;
         let time = format!("{}_time.txt", sequence.name);
         let times = [folder.join(&time), folder.join("times").join(&time)];
         if let Some(path) = times.iter().find(|path| path.is_file()) {
             score.fps = frames_per_second(&read_numbers(path)?);
         }
-        evaluation.rows.push(Row { sequence: sequence.name.clone(), seed: None, score, curves });
+        rows.push(Row { sequence: sequence.name.clone(), seed, score, curves });
     }
-    if evaluation.rows.is_empty() {
-        let first = sequences.first().map_or("SEQUENCE", |s| s.name.as_str());
-        return Err(Error::malformed(folder, format!("no result here: expected files such as {first}.txt")));
+    Ok(rows)
+}
+
+/// The folders in a folder, with their names, sorted.
+fn folders(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
+    let entries = std::fs::read_dir(folder).map_err(Error::io(folder, "cannot read this folder"))?;
+    let mut inner = Vec::new();
+    for entry in entries {
+        let entry = entry.map_err(Error::io(folder, "cannot read this folder"))?;
+        if entry.path().is_dir() {
+            inner.push((entry.file_name().to_string_lossy().into_owned(), entry.path()));
+        }
     }
-    Ok(evaluation)
+    inner.sort();
+    Ok(inner)
 }
 
 /// Runs a tracker over all sequences with each seed, keeps its results in `out` in the form that
@@ -187,7 +235,7 @@ mod tests {
         let out = dir.path().join("ours");
         let mut told = 0;
         let ran = run_all("ours", &sequences, &[1], Some(&out), &runner, &mut |_| told += 1).expect("a run");
-        let read = score_folder(&sequences, &out).expect("results");
+        let read = score_folder(&sequences, &out).expect("results").remove(0);
         assert_eq!((told, read.tracker.as_str()), (2, "ours"));
         for (ran, read) in ran.rows.iter().zip(&read.rows) {
             assert_eq!((&ran.score, &ran.curves, ran.seed), (&read.score, &read.curves, Some(1)));
@@ -199,7 +247,17 @@ mod tests {
         // Mean errors over 3 frames: A 1/6 each; B 2/3 * (1.25, 2.25, 3.25), so the means are 1/2, 5/6, 7/6.
         let spread = ran.spread(|s| s.centre_error).expect("rows");
         assert!((spread.mean - 5.0 / 6.0).abs() < 1e-12 && (spread.sd.expect("three seeds") - 1.0 / 3.0).abs() < 1e-12);
-        assert!(table::text(&[ran]).contains("ours over seeds: AUC"));
+        assert!(table::text(std::slice::from_ref(&ran)).contains("ours over seeds: AUC"));
+        assert!(
+            ran.drawn().band.is_some() && score_folder(&sequences, &out).expect("results")[0].drawn().band.is_none()
+        );
+        let alone = dir.path().join("alone/ours");
+        run_all("ours", &sequences, &[1, 2, 3], Some(&alone), &runner, &mut |_| ()).expect("three runs");
+        for folder in [alone.clone(), dir.path().join("alone")] {
+            let read = score_folder(&sequences, &folder).expect("seeds");
+            assert_eq!((read.len(), read[0].rows.len(), &read[0].rows[5].curves), (1, 6, &ran.rows[5].curves));
+            assert_eq!(read[0].drawn(), ran.drawn());
+        }
     }
 
     #[test]
@@ -211,7 +269,8 @@ mod tests {
             let text = format_boxes(&[at(0.0), at(x), at(2.0)]);
             std::fs::write(dir.path().join(tracker).join(format!("{name}.txt")), text).expect("written");
         }
-        let both = ["good", "bad"].map(|t| score_folder(&sequences, &dir.path().join(t)).expect("results"));
+        let both = ["good", "bad"].map(|t| score_folder(&sequences, &dir.path().join(t)).expect("results").remove(0));
+        assert_eq!(score_folder(&sequences, dir.path()).expect("both at once, the best first"), both);
         let text = table::text(&both);
         for line in [
             "AUC / P@20           good            bad",
@@ -219,6 +278,8 @@ mod tests {
             "B           0.952 / 1.000              -",
             "mean  frames    AUC   P@20  SR@0.5  error px  lost  lost %  fps",
             "bad        3  0.635  0.667   0.667      29.7     1    33.3    -",
+            "good against  sequences     AUC  better on  worse on",
+            "bad                   1  +0.317          1         0",
             "bad has no result for B: its means leave them out",
         ] {
             assert!(text.lines().any(|l| l == line), "{line}\n{text}");
@@ -233,7 +294,9 @@ mod tests {
         std::fs::write(dir.path().join("bad/A.txt"), "1,2,3,4\n").expect("written");
         let problem = score_folder(&sequences, &dir.path().join("bad")).expect_err("too short").to_string();
         assert!(problem.contains("A.txt: 1 boxes for 3 frames of truth"), "{problem}");
-        assert!(score_folder(&sequences, dir.path()).expect_err("none").to_string().contains("such as A.txt"));
+        assert!(
+            score_folder(&sequences, &dir.path().join("seqs")).expect_err("none").to_string().contains("such as A.txt")
+        );
         let short = |_: &Sequence, _| Ok(TrackRun { boxes: vec![at(0.0)], seconds: vec![] });
         assert!(run_all("x", &sequences, &[1], None, &short, &mut |_| ()).is_err());
     }

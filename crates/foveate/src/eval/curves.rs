@@ -3,6 +3,7 @@
 //! Success at threshold θ is the share of frames whose IoU is above θ; precision at d is the share
 //! whose centre error is at most d pixels (Wu, Lim and Yang 2013).
 
+use kuva::plot::legend::{LegendEntry, LegendShape};
 use kuva::plot::{LegendPosition, LinePlot};
 use kuva::prelude::{Figure, Layout, LineStyle, Plot, SvgBackend, TickFormat};
 use serde::Serialize;
@@ -48,6 +49,20 @@ impl Curves {
         sum.success.iter_mut().chain(&mut sum.precision).for_each(|v| *v *= scale);
         sum
     }
+    /// One standard deviation below and above the mean of curves (n − 1 in the denominator), within 0 and 1; `None` with
+    /// fewer than two.
+    pub fn band(all: &[Self]) -> Option<[Self; 2]> {
+        let (mean, n) = (Self::mean(all.iter()), all.len() as f64);
+        let edge = |sign: f64, of: &dyn Fn(&Self) -> &Vec<f64>| -> Vec<f64> {
+            let at = |(i, m): (usize, &f64)| {
+                let variance = all.iter().map(|c| (of(c)[i] - m).powi(2)).sum::<f64>() / (n - 1.0);
+                (m + sign * variance.sqrt()).clamp(0.0, 1.0)
+            };
+            of(&mean).iter().enumerate().map(at).collect()
+        };
+        let side = |sign| Self { success: edge(sign, &|c| &c.success), precision: edge(sign, &|c| &c.precision) };
+        (n > 1.0).then(|| [side(-1.0), side(1.0)])
+    }
     /// Area under the success curve: the mean of its 21 values, as the toolkits take it.
     pub fn auc(&self) -> f64 {
         self.success.iter().sum::<f64>() / N_IOU as f64
@@ -63,34 +78,38 @@ fn iou_threshold(i: usize) -> f64 {
 const COLOURS: [&str; 7] = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"];
 const DASHES: [&str; 4] = ["", "9 4", "2 3", "9 3 2 3"];
 
-/// Success and precision plots of trackers side by side, as SVG text; the best comes first in each legend.
-pub fn plot(trackers: &[(&str, &Curves)]) -> String {
-    let panel = |title: &str, x_label: &str, x: &dyn Fn(usize) -> f64, values: &dyn Fn(&Curves) -> (Vec<f64>, f64)| {
-        let mut lines: Vec<_> = (0..trackers.len()).map(|i| (i, values(trackers[i].1))).collect();
-        lines.sort_by(|a, b| b.1.1.total_cmp(&a.1.1));
-        let lines: Vec<Plot> =
-            lines.into_iter().map(|(i, (curve, quoted))| line(i, trackers[i].0, curve, quoted, x)).collect();
-        let layout = Layout::auto_from_plots(&lines)
-            .with_title(title)
-            .with_x_label(x_label)
-            .with_y_label("share of frames")
-            .with_x_axis_min(0.0)
-            .with_y_axis_min(0.0)
-            .with_y_axis_max(1.0)
-            .with_y_tick_step(0.2)
-            .with_y_tick_format(TickFormat::Fixed(1))
-            .with_legend_box(true);
-        (lines, layout)
+/// A tracker in the plot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Drawn<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Its mean curves.
+    pub mean: Curves,
+    /// The band around them, low and high: [`Curves::band`] over seeds.
+    pub band: Option<[Curves; 2]>,
+}
+
+/// Success and precision plots of trackers side by side, as SVG text. The best comes first in each legend; of several the
+/// first one given is drawn above the others, with a line twice as wide.
+pub fn plot(trackers: &[Drawn<'_>]) -> String {
+    let success = Panel {
+        title: "Success, and its mean (AUC)",
+        x_label: "IoU above",
+        x: iou_threshold,
+        values: |c| &c.success,
+        quoted: Curves::auc,
     };
-    let (success, success_layout) =
-        panel("Success, and its mean (AUC)", "IoU above", &iou_threshold, &|c| (c.success.clone(), c.auc()));
-    let (precision, precision_layout) =
-        panel("Precision, and its value at 20 px", "centre error at most, pixels", &|i| i as f64, &|c| {
-            (c.precision.clone(), c.precision[QUOTED])
-        });
+    let precision = Panel {
+        title: "Precision, and its value at 20 px",
+        x_label: "centre error at most, pixels",
+        x: |i| i as f64,
+        values: |c| &c.precision,
+        quoted: |c| c.precision[QUOTED],
+    };
+    let ((success, success_layout), (precision, precision_layout)) = (success.draw(trackers), precision.draw(trackers));
     let layouts = vec![
         success_layout
-            .with_legend_position(LegendPosition::InsideTopRight)
+            .with_legend_position(LegendPosition::InsideBottomLeft)
             .with_x_axis_max(1.0)
             .with_x_tick_step(0.2)
             .with_x_tick_format(TickFormat::Fixed(1)),
@@ -100,22 +119,63 @@ pub fn plot(trackers: &[(&str, &Curves)]) -> String {
             .with_x_tick_step(10.0)
             .with_x_tick_format(TickFormat::Integer),
     ];
+    let tall = 430.0 + 22.0 * trackers.len().saturating_sub(4) as f64;
     let figure =
-        Figure::new(1, 2).with_plots(vec![success, precision]).with_layouts(layouts).with_cell_size(560.0, 430.0);
+        Figure::new(1, 2).with_plots(vec![success, precision]).with_layouts(layouts).with_cell_size(560.0, tall);
     SvgBackend::default().render_scene(&figure.render())
 }
 
-fn line(i: usize, name: &str, curve: Vec<f64>, quoted: f64, x: &dyn Fn(usize) -> f64) -> Plot {
-    let dash = DASHES[i % DASHES.len()];
-    let style = if dash.is_empty() { LineStyle::Solid } else { LineStyle::Custom(dash.into()) };
-    let points: Vec<_> = curve.into_iter().enumerate().map(|(k, y)| (x(k), y)).collect();
-    LinePlot::new()
-        .with_data(points)
-        .with_color(COLOURS[i % COLOURS.len()])
-        .with_line_style(style)
-        .with_stroke_width(2.2)
-        .with_legend(format!("{name} {quoted:.3}"))
-        .into()
+/// One of the two plots.
+struct Panel {
+    title: &'static str,
+    x_label: &'static str,
+    x: fn(usize) -> f64,
+    values: fn(&Curves) -> &Vec<f64>,
+    quoted: fn(&Curves) -> f64,
+}
+
+impl Panel {
+    fn draw(&self, trackers: &[Drawn<'_>]) -> (Vec<Plot>, Layout) {
+        // Later lines hide earlier ones: the first tracker comes last.
+        let lines: Vec<Plot> = (0..trackers.len()).rev().map(|i| self.line(i, &trackers[i]).into()).collect();
+        let mut order: Vec<(usize, f64)> = trackers.iter().map(|t| (self.quoted)(&t.mean)).enumerate().collect();
+        order.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let entry = |(i, quoted): (usize, f64)| LegendEntry {
+            label: format!("{} {quoted:.3}", trackers[i].name),
+            color: COLOURS[i % COLOURS.len()].into(),
+            shape: LegendShape::Line,
+            dasharray: Some(DASHES[i % DASHES.len()].to_owned()).filter(|d| !d.is_empty()),
+        };
+        let layout = Layout::auto_from_plots(&lines)
+            .with_legend_entries(order.into_iter().map(entry).collect())
+            .with_title(self.title)
+            .with_x_label(self.x_label)
+            .with_y_label("share of frames")
+            .with_x_axis_min(0.0)
+            .with_y_axis_min(0.0)
+            .with_y_axis_max(1.0)
+            .with_y_tick_step(0.2)
+            .with_y_tick_format(TickFormat::Fixed(1))
+            .with_legend_box(true);
+        (lines, layout)
+    }
+
+    fn line(&self, i: usize, tracker: &Drawn<'_>) -> LinePlot {
+        let dash = DASHES[i % DASHES.len()];
+        let style = if dash.is_empty() { LineStyle::Solid } else { LineStyle::Custom(dash.into()) };
+        let values = (self.values)(&tracker.mean).iter().enumerate();
+        let line = LinePlot::new()
+            .with_data(values.map(|(k, y)| ((self.x)(k), *y)).collect::<Vec<_>>())
+            .with_color(COLOURS[i % COLOURS.len()])
+            .with_line_style(style)
+            .with_stroke_width(if i == 0 { 3.6 } else { 1.8 });
+        match &tracker.band {
+            Some([low, high]) => {
+                line.with_band((self.values)(low).iter().copied(), (self.values)(high).iter().copied())
+            }
+            None => line,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -133,9 +193,20 @@ mod tests {
     }
 
     #[test]
+    fn the_band_is_a_deviation_wide() {
+        let with = |v: f64| Curves { success: vec![v; N_IOU], precision: vec![1.0; N_PIXELS] };
+        let [low, high] = Curves::band(&[with(0.2), with(0.4), with(0.6)]).expect("three seeds");
+        assert!((low.success[3] - 0.2).abs() < 1e-12 && (high.success[3] - 0.6).abs() < 1e-12);
+        assert_eq!((low.precision[0], high.precision[50]), (1.0, 1.0));
+        assert_eq!((Curves::band(&[with(0.2)]), Curves::band(&[])), (None, None));
+    }
+
+    #[test]
     fn the_plot_names_trackers_and_keeps_markup_out() {
         let c = Curves::of(&[0.7], &[3.0]);
-        let svg = plot(&[("a<b", &c), ("other", &c)]);
+        let drawn =
+            |name| Drawn { name, mean: c.clone(), band: Curves::band(&[c.clone(), Curves::of(&[0.2], &[9.0])]) };
+        let svg = plot(&[drawn("a<b"), Drawn { band: None, ..drawn("other") }]);
         assert!(svg.starts_with("<svg") || svg.starts_with("<?xml"));
         assert!(svg.contains("a&lt;b 0.667") && svg.contains("other 1.000") && !svg.contains("a<b"));
     }

@@ -2,9 +2,10 @@
 //!
 //! One pass (OPE): the tracker gets the truth in frame 1 and nothing more. [`metrics`] scores one track,
 //! [`curves`] keeps and draws success and precision, [`sequence`] finds sequences in folders,
-//! [`compare`] scores folders of results or runs a tracker, [`table`] shows trackers side by side.
+//! [`compare`] scores folders of results or runs a tracker, [`table`] shows trackers side by side, [`cases`] where they won and lost.
 //! Scores equal those of the got10k toolkit's OTB experiment (0.1.3) on the same boxes.
 
+pub mod cases;
 pub mod centres;
 pub mod compare;
 pub mod curves;
@@ -26,6 +27,7 @@ pub mod trust;
 pub mod trust_fit;
 pub mod trust_plot;
 
+pub use cases::Case;
 pub use centres::{CentreScore, CentreSummary, score_centres};
 pub use compare::{Evaluation, Row, TrackRun, run_all, score_folder};
 pub use curves::Curves;

@@ -1,12 +1,14 @@
 //! Trackers side by side, as aligned text and as JSON.
 
+use std::collections::BTreeSet;
+
 use serde_json::{Value, json};
 
 use super::compare::{Evaluation, Spread};
 use super::metrics::Score;
 
 /// Aligned text. One tracker: a line a sequence. Several: success AUC and precision of each, sequence by
-/// sequence, then a line a tracker. Sequences a tracker has no result for show as `-` and are named below.
+/// sequence, then a line a tracker, then the first against each of the others. Sequences a tracker has no result for show as `-` and are named below.
 pub fn text(evaluations: &[Evaluation]) -> String {
     let mut names: Vec<&str> = evaluations.iter().flat_map(|e| &e.rows).map(|row| row.sequence.as_str()).collect();
     names.sort();
@@ -26,7 +28,7 @@ pub fn text(evaluations: &[Evaluation]) -> String {
         }));
         let mut means = vec![heads("mean")];
         means.extend(evaluations.iter().filter_map(|e| Some(figures(&e.tracker, &e.mean()?))));
-        format!("{}\n{}", aligned(&lines), aligned(&means))
+        format!("{}\n{}\n{}", aligned(&lines), aligned(&means), aligned(&against(evaluations)))
     };
     for e in evaluations {
         if let (Some(auc), Some(p20)) = (e.spread(|s| s.auc), e.spread(|s| s.p20))
@@ -42,6 +44,25 @@ pub fn text(evaluations: &[Evaluation]) -> String {
         }
     }
     out
+}
+
+/// The first tracker against each of the others, on the sequences that both have: the mean difference of AUC, and how many
+/// sequences have the better and the worse AUC.
+fn against(evaluations: &[Evaluation]) -> Vec<Vec<String>> {
+    let [ours, others @ ..] = evaluations else { return vec![] };
+    let first = format!("{} against", ours.tracker);
+    let mut lines = vec![[first.as_str(), "sequences", "AUC", "better on", "worse on"].map(String::from).to_vec()];
+    for other in others {
+        let names: BTreeSet<&str> = ours.rows.iter().map(|row| row.sequence.as_str()).collect();
+        let auc = |e: &Evaluation, name| e.of_sequence(name).map(|s| s.auc);
+        let differences: Vec<f64> =
+            names.into_iter().filter_map(|name| Some(auc(ours, name)? - auc(other, name)?)).collect();
+        let (n, count) = (differences.len(), |such: fn(&f64) -> bool| differences.iter().copied().filter(such).count());
+        let mean = differences.iter().sum::<f64>() / n.max(1) as f64;
+        let counts = [count(|d| *d > 0.0), count(|d| *d < 0.0)].map(|c| c.to_string());
+        lines.push([vec![other.tracker.clone(), n.to_string(), format!("{mean:+.3}")], counts.to_vec()].concat());
+    }
+    lines
 }
 
 /// All figures, and curves of the means, as JSON. Numbers that are infinite become null.

@@ -37,6 +37,7 @@ pub use self::mp4::Mp4Writer;
 pub use self::portrait::SurfacePicture;
 pub use self::regret::RegretFiles;
 pub use self::report::{CrowdReport, Report};
+pub(crate) use self::report::{escape, fill};
 pub use self::strip::Strip;
 pub use self::table::{Boxes, Table};
 pub use self::trace::Trace;

@@ -7,6 +7,7 @@ mod crowd;
 mod page;
 
 pub use self::crowd::CrowdReport;
+pub(crate) use self::page::{escape, fill};
 
 use std::path::PathBuf;
 

@@ -23,7 +23,7 @@ const LETTER: f64 = 10.0;
 /// Keeps stills at some frames of a run.
 pub struct Strip {
     at: Vec<usize>,
-    truth: Vec<BBox>,
+    truth: Vec<Option<BBox>>,
     window: f64,
     stills: Vec<(usize, Image)>,
 }
@@ -33,12 +33,24 @@ impl Strip {
     /// innermost window, the truth where it is known.
     pub fn new(info: &RunInfo, frames: usize, n: usize) -> Self {
         let last = frames.saturating_sub(1);
-        let mut at: Vec<usize> = (0..n).map(|i| (i * last) / n.saturating_sub(1).max(1)).collect();
-        at.dedup();
+        let at = (0..n).map(|i| (i * last) / n.saturating_sub(1).max(1)).collect();
         let cells = info.retina.iter().flat_map(|r| r.cells()).filter(|c| c.channel == 0);
         let finest = cells.clone().map(|c| c.half).fold(f64::INFINITY, f64::min);
         let inner = cells.filter(|c| c.half <= finest).map(|c| c.u.abs().max(c.v.abs()) + c.half);
-        Self { at, truth: info.truth.clone(), window: inner.fold(0.0, f64::max), stills: vec![] }
+        let truth = info.truth.iter().copied().map(Some).collect();
+        Self { window: inner.fold(0.0, f64::max), ..Self::at(at, truth) }
+    }
+
+    /// Stills of the frames with these indices.
+    pub fn at(mut at: Vec<usize>, truth: Vec<Option<BBox>>) -> Self {
+        at.sort_unstable();
+        at.dedup();
+        Self { at, truth, window: 0.0, stills: vec![] }
+    }
+
+    /// The stills, each with the index of its frame.
+    pub fn into_stills(self) -> Vec<(usize, Image)> {
+        self.stills
     }
 
     fn keep(&mut self, frame: &Frame, state: &State, extent: Extent, look: Option<Gaze>) {
@@ -59,7 +71,7 @@ impl Strip {
             page.outline(&corners, thick + 1.6, BLACK, 0.5);
             page.outline(&corners, thick, colour, 1.0);
         };
-        if let Some(truth) = self.truth.get(frame.index) {
+        if let Some(Some(truth)) = self.truth.get(frame.index) {
             square(&State::of(truth), Gaze::CENTRE, 1.0, 3.6, TRUTH);
         }
         square(state, Gaze::CENTRE, 1.0, 1.8, TARGET);
