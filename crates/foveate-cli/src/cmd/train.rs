@@ -1,6 +1,6 @@
 //! `foveate train`: learns the features of the identity pathway from glimpses; here RBMs, in the folder the others.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Subcommand, ValueEnum};
 use foveate::Result;
@@ -118,9 +118,6 @@ struct RbmArgs {
     /// Seed of all random numbers: the same seed gives the same model.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Threads: all processors, unless given.
-    #[arg(long)]
-    threads: Option<usize>,
     /// Picture of the filters: the model's name with .png, unless given.
     #[arg(long, value_name = "FILE")]
     filters: Option<PathBuf>,
@@ -158,10 +155,7 @@ fn ring(text: &str) -> std::result::Result<[usize; 2], String> {
 /// Runs the command.
 pub fn run(args: Args) -> Result<()> {
     match args.what {
-        What::Rbm(args) => {
-            let pool = common::pool(args.threads, &[&args.out, &args.filters_path()])?;
-            pool.install(|| train(&args))
-        }
+        What::Rbm(args) => train(&args),
         What::Fixations(args) => fixations::run(&args),
         What::Mcrbm(args) => mcrbm::run(&args),
         What::Autoencoder(args) => autoencoder::run(&args),
@@ -195,9 +189,6 @@ impl RbmArgs {
             seed: self.seed,
             ..usual
         }
-    }
-    fn filters_path(&self) -> PathBuf {
-        self.filters.clone().unwrap_or_else(|| self.out.with_extension("png"))
     }
     /// The command that makes the same model: every setting said, folders left open.
     fn command(&self, retina: &FovealConfig, recipe: &Recipe) -> String {
@@ -235,6 +226,7 @@ impl RbmArgs {
 }
 
 fn train(args: &RbmArgs) -> Result<()> {
+    let files = common::Files::of(&args.out, args.filters.as_deref(), args.restart)?;
     let retina = common::retina(args.config.as_deref(), args.side, &args.rings, &args.colour)?;
     let recipe = args.recipe();
     recipe.check()?;
@@ -245,33 +237,27 @@ fn train(args: &RbmArgs) -> Result<()> {
     let counts = [args.glimpses, args.held_out];
     let glimpses = common::Glimpses::look(retina, (set, &args.data), counts, recipe.visible, args.seed)?;
 
-    let checkpoint = common::checkpoint(&args.out);
-    let trainer = common::begin(
-        &checkpoint,
-        args.restart,
+    let trainer = files.begin(
         Trainer::progress,
         |path| Trainer::resume(path, recipe.clone(), glimpses.rows(), &glimpses.sha256),
         || Trainer::new(recipe.clone(), glimpses.rows()),
     )?;
-    let mut training = RbmTraining { trainer, glimpses: &glimpses, checkpoint };
+    let mut training = RbmTraining { trainer, glimpses: &glimpses, checkpoint: &files.checkpoint };
     common::train(&mut training)?;
 
     let (rbm, retina) = (training.trainer.learned(), &glimpses.retina);
     let command = args.command(retina.config(), &recipe);
-    rbm.save(&args.out, &glimpses.metadata(command, recipe.seed, recipe.epochs))?;
-    foveate::scene::save_png(args.filters_path(), &filters::picture(rbm.weights(), retina.cells(), 400)?)?;
+    rbm.save(files.model, &glimpses.metadata(command, recipe.seed, recipe.epochs))?;
     if args.ais {
         print_likelihood(&rbm, glimpses.rows(), glimpses.held(), args.seed)?;
     }
-    let _ = std::fs::remove_file(&training.checkpoint);
-    println!("wrote {} and {}", args.out.display(), args.filters_path().display());
-    Ok(())
+    files.finish(Some(&filters::picture(rbm.weights(), retina.cells(), 400)?))
 }
 
 struct RbmTraining<'a> {
     trainer: Trainer,
     glimpses: &'a common::Glimpses,
-    checkpoint: PathBuf,
+    checkpoint: &'a Path,
 }
 
 impl common::Training for RbmTraining<'_> {
@@ -286,7 +272,7 @@ impl common::Training for RbmTraining<'_> {
         (self.trainer.recipe().epochs, self.trainer.batches(self.glimpses.rows().len()))
     }
     fn save(&self) -> Result<()> {
-        self.trainer.save(&self.checkpoint, &self.glimpses.sha256)
+        self.trainer.save(self.checkpoint, &self.glimpses.sha256)
     }
     fn line(&mut self) -> Result<String> {
         let learned = self.trainer.learned();

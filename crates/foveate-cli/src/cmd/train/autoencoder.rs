@@ -1,6 +1,6 @@
 //! `foveate train autoencoder`: a denoising autoencoder with tied weights, from natural glimpses.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use foveate::Result;
 use foveate::autoencoder::{Recipe, Trainer};
@@ -80,36 +80,26 @@ impl Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    let (out, picture) = (&args.natural.out, args.natural.filters_path());
-    common::pool(args.natural.threads, &[out, &picture])?.install(|| {
-        let recipe = args.recipe();
-        recipe.check()?;
-        let glimpses = args.natural.glimpses()?;
-        let checkpoint = common::checkpoint(out);
-        let trainer = common::begin(
-            &checkpoint,
-            args.natural.restart,
-            Trainer::progress,
-            |path| Trainer::resume(path, recipe.clone(), glimpses.rows(), &glimpses.sha256),
-            || Trainer::new(recipe.clone(), glimpses.rows()),
-        )?;
-        let mut training = AutoencoderTraining { trainer, glimpses: &glimpses, checkpoint };
-        common::train(&mut training)?;
+    let (files, recipe) = (args.natural.files()?, args.recipe());
+    recipe.check()?;
+    let glimpses = args.natural.glimpses()?;
+    let trainer = files.begin(
+        Trainer::progress,
+        |path| Trainer::resume(path, recipe.clone(), glimpses.rows(), &glimpses.sha256),
+        || Trainer::new(recipe.clone(), glimpses.rows()),
+    )?;
+    let mut training = AutoencoderTraining { trainer, glimpses: &glimpses, checkpoint: &files.checkpoint };
+    common::train(&mut training)?;
 
-        let model = training.trainer.learned();
-        model.save(out, &glimpses.metadata(args.command(&glimpses), recipe.seed, recipe.epochs))?;
-        let drawn = filters::picture(model.layer().weights(), glimpses.retina.cells(), 400)?;
-        foveate::scene::save_png(&picture, &drawn)?;
-        let _ = std::fs::remove_file(&training.checkpoint);
-        println!("wrote {} and {}", out.display(), picture.display());
-        Ok(())
-    })
+    let model = training.trainer.learned();
+    model.save(files.model, &glimpses.metadata(args.command(&glimpses), recipe.seed, recipe.epochs))?;
+    files.finish(Some(&filters::picture(model.layer().weights(), glimpses.retina.cells(), 400)?))
 }
 
 struct AutoencoderTraining<'a> {
     trainer: Trainer,
     glimpses: &'a Glimpses,
-    checkpoint: PathBuf,
+    checkpoint: &'a Path,
 }
 
 impl Training for AutoencoderTraining<'_> {
@@ -124,7 +114,7 @@ impl Training for AutoencoderTraining<'_> {
         (self.trainer.recipe().epochs, self.trainer.batches(self.glimpses.rows().len()))
     }
     fn save(&self) -> Result<()> {
-        self.trainer.save(&self.checkpoint, &self.glimpses.sha256)
+        self.trainer.save(self.checkpoint, &self.glimpses.sha256)
     }
     fn line(&mut self) -> Result<String> {
         let some = |rows: Rows<'_>| rows.data().len().min(MONITORED * rows.width());

@@ -11,7 +11,7 @@ use foveate::rows::Rows;
 use foveate::training::classifier::{Held, Recipe, Trainer, calibrated, judge};
 use foveate::training::pictures::{Beholder, Pictures, Variation};
 
-use super::common::{self, Training};
+use super::common::{self, Files, Training};
 
 /// Times that held-out pictures are shown otherwise, to see what a track would make of them.
 const SHOWN: u64 = 4;
@@ -53,9 +53,6 @@ pub struct Args {
     /// Seed of all random numbers: the same seed gives the same model.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Threads: all processors, unless given.
-    #[arg(long)]
-    threads: Option<usize>,
     /// Begin anew, even if there is a checkpoint.
     #[arg(long)]
     restart: bool,
@@ -104,10 +101,7 @@ impl Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    common::pool(args.threads, &[&args.out])?.install(|| train(args))
-}
-
-fn train(args: &Args) -> Result<()> {
+    let files = Files::of(&args.out, None, args.restart)?;
     let (config, base) = args.layer()?;
     let (retina, encoder) = config.identity(&base)?;
     let geometry = serde_json::to_string(retina.config()).expect("a retina's geometry becomes JSON");
@@ -125,13 +119,10 @@ fn train(args: &Args) -> Result<()> {
     let variation = if args.still { Variation::default() } else { Variation::of_tracks() };
     let beholder = Beholder { retina, encoder, variation, seed: args.seed };
     let shown = |beholder: &Beholder, epoch: usize| beholder.look(&learn, if args.still { 0 } else { epoch as u64 });
-    let checkpoint = common::checkpoint(&args.out);
     let data = format!("{} {first_layer} {geometry} {}", all.sha256(), args.still);
     let first = shown(&beholder, 0);
     let rows = Rows::new(&first, n_h);
-    let trainer = common::begin(
-        &checkpoint,
-        args.restart,
+    let trainer = files.begin(
         Trainer::progress,
         |path| Trainer::resume(path, recipe.clone(), rows, &data),
         || Trainer::new(recipe.clone(), rows),
@@ -140,7 +131,7 @@ fn train(args: &Args) -> Result<()> {
     let made = if epoch == 0 { first } else { shown(&beholder, epoch) };
     let show = |epoch: usize| shown(&beholder, epoch);
     let as_they_are = look(&beholder, Variation::default(), &held, 1);
-    let (labels, checkpoint_path, data) = (learn.labels(), &checkpoint, &data);
+    let (labels, checkpoint_path, data) = (learn.labels(), &files.checkpoint, &data);
     let mut training = Learning {
         trainer,
         show: &show,
@@ -169,12 +160,8 @@ fn train(args: &Args) -> Result<()> {
         epochs: recipe.epochs,
     };
     Classifier::new(softmax, all.names().to_vec())?.save(&args.out, &metadata, &first_layer)?;
-    let _ = std::fs::remove_file(&checkpoint);
-    println!(
-        "wrote {}; try it with: foveate track VIDEO --init X,Y,W,H --recognise {}",
-        args.out.display(),
-        args.out.display()
-    );
+    files.finish(None)?;
+    println!("try it with: foveate track VIDEO --init X,Y,W,H --recognise {}", args.out.display());
     Ok(())
 }
 

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use foveate::identity::retina::{Foveal, FovealConfig, Retina};
 use foveate::rbm::{Metadata, Visible};
 use foveate::rows::Rows;
+use foveate::scene::{Image, save_png};
 use foveate::training::{self, Set, Source};
 use foveate::{Error, Result};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -44,9 +45,6 @@ pub struct Natural {
     /// Seed of all random numbers: the same seed gives the same model.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Threads: all processors, unless given.
-    #[arg(long)]
-    pub threads: Option<usize>,
     /// Picture of the filters: the model's name with .png, unless given.
     #[arg(long, value_name = "FILE")]
     pub filters: Option<PathBuf>,
@@ -67,9 +65,9 @@ pub struct Glimpses {
 }
 
 impl Natural {
-    /// Where the picture of the filters goes.
-    pub fn filters_path(&self) -> PathBuf {
-        self.filters.clone().unwrap_or_else(|| self.out.with_extension("png"))
+    /// Where its files go.
+    pub fn files(&self) -> Result<Files<'_>> {
+        Files::of(&self.out, self.filters.as_deref(), self.restart)
     }
     /// Reads the photographs and looks at them; says what it found.
     pub fn glimpses(&self) -> Result<Glimpses> {
@@ -155,46 +153,59 @@ impl Glimpses {
     }
 }
 
-/// Fails where the folder of one of these files is not there: asked before the work, not after it.
-pub fn folders(files: &[&Path]) -> Result<()> {
-    for path in files {
-        if path.parent().is_some_and(|dir| !dir.as_os_str().is_empty() && !dir.is_dir()) {
-            return Err(Error::Config(format!("{}: its folder does not exist", path.display())));
-        }
-    }
-    Ok(())
-}
-
-/// Threads to work with, and [`folders`] that are there.
-pub fn pool(threads: Option<usize>, files: &[&Path]) -> Result<rayon::ThreadPool> {
-    folders(files)?;
-    let threads = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0)).build();
-    threads.map_err(|e| Error::Config(format!("--threads: {e}")))
-}
-
-/// Where the checkpoint of a model file is.
-pub fn checkpoint(out: &Path) -> PathBuf {
-    let mut name = out.to_path_buf().into_os_string();
-    name.push(".checkpoint");
-    PathBuf::from(name)
-}
-
-/// A training that goes on from its checkpoint where there is one, unless it is to `restart`; else a new one. The trainer is
-/// asked for its `progress`, to say where it goes on.
-pub fn begin<T>(
-    checkpoint: &Path,
+/// Where the files of a training go.
+pub struct Files<'a> {
+    /// The model.
+    pub model: &'a Path,
+    /// Progress, until the model is there.
+    pub checkpoint: PathBuf,
+    picture: PathBuf,
     restart: bool,
-    progress: fn(&T) -> (usize, usize),
-    resume: impl FnOnce(&Path) -> Result<T>,
-    new: impl FnOnce() -> Result<T>,
-) -> Result<T> {
-    if restart || !checkpoint.exists() {
-        return new();
+}
+
+impl<'a> Files<'a> {
+    /// The model's file, the picture of its filters (beside it unless given), and whether to begin anew though there is a
+    /// checkpoint. Fails where a folder is not there: before the work, not after it.
+    pub fn of(model: &'a Path, picture: Option<&Path>, restart: bool) -> Result<Self> {
+        let picture = picture.map_or_else(|| model.with_extension("png"), Path::to_path_buf);
+        for path in [model, &picture] {
+            if path.parent().is_some_and(|dir| !dir.as_os_str().is_empty() && !dir.is_dir()) {
+                return Err(Error::Config(format!("{}: its folder does not exist", path.display())));
+            }
+        }
+        let mut checkpoint = model.to_path_buf().into_os_string();
+        checkpoint.push(".checkpoint");
+        Ok(Self { model, checkpoint: checkpoint.into(), picture, restart })
     }
-    let trainer = resume(checkpoint)?;
-    let (epoch, batch) = progress(&trainer);
-    println!("going on from {}: epoch {}, batch {batch}", checkpoint.display(), epoch + 1);
-    Ok(trainer)
+
+    /// A training that goes on from its checkpoint where there is one, unless it is to begin anew; else a new one. The
+    /// trainer is asked for its `progress`, to say where it goes on.
+    pub fn begin<T>(
+        &self,
+        progress: fn(&T) -> (usize, usize),
+        resume: impl FnOnce(&Path) -> Result<T>,
+        new: impl FnOnce() -> Result<T>,
+    ) -> Result<T> {
+        if self.restart || !self.checkpoint.exists() {
+            return new();
+        }
+        let trainer = resume(&self.checkpoint)?;
+        let (epoch, batch) = progress(&trainer);
+        println!("going on from {}: epoch {}, batch {batch}", self.checkpoint.display(), epoch + 1);
+        Ok(trainer)
+    }
+
+    /// The model is there: keeps the picture of its filters, where there is one, and says so. There is nothing to go on
+    /// from any more.
+    pub fn finish(&self, picture: Option<&Image>) -> Result<()> {
+        if let Some(picture) = picture {
+            save_png(&self.picture, picture)?;
+        }
+        let _ = std::fs::remove_file(&self.checkpoint);
+        let and = picture.map_or(String::new(), |_| format!(" and {}", self.picture.display()));
+        println!("wrote {}{and}", self.model.display());
+        Ok(())
+    }
 }
 
 /// A training that can be interrupted.

@@ -18,7 +18,7 @@ use foveate::training::recognition::curve;
 use foveate::training::sequences::{Gazes, Looker, Made, Trouble, larochelle_hinton};
 use foveate::{Error, Result};
 
-use super::common::{self, Training};
+use super::common::{self, Files, Training};
 
 /// Training digits that are held out: the last of the set.
 const HELD_OUT: usize = 5000;
@@ -210,7 +210,7 @@ impl Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    common::folders(&[&args.out])?;
+    let files = Files::of(&args.out, None, args.restart)?;
     let recipe = args.recipe();
     recipe.check()?;
     let view = args.view(recipe.window)?;
@@ -232,25 +232,23 @@ pub fn run(args: &Args) -> Result<()> {
         recipe.window
     );
 
-    let checkpoint = common::checkpoint(&args.out);
     let name = format!("{} digits, {}", learn.len(), args.command(&recipe));
     let still = matches!(view.looker.gazes, Gazes::All(_)) && view.looker.trouble == Trouble::default();
     let shown = |epoch: usize| view.looker.look(&learn, if still { 0 } else { epoch as u64 });
     let places = view.looker.places.clone();
-    let mut training = common::begin(
-        &checkpoint,
-        args.restart,
+    let checkpoint = &files.checkpoint;
+    let mut training = files.begin(
         Fixations::progress,
         |path| {
             let epoch = Trainer::epoch_of(path)?;
             let made = shown(epoch)?;
             let trainer = Trainer::resume(path, recipe.clone(), places.clone(), made.sequences(), &name)?;
-            Ok(Fixations { trainer, shown: &shown, made, epoch, held: &held, checkpoint: &checkpoint, name: &name })
+            Ok(Fixations { trainer, shown: &shown, made, epoch, held: &held, checkpoint, name: &name })
         },
         || {
             let made = shown(0)?;
             let trainer = Trainer::new(recipe.clone(), places.clone(), made.sequences())?;
-            Ok(Fixations { trainer, shown: &shown, made, epoch: 0, held: &held, checkpoint: &checkpoint, name: &name })
+            Ok(Fixations { trainer, shown: &shown, made, epoch: 0, held: &held, checkpoint, name: &name })
         },
     )?;
     common::train(&mut training)?;
@@ -276,8 +274,7 @@ pub fn run(args: &Args) -> Result<()> {
         println!("wrote {}", classifier_path(&args.out).display());
     }
     rbm.save(&args.out, &about)?;
-    let _ = std::fs::remove_file(&checkpoint);
-    println!("wrote {}", args.out.display());
+    files.finish(None)?;
     match Digits::load(&args.data, Split::Test) {
         Ok(test) => assess(&MultiFixation::load(&args.out)?.0, view.looker, &test),
         Err(_) => Ok(()),

@@ -1,6 +1,6 @@
 //! `foveate train kmeans`: k-means filters of natural patches, for a convolutional first layer.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use foveate::Result;
 use foveate::identity::convolution::Patches;
@@ -67,45 +67,35 @@ impl Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    let (out, picture) = (&args.natural.out, args.natural.filters_path());
-    common::pool(args.natural.threads, &[out, &picture])?.install(|| {
-        let (recipe, side) = (args.recipe(), usize::from(args.patch));
-        recipe.check()?;
-        let glimpses = args.natural.glimpses()?;
-        let cut = Patches::new(glimpses.retina.cells(), side, 1)?;
-        let streams = |seed| Streams::new(seed, 0).at(1, Purpose::Scene);
-        let learn = cut.some(glimpses.rows(), args.patches, streams(args.natural.seed));
-        let held = cut.some(glimpses.held(), glimpses.held().len(), streams(!args.natural.seed));
-        let (learn, held, sha256) = (Rows::new(&learn, side * side), Rows::new(&held, side * side), sha256_of(&learn));
-        let checkpoint = common::checkpoint(out);
-        let trainer = common::begin(
-            &checkpoint,
-            args.natural.restart,
-            Trainer::progress,
-            |path| Trainer::resume(path, recipe.clone(), learn, &sha256),
-            || Trainer::new(recipe.clone(), learn),
-        )?;
-        let (n_p, n_x, k) = trainer.learned().shape();
-        println!("{} patches of {n_p} values, {n_x} of them whitened, {k} filters", learn.len());
-        let mut training = KMeansTraining { trainer, held, sha256, checkpoint };
-        common::train(&mut training)?;
+    let (files, recipe, side) = (args.natural.files()?, args.recipe(), usize::from(args.patch));
+    recipe.check()?;
+    let glimpses = args.natural.glimpses()?;
+    let cut = Patches::new(glimpses.retina.cells(), side, 1)?;
+    let streams = |seed| Streams::new(seed, 0).at(1, Purpose::Scene);
+    let learn = cut.some(glimpses.rows(), args.patches, streams(args.natural.seed));
+    let held = cut.some(glimpses.held(), glimpses.held().len(), streams(!args.natural.seed));
+    let (learn, held, sha256) = (Rows::new(&learn, side * side), Rows::new(&held, side * side), sha256_of(&learn));
+    let trainer = files.begin(
+        Trainer::progress,
+        |path| Trainer::resume(path, recipe.clone(), learn, &sha256),
+        || Trainer::new(recipe.clone(), learn),
+    )?;
+    let (n_p, n_x, k) = trainer.learned().shape();
+    println!("{} patches of {n_p} values, {n_x} of them whitened, {k} filters", learn.len());
+    let mut training = KMeansTraining { trainer, held, sha256, checkpoint: &files.checkpoint };
+    common::train(&mut training)?;
 
-        let model = training.trainer.learned();
-        model.save(out, &glimpses.metadata(args.command(&glimpses), recipe.seed, recipe.epochs))?;
-        let patch = Foveal::new(FovealConfig { side: side as f64, rings: vec![[side, 1]], colour: vec![] })?;
-        let drawn = filters::picture(Rows::new(&model.pictures(), k), patch.cells(), 400)?;
-        foveate::scene::save_png(&picture, &drawn)?;
-        let _ = std::fs::remove_file(&training.checkpoint);
-        println!("wrote {} and {}", out.display(), picture.display());
-        Ok(())
-    })
+    let model = training.trainer.learned();
+    model.save(files.model, &glimpses.metadata(args.command(&glimpses), recipe.seed, recipe.epochs))?;
+    let patch = Foveal::new(FovealConfig { side: side as f64, rings: vec![[side, 1]], colour: vec![] })?;
+    files.finish(Some(&filters::picture(Rows::new(&model.pictures(), k), patch.cells(), 400)?))
 }
 
 struct KMeansTraining<'a> {
     trainer: Trainer,
     held: Rows<'a>,
     sha256: String,
-    checkpoint: PathBuf,
+    checkpoint: &'a Path,
 }
 
 impl Training for KMeansTraining<'_> {
@@ -120,7 +110,7 @@ impl Training for KMeansTraining<'_> {
         (self.trainer.recipe().epochs, 1)
     }
     fn save(&self) -> Result<()> {
-        self.trainer.save(&self.checkpoint, &self.sha256)
+        self.trainer.save(self.checkpoint, &self.sha256)
     }
     fn line(&mut self) -> Result<String> {
         let (error, n_x) = (self.trainer.error(), self.trainer.learned().shape().1);

@@ -1,6 +1,6 @@
 //! `foveate train mcrbm`: a factored RBM, of covariance and mean units, from natural glimpses.
 
-use std::path::PathBuf;
+use std::path::Path;
 
 use clap::ValueEnum;
 use foveate::Result;
@@ -130,46 +130,37 @@ impl Args {
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
-    let (out, picture) = (&args.natural.out, args.natural.filters_path());
-    common::pool(args.natural.threads, &[out, &picture])?.install(|| {
-        let recipe = args.recipe();
-        recipe.check()?;
-        let glimpses = args.natural.glimpses()?;
-        let checkpoint = common::checkpoint(out);
-        let trainer = common::begin(
-            &checkpoint,
-            args.natural.restart,
-            Trainer::progress,
-            |path| Trainer::resume(path, recipe.clone(), glimpses.rows(), &glimpses.sha256),
-            || Trainer::new(recipe.clone(), glimpses.rows()),
-        )?;
-        let sizes = trainer.learned().sizes();
-        println!(
-            "{} whitened values, {} factors, {} covariance and {} mean units",
-            sizes.white, sizes.factors, sizes.covariance, sizes.mean
-        );
-        let mut training = Mcrbm { trainer, glimpses: &glimpses, checkpoint };
-        common::train(&mut training)?;
+    let (files, recipe) = (args.natural.files()?, args.recipe());
+    recipe.check()?;
+    let glimpses = args.natural.glimpses()?;
+    let trainer = files.begin(
+        Trainer::progress,
+        |path| Trainer::resume(path, recipe.clone(), glimpses.rows(), &glimpses.sha256),
+        || Trainer::new(recipe.clone(), glimpses.rows()),
+    )?;
+    let sizes = trainer.learned().sizes();
+    println!(
+        "{} whitened values, {} factors, {} covariance and {} mean units",
+        sizes.white, sizes.factors, sizes.covariance, sizes.mean
+    );
+    let mut training = Mcrbm { trainer, glimpses: &glimpses, checkpoint: &files.checkpoint };
+    common::train(&mut training)?;
 
-        let rbm = training.trainer.learned();
-        rbm.save(out, &glimpses.metadata(args.command(&glimpses), recipe.seed, recipe.epochs))?;
-        let (factors, means) = (rbm.factor_filters(), rbm.mean_filters());
-        // The factors' filters, then the mean units'.
-        let both: Vec<f32> = (factors.chunks_exact(sizes.factors).zip(means.chunks_exact(sizes.mean)))
-            .flat_map(|(f, m)| f.iter().chain(m).copied())
-            .collect();
-        let both = Rows::new(&both, sizes.factors + sizes.mean);
-        foveate::scene::save_png(&picture, &filters::picture(both, glimpses.retina.cells(), both.width())?)?;
-        let _ = std::fs::remove_file(&training.checkpoint);
-        println!("wrote {} and {}", out.display(), picture.display());
-        Ok(())
-    })
+    let rbm = training.trainer.learned();
+    rbm.save(files.model, &glimpses.metadata(args.command(&glimpses), recipe.seed, recipe.epochs))?;
+    let (factors, means) = (rbm.factor_filters(), rbm.mean_filters());
+    // The factors' filters, then the mean units'.
+    let both: Vec<f32> = (factors.chunks_exact(sizes.factors).zip(means.chunks_exact(sizes.mean)))
+        .flat_map(|(f, m)| f.iter().chain(m).copied())
+        .collect();
+    let both = Rows::new(&both, sizes.factors + sizes.mean);
+    files.finish(Some(&filters::picture(both, glimpses.retina.cells(), both.width())?))
 }
 
 struct Mcrbm<'a> {
     trainer: Trainer,
     glimpses: &'a Glimpses,
-    checkpoint: PathBuf,
+    checkpoint: &'a Path,
 }
 
 impl Training for Mcrbm<'_> {
@@ -184,7 +175,7 @@ impl Training for Mcrbm<'_> {
         (self.trainer.recipe().epochs, self.trainer.batches())
     }
     fn save(&self) -> Result<()> {
-        self.trainer.save(&self.checkpoint, &self.glimpses.sha256)
+        self.trainer.save(self.checkpoint, &self.glimpses.sha256)
     }
     fn line(&mut self) -> Result<String> {
         let model = self.trainer.learned();
