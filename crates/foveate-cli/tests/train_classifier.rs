@@ -2,9 +2,12 @@
 //! class by its name.
 
 use foveate::scene::{Digits, Image, save_png};
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Stdio};
+
+mod training;
+
+use training::{fails, said, whole_and_cut};
 
 /// Names of three classes, one of which no table takes as it is.
 const CLASSES: [(u8, &str); 3] = [(0, "zero"), (1, "one, a stroke"), (3, "three")];
@@ -27,20 +30,15 @@ fn command(dir: &Path, args: &[&str]) -> Command {
     command
 }
 
-fn said(output: &Output) -> String {
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8_lossy(&output.stdout).into_owned()
-}
-
 #[test]
 fn a_user_s_classes_are_learned_and_a_track_says_them_by_name() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let dir = dir.path();
     write_pictures(&dir.join("pictures"));
-    let train = |out: &'static str| {
+    let train = |out| {
         command(dir, &["train", "classifier", "--data", "pictures", "--epochs", "25", "--threads", "2", "--out", out])
     };
-    let words = said(&train("whole.safetensors").output().expect("it runs"));
+    let (words, rest) = whole_and_cut(dir, &train, &["epoch 3/25"]);
     assert!(
         words.contains("48 pictures to learn from, 12 held out") && words.contains("one, a stroke: 16 and 4"),
         "{words}"
@@ -48,23 +46,14 @@ fn a_user_s_classes_are_learned_and_a_track_says_them_by_name() {
     // Three classes of pen strokes that differ as a ring, a line and two bows: all twelve right.
     assert!(words.contains("held-out pictures as they are: 100.0 % right"), "{words}");
 
-    // Killed (-9), and gone on.
-    let mut child = train("cut.safetensors").spawn().expect("it runs");
-    let out = BufReader::new(child.stdout.take().expect("piped"));
-    out.lines().map_while(Result::ok).find(|line| line.starts_with("epoch 3/25")).expect("the epoch comes");
-    child.kill().expect("it still runs, or has ended");
-    child.wait().expect("it ends");
-    let words = said(&train("cut.safetensors").output().expect("it runs"));
-    assert!(words.contains("going on from cut.safetensors.checkpoint"), "{words}");
-    let bytes = |name: &str| std::fs::read(dir.join(name)).expect("a model");
-    assert!(bytes("cut.safetensors") == bytes("whole.safetensors"), "the same command gives the same file");
+    assert!(rest.contains("going on from cut.safetensors.checkpoint"), "{rest}");
 
     // Digits of another pen, alone on black.
     for (digit, name) in CLASSES {
         let scene = ["synth", "clutter", "--frames", "12", "--seed", "3", "--distractors", "0", "--out", name];
-        said(&command(dir, &[&scene[..], &["--digit", &digit.to_string()]].concat()).output().expect("it runs"));
+        said(command(dir, &[&scene[..], &["--digit", &digit.to_string()]].concat()));
         let track = ["track", name, "-c", "digits", "--no-video", "-o", "out", "--recognise", "whole.safetensors"];
-        let words = said(&command(dir, &track).output().expect("it runs"));
+        let words = said(command(dir, &track));
         assert!(words.contains(&format!("Recognised as {name}, with probability")), "{words}");
         let read = |file: &str| std::fs::read_to_string(dir.join("out").join(file)).expect("it was written");
         let last = read("track.csv").lines().last().expect("frames").to_owned();
@@ -74,7 +63,7 @@ fn a_user_s_classes_are_learned_and_a_track_says_them_by_name() {
             serde_json::from_str(read("trace.jsonl").lines().last().expect("frames")).expect("a line is JSON");
         assert_eq!((line["class"].as_str(), line["classes"].as_array().map(Vec::len)), (Some(name), Some(3)));
         assert!(read("report.html").contains(&format!("\"name\":\"{name}\"")));
-        let json = said(&command(dir, &[&track[..], &["--json"]].concat()).output().expect("it runs"));
+        let json = said(command(dir, &[&track[..], &["--json"]].concat()));
         let json: serde_json::Value = serde_json::from_str(&json).expect("JSON alone");
         assert_eq!(json["class_name"].as_str(), Some(name));
     }
@@ -86,9 +75,7 @@ fn mistakes_are_told() {
     let dir = dir.path();
     let says = |words: &str, extra: &[&str]| {
         let train = ["train", "classifier", "--data", "pictures", "--out", "m.safetensors"];
-        let output = command(dir, &[&train[..], extra].concat()).output().expect("it runs");
-        let text = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(!output.status.success() && text.contains(words) && !text.contains("panicked"), "{text}");
+        fails(command(dir, &[&train[..], extra].concat()), words);
     };
     says("pictures: cannot read the folder", &[]);
     std::fs::create_dir(dir.join("pictures")).expect("a writable folder");

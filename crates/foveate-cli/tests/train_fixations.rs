@@ -1,8 +1,11 @@
 //! `foveate train fixations` as a user meets it: it trains, it survives being killed, it says what is wrong.
 
-use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
+
+mod training;
+
+use training::{fails, said, whole_and_cut};
 
 /// Digits that are bars, level (even) or upright (odd), as IDX files: 120 to learn from, 40 to test with.
 fn write_digits(dir: &Path) {
@@ -35,41 +38,23 @@ fn a_killed_training_goes_on_and_ends_with_the_same_bits() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     write_digits(dir.path());
     let epochs = ["--epochs", "12", "--clean"];
-    let whole = command(dir.path(), "whole.safetensors", &epochs).output().expect("it runs");
-    assert!(whole.status.success(), "{}", String::from_utf8_lossy(&whole.stderr));
-    let said = String::from_utf8_lossy(&whole.stdout).into_owned();
-    assert!(said.contains("epoch 12/12  log p(y|x)") && said.contains("40 test digits, centred and alone"), "{said}");
-    assert!(said.contains("30 fixations: the last 3 alone") && said.contains("calibration error"), "{said}");
-
-    let mut child = command(dir.path(), "cut.safetensors", &epochs).spawn().expect("it runs");
-    let out = BufReader::new(child.stdout.take().expect("piped"));
-    out.lines().map_while(Result::ok).find(|line| line.starts_with("epoch 2/12")).expect("the epoch comes");
-    child.kill().expect("it still runs, or has ended");
-    child.wait().expect("it ends");
-    let rest = command(dir.path(), "cut.safetensors", &epochs).output().expect("it runs");
-    let said = String::from_utf8_lossy(&rest.stdout).into_owned();
-    assert!(said.contains("going on from") && !said.contains("epoch 1/12"), "{said}");
-    let bytes = |name: &str| std::fs::read(dir.path().join(name)).expect("a model");
-    assert!(bytes("cut.safetensors") == bytes("whole.safetensors"), "the same command gives the same file");
-    assert!(!dir.path().join("cut.safetensors.checkpoint").exists(), "a finished training needs no checkpoint");
+    let (whole, rest) = whole_and_cut(dir.path(), &|out| command(dir.path(), out, &epochs), &["epoch 2/12"]);
+    assert!(whole.contains("epoch 12/12  log p(y|x)"), "{whole}");
+    assert!(whole.contains("40 test digits, centred and alone"), "{whole}");
+    assert!(whole.contains("30 fixations: the last 3 alone") && whole.contains("calibration error"), "{whole}");
+    assert!(rest.contains("going on from") && !rest.contains("epoch 1/12"), "{rest}");
 }
 
 #[test]
 fn the_papers_way_and_larochelle_and_hintons() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     write_digits(dir.path());
-    let run = |out: &str, extra: &[&str]| {
-        let done = command(dir.path(), out, extra).output().expect("it runs");
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        String::from_utf8_lossy(&done.stdout).into_owned()
-    };
-    let said = run("paper.safetensors", &["--cost", "generative", "--gates", "linear", "--clean", "--epochs", "4"]);
-    assert!(said.contains("paper.safetensors.softmax") && said.contains("40 test digits"), "{said}");
-    let said = run("lh.safetensors", &["--larochelle-hinton", "--cost", "hybrid", "--epochs", "10"]);
-    assert!(
-        said.contains("96 values a fixation, 4 fixations") && said.contains("40 test digits, all 4 fixations"),
-        "{said}"
-    );
+    let run = |out: &str, extra: &[&str]| said(command(dir.path(), out, extra));
+    let words = run("paper.safetensors", &["--cost", "generative", "--gates", "linear", "--clean", "--epochs", "4"]);
+    assert!(words.contains("paper.safetensors.softmax") && words.contains("40 test digits"), "{words}");
+    let words = run("lh.safetensors", &["--larochelle-hinton", "--cost", "hybrid", "--epochs", "10"]);
+    assert!(words.contains("96 values a fixation, 4 fixations"), "{words}");
+    assert!(words.contains("40 test digits, all 4 fixations"), "{words}");
 }
 
 #[test]
@@ -82,8 +67,6 @@ fn what_cannot_be_done_is_said_before_the_work() {
         (&["--digits", "3"], "at least 10"),
         (&["--reach", "7"], "--reach"),
     ] {
-        let done = command(dir.path(), "x.safetensors", extra).output().expect("it runs");
-        let said = String::from_utf8_lossy(&done.stderr).into_owned();
-        assert!(!done.status.success() && said.contains(word), "{extra:?}: {said}");
+        fails(command(dir.path(), "x.safetensors", extra), word);
     }
 }

@@ -4,6 +4,10 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+mod training;
+
+use training::{fails, whole_and_cut};
+
 /// A set of digits that are rectangles of many shapes, as IDX files.
 fn write_digits(dir: &Path) {
     let n = 60u32;
@@ -33,26 +37,11 @@ fn a_killed_training_goes_on_and_ends_with_the_same_bits() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     write_digits(dir.path());
     let epochs = ["--epochs", "40"];
-    let whole = command(dir.path(), "whole.safetensors", &epochs).output().expect("it runs");
-    assert!(whole.status.success(), "{}", String::from_utf8_lossy(&whole.stderr));
-    let said = String::from_utf8_lossy(&whole.stdout).into_owned();
-    assert!(said.contains("epoch 40/40  reconstruction") && said.contains("pseudo-log-likelihood"), "{said}");
-    assert!(!dir.path().join("whole.safetensors.checkpoint").exists(), "a finished training needs no checkpoint");
+    let train = |out| command(dir.path(), out, &epochs);
+    let (whole, rest) = whole_and_cut(dir.path(), &train, &["epoch 1/40", "epoch 10/40"]);
+    assert!(whole.contains("epoch 40/40  reconstruction") && whole.contains("pseudo-log-likelihood"), "{whole}");
     assert!(std::fs::read(dir.path().join("whole.png")).expect("filters").starts_with(b"\x89PNG"));
-
-    // Killed (-9) twice, after its first and its tenth epoch or a little later.
-    for epoch in ["epoch 1/40", "epoch 10/40"] {
-        let mut child = command(dir.path(), "cut.safetensors", &epochs).spawn().expect("it runs");
-        let out = BufReader::new(child.stdout.take().expect("piped"));
-        out.lines().map_while(Result::ok).find(|line| line.starts_with(epoch)).expect("the epoch comes");
-        child.kill().expect("it still runs, or has ended");
-        child.wait().expect("it ends");
-    }
-    let rest = command(dir.path(), "cut.safetensors", &epochs).output().expect("it runs");
-    let said = String::from_utf8_lossy(&rest.stdout).into_owned();
-    assert!(said.contains("going on from") && !said.contains("epoch 5/40"), "{said}");
-    let bytes = |name: &str| std::fs::read(dir.path().join(name)).expect("a model");
-    assert!(bytes("cut.safetensors") == bytes("whole.safetensors"), "the same command gives the same file");
+    assert!(rest.contains("going on from") && !rest.contains("epoch 5/40"), "{rest}");
 }
 
 #[cfg(unix)]
@@ -74,9 +63,7 @@ fn ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on() {
     assert!(rest.contains("the same command goes on from there"), "{rest}");
     assert!(dir.path().join("m.safetensors.checkpoint").exists() && !dir.path().join("m.safetensors").exists());
     // With another recipe it does not go on, and says why; --restart begins anew.
-    let other = command(dir.path(), "m.safetensors", &["--epochs", "2", "--rate", "0.3"]).output().expect("it runs");
-    assert!(!other.status.success());
-    assert!(String::from_utf8_lossy(&other.stderr).contains("it was begun as"), "{other:?}");
+    fails(command(dir.path(), "m.safetensors", &["--epochs", "2", "--rate", "0.3"]), "it was begun as");
     let anew = command(dir.path(), "m.safetensors", &["--epochs", "2", "--rate", "0.3", "--restart"]).status();
     assert!(anew.expect("it runs").success());
 }
@@ -84,11 +71,7 @@ fn ctrl_c_leaves_a_checkpoint_and_says_how_to_go_on() {
 #[test]
 fn mistakes_are_told_before_the_work() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let says = |extra: &[&str], words: &str| {
-        let output = command(dir.path(), "m.safetensors", extra).output().expect("it runs");
-        let text = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert!(!output.status.success() && text.contains(words), "{text}");
-    };
+    let says = |extra: &[&str], words: &str| fails(command(dir.path(), "m.safetensors", extra), words);
     says(&[], "train-images-idx3-ubyte");
     write_digits(dir.path());
     says(&["--momentum", "1"], "momentum");

@@ -1,0 +1,37 @@
+//! What the tests of all trainings ask.
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::Command;
+
+/// What a command says that does what it is told.
+pub fn said(mut command: Command) -> String {
+    let output = command.output().expect("it runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// A command that fails with these words, without a panic.
+pub fn fails(mut command: Command, words: &str) {
+    let output = command.output().expect("it runs");
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && text.contains(words) && !text.contains("panicked"), "{text}");
+}
+
+/// A training whose model is `whole.safetensors`; and one of `cut.safetensors` that is killed (-9) whenever one of these
+/// lines comes, or a little later, and then goes on to the same bits. Answers what the first and the last of these runs said.
+pub fn whole_and_cut(dir: &Path, train: &dyn Fn(&'static str) -> Command, lines: &[&str]) -> (String, String) {
+    let whole = said(train("whole.safetensors"));
+    assert!(!dir.join("whole.safetensors.checkpoint").exists(), "a finished training needs no checkpoint");
+    for start in lines {
+        let mut child = train("cut.safetensors").spawn().expect("it runs");
+        let out = BufReader::new(child.stdout.take().expect("piped"));
+        out.lines().map_while(Result::ok).find(|line| line.starts_with(start)).expect("the epoch comes");
+        child.kill().expect("it still runs, or has ended");
+        child.wait().expect("it ends");
+    }
+    let rest = said(train("cut.safetensors"));
+    let bytes = |name: &str| std::fs::read(dir.join(name)).expect("a model");
+    assert!(bytes("cut.safetensors") == bytes("whole.safetensors"), "the same command gives the same file");
+    (whole, rest)
+}
