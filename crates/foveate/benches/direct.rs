@@ -9,6 +9,10 @@ use foveate::gp::direct::{Direct, Form};
 use std::f64::consts::PI;
 use std::hint::black_box;
 
+mod clock;
+
+use clock::seconds;
+
 fn main() {
     let rounds = std::env::args().filter_map(|a| a.parse().ok()).next().unwrap_or(9);
     run("branin", rounds, [-5.0, 0.0], [10.0, 15.0], -0.39788735772973816, branin);
@@ -151,19 +155,5 @@ fn run<const D: usize>(
                 figures[0][1]
             );
         }
-    }
-}
-
-/// CPU seconds of this thread, which does all the work; wall seconds where the system does not tell.
-fn seconds(work: impl FnOnce()) -> f64 {
-    let cpu = || -> Option<f64> {
-        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-        Some(text.split(' ').next()?.parse::<f64>().ok()? * 1e-9)
-    };
-    let (wall, before) = (std::time::Instant::now(), cpu());
-    work();
-    match (before, cpu()) {
-        (Some(a), Some(b)) => b - a,
-        _ => wall.elapsed().as_secs_f64(),
     }
 }

@@ -13,7 +13,10 @@ use foveate_kernels::Normals;
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use std::sync::Arc;
-use std::time::Instant;
+
+mod clock;
+
+use clock::seconds;
 
 /// x' = x + v + a₁₁ n₁, v' = v + a₂₁ n₁ + a₂₂ n₂: white acceleration of density Q over one frame.
 struct WhiteAcceleration {
@@ -161,20 +164,6 @@ impl Filter {
                 *particle = self.predicted[ancestor];
             }
         }
-    }
-}
-
-/// CPU seconds of this thread, which does all the work; wall seconds where the system does not tell.
-fn seconds(work: impl FnOnce()) -> f64 {
-    let cpu = || -> Option<f64> {
-        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-        Some(text.split(' ').next()?.parse::<f64>().ok()? * 1e-9)
-    };
-    let (wall, before) = (Instant::now(), cpu());
-    work();
-    match (before, cpu()) {
-        (Some(a), Some(b)) => b - a,
-        _ => wall.elapsed().as_secs_f64(),
     }
 }
 

@@ -8,6 +8,10 @@
 use foveate::rbm::fixations::{Code, Cost, Places, Recipe, Sequences, Trainer};
 use foveate::rows::Rows;
 
+mod clock;
+
+use clock::seconds;
+
 const N_V: usize = 500;
 const FACTORS: usize = 250;
 const HIDDEN: usize = 500;
@@ -89,18 +93,4 @@ fn seconds_of_product(m: usize, k: usize, n: usize, times: usize) -> f64 {
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values[values.len() / 2]
-}
-
-/// CPU seconds of this thread, which does all the work; wall seconds where the system does not tell.
-fn seconds(work: impl FnOnce()) -> f64 {
-    let cpu = || -> Option<f64> {
-        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-        Some(text.split(' ').next()?.parse::<f64>().ok()? * 1e-9)
-    };
-    let (wall, before) = (std::time::Instant::now(), cpu());
-    work();
-    match (before, cpu()) {
-        (Some(a), Some(b)) => b - a,
-        _ => wall.elapsed().as_secs_f64(),
-    }
 }

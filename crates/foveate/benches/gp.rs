@@ -11,7 +11,10 @@ use foveate::gp::{Gp, Hyper, Kernel, Priors, StudentT};
 use foveate::rng::{Purpose, Rng, Streams};
 use rand::RngExt;
 use rand_distr::StandardNormal;
-use std::time::Instant;
+
+mod clock;
+
+use clock::seconds;
 
 const EVALUATIONS: usize = 500;
 
@@ -158,18 +161,4 @@ fn median(rounds: usize, work: &mut dyn FnMut()) -> f64 {
         (0..rounds).map(|_| seconds(|| (0..repeats).for_each(|_| work())) / repeats as f64).collect();
     all.sort_by(f64::total_cmp);
     all[rounds / 2]
-}
-
-/// CPU seconds of this thread, which does all the work; wall seconds where the system does not tell.
-fn seconds(work: impl FnOnce()) -> f64 {
-    let cpu = || -> Option<f64> {
-        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-        Some(text.split(' ').next()?.parse::<f64>().ok()? * 1e-9)
-    };
-    let (wall, before) = (Instant::now(), cpu());
-    work();
-    match (before, cpu()) {
-        (Some(a), Some(b)) => b - a,
-        _ => wall.elapsed().as_secs_f64(),
-    }
 }

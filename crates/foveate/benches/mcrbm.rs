@@ -8,7 +8,10 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
 use foveate::rbm::factored::{Recipe, Sizes, Trainer};
 use foveate::rows::Rows;
-use std::time::Instant;
+
+mod clock;
+
+use clock::seconds;
 
 /// Side of the large product.
 const SIDE: usize = 512;
@@ -55,18 +58,4 @@ fn run(rounds: usize) {
     }
     ratios.sort_by(f64::total_cmp);
     println!("{{\"what\": \"median ratio\", \"ratio\": {:.3}}}", ratios[ratios.len() / 2]);
-}
-
-/// CPU seconds of this thread, which does all the work; wall seconds where the system does not tell.
-fn seconds(work: impl FnOnce()) -> f64 {
-    let cpu = || -> Option<f64> {
-        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-        Some(text.split(' ').next()?.parse::<f64>().ok()? * 1e-9)
-    };
-    let (wall, before) = (Instant::now(), cpu());
-    work();
-    match (before, cpu()) {
-        (Some(a), Some(b)) => b - a,
-        _ => wall.elapsed().as_secs_f64(),
-    }
 }

@@ -8,6 +8,10 @@ use foveate::rows::{Rows, RowsMut};
 use std::io::Read;
 use std::path::PathBuf;
 
+mod clock;
+
+use clock::seconds;
+
 const N_V: usize = 784;
 const N_H: usize = 500;
 
@@ -81,18 +85,4 @@ fn report(what: &str, data: &str, unit: &str, values: &[f64]) {
         sorted[0],
         sorted.len()
     );
-}
-
-/// CPU seconds of this thread, which does all the work; wall seconds where the system does not tell.
-fn seconds(work: impl FnOnce()) -> f64 {
-    let cpu = || -> Option<f64> {
-        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-        Some(text.split(' ').next()?.parse::<f64>().ok()? * 1e-9)
-    };
-    let (wall, before) = (std::time::Instant::now(), cpu());
-    work();
-    match (before, cpu()) {
-        (Some(a), Some(b)) => b - a,
-        _ => wall.elapsed().as_secs_f64(),
-    }
 }
