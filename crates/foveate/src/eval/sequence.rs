@@ -52,11 +52,18 @@ pub fn find_sequences(folders: &[PathBuf]) -> Result<Vec<Sequence>> {
             return Err(Error::malformed(folder, problem));
         }
     }
-    found.sort_by(|a, b| a.name.cmp(&b.name));
-    if let Some(pair) = found.windows(2).find(|pair| pair[0].name == pair[1].name) {
-        let problem =
-            format!("a second sequence with the name {}, after {}", pair[1].name, pair[0].truth_file.display());
-        return Err(Error::malformed(&pair[1].truth_file, problem));
+    by_name(found, |s| (&s.name, &s.truth_file))
+}
+
+/// Sorts sequences by name, of which (and of the file of the truth) the function tells. Fails where two share one.
+pub(super) fn by_name<T>(mut found: Vec<T>, of: impl Fn(&T) -> (&str, &Path)) -> Result<Vec<T>> {
+    found.sort_by(|a, b| of(a).0.cmp(of(b).0));
+    for pair in found.windows(2) {
+        let ((name, first), (same, second)) = (of(&pair[0]), of(&pair[1]));
+        if name == same {
+            let problem = format!("a second sequence with the name {name}, after {}", first.display());
+            return Err(Error::malformed(second, problem));
+        }
     }
     Ok(found)
 }

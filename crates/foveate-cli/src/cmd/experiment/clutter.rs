@@ -38,7 +38,7 @@ impl Noise {
 }
 
 pub fn run(args: Args) -> Result<()> {
-    let frames = args.common.frames as usize;
+    let frames = args.common.videos.frames();
     let kind = |&noise: &f64| -> (f64, Settings) {
         let settings =
             move |digit, seed| Synthetic::Clutter(Clutter { digit, seed, noise, frames, ..Clutter::default() });

@@ -9,7 +9,7 @@ use foveate::tracker::Tracker;
 use foveate::{Error, Result};
 use serde_json::json;
 
-use super::{Common, Job, Kept, Scenes, all_runs, digits, entries, jobs, report};
+use super::{Common, Job, Kept, Scenes, all_runs, entries, jobs, report};
 
 /// The companion paper's curve: how fast Hedge learns to look at the centre.
 ///
@@ -61,7 +61,7 @@ pub fn run(args: Args) -> Result<()> {
             "hedge-curve runs each configuration with its own policy; leave out --policies".into(),
         ));
     }
-    let frames = common.frames as usize;
+    let frames = common.videos.frames();
     let noise = match args.noise {
         Noise::Clean => 0.0,
         Noise::Noisy => foveate::scene::synthetic::NOISE,
@@ -73,7 +73,7 @@ pub fn run(args: Args) -> Result<()> {
         peers: "",
         kinds: vec![(noise, Box::new(settings))],
     };
-    let (digits, from) = digits(common.data.as_deref())?;
+    let (digits, from) = common.videos.digits()?;
     let mut entries = entries(common, &["authors"])?;
     entries.retain(|entry| entry.own);
     let template = match args.template {

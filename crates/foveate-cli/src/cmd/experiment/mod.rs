@@ -6,6 +6,7 @@ use clap::Subcommand;
 use foveate::config::Config;
 use foveate::eval::experiment::{self, Line, Run};
 use foveate::eval::line_up;
+use foveate::scene::Digits;
 use foveate::scene::synthetic::Synthetic;
 use foveate::{Error, Result, files};
 use serde_json::{Value, json};
@@ -58,7 +59,47 @@ pub fn run(args: Args) -> Result<()> {
     }
 }
 
-/// What all experiments on digits can be told.
+/// Which videos of digits there are.
+#[derive(clap::Args)]
+struct Videos {
+    /// Number of videos; of each digit, where digits are followed one by one
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=10_000))]
+    seeds: u64,
+    /// The first video's seed; it names the trackers' randomness, too
+    #[arg(long, value_name = "SEED", default_value_t = 1)]
+    first_seed: u64,
+    /// Length of each video
+    #[arg(long, value_name = "N", default_value_t = 300, value_parser = clap::value_parser!(u32).range(2..=100_000))]
+    frames: u32,
+    /// Folder with MNIST's test files (t10k-*, plain or .gz) [default: $FOVEATE_DATA or data; without them the digits are
+    /// drawn by a pen]
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+}
+
+impl Videos {
+    /// One after the other.
+    fn seeds(&self) -> impl Iterator<Item = u64> + use<> {
+        let first = self.first_seed;
+        (0..self.seeds).map(move |i| first.wrapping_add(i))
+    }
+    fn frames(&self) -> usize {
+        self.frames as usize
+    }
+    /// What they are made of, and what that is called.
+    fn digits(&self) -> Result<(Digits, String)> {
+        digits(self.data.as_deref())
+    }
+}
+
+impl std::fmt::Display for Videos {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let last = self.first_seed.wrapping_add(self.seeds - 1);
+        write!(f, "seeds {} to {last}, {} frames", self.first_seed, self.frames)
+    }
+}
+
+/// What all experiments on digits one by one can be told.
 #[derive(clap::Args)]
 struct Common {
     /// A configuration file, or the name of one that ships with the program; may be repeated
@@ -70,19 +111,8 @@ struct Common {
     /// The digits to follow, such as 3 or 0-4,7
     #[arg(long, value_name = "LIST", default_value = "0-9", value_parser = parse_digits)]
     digits: ::std::vec::Vec<u8>, // spelt out, or clap would take it for an option given many times
-    /// Videos of each digit
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=10_000))]
-    seeds: u64,
-    /// The first video's seed; it names the tracker's randomness, too
-    #[arg(long, value_name = "SEED", default_value_t = 1)]
-    first_seed: u64,
-    /// Length of each video
-    #[arg(long, value_name = "N", default_value_t = 300, value_parser = clap::value_parser!(u32).range(2..=100_000))]
-    frames: u32,
-    /// Folder with MNIST's test files (t10k-*, plain or .gz) [default: $FOVEATE_DATA or data; without them the digits are
-    /// drawn by a pen]
-    #[arg(long, value_name = "DIR")]
-    data: Option<PathBuf>,
+    #[command(flatten)]
+    videos: Videos,
     /// Folder for table.txt, table.json and the finished runs [default: out/ and the experiment's name]
     #[arg(long, short, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -121,7 +151,7 @@ pub fn parse_digits(text: &str) -> std::result::Result<Vec<u8>, String> {
 
 /// Does all runs that are not done yet, and writes the table.
 fn compare(args: &Common, shipped: &[&str], scenes: &Scenes) -> Result<()> {
-    let (digits, from) = digits(args.data.as_deref())?;
+    let (digits, from) = args.videos.digits()?;
     let entries = entries(args, shipped)?;
     let jobs = jobs(args, scenes, entries.len());
     let out = args.out.clone().unwrap_or_else(|| Path::new("out").join(scenes.name));
@@ -162,12 +192,11 @@ fn entries(args: &Common, shipped: &[&str]) -> Result<Vec<Entry>> {
 
 /// All runs, entry after entry, kind after kind: those of one line stand together, in the order of its videos.
 fn jobs(args: &Common, scenes: &Scenes, entries: usize) -> Vec<Job> {
-    let seeds: Vec<u64> = (0..args.seeds).map(|i| args.first_seed.wrapping_add(i)).collect();
     let mut jobs = Vec::new();
     for entry in 0..entries {
         for (kind, (_, settings)) in scenes.kinds.iter().enumerate() {
             for &digit in &args.digits {
-                jobs.extend(seeds.iter().map(|&seed| Job { entry, kind, video: settings(digit, seed), seed }));
+                jobs.extend(args.videos.seeds().map(|seed| Job { entry, kind, video: settings(digit, seed), seed }));
             }
         }
     }
@@ -191,8 +220,7 @@ fn table(scenes: &Scenes, entries: &[Entry], jobs: &[Job], runs: &[Run]) -> Resu
     Ok(lines)
 }
 
-/// Writes table.txt, table.json and `more` files into `out`, and prints one of the first two. `results` is an object; what
-/// the experiment ran on is added to it.
+/// [`keep`]s the results, which are an object, with what the experiment ran on.
 fn report(
     args: &Common,
     (title, from): (&str, &str),
@@ -201,25 +229,27 @@ fn report(
     mut results: Value,
     more: &[(&str, String)],
 ) -> Result<()> {
-    let last = args.first_seed.wrapping_add(args.seeds - 1);
-    let text = format!(
-        "{title}: {from}; digits {:?}, seeds {} to {last}, {} frames\n\n{text}",
-        args.digits, args.first_seed, args.frames
-    );
+    let videos = &args.videos;
+    let text = format!("{title}: {from}; digits {:?}, {videos}\n\n{text}", args.digits);
     for (name, value) in [
         ("digits_from", json!(from)),
         ("digits", json!(args.digits)),
-        ("first_seed", json!(args.first_seed)),
-        ("seeds", json!(args.seeds)),
-        ("frames", json!(args.frames)),
+        ("first_seed", json!(videos.first_seed)),
+        ("seeds", json!(videos.seeds)),
+        ("frames", json!(videos.frames)),
     ] {
         results[name] = value;
     }
-    let results = serde_json::to_string_pretty(&results).map_err(|e| Error::Invalid(e.to_string()))?;
+    keep(out, &text, &results, args.json, more)
+}
+
+/// Writes table.txt, table.json and `more` files into `out`, and prints the text, or else the JSON.
+fn keep(out: &Path, text: &str, results: &Value, json: bool, more: &[(&str, String)]) -> Result<()> {
+    let results = serde_json::to_string_pretty(results).map_err(|e| Error::Invalid(e.to_string()))?;
     files::write(out.join("table.txt"), text.as_bytes())?;
     files::write(out.join("table.json"), results.as_bytes())?;
     more.iter().try_for_each(|(name, content)| files::write(out.join(name), content.as_bytes()))?;
-    if args.json {
+    if json {
         println!("{results}");
     } else {
         let names: Vec<&str> = ["table.txt", "table.json"].into_iter().chain(more.iter().map(|m| m.0)).collect();

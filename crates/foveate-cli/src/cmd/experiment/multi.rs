@@ -8,10 +8,11 @@ use foveate::eval::multi::{self, Alone, Line, Run};
 use foveate::observe::{CrowdFilm, CrowdReport, CrowdStrip, ManyObserver, RunInfo};
 use foveate::scene::Digits;
 use foveate::scene::synthetic::{Multi, MultiVideo};
-use foveate::{Error, Result, files};
+use foveate::{Error, Result};
 use serde_json::json;
 
-use super::runner::{Kept, Store, digits, whole};
+use super::runner::{Kept, Store, whole};
+use super::{Videos, keep};
 use crate::cmd::synth::MultiScene;
 use crate::cmd::track::{DIGITS, blueprint};
 
@@ -25,19 +26,8 @@ pub struct Args {
     config: Vec<String>,
     #[command(flatten)]
     scene: MultiScene,
-    /// Number of videos
-    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=10_000))]
-    seeds: u64,
-    /// The first video's seed; it names the trackers' randomness, too
-    #[arg(long, value_name = "SEED", default_value_t = 1)]
-    first_seed: u64,
-    /// Length of each video
-    #[arg(long, value_name = "N", default_value_t = 300, value_parser = clap::value_parser!(u32).range(2..=100_000))]
-    frames: u32,
-    /// Folder with MNIST's test files (t10k-*, plain or .gz) [default: $FOVEATE_DATA or data; without them the digits are
-    /// drawn by a pen]
-    #[arg(long, value_name = "DIR")]
-    data: Option<PathBuf>,
+    #[command(flatten)]
+    videos: Videos,
     /// Folder for table.txt, table.json and the finished runs
     #[arg(long, short, value_name = "DIR", default_value = "out/multi")]
     out: PathBuf,
@@ -106,10 +96,10 @@ fn ways(args: &Args) -> Result<Vec<Way>> {
 }
 
 pub fn run(args: Args) -> Result<()> {
-    let (digits, from) = digits(args.data.as_deref())?;
+    let (digits, from) = args.videos.digits()?;
     let ways = ways(&args)?;
-    let seeds = (0..args.seeds).map(|i| args.first_seed.wrapping_add(i));
-    let scenes: Vec<Multi> = seeds.map(|seed| args.scene.settings(seed, args.frames as usize)).collect();
+    let (seeds, frames) = (args.videos.seeds(), args.videos.frames());
+    let scenes: Vec<Multi> = seeds.map(|seed| args.scene.settings(seed, frames)).collect();
     let crowd = Crowd::new(scenes, (&digits, &from))?;
     let runs = whole(crowd.runs("multi", &Store::of(&args.out), &ways)?);
     report(&args, &from, &crowd.lines(&ways, &runs)?)?;
@@ -218,23 +208,18 @@ fn figure(args: &Args, way: &Way, crowd: &Crowd<'_>, from: &str) -> Result<()> {
 }
 
 fn report(args: &Args, from: &str, lines: &[Line]) -> Result<()> {
-    let last = args.first_seed.wrapping_add(args.seeds - 1);
-    let scene = args.scene.settings(args.first_seed, args.frames as usize);
-    let title = format!(
-        "{} digits that grow, turn and cross: {from}; seeds {} to {last}, {} frames, size 28 px times {} to {}, up to {}° from upright",
-        scene.targets, args.first_seed, args.frames, scene.scale[0], scene.scale[1], scene.turn
+    let videos = &args.videos;
+    let scene = args.scene.settings(videos.first_seed, videos.frames());
+    let text = format!(
+        "{} digits that grow, turn and cross: {from}; {videos}, size 28 px times {} to {}, up to {}° from upright\n\n{}",
+        scene.targets,
+        scene.scale[0],
+        scene.scale[1],
+        scene.turn,
+        multi::text(lines)
     );
-    let text = format!("{title}\n\n{}", multi::text(lines));
     let all = json!({
-        "experiment": "multi", "digits_from": from, "scene": scene, "seeds": args.seeds, "lines": lines,
+        "experiment": "multi", "digits_from": from, "scene": scene, "seeds": videos.seeds, "lines": lines,
     });
-    let all = serde_json::to_string_pretty(&all).map_err(|e| Error::Invalid(e.to_string()))?;
-    files::write(args.out.join("table.txt"), text.as_bytes())?;
-    files::write(args.out.join("table.json"), all.as_bytes())?;
-    if args.json {
-        println!("{all}");
-    } else {
-        println!("{text}\n{}: table.txt, table.json", args.out.display());
-    }
-    Ok(())
+    keep(&args.out, &text, &all, args.json, &[])
 }

@@ -49,7 +49,7 @@ fn share(text: &str) -> std::result::Result<f64, String> {
 }
 
 pub fn run(args: Args) -> Result<()> {
-    let (frames, side) = (args.common.frames as usize, usize::from(args.side));
+    let (frames, side) = (args.common.videos.frames(), usize::from(args.side));
     let settings = Occlusion {
         frames,
         side,

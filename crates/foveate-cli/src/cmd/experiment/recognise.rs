@@ -16,7 +16,7 @@ use serde_json::json;
 
 use super::super::track::DIGITS;
 use super::clutter::Noise;
-use super::{Common, Entry, Job, Kept, Scenes, Settings, all_runs, digits, entries, jobs, report};
+use super::{Common, Entry, Job, Kept, Scenes, Settings, all_runs, entries, jobs, report};
 
 /// A digit among static ones, tracked and recognised: how many frames have the right decision.
 ///
@@ -107,7 +107,7 @@ pub fn run(args: Args) -> Result<()> {
             "recognise runs each configuration with its own policy; leave out --policies".into(),
         ));
     }
-    let frames = common.frames as usize;
+    let frames = common.videos.frames();
     let kind = |&noise: &f64| -> (f64, Settings) {
         let clutter =
             move |digit, seed| Synthetic::Clutter(Clutter { digit, seed, noise, frames, ..Clutter::default() });
@@ -119,7 +119,7 @@ pub fn run(args: Args) -> Result<()> {
         peers: recognised::PAPER,
         kinds: args.noise.densities().iter().map(kind).collect(),
     };
-    let (digits, from) = digits(common.data.as_deref())?;
+    let (digits, from) = common.videos.digits()?;
     let (model, looks) = (args.model()?, args.looks());
     let mut all: Vec<(Entry, String)> = vec![];
     for entry in entries(common, &["digits-hedge"])?.into_iter().filter(|entry| entry.own) {

@@ -13,6 +13,7 @@ use serde_json::json;
 
 use super::super::track::blueprint;
 use super::super::videos::{Video, of_sequence};
+use super::keep;
 use crate::terminal;
 
 /// Targets that vanish from real video and come back: how soon they are found, and whether anything else is taken for them.
@@ -126,9 +127,5 @@ fn report(args: &Args, out: &Path, cases: &[Case], left_out: &[String]) -> Resul
         "experiment": "recovery", "config": args.config, "hidden": args.hidden, "first_seed": args.first_seed,
         "seeds": args.seeds, "lines": lines(&cases.iter().collect::<Vec<_>>()), "cases": cases, "left_out": left_out,
     });
-    let all = serde_json::to_string_pretty(&all).map_err(|e| Error::Invalid(e.to_string()))?;
-    files::write(out.join("table.txt"), shown.as_bytes())?;
-    files::write(out.join("table.json"), all.as_bytes())?;
-    println!("{shown}\n{}: table.txt, table.json", out.display());
-    Ok(())
+    keep(out, &shown, &all, false, &[])
 }

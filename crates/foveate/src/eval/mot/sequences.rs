@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::{Score, Tracks, score};
+use crate::eval::sequence::by_name;
 use crate::scene::mot::sequence_length;
 use crate::{Error, Result};
 
@@ -76,13 +77,7 @@ pub fn find_sequences(places: &[PathBuf]) -> Result<Vec<Sequence>> {
             return Err(Error::malformed(place, problem));
         }
     }
-    found.sort_by(|a, b| a.name.cmp(&b.name));
-    if let Some(pair) = found.windows(2).find(|pair| pair[0].name == pair[1].name) {
-        let problem =
-            format!("a second sequence with the name {}, after {}", pair[1].name, pair[0].truth_file.display());
-        return Err(Error::malformed(&pair[1].truth_file, problem));
-    }
-    Ok(found)
+    by_name(found, |s| (&s.name, &s.truth_file))
 }
 
 fn of_file(path: &Path) -> Result<Sequence> {
