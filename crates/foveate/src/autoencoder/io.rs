@@ -2,6 +2,7 @@
 
 use super::{Autoencoder, Recipe, Trainer};
 use crate::rbm::Metadata;
+use crate::rbm::course::Course;
 use crate::rbm::io::{About, Tensor, Tensors, open, pack, read};
 use crate::rbm::progress::{Checkpoint, Progress};
 use crate::rows::Rows;
@@ -69,11 +70,11 @@ impl Trainer {
         let found = model(&mut checkpoint.tensors).map_err(|p| checkpoint.refuse(&p))?;
         let mut fresh = Self::new(recipe, rows)?;
         fresh.velocity = checkpoint.take("velocity", fresh.velocity.len())?;
-        if found.layer.shape() != fresh.model.layer.shape() || checkpoint.batch >= fresh.batches(rows.len()) {
+        if found.layer.shape() != fresh.model.layer.shape() || checkpoint.progress.1 >= fresh.batches(rows.len()) {
             return Err(checkpoint.refuse("its sizes or batches are not those of the data"));
         }
         fresh.model = found;
-        (fresh.epoch, fresh.batch) = (checkpoint.epoch, checkpoint.batch);
+        fresh.course = Course::at(checkpoint.progress);
         Ok(fresh)
     }
 }

@@ -4,8 +4,9 @@
 //! its noise: the same seed gives the same bits for any number of threads, and after any interruption.
 
 use super::Autoencoder;
+use crate::rbm::course::Course;
 use crate::rbm::product::{add_outer, rows_times};
-use crate::rbm::train::{block_of, order};
+use crate::rbm::train::block_of;
 use crate::rng::{Purpose, Streams};
 use crate::rows::{Rows, RowsMut};
 use crate::{Error, Result};
@@ -67,14 +68,12 @@ pub struct Trainer {
     pub(super) model: Autoencoder,
     /// Of W, then b, then c.
     pub(super) velocity: Vec<f32>,
-    pub(super) epoch: usize,
-    pub(super) batch: usize,
+    pub(super) course: Course,
     work: Work,
 }
 
 #[derive(Debug, Default)]
 struct Work {
-    order: Vec<u32>,
     noisy: Vec<f32>,
     h: Vec<f32>,
     delta: Vec<f32>,
@@ -102,7 +101,7 @@ impl Trainer {
         let weights = (0..n_v * n_h).map(|_| sd * normal()).collect();
         let model = Autoencoder::new(weights, vec![0.0; n_v], vec![0.0; n_h])?;
         let velocity = vec![0.0; n_v * n_h + n_v + n_h];
-        Ok(Self { recipe, model, velocity, epoch: 0, batch: 0, work: Work::default() })
+        Ok(Self { recipe, model, velocity, course: Course::default(), work: Work::default() })
     }
     /// The recipe.
     pub fn recipe(&self) -> &Recipe {
@@ -110,11 +109,11 @@ impl Trainer {
     }
     /// Epochs done, and batches done of the next.
     pub fn progress(&self) -> (usize, usize) {
-        (self.epoch, self.batch)
+        self.course.progress()
     }
     /// Whether all epochs are done.
     pub fn is_done(&self) -> bool {
-        self.epoch >= self.recipe.epochs
+        self.course.epoch >= self.recipe.epochs
     }
     /// Batches an epoch has for this many rows.
     pub fn batches(&self, rows: usize) -> usize {
@@ -130,21 +129,13 @@ impl Trainer {
         if [&layer.weights, &layer.visible_bias, &layer.hidden_bias].iter().all(|x| x.iter().all(|x| x.is_finite())) {
             return Ok(());
         }
-        Err(Error::Invalid(format!(
-            "the training diverged in epoch {}: its numbers are no longer finite; use a lower rate than {}",
-            self.epoch + 1,
-            self.recipe.rate
-        )))
+        Err(self.course.diverged(self.recipe.rate))
     }
     /// One mini-batch. `rows` must be those the training began with.
     pub fn step(&mut self, rows: Rows<'_>) {
         let (n_v, r) = (rows.width(), &self.recipe);
-        let draws = Streams::new(r.seed, 0).at(1 + self.epoch as u64, Purpose::Train);
-        if self.work.order.len() != rows.len() || self.batch == 0 {
-            order(rows.len(), true, &mut self.work.order, draws);
-        }
-        let first = self.batch * r.batch;
-        let picked = &self.work.order[first..][..r.batch];
+        let draws = self.course.draws(r.seed);
+        let (first, picked) = self.course.rows(rows.len(), r.batch, Some(draws.rng(0)));
         let clean: Vec<f32> = picked.iter().flat_map(|&i| rows.row(i as usize)).copied().collect();
         self.work.noisy.clear();
         for (i, row) in clean.chunks_exact(n_v).enumerate() {
@@ -156,10 +147,7 @@ impl Trainer {
         }
         self.gradient(Rows::new(&clean, n_v));
         self.descend();
-        self.batch += 1;
-        if self.batch == self.batches(rows.len()) {
-            (self.epoch, self.batch) = (self.epoch + 1, 0);
-        }
+        self.course.done(self.batches(rows.len()));
     }
     /// ∂/∂(W, b, c) of the mean of ½‖v̂ − v‖² over `clean` rows, seen as `work.noisy`.
     fn gradient(&mut self, clean: Rows<'_>) {

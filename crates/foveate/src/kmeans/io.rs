@@ -74,7 +74,7 @@ impl Trainer {
         let mut checkpoint = Checkpoint::open(path, CHECKPOINT, &recipe, as_long, ("data", data_sha256))?;
         let mut fresh = Self::new(recipe, patches)?;
         fresh.model.filters = checkpoint.take("filters", fresh.model.filters.len())?;
-        fresh.epoch = checkpoint.epoch;
+        fresh.epoch = checkpoint.progress.0;
         Ok(fresh)
     }
 }

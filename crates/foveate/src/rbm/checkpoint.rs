@@ -8,6 +8,7 @@ use super::progress::{Checkpoint, Progress};
 use super::train::Parameters;
 use super::{Rbm, Recipe, Trainer};
 use crate::Result;
+use crate::rbm::course::Course;
 use crate::rows::Rows;
 use std::path::Path;
 
@@ -61,11 +62,11 @@ impl Trainer {
         }
         take("chains", &mut fresh.chains)?;
         take("activity", &mut fresh.activity)?;
-        if checkpoint.batch >= fresh.batches(data.len()) {
+        if checkpoint.progress.1 >= fresh.batches(data.len()) {
             return Err(checkpoint.refuse("it counts more batches than the data have"));
         }
         fresh.rbm = Rbm::new(fresh.recipe.visible, rbm.weights, rbm.visible_bias, rbm.hidden_bias)?;
-        (fresh.epoch, fresh.batch) = (checkpoint.epoch, checkpoint.batch);
+        fresh.course = Course::at(checkpoint.progress);
         Ok(fresh)
     }
 }

@@ -3,6 +3,7 @@
 //! Atoms: nothing here knows of images, gazes or targets; data are rows of numbers.
 
 mod checkpoint;
+pub(crate) mod course;
 pub mod factored;
 pub mod fixations;
 mod hmc;

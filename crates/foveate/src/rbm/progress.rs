@@ -27,8 +27,8 @@ impl<R: Serialize> Progress<R> {
 /// A checkpoint that was written with the recipe and on the data that are asked for.
 pub(crate) struct Checkpoint<'a> {
     path: &'a Path,
-    pub epoch: usize,
-    pub batch: usize,
+    /// Epochs done, and batches done of the next.
+    pub progress: (usize, usize),
     pub tensors: Tensors,
 }
 
@@ -58,7 +58,7 @@ impl<'a> Checkpoint<'a> {
         if found.data_sha256 != data_sha256 {
             return Err(no(format!("it was begun with other {what}; remove it to begin anew")));
         }
-        Ok(Self { path, epoch: found.epoch, batch: found.batch, tensors })
+        Ok(Self { path, progress: (found.epoch, found.batch), tensors })
     }
     /// The values of a tensor that has to have so many.
     pub fn take(&mut self, name: &str, len: usize) -> Result<Vec<f32>> {

@@ -7,6 +7,7 @@
 //! Every row of every batch has its own random stream, and products do not depend on how rows are grouped: the same
 //! seed gives the same bits for any number of threads, and after any interruption (see `checkpoint`).
 
+use super::course::Course;
 use super::product::add_outer;
 use super::units::{add_rows, sample_binary, sample_visible};
 use super::{Negative, Rbm, Recipe, Visible};
@@ -47,15 +48,13 @@ pub struct Trainer {
     pub(super) chains: Vec<f32>,
     /// Running mean of p(h = 1 | v) over the data, for the sparsity target.
     pub(super) activity: Vec<f32>,
-    pub(super) epoch: usize,
-    pub(super) batch: usize,
+    pub(super) course: Course,
     work: Work,
 }
 
 /// Scratch of a batch: the data's rows, then the model's.
 #[derive(Debug, Default)]
 struct Work {
-    order: Vec<u32>,
     v: Vec<f32>,
     h: Vec<f32>,
     states: Vec<f32>,
@@ -113,8 +112,7 @@ impl Trainer {
             recipe,
             rbm,
             chains,
-            epoch: 0,
-            batch: 0,
+            course: Course::default(),
             work: Work::default(),
         })
     }
@@ -124,11 +122,11 @@ impl Trainer {
     }
     /// Epochs done, and batches done of the next.
     pub fn progress(&self) -> (usize, usize) {
-        (self.epoch, self.batch)
+        self.course.progress()
     }
     /// Whether all epochs are done.
     pub fn is_done(&self) -> bool {
-        self.epoch >= self.recipe.epochs
+        self.course.epoch >= self.recipe.epochs
     }
     /// Batches an epoch has for this many rows; the last one may be smaller.
     pub fn batches(&self, rows: usize) -> usize {
@@ -152,19 +150,15 @@ impl Trainer {
         if finite(&self.rbm.weights) && finite(&self.rbm.visible_bias) && finite(&self.rbm.hidden_bias) {
             return Ok(());
         }
-        Err(Error::Invalid(format!(
-            "the training diverged in epoch {}: its numbers are no longer finite; use a lower rate than {}",
-            self.epoch + 1,
-            self.recipe.rate
-        )))
+        Err(self.course.diverged(self.recipe.rate))
     }
     fn mean_has_begun(&self) -> bool {
-        self.recipe.average_from.is_some_and(|from| (self.epoch, self.batch) > (from, 0))
+        self.recipe.average_from.is_some_and(|from| self.progress() > (from, 0))
     }
     /// The rest of the present epoch.
     pub fn epoch(&mut self, data: Rows<'_>) {
-        let epoch = self.epoch;
-        while self.epoch == epoch {
+        let epoch = self.course.epoch;
+        while self.course.epoch == epoch {
             self.step(data);
         }
     }
@@ -172,25 +166,22 @@ impl Trainer {
     pub fn step(&mut self, data: Rows<'_>) {
         let (n_v, n_h) = self.rbm.shape();
         assert!(data.width() == n_v && !data.is_empty(), "training goes on with the data it began with");
-        let (recipe, draws) =
-            (self.recipe.clone(), Streams::new(self.recipe.seed, 0).at(1 + self.epoch as u64, Purpose::Train));
-        if self.work.order.len() != data.len() || self.batch == 0 {
-            order(data.len(), recipe.shuffle, &mut self.work.order, draws);
-        }
-        let first = self.batch * recipe.batch;
-        let rows = recipe.batch.min(data.len() - first);
+        let (recipe, draws) = (self.recipe.clone(), self.course.draws(self.recipe.seed));
+        let batch = self.course.batch;
+        let (_, order) = self.course.rows(data.len(), recipe.batch, recipe.shuffle.then(|| draws.rng(0)));
+        let rows = order.len();
         let (chains, steps) = match recipe.negative {
             Negative::Contrastive { steps } => (rows, steps),
             Negative::Persistent { chains, steps } => (chains, steps),
         };
 
         // Positive phase: the data, and the hidden units they excite.
-        let Work { order, v, h, states, .. } = &mut self.work;
+        let Work { v, h, states, .. } = &mut self.work;
         v.resize((rows + chains) * n_v, 0.0);
         h.resize((rows + chains) * n_h, 0.0);
         let (v0, v1) = v.split_at_mut(rows * n_v);
         let (h0, h1) = h.split_at_mut(rows * n_h);
-        let (rbm, order) = (&self.rbm, &order[first..][..rows]);
+        let rbm = &self.rbm;
         let block = block_of(rows);
         (v0.par_chunks_mut(block * n_v), h0.par_chunks_mut(block * n_h), order.par_chunks(block))
             .into_par_iter()
@@ -204,7 +195,7 @@ impl Trainer {
         let states = if persistent { &mut self.chains } else { states };
         states.resize(chains * n_h, 0.0);
         let stream = |row: usize, draw: usize| {
-            let row = self.batch * recipe.batch.max(chains) + row;
+            let row = batch * recipe.batch.max(chains) + row;
             draws.rng(1 + (row * (2 * steps + 1) + draw) as u64)
         };
         let (block, h0) = (block_of(chains), &*h0);
@@ -235,22 +226,19 @@ impl Trainer {
                 h.iter_mut().for_each(|h| *h *= weight);
             });
 
-        self.update(rows, chains);
-        self.batch += 1;
-        if self.batch == self.batches(data.len()) {
-            (self.epoch, self.batch) = (self.epoch + 1, 0);
-        }
+        let batches = self.batches(data.len());
+        self.update(rows, chains, batches);
+        self.course.done(batches);
     }
     /// Moves the parameters by the statistics in `work`.
-    fn update(&mut self, rows: usize, chains: usize) {
+    fn update(&mut self, rows: usize, chains: usize, batches: usize) {
         let (n_v, n_h) = self.rbm.shape();
         let r = &self.recipe;
-        let momentum = if self.epoch < CAUTIOUS_EPOCHS { r.momentum.min(0.5) } else { r.momentum };
+        let momentum = if self.course.epoch < CAUTIOUS_EPOCHS { r.momentum.min(0.5) } else { r.momentum };
         let rate = (1.0 - momentum) * r.rate;
+        let (epoch, batch) = self.progress();
         let averaged = match r.average_from {
-            Some(from) if self.epoch >= from => {
-                (self.epoch - from) * self.batches(self.work.order.len()) + self.batch + 1
-            }
+            Some(from) if epoch >= from => (epoch - from) * batches + batch + 1,
             _ => 0,
         };
 
@@ -334,16 +322,6 @@ fn sign(x: f32) -> f32 {
 
 fn logit(p: f64) -> f64 {
     (p / (1.0 - p)).ln()
-}
-
-/// The order of an epoch: a fresh permutation (Fisher & Yates), or the data's own.
-pub(crate) fn order(n: usize, shuffle: bool, order: &mut Vec<u32>, draws: Streams) {
-    order.clear();
-    order.extend(0..u32::try_from(n).expect("fewer than 2³² rows"));
-    let mut rng = draws.rng(0);
-    for i in (1..if shuffle { n } else { 0 }).rev() {
-        order.swap(i, rng.random_range(0..=i));
-    }
 }
 
 fn check_data(visible: Visible, data: Rows<'_>) -> Result<()> {

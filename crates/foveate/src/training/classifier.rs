@@ -5,10 +5,9 @@
 //! end up in the weights. Same seed, same bits, for any number of threads and after any interruption.
 
 use crate::eval::Reliability;
+use crate::rbm::course::Course;
 use crate::rbm::product::{add_outer, rows_times};
 use crate::rbm::progress::{Checkpoint, Progress};
-use crate::rbm::train::order;
-use crate::rng::{Purpose, Streams};
 use crate::rows::Rows;
 use crate::softmax::{Softmax, normalize, temperature};
 use crate::{Error, Result};
@@ -72,9 +71,7 @@ pub struct Trainer {
     /// … times this.
     gain: Vec<f32>,
     parts: [Vec<f32>; 4],
-    epoch: usize,
-    batch: usize,
-    order: Vec<u32>,
+    course: Course,
 }
 
 impl Trainer {
@@ -101,9 +98,7 @@ impl Trainer {
             gain,
             parts: [zeros(), zeros(), zeros(), zeros()],
             recipe,
-            epoch: 0,
-            batch: 0,
-            order: vec![],
+            course: Course::default(),
         })
     }
     /// The recipe.
@@ -112,7 +107,7 @@ impl Trainer {
     }
     /// Epochs done, and batches done of the next.
     pub fn progress(&self) -> (usize, usize) {
-        (self.epoch, self.batch)
+        self.course.progress()
     }
     /// Batches of an epoch with this many rows.
     pub fn batches(&self, rows: usize) -> usize {
@@ -122,12 +117,9 @@ impl Trainer {
     pub fn step(&mut self, rows: Rows<'_>, labels: &[u8]) {
         assert!(rows.len() == labels.len() && rows.width() == self.centre.len(), "the rows the training began with");
         let (n_in, n) = (rows.width(), self.recipe.classes);
-        if self.order.len() != rows.len() || self.batch == 0 {
-            let draws = Streams::new(self.recipe.seed, 0).at(1 + self.epoch as u64, Purpose::Train);
-            order(rows.len(), true, &mut self.order, draws);
-        }
-        let first = self.batch * self.recipe.batch;
-        let picked = &self.order[first..(first + self.recipe.batch).min(rows.len())];
+        let order = self.course.draws(self.recipe.seed).rng(0);
+        let before = self.course.epoch * self.batches(rows.len()) + self.course.batch;
+        let (_, picked) = self.course.rows(rows.len(), self.recipe.batch, Some(order));
         let scaled =
             |&i: &u32| rows.row(i as usize).iter().zip(&self.centre).zip(&self.gain).map(|((x, m), g)| (x - m) * g);
         let x: Vec<f32> = picked.iter().flat_map(scaled).collect();
@@ -148,8 +140,7 @@ impl Trainer {
         let (to_w, to_b) = gradient.split_at_mut(n_in * n);
         add_outer(to_w, 1.0, x, 0, Rows::new(&slopes, n));
         slopes.chunks_exact(n).for_each(|slopes| to_b.iter_mut().zip(slopes).for_each(|(b, s)| *b += s));
-        let batches = rows.len().div_ceil(self.recipe.batch);
-        let t = (self.epoch * batches + self.batch + 1) as i32;
+        let t = before as i32 + 1;
         let (b1, b2) = (0.9f32, 0.999f32);
         let adam = kernels::Adam {
             past: (b1, b2),
@@ -163,10 +154,7 @@ impl Trainer {
         };
         let [first, second] = moments;
         kernels::adam(adam, now, &gradient, [first, second], mean);
-        self.batch += 1;
-        if self.batch == batches {
-            (self.epoch, self.batch) = (self.epoch + 1, 0);
-        }
+        self.course.done(self.batches(rows.len()));
     }
     /// The classifier as it stands, for features as they are.
     pub fn learned(&self) -> Result<Softmax> {
@@ -184,7 +172,7 @@ impl Trainer {
     }
     /// Writes a checkpoint; the file is whole or as it was before. `data` names pictures and first layer.
     pub fn save(&self, path: &Path, data: &str) -> Result<()> {
-        let (recipe, epoch, batch) = (self.recipe.clone(), self.epoch, self.batch);
+        let (recipe, (epoch, batch)) = (self.recipe.clone(), self.progress());
         let progress = Progress { recipe, data_sha256: data.into(), epoch, batch };
         let all = NAMES.iter().zip(&self.parts).map(|(name, part)| (*name, vec![part.len()], &part[..]));
         progress.save(path, CHECKPOINT, &all.collect::<Vec<_>>())
@@ -200,10 +188,10 @@ impl Trainer {
         for (name, part) in NAMES.iter().zip(&mut fresh.parts) {
             *part = checkpoint.take(name, part.len())?;
         }
-        if checkpoint.batch >= fresh.batches(first.len()) {
+        if checkpoint.progress.1 >= fresh.batches(first.len()) {
             return Err(checkpoint.refuse("its batches are not those of the pictures"));
         }
-        (fresh.epoch, fresh.batch) = (checkpoint.epoch, checkpoint.batch);
+        fresh.course = Course::at(checkpoint.progress);
         Ok(fresh)
     }
 }
@@ -259,6 +247,7 @@ pub fn judge(softmax: &Softmax, rows: Rows<'_>, labels: &[u8]) -> Held {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::rng::Streams;
     use rand_distr::{Distribution, StandardNormal};
 
     /// Three classes around three points of ten dimensions.

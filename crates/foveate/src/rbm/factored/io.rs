@@ -3,6 +3,7 @@
 use super::train::Trainer;
 use super::{FactoredRbm, Parameters, Recipe, Sizes};
 use crate::rbm::Metadata;
+use crate::rbm::course::Course;
 use crate::rbm::hmc::Step;
 use crate::rbm::io::{About, Tensor, Tensors, open, pack, read};
 use crate::rbm::progress::{Checkpoint, Progress};
@@ -100,13 +101,13 @@ impl Trainer {
             _ => Err(checkpoint.refuse(&format!("the tensor {name} is not finite"))),
         };
         let (chains, state) = (take("chains", fresh.chains.len())?, take("state", 3)?);
-        if found.sizes() != fresh.learned().sizes() || checkpoint.batch >= fresh.batches() {
+        if found.sizes() != fresh.learned().sizes() || checkpoint.progress.1 >= fresh.batches() {
             return Err(checkpoint.refuse("its sizes or batches are not those of the data"));
         }
         fresh.rewhiten(found.whitening, rows);
         (fresh.parameters, fresh.chains) = (found.parameters, chains);
         (fresh.step, fresh.length) = (Step { size: state[0], rejection: state[1] }, state[2]);
-        (fresh.epoch, fresh.batch) = (checkpoint.epoch, checkpoint.batch);
+        fresh.course = Course::at(checkpoint.progress);
         Ok(fresh)
     }
 }

@@ -6,9 +6,10 @@
 
 use super::energy::Scratch;
 use super::{FactoredRbm, Negative, Parameters, Recipe, Sizes};
+use crate::rbm::course::Course;
 use crate::rbm::hmc::{Step, Work as Chains, transition};
 use crate::rbm::product::add_outer;
-use crate::rbm::train::{block_of, order};
+use crate::rbm::train::block_of;
 use crate::rbm::units::add_rows;
 use crate::rbm::whiten::Whitening;
 use crate::rng::{Purpose, Streams};
@@ -44,8 +45,7 @@ pub struct Trainer {
     pub(super) step: Step,
     /// The common length of the columns of C.
     pub(super) length: f32,
-    pub(super) epoch: usize,
-    pub(super) batch: usize,
+    pub(super) course: Course,
     /// The rows, whitened.
     data: Vec<f32>,
     work: Work,
@@ -53,7 +53,6 @@ pub struct Trainer {
 
 #[derive(Debug, Default)]
 struct Work {
-    order: Vec<u32>,
     /// The data's rows, then the model's.
     x: Vec<f32>,
     blocks: Vec<Scratch>,
@@ -98,7 +97,7 @@ impl Trainer {
         FactoredRbm::new(whitening.clone(), parameters.clone())?;
         let step = Step { size: FIRST_STEP, rejection: recipe.rejection };
         let work = Work::default();
-        Ok(Self { recipe, whitening, parameters, chains, step, length, epoch: 0, batch: 0, data, work })
+        Ok(Self { recipe, whitening, parameters, chains, step, length, course: Course::default(), data, work })
     }
     /// The recipe.
     pub fn recipe(&self) -> &Recipe {
@@ -106,11 +105,11 @@ impl Trainer {
     }
     /// Epochs done, and batches done of the next.
     pub fn progress(&self) -> (usize, usize) {
-        (self.epoch, self.batch)
+        self.course.progress()
     }
     /// Whether all epochs are done.
     pub fn is_done(&self) -> bool {
-        self.epoch >= self.recipe.epochs
+        self.course.epoch >= self.recipe.epochs
     }
     /// Batches an epoch has.
     pub fn batches(&self) -> usize {
@@ -129,11 +128,7 @@ impl Trainer {
         if self.parameters.parts().iter().all(|(_, x)| x.iter().all(|x| x.is_finite())) {
             return Ok(());
         }
-        Err(Error::Invalid(format!(
-            "the training diverged in epoch {}: its numbers are no longer finite; use a lower rate than {}",
-            self.epoch + 1,
-            self.recipe.rate
-        )))
+        Err(self.course.diverged(self.recipe.rate))
     }
     /// Takes this whitening of the rows.
     pub(super) fn rewhiten(&mut self, whitening: Whitening, rows: Rows<'_>) {
@@ -145,19 +140,16 @@ impl Trainer {
     /// One mini-batch.
     pub fn step(&mut self) {
         let (n, batch) = (self.whitening.shape().1, self.recipe.batch);
-        let draws = Streams::new(self.recipe.seed, 0).at(1 + self.epoch as u64, Purpose::Train);
-        let rows = self.data.len() / n;
-        if self.work.order.len() != rows || self.batch == 0 {
-            order(rows, true, &mut self.work.order, draws);
-        }
-        let Work { order, x, chains, .. } = &mut self.work;
+        let draws = self.course.draws(self.recipe.seed);
+        let (first, picked) = self.course.rows(self.data.len() / n, batch, Some(draws.rng(0)));
+        let Work { x, chains, .. } = &mut self.work;
         x.clear();
         let data = Rows::new(&self.data, n);
-        order[self.batch * batch..][..batch].iter().for_each(|&i| x.extend_from_slice(data.row(i as usize)));
+        picked.iter().for_each(|&i| x.extend_from_slice(data.row(i as usize)));
         if self.recipe.negative == Negative::Contrastive {
             self.chains.copy_from_slice(x);
         }
-        let first = 1 + (self.batch * batch) as u64;
+        let first = 1 + first as u64;
         let leaps = (self.recipe.leaps, self.step.size);
         let rejected =
             transition(&self.parameters, &mut self.chains, n, leaps, |row| draws.rng(first + row as u64), chains);
@@ -165,10 +157,7 @@ impl Trainer {
         x.extend_from_slice(&self.chains);
         self.statistics();
         self.update();
-        self.batch += 1;
-        if self.batch == self.batches() {
-            (self.epoch, self.batch) = (self.epoch + 1, 0);
-        }
+        self.course.done(self.batches());
     }
     /// What the rows in `work.x` say of the parameters, the model's half negative.
     fn statistics(&mut self) {
@@ -203,7 +192,7 @@ impl Trainer {
     fn update(&mut self) {
         let Sizes { white, factors, covariance, mean } = self.parameters.sizes();
         let r = &self.recipe;
-        let epoch = self.epoch as f32 + 1.0;
+        let epoch = self.course.epoch as f32 + 1.0;
         let rate = r.rate / (epoch / r.anneal.max(1) as f32).max(1.0) / r.batch as f32;
         let (p, w) = (&mut self.parameters, &mut self.work);
         let s = &mut w.whole;
@@ -211,12 +200,12 @@ impl Trainer {
         let hat = Rows::new(&s.hat, white);
         outer(&mut p.filters, -C_RATE * rate, hat, Rows::new(&s.pull, factors));
         outer(&mut p.weights, W_RATE * rate, Rows::new(&w.x, white), Rows::new(&s.mean, mean));
-        if r.learn_pooling.is_some_and(|from| self.epoch >= from) {
+        if r.learn_pooling.is_some_and(|from| self.course.epoch >= from) {
             s.u.iter_mut().for_each(|u| *u = 0.5 * *u * *u);
             outer(&mut p.pooling, -SLOW_RATE * rate, Rows::new(&s.u, factors), Rows::new(&s.covariance, covariance));
             whole_shares(&mut p.pooling, covariance);
         }
-        if self.epoch >= r.settle {
+        if self.course.epoch >= r.settle {
             let batch = r.batch as f32;
             for (values, rate) in [(&mut p.filters, C_RATE * rate), (&mut p.weights, W_RATE * rate)] {
                 let pull = r.l1 * rate * batch;

@@ -4,6 +4,7 @@ use super::super::io;
 use super::io::take;
 use super::parameters::{NAMES, Parameters};
 use super::{Places, Recipe, Sequences, Trainer};
+use crate::rbm::course::Course;
 use crate::{Error, Result, files};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -65,7 +66,7 @@ impl Trainer {
             return Err(refuse("it counts more batches than the data have".into()));
         }
         (fresh.parameters, fresh.first, fresh.second, fresh.mean) = (parameters, first, second, mean);
-        (fresh.epoch, fresh.batch, fresh.steps) = (state.epoch, state.batch, state.steps);
+        (fresh.course, fresh.steps) = (Course::at((state.epoch, state.batch)), state.steps);
         fresh.learned()?;
         Ok(fresh)
     }

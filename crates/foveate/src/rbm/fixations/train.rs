@@ -3,8 +3,9 @@
 use super::gradient::{Tally, Work, gradient};
 use super::parameters::{Offset, Parameters, Shape};
 use super::{FixationRbm, Gates, Places, Recipe, Sequences};
+use crate::Result;
+use crate::rbm::course::Course;
 use crate::rng::{Purpose, Streams};
-use crate::{Error, Result};
 use foveate_kernels::{self as kernels, Adam};
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
@@ -30,12 +31,10 @@ pub struct Trainer {
     pub(super) first: Parameters,
     pub(super) second: Parameters,
     pub(super) mean: Parameters,
-    pub(super) epoch: usize,
-    pub(super) batch: usize,
+    pub(super) course: Course,
     pub(super) steps: u64,
     gradient: Parameters,
     gates: Vec<f32>,
-    order: Vec<u32>,
     work: Work,
     tally: Tally,
     tallied: usize,
@@ -82,12 +81,10 @@ impl Trainer {
             offset,
             first: zeros(),
             second: zeros(),
-            epoch: 0,
-            batch: 0,
+            course: Course::default(),
             steps: 0,
             gradient: zeros(),
             gates: vec![],
-            order: vec![],
             work: Work::default(),
             tally: Tally::default(),
             tallied: 0,
@@ -99,11 +96,11 @@ impl Trainer {
     }
     /// Epochs done, and batches done of the next.
     pub fn progress(&self) -> (usize, usize) {
-        (self.epoch, self.batch)
+        self.course.progress()
     }
     /// Whether all epochs are done.
     pub fn is_done(&self) -> bool {
-        self.epoch >= self.recipe.epochs
+        self.course.epoch >= self.recipe.epochs
     }
     /// Batches an epoch has for this many sequences; the last one may be smaller.
     pub fn batches(&self, sequences: usize) -> usize {
@@ -121,20 +118,13 @@ impl Trainer {
     pub fn learned(&self) -> Result<FixationRbm> {
         let mut parameters = if self.recipe.average > 0.0 { self.mean.clone() } else { self.parameters.clone() };
         effective(self.recipe.gates, &mut parameters.gates);
-        FixationRbm::new(self.shape, parameters, self.offset.clone(), self.places.clone(), self.recipe.window).map_err(
-            |_| {
-                Error::Invalid(format!(
-                    "the training diverged in epoch {}: its numbers are no longer finite; use a lower rate than {}",
-                    self.epoch + 1,
-                    self.recipe.rate
-                ))
-            },
-        )
+        FixationRbm::new(self.shape, parameters, self.offset.clone(), self.places.clone(), self.recipe.window)
+            .map_err(|_| self.course.diverged(self.recipe.rate))
     }
     /// The rest of the present epoch. `data` may be others in every epoch, of the same kind and as many.
     pub fn epoch(&mut self, data: Sequences<'_>) {
-        let epoch = self.epoch;
-        while self.epoch == epoch {
+        let epoch = self.course.epoch;
+        while self.course.epoch == epoch {
             self.step(data);
         }
     }
@@ -142,12 +132,8 @@ impl Trainer {
     pub fn step(&mut self, data: Sequences<'_>) {
         let (s, window) = (self.shape, self.recipe.window);
         data.check(s.n_v, s.places, s.classes, window).expect("training goes on with data like those it began with");
-        let draws = Streams::new(self.recipe.seed, 0).at(1 + self.epoch as u64, Purpose::Train);
-        if self.order.len() != data.len() || self.batch == 0 {
-            shuffled(data.len(), &mut self.order, draws);
-        }
-        let from = self.batch * self.recipe.batch;
-        let batch = &self.order[from..(from + self.recipe.batch).min(data.len())];
+        let draws = self.course.draws(self.recipe.seed);
+        let (from, batch) = self.course.rows(data.len(), self.recipe.batch, Some(draws.rng(ORDERS)));
 
         // Take the sequences' glimpses, their fixations in an order of their own.
         let work = &mut self.work;
@@ -184,18 +170,16 @@ impl Trainer {
         if self.recipe.gates == Gates::Logistic {
             self.gradient.gates.iter_mut().zip(&self.gates).for_each(|(g, v)| *g *= v * (1.0 - v));
         }
-        self.update(n, self.batches(data.len()));
-        self.batch += 1;
-        if self.batch == self.batches(data.len()) {
-            (self.epoch, self.batch) = (self.epoch + 1, 0);
-        }
+        let batches = self.batches(data.len());
+        self.update(n, batches);
+        self.course.done(batches);
     }
     /// Moves the parameters along the gradient, summed over n sequences.
     fn update(&mut self, n: usize, batches: usize) {
         let r = &self.recipe;
         self.steps += 1;
         let t = self.steps as f32;
-        let done = (self.epoch * batches + self.batch) as f32 / (r.epochs * batches) as f32;
+        let done = (self.course.epoch * batches + self.course.batch) as f32 / (r.epochs * batches) as f32;
         let rate = r.rate * (1.0 - done).max(0.0);
         let (one, two) = (1.0 - PAST.0.powf(t), 1.0 - PAST.1.powf(t));
         // The mean forgets the beginning: its memory is at most a fifth of the steps done.
@@ -226,12 +210,4 @@ pub(super) fn effective(gates: Gates, values: &mut [f32]) {
     if gates == Gates::Logistic {
         kernels::logistic(values);
     }
-}
-
-/// The order of an epoch: a fresh permutation (Fisher & Yates).
-fn shuffled(n: usize, order: &mut Vec<u32>, draws: Streams) {
-    order.clear();
-    order.extend(0..u32::try_from(n).expect("fewer than 2³² sequences"));
-    let mut rng = draws.rng(ORDERS);
-    (1..n).rev().for_each(|i| order.swap(i, rng.random_range(0..=i)));
 }
