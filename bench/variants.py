@@ -1,0 +1,63 @@
+#!/usr/bin/env python3
+"""More sequences from those there are, to see whether settings chosen on these hold elsewhere.
+
+  bench/variants.py --data data --out out-variants
+  foveate eval --seqs out-variants/backwards --seeds 3      # also: later, walkers
+
+backwards: each sequence from its end to its beginning. later: each from its first quarter, and from its middle, on; the
+template is another one. walkers: every target of data/mot that is in view for 50 frames in a row, a sequence each. Folders
+in OTB layout; the pictures are links.
+"""
+import argparse
+import glob
+import os
+
+
+def write(folder, pictures, boxes):
+    os.makedirs(os.path.join(folder, "img"), exist_ok=True)
+    for i, picture in enumerate(pictures, 1):
+        link = os.path.join(folder, "img", f"{i:04d}{os.path.splitext(picture)[1]}")
+        if not os.path.lexists(link):
+            os.symlink(os.path.abspath(picture), link)
+    with open(os.path.join(folder, "groundtruth_rect.txt"), "w") as file:
+        file.write("\n".join(boxes) + "\n")
+
+
+def longest_run(frames):
+    best = run = []
+    for frame in sorted(frames):
+        run = run + [frame] if run and frame == run[-1] + 1 else [frame]
+        best = max(best, run, key=len)
+    return best
+
+
+def main():
+    args = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    args.add_argument("--data", default="data")
+    args.add_argument("--out", default="out-variants")
+    args = args.parse_args()
+    for truth in sorted(glob.glob(f"{args.data}/tracking/*/groundtruth_rect*.txt")):
+        folder = os.path.dirname(truth)
+        name = os.path.basename(folder) + os.path.basename(truth)[len("groundtruth_rect"):-len(".txt")].replace(".", "-")
+        pictures = sorted(glob.glob(f"{folder}/img/*"))
+        boxes = [line.strip() for line in open(truth) if line.strip()]
+        n = min(len(pictures), len(boxes))
+        write(f"{args.out}/backwards/{name}", pictures[:n][::-1], boxes[:n][::-1])
+        for quarters in (1, 2):
+            start = n * quarters // 4
+            write(f"{args.out}/later/{name}-from-{start + 1}", pictures[start:n], boxes[start:n])
+    for truth in sorted(glob.glob(f"{args.data}/mot/*/gt/gt.txt")):
+        folder = os.path.dirname(os.path.dirname(truth))
+        pictures = sorted(glob.glob(f"{folder}/img1/*"))
+        targets = {}
+        for row in (line.split(",") for line in open(truth) if line.strip()):
+            targets.setdefault(int(row[1]), {})[int(row[0])] = ",".join(row[2:6])
+        for target, boxes in targets.items():
+            run = [frame for frame in longest_run(boxes) if frame <= len(pictures)]
+            if len(run) >= 50:
+                name = f"{os.path.basename(folder)}-{target}"
+                write(f"{args.out}/walkers/{name}", [pictures[f - 1] for f in run], [boxes[f] for f in run])
+
+
+if __name__ == "__main__":
+    main()
