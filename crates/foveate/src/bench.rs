@@ -82,7 +82,7 @@ pub fn many(many: &mut Many, targets: usize, frames: usize) -> Result<FrameTime>
         }
         Frame { index: 0, time: 0.0, image }
     };
-    let mut pictures: Vec<Frame> = (0..=TURN).map(picture).collect();
+    let pictures: Vec<Frame> = (0..=TURN).map(picture).collect();
     many.step(&pictures[0], &[]);
     for k in 0..targets {
         many.give(&pictures[0], None, bbox(k, 0))?;
@@ -92,9 +92,10 @@ pub fn many(many: &mut Many, targets: usize, frames: usize) -> Result<FrameTime>
         let t = index % (2 * TURN);
         let t = t.min(2 * TURN - t);
         let detections: Vec<_> = (0..targets).map(|k| Detection { bbox: bbox(k, t), score: 1.0 }).collect();
-        pictures[t].index = index;
+        // A picture comes from a decoder, all of it written just now: not one whose few used pixels are in the cache since last time.
+        let frame = Frame { index, ..pictures[t].clone() };
         let begin = now();
-        std::hint::black_box(many.step(&pictures[t], &detections));
+        std::hint::black_box(many.step(&frame, &detections));
         times.push(1e3 * (now() - begin));
     }
     times.drain(..WARM);
