@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::control::{
     Around, Belief, Confidence, Guide, Promise, Proposal, Resampling, Reward, Search, Shown, Sighting, Vigilance,
-    normalize,
+    normalize, rivals,
 };
 use crate::gaze::{Context, Plan, Policy};
 use crate::geometry::{BBox, Extent, State};
@@ -191,8 +191,8 @@ impl Tracker {
 
         // Look again. A lost target may be anywhere: some particles are drawn from where the picture looks most like it.
         if parts.search.as_ref().is_some_and(|search| search.is_due(context.lost, *frame)) {
-            let expected = Belief { states: &w.predicted, weights: &w.weights }.mean();
-            let seen = parts.confidence.seen().copied().unwrap_or(expected);
+            let predicted = || Belief { states: &w.predicted, weights: &w.weights }.mean();
+            let seen = parts.confidence.seen().copied().unwrap_or_else(predicted);
             let streams = streams.at(*frame, Purpose::Search);
             if looks::search(parts, (image, &seen, target), (promise, *visible), w, streams) {
                 log_evidence = normalize(&w.log_posterior, &mut w.weights);
@@ -213,7 +213,7 @@ impl Tracker {
         let evidence = log_evidence / looks.max(1) as f64;
         let distance = w.percept.distance;
         let alarm = parts.recognizer.as_ref().map_or(0.0, Recognition::alarm);
-        let rival = looks::beside(parts, (image, &estimate, target.extent), w);
+        let rival = if judged { looks::around(parts, (image, &estimate, target.extent), w) } else { None };
         let shown = Shown { watch, evidence, rival, promise, spread, distance, estimate, unit, alarm };
         let trust = if judged { parts.confidence.judge(&shown) } else { parts.confidence.held() };
         let lost = trust.standing.is_out();
@@ -225,6 +225,9 @@ impl Tracker {
 
         // Adapt: what tells the target from what is around it, while there is no doubt that this is it.
         if parts.appearance.adapts() && judged && !watch.lost {
+            if rival.is_none() {
+                rivals(&w.predicted, &w.log_posterior, &estimate, target.extent, &mut w.rivals);
+            }
             parts.appearance.adapt(image, &estimate, &w.rivals, watch.surprise);
         }
 

@@ -13,6 +13,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::evenly;
 use crate::geometry::State;
 use crate::scene::Flow;
 use crate::{Error, Result};
@@ -58,8 +59,8 @@ impl Guide {
         if u.values().is_empty() {
             return;
         }
-        let rank = |i: usize| (i as f64 * self.share) as usize;
-        for (_, state) in states.iter_mut().enumerate().filter(|(i, _)| rank(i + 1) > rank(*i)) {
+        for i in evenly(states.len(), self.share) {
+            let state = &mut states[i];
             let (cu, cv) = camera.at(state.x, state.y);
             let (mut dx, mut dy) = (self.camera * cu, self.camera * cv);
             if self.local > 0.0 {

@@ -28,6 +28,12 @@ pub use self::search::{REFINEMENTS, Search};
 pub use self::sighting::Sighting;
 pub use self::vigilance::{Promise, Vigilance, Watch};
 
+/// A share (0 to 1) of the numbers 0 to n − 1, spread evenly over them.
+fn evenly(n: usize, share: f64) -> impl Iterator<Item = usize> {
+    let rank = move |i: usize| (i as f64 * share) as usize;
+    (0..n).filter(move |i| rank(i + 1) > rank(*i))
+}
+
 use crate::geometry::State;
 use foveate_kernels::{exp_from, largest_finite};
 use std::f64::consts::{PI, TAU};

@@ -9,6 +9,7 @@ use rand::RngExt;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
 
+use super::evenly;
 use crate::geometry::{Extent, State};
 use crate::rng::Streams;
 use crate::{Error, Result};
@@ -124,8 +125,7 @@ impl Search {
         &self.states
     }
     /// Keeps the best of the places scored last, and gives places about these, three times as close to each other, and these
-    /// in other sizes. To be
-    /// called [`REFINEMENTS`] times, each followed by scoring, before [`Search::draw`].
+    /// in other sizes. To be called [`REFINEMENTS`] times, each followed by scoring, before [`Search::draw`].
     pub fn refine(&mut self, log_likelihood: &[f64]) -> &[State] {
         self.keep_best(log_likelihood);
         self.apart = (self.apart.0 / 3.0, self.apart.1 / 3.0);
@@ -180,8 +180,7 @@ impl Search {
         self.found.retain(|found| found.log_likelihood >= least);
         which.clear();
         let Some(best) = self.found.first().copied() else { return };
-        let rank = |i: usize| (i as f64 * self.share) as usize;
-        which.extend((0..states.len()).filter(|i| rank(i + 1) > rank(*i)));
+        which.extend(evenly(states.len(), self.share));
         let weight = |found: &Found| (SOFT * (found.log_likelihood - best.log_likelihood)).exp();
         let total: f64 = self.found.iter().map(weight).sum();
         let p = self.chance / self.area / which.len() as f64;

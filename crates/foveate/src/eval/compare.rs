@@ -7,6 +7,7 @@ use serde::Serialize;
 
 use super::curves::Drawn;
 use super::metrics::{self, Score, frames_per_second};
+use super::sequence::list;
 use super::{Curves, Sequence};
 use crate::geometry::BBox;
 use crate::scene::annotation::{format_boxes, read_boxes, read_numbers};
@@ -153,16 +154,8 @@ fn score_files(sequences: &[Sequence], folder: &Path, seed: Option<u64>) -> Resu
 
 /// The folders in a folder, with their names, sorted.
 fn folders(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
-    let entries = std::fs::read_dir(folder).map_err(Error::io(folder, "cannot read this folder"))?;
-    let mut inner = Vec::new();
-    for entry in entries {
-        let entry = entry.map_err(Error::io(folder, "cannot read this folder"))?;
-        if entry.path().is_dir() {
-            inner.push((entry.file_name().to_string_lossy().into_owned(), entry.path()));
-        }
-    }
-    inner.sort();
-    Ok(inner)
+    let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(list(folder)?.into_iter().filter(|path| path.is_dir()).map(|path| (name(&path), path)).collect())
 }
 
 /// Runs a tracker over all sequences with each seed, keeps its results in `out` in the form that

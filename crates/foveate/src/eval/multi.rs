@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::experiment::quantile;
 use super::mot::{Crossings, Score, Sighting, Tracks, score};
 use super::table::aligned;
-use crate::geometry::{BBox, Extent, Gaze, State};
+use crate::geometry::{BBox, Extent, State};
 use crate::many::Many;
 use crate::observe::many::{ManyObserver, Phase, Seen};
 use crate::scene::synthetic::MultiVideo;
@@ -52,20 +52,8 @@ impl Follower for Alone {
         self.seen.clear();
         for (i, (tracker, bbox)) in self.trackers.iter_mut().zip(boxes).enumerate() {
             tracker.start(frame, *bbox)?;
-            self.seen.push(Seen {
-                id: i as u64 + 1,
-                born: frame.index,
-                phase: Phase::Born,
-                bbox: *bbox,
-                state: State::of(bbox),
-                extent: Extent::of(bbox),
-                covariance: [[0.0; 6]; 6],
-                gaze: Gaze::CENTRE,
-                visible: 1.0,
-                doubt: 0.0,
-                detection: None,
-                class: None,
-            });
+            let (born, state, extent) = (frame.index, State::of(bbox), Extent::of(bbox));
+            self.seen.push(Seen { born, bbox: *bbox, state, extent, ..Seen::unknown(i as u64 + 1) });
         }
         Ok(())
     }
@@ -331,6 +319,7 @@ pub fn text(lines: &[Line]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::Gaze;
     use crate::scene::Digits;
     use crate::scene::synthetic::Multi;
 

@@ -90,7 +90,8 @@ fn target(name: &str) -> Option<usize> {
     }
 }
 
-fn list(folder: &Path) -> Result<Vec<PathBuf>> {
+/// All that is in a folder, sorted.
+pub(super) fn list(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = std::fs::read_dir(folder).map_err(Error::io(folder, "cannot read this folder"))?;
     let paths: std::io::Result<Vec<_>> = entries.map(|entry| entry.map(|e| e.path())).collect();
     let mut paths = paths.map_err(Error::io(folder, "cannot read this folder"))?;

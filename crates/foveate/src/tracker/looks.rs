@@ -4,6 +4,7 @@
 use super::{Parts, Target, Work, company};
 use crate::control::{Promise, REFINEMENTS, rivals};
 use crate::geometry::{Extent, Gaze, State};
+use crate::identity::Appearance;
 use crate::rng::Streams;
 use crate::scene::Image;
 
@@ -17,14 +18,12 @@ pub(super) fn search(
     streams: Streams,
 ) -> bool {
     let Parts { search: Some(search), appearance, confidence, .. } = parts else { return false };
+    let appearance = &mut **appearance;
     let places = search.places((image.width(), image.height()), seen, target.extent);
-    w.search.resize(places.len(), 0.0);
     appearance.see(image, places, &[Gaze::CENTRE]);
-    appearance.log_likelihood(places, Gaze::CENTRE, &mut w.search);
+    score(appearance, places, Gaze::CENTRE, &mut w.search);
     for _ in 0..REFINEMENTS {
-        let places = search.refine(&w.search);
-        w.search.resize(places.len(), 0.0);
-        appearance.log_likelihood(places, Gaze::CENTRE, &mut w.search);
+        score(appearance, search.refine(&w.search), Gaze::CENTRE, &mut w.search);
     }
     let least = promise.on - search.fit * (promise.on - promise.off);
     search.draw(&w.search, least, &mut w.predicted, &mut w.log_prior, &mut w.drawn, streams);
@@ -33,10 +32,9 @@ pub(super) fn search(
     w.fresh.clear();
     w.fresh.extend(w.drawn.iter().map(|i| w.predicted[*i]));
     w.drawn.iter().for_each(|i| w.log_posterior[*i] = w.log_prior[*i]);
-    w.search.resize(w.fresh.len(), 0.0);
     let n = w.predicted.len();
     for (k, gaze) in w.plan.gazes().iter().enumerate().filter(|(k, _)| w.plan.used()[*k]) {
-        appearance.log_likelihood(&w.fresh, *gaze, &mut w.search);
+        score(appearance, &w.fresh, *gaze, &mut w.search);
         company::shade(&mut w.search, visible);
         for (i, l) in w.drawn.iter().zip(&w.search) {
             w.log_likelihood[k * n + i] = *l;
@@ -46,22 +44,22 @@ pub(super) fn search(
     !w.drawn.is_empty()
 }
 
-/// Fills `w.rivals`, from what is around the estimate or, without `Parts::rivals`, from the particles. The log-likelihood of
-/// the best of those around.
-pub(super) fn beside(
+/// Fills `w.rivals` with the places around the estimate that look most like the target. The log-likelihood of the best;
+/// `None` without `Parts::rivals`.
+pub(super) fn around(
     parts: &mut Parts,
     (image, estimate, extent): (&Image, &State, Extent),
     w: &mut Work,
 ) -> Option<f64> {
-    let Parts { rivals: Some(around), appearance, .. } = parts else {
-        if parts.appearance.adapts() {
-            rivals(&w.predicted, &w.log_posterior, estimate, extent, &mut w.rivals);
-        }
-        return None;
-    };
+    let Parts { rivals: Some(around), appearance, .. } = parts else { return None };
     let places = around.places((image.width(), image.height()), estimate, extent);
-    w.search.resize(places.len(), 0.0);
     appearance.see(image, places, &[Gaze::CENTRE]);
-    appearance.log_likelihood(places, Gaze::CENTRE, &mut w.search);
+    score(&mut **appearance, places, Gaze::CENTRE, &mut w.search);
     Some(rivals(places, &w.search, estimate, extent, &mut w.rivals))
+}
+
+/// Log-likelihoods of states whose surroundings were seen, as many as there are states.
+fn score(appearance: &mut dyn Appearance, states: &[State], gaze: Gaze, out: &mut Vec<f64>) {
+    out.resize(states.len(), 0.0);
+    appearance.log_likelihood(states, gaze, out);
 }
