@@ -3,7 +3,8 @@
 //! *Behind*: what is beside the target is mirrored over it, frame by frame, as if a thing of the background's texture
 //! stood before it. *Away*: the camera looks elsewhere, so that the target leaves the picture at the nearer side, and looks
 //! back. *Elsewhere*: the same, and afterwards the camera points to another place than before, so that the target is back
-//! somewhere else in the picture. What a moved camera would see beyond the old picture's edge is the mirrored picture.
+//! somewhere else in the picture. What a moved camera would see beyond the old picture's edge is the mirrored picture with the
+//! target covered: a second target there would rightly be found.
 
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
@@ -106,7 +107,7 @@ impl Hide {
     /// The frame as it is seen then.
     pub fn apply(&self, index: usize, image: &Image, truth: Option<BBox>) -> Image {
         match (self.hides(index), self.way, truth) {
-            (false, _, _) if index >= self.until && self.aside != (0, 0) => shifted(image, self.aside),
+            (false, _, _) if index >= self.until && self.aside != (0, 0) => shifted(image, truth, self.aside),
             (true, Way::Behind, Some(b)) => covered(image, &b),
             (true, Way::Away | Way::Elsewhere, Some(b)) => {
                 // Out at the side that takes the smaller shift.
@@ -115,23 +116,32 @@ impl Hide {
                 let near = |a: &(f64, f64)| a.0.abs() + a.1.abs();
                 let least = ways.iter().copied().min_by(|a, b| near(a).total_cmp(&near(b))).expect("four ways");
                 let whole = |v: f64| (v + 2.0 * v.signum() * f64::from(u8::from(v != 0.0))) as isize;
-                shifted(image, (whole(least.0), whole(least.1)))
+                shifted(image, truth, (whole(least.0), whole(least.1)))
             }
             _ => image.clone(),
         }
     }
 }
 
-/// The picture moved by whole pixels, mirrored where there is nothing.
-fn shifted(image: &Image, (dx, dy): (isize, isize)) -> Image {
+/// The picture moved by whole pixels; where there is nothing, mirrored without the target.
+fn shifted(image: &Image, target: Option<BBox>, (dx, dy): (isize, isize)) -> Image {
     let (w, h) = (image.width(), image.height());
-    let columns: Vec<usize> = (0..w).map(|x| mirrored(x as isize - dx, w)).collect();
+    let beyond = target.map_or_else(|| image.clone(), |target| covered(image, &target));
+    let columns: Vec<(usize, bool)> = (0..w)
+        .map(|x| {
+            let x = x as isize - dx;
+            (mirrored(x, w), (0..w as isize).contains(&x))
+        })
+        .collect();
     let mut out = image.clone();
     for p in 0..image.planes() {
-        let from = image.plane(p);
         for (y, row) in out.plane_mut(p).chunks_exact_mut(w).enumerate() {
-            let line = &from[mirrored(y as isize - dy, h) * w..][..w];
-            row.iter_mut().zip(&columns).for_each(|(out, &x)| *out = line[x]);
+            let y = y as isize - dy;
+            let (inside, at) = ((0..h as isize).contains(&y), mirrored(y, h) * w);
+            let (here, beyond) = (&image.plane(p)[at..][..w], &beyond.plane(p)[at..][..w]);
+            for (out, &(x, within)) in row.iter_mut().zip(&columns) {
+                *out = if inside && within { here[x] } else { beyond[x] };
+            }
         }
     }
     out
@@ -216,6 +226,7 @@ mod tests {
                     x >= at.x && x < at.x + at.w && y >= at.y && y < at.y + at.h
                 };
                 assert_eq!(white(&seen).iter().filter(inside).count(), 120, "{hide:?}, frame {t}");
+                assert_eq!(white(&seen).len(), 120, "there is one target: {hide:?}, frame {t}");
                 assert!(at.x >= 0.0 && at.y >= 0.0 && at.x + at.w <= 80.0 && at.y + at.h <= 60.0);
                 let moved = (at.x - b.x).hypot(at.y - b.y);
                 assert!(if way == Way::Elsewhere && t >= hide.until { moved > 20.0 } else { moved == 0.0 });
