@@ -194,11 +194,20 @@ impl Confidence {
     pub fn judge(&mut self, shown: &Shown) -> Trust {
         let cues = self.cues(shown);
         let p_lost = self.probability(&cues).max(shown.alarm);
-        self.stand(p_lost, shown);
+        let apart = |place: &State| (place.x - shown.estimate.x).abs().max((place.y - shown.estimate.y).abs());
+        let elsewhere = self.past.best_place.is_some_and(|place| apart(&place) > shown.unit);
+        self.stand(p_lost, elsewhere);
         if self.past.frames < (1.0 / NEWEST) as usize / 2 || p_lost < self.leave {
             self.learn(shown);
         }
         (self.past.p_lost, self.past.cues) = (p_lost, cues);
+        self.held()
+    }
+
+    /// Judges a frame of which only the cues were kept, as if no search had ever found anything elsewhere.
+    pub fn rejudge(&mut self, cues: &Cues) -> Trust {
+        (self.past.p_lost, self.past.cues) = (self.probability(cues), *cues);
+        self.stand(self.past.p_lost, false);
         self.held()
     }
 
@@ -208,7 +217,7 @@ impl Confidence {
     }
 
     /// P(lost) of a frame with these cues.
-    pub fn probability(&self, cues: &Cues) -> f64 {
+    fn probability(&self, cues: &Cues) -> f64 {
         let z: f64 = self.bias + self.weights.iter().zip(cues).map(|(w, c)| w * c).sum::<f64>();
         1.0 / (1.0 + (-z).exp())
     }
@@ -253,10 +262,8 @@ impl Confidence {
         self.past.best_place = best.copied();
     }
 
-    fn stand(&mut self, p_lost: f64, s: &Shown) {
+    fn stand(&mut self, p_lost: f64, elsewhere: bool) {
         let m = &mut self.past;
-        let apart = |place: &State| (place.x - s.estimate.x).abs().max((place.y - s.estimate.y).abs());
-        let elsewhere = m.best_place.is_some_and(|place| apart(&place) > s.unit);
         let speaks = if m.standing.is_out() { p_lost < self.leave && !elsewhere } else { p_lost > self.enter };
         m.against = if speaks { m.against + 1 } else { 0 };
         if m.standing.is_out() {

@@ -163,10 +163,15 @@ impl TrustScore {
             best_blur: (!on.is_empty()).then(|| best_blur(&on)),
         }
     }
-    /// The same with P(lost) by another table; states stay as they were.
-    pub fn rejudged(tracks: &[Vec<Judged>], confidence: &Confidence) -> Vec<Vec<Judged>> {
-        let again = |j: &Judged| Judged { p_lost: confidence.probability(&j.cues), ..*j };
-        tracks.iter().map(|track| track.iter().map(again).collect()).collect()
+    /// A track as another table says, boxes and cues as they are: searches that it would have begun or not are not seen.
+    pub fn rejudged(track: &[Judged], confidence: &Confidence) -> Vec<Judged> {
+        let mut confidence = confidence.clone();
+        confidence.reset();
+        let again = |j: &Judged| {
+            let trust = confidence.rejudge(&j.cues);
+            Judged { p_lost: trust.p_lost, standing: trust.standing, ..*j }
+        };
+        track.iter().map(again).collect()
     }
 }
 

@@ -106,8 +106,7 @@ pub fn leave_one_out(tracks: &[Judgement], confidence: &Confidence) -> Result<Ve
     for video in videos {
         let (mine, others): (Vec<&Judgement>, Vec<_>) = tracks.iter().partition(|t| t.video == video);
         let table = fit(&others, confidence)?;
-        let frames: Vec<Vec<Judged>> = mine.iter().map(|t| t.frames.clone()).collect();
-        judged.extend(TrustScore::rejudged(&frames, &table).into_iter().map(|track| (track, table.blur)));
+        judged.extend(mine.iter().map(|t| (TrustScore::rejudged(&t.frames, &table), table.blur)));
     }
     Ok(judged)
 }

@@ -145,8 +145,13 @@ pub fn run(args: &Args) -> Result<()> {
         files::write(path, csv(&tracks).as_bytes())?;
     }
     let unseen: Vec<Vec<Judged>> = leave_one_out(&tracks, confidence)?.into_iter().map(|(track, _)| track).collect();
-    println!("New tables, each on the video it has not seen (states are those of the table in force):");
+    println!("New tables, each on the video it has not seen (boxes and searches are those of the table in force):");
     println!("{}", trust::text(&slices(&unseen)));
+    let (plain, hidden): (Vec<usize>, Vec<usize>) = (0..tracks.len()).partition(|i| !tracks[*i].hidden);
+    for (name, such) in [("as they are", plain), ("with their targets hidden", hidden)] {
+        let of: Vec<Vec<Judged>> = such.iter().map(|i| unseen[*i].clone()).collect();
+        println!("Of these, videos {name}:\n{}", trust::text(&slices(&of)));
+    }
     let table = fit(&tracks.iter().collect::<Vec<_>>(), confidence)?;
     let text = toml::to_string(&Section { confidence: &table }).map_err(|e| Error::Invalid(e.to_string()))?;
     let command: Vec<String> = std::env::args().skip(1).collect();
@@ -159,10 +164,11 @@ pub fn run(args: &Args) -> Result<()> {
 }
 
 fn csv(tracks: &[Judgement]) -> String {
-    let mut text = format!("track,video,p_lost,out,iou,{}\n", CUE_NAMES.join(","));
+    let mut text = format!("track,video,hidden,visible,p_lost,out,iou,{}\n", CUE_NAMES.join(","));
     for (i, track) in tracks.iter().enumerate() {
         for j in &track.frames {
-            text += &format!("{i},{},{},{},{}", track.video, j.p_lost, u8::from(j.standing.is_out()), j.iou);
+            let [hidden, visible, out] = [track.hidden, j.off.is_some(), j.standing.is_out()].map(u8::from);
+            text += &format!("{i},{},{hidden},{visible},{},{out},{}", track.video, j.p_lost, j.iou);
             j.cues.iter().for_each(|c| text += &format!(",{c}"));
             text.push('\n');
         }
