@@ -180,6 +180,28 @@ fn main() {
         });
     }
 
+    let (patches, mut shapes) = (values(48 * 324, 10), vec![0.0; 48 * 192]);
+    report("oriented, 48 x 4 blocks", 48.0, "glimpses", None, || {
+        for (patch, out) in patches.chunks_exact(324).zip(shapes.chunks_exact_mut(192)) {
+            oriented(black_box(patch), 4, out);
+        }
+    });
+    let (glimpses, mut features) = (values(48 * 356, 10), vec![0.0; 48 * 224]);
+    let lengths = Lengths { length: [0.8, 0.4, 0.3], flat: [0.05, 0.1, 0.03], neither: 0.5 };
+    report("oriented_features, 48 x 4 blocks", 48.0, "glimpses", None, || {
+        for (glimpse, out) in glimpses.chunks_exact(356).zip(features.chunks_exact_mut(224)) {
+            oriented_features(black_box(glimpse), 4, &lengths, out);
+        }
+    });
+    let (rows, vector) = (values(64 * 225, 11), values(225, 12));
+    let (mut gram, mut out) = (vec![0.0; 225 * 113], vec![0.0; 225]);
+    report("add_outer, 64 x 225", (64 * 225 * 226) as f64, "flop", f32_peak, || {
+        add_outer(black_box(&rows), 225, 0.9, 0.1, &mut gram);
+    });
+    report("symmetric_times, 225", (2 * 225 * 225) as f64, "flop", f32_peak, || {
+        symmetric_times(black_box(&gram), &vector, &mut out);
+    });
+
     let (n_v, n_h) = (240, 500);
     let w: Vec<f32> = values(n_v * n_h, 5).iter().map(|x| (x - 0.5) * 0.2).collect();
     for n in [1, 100, 500, 1000] {

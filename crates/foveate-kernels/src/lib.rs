@@ -46,7 +46,7 @@ pub use gram::{add_outer, symmetric_times};
 pub use level::Level;
 pub use logistic::{bias_logistic, logistic};
 pub use normal::Normals;
-pub use oriented::{BLOCK, DIRECTIONS, oriented};
+pub use oriented::{BLOCK, DIRECTIONS, Lengths, oriented, oriented_features};
 pub use packed::{PackedWeights, Precision};
 pub use rows::{add_product, add_scaled, product};
 pub use sums::{dot, presence, root_overlap, squared_distance, sum};

@@ -1,6 +1,9 @@
 //! Histograms of gradient orientations over blocks of a square patch (Dalal & Triggs 2005), of one sign each.
 
+#[cfg(target_arch = "x86_64")]
+use crate::level::AVX512;
 use crate::level::{levels, multiply_add};
+use crate::sums::{dot_body, sum_body};
 
 /// Directions of gradients that are told apart, 45° from one to the next.
 pub const DIRECTIONS: usize = 8;
@@ -20,52 +23,177 @@ levels! {
     pub fn oriented / oriented_at (patch: &[f32], blocks: usize, out: &mut [f32]) = oriented_body
 }
 
+/// How long the parts of [`oriented_features`] become, gradients, grey, and each of the colour channels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lengths {
+    /// Lengths of parts that are not flat.
+    pub length: [f32; 3],
+    /// Root mean squares that are added to a part's own before it is divided by it: of less it stays short.
+    pub flat: [f32; 3],
+    /// The value of a colour channel where there is no colour.
+    pub neither: f32,
+}
+
+levels! {
+    /// `out` ← what [`oriented`] finds in the grey cells of a glimpse, of gradients the square roots, both with their means taken off
+    /// and brought to their lengths; then its two colour channels, less `neither`, brought to theirs.
+    ///
+    /// # Panics
+    /// If `glimpse` is not `(4 blocks + 2)²` values and those of two channels, or `out` not `12 blocks²` and as many.
+    pub fn oriented_features / oriented_features_at (
+        glimpse: &[f32], blocks: usize, lengths: &Lengths, out: &mut [f32]
+    ) = oriented_features_body
+}
+
+#[inline(always)]
+fn oriented_features_body<const V: u8>(glimpse: &[f32], blocks: usize, lengths: &Lengths, out: &mut [f32]) {
+    let (patch, colour) = glimpse.split_at((BLOCK * blocks + 2).pow(2));
+    let (shape, rest) = out.split_at_mut((DIRECTIONS + 4) * blocks * blocks);
+    assert!(rest.len() == colour.len() && colour.len().is_multiple_of(2), "two channels of colour in and out");
+    oriented_body::<V>(patch, blocks, shape);
+    let (gradients, grey) = shape.split_at_mut(DIRECTIONS * blocks * blocks);
+    gradients.iter_mut().for_each(|x| *x = x.sqrt());
+    for (k, part) in [gradients, grey].into_iter().enumerate() {
+        let mean = sum_body::<V>(part) / part.len() as f32;
+        part.iter_mut().for_each(|x| *x -= mean);
+        stretch::<V>(part, lengths.flat[k], lengths.length[k]);
+    }
+    rest.iter_mut().zip(colour).for_each(|(out, value)| *out = value - lengths.neither);
+    let (first, second) = rest.split_at_mut(colour.len() / 2);
+    stretch::<V>(first, lengths.flat[2], lengths.length[2]);
+    stretch::<V>(second, lengths.flat[2], lengths.length[2]);
+}
+
+/// Brings the length to `length`; that of a part of little contrast stays short.
+#[inline(always)]
+fn stretch<const V: u8>(part: &mut [f32], flat: f32, length: f32) {
+    let gain = length / (dot_body::<V>(part, part).sqrt() + flat * (part.len() as f32).sqrt());
+    part.iter_mut().for_each(|x| *x *= gain);
+}
+
 #[inline(always)]
 fn oriented_body<const V: u8>(patch: &[f32], blocks: usize, out: &mut [f32]) {
     let side = BLOCK * blocks + 2;
     assert!((1..=MOST_BLOCKS).contains(&blocks), "1 to 8 blocks, not {blocks}");
     assert!(patch.len() == side * side, "a patch of {side} x {side}");
     assert!(out.len() == (DIRECTIONS + 4) * blocks * blocks, "12 values a block");
-    if blocks <= 4 { histograms::<V, 16>(patch, blocks, out) } else { histograms::<V, 32>(patch, blocks, out) }
+    if blocks == AT_ONCE {
+        return histograms::<V>(patch, AT_ONCE * BLOCK + 2, AT_ONCE, out); // with numbers that are known
+    }
+    if blocks.is_multiple_of(AT_ONCE) {
+        return histograms::<V>(patch, side, blocks, out);
+    }
+    // Filled up with zeros, whose sums are not written.
+    let mut room = [0.0; WIDEST * WIDEST];
+    for (line, room) in patch.chunks_exact(side).zip(room.chunks_exact_mut(WIDEST)) {
+        room[..side].copy_from_slice(line);
+    }
+    histograms::<V>(&room, WIDEST, blocks, out)
 }
 
-/// Rows of `WIDTH` pixels at a time, of which the first `4 blocks` count.
+/// Blocks beside each other that are summed at once, and their pixels.
+const AT_ONCE: usize = 4;
+const WIDTH: usize = AT_ONCE * BLOCK;
+/// The side of the largest patch.
+const WIDEST: usize = MOST_BLOCKS * BLOCK + 2;
+
+/// Of a patch whose rows are `stride` apart, and go on for as many pixels as whole strips of blocks have.
 #[inline(always)]
-fn histograms<const V: u8, const WIDTH: usize>(patch: &[f32], blocks: usize, out: &mut [f32]) {
-    const HALF: f32 = std::f32::consts::FRAC_1_SQRT_2;
-    const AT: [(f32, f32); DIRECTIONS] =
-        [(1.0, 0.0), (HALF, HALF), (0.0, 1.0), (-HALF, HALF), (-1.0, 0.0), (-HALF, -HALF), (0.0, -1.0), (HALF, -HALF)];
-    let (n, side) = (BLOCK * blocks, BLOCK * blocks + 2);
+fn histograms<const V: u8>(patch: &[f32], stride: usize, blocks: usize, out: &mut [f32]) {
     let (histograms, sums_of_four) = out.split_at_mut(DIRECTIONS * blocks * blocks);
-    for block in 0..blocks {
-        let mut sums = [[0.0f32; WIDTH]; DIRECTIONS];
-        for row in block * BLOCK..(block + 1) * BLOCK {
-            let (mut gx, mut gy, mut less) = ([0.0f32; WIDTH], [0.0f32; WIDTH], [0.0f32; WIDTH]);
-            let line = |i: usize| &patch[(row + i) * side..][..side];
-            let (above, here, below) = (line(0), line(1), line(2));
-            for (x, (gx, gy)) in gx.iter_mut().zip(&mut gy).enumerate().take(n) {
-                *gx = here[x + 2] - here[x];
-                *gy = below[x + 1] - above[x + 1];
-            }
-            for x in 0..WIDTH {
-                less[x] = -HALF * multiply_add::<V>(gx[x], gx[x], gy[x] * gy[x]).sqrt();
-            }
-            for (sums, (cos, sin)) in sums.iter_mut().zip(AT) {
-                for x in 0..WIDTH {
-                    sums[x] += multiply_add::<V>(gx[x], cos, multiply_add::<V>(gy[x], sin, less[x])).max(0.0);
+    for (block, first) in (0..blocks).flat_map(|block| (0..blocks).step_by(AT_ONCE).map(move |first| (block, first))) {
+        let (mut sums, mut fours) = ([[0.0; WIDTH]; DIRECTIONS], [[0.0; WIDTH / 2]; 2]);
+        for (half, fours) in fours.iter_mut().enumerate() {
+            let mut pairs = [0.0; WIDTH];
+            for row in 0..BLOCK / 2 {
+                let top = block * BLOCK + half * (BLOCK / 2) + row;
+                let [above, here, below]: [&[f32; WIDTH + 2]; 3] = std::array::from_fn(|i| {
+                    patch[(top + i) * stride + first * BLOCK..].first_chunk().expect("as wide as whole strips")
+                });
+                let gx: [f32; WIDTH] = std::array::from_fn(|x| here[x + 2] - here[x]);
+                let gy: [f32; WIDTH] = std::array::from_fn(|x| below[x + 1] - above[x + 1]);
+                add_gradients::<V>(&gx, &gy, &mut sums);
+                for (x, pair) in pairs.iter_mut().enumerate() {
+                    *pair += here[x + 1] + here[x + 2];
                 }
             }
-            for (x, sum) in sums_of_four[row / 2 * (2 * blocks)..][..2 * blocks].iter_mut().enumerate() {
-                let pair = here[2 * x + 1] + here[2 * x + 2];
-                *sum = if row % 2 == 0 { pair } else { *sum + pair };
-            }
+            *fours = std::array::from_fn(|x| pairs[2 * x]);
         }
-        for column in 0..blocks {
-            let out = &mut histograms[(block * blocks + column) * DIRECTIONS..][..DIRECTIONS];
-            for (out, sums) in out.iter_mut().zip(&sums) {
-                let s = &sums[column * BLOCK..][..BLOCK];
-                *out = (s[0] + s[1]) + (s[2] + s[3]);
+        let count = AT_ONCE.min(blocks - first);
+        let strip = across::<V>(&sums);
+        put(&strip, count, &mut histograms[(block * blocks + first) * DIRECTIONS..]);
+        for (row, fours) in fours.iter().enumerate() {
+            put(fours, count, &mut sums_of_four[(2 * block + row) * 2 * blocks + 2 * first..]);
+        }
+    }
+}
+
+/// Sums over each block's columns, (0 + 1) + (2 + 3): the directions of one block after those of another.
+#[inline(always)]
+fn across<const V: u8>(sums: &[[f32; WIDTH]; DIRECTIONS]) -> [f32; AT_ONCE * DIRECTIONS] {
+    let mut out = [0.0; AT_ONCE * DIRECTIONS];
+    #[cfg(target_arch = "x86_64")]
+    if V >= AVX512 {
+        use std::arch::x86_64::*;
+        // SAFETY: `V` says that the caller is compiled for AVX-512, and runs only where it is there.
+        unsafe {
+            // Four directions of four columns become four columns of four directions, in each quarter, which is a block.
+            let mut halves = [_mm512_setzero_ps(); 2];
+            for (half, sums) in halves.iter_mut().zip(sums.chunks_exact(DIRECTIONS / 2)) {
+                let (a, b) = (_mm512_loadu_ps(sums[0].as_ptr()), _mm512_loadu_ps(sums[1].as_ptr()));
+                let (c, d) = (_mm512_loadu_ps(sums[2].as_ptr()), _mm512_loadu_ps(sums[3].as_ptr()));
+                let (ab, cd) = (_mm512_unpacklo_ps(a, b), _mm512_unpacklo_ps(c, d));
+                let first = _mm512_add_ps(_mm512_shuffle_ps::<0x44>(ab, cd), _mm512_shuffle_ps::<0xee>(ab, cd));
+                let (ab, cd) = (_mm512_unpackhi_ps(a, b), _mm512_unpackhi_ps(c, d));
+                let second = _mm512_add_ps(_mm512_shuffle_ps::<0x44>(ab, cd), _mm512_shuffle_ps::<0xee>(ab, cd));
+                *half = _mm512_add_ps(first, second);
             }
+            let [a, b] = halves;
+            let near = _mm512_setr_epi32(0, 1, 2, 3, 16, 17, 18, 19, 4, 5, 6, 7, 20, 21, 22, 23);
+            let far = _mm512_setr_epi32(8, 9, 10, 11, 24, 25, 26, 27, 12, 13, 14, 15, 28, 29, 30, 31);
+            _mm512_storeu_ps(out.as_mut_ptr(), _mm512_permutex2var_ps(a, near, b));
+            _mm512_storeu_ps(out[16..].as_mut_ptr(), _mm512_permutex2var_ps(a, far, b));
+        }
+        return out;
+    }
+    for (column, out) in out.chunks_exact_mut(DIRECTIONS).enumerate() {
+        for (out, sums) in out.iter_mut().zip(sums) {
+            let s: [f32; BLOCK] = std::array::from_fn(|x| sums[column * BLOCK + x]);
+            *out = (s[0] + s[1]) + (s[2] + s[3]);
+        }
+    }
+    out
+}
+
+/// Copies what `count` of a strip's blocks have; of all of them without a call.
+#[inline(always)]
+fn put<const N: usize>(from: &[f32; N], count: usize, to: &mut [f32]) {
+    match to.first_chunk_mut().filter(|_| count == AT_ONCE) {
+        Some(to) => *to = *from,
+        None => to[..N / AT_ONCE * count].copy_from_slice(&from[..N / AT_ONCE * count]),
+    }
+}
+
+/// Adds max(0, g · eₖ − |g| cos 45°) to the sums of direction k.
+#[inline(always)]
+fn add_gradients<const V: u8>(gx: &[f32; WIDTH], gy: &[f32; WIDTH], sums: &mut [[f32; WIDTH]; DIRECTIONS]) {
+    const HALF: f32 = std::f32::consts::FRAC_1_SQRT_2;
+    for x in 0..WIDTH {
+        let (gx, gy) = (gx[x], gy[x]);
+        let less = -HALF * multiply_add::<V>(gx, gx, gy * gy).sqrt();
+        let (down, up) = (multiply_add::<V>(gy, HALF, less), multiply_add::<V>(gy, -HALF, less));
+        let along = [
+            gx + less,
+            multiply_add::<V>(gx, HALF, down),
+            gy + less,
+            multiply_add::<V>(gx, -HALF, down),
+            less - gx,
+            multiply_add::<V>(gx, -HALF, up),
+            less - gy,
+            multiply_add::<V>(gx, HALF, up),
+        ];
+        for (sums, along) in sums.iter_mut().zip(along) {
+            sums[x] += along.max(0.0);
         }
     }
 }
@@ -96,6 +224,41 @@ mod tests {
                 }
                 for (out, exact) in out.iter().zip(&exact) {
                     assert!((f64::from(*out) - exact).abs() < 2e-5, "{level:?}: {out} is not {exact}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn features_agree_with_the_twin() {
+        let lengths = Lengths { length: [0.8, 0.5, 0.3], flat: [0.05, 0.1, 0.03], neither: 0.4 };
+        for (blocks, colour) in [(1, 0), (3, 2), (4, 32), (5, 18), (8, 200)] {
+            let glimpse = values((4 * blocks + 2usize).pow(2) + colour, 2);
+            let (patch, cells) = glimpse.split_at(glimpse.len() - colour);
+            let mut shape = vec![0.0; 12 * blocks * blocks];
+            oriented(patch, blocks, &mut shape);
+            let shape: Vec<f64> = shape.into_iter().map(f64::from).collect();
+            let (gradients, grey) = shape.split_at(8 * blocks * blocks);
+            let centred = |part: Vec<f64>| {
+                let mean = part.iter().sum::<f64>() / part.len() as f64;
+                part.into_iter().map(|x| x - mean).collect()
+            };
+            let colours =
+                cells.chunks((colour / 2).max(1)).map(|part| part.iter().map(|x| f64::from(*x) - 0.4).collect());
+            let mut parts: Vec<Vec<f64>> =
+                vec![centred(gradients.iter().map(|x| x.sqrt()).collect()), centred(grey.to_vec())];
+            parts.extend(colours);
+            let mut exact = vec![];
+            for (k, part) in parts.iter().enumerate() {
+                let (flat, length) = (f64::from(lengths.flat[k.min(2)]), f64::from(lengths.length[k.min(2)]));
+                let norm = part.iter().map(|x| x * x).sum::<f64>().sqrt() + flat * (part.len() as f64).sqrt();
+                exact.extend(part.iter().map(|x| x * length / norm));
+            }
+            for level in Level::all() {
+                let mut out = vec![f32::NAN; exact.len()];
+                oriented_features_at(level, &glimpse, blocks, &lengths, &mut out);
+                for (out, exact) in out.iter().zip(&exact) {
+                    assert!((f64::from(*out) - exact).abs() < 2e-5, "{level:?}, {blocks} blocks: {out} is not {exact}");
                 }
             }
         }

@@ -18,7 +18,7 @@ pub(crate) fn fold<const LANES: usize>(mut lanes: [f32; LANES]) -> f32 {
 }
 
 #[inline(always)]
-fn sum_body<const V: u8>(a: &[f32]) -> f32 {
+pub(crate) fn sum_body<const V: u8>(a: &[f32]) -> f32 {
     let mut lanes = [0.0; LANES];
     let (chunks, rest) = a.as_chunks::<LANES>();
     for a in chunks {
@@ -26,10 +26,24 @@ fn sum_body<const V: u8>(a: &[f32]) -> f32 {
             lanes[i] += a[i];
         }
     }
-    for (lane, &a) in lanes.iter_mut().zip(rest) {
-        *lane += a;
+    if !rest.is_empty() {
+        let a = filled(rest);
+        for i in 0..LANES {
+            lanes[i] += a[i];
+        }
     }
     fold(lanes)
+}
+
+/// The last values, and zeros. Lanes of which only some are written would not stay in registers.
+#[inline(always)]
+fn filled(rest: &[f32]) -> [f32; LANES] {
+    let mut all = [0.0; LANES];
+    match rest.first_chunk::<{ LANES / 2 }>().filter(|half| half.len() == rest.len()) {
+        Some(half) => all[..LANES / 2].copy_from_slice(half),
+        None => all[..rest.len()].copy_from_slice(rest),
+    }
+    all
 }
 
 #[inline(always)]
@@ -42,8 +56,11 @@ pub(crate) fn dot_body<const V: u8>(a: &[f32], b: &[f32]) -> f32 {
             lanes[i] = multiply_add::<V>(a[i], b[i], lanes[i]);
         }
     }
-    for (lane, (&a, &b)) in lanes.iter_mut().zip(a_rest.iter().zip(b_rest)) {
-        *lane = multiply_add::<V>(a, b, *lane);
+    if !a_rest.is_empty() {
+        let (a, b) = (filled(a_rest), filled(b_rest));
+        for i in 0..LANES {
+            lanes[i] = multiply_add::<V>(a[i], b[i], lanes[i]);
+        }
     }
     fold(lanes)
 }

@@ -40,13 +40,16 @@ impl Default for Weights {
 /// Lengths of a part, in its values' root mean square, that count as flat: less contrast than that is noise.
 const FLAT: [f32; 3] = [0.05, 0.1, 0.03];
 
+/// The value of a colour channel where there is no colour.
+const NEITHER: f32 = 128.0 / 255.0;
+
 /// Gradients, grey and colour.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Oriented {
     blocks: usize,
     cells: usize,
     colour: usize,
-    roots: [f32; 3],
+    lengths: kernels::Lengths,
 }
 
 impl Oriented {
@@ -66,51 +69,24 @@ impl Oriented {
             return Err(Error::Config(format!("encoder.weights are numbers from 0 to 1000; they are {weights:?}")));
         }
         let [gradients, grey, colour] = weights.map(f32::sqrt);
-        let roots = [gradients, grey, colour * std::f32::consts::FRAC_1_SQRT_2];
-        Ok(Self { blocks: (side - 2) / kernels::BLOCK, cells, colour: channels.len() - cells, roots })
+        let lengths = kernels::Lengths {
+            length: [gradients, grey, colour * std::f32::consts::FRAC_1_SQRT_2],
+            flat: FLAT,
+            neither: NEITHER,
+        };
+        Ok(Self { blocks: (side - 2) / kernels::BLOCK, cells, colour: channels.len() - cells, lengths })
     }
-
-    /// How many features gradients are, and gradients and grey.
-    fn ends(&self) -> (usize, usize) {
-        let blocks = self.blocks * self.blocks;
-        (kernels::DIRECTIONS * blocks, (kernels::DIRECTIONS + 4) * blocks)
-    }
-}
-
-/// Brings the length to `length`; that of a part of little contrast stays short.
-fn stretch(values: &mut [f32], flat: f32, length: f32) {
-    let gain = length / (kernels::dot(values, values).sqrt() + flat * (values.len() as f32).sqrt());
-    values.iter_mut().for_each(|x| *x *= gain);
-}
-
-fn centre(values: &mut [f32]) {
-    let mean = kernels::sum(values) / values.len() as f32;
-    values.iter_mut().for_each(|x| *x -= mean);
 }
 
 impl Encoder for Oriented {
     fn shape(&self) -> (usize, usize) {
-        (self.cells + self.colour, self.ends().1 + self.colour)
+        (self.cells + self.colour, (kernels::DIRECTIONS + 4) * self.blocks * self.blocks + self.colour)
     }
 
     fn encode(&self, glimpses: Rows<'_>, mut features: RowsMut<'_>) {
-        /// The value of a colour channel where there is no colour.
-        const NEITHER: f32 = 128.0 / 255.0;
         let (n_v, n_h) = self.shape();
-        let (gradients, grey) = self.ends();
         for (v, h) in glimpses.data().chunks_exact(n_v).zip(features.data().chunks_exact_mut(n_h)) {
-            let (shape, colour) = h.split_at_mut(grey);
-            kernels::oriented(&v[..self.cells], self.blocks, shape);
-            let (gradients, grey) = shape.split_at_mut(gradients);
-            gradients.iter_mut().for_each(|x| *x = x.sqrt());
-            centre(gradients);
-            stretch(gradients, FLAT[0], self.roots[0]);
-            centre(grey);
-            stretch(grey, FLAT[1], self.roots[1]);
-            if self.colour > 0 {
-                colour.iter_mut().zip(&v[self.cells..]).for_each(|(h, v)| *h = v - NEITHER);
-                colour.chunks_exact_mut(self.colour / 2).for_each(|part| stretch(part, FLAT[2], self.roots[2]));
-            }
+            kernels::oriented_features(v, self.blocks, &self.lengths, h);
         }
     }
 }
