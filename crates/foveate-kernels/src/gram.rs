@@ -26,26 +26,81 @@ const TOGETHER: usize = 4;
 fn add_outer_body<const V: u8>(rows: &[f32], width: usize, keep: f32, share: f32, gram: &mut [f32]) {
     assert!(width > 0 && rows.len().is_multiple_of(width), "whole rows of {width} values");
     assert!(gram.len() == width * (width + 1) / 2, "a triangle of {width} rows");
-    let mut start = 0;
+    gram.iter_mut().for_each(|sum| *sum *= keep);
+    let single = rows.len() / width % TOGETHER * width;
+    let (groups, single) = rows.split_at(rows.len() - single);
+    for rows in single.chunks_exact(width) {
+        add_each::<V, 1>(rows, width, share, gram);
+    }
+    for rows in groups.chunks(BATCH * width) {
+        add_each::<V, TOGETHER>(rows, width, share, gram);
+    }
+}
+
+/// Rows that are gone through for one line of the triangle before the next.
+const BATCH: usize = 32;
+/// Neighbouring sums that are taken at once.
+const WIDE: usize = 64;
+const NARROW: usize = 16;
+
+/// `gram` ← `gram` + `share` · Σ r rᵀ over at most [`BATCH`] rows, `GROUP` at a time.
+#[inline(always)]
+fn add_each<const V: u8, const GROUP: usize>(rows: &[f32], width: usize, share: f32, gram: &mut [f32]) {
+    let (mut factors, mut start) = ([0.0; BATCH], 0);
     for i in 0..width {
         let line = &mut gram[start..=start + i];
         start += i + 1;
-        line.iter_mut().for_each(|g| *g *= keep);
-        let groups = rows.chunks_exact(TOGETHER * width);
-        for row in groups.remainder().chunks_exact(width) {
-            let factor = share * row[i];
-            line.iter_mut().zip(row).for_each(|(g, r)| *g = multiply_add::<V>(factor, *r, *g));
+        for (factor, row) in factors.iter_mut().zip(rows.chunks_exact(width)) {
+            *factor = share * row[i];
         }
-        for group in groups {
-            let row: [&[f32]; TOGETHER] = std::array::from_fn(|r| &group[r * width..][..=i]);
-            let factor = row.map(|row| share * row[i]);
-            for (j, g) in line.iter_mut().enumerate() {
-                let first = multiply_add::<V>(factor[0], row[0][j], factor[1] * row[1][j]);
-                let second = multiply_add::<V>(factor[2], row[2][j], factor[3] * row[3][j]);
-                *g += first + second;
+        let Some(mut last) = line.last_chunk::<NARROW>().copied() else {
+            for (j, sum) in line.as_chunks_mut().0.iter_mut().enumerate() {
+                add_to::<V, GROUP, 1>(rows, width, &factors, j, sum);
+            }
+            continue;
+        };
+        // The last sums overlap others, with the same values.
+        add_to::<V, GROUP, NARROW>(rows, width, &factors, i + 1 - NARROW, &mut last);
+        let mut j = 0;
+        while let Some(sums) = line[j..].first_chunk_mut() {
+            add_to::<V, GROUP, WIDE>(rows, width, &factors, j, sums);
+            j += WIDE;
+        }
+        while let Some(sums) = line[j..].first_chunk_mut() {
+            add_to::<V, GROUP, NARROW>(rows, width, &factors, j, sums);
+            j += NARROW;
+        }
+        line[i + 1 - NARROW..].copy_from_slice(&last);
+    }
+}
+
+/// Adds to `sums` what the rows have from column `j` on, each times its factor.
+#[inline(always)]
+fn add_to<const V: u8, const GROUP: usize, const N: usize>(
+    rows: &[f32],
+    width: usize,
+    factors: &[f32; BATCH],
+    j: usize,
+    sums: &mut [f32; N],
+) {
+    let mut all = *sums;
+    for (rows, f) in rows.chunks_exact(GROUP * width).zip(factors.chunks_exact(GROUP)) {
+        if GROUP == TOGETHER {
+            let (a, b) = (&rows[j..][..N], &rows[width + j..][..N]);
+            let (c, d) = (&rows[2 * width + j..][..N], &rows[3 * width + j..][..N]);
+            for k in 0..N {
+                let first = multiply_add::<V>(f[0], a[k], f[1] * b[k]);
+                let second = multiply_add::<V>(f[2], c[k], f[3] * d[k]);
+                all[k] += first + second;
+            }
+        } else {
+            let a = &rows[j..][..N];
+            for k in 0..N {
+                all[k] = multiply_add::<V>(f[0], a[k], all[k]);
             }
         }
     }
+    *sums = all;
 }
 
 #[inline(always)]

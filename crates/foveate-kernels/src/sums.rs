@@ -27,7 +27,7 @@ pub(crate) fn sum_body<const V: u8>(a: &[f32]) -> f32 {
         }
     }
     if !rest.is_empty() {
-        let a = filled(rest);
+        let a = filled::<V>(rest);
         for i in 0..LANES {
             lanes[i] += a[i];
         }
@@ -35,14 +35,24 @@ pub(crate) fn sum_body<const V: u8>(a: &[f32]) -> f32 {
     fold(lanes)
 }
 
-/// The last values, and zeros. Lanes of which only some are written would not stay in registers.
+/// The last values, fewer than there are lanes, and zeros. Lanes of which only some are written would not stay in registers.
 #[inline(always)]
-fn filled(rest: &[f32]) -> [f32; LANES] {
+fn filled<const V: u8>(rest: &[f32]) -> [f32; LANES] {
     let mut all = [0.0; LANES];
-    match rest.first_chunk::<{ LANES / 2 }>().filter(|half| half.len() == rest.len()) {
-        Some(half) => all[..LANES / 2].copy_from_slice(half),
-        None => all[..rest.len()].copy_from_slice(rest),
+    #[cfg(target_arch = "x86_64")]
+    if V >= crate::level::AVX512 {
+        use std::arch::x86_64::*;
+        let first = rest.len().min(16);
+        // SAFETY: `V` says that the caller is compiled for AVX-512, and runs only where it is there; the masks have as
+        // many bits as there are values, and `all` has room for them.
+        unsafe {
+            let (low, high) = ((1u32 << first) - 1, (1u32 << (rest.len().min(LANES) - first)) - 1);
+            _mm512_storeu_ps(all.as_mut_ptr(), _mm512_maskz_loadu_ps(low as u16, rest.as_ptr()));
+            _mm512_storeu_ps(all[16..].as_mut_ptr(), _mm512_maskz_loadu_ps(high as u16, rest.as_ptr().add(first)));
+        }
+        return all;
     }
+    all[..rest.len()].copy_from_slice(rest);
     all
 }
 
@@ -57,7 +67,7 @@ pub(crate) fn dot_body<const V: u8>(a: &[f32], b: &[f32]) -> f32 {
         }
     }
     if !a_rest.is_empty() {
-        let (a, b) = (filled(a_rest), filled(b_rest));
+        let (a, b) = (filled::<V>(a_rest), filled::<V>(b_rest));
         for i in 0..LANES {
             lanes[i] = multiply_add::<V>(a[i], b[i], lanes[i]);
         }
