@@ -158,6 +158,13 @@ fn main() {
             });
         }
     }
+    report("intensity, 640 x 480", pixels.len() as f64, "pixels", None, || {
+        intensity([black_box(&pixels), &pixels, &pixels], &mut means);
+    });
+    let (grey, mut across, mut half) = (values(640 * 480, 13), vec![0.0; 320 * 480], vec![0.0; 320 * 240]);
+    report("halve, 640 x 480", pixels.len() as f64, "pixels", None, || {
+        halve(black_box(&grey), 640, &mut across, &mut half);
+    });
     let region = Region { x: 250, y: 170, width: 140, height: 140 };
     let plane = box_means(image, (3, 3), region, &mut scratch, &mut means[..140 * 140]);
     let maps: Vec<[f32; 6]> = values(600, 8)
@@ -180,6 +187,16 @@ fn main() {
         });
     }
 
+    for (step, side) in [(1.2, 18), (3.0, 18), (6.0, 18), (12.0, 4)] {
+        let maps: Vec<[f32; 6]> =
+            values(96, 8).chunks(2).map(|r| [310.0 + 20.0 * r[0], 230.0 + 20.0 * r[1], step, 0.0, 0.0, step]).collect();
+        let (du, dv): (Vec<f32>, Vec<f32>) = (0..side * side).map(|i| ((i % side) as f32, (i / side) as f32)).unzip();
+        let mut out = vec![0.0; 48 * side * side];
+        let plane = Plane { data: &grey, width: 640, height: 480, stride: 640, x0: 0.0, y0: 0.0 };
+        report(&format!("taps_rows upright, 48 x {side} x {side} of {step}"), out.len() as f64, "taps", None, || {
+            taps_rows(plane, black_box(&maps), &du, &dv, &mut out, side * side)
+        });
+    }
     let (patches, mut shapes) = (values(48 * 324, 10), vec![0.0; 48 * 192]);
     report("oriented, 48 x 4 blocks", 48.0, "glimpses", None, || {
         for (patch, out) in patches.chunks_exact(324).zip(shapes.chunks_exact_mut(192)) {

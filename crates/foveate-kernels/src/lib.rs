@@ -22,6 +22,7 @@ mod covariance;
 mod ends;
 mod exponential;
 mod gram;
+mod halve;
 mod level;
 mod logistic;
 mod normal;
@@ -32,6 +33,8 @@ mod sums;
 mod taps;
 mod tile;
 mod triangle;
+#[cfg(target_arch = "x86_64")]
+mod upright;
 mod vector;
 mod wide;
 
@@ -43,6 +46,7 @@ pub use covariance::{
 };
 pub use exponential::{exp_from, largest_finite};
 pub use gram::{add_outer, symmetric_times};
+pub use halve::{halve, intensity};
 pub use level::Level;
 pub use logistic::{bias_logistic, logistic};
 pub use normal::Normals;

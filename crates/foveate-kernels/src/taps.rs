@@ -4,6 +4,8 @@
 //! interpolated between the four samples around it. Outside the plane its border goes on.
 
 use crate::level::{levels, multiply_add};
+#[cfg(target_arch = "x86_64")]
+use crate::{level::AVX512, upright::Grid};
 
 /// Samples of an image, or of its box means, on a grid of spacing 1.
 #[derive(Clone, Copy, Debug)]
@@ -23,7 +25,7 @@ pub struct Plane<'a> {
 }
 
 /// Cells that are computed at a time.
-const CELLS: usize = 16;
+pub(crate) const CELLS: usize = 16;
 /// Blocks of cells whose places are all computed before any is read: a load waits long for a store just before it
 /// (Zen 4: 1.1 ns a cell block by block, 0.65 so).
 const BLOCKS: usize = 16;
@@ -67,6 +69,34 @@ fn taps_rows_body<const V: u8>(
     assert!(du.len() == dv.len() && du.len() <= stride, "du and dv must be equally long, and fit into a row");
     let needed = maps.len().checked_sub(1).map_or(0, |last| last * stride + du.len());
     assert!(needed <= out.len(), "out is too short for {} rows", maps.len());
+    #[cfg(target_arch = "x86_64")]
+    if V >= AVX512
+        && plane.width.min(plane.height) > 1
+        && maps.iter().all(|map| map[3] == 0.0 && map[4] == 0.0)
+        && let Some(grid) = Grid::of(du, dv)
+    {
+        for (r, map) in maps.iter().enumerate() {
+            let out = &mut out[r * stride..][..du.len()];
+            // SAFETY: `V` says that the processor has AVX-512, and the plane has been checked.
+            if !unsafe { grid.read::<V>(&plane, map, out) } {
+                scattered::<V>(&plane, &[*map], du, dv, out, stride);
+            }
+        }
+        return;
+    }
+    scattered::<V>(&plane, maps, du, dv, out, stride);
+}
+
+/// Cells wherever they are.
+#[inline(always)]
+fn scattered<const V: u8>(
+    plane: &Plane<'_>,
+    maps: &[[f32; 6]],
+    du: &[f32],
+    dv: &[f32],
+    out: &mut [f32],
+    stride: usize,
+) {
     let mut places = [Places { at: [0; CELLS], fx: [0.0; CELLS], fy: [0.0; CELLS] }; BLOCKS];
     for (part, (du, dv)) in du.chunks(BLOCKS * CELLS).zip(dv.chunks(BLOCKS * CELLS)).enumerate() {
         let blocks = du.len().div_ceil(CELLS);
@@ -75,8 +105,8 @@ fn taps_rows_body<const V: u8>(
             for (map, places) in maps.iter().zip(places.chunks_exact_mut(blocks)) {
                 for ((du, dv), place) in du.chunks(CELLS).zip(dv.chunks(CELLS)).zip(places) {
                     *place = match (du.first_chunk(), dv.first_chunk()) {
-                        (Some(du), Some(dv)) => Places::of::<V>(&plane, map, du, dv),
-                        _ => Places::of::<V>(&plane, map, &padded(du), &padded(dv)),
+                        (Some(du), Some(dv)) => Places::of::<V>(plane, map, du, dv),
+                        _ => Places::of::<V>(plane, map, &padded(du), &padded(dv)),
                     };
                 }
             }
@@ -84,10 +114,10 @@ fn taps_rows_body<const V: u8>(
                 let row = &mut out[(group * together + r) * stride + part * BLOCKS * CELLS..][..du.len()];
                 for (place, out) in places.iter().zip(row.chunks_mut(CELLS)) {
                     if let Some(out) = out.first_chunk_mut() {
-                        place.read::<V>(&plane, out);
+                        place.read::<V>(plane, out);
                     } else {
                         let mut values = [0.0; CELLS];
-                        place.read::<V>(&plane, &mut values);
+                        place.read::<V>(plane, &mut values);
                         out.copy_from_slice(&values[..out.len()]);
                     }
                 }
@@ -96,11 +126,31 @@ fn taps_rows_body<const V: u8>(
     }
 }
 
-/// `values`, filled up with zeros.
-fn padded(values: &[f32]) -> [f32; CELLS] {
-    let mut block = [0.0; CELLS];
+/// `values`, at least one, filled up with the last.
+pub(crate) fn padded(values: &[f32]) -> [f32; CELLS] {
+    let mut block = [values[values.len() - 1]; CELLS];
     block[..values.len()].copy_from_slice(values);
     block
+}
+
+/// Where `origin + step · d` lies on a side of so many samples: the sample before it, at most the last but one if there are
+/// two, and the fraction of the way to the next.
+#[inline(always)]
+pub(crate) fn along<const V: u8>(
+    origin: f32,
+    step: f32,
+    d: &[f32; CELLS],
+    side: usize,
+) -> ([i32; CELLS], [f32; CELLS]) {
+    let (end, last) = ((side - 1) as f32, side.saturating_sub(2) as i32);
+    let (mut at, mut fraction) = ([0; CELLS], [0.0; CELLS]);
+    for i in 0..CELLS {
+        let x = multiply_add::<V>(step, d[i], origin).max(0.0).min(end);
+        // SAFETY: x is a number from 0 to below 2^31: `max` takes the number where the other is none.
+        let before = unsafe { x.to_int_unchecked::<i32>() }.min(last);
+        (at[i], fraction[i]) = (before, x - before as f32);
+    }
+    (at, fraction)
 }
 
 impl Plane<'_> {
@@ -315,6 +365,32 @@ mod tests {
                         let mut alone = [0.0];
                         taps_at(level, plane, *map, &du[i..=i], &dv[i..=i], &mut alone);
                         assert_eq!(alone[0], together[i], "{level:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    /// Cells of a grid that is not turned, near each other and far apart, have the bits they have alone.
+    #[test]
+    fn grids_are_read_as_their_cells() {
+        let data = values(700 * 90, 6);
+        for (width, height) in [(700, 90), (3, 2), (2, 300), (60, 1)] {
+            let plane = Plane { data: &data, width, height, stride: width, x0: -3.5, y0: 7.0 };
+            for (columns, rows) in [(2, 1), (4, 4), (18, 18), (16, 3), (17, 20), (65, 2)] {
+                let (du, dv): (Vec<f32>, Vec<f32>) =
+                    (0..columns * rows).map(|i| ((i % columns) as f32 * 0.1, (i / columns) as f32 * 0.1)).unzip();
+                for random in values(80, 7).chunks(4) {
+                    let size = 100.0 * random[2] * random[2];
+                    let map = [700.0 * random[0] - 20.0, 90.0 * random[1], size, 0.0, 0.0, size * (0.5 + random[3])];
+                    for level in Level::all() {
+                        let mut grid = vec![f32::NAN; columns * rows];
+                        taps_at(level, plane, map, &du, &dv, &mut grid);
+                        for (i, value) in grid.iter().enumerate() {
+                            let mut alone = [0.0];
+                            taps_at(level, plane, map, &du[i..=i], &dv[i..=i], &mut alone);
+                            assert_eq!(alone[0], *value, "{level:?}, {columns} x {rows}: cell {i} of {map:?}");
+                        }
                     }
                 }
             }

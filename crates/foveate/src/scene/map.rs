@@ -1,5 +1,7 @@
 //! A grid of numbers laid over a picture: how much moves, or stands out, where.
 
+use foveate_kernels as kernels;
+
 use super::{Frame, Image};
 
 /// Values on a grid of square cells that covers a picture from its top-left corner; row-major, f32.
@@ -97,10 +99,7 @@ impl Map {
     pub(super) fn intensity(&mut self, image: &Image) {
         self.resize(image.width(), image.height(), 1);
         let last = image.planes() - 1;
-        let planes = image.plane(0).iter().zip(image.plane(last.min(1))).zip(image.plane(last));
-        for (value, ((&r, &g), &b)) in self.values.iter_mut().zip(planes) {
-            *value = (f32::from(r) + f32::from(g) + f32::from(b)) / 765.0;
-        }
+        kernels::intensity([0, last.min(1), last].map(|p| image.plane(p)), &mut self.values);
     }
     /// This map at half the resolution: [1 3 3 1] / 8 across and down, then every second one. The kernel is even, so cells
     /// of the result cover exactly two of these.
@@ -108,21 +107,7 @@ impl Map {
         let (w, h) = (self.width, self.height);
         to.resize(w.div_ceil(2), h.div_ceil(2), 2 * self.cell);
         across.resize(to.width * h, 0.0);
-        let taps =
-            |i: usize, n: usize| [(2 * i).saturating_sub(1), 2 * i, (2 * i + 1).min(n - 1), (2 * i + 2).min(n - 1)];
-        let mean = |a: f32, b: f32, c: f32, d: f32| 0.125 * (a + d) + 0.375 * (b + c);
-        for (row, out) in self.values.chunks_exact(w).zip(across.chunks_exact_mut(to.width)) {
-            for (i, value) in out.iter_mut().enumerate() {
-                let [a, b, c, d] = taps(i, w);
-                *value = mean(row[a], row[b], row[c], row[d]);
-            }
-        }
-        for (j, out) in to.values.chunks_exact_mut(to.width).enumerate() {
-            let [a, b, c, d] = taps(j, h).map(|row| &across[row * to.width..][..to.width]);
-            for (i, value) in out.iter_mut().enumerate() {
-                *value = mean(a[i], b[i], c[i], d[i]);
-            }
-        }
+        kernels::halve(&self.values, w, across, &mut to.values);
     }
     /// The map as a grey picture of its own size, to look at: 0 is black, the largest value white, negative ones black.
     ///

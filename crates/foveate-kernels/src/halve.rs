@@ -1,0 +1,104 @@
+//! Pictures of intensity, and the same at half the size: the pyramids of optical flow and saliency.
+
+use crate::level::levels;
+
+levels! {
+    /// `out` ← (r + g + b) / 765: the mean of three planes of bytes, as 0 to 1.
+    ///
+    /// # Panics
+    /// If the planes and `out` differ in length.
+    pub fn intensity / intensity_at (planes: [&[u8]; 3], out: &mut [f32]) = intensity_body
+}
+
+levels! {
+    /// `out` ← a plane of `width` columns at half the resolution: [1 3 3 1] / 8 across and down, then every second one; the
+    /// plane's border goes on outside. `across` (as many rows as the plane, of half as many columns) is room.
+    ///
+    /// # Panics
+    /// If `plane` is not whole rows of at least one value, or `across` and `out` are not `⌈width / 2⌉` × the rows, and × half of them, rounded up.
+    pub fn halve / halve_at (plane: &[f32], width: usize, across: &mut [f32], out: &mut [f32]) = halve_body
+}
+
+#[inline(always)]
+fn intensity_body<const V: u8>([r, g, b]: [&[u8]; 3], out: &mut [f32]) {
+    assert!(r.len() == out.len() && g.len() == out.len() && b.len() == out.len(), "planes of one size");
+    for (out, ((&r, &g), &b)) in out.iter_mut().zip(r.iter().zip(g).zip(b)) {
+        *out = f32::from(u16::from(r) + u16::from(g) + u16::from(b)) / 765.0;
+    }
+}
+
+#[inline(always)]
+fn mean(a: f32, b: f32, c: f32, d: f32) -> f32 {
+    0.125 * (a + d) + 0.375 * (b + c)
+}
+
+#[inline(always)]
+fn halve_body<const V: u8>(plane: &[f32], width: usize, across: &mut [f32], out: &mut [f32]) {
+    assert!(width > 0 && !plane.is_empty() && plane.len().is_multiple_of(width), "whole rows of {width} values");
+    let (height, half) = (plane.len() / width, width.div_ceil(2));
+    assert!(across.len() == half * height, "room of {half} x {height}");
+    assert!(out.len() == half * height.div_ceil(2), "out must be {half} x {}", height.div_ceil(2));
+    for (row, out) in plane.chunks_exact(width).zip(across.chunks_exact_mut(half)) {
+        let at = |i: usize| row[i.min(width - 1)];
+        out[0] = mean(at(0), at(0), at(1), at(2));
+        // Inside, pairs of values: the columns 2 i − 1 and 2 i, and the two after them.
+        let inside = (width - 1) / 2;
+        let (before, after) = (row[1..].as_chunks::<2>().0, row[width.min(3)..].as_chunks::<2>().0);
+        for ((out, &[a, b]), &[c, d]) in out[1..].iter_mut().zip(before).zip(after) {
+            *out = mean(a, b, c, d);
+        }
+        for i in inside.max(1)..half {
+            out[i] = mean(at(2 * i - 1), at(2 * i), at(2 * i + 1), at(2 * i + 2));
+        }
+    }
+    for (j, out) in out.chunks_exact_mut(half).enumerate() {
+        let row = |i: usize| &across[i.min(height - 1) * half..][..half];
+        let (a, b, c, d) = (row((2 * j).saturating_sub(1)), row(2 * j), row(2 * j + 1), row(2 * j + 2));
+        for i in 0..half {
+            out[i] = mean(a[i], b[i], c[i], d[i]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Level, sums::tests::values};
+
+    #[test]
+    fn agree_with_the_twins() {
+        for (width, height) in [(1, 1), (2, 3), (3, 2), (4, 4), (5, 1), (33, 20), (64, 7), (101, 2)] {
+            let plane = values(width * height, 1);
+            let (w, h) = (width.div_ceil(2), height.div_ceil(2));
+            let at = |x: i64, y: i64| {
+                let (x, y) = (x.clamp(0, width as i64 - 1) as usize, y.clamp(0, height as i64 - 1) as usize);
+                f64::from(plane[y * width + x])
+            };
+            let kernel = [1.0, 3.0, 3.0, 1.0];
+            for level in Level::all() {
+                let (mut across, mut out) = (vec![f32::NAN; w * height], vec![f32::NAN; w * h]);
+                halve_at(level, &plane, width, &mut across, &mut out);
+                for (k, out) in out.iter().enumerate() {
+                    let (x, y) = (2 * (k % w) as i64 - 1, 2 * (k / w) as i64 - 1);
+                    let exact: f64 = (0..16)
+                        .map(|i| kernel[i % 4] * kernel[i / 4] * at(x + (i % 4) as i64, y + (i / 4) as i64))
+                        .sum();
+                    assert!((f64::from(*out) - exact / 64.0).abs() < 1e-6, "{level:?}, {width} x {height}: {out}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn intensities_are_means() {
+        let planes: [Vec<u8>; 3] = std::array::from_fn(|p| (0..256).map(|i| (i * (p + 1)) as u8).collect());
+        for level in Level::all() {
+            let mut out = [f32::NAN; 256];
+            intensity_at(level, planes.each_ref().map(|p| &p[..]), &mut out);
+            for (i, out) in out.iter().enumerate() {
+                let sum: f32 = planes.iter().map(|p| f32::from(p[i])).sum();
+                assert_eq!(*out, sum / 765.0, "{level:?}");
+            }
+        }
+    }
+}
