@@ -21,6 +21,8 @@ struct Level {
     height: usize,
     x0: f32,
     y0: f32,
+    /// Pixels of its boxes, across and down.
+    size: (usize, usize),
 }
 
 /// Sides of a box, at most: beyond it a cell is larger than any picture.
@@ -30,6 +32,7 @@ const WIDEST_BOX: f64 = 2048.0;
 #[derive(Clone, Debug, Default)]
 pub struct Pyramid {
     levels: Vec<Level>,
+    region: Option<Region>,
     channel: Vec<u8>,
     scratch: kernels::BoxScratch,
 }
@@ -67,11 +70,30 @@ impl Region {
         let ((x, width), (y, height)) = (cut(x, image.width()), cut(y, image.height()));
         Self { x, y, width, height }
     }
+
+    fn contains(&self, other: &Self) -> bool {
+        let within = |start, length, from, side| from <= start && start + length <= from + side;
+        within(other.x, other.width, self.x, self.width) && within(other.y, other.height, self.y, self.height)
+    }
+}
+
+/// The box of a footprint, in whole pixels.
+fn size(footprint: &Footprint, unit: (f64, f64)) -> (usize, usize) {
+    let side = |unit: f64| (footprint.side * unit).round().clamp(1.0, WIDEST_BOX) as usize;
+    (side(unit.0), side(unit.1))
 }
 
 impl Pyramid {
+    /// Whether [`Pyramid::build`] with these arguments would make what is here already, of the same image.
+    pub fn holds(&self, region: Region, footprints: &[Footprint], unit: (f64, f64)) -> bool {
+        self.region.is_some_and(|all| all.contains(&region))
+            && self.levels.len() == footprints.len()
+            && self.levels.iter().zip(footprints).all(|(level, footprint)| level.size == size(footprint, unit))
+    }
+
     /// Fills the levels for one region of an image. `unit` is pixels per template unit along u and v.
     pub fn build(&mut self, image: &Image, region: Region, footprints: &[Footprint], unit: (f64, f64)) {
+        self.region = Some(region);
         self.levels.resize_with(footprints.len(), Level::default);
         for channel in 0..3 {
             if footprints.iter().all(|f| f.channel != channel) {
@@ -88,8 +110,8 @@ impl Pyramid {
             }
             let bytes = if plain { image.plane(0) } else { &self.channel };
             for (level, footprint) in self.levels.iter_mut().zip(footprints).filter(|(_, f)| f.channel == channel) {
-                let side = |unit: f64| (footprint.side * unit).round().clamp(1.0, WIDEST_BOX) as usize;
-                level.fill(bytes, source, region, (side(unit.0), side(unit.1)), &mut self.scratch);
+                level.size = size(footprint, unit);
+                level.fill(bytes, source, region, &mut self.scratch);
             }
         }
     }
@@ -99,7 +121,7 @@ impl Pyramid {
     pub fn read(&self, level: usize, at: &[Fixation], du: &[f32], dv: &[f32], out: &mut [f32], stride: usize) {
         const MANY: usize = 64;
         let level = &self.levels[level];
-        let Level { data, width, height, x0, y0 } = level;
+        let Level { data, width, height, x0, y0, .. } = level;
         let plane = kernels::Plane { data, width: *width, height: *height, stride: *width, x0: *x0, y0: *y0 };
         let mut maps = [[0.0; 6]; MANY];
         for (i, at) in at.chunks(MANY).enumerate() {
@@ -113,14 +135,8 @@ impl Pyramid {
 }
 
 impl Level {
-    fn fill(
-        &mut self,
-        bytes: &[u8],
-        source: Region,
-        region: Region,
-        size: (usize, usize),
-        scratch: &mut kernels::BoxScratch,
-    ) {
+    fn fill(&mut self, bytes: &[u8], source: Region, region: Region, scratch: &mut kernels::BoxScratch) {
+        let size = self.size;
         // The middle of an even box lies half a pixel on: one more sample on the left covers the region.
         let early = |side: usize| usize::from(side.is_multiple_of(2));
         self.width = region.width + early(size.0);
@@ -160,14 +176,11 @@ fn make_channel(image: &Image, channel: usize, region: Region, out: &mut [u8]) {
     }
     for (row, out) in out.chunks_exact_mut(region.width).take(region.height).enumerate() {
         let start = (region.y + row) * image.width() + region.x;
-        let line = |p: usize| &image.plane(p)[start..start + region.width];
-        for (((out, &r), &g), &b) in out.iter_mut().zip(line(0)).zip(line(1)).zip(line(2)) {
-            let (wide_r, wide_g, wide_b) = (i32::from(r), i32::from(g), i32::from(b));
-            *out = match channel {
-                0 => crate::scene::image::luma(r, g, b),
-                1 => ((wide_r - wide_g) / 2 + 128).clamp(0, 255) as u8,
-                _ => ((2 * wide_b - wide_r - wide_g) / 4 + 128).clamp(0, 255) as u8,
-            };
+        let planes = [0, 1, 2].map(|p| &image.plane(p)[start..start + region.width]);
+        match channel {
+            0 => kernels::luma(planes, out),
+            1 => kernels::red_green(planes, out),
+            _ => kernels::blue_yellow(planes, out),
         }
     }
 }

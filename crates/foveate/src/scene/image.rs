@@ -1,5 +1,7 @@
 //! A picture of bytes: one grey plane, or three planes red, green, blue.
 
+use foveate_kernels as kernels;
+
 use crate::{Error, Result};
 
 /// A picture: planar, row-major, one byte a sample. Pixel centres lie at whole coordinates,
@@ -87,15 +89,10 @@ impl Image {
         if self.planes == 1 {
             return self.clone();
         }
-        let (r, g, b) = (self.plane(0), self.plane(1), self.plane(2));
-        let data = r.iter().zip(g).zip(b).map(|((&r, &g), &b)| luma(r, g, b)).collect();
+        let mut data = vec![0; self.width * self.height];
+        kernels::luma([0, 1, 2].map(|p| self.plane(p)), &mut data);
         Self { width: self.width, height: self.height, planes: 1, data }
     }
-}
-
-/// BT.601 luma, rounded.
-pub fn luma(r: u8, g: u8, b: u8) -> u8 {
-    ((u32::from(r) * 19595 + u32::from(g) * 38470 + u32::from(b) * 7471 + 32768) >> 16) as u8
 }
 
 impl std::fmt::Debug for Image {

@@ -8,9 +8,10 @@
 //!
 //! [`first_box`] is how the paper's authors found their target: by the difference of the first two frames.
 
+use foveate_kernels as kernels;
+
 use super::detect::{Blobs, Detector, Score};
 use super::ghosts::{Ghosts, Marked};
-use super::image::luma;
 use super::morphology::{Mask, Rows, median};
 use super::{Detection, Frame, Image, Map};
 use crate::geometry::BBox;
@@ -203,8 +204,8 @@ fn grey(image: &Image, to: &mut Vec<u8>) {
     if image.planes() == 1 {
         return to.extend_from_slice(image.plane(0));
     }
-    let (r, g, b) = (image.plane(0), image.plane(1), image.plane(2));
-    to.extend(r.iter().zip(g).zip(b).map(|((&r, &g), &b)| luma(r, g, b)));
+    to.resize(image.plane(0).len(), 0);
+    kernels::luma([0, 1, 2].map(|p| image.plane(p)), to);
 }
 
 /// Grey levels by which a pixel of [`first_box`] must differ.

@@ -1,0 +1,72 @@
+//! From red, green and blue to grey and two opponent channels.
+
+use crate::level::levels;
+
+levels! {
+    /// `out` ← BT.601 luma, rounded.
+    ///
+    /// # Panics
+    /// If the planes and `out` differ in length, as in all functions here.
+    pub fn luma / luma_at (planes: [&[u8]; 3], out: &mut [u8]) = luma_body
+}
+levels! {
+    /// `out` ← (red − green) / 2 + 128, 128 where they are equal; the half is rounded towards 128.
+    pub fn red_green / red_green_at (planes: [&[u8]; 3], out: &mut [u8]) = red_green_body
+}
+levels! {
+    /// `out` ← (2 blue − red − green) / 4 + 128, rounded towards 128.
+    pub fn blue_yellow / blue_yellow_at (planes: [&[u8]; 3], out: &mut [u8]) = blue_yellow_body
+}
+
+#[inline(always)]
+fn luma_body<const V: u8>([r, g, b]: [&[u8]; 3], out: &mut [u8]) {
+    assert!(r.len() == out.len() && g.len() == out.len() && b.len() == out.len(), "planes of one size");
+    for (out, ((&r, &g), &b)) in out.iter_mut().zip(r.iter().zip(g).zip(b)) {
+        *out = ((u32::from(r) * 19595 + u32::from(g) * 38470 + u32::from(b) * 7471 + 32768) >> 16) as u8;
+    }
+}
+
+#[inline(always)]
+fn red_green_body<const V: u8>([r, g, b]: [&[u8]; 3], out: &mut [u8]) {
+    assert!(r.len() == out.len() && g.len() == out.len() && b.len() == out.len(), "planes of one size");
+    for (out, (&r, &g)) in out.iter_mut().zip(r.iter().zip(g)) {
+        *out = ((i16::from(r) - i16::from(g)) / 2 + 128) as u8;
+    }
+}
+
+#[inline(always)]
+fn blue_yellow_body<const V: u8>([r, g, b]: [&[u8]; 3], out: &mut [u8]) {
+    assert!(r.len() == out.len() && g.len() == out.len() && b.len() == out.len(), "planes of one size");
+    for (out, ((&r, &g), &b)) in out.iter_mut().zip(r.iter().zip(g).zip(b)) {
+        *out = ((2 * i16::from(b) - i16::from(r) - i16::from(g)) / 4 + 128) as u8;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Level;
+
+    /// Of every fifth red and green and every third blue, extremes among them.
+    #[test]
+    fn agree_with_the_twins() {
+        let (mut planes, step) = ([vec![], vec![], vec![]], |n: usize| (0..=255u8).step_by(n));
+        for (r, g, b) in step(5).flat_map(|r| step(5).flat_map(move |g| step(3).map(move |b| (r, g, b)))) {
+            planes.iter_mut().zip([r, g, b]).for_each(|(plane, value)| plane.push(value));
+        }
+        let (planes, n) = (planes.each_ref().map(|p| &p[..]), planes[0].len());
+        for level in Level::all() {
+            let mut out = [vec![0; n], vec![0; n], vec![0; n]];
+            luma_at(level, planes, &mut out[0]);
+            red_green_at(level, planes, &mut out[1]);
+            blue_yellow_at(level, planes, &mut out[2]);
+            for i in 0..n {
+                let [r, g, b] = planes.map(|p| f64::from(p[i]));
+                let grey = 0.299 * r + 0.587 * g + 0.114 * b;
+                assert!((f64::from(out[0][i]) - grey).abs() < 0.502, "{level:?}: {r} {g} {b}");
+                let opponents = [((r - g) / 2.0).trunc() + 128.0, ((2.0 * b - r - g) / 4.0).trunc() + 128.0];
+                assert_eq!([out[1][i], out[2][i]].map(f64::from), opponents, "{level:?}: {r} {g} {b}");
+            }
+        }
+    }
+}
