@@ -66,7 +66,7 @@ struct Scratch {
     features: Vec<f32>,
     template_glimpse: Vec<f32>,
     template: Vec<f32>,
-    /// Of a place that is learned from.
+    /// Of places that are learned from.
     learned: Vec<f32>,
     /// Of which gaze they are.
     template_gaze: Option<Gaze>,
@@ -207,15 +207,24 @@ impl GazeAppearance {
         let Some(mut it) = self.discriminant.take() else { return };
         let (extent, (n_v, n_h)) = (self.kept().extent, self.encoder.shape());
         it.look_around(state, extent, rivals);
-        self.see(image, &it.places, &[Gaze::CENTRE]);
-        let glimpse = &mut self.scratch.learned;
-        glimpse.resize(n_v, 0.0);
-        for (place, row) in it.places.iter().zip(it.rows.chunks_exact_mut(n_h + 1)) {
-            let (features, one) = row.split_at_mut(n_h);
-            self.retina.look(&self.pyramid, place.fixate(Gaze::CENTRE, extent), glimpse);
-            self.encoder.condition(glimpse);
-            self.encoder.encode(Rows::new(glimpse, n_v), RowsMut::new(features, n_h));
-            one[0] = 1.0;
+        // After a look around the target for rivals most often all is there.
+        let region = Region::covering(image, &it.places, &[Gaze::CENTRE], extent, self.reach());
+        if first || !self.pyramid.holds(region, self.retina.footprints(), units(&it.places, extent)) {
+            self.see(image, &it.places, &[Gaze::CENTRE]);
+        }
+        let glimpses = &mut self.scratch.learned;
+        glimpses.resize(CHUNK * n_v, 0.0);
+        for (places, rows) in it.places.chunks(CHUNK).zip(it.rows.chunks_mut(CHUNK * (n_h + 1))) {
+            let mut at = [Fixation::default(); CHUNK];
+            at.iter_mut().zip(places).for_each(|(at, place)| *at = place.fixate(Gaze::CENTRE, extent));
+            let glimpses = &mut glimpses[..places.len() * n_v];
+            self.retina.look_each(&self.pyramid, &at[..places.len()], RowsMut::new(glimpses, n_v));
+            for (glimpse, row) in glimpses.chunks_exact_mut(n_v).zip(rows.chunks_exact_mut(n_h + 1)) {
+                let (features, one) = row.split_at_mut(n_h);
+                self.encoder.condition(glimpse);
+                self.encoder.encode(Rows::new(glimpse, n_v), RowsMut::new(features, n_h));
+                one[0] = 1.0;
+            }
         }
         it.learn(first);
         self.discriminant = Some(it);
