@@ -98,10 +98,14 @@ impl State {
         let s = self.log_scale.exp();
         BBox::around(self.x, self.y, 2.0 * extent.half_w * s, 2.0 * extent.half_h * s)
     }
+    /// Sine and cosine of the angle; often no state turns at all, and they cost nothing.
+    pub fn turn(&self) -> (f64, f64) {
+        if self.angle == 0.0 { (0.0, 1.0) } else { self.angle.sin_cos() }
+    }
     /// Where a gaze falls on the image: image from template.
     pub fn fixate(&self, gaze: Gaze, extent: Extent) -> Fixation {
         let s = self.log_scale.exp();
-        let (sin, cos) = self.angle.sin_cos();
+        let (sin, cos) = self.turn();
         let (w, h) = (s * extent.half_w, s * extent.half_h);
         let (uu, vv) = (w * gaze.u, h * gaze.v);
         Fixation {

@@ -56,8 +56,8 @@ impl Region {
         let far = gazes.iter().map(|g| g.u.abs().max(g.v.abs())).fold(0.0, f64::max) + reach;
         let (mut x, mut y) = ((f64::INFINITY, f64::NEG_INFINITY), (f64::INFINITY, f64::NEG_INFINITY));
         for s in states {
-            let (sin, cos) = s.angle.sin_cos();
-            let (w, h) = (s.log_scale.exp() * extent.half_w, s.log_scale.exp() * extent.half_h);
+            let ((sin, cos), scale) = (s.turn(), s.log_scale.exp());
+            let (w, h) = (scale * extent.half_w, scale * extent.half_h);
             let (dx, dy) = (far * (cos.abs() * w + sin.abs() * h) + 2.0, far * (sin.abs() * w + cos.abs() * h) + 2.0);
             x = (x.0.min(s.x - dx), x.1.max(s.x + dx));
             y = (y.0.min(s.y - dy), y.1.max(s.y + dy));
@@ -171,7 +171,7 @@ fn grow(r: Region, image: &Image, dx: usize, dy: usize) -> Region {
 /// Grey (BT.601 luma), red − green, or blue − yellow, with 128 for "neither".
 fn make_channel(image: &Image, channel: usize, region: Region, out: &mut [u8]) {
     if image.planes() == 1 {
-        out.fill(128);
+        out[..region.width * region.height].fill(128);
         return;
     }
     for (row, out) in out.chunks_exact_mut(region.width).take(region.height).enumerate() {

@@ -7,6 +7,8 @@
 //!
 //! Flow is in pixels a frame: what is at `(x, y)` in the first picture is at `(x + u, y + v)` in the second.
 
+use foveate_kernels as kernels;
+
 use super::camera::Affine;
 use super::detect::{Blobs, Detector, Score};
 use super::{Detection, Frame, Image, Map};
@@ -191,19 +193,31 @@ impl Patch {
         let (w, h) = (from.width(), from.height());
         let at = |x: usize, y: usize| from.at(x.min(w - 1), y.min(h - 1));
         let mut patch = Self { x, y, pixels: [0.0; PIXELS], gx: [0.0; PIXELS], gy: [0.0; PIXELS], inverse: None };
-        for k in 0..PIXELS {
-            let (x, y) = (x + k % PATCH, y + k / PATCH);
-            patch.pixels[k] = at(x, y);
-            patch.gx[k] = 0.5 * (at(x + 1, y) - at(x.saturating_sub(1), y));
-            patch.gy[k] = 0.5 * (at(x, y + 1) - at(x, y.saturating_sub(1)));
+        let inside = x > 0 && y > 0 && x + PATCH < w && y + PATCH < h;
+        for j in 0..PATCH {
+            let line = |y: usize| -> [f32; PATCH + 2] {
+                if inside {
+                    *from.values()[y * w + x - 1..].first_chunk().expect("inside")
+                } else {
+                    std::array::from_fn(|i| at((x + i).saturating_sub(1), y))
+                }
+            };
+            let y = y + j;
+            let (above, here, below) = (line(y.saturating_sub(1)), line(y), line(y + 1));
+            for i in 0..PATCH {
+                let k = j * PATCH + i;
+                patch.pixels[k] = here[i + 1];
+                patch.gx[k] = 0.5 * (here[i + 2] - here[i]);
+                patch.gy[k] = 0.5 * (below[i + 1] - above[i + 1]);
+            }
         }
         // A constant change of brightness drops out where pixels and gradients have no mean.
         for values in [&mut patch.pixels, &mut patch.gx, &mut patch.gy] {
-            let mean = values.iter().sum::<f32>() / PIXELS as f32;
+            let mean = kernels::sum(values) / PIXELS as f32;
             values.iter_mut().for_each(|v| *v -= mean);
         }
-        let sum = |a: &[f32; PIXELS], b: &[f32; PIXELS]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f32>();
-        let (xx, xy, yy) = (sum(&patch.gx, &patch.gx), sum(&patch.gx, &patch.gy), sum(&patch.gy, &patch.gy));
+        let Self { gx, gy, .. } = &patch;
+        let (xx, xy, yy) = (kernels::dot(gx, gx), kernels::dot(gx, gy), kernels::dot(gy, gy));
         let least = 0.5 * (xx + yy) - (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
         if least > TEXTURE * PIXELS as f32 {
             let det = xx * yy - xy * xy;
@@ -219,14 +233,10 @@ impl Patch {
         for _ in 0..STEPS {
             let mut residual = [0.0_f32; PIXELS];
             sample(now, self.x as f32 + flow.0, self.y as f32 + flow.1, &mut residual);
-            let mean = residual.iter().sum::<f32>() / PIXELS as f32;
-            let (mut error, mut bx, mut by) = (0.0, 0.0, 0.0);
-            for (value, ((pixel, gx), gy)) in residual.iter().zip(self.pixels.iter().zip(&self.gx).zip(&self.gy)) {
-                let r = value - mean - pixel;
-                error += r * r;
-                bx += r * gx;
-                by += r * gy;
-            }
+            let mean = kernels::sum(&residual) / PIXELS as f32;
+            residual.iter_mut().zip(&self.pixels).for_each(|(r, pixel)| *r = *r - mean - pixel);
+            let error = kernels::dot(&residual, &residual);
+            let (bx, by) = (kernels::dot(&residual, &self.gx), kernels::dot(&residual, &self.gy));
             if error >= least {
                 break;
             }
@@ -248,14 +258,16 @@ impl Patch {
         let (w, h) = (before.width(), before.height());
         let mut moved = [0.0_f32; PIXELS];
         sample(now, self.x as f32 + flow.0, self.y as f32 + flow.1, &mut moved);
-        for (k, pixel) in moved.iter().enumerate() {
-            let (x, y) = (self.x + k % PATCH, self.y + k / PATCH);
-            if x < w && y < h {
-                let at = y * w + x;
-                let share = 1.0 / (before.values()[at] - pixel).abs().max(2.0 / 255.0);
-                u.values_mut()[at] += share * flow.0;
-                v.values_mut()[at] += share * flow.1;
-                weight[at] += share;
+        let width = PATCH.min(w - self.x);
+        for (y, moved) in (self.y..h).zip(moved.chunks_exact(PATCH)) {
+            let line = y * w + self.x..y * w + self.x + width;
+            let (u, v) = (&mut u.values_mut()[line.clone()], &mut v.values_mut()[line.clone()]);
+            let sums = u.iter_mut().zip(v).zip(&mut weight[line.clone()]);
+            for (((u, v), weight), (pixel, moved)) in sums.zip(before.values()[line].iter().zip(moved)) {
+                let share = 1.0 / (pixel - moved).abs().max(2.0 / 255.0);
+                *u += share * flow.0;
+                *v += share * flow.1;
+                *weight += share;
             }
         }
     }
