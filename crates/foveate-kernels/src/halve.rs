@@ -47,8 +47,8 @@ fn halve_body<const V: u8>(plane: &[f32], width: usize, across: &mut [f32], out:
         for ((out, &[a, b]), &[c, d]) in out[1..].iter_mut().zip(before).zip(after) {
             *out = mean(a, b, c, d);
         }
-        for i in inside.max(1)..half {
-            out[i] = mean(at(2 * i - 1), at(2 * i), at(2 * i + 1), at(2 * i + 2));
+        for (i, out) in out.iter_mut().enumerate().skip(inside.max(1)) {
+            *out = mean(at(2 * i - 1), at(2 * i), at(2 * i + 1), at(2 * i + 2));
         }
     }
     for (j, out) in out.chunks_exact_mut(half).enumerate() {

@@ -133,26 +133,6 @@ pub(crate) fn padded(values: &[f32]) -> [f32; CELLS] {
     block
 }
 
-/// Where `origin + step · d` lies on a side of so many samples: the sample before it, at most the last but one if there are
-/// two, and the fraction of the way to the next.
-#[inline(always)]
-pub(crate) fn along<const V: u8>(
-    origin: f32,
-    step: f32,
-    d: &[f32; CELLS],
-    side: usize,
-) -> ([i32; CELLS], [f32; CELLS]) {
-    let (end, last) = ((side - 1) as f32, side.saturating_sub(2) as i32);
-    let (mut at, mut fraction) = ([0; CELLS], [0.0; CELLS]);
-    for i in 0..CELLS {
-        let x = multiply_add::<V>(step, d[i], origin).max(0.0).min(end);
-        // SAFETY: x is a number from 0 to below 2^31: `max` takes the number where the other is none.
-        let before = unsafe { x.to_int_unchecked::<i32>() }.min(last);
-        (at[i], fraction[i]) = (before, x - before as f32);
-    }
-    (at, fraction)
-}
-
 impl Plane<'_> {
     #[inline(always)]
     fn check(&self) {

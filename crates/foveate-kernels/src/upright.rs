@@ -3,12 +3,13 @@
 
 use std::arch::x86_64::*;
 
-use crate::taps::{CELLS, Plane, along, padded};
+use crate::level::multiply_add;
+use crate::taps::{CELLS, Plane, padded};
 
 /// Vectors of cells along a side, at most.
 const PARTS: usize = 4;
 /// Pairs of vectors of samples that the cells of one vector may be spread over, at most.
-const PAIRS: usize = 4;
+const MOST_PAIRS: usize = 4;
 
 /// Cells that are rows of the same `du`, each row of one `dv`.
 pub(crate) struct Grid {
@@ -75,7 +76,7 @@ impl Grid {
                     1 => columns.read::<1>(row, fy, out, self.columns),
                     2 => columns.read::<2>(row, fy, out, self.columns),
                     3 => columns.read::<3>(row, fy, out, self.columns),
-                    PAIRS => columns.read::<PAIRS>(row, fy, out, self.columns),
+                    MOST_PAIRS => columns.read::<MOST_PAIRS>(row, fy, out, self.columns),
                     _ => return false,
                 }
             }
@@ -83,6 +84,21 @@ impl Grid {
         }
         true
     }
+}
+
+/// Where `origin + step · d` lies on a side of so many samples: the sample before it, at most the last but one if there are
+/// two, and the fraction of the way to the next.
+#[inline(always)]
+fn along<const V: u8>(origin: f32, step: f32, d: &[f32; CELLS], side: usize) -> ([i32; CELLS], [f32; CELLS]) {
+    let (end, last) = ((side - 1) as f32, side.saturating_sub(2) as i32);
+    let (mut at, mut fraction) = ([0; CELLS], [0.0; CELLS]);
+    for i in 0..CELLS {
+        let x = multiply_add::<V>(step, d[i], origin).max(0.0).min(end);
+        // SAFETY: x is a number from 0 to below 2^31: `max` takes the number where the other is none.
+        let before = unsafe { x.to_int_unchecked::<i32>() }.min(last);
+        (at[i], fraction[i]) = (before, x - before as f32);
+    }
+    (at, fraction)
 }
 
 /// Columns of cells that are read together.
@@ -102,7 +118,7 @@ impl Columns {
     /// Interpolates at the cells of each row; `row` is where its samples begin. They are written `columns` apart.
     ///
     /// # Safety
-    /// The processor has AVX-512; the samples lie in a plane, and are spread over at most 32 times `PAIRS`.
+    /// The processor has AVX-512; the samples lie in a plane, and are spread over at most 32 · `PAIRS`.
     #[inline(always)]
     unsafe fn read<const PAIRS: usize>(&self, row: &[i32], fy: &[f32], out: &mut [f32], columns: usize) {
         let (mut needed, mut left_in, mut right_in) = ([[0u16; 2]; PAIRS], [0u16; PAIRS], [0u16; PAIRS]);
@@ -110,9 +126,9 @@ impl Columns {
         unsafe {
             let (left, right) = (self.at, _mm512_add_epi32(self.at, _mm512_set1_epi32(1)));
             for k in 0..PAIRS {
-                for half in 0..2 {
+                for (half, needed) in needed[k].iter_mut().enumerate() {
                     let rest = self.spread.saturating_sub((2 * k + half) * CELLS).min(CELLS);
-                    needed[k][half] = ((1u32 << rest) - 1) as u16;
+                    *needed = ((1u32 << rest) - 1) as u16;
                 }
                 let this = _mm512_set1_epi32(k as i32);
                 left_in[k] = _mm512_cmpeq_epi32_mask(_mm512_srli_epi32::<5>(left), this);
