@@ -1,7 +1,11 @@
 //! The `foveate` command: follow an object through video, and recognise it, by learning where to look.
 
-mod cmd;
+// `say!` instead: a reader that has gone is no reason to panic.
+#![deny(clippy::print_stdout)]
+
+#[macro_use]
 mod terminal;
+mod cmd;
 
 use clap::{Parser, Subcommand};
 

@@ -1,8 +1,25 @@
-//! The terminal: progress on standard error, and Ctrl-C as a request to stop in good order.
+//! The terminal: results on standard output, progress on standard error, and Ctrl-C as a request to stop in good order.
 
+use std::io::{ErrorKind, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
+
+/// A line on standard output, as `println!` writes it. Where the reader has gone (`foveate eval | head`) the work goes on without it.
+macro_rules! say {
+    ($($words:tt)*) => { $crate::terminal::put(format_args!("{}\n", format_args!($($words)*))) };
+}
+
+/// Writes to standard output.
+pub fn put(text: std::fmt::Arguments<'_>) {
+    match std::io::stdout().write_fmt(text) {
+        Err(e) if e.kind() != ErrorKind::BrokenPipe => {
+            eprintln!("foveate: cannot write to standard output: {e}");
+            std::process::exit(1);
+        }
+        _ => (),
+    }
+}
 
 static STOP: AtomicBool = AtomicBool::new(false);
 

@@ -1,6 +1,6 @@
 //! The commands themselves: make a video, score its own truth on it.
 
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 fn foveate(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_foveate")).args(args).output().expect("the program starts")
@@ -31,6 +31,20 @@ fn the_truth_of_a_made_video_scores_best() {
     }
     let none = foveate(&["eval", "--seqs", &results, "--results", &results, "--out", &out]);
     assert!(!none.status.success() && String::from_utf8_lossy(&none.stderr).contains("no sequence here"));
+}
+
+/// As `foveate synth | head` with a reader that has gone.
+#[test]
+fn nobody_has_to_read_what_is_said() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let video = dir.path().join("video").to_string_lossy().into_owned();
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
+    command.args(["synth", "clutter", "--frames", "3", "--out", &video]).stdout(writer).stderr(Stdio::piped());
+    let output = command.output().expect("the program starts");
+    assert!(output.status.success() && output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(dir.path().join("video/groundtruth_rect.txt").is_file());
 }
 
 #[test]

@@ -86,11 +86,11 @@ fn many(args: ManyArgs) -> Result<()> {
     let blueprint = super::track::blueprint(&args.config)?;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
     let pool = pool.map_err(|e| foveate::Error::Invalid(format!("cannot start a thread: {e}")))?;
-    println!("targets   ms of CPU a frame (median)   frames/s   ms a target");
+    say!("targets   ms of CPU a frame (median)   frames/s   ms a target");
     for n in [1, 2, 5, 10, 20] {
         let mut many = blueprint.many(1)?;
         let ms = pool.install(|| foveate::bench::many(&mut many, n, args.frames as usize))?.median;
-        println!("{n:7} {ms:28.3} {:10.0} {:13.3}", 1e3 / ms, ms / n as f64);
+        say!("{n:7} {ms:28.3} {:10.0} {:13.3}", 1e3 / ms, ms / n as f64);
     }
     Ok(())
 }
@@ -101,7 +101,7 @@ fn policies(args: PoliciesArgs) -> Result<()> {
     let config = Config { particles: args.particles as usize, ..config };
     let video = Occlusion { frames: 200, ..Occlusion::default() }.video(&Digits::drawn(1, 1))?;
     let frames: Vec<Frame> = video.clone().source().collect::<Result<_>>()?;
-    println!("policy            us a frame: 2nd tenth, last tenth, ratio   memory grown since the 1st tenth");
+    say!("policy            us a frame: 2nd tenth, last tenth, ratio   memory grown since the 1st tenth");
     for policy in line_up::policies(&config.policy) {
         let name = line_up::policy_name(&policy);
         let mut tracker = Config { policy, ..config.clone() }.check(Path::new("."))?.tracker(1, 0)?;
@@ -120,7 +120,7 @@ fn policies(args: PoliciesArgs) -> Result<()> {
             *time = 1e6 * began.elapsed().as_secs_f64() / tenth as f64;
         }
         let grown = resident().saturating_sub(memory) / 1024;
-        println!("{name:16} {:22.1} {:11.1} {:6.2} {grown:20} KiB", times[1], times[9], times[9] / times[1]);
+        say!("{name:16} {:22.1} {:11.1} {:6.2} {grown:20} KiB", times[1], times[9], times[9] / times[1]);
     }
     Ok(())
 }
@@ -142,11 +142,14 @@ fn frame(args: FrameArgs) -> Result<()> {
         let line = serde_json::json!({
             "what": "tracker frame", "precision": name, "n": args.particles, "ms": time.median, "best_ms": time.best,
         });
-        println!("{line}");
+        say!("{line}");
     } else {
-        println!(
+        say!(
             "a frame of {} particles ({name}) takes {:.3} ms of CPU, the median of {}; {:.3} ms at best",
-            args.particles, time.median, args.frames, time.best
+            args.particles,
+            time.median,
+            args.frames,
+            time.best
         );
     }
     Ok(())

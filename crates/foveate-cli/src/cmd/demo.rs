@@ -59,14 +59,11 @@ pub fn run(args: Args) -> Result<()> {
     let centres = |boxes: &[foveate::geometry::BBox]| boxes.iter().map(|b| b.centre()).collect::<Vec<_>>();
     let score = score_centres(&centres(&outcome.boxes), &centres(&truth[..outcome.boxes.len()]))?;
     let last = tracker_favourite(&tracker);
-    println!("Followed {described} through {} frames.", outcome.frames);
-    println!(
-        "Mean error {:.2} px, median {:.2} px; believed lost on {} frames.",
-        score.mean, score.median, outcome.lost
-    );
-    println!("{last}");
-    println!("{:.0} frames a second in the tracker.", outcome.frames as f64 / outcome.tracking.as_secs_f64());
-    println!("See what it saw, frame by frame: {}", args.out.join("report.html").display());
+    say!("Followed {described} through {} frames.", outcome.frames);
+    say!("Mean error {:.2} px, median {:.2} px; believed lost on {} frames.", score.mean, score.median, outcome.lost);
+    say!("{last}");
+    say!("{:.0} frames a second in the tracker.", outcome.frames as f64 / outcome.tracking.as_secs_f64());
+    say!("See what it saw, frame by frame: {}", args.out.join("report.html").display());
     Ok(())
 }
 

@@ -108,8 +108,8 @@ fn trusted(args: &Args, score: &TrustScore) -> Result<()> {
     files::write(out.join("trust.json"), json.as_bytes())?;
     files::write(out.join("reliability.svg"), trust_plot::plot(&[("foveate", score)]).as_bytes())?;
     if !args.json {
-        println!("\nWhat it says about being lost (IoU below 0.1, or out of sight):\n{text}");
-        println!("{}: trust.txt, trust.json, reliability.svg, report.html", out.display());
+        say!("\nWhat it says about being lost (IoU below 0.1, or out of sight):\n{text}");
+        say!("{}: trust.txt, trust.json, reliability.svg, report.html", out.display());
     }
     Ok(())
 }
@@ -155,9 +155,9 @@ fn report(args: &Args, text: &str, scores: &serde_json::Value, kept: &str) -> Re
     files::write(out.join("table.txt"), text.as_bytes())?;
     files::write(out.join("scores.json"), scores.as_bytes())?;
     if args.json {
-        println!("{scores}");
+        say!("{scores}");
     } else {
-        println!("{text}\n{}: {kept}", out.display());
+        say!("{text}\n{}: {kept}", out.display());
     }
     Ok(())
 }

@@ -81,7 +81,7 @@ pub fn run(args: Args) -> Result<()> {
     let mut page = Drawing::new(2 * width, height, [0; 3]);
     page.paste(&frame.image, 0, 0, width, height);
     heat(&mut page, detector.map(), width as f64, (width, height));
-    println!(
+    say!(
         "frame {}: {} candidates, the largest value of the map is {:.3}",
         frame.index + 1,
         found.len(),
@@ -89,7 +89,7 @@ pub fn run(args: Args) -> Result<()> {
     );
     for (k, d) in found.iter().take(args.most).enumerate() {
         let b = d.bbox;
-        println!("{:.0},{:.0},{:.0},{:.0}  score {:.3}", b.x + 1.0, b.y + 1.0, b.w, b.h, d.score);
+        say!("{:.0},{:.0},{:.0},{:.0}  score {:.3}", b.x + 1.0, b.y + 1.0, b.w, b.h, d.score);
         for left in [0.0, width as f64] {
             let (x, y) = (left + b.x, b.y);
             let corners = [(x, y), (x + b.w - 1.0, y), (x + b.w - 1.0, y + b.h - 1.0), (x, y + b.h - 1.0)];
@@ -97,7 +97,7 @@ pub fn run(args: Args) -> Result<()> {
         }
     }
     save_png(&args.out, page.image())?;
-    println!("{}", args.out.display());
+    say!("{}", args.out.display());
     Ok(())
 }
 

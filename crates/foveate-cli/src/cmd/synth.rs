@@ -257,7 +257,7 @@ fn many(args: &MultiArgs) -> Result<()> {
     let classes: Vec<u8> = video.movers().iter().map(|mover| mover.class).collect();
     let frames = video.frames();
     write_folder(&args.out, "img1", 6, video.source(), frames, &notes)?;
-    println!("{}: {frames} frames of digits {classes:?} ({from})", args.out.display());
+    say!("{}: {frames} frames of digits {classes:?} ({from})", args.out.display());
     Ok(())
 }
 
@@ -279,7 +279,7 @@ fn hide(args: &HideArgs) -> Result<()> {
     let note = format!("# {}, frames counted from 0\n{settings}", video.name);
     write_otb(&args.out, frames, &truth, &[("hide.toml", note)])?;
     let (from, until) = (hide.from + 1, hide.until);
-    println!("{}: {} frames, the target out of sight in frames {from} to {until}", args.out.display(), truth.len());
+    say!("{}: {} frames, the target out of sight in frames {from} to {until}", args.out.display(), truth.len());
     Ok(())
 }
 
@@ -298,6 +298,6 @@ fn make(args: &Common, settings: Synthetic) -> Result<()> {
     let truth: Vec<_> = video.truth().iter().copied().map(Some).collect();
     let (frames, label) = (truth.len(), video.label());
     write_otb(&args.out, video.source(), &truth, &notes)?;
-    println!("{}: {frames} frames of digit {label} ({from})", args.out.display());
+    say!("{}: {frames} frames of digit {label} ({from})", args.out.display());
     Ok(())
 }

@@ -342,18 +342,18 @@ fn report(args: &Args, outcome: &Outcome, seed: u64, outputs: Vec<PathBuf>, resu
             outputs,
             error: result.as_ref().err().map(ToString::to_string),
         };
-        println!("{}", summary.to_json());
+        say!("{}", summary.to_json());
         return;
     }
     let lost = if outcome.lost == 0 { "never lost".into() } else { format!("lost on {} of them", outcome.lost) };
-    println!("{} frames tracked, {lost}; {fps:.0} frames a second in the tracker.", outcome.frames);
+    say!("{} frames tracked, {lost}; {fps:.0} frames a second in the tracker.", outcome.frames);
     if let Some(b) = bbox {
-        println!("Last box: {:.1},{:.1},{:.1},{:.1} (x,y,w,h, counted from 1).", b.x + 1.0, b.y + 1.0, b.w, b.h);
+        say!("Last box: {:.1},{:.1},{:.1},{:.1} (x,y,w,h, counted from 1).", b.x + 1.0, b.y + 1.0, b.w, b.h);
     }
     if let Some((class, p)) = outcome.class {
         let name = outcome.class_name.clone().unwrap_or_else(|| format!("class {class}"));
-        println!("Recognised as {name}, with probability {p:.3}.");
+        say!("Recognised as {name}, with probability {p:.3}.");
     }
     let names: Vec<String> = outputs.iter().filter_map(|o| o.file_name()).map(|n| n.to_string_lossy().into()).collect();
-    println!("{}: {}", args.out.display(), names.join(", "));
+    say!("{}: {}", args.out.display(), names.join(", "));
 }

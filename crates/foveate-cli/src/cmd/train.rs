@@ -300,7 +300,7 @@ fn print_likelihood(rbm: &Rbm, rows: Rows<'_>, held: Rows<'_>, seed: u64) -> Res
     };
     let base: Vec<f32> = mean.iter().map(base).collect();
     let found = ais(rbm, &base, 100, 2000, seed)?;
-    println!(
+    say!(
         "log-likelihood of held-out glimpses {:.2}, by AIS: log Z {:.2} ± {:.2}, {:.0} effective chains of 100",
         mean_log_likelihood(rbm, held, found.log_z),
         found.log_z,

@@ -250,10 +250,10 @@ fn keep(out: &Path, text: &str, results: &Value, json: bool, more: &[(&str, Stri
     files::write(out.join("table.json"), results.as_bytes())?;
     more.iter().try_for_each(|(name, content)| files::write(out.join(name), content.as_bytes()))?;
     if json {
-        println!("{results}");
+        say!("{results}");
     } else {
         let names: Vec<&str> = ["table.txt", "table.json"].into_iter().chain(more.iter().map(|m| m.0)).collect();
-        println!("{text}\n{}: {}", out.display(), names.join(", "));
+        say!("{text}\n{}: {}", out.display(), names.join(", "));
     }
     Ok(())
 }

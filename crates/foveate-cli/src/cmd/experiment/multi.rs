@@ -203,7 +203,7 @@ fn figure(args: &Args, way: &Way, crowd: &Crowd<'_>, from: &str) -> Result<()> {
     ];
     way.follow(video, seed, &mut observers)?;
     observers.finish()?;
-    println!("{}: figure.png, annotated.mp4, report.html", args.out.display());
+    say!("{}: figure.png, annotated.mp4, report.html", args.out.display());
     Ok(())
 }
 

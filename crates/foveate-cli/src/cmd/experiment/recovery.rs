@@ -77,7 +77,7 @@ pub fn run(args: Args) -> Result<()> {
             None => {
                 let found = cut(&args, &blueprint, sequence, &of_sequence(sequence)?)?;
                 if terminal::stopping() {
-                    println!("stopped at {}; the same command goes on from there", sequence.name);
+                    say!("stopped at {}; the same command goes on from there", sequence.name);
                     std::process::exit(130);
                 }
                 files::write(&path, &serde_json::to_vec(&found).map_err(|e| Error::Invalid(e.to_string()))?)?;

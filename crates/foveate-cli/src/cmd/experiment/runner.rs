@@ -209,7 +209,7 @@ pub fn all_runs<R: Kept>(
 pub fn whole<R>(runs: Vec<Option<R>>) -> Vec<R> {
     let (done, all) = (runs.iter().flatten().count(), runs.len());
     if done < all {
-        println!("stopped after {done} of {all} runs; the same command goes on from there");
+        say!("stopped after {done} of {all} runs; the same command goes on from there");
         std::process::exit(130);
     }
     runs.into_iter().flatten().collect()

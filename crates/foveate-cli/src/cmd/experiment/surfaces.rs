@@ -116,7 +116,7 @@ pub fn run(args: Args) -> Result<()> {
     let all = json!({ "digits_from": from, "seed": args.seed, "runs": args.runs, "points": POINTS, "surfaces": rows });
     let all = serde_json::to_string_pretty(&all).map_err(|e| Error::Invalid(e.to_string()))?;
     files::write(args.out.join("surfaces.json"), all.as_bytes())?;
-    println!("{}: surfaces.png, surfaces.json", args.out.display());
+    say!("{}: surfaces.png, surfaces.json", args.out.display());
     Ok(())
 }
 

@@ -112,7 +112,7 @@ pub fn run(args: Args) -> Result<()> {
         eprintln!("{} of {}: {}", i + 1, experiments.len(), experiment.title);
         let content = match content(experiment, &ground, &args)? {
             _ if terminal::stopping() => {
-                println!("stopped at {}; the same command goes on from there", experiment.name);
+                say!("stopped at {}; the same command goes on from there", experiment.name);
                 std::process::exit(130);
             }
             Some(content) => content,
@@ -140,11 +140,11 @@ pub fn run(args: Args) -> Result<()> {
         sections.push(Section { name: experiment.name.clone(), title, about, content });
     }
     if args.shard.is_some() {
-        println!(
+        say!(
             "{}: this part is done. Put all parts together by the same command without --shard and with",
             args.out.display()
         );
-        println!("--merge DIR for each part's folder.");
+        say!("--merge DIR for each part's folder.");
         return Ok(());
     }
     if missing > 0 {
@@ -195,8 +195,8 @@ fn write_table(out: &Path, results: &Results) -> Result<()> {
 /// Says what came out; fails where an expectation is not met.
 fn report(path: &Path, tables: &[&Results], began: Instant) -> Result<()> {
     let checks: Vec<_> = tables.iter().flat_map(|results| &results.checks).collect();
-    checks.iter().for_each(|check| println!("{}", check.text()));
-    println!("{} ({:.1} min)", path.display(), began.elapsed().as_secs_f64() / 60.0);
+    checks.iter().for_each(|check| say!("{}", check.text()));
+    say!("{} ({:.1} min)", path.display(), began.elapsed().as_secs_f64() / 60.0);
     match checks.iter().filter(|check| !check.met && !check.goal).count() {
         0 => Ok(()),
         n => Err(Error::Invalid(format!("{n} of {} figures are outside of their expected range", checks.len()))),

@@ -266,16 +266,16 @@ fn report(args: &Args, outcome: &Followed, outputs: &[PathBuf], result: &Result<
             "most_at_a_time": most, "tracking_seconds": tracking, "detecting_seconds": detecting, "outputs": outputs,
             "error": result.as_ref().err().map(ToString::to_string),
         });
-        println!("{}", serde_json::to_string_pretty(&summary).expect("plain data is JSON"));
+        say!("{}", serde_json::to_string_pretty(&summary).expect("plain data is JSON"));
         return;
     }
     let rate = |seconds: f64| if seconds > 0.0 { *frames as f64 / seconds } else { 0.0 };
-    println!(
+    say!(
         "{frames} frames, {born} targets, at most {most} at a time, {found} times one was found again, {cuts} cuts; \
          {:.0} frames a second in the trackers, {:.0} with detection.",
         rate(tracking),
         rate(tracking + detecting)
     );
     let names: Vec<String> = outputs.iter().filter_map(|o| o.file_name()).map(|n| n.to_string_lossy().into()).collect();
-    println!("{}: {}", args.out.display(), names.join(", "));
+    say!("{}: {}", args.out.display(), names.join(", "));
 }

@@ -111,9 +111,9 @@ pub fn run(args: &Args) -> Result<()> {
     let recipe = args.recipe(all.names().len());
     recipe.check()?;
     let n_h = encoder.shape().1;
-    println!("{} pictures to learn from, {} held out: {n_h} features each", learn.len(), held.len());
+    say!("{} pictures to learn from, {} held out: {n_h} features each", learn.len(), held.len());
     for (class, name) in all.names().iter().enumerate() {
-        println!("  {name}: {} and {}", learn.of_class(class), held.of_class(class));
+        say!("  {name}: {} and {}", learn.of_class(class), held.of_class(class));
     }
 
     let variation = if args.still { Variation::default() } else { Variation::of_tracks() };
@@ -161,7 +161,7 @@ pub fn run(args: &Args) -> Result<()> {
     };
     Classifier::new(softmax, all.names().to_vec())?.save(&args.out, &metadata, &first_layer)?;
     files.finish(None)?;
-    println!("try it with: foveate track VIDEO --init X,Y,W,H --recognise {}", args.out.display());
+    say!("try it with: foveate track VIDEO --init X,Y,W,H --recognise {}", args.out.display());
     Ok(())
 }
 
@@ -179,7 +179,7 @@ fn look(beholder: &Beholder, variation: Variation, pictures: &Pictures, times: u
 /// Prints how well held-out pictures are told apart.
 fn told(what: &str, names: &[String], held: &Held) {
     let r = &held.reliability;
-    println!(
+    say!(
         "{what}: {:.1} % right, log loss {:.3}, calibration error {:.1} %",
         100.0 * r.accuracy,
         r.log_loss,
@@ -189,10 +189,10 @@ fn told(what: &str, names: &[String], held: &Held) {
         return;
     }
     let longest = names.iter().map(|n| n.chars().count()).max().unwrap_or(0);
-    println!("  decided for, in the same order, of each class:");
+    say!("  decided for, in the same order, of each class:");
     for (name, row) in names.iter().zip(&held.confusion) {
         let counts: String = row.iter().map(|n| format!("{n:>5}")).collect();
-        println!("  {name:longest$}{counts}");
+        say!("  {name:longest$}{counts}");
     }
 }
 

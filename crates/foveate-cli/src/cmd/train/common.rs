@@ -121,7 +121,7 @@ impl Glimpses {
         let source = Source::load(set, data)?;
         let (learn, held) = source.split()?;
         let width = retina.glimpse_len();
-        println!("{}: {} glimpses of {width} values, {} held out", source.describe(), counts[0], counts[1]);
+        say!("{}: {} glimpses of {width} values, {} held out", source.describe(), counts[0], counts[1]);
         let rows = learn.glimpses(&retina, counts[0], visible, seed);
         Ok(Self {
             held: held.glimpses(&retina, counts[1], visible, !seed),
@@ -191,7 +191,7 @@ impl<'a> Files<'a> {
         }
         let trainer = resume(&self.checkpoint)?;
         let (epoch, batch) = progress(&trainer);
-        println!("going on from {}: epoch {}, batch {batch}", self.checkpoint.display(), epoch + 1);
+        say!("going on from {}: epoch {}, batch {batch}", self.checkpoint.display(), epoch + 1);
         Ok(trainer)
     }
 
@@ -203,7 +203,7 @@ impl<'a> Files<'a> {
         }
         let _ = std::fs::remove_file(&self.checkpoint);
         let and = picture.map_or(String::new(), |_| format!(" and {}", self.picture.display()));
-        println!("wrote {}{and}", self.model.display());
+        say!("wrote {}{and}", self.model.display());
         Ok(())
     }
 }
@@ -250,12 +250,12 @@ pub fn train(training: &mut impl Training) -> Result<()> {
         }
         if batch == 0 {
             let (line, seconds) = (training.line()?, begun.elapsed().as_secs_f64());
-            bar.suspend(|| println!("epoch {epoch}/{epochs}  {line}  {seconds:.1} s"));
+            bar.suspend(|| say!("epoch {epoch}/{epochs}  {line}  {seconds:.1} s"));
             begun = Instant::now();
         }
         if stop {
             bar.finish_and_clear();
-            println!("stopped in epoch {}, after batch {batch}; the same command goes on from there", epoch + 1);
+            say!("stopped in epoch {}, after batch {batch}; the same command goes on from there", epoch + 1);
             std::process::exit(130);
         }
     }

@@ -140,17 +140,17 @@ pub fn run(args: &Args) -> Result<()> {
     let confidence = &blueprint.config().confidence;
     let slices = |tracks: &[Vec<Judged>]| TrustScore::of(&tracks.iter().map(Vec::as_slice).collect::<Vec<_>>(), 0.0);
     let now: Vec<Vec<Judged>> = tracks.iter().map(|t| t.frames.clone()).collect();
-    println!("The table in force:\n{}", trust::text(&slices(&now)));
+    say!("The table in force:\n{}", trust::text(&slices(&now)));
     if let Some(path) = &args.cues {
         files::write(path, csv(&tracks).as_bytes())?;
     }
     let unseen: Vec<Vec<Judged>> = leave_one_out(&tracks, confidence)?.into_iter().map(|(track, _)| track).collect();
-    println!("New tables, each on the video it has not seen (boxes and searches are those of the table in force):");
-    println!("{}", trust::text(&slices(&unseen)));
+    say!("New tables, each on the video it has not seen (boxes and searches are those of the table in force):");
+    say!("{}", trust::text(&slices(&unseen)));
     let (plain, hidden): (Vec<usize>, Vec<usize>) = (0..tracks.len()).partition(|i| !tracks[*i].hidden);
     for (name, such) in [("as they are", plain), ("with their targets hidden", hidden)] {
         let of: Vec<Vec<Judged>> = such.iter().map(|i| unseen[*i].clone()).collect();
-        println!("Of these, videos {name}:\n{}", trust::text(&slices(&of)));
+        say!("Of these, videos {name}:\n{}", trust::text(&slices(&of)));
     }
     let table = fit(&tracks.iter().collect::<Vec<_>>(), confidence)?;
     let text = toml::to_string(&Section { confidence: &table }).map_err(|e| Error::Invalid(e.to_string()))?;
@@ -159,7 +159,7 @@ pub fn run(args: &Args) -> Result<()> {
     let plot = args.out.with_extension("svg");
     let scores = [("in force", slices(&now)), ("new, on unseen videos", slices(&unseen))];
     files::write(&plot, trust_plot::plot(&scores.each_ref().map(|(name, score)| (*name, score))).as_bytes())?;
-    println!("{text}\nwrote {} and {}", args.out.display(), plot.display());
+    say!("{text}\nwrote {} and {}", args.out.display(), plot.display());
     Ok(())
 }
 

@@ -224,7 +224,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let (learn, held) = (all.range(0, args.digits.min(most)), all.range(most, all.len()));
     let held = view.looker.look(&held, u64::MAX)?;
-    println!(
+    say!(
         "{} digits, {} held out: {} values a fixation, {} fixations",
         learn.len(),
         all.len() - most,
@@ -271,7 +271,7 @@ pub fn run(args: &Args) -> Result<()> {
     } else {
         let classifier = classifier(&rbm, &shown, still, &held)?;
         classifier.save(&classifier_path(&args.out), &about.metadata)?;
-        println!("wrote {}", classifier_path(&args.out).display());
+        say!("wrote {}", classifier_path(&args.out).display());
     }
     rbm.save(&args.out, &about)?;
     files.finish(None)?;
@@ -348,14 +348,14 @@ impl Training for Fixations<'_> {
 fn assess(recogniser: &MultiFixation, mut looker: Looker, test: &Digits) -> Result<()> {
     let told = |what: &str, found: &Reliability| {
         let (errors, ece) = (100.0 * (1.0 - found.accuracy), 100.0 * found.ece);
-        println!("{what}: errors {errors:.2} %, log loss {:.4}, calibration error {ece:.2} %", found.log_loss);
+        say!("{what}: errors {errors:.2} %, log loss {:.4}, calibration error {ece:.2} %", found.log_loss);
     };
     looker.seed = !looker.seed;
     let n = test.len();
     if let Gazes::All(_) = looker.gazes {
         let (points, found) = curve(recogniser, &looker, test)?;
         told(&format!("{n} test digits, all {} fixations", looker.window), &found);
-        points.iter().for_each(|p| println!("  {} fixations: {:.2} % right", p.looks, 100.0 * p.single));
+        points.iter().for_each(|p| say!("  {} fixations: {:.2} % right", p.looks, 100.0 * p.single));
         return Ok(());
     }
     let window = looker.window;
@@ -365,12 +365,12 @@ fn assess(recogniser: &MultiFixation, mut looker: Looker, test: &Digits) -> Resu
         let (_, found) = curve(recogniser, &looker, test)?;
         told(&format!("{n} test digits, {what}, a decision of {window} fixations"), &found);
         found.bins.iter().filter(|b| b.count > 0).for_each(|b| {
-            println!("  confidence {:.3}: {:.3} right, {} decisions", b.confidence, b.accuracy, b.count);
+            say!("  confidence {:.3}: {:.3} right, {} decisions", b.confidence, b.accuracy, b.count);
         });
         looker.window = CURVE.0;
         let (points, _) = curve(recogniser, &looker, &test.range(0, CURVE.1.min(n)))?;
         for p in points.iter().filter(|p| [1, 2, 3, 5, 10, 20, 30].contains(&p.looks)) {
-            println!(
+            say!(
                 "  {} fixations: the last {window} alone {:.2} % right, all together {:.2} %",
                 p.looks,
                 100.0 * p.single,

@@ -81,7 +81,7 @@ pub fn run(args: &Args) -> Result<()> {
         || Trainer::new(recipe.clone(), learn),
     )?;
     let (n_p, n_x, k) = trainer.learned().shape();
-    println!("{} patches of {n_p} values, {n_x} of them whitened, {k} filters", learn.len());
+    say!("{} patches of {n_p} values, {n_x} of them whitened, {k} filters", learn.len());
     let mut training = KMeansTraining { trainer, held, sha256, checkpoint: &files.checkpoint };
     common::train(&mut training)?;
 

@@ -139,9 +139,12 @@ pub fn run(args: &Args) -> Result<()> {
         || Trainer::new(recipe.clone(), glimpses.rows()),
     )?;
     let sizes = trainer.learned().sizes();
-    println!(
+    say!(
         "{} whitened values, {} factors, {} covariance and {} mean units",
-        sizes.white, sizes.factors, sizes.covariance, sizes.mean
+        sizes.white,
+        sizes.factors,
+        sizes.covariance,
+        sizes.mean
     );
     let mut training = Mcrbm { trainer, glimpses: &glimpses, checkpoint: &files.checkpoint };
     common::train(&mut training)?;
