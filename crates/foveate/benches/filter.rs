@@ -49,6 +49,12 @@ impl WhiteAcceleration {
 }
 
 impl Dynamics for WhiteAcceleration {
+    fn expected(&self, s: &State) -> State {
+        self.step(s, [0.0; 2], [0.0; 2])
+    }
+    fn spread(&self) -> f64 {
+        self.chol[0]
+    }
     fn sized(&self, _: f64) -> Arc<dyn Dynamics> {
         Arc::new(Self::new())
     }

@@ -10,8 +10,8 @@ use std::sync::Arc;
 use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::control::{
-    Around, Autoregressive, Concentration, Confidence, Guide, LogConcentration, Resampling, Reward, Search, Sighting,
-    VarianceReduction, Vigilance,
+    Around, Autoregressive, Concentration, Confidence, Guide, LogConcentration, Pace, Resampling, Reward, Search,
+    Sighting, VarianceReduction, Vigilance,
 };
 use crate::identity::calibrate::Calibration;
 use crate::identity::discriminant;
@@ -57,6 +57,9 @@ pub struct Config {
     /// p(xₜ | xₜ₋₁).
     #[serde(deserialize_with = "in_range")]
     pub dynamics: DynamicsConfig,
+    /// Whether the motion noise follows the target's own unrest; left out, it is what the dynamics say.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub pace: Option<Pace>,
     /// Whether the target's centre stays in the picture, at its edge if need be.
     #[serde(default)]
     pub walls: bool,
@@ -322,7 +325,7 @@ impl Blueprint {
             None => appearance,
         };
         let parts = Parts {
-            proposal: proposals::proposal(&c.proposal, *dynamics, c.walls),
+            proposal: proposals::proposal(&c.proposal, *dynamics, c.pace, c.walls),
             guide: c.guide,
             sighting: c.sighting,
             policy: self.shadowed(policy(&c.policy)?),

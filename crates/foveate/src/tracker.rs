@@ -123,6 +123,7 @@ impl Tracker {
         self.context = Context::default();
         self.parts.vigilance.reset();
         self.parts.confidence.reset();
+        self.parts.proposal.reset();
         self.parts.proposal.size(extent.mean());
         self.parts.start.draw(&state, extent, &mut self.particles, streams);
         self.log_carried.fill(-(self.particles.len() as f64).ln());
@@ -218,6 +219,7 @@ impl Tracker {
         let trust = if judged { parts.confidence.judge(&shown) } else { parts.confidence.held() };
         let lost = trust.standing.is_out();
         let doubt = watch.doubt.max(alarm);
+        let searched = context.lost;
         *context = Context { ess: ess / n as f64, doubt, surprise: watch.surprise, spread, lost };
         if let Some(recognizer) = &mut parts.recognizer {
             recognizer.look(image, &estimate, target.extent, context, &mut streams.at(*frame, Recognize).rng(0));
@@ -229,6 +231,11 @@ impl Tracker {
                 rivals(&w.predicted, &w.log_posterior, &estimate, target.extent, &mut w.rivals);
             }
             parts.appearance.adapt(image, &estimate, &w.rivals, watch.surprise);
+        }
+
+        // Adapt to how the target moves, where neither the search nor anything but the dynamics made the children.
+        if judged && !lost && !searched {
+            parts.proposal.learn(particles, &w.predicted, &w.weights);
         }
 
         // Select. Children of heavy particles start the next frame.
@@ -267,6 +274,7 @@ impl Tracker {
             target: self.target,
             particles: self.particles.clone(),
             log_weights: self.log_carried.iter().map(|w| w.is_finite().then_some(*w)).collect(),
+            proposal: self.parts.proposal.save(),
             policy: self.parts.policy.save(),
             appearance: self.parts.appearance.save(),
             vigilance: self.parts.vigilance.save(),
@@ -302,6 +310,7 @@ impl Tracker {
                 return Err(bad(format!("its target has halves of {} x {} pixels", extent.half_w, extent.half_h)));
             }
         }
+        self.parts.proposal.load(&saved.proposal)?;
         self.parts.policy.load(&saved.policy)?;
         self.parts.appearance.load(&saved.appearance)?;
         self.parts.vigilance.load(&saved.vigilance)?;
@@ -339,7 +348,7 @@ impl Tracker {
 }
 
 /// The format number of saved trackers.
-const FORMAT: u32 = 5;
+const FORMAT: u32 = 6;
 /// More frames than any video has.
 const MOST_FRAMES: u64 = 1 << 48;
 
@@ -351,6 +360,7 @@ struct Saved {
     particles: Vec<State>,
     /// JSON has no −∞: a particle without weight has none.
     log_weights: Vec<Option<f64>>,
+    proposal: serde_json::Value,
     policy: serde_json::Value,
     appearance: serde_json::Value,
     vigilance: serde_json::Value,

@@ -71,6 +71,11 @@ camera = 1.0
 local = 0.5
 [detector]
 kind = "saliency"
+[pace]
+rate = 0.1
+usual = 1.0
+least = 0.5
+most = 3.0
 "#;
 
 fn check(text: &str) -> foveate::Result<()> {
@@ -119,6 +124,7 @@ fn mistakes_are_told_with_place_and_valid_names() {
         ("[sighting]", "0.02", "0", &["line 51, column 1", "sighting.outlier", "it is 0"]),
         ("[guide]", "local", "flow", &["line 57, column 1", "flow", "`local`"]),
         ("[detector]", "saliency", "silence", &["line 59", "silence", "`saliency`"]),
+        ("[pace]", "least = 0.5", "least = 2", &["line 60, column 1", "pace.least", "0.01 to 1", "it is 2"]),
     ] {
         let error = error(section, from, to);
         for word in ["my.toml"].iter().chain(words) {

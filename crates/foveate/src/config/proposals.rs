@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::Blueprint;
 use super::ranges::Ranges;
 use crate::Result;
-use crate::control::{Autoregressive, Guide, Mixing, Mixture, Prior, Proposal, Sighting};
+use crate::control::{Autoregressive, Guide, Mixing, Mixture, Pace, Prior, Proposal, Sighting};
 use crate::scene::{Detector, Flow, Motion, Saliency, Scout};
 
 /// The proposals there are.
@@ -53,10 +53,15 @@ impl Blueprint {
 }
 
 /// The proposal of a configuration.
-pub(super) fn proposal(config: &ProposalConfig, motion: Autoregressive, walls: bool) -> Box<dyn Proposal> {
+pub(super) fn proposal(
+    config: &ProposalConfig,
+    motion: Autoregressive,
+    pace: Option<Pace>,
+    walls: bool,
+) -> Box<dyn Proposal> {
     match config {
-        ProposalConfig::Prior => Box::new(Prior::new(Arc::new(motion)).walls(walls)),
-        ProposalConfig::Mixture(mixing) => Box::new(Mixture::new(motion, *mixing).walls(walls)),
+        ProposalConfig::Prior => Box::new(Prior::new(Arc::new(motion)).paced(pace).walls(walls)),
+        ProposalConfig::Mixture(mixing) => Box::new(Mixture::new(motion, *mixing).paced(pace).walls(walls)),
     }
 }
 
@@ -78,5 +83,11 @@ impl Ranges for Option<Sighting> {
 impl Ranges for Option<Guide> {
     fn ranges(&self) -> Result<()> {
         self.as_ref().map_or(Ok(()), Guide::check)
+    }
+}
+
+impl Ranges for Option<Pace> {
+    fn ranges(&self) -> Result<()> {
+        self.as_ref().map_or(Ok(()), Pace::check)
     }
 }

@@ -40,6 +40,7 @@ impl Ranges for Config {
         }
         self.resampling.ranges()?;
         self.dynamics.ranges()?;
+        self.pace.ranges()?;
         self.proposal.ranges()?;
         self.sighting.ranges()?;
         self.guide.ranges()?;

@@ -19,6 +19,10 @@ pub trait Dynamics: Send + Sync {
     fn sample(&self, previous: &State, rng: &mut Rng) -> State;
     /// log p(next | previous) in nats, exact, with its constants.
     fn log_density(&self, next: &State, previous: &State) -> f64;
+    /// Where a state leads without noise.
+    fn expected(&self, previous: &State) -> State;
+    /// Standard deviation of a draw's place about that, along an axis.
+    fn spread(&self) -> f64;
     /// The same motion for a target of which one template unit is `unit` pixels.
     fn sized(&self, unit: f64) -> Arc<dyn Dynamics>;
     /// One draw for each state, in one virtual call; not the bits that calls of `sample` give, but of the same law.
@@ -150,6 +154,15 @@ impl Autoregressive {
 }
 
 impl Dynamics for Autoregressive {
+    fn expected(&self, previous: &State) -> State {
+        self.step(previous, Noise::default())
+    }
+
+    fn spread(&self) -> f64 {
+        let leaping = 1.0 + self.leaps * (self.leap * self.leap - 1.0);
+        (self.velocity * self.velocity + leaping * self.position * self.position).sqrt()
+    }
+
     fn sized(&self, unit: f64) -> Arc<dyn Dynamics> {
         Arc::new(self.scaled(unit))
     }
@@ -243,6 +256,12 @@ mod tests {
     fn the_law_finds_a_wrong_density() {
         struct Wrong;
         impl Dynamics for Wrong {
+            fn expected(&self, previous: &State) -> State {
+                ALL.expected(previous)
+            }
+            fn spread(&self) -> f64 {
+                ALL.spread()
+            }
             fn sized(&self, _: f64) -> Arc<dyn Dynamics> {
                 Arc::new(Wrong)
             }

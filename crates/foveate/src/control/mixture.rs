@@ -19,10 +19,11 @@
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 use std::sync::Arc;
 
 use super::proposal::confine;
-use super::{Autoregressive, CHUNK, Prior, Proposal};
+use super::{Autoregressive, CHUNK, Pace, Prior, Proposal};
 use crate::geometry::State;
 use crate::rng::{Rng, Streams};
 use crate::scene::{Detection, Scene};
@@ -93,12 +94,15 @@ impl Mixture {
     pub fn walls(self, walls: bool) -> Self {
         Self { walls, ..self }
     }
+    /// As [`Prior::paced`].
+    pub fn paced(self, pace: Option<Pace>) -> Self {
+        Self { prior: self.prior.paced(pace), ..self }
+    }
 }
 
 impl Proposal for Mixture {
     fn size(&mut self, unit: f64) {
         self.unit = unit;
-        self.motion = self.given.scaled(unit);
         self.prior.size(unit);
     }
 
@@ -111,6 +115,7 @@ impl Proposal for Mixture {
         streams: Streams,
     ) {
         self.prior.propose(scene, parents, children, log_ratio, streams);
+        self.motion = self.given.scaled(self.unit * self.prior.factor());
         // A place without noise of its own has no density to mix with.
         let moves = self.motion.velocity > 0.0 || self.motion.position > 0.0;
         if moves && !scene.detections.is_empty() {
@@ -126,6 +131,22 @@ impl Proposal for Mixture {
             let image = &scene.frame.image;
             children.iter_mut().for_each(|child| confine(child, image.width(), image.height()));
         }
+    }
+
+    fn learn(&mut self, parents: &[State], children: &[State], weights: &[f64]) {
+        self.prior.learn(parents, children, weights);
+    }
+
+    fn save(&self) -> Value {
+        self.prior.save()
+    }
+
+    fn load(&mut self, saved: &Value) -> Result<()> {
+        self.prior.load(saved)
+    }
+
+    fn reset(&mut self) {
+        self.prior.reset();
     }
 }
 

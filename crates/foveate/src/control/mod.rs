@@ -8,6 +8,7 @@ mod confidence;
 mod dynamics;
 mod guided;
 mod mixture;
+mod pace;
 mod proposal;
 mod resampling;
 mod reward;
@@ -20,6 +21,7 @@ pub use self::confidence::{CUE_NAMES, CUES, Confidence, Cues, Shown, Standing, T
 pub use self::dynamics::{Autoregressive, Dynamics};
 pub use self::guided::Guide;
 pub use self::mixture::{Mixing, Mixture};
+pub use self::pace::Pace;
 pub use self::proposal::{CHUNK, Prior, Proposal};
 pub use self::resampling::{Resampling, Scheme};
 pub use self::reward::{Concentration, LogConcentration, Reward, VarianceReduction};

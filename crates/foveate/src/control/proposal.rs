@@ -1,9 +1,11 @@
 //! q(xₜ | xₜ₋₁, scene): where the next particles are put (Algorithm 1, "predict the next state").
 
-use super::Dynamics;
+use super::{Dynamics, Pace};
 use crate::geometry::State;
 use crate::rng::Streams;
 use crate::scene::Scene;
+use crate::{Error, Result};
+use serde_json::Value;
 use std::sync::Arc;
 
 /// Puts the next particles, and says what their weights owe for it.
@@ -23,6 +25,19 @@ pub trait Proposal: Send {
         log_ratio: &mut [f64],
         streams: Streams,
     );
+    /// Told after a look that the target is believed to be in: the parents, their children, and what these weigh now, sum 1.
+    fn learn(&mut self, _parents: &[State], _children: &[State], _weights: &[f64]) {}
+    /// All that was learned.
+    fn save(&self) -> Value {
+        Value::Null
+    }
+    /// Goes on from what `save` gave on a proposal with the same settings; [`Proposal::size`] is called apart from it. Fails,
+    /// unchanged, where it does not fit.
+    fn load(&mut self, _saved: &Value) -> Result<()> {
+        Ok(())
+    }
+    /// Forgets all that was learned.
+    fn reset(&mut self) {}
 }
 
 /// Particles that share a random stream. Fixed: results must not depend on the number of threads.
@@ -34,18 +49,27 @@ pub struct Prior {
     given: Arc<dyn Dynamics>,
     dynamics: Arc<dyn Dynamics>,
     walls: bool,
+    pace: Option<Pace>,
 }
 
 impl Prior {
     /// Proposes from these dynamics; their lengths are pixels until `size` is called.
     pub fn new(dynamics: Arc<dyn Dynamics>) -> Self {
-        Self { given: dynamics.clone(), dynamics, walls: false }
+        Self { given: dynamics.clone(), dynamics, walls: false, pace: None }
     }
     /// Whether a target's centre that would leave the picture stays at its edge, without the speed that took it there.
     ///
     /// Deviation: the paper has no walls, and a lost particle flies off for good. It is p that has them, so p/q stays 1.
     pub fn walls(self, walls: bool) -> Self {
         Self { walls, ..self }
+    }
+    /// How the noise adapts; not at all unless told.
+    pub fn paced(self, pace: Option<Pace>) -> Self {
+        Self { pace, ..self }
+    }
+    /// What the noises are multiplied by in the next frame.
+    pub(super) fn factor(&self) -> f64 {
+        self.pace.map_or(1.0, |pace| pace.factor())
     }
 }
 
@@ -79,10 +103,37 @@ impl Proposal for Prior {
         for (i, (parents, children)) in parents.chunks(CHUNK).zip(children.chunks_mut(CHUNK)).enumerate() {
             self.dynamics.sample_each(parents, children, &mut streams.rng(i as u64));
         }
+        if let Some(pace) = &self.pace {
+            pace.stretch(&*self.dynamics, parents, children);
+        }
         if self.walls {
             let image = &scene.frame.image;
             children.iter_mut().for_each(|child| confine(child, image.width(), image.height()));
         }
+    }
+
+    fn learn(&mut self, parents: &[State], children: &[State], weights: &[f64]) {
+        if let Some(pace) = &mut self.pace {
+            pace.learn(&*self.dynamics, parents, children, weights);
+        }
+    }
+
+    fn save(&self) -> Value {
+        self.pace.map_or(Value::Null, |pace| pace.save())
+    }
+
+    fn load(&mut self, saved: &Value) -> Result<()> {
+        match &mut self.pace {
+            Some(pace) => pace.load(saved),
+            None if saved.is_null() => Ok(()),
+            None => Err(Error::Invalid(
+                "the saved tracker has a pace, this one has none; use the configuration it was saved with".into(),
+            )),
+        }
+    }
+
+    fn reset(&mut self) {
+        self.pace.iter_mut().for_each(Pace::reset);
     }
 }
 

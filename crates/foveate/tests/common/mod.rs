@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use foveate::config::{Blueprint, Config};
+use foveate::control::Pace;
 use foveate::geometry::BBox;
 use foveate::identity::encoder::RbmEncoder;
 use foveate::identity::retina::FovealConfig;
@@ -72,10 +73,10 @@ pub fn blueprint(policy: &str, rbm: bool, below: f64, colour: bool, particles: u
     raw.with(Arc::new(retina), Arc::new(RbmEncoder::new(random_rbm(channels.len(), 100), &channels)))
 }
 
-/// The configuration for real video, of fewer particles.
+/// The configuration for real video, of fewer particles, and with noise that adapts.
 pub fn natural(particles: usize) -> Blueprint {
     let config = Config::builtin("natural").expect("it ships").expect("it is right");
-    Config { particles, ..config }.check(Path::new(".")).expect("a good configuration")
+    Config { particles, pace: Some(Pace::default()), ..config }.check(Path::new(".")).expect("a good configuration")
 }
 
 /// A Gaussian machine of random weights: some units are on, some off, at any glimpse.
