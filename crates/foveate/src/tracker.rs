@@ -178,14 +178,13 @@ impl Tracker {
         // Learn where to look next.
         parts.policy.learn(&w.plan, &w.rewards);
 
-        // Only the gazes the plan uses move the belief; their log-likelihoods add.
+        // Only the gazes the plan uses move the belief; their log-likelihoods add, as much of each as it weighs.
         w.log_posterior.clone_from(&w.log_prior);
-        for (_, log_likelihood) in w.plan.used().iter().zip(w.log_likelihood.chunks_exact(n)).filter(|(used, _)| **used)
-        {
-            add(&mut w.log_posterior, log_likelihood);
+        for (k, log_likelihood) in w.log_likelihood.chunks_exact(n).enumerate().filter(|(k, _)| w.plan.used()[*k]) {
+            let weight = w.plan.weights()[k];
+            w.log_posterior.iter_mut().zip(log_likelihood).for_each(|(a, l)| *a += weight * l);
         }
         let mut log_evidence = normalize(&w.log_posterior, &mut w.weights);
-        let looks = w.plan.used().iter().filter(|used| **used).count();
         let expected = parts.appearance.expectation();
         let promise = Promise { on: expected.on, off: expected.off };
         let judged = company::can_be_judged(*visible);
@@ -200,10 +199,11 @@ impl Tracker {
             }
         }
 
+        let evidence = log_evidence / w.plan.looks();
         let belief = Belief { states: &w.predicted, weights: &w.weights };
         let (estimate, covariance, ess) = (belief.mean(), belief.covariance(), belief.ess());
         let watch = match judged {
-            true => parts.vigilance.judge(log_evidence, looks, &w.log_posterior, promise),
+            true => parts.vigilance.judge(evidence, &w.log_posterior, promise),
             false => parts.vigilance.watch(),
         };
         let unit = target.extent.mean() * estimate.log_scale.exp();
@@ -211,7 +211,6 @@ impl Tracker {
 
         // Recognize: perceive once more, at the estimate.
         parts.appearance.perceive(&estimate, w.plan.chosen(), &mut w.percept);
-        let evidence = log_evidence / looks.max(1) as f64;
         let distance = w.percept.distance;
         let alarm = parts.recognizer.as_ref().map_or(0.0, Recognition::alarm);
         let rival = if judged { looks::around(parts, (image, &estimate, target.extent), w) } else { None };

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 use crate::Result;
-use crate::gaze::{Anchor, Bayes, Circular, Fixed, GpUcb, Grid, Hedge, Policy, Random, Schedule};
+use crate::gaze::{Anchor, Bayes, Circular, Fixed, GpUcb, Grid, Hedge, Policy, Pool, Random, Schedule};
 use crate::geometry::Gaze;
 
 /// The policies there are.
@@ -40,6 +40,21 @@ pub enum PolicyConfig {
         /// Learning rate, above 0.
         gamma: Schedule,
     },
+    /// All the grid's gazes in every frame, each weighed by what it told lately: a logarithmic opinion pool.
+    Pool {
+        /// The gazes.
+        #[serde(default)]
+        grid: Grid,
+        /// Learning rate, above 0.
+        gamma: Schedule,
+        /// Share of what was learned that fades each frame, 0 to 1.
+        #[serde(default = "fading")]
+        forget: f64,
+        /// What the weights sum to, as many looks as they count for, 0.001 to 1000; left out, one for each gaze: equal weights
+        /// are then the product of the likelihoods.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        looks: Option<f64>,
+    },
     /// EXP3, with the reward of one gaze a frame (section 4.3) and Auer et al.'s unbiased estimate.
     Exp3(Exp3Config),
     /// EXP3 exactly as the paper prints it, which divides by another probability than it drew with.
@@ -57,6 +72,10 @@ pub enum PolicyConfig {
     },
 }
 
+fn fading() -> f64 {
+    0.05
+}
+
 /// The policy of these settings.
 pub(super) fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
     Ok(match config {
@@ -64,6 +83,11 @@ pub(super) fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
         PolicyConfig::Random { grid } => Box::new(Random::new(grid.gazes())),
         PolicyConfig::Circular { grid } => Box::new(Circular::new(grid.gazes())),
         PolicyConfig::Hedge { grid, gamma } => Box::new(Hedge::new(grid.gazes(), *gamma)?),
+        PolicyConfig::Pool { grid, gamma, forget, looks } => {
+            let gazes = grid.gazes();
+            let looks = looks.unwrap_or(gazes.len() as f64);
+            Box::new(Pool::new(gazes, *gamma, *forget, looks)?)
+        }
         PolicyConfig::Exp3(c) => c.build()?,
         PolicyConfig::Exp3AsPrinted(c) => c.build()?,
         PolicyConfig::Exp3Ix(c) => c.build()?,

@@ -159,6 +159,12 @@ impl Ranges for PolicyConfig {
                 gamma.check("policy.gamma", 1e9)?;
                 grid.check()
             }
+            Self::Pool { grid, gamma, forget, looks } => {
+                gamma.check("policy.gamma", 1e9)?;
+                within("policy.forget", *forget, 0.0, 1.0)?;
+                within("policy.looks", looks.unwrap_or(1.0), 1e-3, 1e3)?;
+                grid.check()
+            }
             Self::Exp3(c) => c.ranges(),
             Self::Exp3AsPrinted(c) => c.ranges(),
             Self::Exp3Ix(c) => c.ranges(),

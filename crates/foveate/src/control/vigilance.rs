@@ -92,9 +92,8 @@ impl Vigilance {
         self.past = Past::default();
     }
 
-    /// Judges a frame by the log evidence of `looks` looks, and by the log weights.
-    pub fn judge(&mut self, log_evidence: f64, looks: usize, log_weights: &[f64], promise: Promise) -> Watch {
-        let evidence = log_evidence / looks.max(1) as f64;
+    /// Judges a frame by the log evidence of a look, and by the log weights.
+    pub fn judge(&mut self, evidence: f64, log_weights: &[f64], promise: Promise) -> Watch {
         let gap = (promise.on - promise.off).max(1e-9);
         let short = if evidence.is_finite() { (promise.on - evidence) / gap } else { 2.0 };
         let m = &mut self.past;
@@ -157,9 +156,9 @@ mod tests {
         let mut v = Vigilance::default();
         let peaked = [0.0, -50.0, -50.0, -50.0];
         for _ in 0..20 {
-            assert!(!v.judge(-2.5, 1, &peaked, PROMISE).lost);
+            assert!(!v.judge(-2.5, &peaked, PROMISE).lost);
         }
-        let verdicts: Vec<bool> = (0..10).map(|_| v.judge(-12.0, 1, &peaked, PROMISE).lost).collect();
+        let verdicts: Vec<bool> = (0..10).map(|_| v.judge(-12.0, &peaked, PROMISE).lost).collect();
         assert!(!verdicts[0] && verdicts[9], "one bad frame is not a loss, ten are: {verdicts:?}");
     }
 
@@ -170,11 +169,10 @@ mod tests {
         let peaked = [0.0, -50.0, -50.0, -50.0];
         for t in 0..40 {
             let evidence = -7.0 + if t % 2 == 0 { 0.5 } else { -0.5 };
-            assert!(!v.judge(evidence, 1, &peaked, PROMISE).lost, "frame {t}");
+            assert!(!v.judge(evidence, &peaked, PROMISE).lost, "frame {t}");
         }
         let resumed = v.save();
-        let lost =
-            |v: &mut Vigilance| (0..12).map(|_| v.judge(-12.0, 1, &peaked, PROMISE)).last().expect("twelve frames");
+        let lost = |v: &mut Vigilance| (0..12).map(|_| v.judge(-12.0, &peaked, PROMISE)).last().expect("twelve frames");
         let verdict = lost(&mut v);
         assert!(verdict.lost);
         let mut other = Vigilance::default();
@@ -185,9 +183,9 @@ mod tests {
     #[test]
     fn flat_weights_and_no_evidence_are_doubt() {
         let mut v = Vigilance::default();
-        let flat = v.judge(-2.0, 1, &[0.0; 8], PROMISE);
+        let flat = v.judge(-2.0, &[0.0; 8], PROMISE);
         assert!((flat.tempered_ess - 1.0).abs() < 1e-12 && flat.doubt > 0.0);
-        let none = v.judge(f64::NEG_INFINITY, 1, &[f64::NEG_INFINITY; 8], PROMISE);
+        let none = v.judge(f64::NEG_INFINITY, &[f64::NEG_INFINITY; 8], PROMISE);
         assert!(none.doubt > flat.doubt && none.doubt.is_finite());
     }
 }

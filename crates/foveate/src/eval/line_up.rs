@@ -43,9 +43,10 @@ pub fn rivals(policy: &PolicyConfig) -> Grid {
 
 fn reach_of(policy: &PolicyConfig) -> Option<f64> {
     match policy {
-        PolicyConfig::Random { grid } | PolicyConfig::Circular { grid } | PolicyConfig::Hedge { grid, .. } => {
-            Some(grid.reach)
-        }
+        PolicyConfig::Random { grid }
+        | PolicyConfig::Circular { grid }
+        | PolicyConfig::Hedge { grid, .. }
+        | PolicyConfig::Pool { grid, .. } => Some(grid.reach),
         PolicyConfig::Exp3(c) => Some(c.grid.reach),
         PolicyConfig::Exp3AsPrinted(c) => Some(c.grid.reach),
         PolicyConfig::Exp3Ix(c) => Some(c.grid.reach),

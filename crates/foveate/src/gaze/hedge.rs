@@ -37,17 +37,21 @@ impl Hedge {
     pub fn gamma_for(k: usize, frames: usize) -> f64 {
         (8.0 * (k.max(2) as f64).ln() / frames.max(1) as f64).sqrt()
     }
-    /// pₜ from Gₜ₋₁; the largest gain is subtracted, so nothing overflows.
     fn weigh(&mut self) {
-        let log_k = (self.gazes.len().max(2) as f64).ln();
-        let gamma = self.gamma.rate(self.frames.saturating_add(1), 8.0 * log_k, 4.0 * log_k);
-        let max = self.gain.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        for (p, gain) in self.probabilities.iter_mut().zip(&self.gain) {
-            *p = (gamma * (gain - max)).exp();
-        }
-        let sum: f64 = self.probabilities.iter().sum();
-        self.probabilities.iter_mut().for_each(|p| *p /= sum);
+        shares(&self.gain, self.gamma, self.frames, &mut self.probabilities);
     }
+}
+
+/// pₜ from Gₜ₋₁, of so many frames; the largest gain is subtracted, so nothing overflows.
+pub(super) fn shares(gain: &[f64], gamma: Schedule, frames: u64, probabilities: &mut [f64]) {
+    let log_k = (gain.len().max(2) as f64).ln();
+    let gamma = gamma.rate(frames.saturating_add(1), 8.0 * log_k, 4.0 * log_k);
+    let max = gain.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    for (p, gain) in probabilities.iter_mut().zip(gain) {
+        *p = (gamma * (gain - max)).exp();
+    }
+    let sum: f64 = probabilities.iter().sum();
+    probabilities.iter_mut().for_each(|p| *p /= sum);
 }
 
 /// Draws an index with these probabilities, which sum to 1 but for rounding.

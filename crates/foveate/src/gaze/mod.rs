@@ -10,6 +10,7 @@ mod exp3;
 mod gp_ucb;
 mod grid;
 mod hedge;
+mod pool;
 mod schedule;
 mod shadow;
 
@@ -19,6 +20,7 @@ pub use self::exp3::{Exp3, Variant};
 pub use self::gp_ucb::{Bayes, GpUcb};
 pub use self::grid::Grid;
 pub use self::hedge::Hedge;
+pub use self::pool::Pool;
 pub use self::schedule::Schedule;
 pub use self::shadow::Shadow;
 
@@ -33,6 +35,7 @@ use serde_json::Value;
 pub struct Plan {
     gazes: Vec<Gaze>,
     used: Vec<bool>,
+    weights: Vec<f64>,
     marked: Option<usize>,
     recorded: Vec<Gaze>,
 }
@@ -46,6 +49,7 @@ impl Plan {
     pub fn clear(&mut self) {
         self.gazes.clear();
         self.used.clear();
+        self.weights.clear();
         self.marked = None;
         self.recorded.clear();
     }
@@ -64,12 +68,17 @@ impl Plan {
     }
     /// Asks for one gaze more, used or only scored.
     pub fn push(&mut self, gaze: Gaze, used: bool) {
+        self.weigh(gaze, f64::from(u8::from(used)));
+    }
+    /// Asks for one gaze more, and uses as much of its log-likelihood as `weight` says, finite and at least 0.
+    pub fn weigh(&mut self, gaze: Gaze, weight: f64) {
         self.gazes.push(gaze);
-        self.used.push(used);
+        self.used.push(weight > 0.0);
+        self.weights.push(weight);
     }
     /// Uses the gaze at `k` too.
     pub fn use_also(&mut self, k: usize) {
-        self.used[k] = true;
+        (self.used[k], self.weights[k]) = (true, 1.0);
     }
     /// Says which of the used gazes is the policy's own choice; otherwise it is the first used one.
     pub fn mark(&mut self, k: usize) {
@@ -91,6 +100,15 @@ impl Plan {
     /// For each gaze, whether it moves the belief. One at least does.
     pub fn used(&self) -> &[bool] {
         &self.used
+    }
+    /// For each gaze, how much its log-likelihood counts: 1 for one that is used, 0 for one that is only scored, anything
+    /// else where the policy weighs them.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+    /// How many looks the used gazes count for: the sum of their weights.
+    pub fn looks(&self) -> f64 {
+        self.weights.iter().sum()
     }
     /// Index of the policy's own choice. Panics if no gaze is used, which no policy may leave so.
     pub fn chosen_index(&self) -> usize {

@@ -73,6 +73,7 @@ struct Tracked<'a> {
 struct Plan<'a> {
     gazes: &'a [Gaze],
     used: &'a [bool],
+    weights: &'a [f64],
     chosen: usize,
 }
 
@@ -139,7 +140,12 @@ impl Observer for Trace {
             predicted: step.predicted.iter().map(State::to_array).collect(),
             weights: step.weights,
             ancestors: step.ancestors,
-            plan: Plan { gazes: step.plan.gazes(), used: step.plan.used(), chosen: step.plan.chosen_index() },
+            plan: Plan {
+                gazes: step.plan.gazes(),
+                used: step.plan.used(),
+                weights: step.plan.weights(),
+                chosen: step.plan.chosen_index(),
+            },
             rewards: step.rewards,
             recorded_gazes: step.plan.recorded(),
             recorded_rewards: step.recorded,

@@ -36,9 +36,10 @@ pub(super) fn search(
     for (k, gaze) in w.plan.gazes().iter().enumerate().filter(|(k, _)| w.plan.used()[*k]) {
         score(appearance, &w.fresh, *gaze, &mut w.search);
         company::shade(&mut w.search, visible);
+        let weight = w.plan.weights()[k];
         for (i, l) in w.drawn.iter().zip(&w.search) {
             w.log_likelihood[k * n + i] = *l;
-            w.log_posterior[*i] += l;
+            w.log_posterior[*i] += weight * l;
         }
     }
     !w.drawn.is_empty()

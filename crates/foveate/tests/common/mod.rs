@@ -42,13 +42,14 @@ pub fn frame(index: usize, planes: usize) -> Frame {
 }
 
 /// The policies, as TOML.
-pub const POLICIES: [&str; 6] = [
+pub const POLICIES: [&str; 7] = [
     "{ kind = \"fixed\", u = 0.25, v = -0.25 }",
     "{ kind = \"random\" }",
     "{ kind = \"circular\" }",
     "{ kind = \"hedge\", gamma = 0.5 }",
     "{ kind = \"anchor\", policy = { kind = \"hedge\", gamma = 0.5 } }",
     "{ kind = \"anchor\", policy = { kind = \"random\" } }",
+    "{ kind = \"pool\", gamma = 0.5, looks = 2 }",
 ];
 
 /// A checked configuration of `particles`; `rbm` puts a small random machine in the place of the raw encoder.
