@@ -129,6 +129,7 @@ fn parts(precision: Precision, rng: &mut Rng) -> Result<Parts> {
         proposal: Box::new(Prior::new(Arc::new(dynamics))),
         guide: None,
         sighting: None,
+        aspect: None,
         policy: Box::new(gaze::Fixed::new(Gaze::CENTRE)),
         appearance: Box::new(appearance),
         reward: Box::new(Concentration::new(1.0)?),

@@ -7,11 +7,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Serialize};
 
 use crate::control::{
-    Around, Autoregressive, Concentration, Confidence, Guide, LogConcentration, Pace, Resampling, Reward, Search,
-    Sighting, VarianceReduction, Vigilance,
+    Around, Aspect, Autoregressive, Concentration, Confidence, Guide, LogConcentration, Pace, Resampling, Reward,
+    Search, Sighting, VarianceReduction, Vigilance,
 };
 use crate::identity::calibrate::Calibration;
 use crate::identity::discriminant;
@@ -38,7 +38,7 @@ pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 pub use policies::PolicyConfig;
 use policies::policy;
 pub use proposals::{DetectorConfig, ProposalConfig};
-use ranges::{Ranges, in_range};
+use ranges::{Ranges, in_range, particles};
 pub use recogniser::{RECOGNISERS, RecogniserConfig};
 
 /// Everything that can be chosen about a tracker.
@@ -57,6 +57,9 @@ pub struct Config {
     /// p(xₜ | xₜ₋₁).
     #[serde(deserialize_with = "in_range")]
     pub dynamics: DynamicsConfig,
+    /// Whether the shape of the target's box follows it; left out, it is the first frame's.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub aspect: Option<Aspect>,
     /// Whether the motion noise follows the target's own unrest; left out, it is what the dynamics say.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub pace: Option<Pace>,
@@ -245,14 +248,6 @@ fn one() -> f64 {
     1.0
 }
 
-fn particles<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<usize, D::Error> {
-    let n = usize::deserialize(d)?;
-    if (1..=1_000_000).contains(&n) {
-        return Ok(n);
-    }
-    Err(serde::de::Error::custom(format!("expected 1 to 1000000 particles (100 to 1000 are usual), got {n}")))
-}
-
 impl Config {
     /// Reads a configuration; `name` stands for it in errors.
     pub fn parse(text: &str, name: &str) -> Result<Self> {
@@ -330,6 +325,7 @@ impl Blueprint {
             sighting: c.sighting,
             policy: self.shadowed(policy(&c.policy)?),
             appearance: Box::new(appearance),
+            aspect: c.aspect,
             reward: reward(c.reward)?,
             resampling: c.resampling,
             vigilance: c.vigilance.clone(),

@@ -30,7 +30,7 @@
 //! | where to look for the class (future work in section 2.2) | [`rbm::fixations::Controller`] |
 //! | d(h, τ) | [`identity::Distance`]: [`identity::distance::Kind`] |
 //! | p(hₜ \| xₜ, aₜ) | [`identity::Appearance`]: [`identity::GazeAppearance`]; what is learned while tracking: [`identity::discriminant::Discriminant`] |
-//! | p(xₜ \| xₜ₋₁), q | [`control::Dynamics`]: [`control::Autoregressive`]; with the camera: [`control::Guide`], as restless as the target: [`control::Pace`]; [`control::Proposal`]: [`control::Prior`], [`control::Mixture`] |
+//! | p(xₜ \| xₜ₋₁), q | [`control::Dynamics`]: [`control::Autoregressive`]; with the camera: [`control::Guide`], as restless as the target: [`control::Pace`]; of its shape: [`control::Aspect`]; [`control::Proposal`]: [`control::Prior`], [`control::Mixture`] |
 //! | p(detections \| xₜ), which the paper has not | [`control::Sighting`] |
 //! | bₜ | [`control::Belief`] |
 //! | selection | [`control::Resampling`] |

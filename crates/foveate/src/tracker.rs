@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::control::{
-    Around, Belief, Confidence, Guide, Promise, Proposal, Resampling, Reward, Search, Shown, Sighting, Vigilance,
-    normalize, rivals,
+    Around, Aspect, Belief, Confidence, Guide, Promise, Proposal, Resampling, Reward, Search, Shown, Sighting,
+    Vigilance, normalize, rivals,
 };
 use crate::gaze::{Context, Plan, Policy};
 use crate::geometry::{BBox, Extent, State};
@@ -19,6 +19,7 @@ use crate::{Error, Result};
 
 mod company;
 mod looks;
+mod saved;
 
 /// The replaceable parts of a tracker, one for each box of Algorithm 1.
 pub struct Parts {
@@ -32,6 +33,8 @@ pub struct Parts {
     pub policy: Box<dyn Policy>,
     /// p(hₜ | xₜ, aₜ).
     pub appearance: Box<dyn Appearance>,
+    /// How the shape of the target's box follows it; `None` for never.
+    pub aspect: Option<Aspect>,
     /// rₜ, from the belief.
     pub reward: Box<dyn Reward>,
     /// The selection step.
@@ -67,7 +70,10 @@ pub struct Tracker {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Target {
     state: State,
+    /// Its shape, which may follow it; its area is that of frame 1.
     extent: Extent,
+    /// Pixels per template unit at scale 1.
+    unit: f64,
 }
 
 /// Buffers of one step, grown once.
@@ -116,8 +122,9 @@ impl Tracker {
         crate::start::check(&frame.image, &bbox)?;
         let (state, extent) = (State::of(&bbox), Extent::of(&bbox));
         let streams = self.streams.at(self.frame, Start);
-        self.target = Some(Target { state, extent });
+        self.target = Some(Target { state, extent, unit: extent.mean() });
         self.parts.appearance.imprint(&frame.image, &state, extent, self.streams);
+        self.parts.aspect.iter_mut().for_each(Aspect::reset);
         self.parts.policy.reset();
         self.parts.recognizer.iter_mut().for_each(Recognition::reset);
         self.context = Context::default();
@@ -141,7 +148,7 @@ impl Tracker {
     /// One frame of Algorithm 1. Panics if `start` was never called.
     pub fn step<'a>(&'a mut self, scene: Scene<'a>) -> Step<'a> {
         let Self { parts, streams, target, particles, log_carried, context, frame, visible, work: w } = self;
-        let target = target.as_ref().expect("start is called before the first step");
+        let target = target.as_mut().expect("start is called before the first step");
         let (image, n) = (&scene.frame.image, particles.len());
         *frame += 1;
 
@@ -206,7 +213,7 @@ impl Tracker {
             true => parts.vigilance.judge(evidence, &w.log_posterior, promise),
             false => parts.vigilance.watch(),
         };
-        let unit = target.extent.mean() * estimate.log_scale.exp();
+        let unit = target.unit * estimate.log_scale.exp();
         let spread = spread(&covariance, unit);
 
         // Recognize: perceive once more, at the estimate.
@@ -224,7 +231,10 @@ impl Tracker {
             recognizer.look(image, &estimate, target.extent, context, &mut streams.at(*frame, Recognize).rng(0));
         }
 
-        // Adapt: what tells the target from what is around it, while there is no doubt that this is it.
+        // Adapt: its shape, and what tells the target from what is around it, while there is no doubt that this is it.
+        if judged && !lost && !watch.lost {
+            looks::reshape(parts, image, &estimate, target);
+        }
         if parts.appearance.adapts() && judged && !watch.lost {
             if rival.is_none() {
                 rivals(&w.predicted, &w.log_posterior, &estimate, target.extent, &mut w.rivals);
@@ -265,71 +275,6 @@ impl Tracker {
         Step::of(scene, w, target.extent, estimate, covariance, ess, log_evidence, trust, &*parts.policy, recognized)
     }
 
-    /// The whole state of the filter in mid-video, to go on from bit for bit with [`Tracker::load`].
-    pub fn save(&self) -> serde_json::Value {
-        let saved = Saved {
-            format: FORMAT,
-            frame: self.frame,
-            target: self.target,
-            particles: self.particles.clone(),
-            log_weights: self.log_carried.iter().map(|w| w.is_finite().then_some(*w)).collect(),
-            proposal: self.parts.proposal.save(),
-            policy: self.parts.policy.save(),
-            appearance: self.parts.appearance.save(),
-            vigilance: self.parts.vigilance.save(),
-            confidence: self.parts.confidence.save(),
-            context: self.context,
-            recognizer: self.parts.recognizer.as_ref().map(Recognition::save),
-        };
-        serde_json::to_value(saved).expect("plain data is JSON")
-    }
-
-    /// Takes up what `save` gave, in a tracker made from the same configuration and seed. After an error the tracker
-    /// has to be started anew.
-    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
-        let bad = |what: String| Error::Invalid(format!("the saved tracker cannot be used: {what}"));
-        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
-        if saved.format != FORMAT {
-            return Err(bad(format!("its format is {}, this program writes and reads {FORMAT}", saved.format)));
-        }
-        let n = self.particles.len();
-        if saved.particles.len() != n || saved.log_weights.len() != n {
-            return Err(bad(format!(
-                "it has {} particles and {} weights, this tracker has {n}; use the configuration it was saved with",
-                saved.particles.len(),
-                saved.log_weights.len()
-            )));
-        }
-        if saved.frame > MOST_FRAMES || saved.target.is_some() == saved.appearance.is_null() {
-            return Err(bad("its frame number is absurd, or it has a target without a template".into()));
-        }
-        if let Some(Target { extent, .. }) = &saved.target {
-            let sane = |half: f64| (0.5..=1e6).contains(&half);
-            if !(sane(extent.half_w) && sane(extent.half_h)) {
-                return Err(bad(format!("its target has halves of {} x {} pixels", extent.half_w, extent.half_h)));
-            }
-        }
-        self.parts.proposal.load(&saved.proposal)?;
-        self.parts.policy.load(&saved.policy)?;
-        self.parts.appearance.load(&saved.appearance)?;
-        self.parts.vigilance.load(&saved.vigilance)?;
-        self.parts.confidence.load(&saved.confidence)?;
-        match (&mut self.parts.recognizer, &saved.recognizer) {
-            (Some(recognizer), Some(saved)) => recognizer.load(saved)?,
-            (Some(recognizer), None) => recognizer.reset(),
-            (None, _) => (),
-        }
-        if let Some(target) = &saved.target {
-            self.parts.proposal.size(target.extent.mean());
-        }
-        self.frame = saved.frame;
-        self.target = saved.target;
-        self.context = saved.context;
-        self.particles = saved.particles;
-        self.log_carried = saved.log_weights.iter().map(|w| w.unwrap_or(f64::NEG_INFINITY)).collect();
-        Ok(())
-    }
-
     /// Whether there is a target: `start` was called, or the state of a started tracker was loaded.
     pub fn is_started(&self) -> bool {
         self.target.is_some()
@@ -344,30 +289,6 @@ impl Tracker {
     pub fn parts(&self) -> &Parts {
         &self.parts
     }
-}
-
-/// The format number of saved trackers.
-const FORMAT: u32 = 6;
-/// More frames than any video has.
-const MOST_FRAMES: u64 = 1 << 48;
-
-#[derive(Serialize, Deserialize)]
-struct Saved {
-    format: u32,
-    frame: u64,
-    target: Option<Target>,
-    particles: Vec<State>,
-    /// JSON has no −∞: a particle without weight has none.
-    log_weights: Vec<Option<f64>>,
-    proposal: serde_json::Value,
-    policy: serde_json::Value,
-    appearance: serde_json::Value,
-    vigilance: serde_json::Value,
-    confidence: serde_json::Value,
-    context: Context,
-    /// None of a tracker that did not recognise; one that does begins then.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    recognizer: Option<serde_json::Value>,
 }
 
 /// Standard deviation of place in template units; a million stands for what is not finite.

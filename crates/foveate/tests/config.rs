@@ -76,6 +76,10 @@ rate = 0.1
 usual = 1.0
 least = 0.5
 most = 3.0
+[aspect]
+rate = 0.1
+trial = 0.1
+pull = 0.02
 "#;
 
 fn check(text: &str) -> foveate::Result<()> {
@@ -124,6 +128,7 @@ fn mistakes_are_told_with_place_and_valid_names() {
         ("[sighting]", "0.02", "0", &["line 51, column 1", "sighting.outlier", "it is 0"]),
         ("[guide]", "local", "flow", &["line 57, column 1", "flow", "`local`"]),
         ("[detector]", "saliency", "silence", &["line 59", "silence", "`saliency`"]),
+        ("[aspect]", "trial = 0.1", "trail = 0.1", &["line 65", "trail", "`trial`"]),
         ("[pace]", "least = 0.5", "least = 2", &["line 60, column 1", "pace.least", "0.01 to 1", "it is 2"]),
     ] {
         let error = error(section, from, to);

@@ -66,6 +66,7 @@ fn tracker(policy: Box<dyn Policy>) -> Tracker {
         sighting: None,
         policy,
         appearance: Box::new(Bells),
+        aspect: None,
         reward: Box::new(VarianceReduction::new(1.0).expect("a temperature")),
         resampling: Resampling::default(),
         vigilance: Vigilance::default(),

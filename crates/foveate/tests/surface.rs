@@ -73,6 +73,7 @@ fn tracker() -> Tracker {
         proposal: Box::new(Prior::new(Arc::new(Autoregressive::default()))),
         guide: None,
         sighting: None,
+        aspect: None,
         policy: Box::new(Wanderer::default()),
         appearance: Box::new(appearance),
         reward: Box::new(VarianceReduction::new(0.3).expect("a temperature")),

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Deserializer};
 
 use super::{Config, DynamicsConfig, LikelihoodConfig, PolicyConfig, RetinaConfig, RewardConfig};
-use crate::control::{Around, Confidence, Resampling, Search, Vigilance};
+use crate::control::{Around, Aspect, Confidence, Resampling, Search, Vigilance};
 use crate::identity::discriminant;
 use crate::identity::distance::Kind;
 use crate::identity::retina::Foveal;
@@ -26,6 +26,15 @@ pub(super) fn in_range<'de, D: Deserializer<'de>, T: Deserialize<'de> + Ranges>(
     Ok(section)
 }
 
+/// Reads the number of particles.
+pub(super) fn particles<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<usize, D::Error> {
+    let n = usize::deserialize(d)?;
+    if (1..=1_000_000).contains(&n) {
+        return Ok(n);
+    }
+    Err(serde::de::Error::custom(format!("expected 1 to 1000000 particles (100 to 1000 are usual), got {n}")))
+}
+
 pub(super) fn within(key: &str, value: f64, least: f64, most: f64) -> Result<()> {
     if (least..=most).contains(&value) {
         return Ok(());
@@ -40,6 +49,7 @@ impl Ranges for Config {
         }
         self.resampling.ranges()?;
         self.dynamics.ranges()?;
+        self.aspect.ranges()?;
         self.pace.ranges()?;
         self.proposal.ranges()?;
         self.sighting.ranges()?;
@@ -92,6 +102,12 @@ impl Ranges for Option<discriminant::Settings> {
 impl Ranges for Option<Around> {
     fn ranges(&self) -> Result<()> {
         self.as_ref().map_or(Ok(()), Around::check)
+    }
+}
+
+impl Ranges for Option<Aspect> {
+    fn ranges(&self) -> Result<()> {
+        self.as_ref().map_or(Ok(()), Aspect::check)
     }
 }
 

@@ -4,6 +4,7 @@
 //! [`normalize`] weighs them, [`Reward`] says how much a look told, [`Resampling`] selects survivors.
 //! log wₜ = log wₜ₋₁ + log p/q + log p(h | x, a), up to its own logarithm of a sum, the evidence.
 
+mod aspect;
 mod confidence;
 mod dynamics;
 mod guided;
@@ -17,6 +18,7 @@ mod search;
 mod sighting;
 mod vigilance;
 
+pub use self::aspect::Aspect;
 pub use self::confidence::{CUE_NAMES, CUES, Confidence, Cues, Shown, Standing, Trust};
 pub use self::dynamics::{Autoregressive, Dynamics};
 pub use self::guided::Guide;

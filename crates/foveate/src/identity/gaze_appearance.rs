@@ -44,6 +44,8 @@ pub struct GazeAppearance {
     dimming: f32,
     dimmed: Option<Image>,
     kept: Option<Kept>,
+    /// The target's shape now; the template's unless told otherwise.
+    shape: Extent,
     template: Pyramid,
     pyramid: Pyramid,
     scratch: Scratch,
@@ -97,6 +99,7 @@ impl GazeAppearance {
             dimming: 0.0,
             dimmed: None,
             kept: None,
+            shape: Extent { half_w: 1.0, half_h: 1.0 },
             template: Pyramid::default(),
             pyramid: Pyramid::default(),
             scratch,
@@ -138,7 +141,7 @@ impl GazeAppearance {
         let (n_v, n_h) = self.encoder.shape();
         self.imprinted_features(gaze);
         let (retina, encoder) = (&*self.retina, &*self.encoder);
-        let (pyramid, distance, extent) = (&self.pyramid, self.distance, self.kept().extent);
+        let (pyramid, distance, extent) = (&self.pyramid, self.distance, self.shape);
         let rows = rayon::current_num_threads().min(states.len().div_ceil(CHUNK)) * CHUNK;
         let discriminant = self.discriminant.as_ref().filter(|_| Discriminant::knows(gaze));
         let Scratch { glimpses, features, template, .. } = &mut self.scratch;
@@ -205,7 +208,7 @@ impl GazeAppearance {
     /// Looks at the target and around it, and learns the difference.
     fn discriminate(&mut self, image: &Image, state: &State, rivals: &[State], first: bool) {
         let Some(mut it) = self.discriminant.take() else { return };
-        let (extent, (n_v, n_h)) = (self.kept().extent, self.encoder.shape());
+        let (extent, (n_v, n_h)) = (self.shape, self.encoder.shape());
         it.look_around(state, extent, rivals);
         // After a look around the target for rivals most often all is there.
         let region = Region::covering(image, &it.places, &[Gaze::CENTRE], extent, self.reach());
@@ -235,6 +238,7 @@ impl GazeAppearance {
         let region = Region::covering(&kept.image, &[kept.state], &gazes, kept.extent, self.reach());
         let unit = units(&[kept.state], kept.extent);
         self.template.build(&kept.image, region, self.retina.footprints(), unit);
+        self.shape = kept.extent;
         self.kept = Some(kept);
         self.scratch.template_gaze = None;
     }
@@ -286,11 +290,15 @@ impl Appearance for GazeAppearance {
     }
 
     fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
-        let extent = self.kept().extent;
+        let extent = self.shape;
         let region = Region::covering(image, states, gazes, extent, self.reach());
         let kept = self.kept.as_ref().expect("a template is imprinted before the first look");
         let image = dim(image, &kept.image, self.dimming, &mut self.dimmed);
         self.pyramid.build(image, region, self.retina.footprints(), units(states, extent));
+    }
+
+    fn reshape(&mut self, extent: Extent) {
+        self.shape = extent;
     }
 
     // Deviation: the paper prints exp(−d), without a sharpness; that tracks nothing.
@@ -306,7 +314,7 @@ impl Appearance for GazeAppearance {
         percept.gaze = gaze;
         percept.glimpse.resize(n_v, 0.0);
         percept.features.resize(n_h, 0.0);
-        self.retina.look(&self.pyramid, state.fixate(gaze, self.kept().extent), &mut percept.glimpse);
+        self.retina.look(&self.pyramid, state.fixate(gaze, self.shape), &mut percept.glimpse);
         let conditioned = &mut self.scratch.template_glimpse;
         conditioned.copy_from_slice(&percept.glimpse);
         self.encoder.condition(conditioned);

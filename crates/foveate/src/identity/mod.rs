@@ -63,6 +63,8 @@ pub trait Appearance: Send {
     fn imprint(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams);
     /// Takes in what `states` and `gazes` of this frame need.
     fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]);
+    /// Says which shape the target's box has at scale 1 from now on; `imprint` and `load` take the template's again.
+    fn reshape(&mut self, _extent: Extent) {}
     /// log p(hₜ | xₜ, aₜ) in nats, up to a constant, for each state.
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]);
     /// Looks once and keeps what was seen.

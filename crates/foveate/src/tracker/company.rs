@@ -3,6 +3,7 @@
 
 use super::{Target, Tracker};
 use crate::Result;
+use crate::control::Aspect;
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::rng::Purpose;
 use crate::scene::Image;
@@ -80,8 +81,9 @@ impl Tracker {
         assert!(self.target.is_some(), "start is called before a look is renewed");
         let (state, extent) = (State::of(bbox), Extent::of(bbox));
         let state = State { vx: velocity.0, vy: velocity.1, ..state };
-        self.target = Some(Target { state, extent });
+        self.target = Some(Target { state, extent, unit: extent.mean() });
         self.parts.appearance.imprint(image, &state, extent, self.streams);
+        self.parts.aspect.iter_mut().for_each(Aspect::reset);
         self.parts.vigilance.reset();
         self.parts.proposal.size(extent.mean());
         self.parts.start.draw(&state, extent, &mut self.particles, self.streams.at(self.frame, Purpose::Start));

@@ -59,6 +59,20 @@ pub(super) fn around(
     Some(rivals(places, &w.search, estimate, extent, &mut w.rivals))
 }
 
+/// Scores the estimate in other shapes, and gives the target the next one.
+pub(super) fn reshape(parts: &mut Parts, image: &Image, estimate: &State, target: &mut Target) {
+    let Parts { aspect: Some(aspect), appearance, .. } = parts else { return };
+    let scores = aspect.trials(target.extent).map(|extent| {
+        let mut score = [0.0];
+        appearance.reshape(extent);
+        appearance.see(image, &[*estimate], &[Gaze::CENTRE]);
+        appearance.log_likelihood(&[*estimate], Gaze::CENTRE, &mut score);
+        score[0]
+    });
+    target.extent = aspect.learn(target.extent, scores);
+    appearance.reshape(target.extent);
+}
+
 /// Log-likelihoods of states whose surroundings were seen, as many as there are states.
 fn score(appearance: &mut dyn Appearance, states: &[State], gaze: Gaze, out: &mut Vec<f64>) {
     out.resize(states.len(), 0.0);

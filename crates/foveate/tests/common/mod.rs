@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use foveate::config::{Blueprint, Config};
-use foveate::control::Pace;
+use foveate::control::{Aspect, Pace};
 use foveate::geometry::BBox;
 use foveate::identity::encoder::RbmEncoder;
 use foveate::identity::retina::FovealConfig;
@@ -74,10 +74,12 @@ pub fn blueprint(policy: &str, rbm: bool, below: f64, colour: bool, particles: u
     raw.with(Arc::new(retina), Arc::new(RbmEncoder::new(random_rbm(channels.len(), 100), &channels)))
 }
 
-/// The configuration for real video, of fewer particles, and with noise that adapts.
+/// The configuration for real video, of fewer particles, and with noise and a shape that adapt.
 pub fn natural(particles: usize) -> Blueprint {
     let config = Config::builtin("natural").expect("it ships").expect("it is right");
-    Config { particles, pace: Some(Pace::default()), ..config }.check(Path::new(".")).expect("a good configuration")
+    Config { particles, pace: Some(Pace::default()), aspect: Some(Aspect::default()), ..config }
+        .check(Path::new("."))
+        .expect("a good configuration")
 }
 
 /// A Gaussian machine of random weights: some units are on, some off, at any glimpse.
