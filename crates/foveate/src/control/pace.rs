@@ -38,7 +38,7 @@ pub struct Pace {
 
 impl Default for Pace {
     fn default() -> Self {
-        Self { rate: 0.1, usual: 1.0, least: 0.5, most: 3.0, square: None }
+        Self { rate: 0.1, usual: 1.0, least: 0.3, most: 3.0, square: None }
     }
 }
 
