@@ -4,7 +4,7 @@ mod common;
 
 use std::path::Path;
 
-use common::{POLICIES, blueprint, random_rbm};
+use common::{POLICIES, blueprint, natural, random_rbm};
 use foveate::config::{BUILTIN, Config};
 use foveate::geometry::BBox;
 use foveate::rbm::Metadata;
@@ -128,7 +128,7 @@ fn mistakes_are_told_with_place_and_valid_names() {
         ("[sighting]", "0.02", "0", &["line 51, column 1", "sighting.outlier", "it is 0"]),
         ("[guide]", "local", "flow", &["line 57, column 1", "flow", "`local`"]),
         ("[detector]", "saliency", "silence", &["line 59", "silence", "`saliency`"]),
-        ("[aspect]", "trial = 0.1", "trail = 0.1", &["line 65", "trail", "`trial`"]),
+        ("[aspect]", "trial = 0.1", "trail = 0.1", &["line 67", "trail", "`trial`"]),
         ("[pace]", "least = 0.5", "least = 2", &["line 60, column 1", "pace.least", "0.01 to 1", "it is 2"]),
     ] {
         let error = error(section, from, to);
@@ -256,7 +256,7 @@ fn damaged_saved_trackers_never_panic() {
         Frame { index: 0, time: 0.0, image: Image::new(24, 20, 1, data).expect("24 x 20") }
     };
     let (mut taken, frames) = (0, [picture(1), picture(2)]);
-    for policy in [POLICIES[2], POLICIES[4]] {
+    for policy in [POLICIES[2], POLICIES[4], POLICIES[6]] {
         let blueprint = blueprint(policy, false, 0.5, false, 8);
         let mut tracker = blueprint.tracker(1, 0).expect("parts that fit");
         tracker.start(&frames[0], BBox { x: 6.0, y: 5.0, w: 8.0, h: 7.0 }).expect("a box in the picture");
@@ -277,22 +277,33 @@ fn damaged_saved_trackers_never_panic() {
         }
     }
     assert!(taken > 100, "{taken} of the damaged states could be taken up");
-    for (key, wrong) in [("half_w", "1e308"), ("half_h", "0"), ("log_scale", "1e308"), ("x", "-1e308"), ("vx", "1e308")]
-    {
-        let blueprint = blueprint(POLICIES[0], false, 1.0, false, 8);
-        let mut tracker = blueprint.tracker(1, 0).expect("parts that fit");
-        tracker.start(&frames[0], BBox { x: 6.0, y: 5.0, w: 8.0, h: 7.0 }).expect("a box in the picture");
-        let text = tracker.save().to_string();
-        let all: String = (text.split(&format!("\"{key}\":")).enumerate())
-            .map(|(i, part)| match (i, part.find([',', '}'])) {
-                (0, _) | (_, None) => part.to_owned(),
-                (_, Some(end)) => format!("\"{key}\":{wrong}{}", &part[end..]),
-            })
-            .collect();
-        let mut fresh = blueprint.tracker(1, 0).expect("parts that fit");
-        if fresh.load(&serde_json::from_str(&all).expect("JSON still")).is_ok() {
-            for frame in &frames {
-                fresh.step(Scene { frame, detections: &[] });
+    let numbers = [
+        ("half_w", "1e308"),
+        ("half_h", "0"),
+        ("unit", "1e308"),
+        ("log_scale", "1e308"),
+        ("x", "-1e308"),
+        ("vx", "1e308"),
+        ("square", "1e308"),
+        ("square", "1e4"),
+        ("aspect", "-9"),
+    ];
+    for blueprint in [blueprint(POLICIES[0], false, 1.0, false, 8), natural(8)] {
+        for (key, wrong) in numbers {
+            let mut tracker = blueprint.tracker(1, 0).expect("parts that fit");
+            tracker.start(&frames[0], BBox { x: 6.0, y: 5.0, w: 8.0, h: 7.0 }).expect("a box in the picture");
+            let text = tracker.save().to_string();
+            let all: String = (text.split(&format!("\"{key}\":")).enumerate())
+                .map(|(i, part)| match (i, part.find([',', '}'])) {
+                    (0, _) | (_, None) => part.to_owned(),
+                    (_, Some(end)) => format!("\"{key}\":{wrong}{}", &part[end..]),
+                })
+                .collect();
+            let mut fresh = blueprint.tracker(1, 0).expect("parts that fit");
+            if fresh.load(&serde_json::from_str(&all).expect("JSON still")).is_ok() {
+                for frame in &frames {
+                    fresh.step(Scene { frame, detections: &[] });
+                }
             }
         }
     }

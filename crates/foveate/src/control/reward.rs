@@ -108,7 +108,9 @@ impl Reward for VarianceReduction {
         let after = spread(states, weights);
         normalize(log_prior, &mut self.0.weights);
         let before = spread(states, &self.0.weights);
-        if before > 0.0 { (1.0 - after / before).clamp(0.0, 1.0) } else { 0.0 }
+        // Places beyond all measure have no spread to compare.
+        let finite = before.is_finite() && after.is_finite();
+        if before > 0.0 && finite { (1.0 - after / before).clamp(0.0, 1.0) } else { 0.0 }
     }
 }
 
@@ -149,6 +151,13 @@ mod tests {
         for wrong in [0.0, -1.0, 1.5, f64::NAN] {
             assert!(Concentration::new(wrong).is_err() && VarianceReduction::new(wrong).is_err());
         }
+    }
+
+    #[test]
+    fn places_beyond_all_measure_earn_nothing() {
+        let states = [-1e200, 1e200, 1e300].map(|x| State { x, ..State::default() });
+        let mut reward = VarianceReduction::new(1.0).expect("a temperature");
+        assert_eq!(reward.reward(&states, &[0.0; 3], &[0.0, -1.0, -2.0]), 0.0);
     }
 
     /// Four particles, one on each corner of a 2 × 2 square; likelihoods 1, 1, 4, 4 leave w = .1, .1, .4, .4.

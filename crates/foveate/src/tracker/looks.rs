@@ -54,6 +54,11 @@ pub(super) fn around(
 ) -> Option<f64> {
     let Parts { rivals: Some(around), appearance, .. } = parts else { return None };
     let places = around.places((image.width(), image.height()), estimate, extent);
+    // An estimate that has left the picture has nothing around it.
+    if places.is_empty() {
+        w.rivals.clear();
+        return Some(f64::NEG_INFINITY);
+    }
     appearance.see(image, places, &[Gaze::CENTRE]);
     score(&mut **appearance, places, Gaze::CENTRE, &mut w.search);
     Some(rivals(places, &w.search, estimate, extent, &mut w.rivals))
