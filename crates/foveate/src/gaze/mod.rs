@@ -161,7 +161,7 @@ pub trait Surface {
 pub enum Portrait<'a> {
     /// Nothing to show.
     Blank,
-    /// How likely each gaze is to be chosen next; the probabilities sum to 1.
+    /// How likely each gaze is to be chosen next, or how much it weighs where all are; the shares sum to 1.
     Arms {
         /// The gazes.
         gazes: &'a [Gaze],

@@ -61,7 +61,7 @@ impl SurfacePicture {
                 panels.push(Panel { map: sd, best: &best, ..Panel::of("how unsure it is", crop) });
             }
             None => {
-                let title = "probability of each gaze: area of a disc";
+                let title = "share of each gaze: area of a disc";
                 panels.push(Panel { arms: self.arms.clone(), ..Panel::of(title, crop) });
             }
         }

@@ -28,7 +28,7 @@ function drawPolicy() {
   const key = keys[now], row = key.row, p = policyAt(now), chosen = series.arm[row];
   if (series.u[row] === null) byId('gaze').textContent = 'no look in this frame';
   else byId('gaze').replaceChildren('looking at ', element('b', {}, `(${say(series.u[row], 2)}, ${say(series.v[row], 2)})`), ' half-boxes');
-  if (!land) byId('template-caption').textContent = data.learned ? 'area of a disc: probability of the next look' : `area of a disc: share of the last ${RECENT} looks`;
+  if (!land) byId('template-caption').textContent = data.learned ? 'area of a disc: how probable a gaze is to be next, or how much it weighs' : `area of a disc: share of the last ${RECENT} looks`;
   armRows.forEach(({ line, bar, p: text }, i) => {
     line.classList.toggle('now', i === chosen);
     bar.style.width = `${100 * (p[i] || 0)}%`;
