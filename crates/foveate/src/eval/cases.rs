@@ -53,6 +53,7 @@ impl Case {
             if run[0].lost() && run.len() >= EPISODE {
                 let said = match run.iter().position(|j| j.standing.is_out()) {
                     Some(0) => "said so at once".into(),
+                    Some(1) => "said so one frame later".into(),
                     Some(n) => format!("said so {n} frames later"),
                     None => "never said so".to_owned(),
                 };
