@@ -18,9 +18,13 @@ levels! {
     pub fn blue_yellow / blue_yellow_at (planes: [&[u8]; 3], out: &mut [u8]) = blue_yellow_body
 }
 
+pub(crate) fn assert_one_size(planes: [&[u8]; 3], size: usize) {
+    assert!(planes.iter().all(|plane| plane.len() == size), "planes of one size");
+}
+
 #[inline(always)]
 fn luma_body<const V: u8>([r, g, b]: [&[u8]; 3], out: &mut [u8]) {
-    assert!(r.len() == out.len() && g.len() == out.len() && b.len() == out.len(), "planes of one size");
+    assert_one_size([r, g, b], out.len());
     for (out, ((&r, &g), &b)) in out.iter_mut().zip(r.iter().zip(g).zip(b)) {
         *out = ((u32::from(r) * 19595 + u32::from(g) * 38470 + u32::from(b) * 7471 + 32768) >> 16) as u8;
     }
@@ -28,7 +32,7 @@ fn luma_body<const V: u8>([r, g, b]: [&[u8]; 3], out: &mut [u8]) {
 
 #[inline(always)]
 fn red_green_body<const V: u8>([r, g, b]: [&[u8]; 3], out: &mut [u8]) {
-    assert!(r.len() == out.len() && g.len() == out.len() && b.len() == out.len(), "planes of one size");
+    assert_one_size([r, g, b], out.len());
     for (out, (&r, &g)) in out.iter_mut().zip(r.iter().zip(g)) {
         *out = ((i16::from(r) - i16::from(g)) / 2 + 128) as u8;
     }
@@ -36,7 +40,7 @@ fn red_green_body<const V: u8>([r, g, b]: [&[u8]; 3], out: &mut [u8]) {
 
 #[inline(always)]
 fn blue_yellow_body<const V: u8>([r, g, b]: [&[u8]; 3], out: &mut [u8]) {
-    assert!(r.len() == out.len() && g.len() == out.len() && b.len() == out.len(), "planes of one size");
+    assert_one_size([r, g, b], out.len());
     for (out, ((&r, &g), &b)) in out.iter_mut().zip(r.iter().zip(g).zip(b)) {
         *out = ((2 * i16::from(b) - i16::from(r) - i16::from(g)) / 4 + 128) as u8;
     }

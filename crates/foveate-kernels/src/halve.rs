@@ -1,5 +1,6 @@
 //! Pictures of intensity, and the same at half the size: the pyramids of optical flow and saliency.
 
+use crate::colour::assert_one_size;
 use crate::level::levels;
 
 levels! {
@@ -21,7 +22,7 @@ levels! {
 
 #[inline(always)]
 fn intensity_body<const V: u8>([r, g, b]: [&[u8]; 3], out: &mut [f32]) {
-    assert!(r.len() == out.len() && g.len() == out.len() && b.len() == out.len(), "planes of one size");
+    assert_one_size([r, g, b], out.len());
     for (out, ((&r, &g), &b)) in out.iter_mut().zip(r.iter().zip(g).zip(b)) {
         *out = f32::from(u16::from(r) + u16::from(g) + u16::from(b)) / 765.0;
     }

@@ -187,8 +187,10 @@ impl Tracker {
 
         // Only the gazes the plan uses move the belief; their log-likelihoods add, as much of each as it weighs.
         w.log_posterior.clone_from(&w.log_prior);
-        for (k, log_likelihood) in w.log_likelihood.chunks_exact(n).enumerate().filter(|(k, _)| w.plan.used()[*k]) {
-            let weight = w.plan.weights()[k];
+        let weights = w.plan.weights().iter();
+        for (weight, log_likelihood) in
+            weights.zip(w.log_likelihood.chunks_exact(n)).filter(|(weight, _)| **weight > 0.0)
+        {
             w.log_posterior.iter_mut().zip(log_likelihood).for_each(|(a, l)| *a += weight * l);
         }
         let mut log_evidence = normalize(&w.log_posterior, &mut w.weights);

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::Blueprint;
 use super::ranges::Ranges;
 use crate::Result;
-use crate::control::{Autoregressive, Guide, Mixing, Mixture, Pace, Prior, Proposal, Sighting};
+use crate::control::{Autoregressive, Mixing, Mixture, Pace, Prior, Proposal};
 use crate::scene::{Detector, Flow, Motion, Saliency, Scout};
 
 /// The proposals there are.
@@ -71,23 +71,5 @@ impl Ranges for ProposalConfig {
             Self::Prior => Ok(()),
             Self::Mixture(mixing) => mixing.check(),
         }
-    }
-}
-
-impl Ranges for Option<Sighting> {
-    fn ranges(&self) -> Result<()> {
-        self.as_ref().map_or(Ok(()), Sighting::check)
-    }
-}
-
-impl Ranges for Option<Guide> {
-    fn ranges(&self) -> Result<()> {
-        self.as_ref().map_or(Ok(()), Guide::check)
-    }
-}
-
-impl Ranges for Option<Pace> {
-    fn ranges(&self) -> Result<()> {
-        self.as_ref().map_or(Ok(()), Pace::check)
     }
 }

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Deserializer};
 
 use super::{Config, DynamicsConfig, LikelihoodConfig, PolicyConfig, RetinaConfig, RewardConfig};
-use crate::control::{Around, Aspect, Confidence, Resampling, Search, Vigilance};
+use crate::control::{Around, Aspect, Confidence, Guide, Pace, Resampling, Search, Sighting, Vigilance};
 use crate::identity::discriminant;
 use crate::identity::distance::Kind;
 use crate::identity::retina::Foveal;
@@ -69,59 +69,26 @@ impl Ranges for Config {
     }
 }
 
-impl Ranges for Resampling {
+/// A section that is left out is in range.
+impl<T: Ranges> Ranges for Option<T> {
     fn ranges(&self) -> Result<()> {
-        self.check()
+        self.as_ref().map_or(Ok(()), T::ranges)
     }
 }
 
-impl Ranges for StartSpread {
-    fn ranges(&self) -> Result<()> {
-        self.check()
-    }
+/// Sections of other modules, which check themselves.
+macro_rules! checked {
+    ($($section:ty),* $(,)?) => {$(
+        impl Ranges for $section {
+            fn ranges(&self) -> Result<()> {
+                self.check()
+            }
+        }
+    )*};
 }
 
-impl Ranges for Vigilance {
-    fn ranges(&self) -> Result<()> {
-        self.check()
-    }
-}
-
-impl Ranges for Confidence {
-    fn ranges(&self) -> Result<()> {
-        self.check()
-    }
-}
-
-impl Ranges for Option<discriminant::Settings> {
-    fn ranges(&self) -> Result<()> {
-        self.as_ref().map_or(Ok(()), discriminant::Settings::check)
-    }
-}
-
-impl Ranges for Option<Around> {
-    fn ranges(&self) -> Result<()> {
-        self.as_ref().map_or(Ok(()), Around::check)
-    }
-}
-
-impl Ranges for Option<Aspect> {
-    fn ranges(&self) -> Result<()> {
-        self.as_ref().map_or(Ok(()), Aspect::check)
-    }
-}
-
-impl Ranges for Option<Search> {
-    fn ranges(&self) -> Result<()> {
-        self.as_ref().map_or(Ok(()), Search::check)
-    }
-}
-
-impl Ranges for Option<many::Settings> {
-    fn ranges(&self) -> Result<()> {
-        self.as_ref().map_or(Ok(()), many::Settings::check)
-    }
-}
+checked!(Around, Aspect, Confidence, Guide, Pace, Resampling, Search, Sighting, StartSpread, Vigilance);
+checked!(discriminant::Settings, many::Settings);
 
 impl Ranges for DynamicsConfig {
     fn ranges(&self) -> Result<()> {
@@ -134,12 +101,10 @@ impl Ranges for DynamicsConfig {
     }
 }
 
-impl Ranges for Option<RetinaConfig> {
+impl Ranges for RetinaConfig {
     fn ranges(&self) -> Result<()> {
-        match self {
-            Some(RetinaConfig::Foveal(config)) => Foveal::new(config.clone()).map(|_| ()),
-            None => Ok(()),
-        }
+        let Self::Foveal(config) = self;
+        Foveal::new(config.clone()).map(|_| ())
     }
 }
 

@@ -186,15 +186,9 @@ impl Ranges for RecogniserConfig {
         match self {
             Self::MultiFixation { accumulate, policy, .. } => {
                 accumulate.check()?;
-                policy.as_ref().map_or(Ok(()), Ranges::ranges)
+                policy.ranges()
             }
             Self::Classifier { accumulate, .. } => accumulate.check(),
         }
-    }
-}
-
-impl Ranges for Option<RecogniserConfig> {
-    fn ranges(&self) -> Result<()> {
-        self.as_ref().map_or(Ok(()), Ranges::ranges)
     }
 }

@@ -7,7 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Promise, Watch};
+use super::{Promise, Standing, Watch};
 use crate::geometry::State;
 use crate::{Error, Result};
 
@@ -26,37 +26,6 @@ pub const CUE_NAMES: [&str; CUES] = ["doubt", "surprise", "drop", "lasting", "fl
 /// *margin*: how far the evidence lies above the best rival's, as a share of what was promised between on and off, −1 to 1;
 /// 0 where nobody looks for rivals.
 pub type Cues = [f64; CUES];
-
-/// What is believed of the track as a whole.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Standing {
-    /// All is well.
-    #[default]
-    Tracking,
-    /// Nothing in view fits, since a moment: it may come back where it went.
-    Occluded,
-    /// Nothing has fitted for long: it may be anywhere.
-    Lost,
-    /// It was lost, and something has fitted for some frames now.
-    Found,
-}
-
-impl Standing {
-    /// In words, for people and tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Tracking => "tracking",
-            Self::Occluded => "occluded",
-            Self::Lost => "lost",
-            Self::Found => "found",
-        }
-    }
-    /// Whether the box means nothing.
-    pub fn is_out(self) -> bool {
-        matches!(self, Self::Occluded | Self::Lost)
-    }
-}
 
 /// The verdict on one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

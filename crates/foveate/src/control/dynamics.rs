@@ -219,11 +219,12 @@ impl Dynamics for Autoregressive {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::conformance;
 
-    const ALL: Autoregressive = Autoregressive {
+    /// Every noise, none of the usual size.
+    pub(in crate::control) const ALL: Autoregressive = Autoregressive {
         damping: 0.9,
         velocity: 0.7,
         position: 0.4,

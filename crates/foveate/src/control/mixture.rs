@@ -22,6 +22,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::sync::Arc;
 
+use super::law::Law;
 use super::proposal::confine;
 use super::{Autoregressive, CHUNK, Pace, Prior, Proposal};
 use crate::geometry::State;
@@ -150,27 +151,6 @@ impl Proposal for Mixture {
     }
 }
 
-/// Normal laws of x, y and log scale, each one its own; the scale's counts where its deviation is above 0.
-#[derive(Clone, Copy)]
-struct Law {
-    mean: [f64; 3],
-    place: f64,
-    size: f64,
-    /// log of the density's constant, up to the power of 2π that all laws share.
-    log_top: f64,
-}
-
-impl Law {
-    fn new(mean: [f64; 3], place: f64, size: f64) -> Self {
-        Self { mean, place, size, log_top: -2.0 * place.ln() - if size > 0.0 { size.ln() } else { 0.0 } }
-    }
-    fn log_density(&self, state: &State) -> f64 {
-        let z = [(state.x - self.mean[0]) / self.place, (state.y - self.mean[1]) / self.place];
-        let s = if self.size > 0.0 { (state.log_scale - self.mean[2]) / self.size } else { 0.0 };
-        self.log_top - 0.5 * (z[0] * z[0] + z[1] * z[1] + s * s)
-    }
-}
-
 impl Mixture {
     /// Lets `child`, a draw from p, start at a detection by chance; log p/q of what it is then.
     fn mix(&self, detections: &[Detection], parent: &State, child: &mut State, rng: &mut Rng) -> f64 {
@@ -220,21 +200,12 @@ impl Mixture {
 mod tests {
     use super::*;
     use crate::conformance::{self, blank_frame};
+    use crate::control::dynamics::tests::ALL;
     use crate::control::{Belief, Dynamics, normalize};
     use crate::geometry::BBox;
     use crate::rng::Purpose;
 
-    const MOTION: Autoregressive = Autoregressive {
-        damping: 0.9,
-        velocity: 0.7,
-        position: 0.4,
-        scale_pull: 0.95,
-        log_scale: 0.05,
-        angle_pull: 1.0,
-        angle: 0.1,
-        leaps: 0.0,
-        leap: 1.0,
-    };
+    const MOTION: Autoregressive = Autoregressive { log_scale: 0.05, leap: 1.0, ..ALL };
     const FROM: State = State { x: 10.0, y: 20.0, vx: 2.0, vy: 1.0, log_scale: 0.2, angle: 0.5 };
     const MIXING: Mixing = Mixing { alpha: 0.4, spread: 0.5, size: Some(0.1), gate: 6.0 };
 

@@ -8,6 +8,7 @@ mod aspect;
 mod confidence;
 mod dynamics;
 mod guided;
+mod law;
 mod mixture;
 mod pace;
 mod proposal;
@@ -16,10 +17,11 @@ mod reward;
 mod rivals;
 mod search;
 mod sighting;
+mod standing;
 mod vigilance;
 
 pub use self::aspect::Aspect;
-pub use self::confidence::{CUE_NAMES, CUES, Confidence, Cues, Shown, Standing, Trust};
+pub use self::confidence::{CUE_NAMES, CUES, Confidence, Cues, Shown, Trust};
 pub use self::dynamics::{Autoregressive, Dynamics};
 pub use self::guided::Guide;
 pub use self::mixture::{Mixing, Mixture};
@@ -30,6 +32,7 @@ pub use self::reward::{Concentration, LogConcentration, Reward, VarianceReductio
 pub use self::rivals::{Around, rivals};
 pub use self::search::{REFINEMENTS, Search};
 pub use self::sighting::Sighting;
+pub use self::standing::Standing;
 pub use self::vigilance::{Promise, Vigilance, Watch};
 
 /// A share (0 to 1) of the numbers 0 to n − 1, spread evenly over them.

@@ -117,6 +117,7 @@ impl Pace {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::dynamics::tests::ALL;
     use crate::control::{Autoregressive, Mixing, Mixture, Prior, Proposal};
     use crate::geometry::BBox;
     use crate::rng::{Purpose, Streams};
@@ -124,17 +125,7 @@ mod tests {
     use crate::{conformance, conformance::blank_frame};
     use std::sync::Arc;
 
-    const MOTION: Autoregressive = Autoregressive {
-        damping: 0.9,
-        velocity: 0.7,
-        position: 0.4,
-        scale_pull: 0.95,
-        log_scale: 0.02,
-        angle_pull: 1.0,
-        angle: 0.1,
-        leaps: 0.2,
-        leap: 3.0,
-    };
+    const MOTION: Autoregressive = Autoregressive { leaps: 0.2, ..ALL };
     const FROM: State = State { x: 10.0, y: 20.0, vx: 2.0, vy: 1.0, log_scale: 0.2, angle: 0.5 };
     const QUICK: Pace = Pace { rate: 1.0, usual: 1.0, least: 0.2, most: 5.0, square: None };
 

@@ -16,6 +16,8 @@ use serde_json::{Value, json};
 pub struct Hedge {
     gazes: Vec<Gaze>,
     gamma: Schedule,
+    /// Share of the gains that fades each frame.
+    forget: f64,
     gain: Vec<f64>,
     /// Frames learned from.
     frames: u64,
@@ -31,27 +33,32 @@ impl Hedge {
         }
         gamma.check("hedge: gamma, the learning rate,", 1e9)?;
         let k = gazes.len();
-        Ok(Self { gazes, gamma, gain: vec![0.0; k], frames: 0, probabilities: vec![1.0 / k as f64; k] })
+        let probabilities = vec![1.0 / k as f64; k];
+        Ok(Self { gazes, gamma, forget: 0.0, gain: vec![0.0; k], frames: 0, probabilities })
     }
     /// The learning rate with the best bound for `k` gazes over a known number of frames: √(8 ln K / T).
     pub fn gamma_for(k: usize, frames: usize) -> f64 {
         (8.0 * (k.max(2) as f64).ln() / frames.max(1) as f64).sqrt()
     }
+    /// A share (0 to 1) of what was learned fades each frame; none unless told.
+    pub(super) fn fading(self, forget: f64) -> Self {
+        Self { forget, ..self }
+    }
+    /// The gazes, and the probability of each.
+    pub(super) fn shares(&self) -> impl Iterator<Item = (Gaze, f64)> {
+        self.gazes.iter().copied().zip(self.probabilities.iter().copied())
+    }
+    /// pₜ from Gₜ₋₁; the largest gain is subtracted, so nothing overflows.
     fn weigh(&mut self) {
-        shares(&self.gain, self.gamma, self.frames, &mut self.probabilities);
+        let log_k = (self.gazes.len().max(2) as f64).ln();
+        let gamma = self.gamma.rate(self.frames.saturating_add(1), 8.0 * log_k, 4.0 * log_k);
+        let max = self.gain.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        for (p, gain) in self.probabilities.iter_mut().zip(&self.gain) {
+            *p = (gamma * (gain - max)).exp();
+        }
+        let sum: f64 = self.probabilities.iter().sum();
+        self.probabilities.iter_mut().for_each(|p| *p /= sum);
     }
-}
-
-/// pₜ from Gₜ₋₁, of so many frames; the largest gain is subtracted, so nothing overflows.
-pub(super) fn shares(gain: &[f64], gamma: Schedule, frames: u64, probabilities: &mut [f64]) {
-    let log_k = (gain.len().max(2) as f64).ln();
-    let gamma = gamma.rate(frames.saturating_add(1), 8.0 * log_k, 4.0 * log_k);
-    let max = gain.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    for (p, gain) in probabilities.iter_mut().zip(gain) {
-        *p = (gamma * (gain - max)).exp();
-    }
-    let sum: f64 = probabilities.iter().sum();
-    probabilities.iter_mut().for_each(|p| *p /= sum);
 }
 
 /// Draws an index with these probabilities, which sum to 1 but for rounding.
@@ -85,7 +92,7 @@ impl Policy for Hedge {
         assert_eq!(plan.gazes(), &self.gazes[..], "Hedge learns from the plan it made: all its gazes, in their order");
         assert_eq!(rewards.len(), self.gain.len(), "one reward for each gaze");
         for (gain, reward) in self.gain.iter_mut().zip(rewards) {
-            *gain += reward;
+            *gain += reward - self.forget * *gain;
         }
         self.frames = self.frames.saturating_add(1);
         self.weigh();

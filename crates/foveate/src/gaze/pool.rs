@@ -9,10 +9,9 @@
 //!
 //! Deviation: the paper moves the belief by one gaze a frame, whichever Hedge draws.
 
-use serde_json::{Value, json};
+use serde_json::Value;
 
-use super::hedge::{saved_gains, shares};
-use super::{Context, Plan, Policy, Portrait, Schedule};
+use super::{Context, Hedge, Plan, Policy, Portrait, Schedule};
 use crate::geometry::Gaze;
 use crate::rng::Rng;
 use crate::{Error, Result};
@@ -20,75 +19,50 @@ use crate::{Error, Result};
 /// Looks everywhere at once, and listens most to the gazes that told most lately.
 #[derive(Clone, Debug)]
 pub struct Pool {
-    gazes: Vec<Gaze>,
-    gamma: Schedule,
-    forget: f64,
+    /// Learns the weights; here nothing is drawn from them.
+    hedge: Hedge,
     looks: f64,
-    gain: Vec<f64>,
-    /// Frames learned from.
-    frames: u64,
-    probabilities: Vec<f64>,
 }
 
 impl Pool {
     /// Over these gazes (one at least), with learning rate `gamma` > 0 on rewards in [0, 1], of whose sum a share `forget` (0
     /// to 1) fades each frame. The weights' sum is `looks`, above 0: as many looks as they are to count for.
     pub fn new(gazes: Vec<Gaze>, gamma: impl Into<Schedule>, forget: f64, looks: f64) -> Result<Self> {
-        let gamma = gamma.into();
-        if gazes.is_empty() {
-            return Err(Error::Config("a pool needs one gaze at least to look at".into()));
-        }
-        gamma.check("pool: gamma, the learning rate,", 1e9)?;
         for (name, value, least, most) in [("forget", forget, 0.0, 1.0), ("looks", looks, 1e-3, 1e3)] {
             if !(least..=most).contains(&value) {
                 return Err(Error::Config(format!("pool: {name} is a number from {least} to {most}; it is {value}")));
             }
         }
-        let k = gazes.len();
-        let probabilities = vec![1.0 / k as f64; k];
-        Ok(Self { gazes, gamma, forget, looks, gain: vec![0.0; k], frames: 0, probabilities })
-    }
-    fn weigh(&mut self) {
-        shares(&self.gain, self.gamma, self.frames, &mut self.probabilities);
+        Ok(Self { hedge: Hedge::new(gazes, gamma)?.fading(forget), looks })
     }
 }
 
 impl Policy for Pool {
     fn plan(&mut self, _: &Context, plan: &mut Plan, _: &mut Rng) {
         plan.clear();
-        let mut heaviest = 0;
-        for (k, (&gaze, &p)) in self.gazes.iter().zip(&self.probabilities).enumerate() {
+        let (mut heaviest, mut most) = (0, f64::NEG_INFINITY);
+        for (k, (gaze, p)) in self.hedge.shares().enumerate() {
             plan.weigh(gaze, self.looks * p);
-            if p > self.probabilities[heaviest] {
-                heaviest = k;
+            if p > most {
+                (heaviest, most) = (k, p);
             }
         }
         plan.mark(heaviest);
     }
     fn learn(&mut self, plan: &Plan, rewards: &[f64]) {
-        assert_eq!(plan.gazes(), &self.gazes[..], "a pool learns from the plan it made: all its gazes, in their order");
-        assert_eq!(rewards.len(), self.gain.len(), "one reward for each gaze");
-        for (gain, reward) in self.gain.iter_mut().zip(rewards) {
-            *gain += reward - self.forget * *gain;
-        }
-        self.frames = self.frames.saturating_add(1);
-        self.weigh();
+        self.hedge.learn(plan, rewards);
     }
     fn portrait(&self) -> Portrait<'_> {
-        Portrait::Arms { gazes: &self.gazes, probabilities: &self.probabilities }
+        self.hedge.portrait()
     }
     fn save(&self) -> Value {
-        json!({ "gain": self.gain, "frames": self.frames })
+        self.hedge.save()
     }
     fn load(&mut self, saved: &Value) -> Result<()> {
-        (self.gain, self.frames) = saved_gains(saved, self.gazes.len())?;
-        self.weigh();
-        Ok(())
+        self.hedge.load(saved)
     }
     fn reset(&mut self) {
-        self.gain.fill(0.0);
-        self.frames = 0;
-        self.weigh();
+        self.hedge.reset();
     }
 }
 
@@ -96,7 +70,7 @@ impl Policy for Pool {
 mod tests {
     use super::*;
     use crate::conformance;
-    use crate::gaze::{Grid, Hedge};
+    use crate::gaze::Grid;
     use crate::rng::Streams;
 
     fn pool(gamma: impl Into<Schedule>, forget: f64, looks: f64) -> Pool {
@@ -106,7 +80,7 @@ mod tests {
     fn weights(pool: &mut Pool) -> Vec<f64> {
         let mut plan = Plan::new();
         pool.plan(&Context::default(), &mut plan, &mut Streams::new(1, 0).rng(0));
-        assert_eq!(plan.gazes(), &pool.gazes[..]);
+        assert_eq!(plan.gazes(), Grid::default().gazes());
         plan.weights().to_vec()
     }
 

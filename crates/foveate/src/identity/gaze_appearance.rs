@@ -4,9 +4,7 @@
 //! gaze costs nothing more. All particles of a gaze are encoded as one batch, in fixed chunks of rows that
 //! threads share out; a row's result does not depend on its chunk.
 
-use base64::Engine as _;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 use super::discriminant::Discriminant;
@@ -20,6 +18,8 @@ use crate::rng::Streams;
 use crate::rows::{Rows, RowsMut};
 use crate::scene::Image;
 use crate::{Error, Result};
+
+mod saved;
 
 /// Rows encoded at a time: whole blocks of the matrix product, few enough to stay in the second-level cache.
 const CHUNK: usize = 48;
@@ -341,57 +341,12 @@ impl Appearance for GazeAppearance {
     }
 
     fn save(&self) -> serde_json::Value {
-        let Some(kept) = &self.kept else { return serde_json::Value::Null };
-        let saved = Saved {
-            width: kept.image.width(),
-            height: kept.image.height(),
-            planes: kept.image.planes(),
-            pixels: base64::engine::general_purpose::STANDARD.encode(kept.image.bytes()),
-            state: kept.state,
-            extent: kept.extent,
-            sharpness: kept.sharpness,
-            expectation: kept.expectation,
-            discriminant: self.discriminant.as_ref().map(Discriminant::save),
-        };
-        serde_json::to_value(saved).expect("plain data is JSON")
+        self.to_saved()
     }
 
     fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
-        if saved.is_null() {
-            self.kept = None;
-            return Ok(());
-        }
-        let bad = |what: String| Error::Invalid(format!("the saved appearance cannot be used: {what}"));
-        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
-        let pixels = base64::engine::general_purpose::STANDARD.decode(&saved.pixels).map_err(|e| bad(e.to_string()))?;
-        let image = Image::new(saved.width, saved.height, saved.planes, pixels)?;
-        match (&mut self.discriminant, &saved.discriminant) {
-            (Some(it), Some(saved)) => it.load(saved)?,
-            (None, None) => (),
-            _ => {
-                return Err(bad(
-                    "it, or this tracker, has no discriminant; use the configuration it was saved with".into()
-                ));
-            }
-        }
-        let Saved { state, extent, sharpness, expectation, .. } = saved;
-        self.keep(Kept { image, state, extent, sharpness, expectation });
-        Ok(())
+        self.take_up(saved)
     }
-}
-
-#[derive(Serialize, Deserialize)]
-struct Saved {
-    width: usize,
-    height: usize,
-    planes: usize,
-    pixels: String,
-    state: State,
-    extent: Extent,
-    sharpness: f64,
-    expectation: Expectation,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    discriminant: Option<serde_json::Value>,
 }
 
 #[cfg(test)]

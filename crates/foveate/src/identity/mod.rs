@@ -74,8 +74,8 @@ pub trait Appearance: Send {
         false
     }
     /// Learns from the target, believed to be at `state` of this frame, which must be the one that was seen last, and not at
-    /// the `rivals`. `surprise` is 0 where the
-    /// evidence is what the target gives, 1 where it is what other places give. What was seen of the frame is forgotten.
+    /// the `rivals`. `surprise` is 0 where the evidence is what the target gives, 1 where it is what other places give. What
+    /// was seen of the frame is forgotten.
     fn adapt(&mut self, _image: &Image, _state: &State, _rivals: &[State], _surprise: f64) {}
     /// The picture `imprint` was given, where the target was in it, and its box; none where that is not kept.
     fn imprinted(&self) -> Option<(&Image, &State, Extent)> {

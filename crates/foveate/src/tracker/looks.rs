@@ -33,10 +33,10 @@ pub(super) fn search(
     w.fresh.extend(w.drawn.iter().map(|i| w.predicted[*i]));
     w.drawn.iter().for_each(|i| w.log_posterior[*i] = w.log_prior[*i]);
     let n = w.predicted.len();
-    for (k, gaze) in w.plan.gazes().iter().enumerate().filter(|(k, _)| w.plan.used()[*k]) {
+    let gazes = w.plan.gazes().iter().zip(w.plan.weights()).enumerate();
+    for (k, (gaze, weight)) in gazes.filter(|(_, (_, weight))| **weight > 0.0) {
         score(appearance, &w.fresh, *gaze, &mut w.search);
         company::shade(&mut w.search, visible);
-        let weight = w.plan.weights()[k];
         for (i, l) in w.drawn.iter().zip(&w.search) {
             w.log_likelihood[k * n + i] = *l;
             w.log_posterior[*i] += weight * l;

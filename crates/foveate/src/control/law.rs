@@ -1,0 +1,24 @@
+//! The density of a particle put at a detection or led there by the dynamics, as the mixture of both needs it.
+
+use crate::geometry::State;
+
+/// Normal laws of x, y and log scale, each one its own; the scale's counts where its deviation is above 0.
+#[derive(Clone, Copy)]
+pub(super) struct Law {
+    pub mean: [f64; 3],
+    pub place: f64,
+    pub size: f64,
+    /// log of the density's constant, up to the power of 2π that all laws share.
+    pub log_top: f64,
+}
+
+impl Law {
+    pub fn new(mean: [f64; 3], place: f64, size: f64) -> Self {
+        Self { mean, place, size, log_top: -2.0 * place.ln() - if size > 0.0 { size.ln() } else { 0.0 } }
+    }
+    pub fn log_density(&self, state: &State) -> f64 {
+        let z = [(state.x - self.mean[0]) / self.place, (state.y - self.mean[1]) / self.place];
+        let s = if self.size > 0.0 { (state.log_scale - self.mean[2]) / self.size } else { 0.0 };
+        self.log_top - 0.5 * (z[0] * z[0] + z[1] * z[1] + s * s)
+    }
+}
