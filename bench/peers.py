@@ -1,14 +1,18 @@
 #!/usr/bin/env python3
-"""Other trackers on the videos of `foveate reproduce`, for its --peer.
+"""Runs other trackers (CSRT, KCF, dlib) on the digit videos of `foveate reproduce`, to compare them in its tables.
 
+Usage:
   pip install opencv-contrib-python dlib
+  cargo build --release
   bench/peers.py --foveate target/release/foveate --data data --seeds 10 --out peers.csv
-  foveate reproduce table1 --peer peers.csv
+  foveate reproduce table1 table3 --data data --peer peers.csv
 
-Each video is written by `foveate synth`, read as pictures, and thrown away. A tracker gets the true box in frame 1 and
-nothing more; where it reports a failure its last box stands. mean and spread are of the distance of centres from frame 2
-on, in pixels; lost is 1 where the last 20 frames are more than 15 px off on average. Trackers that are not installed are
-left out. One thread.
+--data is the folder with MNIST's test files, --seeds the number of videos of each digit; --experiment, --digits and
+--frames choose a part. Trackers that are not installed are left out. One thread.
+
+Each video is written by `foveate synth`, read, and deleted. A tracker gets the true box in frame 1 and nothing more;
+where it reports a failure, its last box is kept. Output: one line per video. mean and spread: mean and standard deviation
+of the centre error from frame 2 on, pixels. lost: 1 if the mean error of the last 20 frames exceeds 15 px.
 """
 import argparse
 import glob
@@ -41,12 +45,12 @@ def centre_errors(make, images, truth):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--foveate", default="foveate")
-    parser.add_argument("--data", default=os.environ.get("FOVEATE_DATA", "data"))
-    parser.add_argument("--experiment", action="append", choices=["table1", "table3"])
+    parser.add_argument("--foveate", default="foveate", help="the program")
+    parser.add_argument("--data", default=os.environ.get("FOVEATE_DATA", "data"), help="folder with MNIST's test files")
+    parser.add_argument("--experiment", action="append", choices=["table1", "table3"], help="may be repeated; default: both")
     parser.add_argument("--digits", default="0123456789")
-    parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--frames", type=int, default=300)
+    parser.add_argument("--seeds", type=int, default=10, help="videos of each digit")
+    parser.add_argument("--frames", type=int, default=300, help="length of each video")
     parser.add_argument("--out", default="peers.csv")
     args = parser.parse_args()
     peers = dict(peer for short, peer in trackers().items() if short in ("csrt", "kcf", "dlib"))

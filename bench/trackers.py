@@ -1,15 +1,18 @@
 #!/usr/bin/env python3
-"""Other trackers on sequences in OTB layout, for `foveate eval --peers`.
+"""Runs other trackers (OpenCV's and dlib's) on sequences in OTB layout, to compare them with `foveate eval --peers`.
 
+Usage:
   pip install opencv-contrib-python-headless dlib
-  bench/trackers.py --seqs data/tracking --out out-peers
-  foveate eval --seqs data/tracking --peers out-peers
+  bench/trackers.py --seqs data/tracking --out out-peers                 # all that are installed
+  bench/trackers.py --seqs data/tracking --out out-peers --trackers csrt kcf
+  foveate eval --seqs data/tracking --seeds 5 --peers out-peers
 
-A sequence is a folder with img/ and groundtruth_rect.txt (groundtruth_rect.2.txt: a second target, NAME-2). A tracker gets
-the true box in frame 1 and nothing more; where it reports a failure its last box stands. What comes out is
-OUT/TRACKER/NAME.txt (x,y,w,h a frame, counted from 1) and NAME_time.txt (seconds of this process's CPU a frame, reading of
-pictures left out, the first frame's being the start). What is there already is not run again. Trackers that are not
-installed are left out, and so is a tracker on a sequence on which it breaks. One thread.
+A sequence is a folder with img/ and groundtruth_rect.txt; groundtruth_rect.2.txt is a second target, NAME-2. A tracker
+gets the true box in frame 1 and nothing more; where it reports a failure, its last box is kept.
+
+Output: OUT/TRACKER/NAME.txt, x,y,w,h per frame, counted from 1; and NAME_time.txt, CPU seconds per frame without the
+reading of the image (the first frame: initialisation). Existing results are kept and not run again. A tracker that is not
+installed is left out; so is a tracker on a sequence on which it raises an error. One thread.
 """
 import argparse
 import glob
@@ -91,7 +94,7 @@ def sequences(folders):
     for folder in folders:
         truths = glob.glob(f"{folder}/groundtruth_rect*.txt") or glob.glob(f"{folder}/*/groundtruth_rect*.txt")
         if not truths:
-            sys.exit(f"{folder}: no sequence here: expected groundtruth_rect.txt and img/, or folders that have them")
+            sys.exit(f"{folder}: no sequence in this folder: expected groundtruth_rect.txt and img/, or folders that have them")
         for truth in sorted(truths):
             home = os.path.dirname(os.path.abspath(truth))
             target = re.fullmatch(r"groundtruth_rect\.?(\d*)\.txt", os.path.basename(truth))
@@ -115,8 +118,8 @@ def write(path, lines):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seqs", nargs="+", required=True, metavar="DIR")
-    parser.add_argument("--out", default="out-peers", metavar="DIR")
+    parser.add_argument("--seqs", nargs="+", required=True, metavar="DIR", help="sequences, or folders of sequences")
+    parser.add_argument("--out", default="out-peers", metavar="DIR", help="folder for the results")
     parser.add_argument("--trackers", nargs="+", metavar="NAME", help="some of csrt kcf mil mosse medianflow tld dlib")
     args = parser.parse_args()
     installed = trackers()
@@ -130,7 +133,7 @@ def main():
                 continue
             try:
                 boxes, seconds = follow(installed[name][1], paths, box)
-            except Exception as problem:  # whatever it is, the others go on
+            except Exception as problem:  # whatever it is, the other sequences are still run
                 print(f"{name} on {sequence}: {problem}", file=sys.stderr)
                 continue
             write(f"{file}_time.txt", (f"{s:.7f}" for s in seconds))

@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
-"""More sequences from those there are, to see whether settings chosen on these hold elsewhere.
+"""Makes variants of the test sequences, to test settings on videos they were not chosen on.
 
+Usage:
   bench/variants.py --data data --out out-variants
   foveate eval --seqs out-variants/backwards --seeds 3      # also: later, walkers
 
-backwards: each sequence from its end to its beginning. later: each from its first quarter, and from its middle, on; the
-template is another one. walkers: every target of data/mot that is in view for 50 frames in a row, a sequence each. Folders
-in OTB layout; the pictures are links.
+Input: DATA/tracking (OTB layout) and DATA/mot (MOTChallenge layout). Output, in OTB layout, with links to the images:
+  backwards  each sequence from its last frame to its first
+  later      each sequence from its first quarter on, and from its middle on: another first frame, another template
+  walkers    every target of DATA/mot that is annotated for 50 frames in a row, one sequence each
 """
 import argparse
 import glob
@@ -33,8 +35,8 @@ def longest_run(frames):
 
 def main():
     args = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    args.add_argument("--data", default="data")
-    args.add_argument("--out", default="out-variants")
+    args.add_argument("--data", default="data", help="folder with tracking/ and mot/")
+    args.add_argument("--out", default="out-variants", help="folder for the variants")
     args = args.parse_args()
     for truth in sorted(glob.glob(f"{args.data}/tracking/*/groundtruth_rect*.txt")):
         folder = os.path.dirname(truth)

@@ -7,10 +7,15 @@
 mod terminal;
 mod cmd;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 #[derive(Parser)]
-#[command(version, about = "Follow an object through video by learning where to look", max_term_width = 100)]
+#[command(
+    name = "foveate",
+    version,
+    about = "Follow an object through video by learning where to look",
+    max_term_width = 100
+)]
 struct Cli {
     /// Threads to use, 0 for all processors; results do not depend on it
     #[arg(long, global = true, default_value_t = 0, value_name = "N", hide_default_value = true)]
@@ -33,16 +38,25 @@ enum Command {
     Train(cmd::train::Args),
     /// Score trackers on sequences whose true boxes are known
     Eval(cmd::eval::Args),
-    /// Time the tracker on this machine
-    Bench(cmd::bench::Args),
-    /// Run the paper's experiments
-    Experiment(cmd::experiment::Args),
     /// The paper on one command: its tables and figures beside ours, on one page
     Reproduce(cmd::reproduce::Args),
+    /// List the configurations that ship with the program, or print one
+    Configs(cmd::configs::Args),
+    /// Print completions for a shell
+    Completions(cmd::completions::Args),
+    /// Write manual pages
+    Man(cmd::man::Args),
 }
 
 fn main() -> std::process::ExitCode {
     let cli = Cli::parse();
+    // A decoder's panic is told as an error of its file, once.
+    let told = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |info| {
+        if !foveate::quiet::is_caught() {
+            told(info);
+        }
+    }));
     let pool = rayon::ThreadPoolBuilder::new().num_threads(cli.threads).build();
     let run = || match cli.command {
         Command::Demo(args) => cmd::demo::run(args),
@@ -51,9 +65,10 @@ fn main() -> std::process::ExitCode {
         Command::Synth(args) => cmd::synth::run(args),
         Command::Train(args) => cmd::train::run(args),
         Command::Eval(args) => cmd::eval::run(args),
-        Command::Bench(args) => cmd::bench::run(args),
-        Command::Experiment(args) => cmd::experiment::run(args),
         Command::Reproduce(args) => cmd::reproduce::run(args),
+        Command::Configs(args) => cmd::configs::run(args),
+        Command::Completions(args) => cmd::completions::run(args, Cli::command()),
+        Command::Man(args) => cmd::man::run(args, Cli::command()),
     };
     let result = match pool {
         Ok(pool) => pool.install(run),

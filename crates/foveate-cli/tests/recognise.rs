@@ -48,16 +48,27 @@ fn a_track_says_what_it_follows_and_an_experiment_counts() {
     let json: serde_json::Value = serde_json::from_str(&json).expect("JSON alone");
     assert_eq!(Some(json["class"][0].to_string()), last);
 
-    let experiment = ["experiment", "recognise", "--recognise", "m.safetensors", "--digits", "3,8", "--seeds", "1"];
-    let experiment =
-        [&experiment[..], &["--config", "digits", "--frames", "6", "--json", "--looks", "learned"]].concat();
-    let first = foveate(dir, &experiment);
-    let table: serde_json::Value = serde_json::from_str(&said(&first)).expect("JSON alone");
+    let experiment = r#"
+        title = "mine"
+        about = ""
+        measure = "accuracy"
+        digits = [3, 8]
+        seeds = 1
+        frames = 6
+        scene = [{ name = "clean", video = { scene = "clutter" } }]
+        [[line]]
+        name = "digits"
+        config = "digits"
+        change.recogniser = { kind = "multi-fixation", weights = "m.safetensors", policy = { kind = "exp3" } }
+    "#;
+    std::fs::write(dir.join("mine.toml"), experiment).expect("a writable folder");
+    let first = foveate(dir, &["reproduce", "mine.toml", "--out", "out"]);
+    said(&first);
+    let table: serde_json::Value = serde_json::from_str(&read("out/mine.json")).expect("JSON");
     let line = &table["lines"][0];
-    let names = (line["looks"].as_str(), line["policy"].as_str());
-    assert_eq!((line["videos"].as_u64(), names), (Some(2), (Some("exp3"), Some("fixed"))));
-    let again = foveate(dir, &experiment);
-    assert_eq!(said(&again), said(&first), "the same table from the finished runs");
+    assert_eq!((line["videos"].as_u64(), line["policy"].as_str()), (Some(2), Some("fixed")));
+    assert!(line["details"]["right by the last looks alone"].is_f64());
+    let again = foveate(dir, &["reproduce", "mine.toml", "--out", "out"]);
     assert!(String::from_utf8_lossy(&again.stderr).contains("2 runs, 2 of them"));
 
     let words = track("shipped", &["--recognise"]);

@@ -88,7 +88,7 @@ fn many_targets_in_parts() {
     let dir = dir.path();
     let multi = |out: &str, more: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
-        command.args(["reproduce", "fig-multi", "--quick", "--seeds", "1", "--out", out]).args(more);
+        command.args(["reproduce", "fig-multi", "--quick", "--seeds", "7..=7", "--out", out]).args(more);
         command.env("FOVEATE_DATA", dir).current_dir(dir).stdout(Stdio::null()).stderr(Stdio::null());
         succeeds(command);
         let files = ["fig-multi.json", "fig-multi.csv", "fig-multi-strip.png"];
@@ -98,6 +98,9 @@ fn many_targets_in_parts() {
     assert!(whole.iter().all(Option::is_some), "table and film strip");
     // Together and alone.
     assert_eq!(runs(dir, "whole").len(), 2);
+    for file in ["fig-multi.mp4", "fig-multi-report.html"] {
+        assert!(std::fs::metadata(dir.join("whole").join(file)).expect(file).len() > 400, "{file}");
+    }
     // Which part does a run follows from its digest: one may have both.
     for part in ["1/2", "2/2"] {
         multi(&format!("part{}", &part[..1]), &["--shard", part]);
@@ -112,13 +115,23 @@ fn many_targets_in_parts() {
 fn what_cannot_be_is_said() {
     let dir = tempfile::tempdir().expect("a folder");
     std::fs::write(dir.path().join("peers.csv"), "a,b\n1,2\n").expect("writable");
+    let head = "title = 't'\nabout = ''\nseeds = 1\nframes = 30\ndigits = [3]\nkind = 'digits'\n";
+    let scene = "scene = [{ name = 'bars', video = { scene = 'occlusion' } }]\n";
+    let wrong = format!("{head}{scene}[[line]]\nname = 'Hedge'\nconfig = 'digits-hedge'\nscenes = ['dark']\n");
+    std::fs::write(dir.path().join("wrong.toml"), wrong).expect("writable");
+    let flat = format!("{head}{scene}[[line]]\nname = 'Hedge'\nconfig = 'digits-hedge'\n");
+    std::fs::write(dir.path().join("flat.toml"), flat).expect("writable");
     for (wrong, says) in [
         (&["table9"][..], "table1"),
         (&["table1", "--shard", "3/2"], "1/4"),
         (&["table1", "--quick", "--merge", "nowhere"], "nowhere"),
         (&["table1", "--quick", "--peer", "peers.csv"], "peers.csv"),
         (&["table1", "--data", "nowhere"], "nowhere"),
-        (&["why-exp3", "--seeds", "0"], "1..=10000"),
+        (&["why-exp3", "--seeds", "0"], "1 to 10000"),
+        (&["why-exp3", "--quick", "--set", "particles=none"], "particles"),
+        (&["wrong.toml"], "wrong.toml: line Hedge is run on a scene dark"),
+        (&["flat.toml"], "gp-ucb"),
+        (&["fig-digits", "--set", "particles=50", "--write-docs", "."], "--write-docs"),
     ] {
         let output = Command::new(env!("CARGO_BIN_EXE_foveate"))
             .arg("reproduce")
@@ -130,4 +143,38 @@ fn what_cannot_be_is_said() {
         let said = String::from_utf8_lossy(&output.stderr);
         assert!(!output.status.success() && said.contains(says), "{wrong:?}: {said}");
     }
+}
+
+#[test]
+fn settings_and_seeds_name_other_runs_and_damaged_ones_are_done_again() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let dir = dir.path();
+    let curve = |more: &[&str]| {
+        let output = Command::new(env!("CARGO_BIN_EXE_foveate"))
+            .args(["reproduce", "fig-hedge", "--quick", "--out", "out"])
+            .args(more)
+            .env("FOVEATE_DATA", dir)
+            .current_dir(dir)
+            .output()
+            .expect("the program starts");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success() && said.contains("NOT MNIST"), "{said}");
+        let text = std::fs::read_to_string(dir.join("out/fig-hedge.txt")).expect("a table");
+        (said, text, String::from_utf8_lossy(&output.stdout).into_owned())
+    };
+    let (said, first, printed) = curve(&["--threads", "1"]);
+    assert!(said.contains("2 runs, 0 of them") && printed.contains(&first) && first.contains("the eight"), "{said}");
+    assert_eq!(runs(dir, "out").len(), 4, "two seeds, two templates");
+    let path = dir.join("out/runs").join(&runs(dir, "out")[0]);
+    let whole = std::fs::read(&path).expect("a finished run");
+    std::fs::write(&path, &whole[..whole.len() / 2]).expect("a writable folder");
+    let (said, again, _) = curve(&["--threads", "3"]);
+    assert!(said.contains("2 runs, 1 of them") && again == first, "{said}");
+    let (said, other, _) = curve(&["--set", "particles=50", "--set", "policy.gamma=0.5"]);
+    assert!(said.contains("2 runs, 0 of them") && other != first, "{said}");
+    assert_eq!(runs(dir, "out").len(), 8);
+    let (said, ..) = curve(&["--seeds", "2..=3"]);
+    assert!(said.contains("2 runs, 1 of them"), "seed 2 is done: {said}");
+    assert_eq!(runs(dir, "out").len(), 10);
+    assert!(dir.join("out/fig-hedge.svg").is_file());
 }

@@ -25,7 +25,10 @@ fn the_truth_of_a_made_video_scores_best() {
     let json: serde_json::Value = serde_json::from_slice(&scored.stdout).expect("JSON alone on the standard output");
     let mean = &json["trackers"][0]["mean"];
     assert!((mean["auc"].as_f64().expect("a number") - 20.0 / 21.0).abs() < 1e-12, "{mean}"); // 1 is not above 1
-    assert_eq!((mean["p20"].as_f64(), mean["lost"].as_u64(), mean["frames"].as_u64()), (Some(1.0), Some(0), Some(12)));
+    assert_eq!(
+        (mean["p20"].as_f64(), mean["failures"].as_u64(), mean["frames"].as_u64()),
+        (Some(1.0), Some(0), Some(12))
+    );
     for file in ["table.txt", "scores.json", "curves.svg"] {
         assert!(dir.path().join("scores").join(file).is_file(), "{file}");
     }

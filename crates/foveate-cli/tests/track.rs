@@ -1,81 +1,20 @@
 //! `foveate track` as a user meets it: files in, files out, and what it says where something is wrong.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod place;
 
-const FRAMES: usize = 10;
+use std::path::Path;
 
-const CONFIG: &str = r#"
-particles = 60
-[dynamics]
-kind = "autoregressive"
-[retina]
-kind = "foveal"
-side = 28
-rings = [[8, 2], [24, 4]]
-[encoder]
-kind = "raw"
-[likelihood]
-distance = "cosine"
-sharpness = 30
-[policy]
-kind = "hedge"
-gamma = 0.5
-"#;
-
-struct Place(tempfile::TempDir);
-
-impl Place {
-    /// A folder with a video of ten frames and a quick configuration.
-    fn new() -> Self {
-        let place = Self(tempfile::tempdir().expect("a temporary folder"));
-        std::fs::write(place.path("c.toml"), CONFIG).expect("a writable folder");
-        let made = place.run(&["synth", "clutter", "--frames", &FRAMES.to_string(), "--out", "video"]);
-        assert!(made.status.success(), "{}", errors(&made));
-        place
-    }
-    fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
-    }
-    fn run(&self, args: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_foveate")).current_dir(self.0.path()).args(args).output().expect("it starts")
-    }
-    /// Tracks into the folder `out`; without a film and a report.
-    fn track(&self, out: &str, args: &[&str]) -> Output {
-        self.run(&[&["track", "-c", "c.toml", "--no-video", "--no-report", "-o", out][..], args].concat())
-    }
-    /// The same, where it must succeed; boxes.txt comes back.
-    fn boxes(&self, out: &str, args: &[&str]) -> Vec<u8> {
-        let output = self.track(out, args);
-        assert!(output.status.success(), "{}", errors(&output));
-        self.read(&format!("{out}/boxes.txt"))
-    }
-    fn read(&self, name: &str) -> Vec<u8> {
-        std::fs::read(self.path(name)).expect("it was written")
-    }
-    fn lines(&self, name: &str) -> usize {
-        self.read(name).iter().filter(|&&b| b == b'\n').count()
-    }
-    /// What is said where it fails.
-    fn failure(&self, args: &[&str]) -> String {
-        let output = self.track("failed", args);
-        assert!(!output.status.success(), "{args:?} must fail");
-        assert!(!errors(&output).contains("panicked"), "{}", errors(&output));
-        errors(&output)
-    }
-}
-
-fn errors(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
+use place::{CONFIG, FRAMES, Place, errors};
 
 #[test]
 fn every_file_is_there_with_a_line_for_each_frame() {
     let place = Place::new();
-    let output = place.run(&["track", "video", "-c", "c.toml", "-o", "all"]);
+    let output = place.run(&["track", "video", "-c", "c.toml", "-o", "all", "--trace"]);
     assert!(output.status.success(), "{}", errors(&output));
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(said.contains("10 frames tracked") && said.contains("boxes.txt"), "{said}");
+    for words in ["10 frames tracked, uncertain in ", ", lost in ", " in the tracker, ", " end to end.", "boxes.txt"] {
+        assert!(said.contains(words), "{said}");
+    }
     assert_eq!(place.lines("all/boxes.txt"), FRAMES);
     assert_eq!(place.lines("all/track.csv"), FRAMES + 1, "names of columns first");
     let text = String::from_utf8(place.read("all/trace.jsonl")).expect("text");
@@ -90,11 +29,10 @@ fn every_file_is_there_with_a_line_for_each_frame() {
         text.lines().next().expect("a line").split([',', '\t']).map(|n| n.trim().parse().expect("a number")).collect()
     };
     assert_eq!(first("all/boxes.txt"), first("video/groundtruth_rect.txt"));
-    let left: Vec<_> =
-        std::fs::read_dir(place.path("all")).expect("results").map(|e| e.expect("one").file_name()).collect();
-    assert_eq!(left.len(), 6, "no temporary file stays: {left:?}");
-    place.boxes("few", &["video", "--no-trace"]);
-    assert_eq!(std::fs::read_dir(place.path("few")).expect("results").count(), 2, "boxes.txt and track.csv alone");
+    let all = ["annotated.mp4", "boxes.txt", "report.html", "run.json", "surface.png", "trace.jsonl", "track.csv"];
+    assert_eq!(place.names("all"), all);
+    place.boxes("few", &["video"]);
+    assert_eq!(place.names("few"), ["boxes.txt", "run.json", "track.csv"], "no trace unless asked for");
 }
 
 #[test]
@@ -105,9 +43,9 @@ fn regret_is_written_and_changes_no_box() {
     assert_eq!(place.read("plain/track.csv"), place.read("regret/track.csv"));
     assert_eq!(place.lines("regret/regret.csv"), FRAMES, "names of columns, and each frame that was tracked");
     let text = String::from_utf8(place.read("regret/regret.csv")).expect("text");
-    assert!(text.starts_with("frame,gaze_u,gaze_v,reward,best_reward,regret,total_regret"), "{text}");
+    assert!(text.starts_with("frame,gaze_u,gaze_v,reward,best_reward,regret,cumulative_regret"), "{text}");
     assert!(String::from_utf8(place.read("regret/regret.svg")).expect("text").contains("summed regret"));
-    let output = place.run(&["track", "video", "-c", "c.toml", "--no-video", "--no-trace", "--regret", "-o", "page"]);
+    let output = place.run(&["track", "video", "-c", "c.toml", "--no-video", "--regret", "-o", "page"]);
     assert!(output.status.success(), "{}", errors(&output));
     assert!(String::from_utf8(place.read("page/report.html")).expect("text").contains("\"regret\":{"));
 }
@@ -139,13 +77,18 @@ fn a_saved_state_goes_on_as_if_nothing_had_been() {
             ),
             "61 particles",
         ),
-        (r#"{"next_frame":1,"tracker":null}"#.into(), "saved tracker"),
+        (r#"{"next_frame":1,"tracker":null}"#.into(), "not a state written by --save-state"),
+        (text.replace("\"format\":", "\"format\":1"), "saved tracker"),
     ] {
         std::fs::write(place.path("bad.json"), bad).expect("a writable folder");
         let error = place.failure(&["video", "--load-state", "bad.json"]);
         assert!(error.contains(words), "{error}");
     }
     assert!(place.failure(&["video", "--load-state", "none.json"]).contains("none.json"));
+    assert!(place.failure(&["video", "--load-state", "s.json", "--seed", "9"]).contains("give --seed 0"));
+    let other = place.failure(&["video", "--load-state", "s.json", "--set", "particles=50"]);
+    assert!(other.contains("another configuration") && other.contains("particles = 60"), "{other}");
+    assert!(place.failure(&["video", "--load-state", "s.json", "--until", "3"]).contains("goes on at frame 5"));
 }
 
 #[test]
@@ -156,6 +99,9 @@ fn json_and_boxes_given_again() {
     let summary: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON alone on the standard output");
     assert_eq!((summary["frames"].as_u64(), summary["seed"].as_u64()), (Some(FRAMES as u64), Some(0)));
     assert!(summary["error"].is_null(), "{summary}");
+    for key in ["uncertain_frames", "lost_frames", "outside_frames", "total_fps", "total_seconds"] {
+        assert!(summary[key].is_number(), "{key}: {summary}");
+    }
     let text = String::from_utf8(place.read("json/boxes.txt")).expect("text");
     assert_eq!(text.lines().next(), Some("50.000,60.000,28.000,28.000"));
     assert_eq!(text.lines().nth(5), Some("20.000,30.000,10.500,12.000"));
@@ -168,6 +114,8 @@ fn mistakes_are_told_in_words() {
     std::fs::create_dir_all(place.path("alone")).expect("a new folder");
     std::fs::copy(place.path("video/img/0001.png"), place.path("alone/0001.png")).expect("copied");
     std::fs::write(place.path("wrong.toml"), CONFIG.replace("gamma", "gama")).expect("a writable folder");
+    std::fs::write(place.path("late.txt"), "11,1,9,9,20,20,1\n").expect("a writable folder");
+    std::fs::write(place.path("far.txt"), "1,1,9,9,20,20,1\n2,2,900,9,20,20,1\n").expect("a writable folder");
     let mut missing = vec![];
     for (args, words) in [
         (&["nowhere", "--init", "1,1,20,20"][..], &["nowhere"][..]),
@@ -183,6 +131,23 @@ fn mistakes_are_told_in_words() {
         (&["video", "--seed=-1"], &["--seed"]),
         (&["video", "--config", "no.toml"], &["cannot be used multiple times"]),
         (&["video", "--until", "0"], &["until"]),
+        (&["video", "--until", "11"], &["--until 11", "10 frames"]),
+        (&["video", "--reinit", "11:2,2,30,40"], &["--reinit 11", "frames 1 to 10"]),
+        (&["video", "--until", "5", "--reinit", "6:2,2,30,40"], &["--reinit 6", "frames 1 to 5"]),
+        (&["video", "--reinit", "3:2,2,30,40", "--reinit", "3:9,2,30,40"], &["--reinit 3", "two boxes"]),
+        (&["video", "--reinit", "3:1000,2,30,40"], &["--reinit 3", "x=1000", "touching the 250 x 200 picture"]),
+        (&["video", "--save-state", "no/s.json"], &["s.json", "no folder"]),
+        (&["video", "--set", "particles=0"], &["particles=0"]),
+        (&["video", "--set", "nothing"], &["key=value"]),
+        (&["video", "--policy", "best"], &["best", "gp-ucb"]),
+        (&["video", "--no-trace"], &["--no-trace"]),
+        (&["video", "--init", "9,9,20,20", "--init", "900,9,20,20"], &["target 2", "x=900", "touching"]),
+        (&["video", "--save-detections", "d.txt"], &["--detect KIND"]),
+        (&["video", "--detect", "--trace"], &["--trace is for one target"]),
+        (&["video", "--inits", "late.txt"], &["late.txt", "frame 11", "10 frames"]),
+        (&["video", "--inits", "far.txt"], &["far.txt", "frame 2", "x=900"]),
+        (&["video", "--detections", "late.txt"], &["late.txt", "none of its 1 boxes counts"]),
+        (&["video", "--detections", "no.txt"], &["no.txt"]),
     ] {
         let error = place.failure(args);
         for word in words {
@@ -192,6 +157,7 @@ fn mistakes_are_told_in_words() {
         }
     }
     assert!(missing.is_empty(), "{}", missing.join("\n"));
+    assert!(!place.path("failed").exists(), "nothing was made");
     let output = place.run(&["track", "video", "-c", "wrong.toml", "-o", "failed"]);
     let error = errors(&output);
     assert!(!output.status.success() && error.contains("wrong.toml") && error.contains("line 14"), "{error}");
@@ -208,7 +174,8 @@ fn a_source_that_breaks_half_way_keeps_what_was_tracked() {
         std::fs::write(name, &bytes[..bytes.len() / 2]).expect("a writable folder");
     };
     cut(&place.path("video/img/0006.png"));
-    let output = place.run(&["track", "video", "-c", "c.toml", "-o", "half", "--json", "--save-state", "s.json"]);
+    let half = ["track", "video", "-c", "c.toml", "-o", "half", "--trace", "--json", "--save-state", "s.json"];
+    let output = place.run(&half);
     assert_eq!(output.status.code(), Some(1));
     let error = errors(&output);
     assert!(error.contains("0006.png") && error.contains("frame 6") && !error.contains("panicked"), "{error}");
@@ -227,4 +194,98 @@ fn a_source_that_breaks_half_way_keeps_what_was_tracked() {
     let output = place.track("film", &["cut.mp4", "--init", "50,60,28,28"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(errors(&output).contains("cut.mp4") && !errors(&output).contains("panicked"), "{}", errors(&output));
+}
+
+#[test]
+fn policy_and_settings_from_the_command_line() {
+    let place = Place::new();
+    let plain = place.boxes("plain", &["video"]);
+    assert_eq!(place.boxes("same", &["video", "--policy", "hedge", "--set", "policy.gamma=0.5"]), plain);
+    assert_ne!(place.boxes("other", &["video", "--policy", "gp-ucb"]), plain);
+    assert_ne!(place.boxes("fewer", &["video", "--set", "particles=30", "--set", "likelihood.sharpness=20"]), plain);
+    place.boxes("state", &["video", "--policy", "exp3", "--until", "5", "--save-state", "s.json"]);
+    assert!(place.failure(&["video", "--load-state", "s.json"]).contains("another configuration"));
+    assert!(
+        place.failure(&["video", "--policy", "exp3", "--load-state", "s.json", "--until", "5"]).contains("--until 5")
+    );
+}
+
+#[test]
+fn a_detector_runs_once() {
+    let place = Place::new();
+    let told = |args: &[&str]| {
+        let output = place.track("many", &[&["video", "--json"][..], args].concat());
+        assert!(output.status.success(), "{}", errors(&output));
+        let summary: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+        (summary["detector"].as_str().expect("a text").to_owned(), place.read("many/tracks.txt"))
+    };
+    let detector = ["--set", "detector.kind=motion"];
+    let (name, _) = told(&["--init", "50,60,28,28", "--init", "90,90,28,28"]);
+    assert_eq!(name, "none, given boxes alone");
+    let (name, ours) = told(&["--detect", "motion"]);
+    assert_eq!(name, "motion (--detect)");
+    let (name, both) = told(&[&["--detect", "motion"][..], &detector].concat());
+    assert_eq!(name, "motion (--detect), in the place of the configuration's motion");
+    assert_eq!(both, ours, "one detector, not two");
+    let (name, _) = told(&[&["--init", "50,60,28,28", "--init", "90,90,28,28"][..], &detector].concat());
+    assert_eq!(name, "motion, the configuration's");
+    std::fs::write(place.path("d.txt"), "1,-1,9,9,20,20,1\n").expect("a writable folder");
+    let (name, _) = told(&[&["--detections", "d.txt"][..], &detector].concat());
+    assert_eq!(name, "d.txt, in the place of the configuration's motion");
+}
+
+/// Where ffmpeg is installed: a file that it calls whole, though it was cut, ends with an error, and what came is kept.
+#[test]
+fn a_cut_matroska_file_is_told_of() {
+    let ffmpeg = |args: &[&str], place: &Place| {
+        std::process::Command::new("ffmpeg")
+            .current_dir(place.path(""))
+            .args(args)
+            .output()
+            .is_ok_and(|o| o.status.success())
+    };
+    let place = Place::new();
+    if !ffmpeg(&["-version"], &place) {
+        eprintln!("skipped: the program ffmpeg is not installed");
+        return;
+    }
+    let made =
+        ["-v", "error", "-f", "lavfi", "-i", "testsrc=size=160x120:rate=25:duration=2", "-c:v", "mpeg4", "a.mkv"];
+    assert!(ffmpeg(&made, &place), "a video is made");
+    let bytes = place.read("a.mkv");
+    std::fs::write(place.path("cut.mkv"), &bytes[..bytes.len() / 2]).expect("a writable folder");
+    let whole = place.track("whole", &["a.mkv", "--init", "50,60,28,28"]);
+    assert!(whole.status.success(), "{}", errors(&whole));
+    assert_eq!(place.lines("whole/boxes.txt"), 50);
+    let cut = place.track("cut", &["cut.mkv", "--init", "50,60,28,28"]);
+    assert_eq!(cut.status.code(), Some(1));
+    assert!(errors(&cut).contains("cut.mkv") && errors(&cut).contains("breaks off"), "{}", errors(&cut));
+    let lines = place.lines("cut/boxes.txt");
+    assert!((5..45).contains(&lines), "{lines} frames were kept");
+}
+
+/// A target that nothing keeps in the picture: what is printed and written is in it, what is believed stands in track.csv.
+#[test]
+fn a_box_outside_the_picture_is_no_result() {
+    let place = Place::new();
+    let wild = ["--set", "dynamics.damping=1.0", "--set", "dynamics.velocity=9.0", "--set", "particles=5"];
+    let args = [&["video", "--init", "50,60,28,28"][..], &wild].concat();
+    let output = place.track("far", &args);
+    let said = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(said.contains("Last box: outside the picture, as in "), "{said}");
+    let output = place.track("far", &[&args[..], &["--json"]].concat());
+    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert!(summary["bbox"].is_null() && summary["outside_frames"].as_u64() > Some(3), "{summary}");
+    let text = String::from_utf8(place.read("far/boxes.txt")).expect("text");
+    for line in text.lines() {
+        let [x, y, w, h] = line.split(',').map(|n| n.parse().expect("a number")).collect::<Vec<f64>>()[..] else {
+            panic!("{line}");
+        };
+        // Counted from 1: the picture has the columns 1 to 250 and the rows 1 to 200.
+        assert!(x < 251.0 && y < 201.0 && x + w > 1.0 && y + h > 1.0, "{line}");
+    }
+    let last = String::from_utf8(place.read("far/track.csv")).expect("text").lines().last().expect("a line").to_owned();
+    let left: f64 = last.split(',').nth(2).expect("the left edge").parse().expect("a number");
+    let top: f64 = last.split(',').nth(3).expect("the top edge").parse().expect("a number");
+    assert!(!(-28.0..250.0).contains(&left) || !(-28.0..200.0).contains(&top), "{left}, {top}");
 }

@@ -1,7 +1,9 @@
 //! `foveate train classifier` as a user meets it: a folder of drawn digits for each class, a model, and a track that says the
 //! class by its name.
 
-use foveate::scene::{Digits, Image, save_png};
+use foveate::lab::Digits;
+use foveate::scene::Image;
+use foveate::video::save_png;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -46,13 +48,14 @@ fn a_user_s_classes_are_learned_and_a_track_says_them_by_name() {
     // Three classes of pen strokes that differ as a ring, a line and two bows: all twelve right.
     assert!(words.contains("held-out pictures as they are: 100.0 % right"), "{words}");
 
-    assert!(rest.contains("going on from cut.safetensors.checkpoint"), "{rest}");
+    assert!(rest.contains("resuming cut.safetensors.checkpoint"), "{rest}");
 
     // Digits of another pen, alone on black.
     for (digit, name) in CLASSES {
         let scene = ["synth", "clutter", "--frames", "12", "--seed", "3", "--distractors", "0", "--out", name];
         said(command(dir, &[&scene[..], &["--digit", &digit.to_string()]].concat()));
-        let track = ["track", name, "-c", "digits", "--no-video", "-o", "out", "--recognise", "whole.safetensors"];
+        let track =
+            ["track", name, "-c", "digits", "--no-video", "--trace", "-o", "out", "--recognise", "whole.safetensors"];
         let words = said(command(dir, &track));
         assert!(words.contains(&format!("Recognised as {name}, with probability")), "{words}");
         let read = |file: &str| std::fs::read_to_string(dir.join("out").join(file)).expect("it was written");

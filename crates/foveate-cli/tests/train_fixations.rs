@@ -42,7 +42,7 @@ fn a_killed_training_goes_on_and_ends_with_the_same_bits() {
     assert!(whole.contains("epoch 12/12  log p(y|x)"), "{whole}");
     assert!(whole.contains("40 test digits, centred and alone"), "{whole}");
     assert!(whole.contains("30 fixations: the last 3 alone") && whole.contains("calibration error"), "{whole}");
-    assert!(rest.contains("going on from") && !rest.contains("epoch 1/12"), "{rest}");
+    assert!(rest.contains("resuming") && !rest.contains("epoch 1/12"), "{rest}");
 }
 
 #[test]

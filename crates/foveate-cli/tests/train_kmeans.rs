@@ -1,5 +1,6 @@
 //! `foveate train kmeans` as a user meets it: it trains, it survives being killed, its filters serve any retina.
 
+use foveate::files::Folder;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -45,7 +46,7 @@ fn a_killed_training_goes_on_and_ends_with_the_same_bits_and_its_filters_serve_a
              encoder = {{ kind = \"kmeans\", weights = \"whole.safetensors\" }}\n\
              likelihood = {{ distance = \"cosine\", sharpness = 50 }}\n{more}"
         );
-        Config::parse(&text, "test").and_then(|config| config.check(dir.path()).map(|_| ()))
+        Config::parse(&text, "test").and_then(|config| config.check(&Folder::new(dir.path())).map(|_| ()))
     };
     check("").expect("the retina it was trained with");
     check("retina = { kind = \"foveal\", side = 28, rings = [[28, 1]] }\n").expect("another");

@@ -1,5 +1,6 @@
 //! `foveate train mcrbm` as a user meets it: it trains, it survives being killed, its model tracks.
 
+use foveate::files::Folder;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -12,7 +13,18 @@ use training::{fails, whole_and_cut};
 fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
     command.args(["train", "mcrbm", "--means", "9", "--held-out", "100"]);
-    command.args(["--rings", "8/1,16/2", "--pooling", "grid", "--batch", "50", "--leaps", "5", "--learn-pooling", "3"]);
+    command.args([
+        "--rings",
+        "8/1,16/2",
+        "--pooling",
+        "grid",
+        "--batch",
+        "50",
+        "--leapfrog-steps",
+        "5",
+        "--learn-pooling",
+        "3",
+    ]);
     command.args(["--threads", "2", "--data"]).arg(dir).arg("--out").arg(dir.join(out)).args(extra);
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     command
@@ -27,7 +39,7 @@ fn a_killed_training_goes_on_and_ends_with_the_same_bits_and_its_model_tracks() 
     let (whole, rest) = whole_and_cut(dir.path(), &train, &["epoch 1/20", "epoch 5/20"]);
     assert!(whole.contains("epoch 20/20  free energy") && whole.contains("16 factors, 4 covariance"), "{whole}");
     assert!(std::fs::read(dir.path().join("whole.png")).expect("filters").starts_with(b"\x89PNG"));
-    assert!(rest.contains("going on from") && !rest.contains("epoch 3/20"), "{rest}");
+    assert!(rest.contains("resuming") && !rest.contains("epoch 3/20"), "{rest}");
 
     let config = |weights: &str, units: &str| {
         format!(
@@ -37,7 +49,8 @@ fn a_killed_training_goes_on_and_ends_with_the_same_bits_and_its_model_tracks() 
         )
     };
     use foveate::config::Config;
-    let check = |text: &str| Config::parse(text, "test").and_then(|config| config.check(dir.path()).map(|_| ()));
+    let check =
+        |text: &str| Config::parse(text, "test").and_then(|config| config.check(&Folder::new(dir.path())).map(|_| ()));
     for units in ["both", "covariance", "mean"] {
         check(&config("whole.safetensors", units)).expect("the model fits");
     }

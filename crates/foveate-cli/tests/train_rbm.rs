@@ -41,7 +41,7 @@ fn a_killed_training_goes_on_and_ends_with_the_same_bits() {
     let (whole, rest) = whole_and_cut(dir.path(), &train, &["epoch 1/40", "epoch 10/40"]);
     assert!(whole.contains("epoch 40/40  reconstruction") && whole.contains("pseudo-log-likelihood"), "{whole}");
     assert!(std::fs::read(dir.path().join("whole.png")).expect("filters").starts_with(b"\x89PNG"));
-    assert!(rest.contains("going on from") && !rest.contains("epoch 5/40"), "{rest}");
+    assert!(rest.contains("resuming") && !rest.contains("epoch 5/40"), "{rest}");
 }
 
 #[cfg(unix)]

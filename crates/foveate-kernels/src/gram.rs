@@ -122,7 +122,8 @@ fn symmetric_times_body<const V: u8>(gram: &[f32], vector: &[f32], out: &mut [f3
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Level, sums::tests::values};
+    use crate::Level;
+    use crate::sums::tests::values;
 
     #[test]
     fn agree_with_the_twins() {

@@ -64,7 +64,8 @@ fn halve_body<const V: u8>(plane: &[f32], width: usize, across: &mut [f32], out:
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Level, sums::tests::values};
+    use crate::Level;
+    use crate::sums::tests::values;
 
     #[test]
     fn agree_with_the_twins() {

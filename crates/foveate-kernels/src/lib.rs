@@ -1,4 +1,6 @@
-//! The inner loops of foveate that need vector instructions, and the only unsafe code of the project.
+#![doc = include_str!("../README.md")]
+//!
+//! # What is promised
 //!
 //! Every function is safe to call, and is tested against a plain scalar twin at every level of the
 //! machine ([`Level`]): AVX-512, AVX2 with FMA, or portable code, which any architecture compiles.
@@ -7,13 +9,6 @@
 //! A result depends on the inputs of its own element or row alone: not on its place in the batch, on
 //! alignment, or on the thread. Sums run in fixed lanes. Between levels the last bits may differ,
 //! because fused multiply-adds round once where two operations round twice.
-//!
-//! ```
-//! let mut h = [-1.0, 0.0, 30.0];
-//! foveate_kernels::logistic(&mut h);
-//! assert!((h[0] - 0.26894143).abs() < 1e-6 && h[1] == 0.5 && h[2] == 1.0);
-//! assert_eq!(foveate_kernels::dot(&[1.0, 2.0], &[3.0, 4.0]), 11.0);
-//! ```
 
 mod adam;
 mod boxes;
@@ -29,6 +24,7 @@ mod logistic;
 mod normal;
 mod oriented;
 mod packed;
+mod plane;
 mod rows;
 mod sums;
 mod taps;
@@ -54,7 +50,8 @@ pub use logistic::{bias_logistic, logistic};
 pub use normal::Normals;
 pub use oriented::{BLOCK, DIRECTIONS, Lengths, oriented, oriented_features};
 pub use packed::{PackedWeights, Precision};
+pub use plane::Plane;
 pub use rows::{add_product, add_scaled, product};
 pub use sums::{dot, presence, root_overlap, squared_distance, sum};
-pub use taps::{Plane, taps, taps_rows};
+pub use taps::{taps, taps_rows};
 pub use triangle::{SQUARE, extend, factor, invert, solve, solve_back};

@@ -201,7 +201,8 @@ fn add_gradients<const V: u8>(gx: &[f32; WIDTH], gy: &[f32; WIDTH], sums: &mut [
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Level, sums::tests::values};
+    use crate::Level;
+    use crate::sums::tests::values;
 
     #[test]
     fn agree_with_the_twin() {

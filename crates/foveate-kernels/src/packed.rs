@@ -263,7 +263,8 @@ levels! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sums::{root_overlap, tests::values};
+    use crate::sums::root_overlap;
+    use crate::sums::tests::values;
 
     /// Weights like those of a trained machine: of both signs, near 0.05.
     fn weights(n: usize) -> Vec<f32> {

@@ -4,28 +4,10 @@
 //! interpolated between the four samples around it. Outside the plane its border goes on.
 
 use crate::level::{levels, multiply_add};
+use crate::plane::{CELLS, Plane, padded};
 #[cfg(target_arch = "x86_64")]
 use crate::{level::AVX512, upright::Grid};
 
-/// Samples of an image, or of its box means, on a grid of spacing 1.
-#[derive(Clone, Copy, Debug)]
-pub struct Plane<'a> {
-    /// Rows one after another, `stride` apart.
-    pub data: &'a [f32],
-    /// Samples in a row, at least 1.
-    pub width: usize,
-    /// Rows, at least 1.
-    pub height: usize,
-    /// Distance of a row's start from the next one's, at least `width`.
-    pub stride: usize,
-    /// Image coordinates of the first sample.
-    pub x0: f32,
-    /// See `x0`.
-    pub y0: f32,
-}
-
-/// Cells that are computed at a time.
-pub(crate) const CELLS: usize = 16;
 /// Blocks of cells whose places are all computed before any is read: a load waits long for a store just before it
 /// (Zen 4: 1.1 ns a cell block by block, 0.65 so).
 const BLOCKS: usize = 16;
@@ -124,13 +106,6 @@ fn scattered<const V: u8>(
             }
         }
     }
-}
-
-/// `values`, at least one, filled up with the last.
-pub(crate) fn padded(values: &[f32]) -> [f32; CELLS] {
-    let mut block = [values[values.len() - 1]; CELLS];
-    block[..values.len()].copy_from_slice(values);
-    block
 }
 
 impl Plane<'_> {
@@ -260,7 +235,8 @@ fn mix<const V: u8>(a: f32, b: f32, c: f32, d: f32, fx: f32, fy: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Level, sums::tests::values};
+    use crate::Level;
+    use crate::sums::tests::values;
 
     /// The plain twin, in f64 from the place on.
     fn twin(plane: &Plane<'_>, map: &[f32; 6], du: f32, dv: f32) -> f64 {

@@ -4,7 +4,7 @@
 use std::arch::x86_64::*;
 
 use crate::level::multiply_add;
-use crate::taps::{CELLS, Plane, padded};
+use crate::plane::{CELLS, Plane, padded};
 
 /// Vectors of cells along a side, at most.
 const PARTS: usize = 4;

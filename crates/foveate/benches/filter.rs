@@ -4,7 +4,7 @@
 //! `cargo bench --bench filter -- [rounds]`. One JSON line a figure. `error` is the estimate's distance from the exact
 //! (Kalman) mean in posterior deviations, root mean square over the run, mean of eight sets of data.
 
-use foveate::conformance::blank_frame;
+use foveate::conformance::blank_image;
 use foveate::control::{Belief, Dynamics, Prior, Proposal, Resampling, Scheme, normalize};
 use foveate::geometry::State;
 use foveate::rng::{Purpose, Rng, Streams};
@@ -103,9 +103,9 @@ fn kalman(observations: &[[f64; 2]]) -> Vec<([f64; 4], [f64; 2])> {
         }
         let (gain_x, gain_v) = (xx / (xx + R), xv / (xx + R));
         for axis in 0..2 {
-            let surprise = observation[axis] - mean[axis];
-            mean[axis] += gain_x * surprise;
-            mean[axis + 2] += gain_v * surprise;
+            let innovation = observation[axis] - mean[axis];
+            mean[axis] += gain_x * innovation;
+            mean[axis + 2] += gain_v * innovation;
         }
         (xx, xv, vv) = (xx - gain_x * xx, xv - gain_x * xv, vv - gain_v * xv);
         exact.push((mean, [xx.sqrt(), vv.sqrt()]));
@@ -145,7 +145,7 @@ impl Filter {
         (squares / observations.len() as f64).sqrt()
     }
     fn run(&mut self, observations: &[[f64; 2]], seed: u64, mut each: impl FnMut(State)) {
-        let (frame, streams, resampling) = (blank_frame(), Streams::new(seed, 0), Resampling::default());
+        let (frame, streams, resampling) = (blank_image(), Streams::new(seed, 0), Resampling::default());
         let mut rng = streams.at(0, Purpose::Start).rng(0);
         for (t, observation) in observations.iter().enumerate() {
             let at = |purpose| streams.at(t as u64, purpose);
@@ -155,7 +155,7 @@ impl Filter {
                 self.predicted.iter_mut().for_each(|state| *state = first());
                 self.log_weights.fill(0.0);
             } else {
-                let scene = Scene { frame: &frame, detections: &[] };
+                let scene = Scene { image: &frame, detections: &[] };
                 let (children, ratio) = (&mut self.predicted, &mut self.log_weights);
                 self.prior.propose(scene, &self.particles, children, ratio, at(Purpose::Predict));
             }

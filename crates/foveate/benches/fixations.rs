@@ -5,7 +5,7 @@
 //! sizes the step has (the tall one alone would flatter nobody), and 1024 × 1024 × 1024 besides; shares are medians of the
 //! rounds' own. One JSON line a figure.
 
-use foveate::rbm::fixations::{Code, Cost, Places, Recipe, Sequences, Trainer};
+use foveate::learn::rbm::fixations::{Code, Cost, Places, Recipe, Sequences, Trainer};
 use foveate::rows::Rows;
 
 mod clock;
@@ -82,7 +82,8 @@ fn run(rounds: usize) {
 }
 
 fn seconds_of_product(m: usize, k: usize, n: usize, times: usize) -> f64 {
-    use faer::{Accum, MatMut, MatRef, Par, linalg::matmul::matmul};
+    use faer::linalg::matmul::matmul;
+    use faer::{Accum, MatMut, MatRef, Par};
     let (a, b, mut c) = (noise(m * k), noise(k * n), vec![0.0; m * n]);
     let (a, b) = (MatRef::from_row_major_slice(&a, m, k), MatRef::from_row_major_slice(&b, k, n));
     let mut product = || matmul(MatMut::from_row_major_slice_mut(&mut c, m, n), Accum::Replace, a, b, 1.0, Par::Seq);

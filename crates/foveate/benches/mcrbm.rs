@@ -1,12 +1,12 @@
 //! A training step of the factored RBM beside a large matrix product, one thread: 160 values before whitening, 256 factors, 256
-//! covariance and 100 mean units, batch 128, 20 leaps.
+//! covariance and 100 mean units, batch 128, 20 leapfrog steps.
 //!
 //! `cargo bench --bench mcrbm -- [rounds]`. One JSON line a round: operations of the products alone (two for each
 //! multiplication) over all the time of a step, the rate of one large product in the same seconds, and their ratio.
 
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
-use foveate::rbm::factored::{Recipe, Sizes, Trainer};
+use foveate::learn::rbm::factored::{Recipe, Sizes, Trainer};
 use foveate::rows::Rows;
 
 mod clock;
@@ -30,13 +30,13 @@ fn run(rounds: usize) {
     let noise = |i: usize| ((i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as f32 / (1u64 << 24) as f32 - 0.5;
     let rows: Vec<f32> = (0..20_000 * 160).map(|i| noise(i) * if i % 160 < 130 { 1.0 } else { 0.01 }).collect();
     let recipe = Recipe { settle: 0, learn_pooling: Some(0), epochs: usize::MAX, ..Recipe::new(256, 100) };
-    let (batch, leaps) = (recipe.batch as f64, recipe.leaps as f64);
+    let (batch, leapfrog) = (recipe.batch as f64, recipe.leapfrog_steps as f64);
     let mut trainer = Trainer::new(recipe, Rows::new(&rows, 160)).expect("rows that vary");
     let Sizes { white, factors, covariance, mean } = trainer.learned().sizes();
     let [x, f, c, m] = [white, factors, covariance, mean].map(|n| n as f64);
     let forward = 2.0 * (x * f + f * c + x * m);
     // Gradients on the way, hidden units and u ∘ P h of both phases, and the three outer products.
-    let step = batch * ((leaps + 1.0) * 2.0 * forward + 2.0 * (forward + 2.0 * f * c) + 2.0 * forward);
+    let step = batch * ((leapfrog + 1.0) * 2.0 * forward + 2.0 * (forward + 2.0 * f * c) + 2.0 * forward);
     let product = 2.0 * (SIDE as f64).powi(3);
 
     let (a, b) = (Mat::from_fn(SIDE, SIDE, |i, j| noise(i * SIDE + j)), Mat::from_fn(SIDE, SIDE, |i, j| noise(i + j)));

@@ -3,7 +3,7 @@
 //! `cargo bench --bench rbm -- [rounds]`, with MNIST under $FOVEATE_DATA/mnist or data/mnist; without it, random bits (a
 //! time, but nothing to learn). One JSON line a figure; seconds are those of the CPU where the system tells them.
 
-use foveate::rbm::{Negative, Recipe, Trainer, Visible, monitor};
+use foveate::learn::rbm::{Negative, Recipe, Trainer, Visible, monitor};
 use foveate::rows::{Rows, RowsMut};
 use std::io::Read;
 use std::path::PathBuf;

@@ -3,7 +3,7 @@
 //! Where everything is linear and Gaussian the Kalman filter is exact, so we can say how well ten lines do.
 //! `cargo run --release -p foveate --example 01_particle_filter`
 
-use foveate::conformance::blank_frame;
+use foveate::conformance::blank_image;
 use foveate::control::{Autoregressive, Belief, Prior, Proposal, Resampling, normalize};
 use foveate::geometry::State;
 use foveate::rng::{Purpose, Streams};
@@ -19,7 +19,7 @@ const NOISE: f64 = 3.0; // pixels
 fn main() {
     let walk = Autoregressive { damping: 0.0, velocity: 0.0, position: WALK, ..Autoregressive::default() };
     let (mut prior, resampling, streams) = (Prior::new(Arc::new(walk)), Resampling::default(), Streams::new(1, 0));
-    let (frame, mut particles, mut predicted) = (blank_frame(), [State::default(); N], [State::default(); N]);
+    let (frame, mut particles, mut predicted) = (blank_image(), [State::default(); N], [State::default(); N]);
     let (mut log_weights, mut weights, mut ancestors) = ([0.0; N], [0.0; N], [0; N]);
 
     let (mut truth, mut kalman, mut variance, mut squares) = ([0.0; 2], [0.0; 2], 0.0, [0.0; 3]);
@@ -32,7 +32,7 @@ fn main() {
         let seen = truth.map(|x| x + normal(NOISE));
 
         // The particle filter: predict, weigh, estimate, select.
-        let scene = Scene { frame: &frame, detections: &[] };
+        let scene = Scene { image: &frame, detections: &[] };
         prior.propose(scene, &particles, &mut predicted, &mut log_weights, streams.at(t, Purpose::Predict));
         for (log_weight, state) in log_weights.iter_mut().zip(&predicted) {
             *log_weight -= ((state.x - seen[0]).powi(2) + (state.y - seen[1]).powi(2)) / (2.0 * NOISE * NOISE);

@@ -4,7 +4,7 @@
 //! √(T ln K / 2) against the best single gaze.
 //! `cargo run --release -p foveate --example 02_hedge`
 
-use foveate::gaze::{Context, Grid, Hedge, Plan, Policy, Portrait};
+use foveate::gaze::{Context, Grid, Hedge, Plan, Policy, PolicySnapshot};
 use foveate::rng::{Purpose, Streams};
 
 const FRAMES: usize = 2000;
@@ -28,7 +28,9 @@ fn main() {
         let mut hedge = Hedge::new(Grid::default().gazes(), gamma).expect("nine gazes and a positive rate");
         let (mut plan, mut gain, mut earned) = (Plan::new(), [0.0; K], 0.0);
         for t in 0..FRAMES {
-            let Portrait::Arms { probabilities, .. } = hedge.portrait() else { unreachable!("Hedge shows its arms") };
+            let PolicySnapshot::Arms { probabilities, .. } = hedge.snapshot() else {
+                unreachable!("Hedge shows its arms")
+            };
             let rewards: [f64; K] = std::array::from_fn(|k| world(t, probabilities, k));
             earned += probabilities.iter().zip(&rewards).map(|(p, r)| p * r).sum::<f64>(); // expected over the draw
             hedge.plan(&Context::default(), &mut plan, &mut Streams::new(1, 0).at(t as u64, Purpose::Look).rng(0));

@@ -3,10 +3,10 @@
 //! `cargo run --release -p foveate --example 03_track_a_digit`
 
 use foveate::config::Config;
-use foveate::gaze::Portrait;
-use foveate::scene::synthetic::{Clutter, Drawn};
-use foveate::scene::{Digits, Scene};
-use std::path::Path;
+use foveate::files::Folder;
+use foveate::gaze::PolicySnapshot;
+use foveate::lab::Digits;
+use foveate::lab::synthetic::{Clutter, Drawn};
 
 const FRAMES: usize = 60;
 
@@ -18,16 +18,16 @@ fn main() -> foveate::Result<()> {
 
     // The tracker: the configuration that `foveate demo` uses.
     let config = Config::builtin("digits").expect("digits ships with the library")?;
-    let mut tracker = config.check(Path::new("."))?.tracker(1, 0)?;
+    let mut tracker = config.check(&Folder::here())?.tracker(1)?;
 
     // Frame 1 gives the box; from then on only pixels are seen.
     let first = frames.next().expect("the video has frames")?;
-    tracker.start(&first, truth[0])?;
+    tracker.init(&first.image, truth[0])?;
     let mut errors = vec![];
     println!("frame   truth (x, y)    estimate     error   ESS");
     for frame in frames {
         let frame = frame?;
-        let step = tracker.step(Scene { frame: &frame, detections: &[] });
+        let step = tracker.update(&frame.image)?.step;
         let ((x, y), estimate) = (truth[frame.index].centre(), step.estimate);
         errors.push((estimate.x - x).hypot(estimate.y - y));
         if frame.index % 10 == 0 {
@@ -38,7 +38,7 @@ fn main() -> foveate::Result<()> {
 
     let mean = errors.iter().sum::<f64>() / errors.len() as f64;
     println!("mean error over {} frames: {mean:.2} px", errors.len());
-    if let Portrait::Arms { gazes, probabilities } = tracker.parts().policy.portrait() {
+    if let PolicySnapshot::Arms { gazes, probabilities } = tracker.parts().gaze.policy().snapshot() {
         for (gaze, p) in gazes.iter().zip(probabilities) {
             println!("gaze ({:+.1}, {:+.1})  probability {p:.3}", gaze.u, gaze.v);
         }

@@ -4,7 +4,7 @@
 //! theorem speaks of the best single machine only.
 //! `cargo run --release -p foveate --example 06_adversarial_bandit`
 
-use foveate::gaze::{Context, Exp3, Grid, Plan, Policy, Portrait, Variant};
+use foveate::gaze::{Context, Exp3, Grid, Plan, Policy, PolicySnapshot, Variant};
 use foveate::rng::{Purpose, Streams};
 
 const K: usize = 9;
@@ -41,7 +41,9 @@ fn play(name: &str, variant: Variant, gamma: f64) -> f64 {
         let mut policy = Exp3::new(Grid::default().gazes(), variant, gamma).expect("nine machines and a rate");
         let mut plan = Plan::new();
         for t in 0..ROUNDS {
-            let Portrait::Arms { probabilities, .. } = policy.portrait() else { unreachable!("EXP3 shows its arms") };
+            let PolicySnapshot::Arms { probabilities, .. } = policy.snapshot() else {
+                unreachable!("EXP3 shows its arms")
+            };
             let best = BEST[t * BEST.len() / ROUNDS];
             on_best[8 * t / ROUNDS] += probabilities[best] * 8.0 / (ROUNDS as f64 * RUNS as f64);
             regret += pays(t, best) - (0..K).map(|k| probabilities[k] * pays(t, k)).sum::<f64>();

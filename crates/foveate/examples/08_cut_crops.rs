@@ -6,8 +6,10 @@
 //! true box. Without arguments a drawn scene is cut, so that it runs anywhere.
 
 use foveate::geometry::BBox;
-use foveate::scene::synthetic::{Clutter, Drawn};
-use foveate::scene::{Digits, Image, annotation, open, save_png};
+use foveate::lab::Digits;
+use foveate::lab::synthetic::{Clutter, Drawn};
+use foveate::scene::Image;
+use foveate::video::{annotation, open, save_png};
 use std::path::{Path, PathBuf};
 
 /// The box of a picture, at least a pixel, no further than the picture's edge.

@@ -1,122 +1,102 @@
-//! Follow an object through video by learning where to look.
+//! Follow one target or many through video, on a CPU.
 //!
-//! The particle filter with gaze control of Denil, Bazzani, Larochelle and de Freitas (2012). A tracker never sees the whole
-//! frame: each particle, a guess of where the target is, looks at it through a small retina, sharp at one gaze and coarse
-//! around it, and weighs itself by how well that matches the first frame. A policy learns which gaze tells most.
+//! You give a box in the first picture. Every later picture answers a box, its covariance, a status, and the probability that the
+//! target is lost. [`Tracker`] follows one target, [`MultiTracker`] many; a [`Profile`], a name or a [`Config`] says with
+//! which parts.
+//!
+//! ```
+//! use foveate::{BBox, Image, Profile, Tracker};
+//!
+//! // Pictures: a bright square that moves by 4 pixels a frame. Yours come from a video, a camera or a buffer.
+//! let picture = |t: usize| {
+//!     let inside = |x: usize, y: usize| (50 + 4 * t..74 + 4 * t).contains(&x) && (40..64).contains(&y);
+//!     let pixels: Vec<u8> = (0..160 * 120).map(|i| if inside(i % 160, i / 160) { 200 } else { (i % 7) as u8 }).collect();
+//!     Image::from_grey8(160, 120, &pixels)
+//! };
+//!
+//! let mut tracker = Tracker::new(Profile::Fast)?;
+//! tracker.init(&picture(0)?, BBox::new(46.0, 36.0, 32.0, 32.0))?; // left, top, width, height; pixels from 0
+//! for t in 1..8 {
+//!     let picture = picture(t)?;
+//!     let seen = tracker.update(&picture)?;
+//!     let (x, _) = seen.bbox.centre();
+//!     assert!((x - (62.0 + 4.0 * t as f64)).abs() < 4.0 && !seen.is_lost());
+//! }
+//! # Ok::<(), foveate::Error>(())
+//! ```
+//!
+//! # The algorithm
+//!
+//! It is the particle filter with gaze control of Denil, Bazzani, Larochelle and de Freitas (2012). Each particle is a guess of where
+//! the target is. It reads the picture through a retina about a gaze, and weighs itself by how well that fits the
+//! template. A policy may learn which gaze tells most. In the profiles for real video the gaze is fixed and the retina has
+//! one window; `README.md` says which configuration learns its gaze, and when that pays.
 //!
 //! ```text
 //!            WHAT is it?               WHERE is it?                WHERE TO LOOK?
 //!            identity                  control                     gaze
 //!
-//!  frame ─►  h(x, a): glimpse     ─►   wₜ ∝ wₜ₋₁ p(h|x,a) p/q  ─►   rₜ = reward(wₜ)
+//!  image ─►  h(x, a): glimpse     ─►   wₜ ∝ wₜ₋₁ p(h|x,a) p/q  ─►   rₜ = reward(wₜ)
 //!  scene     through retina            belief bₜ: N states         πₜ₊₁ learns from rₜ
 //!            and encoder               with weights                     │
 //!               ▲                          │ select, predict            │ aₜ₊₁: the next gaze
 //!               │                          ▼                            │
 //!               └───────────────────── x̃ ~ q(xₜ|xₜ₋₁) ◄─────────────────┘
 //!                                          │
-//!                                          └─►  Step  ─►  observe: tables, trace, video, report
+//!                                          └─►  Step  ─►  report: tables, trace, video, page
 //! ```
 //!
 //! | in the paper | here |
 //! | --- | --- |
-//! | the full algorithm (section 5) | [`tracker::Tracker`], its results [`step::Step`] |
+//! | the full algorithm (section 5) | [`Tracker`]; everything that a frame computed: [`step::Step`] |
 //! | xₜ, aₜ, and where a gaze falls | [`geometry::State`], [`geometry::Gaze`], [`geometry::Fixation`] |
 //! | vₜ, the foveated glimpse | [`identity::Retina`]: [`identity::Foveal`], on a [`identity::Pyramid`] |
-//! | hₜ, first-layer features | [`identity::Encoder`]: [`identity::encoder::RbmEncoder`], [`identity::encoder::Raw`], [`identity::oriented::Oriented`] |
-//! | the RBM and its training | [`rbm::Rbm`], [`rbm::Trainer`]; what it learns from, [`training`] |
-//! | h⁽²⁾ₜ, zₜ: the multi-fixation RBM (section 2.2) | [`rbm::fixations::FixationRbm`], [`rbm::fixations::Trainer`]; what it learns from, [`training::sequences`] |
-//! | p(cₜ \| h⁽²⁾ₜ) | [`softmax::Softmax`]; both on the last Δ looks: [`identity::MultiFixation`] |
-//! | where to look for the class (future work in section 2.2) | [`rbm::fixations::Controller`] |
+//! | hₜ, first-layer features | [`identity::Encoder`]: [`identity::encoder::Raw`], [`identity::oriented::Oriented`]; with the feature `learn` RBMs and others |
+//! | the RBM and its training; h⁽²⁾ₜ, the multi-fixation RBM (section 2.2) | `learn::rbm`; what they learn from, `lab::training` |
+//! | p(cₜ \| h⁽²⁾ₜ) | [`identity::Recognizer`], `learn::softmax` |
 //! | d(h, τ) | [`identity::Distance`]: [`identity::distance::Kind`] |
-//! | p(hₜ \| xₜ, aₜ) | [`identity::Appearance`]: [`identity::GazeAppearance`]; what is learned while tracking: [`identity::discriminant::Discriminant`] |
-//! | p(xₜ \| xₜ₋₁), q | [`control::Dynamics`]: [`control::Autoregressive`]; with the camera: [`control::Guide`], as restless as the target: [`control::Pace`]; of its shape: [`control::Aspect`]; [`control::Proposal`]: [`control::Prior`], [`control::Mixture`] |
-//! | p(detections \| xₜ), which the paper has not | [`control::Sighting`] |
+//! | p(hₜ \| xₜ, aₜ) | [`identity::Appearance`]: [`identity::GazeAppearance`]; learned while tracking: [`identity::discriminant::Discriminant`], [`identity::colour::Colour`] |
+//! | p(xₜ \| xₜ₋₁), q | [`control::Dynamics`]: [`control::Autoregressive`]; camera motion: [`control::CameraMotion`]; [`control::Proposal`]: [`control::Prior`], [`control::Mixture`] |
+//! | p(detections \| xₜ), which the paper does not have | [`control::DetectionLikelihood`] |
 //! | bₜ | [`control::Belief`] |
 //! | selection | [`control::Resampling`] |
 //! | rₜ | [`control::Reward`]: [`control::Concentration`] (the paper's), [`control::LogConcentration`], [`control::VarianceReduction`] |
-//! | πₜ | [`gaze::Policy`]: [`gaze::Fixed`], [`gaze::Random`], [`gaze::Circular`], [`gaze::Hedge`], [`gaze::Exp3`], [`gaze::Anchor`], [`gaze::Pool`] |
-//! | the digit videos (sections 6.1, 6.2) | [`scene::synthetic::Clutter`], [`scene::synthetic::Occlusion`] |
+//! | πₜ | [`gaze::Policy`]: [`gaze::Fixed`], [`gaze::Random`], [`gaze::Circular`], [`gaze::Hedge`], [`gaze::Exp3`], [`gaze::GpUcb`], [`gaze::Pool`], [`gaze::Anchor`] |
+//! | the digit videos (sections 6.1, 6.2) | `lab::synthetic` |
 //!
-//! # A run
+//! Configurations choose the parts by name ([`config`]). Every part is a trait with one to three methods that matter, and every trait has its
+//! laws ([`conformance`]). The same seed gives the same track, for any number of threads ([`rng`]).
 //!
-//! ```
-//! use foveate::config::Config;
-//! use foveate::scene::synthetic::{Clutter, Drawn};
-//! use foveate::scene::{Digits, Scene};
-//! use std::path::Path;
+//! # Features
 //!
-//! // The world: a drawn 3 moves among four other digits; where it really is, is known.
-//! let scene = Clutter { digit: 3, frames: 15, distractors: 4, ..Clutter::default() };
-//! let video = scene.video(&Digits::drawn(1, 2))?;
-//! let truth = video.truth().to_vec();
-//!
-//! // The tracker. What is left out has defaults; lengths are in half boxes.
-//! let config = Config::parse(
-//!     r#"
-//!     particles = 200
-//!     dynamics = { kind = "autoregressive" }
-//!     retina = { kind = "foveal", side = 28, rings = [[16, 1], [24, 2]] }
-//!     encoder = { kind = "raw", standardise = false }
-//!     likelihood = { distance = { presence = { extra = 0.3, cap = 0.5 } }, sharpness = 60 }
-//!     policy = { kind = "hedge", gamma = 5.0 }
-//!     "#,
-//!     "example",
-//! )?;
-//! let mut tracker = config.check(Path::new("."))?.tracker(1, 0)?;
-//!
-//! // The loop: a box in the first frame, then nothing but pixels.
-//! for frame in video.source() {
-//!     let frame = frame?;
-//!     let (x, y) = truth[frame.index].centre();
-//!     if frame.index == 0 {
-//!         tracker.start(&frame, truth[0])?;
-//!         continue;
-//!     }
-//!     let step = tracker.step(Scene { frame: &frame, detections: &[] });
-//!     assert!((step.estimate.x - x).hypot(step.estimate.y - y) < 4.0);
-//!     assert_eq!(step.rewards.len(), 9); // full information: Hedge asks for every gaze
-//! }
-//! # Ok::<(), foveate::Error>(())
-//! ```
-//!
-//! Configurations choose the parts by name ([`config`]); every part is a trait with one to three methods that matter, and
-//! every trait has its laws ([`conformance`]). The same seed gives the same track, for any number of threads ([`rng`]).
+//! | feature | default | adds |
+//! | --- | --- | --- |
+//! | `threads` | yes | particles and targets in parallel; results do not change |
+//! | `video` | yes | `video`: image folders, MP4, the ffmpeg program, annotation files |
+//! | `report` | yes | `report`: tables, annotated video, the report page, runs from a source to observers |
+//! | `learn` | no | `learn`: RBMs, autoencoder, k-means, softmax; learned encoders and recognisers, and the models that ship |
+//! | `lab` | no | `lab`: evaluation, training runs, synthetic scenes, experiments |
 #![forbid(unsafe_code)]
 
-mod alarm;
-pub mod assignment;
-pub mod autoencoder;
-pub mod bench;
-pub mod config;
-pub mod conformance;
-pub mod control;
-pub mod error;
-pub mod eval;
-pub mod files;
-pub mod gaze;
-pub mod geometry;
-pub mod gp;
-pub mod identity;
-pub mod kmeans;
-pub mod many;
-pub mod observe;
-mod quiet;
-pub mod rbm;
-pub mod recognition;
-pub mod rng;
-pub mod rows;
-pub mod run;
-pub mod scene;
-pub mod softmax;
-pub mod start;
-pub mod step;
-pub mod tracker;
-pub mod training;
+pub use foveate_base::{error, files, quiet, rng, rows};
+pub use foveate_core::*;
+pub use foveate_gp as gp;
+#[cfg(feature = "lab")]
+pub use foveate_lab as lab;
+#[cfg(feature = "learn")]
+pub use foveate_learn as learn;
+#[cfg(feature = "report")]
+pub use foveate_report as report;
+#[cfg(feature = "video")]
+pub use foveate_video as video;
 
-pub use error::{Error, Result};
-
-/// The code in the README is compiled with the documentation's tests.
-#[cfg(doctest)]
-#[doc = include_str!("../../../README.md")]
-struct Readme;
+/// What the documents show is run as tests.
+#[cfg(all(doctest, feature = "video"))]
+mod documents {
+    #[doc = include_str!("../../../README.md")]
+    struct Readme;
+    #[doc = include_str!("../../../docs/questions.md")]
+    struct Questions;
+    #[doc = include_str!("../../../docs/configuration.md")]
+    struct Configuration;
+}

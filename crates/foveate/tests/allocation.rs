@@ -2,13 +2,15 @@
 
 mod common;
 
+use foveate::files::Folder;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
 use common::{INIT, POLICIES, blueprint, frame, natural, random_recogniser, recognising};
 use foveate::config::{Blueprint, Config};
 use foveate::geometry::BBox;
-use foveate::scene::{Frame, Image, Scene};
+use foveate::scene::Image;
+use foveate::video::Frame;
 
 thread_local!(static COUNT: Cell<usize> = const { Cell::new(0) });
 
@@ -18,16 +20,16 @@ struct Counting;
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let _ = COUNT.try_with(|count| count.set(count.get() + 1));
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller's reference.
         unsafe { System.alloc(layout) }
     }
     unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller's reference.
         unsafe { System.dealloc(ptr, layout) }
     }
     unsafe fn realloc(&self, ptr: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
         let _ = COUNT.try_with(|count| count.set(count.get() + 1));
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller's reference.
         unsafe { System.realloc(ptr, layout, new_size) }
     }
 }
@@ -40,11 +42,11 @@ const FRAMES: usize = 30;
 
 /// Allocations of each step of one run.
 fn counts(blueprint: &Blueprint, frames: &[Frame]) -> Vec<usize> {
-    let mut tracker = blueprint.tracker(5, 0).expect("parts that fit");
-    tracker.start(&frames[0], INIT).expect("a box in the picture");
-    let step = |frame| {
+    let mut tracker = blueprint.tracker(5).expect("parts that fit");
+    tracker.init(&frames[0].image, INIT).expect("a box in the picture");
+    let step = |frame: &Frame| {
         let before = COUNT.get();
-        std::hint::black_box(tracker.step(Scene { frame, detections: &[] }));
+        std::hint::black_box(tracker.update(&frame.image).expect("a picture of the first size").step);
         COUNT.get() - before
     };
     frames[1..].iter().map(step).collect()
@@ -53,7 +55,7 @@ fn counts(blueprint: &Blueprint, frames: &[Frame]) -> Vec<usize> {
 fn alone(work: impl FnOnce() + Send) {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("one thread");
     pool.install(|| {
-        foveate::rbm::warm();
+        foveate::learn::rbm::warm();
         let before = COUNT.get();
         drop(std::hint::black_box(vec![1u8; 100]));
         assert_eq!(COUNT.get(), before + 1, "the allocator counts");
@@ -104,45 +106,35 @@ fn recognition_allocates_nothing() {
     });
 }
 
-/// Detections in the proposal and the weights, a detector, and the flow.
+/// Detections in the proposal and the weights, a detector, and camera motion.
 #[test]
-fn what_a_scout_tells_allocates_nothing() {
+fn what_the_preprocessor_tells_allocates_nothing() {
     let frames: Vec<Frame> = (0..FRAMES).map(|i| frame(i, 1)).collect();
     let base = blueprint(POLICIES[3], false, 0.5, false, 100).config().to_toml();
     let text = base.replace("[proposal]\nkind = \"prior\"\n", "")
-        + "\n[proposal]\nkind = \"mixture\"\n[sighting]\n[guide]\nlocal = 0.5\n[detector]\nkind = \"saliency\"\n";
-    let blueprint = Config::parse(&text, "test").and_then(|c| c.check(".".as_ref())).expect("a good configuration");
+        + "\n[proposal]\nkind = \"mixture\"\n[detection_likelihood]\n[camera_motion]\nlocal = 0.5\n[detector]\nkind = \"saliency\"\n";
+    let blueprint = Config::parse(&text, "test").and_then(|c| c.check(&Folder::here())).expect("a good configuration");
     alone(|| {
-        let (mut tracker, mut scout) = (blueprint.tracker(5, 0).expect("parts that fit"), blueprint.scout());
-        scout.look(&frames[0]);
-        tracker.start(&frames[0], INIT).expect("a box in the picture");
-        let step = |frame| {
-            let before = COUNT.get();
-            scout.look(frame);
-            tracker.guide(scout.flow().expect("it was asked for"));
-            std::hint::black_box(tracker.step(scout.scene(frame)));
-            COUNT.get() - before
-        };
-        let counts: Vec<usize> = frames[1..].iter().map(step).collect();
+        let counts = counts(&blueprint, &frames);
         assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{counts:?}");
     });
 }
 
-/// Two targets that hide each other for a while, nobody born, nobody detected.
+/// Two targets that hide each other for a while, none initiated, none detected.
 #[test]
 fn many_targets_allocate_nothing() {
-    let config = Config::builtin("many").expect("it ships with the library").expect("it is right");
-    let blueprint = Config { particles: 150, ..config }.check(std::path::Path::new(".")).expect("parts that fit");
+    let config = Config::builtin("multi").expect("it ships with the library").expect("it is right");
+    let blueprint = Config { particles: 150, ..config }.check(&Folder::here()).expect("parts that fit");
     let frames: Vec<Frame> = (0..FRAMES).map(|i| frame(i, 3)).collect();
     alone(|| {
-        let mut many = blueprint.many(5).expect("trackers");
-        many.step(&frames[0], &[]);
+        let mut tracker = blueprint.multi_tracker(5).expect("trackers");
+        tracker.update(&frames[0].image, &[]).expect("the first picture");
         for bbox in [INIT, BBox { x: INIT.x + 10.0, ..INIT }] {
-            many.give(&frames[0], None, bbox).expect("a box in the picture");
+            tracker.add(&frames[0].image, None, bbox).expect("a box in the picture");
         }
-        let step = |frame| {
+        let step = |frame: &Frame| {
             let before = COUNT.get();
-            std::hint::black_box(many.step(frame, &[]));
+            std::hint::black_box(tracker.update(&frame.image, &[]).expect("a picture of the first size"));
             COUNT.get() - before
         };
         let counts: Vec<usize> = frames[1..].iter().map(step).collect();
@@ -154,8 +146,9 @@ fn many_targets_allocate_nothing() {
 fn convolution_allocates_nothing() {
     let frames: Vec<Frame> = (0..FRAMES).map(|i| frame(i, 1)).collect();
     alone(|| {
-        let config = Config::builtin("natural-kmeans").expect("it ships").expect("a good configuration");
-        let blueprint = Config { particles: 100, ..config }.check(".".as_ref()).expect("parts that fit");
+        let config = Config::builtin("natural-learned").expect("it ships").expect("a good configuration");
+        let config = config.set("encoder.kind=kmeans").expect("it ships, too");
+        let blueprint = Config { particles: 100, ..config }.check(&Folder::here()).expect("parts that fit");
         let counts = counts(&blueprint, &frames);
         assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{counts:?}");
     });

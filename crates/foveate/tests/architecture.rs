@@ -1,9 +1,28 @@
 //! The invariants of ARCHITECTURE.md that a search of the sources can keep.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Every source file under `src/` (or one folder of it) by its path there, without its unit tests.
-fn sources(folder: &str) -> Vec<(String, String)> {
+/// The crates, and those that each may depend on.
+const CRATES: [(&str, &[&str]); 10] = [
+    ("base", &[]),
+    ("kernels", &[]),
+    ("gp", &["base", "kernels"]),
+    ("learn", &["base", "kernels"]),
+    ("core", &["base", "kernels", "gp", "learn"]),
+    ("video", &["base", "core"]),
+    ("report", &["base", "core", "video"]),
+    ("lab", &["base", "kernels", "gp", "learn", "core", "video", "report"]),
+    ("", &["base", "gp", "learn", "core", "video", "report", "lab"]),
+    ("cli", &[""]),
+];
+
+fn folder(name: &str) -> PathBuf {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the folder of the crates");
+    crates.join(if name.is_empty() { "foveate".to_owned() } else { format!("foveate-{name}") })
+}
+
+fn files(folder: &Path) -> Vec<PathBuf> {
     fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
         for entry in std::fs::read_dir(folder).expect("a folder of sources").map(|e| e.expect("readable").path()) {
             if entry.is_dir() {
@@ -13,19 +32,36 @@ fn sources(folder: &str) -> Vec<(String, String)> {
             }
         }
     }
-    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut files = vec![];
-    walk(&src.join(folder), &mut files);
-    files.sort();
-    let name = |file: &Path| file.strip_prefix(&src).expect("below src").to_string_lossy().replace('\\', "/");
-    let named = files.iter().map(|file| (name(file), std::fs::read_to_string(file).expect("text")));
-    let named = named.filter(|(name, _)| !name.ends_with("tests.rs"));
-    named.map(|(name, text)| (name, text.split("#[cfg(test)]\nmod tests {").next().expect("one part").into())).collect()
+    let mut found = vec![];
+    walk(folder, &mut found);
+    found.sort();
+    found
 }
 
-/// The modules that a text takes from the crate: the words after `crate::`, also in braces.
+/// Every source file of a crate by its path below `src/`, without its unit tests.
+fn sources(name: &str) -> Vec<(String, String)> {
+    let src = folder(name).join("src");
+    let short = |file: &Path| file.strip_prefix(&src).expect("below src").to_string_lossy().replace('\\', "/");
+    let named = files(&src).into_iter().map(|file| (short(&file), std::fs::read_to_string(&file).expect("text")));
+    let named = named.filter(|(name, _)| !name.ends_with("tests.rs"));
+    let tests = [
+        "#[cfg(test)]\nmod tests {",
+        "#[cfg(test)]\npub(super) mod tests {",
+        "#[cfg(test)]\npub(crate) mod tests {",
+        "#[cfg(all(test, feature = \"learn\"))]\nmod tests {",
+    ];
+    let before = |text: String| tests.iter().fold(text, |text, mark| text.split(mark).next().expect("one part").into());
+    named.map(|(name, text)| (name, before(text))).collect()
+}
+
+/// The text without comments.
+fn code(text: &str) -> String {
+    text.lines().filter(|l| !l.trim_start().starts_with("//")).flat_map(|l| [l, "\n"]).collect()
+}
+
+/// The modules that a text takes from its crate: the words after `crate::`, also in braces.
 fn imports(text: &str) -> Vec<String> {
-    let code: String = text.lines().filter(|l| !l.trim_start().starts_with("//")).flat_map(|l| [l, "\n"]).collect();
+    let code = code(text);
     let word = |s: &str| s.trim().chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
     let after = code.split("crate::").skip(1);
     after
@@ -37,45 +73,69 @@ fn imports(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn modules_import_what_they_may() {
-    const ROOT: [&str; 6] = ["config", "tracker", "step", "run", "observe", "training"];
-    for (folder, never) in [
-        ("identity", &["control", "gaze"][..]),
-        ("gaze", &["identity", "scene", "control", "rbm"]),
-        ("control", &["identity", "gaze", "rbm"]),
-        ("scene", &["identity", "control", "gaze", "rbm"]),
-        ("rbm", &["identity", "control", "gaze", "scene", "geometry"]),
-        ("gp", &["identity", "control", "gaze", "scene", "geometry", "rbm"]),
-    ] {
-        for (file, text) in sources(folder) {
-            for module in imports(&text) {
-                let wrong = never.contains(&&*module) || ROOT.contains(&&*module);
-                assert!(!wrong, "{file} imports {module}: see ARCHITECTURE.md, I1 to I5");
-            }
+fn crates_depend_on_what_they_may() {
+    for (name, may) in CRATES {
+        let manifest = std::fs::read_to_string(folder(name).join("Cargo.toml")).expect("a manifest");
+        let own =
+            manifest.split("[dependencies]").nth(1).expect("dependencies").split("\n[").next().expect("a section");
+        for line in own.lines().filter(|line| line.starts_with("foveate")) {
+            let on: String = line.chars().take_while(|c| c.is_alphanumeric() || *c == '-').collect();
+            let on = on.strip_prefix("foveate").expect("it does").trim_start_matches('-').to_owned();
+            assert!(may.contains(&&*on), "foveate-{name} depends on foveate-{on}: see ARCHITECTURE.md, I4");
         }
     }
-    for (file, text) in sources("") {
-        // Training reads a retina as configurations have it, and an experiment compares configurations; they stand
-        // around the loop. Everything in it is put together by config.rs.
-        let around = ["config", "training/", "eval/experiment.rs", "eval/line_up.rs", "lib.rs"];
-        let may = around.iter().any(|place| file.starts_with(place));
-        assert!(may || !imports(&text).contains(&"config".into()), "{file} imports config: see ARCHITECTURE.md, I4");
+    assert_eq!(
+        std::fs::read_dir(folder("").join("..")).expect("crates").count(),
+        CRATES.len(),
+        "a crate is not listed"
+    );
+}
+
+#[test]
+fn modules_import_what_they_may() {
+    const ROOT: [&str; 4] = ["config", "engine", "tracker", "step"];
+    let core = sources("core");
+    for (folder, never) in [
+        ("identity", &["control", "gaze", "multi"][..]),
+        ("gaze", &["identity", "scene", "control", "multi"]),
+        ("control", &["identity", "gaze", "multi"]),
+        ("scene", &["identity", "control", "gaze", "multi"]),
+    ] {
+        let mut count = 0;
+        for (file, text) in core.iter().filter(|(file, _)| file.starts_with(&format!("{folder}/"))) {
+            for module in imports(text) {
+                let wrong = never.contains(&&*module) || ROOT.contains(&&*module);
+                assert!(!wrong, "{file} imports {module}: see ARCHITECTURE.md, I1 to I3");
+            }
+            count += 1;
+        }
+        assert!(count > 3, "{folder} has only {count} files");
+    }
+}
+
+#[test]
+fn the_core_knows_no_files_no_clock_and_no_threads_but_rayons() {
+    for name in ["core", "gp", "kernels"] {
+        for (file, text) in sources(name) {
+            for line in code(&text).lines() {
+                for word in ["std::fs", "std::time", "std::env", "std::thread", "std::process", "std::net", "File::"] {
+                    let ours = file.starts_with("config/") && word == "File::";
+                    assert!(ours || !line.contains(word), "foveate-{name}, {file}: {line}: see ARCHITECTURE.md, I6");
+                }
+            }
+        }
     }
 }
 
 #[test]
 fn every_implementation_calls_its_law() {
-    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let read = |path: PathBuf| std::fs::read_to_string(path).expect("text");
-    let tests: Vec<String> = std::fs::read_dir(here.join("tests"))
-        .expect("this folder")
-        .map(|entry| entry.expect("readable").path())
-        .filter(|path| path.is_file() && path.file_name().is_some_and(|n| n != "architecture.rs"))
-        .filter(|path| path.extension().is_some_and(|e| e == "rs"))
-        .map(read)
+    let tests: Vec<String> = files(&folder("").join("tests"))
+        .into_iter()
+        .filter(|path| path.file_name().is_some_and(|n| n != "architecture.rs"))
+        .map(|path| std::fs::read_to_string(path).expect("text"))
         .collect();
     let mut count = 0;
-    for (file, text) in sources("") {
+    for (file, text) in sources("core") {
         for (name, law) in [
             ("Dynamics", "dynamics"),
             ("Proposal", "proposal"),
@@ -91,7 +151,7 @@ fn every_implementation_calls_its_law() {
             for line in text.lines().filter(|line| line.starts_with(&format!("impl {name} for "))) {
                 let who = line[format!("impl {name} for ").len()..].trim_end_matches([' ', '{']);
                 let call = format!("conformance::{law}(");
-                let whole = read(here.join("src").join(&file));
+                let whole = std::fs::read_to_string(folder("core").join("src").join(&file)).expect("text");
                 let called = whole.contains(&call) || tests.iter().any(|t| t.contains(&call) && t.contains(who));
                 assert!(called, "{file}: {who} must call {call}..): see ARCHITECTURE.md, I10");
                 count += 1;
@@ -102,23 +162,146 @@ fn every_implementation_calls_its_law() {
 }
 
 #[test]
-fn the_library_is_safe_and_silent() {
-    for (file, text) in sources("") {
-        let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
-        for line in code.filter(|line| !line.contains("#![forbid(unsafe_code)]")) {
-            for word in ["unsafe ", "unsafe{", "println!", "print!", "dbg!", "static mut"] {
-                assert!(!line.contains(word), "{file}: {line}: see ARCHITECTURE.md, I11");
+fn libraries_are_safe_and_silent() {
+    for (name, _) in CRATES.into_iter().filter(|(name, _)| !["kernels", "cli"].contains(name)) {
+        let sources = sources(name);
+        for (file, text) in &sources {
+            for line in code(text).lines().filter(|line| !line.contains("#![forbid(unsafe_code)]")) {
+                for word in ["unsafe ", "unsafe{", "println!", "print!", "dbg!", "static mut", "set_hook"] {
+                    assert!(!line.contains(word), "foveate-{name}, {file}: {line}: see ARCHITECTURE.md, I11");
+                }
             }
         }
+        let (_, lib) = sources.into_iter().find(|(file, _)| file == "lib.rs").expect("a library has a root");
+        assert!(lib.contains("#![forbid(unsafe_code)]"), "foveate-{name}");
     }
-    let (_, lib) = sources("").into_iter().find(|(file, _)| file == "lib.rs").expect("a library has a root");
-    assert!(lib.contains("#![forbid(unsafe_code)]"));
 }
 
 #[test]
 fn files_are_small() {
-    for (file, text) in sources("") {
-        let lines = text.lines().count();
-        assert!(lines <= 400, "{file} has {lines} lines before its tests: make two of it");
+    for (name, _) in CRATES {
+        for (file, text) in sources(name) {
+            let lines = text.lines().count();
+            assert!(lines <= 400, "foveate-{name}, {file} has {lines} lines before its tests: make two of it");
+        }
+    }
+}
+
+/// What a path after `crate::` means: the longest prefix that is a file, following `pub use` of its modules.
+fn defines<'a>(names: &'a BTreeMap<String, String>, path: &[String]) -> Option<&'a str> {
+    (1..=path.len()).rev().find_map(|n| names.get(&path[..n].join("::"))).map(String::as_str)
+}
+
+/// The paths of one `use` tree.
+fn paths(tree: &str) -> Vec<Vec<String>> {
+    let tree = tree.trim();
+    let Some(open) = tree.find('{') else {
+        let name = tree.split(" as ").next().expect("a path");
+        return vec![name.split("::").map(|s| s.trim().to_owned()).collect()];
+    };
+    let before: Vec<String> = tree[..open].split("::").map(|s| s.trim().to_owned()).filter(|s| !s.is_empty()).collect();
+    let inner = &tree[open + 1..tree.rfind('}').expect("a closing brace")];
+    let (mut depth, mut from, mut parts) = (0, 0, vec![]);
+    for (i, c) in inner.char_indices() {
+        match c {
+            '{' => depth += 1,
+            '}' => depth -= 1,
+            ',' if depth == 0 => {
+                parts.push(&inner[from..i]);
+                from = i + 1;
+            }
+            _ => (),
+        }
+    }
+    parts.push(&inner[from..]);
+    let parts = parts.into_iter().filter(|p| !p.trim().is_empty()).flat_map(paths);
+    parts.map(|p| before.iter().cloned().chain(p).collect()).collect()
+}
+
+/// An import is an edge to the file that defines what is imported; a re-export (`pub use`) is none. No edge leads back.
+#[test]
+fn no_file_imports_in_a_circle() {
+    for (name, _) in CRATES {
+        let sources = sources(name);
+        let module = |file: &str| -> Vec<String> {
+            let file = file.trim_end_matches(".rs").trim_end_matches("/mod");
+            let whole = !["lib", "main"].contains(&file);
+            file.split('/').filter(|_| whole).map(str::to_owned).collect()
+        };
+        let mut names: BTreeMap<String, String> =
+            sources.iter().map(|(file, _)| (module(file).join("::"), file.clone())).collect();
+        let absolute = |at: &[String], path: &[String]| -> Option<Vec<String>> {
+            let (mut base, mut rest) = match path[0].as_str() {
+                "crate" => (vec![], &path[1..]),
+                "self" => (at.to_vec(), &path[1..]),
+                "super" => (at.to_vec(), path),
+                _ => return None,
+            };
+            while rest.first().is_some_and(|s| s == "super") {
+                base.pop();
+                rest = &rest[1..];
+            }
+            base.extend(rest.iter().cloned());
+            Some(base)
+        };
+        let uses = |text: &str, exported: bool| -> Vec<Vec<String>> {
+            let code = code(text);
+            let statements = code.split(';').filter_map(|s| {
+                let s = s.trim_start();
+                let s =
+                    s.rsplit_once("]\n").map_or(s, |(before, after)| if before.starts_with('#') { after } else { s });
+                let (head, tree) = s.split_once("use ")?;
+                let is_export = head.starts_with("pub ") && head.trim() == "pub";
+                (head.trim().is_empty() && !exported || is_export && exported).then(|| paths(tree))
+            });
+            statements.flatten().collect()
+        };
+        // A name that a module re-exports is defined where it comes from; twice, for re-exports of re-exports.
+        for _ in 0..2 {
+            for (file, text) in &sources {
+                let at = module(file);
+                for path in uses(text, true) {
+                    let local = if path.len() > 1 && names.contains_key(&[&at[..], &path[..1]].concat().join("::")) {
+                        Some([&at[..], &path].concat())
+                    } else {
+                        absolute(&at, &path)
+                    };
+                    let Some(to) = local else { continue };
+                    if let (Some(defined), Some(last)) = (defines(&names, &to).map(str::to_owned), to.last()) {
+                        names.insert([&at[..], std::slice::from_ref(last)].concat().join("::"), defined);
+                    }
+                }
+            }
+        }
+        let mut edges: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+        for (file, text) in &sources {
+            let at = module(file);
+            for path in uses(text, false) {
+                let to = match absolute(&at, &path) {
+                    Some(to) => to,
+                    None if names.contains_key(&[&at[..], &path[..1]].concat().join("::")) => [&at[..], &path].concat(),
+                    None => continue,
+                };
+                if let Some(to) = defines(&names, &to).filter(|to| *to != file) {
+                    edges.entry(file).or_default().push(to);
+                }
+            }
+        }
+        let mut circles = vec![];
+        for start in edges.keys() {
+            let (mut seen, mut stack) = (vec![], edges[start].clone());
+            while let Some(at) = stack.pop() {
+                if at == *start {
+                    circles.push(*start);
+                    break;
+                }
+                if !seen.contains(&at) {
+                    seen.push(at);
+                    stack.extend(edges.get(at).into_iter().flatten());
+                }
+            }
+        }
+        let told: Vec<String> = circles.iter().map(|file| format!("{file} -> {}", edges[file].join(" "))).collect();
+        assert!(circles.is_empty(), "foveate-{name}: files that import in a circle:\n{}", told.join("\n"));
     }
 }

@@ -2,14 +2,15 @@
 
 mod common;
 
+use foveate::files::Folder;
 use std::path::Path;
 
 use common::{POLICIES, blueprint, natural, random_rbm};
 use foveate::config::{BUILTIN, Config};
 use foveate::geometry::BBox;
-use foveate::rbm::Metadata;
+use foveate::learn::rbm::Metadata;
 use foveate::rng::{Rng, Streams};
-use foveate::scene::{Frame, Image, Scene};
+use foveate::scene::Image;
 use rand::RngExt;
 
 const GOOD: &str = r#"seed = 1
@@ -51,7 +52,7 @@ grid = { n = 3, reach = 0.5 }
 [reward]
 kind = "variance-reduction"
 temperature = 0.3
-[vigilance]
+[consistency]
 memory = 0.3
 threshold = 0.6
 temperature = 0.25
@@ -62,28 +63,35 @@ alpha = 0.25
 spread = 0.3
 size = 0.1
 gate = 4.0
-[sighting]
+[detection_likelihood]
 place = 0.2
 size = 0.1
 outlier = 0.02
-[guide]
+[camera_motion]
 camera = 1.0
 local = 0.5
 [detector]
 kind = "saliency"
-[pace]
-rate = 0.1
-usual = 1.0
-least = 0.5
-most = 3.0
-[aspect]
-rate = 0.1
-trial = 0.1
-pull = 0.02
+[redetection]
+every = 3
+step = 0.5
+share = 0.3
+places = 20
+fit = 0.7
+spread = 0.2
+chance = 0.01
+[discriminant]
+mixing_weight = 0.5
+learning_rate = 0.1
+first_frame_weight = 0.5
+gate = 1.0
+[distractors]
+step = 0.5
+reach = 4.0
 "#;
 
 fn check(text: &str) -> foveate::Result<()> {
-    Config::parse(text, "my.toml")?.check(Path::new(".")).map(|_| ())
+    Config::parse(text, "my.toml")?.check(&Folder::here()).map(|_| ())
 }
 
 /// What is said of the good configuration with one line of a section changed.
@@ -111,7 +119,7 @@ fn mistakes_are_told_with_place_and_valid_names() {
         ("[reward]", "variance-reduction", "variance", &["line 38, column 8", "variance", "`concentration`"]),
         ("", "particles = 100", "particles = \"many\"", &["line 2, column 13", "string", "usize"]),
         ("[dynamics]", "velocity = 0.1", "velocity = true", &["line 6", "boolean", "f64"]),
-        ("[vigilance]", "0.6", "[0.6]", &["line 42, column 13", "sequence", "f64"]),
+        ("[consistency]", "0.6", "[0.6]", &["line 42, column 13", "sequence", "f64"]),
         ("", "particles = 100", "particles = 0", &["line 2, column 13", "1 to 1000000"]),
         ("", "particles = 100", "particles = -1", &["line 2, column 13", "-1"]),
         ("[resampling]", "0.5", "1.5", &["line 3, column 1", "resampling.below", "0 to 1", "1.5"]),
@@ -121,15 +129,16 @@ fn mistakes_are_told_with_place_and_valid_names() {
         ("[likelihood]", "least = 5.0", "least = 500.0", &["line 28", "likelihood.calibrate.most", "200"]),
         ("[policy.policy]", "n = 3", "n = 99", &["grid.n", "1 to 31", "99", "line"]),
         ("[reward]", "0.3", "3", &["line 37, column 1", "reward.temperature", "it is 3"]),
-        ("[vigilance]", "0.25", "-0.1", &["line 40, column 1", "vigilance.temperature", "-0.1"]),
+        ("[consistency]", "0.25", "-0.1", &["line 40, column 1", "consistency.temperature", "-0.1"]),
         ("[encoder]", "[encoder]", "[encoder", &["line 25, column"]),
         ("[proposal]", "0.25", "1.0", &["line 45, column 1", "proposal.alpha", "0 to 0.99", "it is 1"]),
         ("[proposal]", "spread", "spred", &["line 45", "spred", "`spread`"]),
-        ("[sighting]", "0.02", "0", &["line 51, column 1", "sighting.outlier", "it is 0"]),
-        ("[guide]", "local", "flow", &["line 57, column 1", "flow", "`local`"]),
+        ("[detection_likelihood]", "0.02", "0", &["line 51, column 1", "detection_likelihood.outlier", "it is 0"]),
+        ("[camera_motion]", "local", "flow", &["line 57, column 1", "flow", "`local`"]),
         ("[detector]", "saliency", "silence", &["line 59", "silence", "`saliency`"]),
-        ("[aspect]", "trial = 0.1", "trail = 0.1", &["line 67", "trail", "`trial`"]),
-        ("[pace]", "least = 0.5", "least = 2", &["line 60, column 1", "pace.least", "0.01 to 1", "it is 2"]),
+        ("[redetection]", "chance = 0.01", "chance = 0", &["line 60, column 1", "redetection.chance", "it is 0"]),
+        ("[discriminant]", "gate", "gait", &["line 72, column 1", "gait", "`gate`"]),
+        ("[distractors]", "4.0", "0.5", &["line 73, column 1", "distractors.reach", "1 to 50", "it is 0.5"]),
     ] {
         let error = error(section, from, to);
         for word in ["my.toml"].iter().chain(words) {
@@ -181,31 +190,36 @@ fn made_configurations_are_checked() {
     let refuse = |change: &dyn Fn(&mut Config), word: &str| {
         let mut config = good.clone();
         change(&mut config);
-        let error = config.check(Path::new(".")).err().expect(word).to_string();
+        let error = config.check(&Folder::here()).err().expect(word).to_string();
         assert!(error.contains(word), "{error}");
     };
     refuse(&|c| c.particles = 0, "particles");
     refuse(&|c| c.start.velocity = f64::NAN, "start.velocity");
-    refuse(&|c| c.vigilance.flat = f64::INFINITY, "vigilance.flat");
+    refuse(&|c| c.consistency.flat = f64::INFINITY, "consistency.flat");
     refuse(&|c| c.retina = None, "needs a retina");
 }
 
 #[test]
 fn every_configuration_that_ships_is_good_and_reads_back() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../configs");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../foveate-core/configs");
     let mut names = vec![];
     for entry in std::fs::read_dir(&folder).expect("configs are there") {
         let path = entry.expect("readable").path();
         if path.extension().is_some_and(|e| e == "toml") {
-            let config = Config::read(&path).expect("a good file");
+            let config = Config::read(&Folder::here(), &path).expect("a good file");
             assert_eq!(Config::parse(&config.to_toml(), "again").expect("what was written"), config);
-            config.check(&folder).map(|_| ()).expect("parts that fit");
+            config.check(&Folder::new(&folder)).map(|_| ()).expect("parts that fit");
             names.push(path.file_stem().expect("a name").to_string_lossy().into_owned());
         }
     }
     for (name, _) in BUILTIN {
-        assert!(names.contains(&(*name).into()), "{name} ships, and is in configs/");
-        Config::builtin(name).expect("it ships").expect("it is good").check(&folder).map(|_| ()).expect("it fits");
+        assert!(names.contains(&(*name).into()), "{name} ships, and is a file");
+        Config::builtin(name)
+            .expect("it ships")
+            .expect("it is good")
+            .check(&Folder::new(&folder))
+            .map(|_| ())
+            .expect("it fits");
     }
 }
 
@@ -253,26 +267,31 @@ fn damaged_saved_trackers_never_panic() {
     let picture = |name: u64| {
         let mut rng = Streams::new(name, 0).rng(1);
         let data = (0..24 * 20).map(|_| rng.random()).collect();
-        Frame { index: 0, time: 0.0, image: Image::new(24, 20, 1, data).expect("24 x 20") }
+        Image::new(24, 20, 1, data).expect("24 x 20")
     };
     let (mut taken, frames) = (0, [picture(1), picture(2)]);
     for policy in [POLICIES[2], POLICIES[4], POLICIES[6]] {
         let blueprint = blueprint(policy, false, 0.5, false, 8);
-        let mut tracker = blueprint.tracker(1, 0).expect("parts that fit");
-        tracker.start(&frames[0], BBox { x: 6.0, y: 5.0, w: 8.0, h: 7.0 }).expect("a box in the picture");
-        tracker.step(Scene { frame: &frames[1], detections: &[] });
+        let mut tracker = blueprint.tracker(1).expect("parts that fit");
+        tracker.init(&frames[0], BBox { x: 6.0, y: 5.0, w: 8.0, h: 7.0 }).expect("a box in the picture");
+        tracker.update(&frames[1]).expect("a picture of the first size");
         let saved = tracker.save().to_string().into_bytes();
         for _ in 0..2000 {
             let mut bytes = saved.clone();
             damage(&mut bytes, &mut rng, &["null", "1e308", "-1e308", "1e400", "1e-320", "99999", "[]", "-0.0", ":0,"]);
             let Ok(value) = serde_json::from_slice(&bytes) else { continue };
-            let mut fresh = blueprint.tracker(1, 0).expect("parts that fit");
-            if fresh.load(&value).is_ok() && fresh.is_started() {
-                for frame in &frames {
-                    fresh.step(Scene { frame, detections: &[] });
-                }
+            let mut fresh = blueprint.tracker(1).expect("parts that fit");
+            if fresh.load(&value).is_ok() && fresh.has_target() {
+                let went_on = frames.iter().all(|picture| match fresh.update(picture) {
+                    Ok(_) => true,
+                    Err(error) => {
+                        // The size of the pictures is one of the numbers.
+                        assert!(error.to_string().contains("the picture is 24 x 20 with 1 planes"), "{error}");
+                        false
+                    }
+                });
                 let _ = fresh.save().to_string();
-                taken += 1;
+                taken += usize::from(went_on);
             }
         }
     }
@@ -284,25 +303,31 @@ fn damaged_saved_trackers_never_panic() {
         ("log_scale", "1e308"),
         ("x", "-1e308"),
         ("vx", "1e308"),
-        ("square", "1e308"),
-        ("square", "1e4"),
-        ("aspect", "-9"),
+        ("angle", "-1e308"),
+        ("sharpness", "1e308"),
+        ("evidence", "-1e308"),
+        ("deviation", "1e308"),
+        ("shortfall", "-1e308"),
+        ("deficit", "1e308"),
+        ("settled", "10000"),
+        ("frame", "281474976710656"),
     ];
     for blueprint in [blueprint(POLICIES[0], false, 1.0, false, 8), natural(8)] {
         for (key, wrong) in numbers {
-            let mut tracker = blueprint.tracker(1, 0).expect("parts that fit");
-            tracker.start(&frames[0], BBox { x: 6.0, y: 5.0, w: 8.0, h: 7.0 }).expect("a box in the picture");
+            let mut tracker = blueprint.tracker(1).expect("parts that fit");
+            tracker.init(&frames[0], BBox { x: 6.0, y: 5.0, w: 8.0, h: 7.0 }).expect("a box in the picture");
             let text = tracker.save().to_string();
+            assert!(text.contains(&format!("\"{key}\":")), "{key} is one of the numbers");
             let all: String = (text.split(&format!("\"{key}\":")).enumerate())
                 .map(|(i, part)| match (i, part.find([',', '}'])) {
                     (0, _) | (_, None) => part.to_owned(),
                     (_, Some(end)) => format!("\"{key}\":{wrong}{}", &part[end..]),
                 })
                 .collect();
-            let mut fresh = blueprint.tracker(1, 0).expect("parts that fit");
+            let mut fresh = blueprint.tracker(1).expect("parts that fit");
             if fresh.load(&serde_json::from_str(&all).expect("JSON still")).is_ok() {
-                for frame in &frames {
-                    fresh.step(Scene { frame, detections: &[] });
+                for picture in &frames {
+                    fresh.update(picture).expect("a picture of the first size");
                 }
             }
         }
@@ -323,12 +348,12 @@ fn damaged_models_are_refused_by_name() {
     let retina = "{\"side\":28.0,\"rings\":[[8,2],[16,4]]}";
     let good = random_rbm(28, 5).to_bytes(&metadata(retina));
     put(&good);
-    config.clone().check(dir.path()).map(|_| ()).expect("a good model");
+    config.clone().check(&Folder::new(dir.path())).map(|_| ()).expect("a good model");
     for _ in 0..300 {
         let mut bytes = good.clone();
         damage(&mut bytes, &mut rng, &["null", "99"]);
         put(&bytes);
-        if let Err(error) = config.clone().check(dir.path()) {
+        if let Err(error) = config.clone().check(&Folder::new(dir.path())) {
             assert!(error.to_string().contains("m.safetensors"), "{error}");
         } else {
             assert_eq!(bytes, good, "a damaged model passed");
@@ -340,7 +365,7 @@ fn damaged_models_are_refused_by_name() {
         (random_rbm(28, 5).to_bytes(&metadata("{\"side\":28,\"rings\":[[8,0]]}")), "[8, 0]"),
     ] {
         put(&bytes);
-        let error = config.clone().check(dir.path()).err().expect(words).to_string();
+        let error = config.clone().check(&Folder::new(dir.path())).err().expect(words).to_string();
         assert!(error.contains(words), "{error}");
     }
 }

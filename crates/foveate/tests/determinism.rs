@@ -3,11 +3,12 @@
 mod common;
 
 use common::{INIT, POLICIES, blueprint, frame, natural, truth};
+use foveate::Tracker;
 use foveate::config::Blueprint;
-use foveate::observe::{Observer, Table, Trace};
-use foveate::scene::{Frame, Scene};
+use foveate::files::Folder;
+use foveate::report::{Observer, Table, Trace};
 use foveate::step::Step;
-use foveate::tracker::Tracker;
+use foveate::video::Frame;
 
 const FRAMES: usize = 14;
 /// Three whole chunks and a part of one.
@@ -19,7 +20,7 @@ fn bits(step: &Step<'_>) -> Vec<u64> {
     let mut add = |values: &[f64]| all.extend(values.iter().map(|v| v.to_bits()));
     add(&step.estimate.to_array());
     step.covariance.iter().for_each(|row| add(row));
-    add(&[step.ess, step.log_evidence, step.watch.doubt, step.watch.tempered_ess, step.percept.distance]);
+    add(&[step.ess, step.log_evidence, step.consistency.deficit, step.consistency.tempered_ess, step.percept.distance]);
     step.predicted.iter().for_each(|state| add(&state.to_array()));
     add(step.weights);
     add(step.rewards);
@@ -36,13 +37,13 @@ fn frames() -> Vec<Frame> {
 }
 
 fn started(blueprint: &Blueprint, target: u64, frames: &[Frame]) -> Tracker {
-    let mut tracker = blueprint.tracker(5, target).expect("parts that fit");
-    tracker.start(&frames[0], INIT).expect("a box in the picture");
+    let mut tracker = blueprint.tracker_of(5, target).expect("parts that fit");
+    tracker.init(&frames[0].image, INIT).expect("a box in the picture");
     tracker
 }
 
 fn go(tracker: &mut Tracker, frames: &[Frame]) -> Vec<Vec<u64>> {
-    frames.iter().map(|frame| bits(&tracker.step(Scene { frame, detections: &[] }))).collect()
+    frames.iter().map(|frame| bits(&tracker.update(&frame.image).expect("a picture of the first size").step)).collect()
 }
 
 fn alone(blueprint: &Blueprint, frames: &[Frame]) -> Vec<Vec<u64>> {
@@ -82,15 +83,14 @@ fn observers_and_other_targets_change_nothing() {
             Box::new(Table::create(folder.path().join("track.csv")).expect("a writable folder")),
             Box::new(Trace::create(folder.path().join("trace.jsonl")).expect("a writable folder")),
         ];
-        let mut other = blueprint.tracker(5, 1).expect("parts that fit");
-        other.start(&frames[0], elsewhere).expect("a box in the picture");
+        let mut other = blueprint.tracker_of(5, 1).expect("parts that fit");
+        other.init(&frames[0].image, elsewhere).expect("a box in the picture");
         let mut tracker = started(blueprint, 0, &frames);
         for (frame, plain) in frames[1..].iter().zip(&plain) {
-            let scene = Scene { frame, detections: &[] };
-            let step = tracker.step(scene);
-            observers.observe(&step).expect("room on the disk");
+            let step = tracker.update(&frame.image).expect("a picture of the first size").step;
+            observers.observe(frame, &step).expect("room on the disk");
             assert!(bits(&step) == *plain, "{name}");
-            let mut twin = bits(&other.step(scene));
+            let mut twin = bits(&other.update(&frame.image).expect("a picture of the first size").step);
             twin.truncate(plain.len());
             assert!(twin != *plain, "another target has randomness of its own");
         }
@@ -106,8 +106,8 @@ fn gazes_that_are_only_scored_change_nothing() {
         let mut plain = started(blueprint, 0, &frames);
         let mut shadowed = started(&blueprint.clone().shadowing(far), 0, &frames);
         for frame in &frames[1..] {
-            let scene = Scene { frame, detections: &[] };
-            let (a, b) = (plain.step(scene), shadowed.step(scene));
+            let [a, b] =
+                [&mut plain, &mut shadowed].map(|tracker| tracker.update(&frame.image).expect("a picture").step);
             assert!(bits(&a) == bits(&b), "{name}");
             assert_eq!((b.bbox(), b.recorded.len(), a.recorded.len()), (a.bbox(), 16, 0), "{name}");
             assert!(b.recorded.iter().all(|reward| (0.0..=1.0).contains(reward)), "{name}");
@@ -124,8 +124,7 @@ fn recorded_rewards_are_those_of_gazes_that_are_scored() {
     let mut hedge = started(&blueprint(POLICIES[3], true, 1.0, false, PARTICLES), 0, &frames);
     let fixed = blueprint(POLICIES[0], true, 1.0, false, PARTICLES).shadowing(gazes.clone());
     let mut fixed = started(&fixed, 0, &frames);
-    let scene = Scene { frame: &frames[1], detections: &[] };
-    let (a, b) = (hedge.step(scene), fixed.step(scene));
+    let [a, b] = [&mut hedge, &mut fixed].map(|tracker| tracker.update(&frames[1].image).expect("a picture").step);
     for gaze in gazes {
         let [a, b] = [&a, &b].map(|step| step.reward_of(gaze).expect("scored or recorded"));
         assert!((a - b).abs() < 1e-5, "{gaze:?}: {a} {b}");
@@ -142,9 +141,10 @@ fn a_saved_tracker_goes_on_bit_for_bit() {
             assert!(go(&mut first, &frames[1..pause]) == whole[..pause - 1], "{name}");
             let saved = first.save();
             let text = serde_json::to_string(&saved).expect("a JSON value is text");
-            let mut fresh = blueprint.tracker(5, 0).expect("parts that fit");
+            let mut fresh = blueprint.tracker(5).expect("parts that fit");
             fresh.load(&serde_json::from_str(&text).expect("JSON")).expect("what was saved fits");
             assert_eq!(fresh.save(), saved, "{name}");
+            fresh.skip(&frames[pause - 1].image); // camera motion compares pictures, and is not saved
             assert!(go(&mut fresh, &frames[pause..]) == whole[pause - 1..], "{name}, paused before frame {pause}");
         }
     });
@@ -157,12 +157,12 @@ fn particles_without_weight_survive_a_pause() {
     let mut config = blueprint(POLICIES[0], false, 0.0, false, PARTICLES).config().clone();
     config.likelihood.calibrate = None;
     config.likelihood.sharpness = Some(1e6);
-    let blueprint = config.check(std::path::Path::new(".")).expect("a good configuration");
+    let blueprint = config.check(&Folder::here()).expect("a good configuration");
     let mut tracker = started(&blueprint, 0, &frames);
     go(&mut tracker, &frames[1..5]);
     let text = tracker.save().to_string();
     assert!(text.contains("null,null"), "the test needs particles without weight");
-    let mut fresh = blueprint.tracker(5, 0).expect("parts that fit");
+    let mut fresh = blueprint.tracker(5).expect("parts that fit");
     fresh.load(&serde_json::from_str(&text).expect("JSON")).expect("what was saved fits");
     assert!(go(&mut fresh, &frames[5..]) == go(&mut tracker, &frames[5..]));
 }
@@ -175,7 +175,7 @@ fn a_target_given_again_is_followed_from_there() {
             let run = || {
                 let mut tracker = started(blueprint, 0, &frames);
                 let mut said = go(&mut tracker, &frames[1..again]);
-                tracker.start(&frames[again], truth(again)).expect("a box in the picture");
+                tracker.init(&frames[again].image, truth(again)).expect("a box in the picture");
                 said.extend(go(&mut tracker, &frames[again + 1..]));
                 (tracker, said)
             };
@@ -183,7 +183,7 @@ fn a_target_given_again_is_followed_from_there() {
             assert!(once == twice, "{name}, given again in frame {again}");
             let mut tracker = tracker;
             let end = &frames[FRAMES - 1];
-            let step = tracker.step(Scene { frame: end, detections: &[] });
+            let step = tracker.update(&end.image).expect("a picture of the first size").step;
             assert!(step.bbox().iou(&truth(FRAMES - 1)) > 0.3, "{name}: {:?} after frame {again}", step.bbox());
         }
     });
@@ -196,14 +196,15 @@ fn what_does_not_fit_is_refused() {
     let saved = started(&blueprint, 0, &frames).save();
     let refuse = |key: &str, value: serde_json::Value, words: &str| {
         let mut saved = saved.clone();
-        saved[key] = value;
-        let error = blueprint.tracker(5, 0).expect("parts that fit").load(&saved).expect_err(key).to_string();
+        *saved.pointer_mut(key).expect("it is there") = value;
+        let error = blueprint.tracker(5).expect("parts that fit").load(&saved).expect_err(key).to_string();
         assert!(error.contains(words), "{error}");
     };
-    refuse("format", 99.into(), "format is 99");
-    refuse("particles", serde_json::json!([]), "0 particles and 20 weights, this tracker has 20");
-    refuse("policy", serde_json::json!({ "gain": [1.0] }), "9 gazes");
-    refuse("appearance", serde_json::Value::Null, "without a template");
-    refuse("frame", u64::MAX.into(), "frame");
-    refuse("vigilance", "awake".into(), "vigilance");
+    refuse("/format", 99.into(), "format is 99");
+    refuse("/engine/particles", serde_json::json!([]), "0 particles and 20 weights, this tracker has 20");
+    refuse("/engine/policy", serde_json::json!({ "gain": [1.0] }), "9 gazes");
+    refuse("/engine/appearance", serde_json::Value::Null, "without a template");
+    refuse("/engine/frame", u64::MAX.into(), "frame");
+    refuse("/engine/consistency", "awake".into(), "consistency");
+    refuse("/shape", serde_json::Value::Null, "size of its pictures");
 }

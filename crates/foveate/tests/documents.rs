@@ -1,4 +1,14 @@
-//! What the documents say of the tree is true: files they name exist, and functions they name are in those files.
+//! What the documents say of the tree is true: files, functions, commands and links that they name exist, and what is made
+//! from the code is what the code says today.
+//!
+//! `FOVEATE_WRITE_DOCS=1 cargo test -p foveate --features lab --test documents` writes the generated parts anew.
+
+#[cfg(feature = "learn")]
+#[path = "documents/configuration.rs"]
+mod configuration;
+#[cfg(feature = "learn")]
+#[path = "documents/sources.rs"]
+mod sources;
 
 use std::path::{Path, PathBuf};
 
@@ -7,8 +17,32 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-fn document(name: &str) -> String {
-    std::fs::read_to_string(root().join(name)).expect("the document is in the repository")
+/// The files below a folder that end so, in order.
+fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).expect("a folder of the repository").map(|e| e.expect("readable").path());
+    let mut entries: Vec<PathBuf> = entries.collect();
+    entries.sort();
+    let below = |path: PathBuf| match path.is_dir() {
+        true => files(&path, ending),
+        false => vec![path],
+    };
+    entries.into_iter().flat_map(below).filter(|path| path.extension().is_some_and(|e| e == ending)).collect()
+}
+
+/// All documents by name, relative to the root.
+fn documents() -> Vec<(String, String)> {
+    let mut paths: Vec<PathBuf> =
+        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(|name| root().join(name)).into();
+    paths.extend(files(&root().join("docs"), "md"));
+    let crates = std::fs::read_dir(root().join("crates")).expect("crates").map(|e| e.expect("readable").path());
+    paths.extend(crates.map(|folder| folder.join("README.md")).filter(|path| path.is_file()));
+    let name = |path: &Path| path.strip_prefix(root()).expect("below the root").to_string_lossy().replace('\\', "/");
+    paths.iter().map(|path| (name(path), std::fs::read_to_string(path).expect("a document is text"))).collect()
+}
+
+/// Whether a document tells of the past: old names are right there.
+fn is_history(name: &str) -> bool {
+    name == "CHANGELOG.md" || name.starts_with("docs/lab/")
 }
 
 /// What stands between backticks, line by line; a line is a row of a table or of a paragraph.
@@ -18,14 +52,20 @@ fn code(line: &str) -> impl Iterator<Item = &str> {
 
 /// The source file that a document calls by `name`.
 fn source(name: &str) -> Option<PathBuf> {
-    let places = ["", "crates/foveate", "crates/foveate/src", "crates/foveate/tests", "crates"];
-    places.iter().map(|place| root().join(place).join(name)).find(|path| path.is_file())
+    let crates = std::fs::read_dir(root().join("crates")).expect("crates").map(|e| e.expect("readable").path());
+    let mut crates: Vec<PathBuf> = crates.collect();
+    crates.sort();
+    let sources = crates.iter().map(|folder| folder.join("src"));
+    let places: Vec<PathBuf> = sources
+        .chain([root().join("crates/foveate/tests"), root().join("crates/foveate"), root(), root().join("crates")])
+        .collect();
+    places.into_iter().map(|place| place.join(name)).find(|path| path.is_file())
 }
 
 #[test]
 fn named_files_exist() {
-    for name in ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "docs/paper.md"] {
-        for line in document(name).lines() {
+    for (name, text) in documents().into_iter().filter(|(name, _)| !is_history(name)) {
+        for line in text.lines() {
             for file in code(line).filter(|c| c.ends_with(".rs") && c.contains('/') && !c.contains([' ', '{'])) {
                 assert!(source(file).is_some(), "{name} names {file}, which is not there");
             }
@@ -37,7 +77,8 @@ fn named_files_exist() {
 #[test]
 fn functions_of_the_paper_are_where_the_table_says() {
     let mut checked = 0;
-    for line in document("docs/paper.md").lines().filter(|line| line.starts_with('|')) {
+    let paper = std::fs::read_to_string(root().join("docs/paper.md")).expect("it is there");
+    for line in paper.lines().filter(|line| line.starts_with('|')) {
         let mut file = None;
         for word in code(line) {
             if word.ends_with(".rs") {
@@ -53,4 +94,162 @@ fn functions_of_the_paper_are_where_the_table_says() {
         }
     }
     assert!(checked >= 20, "the table must be found: {checked} names checked");
+}
+
+/// A heading as links name it.
+fn anchor(heading: &str) -> String {
+    let kept = heading.trim().to_lowercase().replace(' ', "-");
+    kept.chars().filter(|c| c.is_alphanumeric() || "-_".contains(*c)).collect()
+}
+
+#[test]
+fn links_lead_somewhere() {
+    let mut checked = 0;
+    for (name, text) in documents() {
+        let folder = root().join(&name).parent().expect("a folder").to_owned();
+        let prose: Vec<&str> = text.split("```").step_by(2).collect();
+        for link in prose.iter().flat_map(|part| part.split("](").skip(1)) {
+            let link = link.split([')', ' ']).next().expect("one part");
+            if link.contains("://") {
+                continue;
+            }
+            let (path, place) = link.split_once('#').unwrap_or((link, ""));
+            let target = if path.is_empty() { root().join(&name) } else { folder.join(path) };
+            assert!(target.exists(), "{name} links to {link}, which is not there");
+            if !place.is_empty() {
+                let text = std::fs::read_to_string(&target).expect("a document");
+                let headings = text.lines().filter(|l| l.starts_with('#')).map(|l| anchor(l.trim_start_matches('#')));
+                assert!(headings.into_iter().any(|h| h == place), "{name} links to {link}: no such heading");
+            }
+            checked += 1;
+        }
+    }
+    assert!(checked >= 40, "the links must be found: {checked} checked");
+}
+
+/// What follows `foveate` where a document shows a command.
+#[test]
+fn commands_and_configurations_exist() {
+    let main = std::fs::read_to_string(root().join("crates/foveate-cli/src/main.rs")).expect("the program");
+    let commands = main.split("enum Command {").nth(1).expect("its commands").split("\n}").next().expect("one part");
+    let commands: Vec<String> = commands
+        .lines()
+        .filter_map(|l| l.trim().split_once('(').filter(|(name, _)| name.starts_with(char::is_uppercase)))
+        .map(|(name, _)| name.to_lowercase())
+        .collect();
+    assert!(commands.iter().any(|c| c == "track"), "the commands must be found: {commands:?}");
+    let mut checked = 0;
+    for (name, text) in documents().into_iter().filter(|(name, _)| !is_history(name)) {
+        let blocks = text.split("```").skip(1).step_by(2).flat_map(str::lines);
+        let shown = blocks.chain(text.lines().flat_map(code));
+        for command in shown.filter(|shown| shown.starts_with("foveate ")) {
+            let word = command.split_whitespace().nth(1).expect("a word after it");
+            let known = commands.iter().any(|c| c == word) || word == "help" || word.starts_with(['-', '.']);
+            assert!(known, "{name} shows `{command}`: there is no foveate {word}");
+            let after = |flag: &str| command.split(flag).nth(1).and_then(|rest| rest.split_whitespace().next());
+            for config in after("--config ").into_iter().chain(after(" -c ")) {
+                let given = config.chars().all(|c| c.is_uppercase()) || config.contains(['.', '|']);
+                let builtin = foveate::config::BUILTIN.iter().any(|b| b.0 == config);
+                assert!(given || builtin, "{name} shows `{command}`: no configuration is called {config}");
+            }
+            checked += 1;
+        }
+        for word in text.lines().flat_map(code).filter(|w| w.starts_with("natural-") || w.starts_with("digits-")) {
+            let plain = word.chars().all(|c| c.is_ascii_lowercase() || c == '-');
+            let builtin = foveate::config::BUILTIN.iter().any(|b| b.0 == word);
+            assert!(!plain || builtin, "{name} names the configuration `{word}`, which does not ship");
+        }
+    }
+    assert!(checked >= 20, "the commands must be found: {checked} checked");
+}
+
+/// Keys that were renamed: the changelog tells of each, and no other document has the old one as a section.
+#[test]
+fn renamed_keys_are_told() {
+    let renamed = std::fs::read_to_string(source("config/renamed.rs").expect("the table of old names")).expect("text");
+    let pairs: Vec<Vec<&str>> = renamed
+        .lines()
+        .filter(|l| l.starts_with("    (\""))
+        .map(|l| l.split('"').skip(1).step_by(2).collect())
+        .collect();
+    assert!(pairs.len() >= 15, "the table must be found: {} pairs", pairs.len());
+    for (name, text) in documents() {
+        for pair in &pairs {
+            let [old, new] = pair[..] else { panic!("a pair of names: {pair:?}") };
+            if name == "CHANGELOG.md" {
+                let told = text.lines().any(|l| {
+                    l.starts_with('|')
+                        && l.contains(&format!("`{old}`"))
+                        && (l.contains(&format!("`{new}`")) || new.is_empty())
+                });
+                assert!(told, "CHANGELOG.md: no row says that `{old}` is now `{new}`");
+            } else if !is_history(&name) {
+                assert!(!text.contains(&format!("`[{old}]`")), "{name} has [{old}], which is now called {new:?}");
+            }
+        }
+    }
+}
+
+/// Puts `content` between the marks of a block, or fails where it is not there already.
+#[cfg(any(feature = "learn", feature = "report"))]
+fn block(document: &str, name: &str, content: &str) {
+    let path = root().join(document);
+    let text = std::fs::read_to_string(&path).expect("a document");
+    let (begin, end) = (format!("<!-- generated:{name}:begin -->\n"), format!("<!-- generated:{name}:end -->"));
+    let (before, rest) = text.split_once(&begin).unwrap_or_else(|| panic!("{document} has no {begin}"));
+    let (there, after) = rest.split_once(&end).unwrap_or_else(|| panic!("{document} has no {end}"));
+    if std::env::var_os("FOVEATE_WRITE_DOCS").is_some() {
+        std::fs::write(&path, format!("{before}{begin}{content}{end}{after}")).expect("a writable document");
+        return;
+    }
+    let differs = there.lines().zip(content.lines()).find(|(a, b)| a != b);
+    assert!(
+        there == content,
+        "{document}: the block {name} is not what the code says (first difference: {differs:?}); write it anew with \
+         FOVEATE_WRITE_DOCS=1 cargo test -p foveate --features lab --test documents"
+    );
+}
+
+/// One test for all, because they share a document.
+#[cfg(feature = "learn")]
+#[test]
+fn generated_parts_are_what_the_code_says() {
+    let folders = ["core", "learn", "gp"].map(|name| root().join(format!("crates/foveate-{name}/src")));
+    let folders: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
+    block("docs/configuration.md", "configurations", &configuration::configurations(&[], 7));
+    block("docs/configuration.md", "keys", &configuration::reference(&folders));
+    let front = ["natural", "natural-fast", "multi", "multi-motion", "multi-boxes"];
+    let digits = ["digits-hedge", "digits-partial", "digits-closeup", "digits-pool"];
+    block("README.md", "configurations", &configuration::configurations(&[&front[..], &digits].concat(), 4));
+}
+
+#[cfg(feature = "report")]
+#[test]
+fn every_column_is_told() {
+    block("docs/outputs.md", "outputs", &foveate::report::columns::dictionary());
+}
+
+/// The table of dependencies names every crate that a crate of the project needs, and no other.
+#[test]
+fn dependencies_are_told() {
+    let architecture = std::fs::read_to_string(root().join("ARCHITECTURE.md")).expect("it is there");
+    let table = architecture.split("<!-- dependencies -->\n").nth(1).expect("a mark before the table");
+    let rows = table.lines().take_while(|l| l.starts_with('|')).skip(2);
+    let told: Vec<&str> = rows.flat_map(|l| l.split('|').nth(1).expect("a cell").split(',').map(str::trim)).collect();
+    let mut needed = vec![];
+    for folder in std::fs::read_dir(root().join("crates")).expect("crates").map(|e| e.expect("readable").path()) {
+        let manifest = std::fs::read_to_string(folder.join("Cargo.toml")).expect("a manifest");
+        let sections = manifest.split("\n[").filter_map(|section| section.split_once("]\n"));
+        let own = sections.filter(|(head, _)| head.ends_with("dependencies") && *head != "dev-dependencies");
+        let lines = own.flat_map(|(_, body)| body.lines());
+        for line in lines.filter(|l| l.starts_with(char::is_alphabetic) && !l.starts_with("foveate")) {
+            needed.push(line.chars().take_while(|c| c.is_alphanumeric() || "-_".contains(*c)).collect::<String>());
+        }
+    }
+    for name in &needed {
+        assert!(told.contains(&name.as_str()), "ARCHITECTURE.md does not say what {name} is for");
+    }
+    for name in told {
+        assert!(needed.iter().any(|n| n == name), "ARCHITECTURE.md names {name}, which no crate needs");
+    }
 }

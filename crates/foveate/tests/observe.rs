@@ -1,5 +1,6 @@
 //! What observers write is what the tracker said: a short real run, read back from its files.
 
+use foveate::files::Folder;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -7,9 +8,10 @@ use foveate::config::Config;
 use foveate::geometry::BBox;
 use foveate::identity::retina::FovealConfig;
 use foveate::identity::{Foveal, Retina};
-use foveate::observe::{Annotator, Boxes, Film, Observer, Report, RunInfo, Table, Trace};
-use foveate::scene::{Frame, Image, Scene};
+use foveate::report::{Annotator, Boxes, Film, Observer, Report, RunInfo, Table, Trace};
+use foveate::scene::Image;
 use foveate::step::Step;
+use foveate::video::Frame;
 use foveate::{Error, Result};
 
 const FRAMES: usize = 12;
@@ -53,16 +55,16 @@ fn info() -> RunInfo {
 }
 
 /// Runs the tracker; each step is shown to `observer` and to `look`.
-fn run(observer: &mut dyn Observer, mut look: impl FnMut(&Step<'_>)) {
-    let blueprint = Config::parse(CONFIG, "test").and_then(|c| c.check(Path::new("."))).expect("a good configuration");
-    let mut tracker = blueprint.tracker(7, 0).expect("parts that fit");
-    tracker.start(&frame(0), INIT).expect("a box in the picture");
+fn run(observer: &mut dyn Observer, mut look: impl FnMut(&Frame, &Step<'_>)) {
+    let blueprint = Config::parse(CONFIG, "test").and_then(|c| c.check(&Folder::here())).expect("a good configuration");
+    let mut tracker = blueprint.tracker(7).expect("parts that fit");
+    tracker.init(&frame(0).image, INIT).expect("a box in the picture");
     observer.start(&frame(0), &INIT).expect("room on the disk");
     for index in 1..FRAMES {
         let frame = frame(index);
-        let step = tracker.step(Scene { frame: &frame, detections: &[] });
-        observer.observe(&step).expect("room on the disk");
-        look(&step);
+        let step = tracker.update(&frame.image).expect("a picture of the first size").step;
+        observer.observe(&frame, &step).expect("room on the disk");
+        look(&frame, &step);
     }
 }
 
@@ -79,7 +81,7 @@ fn boxes_and_table_read_back() {
         Box::new(Table::create(&table).expect("a writable folder")),
     ];
     let (mut said, mut rows) = (vec![INIT], vec![]);
-    run(&mut observers, |step| {
+    run(&mut observers, |_, step| {
         said.push(step.bbox());
         let c = &step.covariance;
         rows.push((step.estimate.to_array(), c[0][1], c[5][5], step.ess, step.log_evidence, step.plan.chosen().u));
@@ -128,7 +130,7 @@ fn the_trace_holds_every_quantity_bit_for_bit() {
     let path = folder.path().join("trace.jsonl");
     let mut trace = Trace::create(&path).expect("a writable folder");
     let mut said = vec![];
-    run(&mut trace, |step| said.push((step.weights.to_vec(), step.predicted[7].to_array(), step.percept.clone())));
+    run(&mut trace, |_, step| said.push((step.weights.to_vec(), step.predicted[7].to_array(), step.percept.clone())));
     trace.finish().expect("renamed");
     let lines: Vec<serde_json::Value> =
         read(&path).lines().map(|line| serde_json::from_str(line).expect("an object a line")).collect();
@@ -143,7 +145,7 @@ fn the_trace_holds_every_quantity_bit_for_bit() {
         assert_eq!(glimpse, percept.glimpse);
         assert_eq!(line["plan"]["gazes"].as_array().map(Vec::len), Some(9));
         assert_eq!(line["rewards"].as_array().map(Vec::len), Some(9));
-        let hoped: f64 = list(&line["portrait"]["probabilities"]).iter().sum();
+        let hoped: f64 = list(&line["snapshot"]["probabilities"]).iter().sum();
         assert!((hoped - 1.0).abs() < 1e-9);
     }
 }
@@ -151,7 +153,7 @@ fn the_trace_holds_every_quantity_bit_for_bit() {
 fn report(folder: &Path) -> String {
     let path = folder.join("report.html");
     let mut report = Report::create(&path, info()).expect("a writable folder");
-    run(&mut report, |_| ());
+    run(&mut report, |_, _| ());
     report.finish().expect("renamed");
     report.finish().expect("finishing twice is finishing once");
     read(&path)
@@ -213,8 +215,8 @@ fn the_annotated_frame_shows_box_and_lost() {
     assert!(first.width().is_multiple_of(2) && first.height().is_multiple_of(2) && first.planes() == 3);
     assert_eq!(first.height(), 480, "48 rows are magnified ten times");
     let mut sizes = vec![];
-    run(&mut blank, |step| {
-        let picture = annotator.annotate(step);
+    run(&mut blank, |frame, step| {
+        let picture = annotator.annotate(frame, step);
         // The middle of the box's left edge, on the magnified frame, is the target's blue.
         let edge = step.estimate.fixate(foveate::geometry::Gaze { u: -1.0, v: 0.9, arm: None }, step.extent);
         let (x, y) = ((10.0 * (edge.x + 0.5)).round() as usize, (10.0 * (edge.y + 0.5)).round() as usize);
@@ -228,7 +230,7 @@ fn the_annotated_frame_shows_box_and_lost() {
 fn nothing_stays_where_nothing_was_finished_and_errors_name_the_file() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let mut report = Report::create(folder.path().join("report.html"), info()).expect("a writable folder");
-    run(&mut report, |_| ());
+    run(&mut report, |_, _| ());
     drop(report);
     assert_eq!(std::fs::read_dir(folder.path()).expect("readable").count(), 0);
     let nowhere = folder.path().join("no/folder");
@@ -251,7 +253,7 @@ impl Observer for Broken<'_> {
     fn start(&mut self, _: &Frame, _: &BBox) -> Result<()> {
         Ok(())
     }
-    fn observe(&mut self, _: &Step<'_>) -> Result<()> {
+    fn observe(&mut self, _: &Frame, _: &Step<'_>) -> Result<()> {
         Ok(())
     }
     fn finish(&mut self) -> Result<()> {
@@ -273,9 +275,9 @@ fn the_film_has_every_frame() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("annotated.mp4");
     let mut film = Film::create(&path, &info()).expect("a writable folder");
-    run(&mut film, |_| ());
+    run(&mut film, |_, _| ());
     film.finish().expect("written");
-    let source = foveate::scene::open(&path).expect("a video");
+    let source = foveate::video::open(&path).expect("a video");
     let frames: Vec<Frame> = source.collect::<Result<_>>().expect("every frame decodes");
     assert_eq!((frames.len(), frames[0].image.height()), (FRAMES, 480));
     assert!((frames[FRAMES - 1].time - (FRAMES - 1) as f64 / 25.0).abs() < 1e-3, "25 frames a second");

@@ -2,20 +2,21 @@
 
 mod common;
 
-use std::path::Path;
+use foveate::files::Folder;
 
 use common::{INIT, blueprint, frame, truth};
 use foveate::config::{Blueprint, Config};
-use foveate::control::{Autoregressive, Prior};
-use foveate::control::{Belief, Confidence, Resampling, VarianceReduction, Vigilance};
+use foveate::control::{Autoregressive, Belief, ConfidenceModel, ConsistencySettings, Prior, VarianceReduction};
 use foveate::gaze::{Context, Grid, Plan, Policy, Pool};
 use foveate::geometry::{Extent, Gaze, State};
-use foveate::identity::{Appearance, Expectation, Percept};
+use foveate::identity::{Appearance, Percept};
+use foveate::reference::ReferenceLikelihood;
 use foveate::rng::{Rng, Streams};
-use foveate::scene::{Frame, Image, Scene};
+use foveate::scene::{Image, Preprocessor};
 use foveate::start::StartSpread;
 use foveate::step::Step;
-use foveate::tracker::{Parts, Tracker};
+use foveate::video::Frame;
+use foveate::{Filter, GazeControl, Monitor, Parts, Tracker};
 
 const N: usize = 20_000;
 
@@ -26,7 +27,7 @@ const SD: [f64; 4] = [2.0, 3.0, 5.0, 4.0];
 const GAZES: [(f64, f64); 4] = [(-3.0, -3.0), (-3.0, 3.0), (3.0, -3.0), (3.0, 3.0)];
 
 impl Appearance for Bells {
-    fn imprint(&mut self, _: &Image, _: &State, _: Extent, _: Streams) {}
+    fn init_template(&mut self, _: &Image, _: &State, _: Extent, _: Streams) {}
     fn see(&mut self, _: &Image, _: &[State], _: &[Gaze]) {}
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
         let sd = SD[gaze.arm.expect("a gaze of a grid")];
@@ -35,8 +36,8 @@ impl Appearance for Bells {
         }
     }
     fn perceive(&mut self, _: &State, _: Gaze, _: &mut Percept) {}
-    fn expectation(&self) -> Expectation {
-        Expectation { on: 0.0, off: -10.0 }
+    fn reference(&self) -> ReferenceLikelihood {
+        ReferenceLikelihood { on: 0.0, off: -10.0 }
     }
     fn save(&self) -> serde_json::Value {
         serde_json::Value::Null
@@ -60,32 +61,19 @@ impl Policy for All {
 /// Particles that stay where they begin, normal about (50, 50) with a deviation of 4 pixels.
 fn tracker(policy: Box<dyn Policy>) -> Tracker {
     let still = Autoregressive { damping: 0.0, velocity: 0.0, position: 0.0, log_scale: 0.0, ..Default::default() };
-    let parts = Parts {
-        proposal: Box::new(Prior::new(std::sync::Arc::new(still))),
-        guide: None,
-        sighting: None,
-        policy,
-        appearance: Box::new(Bells),
-        aspect: None,
-        reward: Box::new(VarianceReduction::new(1.0).expect("a temperature")),
-        resampling: Resampling::default(),
-        vigilance: Vigilance::default(),
-        confidence: Confidence::default(),
-        rivals: None,
-        search: None,
-        start: StartSpread { position: 0.4, velocity: 0.0, ..StartSpread::default() },
-        recognizer: None,
-    };
-    Tracker::new(parts, N, 1, 0).expect("some particles")
+    let start = StartSpread { position: 0.4, velocity: 0.0, ..StartSpread::default() };
+    let filter = Filter::new(Box::new(Prior::new(std::sync::Arc::new(still))), N).expect("some particles");
+    let gaze = GazeControl::new(policy, Box::new(VarianceReduction::new(1.0).expect("a temperature")));
+    let monitor = Monitor::new(ConsistencySettings::default(), ConfidenceModel::default());
+    let parts = Parts::new(filter.starting(start), gaze, Box::new(Bells), monitor);
+    Tracker::from_parts(parts, Preprocessor::default(), 1)
 }
 
 fn first_step<T>(policy: Box<dyn Policy>, look: impl FnOnce(&Step<'_>) -> T) -> T {
     let (mut tracker, picture) = (tracker(policy), Image::grey(100, 100, 0));
-    let frame = |index| Frame { index, time: 0.0, image: picture.clone() };
     let bbox = foveate::geometry::BBox::around(50.0, 50.0, 20.0, 20.0);
-    tracker.start(&frame(0), bbox).expect("a box in the picture");
-    let frame = frame(1);
-    let step = tracker.step(Scene { frame: &frame, detections: &[] });
+    tracker.init(&picture, bbox).expect("a box in the picture");
+    let step = tracker.update(&picture).expect("a picture of the first size").step;
     look(&step)
 }
 
@@ -144,7 +132,8 @@ fn the_pool_of_normal_laws_in_closed_form() {
 #[test]
 fn equal_weights_are_the_product() {
     let bits = |step: &Step<'_>| -> Vec<u64> {
-        let numbers = step.weights.iter().chain([&step.log_evidence, &step.watch.doubt, &step.trust.p_lost]);
+        let numbers =
+            step.weights.iter().chain([&step.log_evidence, &step.consistency.deficit, &step.confidence.p_lost]);
         numbers.map(|v| v.to_bits()).collect()
     };
     let (product, pooled) = (first_step(Box::new(All(grid())), bits), first_step(pool([0.0; 4], 4.0), bits));
@@ -170,19 +159,19 @@ fn quarters() -> Blueprint {
     let text = blueprint("{ kind = \"fixed\" }", false, 0.5, false, 300).config().to_toml();
     let text = text.replace("kind = \"fixed\"\nu = 0.0\nv = 0.0\n", policy);
     let text = text.replace("side = 28.0\nrings = [[8, 1], [16, 2], [24, 4]]", "side = 24.0\nrings = [[10, 1]]");
-    Config::parse(&text, "test").and_then(|c| c.check(Path::new("."))).expect("a good configuration")
+    Config::parse(&text, "test").and_then(|c| c.check(&Folder::here())).expect("a good configuration")
 }
 
 #[test]
 fn a_covered_gaze_loses_its_weight_and_gets_it_back() {
     let blueprint = quarters();
     for seed in 0..5 {
-        let mut tracker = blueprint.tracker(seed, 0).expect("parts that fit");
-        tracker.start(&covered(0), INIT).expect("a box in the picture");
+        let mut tracker = blueprint.tracker(seed).expect("parts that fit");
+        tracker.init(&covered(0).image, INIT).expect("a box in the picture");
         let mut left = vec![];
         for index in 1..66 {
             let frame = covered(index);
-            let step = tracker.step(Scene { frame: &frame, detections: &[] });
+            let step = tracker.update(&frame.image).expect("a picture of the first size").step;
             let iou = step.bbox().iou(&truth(index));
             assert!(iou > 0.9, "seed {seed}, frame {index}: IoU {iou}");
             left.push((step.plan.weights()[0] + step.plan.weights()[1]) / step.plan.looks());

@@ -3,21 +3,24 @@
 mod common;
 
 use common::{INIT, blueprint, frame, truth};
+use foveate::Tracker;
 use foveate::config::{Blueprint, Config};
+use foveate::files::Folder;
 use foveate::geometry::BBox;
-use foveate::observe::{Clock, Observer};
-use foveate::run::{Follow, follow_with};
-use foveate::scene::synthetic::{Clutter, Drawn};
-use foveate::scene::{Detection, Digits, Flow, Frame, Image, Scene, Scout};
-use foveate::tracker::Tracker;
+use foveate::lab::Digits;
+use foveate::lab::synthetic::{Clutter, Drawn};
+use foveate::report::Observer;
+use foveate::report::run::{SingleRun, Span, follow};
+use foveate::scene::{Detection, Image, Preprocessor};
+use foveate::video::Frame;
 
 const FRAMES: usize = 20;
-const TOLD: &str = "[proposal]\nkind = \"mixture\"\nsize = 0.1\n[sighting]\n[guide]\nlocal = 0.5\n";
+const TOLD: &str = "[proposal]\nkind = \"mixture\"\nsize = 0.1\n[detection_likelihood]\n[camera_motion]\nlocal = 0.5\n";
 
 /// A configuration with some more lines.
 fn with(blueprint: &Blueprint, lines: &str) -> Blueprint {
     let text = format!("{}\n{lines}", blueprint.config().to_toml().replace("[proposal]\nkind = \"prior\"\n", ""));
-    Config::parse(&text, "test").and_then(|c| c.check(".".as_ref())).expect("a good configuration")
+    Config::parse(&text, "test").and_then(|c| c.check(&Folder::here())).expect("a good configuration")
 }
 
 fn plain() -> Blueprint {
@@ -30,61 +33,57 @@ fn detections(index: usize) -> [Detection; 2] {
     [BBox { x: there.x + 14.0, y: there.y - 6.0, w: 20.0, h: 20.0 }, there].map(|bbox| Detection { bbox, score: 1.0 })
 }
 
-fn step(tracker: &mut Tracker, flow: Option<&mut Flow>, index: usize, told: bool) -> (BBox, Vec<u64>) {
+fn step(tracker: &mut Tracker, index: usize, told: bool) -> (BBox, Vec<u64>) {
     let (frame, detections) = (frame(index, 1), detections(index));
-    if let Some(flow) = flow {
-        flow.look(&frame.image);
-        tracker.guide(flow);
-    }
-    let step = tracker.step(Scene { frame: &frame, detections: if told { &detections } else { &[] } });
+    let detections: &[Detection] = if told { &detections } else { &[] };
+    let step = tracker.update_with(&frame.image, detections).expect("a picture of the first size").step;
     let bits = step.weights.iter().chain(step.predicted.iter().map(|s| &s.x)).map(|v| v.to_bits()).collect();
     (step.bbox(), bits)
 }
 
-fn started(blueprint: &Blueprint) -> (Tracker, Flow) {
-    let (mut tracker, mut flow) = (blueprint.tracker(5, 0).expect("parts that fit"), Flow::down_to(1));
-    tracker.start(&frame(0, 1), INIT).expect("a box in the picture");
-    flow.look(&frame(0, 1).image);
-    (tracker, flow)
+fn started(blueprint: &Blueprint) -> Tracker {
+    let mut tracker = blueprint.tracker(5).expect("parts that fit");
+    tracker.init(&frame(0, 1).image, INIT).expect("a box in the picture");
+    tracker
 }
 
 #[test]
 fn a_tracker_that_is_told_nothing_is_as_without() {
-    let ((mut a, _), (mut b, _)) = (started(&plain()), started(&with(&plain(), TOLD)));
-    assert!((1..FRAMES).all(|i| step(&mut a, None, i, true) == step(&mut b, None, i, false)));
+    let parts = with(&plain(), TOLD).parts().expect("parts that fit");
+    let (mut a, mut b) = (started(&plain()), Tracker::from_parts(parts, Preprocessor::default(), 5));
+    b.init(&frame(0, 1).image, INIT).expect("a box in the picture");
+    assert!((1..FRAMES).all(|i| step(&mut a, i, true) == step(&mut b, i, false)));
 }
 
 #[test]
 fn threads_change_nothing_and_a_saved_tracker_goes_on() {
     let blueprint = with(&plain(), TOLD);
     let alone = || {
-        let (mut tracker, mut flow) = started(&blueprint);
-        (1..FRAMES).map(|i| step(&mut tracker, Some(&mut flow), i, true)).collect::<Vec<_>>()
+        let mut tracker = started(&blueprint);
+        (1..FRAMES).map(|i| step(&mut tracker, i, true)).collect::<Vec<_>>()
     };
     let pool = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("a few threads");
     let all = pool(1).install(alone);
     assert!(all == pool(4).install(alone));
     assert!(all[FRAMES - 2].0.iou(&truth(FRAMES - 1)) > 0.7, "it follows: {:?}", all[FRAMES - 2].0);
 
-    let (mut tracker, mut flow) = started(&blueprint);
-    (1..8).for_each(|i| drop(step(&mut tracker, Some(&mut flow), i, true)));
-    let mut resumed = blueprint.tracker(5, 0).expect("parts that fit");
+    let mut tracker = started(&blueprint);
+    (1..8).for_each(|i| drop(step(&mut tracker, i, true)));
+    let mut resumed = blueprint.tracker(5).expect("parts that fit");
     resumed.load(&tracker.save()).expect("it was saved");
-    // The flow needs the picture before.
-    let mut flow = Flow::down_to(1);
-    flow.look(&frame(7, 1).image);
-    assert!((8..FRAMES).all(|i| step(&mut resumed, Some(&mut flow), i, true) == all[i - 1]));
+    resumed.skip(&frame(7, 1).image); // camera motion needs the picture before
+    assert!((8..FRAMES).all(|i| step(&mut resumed, i, true) == all[i - 1]));
 }
 
 /// A detector that is wrong for good, a box away: the looks keep the track, since a detection costs log(1/outlier) at most.
 #[test]
 fn false_detections_do_not_take_the_track_away() {
-    let (mut tracker, _) = started(&with(&plain(), "[proposal]\nkind = \"mixture\"\n[sighting]\n"));
+    let mut tracker = started(&with(&plain(), "[proposal]\nkind = \"mixture\"\n[detection_likelihood]\n"));
     for i in 1..FRAMES {
         let there = truth(i);
         let bbox = BBox { x: there.x + 26.0, y: there.y + 8.0, ..there };
         let (frame, wrong) = (frame(i, 1), [Detection { bbox, score: 9.0 }]);
-        let iou = tracker.step(Scene { frame: &frame, detections: &wrong }).bbox().iou(&there);
+        let iou = tracker.update_with(&frame.image, &wrong).expect("a picture of the first size").bbox.iou(&there);
         assert!(iou > 0.6, "frame {i}: IoU {iou}");
     }
 }
@@ -95,22 +94,20 @@ fn found_after(lines: &str, seed: u64) -> Option<usize> {
     let digit = Digits::drawn(seed, 1).digit((seed % 10) as usize).to_vec();
     let [digits, natural] =
         ["digits", "natural-raw"].map(|n| Config::builtin(n).expect("it ships").expect("it is right"));
-    let base = Config { dynamics: natural.dynamics, ..digits }.check(".".as_ref()).expect("it fits");
+    let base = Config { dynamics: natural.dynamics, ..digits }.check(&Folder::here()).expect("it fits");
     let blueprint = with(&base, &format!("[detector]\nkind = \"saliency\"\n{lines}"));
-    let (mut tracker, mut scout) = (blueprint.tracker(seed, 0).expect("it fits"), blueprint.scout());
+    let mut tracker = blueprint.tracker(seed).expect("it fits");
     for index in 0..30 {
         let (x, y) = if index < 10 { (40, 40) } else { (75, 63) };
         let mut image = Image::grey(160, 120, 0);
         for (row, ink) in digit.chunks_exact(28).enumerate() {
             image.plane_mut(0)[(y + row) * 160 + x..][..28].copy_from_slice(ink);
         }
-        let frame = Frame { index, time: 0.0, image };
-        scout.look(&frame);
         if index == 0 {
-            tracker.start(&frame, BBox { x: 40.0, y: 40.0, w: 28.0, h: 28.0 }).expect("a box");
+            tracker.init(&image, BBox { x: 40.0, y: 40.0, w: 28.0, h: 28.0 }).expect("a box");
             continue;
         }
-        let (cx, cy) = tracker.step(scout.scene(&frame)).bbox().centre();
+        let (cx, cy) = tracker.update(&image).expect("a picture of the first size").bbox.centre();
         if index >= 10 && (cx - 88.5).hypot(cy - 76.5) < 4.0 {
             return Some(index - 10);
         }
@@ -136,7 +133,7 @@ fn the_runner_asks_the_detector() {
         fn start(&mut self, _: &Frame, _: &BBox) -> foveate::Result<()> {
             Ok(())
         }
-        fn observe(&mut self, step: &foveate::step::Step<'_>) -> foveate::Result<()> {
+        fn observe(&mut self, _: &Frame, step: &foveate::step::Step<'_>) -> foveate::Result<()> {
             self.0.push(step.detections.len());
             Ok(())
         }
@@ -145,25 +142,17 @@ fn the_runner_asks_the_detector() {
         }
     }
     let scene = Clutter { digit: 3, frames: 12, distractors: 2, ..Clutter::default() };
-    let run = |scout: &mut Scout, from: usize| {
+    let run = |blueprint: &Blueprint, from: usize| {
         let video = scene.video(&Digits::drawn(1, 2)).expect("a scene");
-        let (mut tracker, mut counter) = (plain().tracker(1, 0).expect("it fits"), Counter(vec![]));
-        let plan = Follow {
-            init: Some(video.truth()[from]),
-            again: &[],
-            from,
-            until: usize::MAX,
-            stop: &|| false,
-            clock: Clock::default(),
-            progress: &mut |_| {},
-        };
-        let mut source = video.source();
-        follow_with(scout, &mut source, &mut tracker, &mut counter, plan).1.expect("a whole video");
+        let (mut tracker, mut counter) = (blueprint.tracker(1).expect("it fits"), Counter(vec![]));
+        let span = Span { from, ..Span::default() };
+        let run = SingleRun { init: Some(video.truth()[from]), span, ..SingleRun::default() };
+        follow(&mut video.source(), &mut tracker, &mut counter, run).1.expect("a whole video");
         counter.0
     };
     let moving = with(&plain(), "[detector]\nkind = \"motion\"\n");
-    let found = run(&mut moving.scout(), 0);
+    let found = run(&moving, 0);
     assert!(found.len() == 11 && found[3..].iter().all(|n| *n >= 1), "{found:?}");
-    assert_eq!(run(&mut moving.scout(), 6)[..], found[6..], "it has seen what was skipped");
-    assert!(run(&mut plain().scout(), 0).iter().all(|n| *n == 0));
+    assert_eq!(run(&moving, 6)[..], found[6..], "it has seen what was skipped");
+    assert!(run(&plain(), 0).iter().all(|n| *n == 0));
 }

@@ -2,12 +2,13 @@
 
 mod common;
 
+use foveate::files::Folder;
 use std::path::Path;
 
 use common::{INIT, POLICIES, blueprint, frame, random_recogniser, recognising};
+use foveate::Tracker;
 use foveate::config::{Blueprint, Config};
-use foveate::scene::{Frame, Scene};
-use foveate::tracker::Tracker;
+use foveate::video::Frame;
 
 const RULES: [&str; 3] = ["\"sum\"", "\"count\"", "{ forgetting = { memory = 4.0 } }"];
 /// One whose class has a word in whether the target is lost.
@@ -26,14 +27,14 @@ fn frames() -> Vec<Frame> {
 }
 
 fn started(blueprint: &Blueprint, frames: &[Frame]) -> Tracker {
-    let mut tracker = blueprint.tracker(5, 0).expect("parts that fit");
-    tracker.start(&frames[0], INIT).expect("a box in the picture");
+    let mut tracker = blueprint.tracker(5).expect("parts that fit");
+    tracker.init(&frames[0].image, INIT).expect("a box in the picture");
     tracker
 }
 
 /// All numbers about classes of one step.
 fn said(tracker: &mut Tracker, frame: &Frame) -> Vec<f64> {
-    let step = tracker.step(Scene { frame, detections: &[] });
+    let step = tracker.update(&frame.image).expect("a picture of the first size").step;
     assert_eq!((step.classes.len(), step.own_classes.len()), (3, 3));
     for p in [step.classes, step.own_classes] {
         assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-9 && p.iter().all(|p| (0.0..=1.0).contains(p)), "{p:?}");
@@ -53,8 +54,7 @@ fn recognition_changes_no_bit_of_the_track() {
         let (mut a, mut b) =
             (started(&recognising(&raw(policy), &model, RULES[0], looking), &frames), started(&raw(policy), &frames));
         for frame in &frames[1..] {
-            let scene = Scene { frame, detections: &[] };
-            let (a, b) = (a.step(scene), b.step(scene));
+            let [a, b] = [&mut a, &mut b].map(|tracker| tracker.update(&frame.image).expect("a picture").step);
             assert!(a.predicted == b.predicted && a.weights == b.weights && a.ancestors == b.ancestors, "{policy}");
             assert!(a.plan == b.plan && a.rewards == b.rewards && a.percept == b.percept, "{policy}");
             assert_eq!((a.estimate, a.log_evidence), (b.estimate, b.log_evidence), "{policy}");
@@ -81,22 +81,23 @@ fn what_is_recognised_survives_a_pause_and_is_forgotten_with_the_target() {
             let mut first = started(&blueprint, &frames);
             run(&mut first, &frames[1..6]);
             let text = first.save().to_string();
-            let mut later = blueprint.tracker(5, 0).expect("parts that fit");
+            let mut later = blueprint.tracker(5).expect("parts that fit");
             later.load(&serde_json::from_str(&text).expect("JSON")).expect("what was saved fits");
             assert_eq!(run(&mut later, &frames[6..]), all[5..], "{rule} {looking}");
             // A tracker without a recogniser takes it up, and the other way round.
-            raw(POLICIES[2]).tracker(5, 0).expect("fits").load(&first.save()).expect("the same track");
+            raw(POLICIES[2]).tracker(5).expect("fits").load(&first.save()).expect("the same track");
             later.load(&started(&raw(POLICIES[2]), &frames).save()).expect("the same track");
             assert_eq!(said(&mut later, &frames[1]), all[0], "{rule} {looking}: it begins anew");
             let mut damaged = first.save();
-            damaged["recognizer"]["evidence"] = serde_json::json!([1.0]);
+            damaged["engine"]["recognizer"]["evidence"] = serde_json::json!([1.0]);
             assert!(later.load(&damaged).expect_err("one class").to_string().contains("3 classes"));
             let mut damaged = first.save();
-            assert_eq!(damaged["recognizer"].get("alarm").is_some(), looking == ALARMING);
-            damaged["recognizer"]["alarm"] = serde_json::json!({ "evidence": [0.0, 0.0, 0.0], "past": "gone" });
+            assert_eq!(damaged["engine"]["recognizer"].get("alarm").is_some(), looking == ALARMING);
+            damaged["engine"]["recognizer"]["alarm"] =
+                serde_json::json!({ "evidence": [0.0, 0.0, 0.0], "past": "gone" });
             assert_eq!(later.load(&damaged).is_err(), looking == ALARMING);
-            whole.start(&frames[0], INIT).expect("a box in the picture");
-            let again = whole.step(Scene { frame: &frames[1], detections: &[] });
+            whole.init(&frames[0].image, INIT).expect("a box in the picture");
+            let again = whole.update(&frames[1].image).expect("a picture of the first size").step;
             assert!(rule != RULES[1] || again.classes.contains(&1.0), "one frame, one vote: {:?}", again.classes);
         }
     }
@@ -110,7 +111,7 @@ fn what_does_not_fit_is_refused_by_name() {
     let base = raw(POLICIES[0]).config().to_toml();
     let refuse = |lines: &str, words: &str| {
         let text = format!("{base}\n[recogniser]\nkind = \"multi-fixation\"\n{lines}\n");
-        let made = Config::parse(&text, "test").and_then(|c| c.check(folder.path()));
+        let made = Config::parse(&text, "test").and_then(|c| c.check(&Folder::new(folder.path())));
         let error = made.err().expect(words).to_string();
         assert!(error.contains(words), "{error}");
     };
@@ -127,7 +128,7 @@ fn what_does_not_fit_is_refused_by_name() {
 
 #[test]
 fn tables_traces_and_reports_say_the_class() {
-    use foveate::observe::{Observer, Report, RunInfo, Table, Trace};
+    use foveate::report::{Observer, Report, RunInfo, Table, Trace};
     let (frames, (folder, model)) = (frames(), random_recogniser());
     let (info, at) = (RunInfo::default(), |name: &str| folder.path().join(name));
     let mut observers: Vec<Box<dyn Observer>> = vec![
@@ -139,9 +140,9 @@ fn tables_traces_and_reports_say_the_class() {
     observers.start(&frames[0], &INIT).expect("room on the disk");
     let mut said = vec![];
     for frame in &frames[1..] {
-        let step = tracker.step(Scene { frame, detections: &[] });
+        let step = tracker.update(&frame.image).expect("a picture of the first size").step;
         said.push((step.class().expect("a recogniser"), step.classes.to_vec()));
-        observers.observe(&step).expect("room on the disk");
+        observers.observe(frame, &step).expect("room on the disk");
     }
     observers.finish().expect("renamed");
     let read = |name: &str| std::fs::read_to_string(at(name)).expect("it was written");

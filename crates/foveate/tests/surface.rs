@@ -3,20 +3,21 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use foveate::control::{Autoregressive, Prior, Resampling, VarianceReduction, Vigilance};
-use foveate::gaze::{Context, Plan, Policy, Portrait, Surface};
+use foveate::control::{Autoregressive, ConfidenceModel, ConsistencySettings, Prior, VarianceReduction};
+use foveate::gaze::{Context, Plan, Policy, PolicySnapshot, Surface};
 use foveate::geometry::{BBox, Gaze};
 use foveate::identity::distance::Kind;
 use foveate::identity::encoder::Raw;
 use foveate::identity::gaze_appearance::{GazeAppearance, Sharpness};
 use foveate::identity::retina::FovealConfig;
 use foveate::identity::{Foveal, Retina};
-use foveate::observe::heat::Heat;
-use foveate::observe::{Annotator, Observer, Report, RunInfo, SurfacePicture, Trace};
+use foveate::report::heat::Heat;
+use foveate::report::{Annotator, Observer, Report, RunInfo, SurfacePicture, Trace};
 use foveate::rng::Rng;
-use foveate::scene::{Frame, Image, Scene};
+use foveate::scene::{Image, Preprocessor};
 use foveate::step::Step;
-use foveate::tracker::{Parts, Tracker};
+use foveate::video::Frame;
+use foveate::{Filter, GazeControl, Monitor, Parts, Tracker};
 use rand::RngExt;
 use serde_json::Value;
 
@@ -37,8 +38,8 @@ impl Policy for Wanderer {
     fn learn(&mut self, plan: &Plan, _: &[f64]) {
         self.looks.push(plan.chosen());
     }
-    fn portrait(&self) -> Portrait<'_> {
-        Portrait::Surface(self)
+    fn snapshot(&self) -> PolicySnapshot<'_> {
+        PolicySnapshot::Surface(self)
     }
 }
 
@@ -69,23 +70,12 @@ fn tracker() -> Tracker {
     let encoder = Arc::new(Raw::new(&channels, true));
     let appearance =
         GazeAppearance::new(retina, encoder, Kind::Cosine, Sharpness::Fixed(20.0)).expect("parts that fit");
-    let parts = Parts {
-        proposal: Box::new(Prior::new(Arc::new(Autoregressive::default()))),
-        guide: None,
-        sighting: None,
-        aspect: None,
-        policy: Box::new(Wanderer::default()),
-        appearance: Box::new(appearance),
-        reward: Box::new(VarianceReduction::new(0.3).expect("a temperature")),
-        resampling: Resampling::default(),
-        confidence: Default::default(),
-        vigilance: Vigilance::default(),
-        rivals: None,
-        search: None,
-        start: foveate::start::StartSpread::default(),
-        recognizer: None,
-    };
-    Tracker::new(parts, 80, 3, 0).expect("some particles")
+    let prior = Prior::new(Arc::new(Autoregressive::default()));
+    let filter = Filter::new(Box::new(prior), 80).expect("some particles");
+    let reward = VarianceReduction::new(0.3).expect("a temperature");
+    let gaze = GazeControl::new(Box::new(Wanderer::default()), Box::new(reward));
+    let monitor = Monitor::new(ConsistencySettings::default(), ConfidenceModel::default());
+    Tracker::from_parts(Parts::new(filter, gaze, Box::new(appearance), monitor), Preprocessor::default(), 3)
 }
 
 /// A textured patch drifts over a ramp.
@@ -105,15 +95,15 @@ fn info() -> RunInfo {
     RunInfo { source: "a/wanderer".into(), rate: 25.0, retina: Some(retina()), ..RunInfo::default() }
 }
 
-fn run(observer: &mut dyn Observer, mut look: impl FnMut(&Step<'_>)) {
+fn run(observer: &mut dyn Observer, mut look: impl FnMut(&Frame, &Step<'_>)) {
     let mut tracker = tracker();
-    tracker.start(&frame(0), INIT).expect("a box in the picture");
+    tracker.init(&frame(0).image, INIT).expect("a box in the picture");
     observer.start(&frame(0), &INIT).expect("room on the disk");
     for index in 1..FRAMES {
         let frame = frame(index);
-        let step = tracker.step(Scene { frame: &frame, detections: &[] });
-        observer.observe(&step).expect("room on the disk");
-        look(&step);
+        let step = tracker.update(&frame.image).expect("a picture of the first size").step;
+        observer.observe(&frame, &step).expect("room on the disk");
+        look(&frame, &step);
     }
     observer.finish().expect("renamed");
 }
@@ -139,15 +129,15 @@ fn the_trace_has_the_surface() {
     let (_kept, folder) = folder();
     let path = folder.join("trace.jsonl");
     let mut heats = vec![];
-    run(&mut Trace::create(&path).expect("a writable folder"), |step| {
-        let Portrait::Surface(surface) = step.portrait else { panic!("it has a surface") };
+    run(&mut Trace::create(&path).expect("a writable folder"), |_, step| {
+        let PolicySnapshot::Surface(surface) = step.snapshot else { panic!("it has a surface") };
         heats.push(Heat::of(surface, 11));
     });
     let text = read(&path);
     assert_eq!(text.lines().count(), FRAMES);
     for (line, heat) in text.lines().skip(1).zip(&heats) {
         let line: Value = serde_json::from_str(line).expect("JSON");
-        let shown = &line["portrait"];
+        let shown = &line["snapshot"];
         let mean: Vec<f64> = serde_json::from_value(shown["mean"].clone()).expect("numbers");
         assert_eq!((shown["points"].as_u64(), shown["reach"].as_f64(), &mean), (Some(11), Some(1.0), &heat.mean));
         assert_eq!((shown["best"]["u"].as_f64(), shown["best"]["v"].as_f64()), (Some(0.5), Some(-0.25)));
@@ -158,7 +148,7 @@ fn the_trace_has_the_surface() {
 fn the_report_has_a_surface_for_each_picture_and_draws_it() {
     let (_kept, folder) = folder();
     let path = folder.join("report.html");
-    run(&mut Report::create(&path, info()).expect("a writable folder"), |_| ());
+    run(&mut Report::create(&path, info()).expect("a writable folder"), |_, _| ());
     let page = read(&path);
     let data = page.split("id=\"data\">").nth(1).and_then(|rest| rest.split("</script>").next()).expect("data");
     let data: Value = serde_json::from_str(data).expect("JSON");
@@ -182,21 +172,23 @@ fn the_report_has_a_surface_for_each_picture_and_draws_it() {
         return println!("skipped: chromium is there but shows no page here");
     };
     let markup: String = body.split("<script").next().expect("the page above its scripts").into();
-    assert!(markup.contains("mean reward") && markup.contains("sd of it") && !markup.contains("script failed"));
+    assert!(
+        markup.contains("mean reward") && markup.contains("standard deviation") && !markup.contains("script failed")
+    );
 }
 
 #[test]
 fn the_picture_and_the_video_show_it() {
     let (_kept, folder) = folder();
     let path = folder.join("surface.png");
-    run(&mut SurfacePicture::create(&path, info()).expect("a writable folder"), |_| ());
-    let picture = foveate::scene::read_image(&path).expect("a picture");
+    run(&mut SurfacePicture::create(&path, info()).expect("a writable folder"), |_, _| ());
+    let picture = foveate::video::read_image(&path).expect("a picture");
     assert!(picture.width() > 900 && picture.planes() == 3, "{} wide", picture.width());
 
     let mut annotator = Annotator::new(&info());
     annotator.start(&frame(0), &INIT);
     let mut last = None;
-    run(&mut Vec::<Box<dyn Observer>>::new(), |step| last = Some(annotator.annotate(step)));
+    run(&mut Vec::<Box<dyn Observer>>::new(), |frame, step| last = Some(annotator.annotate(frame, step)));
     let last = last.expect("frames");
     // Pale yellow, the top of the ramp, is in the inset: the page has it nowhere else.
     let top = (0..last.width() * last.height()).filter(|&i| {
@@ -204,5 +196,5 @@ fn the_picture_and_the_video_show_it() {
         r > 200 && g > 180 && b < 150 && i % last.width() > 3 * last.width() / 4
     });
     assert!(top.count() > 20);
-    foveate::scene::save_png(folder.join("frame.png"), &last).expect("a writable folder");
+    foveate::video::save_png(folder.join("frame.png"), &last).expect("a writable folder");
 }

@@ -3,17 +3,16 @@
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
-use foveate::eval::trust::{self, Judged, TrustScore, Witness};
-use foveate::eval::{
-    Case, Evaluation, Row, Sequence, TrackRun, cases, curves, find_sequences, mot, run_all, score_folder, table,
-    trust_plot,
+use foveate::lab::eval::confidence::{ConfidenceScore, Judged, Recorder};
+use foveate::lab::eval::{
+    Case, Evaluation, Row, Sequence, TrackRun, cases, confidence, confidence_plot, curves, find_sequences, mot,
+    run_all, score_folder, table,
 };
-use foveate::observe::Clock;
-use foveate::run::{Follow, follow_with};
-use foveate::scene::open;
+use foveate::report::run::{SingleRun, Span, follow};
+use foveate::video::open;
 use foveate::{Error, Result, files};
 
-use super::track::{self, Profile};
+use super::configure::{Changes, Profile, config_name, read};
 
 /// Scores trackers on sequences whose true boxes are known (one-pass evaluation, as OTB does it).
 ///
@@ -49,13 +48,16 @@ pub struct Args {
     /// How much time a frame may take, where no configuration is given
     #[arg(long, value_enum, conflicts_with_all = ["config", "results", "mot"])]
     pub profile: Option<Profile>,
+    /// Change one setting of the configuration, for example particles=400; may be given several times
+    #[arg(long = "set", value_name = "KEY=VALUE", conflicts_with_all = ["results", "mot"])]
+    pub set: Vec<String>,
     /// First seed of the tracker to run
     #[arg(long, default_value_t = 1, conflicts_with = "results")]
     pub seed: u64,
     /// Number of seeds to run, counting up from --seed; mean and spread over them are reported
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000), conflicts_with = "results")]
     pub seeds: u64,
-    /// Folder for table.txt, scores.json, curves.svg (not with --mot); where the tracker is run, the tracks in foveate/, trust.txt, trust.json,
+    /// Folder for table.txt, scores.json, curves.svg (not with --mot); where the tracker is run, the tracks in foveate/, confidence.txt, confidence.json,
     /// reliability.svg and report.html: where the first seed won and lost, with pictures
     #[arg(long, value_name = "DIR", default_value = "out-eval")]
     pub out: PathBuf,
@@ -69,26 +71,19 @@ pub fn run(args: Args) -> Result<()> {
     if args.mot {
         return many(&args);
     }
-    let blueprint = track::blueprint(track::config_name(args.config.as_deref(), args.profile))?;
+    let (config, folder) = read(config_name(args.config.as_deref(), args.profile), &Changes::of(&args.set))?;
+    let blueprint = config.check(&folder)?;
     let runs: RefCell<Vec<Case>> = RefCell::new(vec![]);
     let others = evaluate(&args, &|sequence, seed| {
-        let mut tracker = blueprint.tracker(seed, 0)?;
-        let plan = Follow {
-            init: Some(sequence.init()?),
-            again: &[],
-            from: 0,
-            until: sequence.truth.len() - 1,
-            stop: &|| false,
-            clock: Clock::default(),
-            progress: &mut |_| {},
-        };
-        let mut witness = Witness::of(&sequence.truth);
-        let (mut scout, mut source) = (blueprint.scout(), open(&sequence.images)?);
-        let (outcome, result) = follow_with(&mut scout, &mut *source, &mut tracker, &mut witness, plan);
+        let mut tracker = blueprint.tracker(seed)?;
+        let span = Span { until: sequence.truth.len() - 1, ..Span::default() };
+        let run = SingleRun { init: Some(sequence.init()?), span, again: &[] };
+        let mut witness = Recorder::of(&sequence.truth);
+        let (outcome, result) = follow(&mut *open(&sequence.images)?, &mut tracker, &mut witness, run);
         result?;
         let boxes = outcome.boxes.clone();
         runs.borrow_mut().push(Case { sequence: sequence.clone(), seed, boxes, judged: witness.frames });
-        Ok(TrackRun { boxes: outcome.boxes, seconds: outcome.seconds })
+        Ok(TrackRun { boxes: outcome.boxes, seconds: outcome.frames.seconds })
     })?;
     let runs = runs.into_inner();
     if runs.is_empty() {
@@ -97,19 +92,19 @@ pub fn run(args: Args) -> Result<()> {
     let first: Vec<Case> = runs.iter().filter(|run| run.seed == args.seed).cloned().collect();
     files::write(args.out.join("report.html"), cases::page(&first, &others)?.as_bytes())?;
     let tracks: Vec<&[Judged]> = runs.iter().map(|run| run.judged.as_slice()).collect();
-    trusted(&args, &TrustScore::of(&tracks, blueprint.config().confidence.blur))
+    trusted(&args, &ConfidenceScore::of(&tracks, blueprint.config().confidence.localisation_noise))
 }
 
 /// Keeps what the tracker's own probability of being lost is worth, and prints it.
-fn trusted(args: &Args, score: &TrustScore) -> Result<()> {
-    let (out, text) = (&args.out, trust::text(score));
+fn trusted(args: &Args, score: &ConfidenceScore) -> Result<()> {
+    let (out, text) = (&args.out, confidence::text(score));
     let json = serde_json::to_string_pretty(score).map_err(|e| Error::Invalid(e.to_string()))?;
-    files::write(out.join("trust.txt"), text.as_bytes())?;
-    files::write(out.join("trust.json"), json.as_bytes())?;
-    files::write(out.join("reliability.svg"), trust_plot::plot(&[("foveate", score)]).as_bytes())?;
+    files::write(out.join("confidence.txt"), text.as_bytes())?;
+    files::write(out.join("confidence.json"), json.as_bytes())?;
+    files::write(out.join("reliability.svg"), confidence_plot::plot(&[("foveate", score)]).as_bytes())?;
     if !args.json {
         say!("\nWhat it says about being lost (IoU below 0.1, or out of sight):\n{text}");
-        say!("{}: trust.txt, trust.json, reliability.svg, report.html", out.display());
+        say!("{}: confidence.txt, confidence.json, reliability.svg, report.html", out.display());
     }
     Ok(())
 }
@@ -127,8 +122,8 @@ fn evaluate(args: &Args, run_tracker: &dyn Fn(&Sequence, u64) -> Result<TrackRun
             let (name, score) = (&row.sequence, &row.score);
             let seed = row.seed.unwrap_or_default();
             eprintln!(
-                "{name} (seed {seed}): AUC {:.3}, P@20 {:.3}, {} lost of {}",
-                score.auc, score.p20, score.lost, score.frames
+                "{name} (seed {seed}): AUC {:.3}, P@20 {:.3}, failure in {} of {} frames",
+                score.auc, score.p20, score.failures, score.frames
             );
         };
         let out = args.out.join("foveate");

@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
-use foveate::observe::draw::{Colour, Drawing};
-use foveate::scene::{Detector, Flow, Frame, Map, Motion, Saliency, ahead, open, save_png};
+use foveate::report::draw::{Colour, Drawing};
+use foveate::scene::{Detector, Flow, Map, Motion, Saliency};
+use foveate::video::{Frame, ahead, open, save_png};
 use foveate::{Error, Result};
 
 #[derive(clap::Args)]
@@ -55,7 +56,7 @@ pub fn run(args: Args) -> Result<()> {
         let frame = frame?;
         // Saliency needs one frame only: the last one that is read.
         if !matches!(args.map, Kind::Saliency) {
-            detector.detect(&frame, &mut found);
+            detector.detect(&frame.image, &mut found);
         }
         let index = frame.index;
         last = Some(frame);
@@ -75,7 +76,7 @@ pub fn run(args: Args) -> Result<()> {
         )));
     }
     if matches!(args.map, Kind::Saliency) {
-        detector.detect(&frame, &mut found);
+        detector.detect(&frame.image, &mut found);
     }
     let (width, height) = (frame.image.width(), frame.image.height());
     let mut page = Drawing::new(2 * width, height, [0; 3]);

@@ -1,11 +1,14 @@
 //! One file a command: its arguments, and what it does.
 
-pub mod bench;
+pub mod completions;
+pub mod configs;
+mod configure;
 pub mod demo;
 pub mod eval;
-pub mod experiment;
 pub mod look;
+pub mod man;
 pub mod reproduce;
+mod results;
 pub mod synth;
 pub mod track;
 pub mod train;

@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 
 use clap::{Subcommand, ValueEnum};
-use foveate::eval::find_sequences;
 use foveate::geometry::BBox;
-use foveate::observe::Mp4Writer;
-use foveate::scene::annotation::format_boxes;
-use foveate::scene::hide::{Hide, Way};
-use foveate::scene::otb::{write_folder, write_otb};
-use foveate::scene::synthetic::{Clutter, Corruption, Drawn, Ink, Multi, NOISE, Occlusion, Synthetic};
-use foveate::scene::{Digits, Frame, Split};
+use foveate::lab::eval::find_sequences;
+use foveate::lab::hide::{Hide, Way};
+use foveate::lab::synthetic::{Clutter, Corruption, Drawn, Ink, Multi, NOISE, Occlusion, Synthetic};
+use foveate::lab::{Digits, Split};
+use foveate::video::annotation::format_boxes;
+use foveate::video::otb::{write_folder, write_otb};
+use foveate::video::{Frame, Mp4Writer};
 use foveate::{Error, Result};
 
 use super::videos::of_sequence;
@@ -46,7 +46,7 @@ struct HideArgs {
     #[arg(long, value_enum)]
     way: WayArg,
     /// Fewest and most frames that it is out of sight
-    #[arg(long, value_name = "LEAST,MOST", default_value = "30,90", value_parser = super::experiment::recovery::range)]
+    #[arg(long, value_name = "LEAST,MOST", default_value = "30,90", value_parser = range)]
     hidden: (usize, usize),
     /// Same seed, same frames
     #[arg(long, default_value_t = 1)]
@@ -141,29 +141,6 @@ impl From<InkArg> for Ink {
 
 #[derive(clap::Args, Debug)]
 struct MultiArgs {
-    #[command(flatten)]
-    scene: MultiScene,
-    /// Same seed, same video
-    #[arg(long, default_value_t = 7)]
-    seed: u64,
-    /// Length of the video
-    #[arg(long, default_value_t = 300)]
-    frames: usize,
-    /// Folder to make: img1/000001.png ..., gt/gt.txt and seqinfo.ini (MOTChallenge), groundtruth_rect.1.txt ... (OTB),
-    /// truth.csv (scale, angle, visible share), scene.toml
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
-    /// Write the video to this file too, H.264 in MP4
-    #[arg(long, value_name = "FILE")]
-    video: Option<PathBuf>,
-    /// Folder with MNIST's test files (t10k-*, plain or .gz); without it the digits are drawn by a pen
-    #[arg(long, value_name = "DIR")]
-    data: Option<PathBuf>,
-}
-
-/// What a scene of many digits can be told.
-#[derive(clap::Args, Debug)]
-pub struct MultiScene {
     /// Number of moving digits, 1 to 10, of different classes
     #[arg(long, value_name = "N", default_value_t = 5)]
     targets: usize,
@@ -185,14 +162,29 @@ pub struct MultiScene {
     /// How digits cover what lies below them
     #[arg(long, value_enum, default_value_t = InkArg::Replace)]
     ink: InkArg,
+    /// Same seed, same video
+    #[arg(long, default_value_t = 7)]
+    seed: u64,
+    /// Length of the video
+    #[arg(long, default_value_t = 300)]
+    frames: usize,
+    /// Folder to make: img1/000001.png ..., gt/gt.txt and seqinfo.ini (MOTChallenge), groundtruth_rect.1.txt ... (OTB),
+    /// truth.csv (scale, angle, visible share), scene.toml
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Write the video to this file too, H.264 in MP4
+    #[arg(long, value_name = "FILE")]
+    video: Option<PathBuf>,
+    /// Folder with MNIST's test files (t10k-*, plain or .gz); without it the digits are drawn by a pen
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
 }
 
-impl MultiScene {
-    /// The settings for a seed and a length.
-    pub fn settings(&self, seed: u64, frames: usize) -> Multi {
-        let &Self { targets, scale, turn, crossings, clutter, noise, ink } = self;
-        Multi { seed, targets, frames, scale, turn, crossings, clutter, noise, ink: ink.into(), ..Multi::default() }
-    }
+fn range(text: &str) -> std::result::Result<(usize, usize), String> {
+    let parsed = text.split_once(',').and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
+    parsed.filter(|(least, most)| (1..=100_000).contains(least) && (least..=&100_000).contains(&most)).ok_or_else(
+        || format!("expected two numbers of frames such as 30,90, the first not above the second, got {text}"),
+    )
 }
 
 fn pair(text: &str) -> std::result::Result<[f64; 2], String> {
@@ -226,7 +218,9 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 fn many(args: &MultiArgs) -> Result<()> {
-    let settings = args.scene.settings(args.seed, args.frames);
+    let &MultiArgs { targets, scale, turn, crossings, clutter, noise, seed, frames, .. } = args;
+    let ink = args.ink.into();
+    let settings = Multi { seed, targets, frames, scale, turn, crossings, clutter, noise, ink, ..Multi::default() };
     let (digits, from) = digits(args.data.as_deref(), args.seed)?;
     let video = settings.video(&digits)?;
     if let Some(path) = &args.video {

@@ -1,25 +1,46 @@
 //! `foveate track`: follow a target through a video file or a folder of images.
 
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
-use foveate::config::{BUILTIN, Blueprint, Config, RecogniserConfig};
-use foveate::eval::line_up;
+use foveate::config::{Blueprint, Config, RecogniserConfig};
+use foveate::files::Folder;
 use foveate::geometry::BBox;
-use foveate::observe::{
-    Boxes, Clock, Film, Observer, RegretFiles, Report, RunInfo, Summary, SurfacePicture, Table, Trace,
-};
-use foveate::run::{Follow, Outcome, follow_with};
-use foveate::scene::{SourceInfo, ahead, annotation, motion, open};
+use foveate::lab::eval::policy_set;
+use foveate::report::SurfacePicture;
+use foveate::report::run::{SingleRun, Span, follow};
+use foveate::video::{Frame, ahead, open};
 use foveate::{Error, Result, files};
 
+use super::configure::{Changes, Profile, config_name, read};
+use super::results::Results;
 use crate::terminal;
+use init::{Frames, Init, check_again, check_box, first_box, known_truth, parse_again, parse_init};
+use outputs::{Outputs, Told, tell};
 
-mod many;
+pub mod init;
+mod multi;
+pub mod outputs;
+
+pub use outputs::run_info;
 
 /// The recogniser that ships with the program.
 pub const DIGITS: &str = "builtin:digits";
 
+/// What is said of files and of numbers in them.
+const FILES: &str = "\
+Results appear in --out together, when the run ends: whole, or not at all. A run that tracks nothing leaves the folder as it was. \
+An earlier run in it is replaced; other files in it stay. run.json lists the files of the run.
+
+Frames count from 1 everywhere. Boxes on the command line, in boxes.txt, tracks.txt and files of detections count pixels from 1, \
+as OTB and MOTChallenge do; track.csv, tracks.csv, trace.jsonl and --json count pixels from 0. A box that lies outside the picture \
+stands in boxes.txt at the nearest place where it touches the picture, and in track.csv where it is believed to be.
+
+Uncertain frames have the status occluded, or P(lost) of 0.5 or more while the status is tracking or reacquired. Lost frames have the \
+status lost.";
+
 #[derive(clap::Args)]
+#[command(after_long_help = FILES)]
 pub struct Args {
     /// A video file, or a folder of images
     source: PathBuf,
@@ -29,19 +50,23 @@ pub struct Args {
     #[arg(long, value_name = "X,Y,W,H|motion", value_parser = parse_init, allow_hyphen_values = true)]
     init: Vec<Init>,
     #[command(flatten)]
-    many: many::ManyArgs,
+    many: multi::ManyArgs,
     /// Restart on the target at a later frame (counted from 1) with a new box; may be given several times
     #[arg(long, value_name = "FRAME:X,Y,W,H", value_parser = parse_again, allow_hyphen_values = true)]
     reinit: Vec<(usize, BBox)>,
-    /// Folder for the results: boxes.txt, track.csv, trace.jsonl, annotated.mp4, report.html, surface.png
+    /// Folder for the results: boxes.txt, track.csv, annotated.mp4, report.html, surface.png, and run.json, which lists them; of
+    /// many targets tracks.txt, tracks.csv, targets.csv, annotated.mp4, report.html
     #[arg(long, short, value_name = "DIR", default_value = "out")]
     out: PathBuf,
-    /// A configuration file, or the name of one that ships with the program (natural, digits, ...); natural if left out
+    /// A configuration file, or the name of one that ships with the program (natural, digits, ...: see `foveate configs`);
+    /// natural if left out
     #[arg(long, short, value_name = "FILE|NAME")]
     config: Option<String>,
     /// How much time a frame may take, where no configuration is given
     #[arg(long, value_enum, conflicts_with = "config")]
     profile: Option<Profile>,
+    #[command(flatten)]
+    changes: Changes,
     /// Seed of all random numbers: the same seed gives the same track. Left out, the configuration's seed is taken
     #[arg(long)]
     seed: Option<u64>,
@@ -66,294 +91,183 @@ pub struct Args {
     /// recogniser
     #[arg(long, visible_alias = "recognize", value_name = "MODEL", num_args = 0..=1, default_missing_value = DIGITS)]
     recognise: Option<String>,
+    /// Write trace.jsonl too: every intermediate quantity of every frame, particles included; some 100 kB a frame
+    #[arg(long)]
+    trace: bool,
     /// Leave out annotated.mp4
     #[arg(long)]
     no_video: bool,
     /// Leave out report.html and surface.png
     #[arg(long)]
     no_report: bool,
-    /// Leave out trace.jsonl
-    #[arg(long)]
-    no_trace: bool,
 }
 
-/// Configurations for real video, by the time they take.
-#[derive(clap::ValueEnum, Clone, Copy, Debug)]
-pub enum Profile {
-    /// Thousands of frames a second: natural-fast
-    Fast,
-    /// What is taken unless told otherwise: natural
-    Balanced,
-    /// Some hundred frames a second: natural-accurate
-    Accurate,
-}
-
-/// The configuration asked for by name or by profile; `natural` unless told otherwise.
-pub fn config_name(config: Option<&str>, profile: Option<Profile>) -> &str {
-    match (config, profile) {
-        (Some(name), _) => name,
-        (None, Some(Profile::Fast)) => "natural-fast",
-        (None, Some(Profile::Accurate)) => "natural-accurate",
-        (None, Some(Profile::Balanced) | None) => "natural",
+impl Args {
+    /// What the run reads, for its results must not replace that.
+    fn inputs(&self) -> Vec<&Path> {
+        let files = [&self.load_state, &self.many.detections, &self.many.inits];
+        let model = self.recognise.iter().map(Path::new);
+        let config = self.config.iter().map(Path::new);
+        files.into_iter().flatten().map(PathBuf::as_path).chain(model).chain(config).chain([&*self.source]).collect()
     }
-}
 
-/// Where the first box comes from.
-#[derive(Clone, Copy)]
-enum Init {
-    Given(BBox),
-    /// What moved, in a box of its own size or of a given one.
-    Motion(Option<(f64, f64)>),
-}
-
-fn parse_init(text: &str) -> std::result::Result<Init, String> {
-    let Some(size) = text.strip_prefix("motion") else { return parse_box(text).map(Init::Given) };
-    let sides = size.strip_prefix(':').and_then(|s| s.split_once(','));
-    let sides = sides.and_then(|(w, h)| Some((w.trim().parse().ok()?, h.trim().parse().ok()?)));
-    match sides {
-        None if size.is_empty() => Ok(Init::Motion(None)),
-        Some((w, h)) if (1.0..1e5).contains(&w) && (1.0..1e5).contains(&h) => Ok(Init::Motion(Some((w, h)))),
-        _ => Err(format!("expected motion, or motion:w,h such as motion:28,28, got \"{text}\"")),
-    }
-}
-
-/// `x,y,w,h` counted from 1, to a box counted from 0.
-fn parse_box(text: &str) -> std::result::Result<BBox, String> {
-    let numbers: Vec<f64> = text
-        .split(',')
-        .map(|n| n.trim().parse())
-        .collect::<std::result::Result<_, _>>()
-        .map_err(|_| format!("expected four numbers x,y,w,h such as 120,80,40,60, got \"{text}\""))?;
-    match numbers[..] {
-        [x, y, w, h] if numbers.iter().all(|n| n.is_finite()) => Ok(BBox { x: x - 1.0, y: y - 1.0, w, h }),
-        _ => Err(format!("expected four finite numbers x,y,w,h such as 120,80,40,60, got \"{text}\"")),
-    }
-}
-
-fn parse_again(text: &str) -> std::result::Result<(usize, BBox), String> {
-    let (frame, bbox) = text.split_once(':').ok_or_else(|| format!("expected FRAME:x,y,w,h, got \"{text}\""))?;
-    let frame = frame.parse().ok().filter(|f| *f > 1);
-    Ok((frame.ok_or_else(|| format!("expected a frame number from 2 on, got \"{text}\""))?, parse_box(bbox)?))
-}
-
-/// A configuration by file or by name: how it is called, and what it says.
-pub fn blueprint(name: &str) -> Result<Blueprint> {
-    let path = Path::new(name);
-    if path.is_file() {
-        return Config::read(path)?.check(path.parent().unwrap_or(Path::new(".")));
-    }
-    match Config::builtin(name) {
-        Some(config) => config?.check(Path::new(".")),
-        None => Err(Error::Config(format!(
-            "there is no configuration file {name}, and none of that name ships with the program; those that do: {}",
-            BUILTIN.iter().map(|b| b.0).collect::<Vec<_>>().join(", ")
-        ))),
-    }
-}
-
-/// What is written beside boxes.txt and track.csv.
-#[derive(Clone, Copy)]
-pub struct Outputs {
-    pub video: bool,
-    pub report: bool,
-    pub trace: bool,
-}
-
-/// All that watch a run.
-type Observers = Vec<Box<dyn Observer>>;
-
-/// The observers that write a run's files into `out`, and the names of those files.
-pub fn observers(out: &Path, info: &RunInfo, outputs: Outputs) -> Result<(Observers, Vec<PathBuf>)> {
-    std::fs::create_dir_all(out).map_err(Error::io(out, "cannot create the folder for results"))?;
-    let mut names = vec![out.join("boxes.txt"), out.join("track.csv")];
-    let mut observers: Observers = vec![Box::new(Boxes::create(&names[0])?), Box::new(Table::create(&names[1])?)];
-    if outputs.trace {
-        names.push(out.join("trace.jsonl"));
-        observers.push(Box::new(Trace::create(out.join("trace.jsonl"))?));
-    }
-    if outputs.video {
-        names.push(out.join("annotated.mp4"));
-        observers.push(Box::new(Film::create(out.join("annotated.mp4"), info)?));
-    }
-    if outputs.report {
-        names.push(out.join("report.html"));
-        observers.push(Box::new(Report::create(out.join("report.html"), info.clone())?));
-        names.push(out.join("surface.png"));
-        observers.push(Box::new(SurfacePicture::create(out.join("surface.png"), info.clone())?));
-    }
-    if !info.shadow.is_empty() {
-        names.extend(["regret.csv", "regret.svg"].map(|name| out.join(name)));
-        observers.push(Box::new(RegretFiles::create(out, info.shadow.clone())?));
-    }
-    Ok((observers, names))
-}
-
-/// What is known of a run before it begins.
-pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &Blueprint, seed: u64) -> RunInfo {
-    RunInfo {
-        source: source.to_owned(),
-        reader: info.reader.clone(),
-        rate: info.rate,
-        config_name: config_name.to_owned(),
-        config_text: blueprint.config().to_toml(),
-        seed,
-        command: std::env::args().collect::<Vec<_>>().join(" "),
-        retina: Some(blueprint.retina()),
-        truth: vec![],
-        clock: Clock::default(),
-        shadow: vec![],
+    fn blueprint(&self, config: Config, folder: &Folder) -> Result<Blueprint> {
+        let blueprint = config.check(folder)?;
+        match &self.recognise {
+            Some(model) => blueprint.recognising(RecogniserConfig::of_model(model, &Folder::here()), &Folder::here()),
+            None => Ok(blueprint),
+        }
     }
 }
 
 pub fn run(args: Args) -> Result<()> {
-    let is_many = args.many.asked() || args.init.len() > 1;
+    let asked = args.many.asked() || args.init.len() > 1;
     let name = match (&args.config, args.profile) {
-        (None, None) if is_many => args.many.config(),
+        (None, None) if asked => args.many.config(),
         (config, profile) => config_name(config.as_deref(), profile),
     };
-    let mut blueprint = blueprint(name)?;
-    if let Some(model) = &args.recognise {
-        blueprint = blueprint.recognising(RecogniserConfig::of_model(model, Path::new(".")), Path::new("."))?;
+    let (config, folder) = read(name, &args.changes)?;
+    let described = args.changes.describe(name);
+    // A configuration of many targets with a detector of its own needs nothing else to begin with.
+    let begins = config.multi_target.is_some() && config.detector.is_some();
+    if asked || (begins && args.init.is_empty() && args.load_state.is_none()) {
+        return multi::run(&args, config, &folder, &described);
     }
-    let shadow = if args.regret { line_up::rivals(&blueprint.config().policy).gazes() } else { vec![] };
-    blueprint = blueprint.shadowing(shadow.clone());
+    single(&args, args.blueprint(config, &folder)?, &described)
+}
+
+fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<()> {
+    let shadow = if args.regret { policy_set::comparison_gazes(&blueprint.config().policy).gazes() } else { vec![] };
+    let blueprint = blueprint.shadowing(shadow.clone());
     let seed = args.seed.unwrap_or(blueprint.config().seed);
-    if is_many {
-        let boxes = args.init.iter().map(|init| first_box(&args, Some(*init))).collect::<Result<Vec<_>>>()?;
-        return many::run(&args, &boxes, &blueprint, name, seed);
-    }
-    let mut tracker = blueprint.tracker(seed, 0)?;
-    let mut source = ahead(open(&args.source)?);
-    let loaded = args.load_state.as_deref().map(read_state).transpose()?;
+    let mut tracker = blueprint.tracker(seed)?;
+    let source = open(&args.source)?;
+    let about = source.info().clone();
+    let loaded = args.load_state.as_deref().map(|path| SavedState::read(path, &blueprint, seed)).transpose()?;
+    let frames = Frames::new(loaded.as_ref().map_or(0, |saved| saved.next_frame), args.until, &about)?;
     let init = match &loaded {
         Some(saved) => {
             tracker.load(&saved.tracker)?;
             None
         }
-        None => Some(first_box(&args, args.init.first().copied())?),
+        None => {
+            let bbox = first_box(&args.source, args.init.first().copied())?;
+            check_box("the first box", &bbox, &about)?;
+            Some(bbox)
+        }
     };
-    let from = loaded.map_or(0, |saved| saved.next_frame);
-    let mut info = run_info(&args.source.display().to_string(), source.info(), name, &blueprint, seed);
+    let again = check_again(&args.reinit, frames, &about)?;
+    check_written(args.save_state.as_deref(), &args.out)?;
+    let mut info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
     info.truth = known_truth(&args.source);
     info.shadow = shadow;
-    let outputs = Outputs { video: !args.no_video, report: !args.no_report, trace: !args.no_trace };
-    let (mut observers, names) = observers(&args.out, &info, outputs)?;
-
+    let (video, report, trace, regret) = (!args.no_video, !args.no_report, args.trace, args.regret);
+    let surface = report && SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
+    let outputs = Outputs { video, report, surface, trace, regret };
     terminal::catch_interrupts();
-    let again: Vec<(usize, BBox)> = args.reinit.iter().map(|(frame, bbox)| (frame - 1, *bbox)).collect();
-    let bar = terminal::progress(source.info().frames, "tracking");
-    let mut next_frame = from;
-    let plan = Follow {
-        init,
-        again: &again,
-        from,
-        until: args.until.map_or(usize::MAX, |until| until as usize - 1),
-        stop: &terminal::stopping,
-        clock: info.clock.clone(),
-        progress: &mut |frame| {
-            next_frame = frame.index + 1;
-            bar.set_position(next_frame as u64);
-        },
+    let results = Results::begin(&args.out, &outputs.names(), &args.inputs())?;
+    let mut observers = outputs.observers(results.folder(), &info)?;
+    let (began, mut source) = (Instant::now(), ahead(source));
+    let bar = terminal::progress(frames.total(&about), "tracking");
+    let mut next_frame = frames.from;
+    let mut progress = |frame: &Frame| {
+        next_frame = frame.index + 1;
+        bar.set_position((next_frame - frames.from) as u64);
     };
-    let (outcome, result) = follow_with(&mut blueprint.scout(), &mut *source, &mut tracker, &mut observers, plan);
+    let (stop, clock) = (&terminal::stopping, info.clock.clone());
+    let span = Span { from: frames.from, until: frames.until, stop, clock, progress: Some(&mut progress) };
+    let run = SingleRun { init, again: &again, span };
+    let (outcome, result) = follow(&mut *source, &mut tracker, &mut observers, run);
     bar.finish_and_clear();
-    if let (Some(path), true) = (&args.save_state, outcome.frames > 0) {
-        let saved = SavedState { next_frame, tracker: tracker.save() };
-        let text = serde_json::to_string(&saved).map_err(|e| Error::Invalid(e.to_string()))?;
-        files::write(path, text.as_bytes())?;
+    drop(observers);
+    let whole = result.is_ok() && !outcome.frames.stopped;
+    let tracked = outcome.tracked > 0 || (whole && outcome.frames.count > 0);
+    let kept = results.keep_if(tracked);
+    let saved = match &args.save_state {
+        Some(path) if tracked => SavedState::write(path, &blueprint, seed, next_frame, tracker.save()),
+        _ => Ok(()),
+    };
+    let files = kept.as_ref().map_or(&[][..], Vec::as_slice);
+    let error = [result.as_ref().err(), kept.as_ref().err(), saved.as_ref().err()].into_iter().flatten().next();
+    let error = error.map(ToString::to_string);
+    let (source, out, total) = (&*args.source, &*args.out, began.elapsed());
+    tell(&outcome, &Told { source, out, seed, json: args.json, files, total, error });
+    note_unreached(&again, next_frame, whole);
+    ended(out, tracked, result.and(kept.map(drop)).and(saved), outcome.frames.stopped)
+}
+
+/// Says what became of a run that did not go well, and ends the program where it was asked to stop.
+fn ended(out: &Path, tracked: bool, result: Result<()>, stopped: bool) -> Result<()> {
+    if !tracked {
+        eprintln!("foveate: nothing was tracked; {} was left as it was", out.display());
     }
-    report(&args, &outcome, seed, names, &result);
     result?;
-    if outcome.stopped {
+    if stopped {
         std::process::exit(130);
     }
     Ok(())
 }
 
-/// A tracker in mid-video, as a file.
+/// Boxes given again in frames that the video turned out not to have: nobody could know before.
+fn note_unreached(again: &[(usize, BBox)], next_frame: usize, whole: bool) {
+    for (frame, _) in again.iter().filter(|(frame, _)| whole && *frame >= next_frame) {
+        eprintln!("foveate: --reinit {}: the video ended at frame {next_frame}; this box was not used", frame + 1);
+    }
+}
+
+/// Refuses a file to be written at the end, where its folder is not there; that of the results will be.
+fn check_written(path: Option<&Path>, out: &Path) -> Result<()> {
+    let Some(path) = path else { return Ok(()) };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if path.is_dir() {
+        return Err(Error::malformed(path, "expected a file to write to, found a folder; give another name"));
+    }
+    if folder.is_dir() || folder == out {
+        return Ok(());
+    }
+    Err(Error::malformed(path, format!("there is no folder {} to write it to; make it first", folder.display())))
+}
+
+/// A tracker in mid-video, as a file, and what it was made of.
 #[derive(serde::Serialize, serde::Deserialize)]
 struct SavedState {
     next_frame: usize,
+    seed: u64,
+    config: String,
     tracker: serde_json::Value,
 }
 
-fn read_state(path: &Path) -> Result<SavedState> {
-    let text = std::fs::read_to_string(path).map_err(Error::io(path, "cannot read the saved state"))?;
-    serde_json::from_str(&text)
-        .map_err(|e| Error::malformed(path, format!("not a state written by --save-state: {e}; write it again")))
-}
+impl SavedState {
+    fn write(
+        path: &Path,
+        blueprint: &Blueprint,
+        seed: u64,
+        next_frame: usize,
+        tracker: serde_json::Value,
+    ) -> Result<()> {
+        let saved = Self { next_frame, seed, config: blueprint.config().to_toml(), tracker };
+        let text = serde_json::to_string(&saved).map_err(|e| Error::Invalid(e.to_string()))?;
+        files::write(path, text.as_bytes())
+    }
 
-/// The truth, where the source has one, for the report to compare with; it never reaches the tracker.
-fn known_truth(source: &Path) -> Vec<BBox> {
-    let truth = annotation::read_truth(source.join("groundtruth_rect.txt")).unwrap_or_default();
-    truth.into_iter().map_while(|bbox| bbox).collect()
-}
-
-/// The given box, or the first one of groundtruth_rect.txt.
-fn first_box(args: &Args, init: Option<Init>) -> Result<BBox> {
-    match init {
-        Some(Init::Given(bbox)) => return Ok(bbox),
-        Some(Init::Motion(size)) => return moving(args, size),
-        None => {}
+    /// Fails where it was saved with another configuration or seed.
+    fn read(path: &Path, blueprint: &Blueprint, seed: u64) -> Result<Self> {
+        let text = std::fs::read_to_string(path).map_err(Error::io(path, "cannot read the saved state"))?;
+        let saved: Self = serde_json::from_str(&text)
+            .map_err(|e| Error::malformed(path, format!("not a state written by --save-state: {e}; write it again")))?;
+        if saved.seed != seed {
+            let problem =
+                format!("it was saved with the seed {}, this run has {seed}; give --seed {}", saved.seed, saved.seed);
+            return Err(Error::malformed(path, problem));
+        }
+        let ours = blueprint.config().to_toml();
+        if saved.config != ours {
+            let differs =
+                saved.config.lines().find(|line| !ours.lines().any(|l| l == *line)).unwrap_or("fewer settings");
+            let problem = format!("it was saved with another configuration, which has `{differs}`");
+            let todo = "give the same --config, --policy, --set and --recognise";
+            return Err(Error::malformed(path, format!("{problem}; {todo}")));
+        }
+        Ok(saved)
     }
-    let truth = args.source.join("groundtruth_rect.txt");
-    if !truth.is_file() {
-        return Err(Error::Invalid(format!(
-            "{}: no box to start from; give --init x,y,w,h (left, top, width, height in pixels, counted from 1)",
-            args.source.display()
-        )));
-    }
-    annotation::read_truth(&truth)?
-        .first()
-        .copied()
-        .flatten()
-        .ok_or_else(|| Error::malformed(&truth, "its first line has no box; give --init x,y,w,h"))
-}
-
-/// The box of what moves between the first two frames.
-fn moving(args: &Args, size: Option<(f64, f64)>) -> Result<BBox> {
-    let mut frames = open(&args.source)?.take(2);
-    let pair = (frames.next().transpose()?, frames.next().transpose()?);
-    let found = match pair {
-        (Some(a), Some(b)) => motion::first_box(&a.image, &b.image, size),
-        _ => None,
-    };
-    found.ok_or_else(|| {
-        let source = args.source.display();
-        Error::Invalid(format!("{source}: nothing moves between the first two frames; give --init x,y,w,h"))
-    })
-}
-
-fn report(args: &Args, outcome: &Outcome, seed: u64, outputs: Vec<PathBuf>, result: &Result<()>) {
-    let seconds = outcome.tracking.as_secs_f64();
-    let fps = Summary::rate(outcome.frames, seconds);
-    let bbox = outcome.boxes.last().copied();
-    if args.json {
-        let summary = Summary {
-            source: args.source.display().to_string(),
-            frames: outcome.frames,
-            seconds,
-            fps,
-            lost_frames: outcome.lost,
-            bbox,
-            class: outcome.class,
-            class_name: outcome.class_name.clone(),
-            seed,
-            outputs,
-            error: result.as_ref().err().map(ToString::to_string),
-        };
-        say!("{}", summary.to_json());
-        return;
-    }
-    let lost = if outcome.lost == 0 { "never lost".into() } else { format!("lost on {} of them", outcome.lost) };
-    say!("{} frames tracked, {lost}; {fps:.0} frames a second in the tracker.", outcome.frames);
-    if let Some(b) = bbox {
-        say!("Last box: {:.1},{:.1},{:.1},{:.1} (x,y,w,h, counted from 1).", b.x + 1.0, b.y + 1.0, b.w, b.h);
-    }
-    if let Some((class, p)) = outcome.class {
-        let name = outcome.class_name.clone().unwrap_or_else(|| format!("class {class}"));
-        say!("Recognised as {name}, with probability {p:.3}.");
-    }
-    let names: Vec<String> = outputs.iter().filter_map(|o| o.file_name()).map(|n| n.to_string_lossy().into()).collect();
-    say!("{}: {}", args.out.display(), names.join(", "));
 }

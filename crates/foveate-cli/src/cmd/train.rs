@@ -1,15 +1,16 @@
 //! `foveate train`: learns the features of the identity pathway from glimpses; here RBMs, in the folder the others.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Subcommand, ValueEnum};
 use foveate::Result;
 use foveate::identity::retina::{FovealConfig, Retina};
-use foveate::rbm::likelihood::{ais, mean_log_likelihood};
-use foveate::rbm::monitor::Fit;
-use foveate::rbm::{Negative, Rbm, Recipe, Sparsity, Trainer, Visible};
+use foveate::lab::training;
+use foveate::lab::training::filters;
+use foveate::learn::rbm::likelihood::{ais, mean_log_likelihood};
+use foveate::learn::rbm::monitor::Fit;
+use foveate::learn::rbm::{Negative, Rbm, Recipe, Sparsity, Trainer, Visible};
 use foveate::rows::Rows;
-use foveate::training::{self, filters};
 
 mod autoencoder;
 mod classifier;
@@ -18,9 +19,6 @@ mod confidence;
 mod fixations;
 mod kmeans;
 mod mcrbm;
-
-/// Rows that are monitored after every epoch, of those learned from and of those held out.
-const MONITORED: usize = 500;
 
 /// Learn a model.
 #[derive(clap::Args)]
@@ -237,49 +235,34 @@ fn train(args: &RbmArgs) -> Result<()> {
     let counts = [args.glimpses, args.held_out];
     let glimpses = common::Glimpses::look(retina, (set, &args.data), counts, recipe.visible, args.seed)?;
 
-    let trainer = files.begin(
+    let mut trainer = files.begin(
         Trainer::progress,
         |path| Trainer::resume(path, recipe.clone(), glimpses.rows(), &glimpses.sha256),
         || Trainer::new(recipe.clone(), glimpses.rows()),
     )?;
-    let mut training = RbmTraining { trainer, glimpses: &glimpses, checkpoint: &files.checkpoint };
-    common::train(&mut training)?;
+    common::train(
+        (recipe.epochs, trainer.batches(glimpses.rows().len())),
+        &mut trainer,
+        Trainer::progress,
+        |trainer| {
+            trainer.step(glimpses.rows());
+            Ok(())
+        },
+        |trainer| trainer.save(&files.checkpoint, &glimpses.sha256),
+        |trainer| {
+            let learned = trainer.learned();
+            let [fit, held] = glimpses.monitored().map(|rows| Fit::of(&learned, rows));
+            Ok(epoch_line(&fit, &held))
+        },
+    )?;
 
-    let (rbm, retina) = (training.trainer.learned(), &glimpses.retina);
+    let (rbm, retina) = (trainer.learned(), &glimpses.retina);
     let command = args.command(retina.config(), &recipe);
     rbm.save(files.model, &glimpses.metadata(command, recipe.seed, recipe.epochs))?;
     if args.ais {
         print_likelihood(&rbm, glimpses.rows(), glimpses.held(), args.seed)?;
     }
     files.finish(Some(&filters::picture(rbm.weights(), retina.cells(), 400)?))
-}
-
-struct RbmTraining<'a> {
-    trainer: Trainer,
-    glimpses: &'a common::Glimpses,
-    checkpoint: &'a Path,
-}
-
-impl common::Training for RbmTraining<'_> {
-    fn step(&mut self) -> Result<()> {
-        self.trainer.step(self.glimpses.rows());
-        Ok(())
-    }
-    fn progress(&self) -> (usize, usize) {
-        self.trainer.progress()
-    }
-    fn whole(&self) -> (usize, usize) {
-        (self.trainer.recipe().epochs, self.trainer.batches(self.glimpses.rows().len()))
-    }
-    fn save(&self) -> Result<()> {
-        self.trainer.save(self.checkpoint, &self.glimpses.sha256)
-    }
-    fn line(&mut self) -> Result<String> {
-        let learned = self.trainer.learned();
-        let some = |rows: Rows<'_>| rows.data().len().min(MONITORED * rows.width());
-        let fit = |rows: Rows<'_>| Fit::of(&learned, Rows::new(&rows.data()[..some(rows)], rows.width()));
-        Ok(epoch_line(&fit(self.glimpses.rows()), &fit(self.glimpses.held())))
-    }
 }
 
 /// Learned from, then held out in brackets.

@@ -1,9 +1,11 @@
 //! Videos with truth of which any frame can be had: sequences in memory, and drawn scenes.
 
-use foveate::eval::Sequence;
 use foveate::geometry::BBox;
-use foveate::scene::synthetic::Synthetic;
-use foveate::scene::{Digits, Image, open};
+use foveate::lab::Digits;
+use foveate::lab::eval::Sequence;
+use foveate::lab::synthetic::Synthetic;
+use foveate::scene::Image;
+use foveate::video::open;
 use foveate::{Error, Result};
 
 /// A video, and where its target is.

@@ -1,18 +1,18 @@
 //! What the tests of the whole tracker share: small videos and trackers of every kind.
 #![allow(dead_code, reason = "each test file uses a part")]
 
-use std::path::Path;
+use foveate::files::Folder;
 use std::sync::Arc;
 
 use foveate::config::{Blueprint, Config};
-use foveate::control::{Aspect, Pace};
 use foveate::geometry::BBox;
-use foveate::identity::encoder::RbmEncoder;
+use foveate::identity::rbm_encoder::RbmEncoder;
 use foveate::identity::retina::FovealConfig;
 use foveate::identity::{Foveal, Retina};
-use foveate::rbm::{Rbm, Visible};
+use foveate::learn::rbm::{Rbm, Visible};
 use foveate::rng::Streams;
-use foveate::scene::{Frame, Image};
+use foveate::scene::Image;
+use foveate::video::Frame;
 use rand::RngExt;
 
 /// Where the target of [`frame`] is in frame 0.
@@ -64,7 +64,7 @@ pub fn blueprint(policy: &str, rbm: bool, below: f64, colour: bool, particles: u
          likelihood = {{ distance = \"{distance}\", calibrate = {{ nats = 12, least = 5, most = 500 }} }}\n\
          policy = {policy}\n"
     );
-    let raw = Config::parse(&text, "test").and_then(|c| c.check(Path::new("."))).expect("a good configuration");
+    let raw = Config::parse(&text, "test").and_then(|c| c.check(&Folder::here())).expect("a good configuration");
     if !rbm {
         return raw;
     }
@@ -74,12 +74,10 @@ pub fn blueprint(policy: &str, rbm: bool, below: f64, colour: bool, particles: u
     raw.with(Arc::new(retina), Arc::new(RbmEncoder::new(random_rbm(channels.len(), 100), &channels)))
 }
 
-/// The configuration for real video, of fewer particles, and with noise and a shape that adapt.
+/// The configuration for real video, of fewer particles.
 pub fn natural(particles: usize) -> Blueprint {
     let config = Config::builtin("natural").expect("it ships").expect("it is right");
-    Config { particles, pace: Some(Pace::default()), aspect: Some(Aspect::default()), ..config }
-        .check(Path::new("."))
-        .expect("a good configuration")
+    Config { particles, ..config }.check(&Folder::here()).expect("a good configuration")
 }
 
 /// A Gaussian machine of random weights: some units are on, some off, at any glimpse.
@@ -93,7 +91,7 @@ pub fn random_rbm(n_v: usize, n_h: usize) -> Rbm {
 /// A model file of a small multi-fixation RBM with three classes, of random weights, that reads the glimpses of a foveal
 /// retina; in a folder that goes when it is dropped.
 pub fn random_recogniser() -> (tempfile::TempDir, String) {
-    use foveate::rbm::fixations::{About, Code, Cost, Places, Recipe, Sequences, Trainer};
+    use foveate::learn::rbm::fixations::{About, Code, Cost, Places, Recipe, Sequences, Trainer};
     use foveate::rows::Rows;
     let retina = Foveal::new(FovealConfig { side: 28.0, rings: vec![[8, 2], [16, 4]], colour: vec![] });
     let n_v = retina.expect("whole cells").glimpse_len();
@@ -107,9 +105,9 @@ pub fn random_recogniser() -> (tempfile::TempDir, String) {
     while !trainer.is_done() {
         trainer.epoch(data);
     }
-    let metadata = foveate::rbm::Metadata {
+    let metadata = foveate::learn::rbm::Metadata {
         retina: "{\"side\":28.0,\"rings\":[[8,2],[16,4]]}".into(),
-        ..foveate::rbm::Metadata::default()
+        ..foveate::learn::rbm::Metadata::default()
     };
     let about = About { metadata, first_layer: String::new(), temperature: 1.0 };
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -126,5 +124,5 @@ pub fn recognising(blueprint: &Blueprint, weights: &str, accumulate: &str, polic
         blueprint.config().to_toml()
     );
     let text = if policy.is_empty() { text } else { format!("{text}{}\n", &policy[2..]) };
-    Config::parse(&text, "test").and_then(|c| c.check(Path::new("."))).expect("a good configuration")
+    Config::parse(&text, "test").and_then(|c| c.check(&Folder::here())).expect("a good configuration")
 }

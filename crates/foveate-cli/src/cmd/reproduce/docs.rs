@@ -15,7 +15,7 @@ pub const FILLED: [&str; 2] = ["README.md", "docs/why.md"];
 pub fn stored(root: &Path) -> Result<Vec<Results>> {
     let mut all = vec![];
     for (name, _) in EXPERIMENTS {
-        let path = root.join("experiments/results").join(format!("{name}.json"));
+        let path = root.join("crates/foveate-cli/experiments/results").join(format!("{name}.json"));
         if path.is_file() {
             let text = std::fs::read_to_string(&path).map_err(Error::io(&path, "cannot read the results"))?;
             all.push(Results::read(&text, &path.display().to_string())?);
@@ -26,7 +26,7 @@ pub fn stored(root: &Path) -> Result<Vec<Results>> {
 
 /// Puts results into a checkout, and writes its documents anew.
 pub fn write(root: &Path, fresh: &[&Results]) -> Result<()> {
-    let folder = root.join("experiments/results");
+    let folder = root.join("crates/foveate-cli/experiments/results");
     if !root.join("docs").is_dir() || !folder.is_dir() {
         return Err(Error::Invalid(format!(
             "{}: expected a checkout of the project, with docs/ and experiments/results/, for --write-docs",

@@ -5,8 +5,9 @@
 
 use foveate::{Error, Result};
 
-use super::crowd;
-use super::plan::{Group, Measure};
+use super::line::Group;
+use super::multi_table;
+use super::plan::Measure;
 use super::results::{Line, Results};
 
 /// docs/results.md.
@@ -14,7 +15,7 @@ pub fn document(all: &[Results]) -> String {
     let mut out = String::from(
         "# Results\n\nWritten by `foveate reproduce all --data data --write-docs .`; what is changed here by hand is lost.\n\n",
     );
-    out += &ground(all);
+    out += &conditions(all);
     out += "\n\n## The paper beside ours\n\n";
     out += &summary(all);
     for results in all {
@@ -31,11 +32,11 @@ pub fn document(all: &[Results]) -> String {
 }
 
 /// What the figures are of.
-fn ground(all: &[Results]) -> String {
+fn conditions(all: &[Results]) -> String {
     let Some(first) = all.first() else { return "Nothing was run.".into() };
     format!(
-        "{}, {} frames a video. Means over videos, with 95 % bootstrap intervals in brackets. Lost: the last 20 frames are more than 15 px\n\
-         off on average. Differences are taken video by video. Random numbers are named by seed: the same command gives the same figures.",
+        "{}, {} frames a video. Means over videos, with 95 % bootstrap intervals in brackets. Off at end: the last 20 frames are more than\n\
+         15 px off on average. Differences are taken video by video. Random numbers are named by seed: the same command gives the same figures.",
         first.digits_from, first.frames
     )
 }
@@ -43,7 +44,7 @@ fn ground(all: &[Results]) -> String {
 /// The paper's rows beside the same rows of ours, with each group of settings.
 pub fn summary(all: &[Results]) -> String {
     let mut out = String::from(
-        "| table | policy | the paper | as recommended | median | lost | authors' parameters | as printed |\n\
+        "| table | policy | the paper | as recommended | median | off at end | authors' parameters | as printed |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- |\n",
     );
     for results in all.iter().filter(|r| !r.paper.is_empty()) {
@@ -66,7 +67,7 @@ pub fn summary(all: &[Results]) -> String {
                 ours.tally.interval[0],
                 ours.tally.interval[1],
                 ours.tally.median,
-                100.0 * ours.tally.lost,
+                100.0 * ours.tally.off_at_end,
                 short(Group::Authors, row),
                 short(Group::Printed, row),
             );
@@ -83,14 +84,14 @@ fn unit(results: &Results) -> &'static str {
 }
 
 fn short(line: &Line, unit: &str) -> String {
-    format!("{:.2} {unit}, {:.0} % lost", line.tally.mean, 100.0 * line.tally.lost)
+    format!("{:.2} {unit}, {:.0} % off at end", line.tally.mean, 100.0 * line.tally.off_at_end)
 }
 
-/// One table for each scene: means, medians, lost, differences; which settings a line has, where they differ. Or that of
+/// One table for each scene: means, medians, videos off at end, differences; which settings a line has, where they differ. Or that of
 /// many targets.
 pub fn table(results: &Results) -> String {
-    if !results.crowd.is_empty() {
-        return crowd::markdown(&results.crowd);
+    if !results.multi.is_empty() {
+        return multi_table::markdown(&results.multi);
     }
     let unit = unit(results);
     let mixed = results.lines.iter().any(|l| l.group != Group::Recommended);
@@ -98,7 +99,7 @@ pub fn table(results: &Results) -> String {
     let mut out = String::new();
     for scene in results.scenes() {
         out += &format!(
-            "{scene}, {} videos a line:\n\n|{} line | mean {unit} | median {unit} | lost | difference | from |\n|{} --- | --- | --- | --- | --- | --- |\n",
+            "{scene}, {} videos a line:\n\n|{} line | mean {unit} | median {unit} | off at end | difference | from |\n|{} --- | --- | --- | --- | --- | --- |\n",
             results.lines.iter().find(|l| l.scene == scene).map_or(0, |l| l.tally.videos),
             settings("settings"),
             settings("---"),
@@ -117,7 +118,7 @@ pub fn table(results: &Results) -> String {
                 t.interval[0],
                 t.interval[1],
                 t.median,
-                100.0 * t.lost,
+                100.0 * t.off_at_end,
             );
         }
         out += "\n";
@@ -184,15 +185,17 @@ mod tests {
     use super::super::docs;
     use super::*;
 
-    /// README.md and the documents say what the stored results say. After a change of results:
-    /// `foveate reproduce all --write-docs .`
+    /// README.md and the documents say what the stored results say; with `FOVEATE_WRITE_DOCS` set, they are written anew.
     #[test]
     fn documents_agree_with_the_results() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        if std::env::var_os("FOVEATE_WRITE_DOCS").is_some() {
+            docs::write(&root, &[]).expect("a checkout");
+        }
         let all = docs::stored(&root).expect("results are readable");
         assert!(all.iter().any(|r| r.experiment == "table1"), "results are kept in experiments/results");
         let read = |name: &str| std::fs::read_to_string(root.join(name)).expect("a document");
-        let again = "write it anew: foveate reproduce all --write-docs .";
+        let again = "write it anew: FOVEATE_WRITE_DOCS=1 cargo test -p foveate-cli documents_agree";
         assert!(read("docs/results.md") == document(&all), "docs/results.md is not of the stored results; {again}");
         for name in docs::FILLED {
             let filled = fill(&read(name), name, &all).expect(name);

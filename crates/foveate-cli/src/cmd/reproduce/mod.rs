@@ -1,38 +1,49 @@
-//! `foveate reproduce`: the paper's tables and figures beside ours, on one page.
+//! `foveate reproduce`: the paper's tables and figures beside ours, and experiments of one's own, on one page.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use foveate::scene::Digits;
 use foveate::{Error, Result, files};
 
-use self::page::{Content, Section};
+use self::output::{Content, Section};
 use self::plan::{EXPERIMENTS, Experiment, Kind};
 use self::results::Results;
-use super::experiment::runner::{Store, digits};
+use self::runner::Store;
+use self::seeds::Seeds;
+use self::setup::Setup;
 use crate::terminal;
 
-mod crowd;
+mod curve;
 mod docs;
 mod figures;
+mod line;
 mod markdown;
+mod multi;
+mod multi_table;
+mod output;
 mod page;
 mod peers;
 mod plan;
+mod recovery;
 mod results;
+mod runner;
+mod seeds;
+mod setup;
+mod surfaces;
 mod table;
 
 /// The paper's tables and figures beside ours: runs what is not done yet, and writes one page.
 ///
-/// WHAT is all, tables, figures, why (what had to change, each thing on its own), or names such as table1, fig-digits,
-/// why-reward. DIR gets index.html, which needs nothing else, NAME.json and NAME.csv of each table, and the pictures.
-/// Finished runs are kept in DIR/runs: the same command goes on where it was stopped or killed, and results do not
-/// depend on the number of threads. It fails where a figure is outside of its expected range.
+/// NAME is all, tables, figures, why (what had to change, each thing on its own), an experiment such as table1, closeup,
+/// fig-digits, why-reward, recovery, or a TOML file as experiments/NAME/experiment.toml are. DIR gets index.html, which needs
+/// nothing else, NAME.json, NAME.csv of each table, NAME.txt of some figures, and the pictures. Finished runs are kept in
+/// DIR/runs: the same command goes on where it was stopped or killed, and results do not depend on the number of threads.
+/// It fails where a figure is outside of its expected range.
 #[derive(clap::Args)]
 pub struct Args {
     /// What to run
-    #[arg(value_name = "WHAT", default_value = "all")]
-    what: Vec<String>,
+    #[arg(value_name = "NAME", default_value = "all")]
+    names: Vec<String>,
     /// Folder with MNIST's test files in it or in mnist/, and sequences in tracking/ [default: $FOVEATE_DATA or data;
     /// without MNIST the digits are drawn by a pen]
     #[arg(long, value_name = "DIR")]
@@ -40,9 +51,12 @@ pub struct Args {
     /// Folder for the page, the results and the finished runs
     #[arg(long, short, value_name = "DIR", default_value = "out/reproduce")]
     out: PathBuf,
-    /// Videos of each digit [default: what the experiment says, 10 for the paper's tables]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=10_000))]
-    seeds: Option<u64>,
+    /// Seeds of videos and trackers: their number, or a range such as 11..=20 [default: what the experiment says]
+    #[arg(long, value_name = "N|A..=B")]
+    seeds: Option<Seeds>,
+    /// Change a setting of every configuration, such as particles=400; may be repeated
+    #[arg(long, value_name = "KEY=VALUE", allow_hyphen_values = true)]
+    set: Vec<String>,
     /// A small variant of everything, to see whether it works: a minute or two
     #[arg(long)]
     quick: bool,
@@ -56,20 +70,8 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     peer: Vec<PathBuf>,
     /// Put the tables into a checkout of the project: experiments/results, docs and README.md
-    #[arg(long, value_name = "CHECKOUT", conflicts_with_all = ["quick", "shard"])]
+    #[arg(long, value_name = "CHECKOUT", conflicts_with_all = ["quick", "shard", "set"])]
     write_docs: Option<PathBuf>,
-}
-
-/// What the experiments are run on.
-pub struct Ground {
-    digits: Digits,
-    /// What the digits are.
-    from: String,
-    /// Whether they are MNIST's.
-    mnist: bool,
-    data: PathBuf,
-    store: Store,
-    quick: bool,
 }
 
 fn parse_shard(text: &str) -> std::result::Result<(u32, u32), String> {
@@ -80,69 +82,62 @@ fn parse_shard(text: &str) -> std::result::Result<(u32, u32), String> {
     }
 }
 
-/// The experiments that are asked for, each once, in the order of the page.
-fn chosen(what: &[String]) -> Result<Vec<Experiment>> {
-    let mut wanted: Vec<&str> = vec![];
-    for word in what {
-        let such = |prefix: &'static str| EXPERIMENTS.iter().map(|e| e.0).filter(move |name| name.starts_with(prefix));
-        match word.as_str() {
-            "all" => wanted.extend(such("")),
-            "tables" => wanted.extend(such("table")),
-            "figures" => wanted.extend(such("fig-")),
-            "why" => wanted.extend(such("why-")),
-            name => wanted.push(Experiment::builtin(name).map(|_| name)?),
-        }
+/// The experiments that are asked for, each once: those of the program in the order of the page, then files.
+fn chosen(names: &[String]) -> Result<Vec<Experiment>> {
+    let such = |name: &str, word: &str| match word {
+        "all" => true,
+        "tables" => name.starts_with("table"),
+        "figures" => name.starts_with("fig-"),
+        "why" => name.starts_with("why-"),
+        _ => name == word,
+    };
+    let ours = EXPERIMENTS.iter().map(|e| e.0);
+    let mut wanted: Vec<&str> = ours.filter(|name| names.iter().any(|word| such(name, word))).collect();
+    for word in names.iter().filter(|word| !EXPERIMENTS.iter().any(|e| such(e.0, word))) {
+        wanted.push(word);
     }
-    EXPERIMENTS.iter().filter(|e| wanted.contains(&e.0)).map(|e| Experiment::builtin(e.0)).collect()
+    wanted.into_iter().map(Experiment::named).collect()
 }
 
 pub fn run(args: Args) -> Result<()> {
     let began = Instant::now();
-    let mut experiments = chosen(&args.what)?;
+    let mut experiments = chosen(&args.names)?;
     for experiment in &mut experiments {
         if args.quick {
             experiment.make_quick();
         }
         experiment.seeds = args.seeds.unwrap_or(experiment.seeds);
     }
-    let ground = ground(&args)?;
+    let others = args.merge.iter().map(|dir| dir.join("runs")).collect();
+    let store = Store { others, shard: args.shard, ..Store::of(&args.out) };
+    let setup = Setup::of(args.data, store, args.out)?;
+    let setup = Setup { settings: args.set, quick: args.quick, ..setup };
     let peers = peers::read(&args.peer)?;
     let (mut sections, mut missing) = (vec![], 0);
     for (i, experiment) in experiments.iter().enumerate() {
         eprintln!("{} of {}: {}", i + 1, experiments.len(), experiment.title);
-        let content = match content(experiment, &ground, &args)? {
-            _ if terminal::stopping() => {
-                say!("stopped at {}; the same command goes on from there", experiment.name);
-                std::process::exit(130);
-            }
-            Some(content) => content,
-            None => {
-                missing += 1;
-                continue;
-            }
+        let content = content(experiment, &setup)?;
+        if terminal::stopping() {
+            say!("stopped at {}; the same command goes on from there", experiment.name);
+            std::process::exit(130);
+        }
+        let Some(mut content) = content else {
+            missing += 1;
+            continue;
         };
-        let content = match content {
-            Content::Table(mut table) => {
-                for line in peers::lines(&peers, experiment) {
-                    table.results.lines.push(line);
-                    table.speeds.push(None);
-                }
-                write_table(&args.out, &table.results)?;
-                figures::write(&table.pictures, &args.out)?;
-                Content::Table(table)
-            }
-            Content::Figure(shown) => {
-                shown.write(&args.out, &experiment.name)?;
-                Content::Figure(shown)
-            }
-        };
+        if let Content::Table(table) = &mut content {
+            table.results.lines.extend(peers::lines(&peers, experiment));
+            table.speeds.resize(table.results.lines.len().max(table.speeds.len()), None);
+        }
         let (title, about) = (experiment.title.clone(), experiment.about.trim().to_owned());
-        sections.push(Section { name: experiment.name.clone(), title, about, content });
+        let section = Section { name: experiment.name.clone(), title, about, content };
+        section.write(&setup.out)?;
+        sections.push(section);
     }
-    if args.shard.is_some() {
+    if setup.store.shard.is_some() {
         say!(
             "{}: this part is done. Put all parts together by the same command without --shard and with",
-            args.out.display()
+            setup.out.display()
         );
         say!("--merge DIR for each part's folder.");
         return Ok(());
@@ -150,51 +145,42 @@ pub fn run(args: Args) -> Result<()> {
     if missing > 0 {
         return Err(Error::Invalid(format!("{missing} experiments have no results")));
     }
-    let path = args.out.join("index.html");
-    files::write(&path, page::html(&sections, &ground.from, began.elapsed()).as_bytes())?;
+    let path = setup.out.join("index.html");
+    files::write(&path, page::html(&sections, &setup.from, began.elapsed()).as_bytes())?;
     let tables: Vec<&Results> = sections.iter().filter_map(Section::results).collect();
     if let Some(root) = &args.write_docs {
         docs::write(root, &tables)?;
     }
-    report(&path, &tables, began)
-}
-
-fn ground(args: &Args) -> Result<Ground> {
-    let data = args.data.clone().or_else(|| std::env::var_os("FOVEATE_DATA").map(PathBuf::from));
-    let (digits, from) = digits(args.data.as_deref())?;
-    let mnist = from.starts_with("MNIST");
-    let others = args.merge.iter().map(|dir| dir.join("runs")).collect();
-    let store = Store { others, shard: args.shard, ..Store::of(&args.out) };
-    if let Some(absent) = store.others.iter().find(|folder| !folder.is_dir()) {
-        return Err(Error::Invalid(format!(
-            "{}: no finished runs here; --merge takes what was given as --out",
-            absent.display()
-        )));
-    }
-    Ok(Ground { digits, from, mnist, data: data.unwrap_or_else(|| "data".into()), store, quick: args.quick })
+    report(&path, &sections, began)
 }
 
 /// Runs an experiment. `None` where runs are missing: those of another shard, or it was asked to stop. Figures that take
 /// seconds are no part of a shard.
-fn content(experiment: &Experiment, ground: &Ground, args: &Args) -> Result<Option<Content>> {
+fn content(experiment: &Experiment, setup: &Setup) -> Result<Option<Content>> {
+    let table = |table| Content::Table(Box::new(table));
     Ok(match experiment.kind {
-        Kind::Table => table::table(experiment, ground)?.map(Box::new).map(Content::Table),
-        Kind::Crowd => crowd::crowd(experiment, ground, &args.out)?.map(Box::new).map(Content::Table),
-        Kind::Digits => figures::digits(experiment, ground)?.map(Content::Figure),
-        _ if args.shard.is_some() => None,
-        Kind::Policy => Some(Content::Figure(figures::policy(experiment, ground)?)),
-        Kind::Face => Some(Content::Figure(figures::face(experiment, ground, &args.out)?)),
+        Kind::Table => table::table(experiment, setup)?.map(table),
+        Kind::Multi => multi::multi(experiment, setup)?.map(table),
+        Kind::Digits => surfaces::surfaces(experiment, setup)?.map(Content::Figure),
+        Kind::Curve => curve::curve(experiment, setup)?.map(Content::Figure),
+        Kind::Recovery => recovery::recovery(experiment, setup)?.map(Content::Figure),
+        _ if setup.store.shard.is_some() => None,
+        Kind::Policy => Some(Content::Figure(figures::policy(experiment, setup)?)),
+        Kind::Face => Some(Content::Figure(figures::face(experiment, setup)?)),
     })
 }
 
-fn write_table(out: &Path, results: &Results) -> Result<()> {
-    files::write(out.join(format!("{}.json", results.experiment)), results.json()?.as_bytes())?;
-    files::write(out.join(format!("{}.csv", results.experiment)), results.csv().as_bytes())
-}
-
-/// Says what came out; fails where an expectation is not met.
-fn report(path: &Path, tables: &[&Results], began: Instant) -> Result<()> {
-    let checks: Vec<_> = tables.iter().flat_map(|results| &results.checks).collect();
+/// Prints what came out; fails where an expectation is not met.
+fn report(path: &Path, sections: &[Section], began: Instant) -> Result<()> {
+    for section in sections {
+        if let Content::Figure(figure) = &section.content {
+            figure.missing.iter().for_each(|what| say!("{}, not shown: {what}", section.title));
+            if !figure.text.is_empty() {
+                say!("{}\n\n{}", section.title, figure.text);
+            }
+        }
+    }
+    let checks: Vec<_> = sections.iter().filter_map(Section::results).flat_map(|results| &results.checks).collect();
     checks.iter().for_each(|check| say!("{}", check.text()));
     say!("{} ({:.1} min)", path.display(), began.elapsed().as_secs_f64() / 60.0);
     match checks.iter().filter(|check| !check.met && !check.goal).count() {

@@ -1,38 +1,17 @@
 //! index.html: one page with everything in it, to read offline.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use foveate::eval::tally;
+use foveate::lab::eval::tally;
 
-use super::crowd;
-use super::figures::{Picture, Shown};
-use super::plan::{Group, Measure};
+use super::line::Group;
+use super::multi_table;
+use super::output::{Content, Picture, Section, Table};
+use super::plan::Measure;
 use super::results::{Line, Results};
-use super::table::Table;
-
-/// One experiment on the page.
-pub struct Section {
-    pub name: String,
-    pub title: String,
-    pub about: String,
-    pub content: Content,
-}
-
-pub enum Content {
-    Table(Box<Table>),
-    Figure(Shown),
-}
-
-impl Section {
-    pub fn results(&self) -> Option<&Results> {
-        match &self.content {
-            Content::Table(table) => Some(&table.results),
-            Content::Figure(_) => None,
-        }
-    }
-}
 
 const STYLE: &str = "\
 :root{color-scheme:light}body{font:15px/1.5 system-ui,sans-serif;color:#1a1e22;background:#fff;max-width:1200px;margin:0 auto;padding:1.5rem}
@@ -42,7 +21,7 @@ p{max-width:75ch;margin:.4rem 0}.soft{color:#5f6870}nav a{margin-right:1rem;whit
 th,td{padding:.22rem .5rem;text-align:right;white-space:nowrap;border-bottom:1px solid #e3e6e9}th{background:#f4f6f7}
 th:first-child,td:first-child{text-align:left;position:sticky;left:0;background:#fff}th:first-child{background:#f4f6f7}
 tr.group td{background:#f4f6f7;font-weight:600;text-align:left}tr.paper td{background:#fff8e6}
-small{color:#5f6870;display:block;line-height:1.1}figure{margin:1rem 0}figure img{max-width:100%;border:1px solid #e3e6e9}
+pre{font-size:12px;overflow-x:auto}small{color:#5f6870;display:block;line-height:1.1}figure{margin:1rem 0}figure img{max-width:100%;border:1px solid #e3e6e9}
 figcaption{color:#5f6870;font-size:13px}.met:before{content:'\\2713 ';color:#00734f}.missed:before{content:'\\2717 ';color:#b33c00}
 .missed{font-weight:600}ul{padding-left:1.2rem}";
 
@@ -52,11 +31,8 @@ fn escaped(text: &str) -> String {
 
 /// The whole page.
 pub fn html(sections: &[Section], digits: &str, took: Duration) -> String {
-    let links: String = sections
-        .iter()
-        .map(|s| format!("<a href=\"#{}\">{}</a>", s.name, escaped(&s.name)))
-        .collect::<Vec<_>>()
-        .join(" ");
+    let links: String =
+        sections.iter().map(|s| format!("<a href=\"#{0}\">{0}</a>", escaped(&s.name))).collect::<Vec<_>>().join(" ");
     let checks = sections.iter().filter_map(Section::results).flat_map(|r| r.checks.iter().map(move |c| (r, c)));
     let check = |(results, check): (&Results, &super::results::Check)| {
         let class = if check.met { "met" } else { "missed" };
@@ -80,38 +56,43 @@ pub fn html(sections: &[Section], digits: &str, took: Duration) -> String {
 
 fn section(section: &Section) -> String {
     let body = match &section.content {
-        Content::Table(table) if !table.results.crowd.is_empty() => crowd_table(table) + &pictures(&table.pictures),
+        Content::Table(table) if !table.results.multi.is_empty() => multi(table) + &pictures(&table.pictures),
         Content::Table(table) => tables(table),
-        Content::Figure(shown) => {
-            let missing: String = shown.missing.iter().map(|m| format!("<p>Not shown: {}</p>", escaped(m))).collect();
-            missing + &pictures(&shown.pictures)
+        Content::Figure(figure) => {
+            let missing: String = figure.missing.iter().map(|m| format!("<p>Not shown: {}</p>", escaped(m))).collect();
+            let text = Some(&figure.text).filter(|text| !text.is_empty());
+            missing
+                + &text.map_or(String::new(), |t| format!("<pre>{}</pre>", escaped(t)))
+                + &pictures(&figure.pictures)
         }
     };
-    format!("<h2 id=\"{}\">{}</h2><p>{}</p>{body}", section.name, escaped(&section.title), escaped(&section.about))
+    let [name, title, about] = [&section.name, &section.title, &section.about].map(|text| escaped(text));
+    format!("<h2 id=\"{name}\">{title}</h2><p>{about}</p>{body}")
 }
 
 fn pictures(all: &[Picture]) -> String {
     all.iter().map(|p| picture(&p.file, &p.caption, &p.bytes)).collect()
 }
 
-fn crowd_table(table: &Table) -> String {
-    let Results { seeds, frames, digits_from, crowd, .. } = &table.results;
+fn multi(table: &Table) -> String {
+    let Results { first_seed, seeds, frames, digits_from, multi, .. } = &table.results;
     let cells = |kind: &str, cells: &mut dyn Iterator<Item = &str>| -> String {
         cells.map(|cell| format!("<{kind}>{}</{kind}>", escaped(cell))).collect()
     };
-    let rows: String = (crowd.iter().zip(&table.speeds))
+    let rows: String = (multi.iter().zip(&table.speeds))
         .map(|(line, speed)| {
             let speed = speed.map_or(String::new(), |s| format!("{s:.0}"));
-            let all = line.cells();
+            let all = multi_table::cells(line);
             let row = cells("td", &mut all.iter().map(String::as_str).chain([speed.as_str()]));
             format!("<tr>{row}</tr>")
         })
         .collect();
     format!(
-        "<p class=\"soft\">Seeds 1 to {seeds}, {frames} frames; {}. {}</p><div class=\"wide\"><table><tr>{}</tr>{rows}</table></div>",
+        "<p class=\"soft\">Seeds {first_seed} to {}, {frames} frames; {}. {}</p><div class=\"wide\"><table><tr>{}</tr>{rows}</table></div>",
+        first_seed + (seeds - 1),
         escaped(digits_from),
-        escaped(crowd::LEGEND),
-        cells("th", &mut crowd::HEADS.into_iter().chain(["frames/s"]))
+        escaped(multi_table::LEGEND),
+        cells("th", &mut multi_table::HEADS.into_iter().chain(["frames/s"]))
     )
 }
 
@@ -126,7 +107,7 @@ fn picture(file: &str, caption: &str, bytes: &[u8]) -> String {
 fn tables(table: &Table) -> String {
     let results = &table.results;
     let mut out = format!(
-        "<p class=\"soft\">Digits {}, {} videos of each, {} frames; {}. Bold: the best mean of a column among lines with these settings.</p>",
+        "<p class=\"soft\">Digits {}, {} videos of each, {} frames; {}. Off at end: the last 20 frames are more than 15 px off on average. Bold: the best mean of a column among lines with these settings.</p>",
         results.digits.iter().map(u8::to_string).collect::<Vec<_>>().join(", "),
         results.seeds,
         results.frames,
@@ -174,14 +155,16 @@ fn forest(results: &Results, lines: &[(&Line, Option<f64>)], with_paper: bool) -
 
 fn scene_table(results: &Results, lines: &[(&Line, Option<f64>)], with_paper: bool) -> String {
     let digits: String = results.digits.iter().map(|d| format!("<th>{d}</th>")).collect();
+    let details: BTreeSet<&String> = lines.iter().flat_map(|(line, _)| line.details.keys()).collect();
+    let heads: String = details.iter().map(|name| format!("<th>{}</th>", escaped(name))).collect();
     let mut out = format!(
-        "<table><tr><th></th>{digits}<th>mean</th><th>95 %</th><th>median</th><th>lost</th><th>difference [95 %]</th><th>from</th><th>frames/s</th></tr>"
+        "<table><tr><th></th>{digits}<th>mean</th><th>95 %</th><th>median</th><th>off at end</th>{heads}<th>difference [95 %]</th><th>from</th><th>frames/s</th></tr>"
     );
     let cell = |mean: f64, spread: Option<f64>, best: bool| {
         let spread = spread.filter(|s| *s > 0.0).map_or(String::new(), |s| format!("<small>({s:.2})</small>"));
         if best { format!("<td><b>{mean:.2}</b>{spread}</td>") } else { format!("<td>{mean:.2}{spread}</td>") }
     };
-    let columns = results.digits.len() + 8;
+    let columns = results.digits.len() + details.len() + 8;
     if with_paper && !results.paper.is_empty() {
         out += &format!("<tr class=\"group\"><td colspan=\"{columns}\">the paper</td></tr>");
         for row in &results.paper {
@@ -189,8 +172,10 @@ fn scene_table(results: &Results, lines: &[(&Line, Option<f64>)], with_paper: bo
                 .map(|d| row.digits.get(d).map_or("<td></td>".into(), |m| cell(*m, row.spread.get(d).copied(), false)))
                 .collect();
             let (name, average) = (escaped(&row.row), row.average);
-            out +=
-                &format!("<tr class=\"paper\"><td>{name}</td>{cells}<td>{average:.2}</td><td colspan=\"6\"></td></tr>");
+            out += &format!(
+                "<tr class=\"paper\"><td>{name}</td>{cells}<td>{average:.2}</td><td colspan=\"{}\"></td></tr>",
+                details.len() + 6
+            );
         }
     }
     for group in [Group::Recommended, Group::Authors, Group::Printed, Group::Peer] {
@@ -215,16 +200,20 @@ fn scene_table(results: &Results, lines: &[(&Line, Option<f64>)], with_paper: bo
                     found.map_or("<td></td>".into(), |d| cell(d.mean, Some(d.spread), is_best(d.mean, &of)))
                 })
                 .collect();
+            let detail = |name: &&String| {
+                line.details.get(*name).map_or("<td></td>".into(), |share| format!("<td>{share:.1} %</td>"))
+            };
+            let more: String = details.iter().map(detail).collect();
             let difference =
                 t.against.map_or(String::new(), |d| format!("{:+.2} [{:+.2}, {:+.2}]", d.mean, d.low, d.high));
             out += &format!(
-                "<tr><td>{}</td>{cells}{}<td>{:.2} to {:.2}</td><td>{:.2}</td><td>{:.0} %</td><td>{difference}</td><td>{}</td><td>{}</td></tr>",
+                "<tr><td>{}</td>{cells}{}<td>{:.2} to {:.2}</td><td>{:.2}</td><td>{:.0} %</td>{more}<td>{difference}</td><td>{}</td><td>{}</td></tr>",
                 escaped(&line.name),
                 cell(t.mean, None, is_best(t.mean, &|l| Some(l.tally.mean))),
                 t.interval[0],
                 t.interval[1],
                 t.median,
-                100.0 * t.lost,
+                100.0 * t.off_at_end,
                 escaped(line.other.as_deref().unwrap_or("")),
                 speed.map_or(String::new(), |s| format!("{s:.0}")),
             );

@@ -2,10 +2,11 @@
 
 use std::path::PathBuf;
 
-use foveate::eval::tally::{Figure, Tally};
+use foveate::lab::eval::tally::{Figure, Tally};
 use foveate::{Error, Result};
 
-use super::plan::{Experiment, Group};
+use super::line::Group;
+use super::plan::Experiment;
 use super::results::Line;
 
 /// A tracker's figures on the videos of one scene of one experiment.
@@ -17,7 +18,7 @@ pub struct Peer {
 }
 
 /// The columns of a file.
-const HEAD: &str = "experiment,scene,tracker,digit,seed,mean,spread,lost";
+const HEAD: &str = "experiment,scene,tracker,digit,seed,mean,spread,off_at_end";
 
 /// Reads files of peers; lines that begin with `#` say how they were made.
 pub fn read(paths: &[PathBuf]) -> Result<Vec<Peer>> {
@@ -33,7 +34,7 @@ pub fn read(paths: &[PathBuf]) -> Result<Vec<Peer>> {
         }
         for (i, line) in lines {
             let row = parse(line).ok_or_else(|| {
-                Error::malformed(path, format!("line {}: expected {HEAD}, with lost 0 or 1, got {line}", i + 1))
+                Error::malformed(path, format!("line {}: expected {HEAD}, the last one 0 or 1, got {line}", i + 1))
             })?;
             let same =
                 |p: &&mut Peer| (&p.experiment, &p.scene, &p.tracker) == (&row.experiment, &row.scene, &row.tracker);
@@ -48,12 +49,12 @@ pub fn read(paths: &[PathBuf]) -> Result<Vec<Peer>> {
 
 fn parse(line: &str) -> Option<Peer> {
     let cells: Vec<&str> = line.split(',').map(str::trim).collect();
-    let [experiment, scene, tracker, digit, seed, mean, spread, lost] = cells[..] else { return None };
+    let [experiment, scene, tracker, digit, seed, mean, spread, off] = cells[..] else { return None };
     seed.parse::<u64>().ok()?;
     let number = |text: &str| text.parse::<f64>().ok().filter(|x| x.is_finite() && *x >= 0.0);
     let digit = digit.parse().ok().filter(|d| *d <= 9)?;
-    let lost = ["0", "1"].iter().position(|l| *l == lost)? == 1;
-    let figures = vec![Figure { digit, value: number(mean)?, spread: number(spread)?, lost }];
+    let off_at_end = ["0", "1"].iter().position(|l| *l == off)? == 1;
+    let figures = vec![Figure { digit, value: number(mean)?, spread: number(spread)?, off_at_end }];
     Some(Peer { experiment: experiment.into(), scene: scene.into(), tracker: tracker.into(), figures })
 }
 
@@ -72,6 +73,7 @@ pub fn lines<'a>(peers: &'a [Peer], experiment: &'a Experiment) -> impl Iterator
             scene: peer.scene.clone(),
             other: None,
             tally: Tally::of(&peer.figures, None).ok()?,
+            details: Default::default(),
         })
     })
 }
@@ -90,9 +92,9 @@ mod tests {
         };
         let good = format!("# by hand\n{HEAD}\ntable1,clean,csrt,3,1,2.0,1.0,0\ntable1,clean,csrt,3,2,4.0,1.0,1\n");
         let peers = read(&[file("good.csv", &good)]).expect("a good file");
-        let table = Experiment::builtin("table1").expect("it is there");
+        let table = Experiment::named("table1").expect("it is there");
         let lines: Vec<Line> = lines(&peers, &table).collect();
-        assert_eq!((lines.len(), lines[0].tally.mean, lines[0].tally.lost), (1, 3.0, 0.5));
+        assert_eq!((lines.len(), lines[0].tally.mean, lines[0].tally.off_at_end), (1, 3.0, 0.5));
         let bad = format!("{HEAD}\ntable1,clean,csrt,30,1,2.0,1.0,0\n");
         assert!(read(&[file("bad.csv", &bad)]).is_err_and(|e| e.to_string().contains("line 2")));
         assert!(read(&[file("none.csv", "a,b\n")]).is_err());

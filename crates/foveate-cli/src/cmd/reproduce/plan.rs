@@ -1,31 +1,28 @@
-//! The paper's experiments as data: `experiments/NAME/experiment.toml`, which are part of the program.
+//! Experiments as data: `experiments/NAME/experiment.toml`, which are part of the program, or files of one's own.
 
 use std::path::Path;
 
-use foveate::config::{Config, Exp3Config, PolicyConfig, RECOGNISERS, RecogniserConfig};
-use foveate::eval::experiment::digest;
-use foveate::eval::line_up;
-use foveate::gaze::Grid;
-use foveate::identity::accumulate::Accumulate;
-use foveate::scene::synthetic::{Multi, Synthetic};
+use foveate::lab::synthetic::{Multi, Synthetic};
 use foveate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::cmd::experiment::runner::Entry;
-use crate::cmd::track::{DIGITS, blueprint};
+use super::line::LineSpec;
+use super::seeds::Seeds;
 
 macro_rules! experiments {
     ($($name:literal),* $(,)?) => {
-        [$(($name, include_str!(concat!("../../../../../experiments/", $name, "/experiment.toml")))),*]
+        [$(($name, include_str!(concat!("../../../experiments/", $name, "/experiment.toml")))),*]
     };
 }
 
 /// Names and texts, in the order of the page.
-pub const EXPERIMENTS: [(&str, &str); 14] = experiments![
+pub const EXPERIMENTS: [(&str, &str); 18] = experiments![
     "table1",
     "table2",
     "table3",
+    "closeup",
     "fig-policy",
+    "fig-hedge",
     "fig-multi",
     "fig-digits",
     "fig-face",
@@ -36,13 +33,15 @@ pub const EXPERIMENTS: [(&str, &str); 14] = experiments![
     "why-exp3",
     "why-gp",
     "why-looks",
+    "why-alarm",
+    "recovery",
 ];
 
 /// One table or figure.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Experiment {
-    /// Its folder.
+    /// Its folder, or the name of its file.
     #[serde(skip)]
     pub name: String,
     #[serde(default)]
@@ -55,20 +54,25 @@ pub struct Experiment {
     /// The digits to follow.
     #[serde(default = "all_digits")]
     pub digits: Vec<u8>,
-    /// Videos of each digit, or runs on each video.
-    pub seeds: u64,
+    /// Of videos and trackers: a video of each digit, or a run on each video, for each of them.
+    pub seeds: Seeds,
     /// Length of each video.
+    #[serde(default = "usual_length")]
     pub frames: usize,
+    #[serde(default)]
     quick: Quick,
-    /// Names of sequences below `tracking/` of the data.
+    /// Names of sequences below `tracking/` of the data; all of them if left out.
     #[serde(default)]
     pub sequences: Vec<String>,
+    /// Fewest and most frames for which a target of a real sequence is occluded.
+    #[serde(default = "usual_occlusion")]
+    pub occluded: (usize, usize),
     #[serde(default, rename = "scene")]
     pub scenes: Vec<Scene<Synthetic>>,
     /// The scene of many targets.
-    pub crowd: Option<Scene<Multi>>,
+    pub multi: Option<Scene<Multi>>,
     #[serde(rename = "line")]
-    pub lines: Vec<LineOf>,
+    pub lines: Vec<LineSpec>,
     #[serde(default)]
     pub paper: Vec<Printed>,
     #[serde(default)]
@@ -84,10 +88,14 @@ pub enum Kind {
     Policy,
     /// Reward surfaces of digits.
     Digits,
+    /// How fast the policy learns to look at the centre.
+    Curve,
     /// Real sequences.
     Face,
-    /// Many targets: a table and a film strip.
-    Crowd,
+    /// Many targets: a table, and pictures of the first video.
+    Multi,
+    /// Re-detection after occlusions inserted into real sequences.
+    Recovery,
 }
 
 /// What is measured of a video.
@@ -106,8 +114,14 @@ pub enum Measure {
 #[serde(deny_unknown_fields)]
 struct Quick {
     digits: Vec<u8>,
-    seeds: u64,
+    seeds: Seeds,
     frames: usize,
+}
+
+impl Default for Quick {
+    fn default() -> Self {
+        Self { digits: vec![3], seeds: Seeds::up_to(1), frames: 30 }
+    }
 }
 
 /// A kind of video.
@@ -117,70 +131,6 @@ pub struct Scene<V> {
     pub name: String,
     /// Its digit, seed and length are put in.
     pub video: V,
-}
-
-/// Which settings a line shows.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Group {
-    /// As this project recommends.
-    #[default]
-    Recommended,
-    /// The authors' own parameters.
-    Authors,
-    /// As the paper prints it.
-    Printed,
-    /// Another tracker.
-    Peer,
-}
-
-impl Group {
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::Recommended => "as recommended",
-            Self::Authors => "authors' parameters",
-            Self::Printed => "as printed",
-            Self::Peer => "other trackers",
-        }
-    }
-}
-
-/// One line of a table: a configuration with a policy.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LineOf {
-    pub name: String,
-    #[serde(default)]
-    pub group: Group,
-    /// The paper's row that it stands beside.
-    pub row: Option<String>,
-    /// One that ships with the program.
-    config: String,
-    /// By its name in the line-up of `foveate experiment --policies`; the configuration's own if left out.
-    policy: Option<String>,
-    /// Laid over the configuration.
-    #[serde(default)]
-    change: toml::Table,
-    /// Names of the scenes it is run on; all if left out.
-    scenes: Option<Vec<String>>,
-    /// The line it is compared with, video by video; the fixed centre of the same configuration if left out.
-    against: Option<String>,
-    /// Where a recogniser looks.
-    pub looks: Option<Looks>,
-    /// Each of many targets has a tracker that knows nothing of the others.
-    #[serde(default)]
-    pub alone: bool,
-}
-
-/// Where a recogniser looks.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Looks {
-    Random,
-    Circular,
-    /// EXP3.
-    Learned,
-    Fixed,
 }
 
 /// A row of the paper's table.
@@ -201,32 +151,33 @@ pub struct Printed {
 pub struct Expect {
     pub line: String,
     pub scene: String,
-    pub figure: Figure,
+    pub figure: Metric,
     at_most: Option<f64>,
     at_least: Option<f64>,
     quick_at_most: Option<f64>,
     quick_at_least: Option<f64>,
-    /// It says nothing of digits drawn by a pen.
+    /// It does not hold for digits drawn by a pen.
     #[serde(default)]
     pub mnist_only: bool,
-    /// What is wanted: missing it is said, and is no failure.
+    /// A goal: missing it is reported, and is no failure.
     #[serde(default)]
     pub goal: bool,
 }
 
+/// A column of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Figure {
+pub enum Metric {
     Mean,
     Median,
-    /// Share of videos lost, 0 to 1.
-    Lost,
+    /// Share of videos that end off the target, 0 to 1.
+    OffAtEnd,
     /// Of many targets.
     Hota,
     /// Of many targets.
     Idf1,
-    /// Share of the crossings after which both targets have their tracks, 0 to 1.
-    Kept,
+    /// Share of the crossings that preserve both identities, 0 to 1.
+    Preserved,
 }
 
 impl Expect {
@@ -240,22 +191,48 @@ fn all_digits() -> Vec<u8> {
     (0..10).collect()
 }
 
+fn usual_length() -> usize {
+    300
+}
+
+fn usual_occlusion() -> (usize, usize) {
+    (30, 90)
+}
+
 impl Experiment {
-    /// One that is part of the program, by name.
-    pub fn builtin(name: &str) -> Result<Self> {
-        let text = EXPERIMENTS.iter().find(|e| e.0 == name).map(|e| e.1).ok_or_else(|| {
+    /// One that is part of the program, by name, or a file of one's own.
+    pub fn named(name: &str) -> Result<Self> {
+        if let Some((_, text)) = EXPERIMENTS.iter().find(|e| e.0 == name) {
+            return Self::parse(name, text, &format!("experiments/{name}/experiment.toml"));
+        }
+        let path = Path::new(name);
+        if !path.is_file() {
             let names = EXPERIMENTS.map(|e| e.0).join(", ");
-            Error::Config(format!(
-                "there is no experiment {name}; expected all, tables, figures, why, or some of {names}"
-            ))
-        })?;
-        Self::parse(name, text)
+            return Err(Error::Config(format!(
+                "there is no experiment {name}; expected all, tables, figures, why, an experiment's TOML file, or some of {names}"
+            )));
+        }
+        let text = std::fs::read_to_string(path).map_err(Error::io(path, "cannot read the experiment"))?;
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        if EXPERIMENTS.iter().any(|e| e.0 == stem) {
+            return Err(Error::Config(format!(
+                "{name}: an experiment of the program is called {stem}; rename the file"
+            )));
+        }
+        Self::parse(&stem, &text, name)
     }
 
-    fn parse(name: &str, text: &str) -> Result<Self> {
-        let wrong = |what: String| Error::Config(format!("experiments/{name}/experiment.toml: {what}"));
+    fn parse(name: &str, text: &str, file: &str) -> Result<Self> {
+        let wrong = |what: String| Error::Config(format!("{file}: {what}"));
         let all: Self = toml::from_str(text).map_err(|e| wrong(e.to_string()))?;
         let all = Self { name: name.into(), ..all };
+        let (least, most) = all.occluded;
+        if !(1..=most).contains(&least) || most > 100_000 {
+            return Err(wrong("occluded: expected two numbers of frames from 1 to 100000, the less first".into()));
+        }
+        if all.lines.is_empty() || all.digits.iter().any(|d| *d > 9) || !(2..=100_000).contains(&all.frames) {
+            return Err(wrong("expected a line at least, digits from 0 to 9 and 2 to 100000 frames".into()));
+        }
         for line in &all.lines {
             for scene in line.scenes.iter().flatten() {
                 if !all.scenes.iter().any(|s| s.name == *scene) {
@@ -272,9 +249,15 @@ impl Experiment {
         }
     }
 
+    /// Its first scene.
+    pub fn scene(&self) -> Result<&Scene<Synthetic>> {
+        self.scenes.first().ok_or_else(|| Error::Config(format!("{}: no [[scene]]", self.name)))
+    }
+
     /// Makes it the small variant.
     pub fn make_quick(&mut self) {
-        (self.digits, self.seeds, self.frames) = (self.quick.digits.clone(), self.quick.seeds, self.quick.frames);
+        let Quick { digits, seeds, frames } = self.quick.clone();
+        (self.digits, self.seeds, self.frames) = (digits, seeds, frames);
         self.sequences.truncate(1);
     }
 
@@ -285,79 +268,13 @@ impl Experiment {
     /// The line that a line is compared with: as it says, or else the fixed centre of the same configuration.
     pub fn against(&self, line: usize) -> Option<usize> {
         let this = &self.lines[line];
-        let fixed = |l: &LineOf| l.config == this.config && l.policy.as_deref() == Some("fixed") && l.change.is_empty();
+        let fixed =
+            |l: &LineSpec| l.config == this.config && l.policy.as_deref() == Some("fixed") && l.change.is_empty();
         let found = match &this.against {
             Some(name) => self.index(name),
             None => self.lines.iter().position(fixed).filter(|_| this.change.is_empty()),
         };
         found.filter(|&other| other != line)
-    }
-}
-
-impl LineOf {
-    /// Whether it is run on a scene.
-    pub fn is_run_on(&self, scene: &str) -> bool {
-        self.scenes.as_ref().is_none_or(|names| names.iter().any(|n| n == scene))
-    }
-
-    /// What is run.
-    pub fn entry(&self) -> Result<Entry> {
-        let mut config = blueprint(&self.config)?.config().clone();
-        if let Some(name) = &self.policy {
-            let all = line_up::policies(&config.policy);
-            let found = all.iter().find(|policy| line_up::policy_name(policy) == *name).cloned();
-            config.policy = found.ok_or_else(|| {
-                let names: Vec<String> = all.iter().map(line_up::policy_name).collect();
-                Error::Config(format!("line {}: there is no policy {name}; there are {}", self.name, names.join(", ")))
-            })?;
-        }
-        let mut text = toml::Table::try_from(&config).map_err(|e| Error::Config(format!("line {}: {e}", self.name)))?;
-        lay(&mut text, &self.change);
-        let config = Config::parse(&text.to_string(), &format!("line {}", self.name))?;
-        let entry = Entry::of(&self.name, config, Path::new("."))?;
-        match self.looks {
-            Some(looks) => recognising(entry, looks),
-            None => Ok(entry),
-        }
-    }
-
-    pub fn config(&self) -> &str {
-        &self.config
-    }
-}
-
-/// The entry with the shipped recogniser of digits, as `foveate experiment recognise` has it.
-fn recognising(entry: Entry, looks: Looks) -> Result<Entry> {
-    let grid = Grid { reach: 0.5, ..Grid::default() };
-    let policy = match looks {
-        Looks::Random => PolicyConfig::Random { grid },
-        Looks::Circular => PolicyConfig::Circular { grid },
-        Looks::Learned => PolicyConfig::Exp3(Exp3Config { grid, ..Exp3Config::default() }),
-        Looks::Fixed => line_up::FIXED,
-    };
-    let model = RECOGNISERS.iter().find(|model| DIGITS.ends_with(model.0)).map_or(&[][..], |model| model.1);
-    let key = format!("{} recognise {policy:?} {}", entry.key, digest(&[model]));
-    let recogniser = RecogniserConfig::MultiFixation {
-        weights: DIGITS.into(),
-        accumulate: Accumulate::Sum,
-        policy: Some(policy),
-        alarm: false,
-    };
-    Ok(Entry { blueprint: entry.blueprint.recognising(recogniser, Path::new("."))?, key, ..entry })
-}
-
-/// Lays one table over another: values take the place of values, tables are laid over tables unless they are of another
-/// `kind`.
-fn lay(below: &mut toml::Table, above: &toml::Table) {
-    for (key, value) in above {
-        match (below.get_mut(key), value) {
-            (Some(toml::Value::Table(old)), toml::Value::Table(new))
-                if new.get("kind").is_none_or(|kind| old.get("kind") == Some(kind)) =>
-            {
-                lay(old, new);
-            }
-            _ => drop(below.insert(key.clone(), value.clone())),
-        }
     }
 }
 
@@ -368,10 +285,10 @@ mod tests {
     #[test]
     fn all_experiments_can_be_made() {
         for (name, _) in EXPERIMENTS {
-            let experiment = Experiment::builtin(name).expect(name);
+            let experiment = Experiment::named(name).expect(name);
             for (i, line) in experiment.lines.iter().enumerate() {
-                let entry = line.entry().expect(name);
-                assert_eq!(entry.name, line.name);
+                let (entry, other) = (line.entry(&[]).expect(name), line.entry(&["particles=77".into()]).expect(name));
+                assert!(entry.key != other.key && other.blueprint.config().particles == 77);
                 assert!(experiment.lines[..i].iter().all(|l| l.name != line.name), "{name}: {} twice", line.name);
             }
             for row in &experiment.paper {
@@ -381,23 +298,12 @@ mod tests {
                 assert!(experiment.lines.iter().any(|l| l.row.as_ref() == Some(&row.row)), "{name} {}", row.row);
             }
         }
-        assert!(Experiment::builtin("table9").is_err_and(|e| e.to_string().contains("table1")));
-    }
-
-    #[test]
-    fn changes_are_laid_over() {
-        let mut below: toml::Table =
-            toml::from_str("a = 1\n[r]\nkind = 'x'\nt = 0.5\n[s]\nu = 1\nv = 2").expect("TOML");
-        let above = toml::from_str("[r]\nkind = 'y'\n[s]\nu = 3\n[n]\nw = 1").expect("TOML");
-        lay(&mut below, &above);
-        let wanted: toml::Table =
-            toml::from_str("a = 1\n[r]\nkind = 'y'\n[s]\nu = 3\nv = 2\n[n]\nw = 1").expect("TOML");
-        assert_eq!(below, wanted);
+        assert!(Experiment::named("table9").is_err_and(|e| e.to_string().contains("table1")));
     }
 
     #[test]
     fn lines_are_compared_with_the_fixed_centre() {
-        let table = Experiment::builtin("table3").expect("it is there");
+        let table = Experiment::named("table3").expect("it is there");
         let other = |name: &str| {
             let line = table.lines.iter().position(|l| l.name == name).expect(name);
             table.against(line).map(|i| table.lines[i].name.as_str())

@@ -1,17 +1,11 @@
 //! `foveate train autoencoder`: a denoising autoencoder with tied weights, from natural glimpses.
 
-use std::path::Path;
-
 use foveate::Result;
-use foveate::autoencoder::{Recipe, Trainer};
 use foveate::identity::retina::Retina;
-use foveate::rows::Rows;
-use foveate::training::filters;
+use foveate::lab::training::filters;
+use foveate::learn::autoencoder::{Recipe, Trainer};
 
-use super::common::{self, Glimpses, Natural, Training};
-
-/// Rows that are monitored after every epoch, of those learned from and of those held out.
-const MONITORED: usize = 500;
+use super::common::{self, Glimpses, Natural};
 
 /// Learn a denoising autoencoder with tied weights from glimpses of natural photographs.
 ///
@@ -83,43 +77,27 @@ pub fn run(args: &Args) -> Result<()> {
     let (files, recipe) = (args.natural.files()?, args.recipe());
     recipe.check()?;
     let glimpses = args.natural.glimpses()?;
-    let trainer = files.begin(
+    let mut trainer = files.begin(
         Trainer::progress,
         |path| Trainer::resume(path, recipe.clone(), glimpses.rows(), &glimpses.sha256),
         || Trainer::new(recipe.clone(), glimpses.rows()),
     )?;
-    let mut training = AutoencoderTraining { trainer, glimpses: &glimpses, checkpoint: &files.checkpoint };
-    common::train(&mut training)?;
+    common::train(
+        (recipe.epochs, trainer.batches(glimpses.rows().len())),
+        &mut trainer,
+        Trainer::progress,
+        |trainer| {
+            trainer.step(glimpses.rows());
+            Ok(())
+        },
+        |trainer| trainer.save(&files.checkpoint, &glimpses.sha256),
+        |trainer| {
+            let [ours, theirs] = glimpses.monitored().map(|rows| trainer.learned().error(rows));
+            Ok(format!("reconstruction {ours:.3} (held out {theirs:.3})"))
+        },
+    )?;
 
-    let model = training.trainer.learned();
+    let model = trainer.learned();
     model.save(files.model, &glimpses.metadata(args.command(&glimpses), recipe.seed, recipe.epochs))?;
     files.finish(Some(&filters::picture(model.layer().weights(), glimpses.retina.cells(), 400)?))
-}
-
-struct AutoencoderTraining<'a> {
-    trainer: Trainer,
-    glimpses: &'a Glimpses,
-    checkpoint: &'a Path,
-}
-
-impl Training for AutoencoderTraining<'_> {
-    fn step(&mut self) -> Result<()> {
-        self.trainer.step(self.glimpses.rows());
-        Ok(())
-    }
-    fn progress(&self) -> (usize, usize) {
-        self.trainer.progress()
-    }
-    fn whole(&self) -> (usize, usize) {
-        (self.trainer.recipe().epochs, self.trainer.batches(self.glimpses.rows().len()))
-    }
-    fn save(&self) -> Result<()> {
-        self.trainer.save(self.checkpoint, &self.glimpses.sha256)
-    }
-    fn line(&mut self) -> Result<String> {
-        let some = |rows: Rows<'_>| rows.data().len().min(MONITORED * rows.width());
-        let error = |rows: Rows<'_>| self.trainer.learned().error(Rows::new(&rows.data()[..some(rows)], rows.width()));
-        let (ours, theirs) = (error(self.glimpses.rows()), error(self.glimpses.held()));
-        Ok(format!("reconstruction {ours:.3} (held out {theirs:.3})"))
-    }
 }

@@ -1,17 +1,19 @@
 //! `foveate train classifier`: a recogniser of the user's own classes, from a folder of pictures for each.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use foveate::Result;
-use foveate::config::{Config, EncoderConfig, RetinaConfig};
+use foveate::config::{Config, RetinaConfig};
+use foveate::files::Folder;
 use foveate::identity::Classifier;
 use foveate::identity::retina::FovealConfig;
-use foveate::rbm::Metadata;
+use foveate::lab::training::classifier::{Held, Recipe, Trainer, calibrated, judge};
+use foveate::lab::training::pictures::{FeatureExtractor, Pictures, Variation};
+use foveate::learn::rbm::Metadata;
 use foveate::rows::Rows;
-use foveate::training::classifier::{Held, Recipe, Trainer, calibrated, judge};
-use foveate::training::pictures::{Beholder, Pictures, Variation};
 
-use super::common::{self, Files, Training};
+use super::common::{self, Files};
+use crate::cmd::configure::{self, Changes};
 
 /// Times that held-out pictures are shown otherwise, to see what a track would make of them.
 const SHOWN: u64 = 4;
@@ -70,23 +72,15 @@ impl Args {
         }
     }
     /// The configuration of retina and first layer, and where its files are.
-    fn layer(&self) -> Result<(Config, PathBuf)> {
-        let Some(name) = &self.config else {
-            let mut config = Config::builtin("natural-kmeans").expect("it ships with the library")?;
-            let rings = vec![[28, 2]];
-            config.retina = Some(RetinaConfig::Foveal(FovealConfig { side: 28.0, rings, colour: vec![] }));
-            if let EncoderConfig::Kmeans { pool, .. } = &mut config.encoder {
-                *pool = 3;
-            }
-            return Ok((config, PathBuf::new()));
-        };
-        match Config::builtin(name) {
-            Some(config) => Ok((config?, PathBuf::new())),
-            None => {
-                let path = Path::new(name);
-                Ok((Config::read(path)?, path.parent().map(Path::to_path_buf).unwrap_or_default()))
-            }
+    fn layer(&self) -> Result<(Config, Folder)> {
+        if let Some(name) = &self.config {
+            return configure::read(name, &Changes::default());
         }
+        let usual = ["encoder.kind=kmeans", "encoder.pool=3"].map(String::from);
+        let (mut config, folder) = configure::read("natural-learned", &Changes::of(&usual))?;
+        let rings = vec![[28, 2]];
+        config.retina = Some(RetinaConfig::Foveal(FovealConfig { side: 28.0, rings, colour: vec![] }));
+        Ok((config, folder))
     }
     /// The command that makes the same model: every setting said, folders left open.
     fn command(&self) -> String {
@@ -102,8 +96,8 @@ impl Args {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     let files = Files::of(&args.out, None, args.restart)?;
-    let (config, base) = args.layer()?;
-    let (retina, encoder) = config.identity(&base)?;
+    let (config, folder) = args.layer()?;
+    let (retina, encoder) = config.identity(&folder)?;
     let geometry = serde_json::to_string(retina.config()).expect("a retina's geometry becomes JSON");
     let first_layer = serde_json::to_string(&config.encoder).expect("a configuration becomes JSON");
     let all = Pictures::load(&args.data)?;
@@ -117,8 +111,9 @@ pub fn run(args: &Args) -> Result<()> {
     }
 
     let variation = if args.still { Variation::default() } else { Variation::of_tracks() };
-    let beholder = Beholder { retina, encoder, variation, seed: args.seed };
-    let shown = |beholder: &Beholder, epoch: usize| beholder.look(&learn, if args.still { 0 } else { epoch as u64 });
+    let beholder = FeatureExtractor { retina, encoder, variation, seed: args.seed };
+    let shown =
+        |beholder: &FeatureExtractor, epoch: usize| beholder.look(&learn, if args.still { 0 } else { epoch as u64 });
     let data = format!("{} {first_layer} {geometry} {}", all.sha256(), args.still);
     let first = shown(&beholder, 0);
     let rows = Rows::new(&first, n_h);
@@ -127,25 +122,34 @@ pub fn run(args: &Args) -> Result<()> {
         |path| Trainer::resume(path, recipe.clone(), rows, &data),
         || Trainer::new(recipe.clone(), rows),
     )?;
-    let epoch = trainer.progress().0;
-    let made = if epoch == 0 { first } else { shown(&beholder, epoch) };
-    let show = |epoch: usize| shown(&beholder, epoch);
     let as_they_are = look(&beholder, Variation::default(), &held, 1);
-    let (labels, checkpoint_path, data) = (learn.labels(), &files.checkpoint, &data);
-    let mut training = Learning {
-        trainer,
-        show: &show,
-        made,
-        epoch,
-        labels,
-        n_h,
-        held: (&as_they_are, held.labels()),
-        checkpoint_path,
-        data,
-    };
-    common::train(&mut training)?;
+    // The trainer, and the pictures as this epoch shows them.
+    let batches = trainer.batches(learn.len());
+    let mut learning = (trainer, 0, first);
+    common::train(
+        (recipe.epochs, batches),
+        &mut learning,
+        |(trainer, ..)| trainer.progress(),
+        |(trainer, epoch, made)| {
+            if trainer.progress().0 != *epoch {
+                *epoch = trainer.progress().0;
+                *made = shown(&beholder, *epoch);
+            }
+            trainer.step(Rows::new(made, n_h), learn.labels());
+            Ok(())
+        },
+        |(trainer, ..)| trainer.save(&files.checkpoint, &data),
+        |(trainer, _, made)| {
+            let softmax = trainer.learned()?;
+            let right = |rows: &[f32], labels: &[u8]| {
+                100.0 * judge(&softmax, Rows::new(rows, n_h), labels).reliability.accuracy
+            };
+            let (ours, theirs) = (right(made, learn.labels()), right(&as_they_are, held.labels()));
+            Ok(format!("right {ours:.1} % (held out {theirs:.1} %)"))
+        },
+    )?;
 
-    let softmax = training.trainer.learned()?;
+    let softmax = learning.0.learned()?;
     let varied = look(&beholder, Variation::of_tracks(), &held, SHOWN);
     let again = held.labels().repeat(SHOWN as usize);
     told("held-out pictures as they are", all.names(), &judge(&softmax, Rows::new(&as_they_are, n_h), held.labels()));
@@ -159,15 +163,16 @@ pub fn run(args: &Args) -> Result<()> {
         seed: recipe.seed,
         epochs: recipe.epochs,
     };
-    Classifier::new(softmax, all.names().to_vec())?.save(&args.out, &metadata, &first_layer)?;
+    let classifier = Classifier::new(softmax, all.names().to_vec())?;
+    foveate::files::write(&args.out, &classifier.to_bytes(&metadata, &first_layer))?;
     files.finish(None)?;
     say!("try it with: foveate track VIDEO --init X,Y,W,H --recognise {}", args.out.display());
     Ok(())
 }
 
 /// Features of pictures shown so, `times` over, as no epoch of the training shows them.
-fn look(beholder: &Beholder, variation: Variation, pictures: &Pictures, times: u64) -> Vec<f32> {
-    let other = Beholder {
+fn look(beholder: &FeatureExtractor, variation: Variation, pictures: &Pictures, times: u64) -> Vec<f32> {
+    let other = FeatureExtractor {
         retina: beholder.retina.clone(),
         encoder: beholder.encoder.clone(),
         variation,
@@ -193,46 +198,5 @@ fn told(what: &str, names: &[String], held: &Held) {
     for (name, row) in names.iter().zip(&held.confusion) {
         let counts: String = row.iter().map(|n| format!("{n:>5}")).collect();
         say!("  {name:longest$}{counts}");
-    }
-}
-
-/// The training, and the pictures as this epoch shows them.
-struct Learning<'a> {
-    trainer: Trainer,
-    show: &'a dyn Fn(usize) -> Vec<f32>,
-    made: Vec<f32>,
-    /// The epoch that `made` is of.
-    epoch: usize,
-    labels: &'a [u8],
-    n_h: usize,
-    held: (&'a [f32], &'a [u8]),
-    checkpoint_path: &'a Path,
-    data: &'a str,
-}
-
-impl Training for Learning<'_> {
-    fn step(&mut self) -> Result<()> {
-        let (epoch, _) = self.trainer.progress();
-        if epoch != self.epoch {
-            (self.made, self.epoch) = ((self.show)(epoch), epoch);
-        }
-        self.trainer.step(Rows::new(&self.made, self.n_h), self.labels);
-        Ok(())
-    }
-    fn progress(&self) -> (usize, usize) {
-        self.trainer.progress()
-    }
-    fn whole(&self) -> (usize, usize) {
-        (self.trainer.recipe().epochs, self.trainer.batches(self.labels.len()))
-    }
-    fn save(&self) -> Result<()> {
-        self.trainer.save(self.checkpoint_path, self.data)
-    }
-    fn line(&mut self) -> Result<String> {
-        let softmax = self.trainer.learned()?;
-        let right = |rows: &[f32], labels: &[u8]| {
-            100.0 * judge(&softmax, Rows::new(rows, self.n_h), labels).reliability.accuracy
-        };
-        Ok(format!("right {:.1} % (held out {:.1} %)", right(&self.made, self.labels), right(self.held.0, self.held.1)))
     }
 }

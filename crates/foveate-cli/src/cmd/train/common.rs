@@ -1,19 +1,24 @@
 //! What all trainings share: where glimpses come from, where files go, and going on after an interruption.
 
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use foveate::identity::retina::{Foveal, FovealConfig, Retina};
-use foveate::rbm::{Metadata, Visible};
+use foveate::lab::training;
+use foveate::lab::training::{Set, Source};
+use foveate::learn::rbm::{Metadata, Visible};
 use foveate::rows::Rows;
-use foveate::scene::{Image, save_png};
-use foveate::training::{self, Set, Source};
+use foveate::scene::Image;
+use foveate::video::save_png;
 use foveate::{Error, Result};
-use indicatif::{ProgressBar, ProgressStyle};
+
+use crate::terminal;
 
 /// A checkpoint is written after every epoch, and within one when this has passed.
 const BETWEEN_CHECKPOINTS: Duration = Duration::from_secs(10);
+
+/// Rows that are monitored after every epoch, of those learned from and of those held out.
+const MONITORED: usize = 500;
 
 /// Glimpses of natural photographs, and what is made of them.
 #[derive(clap::Args)]
@@ -151,6 +156,14 @@ impl Glimpses {
     pub fn held(&self) -> Rows<'_> {
         Rows::new(&self.held, self.retina.glimpse_len())
     }
+    /// Those that are monitored after every epoch, of those learned from and of those held out.
+    pub fn monitored(&self) -> [Rows<'_>; 2] {
+        let some = |rows: Rows<'_>| rows.data().len().min(MONITORED * rows.width());
+        [&self.learn, &self.held].map(|all| {
+            let rows = Rows::new(all, self.retina.glimpse_len());
+            Rows::new(&all[..some(rows)], rows.width())
+        })
+    }
 }
 
 /// Where the files of a training go.
@@ -191,7 +204,7 @@ impl<'a> Files<'a> {
         }
         let trainer = resume(&self.checkpoint)?;
         let (epoch, batch) = progress(&trainer);
-        say!("going on from {}: epoch {}, batch {batch}", self.checkpoint.display(), epoch + 1);
+        say!("resuming {}: epoch {}, batch {batch}", self.checkpoint.display(), epoch + 1);
         Ok(trainer)
     }
 
@@ -208,48 +221,31 @@ impl<'a> Files<'a> {
     }
 }
 
-/// A training that can be interrupted.
-pub trait Training {
-    /// One mini-batch.
-    fn step(&mut self) -> Result<()>;
-    /// Epochs done, and batches done of the next.
-    fn progress(&self) -> (usize, usize);
-    /// Epochs to do, and batches an epoch has.
-    fn whole(&self) -> (usize, usize);
-    /// Writes a checkpoint.
-    fn save(&self) -> Result<()>;
-    /// How well the epoch that just ended went.
-    fn line(&mut self) -> Result<String>;
-}
-
-/// Trains to the end, or until Ctrl-C: then a checkpoint is written, and the program ends.
-pub fn train(training: &mut impl Training) -> Result<()> {
-    static STOP: AtomicBool = AtomicBool::new(false);
-    // A second Ctrl-C does not wait for the batch.
-    let handler = || {
-        if STOP.swap(true, Ordering::SeqCst) {
-            std::process::exit(130);
-        }
-    };
-    ctrlc::set_handler(handler).map_err(|e| Error::Invalid(format!("cannot listen for Ctrl-C: {e}")))?;
-
-    let (epochs, batches) = training.whole();
-    let bar = ProgressBar::new((epochs * batches) as u64);
-    let style =
-        ProgressStyle::with_template("{wide_bar} {percent}% of the batches, {eta} left").expect("a fixed template");
-    bar.set_style(style);
+/// Trains to the end, or until Ctrl-C: then a checkpoint is written, and the program ends. `whole` has the epochs to do and
+/// the batches of one, `progress` the epochs done and the batches done of the next. `step` does one mini-batch, `save` writes a
+/// checkpoint, and `line` says how well the epoch that just ended went.
+pub fn train<T>(
+    (epochs, batches): (usize, usize),
+    trainer: &mut T,
+    progress: fn(&T) -> (usize, usize),
+    mut step: impl FnMut(&mut T) -> Result<()>,
+    save: impl Fn(&T) -> Result<()>,
+    mut line: impl FnMut(&mut T) -> Result<String>,
+) -> Result<()> {
+    terminal::catch_interrupts();
+    let bar = terminal::progress(Some(epochs * batches), "training");
     let (mut begun, mut saved) = (Instant::now(), Instant::now());
-    while training.progress().0 < epochs {
-        training.step()?;
-        let (epoch, batch) = training.progress();
+    while progress(trainer).0 < epochs {
+        step(trainer)?;
+        let (epoch, batch) = progress(trainer);
         bar.set_position((epoch * batches + batch) as u64);
-        let stop = STOP.load(Ordering::SeqCst);
+        let stop = terminal::stopping();
         if batch == 0 || stop || saved.elapsed() > BETWEEN_CHECKPOINTS {
-            training.save()?;
+            save(trainer)?;
             saved = Instant::now();
         }
         if batch == 0 {
-            let (line, seconds) = (training.line()?, begun.elapsed().as_secs_f64());
+            let (line, seconds) = (line(trainer)?, begun.elapsed().as_secs_f64());
             bar.suspend(|| say!("epoch {epoch}/{epochs}  {line}  {seconds:.1} s"));
             begun = Instant::now();
         }

@@ -1,33 +1,35 @@
-//! `foveate train confidence`: fits P(lost) on tracks with truth, and says how well it is calibrated on what it has not seen.
+//! `foveate train confidence`: fits P(lost) on tracks with truth, and cross-validates its calibration.
 
 use std::path::PathBuf;
 
 use clap::ValueEnum;
-use foveate::control::{CUE_NAMES, Confidence};
-use foveate::eval::trust::{self, Judged, TrustScore};
-use foveate::eval::trust_fit::{Judgement, fit, follow, leave_one_out};
-use foveate::eval::{find_sequences, trust_plot};
-use foveate::scene::hide::{Hide, WAYS, Way};
-use foveate::scene::synthetic::{Clutter, NOISE, Occlusion, Synthetic};
-use foveate::scene::{Digits, Split};
+use foveate::control::{CUE_NAMES, ConfidenceModel};
+use foveate::lab::eval::confidence::{ConfidenceScore, Judged};
+use foveate::lab::eval::confidence_fit::{Judgement, fit, follow, leave_one_out};
+use foveate::lab::eval::{confidence, confidence_plot, find_sequences};
+use foveate::lab::hide::{Hide, WAYS, Way};
+use foveate::lab::synthetic::{Clutter, NOISE, Occlusion, Synthetic};
+use foveate::lab::{Digits, Split};
 use foveate::{Error, Result, files};
 use serde::Serialize;
 
-use super::super::track::blueprint;
-use super::super::videos::{Video, of_scene, of_sequence};
+use crate::cmd::configure::{self, Changes};
+use crate::cmd::videos::{Video, of_scene, of_sequence};
 use crate::terminal;
 
 /// Fit the probability of being lost, on sequences or drawn scenes with truth.
 ///
-/// The tracker runs on each video as it is, and with its target made to vanish and come back (`--hidden` times each way).
-/// Printed are the figures of the table in force, and those of tables that have not seen the video they are judged on
-/// (leave one video out). The new table, fitted on all, is written as the section `[confidence]` of a configuration, to be
-/// put there in place of the old one.
+/// The tracker runs on each video as it is, and with inserted occlusions (`--occlusions` for each way to hide a target).
+/// Printed are the figures of the configuration's own model, and those of new ones by cross-validation (leave one video out).
+/// The new model, fitted on all videos, is written as the section `[confidence]` of a configuration, to be put there in place
+/// of the old one.
 #[derive(clap::Args)]
 pub struct Args {
     /// The tracker: a configuration file, or the name of one that ships with the program
     #[arg(long, value_name = "FILE|NAME", default_value = "natural")]
     config: String,
+    #[command(flatten)]
+    changes: Changes,
     /// Sequences in OTB layout, or folders that hold them
     #[arg(long, value_name = "DIR", num_args = 1.., required_unless_present = "scene")]
     seqs: Vec<PathBuf>,
@@ -49,9 +51,9 @@ pub struct Args {
     /// The first seed
     #[arg(long, default_value_t = 101)]
     seed: u64,
-    /// Clips with a hidden target for each video, seed and way
+    /// Inserted occlusions for each video, seed and way
     #[arg(long, value_name = "N", default_value_t = 1)]
-    hidden: u64,
+    occlusions: u64,
     /// The section to write
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -70,13 +72,14 @@ enum SceneName {
 
 #[derive(Serialize)]
 struct Section<'a> {
-    confidence: &'a Confidence,
+    confidence: &'a ConfidenceModel,
 }
 
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     terminal::catch_interrupts();
-    let blueprint = blueprint(&args.config)?;
+    let (config, folder) = configure::read(&args.config, &args.changes)?;
+    let blueprint = config.check(&folder)?;
     let mut tracks: Vec<Judgement> = vec![];
     let digits = match &args.data {
         Some(dir) => Digits::load(dir, Split::Test)?,
@@ -84,7 +87,9 @@ pub fn run(args: &Args) -> Result<()> {
     };
     let mut each = |video: &Video<'_>, ways: &[Way]| -> Result<()> {
         for seed in (0..args.seeds).map(|i| args.seed.wrapping_add(i)) {
-            let clips = ways.iter().flat_map(|way| (0..args.hidden).map(move |k| (*way, seed.wrapping_mul(1000) + k)));
+            let clips = ways
+                .iter()
+                .flat_map(|way| (0..args.occlusions).map(move |k| (*way, seed.wrapping_mul(1000).wrapping_add(k))));
             // Videos too short to hide anything in are tracked as they are.
             let hidden =
                 clips.filter_map(|(way, seed)| Hide::choose(way, &video.truth, video.size, (30, 90), seed).ok());
@@ -97,9 +102,9 @@ pub fn run(args: &Args) -> Result<()> {
                     video.truth.len(),
                     hide.as_ref(),
                     &*video.picture,
-                    (&mut blueprint.scout(), &mut blueprint.tracker(seed, 0)?),
+                    &mut blueprint.tracker(seed)?,
                 )?;
-                tracks.push(Judgement { video: video.name.clone(), hidden: hide.is_some(), frames });
+                tracks.push(Judgement { video: video.name.clone(), occluded: hide.is_some(), frames });
             }
         }
         Ok(())
@@ -138,37 +143,39 @@ pub fn run(args: &Args) -> Result<()> {
         }
     }
     let confidence = &blueprint.config().confidence;
-    let slices = |tracks: &[Vec<Judged>]| TrustScore::of(&tracks.iter().map(Vec::as_slice).collect::<Vec<_>>(), 0.0);
+    let slices =
+        |tracks: &[Vec<Judged>]| ConfidenceScore::of(&tracks.iter().map(Vec::as_slice).collect::<Vec<_>>(), 0.0);
     let now: Vec<Vec<Judged>> = tracks.iter().map(|t| t.frames.clone()).collect();
-    say!("The table in force:\n{}", trust::text(&slices(&now)));
+    say!("The configuration's own model:\n{}", confidence::text(&slices(&now)));
     if let Some(path) = &args.cues {
         files::write(path, csv(&tracks).as_bytes())?;
     }
     let unseen: Vec<Vec<Judged>> = leave_one_out(&tracks, confidence)?.into_iter().map(|(track, _)| track).collect();
-    say!("New tables, each on the video it has not seen (boxes and searches are those of the table in force):");
-    say!("{}", trust::text(&slices(&unseen)));
-    let (plain, hidden): (Vec<usize>, Vec<usize>) = (0..tracks.len()).partition(|i| !tracks[*i].hidden);
-    for (name, such) in [("as they are", plain), ("with their targets hidden", hidden)] {
+    say!("New models, leave one video out (boxes and searches are those of the configuration's own model):");
+    say!("{}", confidence::text(&slices(&unseen)));
+    let (plain, occluded): (Vec<usize>, Vec<usize>) = (0..tracks.len()).partition(|i| !tracks[*i].occluded);
+    for (name, such) in [("without", plain), ("with", occluded)] {
         let of: Vec<Vec<Judged>> = such.iter().map(|i| unseen[*i].clone()).collect();
-        say!("Of these, videos {name}:\n{}", trust::text(&slices(&of)));
+        say!("Of these, videos {name} an inserted occlusion:\n{}", confidence::text(&slices(&of)));
     }
     let table = fit(&tracks.iter().collect::<Vec<_>>(), confidence)?;
     let text = toml::to_string(&Section { confidence: &table }).map_err(|e| Error::Invalid(e.to_string()))?;
     let command: Vec<String> = std::env::args().skip(1).collect();
     files::write(&args.out, format!("# foveate {}\n{text}", command.join(" ")).as_bytes())?;
     let plot = args.out.with_extension("svg");
-    let scores = [("in force", slices(&now)), ("new, on unseen videos", slices(&unseen))];
-    files::write(&plot, trust_plot::plot(&scores.each_ref().map(|(name, score)| (*name, score))).as_bytes())?;
+    let scores = [("present", slices(&now)), ("new, leave one video out", slices(&unseen))];
+    files::write(&plot, confidence_plot::plot(&scores.each_ref().map(|(name, score)| (*name, score))).as_bytes())?;
     say!("{text}\nwrote {} and {}", args.out.display(), plot.display());
     Ok(())
 }
 
 fn csv(tracks: &[Judgement]) -> String {
-    let mut text = format!("track,video,hidden,visible,p_lost,out,iou,{}\n", CUE_NAMES.join(","));
+    let mut text = format!("track,video,occlusion,visible,p_lost,reported,iou,{}\n", CUE_NAMES.join(","));
     for (i, track) in tracks.iter().enumerate() {
         for j in &track.frames {
-            let [hidden, visible, out] = [track.hidden, j.off.is_some(), j.standing.is_out()].map(u8::from);
-            text += &format!("{i},{},{hidden},{visible},{},{out},{}", track.video, j.p_lost, j.iou);
+            let [occluded, visible, reported] =
+                [track.occluded, j.off.is_some(), j.status.is_occluded_or_lost()].map(u8::from);
+            text += &format!("{i},{},{occluded},{visible},{},{reported},{}", track.video, j.p_lost, j.iou);
             j.cues.iter().for_each(|c| text += &format!(",{c}"));
             text.push('\n');
         }

@@ -1,24 +1,25 @@
 //! `foveate train fixations`: learns to recognise digits from a few fixations.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::ValueEnum;
-use foveate::config::Config;
-use foveate::eval::Reliability;
+use foveate::files::Folder;
 use foveate::identity::multi_fixation::classifier_path;
 use foveate::identity::retina::Foveal;
 use foveate::identity::{Encoder, MultiFixation};
-use foveate::rbm::Metadata;
-use foveate::rbm::fixations::{About, Cost, FixationRbm, Gates, Places, Recipe, Trainer};
+use foveate::lab::eval::Reliability;
+use foveate::lab::training::recognition::curve;
+use foveate::lab::training::sequences::{Gazes, Looker, Made, Nuisance, larochelle_hinton};
+use foveate::lab::{Digits, Split};
+use foveate::learn::rbm::Metadata;
+use foveate::learn::rbm::fixations::{About, Cost, FixationRbm, Gates, Places, Recipe, Trainer};
+use foveate::learn::softmax::{Fit, Softmax, temperature};
 use foveate::rows::Rows;
-use foveate::scene::{Digits, Split};
-use foveate::softmax::{Fit, Softmax, temperature};
-use foveate::training::recognition::curve;
-use foveate::training::sequences::{Gazes, Looker, Made, Trouble, larochelle_hinton};
 use foveate::{Error, Result};
 
-use super::common::{self, Files, Training};
+use super::common::{self, Files};
+use crate::cmd::configure::{self, Changes};
 
 /// Training digits that are held out: the last of the set.
 const HELD_OUT: usize = 5000;
@@ -153,23 +154,17 @@ impl Args {
             let (config, fixed) = larochelle_hinton()?;
             places = Places::new(fixed.iter().map(|g| [g.u as f32, g.v as f32]).collect())?;
             (retina, encoder, gazes) = (Foveal::new(config)?, None, Gazes::All(fixed));
-            (trouble, first_layer) = (Trouble::default(), String::new());
+            (trouble, first_layer) = (Nuisance::default(), String::new());
         } else {
-            let (config, base) = match Config::builtin(&self.config) {
-                Some(config) => (config?, PathBuf::new()),
-                None => {
-                    let path = Path::new(&self.config);
-                    (Config::read(path)?, path.parent().map(Path::to_path_buf).unwrap_or_default())
-                }
-            };
+            let (config, folder) = configure::read(&self.config, &Changes::default())?;
             if !(0.0..=1.0).contains(&self.reach) || !(1..=31).contains(&self.grid) {
                 return Err(Error::Config("--reach must be 0 to 1 template units, --grid 1 to 31 places".into()));
             }
-            let (seen, layer): (Foveal, Arc<dyn Encoder>) = config.identity(&base)?;
+            let (seen, layer): (Foveal, Arc<dyn Encoder>) = config.identity(&folder)?;
             places = Places::grid(self.grid, self.reach as f32)?;
             gazes = if self.anywhere { Gazes::Within { reach: self.reach } } else { Gazes::Among };
             (retina, encoder) = (seen, Some(layer));
-            trouble = if self.clean { Trouble::default() } else { Trouble::of_tracks() };
+            trouble = if self.clean { Nuisance::default() } else { Nuisance::of_tracks() };
             first_layer = serde_json::to_string(&config.encoder).expect("a configuration becomes JSON");
         }
         let geometry = serde_json::to_string(retina.config()).expect("a retina's geometry becomes JSON");
@@ -233,33 +228,61 @@ pub fn run(args: &Args) -> Result<()> {
     );
 
     let name = format!("{} digits, {}", learn.len(), args.command(&recipe));
-    let still = matches!(view.looker.gazes, Gazes::All(_)) && view.looker.trouble == Trouble::default();
+    let still = matches!(view.looker.gazes, Gazes::All(_)) && view.looker.trouble == Nuisance::default();
     let shown = |epoch: usize| view.looker.look(&learn, if still { 0 } else { epoch as u64 });
-    let places = view.looker.places.clone();
-    let checkpoint = &files.checkpoint;
-    let mut training = files.begin(
-        Fixations::progress,
+    let places = || view.looker.places.clone();
+    // The trainer, and the digits as this epoch shows them.
+    type Learning = (Trainer, usize, Made);
+    let progress = |(trainer, ..): &Learning| trainer.progress();
+    let mut learning = files.begin(
+        progress,
         |path| {
             let epoch = Trainer::epoch_of(path)?;
             let made = shown(epoch)?;
-            let trainer = Trainer::resume(path, recipe.clone(), places.clone(), made.sequences(), &name)?;
-            Ok(Fixations { trainer, shown: &shown, made, epoch, held: &held, checkpoint, name: &name })
+            Ok((Trainer::resume(path, recipe.clone(), places(), made.sequences(), &name)?, epoch, made))
         },
         || {
             let made = shown(0)?;
-            let trainer = Trainer::new(recipe.clone(), places.clone(), made.sequences())?;
-            Ok(Fixations { trainer, shown: &shown, made, epoch: 0, held: &held, checkpoint, name: &name })
+            Ok((Trainer::new(recipe.clone(), places(), made.sequences())?, 0, made))
         },
     )?;
-    common::train(&mut training)?;
+    common::train(
+        (recipe.epochs, learning.0.batches(learning.2.sequences().len())),
+        &mut learning,
+        progress,
+        |(trainer, epoch, made)| {
+            if trainer.progress().0 != *epoch {
+                *epoch = trainer.progress().0;
+                *made = shown(*epoch)?;
+            }
+            trainer.step(made.sequences());
+            Ok(())
+        },
+        |(trainer, ..)| trainer.save(&files.checkpoint, &name),
+        |(trainer, ..)| {
+            let (log_p, wrong) = trainer.take_tally();
+            let rbm = trainer.learned()?;
+            if rbm.classes() == 0 {
+                return Ok(String::new());
+            }
+            let s = held.sequences();
+            let log_p_held = rbm.log_posterior(s.glimpses(), s.codes(), s.window());
+            let held = Reliability::of(&log_p_held, s.labels(), rbm.classes(), 10);
+            let errors = (100.0 * wrong, 100.0 * (1.0 - held.accuracy));
+            Ok(format!(
+                "log p(y|x) {log_p:.4} (held out {:.4})  errors {:.2} % ({:.2} %)",
+                -held.log_loss, errors.0, errors.1
+            ))
+        },
+    )?;
 
     // A temperature for the classes, or a classifier of the hidden units, with its own.
-    let rbm = training.trainer.learned()?;
+    let rbm = learning.0.learned()?;
     let metadata = Metadata {
         retina: view.retina.clone(),
         command: args.command(&recipe),
         data: format!("{} MNIST training digits", learn.len()),
-        data_sha256: foveate::training::Source::of_digits(learn.clone()).sha256().into(),
+        data_sha256: foveate::lab::training::Source::of_digits(learn.clone()).sha256().into(),
         seed: recipe.seed,
         epochs: recipe.epochs,
     };
@@ -276,7 +299,7 @@ pub fn run(args: &Args) -> Result<()> {
     rbm.save(&args.out, &about)?;
     files.finish(None)?;
     match Digits::load(&args.data, Split::Test) {
-        Ok(test) => assess(&MultiFixation::load(&args.out)?.0, view.looker, &test),
+        Ok(test) => assess(&MultiFixation::read(&Folder::here(), &args.out)?.0, view.looker, &test),
         Err(_) => Ok(()),
     }
 }
@@ -297,53 +320,6 @@ fn classifier(rbm: &FixationRbm, shown: &dyn Fn(usize) -> Result<Made>, still: b
     Ok(classifier)
 }
 
-/// The training, and the digits as this epoch shows them.
-struct Fixations<'a> {
-    trainer: Trainer,
-    shown: &'a dyn Fn(usize) -> Result<Made>,
-    made: Made,
-    /// The epoch that `made` is of.
-    epoch: usize,
-    held: &'a Made,
-    checkpoint: &'a Path,
-    name: &'a str,
-}
-
-impl Training for Fixations<'_> {
-    fn step(&mut self) -> Result<()> {
-        let (epoch, _) = self.trainer.progress();
-        if epoch != self.epoch {
-            (self.made, self.epoch) = ((self.shown)(epoch)?, epoch);
-        }
-        self.trainer.step(self.made.sequences());
-        Ok(())
-    }
-    fn progress(&self) -> (usize, usize) {
-        self.trainer.progress()
-    }
-    fn whole(&self) -> (usize, usize) {
-        (self.trainer.recipe().epochs, self.trainer.batches(self.made.sequences().len()))
-    }
-    fn save(&self) -> Result<()> {
-        self.trainer.save(self.checkpoint, self.name)
-    }
-    fn line(&mut self) -> Result<String> {
-        let (log_p, wrong) = self.trainer.take_tally();
-        let rbm = self.trainer.learned()?;
-        if rbm.classes() == 0 {
-            return Ok(String::new());
-        }
-        let s = self.held.sequences();
-        let log_p_held = rbm.log_posterior(s.glimpses(), s.codes(), s.window());
-        let held = Reliability::of(&log_p_held, s.labels(), rbm.classes(), 10);
-        let errors = (100.0 * wrong, 100.0 * (1.0 - held.accuracy));
-        Ok(format!(
-            "log p(y|x) {log_p:.4} (held out {:.4})  errors {:.2} % ({:.2} %)",
-            -held.log_loss, errors.0, errors.1
-        ))
-    }
-}
-
 /// Prints how well test digits are recognised.
 fn assess(recogniser: &MultiFixation, mut looker: Looker, test: &Digits) -> Result<()> {
     let told = |what: &str, found: &Reliability| {
@@ -359,7 +335,7 @@ fn assess(recogniser: &MultiFixation, mut looker: Looker, test: &Digits) -> Resu
         return Ok(());
     }
     let window = looker.window;
-    for (what, trouble) in [("centred and alone", Trouble::default()), ("as along tracks", Trouble::of_tracks())] {
+    for (what, trouble) in [("centred and alone", Nuisance::default()), ("as along tracks", Nuisance::of_tracks())] {
         looker.trouble = trouble;
         looker.window = window;
         let (_, found) = curve(recogniser, &looker, test)?;

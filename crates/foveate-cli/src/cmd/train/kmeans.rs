@@ -1,16 +1,14 @@
 //! `foveate train kmeans`: k-means filters of natural patches, for a convolutional first layer.
 
-use std::path::Path;
-
 use foveate::Result;
 use foveate::identity::convolution::Patches;
 use foveate::identity::retina::{Foveal, FovealConfig, Retina};
-use foveate::kmeans::{Recipe, Trainer};
+use foveate::lab::training::{filters, sha256_of};
+use foveate::learn::kmeans::{Recipe, Trainer};
 use foveate::rng::{Purpose, Streams};
 use foveate::rows::Rows;
-use foveate::training::{filters, sha256_of};
 
-use super::common::{self, Glimpses, Natural, Training};
+use super::common::{self, Glimpses, Natural};
 
 /// Learn k-means filters of whitened patches, from the rings of glimpses of natural photographs.
 ///
@@ -75,46 +73,30 @@ pub fn run(args: &Args) -> Result<()> {
     let learn = cut.some(glimpses.rows(), args.patches, streams(args.natural.seed));
     let held = cut.some(glimpses.held(), glimpses.held().len(), streams(!args.natural.seed));
     let (learn, held, sha256) = (Rows::new(&learn, side * side), Rows::new(&held, side * side), sha256_of(&learn));
-    let trainer = files.begin(
+    let mut trainer = files.begin(
         Trainer::progress,
         |path| Trainer::resume(path, recipe.clone(), learn, &sha256),
         || Trainer::new(recipe.clone(), learn),
     )?;
     let (n_p, n_x, k) = trainer.learned().shape();
     say!("{} patches of {n_p} values, {n_x} of them whitened, {k} filters", learn.len());
-    let mut training = KMeansTraining { trainer, held, sha256, checkpoint: &files.checkpoint };
-    common::train(&mut training)?;
+    common::train(
+        (recipe.epochs, 1),
+        &mut trainer,
+        Trainer::progress,
+        |trainer| {
+            trainer.step();
+            Ok(())
+        },
+        |trainer| trainer.save(&files.checkpoint, &sha256),
+        |trainer| {
+            let (error, held) = (trainer.error(), trainer.learned().error(held));
+            Ok(format!("variance left {:.4} (held out {held:.4})", error / n_x as f64))
+        },
+    )?;
 
-    let model = training.trainer.learned();
+    let model = trainer.learned();
     model.save(files.model, &glimpses.metadata(args.command(&glimpses), recipe.seed, recipe.epochs))?;
     let patch = Foveal::new(FovealConfig { side: side as f64, rings: vec![[side, 1]], colour: vec![] })?;
     files.finish(Some(&filters::picture(Rows::new(&model.pictures(), k), patch.cells(), 400)?))
-}
-
-struct KMeansTraining<'a> {
-    trainer: Trainer,
-    held: Rows<'a>,
-    sha256: String,
-    checkpoint: &'a Path,
-}
-
-impl Training for KMeansTraining<'_> {
-    fn step(&mut self) -> Result<()> {
-        self.trainer.step();
-        Ok(())
-    }
-    fn progress(&self) -> (usize, usize) {
-        self.trainer.progress()
-    }
-    fn whole(&self) -> (usize, usize) {
-        (self.trainer.recipe().epochs, 1)
-    }
-    fn save(&self) -> Result<()> {
-        self.trainer.save(self.checkpoint, &self.sha256)
-    }
-    fn line(&mut self) -> Result<String> {
-        let (error, n_x) = (self.trainer.error(), self.trainer.learned().shape().1);
-        let held = self.trainer.learned().error(self.held);
-        Ok(format!("variance left {:.4} (held out {held:.4})", error / n_x as f64))
-    }
 }

@@ -1,18 +1,13 @@
 //! `foveate train mcrbm`: a factored RBM, of covariance and mean units, from natural glimpses.
 
-use std::path::Path;
-
 use clap::ValueEnum;
 use foveate::Result;
 use foveate::identity::retina::Retina;
-use foveate::rbm::factored::{FactoredRbm, Negative, Pooling, Recipe, Trainer, Units};
+use foveate::lab::training::filters;
+use foveate::learn::rbm::factored::{FactoredRbm, Negative, Pooling, Recipe, Trainer, Units};
 use foveate::rows::{Rows, RowsMut};
-use foveate::training::filters;
 
-use super::common::{self, Glimpses, Natural, Training};
-
-/// Rows that are monitored after every epoch, of those learned from and of those held out.
-const MONITORED: usize = 500;
+use super::common::{self, Glimpses, Natural};
 
 /// Learn a factored RBM, of covariance and mean units, from glimpses of natural photographs.
 ///
@@ -50,8 +45,8 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "persistent")]
     negative: NegativeName,
     /// Leapfrog steps a batch.
-    #[arg(long, default_value_t = 20)]
-    leaps: usize,
+    #[arg(long, alias = "leaps", default_value_t = 20)]
+    leapfrog_steps: usize,
     /// Share of proposals to be rejected.
     #[arg(long, default_value_t = 0.1)]
     rejection: f32,
@@ -94,7 +89,7 @@ impl Args {
                 NegativeName::Contrastive => Negative::Contrastive,
                 NegativeName::Persistent => Negative::Persistent,
             },
-            leaps: self.leaps,
+            leapfrog_steps: self.leapfrog_steps,
             rejection: self.rejection,
             settle: self.settle,
             learn_pooling: self.learn_pooling,
@@ -109,7 +104,7 @@ impl Args {
         let pooling = self.learn_pooling.map_or(String::new(), |from| format!(" --learn-pooling {from}"));
         format!(
             "{} --factors {} --pooling {} --means {} --keep {} --epochs {} --batch {} --rate {} --anneal {} \
-             --negative {} --leaps {} --rejection {} --settle {} --l1 {}{pooling} --out FILE",
+             --negative {} --leapfrog-steps {} --rejection {} --settle {} --l1 {}{pooling} --out FILE",
             self.natural.command("mcrbm", glimpses.retina.config()),
             self.factors,
             name(self.pooling.to_possible_value()),
@@ -120,7 +115,7 @@ impl Args {
             self.rate,
             self.anneal,
             name(self.negative.to_possible_value()),
-            self.leaps,
+            self.leapfrog_steps,
             self.rejection,
             self.settle,
             self.l1
@@ -133,7 +128,7 @@ pub fn run(args: &Args) -> Result<()> {
     let (files, recipe) = (args.natural.files()?, args.recipe());
     recipe.check()?;
     let glimpses = args.natural.glimpses()?;
-    let trainer = files.begin(
+    let mut trainer = files.begin(
         Trainer::progress,
         |path| Trainer::resume(path, recipe.clone(), glimpses.rows(), &glimpses.sha256),
         || Trainer::new(recipe.clone(), glimpses.rows()),
@@ -146,10 +141,27 @@ pub fn run(args: &Args) -> Result<()> {
         sizes.covariance,
         sizes.mean
     );
-    let mut training = Mcrbm { trainer, glimpses: &glimpses, checkpoint: &files.checkpoint };
-    common::train(&mut training)?;
+    common::train(
+        (recipe.epochs, trainer.batches()),
+        &mut trainer,
+        Trainer::progress,
+        |trainer| {
+            trainer.step();
+            Ok(())
+        },
+        |trainer| trainer.save(&files.checkpoint, &glimpses.sha256),
+        |trainer| {
+            let model = trainer.learned();
+            let [(ours, covariance, mean), (theirs, ..)] = glimpses.monitored().map(|rows| fit(&model, rows));
+            let (step, rejected) = trainer.leapfrog();
+            Ok(format!(
+                "free energy {ours:.2} (held out {theirs:.2})  covariance units on {covariance:.3}, mean units {mean:.3}  \
+                 leapfrog step {step:.3}, {rejected:.2} rejected"
+            ))
+        },
+    )?;
 
-    let rbm = training.trainer.learned();
+    let rbm = trainer.learned();
     rbm.save(files.model, &glimpses.metadata(args.command(&glimpses), recipe.seed, recipe.epochs))?;
     let (factors, means) = (rbm.factor_filters(), rbm.mean_filters());
     // The factors' filters, then the mean units'.
@@ -160,43 +172,9 @@ pub fn run(args: &Args) -> Result<()> {
     files.finish(Some(&filters::picture(both, glimpses.retina.cells(), both.width())?))
 }
 
-struct Mcrbm<'a> {
-    trainer: Trainer,
-    glimpses: &'a Glimpses,
-    checkpoint: &'a Path,
-}
-
-impl Training for Mcrbm<'_> {
-    fn step(&mut self) -> Result<()> {
-        self.trainer.step();
-        Ok(())
-    }
-    fn progress(&self) -> (usize, usize) {
-        self.trainer.progress()
-    }
-    fn whole(&self) -> (usize, usize) {
-        (self.trainer.recipe().epochs, self.trainer.batches())
-    }
-    fn save(&self) -> Result<()> {
-        self.trainer.save(self.checkpoint, &self.glimpses.sha256)
-    }
-    fn line(&mut self) -> Result<String> {
-        let model = self.trainer.learned();
-        let (ours, covariance, mean) = fit(&model, self.glimpses.rows());
-        let (theirs, ..) = fit(&model, self.glimpses.held());
-        let (leap, rejected) = self.trainer.leap();
-        Ok(format!(
-            "free energy {ours:.2} (held out {theirs:.2})  covariance units on {covariance:.3}, mean units {mean:.3}  leap \
-             {leap:.3}, {rejected:.2} rejected"
-        ))
-    }
-}
-
 /// Means over some rows: free energy, and how much the units of both kinds are on.
 fn fit(model: &FactoredRbm, rows: Rows<'_>) -> (f64, f64, f64) {
-    let (n_v, n_h) = (model.glimpse_len(), model.width(Units::Both));
-    let n = rows.len().min(MONITORED);
-    let rows = Rows::new(&rows.data()[..n * n_v], n_v);
+    let (n_h, n) = (model.width(Units::Both), rows.len());
     let mut h = vec![0.0; n * n_h];
     model.features(rows, Units::Both, RowsMut::new(&mut h, n_h));
     let n_c = model.sizes().covariance;

@@ -1,0 +1,62 @@
+//! Everything that can go wrong, said in four parts: where, what was expected, what was found, what to do.
+//!
+//! Errors happen at the border only: before the first frame (configuration, models), or in a source.
+//! Inside the library a broken reference is a panic that names the reference.
+
+use std::path::PathBuf;
+
+/// What went wrong, and what to do about it.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file or folder could not be read or written.
+    #[error("{}: {doing}: {source}", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// What was being done, for example "cannot read".
+        doing: &'static str,
+        /// The operating system's answer.
+        source: std::io::Error,
+    },
+    /// A file is there, but is not what it should be.
+    #[error("{}: {problem}", path.display())]
+    Malformed {
+        /// The file.
+        path: PathBuf,
+        /// What was expected, what was found, and what to do.
+        problem: String,
+    },
+    /// One frame of a source could not be decoded; earlier frames are good.
+    #[error("{}, frame {frame}: {problem}", path.display())]
+    Frame {
+        /// The video or image file.
+        path: PathBuf,
+        /// Index of the frame in the source, counted from 1.
+        frame: usize,
+        /// What was expected, what was found, and what to do.
+        problem: String,
+    },
+    /// A setting is misspelled, missing or out of range.
+    #[error("{0}")]
+    Config(String),
+    /// Two parts do not fit each other, or a value given by a caller is out of range.
+    #[error("{0}")]
+    Invalid(String),
+}
+
+impl Error {
+    /// An [`Error::Io`], for `map_err`.
+    pub fn io(path: impl Into<PathBuf>, doing: &'static str) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.into();
+        move |source| Self::Io { path, doing, source }
+    }
+
+    /// An [`Error::Malformed`].
+    pub fn malformed(path: impl Into<PathBuf>, problem: impl Into<String>) -> Self {
+        Self::Malformed { path: path.into(), problem: problem.into() }
+    }
+}
+
+/// Short for a result that fails with [`enum@Error`].
+pub type Result<T> = std::result::Result<T, Error>;

@@ -1,0 +1,103 @@
+//! Files that are whole or not there: written under a temporary name beside the final one, then renamed.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::{Error, Result};
+
+/// Larger files are none of ours.
+const MOST_BYTES: u64 = 1 << 30;
+
+/// A name beside `path` that nobody else uses, for a file that becomes `path` when it is whole.
+pub fn temporary(path: &Path) -> PathBuf {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let mut name = std::ffi::OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(format!(".{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed)));
+    path.with_file_name(name)
+}
+
+/// Writes `bytes` to `path`: afterwards the file has all of them, or is as it was before.
+///
+/// # Errors
+/// [`Error::Io`] naming `path` where it cannot be written; nothing is left behind then.
+pub fn write(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
+    let path = path.as_ref();
+    let part = temporary(path);
+    std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, path)).map_err(|error| {
+        let _ = std::fs::remove_file(&part);
+        Error::io(path, "cannot write")(error)
+    })
+}
+
+/// Where files are read from: a folder, or, where there are none (a browser), [`Nowhere`].
+pub trait Files {
+    /// The bytes of a file.
+    ///
+    /// # Errors
+    /// [`Error::Io`] naming the file where it cannot be read.
+    fn read(&self, path: &Path) -> Result<Vec<u8>>;
+}
+
+/// Files whose names are relative to a folder.
+#[derive(Clone, Debug)]
+pub struct Folder(PathBuf);
+
+impl Folder {
+    /// Names relative to this folder.
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        Self(path.into())
+    }
+    /// Names relative to the folder that the program runs in.
+    pub fn here() -> Self {
+        Self(PathBuf::new())
+    }
+    /// Names relative to the folder that a file is in.
+    pub fn of(file: &Path) -> Self {
+        Self(file.parent().map(PathBuf::from).unwrap_or_default())
+    }
+}
+
+impl Files for Folder {
+    fn read(&self, path: &Path) -> Result<Vec<u8>> {
+        let path = self.0.join(path);
+        let size = std::fs::metadata(&path).map_err(Error::io(&path, "cannot read"))?.len();
+        if size > MOST_BYTES {
+            return Err(Error::malformed(
+                path,
+                format!("it has {size} bytes, far more than any model or configuration"),
+            ));
+        }
+        std::fs::read(&path).map_err(Error::io(&path, "cannot read"))
+    }
+}
+
+/// No files: what ships with the library is all there is.
+#[derive(Clone, Copy, Debug)]
+pub struct Nowhere;
+
+impl Files for Nowhere {
+    fn read(&self, path: &Path) -> Result<Vec<u8>> {
+        let none = std::io::Error::new(std::io::ErrorKind::NotFound, "no folder was given to read files from");
+        Err(Error::io(path, "cannot read")(none))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_whole_or_not_there() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let path = dir.path().join("a.bin");
+        write(&path, b"one").expect("a writable folder");
+        write(&path, b"two").expect("a writable folder");
+        assert_eq!(std::fs::read(&path).expect("just written"), b"two");
+        let missing = dir.path().join("no/such/folder.bin");
+        assert!(write(&missing, b"x").expect_err("no folder").to_string().contains("folder.bin"));
+        std::fs::create_dir(dir.path().join("taken")).expect("a writable folder");
+        assert!(write(dir.path().join("taken"), b"x").is_err(), "a folder is not replaced");
+        assert_eq!(std::fs::read_dir(dir.path()).expect("readable").count(), 2, "no temporary file stays");
+    }
+}

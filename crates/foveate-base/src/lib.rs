@@ -1,0 +1,11 @@
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+pub mod error;
+pub mod files;
+pub mod quiet;
+pub mod rng;
+pub mod rows;
+pub mod sink;
+
+pub use error::{Error, Result};

@@ -1,0 +1,103 @@
+//! A file that appears when it is whole: written under a temporary name beside its place, renamed at the end.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::PathBuf;
+
+use crate::files::temporary;
+use crate::{Error, Result};
+
+/// A text file in the making. Dropped before [`Sink::finish`], it leaves nothing behind.
+#[derive(Debug)]
+pub struct Sink {
+    path: PathBuf,
+    temporary: PathBuf,
+    file: Option<BufWriter<File>>,
+}
+
+impl Sink {
+    /// Starts a file that will be `path`. Fails where its folder cannot be written.
+    pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
+        let path = path.into();
+        let temporary = temporary(&path);
+        let file = File::create(&temporary).map_err(Error::io(&path, "cannot write"))?;
+        Ok(Self { path, temporary, file: Some(BufWriter::new(file)) })
+    }
+
+    /// Adds to the file.
+    pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        match &mut self.file {
+            Some(file) => file.write_all(bytes).map_err(Error::io(&self.path, "cannot write")),
+            None => Err(Error::Invalid(format!("{}: already finished, nothing can be added", self.path.display()))),
+        }
+    }
+
+    /// Hands what was added to the operating system, so that it outlives this program.
+    pub fn flush(&mut self) -> Result<()> {
+        self.file.as_mut().map_or(Ok(()), BufWriter::flush).map_err(Error::io(&self.path, "cannot write"))
+    }
+
+    /// Gives the file its name. Finishing twice is finishing once.
+    pub fn finish(&mut self) -> Result<()> {
+        let Some(mut file) = self.file.take() else { return Ok(()) };
+        let written = file.flush().and_then(|()| std::fs::rename(&self.temporary, &self.path));
+        if written.is_err() {
+            // The file is not whole: the reason below is worth more than a second one.
+            let _ = std::fs::remove_file(&self.temporary);
+        }
+        written.map_err(Error::io(&self.path, "cannot write"))
+    }
+}
+
+impl Drop for Sink {
+    fn drop(&mut self) {
+        if self.file.take().is_some() {
+            let _ = std::fs::remove_file(&self.temporary);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = std::fs::read_dir(folder).expect("the folder is there");
+        entries.map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned()).collect()
+    }
+
+    #[test]
+    fn a_file_appears_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("a.txt");
+        std::fs::write(&path, "old").expect("a file");
+        let mut sink = Sink::create(&path).expect("a sink");
+        sink.write(b"new").expect("bytes");
+        sink.flush().expect("flushed");
+        assert_eq!(std::fs::read_to_string(&path).expect("still the old one"), "old");
+        assert_eq!(std::fs::read_to_string(&sink.temporary).expect("what was flushed"), "new");
+        sink.finish().expect("renamed");
+        sink.finish().expect("again is nothing");
+        assert!(sink.write(b"more").is_err());
+        drop(sink);
+        assert_eq!(std::fs::read_to_string(&path).expect("the new one"), "new");
+
+        drop(Sink::create(folder.path().join("b.txt")).expect("a sink"));
+        assert_eq!(names(folder.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_written_is_an_error_that_names_the_file() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let error = Sink::create(folder.path().join("missing/boxes.txt")).expect_err("no such folder").to_string();
+        assert!(error.contains("boxes.txt") && error.contains("cannot write"), "{error}");
+        // The place is taken by a folder: the rename fails, and nothing half-made stays.
+        let taken = folder.path().join("taken.txt");
+        std::fs::create_dir_all(taken.join("inside")).expect("a folder");
+        let mut sink = Sink::create(&taken).expect("a sink");
+        sink.write(b"text").expect("bytes");
+        assert!(sink.finish().is_err());
+        assert_eq!(names(folder.path()), ["taken.txt"]);
+    }
+}

@@ -1,0 +1,73 @@
+//! `foveate configs`: the configurations that ship with the program.
+
+use foveate::config::{BUILTIN, Config};
+use foveate::files::Nowhere;
+use foveate::identity::Retina;
+use foveate::{Error, Result};
+
+use super::configure::policy_kind;
+
+#[derive(clap::Args)]
+pub struct Args {
+    /// Print this one, as TOML, to be changed and given to --config; left out, all are listed: name, gaze policy, rings of the
+    /// retina in template pixels (window/cell, from the inside out), and what it is for
+    name: Option<String>,
+}
+
+/// Runs the command.
+pub fn run(args: Args) -> Result<()> {
+    let Some(name) = &args.name else { return list() };
+    match BUILTIN.iter().find(|b| b.0 == *name) {
+        Some((_, text)) => {
+            say!("{}", text.trim_end());
+            Ok(())
+        }
+        None => Err(Error::Config(format!(
+            "no configuration is called {name}; those that ship: {}",
+            BUILTIN.iter().map(|b| b.0).collect::<Vec<_>>().join(", ")
+        ))),
+    }
+}
+
+fn list() -> Result<()> {
+    let mut lines = vec![["name", "policy", "retina"].map(String::from).to_vec()];
+    lines[0].push("for".into());
+    for (name, text) in BUILTIN {
+        let blueprint = Config::parse(text, name)?.check(&Nowhere)?;
+        let policy = policy_kind(blueprint.config());
+        lines.push(vec![(*name).into(), policy, rings(&*blueprint.retina()), about(text).into()]);
+    }
+    let widest = |column: usize| lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);
+    let widths = [widest(0), widest(1), widest(2)];
+    for line in &lines {
+        let cell = |i: usize| format!("{:<1$}", line[i], widths[i]);
+        say!("{}  {}  {}  {}", cell(0), cell(1), cell(2), line[3]);
+    }
+    Ok(())
+}
+
+/// The first sentence of a configuration's first comment.
+fn about(text: &str) -> &str {
+    let line = text.lines().find_map(|line| line.strip_prefix('#')).unwrap_or("").trim();
+    let end = line.find(". ").unwrap_or(line.len());
+    line[..end].trim_end_matches(['.', ':', ','])
+}
+
+/// The windows of a retina and the cells in them, as `8/1 16/2 24/4`, in units of its smallest cell; `+` before those that read
+/// colour.
+fn rings(retina: &dyn Retina) -> String {
+    let finest = retina.cells().iter().map(|c| c.half).fold(f64::INFINITY, f64::min);
+    let mut rings: Vec<(usize, f64, f64)> = vec![];
+    for cell in retina.cells() {
+        let reach = cell.u.abs().max(cell.v.abs()) + cell.half;
+        match rings.iter_mut().find(|r| r.0 == cell.channel.min(1) && r.1 == cell.half) {
+            Some(ring) => ring.2 = ring.2.max(reach),
+            None => rings.push((cell.channel.min(1), cell.half, reach)),
+        }
+    }
+    let unit = |length: f64| (length / finest).round();
+    let ring = |(channel, half, reach): &(usize, f64, f64)| {
+        format!("{}{}/{}", if *channel > 0 { "+" } else { "" }, unit(*reach), unit(*half))
+    };
+    rings.iter().map(ring).collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,125 @@
+//! The configuration of a run: a file, or one that ships by name or by profile, and what the command line changes in it.
+
+use std::path::Path;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use foveate::config::{BUILTIN, Config};
+use foveate::files::Folder;
+use foveate::{Error, Result};
+
+/// Configurations for real video, by the time they take.
+#[derive(clap::ValueEnum, Clone, Copy, Debug)]
+pub enum Profile {
+    /// Thousands of frames a second: natural-fast
+    Fast,
+    /// What is taken unless told otherwise: natural
+    Balanced,
+}
+
+/// The configuration asked for by name or by profile; `natural` unless told otherwise.
+pub fn config_name(config: Option<&str>, profile: Option<Profile>) -> &str {
+    let profile = match profile {
+        Some(Profile::Fast) => foveate::Profile::Fast,
+        Some(Profile::Balanced) | None => foveate::Profile::Balanced,
+    };
+    config.unwrap_or(profile.name())
+}
+
+/// Policies by name, and the settings that one has no default for.
+const POLICIES: [(&str, Option<&str>); 11] = [
+    ("fixed", None),
+    ("random", None),
+    ("circular", None),
+    ("hedge", Some(r#"policy={ kind = "hedge", gamma = "anytime" }"#)),
+    ("pool", Some(r#"policy={ kind = "pool", gamma = "anytime" }"#)),
+    ("exp3", None),
+    ("exp3-as-printed", None),
+    ("exp3-ix", None),
+    ("exp3-s", None),
+    ("gp-ucb", None),
+    ("anchor", Some(r#"policy={ kind = "anchor", policy = { kind = "hedge", gamma = "anytime" } }"#)),
+];
+
+fn policies() -> impl TypedValueParser<Value = String> {
+    PossibleValuesParser::new(POLICIES.map(|(name, _)| name))
+}
+
+/// What the command line changes in a configuration.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub struct Changes {
+    /// Look elsewhere: another gaze policy with its usual settings (a 3 x 3 grid of gazes reaching half-way to the box's edge,
+    /// where it has a grid); what else it can be told goes by --set policy.KEY=VALUE
+    #[arg(long, value_name = "NAME", value_parser = policies())]
+    pub policy: Option<String>,
+    /// Change one setting of the configuration, for example particles=400 or policy.grid.reach=0.3; may be given several times
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
+}
+
+impl Changes {
+    /// Settings alone.
+    pub fn of(set: &[String]) -> Self {
+        Self { policy: None, set: set.to_vec() }
+    }
+
+    fn make(&self, mut config: Config) -> Result<Config> {
+        if let Some(name) = self.policy.as_ref().filter(|name| **name != policy_kind(&config)) {
+            let bare = format!("policy.kind={name}");
+            let setting = POLICIES.iter().find(|p| p.0 == name).and_then(|p| p.1).unwrap_or(&bare);
+            config = config.set(setting)?;
+        }
+        self.set.iter().try_fold(config, |config, setting| config.set(setting))
+    }
+
+    /// A configuration's name, and what was changed in it.
+    pub fn describe(&self, name: &str) -> String {
+        let policy = self.policy.iter().map(|policy| format!("policy {policy}"));
+        let all: Vec<String> = std::iter::once(name.to_owned()).chain(policy).chain(self.set.iter().cloned()).collect();
+        all.join(", ")
+    }
+}
+
+/// The name of a configuration's policy.
+pub fn policy_kind(config: &Config) -> String {
+    let policy = toml::Table::try_from(&config.policy).unwrap_or_default();
+    policy.get("kind").and_then(|kind| kind.as_str()).unwrap_or_default().to_owned()
+}
+
+/// A configuration by file or by name, with changes; and the folder that its model files are relative to.
+pub fn read(name: &str, changes: &Changes) -> Result<(Config, Folder)> {
+    let path = Path::new(name);
+    let (config, folder) = match Config::builtin(name) {
+        _ if path.is_file() => (Config::read(&Folder::here(), path)?, Folder::of(path)),
+        Some(config) => (config?, Folder::here()),
+        None => {
+            return Err(Error::Config(format!(
+                "there is no configuration file {name}, and none of that name ships with the program; those that do: {}",
+                BUILTIN.iter().map(|b| b.0).collect::<Vec<_>>().join(", ")
+            )));
+        }
+    };
+    Ok((changes.make(config)?, folder))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_policy_fits_every_configuration() {
+        for name in ["natural", "digits-hedge", "digits-partial"] {
+            for (policy, _) in POLICIES {
+                let changes = Changes { policy: Some(policy.into()), set: vec!["particles=50".into()] };
+                let (config, folder) = read(name, &changes).unwrap_or_else(|e| panic!("{name}, {policy}: {e}"));
+                assert_eq!(config.particles, 50);
+                assert!(config.to_toml().contains(&format!("kind = \"{policy}\"")), "{}", config.to_toml());
+                config.check(&folder).unwrap_or_else(|e| panic!("{name}, {policy}: {e}"));
+                assert_eq!(changes.describe(name), format!("{name}, policy {policy}, particles=50"));
+            }
+        }
+        let hedge = read("digits-hedge", &Changes { policy: Some("hedge".into()), set: vec![] }).expect("a policy").0;
+        assert_eq!(hedge, Config::builtin("digits-hedge").expect("it ships").expect("it is right"), "hedge as it was");
+        let changes = Changes::of(&["particles=none".into()]);
+        assert!(read("natural", &changes).expect_err("no number").to_string().contains("particles=none"));
+    }
+}

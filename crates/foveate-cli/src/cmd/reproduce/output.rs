@@ -1,0 +1,83 @@
+//! What an experiment gives: a table or a figure, with pictures.
+
+use std::path::Path;
+
+use foveate::{Error, Result, files};
+use serde_json::Value;
+
+use super::results::Results;
+
+/// One experiment on the page.
+pub struct Section {
+    pub name: String,
+    pub title: String,
+    pub about: String,
+    pub content: Content,
+}
+
+pub enum Content {
+    Table(Box<Table>),
+    Figure(Figure),
+}
+
+/// A table with its pictures, and what depends on the machine: frames a second of each line, where they are known.
+pub struct Table {
+    pub results: Results,
+    pub speeds: Vec<Option<f64>>,
+    pub pictures: Vec<Picture>,
+}
+
+/// Pictures, the numbers behind them, and what is to be said of them.
+#[derive(Default)]
+pub struct Figure {
+    pub pictures: Vec<Picture>,
+    pub numbers: Vec<Value>,
+    /// Aligned text; empty where there is none.
+    pub text: String,
+    /// What could not be shown, and why.
+    pub missing: Vec<String>,
+}
+
+/// A picture of the page.
+pub struct Picture {
+    /// Its file's name: `.png` or `.svg`.
+    pub file: String,
+    pub caption: String,
+    pub bytes: Vec<u8>,
+}
+
+impl Section {
+    pub fn results(&self) -> Option<&Results> {
+        match &self.content {
+            Content::Table(table) => Some(&table.results),
+            Content::Figure(_) => None,
+        }
+    }
+
+    /// Its files: results and pictures.
+    pub fn write(&self, out: &Path) -> Result<()> {
+        let (pictures, json) = match &self.content {
+            Content::Table(table) => {
+                files::write(out.join(format!("{}.csv", self.name)), table.results.csv().as_bytes())?;
+                (&table.pictures, table.results.json()?)
+            }
+            Content::Figure(figure) => {
+                if !figure.text.is_empty() {
+                    files::write(out.join(format!("{}.txt", self.name)), figure.text.as_bytes())?;
+                }
+                (&figure.pictures, serde_json::to_string(&figure.numbers).map_err(|e| Error::Invalid(e.to_string()))?)
+            }
+        };
+        files::write(out.join(format!("{}.json", self.name)), json.as_bytes())?;
+        pictures.iter().try_for_each(|picture| files::write(out.join(&picture.file), &picture.bytes))
+    }
+}
+
+impl Picture {
+    /// Of a file that was just written into a folder.
+    pub fn read(out: &Path, file: String, caption: String) -> Result<Self> {
+        let path = out.join(&file);
+        let bytes = std::fs::read(&path).map_err(Error::io(&path, "cannot read the picture just written"))?;
+        Ok(Self { file, caption, bytes })
+    }
+}

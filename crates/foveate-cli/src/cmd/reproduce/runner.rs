@@ -1,0 +1,244 @@
+//! Runs of trackers on synthetic videos: done side by side, each kept in a file of its own, never done twice.
+//!
+//! A run's file is named by a digest of all that the run depends on: configuration, model, program, video, digits, seed.
+//! So a store may be shared by experiments, filled by several machines ([`Store::shard`]), put together from several
+//! ([`Store::others`]), and killed at any time.
+
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use foveate::config::{Blueprint, Config};
+use foveate::lab::Digits;
+use foveate::lab::eval::experiment;
+use foveate::lab::eval::experiment::Run;
+use foveate::lab::synthetic::{Drawn, Synthetic};
+use foveate::{Error, Result, Tracker, files};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::terminal;
+
+/// Time between two lines of progress where standard error is a file.
+const REPORT: Duration = Duration::from_secs(30);
+
+/// A configuration, checked.
+pub struct Entry {
+    pub blueprint: Blueprint,
+    /// What its results depend on: configuration, model, program, and how it is run.
+    pub key: String,
+}
+
+impl Entry {
+    /// `how` tells it from other ways to run the same configuration.
+    pub fn of(blueprint: Blueprint, how: &str) -> Result<Self> {
+        let (version, text) = (env!("CARGO_PKG_VERSION"), blueprint.config().to_toml());
+        let key = format!("{version} {} {text} {how}", experiment::fingerprint(&blueprint)?);
+        Ok(Self { blueprint, key })
+    }
+}
+
+/// Which run: indices of the entry and of the scene, the video, and the seed of the tracker's randomness.
+pub struct Job {
+    pub entry: usize,
+    pub scene: usize,
+    pub video: Synthetic,
+    pub seed: u64,
+}
+
+/// What a finished run's file holds.
+#[derive(Serialize)]
+struct Stored<'a, R> {
+    configuration: &'a Config,
+    video: &'a Synthetic,
+    seed: u64,
+    digits: &'a str,
+    #[serde(flatten)]
+    run: &'a R,
+}
+
+/// Follows the target of a video.
+pub type Following<R> = dyn Fn(&dyn Drawn, &mut Tracker) -> Result<R> + Sync;
+
+/// Does a job: its run, and the text of its file.
+pub type Making<'a, J, R> = dyn Fn(&J) -> Result<(R, Vec<u8>)> + Sync + 'a;
+
+/// What a file keeps of a finished run.
+pub trait Finished: Serialize + DeserializeOwned + Clone + Send {
+    /// Whether it could be that of a video of so many frames: a check of what was read from a file.
+    fn is_of(&self, frames: usize) -> bool;
+}
+
+impl Finished for Run {
+    fn is_of(&self, frames: usize) -> bool {
+        self.is_of(frames)
+    }
+}
+
+/// Where finished runs are kept.
+#[derive(Clone, Debug, Default)]
+pub struct Store {
+    /// One file a run.
+    pub folder: PathBuf,
+    /// Folders of other stores, from which runs are taken that are not here yet.
+    pub others: Vec<PathBuf>,
+    /// Do only the `i`-th of `n` parts of the runs, `i` from 0.
+    pub shard: Option<(u32, u32)>,
+}
+
+impl Store {
+    /// The folder `runs` in `out`.
+    pub fn of(out: &Path) -> Self {
+        Self { folder: out.join("runs"), ..Self::default() }
+    }
+
+    /// The runs of trackers on videos: those of all jobs, in their order, done by `follow` where they are not kept yet. With
+    /// the digits comes what they are.
+    pub fn runs<R: Finished>(
+        &self,
+        name: &str,
+        entries: &[Entry],
+        jobs: &[Job],
+        (digits, from): (&Digits, &str),
+        follow: &Following<R>,
+    ) -> Result<Vec<Option<R>>> {
+        let pixels = experiment::digest(&[&digits.images, &digits.labels]);
+        let key = |job: &Job| {
+            let scene = serde_json::to_vec(&job.video).expect("settings are plain data");
+            let seed = job.seed.to_le_bytes();
+            experiment::digest(&[entries[job.entry].key.as_bytes(), &scene, &seed, pixels.as_bytes()])
+        };
+        let make = |job: &Job| {
+            let blueprint = &entries[job.entry].blueprint;
+            let mut tracker = blueprint.tracker_of(job.seed, u64::from(job.video.digit()))?;
+            let run = follow(&*job.video.video(digits)?, &mut tracker)?;
+            let (configuration, video, seed) = (blueprint.config(), &job.video, job.seed);
+            let stored = Stored { configuration, video, seed, digits: from, run: &run };
+            let text = serde_json::to_vec(&stored).map_err(|e| Error::Invalid(e.to_string()))?;
+            Ok((run, text))
+        };
+        self.finished(name, jobs, &|job| job.video.frames(), &key, &make)
+    }
+
+    /// The runs of all jobs, in their order; those whose file, named by `key`, is nowhere yet are made and put there as the
+    /// text that comes with them. Runs of another shard are missing, and what was left when it was asked to stop.
+    pub fn finished<J: Sync, R: Finished>(
+        &self,
+        name: &str,
+        jobs: &[J],
+        frames: &(dyn Fn(&J) -> usize + Sync),
+        key: &(dyn Fn(&J) -> String + Sync),
+        make: &Making<'_, J, R>,
+    ) -> Result<Vec<Option<R>>> {
+        let folder = &self.folder;
+        std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot create the folder for finished runs"))?;
+        terminal::catch_interrupts();
+        let progress = Progress::new(name, jobs.len());
+        let resumed = AtomicUsize::new(0);
+        let work = |job: &J| {
+            let key = key(job);
+            let path = folder.join(format!("{key}.json"));
+            if let Some(run) = self.find(&path, frames(job))? {
+                resumed.fetch_add(1, Ordering::Relaxed);
+                progress.found();
+                return Ok(Some(run));
+            }
+            let part = u32::from_str_radix(&key[..8], 16).expect("a digest is hexadecimal");
+            if self.shard.is_some_and(|(i, n)| part % n != i) {
+                progress.found();
+                return Ok(None);
+            }
+            let (run, text) = make(job)?;
+            files::write(&path, &text)?;
+            progress.done();
+            Ok(Some(run))
+        };
+        let runs = side_by_side(jobs, &work)?;
+        progress.bar.finish_and_clear();
+        if !terminal::stopping() {
+            eprintln!("{} runs, {} of them from {}", jobs.len(), resumed.into_inner(), folder.display());
+        }
+        Ok(runs)
+    }
+
+    /// A finished run, here or in another store; what is found elsewhere is put here.
+    fn find<R: Finished>(&self, path: &Path, frames: usize) -> Result<Option<R>> {
+        if let Some(run) = read(path, frames) {
+            return Ok(Some(run));
+        }
+        for other in &self.others {
+            let from = other.join(path.file_name().unwrap_or_default());
+            if let Some(run) = read(&from, frames) {
+                files::write(path, &std::fs::read(&from).map_err(Error::io(&from, "cannot read a finished run"))?)?;
+                return Ok(Some(run));
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// A finished run; `None` where there is none, or its file is damaged.
+fn read<R: Finished>(path: &Path, frames: usize) -> Option<R> {
+    let run: R = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
+    run.is_of(frames).then_some(run)
+}
+
+/// Does all jobs, as many at a time as there are threads and each one in a single thread; the results stand in the order
+/// of the jobs, and are missing where it was asked to stop.
+fn side_by_side<J: Sync, R: Finished>(
+    jobs: &[J],
+    work: &(dyn Fn(&J) -> Result<Option<R>> + Sync),
+) -> Result<Vec<Option<R>>> {
+    let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let runs = Mutex::new(vec![None; jobs.len()]);
+    // A pool of one thread: what the tracker shares out stays in its own job, or times would be those of several.
+    let worker = || -> Result<()> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
+        let pool = pool.map_err(|e| Error::Invalid(format!("cannot start a thread: {e}; give a smaller --threads")))?;
+        while !terminal::stopping() && !failed.load(Ordering::Relaxed) {
+            let i = next.fetch_add(1, Ordering::Relaxed);
+            let Some(job) = jobs.get(i) else { break };
+            let run = pool.install(|| work(job));
+            failed.fetch_or(run.is_err(), Ordering::Relaxed);
+            runs.lock().expect("no thread panics while it holds the list")[i] = run?;
+        }
+        Ok(())
+    };
+    std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..rayon::current_num_threads()).map(|_| scope.spawn(worker)).collect();
+        workers.into_iter().try_for_each(|w| w.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    })?;
+    Ok(runs.into_inner().expect("all threads have ended"))
+}
+
+/// Progress and time left: a bar on a terminal, else a line now and then.
+struct Progress {
+    name: String,
+    bar: indicatif::ProgressBar,
+    began: Instant,
+    done: AtomicUsize,
+    said: Mutex<Instant>,
+}
+
+impl Progress {
+    fn new(name: &str, jobs: usize) -> Self {
+        let (bar, now) = (terminal::progress(Some(jobs), name), Instant::now());
+        Self { name: name.into(), bar, began: now, done: AtomicUsize::new(0), said: Mutex::new(now) }
+    }
+    /// One job needed no work.
+    fn found(&self) {
+        self.bar.inc(1);
+    }
+    fn done(&self) {
+        self.bar.inc(1);
+        let done = self.done.fetch_add(1, Ordering::Relaxed) + 1;
+        let mut said = self.said.lock().expect("no thread panics while it holds the time");
+        if self.bar.is_hidden() && said.elapsed() > REPORT {
+            *said = Instant::now();
+            let (at, all) = (self.bar.position(), self.bar.length().unwrap_or(0));
+            let left = self.began.elapsed().as_secs_f64() / done as f64 * all.saturating_sub(at) as f64;
+            eprintln!("{}: {at} of {all} runs, {:.0} min left", self.name, left / 60.0);
+        }
+    }
+}

@@ -1,0 +1,454 @@
+//! The folder of a run's results: they appear whole, all at once, and only where there are some.
+//!
+//! A run writes into a folder of its own beside the one asked for. At the end the two change places in one step, where the
+//! folder holds nothing but an earlier run; where it holds other files too, the results are moved in one by one. `run.json`
+//! lists the files that a run made: no other file is ever replaced or removed, but those that the new run writes.
+
+use std::ffi::{OsStr, OsString};
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, SystemTime};
+
+use foveate::files::temporary;
+use foveate::{Error, Result, files};
+use serde::{Deserialize, Serialize};
+
+/// Lists the files of a run.
+const MANIFEST: &str = "run.json";
+/// A folder that nothing was written to for so long is of a run that is no more.
+const ABANDONED: Duration = Duration::from_secs(7 * 24 * 3600);
+
+/// What a run left in its folder.
+#[derive(Serialize, Deserialize)]
+struct Manifest {
+    program: String,
+    /// False while the files of a new run are moved in: then those of two runs may lie here.
+    complete: bool,
+    files: Vec<String>,
+}
+
+/// The results of a run in the making. Dropped before [`Results::keep`], they leave nothing behind.
+pub struct Results {
+    /// Where they are to be, as it was asked for and as it is.
+    asked: PathBuf,
+    out: PathBuf,
+    /// Where they are written.
+    part: PathBuf,
+    /// Folders that had to be made for it, the outermost first.
+    made: Vec<PathBuf>,
+    names: Vec<String>,
+    kept: bool,
+}
+
+impl Results {
+    /// Begins results that will be `names` in the folder `out`, which stays as it is until they are kept. Fails where the
+    /// folder cannot be made or written, a result could not get its name, or one of the `inputs` would be replaced or removed.
+    pub fn begin(out: &Path, names: &[&str], inputs: &[&Path]) -> Result<Self> {
+        let asked = out.to_owned();
+        let (parent, name) = place(out)?;
+        let out = parent.join(&name);
+        check(&asked, &out, names, inputs)?;
+        let made: Vec<PathBuf> = parent.ancestors().take_while(|folder| !folder.exists()).map(PathBuf::from).collect();
+        fs::create_dir_all(&parent).map_err(Error::io(&asked, "cannot make the folder for results"))?;
+        let part = hidden(&name, "tmp");
+        sweep(&parent, &name, &out);
+        sweep(&out, &name, &out);
+        // Beside the folder; in it, where that is not allowed.
+        let part = match fs::create_dir(parent.join(&part)) {
+            Ok(()) => parent.join(&part),
+            Err(_) if out.is_dir() => {
+                fs::create_dir(out.join(&part)).map_err(Error::io(&asked, "cannot write to the folder for results"))?;
+                out.join(&part)
+            }
+            Err(e) => return Err(Error::io(&asked, "cannot make the folder for results")(e)),
+        };
+        let names = names.iter().map(|name| (*name).to_owned()).collect();
+        Ok(Self { asked, out, part, made: made.into_iter().rev().collect(), names, kept: false })
+    }
+
+    /// Where to write.
+    pub fn folder(&self) -> &Path {
+        &self.part
+    }
+
+    /// Puts the results in their place; answers their paths. Where one is missing, or they cannot be moved, the folder stays as
+    /// it was and they are kept beside it, under a name that the error tells.
+    pub fn keep(mut self) -> Result<Vec<PathBuf>> {
+        let missing = self.names.iter().find(|name| !self.part.join(name).is_file());
+        let placed = match missing {
+            Some(name) => Err(Error::malformed(self.asked.join(name), "it was not written")),
+            None => self.list(&self.part, &self.names, true).and_then(|()| self.put()),
+        };
+        self.kept = true;
+        if let Err(error) = placed {
+            let rescue = self.part.with_file_name(rescued(self.out.file_name().unwrap_or_default()));
+            let at = if fs::rename(&self.part, &rescue).is_ok() { &rescue } else { &self.part };
+            return Err(Error::Invalid(format!(
+                "{error}; {} was left as it was, what was written of this run lies in {}",
+                self.asked.display(),
+                at.display()
+            )));
+        }
+        Ok(self.names.iter().map(|name| self.asked.join(name)).collect())
+    }
+
+    /// Keeps them where there are some to keep; answers the paths of those that were kept.
+    pub fn keep_if(self, some: bool) -> Result<Vec<PathBuf>> {
+        if some { self.keep() } else { Ok(vec![]) }
+    }
+
+    fn list(&self, folder: &Path, names: &[String], complete: bool) -> Result<()> {
+        let program = concat!("foveate ", env!("CARGO_PKG_VERSION")).to_owned();
+        let manifest = Manifest { program, complete, files: names.to_vec() };
+        let text = serde_json::to_string_pretty(&manifest).map_err(|e| Error::Invalid(e.to_string()))?;
+        files::write(folder.join(MANIFEST), (text + "\n").as_bytes())
+    }
+
+    fn put(&self) -> Result<()> {
+        if !self.out.exists() && fs::rename(&self.part, &self.out).is_ok() {
+            return Ok(());
+        }
+        if self.part.parent() == self.out.parent() && is_ours_alone(&self.out) && !holds_this_process(&self.out) {
+            if let Ok(of) = fs::metadata(&self.out) {
+                let _ = fs::set_permissions(&self.part, of.permissions());
+            }
+            if let Some(old) = swap(&self.part, &self.out) {
+                // The results are in place; an earlier run that cannot be removed now is removed by the next one.
+                let _ = fs::remove_dir_all(old);
+                return Ok(());
+            }
+        }
+        self.put_one_by_one()
+    }
+
+    /// Beside files that are none of ours. The manifest lists the files of both runs meanwhile, so that the next run knows
+    /// them whatever happens.
+    fn put_one_by_one(&self) -> Result<()> {
+        fs::create_dir_all(&self.out).map_err(Error::io(&self.asked, "cannot make the folder for results"))?;
+        let earlier = listed(&self.out);
+        let left: Vec<&String> = earlier.iter().filter(|name| !self.names.contains(name)).collect();
+        let both: Vec<String> = self.names.iter().chain(left.iter().copied()).cloned().collect();
+        self.list(&self.out, &both, false)?;
+        for name in &self.names {
+            let to = self.out.join(name);
+            moved(&self.part.join(name), &to).map_err(Error::io(self.asked.join(name), "cannot write"))?;
+        }
+        // One that cannot be removed stays, and is the user's from now on.
+        left.into_iter().for_each(|name| drop(fs::remove_file(self.out.join(name))));
+        self.list(&self.out, &self.names, true)?;
+        let _ = fs::remove_dir_all(&self.part);
+        Ok(())
+    }
+}
+
+impl Drop for Results {
+    fn drop(&mut self) {
+        if !self.kept {
+            let _ = fs::remove_dir_all(&self.part);
+            // Those that hold something by now stay.
+            self.made.iter().rev().for_each(|folder| drop(fs::remove_dir(folder)));
+        }
+    }
+}
+
+/// The folder that a folder is in, and its name, links followed.
+fn place(out: &Path) -> Result<(PathBuf, OsString)> {
+    let cannot = "cannot find the folder for results";
+    let whole = match fs::symlink_metadata(out) {
+        Ok(_) => fs::canonicalize(out).map_err(Error::io(out, cannot))?,
+        Err(_) => std::path::absolute(out).map_err(Error::io(out, cannot))?,
+    };
+    let nowhere =
+        || Error::Invalid(format!("{}: expected a folder for results, with a name; give another --out", out.display()));
+    let name = whole.file_name().ok_or_else(nowhere)?.to_owned();
+    let parent = whole.parent().ok_or_else(nowhere)?;
+    Ok((fs::canonicalize(parent).unwrap_or_else(|_| parent.to_owned()), name))
+}
+
+fn check(asked: &Path, out: &Path, names: &[&str], inputs: &[&Path]) -> Result<()> {
+    if out.exists() && !out.is_dir() {
+        return Err(Error::malformed(asked, "expected a folder for results, found a file; give another --out"));
+    }
+    if let Some(name) = names.iter().chain([&MANIFEST]).find(|name| out.join(name).is_dir()) {
+        let problem = "expected a file of an earlier run or nothing, found a folder; give another --out";
+        return Err(Error::malformed(asked.join(name), problem));
+    }
+    if fs::metadata(out).is_ok_and(|of| of.permissions().readonly()) {
+        return Err(Error::malformed(
+            asked,
+            "the folder is write-protected; give another --out, or allow writing to it",
+        ));
+    }
+    if out.join(MANIFEST).exists() && manifest(out).is_none() {
+        let problem =
+            "expected the list of files that a run of foveate writes, found something else; give another --out";
+        return Err(Error::malformed(asked.join(MANIFEST), problem));
+    }
+    let earlier = listed(out);
+    for input in inputs {
+        let inside = fs::canonicalize(input).ok().filter(|path| path.is_file() && path.parent() == Some(out));
+        let Some(name) = inside.as_deref().and_then(Path::file_name).map(OsStr::to_string_lossy) else { continue };
+        if names.contains(&&*name) || earlier.iter().any(|e| *e == *name) {
+            let problem = format!("it is read, and would be replaced or removed as a result in {}", asked.display());
+            return Err(Error::malformed(*input, problem + "; give another --out"));
+        }
+    }
+    Ok(())
+}
+
+/// What an earlier run left in a folder.
+fn manifest(folder: &Path) -> Option<Manifest> {
+    let text = fs::read_to_string(folder.join(MANIFEST)).ok()?;
+    serde_json::from_str::<Manifest>(&text).ok().filter(|manifest| manifest.program.starts_with("foveate "))
+}
+
+/// The files that an earlier run in a folder made. A name that is a path, or no file, is none of them.
+fn listed(folder: &Path) -> Vec<String> {
+    let files = manifest(folder).map_or(vec![], |manifest| manifest.files);
+    let plain = |name: &String| Path::new(name).file_name() == Some(OsStr::new(name));
+    files
+        .into_iter()
+        .filter(|name| plain(name) && folder.join(name).symlink_metadata().is_ok_and(|m| m.is_file()))
+        .collect()
+}
+
+/// Whether a folder holds an earlier run and nothing else.
+fn is_ours_alone(folder: &Path) -> bool {
+    let ours = listed(folder);
+    let Ok(mut entries) = fs::read_dir(folder) else { return false };
+    entries.all(|entry| {
+        let name = entry.map(|e| e.file_name()).unwrap_or_default();
+        name == MANIFEST || ours.iter().any(|file| name == **file)
+    })
+}
+
+/// Whether the program runs in a folder: then it must not be moved away.
+fn holds_this_process(folder: &Path) -> bool {
+    let here = std::env::current_dir().and_then(fs::canonicalize);
+    here.is_ok_and(|here| here.starts_with(folder))
+}
+
+/// Puts one folder in the place of another; answers where the other one is now. `None`: nothing has changed.
+fn swap(new: &Path, old: &Path) -> Option<PathBuf> {
+    if exchange(new, old) {
+        return Some(new.to_owned());
+    }
+    // A run that is killed between these two is put back by the next one: see `sweep`.
+    let away = old.with_file_name(hidden(old.file_name()?, "old"));
+    fs::rename(old, &away).ok()?;
+    if fs::rename(new, old).is_err() {
+        let _ = fs::rename(&away, old);
+        return None;
+    }
+    Some(away)
+}
+
+/// Two folders change their places in one step, where the system can.
+#[cfg(any(target_os = "linux", target_os = "macos"))]
+fn exchange(a: &Path, b: &Path) -> bool {
+    use rustix::fs::{CWD, RenameFlags, renameat_with};
+    renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE).is_ok()
+}
+
+#[cfg(not(any(target_os = "linux", target_os = "macos")))]
+fn exchange(_: &Path, _: &Path) -> bool {
+    false
+}
+
+/// Moves a file to another folder, which may be of another file system.
+fn moved(from: &Path, to: &Path) -> std::io::Result<()> {
+    if fs::rename(from, to).is_ok() {
+        return Ok(());
+    }
+    let part = temporary(to);
+    fs::copy(from, &part).and_then(|_| fs::rename(&part, to)).inspect_err(|_| drop(fs::remove_file(&part)))
+}
+
+/// `.NAME.PID.KIND`: a folder of this process beside NAME.
+fn hidden(name: &OsStr, kind: &str) -> OsString {
+    let mut hidden = OsString::from(".");
+    hidden.push(name);
+    hidden.push(format!(".{}.{kind}", std::process::id()));
+    hidden
+}
+
+/// `NAME.unplaced-PID`.
+fn rescued(name: &OsStr) -> OsString {
+    let mut rescued = name.to_owned();
+    rescued.push(format!(".unplaced-{}", std::process::id()));
+    rescued
+}
+
+/// Removes what runs to `NAME` left behind that were killed, and puts back an earlier run that one of them had moved away.
+fn sweep(folder: &Path, name: &OsStr, out: &Path) {
+    let Ok(entries) = fs::read_dir(folder) else { return };
+    for entry in entries.flatten().filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir())) {
+        let path = entry.path();
+        match abandoned(&entry.file_name(), name, &path) {
+            Some("old") if !out.exists() && fs::rename(&path, out).is_ok() => (),
+            // What cannot be removed does no harm.
+            Some(_) => drop(fs::remove_dir_all(&path)),
+            None => (),
+        }
+    }
+}
+
+/// The kind of a folder that a run to `name` left behind which is no more.
+fn abandoned(found: &OsStr, name: &OsStr, path: &Path) -> Option<&'static str> {
+    let rest = found.as_encoded_bytes().strip_prefix(b".")?.strip_prefix(name.as_encoded_bytes())?;
+    let rest = std::str::from_utf8(rest.strip_prefix(b".")?).ok()?;
+    let (process, kind) = rest.split_once('.')?;
+    let kind = ["tmp", "old"].into_iter().find(|k| *k == kind)?;
+    let process: u32 = process.parse().ok()?;
+    // A number may be given to another process again; ours was given to this one, which has made nothing yet.
+    (process == std::process::id() || !is_running(process) || untouched(path)).then_some(kind)
+}
+
+#[cfg(any(target_os = "linux", target_os = "macos"))]
+fn is_running(process: u32) -> bool {
+    use rustix::process::{Pid, test_kill_process};
+    let pid = i32::try_from(process).ok().and_then(Pid::from_raw);
+    pid.is_some_and(|pid| test_kill_process(pid) != Err(rustix::io::Errno::SRCH))
+}
+
+/// Nobody knows here: only its age tells.
+#[cfg(not(any(target_os = "linux", target_os = "macos")))]
+fn is_running(_: u32) -> bool {
+    true
+}
+
+/// Whether nothing was written in a folder for long.
+fn untouched(folder: &Path) -> bool {
+    let time = |path: &Path| fs::metadata(path).and_then(|m| m.modified()).ok();
+    let inside = fs::read_dir(folder).into_iter().flatten().flatten().filter_map(|entry| time(&entry.path()));
+    let last = inside.chain(time(folder)).max();
+    last.and_then(|last| SystemTime::now().duration_since(last).ok()).is_some_and(|age| age > ABANDONED)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn write(folder: &Path, name: &str, text: &str) {
+        fs::write(folder.join(name), text).expect("a writable folder");
+    }
+
+    /// A whole run to a folder: these files, with this text.
+    fn run(out: &Path, names: &[&str], text: &str) -> Result<Vec<PathBuf>> {
+        let results = Results::begin(out, names, &[])?;
+        names.iter().for_each(|name| write(results.folder(), name, text));
+        results.keep()
+    }
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).expect("a folder").flatten();
+        let mut names: Vec<_> = entries.map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
+
+    fn read(folder: &Path, name: &str) -> String {
+        fs::read_to_string(folder.join(name)).expect("a file")
+    }
+
+    #[test]
+    fn a_run_takes_the_place_of_an_earlier_one_whole() {
+        let place = tempfile::tempdir().expect("a temporary folder");
+        let out = place.path().join("a/b");
+        run(&out, &["boxes.txt", "film.mp4"], "one").expect("a first run");
+        assert_eq!(names(&out), ["boxes.txt", "film.mp4", "run.json"]);
+        let began = Results::begin(&out, &["boxes.txt"], &[]).expect("a second one");
+        write(began.folder(), "boxes.txt", "two");
+        assert_eq!(read(&out, "boxes.txt"), "one");
+        drop(began);
+        assert_eq!((read(&out, "boxes.txt").as_str(), names(&place.path().join("a"))), ("one", vec!["b".to_owned()]));
+        let paths = run(&out, &["boxes.txt"], "three").expect("a third one");
+        assert_eq!(paths, [out.join("boxes.txt")]);
+        assert_eq!(
+            (read(&out, "boxes.txt").as_str(), names(&out)),
+            ("three", vec!["boxes.txt".into(), "run.json".into()])
+        );
+        assert_eq!(names(&place.path().join("a")), ["b"], "nothing else stays");
+        // Nothing was there, and nothing comes.
+        drop(Results::begin(&place.path().join("x/y/z"), &["boxes.txt"], &[]).expect("a folder that can be made"));
+        assert_eq!(names(place.path()), ["a"]);
+    }
+
+    #[test]
+    fn other_files_stay() {
+        let place = tempfile::tempdir().expect("a temporary folder");
+        let out = place.path().join("out");
+        fs::create_dir_all(out.join("mine")).expect("a folder");
+        write(&out, "notes.txt", "mine");
+        write(&out, "film.mp4", "mine");
+        write(&out, "boxes.txt", "mine, until a run writes one");
+        run(&out, &["boxes.txt", "report.html"], "one").expect("a first run");
+        run(&out, &["boxes.txt"], "two").expect("a second one");
+        assert_eq!(names(&out), ["boxes.txt", "film.mp4", "mine", "notes.txt", "run.json"]);
+        assert_eq!((read(&out, "film.mp4"), read(&out, "boxes.txt")), ("mine".into(), "two".into()));
+        assert_eq!(names(place.path()), ["out"]);
+        // A list that was tampered with reaches nothing elsewhere.
+        write(place.path(), "precious", "mine");
+        let list = r#"{ "program": "foveate 0", "complete": true, "files": ["../precious", "/etc/hosts", "mine", "boxes.txt"] }"#;
+        write(&out, MANIFEST, list);
+        assert_eq!(listed(&out), ["boxes.txt"]);
+        run(&out, &["other.txt"], "three").expect("a third one");
+        assert_eq!(names(&out), ["film.mp4", "mine", "notes.txt", "other.txt", "run.json"]);
+        assert!(place.path().join("precious").is_file());
+    }
+
+    #[test]
+    fn what_a_killed_run_left_is_removed_or_put_back() {
+        let place = tempfile::tempdir().expect("a temporary folder");
+        let out = place.path().join("out");
+        // A number that no process has: the largest that systems give is below it.
+        let dead = i32::MAX;
+        let (part, other) = (format!(".out.{dead}.tmp"), format!(".outer.{dead}.tmp"));
+        for name in [&*part, &*other, ".out.notes.tmp", ".out.1.txt"] {
+            fs::create_dir(place.path().join(name)).expect("a folder");
+            write(&place.path().join(name), "boxes.txt", "half");
+        }
+        let away = place.path().join(format!(".out.{dead}.old"));
+        fs::create_dir(&away).expect("a folder");
+        write(&away, "boxes.txt", "the run before");
+        drop(Results::begin(&out, &["boxes.txt"], &[]).expect("a run"));
+        assert_eq!(read(&out, "boxes.txt"), "the run before", "put back");
+        assert_eq!(names(place.path()), [".out.1.txt", ".out.notes.tmp", &*other, "out"]);
+    }
+
+    #[test]
+    fn what_cannot_be_is_told_before_anything_is_done() {
+        let place = tempfile::tempdir().expect("a temporary folder");
+        let out = place.path().join("out");
+        run(&out, &["film.mp4"], "one").expect("a first run");
+        write(place.path(), "file", "");
+        fs::create_dir(out.join("boxes.txt")).expect("a folder");
+        let film = out.join("film.mp4");
+        let begin = |out: &Path, names: &[&str], inputs: &[&Path]| {
+            let error = Results::begin(out, names, inputs).err().expect("an error").to_string();
+            assert!(error.contains("give another --out"), "{error}");
+            error
+        };
+        assert!(begin(&place.path().join("file"), &["a"], &[]).contains("found a file"));
+        assert!(begin(&out, &["boxes.txt"], &[]).contains("found a folder"));
+        assert!(begin(&out, &["track.csv"], &[&film]).contains("it is read"));
+        write(&out, MANIFEST, "[1, 2]");
+        assert!(begin(&out, &["track.csv"], &[]).contains("run.json"));
+        assert!(begin(Path::new("/"), &["track.csv"], &[]).contains("a name"));
+        assert_eq!(names(place.path()), ["file", "out"]);
+    }
+
+    #[test]
+    fn results_that_are_not_whole_replace_nothing() {
+        let place = tempfile::tempdir().expect("a temporary folder");
+        let out = place.path().join("out");
+        run(&out, &["boxes.txt"], "one").expect("a first run");
+        let results = Results::begin(&out, &["boxes.txt", "film.mp4"], &[]).expect("a second one");
+        write(results.folder(), "boxes.txt", "two");
+        let error = results.keep().expect_err("no film").to_string();
+        assert!(error.contains("film.mp4") && error.contains("unplaced"), "{error}");
+        assert_eq!(read(&out, "boxes.txt"), "one");
+        let beside = names(place.path());
+        assert!(beside.len() == 2 && beside[1].starts_with("out.unplaced-"), "{beside:?}");
+    }
+}

@@ -1,0 +1,178 @@
+//! Where the target is: boxes as they are given, checked against the video before anything is tracked.
+
+use std::path::Path;
+
+use foveate::geometry::BBox;
+use foveate::scene::motion;
+use foveate::video::{SourceInfo, annotation, open};
+use foveate::{Error, Result};
+
+/// Where the first box comes from.
+#[derive(Clone, Copy)]
+pub enum Init {
+    /// These numbers.
+    Given(BBox),
+    /// What moved, in a box of its own size or of a given one.
+    Motion(Option<(f64, f64)>),
+}
+
+pub fn parse_init(text: &str) -> std::result::Result<Init, String> {
+    let Some(size) = text.strip_prefix("motion") else { return parse_box(text).map(Init::Given) };
+    let sides = size.strip_prefix(':').and_then(|s| s.split_once(','));
+    let sides = sides.and_then(|(w, h)| Some((w.trim().parse().ok()?, h.trim().parse().ok()?)));
+    match sides {
+        None if size.is_empty() => Ok(Init::Motion(None)),
+        Some((w, h)) if (1.0..1e5).contains(&w) && (1.0..1e5).contains(&h) => Ok(Init::Motion(Some((w, h)))),
+        _ => Err(format!("expected motion, or motion:w,h such as motion:28,28, got \"{text}\"")),
+    }
+}
+
+/// `x,y,w,h` counted from 1, to a box counted from 0.
+fn parse_box(text: &str) -> std::result::Result<BBox, String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|n| n.trim().parse())
+        .collect::<std::result::Result<_, _>>()
+        .map_err(|_| format!("expected four numbers x,y,w,h such as 120,80,40,60, got \"{text}\""))?;
+    match numbers[..] {
+        [x, y, w, h] if numbers.iter().all(|n| n.is_finite()) => Ok(BBox::counted_from_1(x, y, w, h)),
+        _ => Err(format!("expected four finite numbers x,y,w,h such as 120,80,40,60, got \"{text}\"")),
+    }
+}
+
+pub fn parse_again(text: &str) -> std::result::Result<(usize, BBox), String> {
+    let (frame, bbox) = text.split_once(':').ok_or_else(|| format!("expected FRAME:x,y,w,h, got \"{text}\""))?;
+    let frame = frame.parse().ok().filter(|f| *f > 1);
+    Ok((frame.ok_or_else(|| format!("expected a frame number from 2 on, got \"{text}\""))?, parse_box(bbox)?))
+}
+
+/// The given box, what moves, or the first line of groundtruth_rect.txt.
+pub fn first_box(source: &Path, init: Option<Init>) -> Result<BBox> {
+    match init {
+        Some(Init::Given(bbox)) => return Ok(bbox),
+        Some(Init::Motion(size)) => return moving(source, size),
+        None => {}
+    }
+    let truth = source.join("groundtruth_rect.txt");
+    if !truth.is_file() {
+        return Err(Error::Invalid(format!(
+            "{}: no box to start from; give --init x,y,w,h (left, top, width, height in pixels, counted from 1)",
+            source.display()
+        )));
+    }
+    annotation::read_truth(&truth)?
+        .first()
+        .copied()
+        .flatten()
+        .ok_or_else(|| Error::malformed(&truth, "its first line has no box; give --init x,y,w,h"))
+}
+
+/// The box of what moves between the first two frames.
+fn moving(source: &Path, size: Option<(f64, f64)>) -> Result<BBox> {
+    let mut frames = open(source)?.take(2);
+    let pair = (frames.next().transpose()?, frames.next().transpose()?);
+    let found = match pair {
+        (Some(a), Some(b)) => motion::first_box(&a.image, &b.image, size),
+        _ => None,
+    };
+    found.ok_or_else(|| {
+        let source = source.display();
+        Error::Invalid(format!("{source}: nothing moves between the first two frames; give --init x,y,w,h"))
+    })
+}
+
+/// The truth, where the source has one, for the report to compare with; it never reaches the tracker.
+pub fn known_truth(source: &Path) -> Vec<BBox> {
+    let truth = annotation::read_truth(source.join("groundtruth_rect.txt")).unwrap_or_default();
+    truth.into_iter().map_while(|bbox| bbox).collect()
+}
+
+/// Refuses a box that no target of this video can have; `what` says which box it is.
+pub fn check_box(what: &str, b: &BBox, info: &SourceInfo) -> Result<()> {
+    let (w, h) = (info.width as f64, info.height as f64);
+    let numbers = [b.x, b.y, b.w, b.h];
+    let inside = b.x < w && b.y < h && b.x + b.w > 0.0 && b.y + b.h > 0.0;
+    let sized = b.w >= 2.0 && b.h >= 2.0 && b.w <= 4.0 * w && b.h <= 4.0 * h;
+    if inside && sized && numbers.iter().all(|n| n.is_finite()) {
+        return Ok(());
+    }
+    Err(Error::Invalid(format!(
+        "{what} is x={}, y={}, w={}, h={}; expected a box of at least 2 x 2 pixels touching the {w} x {h} picture, x,y being its \
+         top-left corner in pixels, counted from 1",
+        b.x + 1.0,
+        b.y + 1.0,
+        b.w,
+        b.h
+    )))
+}
+
+/// Which frames are tracked, counted from 0; refuses those that the video has not, as far as their number is known.
+#[derive(Clone, Copy, Debug)]
+pub struct Frames {
+    /// The first.
+    pub from: usize,
+    /// The last; larger than any, where it goes on to the end.
+    pub until: usize,
+    /// How many the video has, where that is known for sure.
+    count: Option<usize>,
+}
+
+impl Frames {
+    /// From a frame (from 0) until one (from 1).
+    pub fn new(from: usize, until: Option<u64>, info: &SourceInfo) -> Result<Self> {
+        let until = until.map_or(usize::MAX, |until| usize::try_from(until).unwrap_or(usize::MAX) - 1);
+        let count = info.exact_frames();
+        if let Some(n) = count.filter(|n| until != usize::MAX && until >= *n) {
+            return Err(Error::Invalid(format!(
+                "--until {}: the video has {n} frames; give at most that, or leave it out",
+                until + 1
+            )));
+        }
+        if let Some(n) = count.filter(|n| from >= *n) {
+            return Err(Error::Invalid(format!(
+                "the saved state goes on at frame {}, the video has {n} frames: nothing is left to track",
+                from + 1
+            )));
+        }
+        if until < from {
+            return Err(Error::Invalid(format!(
+                "--until {}: the saved state goes on at frame {}; give at least that",
+                until + 1,
+                from + 1
+            )));
+        }
+        Ok(Self { from, until, count })
+    }
+
+    /// How many there are, or about how many; `None` where nobody knows.
+    pub fn total(&self, info: &SourceInfo) -> Option<usize> {
+        let end = self.until.saturating_add(1);
+        info.frames.map(|n| n.min(end)).or((end < usize::MAX).then_some(end)).map(|end| end.saturating_sub(self.from))
+    }
+
+    /// Refuses a frame (from 0) that is not tracked in; `what` says what it is for.
+    pub fn check(&self, what: &str, frame: usize) -> Result<()> {
+        let last = self.count.map_or(self.until, |n| self.until.min(n - 1));
+        if (self.from..=last).contains(&frame) {
+            return Ok(());
+        }
+        let until = if last == usize::MAX { "on".to_owned() } else { format!("to {}", last + 1) };
+        let from = self.from + 1;
+        Err(Error::Invalid(format!("{what}: frames {from} {until} are tracked; give one of these, counted from 1")))
+    }
+}
+
+/// Boxes given again, counted from 0; each in the picture, and in a frame of its own that is tracked.
+pub fn check_again(again: &[(usize, BBox)], frames: Frames, info: &SourceInfo) -> Result<Vec<(usize, BBox)>> {
+    let mut from_0: Vec<(usize, BBox)> = vec![];
+    for (frame, bbox) in again {
+        let what = format!("--reinit {frame}");
+        frames.check(&what, frame - 1)?;
+        check_box(&format!("the box of {what}"), bbox, info)?;
+        if from_0.iter().any(|(at, _)| at + 1 == *frame) {
+            return Err(Error::Invalid(format!("{what}: this frame is given two boxes; give one")));
+        }
+        from_0.push((frame - 1, *bbox));
+    }
+    Ok(from_0)
+}

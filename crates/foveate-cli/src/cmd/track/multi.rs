@@ -1,0 +1,352 @@
+//! `foveate track` of many targets: with a detector, with detections from a file, or with several first boxes.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use foveate::config::{Config, DetectorConfig};
+use foveate::files::Folder;
+use foveate::report::run::multi::Detect;
+use foveate::report::run::{MultiOutcome, MultiRun, Span, follow_many};
+use foveate::report::{MotFile, MultiFilm, MultiObserver, MultiReport, RunInfo, Summary, TargetsTable, TracksTable};
+use foveate::scene::{Cuts, Detection, Detector, Image};
+use foveate::video::mot::{TrackBox, Tracks};
+use foveate::video::{Frame, SourceInfo, ahead, open};
+use foveate::{BBox, Error, Result};
+
+use super::Args;
+use super::init::{Frames, check_box, first_box};
+use super::outputs::{run_info, tell_files};
+use super::{check_written, ended};
+use crate::cmd::results::Results;
+use crate::terminal;
+
+/// What makes it many targets.
+#[derive(clap::Args)]
+pub struct ManyArgs {
+    /// Follow everything that a detector finds, with no box drawn: tracks are started, terminated, and re-identified when their
+    /// targets come back. Without KIND, motion (the camera must stand still). It takes the place of the configuration's detector
+    #[arg(long, value_parser = detectors(), value_name = "KIND", num_args = 0..=1, default_missing_value = "motion", conflicts_with = "detections")]
+    pub detect: Option<DetectorConfig>,
+    /// Follow what another detector found: MOTChallenge's text (frame,id,x,y,w,h,conf,...; counted from 1; ids are not read).
+    /// They take the place of the configuration's detector
+    #[arg(long, value_name = "FILE")]
+    pub detections: Option<PathBuf>,
+    /// Least confidence at which a line of --detections counts
+    #[arg(long, value_name = "CONF", default_value_t = 0.0, requires = "detections", allow_hyphen_values = true)]
+    pub least: f64,
+    /// First boxes of many targets: frame,id,x,y,w,h a line, counted from 1, as in MOTChallenge's text
+    #[arg(long, value_name = "FILE")]
+    pub inits: Option<PathBuf>,
+    /// Write what the detector found, in MOTChallenge's text, for --detections or other trackers
+    #[arg(long, value_name = "FILE")]
+    pub save_detections: Option<PathBuf>,
+}
+
+/// Detectors by name.
+fn detectors() -> impl TypedValueParser<Value = DetectorConfig> {
+    PossibleValuesParser::new(DetectorConfig::ALL.map(|(name, _)| name))
+        .map(|name| DetectorConfig::ALL.into_iter().find(|d| d.0 == name).expect("it is one of them").1)
+}
+
+/// Frames that the background is learned from, and how far into the video they lie.
+const PICTURES: usize = 40;
+const AHEAD: usize = 400;
+
+/// Pictures from all over the beginning of a video, up to its first cut.
+fn background(source: &Path) -> Result<Vec<Image>> {
+    let frames = open(source)?;
+    let every = frames.info().frames.map_or(AHEAD, |n| n.min(AHEAD)).div_ceil(PICTURES).max(1);
+    let (mut cuts, mut pictures) = (Cuts::default(), vec![]);
+    // Where the source breaks, tracking will say so when it comes there.
+    for frame in ahead(frames).take(AHEAD).map_while(Result::ok) {
+        if cuts.cut(&frame.image) {
+            break;
+        }
+        if frame.index.is_multiple_of(every) {
+            pictures.push(frame.image);
+        }
+    }
+    Ok(pictures)
+}
+
+impl ManyArgs {
+    /// The configuration that ships for this: with what moves, with other detections, or with first boxes alone.
+    pub fn config(&self) -> &'static str {
+        match self.detect {
+            Some(DetectorConfig::Motion | DetectorConfig::Walkers | DetectorConfig::Flow) => "multi-motion",
+            None if self.detections.is_none() => "multi-boxes",
+            _ => "multi",
+        }
+    }
+
+    /// Whether many targets are asked for, apart from several --init.
+    pub fn asked(&self) -> bool {
+        self.detect.is_some() || self.detections.is_some() || self.inits.is_some() || self.save_detections.is_some()
+    }
+}
+
+/// Follows many targets.
+pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) -> Result<()> {
+    refuse(args)?;
+    let detector = Source::choose(&args.many, &mut config)?;
+    let blueprint = args.blueprint(config, folder)?;
+    let seed = args.seed.unwrap_or(blueprint.config().seed);
+    let mut many = blueprint.multi_tracker(seed)?;
+    let source = open(&args.source)?;
+    let about = source.info().clone();
+    let frames = Frames::new(0, args.until, &about)?;
+    let given = given(args, &about)?;
+    let mut detections = Detections::of(args, frames, given.is_empty())?;
+    check_written(args.many.save_detections.as_deref(), &args.out)?;
+    let info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
+    terminal::catch_interrupts();
+    let results = Results::begin(&args.out, &names(args), &args.inputs())?;
+    let mut observers = observers(args, results.folder(), &info)?;
+    let (began, mut source) = (Instant::now(), ahead(source));
+    let bar = terminal::progress(frames.total(&about), "tracking");
+    let mut progress = |frame: &Frame| bar.set_position(frame.index as u64 + 1);
+    let (stop, clock) = (&terminal::stopping, info.clock.clone());
+    let span = Span { until: frames.until, stop, clock, progress: Some(&mut progress), ..Span::default() };
+    let detect: Detect = &mut |f, cut, found| detections.next(f, cut, found);
+    let run = MultiRun { given: &given, detect, cuts: Some(Cuts::default()), span };
+    let (outcome, result) = follow_many(&mut *source, &mut many, &mut observers, run);
+    bar.finish_and_clear();
+    drop(observers);
+    let whole = result.is_ok() && !outcome.frames.stopped;
+    let tracked = outcome.frames.count > 1 || (whole && outcome.frames.count > 0);
+    let kept = results.keep_if(tracked);
+    let saved = if tracked { detections.save(&args.many) } else { Ok(()) };
+    let files = kept.as_ref().map_or(&[][..], Vec::as_slice);
+    let error = [result.as_ref().err(), kept.as_ref().err(), saved.as_ref().err()].into_iter().flatten().next();
+    let error = error.map(ToString::to_string);
+    let detects = matches!(detector, Source::Ours(..));
+    tell(args, &outcome, &Told { files, detector: detector.to_string(), detects, seed, total: began.elapsed(), error });
+    ended(&args.out, tracked, result.and(kept.map(drop)).and(saved), outcome.frames.stopped)
+}
+
+/// Where detections come from: one detector at most.
+enum Source {
+    Nothing,
+    /// The program's, in the place of the configuration's where that has one.
+    Ours(DetectorConfig, Option<DetectorConfig>),
+    File(PathBuf, Option<DetectorConfig>),
+    /// The configuration's: the tracker runs it.
+    Configured(DetectorConfig),
+}
+
+impl Source {
+    /// What is asked for comes first; then the configuration's detector does not run.
+    fn choose(args: &ManyArgs, config: &mut Config) -> Result<Self> {
+        let chosen = match (args.detect, &args.detections) {
+            (Some(kind), _) => Self::Ours(kind, config.detector.take()),
+            (None, Some(path)) => Self::File(path.clone(), config.detector.take()),
+            (None, None) => config.detector.map_or(Self::Nothing, Self::Configured),
+        };
+        match chosen {
+            Self::Nothing | Self::Configured(_) if args.save_detections.is_some() => Err(Error::Invalid(
+                "--save-detections writes what --detect finds; give --detect KIND too, or leave it out".into(),
+            )),
+            chosen => Ok(chosen),
+        }
+    }
+}
+
+impl std::fmt::Display for Source {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let name = |kind: DetectorConfig| DetectorConfig::ALL.into_iter().find(|d| d.1 == kind).map_or("", |d| d.0);
+        let replaced = match self {
+            Self::Nothing => return write!(f, "none, given boxes alone"),
+            Self::Configured(kind) => return write!(f, "{}, the configuration's", name(*kind)),
+            Self::Ours(kind, replaced) => write!(f, "{} (--detect)", name(*kind)).map(|()| replaced)?,
+            Self::File(path, replaced) => write!(f, "{}", path.display()).map(|()| replaced)?,
+        };
+        match replaced {
+            Some(kind) => write!(f, ", in the place of the configuration's {}", name(*kind)),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Options that belong to one target.
+fn refuse(args: &Args) -> Result<()> {
+    for (given, name) in [
+        (!args.reinit.is_empty(), "--reinit"),
+        (args.load_state.is_some(), "--load-state"),
+        (args.save_state.is_some(), "--save-state"),
+        (args.regret, "--regret"),
+        (args.trace, "--trace"),
+    ] {
+        if given {
+            return Err(Error::Invalid(format!(
+                "{name} is for one target; leave it out, or give one --init and no --detect, --detections, --inits"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// The boxes given by hand: those of --init in frame 1, and those of --inits. All must be where the video has pixels.
+fn given(args: &Args, about: &SourceInfo) -> Result<Vec<(usize, Option<u64>, BBox)>> {
+    let mut given = vec![];
+    for (i, init) in args.init.iter().enumerate() {
+        let bbox = first_box(&args.source, Some(*init))?;
+        check_box(&format!("the first box of target {}", i + 1), &bbox, about)?;
+        given.push((0, None, bbox));
+    }
+    let Some(path) = &args.many.inits else { return Ok(given) };
+    for s in &Tracks::read(path)?.sightings {
+        let wrong = |problem: String| Error::malformed(path, format!("frame {}: {problem}", s.frame + 1));
+        if let Some(n) = about.exact_frames().filter(|n| s.frame >= *n) {
+            return Err(wrong(format!("the video has {n} frames; give boxes of these alone")));
+        }
+        let id = match s.id {
+            -1 => None,
+            id @ 0.. => Some(id as u64),
+            id => return Err(wrong(format!("id {id}; give 0 or more, or -1 for a new one"))),
+        };
+        check_box("the box", &s.bbox, about).map_err(|e| wrong(e.to_string()))?;
+        given.push((s.frame, id, s.bbox));
+    }
+    if given.is_empty() && args.many.detect.is_none() && args.many.detections.is_none() {
+        return Err(Error::malformed(path, "it has no box; give lines frame,id,x,y,w,h"));
+    }
+    Ok(given)
+}
+
+/// What the program itself detects, and what came of it.
+struct Detections {
+    kind: Option<DetectorConfig>,
+    detector: Option<Box<dyn Detector>>,
+    read: BTreeMap<usize, Vec<Detection>>,
+    kept: Option<Tracks>,
+}
+
+impl Detections {
+    /// Where `needed`, there must be some: nothing else starts a track.
+    fn of(args: &Args, frames: Frames, needed: bool) -> Result<Self> {
+        let (source, args) = (&args.source, &args.many);
+        let mut read: BTreeMap<usize, Vec<Detection>> = BTreeMap::new();
+        if let Some(path) = &args.detections {
+            let tracks = Tracks::read(path)?;
+            let counts = |s: &&TrackBox| {
+                let sized = s.bbox.w >= 1.0 && s.bbox.h >= 1.0;
+                s.confidence >= args.least && sized && frames.check("", s.frame).is_ok()
+            };
+            for s in tracks.sightings.iter().filter(counts) {
+                read.entry(s.frame).or_default().push(Detection { bbox: s.bbox, score: s.confidence });
+            }
+            if needed && read.is_empty() {
+                return Err(Error::malformed(
+                    path,
+                    format!(
+                        "none of its {} boxes counts: expected some of at least 1 x 1 pixel and a confidence of {} or more in the \
+                         frames that are tracked, counted from 1; check the file, --least and --until",
+                        tracks.sightings.len(),
+                        args.least
+                    ),
+                ));
+            }
+        }
+        let kept = args.save_detections.is_some().then(Tracks::default);
+        let pictures = match args.detect {
+            Some(DetectorConfig::Motion | DetectorConfig::Walkers) => background(source)?,
+            _ => vec![],
+        };
+        Ok(Self { kind: args.detect, detector: args.detect.map(|kind| kind.knowing(&pictures)), read, kept })
+    }
+
+    fn next(&mut self, frame: &Frame, cut: bool, found: &mut Vec<Detection>) -> Result<()> {
+        if let (true, Some(kind)) = (cut, self.kind) {
+            self.detector = Some(kind.knowing(&[]));
+        }
+        match &mut self.detector {
+            Some(detector) => detector.detect(&frame.image, found),
+            None => found.extend_from_slice(self.read.get(&frame.index).map_or(&[], Vec::as_slice)),
+        }
+        if let Some(kept) = &mut self.kept {
+            kept.sightings.extend(found.iter().map(|d| TrackBox {
+                frame: frame.index,
+                id: -1,
+                bbox: d.bbox,
+                confidence: d.score,
+            }));
+        }
+        Ok(())
+    }
+
+    fn save(&self, args: &ManyArgs) -> Result<()> {
+        match (&args.save_detections, &self.kept) {
+            (Some(path), Some(kept)) => kept.write(path),
+            _ => Ok(()),
+        }
+    }
+}
+
+type Observers = Vec<Box<dyn MultiObserver>>;
+
+/// The names of the files that a run makes.
+fn names(args: &Args) -> Vec<&'static str> {
+    let video = (!args.no_video).then_some("annotated.mp4");
+    let report = (!args.no_report).then_some("report.html");
+    ["tracks.txt", "tracks.csv", "targets.csv"].into_iter().chain(video).chain(report).collect()
+}
+
+/// The observers that write them.
+fn observers(args: &Args, folder: &Path, info: &RunInfo) -> Result<Observers> {
+    let at = |name: &str| folder.join(name);
+    let mut observers: Observers = vec![
+        Box::new(MotFile::create(at("tracks.txt"))?),
+        Box::new(TracksTable::create(at("tracks.csv"))?),
+        Box::new(TargetsTable::create(at("targets.csv"))?),
+    ];
+    if !args.no_video {
+        observers.push(Box::new(MultiFilm::create(at("annotated.mp4"), info)?));
+    }
+    if !args.no_report {
+        observers.push(Box::new(MultiReport::create(at("report.html"), info.clone())?));
+    }
+    Ok(observers)
+}
+
+/// What is told of at the end, beside the outcome.
+struct Told<'a> {
+    files: &'a [PathBuf],
+    detector: String,
+    /// Whether it is the program that detects: then its time is known.
+    detects: bool,
+    seed: u64,
+    total: Duration,
+    error: Option<String>,
+}
+
+fn tell(args: &Args, outcome: &MultiOutcome, told: &Told<'_>) {
+    let MultiOutcome { initiated, reidentified, cuts, most, .. } = outcome;
+    let (frames, detecting) = (outcome.frames.count, outcome.detecting.as_secs_f64());
+    let (tracking, total) = ((outcome.frames.time().as_secs_f64() - detecting).max(0.0), told.total.as_secs_f64());
+    let rate = |seconds| Summary::rate(frames, seconds);
+    if args.json {
+        let summary = serde_json::json!({
+            "source": args.source.display().to_string(), "frames": frames, "targets": initiated, "reidentified": reidentified,
+            "cuts": cuts, "most_at_a_time": most, "detector": told.detector, "tracking_seconds": tracking,
+            "detecting_seconds": detecting, "total_seconds": total, "total_fps": rate(total), "seed": told.seed,
+            "outputs": told.files, "error": told.error,
+        });
+        say!("{}", serde_json::to_string_pretty(&summary).expect("plain data is JSON"));
+        return;
+    }
+    if told.files.is_empty() {
+        return;
+    }
+    let detected =
+        if told.detects { format!(", {:.0} with detection", rate(tracking + detecting)) } else { String::new() };
+    say!(
+        "{frames} frames, {initiated} targets, at most {most} at a time, {reidentified} times one was re-identified, {cuts} cuts; \
+         {:.0} frames a second in the trackers{detected}, {:.0} end to end.",
+        rate(tracking),
+        rate(total)
+    );
+    say!("Detector: {}.", told.detector);
+    tell_files(&args.out, told.files);
+}

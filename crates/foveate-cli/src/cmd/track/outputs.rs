@@ -1,0 +1,151 @@
+//! What a run of one target writes, and what it says at the end.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use foveate::Result;
+use foveate::config::Blueprint;
+use foveate::lab::eval::regret::RegretFiles;
+use foveate::report::run::Outcome;
+use foveate::report::{Boxes, Clock, Film, Observer, Report, RunInfo, Summary, SurfacePicture, Table, Trace};
+use foveate::video::SourceInfo;
+
+/// What is written beside boxes.txt and track.csv.
+#[derive(Clone, Copy)]
+pub struct Outputs {
+    pub video: bool,
+    pub report: bool,
+    /// surface.png; only where the gaze policy has something to show.
+    pub surface: bool,
+    pub trace: bool,
+    pub regret: bool,
+}
+
+impl Outputs {
+    /// The names of the files.
+    pub fn names(self) -> Vec<&'static str> {
+        let mut names = vec!["boxes.txt", "track.csv"];
+        let all: [(bool, &[&str]); 5] = [
+            (self.trace, &["trace.jsonl"]),
+            (self.video, &["annotated.mp4"]),
+            (self.report, &["report.html"]),
+            (self.surface, &["surface.png"]),
+            (self.regret, &["regret.csv", "regret.svg"]),
+        ];
+        all.into_iter().filter(|(asked, _)| *asked).for_each(|(_, files)| names.extend(files));
+        names
+    }
+
+    /// The observers that write these files into a folder.
+    pub fn observers(self, folder: &Path, info: &RunInfo) -> Result<Vec<Box<dyn Observer>>> {
+        let at = |name: &str| folder.join(name);
+        let mut observers: Vec<Box<dyn Observer>> =
+            vec![Box::new(Boxes::create(at("boxes.txt"))?), Box::new(Table::create(at("track.csv"))?)];
+        if self.trace {
+            observers.push(Box::new(Trace::create(at("trace.jsonl"))?));
+        }
+        if self.video {
+            observers.push(Box::new(Film::create(at("annotated.mp4"), info)?));
+        }
+        if self.report {
+            observers.push(Box::new(Report::create(at("report.html"), info.clone())?));
+        }
+        if self.surface {
+            observers.push(Box::new(SurfacePicture::create(at("surface.png"), info.clone())?));
+        }
+        if self.regret {
+            observers.push(Box::new(RegretFiles::create(folder, info.shadow.clone())?));
+        }
+        Ok(observers)
+    }
+}
+
+/// What is known of a run before it begins.
+pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &Blueprint, seed: u64) -> RunInfo {
+    RunInfo {
+        source: source.to_owned(),
+        reader: info.reader.clone(),
+        rate: info.rate,
+        bit_rate: bit_rate(Path::new(source), info),
+        config_name: config_name.to_owned(),
+        config_text: blueprint.config().to_toml(),
+        seed,
+        command: std::env::args().collect::<Vec<_>>().join(" "),
+        retina: Some(blueprint.retina()),
+        truth: vec![],
+        clock: Clock::default(),
+        shadow: vec![],
+    }
+}
+
+/// Bits a second of a video file, its sound included.
+fn bit_rate(source: &Path, info: &SourceInfo) -> Option<f64> {
+    let file = std::fs::metadata(source).ok().filter(std::fs::Metadata::is_file)?;
+    let frames = info.frames.filter(|n| *n > 1)?;
+    Some(8.0 * file.len() as f64 * info.rate / frames as f64).filter(|rate| rate.is_finite())
+}
+
+/// What a run of one target is told of at its end.
+pub struct Told<'a> {
+    pub source: &'a Path,
+    pub out: &'a Path,
+    pub seed: u64,
+    pub json: bool,
+    /// The files, where they are now; none where nothing was tracked.
+    pub files: &'a [PathBuf],
+    /// From the first frame to the last file.
+    pub total: Duration,
+    pub error: Option<String>,
+}
+
+/// Prints what became of a run.
+pub fn tell(outcome: &Outcome, told: &Told<'_>) {
+    let (frames, uncertain, lost) = (outcome.frames.count, outcome.uncertain, outcome.lost);
+    let (seconds, total) = (outcome.frames.time().as_secs_f64(), told.total.as_secs_f64());
+    let (fps, total_fps) = (Summary::rate(frames, seconds), Summary::rate(frames, total));
+    if told.json {
+        let summary = Summary {
+            source: told.source.display().to_string(),
+            frames,
+            seconds,
+            fps,
+            total_seconds: total,
+            total_fps,
+            uncertain_frames: uncertain,
+            lost_frames: lost,
+            outside_frames: outcome.outside,
+            bbox: outcome.last,
+            class: outcome.class,
+            class_name: outcome.class_name.clone(),
+            seed: told.seed,
+            outputs: told.files.to_vec(),
+            error: told.error.clone(),
+        };
+        say!("{}", summary.to_json());
+        return;
+    }
+    if told.files.is_empty() {
+        return;
+    }
+    say!(
+        "{frames} frames tracked, uncertain in {uncertain}, lost in {lost}; \
+         {fps:.0} frames a second in the tracker, {total_fps:.0} end to end."
+    );
+    match outcome.last {
+        Some(b) => say!("Last box: {:.1},{:.1},{:.1},{:.1} (x,y,w,h, counted from 1).", b.x + 1.0, b.y + 1.0, b.w, b.h),
+        None => say!("Last box: outside the picture, as in {} frames.", outcome.outside),
+    }
+    if let Some((class, p)) = outcome.class {
+        let name = outcome.class_name.clone().unwrap_or_else(|| format!("class {class}"));
+        say!("Recognised as {name}, with probability {p:.3}.");
+    }
+    tell_files(told.out, told.files);
+}
+
+/// Prints the files of a run.
+pub fn tell_files(out: &Path, files: &[PathBuf]) {
+    let names: Vec<String> = files.iter().filter_map(|o| o.file_name()).map(|n| n.to_string_lossy().into()).collect();
+    if !names.is_empty() {
+        say!("{}: {}", out.display(), names.join(", "));
+    }
+}

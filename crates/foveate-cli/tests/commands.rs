@@ -1,0 +1,64 @@
+//! The small commands: the demo, what ships, completions, manual pages.
+
+mod place;
+
+use place::{Place, errors};
+
+fn said(output: &std::process::Output) -> String {
+    assert!(output.status.success(), "{}", errors(output));
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+#[test]
+fn configurations_are_listed_and_printed() {
+    let place = Place::new();
+    let list = said(&place.run(&["configs"]));
+    for line in foveate::config::BUILTIN.iter().map(|b| b.0) {
+        assert!(list.lines().any(|l| l.starts_with(&format!("{line} "))), "{line} is missing in\n{list}");
+    }
+    assert!(
+        list.lines().any(|l| l.contains("digits-hedge") && l.contains(" hedge ") && l.contains("16/1 24/2")),
+        "{list}"
+    );
+    let text = said(&place.run(&["configs", "natural"]));
+    std::fs::write(place.path("mine.toml"), text).expect("a writable folder");
+    let tracked = place.run(&["track", "video", "-c", "mine.toml", "--no-video", "--no-report", "--until", "2"]);
+    assert!(tracked.status.success(), "{}", errors(&tracked));
+    let error = errors(&place.run(&["configs", "nature"]));
+    assert!(error.contains("nature") && error.contains("natural-fast"), "{error}");
+}
+
+#[test]
+fn completions_and_manual_pages() {
+    let place = Place::new();
+    for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
+        let script = said(&place.run(&["completions", shell]));
+        assert!(script.contains("foveate") && script.contains("save-state"), "{shell}");
+    }
+    said(&place.run(&["man", "pages"]));
+    let pages = place.names("pages");
+    for page in ["foveate.1", "foveate-track.1", "foveate-synth-clutter.1", "foveate-man.1"] {
+        assert!(pages.iter().any(|p| p == page), "{pages:?}");
+    }
+    assert!(String::from_utf8_lossy(&place.read("pages/foveate-track.1")).contains("reinit"));
+    assert!(!place.run(&["man", "c.toml"]).status.success(), "a file is no folder");
+    assert!(said(&place.run(&["--version"])).starts_with("foveate "));
+}
+
+#[test]
+fn the_demo_is_honest() {
+    let place = Place::new();
+    let told = said(&place.run(&["demo", "--out", "d", "--set", "particles=150"]));
+    for words in ["Followed a drawn 3", "uncertain in 0 frames", "It learned to look at", "end to end", "d/report.html"]
+    {
+        assert!(told.contains(words), "{words} is missing in\n{told}");
+    }
+    assert_eq!(place.names("d"), ["annotated.mp4", "boxes.txt", "report.html", "run.json", "surface.png", "track.csv"]);
+    let told = said(&place.run(&["demo", "--out", "d", "--policy", "gp-ucb", "--trace"]));
+    assert!(told.contains("looks that (") && told.contains("is worth most"), "{told}");
+    assert!(place.path("d/trace.jsonl").is_file());
+    for name in ["natural", "natural-fast", "multi"] {
+        let error = errors(&place.run(&["demo", "--out", "d", "--config", name]));
+        assert!(error.contains("for real video") && error.contains("digits-hedge"), "{error}");
+    }
+}

@@ -1,0 +1,99 @@
+//! The library's front door and the program are one tracker: the same boxes, bit for bit.
+
+use foveate::video::{mot::Tracks, open};
+use foveate::{BBox, Detection, MultiTracker, Tracker};
+use std::path::Path;
+use std::process::Command;
+
+const FRAMES: usize = 25;
+
+fn foveate(folder: &Path, args: &[&str]) {
+    let out = Command::new(env!("CARGO_BIN_EXE_foveate")).current_dir(folder).args(args).output().expect("it starts");
+    assert!(out.status.success(), "{args:?}: {}", String::from_utf8_lossy(&out.stderr));
+}
+
+/// A folder with a video of a digit among others, `video`.
+fn place() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    foveate(folder.path(), &["synth", "clutter", "--frames", &FRAMES.to_string(), "--out", "video"]);
+    folder
+}
+
+/// What a user writes.
+fn follow(config: &str, video: &Path, first: BBox) -> foveate::Result<Vec<[f64; 5]>> {
+    let mut tracker = Tracker::new(config)?;
+    let mut rows = vec![];
+    for frame in open(video)? {
+        let frame = frame?;
+        if frame.index == 0 {
+            tracker.init(&frame.image, first)?;
+        } else {
+            let seen = tracker.update(&frame.image)?;
+            rows.push([seen.state.x, seen.state.y, seen.bbox.w, seen.bbox.h, seen.p_lost]);
+        }
+    }
+    Ok(rows)
+}
+
+/// Columns of a CSV file by name, all lines that have them.
+fn columns(path: &Path, names: &[&str]) -> Vec<Vec<f64>> {
+    let text = std::fs::read_to_string(path).expect("it was written");
+    let mut lines = text.lines();
+    let head: Vec<&str> = lines.next().expect("a header").split(',').collect();
+    let at: Vec<usize> =
+        names.iter().map(|n| head.iter().position(|h| h == n).unwrap_or_else(|| panic!("{n}"))).collect();
+    let numbers = |line: &str| -> Option<Vec<f64>> {
+        let cells: Vec<&str> = line.split(',').collect();
+        at.iter().map(|i| cells[*i].parse().ok()).collect()
+    };
+    lines.filter_map(numbers).collect()
+}
+
+#[test]
+fn one_target_has_the_boxes_of_the_program() {
+    let place = place();
+    let truth = std::fs::read_to_string(place.path().join("video/groundtruth_rect.txt")).expect("the truth");
+    let first: Vec<f64> =
+        truth.lines().next().expect("a box").split(',').map(|n| n.parse().expect("a number")).collect();
+    let first = BBox::counted_from_1(first[0], first[1], first[2], first[3]);
+    for config in ["natural", "natural-fast", "digits"] {
+        foveate(place.path(), &["track", "video", "--config", config, "--no-video", "--no-report", "--out", config]);
+        let ours = follow(config, &place.path().join("video"), first).expect("it tracks");
+        let theirs = columns(&place.path().join(config).join("track.csv"), &["x", "y", "width", "height", "p_lost"]);
+        assert_eq!(ours.len(), FRAMES - 1);
+        let bits = |rows: &[&[f64]]| -> Vec<Vec<u64>> {
+            rows.iter().map(|r| r.iter().map(|v| v.to_bits()).collect()).collect()
+        };
+        let tracked = &theirs[theirs.len() - ours.len()..];
+        let (ours, theirs): (Vec<&[f64]>, Vec<&[f64]>) =
+            (ours.iter().map(|r| &r[..]).collect(), tracked.iter().map(|r| &r[..]).collect());
+        assert_eq!(bits(&ours), bits(&theirs), "{config}");
+    }
+}
+
+#[test]
+fn many_targets_have_the_boxes_of_the_program() {
+    let place = place();
+    let truth = std::fs::read_to_string(place.path().join("video/groundtruth_rect.txt")).expect("the truth");
+    let lines = truth.lines().enumerate().map(|(t, line)| format!("{},-1,{line},1,-1,-1,-1\n", t + 1));
+    let detections = place.path().join("det.txt");
+    std::fs::write(&detections, lines.collect::<String>()).expect("a writable folder");
+    let args = ["--detections", "det.txt", "--no-video", "--no-report", "--out", "multi"];
+    foveate(place.path(), &[&["track", "video", "--config", "multi"][..], &args].concat());
+
+    let found = Tracks::read(&detections).expect("just written");
+    let mut tracker = MultiTracker::new("multi").expect("it ships");
+    let mut ours = vec![];
+    for frame in open(place.path().join("video")).expect("a video") {
+        let frame = frame.expect("a picture");
+        let here = found.sightings.iter().filter(|s| s.frame == frame.index);
+        let here: Vec<Detection> = here.map(|s| Detection { bbox: s.bbox, score: s.confidence }).collect();
+        for target in tracker.update(&frame.image, &here).expect("pictures of one size") {
+            ours.push([frame.index as f64 + 1.0, target.id as f64, target.state.x, target.state.y, target.deficit]);
+        }
+    }
+    assert!(ours.len() > FRAMES / 2, "the detections start a track");
+    let theirs = columns(&place.path().join("multi/tracks.csv"), &["frame", "id", "x", "y", "deficit"]);
+    let ours: Vec<Vec<f64>> = ours.iter().map(|row| row.to_vec()).collect();
+    assert_eq!(ours, theirs);
+}

@@ -1,0 +1,161 @@
+//! The folder of results: an earlier run is replaced by a whole one or not at all, whatever happens to the program.
+
+mod place;
+
+use std::collections::BTreeMap;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+use place::{FRAMES, Place, errors};
+
+/// All files of a folder.
+fn files(place: &Place, folder: &str) -> BTreeMap<String, Vec<u8>> {
+    place.names(folder).into_iter().map(|name| (name.clone(), place.read(&format!("{folder}/{name}")))).collect()
+}
+
+/// A run that takes its time.
+fn slow(place: &Place, out: &str) -> Child {
+    let args = ["track", "video", "-c", "c.toml", "-o", out, "--set", "particles=20000", "--no-report"];
+    place.command(&args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("it starts")
+}
+
+/// Waits until a run has tracked some frames; answers the folder that it writes to.
+fn in_the_making(place: &Place, run: &Child) -> String {
+    let part = format!(".out.{}.tmp", run.id());
+    let until = Instant::now() + Duration::from_secs(60);
+    let tracked = || {
+        let names = if place.path(&part).is_dir() { place.names(&part) } else { vec![] };
+        let boxes = names.iter().find(|name| name.starts_with(".boxes.txt"));
+        boxes.is_some_and(|name| std::fs::read(place.path(&part).join(name)).is_ok_and(|text| text.len() > 60))
+    };
+    while !tracked() {
+        assert!(Instant::now() < until, "nothing is tracked in {part}: {:?}", place.names(""));
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    part
+}
+
+#[test]
+fn a_mistake_leaves_an_earlier_run_as_it_was() {
+    let place = Place::new();
+    place.boxes("out", &["video"]);
+    let (before, beside) = (files(&place, "out"), place.names(""));
+    std::fs::write(place.path("s.json"), "{}").expect("a writable folder");
+    for args in [
+        &["video", "--init", "1000,1000,50,50"][..],
+        &["video", "--init", "1,1,1,1"],
+        &["video", "--until", "99"],
+        &["video", "--reinit", "99:1,1,50,50"],
+        &["nowhere"],
+        &["video", "--detections", "nothing.txt"],
+        &["video", "--load-state", "s.json"],
+        &["video", "--recognise", "nothing.safetensors"],
+        &["video", "--set", "policy.kind=best"],
+    ] {
+        let output = place.track("out", args);
+        assert!(!output.status.success() && output.stdout.is_empty(), "{args:?}");
+        assert!(files(&place, "out") == before, "{args:?}");
+    }
+    std::fs::remove_file(place.path("s.json")).expect("it is there");
+    assert_eq!(place.names(""), beside, "and nothing beside it");
+    // The second frame breaks: nothing was tracked, and nothing is replaced.
+    std::fs::write(place.path("video/img/0002.png"), "broken").expect("a writable folder");
+    let output = place.track("out", &["video"]);
+    assert!(!output.status.success() && errors(&output).contains("left as it was"), "{}", errors(&output));
+    assert!(files(&place, "out") == before && place.names("") == beside);
+}
+
+#[test]
+fn files_of_an_earlier_run_go_and_others_stay() {
+    let place = Place::new();
+    place.run(&["track", "video", "-c", "c.toml", "-o", "out", "--trace", "--regret"]);
+    assert_eq!(place.names("out").len(), 9);
+    place.boxes("out", &["video", "--until", "4"]);
+    assert_eq!(place.names("out"), ["boxes.txt", "run.json", "track.csv"]);
+    std::fs::write(place.path("out/notes.txt"), "mine").expect("a writable folder");
+    let output = place.run(&["track", "video", "-c", "c.toml", "-o", "out", "--no-video", "--trace"]);
+    assert!(output.status.success(), "{}", errors(&output));
+    place.boxes("out", &["video", "--init", "50,60,28,28", "--save-state", "out/s.json"]);
+    assert_eq!(place.names("out"), ["boxes.txt", "notes.txt", "run.json", "s.json", "track.csv"]);
+    assert_eq!(place.read("out/notes.txt"), b"mine");
+    // Many targets make other files.
+    let output = place.track("out", &["video", "--init", "50,60,28,28", "--init", "90,90,28,28"]);
+    assert!(output.status.success(), "{}", errors(&output));
+    assert_eq!(place.names("out"), ["notes.txt", "run.json", "s.json", "targets.csv", "tracks.csv", "tracks.txt"]);
+    // A source is not replaced by what is made of it.
+    place.run(&["track", "video", "-c", "c.toml", "-o", "film", "--no-report"]);
+    let output = place.track("film", &["film/annotated.mp4", "--init", "50,60,28,28"]);
+    assert!(!output.status.success() && errors(&output).contains("give another --out"), "{}", errors(&output));
+    assert!(place.path("film/annotated.mp4").is_file());
+}
+
+#[test]
+fn results_in_the_folder_that_the_program_runs_in() {
+    let place = Place::new();
+    let video = place.path("video");
+    std::fs::create_dir(place.path("here")).expect("a new folder");
+    for _ in 0..2 {
+        let mut command = place.command(&["track", "-c", "../c.toml", "--no-video", "--no-report", "-o", "."]);
+        let output = command.arg(&video).current_dir(place.path("here")).output().expect("it starts");
+        assert!(output.status.success(), "{}", errors(&output));
+        assert_eq!(place.names("here"), ["boxes.txt", "run.json", "track.csv"]);
+    }
+}
+
+#[test]
+fn a_killed_run_leaves_the_earlier_one_and_is_cleared_away() {
+    let place = Place::new();
+    place.boxes("out", &["video"]);
+    let before = files(&place, "out");
+    let mut run = slow(&place, "out");
+    let part = in_the_making(&place, &run);
+    run.kill().expect("killed with signal 9");
+    run.wait().expect("it ended");
+    assert!(files(&place, "out") == before, "the earlier run, whole");
+    assert!(place.path(&part).is_dir(), "it could not clear away");
+    // Another folder's remains are none of this run's business.
+    place.boxes("other", &["video"]);
+    assert!(place.path(&part).is_dir());
+    place.boxes("out", &["video"]);
+    assert!(!place.path(&part).exists());
+}
+
+/// Killed at many moments of a short run: what is there is the earlier run or the new one, never some of each.
+#[test]
+fn whenever_it_is_killed_one_run_is_whole() {
+    let place = Place::new();
+    place.boxes("out", &["video", "--until", "4"]);
+    let args = ["track", "video", "-c", "c.toml", "-o", "out", "--no-video", "--no-report"];
+    let began = Instant::now();
+    assert!(place.command(&args).output().expect("it starts").status.success());
+    let long = began.elapsed();
+    let (mut new, mut old) = (0, 0);
+    for i in 0..24 {
+        place.boxes("out", &["video", "--until", "4"]);
+        let mut run = place.command(&args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("it starts");
+        std::thread::sleep(long.mul_f64(0.5 + f64::from(i) / 24.0));
+        let _ = run.kill();
+        run.wait().expect("it ended");
+        assert_eq!(place.names("out"), ["boxes.txt", "run.json", "track.csv"]);
+        let (boxes, rows) = (place.lines("out/boxes.txt"), place.lines("out/track.csv"));
+        assert!(rows == boxes + 1 && [4, FRAMES].contains(&boxes), "{boxes} boxes, {rows} rows");
+        *(if boxes == FRAMES { &mut new } else { &mut old }) += 1;
+    }
+    eprintln!("{old} times the earlier run, {new} times the new one");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_run_that_is_asked_to_stop_keeps_what_it_tracked() {
+    let place = Place::new();
+    let mut run = slow(&place, "out");
+    in_the_making(&place, &run);
+    let asked = std::process::Command::new("kill").args(["-INT", &run.id().to_string()]).status();
+    assert!(asked.is_ok_and(|status| status.success()));
+    let code = run.wait().expect("it ended").code();
+    let (boxes, rows) = (place.lines("out/boxes.txt"), place.lines("out/track.csv"));
+    assert!(rows == boxes + 1 && boxes > 1, "{boxes} boxes, {rows} rows");
+    // It may have been asked at the last frame.
+    assert!(code == Some(130) || (boxes == FRAMES && code == Some(0)), "{code:?}");
+    assert!(!place.names("").iter().any(|name| name.starts_with(".out")), "nothing else stays");
+}

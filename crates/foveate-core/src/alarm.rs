@@ -1,0 +1,147 @@
+//! Identity helps location: a class that is no longer seen is a sign of loss.
+//!
+//! b(c) ∝ exp Σₜ log pₜ(c), over the frames that were confident, is who the target is. Each frame's own decision at the
+//! estimate should agree with it: aₜ = Σ_c b(c) pₜ(c). How far aₜ falls short of what is usual on this target, smoothed over
+//! frames, is deficit beside that of the evidence: a tracker that sits on a look-alike of another class is lost, however well
+//! that fits. While the class is not known there is no such deficit.
+//!
+//! Deviation: in the paper nothing flows from identity back to location.
+
+use crate::gaze::Context;
+use crate::identity::accumulate::{Accumulate, Accumulator};
+use foveate_base::{Error, Result};
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+/// Weight of the newest frame in the smoothed deficit: single decisions err for some frames at a time.
+const MEMORY: f64 = 0.1;
+/// Evidence deficit, 0 to 1, from which on a frame says nothing of the class.
+const CONFIDENT: f64 = 0.3;
+/// Probability of the likeliest class above which the target is known.
+const KNOWN: f64 = 0.9;
+
+/// Who the target is, and whether it is still seen.
+pub(crate) struct Alarm {
+    accumulator: Accumulator,
+    /// b(c).
+    belief: Vec<f64>,
+    past: Past,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Past {
+    /// Sum of the agreement over so many confident frames with a known class.
+    agreed: f64,
+    frames: u64,
+    /// 0 to 1.
+    deficit: f64,
+}
+
+impl Alarm {
+    /// Knows nothing of `classes` classes; fails where there are not two.
+    pub(crate) fn new(classes: usize) -> Result<Self> {
+        let accumulator = Accumulator::new(Accumulate::Sum, classes)?;
+        Ok(Self { accumulator, belief: vec![1.0 / classes as f64; classes], past: Past::default() })
+    }
+    /// Takes in log pₜ(c), the frame's own decision at the estimate, and how the frame went.
+    pub(crate) fn hear(&mut self, log_p: &[f64], context: &Context) {
+        let agrees: f64 = self.belief.iter().zip(log_p).map(|(b, q)| b * q.exp()).sum();
+        let known = self.belief.iter().any(|b| *b > KNOWN);
+        let p = &mut self.past;
+        if known && p.frames > 0 {
+            let usual = (p.agreed / p.frames as f64).max(f64::MIN_POSITIVE);
+            p.deficit += MEMORY * ((1.0 - agrees / usual).clamp(0.0, 1.0) - p.deficit);
+        }
+        if !context.lost && context.deficit < CONFIDENT {
+            if known {
+                p.agreed += agrees;
+                p.frames += 1;
+            }
+            self.accumulator.add(log_p);
+            self.accumulator.posterior(&mut self.belief);
+        }
+    }
+    /// Evidence deficit of the class, 0 to 1.
+    pub(crate) fn deficit(&self) -> f64 {
+        self.past.deficit
+    }
+    /// Forgets who it was: another target.
+    pub(crate) fn reset(&mut self) {
+        self.accumulator.reset();
+        self.accumulator.posterior(&mut self.belief);
+        self.past = Past::default();
+    }
+    /// All that it knows.
+    pub(crate) fn save(&self) -> Value {
+        json!({ "evidence": self.accumulator.save(), "past": self.past })
+    }
+    /// Takes up what `save` gave. Fails where it does not fit.
+    pub(crate) fn load(&mut self, saved: &Value) -> Result<()> {
+        let bad = |what: String| Error::Invalid(format!("the saved alarm of the recogniser cannot be used: {what}"));
+        let past = Past::deserialize(&saved["past"]).map_err(|e| bad(e.to_string()))?;
+        if !(0.0..=1.0).contains(&past.deficit) || !(0.0..=1e18).contains(&past.agreed) {
+            return Err(bad(format!("its deficit is {}, its agreement {}", past.deficit, past.agreed)));
+        }
+        self.accumulator.load(&saved["evidence"])?;
+        self.accumulator.posterior(&mut self.belief);
+        self.past = past;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn alarm() -> Alarm {
+        Alarm::new(2).expect("two classes")
+    }
+
+    const SURE: Context = Context { ess: 1.0, deficit: 0.0, frame_deficit: 0.0, spread: 0.0, lost: false };
+
+    #[test]
+    fn another_class_is_a_loss_and_the_same_is_found_again() {
+        let (mine, other) = ([0.9f64.ln(), 0.1f64.ln()], [0.1f64.ln(), 0.9f64.ln()]);
+        let mut g = alarm();
+        for _ in 0..20 {
+            g.hear(&mine, &SURE);
+            assert_eq!(g.deficit(), 0.0, "it is what it was");
+        }
+        // b is (1, 0) but for 1e-19, the usual agreement 0.9 but for the first frames, and the other class falls short by 8/9.
+        let lost = |g: &mut Alarm, log_p: &[f64]| {
+            let mut frames = (1..100).map(|t| {
+                let doubtful = Context { deficit: 0.5, ..SURE };
+                g.hear(log_p, &doubtful);
+                (t, g.deficit())
+            });
+            frames.find(|(_, deficit)| (*deficit > 0.6) == (log_p[0] < log_p[1])).expect("in a hundred frames")
+        };
+        let exact = |t: i32| 8.0 / 9.0 * (1.0 - 0.9f64.powi(t));
+        let (frame, deficit) = lost(&mut g, &other);
+        assert!(exact(frame) > 0.6 && exact(frame - 1) <= 0.6, "{frame}");
+        assert!((deficit - exact(frame)).abs() < 1e-3);
+        let mut again = alarm();
+        again.load(&g.save()).expect("it was saved");
+        assert_eq!((lost(&mut again, &mine), again.past), (lost(&mut g, &mine), g.past));
+        g.reset();
+        assert_eq!((g.past, &*g.belief), (Past::default(), &[0.5, 0.5][..]));
+    }
+
+    #[test]
+    fn who_is_not_known_is_not_missed() {
+        let mut g = alarm();
+        for t in 0..50 {
+            let log_p = [[0.6f64.ln(), 0.4f64.ln()], [0.4f64.ln(), 0.6f64.ln()]][t % 2];
+            g.hear(&log_p, &SURE);
+            assert_eq!(g.deficit(), 0.0);
+        }
+        assert!(
+            g.load(&json!({ "evidence": [1.0, 2.0, 3.0], "past": { "agreed": 0.0, "frames": 0, "deficit": 0.0 } }))
+                .is_err()
+                && g.load(&Value::Null).is_err()
+        );
+        let past = json!({ "agreed": 1.0, "frames": 1, "deficit": 7.0 });
+        assert!(g.load(&json!({ "evidence": [1.0, 2.0], "past": past })).is_err());
+    }
+}

@@ -1,0 +1,160 @@
+//! Names → modules: the only file that knows every implementation.
+//!
+//! A configuration is TOML. A misspelled key or name, or a number out of range, is answered with the line, the
+//! column and what would have been right. Lengths are in template units (1 = half the target's box) a frame, so
+//! that one configuration serves targets of every size.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::control::Redetection;
+use crate::engine::{Engine, Filter, GazeControl, Monitor, Parts};
+use crate::identity::encoder::Encoder;
+use crate::identity::gaze_appearance::GazeAppearance;
+use crate::identity::retina::{Foveal, Retina};
+use foveate_base::files::Files;
+use foveate_base::{Error, Result};
+
+mod bandits;
+mod builtin;
+mod choose;
+mod identity;
+#[cfg(feature = "learn")]
+mod learned;
+mod multi;
+mod policies;
+mod proposals;
+mod ranges;
+#[cfg(feature = "learn")]
+mod reading;
+#[cfg(not(feature = "learn"))]
+#[path = "config/unread.rs"]
+mod reading;
+#[cfg(feature = "learn")]
+mod recogniser;
+#[cfg(not(feature = "learn"))]
+#[path = "config/unlearned.rs"]
+mod recogniser;
+mod renamed;
+mod schema;
+mod set;
+mod shadow;
+
+pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
+pub use builtin::BUILTIN;
+pub use choose::{Configure, Profile};
+pub use policies::PolicyConfig;
+use policies::policy;
+pub use proposals::{DetectorConfig, ProposalConfig};
+use ranges::Ranges;
+#[cfg(feature = "learn")]
+pub use reading::RECOGNISERS;
+pub use recogniser::RecogniserConfig;
+pub use schema::{Config, DynamicsConfig, EncoderConfig, LikelihoodConfig, RetinaConfig, RewardConfig};
+
+impl Config {
+    /// Reads a configuration; `name` stands for it in errors.
+    pub fn parse(text: &str, name: &str) -> Result<Self> {
+        toml::from_str(text).map_err(|e| {
+            let e = e.to_string();
+            let unlearned =
+                ["rbm", "mcrbm", "autoencoder", "kmeans"].iter().any(|k| e.contains(&format!("unknown variant `{k}`")));
+            let feature = if unlearned { "\nencoders with learned weights need the feature `learn`" } else { "" };
+            Error::Config(format!("{name}: {e}{}{feature}", renamed::hint(&e)))
+        })
+    }
+
+    /// Reads a configuration file.
+    pub fn read(files: &dyn Files, path: &Path) -> Result<Self> {
+        let not_text = |e| Error::malformed(path, format!("a configuration is UTF-8 text ({e})"));
+        Self::parse(&String::from_utf8(files.read(path)?).map_err(not_text)?, &path.display().to_string())
+    }
+
+    /// As TOML text, every setting written out.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("a configuration is plain data")
+    }
+
+    /// A configuration that ships with the program, by name; see [`BUILTIN`].
+    pub fn builtin(name: &str) -> Option<Result<Self>> {
+        BUILTIN.iter().find(|b| b.0 == name).map(|(name, text)| Self::parse(text, name))
+    }
+
+    /// Checks that numbers are in range and the parts fit; model files are read from `files`.
+    pub fn check(self, files: &dyn Files) -> Result<Blueprint> {
+        self.ranges()?;
+        let DynamicsConfig::Autoregressive(motion) = &self.dynamics;
+        if matches!(self.proposal, ProposalConfig::Mixture(_)) && motion.tail_probability > 0.0 {
+            return Err(Error::Config(format!(
+                "proposal: a mixture with detections needs dynamics of normal noise; dynamics.tail_probability is {}, set it to 0",
+                motion.tail_probability
+            )));
+        }
+        if self.distractors.is_some() && self.discriminant.is_none() {
+            return Err(Error::Config(
+                "distractors: they are learned by the discriminant; add [discriminant], or leave [distractors] out"
+                    .into(),
+            ));
+        }
+        let (retina, encoder) = self.identity(files)?;
+        let recogniser = self.recogniser.as_ref().map(|r| r.read(files)).transpose()?;
+        let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![], recogniser };
+        blueprint.parts()?;
+        Ok(blueprint)
+    }
+}
+
+/// A checked configuration: trackers made from it cannot fail to fit.
+#[derive(Clone)]
+pub struct Blueprint {
+    config: Config,
+    retina: Arc<Foveal>,
+    encoder: Arc<dyn Encoder>,
+    shadow: Vec<crate::geometry::Gaze>,
+    recogniser: Option<reading::Recogniser>,
+}
+
+impl Blueprint {
+    /// The engine of one target.
+    pub(crate) fn engine(&self, seed: u64, target: u64) -> Result<Engine> {
+        Ok(Engine::new(self.parts()?, seed, target))
+    }
+    /// The parts of a tracker.
+    ///
+    /// # Errors
+    /// None for a checked configuration; [`Error::Config`] where a part cannot be made after all.
+    pub fn parts(&self) -> Result<Parts> {
+        let c = &self.config;
+        let DynamicsConfig::Autoregressive(dynamics) = &c.dynamics;
+        let (retina, encoder) = (self.retina.clone(), self.encoder.clone());
+        let appearance = GazeAppearance::new(retina, encoder, c.likelihood.distance, c.likelihood.rule()?)?
+            .discounting_background(c.likelihood.background_discount)
+            .colouring(c.colour);
+        let appearance = match c.discriminant {
+            Some(settings) => appearance.discriminating(settings),
+            None => appearance,
+        };
+        let filter = Filter::new(proposals::proposal(&c.proposal, *dynamics, c.clamp_to_frame), c.particles)?
+            .resampling(c.resampling)
+            .starting(c.start)
+            .compensating(c.camera_motion)
+            .weighing(c.detection_likelihood)
+            .redetecting(c.redetection.clone().map(Redetection::new));
+        let gaze = GazeControl::new(self.shadowed(policy(&c.policy)?), c.reward.reward()?);
+        let monitor = Monitor::new(c.consistency.clone(), c.confidence.clone()).searching(c.distractors.clone());
+        let recognition = self.recogniser.as_ref().map(reading::Recogniser::recognition).transpose()?;
+        Ok(Parts::new(filter, gaze, Box::new(appearance), monitor).recognising(recognition))
+    }
+    /// The same, with another retina and encoder.
+    pub fn with(&self, retina: Arc<Foveal>, encoder: Arc<dyn Encoder>) -> Self {
+        Self { retina, encoder, ..self.clone() }
+    }
+    /// What it was made from.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+    /// The retina in use.
+    pub fn retina(&self) -> Arc<dyn Retina> {
+        self.retina.clone()
+    }
+}

@@ -1,0 +1,21 @@
+//! The configurations that ship.
+
+/// Configurations that ship with the program.
+pub const BUILTIN: &[(&str, &str)] = &[
+    ("digits", include_str!("../../configs/digits.toml")),
+    ("digits-hedge", include_str!("../../configs/digits-hedge.toml")),
+    ("digits-rbm", include_str!("../../configs/digits-rbm.toml")),
+    ("digits-partial", include_str!("../../configs/digits-partial.toml")),
+    ("digits-multi", include_str!("../../configs/digits-multi.toml")),
+    ("digits-closeup", include_str!("../../configs/digits-closeup.toml")),
+    ("digits-pool", include_str!("../../configs/digits-pool.toml")),
+    ("printed", include_str!("../../configs/printed.toml")),
+    ("authors", include_str!("../../configs/authors.toml")),
+    ("natural", include_str!("../../configs/natural.toml")),
+    ("multi", include_str!("../../configs/multi.toml")),
+    ("multi-motion", include_str!("../../configs/multi-motion.toml")),
+    ("multi-boxes", include_str!("../../configs/multi-boxes.toml")),
+    ("natural-fast", include_str!("../../configs/natural-fast.toml")),
+    ("natural-raw", include_str!("../../configs/natural-raw.toml")),
+    ("natural-learned", include_str!("../../configs/natural-learned.toml")),
+];

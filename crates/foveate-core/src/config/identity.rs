@@ -1,0 +1,56 @@
+//! The first layers by name, with the retinas that their models were trained with.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::{Config, EncoderConfig, RetinaConfig};
+use crate::identity::encoder::{Encoder, Raw};
+use crate::identity::oriented::Oriented;
+use crate::identity::retina::{Foveal, FovealConfig, Retina};
+use foveate_base::files::Files;
+use foveate_base::{Error, Result};
+
+impl Config {
+    /// The retina and the first layer, of model files from `files`.
+    pub fn identity(&self, files: &dyn Files) -> Result<(Foveal, Arc<dyn Encoder>)> {
+        let given = self.retina.as_ref().map(|RetinaConfig::Foveal(config)| config.clone());
+        first_layer(&self.encoder, given, (files, Path::new("")))
+    }
+}
+
+/// Where model files are, and the folder there that names are relative to.
+pub(super) type Places<'a> = (&'a dyn Files, &'a Path);
+
+/// A first layer with the retina it was trained on, which is the given one where one is given.
+pub(super) fn first_layer(
+    encoder: &EncoderConfig,
+    given: Option<FovealConfig>,
+    places: Places<'_>,
+) -> Result<(Foveal, Arc<dyn Encoder>)> {
+    #[cfg(not(feature = "learn"))]
+    let _ = places;
+    match encoder {
+        EncoderConfig::Oriented { weights } => {
+            let config = given.ok_or_else(|| {
+                Error::Config("an oriented encoder needs a retina; for example [retina] kind = \"foveal\", side = 16, rings = [[18, 1]], colour = [[16, 4]]".into())
+            })?;
+            let retina = Foveal::new(config)?;
+            let encoder = Oriented::new(&channels(&retina), *weights)?;
+            Ok((retina, Arc::new(encoder)))
+        }
+        EncoderConfig::Raw { standardise } => {
+            let config = given.ok_or_else(|| {
+                    Error::Config("a raw encoder needs a retina; for example [retina] kind = \"foveal\", side = 28, rings = [[8, 1], [16, 2], [24, 4]]".into())
+                })?;
+            let retina = Foveal::new(config)?;
+            let encoder = Raw::new(&channels(&retina), *standardise);
+            Ok((retina, Arc::new(encoder)))
+        }
+        #[cfg(feature = "learn")]
+        learned => super::learned::first_layer(learned, given, places),
+    }
+}
+
+pub(super) fn channels(retina: &Foveal) -> Vec<usize> {
+    retina.cells().iter().map(|c| c.channel).collect()
+}

@@ -1,0 +1,97 @@
+//! First layers with learned weights by name, with the retinas that their models were trained with.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use super::EncoderConfig;
+use super::identity::{Places, channels};
+use crate::identity::convolution::ConvolutionEncoder;
+use crate::identity::encoder::Encoder;
+use crate::identity::factored::FactoredEncoder;
+use crate::identity::rbm_encoder::RbmEncoder;
+use crate::identity::retina::{Foveal, FovealConfig, Retina};
+use foveate_base::{Error, Result};
+use foveate_learn::autoencoder::Autoencoder;
+use foveate_learn::kmeans::KMeans;
+use foveate_learn::rbm::factored::FactoredRbm;
+use foveate_learn::rbm::{Metadata, Rbm};
+
+/// A first layer with the retina it was trained on, which is the given one where one is given.
+pub(super) fn first_layer(
+    encoder: &EncoderConfig,
+    given: Option<FovealConfig>,
+    places: Places<'_>,
+) -> Result<(Foveal, Arc<dyn Encoder>)> {
+    match encoder {
+        EncoderConfig::Rbm { weights, precision } => {
+            let (rbm, metadata) = model(weights, places, Rbm::from_bytes)?;
+            let retina = trained_retina(weights, &metadata, given, "rbm")?;
+            let encoder = RbmEncoder::new(rbm, &channels(&retina)).rounded(*precision);
+            Ok((retina, Arc::new(encoder)))
+        }
+        EncoderConfig::Autoencoder { weights, precision } => {
+            let (model, metadata) = model(weights, places, Autoencoder::from_bytes)?;
+            let retina = trained_retina(weights, &metadata, given, "autoencoder")?;
+            let encoder = RbmEncoder::new(model.layer().clone(), &channels(&retina)).rounded(*precision);
+            Ok((retina, Arc::new(encoder)))
+        }
+        EncoderConfig::Mcrbm { weights, units } => {
+            let (rbm, metadata) = model(weights, places, FactoredRbm::from_bytes)?;
+            let retina = trained_retina(weights, &metadata, given, "mcrbm")?;
+            let encoder = FactoredEncoder::new(rbm, *units, &channels(&retina));
+            Ok((retina, Arc::new(encoder)))
+        }
+        EncoderConfig::Kmeans { weights, pool, threshold } => {
+            let (model, metadata) = model(weights, places, KMeans::from_bytes)?;
+            let retina = match given {
+                Some(config) => Foveal::new(config)?,
+                None => trained_retina(weights, &metadata, None, "kmeans")?,
+            };
+            let encoder = ConvolutionEncoder::new(&model, retina.cells(), *pool, *threshold)?;
+            Ok((retina, Arc::new(encoder)))
+        }
+        EncoderConfig::Oriented { .. } | EncoderConfig::Raw { .. } => unreachable!("these have no learned weights"),
+    }
+}
+
+/// The retina that a model was trained with; a configuration may ask for no other.
+fn trained_retina(weights: &str, metadata: &Metadata, given: Option<FovealConfig>, kind: &str) -> Result<Foveal> {
+    let trained: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| {
+        Error::malformed(
+            weights,
+            format!("its metadata does not describe a retina ({e}); retrain it with `foveate train {kind}`"),
+        )
+    })?;
+    if given.is_some_and(|g| g != trained) {
+        return Err(Error::Config(format!(
+            "{weights} was trained with the retina {}, but the configuration asks for another; leave out [retina], or retrain",
+            metadata.retina
+        )));
+    }
+    Foveal::new(trained)
+}
+
+/// A model and what its file says of it.
+type Read<M> = Result<(M, Metadata)>;
+
+/// A model of some kind: one that ships with the library, or a file.
+fn model<M>(weights: &str, (files, folder): Places<'_>, from_bytes: fn(&[u8], &Path) -> Read<M>) -> Read<M> {
+    let Some(name) = weights.strip_prefix("builtin:") else {
+        let path = folder.join(weights);
+        return from_bytes(&files.read(&path)?, &path);
+    };
+    let bytes = MODELS.iter().find(|m| m.0 == name).map(|m| m.1).ok_or_else(|| {
+        let names: Vec<&str> = MODELS.iter().map(|m| m.0).collect();
+        Error::Config(format!("no model is called builtin:{name}; there are builtin:{}", names.join(", builtin:")))
+    })?;
+    from_bytes(bytes, Path::new(weights))
+}
+
+/// Models that ship with the program.
+const MODELS: &[(&str, &[u8])] = &[
+    ("digits", include_bytes!("../../models/digits.safetensors")),
+    ("natural", include_bytes!("../../models/natural.safetensors")),
+    ("natural-mcrbm", include_bytes!("../../models/natural-mcrbm.safetensors")),
+    ("natural-autoencoder", include_bytes!("../../models/natural-autoencoder.safetensors")),
+    ("natural-kmeans", include_bytes!("../../models/natural-kmeans.safetensors")),
+];

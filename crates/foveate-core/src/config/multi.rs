@@ -1,0 +1,33 @@
+//! Many targets of one configuration: they share retina and first layer.
+
+use super::{Blueprint, Configure};
+use crate::multi::MultiTracker;
+use foveate_base::Result;
+use foveate_base::files::Nowhere;
+
+impl Blueprint {
+    /// Many targets, with the rules of `[multi_target]`, or the usual ones where it is left out. Randomness of target i is
+    /// named by the seed and i.
+    ///
+    /// # Errors
+    /// None for a checked configuration.
+    pub fn multi_tracker(&self, seed: u64) -> Result<MultiTracker> {
+        self.parts()?;
+        let blueprint = self.clone();
+        let make = move |id| blueprint.engine(seed, id).expect("one was made with the same parts");
+        let (settings, blueprint) = (self.config.multi_target.unwrap_or_default(), self.clone());
+        Ok(MultiTracker::of(settings, Box::new(make), Box::new(move || blueprint.preprocessor())))
+    }
+}
+
+impl MultiTracker {
+    /// Many targets by the name of a configuration that ships (`multi`, for example), or by a configuration; none yet.
+    ///
+    /// # Errors
+    /// As [`crate::Tracker::new`].
+    pub fn new(what: impl Configure) -> Result<Self> {
+        let config = what.config()?;
+        let seed = config.seed;
+        config.check(&Nowhere)?.multi_tracker(seed)
+    }
+}

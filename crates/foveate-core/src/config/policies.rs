@@ -1,0 +1,133 @@
+//! Names → policies.
+
+use serde::{Deserialize, Serialize};
+
+use super::bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
+use super::ranges::{Ranges, within};
+use crate::gaze::{Anchor, Bayes, Circular, Fixed, GpUcb, Grid, Hedge, Policy, Pool, Random, Schedule};
+use crate::geometry::Gaze;
+use foveate_base::Result;
+
+/// The policies there are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum PolicyConfig {
+    /// Always the same gaze: the baseline that the paper lacks.
+    Fixed {
+        /// Across, in template units.
+        #[serde(default)]
+        u: f64,
+        /// Down, in template units.
+        #[serde(default)]
+        v: f64,
+    },
+    /// Uniformly at random among the grid's gazes (section 4.1).
+    Random {
+        /// The gazes.
+        #[serde(default)]
+        grid: Grid,
+    },
+    /// The grid's gazes in order (section 4.1).
+    Circular {
+        /// The gazes.
+        #[serde(default)]
+        grid: Grid,
+    },
+    /// Hedge, with full information (section 4.2).
+    Hedge {
+        /// The gazes.
+        #[serde(default)]
+        grid: Grid,
+        /// Learning rate, above 0; left out, the theory's for any number of frames.
+        #[serde(default = "anytime")]
+        gamma: Schedule,
+    },
+    /// All the grid's gazes in every frame, each weighed by what it told lately: a logarithmic opinion pool.
+    Pool {
+        /// The gazes.
+        #[serde(default)]
+        grid: Grid,
+        /// Learning rate, above 0; left out, the theory's for any number of frames.
+        #[serde(default = "anytime")]
+        gamma: Schedule,
+        /// Share of what was learned that fades each frame, 0 to 1.
+        #[serde(default = "fading")]
+        forget: f64,
+        /// What the weights sum to, as many looks as they count for, 0.001 to 1000; left out, one for each gaze: equal weights
+        /// are then the product of the likelihoods.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        looks: Option<f64>,
+    },
+    /// EXP3, with the reward of one gaze a frame (section 4.3) and Auer et al.'s unbiased estimate.
+    Exp3(Exp3Config),
+    /// EXP3 exactly as the paper prints it, which divides by another probability than it drew with.
+    Exp3AsPrinted(Exp3AsPrintedConfig),
+    /// EXP3-IX (Neu 2015): explores by damping its estimates.
+    Exp3Ix(Exp3IxConfig),
+    /// EXP3.S (Auer et al. 2002): gazes share weight, for rewards that change.
+    Exp3S(Exp3SConfig),
+    /// Bayesian optimisation over a continuous square of gazes, with partial information (section 4.4).
+    GpUcb(Bayes),
+    /// The centre gaze beside whatever another policy chooses: two looks a frame.
+    Anchor {
+        /// The other policy.
+        policy: Box<PolicyConfig>,
+    },
+}
+
+fn anytime() -> Schedule {
+    Schedule::Anytime
+}
+
+fn fading() -> f64 {
+    0.05
+}
+
+/// The policy of these settings.
+pub(super) fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
+    Ok(match config {
+        PolicyConfig::Fixed { u, v } => Box::new(Fixed::new(Gaze { u: *u, v: *v, arm: None })),
+        PolicyConfig::Random { grid } => Box::new(Random::new(grid.gazes())),
+        PolicyConfig::Circular { grid } => Box::new(Circular::new(grid.gazes())),
+        PolicyConfig::Hedge { grid, gamma } => Box::new(Hedge::new(grid.gazes(), *gamma)?),
+        PolicyConfig::Pool { grid, gamma, forget, looks } => {
+            let gazes = grid.gazes();
+            let looks = looks.unwrap_or(gazes.len() as f64);
+            Box::new(Pool::new(gazes, *gamma, *forget, looks)?)
+        }
+        PolicyConfig::Exp3(c) => c.build()?,
+        PolicyConfig::Exp3AsPrinted(c) => c.build()?,
+        PolicyConfig::Exp3Ix(c) => c.build()?,
+        PolicyConfig::Exp3S(c) => c.build()?,
+        PolicyConfig::GpUcb(settings) => Box::new(GpUcb::new(settings.clone())?),
+        PolicyConfig::Anchor { policy: inner } => Box::new(Anchor::new(Gaze::CENTRE, policy(inner)?)),
+    })
+}
+
+impl Ranges for PolicyConfig {
+    fn ranges(&self) -> Result<()> {
+        match self {
+            Self::Fixed { u, v } => {
+                within("policy.u", *u, -10.0, 10.0)?;
+                within("policy.v", *v, -10.0, 10.0)
+            }
+            Self::Random { grid } | Self::Circular { grid } => grid.check(),
+            Self::Hedge { grid, gamma } => {
+                gamma.check("policy.gamma", 1e9)?;
+                grid.check()
+            }
+            Self::Pool { grid, gamma, forget, looks } => {
+                gamma.check("policy.gamma", 1e9)?;
+                within("policy.forget", *forget, 0.0, 1.0)?;
+                within("policy.looks", looks.unwrap_or(1.0), 1e-3, 1e3)?;
+                grid.check()
+            }
+            Self::Exp3(c) => c.ranges(),
+            Self::Exp3AsPrinted(c) => c.ranges(),
+            Self::Exp3Ix(c) => c.ranges(),
+            Self::Exp3S(c) => c.ranges(),
+            Self::GpUcb(settings) => settings.check(),
+            Self::Anchor { policy } => policy.ranges(),
+        }
+    }
+}

@@ -1,0 +1,75 @@
+//! Numbers that make no sense are refused where they are read, so that the error shows their line.
+
+use serde::{Deserialize, Deserializer};
+
+use crate::control::{
+    CameraMotion, ConfidenceModel, ConsistencySettings, DetectionLikelihood, DistractorSettings, RedetectionSettings,
+    Resampling,
+};
+use crate::identity::{colour, discriminant};
+use crate::multi;
+use crate::start::StartSpread;
+use foveate_base::{Error, Result};
+
+/// Settings with numbers in them: not one may be NaN, infinite or out of range.
+pub(super) trait Ranges {
+    /// Fails naming the key.
+    fn ranges(&self) -> Result<()>;
+}
+
+/// Reads a section and checks its numbers; the error then has the section's place in the file.
+pub(super) fn in_range<'de, D: Deserializer<'de>, T: Deserialize<'de> + Ranges>(
+    d: D,
+) -> std::result::Result<T, D::Error> {
+    let section = T::deserialize(d)?;
+    section.ranges().map_err(serde::de::Error::custom)?;
+    Ok(section)
+}
+
+/// Reads the number of particles.
+pub(super) fn particles<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<usize, D::Error> {
+    let n = usize::deserialize(d)?;
+    if (1..=1_000_000).contains(&n) {
+        return Ok(n);
+    }
+    Err(serde::de::Error::custom(format!("expected 1 to 1000000 particles (100 to 1000 are usual), got {n}")))
+}
+
+pub(super) fn within(key: &str, value: f64, least: f64, most: f64) -> Result<()> {
+    if (least..=most).contains(&value) {
+        return Ok(());
+    }
+    Err(Error::Config(format!("{key} is a number from {least} to {most}; it is {value}")))
+}
+
+/// A section that is left out is in range.
+impl<T: Ranges> Ranges for Option<T> {
+    fn ranges(&self) -> Result<()> {
+        self.as_ref().map_or(Ok(()), T::ranges)
+    }
+}
+
+/// Sections of other modules, which check themselves.
+macro_rules! checked {
+    ($($section:ty),* $(,)?) => {$(
+        impl Ranges for $section {
+            fn ranges(&self) -> Result<()> {
+                self.check()
+            }
+        }
+    )*};
+}
+
+checked!(
+    CameraMotion,
+    ConfidenceModel,
+    ConsistencySettings,
+    DetectionLikelihood,
+    DistractorSettings,
+    RedetectionSettings,
+    Resampling,
+    StartSpread,
+    colour::Settings,
+    discriminant::Settings,
+    multi::Settings,
+);

@@ -1,0 +1,344 @@
+//! What a configuration file may say: names of parts, and their numbers.
+
+use serde::{Deserialize, Serialize};
+
+use super::policies::PolicyConfig;
+use super::proposals::{DetectorConfig, ProposalConfig};
+use super::ranges::{Ranges, in_range, particles, within};
+use super::recogniser::RecogniserConfig;
+use crate::control::{
+    Autoregressive, CameraMotion, Concentration, ConfidenceModel, ConsistencySettings, DetectionLikelihood,
+    DistractorSettings, LogConcentration, RedetectionSettings, Resampling, Reward, VarianceReduction,
+};
+use crate::identity::calibrate::Calibration;
+use crate::identity::gaze_appearance::Sharpness;
+#[cfg(feature = "learn")]
+use crate::identity::rbm_encoder::Precision;
+use crate::identity::retina::{Foveal, FovealConfig};
+use crate::identity::{colour, discriminant, distance, oriented};
+use crate::start::StartSpread;
+use foveate_base::{Error, Result};
+#[cfg(feature = "learn")]
+use foveate_learn::rbm::factored::Units;
+
+/// Everything that can be chosen about a tracker.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// Names all randomness: same seed, same track.
+    #[serde(default)]
+    pub seed: u64,
+    /// N, at least 1.
+    #[serde(deserialize_with = "particles")]
+    pub particles: usize,
+    /// The selection step.
+    #[serde(default, deserialize_with = "in_range")]
+    pub resampling: Resampling,
+    /// p(xₜ | xₜ₋₁).
+    #[serde(deserialize_with = "in_range")]
+    pub dynamics: DynamicsConfig,
+    /// Whether the target's centre stays in the picture, at its edge if need be.
+    #[serde(default)]
+    pub clamp_to_frame: bool,
+    /// q(xₜ | xₜ₋₁, scene).
+    #[serde(default, deserialize_with = "in_range")]
+    pub proposal: ProposalConfig,
+    /// p(detections | xₜ), where they are taken to be the target's; left out, they do not weigh.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub detection_likelihood: Option<DetectionLikelihood>,
+    /// Whether particles move with the camera, or with the flow where they are; left out, they do not.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub camera_motion: Option<CameraMotion>,
+    /// What looks for candidates in every frame, for the proposal and the detection_likelihood; left out, nothing does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub detector: Option<DetectorConfig>,
+    /// p(x₀).
+    #[serde(default, deserialize_with = "in_range")]
+    pub start: StartSpread,
+    /// The retina; a trained encoder brings its own and needs none here.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub retina: Option<RetinaConfig>,
+    /// The first layer.
+    pub encoder: EncoderConfig,
+    /// d and how sharply it counts.
+    #[serde(deserialize_with = "in_range")]
+    pub likelihood: LikelihoodConfig,
+    /// What tells the target from what is around it, learned while tracking; not at all unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub discriminant: Option<discriminant::Settings>,
+    /// The colours of the target against those of its surroundings, learned while tracking; not at all unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub colour: Option<colour::Settings>,
+    /// Where it looks for what the target could be mistaken for; among the particles only unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub distractors: Option<DistractorSettings>,
+    /// πₜ.
+    #[serde(deserialize_with = "in_range")]
+    pub policy: PolicyConfig,
+    /// rₜ.
+    #[serde(default, deserialize_with = "in_range")]
+    pub reward: RewardConfig,
+    /// How the evidence is compared with what the first frame promised.
+    #[serde(default, deserialize_with = "in_range")]
+    pub consistency: ConsistencySettings,
+    /// How probable it is that the target is lost.
+    #[serde(default, deserialize_with = "in_range")]
+    pub confidence: ConfidenceModel,
+    /// The recogniser; left out, nothing is recognised.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub recogniser: Option<RecogniserConfig>,
+    /// How a lost target is looked for; not at all unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub redetection: Option<RedetectionSettings>,
+    /// What happens between targets, where many are followed.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub multi_target: Option<crate::multi::Settings>,
+}
+
+/// The transition models there are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum DynamicsConfig {
+    /// A classical autoregressive process (section 3.1).
+    Autoregressive(Autoregressive),
+}
+
+/// The retinas there are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case")]
+pub enum RetinaConfig {
+    /// Concentric windows of ever coarser cells.
+    Foveal(FovealConfig),
+}
+
+/// The first layers there are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum EncoderConfig {
+    /// A restricted Boltzmann machine: `weights` is a model file, or `builtin:digits` or `builtin:natural`.
+    #[cfg(feature = "learn")]
+    Rbm {
+        /// The model.
+        weights: String,
+        /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
+        #[serde(default)]
+        precision: Precision,
+    },
+    /// A factored RBM, of covariance and mean units: `weights` is a model file, or `builtin:natural-mcrbm`, as if left out.
+    #[cfg(feature = "learn")]
+    Mcrbm {
+        /// The model.
+        #[serde(default = "natural_mcrbm")]
+        weights: String,
+        /// Which of its units are features.
+        #[serde(default)]
+        units: Units,
+    },
+    /// The hidden layer of a denoising autoencoder: `weights` is a model file, or
+    /// `builtin:natural-autoencoder`, as if left out.
+    #[cfg(feature = "learn")]
+    Autoencoder {
+        /// The model.
+        #[serde(default = "natural_autoencoder")]
+        weights: String,
+        /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
+        #[serde(default)]
+        precision: Precision,
+    },
+    /// k-means filters convolved with the rings: `weights` is a model file, or `builtin:natural-kmeans`, as if left out. It serves
+    /// any retina; left out, the one it was trained with is taken.
+    #[cfg(feature = "learn")]
+    Kmeans {
+        /// The model.
+        #[serde(default = "natural_kmeans")]
+        weights: String,
+        /// What filters say is averaged over a grid of this many cells along a side of each ring.
+        #[serde(default = "two")]
+        pool: usize,
+        /// A filter counts for what its product with a whitened patch is above this: 0 unless given.
+        #[serde(default)]
+        threshold: f32,
+    },
+    /// Gradients in eight directions, grey and colour of a retina of one ring.
+    Oriented {
+        /// What each of them counts.
+        #[serde(default)]
+        weights: oriented::Weights,
+    },
+    /// The glimpse itself.
+    Raw {
+        /// Whether its mean is taken out and its contrast brought to 1.
+        #[serde(default = "yes")]
+        standardise: bool,
+    },
+}
+
+/// Distance and sharpness.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LikelihoodConfig {
+    /// d.
+    pub distance: distance::Kind,
+    /// Nats per unit of distance; give this, or `calibrate`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sharpness: Option<f64>,
+    /// The rule to choose the sharpness by on the first frame.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibrate: Option<Calibration>,
+    /// Share, 0 to 1, taken off whatever was already there in the first frame; for a fixed camera.
+    #[serde(default)]
+    pub background_discount: f32,
+}
+
+/// The rewards there are, each with a temperature of its own: the power the likelihood is raised to first.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum RewardConfig {
+    /// Σw², the paper's.
+    Concentration {
+        /// 0 to 1.
+        #[serde(default = "one")]
+        temperature: f64,
+    },
+    /// log(N Σw²) / log N.
+    LogConcentration {
+        /// 0 to 1.
+        #[serde(default = "one")]
+        temperature: f64,
+    },
+    /// The share of the uncertainty about place that the look removed.
+    VarianceReduction {
+        /// 0 to 1.
+        #[serde(default = "one")]
+        temperature: f64,
+    },
+}
+
+impl Default for RewardConfig {
+    fn default() -> Self {
+        Self::VarianceReduction { temperature: 1.0 / 3.0 }
+    }
+}
+
+#[cfg(feature = "learn")]
+fn natural_mcrbm() -> String {
+    "builtin:natural-mcrbm".into()
+}
+
+#[cfg(feature = "learn")]
+fn natural_autoencoder() -> String {
+    "builtin:natural-autoencoder".into()
+}
+
+#[cfg(feature = "learn")]
+fn natural_kmeans() -> String {
+    "builtin:natural-kmeans".into()
+}
+
+fn yes() -> bool {
+    true
+}
+
+#[cfg(feature = "learn")]
+fn two() -> usize {
+    2
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl Ranges for Config {
+    fn ranges(&self) -> Result<()> {
+        if !(1..=1_000_000).contains(&self.particles) {
+            return Err(Error::Config(format!("particles is a number from 1 to 1000000; it is {}", self.particles)));
+        }
+        self.resampling.ranges()?;
+        self.dynamics.ranges()?;
+        self.proposal.ranges()?;
+        self.detection_likelihood.ranges()?;
+        self.camera_motion.ranges()?;
+        self.start.ranges()?;
+        self.retina.ranges()?;
+        self.likelihood.ranges()?;
+        self.policy.ranges()?;
+        self.reward.ranges()?;
+        self.consistency.ranges()?;
+        self.confidence.ranges()?;
+        self.recogniser.ranges()?;
+        self.discriminant.ranges()?;
+        self.colour.ranges()?;
+        self.distractors.ranges()?;
+        self.redetection.ranges()?;
+        self.multi_target.ranges()
+    }
+}
+
+impl Ranges for DynamicsConfig {
+    fn ranges(&self) -> Result<()> {
+        let Self::Autoregressive(motion) = self;
+        motion.check()?;
+        within("dynamics.velocity", motion.velocity, 0.0, 100.0)?;
+        within("dynamics.position", motion.position, 0.0, 100.0)?;
+        within("dynamics.log_scale", motion.log_scale, 0.0, 5.0)?;
+        within("dynamics.angle", motion.angle, 0.0, 100.0)
+    }
+}
+
+impl Ranges for RetinaConfig {
+    fn ranges(&self) -> Result<()> {
+        let Self::Foveal(config) = self;
+        Foveal::new(config.clone()).map(|_| ())
+    }
+}
+
+impl Ranges for LikelihoodConfig {
+    fn ranges(&self) -> Result<()> {
+        self.rule()?;
+        within("likelihood.background_discount", self.background_discount.into(), 0.0, 1.0)?;
+        if let Some(sharpness) = self.sharpness {
+            within("likelihood.sharpness", sharpness, 1e-9, 1e9)?;
+        }
+        if let Some(rule) = self.calibrate {
+            within("likelihood.calibrate.nats", rule.nats, 1e-9, 1e9)?;
+            within("likelihood.calibrate.least", rule.least, 1e-9, 1e9)?;
+            within("likelihood.calibrate.most", rule.most, rule.least, 1e9)?;
+        }
+        if let distance::Kind::Presence { extra, cap } = self.distance {
+            within("likelihood.distance.presence.extra", extra.into(), 0.0, 1.0)?;
+            within("likelihood.distance.presence.cap", cap.into(), 1e-6, 1e6)?;
+        }
+        Ok(())
+    }
+}
+
+impl Ranges for RewardConfig {
+    fn ranges(&self) -> Result<()> {
+        self.reward().map(|_| ())
+    }
+}
+
+impl LikelihoodConfig {
+    /// How sharply distances count.
+    pub(super) fn rule(&self) -> Result<Sharpness> {
+        match (self.sharpness, self.calibrate) {
+            (Some(sharpness), None) if sharpness.is_finite() && sharpness > 0.0 => Ok(Sharpness::Fixed(sharpness)),
+            (None, Some(rule)) => Ok(Sharpness::Calibrated(rule)),
+            (given, _) => Err(Error::Config(format!(
+                "likelihood needs either sharpness, a number above 0 (nats per unit of distance; it is {given:?}), or calibrate = \
+                 {{ nats = 12, least = 10, most = 200 }}"
+            ))),
+        }
+    }
+}
+
+impl RewardConfig {
+    /// The reward of this name.
+    pub(super) fn reward(&self) -> Result<Box<dyn Reward>> {
+        Ok(match *self {
+            Self::Concentration { temperature } => Box::new(Concentration::new(temperature)?),
+            Self::LogConcentration { temperature } => Box::new(LogConcentration::new(temperature)?),
+            Self::VarianceReduction { temperature } => Box::new(VarianceReduction::new(temperature)?),
+        })
+    }
+}

@@ -1,0 +1,67 @@
+//! One setting of a configuration changed by its key, as a command line has it: `policy.kind=hedge`.
+
+use super::Config;
+use foveate_base::{Error, Result};
+
+impl Config {
+    /// The same with one setting changed: `setting` is `key=value`, the key with dots, the value as TOML has it, or a bare word
+    /// for a string. Another `kind` of a part begins with that kind's defaults.
+    ///
+    /// # Errors
+    /// [`Error::Config`] where it has no `=`, the key is none, or the value does not fit.
+    pub fn set(&self, setting: &str) -> Result<Self> {
+        let wrong = |why: String| Error::Config(format!("{setting}: {why}"));
+        let (key, text) = setting
+            .split_once('=')
+            .map(|(key, text)| (key.trim(), text.trim()))
+            .filter(|(key, text)| !key.is_empty() && !text.is_empty())
+            .ok_or_else(|| wrong("expected key=value, for example particles=400 or policy.kind=hedge".into()))?;
+        let value = match toml::from_str::<toml::Table>(&format!("value = {text}")) {
+            Ok(mut table) => table.remove("value").expect("it was just written"),
+            Err(_) if text.chars().all(|c| c.is_alphanumeric() || "-_:./".contains(c)) => {
+                toml::Value::String(text.into())
+            }
+            Err(e) => return Err(wrong(e.to_string())),
+        };
+        let mut whole = toml::Table::try_from(self).expect("a configuration is plain data");
+        let mut table = &mut whole;
+        let (path, last) = key.rsplit_once('.').unwrap_or(("", key));
+        for part in path.split('.').filter(|part| !part.is_empty()) {
+            let inner = table.entry(part).or_insert_with(|| toml::Value::Table(toml::Table::new()));
+            table = inner.as_table_mut().ok_or_else(|| wrong(format!("{part} is a value, not a section")))?;
+        }
+        if last == "kind" && table.get("kind") != Some(&value) {
+            table.clear();
+        }
+        table.insert(last.into(), value);
+        Self::parse(&toml::to_string(&whole).expect("it is a table"), setting)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_setting_is_changed_by_its_key() {
+        let natural = Config::builtin("natural").expect("it ships").expect("it is right");
+        let fewer = natural.set("particles=400").expect("a number");
+        assert_eq!(Config { particles: natural.particles, ..fewer.clone() }, natural);
+        assert_eq!(fewer.particles, 400);
+        let hedge = natural.set("policy.kind=hedge").and_then(|c| c.set("policy.gamma=2.5")).expect("a policy");
+        assert!(hedge.to_toml().contains("kind = \"hedge\"") && hedge.to_toml().contains("gamma = 2.5"));
+        let without = natural.set("distractors={ reach = 3.0 }").expect("a section");
+        assert_eq!(without.distractors.map(|d| d.reach), Some(3.0));
+        for (wrong, said) in [
+            ("particles", "key=value"),
+            ("particles=0", "particles"),
+            ("nothing=1", "nothing"),
+            ("particles.x=1", "not a section"),
+            ("search.fit=0.5", "now called `redetection`"),
+            ("policy.kind=best", "best"),
+        ] {
+            let error = natural.set(wrong).expect_err(wrong).to_string();
+            assert!(error.contains(said), "{error}");
+        }
+    }
+}

@@ -1,0 +1,389 @@
+//! The laws of the seams, as functions that the tests of every implementation call.
+//!
+//! Each panics with the broken law. Random checks state how often they would fail a correct implementation.
+
+mod detector;
+mod proposal;
+
+pub use self::detector::detector;
+pub use self::proposal::{proposal, proposal_weights};
+
+use crate::control::{Dynamics, Resampling, Reward};
+use crate::gaze::{Context, Plan, Policy, PolicySnapshot};
+use crate::geometry::{Extent, Gaze, State};
+use crate::identity::pyramid::Region;
+use crate::identity::{Appearance, Distance, Encoder, Percept, Pyramid, Retina};
+use crate::scene::Image;
+use foveate_base::rng::{Purpose, Rng, Streams};
+use foveate_base::rows::{Rows, RowsMut};
+use rand::RngExt;
+use rand_distr::StandardNormal;
+
+mod recognizer;
+pub use self::recognizer::recognizer;
+
+/// Randomness for checks: any fixed name will do.
+fn checks() -> Streams {
+    Streams::new(0, 0).at(0, Purpose::Scene)
+}
+
+fn normal(rng: &mut Rng) -> f64 {
+    rng.sample(StandardNormal)
+}
+
+/// Panics if the mean of `values` is further than 5 standard errors from `exact` (less than 1 in 10⁶ is).
+fn assert_mean(values: &[f64], exact: f64, what: &str) {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    let allowed = 5.0 * (variance / n).sqrt() + 1e-9;
+    assert!((mean - exact).abs() < allowed, "{what}: {mean} is not {exact} ± {allowed}");
+}
+
+/// `sample` and `sample_each` draw from the density that `log_density` evaluates, about `expected` in place and velocity, and
+/// places as far from it as `spread` says.
+///
+/// If p is the density of the draws, any density g that lies within p's reach has the mean of g/p equal to 1.
+/// Here g is a narrower normal density at the draws' mean, then moved to each side; 20,000 draws, 38 checks.
+pub fn dynamics(dynamics: &dyn Dynamics, from: &State) {
+    const DRAWS: usize = 20_000;
+    let one_by_one = |stream| -> Vec<State> {
+        let mut rng = checks().rng(stream);
+        (0..DRAWS).map(|_| dynamics.sample(from, &mut rng)).collect()
+    };
+    let together = |stream, n: usize| -> Vec<State> {
+        let mut states = vec![State::default(); n];
+        dynamics.sample_each(&vec![*from; n], &mut states, &mut checks().rng(stream));
+        states
+    };
+    assert!(together(1, 100)[..] == together(1, DRAWS)[..100], "fewer draws must be the first of more");
+    let g = Normal::fit(&one_by_one(1));
+    for fresh in [one_by_one(2), together(3, DRAWS)] {
+        for (dim, side) in (0..=g.rows.len()).flat_map(|dim| [(dim, -0.5), (dim, 0.5)]) {
+            let ratio = |next: &State| {
+                let log_p = dynamics.log_density(next, from);
+                assert!(log_p.is_finite(), "log_density must be finite where sample leads: {log_p} at {next:?}");
+                (g.log_density(next, dim, side) - log_p).exp()
+            };
+            let ratios: Vec<f64> = fresh.iter().map(ratio).collect();
+            assert_mean(&ratios, 1.0, "log_density must be the density of sample's draws; the mean of g/p");
+        }
+        let expected = dynamics.expected(from);
+        let off: Vec<[f64; 4]> = fresh
+            .iter()
+            .map(|s| [s.x - expected.x, s.y - expected.y, s.vx - expected.vx, s.vy - expected.vy])
+            .collect();
+        for k in 0..4 {
+            let off: Vec<f64> = off.iter().map(|o| o[k]).collect();
+            assert_mean(&off, 0.0, "draws must lie about what is expected; their distance from it");
+        }
+        let squares: Vec<f64> = off.iter().map(|o| 0.5 * (o[0] * o[0] + o[1] * o[1])).collect();
+        assert_mean(&squares, dynamics.spread().powi(2), "the mean square of the place's noise");
+    }
+}
+
+/// A normal density over those components of a state that do not follow from others, 0.7 times as wide as draws.
+struct Normal {
+    mean: [f64; 6],
+    /// Each free component with its row of the lower Cholesky factor over the free ones up to it.
+    rows: Vec<(usize, Vec<f64>)>,
+}
+
+impl Normal {
+    /// Velocities first, so that places which follow from them do not count.
+    const ORDER: [usize; 6] = [2, 3, 0, 1, 4, 5];
+
+    fn fit(states: &[State]) -> Self {
+        let n = states.len() as f64;
+        let about = |i: usize, j: usize, mean: &[f64; 6]| {
+            states.iter().map(|s| (s.to_array()[i] - mean[i]) * (s.to_array()[j] - mean[j])).sum::<f64>() / n
+        };
+        let mean = std::array::from_fn(|i| states.iter().map(|s| s.to_array()[i]).sum::<f64>() / n);
+        let mut rows: Vec<(usize, Vec<f64>)> = Vec::new();
+        for i in Self::ORDER {
+            let mut row: Vec<f64> = Vec::new();
+            for (j, other) in &rows {
+                let inner: f64 = row.iter().zip(other).map(|(a, b)| a * b).sum();
+                row.push((0.49 * about(i, *j, &mean) - inner) / other[other.len() - 1]);
+            }
+            let variance = 0.49 * about(i, i, &mean);
+            let pivot = variance - row.iter().map(|r| r * r).sum::<f64>();
+            if pivot > 1e-9 * variance && variance > 1e-18 {
+                row.push(pivot.sqrt());
+                rows.push((i, row));
+            }
+        }
+        Self { mean, rows }
+    }
+    /// log g, moved by `shift` of its deviations along free component `dim` (not at all past the last).
+    fn log_density(&self, state: &State, dim: usize, shift: f64) -> f64 {
+        let (state, mut z, mut log_g) = (state.to_array(), Vec::new(), 0.0);
+        for (k, (i, row)) in self.rows.iter().enumerate() {
+            let inner: f64 = row.iter().zip(&z).map(|(a, b)| a * b).sum();
+            let sd = row[k];
+            z.push((state[*i] - self.mean[*i] - inner) / sd);
+            let moved = z[k] - if k == dim { shift } else { 0.0 };
+            log_g -= 0.5 * (moved * moved + std::f64::consts::TAU.ln()) + sd.ln();
+        }
+        log_g
+    }
+}
+
+/// An empty scene, for proposals and others that do not look at it.
+pub fn blank_image() -> Image {
+    Image::grey(1, 1, 0)
+}
+
+/// Places go to particle i m·wᵢ times on average; ancestors ascend; weight 0 gets none.
+///
+/// 4,000 rounds. A count's variance is a multinomial one at most, for every scheme; a correct one is further than
+/// 5 deviations off less than once in 10⁶.
+pub fn resampling(resampling: &Resampling, weights: &[f64], places: usize) {
+    const ROUNDS: usize = 4000;
+    let (mut rng, mut ancestors, mut counts) = (checks().rng(3), vec![0; places], vec![0usize; weights.len()]);
+    for _ in 0..ROUNDS {
+        resampling.select(weights, &mut ancestors, &mut rng);
+        assert!(ancestors.is_sorted(), "ancestors must ascend");
+        ancestors.iter().for_each(|&a| counts[a] += 1);
+    }
+    let total: f64 = weights.iter().sum();
+    for (i, (&count, w)) in counts.iter().zip(weights).enumerate() {
+        let w = w / total;
+        assert!(w > 0.0 || count == 0, "particle {i} has no weight, but {count} children");
+        let n = (ROUNDS * places) as f64;
+        let (mean, sd) = (n * w, (n * w * (1.0 - w)).sqrt());
+        let slack = 5.0 * sd + if mean < 30.0 { 10.0 } else { 1e-6 }; // few, so not nearly normal
+        assert!((count as f64 - mean).abs() <= slack, "particle {i} has {count} children, not {mean} ± {slack}");
+    }
+}
+
+/// In [0, 1]; blind to the particles' order and to constants added to logarithms; the same for the same weights.
+pub fn reward(reward: &mut dyn Reward) {
+    let mut rng = checks().rng(4);
+    for (n, sharpness) in [(1, 1.0), (2, 0.0), (2, 5.0), (50, 0.1), (50, 3.0), (1000, 1.0), (1000, 300.0)] {
+        let mut states: Vec<State> =
+            (0..n).map(|_| State::from_array(std::array::from_fn(|_| 10.0 * normal(&mut rng)))).collect();
+        let mut prior: Vec<f64> = (0..n).map(|_| normal(&mut rng)).collect();
+        let mut likelihood: Vec<f64> = (0..n).map(|_| sharpness * normal(&mut rng)).collect();
+        let first = reward.reward(&states, &prior, &likelihood);
+        assert!((0.0..=1.0).contains(&first), "a reward is from 0 to 1, not {first} (n = {n})");
+        assert_eq!(first, reward.reward(&states, &prior, &likelihood), "a reward must not remember");
+
+        let mut agrees = |what: &str, s: &[State], p: &[f64], l: &[f64]| {
+            let second = reward.reward(s, p, l);
+            assert!((first - second).abs() < 1e-9, "a reward must not depend on {what}: {first}, {second}");
+        };
+        let shifted = |values: &[f64], by: f64| -> Vec<f64> { values.iter().map(|v| v + by).collect() };
+        agrees("a constant in the prior", &states, &shifted(&prior, 7.5), &likelihood);
+        agrees("a constant in the likelihood", &states, &prior, &shifted(&likelihood, -60.5));
+        states.reverse();
+        prior.reverse();
+        likelihood.reverse();
+        agrees("the particles' order", &states, &prior, &likelihood);
+
+        likelihood[0] = f64::NEG_INFINITY;
+        let one_out = reward.reward(&states, &prior, &likelihood);
+        likelihood.fill(f64::NEG_INFINITY);
+        let all_out = reward.reward(&states, &prior, &likelihood);
+        for r in [one_out, all_out] {
+            assert!((0.0..=1.0).contains(&r), "a reward is from 0 to 1, not {r}, where particles explain nothing");
+        }
+    }
+}
+
+/// Plans are not empty and use a gaze; the same randomness gives the same plan; what is saved as JSON text and
+/// loaded goes on bit for bit; what does not fit is refused and changes nothing; `reset` forgets all.
+///
+/// `make` gives new policies of the same settings.
+pub fn policy(make: &dyn Fn() -> Box<dyn Policy>) {
+    let (mut a, mut b) = (make(), make());
+    let untouched = a.save();
+    play(&mut *a, &mut *b, 0..40);
+
+    let saved = a.save();
+    let text = serde_json::to_string(&saved).expect("a JSON value is text");
+    let mut resumed = make();
+    resumed.load(&serde_json::from_str(&text).expect("what was written can be read")).expect("what was saved fits");
+    assert_eq!(resumed.save(), saved, "what was loaded must be what was saved");
+    play(&mut *a, &mut *resumed, 40..80);
+
+    let saved = a.save();
+    for rubbish in ["{\"rubbish\": 1}", "[]", "\"a\"", "7"] {
+        let rubbish = serde_json::from_str(rubbish).expect("valid JSON");
+        assert!(a.load(&rubbish).is_err(), "{rubbish} must be refused");
+        assert_eq!(a.save(), saved, "a refused load must change nothing");
+    }
+    a.reset();
+    assert_eq!(a.save(), untouched, "reset must forget all that was learned");
+    play(&mut *a, &mut *make(), 0..10);
+}
+
+/// Plays two policies side by side on the same randomness and rewards: they must do the same.
+fn play(a: &mut dyn Policy, b: &mut dyn Policy, frames: std::ops::Range<u64>) {
+    let (mut plan, mut other) = (Plan::new(), Plan::new());
+    for t in frames {
+        let context = if t == 0 { Context::default() } else { context(&mut checks().rng(2000 + t)) };
+        a.plan(&context, &mut plan, &mut checks().rng(t));
+        b.plan(&context, &mut other, &mut checks().rng(t));
+        assert_eq!(plan, other, "the same past and randomness must give the same plan (frame {t})");
+        assert!(plan.used().contains(&true), "a plan must use one gaze at least");
+        assert!(plan.gazes().iter().all(|g| g.u.is_finite() && g.v.is_finite()), "a gaze is a place");
+        let mut rng = checks().rng(1000 + t);
+        let rewards: Vec<f64> = plan.gazes().iter().map(|_| rng.random()).collect();
+        a.learn(&plan, &rewards);
+        b.learn(&other, &rewards);
+        assert_eq!(a.save(), b.save(), "the same past must leave the same memory (frame {t})");
+        match a.snapshot() {
+            PolicySnapshot::Blank => {}
+            PolicySnapshot::Arms { gazes, probabilities } => {
+                assert_eq!(gazes.len(), probabilities.len(), "one probability for each gaze");
+                let sum: f64 = probabilities.iter().sum();
+                let one = (sum - 1.0).abs() < 1e-9 && probabilities.iter().all(|&p| p >= 0.0);
+                assert!(one, "probabilities sum to {sum}");
+            }
+            PolicySnapshot::Surface(surface) => {
+                let inside = |g: &Gaze| g.u.abs().max(g.v.abs()) <= surface.reach() + 1e-12;
+                assert!(surface.fixations().iter().all(inside), "a surface is learned from gazes within its reach");
+                assert!(surface.best().iter().all(inside), "the best gaze is within reach");
+                for (u, v) in [(0.0, 0.0), (surface.reach(), -surface.reach())] {
+                    let (mean, sd) = surface.at(u, v);
+                    assert!(mean.is_finite() && sd >= 0.0 && sd.is_finite(), "at ({u}, {v}): {mean} ± {sd}");
+                }
+            }
+        }
+    }
+}
+
+/// Any tracker's state of mind.
+fn context(rng: &mut Rng) -> Context {
+    let [ess, deficit, frame_deficit, spread] = std::array::from_fn(|_| rng.random());
+    Context { ess, deficit, frame_deficit, spread, lost: deficit > 0.6 }
+}
+
+/// Every feature is finite and depends on its own row alone, bit for bit, however many rows are encoded at once.
+///
+/// `glimpses` are conditioned rows, three at least.
+pub fn encoder(encoder: &dyn Encoder, glimpses: &[f32]) {
+    let (n_v, n_h) = encoder.shape();
+    let encode = |glimpses: &[f32]| {
+        let mut features = vec![f32::NAN; glimpses.len() / n_v * n_h];
+        encoder.encode(Rows::new(glimpses, n_v), RowsMut::new(&mut features, n_h));
+        features
+    };
+    let together = encode(glimpses);
+    assert!(together.iter().all(|h| h.is_finite()), "features must be finite");
+    for rows in [1, 2, 3] {
+        for (v, h) in glimpses.chunks_exact(rows * n_v).zip(together.chunks_exact(rows * n_h)) {
+            assert!(h == encode(v), "a row's features must not depend on its neighbours ({rows} rows)");
+        }
+    }
+    let (mut once, mut again) = (glimpses[..n_v].to_vec(), glimpses[..n_v].to_vec());
+    encoder.condition(&mut once);
+    encoder.condition(&mut again);
+    assert!(once == again && once.iter().all(|v| v.is_finite()), "conditioning must not remember");
+}
+
+/// At least 0, finite, the same each time, and next to 0 from a vector to itself.
+///
+/// `features` are rows of `width` values that the distance is made for.
+pub fn distance(distance: &dyn Distance, features: &[f32], width: usize) {
+    for template in features.chunks_exact(width) {
+        let mut kept = template.to_vec();
+        distance.keep(&mut kept);
+        for row in features.chunks_exact(width) {
+            let d = distance.distance(row, &kept);
+            assert!(d >= 0.0 && d.is_finite(), "a distance is at least 0 and finite, not {d}");
+            assert_eq!(d, distance.distance(row, &kept), "a distance must not remember");
+        }
+        let own = distance.distance(template, &kept);
+        // Rounding of a sum of squares leaves 1e-7; its root 3e-4. A vector of zeros may be anywhere.
+        assert!(own < 1e-3 || template.iter().all(|&t| t == 0.0), "{own} from a vector to itself");
+    }
+}
+
+/// Values are within [0, 1], one for each cell, written whatever the buffer held; on a picture of one grey, every
+/// grey cell sees that grey.
+pub fn retina(retina: &dyn Retina) {
+    let n = retina.glimpse_len();
+    assert_eq!(n, retina.cells().len(), "one cell for each value");
+    let reach = retina.footprints().iter().map(|f| f.reach).fold(0.0, f64::max);
+    assert!(retina.cells().iter().all(|c| c.u.abs().max(c.v.abs()) <= reach + 1e-9), "cells lie within the reach");
+    let mut rng = checks().rng(5);
+    let noise: Vec<u8> = (0..40 * 30 * 3).map(|_| rng.random()).collect();
+    let noise = Image::new(40, 30, 3, noise).expect("40 x 30 x 3 bytes");
+    let extent = Extent { half_w: 7.0, half_h: 5.0 };
+    for i in 0..20 {
+        let mut at = || 3.0 * normal(&mut rng);
+        let state = State { x: 20.0 + at(), y: 15.0 + at(), log_scale: 0.1 * at(), angle: at(), ..State::default() };
+        let gaze = Gaze { u: 0.1 * at(), v: 0.1 * at(), arm: None };
+        let look = |image: &Image, dirt: f32| {
+            let region = Region::covering(image, &[state], &[gaze], extent, reach);
+            let mut pyramid = Pyramid::default();
+            pyramid.build(image, region, retina.footprints(), (extent.half_w, extent.half_h));
+            let mut glimpse = vec![dirt; n];
+            retina.look(&pyramid, state.fixate(gaze, extent), &mut glimpse);
+            glimpse
+        };
+        let glimpse = look(&noise, f32::NAN);
+        assert!(glimpse.iter().all(|v| (-1e-6..=1.0 + 1e-6).contains(v)), "values are from 0 to 1 (look {i})");
+        assert!(glimpse == look(&noise, 7.0), "a glimpse must not depend on what the buffer held");
+        for (cell, value) in retina.cells().iter().zip(look(&Image::grey(40, 30, 51), 0.0)) {
+            assert!(cell.channel != 0 || (value - 0.2).abs() < 1e-5, "one grey is seen as itself, not {value}");
+        }
+    }
+}
+
+/// A log-likelihood is not NaN, and depends on its own state and gaze alone: not on the other states of the call, on
+/// their order, or on the number of threads. What is saved as JSON text and loaded sees the same, bit for bit; what
+/// does not fit is refused.
+///
+/// `make` gives new appearances of the same settings.
+pub fn appearance(make: &dyn Fn() -> Box<dyn Appearance>) {
+    const N: usize = 150;
+    let mut rng = checks().rng(6);
+    let mut picture = || Image::new(60, 50, 1, (0..3000).map(|_| rng.random()).collect()).expect("60 x 50 bytes");
+    let (first, second) = (picture(), picture());
+    let (target, extent) = (State { x: 30.0, y: 25.0, ..State::default() }, Extent { half_w: 8.0, half_h: 8.0 });
+    let states: Vec<State> = (0..N)
+        .map(|_| State { x: 30.0 + 3.0 * normal(&mut rng), y: 25.0 + 3.0 * normal(&mut rng), ..target })
+        .collect();
+    let gazes = [Gaze::CENTRE, Gaze { u: 0.5, v: -0.5, arm: Some(1) }];
+    let weigh = |appearance: &mut dyn Appearance, states: &[State], gaze| {
+        let mut out = vec![f64::NAN; states.len()];
+        appearance.log_likelihood(states, gaze, &mut out);
+        assert!(out.iter().all(|l| !l.is_nan()), "a log-likelihood is a number");
+        out
+    };
+    let mut a = make();
+    a.init_template(&first, &target, extent, Streams::new(3, 0));
+    a.see(&second, &states, &gazes);
+    let mut resumed = make();
+    let text = serde_json::to_string(&a.save()).expect("a JSON value is text");
+    resumed.load(&serde_json::from_str(&text).expect("what was written can be read")).expect("what was saved fits");
+    assert_eq!(resumed.save(), a.save(), "what was loaded must be what was saved");
+    assert_eq!(resumed.reference(), a.reference());
+    resumed.see(&second, &states, &gazes);
+    for gaze in gazes {
+        let all = weigh(&mut *a, &states, gaze);
+        assert!(all == weigh(&mut *resumed, &states, gaze), "what was loaded must see the same");
+        for i in [0, 1, 63, 64, N - 1] {
+            assert_eq!(weigh(&mut *a, &states[i..=i], gaze), all[i..=i], "a state must not depend on the others");
+        }
+        let reversed: Vec<State> = states.iter().rev().copied().collect();
+        assert!(weigh(&mut *a, &reversed, gaze).iter().rev().eq(&all), "the order of states must not matter");
+        for threads in [1, 3] {
+            assert!(
+                crate::threads::with(threads, || weigh(&mut *a, &states, gaze)) == all,
+                "{threads} threads must see the same"
+            );
+        }
+    }
+    for rubbish in ["{\"rubbish\": 1}", "[]", "\"a\"", "7"] {
+        let rubbish = serde_json::from_str(rubbish).expect("valid JSON");
+        assert!(resumed.load(&rubbish).is_err(), "{rubbish} must be refused");
+    }
+    a.see(&first, &[target], &gazes);
+    let mut percept = Percept::default();
+    a.perceive(&target, gazes[1], &mut percept);
+    assert!(percept.gaze == gazes[1] && percept.distance < 1e-3, "the template is at no distance from itself");
+}

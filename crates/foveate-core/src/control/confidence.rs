@@ -1,0 +1,404 @@
+//! How probable is it that the target is lost, and since when? A probability that was fitted, and a state with hysteresis.
+//!
+//! [`Cues`] of a frame, each a ratio or normalised by its own past, so that one table serves many configurations, go
+//! through a logistic model: P(lost) = 1 / (1 + exp(−b − Σ wₖ cₖ)). *Lost* means that the box has an IoU below 0.1 with the
+//! target, or that the target is not to be seen. The weights are fitted on sequences with truth by `foveate train
+//! confidence`; docs/confidence.md has the figures.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Consistency, Status};
+use crate::geometry::State;
+use crate::reference::ReferenceLikelihood;
+use foveate_base::{Error, Result};
+
+/// Number of cues.
+pub const CUES: usize = 8;
+/// Their names, in order.
+pub const CUE_NAMES: [&str; CUES] =
+    ["deficit", "frame_deficit", "drop", "lasting", "flat", "spread", "distance", "margin"];
+
+/// What one frame tells about being lost:
+/// *deficit* and *frame_deficit* as [`Consistency`] has them, 0 to 2;
+/// *drop*: ln(1 + z), where the frame's evidence lies z mean deviations below the usual one, 0 to 5;
+/// *lasting*: the same, smoothed over about five frames;
+/// *flat*: the tempered effective sample size, 0 to 1;
+/// *spread*: ln of the belief's standard deviation about place in template units, from 1/50 of one, −4 to 4;
+/// *distance*: ln of the distance to the template at the estimate, relative to the usual one, −3 to 3;
+/// *margin*: how far the evidence lies above the best distractor's, as a share of what was promised between on and off, −1 to 1;
+/// 0 where distractors are not searched for.
+pub type Cues = [f64; CUES];
+
+/// The verdict on one frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct TrackConfidence {
+    /// P(lost), 0 to 1.
+    pub p_lost: f64,
+    /// What is believed of the track.
+    pub status: Status,
+    /// What the probability was made of.
+    pub cues: Cues,
+}
+
+/// What a frame showed.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameEvidence {
+    /// The evidence deficit, smoothed and of this frame.
+    pub consistency: Consistency,
+    /// Log evidence of a look, nats.
+    pub evidence: f64,
+    /// What the first frame promised.
+    pub reference: ReferenceLikelihood,
+    /// Log-likelihood of the best distractor (`control/distractors.rs`); `None` where none was searched for, −∞ where none was found.
+    pub distractor: Option<f64>,
+    /// Standard deviation of the belief about place, template units.
+    pub spread: f64,
+    /// Distance to the template at the estimate.
+    pub distance: f64,
+    /// Mean of the belief.
+    pub estimate: State,
+    /// Pixels per template unit there.
+    pub unit: f64,
+    /// A lower bound on P(lost) from elsewhere: the class, say; 0 without one.
+    pub alarm: f64,
+}
+
+/// The model, and the rules of the states.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ConfidenceModel {
+    /// wₖ, one a cue.
+    pub weights: [f64; CUES],
+    /// b.
+    pub bias: f64,
+    /// P(lost) above which a frame speaks for being lost, 0 to 1.
+    pub enter: f64,
+    /// P(lost) below which it speaks for having the target, 0 to `enter`.
+    pub leave: f64,
+    /// Frames in a row above `enter` until the target is out, 1 to 1000.
+    pub notice: usize,
+    /// Frames in a row below `leave` until it is found, 1 to 1000.
+    pub confirm: usize,
+    /// Frames that it may be out until it is lost and no longer hidden, 0 to 100,000.
+    pub patience: usize,
+    /// Standard deviation, in template units, of what the belief does not know of: how the box of the first frame sits on
+    /// the target, and how the target changes. Credible regions are wider by it. 0 to 10.
+    pub localisation_noise: f64,
+}
+
+/// Judges frames by a model, and remembers what is usual on the target.
+#[derive(Clone, Debug)]
+pub struct LossMonitor {
+    model: ConfidenceModel,
+    past: Past,
+}
+
+/// What is remembered between frames.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Past {
+    /// Frames the usual values were taken from.
+    frames: usize,
+    /// Mean evidence, its mean deviation, and mean distance, on the target.
+    evidence: f64,
+    deviation: f64,
+    distance: f64,
+    /// Where it was seen last.
+    seen: State,
+    /// What fitted best in the whole picture, by the last search since it went out.
+    best_place: Option<State>,
+    /// Smoothed drop.
+    lasting: f64,
+    /// The last verdict.
+    status: Status,
+    p_lost: f64,
+    cues: Cues,
+    /// Frames in a row that spoke against the status, and frames since the target went out.
+    against: usize,
+    out: usize,
+}
+
+/// Share of the newest frame in the usual values, after as many frames as its inverse.
+const NEWEST: f64 = 0.05;
+/// Share of the newest frame in the smoothed drop.
+const SMOOTH: f64 = 0.2;
+/// The least deviation of the evidence, as a share of what was promised between on and off.
+const LEAST_DEVIATION: f64 = 0.02;
+
+impl Default for ConfidenceModel {
+    fn default() -> Self {
+        Self {
+            weights: [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0],
+            bias: -4.0,
+            enter: 0.5,
+            leave: 0.3,
+            notice: 2,
+            confirm: 3,
+            patience: 15,
+            localisation_noise: 0.1,
+        }
+    }
+}
+
+impl ConfidenceModel {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        let wrong = |name: &str, expected: &str, found: f64| {
+            Err(Error::Config(format!("confidence.{name} is {expected}; it is {found}")))
+        };
+        if let Some(weight) = self.weights.iter().chain([&self.bias]).find(|w| w.is_nan() || w.abs() > 1e3) {
+            return wrong("weights and confidence.bias", "from -1000 to 1000", *weight);
+        }
+        match self {
+            s if !(0.0..=1.0).contains(&s.enter) => wrong("enter", "0 to 1", s.enter),
+            s if !(0.0..=s.enter).contains(&s.leave) => wrong("leave", "0 to confidence.enter", s.leave),
+            s if !(1..=1000).contains(&s.notice) => wrong("notice", "1 to 1000 frames", s.notice as f64),
+            s if !(1..=1000).contains(&s.confirm) => wrong("confirm", "1 to 1000 frames", s.confirm as f64),
+            s if s.patience > 100_000 => wrong("patience", "0 to 100000 frames", s.patience as f64),
+            s if !(0.0..=10.0).contains(&s.localisation_noise) => {
+                wrong("localisation_noise", "0 to 10 template units", s.localisation_noise)
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl LossMonitor {
+    /// A monitor with this model, which has seen nothing yet.
+    pub fn new(model: ConfidenceModel) -> Self {
+        Self { model, past: Past::default() }
+    }
+
+    /// The model.
+    pub fn model(&self) -> &ConfidenceModel {
+        &self.model
+    }
+
+    /// Forgets the past: the target was just given.
+    pub fn reset(&mut self) {
+        self.past = Past::default();
+    }
+
+    /// Judges a frame.
+    pub fn judge(&mut self, shown: &FrameEvidence) -> TrackConfidence {
+        let cues = self.cues(shown);
+        let p_lost = self.probability(&cues).max(shown.alarm);
+        let apart = |place: &State| (place.x - shown.estimate.x).abs().max((place.y - shown.estimate.y).abs());
+        let elsewhere = self.past.best_place.is_some_and(|place| apart(&place) > shown.unit);
+        self.stand(p_lost, elsewhere);
+        if self.past.frames < (1.0 / NEWEST) as usize / 2 || p_lost < self.model.leave {
+            self.learn(shown);
+        }
+        (self.past.p_lost, self.past.cues) = (p_lost, cues);
+        self.last()
+    }
+
+    /// Judges a frame of which only the cues were kept, as if no search had ever found anything elsewhere.
+    pub fn rejudge(&mut self, cues: &Cues) -> TrackConfidence {
+        (self.past.p_lost, self.past.cues) = (self.probability(cues), *cues);
+        self.stand(self.past.p_lost, false);
+        self.last()
+    }
+
+    /// The last verdict, for a frame that tells nothing of the target.
+    pub fn last(&self) -> TrackConfidence {
+        TrackConfidence { p_lost: self.past.p_lost, status: self.past.status, cues: self.past.cues }
+    }
+
+    /// P(lost) of a frame with these cues.
+    fn probability(&self, cues: &Cues) -> f64 {
+        let z: f64 = self.model.bias + self.model.weights.iter().zip(cues).map(|(w, c)| w * c).sum::<f64>();
+        1.0 / (1.0 + (-z).exp())
+    }
+
+    fn cues(&mut self, s: &FrameEvidence) -> Cues {
+        let m = &mut self.past;
+        let gap = (s.reference.on - s.reference.off).max(1e-9);
+        let (mut drop, mut distance) = (0.0, 0.0);
+        if m.frames > 0 {
+            let z = (m.evidence - s.evidence) / m.deviation.max(LEAST_DEVIATION * gap);
+            drop = if s.evidence.is_finite() { z.max(0.0).ln_1p().min(5.0) } else { 5.0 };
+            let least = 0.1 * m.distance + 1e-9;
+            distance = ((s.distance + least) / (m.distance + least)).ln();
+        }
+        m.lasting += SMOOTH * (drop - m.lasting);
+        let spread = ((s.spread + 0.02).ln()).clamp(-4.0, 4.0);
+        let distance = if distance.is_finite() { distance.clamp(-3.0, 3.0) } else { 3.0 };
+        let margin = s.distractor.map_or(0.0, |distractor| (s.evidence - distractor) / gap);
+        let margin = if margin.is_nan() { 0.0 } else { margin.clamp(-1.0, 1.0) };
+        [
+            s.consistency.deficit,
+            s.consistency.frame_deficit,
+            drop,
+            m.lasting,
+            s.consistency.tempered_ess,
+            spread,
+            distance,
+            margin,
+        ]
+    }
+
+    /// What is usual on the target.
+    fn learn(&mut self, s: &FrameEvidence) {
+        let m = &mut self.past;
+        if !(s.evidence.is_finite() && s.distance.is_finite()) {
+            return;
+        }
+        m.frames += 1;
+        let share = NEWEST.max(1.0 / m.frames as f64);
+        let off = s.evidence - m.evidence;
+        if m.frames > 1 {
+            m.deviation += NEWEST.max(1.0 / (m.frames - 1) as f64) * (off.abs() - m.deviation);
+        }
+        m.evidence += share * off;
+        m.distance += share * (s.distance - m.distance);
+        m.seen = s.estimate;
+    }
+
+    /// What fits best in the whole picture: nothing else is found while it lies elsewhere.
+    pub fn searched(&mut self, best: Option<&State>) {
+        self.past.best_place = best.copied();
+    }
+
+    fn stand(&mut self, p_lost: f64, elsewhere: bool) {
+        let m = &mut self.past;
+        let speaks = if m.status.is_occluded_or_lost() {
+            p_lost < self.model.leave && !elsewhere
+        } else {
+            p_lost > self.model.enter
+        };
+        m.against = if speaks { m.against + 1 } else { 0 };
+        if m.status.is_occluded_or_lost() {
+            m.out += 1;
+            if m.against >= self.model.confirm {
+                // Hidden for a moment only, it was never away.
+                m.status = if m.status == Status::Lost { Status::Reacquired } else { Status::Tracking };
+                (m.against, m.out, m.best_place) = (0, 0, None);
+            } else if m.out > self.model.patience {
+                m.status = Status::Lost;
+            }
+        } else if m.against >= self.model.notice {
+            m.status = if m.status == Status::Reacquired { Status::Lost } else { Status::Occluded };
+            m.against = 0;
+        } else if m.status == Status::Reacquired {
+            m.out += 1;
+            if m.out > self.model.patience {
+                (m.status, m.out) = (Status::Tracking, 0);
+            }
+        }
+    }
+
+    /// Where the target was seen last; none before the first frame.
+    pub fn seen(&self) -> Option<&State> {
+        (self.past.frames > 0).then_some(&self.past.seen)
+    }
+
+    /// The state to resume from.
+    pub fn save(&self) -> serde_json::Value {
+        serde_json::to_value(&self.past).expect("plain data is JSON")
+    }
+
+    /// Takes up what `save` gave.
+    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+        self.past = Past::deserialize(saved)
+            .map_err(|e| Error::Invalid(format!("the saved confidence cannot be used: {e}")))?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const REFERENCE: ReferenceLikelihood = ReferenceLikelihood { on: -2.0, off: -12.0 };
+
+    fn shown(evidence: f64, deficit: f64) -> FrameEvidence {
+        let consistency = Consistency { deficit, frame_deficit: deficit, tempered_ess: 0.3, holds: true };
+        let estimate = State::default();
+        FrameEvidence {
+            consistency,
+            evidence,
+            reference: REFERENCE,
+            distractor: None,
+            spread: 0.1,
+            distance: 0.1 - 0.02 * evidence,
+            estimate,
+            unit: 10.0,
+            alarm: 0.0,
+        }
+    }
+
+    /// On the target for a while, then hidden for `hidden` frames, then back: the statuses.
+    fn statuses(hidden: usize) -> Vec<Status> {
+        let mut c = LossMonitor::new(ConfidenceModel::default());
+        let frame = |t: usize| {
+            let on = !(30..30 + hidden).contains(&t);
+            shown(if on { -3.0 - 0.1 * (t % 3) as f64 } else { -12.0 }, if on { 0.0 } else { 1.0 })
+        };
+        (0..60 + hidden).map(|t| c.judge(&frame(t)).status).collect()
+    }
+
+    #[test]
+    fn a_moment_is_an_occlusion_and_long_is_lost_until_found() {
+        let short = statuses(8);
+        assert!(short[..30].iter().all(|s| *s == Status::Tracking) && short[36] == Status::Occluded, "{short:?}");
+        assert!(!short.contains(&Status::Lost) && !short.contains(&Status::Reacquired), "{short:?}");
+        let long = statuses(40);
+        let first = |s: Status| long.iter().position(|x| *x == s).expect("it comes");
+        let order = [Status::Tracking, Status::Occluded, Status::Lost, Status::Reacquired].map(first);
+        assert!(order.is_sorted() && order[3] >= 70 + 3 - 1 && order[3] < 80, "{order:?}");
+        assert_eq!(long.last(), Some(&Status::Tracking));
+    }
+
+    #[test]
+    fn one_frame_that_fits_by_chance_finds_nothing() {
+        let mut c = LossMonitor::new(ConfidenceModel::default());
+        for _ in 0..30 {
+            c.judge(&shown(-3.0, 0.0));
+        }
+        for t in 0..60 {
+            let chance = t > 20 && t % 3 == 0;
+            let confidence = c.judge(&shown(if chance { -3.0 } else { -12.0 }, if chance { 0.0 } else { 1.0 }));
+            assert!(t < 4 || confidence.status.is_occluded_or_lost(), "frame {t}: {confidence:?}");
+        }
+    }
+
+    #[test]
+    fn it_goes_on_from_what_was_saved() {
+        let frames: Vec<_> = (0..50).map(|t| shown(-3.0 - (t % 7) as f64, 0.02 * t as f64)).collect();
+        let mut c = LossMonitor::new(ConfidenceModel::default());
+        for f in &frames[..25] {
+            c.judge(f);
+        }
+        let mut other = LossMonitor::new(ConfidenceModel::default());
+        other.load(&c.save()).expect("it was saved");
+        assert!(frames[25..].iter().all(|f| c.judge(f) == other.judge(f)));
+        assert!(other.load(&serde_json::json!({ "frames": "many" })).is_err());
+    }
+
+    /// Whatever comes in: a probability, and finite cues.
+    #[test]
+    fn nothing_is_too_strange() {
+        let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -1e300, 1e300];
+        let mut c = LossMonitor::new(ConfidenceModel::default());
+        for (a, b) in odd.iter().flat_map(|a| odd.iter().map(move |b| (*a, *b))) {
+            let strange = FrameEvidence { evidence: a, spread: b.abs().min(1e6), distance: b, ..shown(-3.0, 0.5) };
+            let confidence = c.judge(&strange);
+            assert!((0.0..=1.0).contains(&confidence.p_lost), "{confidence:?}");
+            assert!(confidence.cues.iter().all(|c| c.is_finite()), "{confidence:?}");
+        }
+    }
+
+    #[test]
+    fn wrong_settings_are_named() {
+        for (c, said) in [
+            (ConfidenceModel { bias: f64::NAN, ..ConfidenceModel::default() }, "bias"),
+            (ConfidenceModel { enter: 2.0, ..ConfidenceModel::default() }, "enter"),
+            (ConfidenceModel { leave: 0.7, ..ConfidenceModel::default() }, "leave"),
+            (ConfidenceModel { confirm: 0, ..ConfidenceModel::default() }, "confirm"),
+            (ConfidenceModel { localisation_noise: -1.0, ..ConfidenceModel::default() }, "localisation_noise"),
+        ] {
+            assert!(c.check().expect_err(said).to_string().contains(said));
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! Consistency monitor: does the evidence fit the target's being there?
+//!
+//! The paper's Σw² cannot tell: it stays high on a wrong, sharp peak. What can is
+//! the evidence, measured against what the first frame promised on and off the target, and the effective
+//! sample size of softened weights, which rises when nothing in view fits better than anything else.
+
+use serde::{Deserialize, Serialize};
+
+use crate::reference::ReferenceLikelihood;
+use foveate_base::{Error, Result};
+
+/// The verdict of one frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Consistency {
+    /// Smoothed evidence deficit: 0 when the evidence is what the target gives, 1 when it is what other places give; 0 to 2.
+    pub deficit: f64,
+    /// The same of this frame alone, 0 to 2.
+    pub frame_deficit: f64,
+    /// Effective sample size of the softened weights, as a share of N, 0 to 1.
+    pub tempered_ess: f64,
+    /// Whether the smoothed deficit is below the threshold: the frame may be learned from.
+    pub holds: bool,
+}
+
+/// How evidence and tempered weights are compared with the reference over time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ConsistencySettings {
+    /// Weight of the newest frame in the smoothed deficit, 0 to 1.
+    pub memory: f64,
+    /// Smoothed deficit above which a frame is not learned from.
+    pub threshold: f64,
+    /// Power the weights are softened with.
+    pub temperature: f64,
+    /// Share of N above which the softened weights say that nothing fits; counts as deficit.
+    pub flat: f64,
+    /// Frames after the start, believed to be on the target, whose mean evidence lowers what the first frame promised: it
+    /// compares the template with itself and so knows of no noise. 0 to 1000.
+    pub settle: usize,
+}
+
+/// Watches evidence and tempered weights over time.
+#[derive(Clone, Debug)]
+pub struct ConsistencyMonitor {
+    settings: ConsistencySettings,
+    past: Past,
+}
+
+/// What is remembered between frames.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Past {
+    consistency: Consistency,
+    /// Frames judged since the start, `settle` at most, and the sum of how far their evidence fell short of the reference.
+    settled: usize,
+    shortfall: f64,
+}
+
+/// Share of the way from on to off that settling may go at most: beyond it, on and off could not be told apart.
+const MOST_SHORTFALL: f64 = 0.7;
+
+impl Default for ConsistencySettings {
+    fn default() -> Self {
+        Self { memory: 0.3, threshold: 0.6, temperature: 0.25, flat: 0.9, settle: 10 }
+    }
+}
+
+impl ConsistencySettings {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        for (name, value, most) in [
+            ("memory", self.memory, 1.0),
+            ("threshold", self.threshold, 100.0),
+            ("temperature", self.temperature, 1.0),
+            ("flat", self.flat, 1.0),
+        ] {
+            if !(0.0..=most).contains(&value) {
+                return Err(Error::Config(format!("consistency.{name} is a number from 0 to {most}; it is {value}")));
+            }
+        }
+        if self.settle > 1000 {
+            return Err(Error::Config(format!("consistency.settle is 0 to 1000 frames; it is {}", self.settle)));
+        }
+        Ok(())
+    }
+}
+
+impl ConsistencyMonitor {
+    /// A monitor that has seen nothing yet.
+    pub fn new(settings: ConsistencySettings) -> Self {
+        Self { settings, past: Past::default() }
+    }
+
+    /// Forgets the past: the target was just given.
+    pub fn reset(&mut self) {
+        self.past = Past::default();
+    }
+
+    /// Judges a frame by the log evidence of a look, and by the log weights.
+    pub fn judge(&mut self, evidence: f64, log_weights: &[f64], reference: ReferenceLikelihood) -> Consistency {
+        let gap = (reference.on - reference.off).max(1e-9);
+        let short = if evidence.is_finite() { (reference.on - evidence) / gap } else { 2.0 };
+        let m = &mut self.past;
+        if m.settled < self.settings.settle {
+            m.settled += 1;
+            m.shortfall += short.clamp(0.0, MOST_SHORTFALL);
+        }
+        // On the target the evidence is `usual` of the gap below the reference; deficit counts from there.
+        let usual = if m.settled > 0 { m.shortfall / m.settled as f64 } else { 0.0 };
+        let deficit = ((short - usual) / (1.0 - usual)).clamp(0.0, 2.0);
+        let tempered_ess = tempered_ess(log_weights, self.settings.temperature);
+        let deficit = if tempered_ess > self.settings.flat { deficit.max(1.0) } else { deficit };
+        m.consistency.frame_deficit = deficit;
+        m.consistency.deficit += self.settings.memory * (deficit - m.consistency.deficit);
+        m.consistency.tempered_ess = tempered_ess;
+        m.consistency.holds = m.consistency.deficit <= self.settings.threshold;
+        m.consistency
+    }
+
+    /// The last verdict.
+    pub fn last(&self) -> Consistency {
+        self.past.consistency
+    }
+
+    /// The state to resume from.
+    pub fn save(&self) -> serde_json::Value {
+        serde_json::to_value(&self.past).expect("plain data is JSON")
+    }
+
+    /// Takes up what `save` gave.
+    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+        self.past = Past::deserialize(saved)
+            .map_err(|e| Error::Invalid(format!("the saved consistency cannot be used: {e}")))?;
+        Ok(())
+    }
+}
+
+/// 1/Σw² of weights raised to a power, as a share of their number.
+fn tempered_ess(log_weights: &[f64], power: f64) -> f64 {
+    let most = log_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    if !most.is_finite() {
+        return 1.0;
+    }
+    let (mut sum, mut squares) = (0.0, 0.0);
+    for w in log_weights.iter().map(|w| (power * (w - most)).exp()) {
+        sum += w;
+        squares += w * w;
+    }
+    sum * sum / squares / log_weights.len() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const REFERENCE: ReferenceLikelihood = ReferenceLikelihood { on: -2.0, off: -12.0 };
+
+    #[test]
+    fn evidence_of_elsewhere_means_lost_after_some_frames() {
+        let mut v = ConsistencyMonitor::new(ConsistencySettings::default());
+        let peaked = [0.0, -50.0, -50.0, -50.0];
+        for _ in 0..20 {
+            assert!(v.judge(-2.5, &peaked, REFERENCE).holds);
+        }
+        let verdicts: Vec<bool> = (0..10).map(|_| !v.judge(-12.0, &peaked, REFERENCE).holds).collect();
+        assert!(!verdicts[0] && verdicts[9], "one bad frame is not a loss, ten are: {verdicts:?}");
+    }
+
+    /// Noise takes half of what was promised, as it does from frame 2 on: usual after some frames, and a loss is still one.
+    #[test]
+    fn what_is_usual_is_no_loss() {
+        let mut v = ConsistencyMonitor::new(ConsistencySettings::default());
+        let peaked = [0.0, -50.0, -50.0, -50.0];
+        for t in 0..40 {
+            let evidence = -7.0 + if t % 2 == 0 { 0.5 } else { -0.5 };
+            assert!(v.judge(evidence, &peaked, REFERENCE).holds, "frame {t}");
+        }
+        let resumed = v.save();
+        let lost = |v: &mut ConsistencyMonitor| {
+            (0..12).map(|_| v.judge(-12.0, &peaked, REFERENCE)).last().expect("twelve frames")
+        };
+        let verdict = lost(&mut v);
+        assert!(!verdict.holds);
+        let mut other = ConsistencyMonitor::new(ConsistencySettings::default());
+        other.load(&resumed).expect("it was saved");
+        assert_eq!(lost(&mut other), verdict);
+    }
+
+    #[test]
+    fn flat_weights_and_no_evidence_are_doubt() {
+        let mut v = ConsistencyMonitor::new(ConsistencySettings::default());
+        let flat = v.judge(-2.0, &[0.0; 8], REFERENCE);
+        assert!((flat.tempered_ess - 1.0).abs() < 1e-12 && flat.deficit > 0.0);
+        let none = v.judge(f64::NEG_INFINITY, &[f64::NEG_INFINITY; 8], REFERENCE);
+        assert!(none.deficit > flat.deficit && none.deficit.is_finite());
+    }
+}

@@ -1,0 +1,157 @@
+//! log p(detection | x): what a detector's boxes say about where the target is, beside its own look.
+//!
+//! For detections d₁..ₖ of which one is taken to be the target's (the target's own, where it was said outside which is
+//! whose),
+//! ```text
+//! p(d | x) ∝ (1 − outlier)/k Σ exp(−½ |centre of d − place|² / place² − ½ (log size of d − log_scale)² / size²) + outlier
+//! ```
+//! with places in half boxes of d along each axis. The units are d's, not x's, or larger states would fit better. The
+//! uniform part bounds what a false detection can cost: log(1/outlier) nats a frame, so that the looks outweigh it.
+//!
+//! Deviation: the paper has no such term; detections enter its proposal alone, and the weights undo them.
+
+use serde::{Deserialize, Serialize};
+
+use crate::geometry::{Extent, State};
+use crate::scene::Detection;
+use foveate_base::{Error, Result};
+
+/// How far detections are from what they are of.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DetectionLikelihood {
+    /// Standard deviation of a detection's centre, in half boxes of it, 0.01 to 10.
+    pub place: f64,
+    /// Standard deviation of the logarithm of its size, 0.01 to 100; large where sizes mean nothing.
+    pub size: f64,
+    /// Share of the peak that a state keeps however far it is from all detections, 1e-9 to 1.
+    pub outlier: f64,
+}
+
+impl Default for DetectionLikelihood {
+    fn default() -> Self {
+        Self { place: 0.2, size: 0.1, outlier: 0.02 }
+    }
+}
+
+impl DetectionLikelihood {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        for (name, value, least, most) in
+            [("place", self.place, 0.01, 10.0), ("size", self.size, 0.01, 100.0), ("outlier", self.outlier, 1e-9, 1.0)]
+        {
+            if !(least..=most).contains(&value) {
+                return Err(Error::Config(format!(
+                    "detection_likelihood.{name} is a number from {least} to {most}; it is {value}"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// log p(d | x) less that of a state in the middle of the only detection, from log(outlier) to 0; 0 without detections.
+    pub fn log_likelihood(&self, detections: &[Detection], state: &State, extent: Extent) -> f64 {
+        let log_size = (2.0 * extent.mean()).ln() + state.log_scale;
+        let (mut sum, mut count) = (0.0, 0);
+        for b in detections.iter().map(|d| d.bbox).filter(|b| b.w > 0.0 && b.h > 0.0) {
+            let (x, y) = b.centre();
+            let across = 2.0 * (x - state.x) / (b.w * self.place);
+            let down = 2.0 * (y - state.y) / (b.h * self.place);
+            let larger = (0.5 * (b.w * b.h).ln() - log_size) / self.size;
+            let off = across * across + down * down + larger * larger;
+            sum += if off.is_nan() { 0.0 } else { (-0.5 * off).exp() };
+            count += 1;
+        }
+        if count == 0 {
+            return 0.0;
+        }
+        (self.outlier + (1.0 - self.outlier) * sum / f64::from(count)).ln()
+    }
+
+    /// Adds it to the log weights of states. Their sum stays what it was, so that the evidence remains that of the looks,
+    /// which `ConsistencyMonitor` compares with what the first frame promised.
+    pub fn weigh(&self, detections: &[Detection], states: &[State], extent: Extent, log_weights: &mut [f64]) {
+        if detections.is_empty() {
+            return;
+        }
+        let most = log_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        if !most.is_finite() {
+            return;
+        }
+        let (mut before, mut after) = (0.0, 0.0);
+        for (state, log_w) in states.iter().zip(log_weights.iter_mut()) {
+            before += (*log_w - most).exp();
+            *log_w += self.log_likelihood(detections, state, extent);
+            after += (*log_w - most).exp();
+        }
+        let same = (before / after).ln();
+        log_weights.iter_mut().for_each(|log_w| *log_w += same);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::control::normalize;
+    use crate::geometry::BBox;
+
+    const EXTENT: Extent = Extent { half_w: 10.0, half_h: 20.0 };
+    const LIKELIHOOD: DetectionLikelihood = DetectionLikelihood { place: 0.2, size: 0.1, outlier: 0.01 };
+
+    fn seen(x: f64, y: f64, scale: f64) -> Detection {
+        Detection { bbox: BBox::around(x, y, 20.0 * scale, 40.0 * scale), score: 1.0 }
+    }
+
+    #[test]
+    fn in_closed_form() {
+        let state = State { x: 50.0, y: 60.0, log_scale: 0.3, ..State::default() };
+        let scale = 0.3f64.exp();
+        let close = |found: &[Detection], exact: f64| {
+            let got = LIKELIHOOD.log_likelihood(found, &state, EXTENT);
+            assert!((got - exact).abs() < 1e-12, "{got} is not {exact}");
+        };
+        close(&[], 0.0);
+        close(&[seen(50.0, 60.0, scale)], 0.0);
+        // One deviation across, two down.
+        let off = seen(50.0 + 0.2 * 10.0 * scale, 60.0 - 0.4 * 20.0 * scale, scale);
+        close(&[off], (0.01 + 0.99 * (-2.5f64).exp()).ln());
+        close(&[seen(50.0, 60.0, scale * 0.1f64.exp())], (0.01 + 0.99 * (-0.5f64).exp()).ln());
+        close(&[off, seen(50.0, 60.0, scale)], (0.01 + 0.495 * (1.0 + (-2.5f64).exp())).ln());
+        close(&[seen(900.0, 60.0, scale)], 0.01f64.ln());
+        for bad in [seen(f64::NAN, 60.0, 1.0), seen(f64::INFINITY, 60.0, 1.0)] {
+            close(&[bad], 0.01f64.ln());
+        }
+        close(&[seen(50.0, 60.0, f64::NAN), seen(50.0, 60.0, -1.0)], 0.0);
+    }
+
+    #[test]
+    fn weights_move_and_their_sum_stays() {
+        let states = [State { x: 50.0, ..State::default() }, State { x: 58.0, ..State::default() }];
+        let given = [-3.0, -3.5];
+        let (mut log_w, mut w) = (given, [0.0; 2]);
+        LIKELIHOOD.weigh(&[], &states, EXTENT, &mut log_w);
+        assert_eq!(log_w, given, "nothing seen, nothing changed");
+        let before = normalize(&log_w, &mut w);
+        let odds = w[1] / w[0];
+        LIKELIHOOD.weigh(&[seen(58.0, 0.0, 1.0)], &states, EXTENT, &mut log_w);
+        let after = normalize(&log_w, &mut w);
+        assert!((before - after).abs() < 1e-12, "{before} {after}");
+        let gain = 1.0 / (0.01 + 0.99 * (-8.0f64).exp());
+        assert!((w[1] / w[0] / odds / gain - 1.0).abs() < 1e-9);
+        let mut none = [f64::NEG_INFINITY; 2];
+        LIKELIHOOD.weigh(&[seen(58.0, 0.0, 1.0)], &states, EXTENT, &mut none);
+        assert_eq!(none, [f64::NEG_INFINITY; 2]);
+    }
+
+    #[test]
+    fn settings_are_checked() {
+        assert!(DetectionLikelihood::default().check().is_ok() && LIKELIHOOD.check().is_ok());
+        for (bad, name) in [
+            (DetectionLikelihood { place: 0.0, ..LIKELIHOOD }, "place"),
+            (DetectionLikelihood { size: f64::NAN, ..LIKELIHOOD }, "size"),
+            (DetectionLikelihood { outlier: 0.0, ..LIKELIHOOD }, "outlier"),
+        ] {
+            assert!(bad.check().expect_err(name).to_string().contains(name));
+        }
+    }
+}

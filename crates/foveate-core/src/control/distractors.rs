@@ -1,0 +1,150 @@
+//! Distractors: places that look like the target, or where it is believed to be a little, and that are not where it is
+//! estimated to be.
+//!
+//! What tells the target from them is worth learning (`identity/discriminant.rs`), before it passes close to one: among the
+//! particles they are the tracker's own mistakes, around the target ([`DistractorSearch`]) those it could still make.
+
+use serde::{Deserialize, Serialize};
+
+use crate::geometry::{Extent, State};
+use foveate_base::{Error, Result};
+
+/// Places around the target, to find distractors among; lengths in template units (1 = half the target's box).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DistractorSettings {
+    /// How far they are from the target at most, across and down; 1 to 50.
+    pub reach: f64,
+    /// Distance of neighbouring places, 0.1 to 10.
+    pub step: f64,
+}
+
+impl Default for DistractorSettings {
+    fn default() -> Self {
+        Self { reach: 6.0, step: 0.8 }
+    }
+}
+
+impl DistractorSettings {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        for (name, value, least, most) in [("reach", self.reach, 1.0, 50.0), ("step", self.step, 0.1, 10.0)] {
+            if !(least..=most).contains(&value) {
+                return Err(Error::Config(format!(
+                    "distractors.{name} is {least} to {most} template units; it is {value}"
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Looks for distractors around the target in every frame.
+#[derive(Clone, Debug)]
+pub struct DistractorSearch {
+    settings: DistractorSettings,
+    places: Vec<State>,
+}
+
+impl DistractorSearch {
+    /// With these settings.
+    pub fn new(settings: DistractorSettings) -> Self {
+        Self { settings, places: vec![] }
+    }
+    /// A lattice of places about the estimate, the estimate one of them, of its size and angle, those inside a picture of
+    /// this size; row by row.
+    pub fn places(&mut self, size: (usize, usize), estimate: &State, extent: Extent) -> &[State] {
+        let scale = estimate.log_scale.exp();
+        let (dx, dy) = (self.settings.step * extent.half_w * scale, self.settings.step * extent.half_h * scale);
+        let count = (self.settings.reach / self.settings.step) as i32;
+        let inside = |v: f64, side: usize| (0.0..side as f64).contains(&v);
+        self.places.clear();
+        for y in (-count..=count).map(|i| estimate.y + f64::from(i) * dy).filter(|y| inside(*y, size.1)) {
+            let row = (-count..=count).map(|i| estimate.x + f64::from(i) * dx).filter(|x| inside(*x, size.0));
+            self.places.extend(row.map(|x| State { x, y, ..*estimate }));
+        }
+        &self.places
+    }
+}
+
+/// How many there are at most.
+const MOST: usize = 6;
+/// How far from the estimate they are at least, and from each other, template units.
+const APART: (f64, f64) = (0.7, 0.5);
+
+/// Fills `distractors` with the most probable states away from the estimate and from each other, at most six. The log weight of
+/// the best; −∞ where there is none.
+pub fn distractors(
+    states: &[State],
+    log_weights: &[f64],
+    estimate: &State,
+    extent: Extent,
+    distractors: &mut Vec<State>,
+) -> f64 {
+    let scale = estimate.log_scale.exp();
+    let far = |a: &State, b: &State, apart: f64| {
+        let (u, v) = ((a.x - b.x) / (scale * extent.half_w), (a.y - b.y) / (scale * extent.half_h));
+        u * u + v * v > apart * apart
+    };
+    let mut best = f64::NEG_INFINITY;
+    distractors.clear();
+    distractors.reserve(MOST);
+    while distractors.len() < MOST {
+        let candidates = states.iter().zip(log_weights).filter(|(state, log_weight)| {
+            log_weight.is_finite()
+                && far(state, estimate, APART.0)
+                && distractors.iter().all(|distractor| far(state, distractor, APART.1))
+        });
+        match candidates.max_by(|a, b| a.1.total_cmp(b.1)) {
+            Some((state, log_weight)) => {
+                best = best.max(*log_weight);
+                distractors.push(*state);
+            }
+            None => break,
+        }
+    }
+    best
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const EXTENT: Extent = Extent { half_w: 10.0, half_h: 20.0 };
+
+    #[test]
+    fn places_lie_around_the_target_and_in_the_picture() {
+        let mut around = DistractorSearch::new(DistractorSettings { reach: 2.0, step: 0.5 });
+        let at = State { x: 30.0, y: 50.0, log_scale: 0.5f64.ln(), angle: 0.3, ..State::default() };
+        let places = around.places((100, 60), &at, EXTENT).to_vec();
+        assert!(places.contains(&at));
+        assert!(places.iter().all(|p| (p.x - at.x).abs() <= 10.0 && (p.y - at.y).abs() <= 20.0 && p.angle == 0.3));
+        // Nine columns, and of nine rows 5 px apart from 30 to 70 those above 60.
+        assert_eq!((places.len(), places[0].x, places[0].y), (9 * 6, 20.0, 30.0));
+        let outside = State { x: -50.0, ..at };
+        assert!(around.places((100, 60), &outside, EXTENT).is_empty(), "nothing there to be mistaken for");
+        assert!(
+            DistractorSettings { step: 0.0, ..DistractorSettings::default() }
+                .check()
+                .expect_err("no step")
+                .to_string()
+                .contains("step")
+        );
+    }
+
+    #[test]
+    fn the_best_that_are_apart() {
+        let at = |x: f64, y: f64| State { x, y, ..State::default() };
+        let states =
+            [at(0.0, 0.0), at(6.0, 0.0), at(8.0, 0.0), at(9.0, 0.0), at(0.0, 13.0), at(0.0, 16.0), at(50.0, 0.0)];
+        let log_weights = [0.0, -1.0, -3.0, -2.0, -1.5, -4.0, f64::NEG_INFINITY];
+        let mut found = vec![State::default()];
+        distractors(&states, &log_weights, &State::default(), EXTENT, &mut found);
+        assert_eq!(found, [at(9.0, 0.0), at(0.0, 16.0)], "0.6 and 0.65 units are near; -infinity is none");
+        let many: Vec<State> = (1..20).map(|i| at(10.0 * f64::from(i), 0.0)).collect();
+        distractors(&many, &[0.0; 19], &State::default(), EXTENT, &mut found);
+        assert_eq!(found.len(), MOST);
+        distractors(&many, &[f64::NAN; 19], &State::default(), EXTENT, &mut found);
+        assert!(found.is_empty());
+    }
+}

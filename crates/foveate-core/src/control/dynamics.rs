@@ -1,0 +1,328 @@
+//! p(xₜ | xₜ₋₁): how the target is expected to move (section 3.1).
+
+use crate::geometry::State;
+use foveate_base::rng::Rng;
+use foveate_base::{Error, Result};
+use foveate_kernels::Normals;
+use rand::RngExt;
+use rand_distr::StandardNormal;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+// Deviation: the paper writes p(xₜ | xₜ₋₁, aₜ₋₁), but nothing in it lets the action move the target.
+/// Where a state leads within one frame: a density that can be drawn from.
+///
+/// `sample` must draw from the density that `log_density` evaluates, or importance weights are wrong and
+/// `conformance::dynamics` fails. Both are called from many threads.
+pub trait Dynamics: Send + Sync {
+    /// One draw from p(· | previous), with randomness from `rng` alone.
+    fn sample(&self, previous: &State, rng: &mut Rng) -> State;
+    /// log p(next | previous) in nats, exact, with its constants.
+    fn log_density(&self, next: &State, previous: &State) -> f64;
+    /// Where a state leads without noise.
+    fn expected(&self, previous: &State) -> State;
+    /// Standard deviation of a draw's place about that, along an axis.
+    fn spread(&self) -> f64;
+    /// The same motion for a target of which one template unit is `unit` pixels.
+    fn sized(&self, unit: f64) -> Arc<dyn Dynamics>;
+    /// One draw for each state, in one virtual call; not the bits that calls of `sample` give, but of the same law.
+    /// The draws for fewer states are the first ones of those for more.
+    fn sample_each(&self, previous: &[State], next: &mut [State], rng: &mut Rng) {
+        for (next, previous) in next.iter_mut().zip(previous) {
+            *next = self.sample(previous, rng);
+        }
+    }
+}
+
+/// Linear, Gaussian, first-order: with n standard normal, each one its own,
+/// ```text
+/// v'         = damping · v + velocity · n          (both axes)
+/// x'         = x + v' + position · n               (both axes)
+/// log_scale' = scale_pull · log_scale + scale · n
+/// angle'     = angle_pull · angle + turn · n
+/// ```
+/// Lengths are in pixels, or in template units where a configuration gives them, to be [`Dynamics::sized`].
+/// Deviation: a share `tail_probability` of the states has the noises of position, scale and angle `tail_scale` times as large: a mixture of two normals,
+/// of heavy tails.
+///
+/// A standard deviation of 0 makes its component follow from the others. The density is then one over the
+/// remaining components, and −∞ (a probability of none) where the component does not follow.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Autoregressive {
+    /// Share of the velocity that is kept from frame to frame: 1 is constant velocity, 0 a random walk.
+    pub damping: f64,
+    /// Standard deviation of the velocity's noise, lengths a frame.
+    pub velocity: f64,
+    /// Standard deviation of the position's own noise, lengths.
+    pub position: f64,
+    /// Share of the logarithm of scale that is kept: 1 is a random walk, below 1 it returns to the first size.
+    pub scale_pull: f64,
+    /// Standard deviation of the noise on the natural logarithm of scale.
+    pub log_scale: f64,
+    /// Share of the angle that is kept: 1 is a random walk, below 1 it returns upright.
+    pub angle_pull: f64,
+    /// Standard deviation of the angle's noise, radians.
+    pub angle: f64,
+    /// Share of the states that tail_scale, for cameras held in a hand: 0 to 1.
+    pub tail_probability: f64,
+    /// How many times as large their noises of position, scale and angle are, 1 to 100.
+    pub tail_scale: f64,
+}
+
+impl Default for Autoregressive {
+    /// The prototype's working recipe, in template units (it had 0.7 and 0.5 px for a target of 28 px): nearly constant
+    /// velocity, hardly any change of size, no turn.
+    fn default() -> Self {
+        Self {
+            damping: 0.95,
+            velocity: 0.05,
+            position: 0.035,
+            scale_pull: 0.9,
+            log_scale: 0.01,
+            angle_pull: 0.9,
+            angle: 0.0,
+            tail_probability: 0.0,
+            tail_scale: 5.0,
+        }
+    }
+}
+
+impl Autoregressive {
+    /// Fails where a standard deviation is negative or anything is not finite, naming the field.
+    pub fn check(&self) -> Result<()> {
+        let sds = [self.velocity, self.position, self.log_scale, self.angle];
+        for (name, sd) in ["velocity", "position", "log_scale", "angle"].into_iter().zip(sds) {
+            if !(sd >= 0.0 && sd.is_finite()) {
+                return Err(Error::Config(format!("dynamics.{name} is a standard deviation, 0 or more; it is {sd}")));
+            }
+        }
+        let shares = [self.damping, self.scale_pull, self.angle_pull, self.tail_probability];
+        for (name, share) in ["damping", "scale_pull", "angle_pull", "tail_probability"].into_iter().zip(shares) {
+            if !(0.0..=1.0).contains(&share) {
+                return Err(Error::Config(format!("dynamics.{name} is a share, from 0 to 1; it is {share}")));
+            }
+        }
+        if !(1.0..=100.0).contains(&self.tail_scale) {
+            return Err(Error::Config(format!(
+                "dynamics.tail_scale is a factor, from 1 to 100; it is {}",
+                self.tail_scale
+            )));
+        }
+        Ok(())
+    }
+    /// The same motion for a target `factor` times as large: the noises in pixels grow with it.
+    pub fn scaled(self, factor: f64) -> Self {
+        Self { velocity: self.velocity * factor, position: self.position * factor, ..self }
+    }
+}
+
+/// log of the normal density of `value` around `mean`; for `sd` 0, whether they agree but for rounding: 0 or −∞.
+fn log_normal(value: f64, mean: f64, sd: f64) -> f64 {
+    /// ½ ln 2π.
+    const HALF_LN_TAU: f64 = 0.918_938_533_204_672_8;
+    if sd == 0.0 {
+        let rounding = 1e-9 * (1.0 + mean.abs());
+        return if (value - mean).abs() <= rounding { 0.0 } else { f64::NEG_INFINITY };
+    }
+    let z = (value - mean) / sd;
+    -0.5 * z * z - sd.ln() - HALF_LN_TAU
+}
+
+/// Noises of standard deviation 1 on (vx, vy), (x, y) and (log_scale, angle).
+type Noise = [[f64; 2]; 3];
+
+impl Autoregressive {
+    /// Where `previous` leads with these noises.
+    #[inline]
+    fn step(&self, previous: &State, [velocity, position, shape]: Noise) -> State {
+        let vx = self.damping * previous.vx + self.velocity * velocity[0];
+        let vy = self.damping * previous.vy + self.velocity * velocity[1];
+        State {
+            x: previous.x + vx + self.position * position[0],
+            y: previous.y + vy + self.position * position[1],
+            vx,
+            vy,
+            log_scale: self.scale_pull * previous.log_scale + self.log_scale * shape[0],
+            angle: self.angle_pull * previous.angle + self.angle * shape[1],
+        }
+    }
+}
+
+impl Autoregressive {
+    /// The noises of a state that tail_probability.
+    fn leaping(&self, [velocity, position, shape]: Noise) -> Noise {
+        [velocity, position.map(|x| self.tail_scale * x), shape.map(|x| self.tail_scale * x)]
+    }
+}
+
+impl Dynamics for Autoregressive {
+    fn expected(&self, previous: &State) -> State {
+        self.step(previous, Noise::default())
+    }
+
+    fn spread(&self) -> f64 {
+        let leaping = 1.0 + self.tail_probability * (self.tail_scale * self.tail_scale - 1.0);
+        (self.velocity * self.velocity + leaping * self.position * self.position).sqrt()
+    }
+
+    fn sized(&self, unit: f64) -> Arc<dyn Dynamics> {
+        Arc::new(self.scaled(unit))
+    }
+
+    fn sample(&self, previous: &State, rng: &mut Rng) -> State {
+        let mut pair = || [rng.sample(StandardNormal), rng.sample(StandardNormal)];
+        let noise = [pair(), pair(), pair()];
+        let tail_probability = self.tail_probability > 0.0 && rng.random::<f64>() < self.tail_probability;
+        self.step(previous, if tail_probability { self.leaping(noise) } else { noise })
+    }
+
+    fn sample_each(&self, previous: &[State], next: &mut [State], rng: &mut Rng) {
+        const BATCH: usize = 64;
+        let mut stream = Normals::new(rng.random());
+        let [mut velocity, mut position, mut shape] = [[[0.0; 2]; BATCH]; 3];
+        for (previous, next) in previous.chunks(BATCH).zip(next.chunks_mut(BATCH)) {
+            for (noise, needed) in [
+                (&mut velocity, self.velocity != 0.0),
+                (&mut position, self.position != 0.0),
+                (&mut shape, self.log_scale != 0.0 || self.angle != 0.0),
+            ] {
+                if needed {
+                    stream.fill(noise.as_flattened_mut());
+                }
+            }
+            // Every so many tail_scale, from a random one on: each with the same probability, and always about as many.
+            let mut turn = if self.tail_probability > 0.0 { rng.random::<f64>() } else { 0.0 };
+            for i in 0..previous.len().min(next.len()).min(BATCH) {
+                let noise = [velocity[i], position[i], shape[i]];
+                turn += self.tail_probability;
+                let tail_probability = turn >= 1.0;
+                turn -= f64::from(u8::from(tail_probability));
+                next[i] = self.step(&previous[i], if tail_probability { self.leaping(noise) } else { noise });
+            }
+        }
+    }
+
+    fn log_density(&self, next: &State, previous: &State) -> f64 {
+        let of_speed = log_normal(next.vx, self.damping * previous.vx, self.velocity)
+            + log_normal(next.vy, self.damping * previous.vy, self.velocity);
+        let of_rest = |factor: f64| {
+            log_normal(next.x, previous.x + next.vx, factor * self.position)
+                + log_normal(next.y, previous.y + next.vy, factor * self.position)
+                + log_normal(next.log_scale, self.scale_pull * previous.log_scale, factor * self.log_scale)
+                + log_normal(next.angle, self.angle_pull * previous.angle, factor * self.angle)
+        };
+        let [steps, tail_probability] =
+            [(1.0 - self.tail_probability).ln() + of_rest(1.0), self.tail_probability.ln() + of_rest(self.tail_scale)];
+        let most = steps.max(tail_probability);
+        if most == f64::NEG_INFINITY {
+            return most;
+        }
+        of_speed + most + ((steps - most).exp() + (tail_probability - most).exp()).ln()
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::conformance;
+
+    /// Every noise, none of the usual size.
+    pub(in crate::control) const ALL: Autoregressive = Autoregressive {
+        damping: 0.9,
+        velocity: 0.7,
+        position: 0.4,
+        scale_pull: 0.95,
+        log_scale: 0.02,
+        angle_pull: 1.0,
+        angle: 0.1,
+        tail_probability: 0.0,
+        tail_scale: 3.0,
+    };
+    const FROM: State = State { x: 10.0, y: -5.0, vx: 2.0, vy: 1.0, log_scale: 0.2, angle: 0.5 };
+
+    #[test]
+    fn draws_follow_the_density_with_and_without_each_noise() {
+        for dynamics in [
+            ALL,
+            Autoregressive { position: 0.0, ..ALL },
+            Autoregressive { velocity: 0.0, ..ALL },
+            Autoregressive { angle: 0.0, log_scale: 0.0, ..ALL },
+            Autoregressive { velocity: 0.0, position: 0.0, log_scale: 0.0, angle: 0.0, ..ALL },
+            Autoregressive::default(),
+            Autoregressive { tail_probability: 0.2, ..ALL },
+        ] {
+            conformance::dynamics(&dynamics, &FROM);
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "the density of sample's draws")]
+    fn the_law_finds_a_wrong_density() {
+        struct Wrong;
+        impl Dynamics for Wrong {
+            fn expected(&self, previous: &State) -> State {
+                ALL.expected(previous)
+            }
+            fn spread(&self) -> f64 {
+                ALL.spread()
+            }
+            fn sized(&self, _: f64) -> Arc<dyn Dynamics> {
+                Arc::new(Wrong)
+            }
+            fn sample(&self, previous: &State, rng: &mut Rng) -> State {
+                ALL.sample(previous, rng)
+            }
+            fn log_density(&self, next: &State, previous: &State) -> f64 {
+                Autoregressive { velocity: 0.75, ..ALL }.log_density(next, previous)
+            }
+        }
+        conformance::dynamics(&Wrong, &FROM);
+    }
+
+    #[test]
+    fn density_in_closed_form() {
+        // One deviation off in vx, two in y, at the mean elsewhere.
+        let mean = ALL.damping * FROM.vx;
+        let (vx, vy) = (mean + ALL.velocity, ALL.damping * FROM.vy);
+        let next = State {
+            vx,
+            vy,
+            x: FROM.x + vx,
+            y: FROM.y + vy - 2.0 * ALL.position,
+            log_scale: ALL.scale_pull * FROM.log_scale,
+            angle: FROM.angle,
+        };
+        let volume: f64 = [0.7, 0.7, 0.4, 0.4, 0.02, 0.1].iter().product();
+        let exact = -0.5 - 2.0 - volume.ln() - 3.0 * std::f64::consts::TAU.ln();
+        assert!((ALL.log_density(&next, &FROM) - exact).abs() < 1e-12);
+        // One that tail_probability has a density of a mixture, of the other four components.
+        let leaping = Autoregressive { tail_probability: 0.25, ..ALL };
+        let far = |factor: f64| {
+            -0.5 - 2.0 / factor.powi(2) - 4.0 * factor.ln() - volume.ln() - 3.0 * std::f64::consts::TAU.ln()
+        };
+        let mixture = (0.75 * far(1.0).exp() + 0.25 * far(ALL.tail_scale).exp()).ln();
+        assert!((leaping.log_density(&next, &FROM) - mixture).abs() < 1e-12);
+        let still = Autoregressive { angle: 0.0, ..ALL };
+        assert_eq!(still.log_density(&State { angle: 0.6, ..next }, &FROM), f64::NEG_INFINITY);
+    }
+
+    #[test]
+    fn settings_are_checked() {
+        assert!(ALL.check().is_ok() && Autoregressive::default().check().is_ok());
+        for (bad, name) in [
+            (Autoregressive { velocity: -1.0, ..ALL }, "velocity"),
+            (Autoregressive { angle: f64::NAN, ..ALL }, "dynamics.angle "),
+            (Autoregressive { damping: 1.1, ..ALL }, "damping"),
+            (Autoregressive { tail_probability: 1.1, ..ALL }, "tail_probability"),
+            (Autoregressive { tail_scale: 0.5, ..ALL }, "tail_scale "),
+        ] {
+            let message = bad.check().expect_err("out of range").to_string();
+            assert!(message.contains(name), "{message}");
+        }
+        let read = toml::from_str::<Autoregressive>("velocity = 3\n").expect("others have defaults");
+        assert_eq!(read, Autoregressive { velocity: 3.0, ..Autoregressive::default() });
+        let message = toml::from_str::<Autoregressive>("velocty = 3\n").expect_err("misspelt").to_string();
+        assert!(message.contains("velocty") && message.contains("velocity"), "{message}");
+    }
+}

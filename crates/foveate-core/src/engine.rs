@@ -1,0 +1,215 @@
+//! Algorithm 1 of Denil et al. (2012): particle filtering with gaze control, one frame at a time.
+//!
+//! [`Engine::step`] is the paper's loop. Each verb of it is one function: `predict` and `select` in `engine/filter.rs`,
+//! `choose`, `weigh`, `learn` and `record` in `engine/gaze.rs`, `redetect` in `engine/redetect.rs`, `monitor` and `adapt` in
+//! `engine/monitor.rs`. What belongs together is kept together: [`Filter`], [`GazeControl`], [`Monitor`].
+
+mod filter;
+mod gaze;
+mod monitor;
+mod redetect;
+mod saved;
+mod template;
+
+pub use filter::Filter;
+pub use gaze::GazeControl;
+pub use monitor::Monitor;
+
+use crate::control::{Belief, TrackConfidence};
+use crate::gaze::{Context, Plan};
+use crate::geometry::{Extent, State};
+use crate::identity::{Appearance, Percept};
+use crate::recognition::{Recognition, Recognized};
+use crate::reference::ReferenceLikelihood;
+use crate::scene::{Image, Scene};
+use crate::step::Step;
+use foveate_base::rng::Purpose::Recognize;
+use foveate_base::rng::Streams;
+use serde::{Deserialize, Serialize};
+
+/// The replaceable parts of a tracker, grouped as the paper is.
+#[non_exhaustive]
+pub struct Parts {
+    /// WHERE is it? Prediction, selection, the search for a lost target.
+    pub filter: Filter,
+    /// WHERE TO LOOK? The policy and its reward.
+    pub gaze: GazeControl,
+    /// WHAT is it? p(hₜ | xₜ, aₜ).
+    pub appearance: Box<dyn Appearance>,
+    /// Is it lost?
+    pub monitor: Monitor,
+    /// p(cₜ | all looks at the estimate): what the target is called. It never changes the track, unless it has an alarm.
+    pub recognition: Option<Recognition>,
+}
+
+impl Parts {
+    /// These parts, without a recogniser.
+    pub fn new(filter: Filter, gaze: GazeControl, appearance: Box<dyn Appearance>, monitor: Monitor) -> Self {
+        Self { filter, gaze, appearance, monitor, recognition: None }
+    }
+    /// The same, with a recogniser.
+    pub fn recognising(self, recognition: Option<Recognition>) -> Self {
+        Self { recognition, ..self }
+    }
+}
+
+/// One target being followed.
+pub(crate) struct Engine {
+    parts: Parts,
+    streams: Streams,
+    target: Option<Target>,
+    /// Steps since the tracker was made.
+    frame: u64,
+    /// What the policy is told: how the last frame ended.
+    context: Context,
+    /// Share of the target that nothing else covers, 0 to 1.
+    visible: f64,
+    work: Work,
+}
+
+/// What was given to follow.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+struct Target {
+    state: State,
+    /// Half the size of its box at scale 1.
+    extent: Extent,
+    /// Pixels per template unit at scale 1.
+    unit: f64,
+}
+
+/// What is believed after a frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Estimate {
+    /// Mean of the belief.
+    pub mean: State,
+    /// Its covariance over x, y, vx, vy, log scale, angle.
+    pub covariance: [[f64; 6]; 6],
+    /// Effective sample size, 1 to N.
+    pub ess: f64,
+}
+
+/// What one step computes, in buffers that are grown once.
+#[derive(Default)]
+pub(crate) struct Work {
+    /// x̃: the predicted particles.
+    pub predicted: Vec<State>,
+    /// log wₜ₋₁ p/q and the detection likelihood.
+    pub log_prior: Vec<f64>,
+    pub plan: Plan,
+    /// A row of N a gaze of the plan.
+    pub log_likelihood: Vec<f64>,
+    pub log_posterior: Vec<f64>,
+    pub weights: Vec<f64>,
+    pub log_evidence: f64,
+    pub gaze_evidence: Vec<f64>,
+    pub rewards: Vec<f64>,
+    pub recorded: Vec<f64>,
+    pub ancestors: Vec<usize>,
+    pub percept: Percept,
+    pub redetected: Vec<usize>,
+    pub drawn: Vec<State>,
+    pub scores: Vec<f64>,
+    pub distractors: Vec<State>,
+}
+
+impl Engine {
+    /// An engine of these parts, with its own streams of randomness named by `seed` and `target`.
+    pub fn new(parts: Parts, seed: u64, target: u64) -> Self {
+        Self {
+            parts,
+            streams: Streams::new(seed, target),
+            target: None,
+            frame: 0,
+            context: Context::default(),
+            visible: 1.0,
+            work: Work::default(),
+        }
+    }
+
+    /// One frame of Algorithm 1. Panics before [`Engine::init`].
+    pub fn step<'a>(&'a mut self, scene: Scene<'a>) -> Step<'a> {
+        let image = scene.image;
+        self.frame += 1;
+        self.predict(scene);
+        self.choose(image);
+        self.weigh();
+        self.learn();
+        self.redetect(image);
+        let estimate = self.estimate();
+        let confidence = self.monitor(image, &estimate);
+        self.recognise(image, &estimate);
+        self.adapt(image, &estimate);
+        self.select(&estimate);
+        self.record(image);
+        self.report(scene, estimate, confidence)
+    }
+
+    /// Mean, covariance and effective sample size of the weighted particles.
+    fn estimate(&mut self) -> Estimate {
+        let belief = Belief { states: &self.work.predicted, weights: &self.work.weights };
+        Estimate { mean: belief.mean(), covariance: belief.covariance(), ess: belief.ess() }
+    }
+
+    /// Looks at the estimate once more, to say what the target is called.
+    fn recognise(&mut self, image: &Image, estimate: &Estimate) {
+        let (extent, rng) = (self.target().extent, &mut self.streams.at(self.frame, Recognize).rng(0));
+        if let Some(recognition) = &mut self.parts.recognition {
+            recognition.look(image, &estimate.mean, extent, &self.context, rng);
+        }
+    }
+
+    /// Everything that the frame computed.
+    fn report<'a>(&'a self, scene: Scene<'a>, estimate: Estimate, confidence: TrackConfidence) -> Step<'a> {
+        let (parts, w) = (&self.parts, &self.work);
+        let recognized = parts.recognition.as_ref().map_or(Recognized::default(), Recognition::recognized);
+        Step {
+            number: self.frame,
+            image: scene.image,
+            detections: scene.detections,
+            estimate: estimate.mean,
+            covariance: estimate.covariance,
+            ess: estimate.ess,
+            log_evidence: w.log_evidence,
+            consistency: parts.monitor.consistency(),
+            confidence,
+            localisation_noise: parts.monitor.model().localisation_noise,
+            extent: self.target().extent,
+            predicted: &w.predicted,
+            weights: &w.weights,
+            plan: &w.plan,
+            rewards: &w.rewards,
+            recorded: &w.recorded,
+            gaze_evidence: &w.gaze_evidence,
+            ancestors: &w.ancestors,
+            percept: &w.percept,
+            classes: recognized.classes,
+            class_names: recognized.names,
+            own_classes: recognized.own,
+            recognition_gazes: recognized.gazes,
+            snapshot: parts.gaze.policy.snapshot(),
+        }
+    }
+
+    fn target(&self) -> &Target {
+        self.target.as_ref().expect("a target is given before the first step")
+    }
+
+    fn reference(&self) -> ReferenceLikelihood {
+        self.parts.appearance.reference()
+    }
+
+    /// Whether there is a target: it was given, or the state of a tracker that had one was loaded.
+    pub fn has_target(&self) -> bool {
+        self.target.is_some()
+    }
+
+    /// Half the size of the target's box at scale 1, pixels; `None` before there is a target.
+    pub fn extent(&self) -> Option<Extent> {
+        self.target.map(|target| target.extent)
+    }
+
+    /// The parts, to look at.
+    pub fn parts(&self) -> &Parts {
+        &self.parts
+    }
+}

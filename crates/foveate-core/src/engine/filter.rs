@@ -1,0 +1,118 @@
+//! WHERE is it? `predict` and `select`: the particle filter around the looks.
+
+use super::{Engine, Estimate};
+use crate::control::{CameraMotion, DetectionLikelihood, Proposal, Redetection, Resampling};
+use crate::geometry::{Extent, State};
+use crate::scene::{Flow, Scene};
+use crate::start::StartSpread;
+use foveate_base::rng::Purpose::{Predict, Select};
+use foveate_base::rng::Streams;
+use foveate_base::{Error, Result};
+
+/// The particles, and how they are predicted, weighed by detections, selected and drawn again.
+pub struct Filter {
+    /// q(xₜ | xₜ₋₁, scene).
+    pub(super) proposal: Box<dyn Proposal>,
+    /// The selection step.
+    pub(super) resampling: Resampling,
+    /// p(x₀): how far from the given box the first particles are.
+    pub(super) start: StartSpread,
+    pub(super) camera_motion: Option<CameraMotion>,
+    pub(super) detection_likelihood: Option<DetectionLikelihood>,
+    pub(super) redetection: Option<Redetection>,
+    /// xₜ⁽ⁱ⁾ and log wₜ⁽ⁱ⁾, between frames.
+    pub(super) particles: Vec<State>,
+    pub(super) log_weights: Vec<f64>,
+}
+
+impl Filter {
+    /// A filter of `n` particles with the usual resampling and first spread.
+    ///
+    /// Fails where `n` is 0.
+    pub fn new(proposal: Box<dyn Proposal>, n: usize) -> Result<Self> {
+        if n == 0 {
+            return Err(Error::Config("particles must be at least 1, got 0; 100 to 1000 are usual".into()));
+        }
+        Ok(Self {
+            proposal,
+            resampling: Resampling::default(),
+            start: StartSpread::default(),
+            camera_motion: None,
+            detection_likelihood: None,
+            redetection: None,
+            particles: vec![State::default(); n],
+            log_weights: vec![-(n as f64).ln(); n],
+        })
+    }
+    /// The same, selecting by this rule.
+    pub fn resampling(self, resampling: Resampling) -> Self {
+        Self { resampling, ..self }
+    }
+    /// The same, with the first particles spread like this.
+    pub fn starting(self, start: StartSpread) -> Self {
+        Self { start, ..self }
+    }
+    /// The same; particles move with the camera before they are predicted.
+    pub fn compensating(self, camera_motion: Option<CameraMotion>) -> Self {
+        Self { camera_motion, ..self }
+    }
+    /// The same; detections weigh particles: p(detections | xₜ).
+    pub fn weighing(self, detection_likelihood: Option<DetectionLikelihood>) -> Self {
+        Self { detection_likelihood, ..self }
+    }
+    /// The same; a lost target is looked for all over the picture.
+    pub fn redetecting(self, redetection: Option<Redetection>) -> Self {
+        Self { redetection, ..self }
+    }
+
+    /// Draws all particles anew, about a state.
+    pub(super) fn spread(&mut self, state: &State, extent: Extent, streams: Streams) {
+        self.start.draw(state, extent, &mut self.particles, streams);
+        let even = -(self.particles.len() as f64).ln();
+        self.log_weights.fill(even);
+    }
+}
+
+impl Engine {
+    /// Moves the particles, and what else is known of the target, with the picture; before [`Engine::step`] with the picture
+    /// it moved to.
+    pub fn compensate(&mut self, flow: &Flow, also: &mut State) {
+        let filter = &mut self.parts.filter;
+        if let Some(camera_motion) = &filter.camera_motion {
+            camera_motion.shift(flow, &mut filter.particles);
+            camera_motion.shift(flow, std::slice::from_mut(also));
+        }
+    }
+
+    /// x̃ ~ q(x | x'), and log wₜ₋₁ p/q, which the weights owe for not sampling from p, times what detections say.
+    pub(super) fn predict(&mut self, scene: Scene<'_>) {
+        let extent = self.target().extent;
+        let (f, w) = (&mut self.parts.filter, &mut self.work);
+        let n = f.particles.len();
+        w.predicted.resize(n, State::default());
+        w.log_prior.resize(n, 0.0);
+        let streams = self.streams.at(self.frame, Predict);
+        f.proposal.propose(scene, &f.particles, &mut w.predicted, &mut w.log_prior, streams);
+        w.log_prior.iter_mut().zip(&f.log_weights).for_each(|(prior, carried)| *prior += carried);
+        if let Some(likelihood) = &f.detection_likelihood {
+            likelihood.weigh(scene.detections, &w.predicted, extent, &mut w.log_prior);
+        }
+    }
+
+    /// Children of heavy particles start the next frame, where the effective sample size asks for it; else all go on with
+    /// their weights.
+    pub(super) fn select(&mut self, estimate: &Estimate) {
+        let (f, w) = (&mut self.parts.filter, &mut self.work);
+        let n = f.particles.len();
+        w.ancestors.resize(n, 0);
+        if f.resampling.is_due(estimate.ess, n) {
+            let rng = &mut self.streams.at(self.frame, Select).rng(0);
+            f.resampling.select(&w.weights, &mut w.ancestors, rng);
+            f.log_weights.fill(-(n as f64).ln());
+        } else {
+            w.ancestors.iter_mut().enumerate().for_each(|(i, a)| *a = i);
+            f.log_weights.iter_mut().zip(&w.weights).for_each(|(carried, weight)| *carried = weight.ln());
+        }
+        f.particles.iter_mut().zip(&w.ancestors).for_each(|(particle, a)| *particle = w.predicted[*a]);
+    }
+}

@@ -1,0 +1,83 @@
+//! WHERE TO LOOK? `choose`, `weigh`, `learn`, and `record` for observers.
+
+use super::Engine;
+use super::template::attenuate;
+use crate::control::{Reward, normalize};
+use crate::gaze::Policy;
+use crate::scene::Image;
+use foveate_base::rng::Purpose::Look;
+
+/// The policy, and the reward that it learns from.
+pub struct GazeControl {
+    /// πₜ: where to look.
+    pub(crate) policy: Box<dyn Policy>,
+    /// rₜ, from the belief.
+    pub(super) reward: Box<dyn Reward>,
+}
+
+impl GazeControl {
+    /// This policy, rewarded like this.
+    pub fn new(policy: Box<dyn Policy>, reward: Box<dyn Reward>) -> Self {
+        Self { policy, reward }
+    }
+    /// The policy, to look at.
+    pub fn policy(&self) -> &dyn Policy {
+        &*self.policy
+    }
+}
+
+impl Engine {
+    /// The policy plans: some ask about every gaze, some about one. What the plan needs of the picture is taken in.
+    pub(super) fn choose(&mut self, image: &Image) {
+        let (w, rng) = (&mut self.work, &mut self.streams.at(self.frame, Look).rng(0));
+        self.parts.gaze.policy.plan(&self.context, &mut w.plan, rng);
+        self.parts.appearance.see(image, &w.predicted, w.plan.gazes());
+    }
+
+    /// All particles under every gaze of the plan: its evidence and its reward. Then the posterior under the gazes that are
+    /// used; their log-likelihoods add, as much of each as it weighs.
+    // Deviation: where the paper samples anew for each action, all gazes of a frame weigh the same particles.
+    pub(super) fn weigh(&mut self) {
+        let (parts, w) = (&mut self.parts, &mut self.work);
+        let n = w.predicted.len();
+        w.log_likelihood.resize(w.plan.gazes().len() * n, 0.0);
+        w.weights.resize(n, 0.0);
+        w.gaze_evidence.clear();
+        w.rewards.clear();
+        for (&gaze, log_likelihood) in w.plan.gazes().iter().zip(w.log_likelihood.chunks_exact_mut(n)) {
+            parts.appearance.log_likelihood(&w.predicted, gaze, log_likelihood);
+            attenuate(log_likelihood, self.visible);
+            w.log_posterior.clone_from(&w.log_prior);
+            add(&mut w.log_posterior, 1.0, log_likelihood);
+            w.gaze_evidence.push(normalize(&w.log_posterior, &mut w.weights));
+            w.rewards.push(parts.gaze.reward.reward(&w.predicted, &w.log_prior, log_likelihood));
+        }
+        w.log_posterior.clone_from(&w.log_prior);
+        let used = w.plan.weights().iter().zip(w.log_likelihood.chunks_exact(n)).filter(|(weight, _)| **weight > 0.0);
+        used.for_each(|(weight, log_likelihood)| add(&mut w.log_posterior, *weight, log_likelihood));
+        w.log_evidence = normalize(&w.log_posterior, &mut w.weights);
+    }
+
+    /// The policy learns where to look next.
+    pub(super) fn learn(&mut self) {
+        self.parts.gaze.policy.learn(&self.work.plan, &self.work.rewards);
+    }
+
+    /// What other gazes would have earned. It comes last, so that nothing depends on it.
+    pub(super) fn record(&mut self, image: &Image) {
+        let (parts, w) = (&mut self.parts, &mut self.work);
+        w.recorded.clear();
+        if w.plan.recorded().is_empty() {
+            return;
+        }
+        parts.appearance.see(image, &w.predicted, w.plan.recorded());
+        for &gaze in w.plan.recorded() {
+            parts.appearance.log_likelihood(&w.predicted, gaze, &mut w.log_posterior);
+            w.recorded.push(parts.gaze.reward.reward(&w.predicted, &w.log_prior, &w.log_posterior));
+        }
+    }
+}
+
+fn add(to: &mut [f64], factor: f64, what: &[f64]) {
+    to.iter_mut().zip(what).for_each(|(a, b)| *a += factor * b);
+}

@@ -1,0 +1,113 @@
+//! Is it lost? `monitor` gives the one answer, `adapt` learns from the frames it trusts.
+
+use super::{Engine, Estimate};
+use crate::control::{
+    ConfidenceModel, Consistency, ConsistencyMonitor, ConsistencySettings, DistractorSearch, DistractorSettings,
+    FrameEvidence, LossMonitor, TrackConfidence, distractors,
+};
+use crate::gaze::Context;
+use crate::recognition::Recognition;
+use crate::scene::Image;
+
+/// Least share in view at which evidence is judged: of what is hidden for the most part, looks say nothing.
+const LEAST_JUDGED: f64 = 0.5;
+
+/// What watches the evidence, and says from it how probably the target is lost.
+pub struct Monitor {
+    /// Compares the evidence with the reference.
+    pub(super) consistency: ConsistencyMonitor,
+    /// P(lost) and the status.
+    pub(super) loss: LossMonitor,
+    /// Looks for what the target could be mistaken for; `None` for among the particles only.
+    pub(super) distractors: Option<DistractorSearch>,
+}
+
+impl Monitor {
+    /// A monitor with these settings, which has seen nothing yet.
+    pub fn new(consistency: ConsistencySettings, model: ConfidenceModel) -> Self {
+        Self { consistency: ConsistencyMonitor::new(consistency), loss: LossMonitor::new(model), distractors: None }
+    }
+    /// The same, looking for distractors around the target in every frame.
+    pub fn searching(self, settings: Option<DistractorSettings>) -> Self {
+        Self { distractors: settings.map(DistractorSearch::new), ..self }
+    }
+    /// The fitted model of P(lost).
+    pub fn model(&self) -> &ConfidenceModel {
+        self.loss.model()
+    }
+    /// How the last frame's evidence compared with the reference.
+    pub(crate) fn consistency(&self) -> Consistency {
+        self.consistency.last()
+    }
+    pub(super) fn reset(&mut self) {
+        self.consistency.reset();
+        self.loss.reset();
+    }
+}
+
+impl Engine {
+    /// Perceives at the estimate, and judges the frame: P(lost), the status, and what the policy is told next.
+    pub(super) fn monitor(&mut self, image: &Image, estimate: &Estimate) -> TrackConfidence {
+        let (reference, judged) = (self.reference(), self.is_judged());
+        let unit = self.target().unit * estimate.mean.log_scale.exp();
+        let w = &mut self.work;
+        let evidence = w.log_evidence / w.plan.looks();
+        let consistency = match judged {
+            true => self.parts.monitor.consistency.judge(evidence, &w.log_posterior, reference),
+            false => self.parts.monitor.consistency.last(),
+        };
+        self.parts.appearance.perceive(&estimate.mean, w.plan.chosen(), &mut w.percept);
+        let distance = w.percept.distance;
+        let distractor = if judged { self.look_around(image, estimate) } else { None };
+        let spread = spread(&estimate.covariance, unit);
+        let alarm = self.parts.recognition.as_ref().map_or(0.0, Recognition::alarm);
+        let estimated = estimate.mean;
+        let loss = &mut self.parts.monitor.loss;
+        let confidence = match judged {
+            true => loss.judge(&FrameEvidence {
+                consistency,
+                evidence,
+                reference,
+                distractor,
+                spread,
+                distance,
+                estimate: estimated,
+                unit,
+                alarm,
+            }),
+            false => loss.last(),
+        };
+        self.context = Context {
+            ess: estimate.ess / self.work.predicted.len() as f64,
+            deficit: consistency.deficit.max(alarm),
+            frame_deficit: consistency.frame_deficit,
+            spread,
+            lost: confidence.status.is_occluded_or_lost(),
+        };
+        confidence
+    }
+
+    /// Learns what tells the target from what is around it, while the evidence is consistent with its being there.
+    pub(super) fn adapt(&mut self, image: &Image, estimate: &Estimate) {
+        let (judged, extent) = (self.is_judged(), self.target().extent);
+        let (parts, w) = (&mut self.parts, &mut self.work);
+        let consistency = parts.monitor.consistency.last();
+        if !(judged && consistency.holds && parts.appearance.adapts()) {
+            return;
+        }
+        if parts.monitor.distractors.is_none() {
+            distractors(&w.predicted, &w.log_posterior, &estimate.mean, extent, &mut w.distractors);
+        }
+        parts.appearance.adapt(image, &estimate.mean, &w.distractors, consistency.frame_deficit);
+    }
+
+    /// Whether enough of the target is in view for its evidence to say that it is lost.
+    fn is_judged(&self) -> bool {
+        self.visible >= LEAST_JUDGED
+    }
+}
+
+/// Standard deviation of place in template units; a million stands for what is not finite.
+fn spread(covariance: &[[f64; 6]; 6], unit: f64) -> f64 {
+    ((0.5 * (covariance[0][0] + covariance[1][1])).sqrt() / unit).min(1e6)
+}

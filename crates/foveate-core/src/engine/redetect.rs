@@ -1,0 +1,75 @@
+//! `redetect`: a lost target may be anywhere, so some particles are drawn from where the picture looks most like it.
+//! Distractors, too, are looked for beyond the particles.
+
+use super::template::attenuate;
+use super::{Engine, Estimate};
+use crate::control::{Belief, REFINEMENTS, distractors, normalize};
+use crate::geometry::{Gaze, State};
+use crate::identity::Appearance;
+use crate::scene::Image;
+use foveate_base::rng::Purpose;
+
+impl Engine {
+    /// While the target is believed lost: scores places all over the picture, draws some of the predicted states again from
+    /// the best, and looks at these, so that log prior, log posterior and weights are those of all states again.
+    pub(super) fn redetect(&mut self, image: &Image) {
+        let (reference, target) = (self.reference(), *self.target());
+        let (parts, w) = (&mut self.parts, &mut self.work);
+        let Some(search) = parts.filter.redetection.as_mut().filter(|s| s.is_due(self.context.lost, self.frame)) else {
+            return;
+        };
+        let predicted = || Belief { states: &w.predicted, weights: &w.weights }.mean();
+        let seen = parts.monitor.loss.seen().copied().unwrap_or_else(predicted);
+        let appearance = &mut *parts.appearance;
+        let places = search.places((image.width(), image.height()), &seen, target.extent);
+        appearance.see(image, places, &[Gaze::CENTRE]);
+        score(appearance, places, Gaze::CENTRE, &mut w.scores);
+        for _ in 0..REFINEMENTS {
+            score(appearance, search.refine(&w.scores), Gaze::CENTRE, &mut w.scores);
+        }
+        let least = reference.on - search.settings().fit * (reference.on - reference.off);
+        let streams = self.streams.at(self.frame, Purpose::Redetection);
+        search.draw(&w.scores, least, &mut w.predicted, &mut w.log_prior, &mut w.redetected, streams);
+        parts.monitor.loss.searched(search.best());
+        appearance.see(image, &w.predicted, w.plan.gazes());
+        w.drawn.clear();
+        w.drawn.extend(w.redetected.iter().map(|i| w.predicted[*i]));
+        w.redetected.iter().for_each(|i| w.log_posterior[*i] = w.log_prior[*i]);
+        let n = w.predicted.len();
+        let gazes = w.plan.gazes().iter().zip(w.plan.weights()).enumerate();
+        for (k, (gaze, weight)) in gazes.filter(|(_, (_, weight))| **weight > 0.0) {
+            score(appearance, &w.drawn, *gaze, &mut w.scores);
+            attenuate(&mut w.scores, self.visible);
+            for (i, l) in w.redetected.iter().zip(&w.scores) {
+                w.log_likelihood[k * n + i] = *l;
+                w.log_posterior[*i] += weight * l;
+            }
+        }
+        if !w.redetected.is_empty() {
+            w.log_evidence = normalize(&w.log_posterior, &mut w.weights);
+        }
+    }
+
+    /// Fills `work.distractors` with the places around the estimate that look most like the target. The log-likelihood of the
+    /// best; `None` where they are not looked for.
+    pub(super) fn look_around(&mut self, image: &Image, estimate: &Estimate) -> Option<f64> {
+        let extent = self.target().extent;
+        let (parts, w) = (&mut self.parts, &mut self.work);
+        let around = parts.monitor.distractors.as_mut()?;
+        let places = around.places((image.width(), image.height()), &estimate.mean, extent);
+        // An estimate that has left the picture has nothing around it.
+        if places.is_empty() {
+            w.distractors.clear();
+            return Some(f64::NEG_INFINITY);
+        }
+        parts.appearance.see(image, places, &[Gaze::CENTRE]);
+        score(&mut *parts.appearance, places, Gaze::CENTRE, &mut w.scores);
+        Some(distractors(places, &w.scores, &estimate.mean, extent, &mut w.distractors))
+    }
+}
+
+/// Log-likelihoods of states whose surroundings were seen, as many as there are states.
+fn score(appearance: &mut dyn Appearance, states: &[State], gaze: Gaze, out: &mut Vec<f64>) {
+    out.resize(states.len(), 0.0);
+    appearance.log_likelihood(states, gaze, out);
+}

@@ -1,0 +1,93 @@
+//! An engine in mid-video as plain data, to go on from.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Engine, Target};
+use crate::gaze::Context;
+use crate::geometry::State;
+use crate::recognition::Recognition;
+use foveate_base::{Error, Result};
+
+/// More frames than any video has.
+const MOST_FRAMES: u64 = 1 << 48;
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    frame: u64,
+    target: Option<Target>,
+    particles: Vec<State>,
+    /// JSON has no −∞: a particle without weight has none.
+    log_weights: Vec<Option<f64>>,
+    visible: f64,
+    policy: serde_json::Value,
+    appearance: serde_json::Value,
+    consistency: serde_json::Value,
+    confidence: serde_json::Value,
+    context: Context,
+    /// None of a tracker that did not recognise; one that does begins then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    recognizer: Option<serde_json::Value>,
+}
+
+impl Engine {
+    /// The whole state of the filter in mid-video, to go on from bit for bit with [`Engine::load`].
+    pub fn save(&self) -> serde_json::Value {
+        let saved = Saved {
+            frame: self.frame,
+            target: self.target,
+            particles: self.parts.filter.particles.clone(),
+            log_weights: self.parts.filter.log_weights.iter().map(|w| w.is_finite().then_some(*w)).collect(),
+            visible: self.visible,
+            policy: self.parts.gaze.policy.save(),
+            appearance: self.parts.appearance.save(),
+            consistency: self.parts.monitor.consistency.save(),
+            confidence: self.parts.monitor.loss.save(),
+            context: self.context,
+            recognizer: self.parts.recognition.as_ref().map(Recognition::save),
+        };
+        serde_json::to_value(saved).expect("plain data is JSON")
+    }
+
+    /// Takes up what `save` gave, in a tracker made from the same configuration and seed. After an error the tracker
+    /// has to be started anew.
+    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+        let bad = |what: String| Error::Invalid(format!("the saved tracker cannot be used: {what}"));
+        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
+        let n = self.parts.filter.particles.len();
+        if saved.particles.len() != n || saved.log_weights.len() != n {
+            return Err(bad(format!(
+                "it has {} particles and {} weights, this tracker has {n}; use the configuration it was saved with",
+                saved.particles.len(),
+                saved.log_weights.len()
+            )));
+        }
+        if saved.frame > MOST_FRAMES || saved.target.is_some() == saved.appearance.is_null() {
+            return Err(bad("its frame number is absurd, or it has a target without a template".into()));
+        }
+        if let Some(Target { extent, unit, .. }) = &saved.target {
+            let sane = |half: f64| (0.3..=1e6).contains(&half);
+            if !(sane(extent.half_w) && sane(extent.half_h) && sane(*unit)) {
+                return Err(bad(format!("its target has halves of {} x {} pixels", extent.half_w, extent.half_h)));
+            }
+        }
+        self.parts.gaze.policy.load(&saved.policy)?;
+        self.parts.appearance.load(&saved.appearance)?;
+        self.parts.monitor.consistency.load(&saved.consistency)?;
+        self.parts.monitor.loss.load(&saved.confidence)?;
+        match (&mut self.parts.recognition, &saved.recognizer) {
+            (Some(recognizer), Some(saved)) => recognizer.load(saved)?,
+            (Some(recognizer), None) => recognizer.reset(),
+            (None, _) => (),
+        }
+        if let Some(target) = &saved.target {
+            self.parts.filter.proposal.size(target.unit);
+        }
+        self.frame = saved.frame;
+        self.target = saved.target;
+        self.context = saved.context;
+        self.visible = saved.visible.clamp(0.0, 1.0);
+        self.parts.filter.particles = saved.particles;
+        self.parts.filter.log_weights = saved.log_weights.iter().map(|w| w.unwrap_or(f64::NEG_INFINITY)).collect();
+        Ok(())
+    }
+}

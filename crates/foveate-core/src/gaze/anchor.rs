@@ -1,0 +1,105 @@
+//! Two looks a frame: a fixed one that holds the target, and the policy's own.
+//!
+//! Not in the paper. In trials "centre + chosen" was the only policy of partial information that was reliable.
+
+use super::{Context, Plan, Policy};
+use crate::geometry::Gaze;
+use foveate_base::rng::Rng;
+
+/// Uses one gaze, the centre unless told otherwise, in every frame beside those of another policy.
+///
+/// The other policy learns from its own gazes' rewards only. Where the anchor is one of them, it is looked
+/// at once: the same look twice would count its evidence twice.
+pub struct Anchor {
+    gaze: Gaze,
+    inner: Box<dyn Policy>,
+    own: Plan,
+}
+
+impl Anchor {
+    /// The centre beside `inner`.
+    pub fn centre(inner: Box<dyn Policy>) -> Self {
+        Self::new(Gaze::CENTRE, inner)
+    }
+    /// Any gaze beside `inner`.
+    pub fn new(gaze: Gaze, inner: Box<dyn Policy>) -> Self {
+        Self { gaze, inner, own: Plan::new() }
+    }
+}
+
+impl Policy for Anchor {
+    fn plan(&mut self, context: &Context, plan: &mut Plan, rng: &mut Rng) {
+        self.inner.plan(context, &mut self.own, rng);
+        plan.clear();
+        for (&gaze, &used) in self.own.gazes().iter().zip(self.own.used()) {
+            plan.push(gaze, used);
+        }
+        plan.mark(self.own.chosen_index());
+        match self.own.gazes().iter().position(|g| (g.u, g.v) == (self.gaze.u, self.gaze.v)) {
+            Some(k) => plan.use_also(k),
+            None => plan.push(self.gaze, true),
+        }
+    }
+    fn learn(&mut self, plan: &Plan, rewards: &[f64]) {
+        let own = self.own.gazes().len();
+        assert_eq!(plan.gazes().get(..own), Some(self.own.gazes()), "an anchor learns from the plan it made");
+        self.inner.learn(&self.own, &rewards[..own]);
+    }
+    learned_by!(inner);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance;
+    use crate::gaze::{Circular, Fixed, Grid, Hedge, Random};
+    use foveate_base::rng::{Purpose, Streams};
+
+    fn hedge() -> Box<dyn Policy> {
+        Box::new(Hedge::new(Grid::default().gazes(), 1.0).expect("nine gazes and a positive rate"))
+    }
+
+    #[test]
+    fn anchors_keep_the_law() {
+        conformance::policy(&|| Box::new(Anchor::centre(hedge())));
+        conformance::policy(&|| Box::new(Anchor::new(Gaze { u: 0.9, v: 0.0, arm: None }, hedge())));
+        conformance::policy(&|| Box::new(Anchor::centre(Box::new(Random::new(Grid::default().gazes())))));
+        conformance::policy(&|| Box::new(Anchor::centre(Box::new(Circular::new(Grid::default().gazes())))));
+        conformance::policy(&|| Box::new(Anchor::centre(Box::new(Fixed::new(Gaze::CENTRE)))));
+    }
+
+    #[test]
+    fn two_looks_unless_they_are_the_same() {
+        let mut rng = Streams::new(1, 0).at(0, Purpose::Look).rng(0);
+        let mut plan = Plan::new();
+        let mut circular = Anchor::centre(Box::new(Circular::new(Grid::default().gazes())));
+        for t in 0..9 {
+            circular.plan(&Context::default(), &mut plan, &mut rng);
+            assert_eq!(plan.chosen().arm, Some(t), "the choice is the inner policy's");
+            assert_eq!(plan.gazes().len(), if t == 4 { 1 } else { 2 });
+            assert!(plan.used().iter().all(|&used| used));
+            circular.learn(&plan, &[0.5; 2][..plan.gazes().len()]);
+        }
+        let mut full = Anchor::centre(hedge());
+        for _ in 0..50 {
+            full.plan(&Context::default(), &mut plan, &mut rng);
+            assert_eq!(plan.gazes().len(), 9, "the centre is one of the nine");
+            assert!(plan.used()[4] && plan.used()[plan.chosen_index()]);
+            assert_eq!(plan.used().iter().filter(|&&used| used).count(), if plan.chosen_index() == 4 { 1 } else { 2 });
+            full.learn(&plan, &[0.5; 9]);
+        }
+    }
+
+    #[test]
+    fn the_inner_policy_learns_from_its_own_gazes() {
+        let mut rng = Streams::new(2, 0).at(0, Purpose::Look).rng(0);
+        let (mut plan, mut bare) = (Plan::new(), hedge());
+        let mut anchored = Anchor::new(Gaze { u: 0.1, v: 0.0, arm: None }, hedge());
+        let rewards: Vec<f64> = (0..10).map(|k| f64::from(k) / 10.0).collect();
+        anchored.plan(&Context::default(), &mut plan, &mut rng);
+        anchored.learn(&plan, &rewards);
+        bare.plan(&Context::default(), &mut plan, &mut rng);
+        bare.learn(&plan, &rewards[..9]);
+        assert_eq!(anchored.save(), bare.save());
+    }
+}

@@ -1,0 +1,78 @@
+//! What gazes have earned, and the probabilities that follow from it: what Hedge, the pool and EXP3 learn.
+
+use super::{Schedule, misfit};
+use crate::geometry::Gaze;
+use foveate_base::Result;
+use foveate_base::rng::Rng;
+use rand::RngExt;
+use serde_json::{Value, json};
+
+/// A gain for each gaze, and p(i) ∝ exp(η G(i)).
+#[derive(Clone, Debug)]
+pub(super) struct Gains {
+    pub(super) gazes: Vec<Gaze>,
+    schedule: Schedule,
+    /// G, or an estimate of it.
+    pub(super) gain: Vec<f64>,
+    /// Frames learned from.
+    frames: u64,
+    /// p.
+    pub(super) p: Vec<f64>,
+}
+
+impl Gains {
+    /// Nothing earned yet.
+    pub(super) fn new(gazes: Vec<Gaze>, schedule: Schedule) -> Self {
+        let (gain, p) = (vec![0.0; gazes.len()], vec![1.0 / gazes.len() as f64; gazes.len()]);
+        Self { gazes, schedule, gain, frames: 0, p }
+    }
+    /// [`Schedule::rate`] of the frame to come.
+    pub(super) fn rate(&self, known: f64, anytime: f64) -> f64 {
+        self.schedule.rate(self.frames.saturating_add(1), known, anytime)
+    }
+    /// One frame more was learned from.
+    pub(super) fn count(&mut self) {
+        self.frames = self.frames.saturating_add(1);
+    }
+    /// p from the gains; the largest is subtracted, so nothing overflows.
+    pub(super) fn weigh(&mut self, eta: f64) {
+        let max = self.gain.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        for (p, gain) in self.p.iter_mut().zip(&self.gain) {
+            *p = (eta * (gain - max)).exp();
+        }
+        let sum: f64 = self.p.iter().sum();
+        self.p.iter_mut().for_each(|p| *p /= sum);
+    }
+    /// Gains and frames; p follows from them.
+    pub(super) fn save(&self) -> Value {
+        json!({ "gain": self.gain, "frames": self.frames })
+    }
+    /// What [`Gains::save`] gave, but for p.
+    pub(super) fn load(&mut self, saved: &Value) -> Result<()> {
+        let numbers = |v: &Value| v.as_array()?.iter().map(|g| g.as_f64().filter(|g| g.is_finite())).collect();
+        let gain: Option<Vec<f64>> = numbers(&saved["gain"]);
+        let k = self.gazes.len();
+        let (Some(gain), Some(frames)) = (gain.filter(|gain| gain.len() == k), saved["frames"].as_u64()) else {
+            return Err(misfit(&format!("the gains of {k} gazes and a number of frames"), saved));
+        };
+        (self.gain, self.frames) = (gain, frames);
+        Ok(())
+    }
+    /// Forgets all, but for p.
+    pub(super) fn reset(&mut self) {
+        self.gain.fill(0.0);
+        self.frames = 0;
+    }
+}
+
+/// Draws an index with these probabilities, which sum to 1 but for rounding.
+pub(super) fn draw(probabilities: &[f64], rng: &mut Rng) -> usize {
+    let mut left: f64 = rng.random();
+    for (k, p) in probabilities.iter().enumerate() {
+        left -= p;
+        if left < 0.0 {
+            return k;
+        }
+    }
+    probabilities.iter().rposition(|&p| p > 0.0).expect("probabilities sum to 1")
+}

@@ -1,0 +1,358 @@
+//! Bayesian optimisation of the gaze (section 4.4): partial information over a continuous square of gazes.
+//!
+//! The reward of looking at (u, v) is a Gaussian process; its hyper-parameters are MAP estimates; the next gaze is where
+//! m(a) + √βₜ s(a) is largest (GP-UCB), βₜ = 2 ln(t³π²/3δ), found by DIRECT. The cost of a frame does not grow: the process
+//! knows the newest `window` rewards only, which also lets it forget what no longer holds.
+//!
+//! Deviation: rewards are standardised over the window ([`Bayes::standardise`]). √βₜ is 4 to 7 in units of the process'
+//! deviation, and as printed, on rewards of 0.01, nothing is ever exploited.
+//! Deviation: the first gazes are drawn near the centre ([`Bayes::start`]), not over the whole square.
+//! Beyond the paper (its future work): [`Bayes::guard`] and [`Bayes::caution`].
+
+use super::{Context, Plan, Policy, PolicySnapshot, Surface, misfit};
+use crate::geometry::Gaze;
+use foveate_base::rng::Rng;
+use foveate_base::{Error, Result};
+use foveate_gp::direct::{Direct, Form};
+use foveate_gp::{Gp, Hyper, Kernel, Priors, Saved, StudentT};
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+use std::f64::consts::PI;
+
+/// Settings of [`GpUcb`]; lengths are in template units (1 = half the target's box).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Bayes {
+    /// Half the side of the square of gazes, above 0 to 10.
+    pub reach: f64,
+    /// How alike the rewards of two gazes are.
+    pub kernel: Kernel,
+    /// Rewards remembered, 2 to 1000; all of a short video's if large enough.
+    pub window: usize,
+    /// Gazes drawn at random before anything is believed; the paper's 10.
+    pub warm_up: usize,
+    /// Half the side of the square they are drawn from, 0 to `reach`.
+    pub start: f64,
+    /// Frames between two adjustments of the hyper-parameters, at least 1; the paper's is 1.
+    pub refit: usize,
+    /// Evaluations of the posterior that DIRECT may make, 1 to 100,000.
+    pub evaluations: usize,
+    /// δ of βₜ, above 0 to below 1.
+    pub delta: f64,
+    /// What √βₜ is multiplied with, 0 to 10; the paper's is 1, 0 never explores.
+    pub exploration: f64,
+    /// Whether the window's rewards are brought to mean 0 and deviation 1.
+    pub standardise: bool,
+    /// They are divided by this at least, so that equal rewards are not blown up to noise; 0 to 1.
+    pub floor: f64,
+    /// After a reward this many deviations below the window's mean, exploit (no exploration) in the next frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub guard: Option<f64>,
+    /// How much the tracker's deficit holds exploration back, 0 (not at all) to 1: at full deficit √βₜ is 1 − caution of itself.
+    pub caution: f64,
+}
+
+impl Default for Bayes {
+    fn default() -> Self {
+        Self {
+            reach: 0.5,
+            kernel: Kernel::SquaredExponential,
+            window: 100,
+            warm_up: 10,
+            start: 0.2,
+            refit: 5,
+            evaluations: 150,
+            delta: 0.001,
+            exploration: 1.0,
+            standardise: true,
+            floor: 0.02,
+            guard: None,
+            caution: 0.0,
+        }
+    }
+}
+
+impl Bayes {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        let wrong = |name: &str, expected: &str, found: f64| {
+            Err(Error::Config(format!("gp-ucb: {name} is {expected}; it is {found}")))
+        };
+        match self {
+            b if !(b.reach > 0.0 && b.reach <= 10.0) => wrong("reach", "above 0 to 10 template units", b.reach),
+            b if !(2..=1000).contains(&b.window) => wrong("window", "2 to 1000 rewards", b.window as f64),
+            b if !(1..=1_000_000).contains(&b.warm_up) => wrong("warm_up", "1 to 1000000 frames", b.warm_up as f64),
+            b if !(0.0..=b.reach).contains(&b.start) => wrong("start", "0 to reach", b.start),
+            b if !(1..=1_000_000).contains(&b.refit) => wrong("refit", "1 to 1000000 frames", b.refit as f64),
+            b if !(1..=100_000).contains(&b.evaluations) => wrong("evaluations", "1 to 100000", b.evaluations as f64),
+            b if !(b.delta > 0.0 && b.delta < 1.0) => wrong("delta", "above 0 to below 1", b.delta),
+            b if !(0.0..=10.0).contains(&b.exploration) => wrong("exploration", "0 to 10", b.exploration),
+            b if !(0.0..=1.0).contains(&b.floor) => wrong("floor", "0 to 1", b.floor),
+            b if b.guard.is_some_and(|g| !(0.0..=100.0).contains(&g)) => {
+                wrong("guard", "0 to 100 deviations", b.guard.unwrap_or(f64::NAN))
+            }
+            b if !(0.0..=1.0).contains(&b.caution) => wrong("caution", "0 to 1", b.caution),
+            _ => Ok(()),
+        }
+    }
+    /// Where hyper-parameters start. Rewards have variance 1 where they are standardised; raw ones are small.
+    fn first(&self) -> Hyper<2> {
+        let signal_variance = if self.standardise { 1.0 } else { 0.01 };
+        Hyper { length_scales: [0.5 * self.reach; 2], signal_variance, noise_variance: 0.25 * signal_variance }
+    }
+    /// Student-t on each length scale about half the square's half side, uniform on the two variances (section 4.4; the
+    /// paper prints no numbers).
+    fn priors(&self) -> Result<Priors<2>> {
+        let location = 0.5 * self.reach;
+        let length_scale = StudentT::new(4.0, location, location / 3.0, (0.2 * location, 5.0 * location))?;
+        let variances = if self.standardise { (4e-4, 25.0) } else { (1e-8, 25.0) };
+        Priors::new([length_scale; 2], variances, variances)
+    }
+}
+
+/// The policy.
+pub struct GpUcb {
+    settings: Bayes,
+    priors: Priors<2>,
+    process: Gp<2>,
+    direct: Direct<2>,
+    /// Rewards seen; t of βₜ.
+    seen: u64,
+    /// The window's rewards as they came, oldest first, and where.
+    rewards: Vec<f64>,
+    fixations: Vec<Gaze>,
+    /// The last reward was poor, by `guard`.
+    poor: bool,
+    means: Vec<f64>,
+    variances: Vec<f64>,
+}
+
+impl GpUcb {
+    /// Fails where a setting is out of range.
+    pub fn new(settings: Bayes) -> Result<Self> {
+        settings.check()?;
+        let window = settings.window;
+        Ok(Self {
+            priors: settings.priors()?,
+            process: Gp::new(settings.kernel, settings.first(), window),
+            direct: Direct::new(Form::LocallyBiased),
+            seen: 0,
+            rewards: Vec::with_capacity(window),
+            fixations: Vec::with_capacity(window),
+            poor: false,
+            means: Vec::with_capacity(settings.evaluations),
+            variances: Vec::with_capacity(settings.evaluations),
+            settings,
+        })
+    }
+    /// √βₜ as held back by the guard and by the context.
+    fn exploration(&self, context: &Context) -> f64 {
+        if self.poor {
+            return 0.0;
+        }
+        let t = self.seen.max(1) as f64;
+        let beta = 2.0 * (t.powi(3) * PI * PI / (3.0 * self.settings.delta)).ln();
+        let held = 1.0 - self.settings.caution * context.frame_deficit.max(context.deficit).min(1.0);
+        self.settings.exploration * held * beta.max(0.0).sqrt()
+    }
+    /// Mean and divisor that standardise the window's rewards.
+    fn units(&self) -> (f64, f64) {
+        if !self.settings.standardise || self.rewards.is_empty() {
+            return (0.0, 1.0);
+        }
+        let n = self.rewards.len() as f64;
+        let mean = self.rewards.iter().sum::<f64>() / n;
+        let sd = (self.rewards.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / n).sqrt();
+        (mean, sd.max(self.settings.floor).max(1e-9))
+    }
+    /// The process' targets from the window's rewards.
+    fn standardise(&mut self) {
+        let (mean, sd) = self.units();
+        self.means.clear();
+        self.means.extend(self.rewards.iter().map(|r| (r - mean) / sd));
+        self.process.set_values(&self.means);
+    }
+}
+
+impl Policy for GpUcb {
+    fn plan(&mut self, context: &Context, plan: &mut Plan, rng: &mut Rng) {
+        let s = &self.settings;
+        if self.seen < s.warm_up as u64 {
+            let [u, v] = std::array::from_fn(|_| s.start * (2.0 * rng.random::<f64>() - 1.0));
+            return plan.only(Gaze { u, v, arm: None });
+        }
+        let (root_beta, evaluations, reach) = (self.exploration(context), s.evaluations, s.reach);
+        let Self { process, direct, means, variances, .. } = self;
+        let ([u, v], _) = direct.maximise_batches([-reach; 2], [reach; 2], evaluations, |gazes, values| {
+            means.resize(gazes.len(), 0.0);
+            variances.resize(gazes.len(), 0.0);
+            process.predict_many(gazes, means, variances);
+            for ((value, mean), variance) in values.iter_mut().zip(&*means).zip(&*variances) {
+                *value = mean + root_beta * variance.sqrt();
+            }
+        });
+        plan.only(Gaze { u, v, arm: None });
+    }
+    fn learn(&mut self, plan: &Plan, rewards: &[f64]) {
+        let (gaze, reward) = (plan.chosen(), rewards[plan.chosen_index()]);
+        let (mean, sd) = self.units();
+        self.poor = self.settings.guard.is_some_and(|guard| (reward - mean) / sd < -guard);
+        if self.rewards.len() == self.settings.window {
+            self.rewards.remove(0);
+            self.fixations.remove(0);
+        }
+        self.rewards.push(reward);
+        self.fixations.push(gaze);
+        self.seen += 1;
+        self.process.push([gaze.u, gaze.v], 0.0);
+        self.standardise();
+        let warm = self.seen >= self.settings.warm_up as u64;
+        if warm && (self.seen - self.settings.warm_up as u64).is_multiple_of(self.settings.refit as u64) {
+            self.process.fit(&self.priors, MOST_ITERATIONS);
+        }
+    }
+    fn snapshot(&self) -> PolicySnapshot<'_> {
+        PolicySnapshot::Surface(self)
+    }
+    fn save(&self) -> Value {
+        json!({ "seen": self.seen, "poor": self.poor, "rewards": self.rewards, "process": self.process.save() })
+    }
+    fn load(&mut self, saved: &Value) -> Result<()> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Memory {
+            seen: u64,
+            poor: bool,
+            rewards: Vec<f64>,
+            process: Saved<2>,
+        }
+        let wrong = || misfit(&format!("what gp-ucb learned from {} rewards at most", self.settings.window), saved);
+        let memory = Memory::deserialize(saved).map_err(|_| wrong())?;
+        let inside = |x: &f64| x.abs() <= self.settings.reach;
+        let fits = memory.rewards.len() == memory.process.points.len()
+            && memory.seen >= memory.rewards.len() as u64
+            && memory.seen <= 1 << 48
+            && memory.process.points.as_flattened().iter().all(inside);
+        if !fits {
+            return Err(wrong());
+        }
+        self.process.restore(&memory.process).map_err(|_| wrong())?;
+        self.fixations.clear();
+        self.fixations.extend(memory.process.points.iter().map(|&[u, v]| Gaze { u, v, arm: None }));
+        (self.seen, self.poor) = (memory.seen, memory.poor);
+        self.rewards.clear();
+        self.rewards.extend(memory.rewards);
+        Ok(())
+    }
+    fn reset(&mut self) {
+        self.process.clear();
+        self.process.set_hyper(self.settings.first());
+        self.rewards.clear();
+        self.fixations.clear();
+        (self.seen, self.poor) = (0, false);
+    }
+}
+
+/// Quasi-Newton steps of one adjustment, from where the last one ended.
+const MOST_ITERATIONS: usize = 15;
+
+impl Surface for GpUcb {
+    fn reach(&self) -> f64 {
+        self.settings.reach
+    }
+    fn at(&self, u: f64, v: f64) -> (f64, f64) {
+        let ((mean, variance), (centre, unit)) = (self.process.predict(&[u, v]), self.units());
+        (centre + unit * mean, unit * variance.sqrt())
+    }
+    fn fixations(&self) -> &[Gaze] {
+        &self.fixations
+    }
+    fn best(&self) -> Option<Gaze> {
+        let mut direct = Direct::new(Form::LocallyBiased);
+        let reach = self.settings.reach;
+        let mean = |gaze: &[f64; 2]| self.process.predict(gaze).0;
+        (self.seen >= self.settings.warm_up as u64).then(|| {
+            let ([u, v], _) = direct.maximise([-reach; 2], [reach; 2], 300, mean);
+            Gaze { u, v, arm: None }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance;
+    use foveate_base::rng::{Purpose, Streams};
+
+    fn policy(settings: Bayes) -> GpUcb {
+        GpUcb::new(settings).expect("settings in range")
+    }
+
+    #[test]
+    fn gp_ucb_keeps_the_law() {
+        conformance::policy(&|| Box::new(policy(Bayes::default())));
+        let printed = Bayes { standardise: false, refit: 1, start: 0.5, window: 20, ..Bayes::default() };
+        conformance::policy(&|| Box::new(policy(printed.clone())));
+        let careful = Bayes { kernel: Kernel::Matern52, guard: Some(0.7), caution: 1.0, ..Bayes::default() };
+        conformance::policy(&|| Box::new(policy(careful.clone())));
+    }
+
+    #[test]
+    fn settings_out_of_range_are_named() {
+        let d = Bayes::default();
+        for (settings, said) in [
+            (Bayes { reach: f64::NAN, ..d.clone() }, "reach"),
+            (Bayes { window: 1, ..d.clone() }, "window"),
+            (Bayes { start: 0.6, ..d.clone() }, "start"),
+            (Bayes { refit: 0, ..d.clone() }, "refit"),
+            (Bayes { delta: 1.0, ..d.clone() }, "delta"),
+            (Bayes { guard: Some(-1.0), ..d.clone() }, "guard"),
+            (Bayes { caution: 1.5, ..d }, "caution"),
+        ] {
+            let problem = GpUcb::new(settings).err().expect(said).to_string();
+            assert!(problem.contains(said), "{problem}");
+        }
+    }
+
+    /// A noisy hill: after 100 looks the favourite lies on it, and most late looks do. 10 seeds, one may miss.
+    #[test]
+    fn it_finds_the_hill_and_stays_there() {
+        let hill = |u: f64, v: f64| 0.8 * (-((u - 0.3).powi(2) + (v + 0.2).powi(2)) / 0.08).exp();
+        let mut found = 0;
+        for seed in 0..10 {
+            let (mut gp, mut plan) = (policy(Bayes::default()), Plan::new());
+            let mut noise = Streams::new(seed, 1).at(0, Purpose::Look).rng(0);
+            let mut late = 0;
+            for t in 0..100 {
+                gp.plan(&Context::default(), &mut plan, &mut Streams::new(seed, 0).at(t, Purpose::Look).rng(0));
+                let Gaze { u, v, .. } = plan.chosen();
+                gp.learn(&plan, &[(hill(u, v) + 0.1 * noise.random::<f64>()).min(1.0)]);
+                late += usize::from(t >= 50 && hill(u, v) > 0.4);
+            }
+            let Gaze { u, v, .. } = gp.best().expect("100 rewards were seen");
+            found += usize::from(hill(u, v) > 0.7 && late > 25);
+        }
+        assert!(found >= 9, "{found} of 10 found the hill");
+    }
+
+    #[test]
+    fn guard_and_caution_hold_exploration_back() {
+        let mut gp = policy(Bayes { guard: Some(1.0), caution: 0.5, ..Bayes::default() });
+        let mut plan = Plan::new();
+        let mut rng = Streams::new(3, 0).at(0, Purpose::Look).rng(0);
+        let doubtful = Context { deficit: 1.0, ..Context::default() };
+        let mut look = |gp: &mut GpUcb, reward: f64| {
+            gp.plan(&Context::default(), &mut plan, &mut rng);
+            gp.learn(&plan, &[reward]);
+        };
+        (0..20).for_each(|t| look(&mut gp, 0.5 + 0.01 * f64::from(t % 3)));
+        let (sure, unsure) = (gp.exploration(&Context::default()), gp.exploration(&doubtful));
+        let beta = 2.0 * (20f64.powi(3) * PI * PI / 0.003).ln();
+        assert!((sure - beta.sqrt()).abs() < 1e-12 && (unsure - 0.5 * sure).abs() < 1e-12);
+        look(&mut gp, 0.1);
+        assert_eq!(gp.exploration(&Context::default()), 0.0, "after a poor look the best one is taken");
+        look(&mut gp, 0.5);
+        assert!(gp.exploration(&Context::default()) > 0.0);
+    }
+}

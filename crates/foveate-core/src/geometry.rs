@@ -1,0 +1,176 @@
+//! Where things are, and in which space.
+//!
+//! *Image* coordinates are pixels, x right, y down, the centre of the top-left pixel at (0, 0).
+//! *Template* coordinates (u, v) are in half-boxes: the target's box is the square from −1 to 1,
+//! whatever its size and shape on the image. [`State::fixate`] maps the second to the first.
+
+use foveate_base::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// A box on the image: top-left corner and size in pixels, 0-based; it covers x to x + w − 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BBox {
+    /// Left column.
+    pub x: f64,
+    /// Top row.
+    pub y: f64,
+    /// Width, at least 1 for a target.
+    pub w: f64,
+    /// Height, at least 1 for a target.
+    pub h: f64,
+}
+
+impl BBox {
+    /// A box by its left and top edge, counted from 0, and its width and height, pixels.
+    pub const fn new(x: f64, y: f64, w: f64, h: f64) -> Self {
+        Self { x, y, w, h }
+    }
+    /// The same counted from 1, as OTB's and MOTChallenge's files have it.
+    pub const fn counted_from_1(x: f64, y: f64, w: f64, h: f64) -> Self {
+        Self { x: x - 1.0, y: y - 1.0, w, h }
+    }
+    /// The box between two corners, left and top inclusive, right and bottom exclusive, pixels counted from 0.
+    pub const fn from_corners(left: f64, top: f64, right: f64, bottom: f64) -> Self {
+        Self { x: left, y: top, w: right - left, h: bottom - top }
+    }
+    /// Fails where a number is not finite, or the box has no area.
+    pub fn check(&self) -> Result<()> {
+        let Self { x, y, w, h } = *self;
+        if [x, y, w, h].iter().all(|v| v.is_finite()) && w > 0.0 && h > 0.0 {
+            return Ok(());
+        }
+        Err(Error::Invalid(format!(
+            "a box is four finite numbers with a width and height above 0; it is x={x}, y={y}, w={w}, h={h}"
+        )))
+    }
+    /// The centre in image coordinates: x + (w − 1) / 2, as OTB's and GOT-10k's toolkits have it.
+    pub fn centre(&self) -> (f64, f64) {
+        (self.x + (self.w - 1.0) / 2.0, self.y + (self.h - 1.0) / 2.0)
+    }
+    /// The box of this size around a centre.
+    pub fn around(cx: f64, cy: f64, w: f64, h: f64) -> Self {
+        Self { x: cx - (w - 1.0) / 2.0, y: cy - (h - 1.0) / 2.0, w, h }
+    }
+    /// The area both boxes cover, pixels; 0 where they do not meet.
+    pub fn intersection(&self, other: &Self) -> f64 {
+        let w = (self.x + self.w).min(other.x + other.w) - self.x.max(other.x);
+        let h = (self.y + self.h).min(other.y + other.h) - self.y.max(other.y);
+        w.max(0.0) * h.max(0.0)
+    }
+    /// Intersection over union with another box, 0 to 1.
+    pub fn iou(&self, other: &Self) -> f64 {
+        let inter = self.intersection(other);
+        let union = self.w * self.h + other.w * other.h - inter;
+        (inter / union.max(f64::EPSILON)).clamp(0.0, 1.0)
+    }
+}
+
+/// Half the size of the target's box at `log_scale` 0, in pixels per template unit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Extent {
+    /// Pixels per unit of u: half the box's width.
+    pub half_w: f64,
+    /// Pixels per unit of v: half the box's height.
+    pub half_h: f64,
+}
+
+impl Extent {
+    /// The extent of a box.
+    pub fn of(bbox: &BBox) -> Self {
+        Self { half_w: bbox.w / 2.0, half_h: bbox.h / 2.0 }
+    }
+    /// Geometric mean of the halves: pixels per template unit, on the whole.
+    pub fn mean(&self) -> f64 {
+        (self.half_w * self.half_h).sqrt()
+    }
+}
+
+/// xₜ: what a particle believes of the target (section 3.1).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct State {
+    /// Centre, pixels.
+    pub x: f64,
+    /// Centre, pixels.
+    pub y: f64,
+    /// Velocity, pixels a frame.
+    pub vx: f64,
+    /// Velocity, pixels a frame.
+    pub vy: f64,
+    /// Natural logarithm of size relative to the first frame.
+    pub log_scale: f64,
+    /// Turn relative to the first frame, radians, positive from x towards y (clockwise on the screen).
+    pub angle: f64,
+}
+
+impl State {
+    /// At rest at the centre of a box, with its size and no turn.
+    pub fn of(bbox: &BBox) -> Self {
+        let (x, y) = bbox.centre();
+        Self { x, y, ..Self::default() }
+    }
+    /// The six numbers in the order of the fields.
+    pub fn to_array(&self) -> [f64; 6] {
+        [self.x, self.y, self.vx, self.vy, self.log_scale, self.angle]
+    }
+    /// From six numbers in the order of the fields.
+    pub fn from_array([x, y, vx, vy, log_scale, angle]: [f64; 6]) -> Self {
+        Self { x, y, vx, vy, log_scale, angle }
+    }
+    /// The upright box of the target: its size, not the bounding box of the turned one.
+    pub fn bbox(&self, extent: Extent) -> BBox {
+        let s = self.log_scale.exp();
+        BBox::around(self.x, self.y, 2.0 * extent.half_w * s, 2.0 * extent.half_h * s)
+    }
+    /// Sine and cosine of the angle; often no state turns at all, and they cost nothing.
+    pub fn turn(&self) -> (f64, f64) {
+        if self.angle == 0.0 { (0.0, 1.0) } else { self.angle.sin_cos() }
+    }
+    /// Where a gaze falls on the image: image from template.
+    pub fn fixate(&self, gaze: Gaze, extent: Extent) -> Fixation {
+        let s = self.log_scale.exp();
+        let (sin, cos) = self.turn();
+        let (w, h) = (s * extent.half_w, s * extent.half_h);
+        let (uu, vv) = (w * gaze.u, h * gaze.v);
+        Fixation {
+            x: self.x + cos * uu - sin * vv,
+            y: self.y + sin * uu + cos * vv,
+            ux: cos * w,
+            uy: sin * w,
+            vx: -sin * h,
+            vy: cos * h,
+        }
+    }
+}
+
+/// aₜ: where to look, in template coordinates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Gaze {
+    /// Across: −1 is the left edge of the box, 1 the right one.
+    pub u: f64,
+    /// Down: −1 is the top edge of the box, 1 the bottom one.
+    pub v: f64,
+    /// Its index among a policy's fixed gazes, if it is one of those.
+    pub arm: Option<usize>,
+}
+
+impl Gaze {
+    /// The middle of the template.
+    pub const CENTRE: Self = Self { u: 0.0, v: 0.0, arm: None };
+}
+
+/// A gaze on the image: a centre, and where one template unit along u and along v leads.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Fixation {
+    /// Centre, pixels.
+    pub x: f64,
+    /// Centre, pixels.
+    pub y: f64,
+    /// x of one unit of u, pixels.
+    pub ux: f64,
+    /// y of one unit of u, pixels.
+    pub uy: f64,
+    /// x of one unit of v, pixels.
+    pub vx: f64,
+    /// y of one unit of v, pixels.
+    pub vy: f64,
+}

@@ -1,0 +1,181 @@
+//! From the classes of each frame to one decision over time (section 2.2).
+//!
+//! The paper "accumulates the classification decisions": its authors' program counts how often each class was the likeliest.
+//! A sum of log-probabilities also hears how sure each frame was, and wins wherever probabilities mean what they say.
+
+use foveate_base::{Error, Result};
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+/// How frames add up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Accumulate {
+    /// p(c) ∝ exp Σₜ log pₜ(c): each frame's evidence counts in full, as if frames were independent.
+    #[default]
+    Sum,
+    /// p(c) = the share of frames whose likeliest class is c: the authors' counter.
+    Count,
+    /// As `Sum`, but what is t frames old counts (1 − 1/memory)ᵗ: for targets that change what they are.
+    Forgetting {
+        /// Frames that count, 1 (the last alone) to a million.
+        memory: f64,
+    },
+}
+
+/// What one frame can say against a class, at most, in nats.
+const MOST: f64 = 1e4;
+
+/// What all frames so far say of each class.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Accumulator {
+    rule: Accumulate,
+    /// Nats, or frames for `Count`.
+    evidence: Vec<f64>,
+}
+
+impl Accumulate {
+    /// Fails where `memory` is out of range.
+    pub fn check(&self) -> Result<()> {
+        match self {
+            Self::Forgetting { memory } if !(1.0..=1e6).contains(memory) => {
+                Err(Error::Config(format!("accumulate.forgetting.memory is 1 to 1000000 frames; it is {memory}")))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Accumulator {
+    /// Of no frame yet. Fails where the rule's number is out of range, or there are not two classes.
+    pub fn new(rule: Accumulate, classes: usize) -> Result<Self> {
+        rule.check()?;
+        if classes < 2 {
+            return Err(Error::Invalid(format!(
+                "to recognise is to choose among two classes at least; there are {classes}"
+            )));
+        }
+        Ok(Self { rule, evidence: vec![0.0; classes] })
+    }
+    /// Takes in log pₜ(c) of one frame, nats.
+    pub fn add(&mut self, log_p: &[f64]) {
+        assert_eq!(log_p.len(), self.evidence.len(), "a log-probability for each class");
+        if self.rule == Accumulate::Count {
+            self.evidence[likeliest(log_p)] += 1.0;
+            return;
+        }
+        let kept = if let Accumulate::Forgetting { memory } = self.rule { 1.0 - 1.0 / memory } else { 1.0 };
+        for (evidence, q) in self.evidence.iter_mut().zip(log_p) {
+            *evidence = kept * *evidence + q.max(-MOST);
+        }
+    }
+    /// p(c | all frames so far); all alike before the first.
+    pub fn posterior(&self, out: &mut [f64]) {
+        let total: f64 = self.evidence.iter().sum();
+        match self.rule {
+            Accumulate::Count if total == 0.0 => out.fill(1.0 / out.len() as f64),
+            Accumulate::Count => out.iter_mut().zip(&self.evidence).for_each(|(p, count)| *p = count / total),
+            _ => {
+                out.copy_from_slice(&self.evidence);
+                normalize(out);
+                out.iter_mut().for_each(|p| *p = p.exp());
+            }
+        }
+    }
+    fn could_be(&self, evidence: f64) -> bool {
+        evidence.abs() < 1e18 && (self.rule != Accumulate::Count || evidence >= 0.0)
+    }
+    /// Forgets all frames.
+    pub fn reset(&mut self) {
+        self.evidence.fill(0.0);
+    }
+    /// All that was taken in.
+    pub fn save(&self) -> Value {
+        Value::from(self.evidence.clone())
+    }
+    /// Takes up what `save` gave. Fails, unchanged, where it does not fit.
+    pub fn load(&mut self, saved: &Value) -> Result<()> {
+        match Vec::<f64>::deserialize(saved) {
+            Ok(evidence) if evidence.len() == self.evidence.len() && evidence.iter().all(|e| self.could_be(*e)) => {
+                self.evidence = evidence;
+            }
+            _ => {
+                let n = self.evidence.len();
+                return Err(Error::Invalid(format!(
+                    "the saved evidence is not of {n} classes; use the same recogniser"
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The class with the most; the first of several.
+pub fn likeliest(values: &[f64]) -> usize {
+    (1..values.len()).fold(0, |best, i| if values[i] > values[best] { i } else { best })
+}
+
+/// Takes log Σ exp from every value.
+fn normalize(log_p: &mut [f64]) {
+    let most = log_p.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let log_sum = most + log_p.iter().map(|q| (q - most).exp()).sum::<f64>().ln();
+    log_p.iter_mut().for_each(|q| *q -= log_sum);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Three frames of three classes.
+    const FRAMES: [[f64; 3]; 3] = [[0.7, 0.2, 0.1], [0.5, 0.3, 0.2], [0.1, 0.8, 0.1]];
+
+    fn after(rule: Accumulate, frames: &[[f64; 3]]) -> [f64; 3] {
+        let mut all = Accumulator::new(rule, 3).expect("three classes");
+        frames.iter().for_each(|p| all.add(&p.map(f64::ln)));
+        let mut again = Accumulator::new(rule, 3).expect("three classes");
+        again.load(&all.save()).expect("what was saved fits");
+        assert_eq!(again, all);
+        let mut p = [0.0; 3];
+        all.posterior(&mut p);
+        p
+    }
+
+    fn same(found: [f64; 3], weights: [f64; 3]) {
+        let total: f64 = weights.iter().sum();
+        assert!(found.iter().zip(weights).all(|(p, w)| (p - w / total).abs() < 1e-12), "{found:?}, not {weights:?}");
+    }
+
+    #[test]
+    fn a_sum_is_the_product_of_the_frames() {
+        same(after(Accumulate::Sum, &FRAMES), [0.7 * 0.5 * 0.1, 0.2 * 0.3 * 0.8, 0.1 * 0.2 * 0.1]);
+    }
+
+    #[test]
+    fn a_count_is_a_share_of_frames() {
+        same(after(Accumulate::Count, &FRAMES), [2.0, 1.0, 0.0]);
+        assert_eq!(likeliest(&[0.2, 0.4, 0.4]), 1, "the first of several");
+    }
+
+    #[test]
+    fn old_frames_fade_by_powers() {
+        let rule = Accumulate::Forgetting { memory: 4.0 };
+        let weigh = |c: usize| FRAMES[0][c].powf(0.75f64.powi(2)) * FRAMES[1][c].powf(0.75) * FRAMES[2][c];
+        same(after(rule, &FRAMES), [weigh(0), weigh(1), weigh(2)]);
+        // Of frames that are all alike, as many count as it remembers.
+        let same_again = [FRAMES[0]; 400];
+        same(after(rule, &same_again), FRAMES[0].map(|p| p.powi(4)));
+        same(after(Accumulate::Forgetting { memory: 1.0 }, &FRAMES), FRAMES[2]);
+    }
+
+    #[test]
+    fn all_are_alike_before_the_first_frame_and_what_is_wrong_is_refused() {
+        for rule in [Accumulate::Sum, Accumulate::Count, Accumulate::Forgetting { memory: 9.0 }] {
+            same(after(rule, &[]), [1.0; 3]);
+        }
+        same(after(Accumulate::Sum, &[[1.0, 0.0, 0.0], [0.5, 0.5, 0.0]]), [1.0, 0.0, 0.0]);
+        let mut some = Accumulator::new(Accumulate::Sum, 3).expect("three classes");
+        assert!(some.load(&Value::from(vec![1.0])).is_err() && some.load(&Value::Null).is_err());
+        assert!(Accumulator::new(Accumulate::Forgetting { memory: 0.5 }, 3).is_err());
+        assert!(Accumulator::new(Accumulate::Sum, 1).is_err());
+    }
+}

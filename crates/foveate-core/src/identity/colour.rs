@@ -1,0 +1,408 @@
+//! Colour of the target against its surroundings: a cue that holds what deforms.
+//!
+//! Two histograms, of the box and of a frame around it, say of every pixel how probably it is the target's,
+//! ```text
+//! p(target | bin) = (f + ε/2) / (f + b + ε)
+//! ```
+//! as in Staple (Bertinetto et al., 2016) and DAT (Possegger et al., 2015). A state's contrast c is the mean of p inside its box
+//! less the mean in a ring around it; with c₁ that of frame 1, its distance is 1 − c / c₁: 0 on the target, about 1 elsewhere.
+//! It is mixed with the distance of shapes, the less the smaller c₁ is: of a target that has the colours of its surroundings,
+//! this cue knows nothing, and it says so. Sums over boxes are four reads of an integral image.
+//!
+//! Deviation: the paper has one appearance, learned features of a grey glimpse.
+
+use serde::{Deserialize, Serialize};
+
+use super::numbers::{decode, encode};
+use crate::geometry::{Extent, State};
+use crate::scene::Image;
+use foveate_base::{Error, Result};
+
+/// Settings of the colour model.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// Mixing weight of its distance where the contrast of frame 1 is large; 0 to 1.
+    pub mixing_weight: f64,
+    /// Learning rate: weight of the newest frame among those since the first, 0 to 1.
+    pub learning_rate: f64,
+    /// Weight of the first frame, 0 to 1.
+    pub first_frame_weight: f64,
+    /// Gate: nothing is learned from a frame whose evidence deficit is above this, 0 to 2.
+    pub gate: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { mixing_weight: 0.15, learning_rate: 0.04, first_frame_weight: 0.3, gate: 0.5 }
+    }
+}
+
+impl Settings {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        for (name, value, most) in [
+            ("mixing_weight", self.mixing_weight, 1.0),
+            ("learning_rate", self.learning_rate, 1.0),
+            ("first_frame_weight", self.first_frame_weight, 1.0),
+            ("gate", self.gate, 2.0),
+        ] {
+            if !(0.0..=most).contains(&value) {
+                return Err(Error::Config(format!("colour.{name} is a number from 0 to {most}; it is {value}")));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The target: up to this far from the centre, in half boxes; corners of a box are seldom its.
+const INSIDE: f64 = 0.8;
+/// The surroundings: from here on to there.
+const AROUND: (f64, f64) = (1.1, 2.0);
+/// How far the ring goes that a state's box is compared with.
+const RING: f64 = 1.5;
+/// Contrast of frame 1 from which on the cue has its whole weight.
+const FULL: f64 = 0.4;
+/// Less contrast than this is none.
+const LEAST: f64 = 0.02;
+/// Bins as empty as this, as a share of all pixels, say nothing.
+const EMPTY: f32 = 1e-4;
+/// Samples across half of the smaller side of a box: large targets are not read pixel by pixel.
+const SAMPLES: f64 = 12.0;
+/// How far off a distance may lie.
+const RANGE: (f64, f64) = (-0.2, 1.2);
+
+/// Shares of the bins in the target and in its surroundings.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Histograms {
+    target: Vec<f32>,
+    around: Vec<f32>,
+}
+
+/// The colour model of one target.
+#[derive(Clone, Debug)]
+pub struct Colour {
+    settings: Settings,
+    first: Histograms,
+    recent: Histograms,
+    now: Histograms,
+    probability: Vec<f32>,
+    contrast: f64,
+    sums: Integral,
+}
+
+/// Sums of probabilities over all boxes of a region, a sample every `step` pixels.
+#[derive(Clone, Debug, Default)]
+struct Integral {
+    table: Vec<f64>,
+    width: usize,
+    height: usize,
+    left: f64,
+    top: f64,
+    step: f64,
+}
+
+impl Colour {
+    /// Knows nothing yet.
+    pub fn new(settings: Settings) -> Self {
+        Self {
+            settings,
+            first: Histograms::default(),
+            recent: Histograms::default(),
+            now: Histograms::default(),
+            probability: vec![],
+            contrast: LEAST,
+            sums: Integral::default(),
+        }
+    }
+
+    /// The settings it was made with.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Learns the target at `state` of the first frame, and forgets all before.
+    pub fn init(&mut self, image: &Image, state: &State, extent: Extent) {
+        self.now.count(image, state, extent);
+        self.first.clone_from(&self.now);
+        self.recent.clone_from(&self.now);
+        self.judge();
+        self.see(image, &[*state], extent);
+        self.contrast = self.contrast_of(state, extent).max(LEAST);
+    }
+
+    /// Learns from the target at `state` of a later frame.
+    pub fn adapt(&mut self, image: &Image, state: &State, extent: Extent) {
+        self.now.count(image, state, extent);
+        let rate = self.settings.learning_rate as f32;
+        let Self { recent, now, .. } = self;
+        for (recent, now) in [(&mut recent.target, &now.target), (&mut recent.around, &now.around)] {
+            recent.iter_mut().zip(now).for_each(|(r, n)| *r += rate * (n - *r));
+        }
+        self.judge();
+    }
+
+    /// Takes in what these states need of a frame.
+    pub fn see(&mut self, image: &Image, states: &[State], extent: Extent) {
+        let Self { sums, probability, .. } = self;
+        sums.fill(image, states, extent, probability);
+    }
+
+    /// What the cue counts: its mixing weight, the less the smaller the contrast of frame 1 is.
+    pub fn weight(&self) -> f64 {
+        self.settings.mixing_weight * (self.contrast / FULL).min(1.0)
+    }
+
+    /// 0 where the contrast is that of the target in frame 1, 1 where there is none, of a state that was seen.
+    pub fn distance(&self, state: &State, extent: Extent) -> f64 {
+        1.0 - (self.contrast_of(state, extent) / self.contrast).clamp(RANGE.0, RANGE.1)
+    }
+
+    /// Mean probability inside of the box, less that in a ring around it. What lies outside of the picture is no target.
+    fn contrast_of(&self, s: &State, extent: Extent) -> f64 {
+        if self.sums.width == 0 {
+            return 0.0;
+        }
+        let scale = s.log_scale.exp();
+        let (w, h) = (extent.half_w * scale, extent.half_h * scale);
+        let (inside, n) = self.sums.over(s.x - w, s.y - h, s.x + w, s.y + h);
+        let (all, m) = self.sums.over(s.x - RING * w, s.y - RING * h, s.x + RING * w, s.y + RING * h);
+        let whole = 4.0 * w * h / (self.sums.step * self.sums.step);
+        inside / whole.max(n).max(1.0) - (all - inside) / (m - n).max(1.0)
+    }
+
+    /// p(target | bin) of all bins.
+    fn judge(&mut self) {
+        let share = self.settings.first_frame_weight as f32;
+        let mixed = |first: f32, recent: f32| share * first + (1.0 - share) * recent;
+        let Self { first, recent, probability, .. } = self;
+        let target = first.target.iter().zip(&recent.target).map(|(a, b)| mixed(*a, *b));
+        let around = first.around.iter().zip(&recent.around).map(|(a, b)| mixed(*a, *b));
+        probability.clear();
+        probability.extend(target.zip(around).map(|(f, b)| (f + 0.5 * EMPTY) / (f + b + EMPTY)));
+    }
+
+    /// All that was learned.
+    pub fn save(&self) -> serde_json::Value {
+        let Histograms { target, around } = &self.first;
+        let numbers = [target, around, &self.recent.target, &self.recent.around].map(|h| encode(h));
+        serde_json::json!({ "contrast": self.contrast, "histograms": numbers })
+    }
+
+    /// Takes up what `save` gave. Fails, unchanged, where it is none.
+    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+        let bad = |what: &str| Error::Invalid(format!("the saved colours cannot be used: {what}"));
+        #[derive(Deserialize)]
+        struct Saved {
+            contrast: f64,
+            histograms: [String; 4],
+        }
+        let saved = Saved::deserialize(saved).map_err(|e| bad(&e.to_string()))?;
+        let sane = |h: &Vec<f32>| [GREY, COLOUR].contains(&h.len()) && h.iter().all(|x| (0.0..=1.0).contains(x));
+        let [a, b, c, d] = saved.histograms.map(|text| decode(&text).filter(sane));
+        let (Some(a), Some(b), Some(c), Some(d)) = (a, b, c, d) else { return Err(bad("it has no four histograms")) };
+        if [&b, &c, &d].iter().any(|h| h.len() != a.len()) || !(LEAST..=1.0).contains(&saved.contrast) {
+            return Err(bad("its histograms differ in length, or its contrast is out of range"));
+        }
+        self.first = Histograms { target: a, around: b };
+        self.recent = Histograms { target: c, around: d };
+        self.contrast = saved.contrast;
+        self.judge();
+        Ok(())
+    }
+}
+
+/// Bins of a grey and of a colour picture.
+const GREY: usize = 32;
+const COLOUR: usize = 4096;
+
+/// The bins of a row's pixels: 8 levels of grey, or 16 × 16 × 16 colours.
+fn bins(image: &Image, y: usize) -> impl Fn(usize) -> usize {
+    let row = |p: usize| &image.plane(p)[y * image.width()..][..image.width()];
+    let last = image.planes() - 1;
+    let (r, g, b) = (row(0), row(last.min(1)), row(last));
+    move |x| match last {
+        0 => usize::from(r[x]) >> 3,
+        _ => usize::from(r[x] >> 4) << 8 | usize::from(g[x] >> 4) << 4 | usize::from(b[x] >> 4),
+    }
+}
+
+/// The whole pixels from `from` to `to` that a picture has along a side.
+fn pixels(from: f64, to: f64, side: usize) -> std::ops::RangeInclusive<usize> {
+    let last = side as f64 - 1.0;
+    from.clamp(0.0, last) as usize..=to.clamp(0.0, last) as usize
+}
+
+impl Histograms {
+    /// Counts the pixels of a target at `state`, and those around it.
+    fn count(&mut self, image: &Image, state: &State, extent: Extent) {
+        let n = if image.planes() == 1 { GREY } else { COLOUR };
+        for h in [&mut self.target, &mut self.around] {
+            h.clear();
+            h.resize(n, 0.0);
+        }
+        let scale = state.log_scale.exp();
+        let (w, h) = (extent.half_w * scale, extent.half_h * scale);
+        let far = AROUND.1;
+        for y in pixels(state.y - far * h, state.y + far * h, image.height()) {
+            let bin = bins(image, y);
+            let v = (y as f64 - state.y).abs() / h;
+            for x in pixels(state.x - far * w, state.x + far * w, image.width()) {
+                match v.max((x as f64 - state.x).abs() / w) {
+                    off if off <= INSIDE => self.target[bin(x)] += 1.0,
+                    off if off >= AROUND.0 => self.around[bin(x)] += 1.0,
+                    _ => (),
+                }
+            }
+        }
+        for h in [&mut self.target, &mut self.around] {
+            let share = 1.0 / h.iter().sum::<f32>().max(1.0);
+            h.iter_mut().for_each(|v| *v *= share);
+        }
+    }
+}
+
+impl Integral {
+    fn fill(&mut self, image: &Image, states: &[State], extent: Extent, probability: &[f32]) {
+        let mut region = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
+        let mut least = f64::MAX;
+        for s in states {
+            let scale = s.log_scale.exp();
+            let (w, h) = (RING * extent.half_w * scale, RING * extent.half_h * scale);
+            let [l, t, r, b] = region;
+            (least, region) = (least.min(scale), [l.min(s.x - w), t.min(s.y - h), r.max(s.x + w), b.max(s.y + h)]);
+        }
+        let [left, top, right, bottom] = region;
+        self.step = (extent.half_w.min(extent.half_h) * least / SAMPLES).floor().max(1.0);
+        self.left = (left.max(0.0) / self.step).floor() * self.step;
+        self.top = (top.max(0.0) / self.step).floor() * self.step;
+        let count = |from: f64, to: f64, side: usize| {
+            let to = to.min(side as f64 - 1.0);
+            if to >= from { ((to - from) / self.step) as usize + 1 } else { 0 }
+        };
+        (self.width, self.height) = (count(self.left, right, image.width()), count(self.top, bottom, image.height()));
+        if self.width == 0 || self.height == 0 {
+            (self.width, self.height) = (0, 0);
+        }
+        let (row, step) = (self.width + 1, self.step as usize);
+        self.table.clear();
+        self.table.resize(row * (self.height + 1), 0.0);
+        for j in 0..self.height {
+            let bin = bins(image, self.top as usize + j * step);
+            let (above, here) = self.table[j * row..].split_at_mut(row);
+            let (mut sum, mut x) = (0.0, self.left as usize);
+            for (above, here) in above[1..].iter().zip(&mut here[1..row]) {
+                sum += f64::from(probability[bin(x)]);
+                *here = above + sum;
+                x += step;
+            }
+        }
+    }
+
+    /// The sum over a box, cut to the region, and the number of its samples.
+    fn over(&self, left: f64, top: f64, right: f64, bottom: f64) -> (f64, f64) {
+        let column = |x: f64| ((x - self.left) / self.step).round().clamp(0.0, self.width as f64) as usize;
+        let line = |y: f64| ((y - self.top) / self.step).round().clamp(0.0, self.height as f64) as usize;
+        let (a, b, c, d) = (column(left), line(top), column(right), line(bottom));
+        let at = |x: usize, y: usize| self.table[y * (self.width + 1) + x];
+        (at(c, d) - at(a, d) - at(c, b) + at(a, b), ((c - a) * (d - b)) as f64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const EXTENT: Extent = Extent { half_w: 8.0, half_h: 12.0 };
+    const TARGET: State = State { x: 40.0, y: 30.0, vx: 0.0, vy: 0.0, log_scale: 0.0, angle: 0.0 };
+
+    /// A red box at `x` on a ground of greens.
+    fn picture(x: f64) -> Image {
+        let mut bytes = vec![];
+        for (j, i) in (0..64).flat_map(|j| (0..96).map(move |i| (j, i))) {
+            let inside = (i as f64 - x).abs() <= 8.0 && (j as f64 - 30.0).abs() <= 12.0;
+            bytes.extend(if inside { [200, 30, 40] } else { [20, 90 + (i * 7 + j * 3) as u8 % 60, 30] });
+        }
+        Image::from_rgb8(96, 64, &bytes).expect("enough bytes")
+    }
+
+    fn colour(settings: Settings) -> Colour {
+        let mut it = Colour::new(settings);
+        it.init(&picture(TARGET.x), &TARGET, EXTENT);
+        it
+    }
+
+    #[test]
+    fn the_target_is_near_and_other_places_are_far() {
+        let mut it = colour(Settings::default());
+        assert!(it.contrast > 0.8 && it.weight() == 0.15, "{}", it.contrast);
+        let moved = picture(60.0);
+        let at = |x: f64, log_scale: f64| State { x, log_scale, ..TARGET };
+        let places = [at(60.0, 0.0), at(40.0, 0.0), at(55.0, 0.0), at(60.0, 0.4), at(60.0, -0.4)];
+        it.see(&moved, &places, EXTENT);
+        let d: Vec<f64> = places.iter().map(|s| it.distance(s, EXTENT)).collect();
+        assert!(d[0].abs() < 0.05 && d[1] > 0.95, "{d:?}");
+        assert!(
+            d[2] > d[0] + 0.1 && d[3] > d[0] + 0.1 && d[4] > d[0] + 0.1,
+            "neither beside it nor of another size: {d:?}"
+        );
+        it.see(&moved, &[at(300.0, 0.0)], EXTENT);
+        assert!((it.distance(&at(300.0, 0.0), EXTENT) - 1.0).abs() < 1e-9, "outside there is nothing");
+    }
+
+    /// The integral image against sums one by one, at every step.
+    #[test]
+    fn sums_are_those_of_loops() {
+        let it = colour(Settings::default());
+        let image = picture(33.0);
+        for grow in [1.0, 2.5, 5.0] {
+            let extent = Extent { half_w: 8.0 * grow, half_h: 12.0 * grow };
+            let mut sums = Integral::default();
+            sums.fill(&image, &[TARGET], extent, &it.probability);
+            let (x0, y0, step) = (sums.left as usize, sums.top as usize, sums.step as usize);
+            let (a, b, c, d) = (1, 2, sums.width.min(7), sums.height.min(9));
+            let place = |i: usize, from: usize| (from + i * step) as f64 - 0.2;
+            let (found, n) = sums.over(place(a, x0), place(b, y0), place(c, x0), place(d, y0));
+            let one = |i: usize, j: usize| f64::from(it.probability[bins(&image, y0 + j * step)(x0 + i * step)]);
+            let exact: f64 = (b..d).flat_map(|j| (a..c).map(move |i| (i, j))).map(|(i, j)| one(i, j)).sum();
+            assert!((found - exact).abs() < 1e-9 && n == ((c - a) * (d - b)) as f64, "{found} is not {exact}");
+        }
+    }
+
+    #[test]
+    fn colours_without_contrast_count_less_and_learning_follows() {
+        let plain = Image::from_grey8(96, 64, &[90; 96 * 64]).expect("enough bytes");
+        let mut it = Colour::new(Settings::default());
+        it.init(&plain, &TARGET, EXTENT);
+        assert!(it.weight() <= 0.15 * LEAST / FULL + 1e-12);
+        let settings = Settings { learning_rate: 0.5, first_frame_weight: 0.0, ..Settings::default() };
+        let mut it = colour(settings);
+        let blue = Image::from_rgb8(96, 64, &[10, 20, 230].repeat(96 * 64)).expect("enough bytes");
+        let bin = bins(&blue, 0)(0);
+        let before = it.recent.target[bin];
+        it.adapt(&blue, &TARGET, EXTENT);
+        assert_eq!((before, it.recent.target[bin]), (0.0, 0.5));
+    }
+
+    #[test]
+    fn what_is_saved_goes_on_and_damage_is_refused() {
+        let mut it = colour(Settings::default());
+        it.adapt(&picture(42.0), &State { x: 42.0, ..TARGET }, EXTENT);
+        let saved = it.save();
+        let mut again = Colour::new(Settings::default());
+        again.load(&saved).expect("it was saved");
+        assert_eq!((&again.first, &again.recent, &again.probability), (&it.first, &it.recent, &it.probability));
+        for wrong in [serde_json::json!({}), serde_json::json!({ "contrast": 0.5, "histograms": ["", "", "", ""] })] {
+            assert!(again.load(&wrong).is_err());
+        }
+        let mut damaged = saved.clone();
+        damaged["contrast"] = (-1.0).into();
+        assert!(again.load(&damaged).is_err());
+        for (settings, name) in [
+            (Settings { mixing_weight: 1.1, ..Settings::default() }, "mixing_weight"),
+            (Settings { gate: f64::NAN, ..Settings::default() }, "gate"),
+        ] {
+            assert!(settings.check().expect_err(name).to_string().contains(name));
+        }
+    }
+}

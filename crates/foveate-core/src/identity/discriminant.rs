@@ -1,0 +1,338 @@
+//! What tells the target from what is around it, learned while tracking: ridge regression from features to nearness.
+//!
+//! A score w · (h, 1) is fitted to labels exp(−½ (|offset|² / σ² + Δ log-scale² / σₛ²)) of glimpses at and around the
+//! target, of other sizes, and at its distractors: places that look like it but are not. The sums that the fit needs, Σ h hᵀ and
+//! Σ label · h, are kept for the first frame and, fading, for those since:
+//! ```text
+//! A = first · A₁ + (1 − first) · Aₜ + ridge · I,   Aₜ = (1 − rate) · Aₜ₋₁ + rate · Σ h hᵀ,   A w = b
+//! ```
+//! and a few steps of conjugate gradients a frame, from the last w on, follow its solution.
+//!
+//! Deviation: the paper's template is the first frame for ever. Correlation filters learn the same from all shifts at
+//! once (Henriques et al., 2015); glimpses, foveated and turned, are no shifts of each other.
+
+use foveate_kernels as kernels;
+use serde::{Deserialize, Serialize};
+
+use super::numbers::{decode, encode};
+use crate::geometry::{Extent, Gaze, State};
+use foveate_base::{Error, Result};
+
+/// Settings of the discriminant. It needs a gaze at the centre; other gazes are compared with the template alone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// Mixing weight of its score in the distance; the template has the rest. 0 to 1.
+    pub mixing_weight: f64,
+    /// Learning rate: weight of the newest frame among those since the first, 0 to 1.
+    pub learning_rate: f64,
+    /// Weight of the first frame, 0 to 1.
+    pub first_frame_weight: f64,
+    /// What is added to the diagonal, 1e-6 to 1e3; features have a length of about 1.
+    pub ridge: f64,
+    /// Standard deviation of the labels along u and v, template units, 0.01 to 10.
+    pub spread: f64,
+    /// Standard deviation of the labels in the logarithm of scale, 0.01 to 10.
+    pub log_scale: f64,
+    /// Gate: nothing is learned from a frame whose evidence deficit is above this, 0 to 2.
+    pub gate: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            mixing_weight: 0.5,
+            learning_rate: 0.1,
+            first_frame_weight: 0.5,
+            ridge: 0.003,
+            spread: 0.2,
+            log_scale: 0.1,
+            gate: 0.5,
+        }
+    }
+}
+
+impl Settings {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        for (name, value, least, most) in [
+            ("mixing_weight", self.mixing_weight, 0.0, 1.0),
+            ("learning_rate", self.learning_rate, 0.0, 1.0),
+            ("first_frame_weight", self.first_frame_weight, 0.0, 1.0),
+            ("ridge", self.ridge, 1e-6, 1e3),
+            ("spread", self.spread, 0.01, 10.0),
+            ("log_scale", self.log_scale, 0.01, 10.0),
+            ("gate", self.gate, 0.0, 2.0),
+        ] {
+            if !(least..=most).contains(&value) {
+                return Err(Error::Config(format!(
+                    "discriminant.{name} is a number from {least} to {most}; it is {value}"
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Radii of the rings of places around the target, template units; eight places on each.
+const RINGS: [f64; 6] = [0.12, 0.2, 0.35, 0.6, 1.0, 1.7];
+/// Other sizes at the target: differences of log scale.
+const SIZES: [f64; 6] = [-0.2, -0.1, -0.05, 0.05, 0.1, 0.2];
+/// The most distractors that are learned from.
+const DISTRACTORS: usize = 6;
+/// Steps of conjugate gradients on the first frame, and on each other.
+const STEPS: (usize, usize) = (30, 4);
+
+/// Σ h hᵀ (its lower triangle) and Σ label · h.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Sums {
+    gram: Vec<f32>,
+    cross: Vec<f32>,
+}
+
+/// A score of features, learned online.
+#[derive(Clone, Debug)]
+pub struct Discriminant {
+    settings: Settings,
+    first: Sums,
+    recent: Sums,
+    weights: Vec<f32>,
+    /// Where to look to learn.
+    pub(super) places: Vec<State>,
+    /// The features there, each followed by a 1.
+    pub(super) rows: Vec<f32>,
+    labels: Vec<f32>,
+    system: Sums,
+    work: [Vec<f32>; 2],
+}
+
+impl Discriminant {
+    /// Of features of length `n_h`. It knows nothing yet.
+    pub fn new(settings: Settings, n_h: usize) -> Self {
+        let (n, most) = (n_h + 1, 1 + RINGS.len() * 8 + SIZES.len() + DISTRACTORS);
+        let zeros = Sums { gram: vec![0.0; n * (n + 1) / 2], cross: vec![0.0; n] };
+        Self {
+            settings,
+            first: zeros.clone(),
+            recent: zeros.clone(),
+            weights: vec![0.0; n],
+            places: Vec::with_capacity(most),
+            rows: Vec::with_capacity(most * n),
+            labels: Vec::with_capacity(most),
+            system: zeros,
+            work: [vec![0.0; n], vec![0.0; n]],
+        }
+    }
+
+    /// The settings it was made with.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Whether it has learned to judge what is seen at a gaze: the centre only.
+    pub fn knows(gaze: Gaze) -> bool {
+        gaze.u == 0.0 && gaze.v == 0.0
+    }
+
+    /// The distance that counts, of features whose distance from the template is given: 0 at the target, about 1 elsewhere.
+    pub fn mixed(&self, template: f64, features: &[f32]) -> f64 {
+        let (bias, weights) = self.weights.split_last().expect("at least a bias");
+        let score = f64::from(kernels::dot(features, weights) + bias);
+        (1.0 - self.settings.mixing_weight) * template + self.settings.mixing_weight * (1.0 - score)
+    }
+
+    /// Chooses `places` for a target at `state`, and their labels.
+    pub(super) fn look_around(&mut self, state: &State, extent: Extent, distractors: &[State]) {
+        let Self { places, labels, settings, .. } = self;
+        let (w, h) = (state.log_scale.exp() * extent.half_w, state.log_scale.exp() * extent.half_h);
+        places.clear();
+        places.push(*state);
+        for (k, radius) in RINGS.iter().enumerate() {
+            for i in 0..8 {
+                let (sin, cos) = (std::f64::consts::FRAC_PI_4 * (i as f64 + 0.5 * (k % 2) as f64)).sin_cos();
+                places.push(State { x: state.x + radius * cos * w, y: state.y + radius * sin * h, ..*state });
+            }
+        }
+        places.extend(SIZES.map(|d| State { log_scale: state.log_scale + d, ..*state }));
+        places.extend(distractors.iter().take(DISTRACTORS));
+        labels.clear();
+        labels.extend(places.iter().map(|place| {
+            let (u, v) = ((place.x - state.x) / w / settings.spread, (place.y - state.y) / h / settings.spread);
+            let s = (place.log_scale - state.log_scale) / settings.log_scale;
+            (-0.5 * (u * u + v * v + s * s)).exp() as f32
+        }));
+        self.rows.resize(self.places.len() * self.weights.len(), 0.0);
+    }
+
+    /// Learns from `rows` at `places`. On the first frame it forgets all else.
+    pub(super) fn learn(&mut self, first: bool) {
+        let Self { settings, first: begun, recent, weights, rows, labels, system, work: [step, image], .. } = self;
+        let (keep, share) =
+            if first { (0.0, 1.0) } else { (1.0 - settings.learning_rate as f32, settings.learning_rate as f32) };
+        let n = weights.len();
+        kernels::add_outer(rows, n, keep, share, &mut recent.gram);
+        recent.cross.iter_mut().for_each(|b| *b *= keep);
+        for (row, label) in rows.chunks_exact(n).zip(labels) {
+            recent.cross.iter_mut().zip(row).for_each(|(b, h)| *b += share * *label * h);
+        }
+        if first {
+            begun.clone_from(recent);
+            weights.fill(0.0);
+        }
+        let old = settings.first_frame_weight as f32;
+        let mix = |out: &mut [f32], a: &[f32], b: &[f32]| {
+            out.iter_mut().zip(a).zip(b).for_each(|((out, a), b)| *out = old * a + (1.0 - old) * b);
+        };
+        mix(&mut system.gram, &begun.gram, &recent.gram);
+        mix(&mut system.cross, &begun.cross, &recent.cross);
+        for i in 0..n {
+            system.gram[i * (i + 3) / 2] += settings.ridge as f32;
+        }
+        // Conjugate gradients; `cross` becomes what is left of the right-hand side.
+        let rest = &mut system.cross;
+        kernels::symmetric_times(&system.gram, weights, image);
+        rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= image);
+        step.copy_from_slice(rest);
+        let mut left = kernels::dot(rest, rest);
+        for _ in 0..if first { STEPS.0 } else { STEPS.1 } {
+            if left < 1e-12 {
+                break;
+            }
+            kernels::symmetric_times(&system.gram, step, image);
+            let length = left / kernels::dot(step, image);
+            weights.iter_mut().zip(&*step).for_each(|(w, step)| *w += length * step);
+            rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= length * image);
+            let before = std::mem::replace(&mut left, kernels::dot(rest, rest));
+            step.iter_mut().zip(&*rest).for_each(|(step, rest)| *step = rest + left / before * *step);
+        }
+    }
+
+    /// Everything learned, to resume from.
+    pub fn save(&self) -> serde_json::Value {
+        let parts = [&self.first.gram, &self.first.cross, &self.recent.gram, &self.recent.cross, &self.weights];
+        serde_json::to_value(parts.map(|values| encode(values))).expect("plain data is JSON")
+    }
+
+    /// Takes up what `save` gave. Fails where it does not fit.
+    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+        let bad = |what: String| Error::Invalid(format!("the saved discriminant cannot be used: {what}"));
+        let saved = <[String; 5]>::deserialize(saved).map_err(|e| bad(e.to_string()))?;
+        let Self { first, recent, weights, .. } = self;
+        let parts = [&mut first.gram, &mut first.cross, &mut recent.gram, &mut recent.cross, weights];
+        for (to, saved) in parts.into_iter().zip(saved) {
+            let values = decode(&saved).ok_or_else(|| bad("it is not base64 of finite numbers".into()))?;
+            if values.len() != to.len() {
+                let (found, expected) = (values.len(), to.len());
+                return Err(bad(format!(
+                    "it has {found} numbers where this tracker has {expected}; use the configuration it was saved with"
+                )));
+            }
+            *to = values;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate_base::rng::Streams;
+    use rand::RngExt;
+
+    const N: usize = 7;
+    const EXTENT: Extent = Extent { half_w: 10.0, half_h: 20.0 };
+    const TARGET: State = State { x: 50.0, y: 40.0, vx: 0.0, vy: 0.0, log_scale: 0.1, angle: 0.0 };
+
+    /// Of random features at the places around the target, learned on so many frames.
+    fn learned(settings: Settings, frames: u64) -> Discriminant {
+        let mut it = Discriminant::new(settings, N - 1);
+        for frame in 0..frames {
+            let mut rng = Streams::new(4, 0).rng(frame);
+            it.look_around(&TARGET, EXTENT, &[State { x: 80.0, ..TARGET }]);
+            it.rows.iter_mut().for_each(|h| *h = rng.random::<f32>() - 0.5);
+            it.rows.chunks_exact_mut(N).for_each(|row| row[N - 1] = 1.0);
+            it.learn(frame == 0);
+        }
+        it
+    }
+
+    /// The solution by elimination, in f64, of sums made anew.
+    fn exact(settings: Settings, frames: u64) -> Vec<f64> {
+        let mut a = vec![[0.0; N + 1]; N];
+        for frame in 0..frames {
+            let now = learned(settings, frame + 1);
+            let age = (frames - 1 - frame) as i32;
+            let recent =
+                (1.0 - settings.learning_rate).powi(age) * if frame == 0 { 1.0 } else { settings.learning_rate };
+            let weight = (1.0 - settings.first_frame_weight) * recent
+                + if frame == 0 { settings.first_frame_weight } else { 0.0 };
+            for (row, label) in now.rows.chunks_exact(N).zip(&now.labels) {
+                for i in 0..N {
+                    a[i].iter_mut().zip(row).for_each(|(a, h)| *a += weight * f64::from(row[i]) * f64::from(*h));
+                    a[i][N] += weight * f64::from(row[i]) * f64::from(*label);
+                }
+            }
+        }
+        (0..N).for_each(|i| a[i][i] += settings.ridge);
+        for i in 0..N {
+            let pivot = a[i];
+            for row in a.iter_mut().enumerate().filter(|(k, _)| *k != i).map(|(_, row)| row) {
+                let factor = row[i] / pivot[i];
+                row.iter_mut().zip(&pivot).for_each(|(a, p)| *a -= factor * p);
+            }
+        }
+        (0..N).map(|i| a[i][N] / a[i][i]).collect()
+    }
+
+    /// Conjugate gradients find the ridge regression that elimination finds. Few features, so that four steps suffice.
+    #[test]
+    fn it_is_ridge_regression() {
+        let settings = Settings { ridge: 0.5, learning_rate: 0.3, first_frame_weight: 0.4, ..Settings::default() };
+        for (frames, within) in [(1, 1e-4), (4, 0.02)] {
+            let it = learned(settings, frames);
+            for (w, exact) in it.weights.iter().zip(exact(settings, frames)) {
+                assert!((f64::from(*w) - exact).abs() < within, "{frames} frames: {w} is not {exact}");
+            }
+        }
+    }
+
+    #[test]
+    fn labels_say_how_near_a_place_is() {
+        let it = learned(Settings::default(), 1);
+        assert_eq!((it.places[0], it.labels[0]), (TARGET, 1.0));
+        let one_deviation = (-0.5f32).exp();
+        let (w, h) = (EXTENT.half_w * TARGET.log_scale.exp(), EXTENT.half_h * TARGET.log_scale.exp());
+        for (place, label) in it.places.iter().zip(&it.labels) {
+            let (u, v, s) = ((place.x - TARGET.x) / w, (place.y - TARGET.y) / h, place.log_scale - TARGET.log_scale);
+            assert!((u.hypot(v) - 0.2).abs() > 1e-9 || (label - one_deviation).abs() < 1e-6);
+            assert!((s.abs() - 0.1).abs() > 1e-9 || (label - one_deviation).abs() < 1e-6);
+        }
+        assert_eq!(it.places.last().map(|distractor| distractor.x), Some(80.0));
+        assert!(it.labels.last().is_some_and(|label| *label < 1e-9), "a distractor is not the target");
+    }
+
+    #[test]
+    fn what_was_learned_is_kept() {
+        let it = learned(Settings::default(), 3);
+        let mut other = Discriminant::new(Settings::default(), N - 1);
+        other.load(&it.save()).expect("it was saved");
+        assert_eq!((&other.weights, &other.recent, &other.first), (&it.weights, &it.recent, &it.first));
+        let mut wider = Discriminant::new(Settings::default(), N);
+        let said = wider.load(&it.save()).expect_err("another width").to_string();
+        assert!(said.contains("28 numbers where this tracker has 36"), "{said}");
+        assert!(wider.load(&serde_json::json!([1, 2])).is_err());
+        assert!(wider.load(&serde_json::json!(["?", "", "", "", ""])).is_err());
+    }
+
+    #[test]
+    fn settings_are_checked() {
+        assert!(Settings::default().check().is_ok());
+        for (bad, name) in [
+            (Settings { mixing_weight: 1.1, ..Settings::default() }, "mixing_weight"),
+            (Settings { ridge: 0.0, ..Settings::default() }, "ridge"),
+            (Settings { learning_rate: f64::NAN, ..Settings::default() }, "learning_rate"),
+        ] {
+            assert!(bad.check().expect_err("out of range").to_string().contains(name));
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! From glimpses to features: the first layer of the identity pathway (section 2.1).
+
+use foveate_kernels as kernels;
+
+use foveate_base::rows::{Rows, RowsMut};
+
+/// Maps glimpses to features, row by row.
+///
+/// A row's features must depend on that row alone: the tracker splits batches as it pleases.
+/// If they do not, results change with the number of threads, and `conformance::encoder` fails.
+/// Features must be non-negative and finite for the Bhattacharyya distance.
+pub trait Encoder: Send + Sync {
+    /// (n_v, n_h): values in a glimpse, values in a feature vector.
+    fn shape(&self) -> (usize, usize);
+    /// Brings a glimpse (values 0 to 1) to what the encoder was trained on, in place. `cells` tells each value's channel.
+    fn condition(&self, _glimpse: &mut [f32]) {}
+    /// Encodes conditioned glimpses.
+    fn encode(&self, glimpses: Rows<'_>, features: RowsMut<'_>);
+    /// For conditioned glimpses with features h: `totals` ← Σ h and `overlaps` ← Σ √h · `root`, one each a row, without
+    /// writing the features; `root` has length n_h. Says false, and does nothing, where it knows no shorter way than
+    /// [`Encoder::encode`].
+    fn overlaps(&self, _glimpses: Rows<'_>, _root: &[f32], _totals: &mut [f32], _overlaps: &mut [f32]) -> bool {
+        false
+    }
+}
+
+/// No first layer: the glimpse is the feature vector, as it is or with its mean taken out and its contrast brought to 1.
+///
+/// Standardised, with the cosine distance, this is normalised cross-correlation of foveated patches: the baseline
+/// every learned feature has to beat.
+#[derive(Clone, Debug)]
+pub struct Raw {
+    standardise: bool,
+    groups: Vec<std::ops::Range<usize>>,
+}
+
+impl Raw {
+    /// For a retina whose cells have these channels; if asked for, each channel is standardised on its own.
+    pub fn new(channels: &[usize], standardise: bool) -> Self {
+        Self { standardise, groups: groups(channels) }
+    }
+}
+
+impl Encoder for Raw {
+    fn shape(&self) -> (usize, usize) {
+        let n = self.groups.last().map_or(0, |g| g.end);
+        (n, n)
+    }
+    fn condition(&self, glimpse: &mut [f32]) {
+        if !self.standardise {
+            return;
+        }
+        self.groups.iter().for_each(|g| standardise(&mut glimpse[g.clone()]));
+    }
+    fn encode(&self, glimpses: Rows<'_>, mut features: RowsMut<'_>) {
+        features.data().copy_from_slice(glimpses.data());
+    }
+}
+
+/// Runs of equal channel.
+pub(super) fn groups(channels: &[usize]) -> Vec<std::ops::Range<usize>> {
+    let mut groups: Vec<std::ops::Range<usize>> = vec![];
+    for (i, channel) in channels.iter().enumerate() {
+        match groups.last_mut() {
+            Some(last) if channels[last.start] == *channel => last.end = i + 1,
+            _ => groups.push(i..i + 1),
+        }
+    }
+    groups
+}
+
+/// Zero mean and unit standard deviation. 0.05 is added to the deviation, so that flat glimpses stay flat
+/// instead of showing their noise.
+pub fn standardise(values: &mut [f32]) {
+    const FLAT: f32 = 0.05;
+    let n = values.len() as f32;
+    let mean = kernels::sum(values) / n;
+    values.iter_mut().for_each(|x| *x -= mean);
+    let sd = (kernels::dot(values, values) / n).sqrt();
+    let gain = 1.0 / (sd + FLAT);
+    values.iter_mut().for_each(|x| *x *= gain);
+}

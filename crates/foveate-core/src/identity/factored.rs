@@ -1,0 +1,57 @@
+//! The features of a factored RBM (section 2.1, Ranzato & Hinton 2010) as a first layer.
+
+use super::encoder::{Encoder, groups, standardise};
+use foveate_base::rows::{Rows, RowsMut};
+use foveate_learn::rbm::factored::{FactoredRbm, Units};
+
+/// The probabilities of a factored RBM's hidden units: covariance units off, mean units on.
+pub struct FactoredEncoder {
+    rbm: FactoredRbm,
+    units: Units,
+    groups: Vec<std::ops::Range<usize>>,
+}
+
+impl FactoredEncoder {
+    /// Encodes with these units of a trained machine; each channel of a glimpse is standardised first, as in its training.
+    pub fn new(rbm: FactoredRbm, units: Units, channels: &[usize]) -> Self {
+        Self { rbm, units, groups: groups(channels) }
+    }
+}
+
+impl Encoder for FactoredEncoder {
+    fn shape(&self) -> (usize, usize) {
+        (self.rbm.glimpse_len(), self.rbm.width(self.units))
+    }
+    fn condition(&self, glimpse: &mut [f32]) {
+        self.groups.iter().for_each(|g| standardise(&mut glimpse[g.clone()]));
+    }
+    fn encode(&self, glimpses: Rows<'_>, features: RowsMut<'_>) {
+        self.rbm.features(glimpses, self.units, features);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance;
+    use foveate_base::rng::Streams;
+    use foveate_learn::rbm::factored::{Recipe, Trainer};
+    use rand::RngExt;
+
+    #[test]
+    fn it_keeps_the_law() {
+        let channels: Vec<usize> = (0..60).map(|i| i / 40).collect();
+        let mut rng = Streams::new(6, 0).rng(0);
+        let mut glimpses: Vec<f32> = (0..99 * 60).map(|_| rng.random()).collect();
+        // More units than a thread's scratch holds rows for at once.
+        let recipe = Recipe { batch: 40, ..Recipe::new(700, 130) };
+        let trainer = Trainer::new(recipe, Rows::new(&glimpses, 60)).expect("good rows");
+        for (units, n) in [(Units::Both, 830), (Units::Covariance, 700), (Units::Mean, 130)] {
+            let encoder = FactoredEncoder::new(trainer.learned(), units, &channels);
+            glimpses[..60].fill(0.5);
+            glimpses.chunks_exact_mut(60).for_each(|glimpse| encoder.condition(glimpse));
+            conformance::encoder(&encoder, &glimpses);
+            assert_eq!(encoder.shape(), (60, n));
+        }
+    }
+}

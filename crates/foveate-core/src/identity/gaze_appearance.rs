@@ -1,0 +1,470 @@
+//! The default appearance: retina → encoder → distance to the first frame (section 3.1).
+//!
+//! The template is a frame and a state, not a table: τ(a) is one more row of every batch, so that a continuous
+//! gaze costs nothing more. All particles of a gaze are encoded as one batch, in fixed chunks of rows that
+//! threads share out; a row's result does not depend on its chunk.
+
+#[cfg(feature = "threads")]
+use rayon::prelude::*;
+use std::sync::Arc;
+
+use super::colour::{self, Colour};
+use super::discriminant::Discriminant;
+use super::distance::{Distance, Kind};
+use super::encoder::Encoder;
+use super::pyramid::{Pyramid, Region};
+use super::retina::Retina;
+use super::{Appearance, Percept, ReferenceLikelihood, calibrate, discriminant};
+use crate::geometry::{Extent, Fixation, Gaze, State};
+use crate::scene::Image;
+use foveate_base::rng::Streams;
+use foveate_base::rows::{Rows, RowsMut};
+use foveate_base::{Error, Result};
+
+mod saved;
+
+/// Rows encoded at a time: whole blocks of the matrix product, few enough to stay in the second-level cache.
+const CHUNK: usize = 48;
+/// The farthest gaze a template can be read at, in template units.
+const FARTHEST_GAZE: f64 = 1.5;
+
+/// How log-likelihoods follow from distances: log p = −sharpness · d.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sharpness {
+    /// Given, in nats per unit of distance.
+    Fixed(f64),
+    /// Chosen on the first frame from the scene itself.
+    Calibrated(calibrate::Calibration),
+}
+
+/// Retina, encoder, distance and a template.
+pub struct GazeAppearance {
+    retina: Arc<dyn Retina>,
+    encoder: Arc<dyn Encoder>,
+    distance: Kind,
+    setting: Sharpness,
+    discounting_background: f32,
+    dimmed: Option<Image>,
+    kept: Option<Template>,
+    template: Pyramid,
+    pyramid: Pyramid,
+    scratch: Scratch,
+    discriminant: Option<Discriminant>,
+    colour: Option<Colour>,
+}
+
+/// What `init_template` learned.
+#[derive(Clone)]
+struct Template {
+    image: Image,
+    state: State,
+    extent: Extent,
+    sharpness: f64,
+    reference: ReferenceLikelihood,
+}
+
+#[derive(Default)]
+struct Scratch {
+    glimpses: Vec<f32>,
+    features: Vec<f32>,
+    template_glimpse: Vec<f32>,
+    template: Vec<f32>,
+    /// Of places that are learned from.
+    learned: Vec<f32>,
+    /// Of which gaze they are.
+    template_gaze: Option<Gaze>,
+}
+
+impl GazeAppearance {
+    /// Puts the parts together. Fails where the encoder does not take what the retina gives.
+    pub fn new(
+        retina: Arc<dyn Retina>,
+        encoder: Arc<dyn Encoder>,
+        distance: Kind,
+        sharpness: Sharpness,
+    ) -> Result<Self> {
+        let (n_v, n_h) = encoder.shape();
+        if n_v != retina.glimpse_len() {
+            return Err(Error::Config(format!(
+                "the encoder takes {n_v} values, but the retina gives {}; use the retina the model was trained with \
+                 (it is in the model file), or retrain with `foveate train`",
+                retina.glimpse_len()
+            )));
+        }
+        let scratch = Scratch { template_glimpse: vec![0.0; n_v], template: vec![0.0; n_h], ..Scratch::default() };
+        Ok(Self {
+            retina,
+            encoder,
+            distance,
+            setting: sharpness,
+            discounting_background: 0.0,
+            dimmed: None,
+            kept: None,
+            template: Pyramid::default(),
+            pyramid: Pyramid::default(),
+            scratch,
+            discriminant: None,
+            colour: None,
+        })
+    }
+
+    /// Takes this share (0 to 1) off whatever was already there in the first frame, pixel by pixel, before looking: for a
+    /// fixed camera, what has not changed since then cannot be the target that has moved.
+    ///
+    /// Not in the paper, which finds its targets by motion but then forgets that they move. Without it a static thing
+    /// beneath the target in the first frame, part of the template, holds the tracker back.
+    pub fn discounting_background(self, share: f32) -> Self {
+        Self { discounting_background: share, ..self }
+    }
+
+    /// Learns while tracking what tells the target from what is around it, by these settings.
+    pub fn discriminating(self, settings: discriminant::Settings) -> Self {
+        let (_, n_h) = self.encoder.shape();
+        Self { discriminant: Some(Discriminant::new(settings, n_h)), ..self }
+    }
+
+    /// Learns while tracking the colours of the target and of its surroundings, by these settings.
+    pub fn colouring(self, settings: Option<colour::Settings>) -> Self {
+        Self { colour: settings.map(Colour::new), ..self }
+    }
+
+    /// Nats per unit of distance in use; `None` before there is a template.
+    pub fn sharpness(&self) -> Option<f64> {
+        self.kept.as_ref().map(|k| k.sharpness)
+    }
+
+    fn kept(&self) -> &Template {
+        self.kept.as_ref().expect("a template is kept before the first look")
+    }
+
+    fn extent(&self) -> Extent {
+        self.kept.as_ref().map_or(Extent { half_w: 1.0, half_h: 1.0 }, |kept| kept.extent)
+    }
+
+    fn reach(&self) -> f64 {
+        self.retina.footprints().iter().map(|f| f.reach).fold(0.0, f64::max)
+    }
+
+    /// Distances of what is seen at each state to the template at the same gaze, in shape and colour.
+    fn distances(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
+        self.shape_distances(states, gaze, out);
+        let extent = self.extent();
+        if let Some(colour) = &self.colour {
+            let weight = colour.weight();
+            for (d, state) in out.iter_mut().zip(states) {
+                *d += weight * (colour.distance(state, extent) - *d);
+            }
+        }
+    }
+
+    fn shape_distances(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
+        assert_eq!(states.len(), out.len(), "one distance a state");
+        let (n_v, n_h) = self.encoder.shape();
+        self.template_features(gaze);
+        let (retina, encoder) = (&*self.retina, &*self.encoder);
+        let extent = self.extent();
+        let (pyramid, distance) = (&self.pyramid, self.distance);
+        let discriminant = self.discriminant.as_ref().filter(|_| Discriminant::knows(gaze));
+        let Scratch { glimpses, features, template, .. } = &mut self.scratch;
+        let template = &template[..];
+        let one = |states: &[State], out: &mut [f64], glimpses: &mut [f32], features: &mut [f32]| {
+            let glimpses = &mut glimpses[..states.len() * n_v];
+            let features = &mut features[..states.len() * n_h];
+            let mut at = [Fixation::default(); CHUNK];
+            let at = &mut at[..states.len()];
+            at.iter_mut().zip(states).for_each(|(at, state)| *at = state.fixate(gaze, extent));
+            retina.look_each(pyramid, at, RowsMut::new(glimpses, n_v));
+            glimpses.chunks_exact_mut(n_v).for_each(|glimpse| encoder.condition(glimpse));
+            let glimpses = Rows::new(glimpses, n_v);
+            if let Some(of_overlap) = distance.of_overlap().filter(|_| discriminant.is_none()) {
+                let (mut totals, mut overlaps) = ([0.0; CHUNK], [0.0; CHUNK]);
+                let (totals, overlaps) = (&mut totals[..states.len()], &mut overlaps[..states.len()]);
+                if encoder.overlaps(glimpses, template, totals, overlaps) {
+                    for ((total, overlap), d) in totals.iter().zip(&*overlaps).zip(out) {
+                        *d = of_overlap(*total, *overlap);
+                    }
+                    return;
+                }
+            }
+            encoder.encode(glimpses, RowsMut::new(features, n_h));
+            for (h, d) in features.chunks_exact(n_h).zip(out) {
+                let from_template = distance.distance(h, template);
+                *d = discriminant.map_or(from_template, |it| it.mixed(from_template, h));
+            }
+        };
+        #[cfg(feature = "threads")]
+        if crate::threads::count() > 1 && states.len() > CHUNK {
+            let all = states.len().div_ceil(CHUNK) * CHUNK;
+            glimpses.resize(all * n_v, 0.0);
+            features.resize(all * n_h, 0.0);
+            states
+                .par_chunks(CHUNK)
+                .zip(out.par_chunks_mut(CHUNK))
+                .zip(glimpses.par_chunks_mut(CHUNK * n_v))
+                .zip(features.par_chunks_mut(CHUNK * n_h))
+                .for_each(|(((states, out), glimpses), features)| one(states, out, glimpses, features));
+            return;
+        }
+        glimpses.resize(CHUNK * n_v, 0.0);
+        features.resize(CHUNK * n_h, 0.0);
+        for (states, out) in states.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
+            one(states, out, glimpses, features);
+        }
+    }
+
+    /// τ(a): encodes the template at a gaze into the scratch, unless it is there.
+    fn template_features(&mut self, gaze: Gaze) {
+        if self.scratch.template_gaze == Some(gaze) {
+            return;
+        }
+        self.scratch.template_gaze = Some(gaze);
+        let kept = self.kept.as_ref().expect("a template is kept before the first look");
+        let Scratch { template_glimpse, template, .. } = &mut self.scratch;
+        self.retina.look(&self.template, kept.state.fixate(gaze, kept.extent), template_glimpse);
+        self.encoder.condition(template_glimpse);
+        let (n_v, n_h) = self.encoder.shape();
+        self.encoder.encode(Rows::new(template_glimpse, n_v), RowsMut::new(template, n_h));
+        self.distance.keep(template);
+    }
+
+    /// Looks at the target and around it, and learns the difference.
+    fn discriminate(&mut self, image: &Image, state: &State, distractors: &[State], first: bool) {
+        let Some(mut it) = self.discriminant.take() else { return };
+        let (extent, (n_v, n_h)) = (self.extent(), self.encoder.shape());
+        it.look_around(state, extent, distractors);
+        // After a look around the target for distractors most often all is there.
+        let region = Region::covering(image, &it.places, &[Gaze::CENTRE], extent, self.reach());
+        if first || !self.pyramid.holds(region, self.retina.footprints(), units(&it.places, extent)) {
+            self.see(image, &it.places, &[Gaze::CENTRE]);
+        }
+        let glimpses = &mut self.scratch.learned;
+        glimpses.resize(CHUNK * n_v, 0.0);
+        for (places, rows) in it.places.chunks(CHUNK).zip(it.rows.chunks_mut(CHUNK * (n_h + 1))) {
+            let mut at = [Fixation::default(); CHUNK];
+            at.iter_mut().zip(places).for_each(|(at, place)| *at = place.fixate(Gaze::CENTRE, extent));
+            let glimpses = &mut glimpses[..places.len() * n_v];
+            self.retina.look_each(&self.pyramid, &at[..places.len()], RowsMut::new(glimpses, n_v));
+            for (glimpse, row) in glimpses.chunks_exact_mut(n_v).zip(rows.chunks_exact_mut(n_h + 1)) {
+                let (features, one) = row.split_at_mut(n_h);
+                self.encoder.condition(glimpse);
+                self.encoder.encode(Rows::new(glimpse, n_v), RowsMut::new(features, n_h));
+                one[0] = 1.0;
+            }
+        }
+        it.learn(first);
+        self.discriminant = Some(it);
+    }
+
+    fn keep(&mut self, kept: Template) {
+        let gazes = [Gaze { u: FARTHEST_GAZE, v: FARTHEST_GAZE, arm: None }];
+        let region = Region::covering(&kept.image, &[kept.state], &gazes, kept.extent, self.reach());
+        let unit = units(&[kept.state], kept.extent);
+        self.template.build(&kept.image, region, self.retina.footprints(), unit);
+        self.kept = Some(kept);
+        self.scratch.template_gaze = None;
+    }
+}
+
+/// `image` less a share of what it has in common with `first`; itself where the share is 0 or the sizes differ.
+fn dim<'a>(image: &'a Image, first: &Image, share: f32, out: &'a mut Option<Image>) -> &'a Image {
+    let like = |other: &Image| {
+        (other.width(), other.height(), other.planes()) == (image.width(), image.height(), image.planes())
+    };
+    if share <= 0.0 || !like(first) {
+        return image;
+    }
+    if !out.as_ref().is_some_and(like) {
+        *out = Some(image.clone());
+    }
+    let out = out.as_mut().expect("made above");
+    let share = (share * 256.0) as u16;
+    for p in 0..image.planes() {
+        for ((out, &now), &then) in out.plane_mut(p).iter_mut().zip(image.plane(p)).zip(first.plane(p)) {
+            *out = now - ((u16::from(now.min(then)) * share) >> 8) as u8;
+        }
+    }
+    out
+}
+
+/// Pixels per template unit at the states' mean size.
+fn units(states: &[State], extent: Extent) -> (f64, f64) {
+    let mean = states.iter().map(|s| s.log_scale).sum::<f64>() / states.len() as f64;
+    (mean.exp() * extent.half_w, mean.exp() * extent.half_h)
+}
+
+impl Appearance for GazeAppearance {
+    fn init_template(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams) {
+        let nothing = ReferenceLikelihood { on: 0.0, off: 0.0 };
+        self.keep(Template { image: image.clone(), state: *state, extent, sharpness: 1.0, reference: nothing });
+        // On the first frame itself everything is familiar.
+        self.colour.iter_mut().for_each(|colour| colour.init(image, state, extent));
+        let discounting_background = std::mem::take(&mut self.discounting_background);
+        self.discriminate(image, state, &[], true);
+        let found = calibrate::calibrate(image, state, extent, streams, &mut |states, out| {
+            self.see(image, states, &[Gaze::CENTRE]);
+            self.distances(states, Gaze::CENTRE, out);
+        });
+        self.discounting_background = discounting_background;
+        let sharpness = match self.setting {
+            Sharpness::Fixed(sharpness) => sharpness,
+            Sharpness::Calibrated(rule) => rule.sharpness(&found),
+        };
+        let kept = self.kept.as_mut().expect("kept two lines above");
+        kept.sharpness = sharpness;
+        kept.reference = ReferenceLikelihood { on: -sharpness * found.on, off: -sharpness * found.off };
+    }
+
+    fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
+        let extent = self.extent();
+        self.colour.iter_mut().for_each(|colour| colour.see(image, states, extent));
+        let region = Region::covering(image, states, gazes, extent, self.reach());
+        let kept = self.kept.as_ref().expect("a template is kept before the first look");
+        let image = dim(image, &kept.image, self.discounting_background, &mut self.dimmed);
+        self.pyramid.build(image, region, self.retina.footprints(), units(states, extent));
+    }
+
+    // Deviation: the paper prints exp(−d), without a sharpness; that tracks nothing.
+    fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
+        let sharpness = self.kept().sharpness;
+        self.distances(states, gaze, out);
+        out.iter_mut().for_each(|d| *d *= -sharpness);
+    }
+
+    fn perceive(&mut self, state: &State, gaze: Gaze, percept: &mut Percept) {
+        let (n_v, n_h) = self.encoder.shape();
+        self.template_features(gaze);
+        percept.gaze = gaze;
+        percept.glimpse.resize(n_v, 0.0);
+        percept.features.resize(n_h, 0.0);
+        self.retina.look(&self.pyramid, state.fixate(gaze, self.extent()), &mut percept.glimpse);
+        let conditioned = &mut self.scratch.template_glimpse;
+        conditioned.copy_from_slice(&percept.glimpse);
+        self.encoder.condition(conditioned);
+        self.encoder.encode(Rows::new(conditioned, n_v), RowsMut::new(&mut percept.features, n_h));
+        percept.distance = self.distance.distance(&percept.features, &self.scratch.template);
+    }
+
+    fn adapts(&self) -> bool {
+        self.discriminant.is_some() || self.colour.is_some()
+    }
+
+    fn adapt(&mut self, image: &Image, state: &State, distractors: &[State], frame_deficit: f64) {
+        let extent = self.extent();
+        if let Some(colour) = self.colour.as_mut().filter(|colour| frame_deficit <= colour.settings().gate) {
+            colour.adapt(image, state, extent);
+        }
+        if self.discriminant.as_ref().is_some_and(|it| frame_deficit <= it.settings().gate) {
+            self.discriminate(image, state, distractors, false);
+        }
+    }
+
+    fn template_source(&self) -> Option<(&Image, &State, Extent)> {
+        self.kept.as_ref().map(|kept| (&kept.image, &kept.state, kept.extent))
+    }
+
+    fn reference(&self) -> ReferenceLikelihood {
+        self.kept().reference
+    }
+
+    fn save(&self) -> serde_json::Value {
+        self.to_saved()
+    }
+
+    fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+        self.take_up(saved)
+    }
+}
+
+#[cfg(all(test, feature = "learn"))]
+mod tests {
+    use super::*;
+    use crate::identity::rbm_encoder::{Precision, RbmEncoder};
+    use crate::identity::retina::{Foveal, FovealConfig};
+    use foveate_learn::rbm::{Rbm, Visible};
+    use rand::RngExt;
+
+    const N: usize = 150;
+    const EXTENT: Extent = Extent { half_w: 14.0, half_h: 12.0 };
+    const GAZE: Gaze = Gaze { u: 0.3, v: -0.2, arm: None };
+
+    fn states() -> Vec<State> {
+        let mut rng = Streams::new(3, 0).rng(1);
+        let mut off = |size: f64| size * (rng.random::<f64>() - 0.5);
+        (0..N)
+            .map(|_| State {
+                x: 40.0 + off(9.0),
+                y: 40.0 + off(9.0),
+                log_scale: off(0.1),
+                angle: off(0.2),
+                vx: 0.0,
+                vy: 0.0,
+            })
+            .collect()
+    }
+
+    /// Of random weights, a template template_source on noise, the particles' surroundings seen.
+    fn appearance(precision: Precision, distance: Kind) -> GazeAppearance {
+        let mut rng = Streams::new(3, 0).rng(0);
+        let retina = Foveal::new(FovealConfig::authors()).expect("whole cells");
+        let (n_v, n_h) = (retina.glimpse_len(), 200);
+        let mut values = |n: usize| (0..n).map(|_| rng.random::<f32>() - 0.5).collect::<Vec<f32>>();
+        let rbm = Rbm::new(Visible::Bernoulli, values(n_v * n_h), values(n_v), values(n_h)).expect("shapes that fit");
+        let encoder = RbmEncoder::new(rbm, &vec![0; n_v]).rounded(precision);
+        let fixed = Sharpness::Fixed(1.0);
+        let mut it = GazeAppearance::new(Arc::new(retina), Arc::new(encoder), distance, fixed).expect("parts that fit");
+        let image = Image::new(80, 80, 1, (0..80 * 80).map(|_| rng.random()).collect()).expect("one byte a pixel");
+        it.init_template(&image, &State { x: 40.0, y: 40.0, ..State::default() }, EXTENT, Streams::new(3, 0));
+        it.see(&image, &states(), &[GAZE]);
+        it
+    }
+
+    fn distances(it: &mut GazeAppearance, states: &[State], threads: usize) -> Vec<f64> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+        let mut out = vec![f64::NAN; states.len()];
+        pool.install(|| it.distances(states, GAZE, &mut out));
+        out
+    }
+
+    /// To the bit: neither the threads nor the other particles change a distance.
+    #[test]
+    fn a_distance_depends_on_its_state_alone() {
+        for precision in [Precision::F32, Precision::Bf16] {
+            for kind in [Kind::Bhattacharyya, Kind::Cosine] {
+                let (mut it, states) = (appearance(precision, kind), states());
+                let together = distances(&mut it, &states, 1);
+                assert_eq!(together, distances(&mut it, &states, 3), "{kind:?} {precision:?}");
+                let alone: Vec<f64> = states.iter().flat_map(|s| distances(&mut it, &[*s], 1)).collect();
+                assert_eq!(together, alone, "{kind:?} {precision:?}");
+            }
+        }
+    }
+
+    /// Overlaps straight from the product are those of the features; rounding moves a distance by less than a hundredth.
+    #[test]
+    fn ways_to_a_distance_agree() {
+        let mut exact = appearance(Precision::F32, Kind::BhattacharyyaSquared);
+        let (states, mut percept) = (states(), Percept::default());
+        let unrounded = distances(&mut exact, &states, 1);
+        for precision in [Precision::F32, Precision::Bf16] {
+            let mut it = appearance(precision, Kind::BhattacharyyaSquared);
+            let together = distances(&mut it, &states, 1);
+            for ((state, d), unrounded) in states.iter().zip(&together).zip(&unrounded) {
+                it.perceive(state, GAZE, &mut percept);
+                assert!((percept.distance - d).abs() < 1e-6, "{precision:?}: {d}, not {}", percept.distance);
+                let most = if precision == Precision::F32 { 0.0 } else { 0.01 * unrounded + 1e-5 };
+                assert!((d - unrounded).abs() <= most, "{precision:?}: {d}, not {unrounded}");
+            }
+        }
+    }
+
+    /// A new template replaces the old one's features at the same gaze.
+    #[test]
+    fn a_new_template_is_used_at_once() {
+        let mut it = appearance(Precision::F32, Kind::Euclidean);
+        let (image, there) = (Image::grey(80, 80, 200), State { x: 30.0, y: 50.0, ..State::default() });
+        assert!(distances(&mut it, &states()[..1], 1)[0] > 1e-3);
+        it.init_template(&image, &there, EXTENT, Streams::new(3, 0));
+        it.see(&image, &[there], &[GAZE]);
+        assert_eq!(distances(&mut it, &[there], 1), [0.0]);
+    }
+}

@@ -1,0 +1,79 @@
+//! What an appearance remembers between frames, as plain data: the picture of frame 1, and what tells the target from the rest.
+
+use base64::Engine as _;
+use serde::{Deserialize, Serialize};
+
+use super::{GazeAppearance, Template};
+use crate::geometry::{Extent, State};
+use crate::identity::colour::Colour;
+use crate::identity::discriminant::Discriminant;
+use crate::reference::ReferenceLikelihood;
+use crate::scene::Image;
+use foveate_base::{Error, Result};
+
+impl GazeAppearance {
+    pub(super) fn to_saved(&self) -> serde_json::Value {
+        let Some(kept) = &self.kept else { return serde_json::Value::Null };
+        let saved = Saved {
+            width: kept.image.width(),
+            height: kept.image.height(),
+            planes: kept.image.planes(),
+            pixels: base64::engine::general_purpose::STANDARD.encode(kept.image.bytes()),
+            state: kept.state,
+            extent: kept.extent,
+            sharpness: kept.sharpness,
+            reference: kept.reference,
+            discriminant: self.discriminant.as_ref().map(Discriminant::save),
+            colour: self.colour.as_ref().map(Colour::save),
+        };
+        serde_json::to_value(saved).expect("plain data is JSON")
+    }
+
+    pub(super) fn take_up(&mut self, saved: &serde_json::Value) -> Result<()> {
+        if saved.is_null() {
+            self.kept = None;
+            return Ok(());
+        }
+        let bad = |what: String| Error::Invalid(format!("the saved appearance cannot be used: {what}"));
+        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
+        let pixels = base64::engine::general_purpose::STANDARD.decode(&saved.pixels).map_err(|e| bad(e.to_string()))?;
+        let image = Image::new(saved.width, saved.height, saved.planes, pixels)?;
+        match (&mut self.discriminant, &saved.discriminant) {
+            (Some(it), Some(saved)) => it.load(saved)?,
+            (None, None) => (),
+            _ => {
+                return Err(bad(
+                    "it, or this tracker, has no discriminant; use the configuration it was saved with".into()
+                ));
+            }
+        }
+        match (&mut self.colour, &saved.colour) {
+            (Some(it), Some(saved)) => it.load(saved)?,
+            (None, None) => (),
+            _ => {
+                return Err(bad(
+                    "only one of it and this tracker has colours; use the configuration it was saved with".into(),
+                ));
+            }
+        }
+        let Saved { state, extent, sharpness, reference, .. } = saved;
+        self.keep(Template { image, state, extent, sharpness, reference });
+        Ok(())
+    }
+}
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    width: usize,
+    height: usize,
+    planes: usize,
+    pixels: String,
+    state: State,
+    extent: Extent,
+    sharpness: f64,
+    reference: ReferenceLikelihood,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    discriminant: Option<serde_json::Value>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    colour: Option<serde_json::Value>,
+}

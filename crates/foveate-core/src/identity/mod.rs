@@ -1,0 +1,117 @@
+//! WHAT is it? The identity (ventral) pathway: glimpses, features, distance to a template, class.
+//!
+//! As the control pathway sees it, an [`Appearance`] says how well the target, as it looked in the
+//! first frame, explains what is seen at a state: log p(hₜ | xₜ, aₜ) = −sharpness · d(h(xₜ, aₜ), h(x₁, aₜ))
+//! (section 3.1 of the paper).
+
+pub mod accumulate;
+pub mod calibrate;
+#[cfg(feature = "learn")]
+pub mod classifier;
+pub mod colour;
+#[cfg(feature = "learn")]
+pub mod convolution;
+pub mod discriminant;
+pub mod distance;
+pub mod encoder;
+#[cfg(feature = "learn")]
+pub mod factored;
+mod footprint;
+pub mod gaze_appearance;
+#[cfg(feature = "learn")]
+pub mod multi_fixation;
+mod numbers;
+pub mod oriented;
+pub mod pyramid;
+#[cfg(feature = "learn")]
+pub mod rbm_encoder;
+pub mod retina;
+
+#[cfg(feature = "learn")]
+pub use classifier::Classifier;
+pub use distance::Distance;
+pub use encoder::Encoder;
+pub use footprint::Footprint;
+pub use gaze_appearance::GazeAppearance;
+#[cfg(feature = "learn")]
+pub use multi_fixation::MultiFixation;
+pub use pyramid::Pyramid;
+#[cfg(feature = "learn")]
+pub use rbm_encoder::RbmEncoder;
+pub use retina::{Foveal, Retina};
+
+use crate::geometry::{Extent, Gaze, State};
+use crate::reference::ReferenceLikelihood;
+use crate::scene::Image;
+use foveate_base::Result;
+use foveate_base::rng::Streams;
+
+/// One look, kept: what the fovea saw and what the first layer made of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Percept {
+    /// Where it looked.
+    pub gaze: Gaze,
+    /// vₜ: the values of the retina's cells, 0 to 1, as the retina lists them.
+    pub glimpse: Vec<f32>,
+    /// hₜ: the activations of the first layer.
+    pub features: Vec<f32>,
+    /// Distance of the features to the template's at the same gaze (no sharpness).
+    pub distance: f64,
+}
+
+/// How the target looks, as the control pathway sees it.
+///
+/// `see` is called once a frame, before any `log_likelihood` or `perceive` of that frame, with every state
+/// and gaze they may ask about (or states between those). A log-likelihood must depend on its own state and gaze
+/// alone: if it does not, results change with the number of threads, and `conformance::appearance` fails.
+pub trait Appearance: Send + Sync {
+    /// Keeps the template τ: how the target looks at `state`, whose box has `extent` at scale 1.
+    fn init_template(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams);
+    /// Takes in what `states` and `gazes` of this frame need.
+    fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]);
+    /// log p(hₜ | xₜ, aₜ) in nats, up to a constant, for each state.
+    fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]);
+    /// Looks once and keeps what was seen.
+    fn perceive(&mut self, state: &State, gaze: Gaze, percept: &mut Percept);
+    /// Whether [`Appearance::adapt`] does anything.
+    fn adapts(&self) -> bool {
+        false
+    }
+    /// Learns from the target, believed to be at `state` of this frame, which must be the one that was seen last, and not at
+    /// the `distractors`. `frame_deficit` is 0 where the evidence is what the target gives, 1 where it is what other places give. What
+    /// was seen of the frame is forgotten.
+    fn adapt(&mut self, _image: &Image, _state: &State, _rivals: &[State], _surprise: f64) {}
+    /// The picture `init_template` was given, where the target was in it, and its box; none where that is not kept.
+    fn template_source(&self) -> Option<(&Image, &State, Extent)> {
+        None
+    }
+    /// What the first frame says of evidence to come.
+    fn reference(&self) -> ReferenceLikelihood;
+    /// Everything `init_template` learned, to resume from.
+    fn save(&self) -> serde_json::Value;
+    /// Takes up what `save` gave.
+    fn load(&mut self, saved: &serde_json::Value) -> Result<()>;
+}
+
+/// What is it called? From looks at the target to the probabilities of classes (section 2.2).
+///
+/// It remembers a few looks, and what it says must depend on these alone. It takes any gaze: continuous policies can
+/// recognise too. `conformance::recognizer` is its law.
+pub trait Recognizer: Send + Sync {
+    /// n_c, at least 2.
+    fn classes(&self) -> usize;
+    /// What the classes are called, in their order; empty where they have numbers alone.
+    fn names(&self) -> &[String] {
+        &[]
+    }
+    /// Length of the features it reads.
+    fn width(&self) -> usize;
+    /// Takes in one look more, and writes log p(c | the looks it remembers), nats, one a class.
+    fn recognize(&mut self, features: &[f32], gaze: Gaze, log_p: &mut [f64]);
+    /// Forgets all looks.
+    fn reset(&mut self);
+    /// The looks it remembers.
+    fn save(&self) -> serde_json::Value;
+    /// Takes up what `save` gave. Fails where it does not fit.
+    fn load(&mut self, saved: &serde_json::Value) -> Result<()>;
+}

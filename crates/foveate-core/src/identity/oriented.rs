@@ -1,0 +1,143 @@
+//! Gradients, grey and colour: a first layer that needs no training.
+//!
+//! The retina's grey cells are one square of (4 n + 2)² cells: n × n blocks of 4 × 4 cells with a border of one. Features are, in
+//! this order,
+//! ```text
+//! gradients  n × n × 8   square roots of each block's sums of gradient in eight directions (Dalal & Triggs, 2005)
+//! grey       2n × 2n     sums of 2 × 2 cells
+//! colour                 the opponent cells, less what is neither
+//! ```
+//! Gradients and grey have their mean taken out, and each part its length brought to the root of its weight, so that the cosine
+//! of two feature vectors is the weighted mean of the cosines of their parts. The paper's first layer is learned
+//! (section 2.1); on real video none of ours comes up to this one.
+
+use foveate_kernels as kernels;
+use serde::{Deserialize, Serialize};
+
+use super::encoder::Encoder;
+use foveate_base::rows::{Rows, RowsMut};
+use foveate_base::{Error, Result};
+
+/// What gradients, grey and colour count.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Weights {
+    /// Of gradients, 0 to 1000.
+    pub gradients: f32,
+    /// Of grey.
+    pub grey: f32,
+    /// Of both colour channels together.
+    pub colour: f32,
+}
+
+impl Default for Weights {
+    /// As ridge regression found no use in others.
+    fn default() -> Self {
+        Self { gradients: 0.6, grey: 0.2, colour: 0.2 }
+    }
+}
+
+/// Lengths of a part, in its values' root mean square, that count as flat: less contrast than that is noise.
+const FLAT: [f32; 3] = [0.05, 0.1, 0.03];
+
+/// The value of a colour channel where there is no colour.
+const NEITHER: f32 = 128.0 / 255.0;
+
+/// Gradients, grey and colour.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Oriented {
+    blocks: usize,
+    cells: usize,
+    colour: usize,
+    lengths: kernels::Lengths,
+}
+
+impl Oriented {
+    /// For a retina whose cells have these channels. Fails where grey is not a square of 6, 10, 14 and so on to 34 cells a
+    /// side, or a weight is negative.
+    pub fn new(channels: &[usize], weights: Weights) -> Result<Self> {
+        let cells = channels.iter().filter(|c| **c == 0).count();
+        let side = cells.isqrt();
+        if side * side != cells || !(6..=34).contains(&side) || !(side - 2).is_multiple_of(kernels::BLOCK) {
+            return Err(Error::Config(format!(
+                "the oriented encoder needs a retina of one ring, of 6, 10, 14, 18, 22, 26, 30 or 34 cells a side, such as rings = \
+                 [[18, 1]]; this one has {cells} grey cells"
+            )));
+        }
+        let weights = [weights.gradients, weights.grey, weights.colour];
+        if !weights.iter().all(|w| (0.0..=1000.0).contains(w)) {
+            return Err(Error::Config(format!("encoder.weights are numbers from 0 to 1000; they are {weights:?}")));
+        }
+        let [gradients, grey, colour] = weights.map(f32::sqrt);
+        let lengths = kernels::Lengths {
+            length: [gradients, grey, colour * std::f32::consts::FRAC_1_SQRT_2],
+            flat: FLAT,
+            neither: NEITHER,
+        };
+        Ok(Self { blocks: (side - 2) / kernels::BLOCK, cells, colour: channels.len() - cells, lengths })
+    }
+}
+
+impl Encoder for Oriented {
+    fn shape(&self) -> (usize, usize) {
+        (self.cells + self.colour, (kernels::DIRECTIONS + 4) * self.blocks * self.blocks + self.colour)
+    }
+
+    fn encode(&self, glimpses: Rows<'_>, mut features: RowsMut<'_>) {
+        let (n_v, n_h) = self.shape();
+        for (v, h) in glimpses.data().chunks_exact(n_v).zip(features.data().chunks_exact_mut(n_h)) {
+            kernels::oriented_features(v, self.blocks, &self.lengths, h);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance;
+    use foveate_base::rng::Streams;
+    use rand::RngExt;
+
+    fn channels(grey: usize, colour: usize) -> Vec<usize> {
+        [vec![0; grey], vec![1; colour], vec![2; colour]].concat()
+    }
+
+    #[test]
+    fn it_keeps_the_law() {
+        let mut rng = Streams::new(2, 0).rng(0);
+        for (side, colour) in [(6, 0), (18, 16), (26, 36)] {
+            let it = Oriented::new(&channels(side * side, colour), Weights::default()).expect("blocks and a border");
+            let glimpses: Vec<f32> = (0..7 * it.shape().0).map(|_| rng.random()).collect();
+            conformance::encoder(&it, &glimpses);
+        }
+    }
+
+    /// Light that doubles and shifts changes little; flat glimpses are short; lengths are the weights.
+    #[test]
+    fn contrast_and_brightness_do_not_matter_much() {
+        let mut rng = Streams::new(2, 0).rng(1);
+        let it = Oriented::new(&channels(324, 16), Weights::default()).expect("4 blocks and a border");
+        let dark: Vec<f32> = (0..324).map(|_| 0.4 * rng.random::<f32>()).chain([128.0 / 255.0; 32]).collect();
+        let bright: Vec<f32> = dark[..324].iter().map(|v| 2.0 * v + 0.1).chain([128.0 / 255.0; 32]).collect();
+        let encode = |v: &[f32]| {
+            let mut h = vec![0.0; it.shape().1];
+            it.encode(Rows::new(v, v.len()), RowsMut::new(&mut h, it.shape().1));
+            h
+        };
+        let (a, b, flat) = (encode(&dark), encode(&bright), encode(&[0.5; 356]));
+        let norm = |h: &[f32]| kernels::dot(h, h).sqrt();
+        assert!(kernels::dot(&a, &b) / norm(&a) / norm(&b) > 0.99);
+        // Beside contrast without end nothing is flat: gradients and grey have all of their weights, 0.6 and 0.2.
+        let endless = encode(&dark.iter().map(|v| if *v > 0.5 { *v } else { 1e6 * v }).collect::<Vec<f32>>());
+        assert!((norm(&endless) - 0.8f32.sqrt()).abs() < 1e-3, "{}", norm(&endless));
+        assert!(norm(&flat) < 0.1, "{}", norm(&flat));
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        let said = Oriented::new(&channels(16 * 16, 0), Weights::default()).expect_err("no border").to_string();
+        assert!(said.contains("[[18, 1]]") && said.contains("256 grey cells"), "{said}");
+        let wrong = Weights { grey: -1.0, ..Weights::default() };
+        assert!(Oriented::new(&channels(324, 0), wrong).expect_err("negative").to_string().contains("weights"));
+    }
+}

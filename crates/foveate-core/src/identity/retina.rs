@@ -1,0 +1,162 @@
+//! The retina: a glimpse sharp at the gaze and coarse around it (section 2.1; Larochelle & Hinton 2010).
+//!
+//! A glimpse is a list of square cells. Each value is the mean of the image over the cell's footprint, read as
+//! one bilinear tap from a [`Pyramid`] level whose box means match the footprint. The template's box is `side` ×
+//! `side` template pixels; rings are windows around the gaze, in template pixels, each without the one inside it.
+//! The authors' geometry is `side = 28`, windows of 8, 16, 24 in cells of 1, 2, 4: 64 + 48 + 20 = 132 values.
+
+use serde::{Deserialize, Serialize};
+
+use super::footprint::Footprint;
+use super::pyramid::Pyramid;
+use crate::geometry::Fixation;
+use foveate_base::rows::RowsMut;
+use foveate_base::{Error, Result};
+
+/// One cell of a retina, in template units relative to the gaze.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cell {
+    /// Centre across.
+    pub u: f64,
+    /// Centre down.
+    pub v: f64,
+    /// Half its side.
+    pub half: f64,
+    /// Which of the pyramid's channels it reads: 0 is grey.
+    pub channel: usize,
+}
+
+/// From a fixation on the image to the values of a glimpse.
+///
+/// A glimpse must depend on the pyramid and the fixation alone.
+pub trait Retina: Send + Sync {
+    /// Number of values in a glimpse.
+    fn glimpse_len(&self) -> usize;
+    /// Where each value comes from, in order.
+    fn cells(&self) -> &[Cell];
+    /// The footprints a pyramid must hold for this retina, in template units (sides of cells), one for each level,
+    /// and the channel each level averages.
+    fn footprints(&self) -> &[Footprint];
+    /// Reads a glimpse at each fixation, one a row.
+    fn look_each(&self, pyramid: &Pyramid, at: &[Fixation], glimpses: RowsMut<'_>);
+    /// Reads one glimpse.
+    fn look(&self, pyramid: &Pyramid, at: Fixation, glimpse: &mut [f32]) {
+        self.look_each(pyramid, &[at], RowsMut::new(glimpse, self.glimpse_len()));
+    }
+}
+
+/// Geometry of a foveal retina, as a config file or a model's metadata has it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FovealConfig {
+    /// Template pixels along a side of the target's box.
+    pub side: f64,
+    /// Windows from the inside out: `[window, cell]` in template pixels.
+    pub rings: Vec<[usize; 2]>,
+    /// Further windows read from the colour opponent channels (red − green, blue − yellow): `[window, cell]`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub colour: Vec<[usize; 2]>,
+}
+
+impl FovealConfig {
+    /// The authors' 132 values.
+    pub fn authors() -> Self {
+        Self { side: 28.0, rings: vec![[8, 1], [16, 2], [24, 4]], colour: vec![] }
+    }
+}
+
+/// Concentric windows of ever coarser cells.
+#[derive(Clone, Debug)]
+pub struct Foveal {
+    config: FovealConfig,
+    cells: Vec<Cell>,
+    footprints: Vec<Footprint>,
+    /// Per level: its range of cells.
+    ranges: Vec<std::ops::Range<usize>>,
+    du: Vec<f32>,
+    dv: Vec<f32>,
+}
+
+impl Foveal {
+    /// Lays out the cells. Fails where a window is not whole cells, or not wider than the one inside it.
+    pub fn new(config: FovealConfig) -> Result<Self> {
+        if !(1.0..=1e4).contains(&config.side) {
+            return Err(Error::Config(format!("retina.side must be 1 to 10000 template pixels, got {}", config.side)));
+        }
+        if config.rings.is_empty() {
+            return Err(Error::Config(
+                "retina.rings is empty: give at least one [window, cell], such as [8, 1]".into(),
+            ));
+        }
+        let unit = 2.0 / config.side;
+        let mut retina =
+            Self { config: config.clone(), cells: vec![], footprints: vec![], ranges: vec![], du: vec![], dv: vec![] };
+        let mut inner = 0;
+        for &[window, cell] in &config.rings {
+            retina.ring("retina.rings", inner, window, cell, unit, 0)?;
+            inner = window;
+        }
+        for channel in 1..=2 {
+            let mut inner = 0;
+            for &[window, cell] in &config.colour {
+                retina.ring("retina.colour", inner, window, cell, unit, channel)?;
+                inner = window;
+            }
+        }
+        retina.du = retina.cells.iter().map(|c| c.u as f32).collect();
+        retina.dv = retina.cells.iter().map(|c| c.v as f32).collect();
+        Ok(retina)
+    }
+
+    /// The geometry it was made from.
+    pub fn config(&self) -> &FovealConfig {
+        &self.config
+    }
+
+    fn ring(&mut self, key: &str, inner: usize, window: usize, cell: usize, unit: f64, channel: usize) -> Result<()> {
+        let whole = cell > 0 && window.is_multiple_of(cell) && inner.is_multiple_of(cell);
+        let centred = cell > 0 && (window / cell) % 2 == (inner / cell) % 2 || inner == 0;
+        if !whole || !centred || window <= inner || window > 1024 {
+            return Err(Error::Config(format!(
+                "{key} has [{window}, {cell}] around a window of {inner}: a window must be wider than the one inside it \
+                 (at most 1024), both whole numbers of cells, with the inner one in the middle; for example [8, 1], [16, 2], [24, 4]"
+            )));
+        }
+        let n = window / cell;
+        let hole = (n - inner / cell) / 2..(n + inner / cell) / 2;
+        let start = self.cells.len();
+        for row in 0..n {
+            for column in 0..n {
+                if hole.contains(&row) && hole.contains(&column) {
+                    continue;
+                }
+                let at = |i: usize| (i as f64 - (n - 1) as f64 / 2.0) * cell as f64 * unit;
+                let half = cell as f64 * unit / 2.0;
+                self.cells.push(Cell { u: at(column), v: at(row), half, channel });
+            }
+        }
+        self.ranges.push(start..self.cells.len());
+        let reach = (n - 1) as f64 / 2.0 * cell as f64 * unit;
+        self.footprints.push(Footprint { side: cell as f64 * unit, channel, reach });
+        Ok(())
+    }
+}
+
+impl Retina for Foveal {
+    fn glimpse_len(&self) -> usize {
+        self.cells.len()
+    }
+    fn cells(&self) -> &[Cell] {
+        &self.cells
+    }
+    fn footprints(&self) -> &[Footprint] {
+        &self.footprints
+    }
+    fn look_each(&self, pyramid: &Pyramid, at: &[Fixation], mut glimpses: RowsMut<'_>) {
+        let stride = glimpses.width();
+        for (level, range) in self.ranges.iter().enumerate() {
+            let (du, dv) = (&self.du[range.clone()], &self.dv[range.clone()]);
+            pyramid.read(level, at, du, dv, &mut glimpses.data()[range.start..], stride);
+        }
+    }
+}

@@ -1,0 +1,29 @@
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+mod alarm;
+pub mod assignment;
+pub mod config;
+pub mod conformance;
+pub mod control;
+mod engine;
+pub mod gaze;
+pub mod geometry;
+pub mod identity;
+pub mod multi;
+pub mod recognition;
+pub mod reference;
+pub mod scene;
+pub mod start;
+pub mod step;
+mod threads;
+pub mod tracker;
+
+pub use config::{Config, Profile};
+pub use control::Status;
+pub use engine::{Filter, GazeControl, Monitor, Parts};
+pub use foveate_base::{Error, Result};
+pub use geometry::BBox;
+pub use multi::MultiTracker;
+pub use scene::{Detection, Image};
+pub use tracker::{Output, Tracker};

@@ -1,0 +1,370 @@
+//! Multi-target tracking: one particle filter a target, and what happens between targets.
+//!
+//! Every frame each detection is assigned to the target it fits best (overlap, motion, appearance; one to one), targets that
+//! overlap are put in order of depth, so that the occluded one relies less on its pixels, and every filter makes its step.
+//! Then tracks that are gone are terminated, and persistent unmatched detections start new ones, after a re-identification
+//! check against terminated ones.
+//!
+//! Deviation: the paper's experiments of many targets run trackers side by side that know nothing of each other.
+//!
+//! A target's randomness is named by its id: those who do not touch it cannot change a bit of its track. Targets make
+//! their steps in parallel; the results do not depend on the number of threads.
+
+mod edge;
+mod explain;
+mod initiation;
+mod occlusion;
+mod pairs;
+mod saved;
+pub mod settings;
+mod target;
+mod tracked_target;
+
+pub use settings::Settings;
+pub use tracked_target::{Phase, TrackedTarget};
+
+#[cfg(feature = "threads")]
+use rayon::prelude::*;
+
+use crate::engine::Engine;
+use crate::geometry::BBox;
+use crate::scene::{Detection, Image, Preprocessor};
+
+use explain::Look;
+use foveate_base::{Error, Result};
+use initiation::TentativeTracks;
+use occlusion::{Body, Fronts};
+use pairs::Expected;
+use target::Target;
+
+/// Makes the engine of the target with this id.
+pub(crate) type Make = Box<dyn Fn(u64) -> Engine + Send + Sync>;
+
+/// Makes a preprocessor.
+pub(crate) type Fresh = Box<dyn Fn() -> Preprocessor + Send + Sync>;
+
+/// The terminated targets that are remembered at most: each keeps its first frame.
+const MOST_REMEMBERED: usize = 50;
+
+/// Follows many targets: those that are given, and those that detections start.
+pub struct MultiTracker {
+    settings: Settings,
+    make: Make,
+    /// Makes a preprocessor that has seen nothing.
+    fresh: Fresh,
+    preprocessor: Preprocessor,
+    /// Number of the present picture, from 0, and of the next.
+    frame: usize,
+    next: usize,
+    /// Whether it was loaded since the last update: pictures that are skipped then were counted before.
+    resumed: bool,
+    size: Option<(usize, usize)>,
+    /// By id.
+    active: Vec<Target>,
+    /// By time of termination.
+    terminated: Vec<Target>,
+    tentative: TentativeTracks,
+    fronts: Fronts,
+    next_id: u64,
+    /// Whether there ever was a detection.
+    detecting: bool,
+    targets: Vec<TrackedTarget>,
+    work: Work,
+}
+
+/// Buffers of one step.
+#[derive(Default)]
+struct Work {
+    expected: Vec<Expected>,
+    bodies: Vec<Body>,
+    visible: Vec<f64>,
+    detections: Vec<Detection>,
+    found: Vec<Detection>,
+    /// The picture for each target, less what the others show.
+    cleared: Vec<Image>,
+}
+
+impl MultiTracker {
+    pub(crate) fn of(settings: Settings, make: Make, fresh: Fresh) -> Self {
+        Self {
+            settings,
+            make,
+            preprocessor: fresh(),
+            fresh,
+            frame: 0,
+            next: 0,
+            resumed: false,
+            size: None,
+            active: vec![],
+            terminated: Vec::with_capacity(MOST_REMEMBERED + 1), // so that a termination allocates nothing
+            tentative: TentativeTracks::default(),
+            fronts: Fronts::default(),
+            next_id: 1,
+            detecting: false,
+            targets: vec![],
+            work: Work::default(),
+        }
+    }
+
+    /// The next picture, and what detectors of yours found in it; the configuration's own detector, where it has one, adds
+    /// what it finds. Answers the active targets, by id. Where there are none, and nothing is detected, it answers none.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where the picture has another size than the first one; after [`MultiTracker::cut`] it may.
+    pub fn update(&mut self, image: &Image, detections: &[Detection]) -> Result<&[TrackedTarget]> {
+        let size = (image.width(), image.height());
+        if self.size.is_some_and(|first| first != size) {
+            return Err(Error::Invalid(format!(
+                "the picture is {} x {}, those before it were {:?}; give pictures of one size, or call cut between them",
+                size.0, size.1, self.size
+            )));
+        }
+        self.size = Some(size);
+        (self.frame, self.next, self.resumed) = (self.next, self.next + 1, false);
+        self.preprocessor.look(image);
+        let mut found = std::mem::take(&mut self.work.found);
+        found.clear();
+        found.extend_from_slice(detections);
+        found.extend_from_slice(self.preprocessor.detections());
+        self.step(image, &found);
+        self.work.found = found;
+        Ok(&self.targets)
+    }
+
+    fn step(&mut self, image: &Image, detections: &[Detection]) {
+        self.detecting |= !detections.is_empty();
+        if let Some(flow) = self.preprocessor.flow() {
+            self.active.iter_mut().for_each(|target| target.engine.compensate(flow, &mut target.track.state));
+        }
+        self.expect();
+        self.assign(image, detections);
+        self.occlude(image);
+        self.explain(image);
+        let (s, detecting) = (&self.settings, self.detecting);
+        let cleared = &self.work.cleared;
+        let move_on = |(i, target): (usize, &mut Target)| target.step(cleared.get(i).unwrap_or(image), s, detecting);
+        #[cfg(feature = "threads")]
+        if self.active.len() > 1 && crate::threads::count() > 1 {
+            self.active.par_iter_mut().enumerate().for_each(move_on);
+        } else {
+            self.active.iter_mut().enumerate().for_each(move_on);
+        }
+        #[cfg(not(feature = "threads"))]
+        self.active.iter_mut().enumerate().for_each(move_on);
+        self.terminate(image);
+        self.initiate(image);
+        self.publish();
+    }
+
+    /// A target's box in the picture of the last update: a new target, or an active one that starts again. Answers its id, the
+    /// next free one where none is given.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture.
+    pub fn add(&mut self, image: &Image, id: Option<u64>, bbox: BBox) -> Result<u64> {
+        crate::start::check(image, &bbox)?;
+        let id = id.unwrap_or(self.next_id);
+        match self.active.binary_search_by_key(&id, |t| t.track.id) {
+            Ok(at) => {
+                let born = self.active[at].track.born;
+                self.active[at].engine.init(image, bbox)?;
+                self.active[at].begin(born, bbox, Phase::Initiated);
+            }
+            Err(_) => self.start(image, id, bbox)?,
+        }
+        self.publish();
+        Ok(id)
+    }
+
+    /// The picture changed altogether: all targets are terminated, to be re-identified if they come back.
+    pub fn cut(&mut self) {
+        self.tentative.clear();
+        self.fronts = Fronts::default();
+        (self.size, self.frame) = (None, self.next);
+        self.preprocessor = (self.fresh)();
+        for mut target in self.active.drain(..) {
+            target.terminated = self.frame;
+            self.terminated.push(target);
+        }
+        self.forget();
+        self.targets.clear();
+    }
+
+    /// A picture that is not tracked in, before the first that is, or before the first update after [`MultiTracker::load`]:
+    /// detector and camera motion compare pictures, and see it.
+    pub fn skip(&mut self, image: &Image) {
+        self.preprocessor.look(image);
+        self.next += usize::from(!self.resumed);
+    }
+
+    /// The active targets of the last picture, by id.
+    pub fn targets(&self) -> &[TrackedTarget] {
+        &self.targets
+    }
+
+    fn expect(&mut self) {
+        self.work.expected.clear();
+        self.work.expected.extend(self.active.iter().map(|t| {
+            let c = &t.track.covariance;
+            Expected { bbox: t.shaped(t.next().bbox(t.track.extent)), variance: (c[0][0] + c[2][2], c[1][1] + c[3][3]) }
+        }));
+    }
+
+    /// Assigns detections to targets, one to one, and keeps the unmatched ones.
+    fn assign(&mut self, image: &Image, detections: &[Detection]) {
+        let Work { expected, detections: left, .. } = &mut self.work;
+        left.clear();
+        left.extend(detections.iter().filter(|d| pairs::is_box(&d.bbox) && !pairs::holds_several(&d.bbox, expected)));
+        if left.is_empty() {
+            return self.active.iter_mut().for_each(|target| target.track.detection = None);
+        }
+        let active = &mut self.active;
+        let given = pairs::pairs(expected, left, &self.settings, &mut |i, j| {
+            let engine = &mut active[i].engine;
+            let state = engine.state_at(&left[j].bbox);
+            engine.similarity(image, &state)
+        });
+        for (target, given) in self.active.iter_mut().zip(&given) {
+            target.track.detection = given.map(|j| left[j]);
+        }
+        let mut j = 0;
+        left.retain(|_| {
+            j += 1;
+            !given.contains(&Some(j - 1))
+        });
+    }
+
+    /// Tells each engine how much of its target can be seen.
+    fn occlude(&mut self, image: &Image) {
+        let Work { expected, bodies, visible, .. } = &mut self.work;
+        bodies.clear();
+        for (i, target) in self.active.iter_mut().enumerate() {
+            let bbox = expected[i].bbox;
+            let meets = |(j, other): (usize, &Expected)| j != i && occlusion::meet(&bbox, &other.bbox);
+            let met = expected.iter().enumerate().any(meets);
+            let similarity = if met { target.engine.similarity(image, &target.next()) } else { 1.0 };
+            bodies.push(Body { id: target.track.id, bbox, similarity });
+        }
+        occlusion::visible(bodies, &self.settings.occlusion, &mut self.fronts, visible);
+        for (target, &visible) in self.active.iter_mut().zip(&*visible) {
+            target.engine.set_visibility(if self.settings.occlusion.explain > 0.0 { 1.0 } else { visible });
+            target.track.visible = visible;
+        }
+    }
+
+    /// Takes off each target's picture what the others show.
+    fn explain(&mut self, image: &Image) {
+        let (share, cleared) = (self.settings.occlusion.explain, &mut self.work.cleared);
+        if share <= 0.0 {
+            return;
+        }
+        let shape = |i: &Image| (i.width(), i.height(), i.planes());
+        cleared.retain(|i| shape(i) == shape(image));
+        cleared.resize_with(self.active.len().max(cleared.len()), || image.clone());
+        for (i, cleared) in cleared.iter_mut().enumerate().take(self.active.len()) {
+            for p in 0..image.planes() {
+                cleared.plane_mut(p).copy_from_slice(image.plane(p));
+            }
+            for (_, other) in self.active.iter().enumerate().filter(|(j, t)| *j != i && t.track.sure()) {
+                if let Some((image, state, extent)) = other.engine.parts().appearance.template_source() {
+                    explain::take_off(cleared, Look { image, state, extent }, &other.next(), share);
+                }
+            }
+        }
+    }
+
+    /// Ends the tracks of targets that are gone.
+    fn terminate(&mut self, image: &Image) {
+        let (s, detecting) = (&self.settings.termination, self.detecting);
+        let picture = BBox { x: 0.0, y: 0.0, w: image.width() as f64, h: image.height() as f64 };
+        let gone = |t: &mut Target| {
+            let b = &t.track.bbox;
+            let outside = b.intersection(&picture) < s.inside * b.w * b.h;
+            outside || t.lost >= s.lost || (detecting && t.unseen >= s.unseen)
+        };
+        for mut target in self.active.extract_if(.., gone) {
+            target.terminated = self.frame;
+            self.terminated.push(target);
+        }
+        self.forget();
+    }
+
+    /// Terminated targets are remembered for a while, and not too many.
+    fn forget(&mut self) {
+        let frame = self.frame;
+        self.terminated.retain(|t| frame - t.terminated <= self.settings.reidentification.frames);
+        let excess = self.terminated.len().saturating_sub(MOST_REMEMBERED);
+        self.terminated.drain(..excess);
+    }
+
+    /// Persistent unmatched detections start new tracks, after a re-identification check against terminated ones.
+    fn initiate(&mut self, image: &Image) {
+        let s = self.settings.initiation;
+        let mut left = std::mem::take(&mut self.work.detections);
+        let size @ (width, height) = (image.width() as f64, image.height() as f64);
+        let fits = |b: &BBox| b.w >= s.side && b.h >= s.side && b.w * b.h <= s.most * width * height;
+        left.retain(|d| fits(&d.bbox) && !self.is_taken(&d.bbox));
+        for born in self.tentative.grow(self.frame, &left, size, &s) {
+            if crate::start::check(image, &born.bbox).is_err() || self.is_taken(&born.bbox) {
+                continue;
+            }
+            match self.reidentify(image, &born.bbox) {
+                Some(mut target) => {
+                    target.engine.reset_at(&born.bbox);
+                    let first = target.track.born;
+                    target.begin(first, born.bbox, Phase::ReIdentified);
+                    self.admit(target);
+                }
+                None => self.start(image, self.next_id, born.bbox).expect("the box was checked above"),
+            }
+        }
+        self.work.detections = left;
+    }
+
+    /// Whether active targets are where a track would start.
+    fn is_taken(&self, bbox: &BBox) -> bool {
+        let s = &self.settings.initiation;
+        let area = bbox.w * bbox.h;
+        let covered: f64 = self.active.iter().map(|t| t.track.bbox.intersection(bbox) / area).sum();
+        covered > s.covered || self.active.iter().any(|t| t.track.bbox.iou(bbox) > s.overlap)
+    }
+
+    /// Takes the terminated target out of memory that a box is most similar to, if any is similar enough.
+    fn reidentify(&mut self, image: &Image, bbox: &BBox) -> Option<Target> {
+        let size = self.settings.size.ln();
+        let mut best = (self.settings.reidentification.similarity, None);
+        for (i, target) in self.terminated.iter_mut().enumerate() {
+            let state = target.engine.state_at(bbox);
+            if (state.log_scale - target.track.state.log_scale).abs() > size {
+                continue;
+            }
+            let similarity = target.engine.similarity(image, &state);
+            if similarity >= best.0 {
+                best = (similarity, Some(i));
+            }
+        }
+        best.1.map(|i| self.terminated.remove(i))
+    }
+
+    fn start(&mut self, image: &Image, id: u64, bbox: BBox) -> Result<()> {
+        let mut engine = (self.make)(id);
+        engine.init(image, bbox)?;
+        let mut target =
+            Target { engine, track: TrackedTarget::unknown(id), lost: 0, unseen: 0, terminated: 0, shape: 0.0 };
+        target.begin(self.frame, bbox, Phase::Initiated);
+        self.next_id = self.next_id.max(id + 1);
+        self.terminated.retain(|t| t.track.id != id);
+        self.admit(target);
+        Ok(())
+    }
+
+    fn admit(&mut self, target: Target) {
+        let at = self.active.partition_point(|t| t.track.id < target.track.id);
+        self.active.insert(at, target);
+    }
+
+    fn publish(&mut self) {
+        self.targets.clear();
+        self.targets.extend(self.active.iter().map(|t| t.track));
+    }
+}

@@ -1,0 +1,147 @@
+//! Track initiation: persistent unmatched detections become a target.
+
+use super::edge;
+use super::settings::Initiation;
+use crate::assignment;
+use crate::geometry::BBox;
+use crate::scene::Detection;
+
+/// A tentative track.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+struct Candidate {
+    bbox: BBox,
+    /// Its first box.
+    origin: BBox,
+    /// Pixels a frame.
+    velocity: (f64, f64),
+    hits: usize,
+    first: usize,
+    last: usize,
+}
+
+/// Tentative tracks.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct TentativeTracks {
+    candidates: Vec<Candidate>,
+}
+
+/// Least intersection over union of a detection with where a candidate is expected.
+const LEAST_OVERLAP: f64 = 0.2;
+/// Frames a candidate may miss.
+const MOST_MISSED: usize = 2;
+/// Pixels by which the edges of what stands still may move.
+const JITTER: f64 = 3.0;
+/// Share of the newest displacement in a candidate's velocity.
+const NEWEST: f64 = 0.5;
+
+impl TentativeTracks {
+    /// Takes the unmatched detections of a frame, and gives those that have become targets.
+    pub fn grow(
+        &mut self,
+        frame: usize,
+        detections: &[Detection],
+        picture: (f64, f64),
+        s: &Initiation,
+    ) -> Vec<Detection> {
+        let waits = |c: &Candidate| c.hits >= s.hits || frame - c.first < s.within.max(1);
+        self.candidates.retain(|c| frame - c.last <= MOST_MISSED + 1 && waits(c));
+        let (rows, columns) = (self.candidates.len(), detections.len());
+        let overlap = |k: usize| {
+            let iou = self.candidates[k / columns].expected(frame).iou(&detections[k % columns].bbox);
+            if iou >= LEAST_OVERLAP { iou } else { 0.0 }
+        };
+        let scores: Vec<f64> = (0..rows * columns).map(overlap).collect();
+        let mut taken = vec![false; columns];
+        for (i, j) in assignment::best(&scores, rows, columns) {
+            if scores[i * columns + j] > 0.0 {
+                taken[j] = true;
+                self.candidates[i].hit(frame, &detections[j].bbox);
+            }
+        }
+        let fresh = detections.iter().zip(&taken).filter(|(_, taken)| !**taken);
+        self.candidates.extend(fresh.map(|(d, _)| Candidate {
+            bbox: d.bbox,
+            origin: d.bbox,
+            velocity: (0.0, 0.0),
+            hits: 1,
+            first: frame,
+            last: frame,
+        }));
+        let ripe =
+            |c: &Candidate| c.last == frame && c.hits >= s.hits && (s.moved <= 0.0 || c.moved(picture) >= s.moved);
+        let born = self.candidates.iter().filter(|c| ripe(c)).map(|c| Detection { bbox: c.bbox, score: c.hits as f64 });
+        let born = born.collect();
+        self.candidates.retain(|c| !ripe(c));
+        born
+    }
+
+    /// Forgets all candidates.
+    pub fn clear(&mut self) {
+        self.candidates.clear();
+    }
+}
+
+impl Candidate {
+    fn expected(&self, frame: usize) -> BBox {
+        let frames = (frame - self.last) as f64;
+        BBox { x: self.bbox.x + frames * self.velocity.0, y: self.bbox.y + frames * self.velocity.1, ..self.bbox }
+    }
+    /// How far it moved since it was first seen in a picture of this size, in half boxes; 0 where that may be jitter.
+    fn moved(&self, (width, height): (f64, f64)) -> f64 {
+        let (a, b) = (&self.origin, &self.bbox);
+        let (x, y) = (edge::moved((a.x, a.w), (b.x, b.w), width), edge::moved((a.y, a.h), (b.y, b.h), height));
+        if x.max(y) < JITTER { 0.0 } else { (2.0 * x / b.w).hypot(2.0 * y / b.h) }
+    }
+    fn hit(&mut self, frame: usize, bbox: &BBox) {
+        let frames = (frame - self.last).max(1) as f64;
+        let ((x, y), (x0, y0)) = (bbox.centre(), self.bbox.centre());
+        let share = if self.hits == 1 { 1.0 } else { NEWEST };
+        self.velocity.0 += share * ((x - x0) / frames - self.velocity.0);
+        self.velocity.1 += share * ((y - y0) / frames - self.velocity.1);
+        (self.bbox, self.last, self.hits) = (*bbox, frame, self.hits + 1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn found(x: f64) -> Detection {
+        Detection { bbox: BBox { x, y: 5.0, w: 20.0, h: 30.0 }, score: 1.0 }
+    }
+
+    #[test]
+    fn three_in_a_row_are_a_target_and_stray_ones_are_not() {
+        let (mut tentative, s) = (TentativeTracks::default(), Initiation::default());
+        for frame in 0..40 {
+            // One moves on by 8 px a frame from frame 10 on and is missed in frame 12; others come and go.
+            let mut detections = vec![found(300.0 + 40.0 * (frame % 7) as f64)];
+            if frame >= 10 && frame != 12 && frame <= 13 {
+                detections.push(found(8.0 * (frame - 10) as f64));
+            }
+            let born = tentative.grow(frame, &detections, (400.0, 300.0), &s);
+            match frame {
+                13 => assert_eq!(born[0].bbox.x, 24.0),
+                _ => assert!(born.is_empty(), "frame {frame}: {born:?}"),
+            }
+        }
+        let at_once = Initiation { hits: 1, within: 1, ..s };
+        assert_eq!(tentative.grow(41, &[found(1.0)], (400.0, 300.0), &at_once).len(), 1);
+    }
+
+    #[test]
+    fn what_stands_still_is_not_born_and_what_comes_in_is() {
+        let s = Initiation { moved: 0.1, ..Initiation::default() };
+        let (mut tentative, mut born) = (TentativeTracks::default(), vec![]);
+        for frame in 0..30 {
+            let jitter = f64::from(frame as u32 % 3);
+            let in_view = BBox { x: 0.0, y: 200.0, w: 10.0 + 2.0 * frame as f64, h: 40.0 };
+            let leaves = BBox { x: 0.0, y: 100.0, w: 80.0 - 2.0 * frame as f64, h: 40.0 };
+            let [in_view, leaves] = [in_view, leaves].map(|bbox| Detection { bbox, score: 1.0 });
+            let all = [found(100.0 + jitter), in_view, leaves, found(200.0 + 2.0 * frame as f64)];
+            born.extend(tentative.grow(frame, &all, (400.0, 300.0), &s).iter().map(|d| (d.bbox.y, d.bbox.x > 150.0)));
+        }
+        assert!(born.contains(&(200.0, false)) && born.contains(&(5.0, true)), "{born:?}");
+        assert!(!born.contains(&(5.0, false)) && !born.contains(&(100.0, false)), "{born:?}");
+    }
+}

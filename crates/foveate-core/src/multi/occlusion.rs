@@ -1,0 +1,105 @@
+//! Who hides whom: which of two targets that overlap is in front, and what is left to be seen of the other.
+
+use super::settings::Occlusion;
+use crate::geometry::BBox;
+
+/// A target, as far as hiding goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Body {
+    pub id: u64,
+    /// Where it is expected.
+    pub bbox: BBox,
+    /// How much what is there looks like it, 0 to 1.
+    pub similarity: f64,
+}
+
+/// Share of the smaller box that must be covered for two targets to be in each other's way.
+const MEETING: f64 = 0.1;
+
+/// Whether two boxes are in each other's way.
+pub(super) fn meet(a: &BBox, b: &BBox) -> bool {
+    a.intersection(b) > MEETING * (a.w * a.h).min(b.w * b.h)
+}
+
+/// Cells along each side of a box, to measure what is covered.
+const CELLS: usize = 10;
+
+/// Who is in front of whom: pairs (front, behind), of this frame and of the one before.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct Fronts {
+    pub now: Vec<(u64, u64)>,
+    before: Vec<(u64, u64)>,
+}
+
+/// Fills the share of each body that is in view, 0 to 1.
+pub(super) fn visible(bodies: &[Body], s: &Occlusion, fronts: &mut Fronts, out: &mut Vec<f64>) {
+    std::mem::swap(&mut fronts.now, &mut fronts.before);
+    let Fronts { now: fronts, before } = fronts;
+    fronts.clear();
+    for (i, a) in bodies.iter().enumerate() {
+        for b in bodies[i + 1..].iter().filter(|b| meet(&a.bbox, &b.bbox)) {
+            let lower = (a.bbox.y + a.bbox.h - b.bbox.y - b.bbox.h) / (0.5 * (a.bbox.h + b.bbox.h));
+            let mut a_is_before = s.ground * lower + a.similarity - b.similarity;
+            a_is_before += s.habit * f64::from(u8::from(before.contains(&(a.id, b.id))));
+            a_is_before -= s.habit * f64::from(u8::from(before.contains(&(b.id, a.id))));
+            fronts.push(if a_is_before >= 0.0 { (a.id, b.id) } else { (b.id, a.id) });
+        }
+    }
+    out.clear();
+    out.extend(bodies.iter().map(|body| {
+        if fronts.iter().all(|(_, behind)| *behind != body.id) {
+            return 1.0;
+        }
+        let over = |other: &&Body| fronts.contains(&(other.id, body.id));
+        share(&body.bbox, &|x, y| bodies.iter().filter(over).any(|other| holds(&other.bbox, x, y)))
+    }));
+}
+
+fn holds(b: &BBox, x: f64, y: f64) -> bool {
+    (b.x..b.x + b.w).contains(&x) && (b.y..b.y + b.h).contains(&y)
+}
+
+/// The share of a box's cells whose middle is not covered.
+fn share(b: &BBox, covered: &dyn Fn(f64, f64) -> bool) -> f64 {
+    let at = |k: usize, from: f64, side: f64| from + (k as f64 + 0.5) / CELLS as f64 * side;
+    let cells = (0..CELLS * CELLS).filter(|k| !covered(at(k % CELLS, b.x, b.w), at(k / CELLS, b.y, b.h)));
+    cells.count() as f64 / (CELLS * CELLS) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn body(id: u64, x: f64, y: f64, similarity: f64) -> Body {
+        Body { id, bbox: BBox { x, y, w: 20.0, h: 40.0 }, similarity }
+    }
+
+    fn shares(bodies: &[Body], s: &Occlusion, fronts: &mut Fronts) -> Vec<f64> {
+        let mut out = vec![];
+        visible(bodies, s, fronts, &mut out);
+        out
+    }
+
+    #[test]
+    fn the_lower_one_or_the_likelier_one_is_in_front() {
+        let ground = Occlusion::default();
+        let flat = Occlusion { ground: 0.0, ..ground };
+        let far = [body(1, 0.0, 0.0, 0.5), body(2, 50.0, 0.0, 0.5)];
+        assert_eq!(shares(&far, &ground, &mut Fronts::default()), [1.0, 1.0]);
+        // The second stands 8 px lower, over half of the first's width and 0.8 of its height.
+        let near = [body(1, 0.0, 0.0, 0.6), body(2, 10.0, 8.0, 0.5)];
+        assert_eq!(shares(&near, &ground, &mut Fronts::default()), [1.0 - 0.5 * 0.8, 1.0]);
+        assert_eq!(shares(&near, &flat, &mut Fronts::default()), [1.0, 1.0 - 0.5 * 0.8]);
+    }
+
+    #[test]
+    fn order_is_kept_unless_looks_are_clearly_against_it() {
+        let flat = Occlusion { ground: 0.0, ..Occlusion::default() };
+        let mut fronts = Fronts { now: vec![(1, 2)], before: vec![] };
+        let slight = [body(1, 0.0, 0.0, 0.5), body(2, 10.0, 0.0, 0.6)];
+        assert_eq!(shares(&slight, &flat, &mut fronts), [1.0, 0.5]);
+        let clear = [body(1, 0.0, 0.0, 0.1), body(2, 10.0, 0.0, 0.6)];
+        assert_eq!(shares(&clear, &flat, &mut fronts), [0.5, 1.0]);
+        assert_eq!(fronts.now, [(2, 1)]);
+    }
+}

@@ -1,0 +1,125 @@
+//! Which detection belongs to which target: overlap, motion and looks, one to one.
+
+use super::settings::Settings;
+use crate::assignment;
+use crate::geometry::BBox;
+use crate::scene::Detection;
+
+/// Where a target is expected in this frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Expected {
+    pub bbox: BBox,
+    /// Variance of its centre, pixels², along x and y.
+    pub variance: (f64, f64),
+}
+
+/// Share of its half box, at least, that a detector's centre is off by.
+const OFF: f64 = 0.25;
+
+/// A detection that may be a target's: how well it fits by place alone, 0 to 1; `None` beyond the gate.
+pub(super) fn by_place(expected: &Expected, detection: &BBox, s: &Settings) -> Option<f64> {
+    let BBox { w, h, .. } = expected.bbox;
+    let ((x, y), (cx, cy)) = (detection.centre(), expected.bbox.centre());
+    let (dx, dy) = (x - cx, y - cy);
+    let far = (2.0 * dx / w).hypot(2.0 * dy / h) > s.gate;
+    if far || (detection.w * detection.h / (w * h)).ln().abs() / 2.0 > s.size.ln() {
+        return None;
+    }
+    let variance = |variance: f64, side: f64| variance + (OFF * side / 2.0).powi(2);
+    let mahalanobis = dx * dx / variance(expected.variance.0, w) + dy * dy / variance(expected.variance.1, h);
+    Some((expected.bbox.iou(detection) + (-mahalanobis / 2.0).exp()) / 2.0)
+}
+
+/// Whether a detection is a box at all.
+pub(super) fn is_box(b: &BBox) -> bool {
+    let sane = |side: f64| (1.0..=1e6).contains(&side);
+    b.x.abs() <= 1e6 && b.y.abs() <= 1e6 && sane(b.w) && sane(b.h)
+}
+
+/// Whether a detection is several targets in one box: it holds most of each of two or more, and is larger than either.
+pub(super) fn holds_several(detection: &BBox, expected: &[Expected]) -> bool {
+    let area = |b: &BBox| b.w * b.h;
+    let held = |e: &&Expected| {
+        detection.intersection(&e.bbox) > MOST * area(&e.bbox) && area(detection) > LARGER * area(&e.bbox)
+    };
+    expected.iter().filter(held).count() > 1
+}
+
+/// Share of a target's box that counts as most of it, and how much larger a box of several is.
+const MOST: f64 = 0.6;
+const LARGER: f64 = 1.4;
+
+/// The detection of each target, by index; `None` where it has none. Targets whose only detection no other target claims take
+/// it; where several want the same, `similarity(target, detection)`, 0 to 1, helps to decide.
+pub(super) fn pairs(
+    expected: &[Expected],
+    detections: &[Detection],
+    s: &Settings,
+    similarity: &mut dyn FnMut(usize, usize) -> f64,
+) -> Vec<Option<usize>> {
+    let (rows, columns) = (expected.len(), detections.len());
+    let mut scores: Vec<f64> = Vec::with_capacity(rows * columns);
+    for e in expected {
+        scores.extend(detections.iter().map(|d| by_place(e, &d.bbox, s).unwrap_or(0.0)));
+    }
+    let of_row = |i: usize| (0..columns).filter(|j| scores[i * columns + j] > 0.0).count();
+    let of_column = |j: usize| (0..rows).filter(|i| scores[i * columns + j] > 0.0).count();
+    let (claims, claimed): (Vec<_>, Vec<_>) = ((0..rows).map(of_row).collect(), (0..columns).map(of_column).collect());
+    for (k, score) in scores.iter_mut().enumerate().filter(|(_, score)| **score > 0.0) {
+        let (i, j) = (k / columns, k % columns);
+        if claims[i] > 1 || claimed[j] > 1 {
+            *score += s.looks * (similarity(i, j) - *score);
+        }
+        if *score < s.score {
+            *score = 0.0;
+        }
+    }
+    let mut given = vec![None; rows];
+    for (i, j) in assignment::best(&scores, rows, columns) {
+        if scores[i * columns + j] > 0.0 {
+            given[i] = Some(j);
+        }
+    }
+    given
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(x: f64) -> BBox {
+        BBox { x, y: 10.0, w: 20.0, h: 40.0 }
+    }
+
+    fn expected(x: f64) -> Expected {
+        Expected { bbox: at(x), variance: (4.0, 4.0) }
+    }
+
+    fn found(x: f64) -> Detection {
+        Detection { bbox: at(x), score: 1.0 }
+    }
+
+    #[test]
+    fn near_ones_belong_together_and_far_ones_to_nobody() {
+        let s = Settings::default();
+        let mut never = |_: usize, _: usize| panic!("nothing is contested");
+        let given =
+            pairs(&[expected(0.0), expected(100.0), expected(200.0)], &[found(103.0), found(2.0)], &s, &mut never);
+        assert_eq!(given, [Some(1), Some(0), None]);
+        assert_eq!(pairs(&[], &[found(1.0)], &s, &mut never), []);
+        assert_eq!(pairs(&[expected(1.0)], &[], &s, &mut never), [None]);
+        let large = Detection { bbox: BBox { x: -30.0, y: -30.0, w: 80.0, h: 120.0 }, score: 1.0 };
+        assert_eq!(pairs(&[expected(0.0)], &[large], &s, &mut never), [None], "of another size");
+    }
+
+    #[test]
+    fn looks_decide_between_near_ones() {
+        let s = Settings { looks: 0.8, ..Settings::default() };
+        // By place the first is nearer to the first; by looks they have changed sides.
+        let mut similarity = |i: usize, j: usize| if i == j { 0.1 } else { 0.9 };
+        assert_eq!(
+            pairs(&[expected(0.0), expected(6.0)], &[found(2.0), found(4.0)], &s, &mut similarity),
+            [Some(1), Some(0)]
+        );
+    }
+}

@@ -1,0 +1,95 @@
+//! The state of many targets in mid-video, to go on from bit for bit.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::MultiTracker;
+use super::initiation::TentativeTracks;
+use super::occlusion::Fronts;
+use super::target::Target;
+use crate::multi::TrackedTarget;
+use foveate_base::{Error, Result};
+
+/// The format number.
+const FORMAT: u32 = 3;
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    format: u32,
+    next_id: u64,
+    detecting: bool,
+    fronts: Fronts,
+    tentative: TentativeTracks,
+    /// The number of the next picture, and the size of all.
+    next: usize,
+    size: Option<(usize, usize)>,
+    active: Vec<SavedTarget>,
+    terminated: Vec<SavedTarget>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct SavedTarget {
+    track: TrackedTarget,
+    lost: usize,
+    unseen: usize,
+    terminated: usize,
+    shape: f64,
+    engine: Value,
+}
+
+impl MultiTracker {
+    /// Everything there is to go on from with [`MultiTracker::load`].
+    pub fn save(&self) -> Value {
+        let targets = |targets: &[Target]| targets.iter().map(SavedTarget::of).collect();
+        let saved = Saved {
+            format: FORMAT,
+            next_id: self.next_id,
+            detecting: self.detecting,
+            fronts: self.fronts.clone(),
+            tentative: self.tentative.clone(),
+            next: self.next,
+            size: self.size,
+            active: targets(&self.active),
+            terminated: targets(&self.terminated),
+        };
+        serde_json::to_value(saved).expect("plain data is JSON")
+    }
+
+    /// Takes up what `save` gave, among trackers of the same configuration and seed. Nothing changes where it fails.
+    pub fn load(&mut self, saved: &Value) -> Result<()> {
+        let bad = |what: String| Error::Invalid(format!("the saved targets cannot be used: {what}"));
+        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
+        if saved.format != FORMAT {
+            return Err(bad(format!("their format is {}, this program writes and reads {FORMAT}", saved.format)));
+        }
+        let ordered = saved.active.is_sorted_by(|a, b| a.track.id < b.track.id);
+        if !ordered || saved.active.iter().chain(&saved.terminated).any(|t| t.track.id >= saved.next_id) {
+            return Err(bad("their ids are not in order".into()));
+        }
+        let read = |targets: Vec<SavedTarget>| targets.into_iter().map(|t| t.read(self)).collect::<Result<Vec<_>>>();
+        let (active, terminated) = (read(saved.active)?, read(saved.terminated)?);
+        (self.active, self.terminated) = (active, terminated);
+        (self.next, self.frame, self.size, self.resumed) = (saved.next, saved.next, saved.size, true);
+        (self.next_id, self.detecting) = (saved.next_id, saved.detecting);
+        (self.fronts, self.tentative) = (saved.fronts, saved.tentative);
+        self.publish();
+        Ok(())
+    }
+}
+
+impl SavedTarget {
+    fn of(target: &Target) -> Self {
+        let Target { engine, track, lost, unseen, terminated, shape } = target;
+        let (lost, unseen, terminated, shape, engine) = (*lost, *unseen, *terminated, *shape, engine.save());
+        Self { track: *track, lost, unseen, terminated, shape, engine }
+    }
+    fn read(self, trackers: &MultiTracker) -> Result<Target> {
+        let mut engine = (trackers.make)(self.track.id);
+        engine.load(&self.engine)?;
+        if !engine.has_target() {
+            return Err(Error::Invalid(format!("the saved targets cannot be used: {} has no template", self.track.id)));
+        }
+        let Self { track, lost, unseen, terminated, shape, .. } = self;
+        Ok(Target { engine, track, lost, unseen, terminated, shape })
+    }
+}

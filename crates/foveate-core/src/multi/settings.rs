@@ -1,0 +1,203 @@
+//! Thresholds of track initiation, termination, re-identification and occlusion.
+
+use serde::{Deserialize, Serialize};
+
+use foveate_base::{Error, Result};
+
+/// Rules for many targets. Lengths are in template units: 1 is half the target's box.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// Farthest a detection may lie from where its target is expected, above 0 to 100.
+    pub gate: f64,
+    /// The most a detection's size may differ from its target's: a factor, 1 to 100.
+    pub size: f64,
+    /// Least score of a pair of target and detection, 0 to 1.
+    pub score: f64,
+    /// Weight of looks in that score, 0 to 1; the rest is overlap and motion, in equal parts.
+    pub looks: f64,
+    /// Evidence deficit at which the template of a target in full view is updated from its detection, 0 to 3 (above 2: never).
+    pub renew: f64,
+    /// Weight of the newest detection in the shape of a target's box, 0 to 1.
+    pub shape: f64,
+    /// How targets begin.
+    pub initiation: Initiation,
+    /// How they end.
+    pub termination: Termination,
+    /// How they are re-identified.
+    pub reidentification: Reidentification,
+    /// How they occlude each other.
+    pub occlusion: Occlusion,
+}
+
+/// A target begins where detections follow each other.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Initiation {
+    /// Detections it takes, 1 to 1000.
+    pub hits: usize,
+    /// Frames they may be spread over, at least `hits`, to 1000.
+    pub within: usize,
+    /// How far they must have moved since the first of them, 0 to 100: what never moves is a change of the ground.
+    pub moved: f64,
+    /// Intersection over union with an active target at which no track starts, 0 to 1.
+    pub overlap: f64,
+    /// Share of the detection that active targets cover at which no track starts, 0 to 1.
+    pub covered: f64,
+    /// Least width and height, pixels, 2 to 10000.
+    pub side: f64,
+    /// Largest share of the picture, 0 to 1.
+    pub most: f64,
+}
+
+/// A target ends when it is gone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Termination {
+    /// Frames in a row it may be believed lost, 1 to 1,000,000.
+    pub lost: usize,
+    /// Frames in a row without a detection of its own, where there is a detector, 1 to 1,000,000.
+    pub unseen: usize,
+    /// Of these, the frames after which its box counts as a guess, 0 to 1,000,000. Until then it goes on, whatever it looks
+    /// like; without a detector looks alone decide.
+    pub guess: usize,
+    /// Share of its box that must lie within the picture, 0 to 1.
+    pub inside: f64,
+}
+
+/// Terminated targets are remembered, and new tracks are compared with them.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Reidentification {
+    /// Frames a terminated target is remembered, 0 to 1,000,000.
+    pub frames: usize,
+    /// Similarity at which a new track is a remembered target, 0 to 2 (1: as in its first frame; above 1: never).
+    pub similarity: f64,
+}
+
+/// Targets that overlap hide each other.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Occlusion {
+    /// Weight of "the lower edge is nearer" against similarity, 0 to 100: a whole height lower weighs as much as this
+    /// difference in similarity. For things that stand on the ground, seen from the side; else 0.
+    pub ground: f64,
+    /// Advantage of the one that was in front a frame ago, in similarity, 0 to 2.
+    pub habit: f64,
+    /// Share in view below which a target counts as hidden, 0 to 1.
+    pub hidden: f64,
+    /// Share of what a target shows that is no evidence of the others, 0 to 1: it is taken off the picture they look at. For
+    /// bright things on dark that hide little of each other. Above 0, occluded targets are still tested for loss.
+    pub explain: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let (initiation, termination) = (Initiation::default(), Termination::default());
+        let (reidentification, occlusion) = (Reidentification::default(), Occlusion::default());
+        Self {
+            gate: 1.0,
+            size: 1.6,
+            score: 0.2,
+            looks: 0.3,
+            renew: 0.4,
+            shape: 0.3,
+            initiation,
+            termination,
+            reidentification,
+            occlusion,
+        }
+    }
+}
+
+impl Default for Initiation {
+    fn default() -> Self {
+        Self { hits: 3, within: 4, moved: 0.0, overlap: 0.3, covered: 0.6, side: 8.0, most: 0.5 }
+    }
+}
+
+impl Default for Termination {
+    fn default() -> Self {
+        Self { lost: 10, unseen: 25, guess: 12, inside: 0.4 }
+    }
+}
+
+impl Default for Reidentification {
+    fn default() -> Self {
+        Self { frames: 250, similarity: 0.6 }
+    }
+}
+
+impl Default for Occlusion {
+    fn default() -> Self {
+        Self { ground: 2.0, habit: 0.2, hidden: 0.5, explain: 0.0 }
+    }
+}
+
+impl Settings {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        let Self { initiation, termination, reidentification, occlusion, .. } = self;
+        for (name, value, least, most) in [
+            ("gate", self.gate, 1e-6, 100.0),
+            ("size", self.size, 1.0, 100.0),
+            ("score", self.score, 0.0, 1.0),
+            ("looks", self.looks, 0.0, 1.0),
+            ("renew", self.renew, 0.0, 3.0),
+            ("shape", self.shape, 0.0, 1.0),
+            ("initiation.hits", initiation.hits as f64, 1.0, 1000.0),
+            ("initiation.within", initiation.within as f64, initiation.hits as f64, 1000.0),
+            ("initiation.moved", initiation.moved, 0.0, 100.0),
+            ("initiation.overlap", initiation.overlap, 0.0, 1.0),
+            ("initiation.covered", initiation.covered, 0.0, 1.0),
+            ("initiation.side", initiation.side, 2.0, 10_000.0),
+            ("initiation.most", initiation.most, 0.0, 1.0),
+            ("termination.lost", termination.lost as f64, 1.0, 1e6),
+            ("termination.unseen", termination.unseen as f64, 1.0, 1e6),
+            ("termination.guess", termination.guess as f64, 0.0, 1e6),
+            ("termination.inside", termination.inside, 0.0, 1.0),
+            ("reidentification.frames", reidentification.frames as f64, 0.0, 1e6),
+            ("reidentification.similarity", reidentification.similarity, 0.0, 2.0),
+            ("occlusion.ground", occlusion.ground, 0.0, 100.0),
+            ("occlusion.habit", occlusion.habit, 0.0, 2.0),
+            ("occlusion.hidden", occlusion.hidden, 0.0, 1.0),
+            ("occlusion.explain", occlusion.explain, 0.0, 1.0),
+        ] {
+            if !(least..=most).contains(&value) {
+                return Err(Error::Config(format!(
+                    "multi_target.{name} is a number from {least} to {most}; it is {value}"
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_out_of_range_are_named() {
+        assert!(Settings::default().check().is_ok());
+        let base = Settings::default();
+        for (settings, name) in [
+            (Settings { gate: f64::NAN, ..base }, "multi_target.gate"),
+            (
+                Settings { initiation: Initiation { hits: 9, ..base.initiation }, ..base },
+                "multi_target.initiation.within",
+            ),
+            (
+                Settings { termination: Termination { lost: 0, ..base.termination }, ..base },
+                "multi_target.termination.lost",
+            ),
+            (
+                Settings { occlusion: Occlusion { hidden: 1.5, ..base.occlusion }, ..base },
+                "multi_target.occlusion.hidden",
+            ),
+        ] {
+            let said = settings.check().expect_err(name).to_string();
+            assert!(said.contains(name), "{said}");
+        }
+    }
+}

@@ -1,0 +1,74 @@
+//! One target in one frame, as plain data.
+
+use crate::geometry::{BBox, Extent, Gaze, State};
+use crate::scene::Detection;
+
+/// How a target fares in a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Phase {
+    /// Its box was given or detected in this frame; its template is what is there.
+    Initiated,
+    /// Re-identified after its termination: the old id is reused.
+    ReIdentified,
+    /// Tracked, and believed to be where it is reported.
+    Tracked,
+    /// Covered by another target for the most part: predicted by its motion rather than by its looks.
+    Occluded,
+    /// Believed lost: the box is a guess.
+    Lost,
+}
+
+/// One active target in one frame.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct TrackedTarget {
+    /// Who it is: 1, 2, ... in order of initiation, or as given; never used twice.
+    pub id: u64,
+    /// The frame it was first given or detected in, from 0.
+    pub born: usize,
+    /// How it fares.
+    pub phase: Phase,
+    /// Its upright box, pixels from 0.
+    pub bbox: BBox,
+    /// Mean of the belief.
+    pub state: State,
+    /// Half the size of its box at scale 1, pixels: `state.fixate(gaze, extent)` is where a gaze falls.
+    pub extent: Extent,
+    /// Covariance of the belief over x, y, vx, vy, log scale, angle.
+    pub covariance: [[f64; 6]; 6],
+    /// The chosen gaze of this frame, template units.
+    pub gaze: Gaze,
+    /// Share of it that no other target covers, 0 to 1.
+    pub visible: f64,
+    /// How much the evidence speaks against it being there: 0 none, 1 as much as elsewhere, up to 2.
+    pub deficit: f64,
+    /// What a detector found and was taken to be this target.
+    #[serde(skip)]
+    pub detection: Option<Detection>,
+    /// The likeliest class and its probability; `None` without a recogniser.
+    pub class: Option<(usize, f64)>,
+}
+
+impl TrackedTarget {
+    /// A target of which only the id is known.
+    pub fn unknown(id: u64) -> Self {
+        Self {
+            id,
+            born: 0,
+            phase: Phase::Initiated,
+            bbox: BBox { x: 0.0, y: 0.0, w: 1.0, h: 1.0 },
+            state: State::default(),
+            extent: Extent { half_w: 0.5, half_h: 0.5 },
+            covariance: [[0.0; 6]; 6],
+            gaze: Gaze::CENTRE,
+            visible: 1.0,
+            deficit: 0.0,
+            detection: None,
+            class: None,
+        }
+    }
+    /// Whether the box is a result, rather than a guess.
+    pub fn sure(&self) -> bool {
+        self.phase != Phase::Lost
+    }
+}

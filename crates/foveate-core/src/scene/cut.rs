@@ -1,0 +1,79 @@
+//! Cuts: a frame of which most has nothing to do with the one before.
+//!
+//! Both are made small, 16 × 12 means of grey. A cell has changed when it differs by more than some grey levels beyond what
+//! the whole picture did (a lamp that is switched on is no cut); where most cells have, there was a cut.
+
+use crate::scene::Image;
+
+/// Cells across and down.
+const ACROSS: usize = 16;
+const DOWN: usize = 12;
+
+/// Watches a video for cuts.
+#[derive(Clone, Debug)]
+pub struct Cuts {
+    /// Grey levels of 255 by which a cell must differ.
+    pub level: f32,
+    /// Share of the cells that must, 0 to 1.
+    pub share: f64,
+    before: Option<[f32; ACROSS * DOWN]>,
+}
+
+impl Default for Cuts {
+    fn default() -> Self {
+        Self { level: 20.0, share: 0.5, before: None }
+    }
+}
+
+impl Cuts {
+    /// Whether this frame does not go on from the one before; the first one does.
+    pub fn cut(&mut self, image: &Image) -> bool {
+        let now = small(image);
+        let Some(before) = self.before.replace(now) else { return false };
+        let mut off: Vec<f32> = now.iter().zip(&before).map(|(a, b)| a - b).collect();
+        off.sort_by(f32::total_cmp);
+        let brighter = off[off.len() / 2];
+        let changed = off.iter().filter(|off| (*off - brighter).abs() > self.level).count();
+        changed as f64 > self.share * off.len() as f64
+    }
+}
+
+/// Means of grey over cells.
+fn small(image: &Image) -> [f32; ACROSS * DOWN] {
+    let (w, h, planes) = (image.width(), image.height(), image.planes());
+    std::array::from_fn(|k| {
+        let (i, j) = (k % ACROSS, k / ACROSS);
+        let (x0, y0) = (i * w / ACROSS, j * h / DOWN);
+        let (x1, y1) = (((i + 1) * w / ACROSS).max(x0 + 1), ((j + 1) * h / DOWN).max(y0 + 1));
+        let mut sum = 0u64;
+        for p in 0..planes {
+            for row in image.plane(p).chunks_exact(w).take(y1.min(h)).skip(y0) {
+                sum += row[x0..x1.min(w)].iter().map(|&v| u64::from(v)).sum::<u64>();
+            }
+        }
+        sum as f32 / ((x1 - x0) * (y1 - y0) * planes) as f32
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture(value: &dyn Fn(usize, usize) -> u8) -> Image {
+        Image::new(64, 48, 1, (0..64 * 48).map(|k| value(k % 64, k / 64)).collect()).expect("one byte a pixel")
+    }
+
+    #[test]
+    fn another_place_is_a_cut_and_what_moves_or_dims_is_not() {
+        let checks = |x: usize, y: usize| if (x / 9 + y / 9).is_multiple_of(2) { 200 } else { 40 };
+        let mut cuts = Cuts::default();
+        assert!(!cuts.cut(&picture(&checks)), "the first frame");
+        assert!(!cuts.cut(&picture(&|x, y| if x < 20 { 0 } else { checks(x, y) })), "a thing a third as wide");
+        assert!(!cuts.cut(&picture(&|x, y| checks(x, y) - 30)), "it is gone, and darker");
+        assert!(cuts.cut(&picture(&|x, y| 240 - checks(x, y))), "all else");
+        assert!(!cuts.cut(&picture(&|x, y| 240 - checks(x, y))), "and goes on from there");
+        let mut tiny = Cuts::default();
+        let one = |v| Image::new(1, 1, 3, vec![v; 3]).expect("three bytes");
+        assert!(!tiny.cut(&one(0)) && !tiny.cut(&one(255)), "fewer pixels than cells");
+    }
+}

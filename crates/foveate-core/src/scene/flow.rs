@@ -1,0 +1,416 @@
+//! Where each place of a frame came to be in the next one: dense optical flow, and what moves otherwise than the camera.
+//!
+//! Patches of 8 × 8 pixels on a grid of 4, from coarse pictures to fine, each moved by inverse compositional Gauss-Newton
+//! steps (Baker and Matthews 2004) from where the coarser level put it; between patches the flow is their mean, weighed by
+//! how well each explains the pixel: the dense inverse search of Kroeger et al. (2016).
+//! Deviation: no variational smoothing afterwards, and brightness may change by a constant within a patch.
+//!
+//! Flow is in pixels a frame: what is at `(x, y)` in the first picture is at `(x + u, y + v)` in the second.
+
+use foveate_kernels as kernels;
+
+use crate::geometry::BBox;
+use crate::scene::camera::Affine;
+use crate::scene::detect::{Blobs, Detector, Score};
+use crate::scene::{Detection, Image, Map};
+
+/// Side of a patch, and distance between two, in pixels of a level.
+const PATCH: usize = 8;
+const STRIDE: usize = 4;
+const PIXELS: usize = PATCH * PATCH;
+/// Gauss-Newton steps of a patch at one level, at most.
+const STEPS: usize = 12;
+/// Least eigenvalue of a patch's mean squared gradient, of grey 0 to 1 a pixel: below it nothing can be told along some
+/// direction, and the patch stays where the coarser level put it.
+const TEXTURE: f32 = 2e-5;
+/// Levels are halved while both sides have this many pixels.
+const COARSEST: usize = 12;
+
+/// Dense optical flow between successive frames. As a detector it finds what moves otherwise than the camera: the map has
+/// the length of the flow less the camera's, pixels a frame.
+#[derive(Clone, Debug)]
+pub struct Flow {
+    /// Level at which the search ends: 0 the picture itself, 1 half of it (four times as fast).
+    pub finest: usize,
+    /// Pixels a frame above which a place moves otherwise than the camera.
+    pub threshold: f32,
+    before: Vec<Map>,
+    now: Vec<Map>,
+    u: Map,
+    v: Map,
+    coarse: [Map; 2],
+    weight: Vec<f32>,
+    across: Vec<f32>,
+    camera: Affine,
+    places: Vec<[f64; 4]>,
+    map: Map,
+    blobs: Blobs,
+}
+
+impl Default for Flow {
+    fn default() -> Self {
+        Self {
+            finest: 1,
+            threshold: 0.75,
+            before: vec![],
+            now: vec![],
+            u: Map::default(),
+            v: Map::default(),
+            coarse: [Map::default(), Map::default()],
+            weight: vec![],
+            across: vec![],
+            camera: Affine::default(),
+            places: vec![],
+            map: Map::default(),
+            blobs: Blobs::new(64, Score::Mass),
+        }
+    }
+}
+
+impl Detector for Flow {
+    fn detect(&mut self, image: &Image, found: &mut Vec<Detection>) {
+        found.clear();
+        let size = (image.width(), image.height());
+        self.look(image);
+        self.map.like(&self.u);
+        let (w, cell) = (self.u.width(), self.u.cell() as f64);
+        for (k, value) in self.map.values_mut().iter_mut().enumerate() {
+            let centre = |i: usize| cell * (i as f64 + 0.5) - 0.5;
+            let (cu, cv) = self.camera.at(centre(k % w), centre(k / w));
+            *value = (self.u.values()[k] - cu as f32).hypot(self.v.values()[k] - cv as f32);
+        }
+        self.blobs.find(&self.map, self.threshold, size, found);
+        // A patch at an edge moves with what moves in it: boxes reach about half a stride too far on each side.
+        let smear = (STRIDE << self.finest) as f64 / 2.0;
+        for Detection { bbox: b, .. } in found.iter_mut() {
+            let (dx, dy) = (smear.min(b.w / 4.0), smear.min(b.h / 4.0));
+            *b = BBox { x: b.x + dx, y: b.y + dy, w: b.w - 2.0 * dx, h: b.h - 2.0 * dy };
+        }
+    }
+    fn map(&self) -> &Map {
+        &self.map
+    }
+}
+
+impl Flow {
+    /// Flow whose search ends at this level.
+    pub fn down_to(finest: usize) -> Self {
+        Self { finest, ..Self::default() }
+    }
+    /// Takes the next picture, and fills [`Flow::field`] with the flow from the one before to it; zeros where there is none
+    /// of its size.
+    pub fn next(&mut self, image: &Image) {
+        std::mem::swap(&mut self.before, &mut self.now);
+        let levels = build(&mut self.now, image, &mut self.across, self.finest);
+        let finest = self.finest.min(levels - 1);
+        let same = |a: &Map, b: &Map| (a.width(), a.height()) == (b.width(), b.height());
+        if self.before.is_empty() || !same(&self.before[0], &self.now[0]) {
+            self.u.like(&self.now[finest]);
+            self.v.like(&self.now[finest]);
+            return;
+        }
+        for level in (finest..levels).rev() {
+            let (before, now) = (&self.before[level], &self.now[level]);
+            let [cu, cv] = &mut self.coarse;
+            std::mem::swap(cu, &mut self.u);
+            std::mem::swap(cv, &mut self.v);
+            self.u.like(before);
+            self.v.like(before);
+            self.weight.clear();
+            self.weight.resize(before.values().len(), 0.0);
+            for y in starts(before.height()) {
+                for x in starts(before.width()) {
+                    let patch = Patch::cut(before, x, y);
+                    let from = if level + 1 == levels { (0.0, 0.0) } else { around(cu, cv, x, y) };
+                    let flow = patch.search(before, now, from);
+                    patch.spread(before, now, flow, (&mut self.u, &mut self.v), &mut self.weight);
+                }
+            }
+            let all = self.u.values_mut().iter_mut().zip(self.v.values_mut()).zip(&self.weight);
+            all.for_each(|((u, v), w)| (*u, *v) = (*u / w, *v / w));
+        }
+        // From pixels of the finest level to those of the picture.
+        let scale = (1 << finest) as f32;
+        self.u.values_mut().iter_mut().chain(self.v.values_mut()).for_each(|f| *f *= scale);
+    }
+    /// The flow of the last two pictures: across and down, pixels of the picture a frame.
+    pub fn field(&self) -> (&Map, &Map) {
+        (&self.u, &self.v)
+    }
+    /// Takes the next picture as [`Flow::next`] does, and fits the camera's motion to the flow.
+    pub fn look(&mut self, image: &Image) {
+        self.next(image);
+        self.camera = Affine::fit(&self.u, &self.v, &mut self.places);
+    }
+    /// How the camera moved between the last two pictures of [`Flow::look`], as most of the flow has it.
+    pub fn camera(&self) -> Affine {
+        self.camera
+    }
+}
+
+/// The pyramid of a picture's intensity; answers how many levels are used.
+fn build(levels: &mut Vec<Map>, image: &Image, across: &mut Vec<f32>, finest: usize) -> usize {
+    let mut count = 1;
+    while (image.width().min(image.height()) >> count) >= COARSEST {
+        count += 1;
+    }
+    let count = count.max(finest.min(2) + 1);
+    levels.resize_with(count.max(levels.len()), Map::default);
+    levels[0].intensity(image);
+    for l in 1..count {
+        let (fine, coarse) = levels.split_at_mut(l);
+        fine[l - 1].halve(across, &mut coarse[0]);
+    }
+    count
+}
+
+/// First pixels of the patches along a side: every fourth, and the last that fits.
+fn starts(side: usize) -> impl Iterator<Item = usize> {
+    let last = side.saturating_sub(PATCH);
+    (0..last).step_by(STRIDE).chain(std::iter::once(last))
+}
+
+/// The coarser level's flow at the middle of a patch, in pixels of this one.
+fn around(cu: &Map, cv: &Map, x: usize, y: usize) -> (f32, f32) {
+    let middle = |start: usize| (start as f32 + PATCH as f32 / 2.0) / 2.0 - 0.5;
+    (2.0 * cu.between(middle(x), middle(y)), 2.0 * cv.between(middle(x), middle(y)))
+}
+
+/// A patch of the first picture: pixels, gradients, and what a Gauss-Newton step needs of them. Past the edges of a small
+/// picture the edge's pixels are repeated.
+struct Patch {
+    x: usize,
+    y: usize,
+    pixels: [f32; PIXELS],
+    gx: [f32; PIXELS],
+    gy: [f32; PIXELS],
+    /// The inverse of Σ g gᵀ with the gradients' means taken off, as xx, xy, yy; `None` where there is too little texture.
+    inverse: Option<[f32; 3]>,
+}
+
+impl Patch {
+    fn cut(from: &Map, x: usize, y: usize) -> Self {
+        let (w, h) = (from.width(), from.height());
+        let at = |x: usize, y: usize| from.at(x.min(w - 1), y.min(h - 1));
+        let mut patch = Self { x, y, pixels: [0.0; PIXELS], gx: [0.0; PIXELS], gy: [0.0; PIXELS], inverse: None };
+        let inside = x > 0 && y > 0 && x + PATCH < w && y + PATCH < h;
+        for j in 0..PATCH {
+            let line = |y: usize| -> [f32; PATCH + 2] {
+                if inside {
+                    *from.values()[y * w + x - 1..].first_chunk().expect("inside")
+                } else {
+                    std::array::from_fn(|i| at((x + i).saturating_sub(1), y))
+                }
+            };
+            let y = y + j;
+            let (above, here, below) = (line(y.saturating_sub(1)), line(y), line(y + 1));
+            for i in 0..PATCH {
+                let k = j * PATCH + i;
+                patch.pixels[k] = here[i + 1];
+                patch.gx[k] = 0.5 * (here[i + 2] - here[i]);
+                patch.gy[k] = 0.5 * (below[i + 1] - above[i + 1]);
+            }
+        }
+        // A constant change of brightness drops out where pixels and gradients have no mean.
+        for values in [&mut patch.pixels, &mut patch.gx, &mut patch.gy] {
+            let mean = kernels::sum(values) / PIXELS as f32;
+            values.iter_mut().for_each(|v| *v -= mean);
+        }
+        let Self { gx, gy, .. } = &patch;
+        let (xx, xy, yy) = (kernels::dot(gx, gx), kernels::dot(gx, gy), kernels::dot(gy, gy));
+        let least = 0.5 * (xx + yy) - (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
+        if least > TEXTURE * PIXELS as f32 {
+            let det = xx * yy - xy * xy;
+            patch.inverse = Some([yy / det, -xy / det, xx / det]);
+        }
+        patch
+    }
+    /// Where the patch went: steps from `start` while they lessen the error; back to `start` where they lead too far.
+    fn search(&self, before: &Map, now: &Map, start: (f32, f32)) -> (f32, f32) {
+        let Some([xx, xy, yy]) = self.inverse else { return start };
+        let (mut best, mut least, mut flow) = (start, f32::INFINITY, start);
+        let limit = (before.width() as f32, before.height() as f32);
+        for _ in 0..STEPS {
+            let mut residual = [0.0_f32; PIXELS];
+            sample(now, self.x as f32 + flow.0, self.y as f32 + flow.1, &mut residual);
+            let mean = kernels::sum(&residual) / PIXELS as f32;
+            residual.iter_mut().zip(&self.pixels).for_each(|(r, pixel)| *r = *r - mean - pixel);
+            let error = kernels::dot(&residual, &residual);
+            let (bx, by) = (kernels::dot(&residual, &self.gx), kernels::dot(&residual, &self.gy));
+            if error >= least {
+                break;
+            }
+            (best, least) = (flow, error);
+            let step = (xx * bx + xy * by, xy * bx + yy * by);
+            flow = (flow.0 - step.0, flow.1 - step.1);
+            let far = (flow.0 - start.0).hypot(flow.1 - start.1) > PATCH as f32;
+            if far || flow.0.abs() > limit.0 || flow.1.abs() > limit.1 {
+                return start;
+            }
+            if step.0.hypot(step.1) < 0.01 {
+                break;
+            }
+        }
+        best
+    }
+    /// Adds the patch's flow to its pixels, each as far as it explains the pixel: weight 1 / max(error, 2 grey levels).
+    fn spread(&self, before: &Map, now: &Map, flow: (f32, f32), (u, v): (&mut Map, &mut Map), weight: &mut [f32]) {
+        let (w, h) = (before.width(), before.height());
+        let mut moved = [0.0_f32; PIXELS];
+        sample(now, self.x as f32 + flow.0, self.y as f32 + flow.1, &mut moved);
+        let width = PATCH.min(w - self.x);
+        for (y, moved) in (self.y..h).zip(moved.chunks_exact(PATCH)) {
+            let line = y * w + self.x..y * w + self.x + width;
+            let (u, v) = (&mut u.values_mut()[line.clone()], &mut v.values_mut()[line.clone()]);
+            let sums = u.iter_mut().zip(v).zip(&mut weight[line.clone()]);
+            for (((u, v), weight), (pixel, moved)) in sums.zip(before.values()[line].iter().zip(moved)) {
+                let share = 1.0 / (pixel - moved).abs().max(2.0 / 255.0);
+                *u += share * flow.0;
+                *v += share * flow.1;
+                *weight += share;
+            }
+        }
+    }
+}
+
+/// A patch of a picture with its first pixel at `(x, y)`, bilinear: one pair of weights serves all its pixels.
+fn sample(from: &Map, x: f32, y: f32, out: &mut [f32; PIXELS]) {
+    let (w, h) = (from.width(), from.height());
+    let (left, top) = (x.floor(), y.floor());
+    let (fx, fy) = (x - left, y - top);
+    let inside = left >= 0.0 && top >= 0.0 && left as usize + PATCH < w && top as usize + PATCH < h;
+    if !inside {
+        return out.iter_mut().enumerate().for_each(|(k, v)| {
+            *v = from.between(x + (k % PATCH) as f32, y + (k / PATCH) as f32);
+        });
+    }
+    for (j, row) in out.chunks_exact_mut(PATCH).enumerate() {
+        let at = (top as usize + j) * w + left as usize;
+        let (a, b) = (&from.values()[at..][..PATCH + 1], &from.values()[at + w..][..PATCH + 1]);
+        for i in 0..PATCH {
+            let (upper, lower) = (a[i] + fx * (a[i + 1] - a[i]), b[i] + fx * (b[i + 1] - b[i]));
+            row[i] = upper + fy * (lower - upper);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance;
+    use foveate_base::rng::{Purpose, Streams};
+    use rand::RngExt;
+
+    #[test]
+    fn it_is_a_detector() {
+        conformance::detector(&|| Box::<Flow>::default());
+    }
+
+    /// A texture known at every place: forty waves of 6 to 120 pixels.
+    fn texture(seed: u64) -> impl Fn(f64, f64) -> f64 {
+        let mut rng = Streams::new(seed, 0).at(0, Purpose::Scene).rng(0);
+        let waves: Vec<[f64; 3]> = (0..40)
+            .map(|_| {
+                let (angle, length) = (rng.random_range(0.0..std::f64::consts::PI), 6.0 * 20f64.powf(rng.random()));
+                let k = std::f64::consts::TAU / length;
+                [k * angle.cos(), k * angle.sin(), rng.random_range(0.0..6.3)]
+            })
+            .collect();
+        move |x, y| 128.0 + 14.0 * waves.iter().map(|w| (w[0] * x + w[1] * y + w[2]).sin()).sum::<f64>()
+    }
+
+    const SIZE: (usize, usize) = (240, 180);
+
+    fn picture(at: impl Fn(f64, f64) -> f64) -> Image {
+        let pixel = |k: usize| at((k % SIZE.0) as f64, (k / SIZE.0) as f64).round().clamp(0.0, 255.0) as u8;
+        Image::new(SIZE.0, SIZE.1, 1, (0..SIZE.0 * SIZE.1).map(pixel).collect()).expect("as many bytes")
+    }
+
+    /// Mean end-point error of the flow between two pictures, against a known one; places that leave the picture do not
+    /// count.
+    fn error(first: &Image, second: &Image, finest: usize, truth: impl Fn(f64, f64) -> (f64, f64)) -> f64 {
+        let mut flow = Flow { finest, ..Flow::default() };
+        flow.next(first);
+        flow.next(second);
+        let (u, v) = flow.field();
+        let (mut sum, mut count) = (0.0, 0);
+        for y in 0..SIZE.1 {
+            for x in 0..SIZE.0 {
+                let (a, b) = truth(x as f64, y as f64);
+                let to = (x as f64 + a, y as f64 + b);
+                if to.0 >= 4.0 && to.1 >= 4.0 && to.0 < SIZE.0 as f64 - 5.0 && to.1 < SIZE.1 as f64 - 5.0 {
+                    let at = (u.at_pixel(x as f32, y as f32), v.at_pixel(x as f32, y as f32));
+                    (sum, count) = (sum + (f64::from(at.0) - a).hypot(f64::from(at.1) - b), count + 1);
+                }
+            }
+        }
+        sum / f64::from(count)
+    }
+
+    #[test]
+    fn known_flows_are_found() {
+        // The second picture is the texture at the place each pixel came from: p = A q + t about the middle, inverted.
+        let (cx, cy) = (120.0, 90.0);
+        let turned = |degrees: f64, zoom: f64| (zoom * degrees.to_radians().cos(), zoom * degrees.to_radians().sin());
+        // Within a patch the flow is one shift: where it varies by 0.07 a pixel, so does the error over half a patch.
+        for (name, (c, s), (tx, ty), allowed) in [
+            ("identity", (1.0, 0.0), (0.0, 0.0), 0.001),
+            ("translation", (1.0, 0.0), (3.3, -2.1), 0.1),
+            ("far", (1.0, 0.0), (8.0, -5.4), 0.1),
+            ("turn", turned(4.0, 1.0), (0.0, 0.0), 0.25),
+            ("zoom", turned(0.0, 1.06), (0.0, 0.0), 0.2),
+            ("all", turned(-3.0, 0.95), (4.0, 2.5), 0.25),
+        ] {
+            let forth = |x: f64, y: f64| {
+                let (x, y) = (x - cx, y - cy);
+                (c * x - s * y + cx + tx, s * x + c * y + cy + ty)
+            };
+            let back = |x: f64, y: f64| {
+                let (x, y, n) = (x - cx - tx, y - cy - ty, c * c + s * s);
+                ((c * x + s * y) / n + cx, (c * y - s * x) / n + cy)
+            };
+            for seed in 0..2 {
+                let world = texture(seed);
+                let first = picture(&world);
+                let second = picture(|x, y| {
+                    let (x, y) = back(x, y);
+                    world(x, y)
+                });
+                for finest in [0, 1] {
+                    let e = error(&first, &second, finest, |x, y| (forth(x, y).0 - x, forth(x, y).1 - y));
+                    assert!(e < allowed, "{name}, finest level {finest}: end-point error {e} pixels");
+                }
+                let mut flow = Flow::default();
+                let mut found = vec![];
+                for image in [&first, &second] {
+                    flow.detect(&image.clone(), &mut found);
+                }
+                let (u, v) = flow.camera().at(30.0, 140.0);
+                let (x, y) = forth(30.0, 140.0);
+                assert!((u + 30.0 - x).hypot(v + 140.0 - y) < 0.35, "{name}: the camera moved by {u}, {v}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_moves_otherwise_than_the_camera_is_found() {
+        let (world, thing) = (texture(3), texture(4));
+        let scene = |t: f64| {
+            picture(|x, y| {
+                let (left, top) = (100.0 + 4.0 * t, 60.0 - 2.0 * t);
+                let on = x >= left && x < left + 50.0 && y >= top && y < top + 40.0;
+                if on { thing(x - left, y - top) } else { world(x + 2.0 * t, y + t) }
+            })
+        };
+        let (mut flow, mut found) = (Flow::default(), vec![]);
+        for t in 0..2 {
+            flow.detect(&scene(t as f64), &mut found);
+        }
+        let truth = crate::geometry::BBox { x: 100.0, y: 60.0, w: 50.0, h: 40.0 };
+        let best = found[0].bbox;
+        assert!(best.iou(&truth) > 0.6, "{best:?}");
+        let (u, v) = flow.field();
+        let (u, v) = (u.at_pixel(125.0, 80.0), v.at_pixel(125.0, 80.0));
+        assert!((u - 4.0).hypot(v + 2.0) < 0.1, "{u}, {v}");
+    }
+}

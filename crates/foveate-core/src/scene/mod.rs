@@ -1,0 +1,24 @@
+//! THE WORLD COMING IN: pictures, and what is found in them.
+
+pub mod camera;
+pub mod cut;
+pub mod detect;
+pub mod flow;
+mod ghosts;
+pub mod image;
+pub mod map;
+mod morphology;
+pub mod motion;
+pub mod preprocessor;
+pub mod saliency;
+pub mod walkers;
+
+pub use self::cut::Cuts;
+pub use self::detect::{Detection, Detector};
+pub use self::flow::Flow;
+pub use self::image::{Image, Pixels};
+pub use self::map::Map;
+pub use self::motion::Motion;
+pub use self::preprocessor::{Preprocessor, Scene};
+pub use self::saliency::Saliency;
+pub use self::walkers::Walkers;

@@ -1,0 +1,247 @@
+//! The front door: one target, picture by picture.
+//!
+//! [`Tracker`] owns everything between a picture and a result: camera motion, detector, the particle filter with its gaze,
+//! and the recogniser. Nothing else in the project steps the engine of one target.
+
+use crate::config::{Blueprint, Configure};
+use crate::control::Status;
+use crate::engine::{Engine, Parts};
+use crate::geometry::{BBox, Extent, State};
+use crate::scene::{Detection, Image, Preprocessor, Scene};
+use crate::step::{Region, Step};
+use foveate_base::files::Nowhere;
+use foveate_base::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+/// Follows one target.
+///
+/// ```
+/// use foveate_core::{BBox, Image, Profile, Tracker};
+///
+/// let pixels: Vec<u8> = (0..160 * 120 * 3).map(|i| (i * 7 % 251) as u8).collect();
+/// let image = Image::from_rgb8(160, 120, &pixels)?;
+/// let mut tracker = Tracker::new(Profile::Balanced)?;
+/// tracker.init(&image, BBox::new(60.0, 40.0, 30.0, 40.0))?; // left, top, width, height; pixels counted from 0
+/// let seen = tracker.update(&image)?;
+/// println!("{:?}, {}, lost with probability {:.2}", seen.bbox, seen.status.name(), seen.p_lost);
+/// # Ok::<(), foveate_core::Error>(())
+/// ```
+pub struct Tracker {
+    engine: Engine,
+    preprocessor: Preprocessor,
+    /// Width, height and planes of the pictures.
+    shape: Option<[usize; 3]>,
+}
+
+/// What is known of the target in one picture. Views of the tracker's buffers: copy what you keep.
+pub struct Output<'a> {
+    /// Its box; left and top from 0, pixels.
+    pub bbox: BBox,
+    /// What is believed of the track: the one answer to "is it lost?".
+    pub status: Status,
+    /// The probability that the box is not on the target (IoU below 0.1) or the target not to be seen.
+    pub p_lost: f64,
+    /// Mean of the belief: centre, velocity a frame, log scale relative to the first frame, angle.
+    pub state: State,
+    /// Its covariance over x, y, vx, vy, log scale, angle.
+    pub covariance: [[f64; 6]; 6],
+    /// Everything that the frame computed.
+    pub step: Step<'a>,
+}
+
+impl Output<'_> {
+    /// The credible region of the target's centre that holds this share (0 to below 1) of the probability.
+    pub fn region(&self, share: f64) -> Region {
+        self.step.region(share)
+    }
+    /// Whether the box means nothing: the target is believed occluded or lost.
+    pub fn is_lost(&self) -> bool {
+        self.status.is_occluded_or_lost()
+    }
+}
+
+impl<'a> From<Step<'a>> for Output<'a> {
+    fn from(step: Step<'a>) -> Self {
+        Self {
+            bbox: step.bbox(),
+            status: step.confidence.status,
+            p_lost: step.confidence.p_lost,
+            state: step.estimate,
+            covariance: step.covariance,
+            step,
+        }
+    }
+}
+
+/// The format number of saved trackers.
+const FORMAT: u32 = 7;
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    format: u32,
+    shape: Option<[usize; 3]>,
+    engine: serde_json::Value,
+}
+
+impl Tracker {
+    /// A tracker by profile, by the name of a configuration that ships ([`crate::config::BUILTIN`]), or by a configuration.
+    ///
+    /// # Errors
+    /// [`Error::Config`] where there is none of that name, a number is out of range or parts do not fit. Model files are
+    /// those that ship; for others see [`crate::config::Config::check`] and [`Blueprint::tracker`].
+    pub fn new(what: impl Configure) -> Result<Self> {
+        let config = what.config()?;
+        let seed = config.seed;
+        config.check(&Nowhere)?.tracker(seed)
+    }
+
+    /// A tracker of these parts, with its own streams of randomness named by `seed`; what is looked at before each step is
+    /// the preprocessor's business.
+    pub fn from_parts(parts: Parts, preprocessor: Preprocessor, seed: u64) -> Self {
+        Self::of(Engine::new(parts, seed, 0), preprocessor)
+    }
+
+    pub(crate) fn of(engine: Engine, preprocessor: Preprocessor) -> Self {
+        Self { engine, preprocessor, shape: None }
+    }
+
+    /// Starts, or starts again, on the target in this box: its template is what is there, and all that was learned before is
+    /// forgotten.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture; then nothing
+    /// has changed.
+    pub fn init(&mut self, image: &Image, bbox: BBox) -> Result<()> {
+        crate::start::check(image, &bbox)?;
+        self.preprocessor.look(image);
+        self.shape = Some(shape(image));
+        self.engine.init(image, bbox)
+    }
+
+    /// The next picture of the video.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] before [`Tracker::init`], or where the picture has another size or other planes than the first.
+    pub fn update<'a>(&'a mut self, image: &'a Image) -> Result<Output<'a>> {
+        self.prepare(image)?;
+        Ok(self.engine.step(self.preprocessor.scene(image)).into())
+    }
+
+    /// The same, with what a detector of yours found in the picture, in the place of the configuration's own. Detections count
+    /// where the configuration has `proposal = { kind = "mixture" }` or `[detection_likelihood]`.
+    ///
+    /// # Errors
+    /// As [`Tracker::update`].
+    pub fn update_with<'a>(&'a mut self, image: &'a Image, detections: &'a [Detection]) -> Result<Output<'a>> {
+        self.prepare(image)?;
+        Ok(self.engine.step(Scene { image, detections }).into())
+    }
+
+    /// A picture before the target is given, or before the first update after [`Tracker::load`]: detector and camera motion
+    /// compare pictures, and see it; nothing is tracked.
+    pub fn skip(&mut self, image: &Image) {
+        self.preprocessor.look(image);
+    }
+
+    fn prepare(&mut self, image: &Image) -> Result<()> {
+        let Some(first) = self.shape.filter(|_| self.engine.has_target()) else {
+            return Err(Error::Invalid("the tracker has no target: call init with a picture and a box first".into()));
+        };
+        if first != shape(image) {
+            let [width, height, planes] = first;
+            return Err(Error::Invalid(format!(
+                "the picture is {} x {} with {} planes, the first one was {width} x {height} with {planes}; give pictures of one \
+                 size, or call init again",
+                image.width(),
+                image.height(),
+                image.planes()
+            )));
+        }
+        self.preprocessor.look(image);
+        if let Some(flow) = self.preprocessor.flow() {
+            self.engine.compensate(flow, &mut State::default());
+        }
+        Ok(())
+    }
+
+    /// Puts the target into this box: particles start about it, its template stays.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] before [`Tracker::init`], or where the box is not finite or has no area.
+    pub fn reset_at(&mut self, bbox: BBox) -> Result<()> {
+        if !self.engine.has_target() {
+            return Err(Error::Invalid("the tracker has no target to put somewhere: call init first".into()));
+        }
+        bbox.check()?;
+        self.engine.reset_at(&bbox);
+        Ok(())
+    }
+
+    /// Says which share of the target the next pictures can show, 0 to 1, because something covers it. Its looks count for as
+    /// much less, and below one half they cannot make it lost. 1 until told otherwise.
+    pub fn set_visibility(&mut self, visible: f64) {
+        self.engine.set_visibility(visible);
+    }
+
+    /// Whether there is a target: it was given, or loaded.
+    pub fn has_target(&self) -> bool {
+        self.engine.has_target()
+    }
+
+    /// Half the size of the target's box at scale 1, pixels; `None` before [`Tracker::init`].
+    pub fn extent(&self) -> Option<Extent> {
+        self.engine.extent()
+    }
+
+    /// The parts, to look at.
+    pub fn parts(&self) -> &Parts {
+        self.engine.parts()
+    }
+
+    /// The whole state in mid-video, to go on from bit for bit with [`Tracker::load`]. What detector and camera motion saw is
+    /// not in it: show the last picture again with [`Tracker::skip`].
+    pub fn save(&self) -> serde_json::Value {
+        let saved = Saved { format: FORMAT, shape: self.shape, engine: self.engine.save() };
+        serde_json::to_value(saved).expect("plain data is JSON")
+    }
+
+    /// Takes up what [`Tracker::save`] gave, in a tracker of the same configuration and seed. After an error the tracker has to
+    /// be given its target anew.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where it is not a saved tracker, of another version, or of another configuration.
+    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+        let bad = |what: String| Error::Invalid(format!("the saved tracker cannot be used: {what}"));
+        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
+        if saved.format != FORMAT {
+            return Err(bad(format!("its format is {}, this version writes and reads {FORMAT}", saved.format)));
+        }
+        self.engine.load(&saved.engine)?;
+        if saved.shape.is_some() != self.engine.has_target() {
+            return Err(bad("it has a target without the size of its pictures, or the size without a target".into()));
+        }
+        self.shape = saved.shape;
+        Ok(())
+    }
+}
+
+fn shape(image: &Image) -> [usize; 3] {
+    [image.width(), image.height(), image.planes()]
+}
+
+impl Blueprint {
+    /// A tracker for one target.
+    ///
+    /// # Errors
+    /// None for a checked configuration; [`Error::Config`] where a part cannot be made after all.
+    pub fn tracker(&self, seed: u64) -> Result<Tracker> {
+        self.tracker_of(seed, 0)
+    }
+    /// The same with the randomness of target `target`: trackers of several targets share a seed, and no draw.
+    ///
+    /// # Errors
+    /// As [`Blueprint::tracker`].
+    pub fn tracker_of(&self, seed: u64, target: u64) -> Result<Tracker> {
+        Ok(Tracker::of(self.engine(seed, target)?, self.preprocessor()))
+    }
+}

@@ -1,0 +1,253 @@
+//! Runs shown beside the truth, sequence by sequence: overlap over time, P(lost) and status below it, and pictures at
+//! regular intervals and of the worst frame. One page, `report.html`, the hardest sequence first.
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use kuva::plot::LinePlot;
+use kuva::plot::annotations::{ReferenceLine, ShadedRegion};
+use kuva::prelude::{Figure, Layout, Plot, SvgBackend, TickFormat};
+
+use super::confidence::{EPISODE, Judged, LOST};
+use super::metrics::score;
+use super::{Evaluation, Score, Sequence};
+use foveate_base::{Error, Result};
+use foveate_core::control::Status;
+use foveate_core::geometry::BBox;
+use foveate_core::scene::Image;
+use foveate_report::{Observer, Strip, escape, fill};
+use foveate_video::{encode_jpeg, open};
+
+/// Pictures of a sequence at regular intervals; the worst frame comes on top.
+const STILLS: usize = 7;
+/// JPEG quality of the pictures.
+const QUALITY: u8 = 75;
+
+/// A run on a sequence from its first frame on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Case {
+    /// The sequence.
+    pub sequence: Sequence,
+    /// The seed it was run with.
+    pub seed: u64,
+    /// The box in each frame, 0-based, the first one included.
+    pub boxes: Vec<BBox>,
+    /// What was reported in each frame from the second on.
+    pub judged: Vec<Judged>,
+}
+
+impl Case {
+    /// IoU in each frame; `None` where the target is not visible.
+    fn overlaps(&self) -> Vec<Option<f64>> {
+        self.boxes.iter().zip(&self.sequence.truth).map(|(b, truth)| truth.map(|truth| b.iou(&truth))).collect()
+    }
+
+    /// The index of the first frame with the least overlap.
+    fn worst(&self) -> Option<usize> {
+        let known = self.overlaps().into_iter().enumerate().filter_map(|(i, overlap)| Some((i, overlap?)));
+        known.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
+    }
+
+    /// When the target was lost, and when that was reported, in words. Frames count from 1.
+    fn verdict(&self) -> String {
+        let (mut at, mut losses) = (2, vec![]);
+        for run in self.judged.chunk_by(|a, b| a.lost() == b.lost()) {
+            if run[0].lost() && run.len() >= EPISODE {
+                let said = match run.iter().position(|j| j.status.is_occluded_or_lost()) {
+                    Some(0) => "reported at once".into(),
+                    Some(1) => "reported one frame later".into(),
+                    Some(n) => format!("reported {n} frames later"),
+                    None => "not reported".to_owned(),
+                };
+                losses.push(format!("{} to {} ({said})", at, at + run.len() - 1));
+            }
+            at += run.len();
+        }
+        match losses.is_empty() {
+            true => format!("Never lost for {EPISODE} frames or more."),
+            false => format!("Lost in frames {}.", losses.join(", ")),
+        }
+    }
+
+    /// Overlap over P(lost), against frames counted from 1, as SVG text.
+    pub fn plot(&self) -> String {
+        let line = |points: Vec<(f64, f64)>, colour: &str| -> Plot {
+            LinePlot::new().with_data(points).with_color(colour).with_stroke_width(1.8).into()
+        };
+        let layout = |plots: &[Plot], y_label: &str| {
+            Layout::auto_from_plots(plots)
+                .with_x_label("frame")
+                .with_y_label(y_label)
+                .with_x_axis_min(0.0)
+                .with_x_axis_max(self.boxes.len() as f64)
+                .with_y_axis_min(0.0)
+                .with_y_axis_max(1.0)
+                .with_y_tick_step(0.25)
+                .with_x_tick_format(TickFormat::Integer)
+                .with_y_tick_format(TickFormat::Fixed(2))
+        };
+        let overlaps = self.overlaps();
+        let known = |i: &usize| Some(((i + 1) as f64, (*overlaps.get(*i)?)?));
+        let seen: Vec<usize> = (0..overlaps.len()).filter(|i| overlaps[*i].is_some()).collect();
+        let upper: Vec<Plot> = (seen.chunk_by(|a, b| a + 1 == *b))
+            .map(|run| line(run.iter().filter_map(known).collect(), "#0072B2"))
+            .collect();
+        let said = self.judged.iter().enumerate().map(|(i, j)| ((i + 2) as f64, j.p_lost)).collect();
+        let lower = vec![line(said, "#000000")];
+        let threshold = ReferenceLine::horizontal(LOST).with_color("#B33C00");
+        let upper_layout = layout(&upper, "overlap (IoU)").with_reference_line(threshold);
+        let mut lower_layout = layout(&lower, "P(lost)");
+        let mut at = 1.5;
+        for run in self.judged.chunk_by(|a, b| a.status == b.status) {
+            let end = at + run.len() as f64;
+            if let Some(colour) = colour(run[0].status) {
+                lower_layout = lower_layout
+                    .with_shaded_region(ShadedRegion::vertical(at, end).with_color(colour).with_opacity(0.35));
+            }
+            at = end;
+        }
+        let figure = Figure::new(2, 1)
+            .with_plots(vec![upper, lower])
+            .with_layouts(vec![upper_layout, lower_layout])
+            .with_cell_size(1100.0, 190.0);
+        SvgBackend::default().render_scene(&figure.render())
+    }
+
+    /// Pictures with the true and the found box, by index of the frame: at regular intervals, and the worst one.
+    ///
+    /// # Errors
+    /// The sequence cannot be read again.
+    pub fn stills(&self) -> Result<Vec<(usize, Image)>> {
+        let last = self.boxes.len().saturating_sub(1);
+        let at: Vec<usize> = (0..STILLS).map(|i| i * last / (STILLS - 1)).chain(self.worst()).collect();
+        let mut strip = Strip::at(at, self.sequence.truth.clone());
+        for (frame, bbox) in open(&self.sequence.images)?.zip(&self.boxes) {
+            strip.start(&frame?, bbox)?;
+        }
+        Ok(strip.into_stills())
+    }
+
+    fn html(&self, score: &Score, best: Option<(&str, f64)>) -> Result<String> {
+        let name = escape(&self.sequence.name);
+        let (overlaps, worst) = (self.overlaps(), self.worst());
+        let still = |(i, image): (usize, Image)| {
+            let overlap = overlaps[i].map_or("not visible".into(), |o| format!("IoU {o:.2}"));
+            let said = i.checked_sub(1).and_then(|i| self.judged.get(i));
+            let said = said.map_or(String::new(), |j| format!(", P(lost) {:.2}, {}", j.p_lost, j.status.name()));
+            let (class, what) = if worst == Some(i) { (" class=\"worst\"", ", the worst") } else { ("", "") };
+            let caption = format!("frame {}{what}: {overlap}{said}", i + 1);
+            let data = STANDARD.encode(encode_jpeg(&image, QUALITY));
+            format!(
+                "<figure{class}><img alt=\"{name}, {caption}\" src=\"data:image/jpeg;base64,{data}\"><figcaption>{caption}</figcaption></figure>"
+            )
+        };
+        let stills: String = self.stills()?.into_iter().map(still).collect();
+        let best = best.map_or(String::new(), |(who, auc)| format!(" (best of the others: {auc:.3}, {})", escape(who)));
+        Ok(format!(
+            "<section><h2 id=\"{name}\">{name}</h2><p>{} AUC {:.3}{best}, precision {:.3}, failure in {} of {} frames; seed {}.</p>\
+             <img class=\"plot\" alt=\"Overlap and P(lost) over time\" src=\"data:image/svg+xml;base64,{}\"><div class=\"stills\">{stills}</div></section>\n",
+            self.verdict(),
+            score.auc,
+            score.p20,
+            score.failures,
+            score.frames,
+            self.seed,
+            STANDARD.encode(self.plot()),
+        ))
+    }
+}
+
+/// Okabe and Ito's orange, vermilion and green; nothing while all is well.
+fn colour(status: Status) -> Option<&'static str> {
+    match status {
+        Status::Tracking => None,
+        Status::Occluded => Some("#E69F00"),
+        Status::Lost => Some("#D55E00"),
+        Status::Reacquired => Some("#009E73"),
+    }
+}
+
+/// The page of these runs, with the best of `others` named beside each.
+///
+/// # Errors
+/// A sequence cannot be read again, or a run has not one box a frame.
+pub fn page(cases: &[Case], others: &[Evaluation]) -> Result<String> {
+    let mut scored = Vec::new();
+    for case in cases {
+        let boxes: Vec<_> = case.boxes.iter().copied().map(Some).collect();
+        let at_sequence = |e: Error| Error::Invalid(format!("{}: {e}", case.sequence.images.display()));
+        scored.push((case, score(&boxes, &case.sequence.truth).map_err(at_sequence)?.0));
+    }
+    scored.sort_by(|a, b| a.1.auc.total_cmp(&b.1.auc));
+    let (mut rows, mut sections) = (String::new(), String::new());
+    for (case, score) in &scored {
+        let name = &case.sequence.name;
+        let of_other = |e: &'_ Evaluation| Some((e.tracker.clone(), e.of_sequence(name)?.auc));
+        let best = others.iter().filter_map(of_other).max_by(|a, b| a.1.total_cmp(&b.1));
+        let best = best.as_ref().map(|(who, auc)| (who.as_str(), *auc));
+        let other = best.map_or("-".into(), |(who, auc)| format!("{auc:.3} {}", escape(who)));
+        let (name, verdict) = (escape(name), case.verdict());
+        let figures = format!("<td>{:.3}</td><td>{other}</td><td>{:.1} %</td>", score.auc, score.failure_pct);
+        rows += &format!("<tr><td><a href=\"#{name}\">{name}</a></td>{figures}<td>{verdict}</td></tr>\n");
+        sections += &case.html(score, best)?;
+    }
+    Ok(fill(include_str!("cases.html"), &[("rows", rows), ("sections", sections)]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate_core::control::Cues;
+    use foveate_video::encode_png;
+
+    fn bbox(x: f64) -> BBox {
+        BBox { x, y: 5.0, w: 20.0, h: 20.0 }
+    }
+
+    /// Twelve frames; from the fifth to the eleventh the box is far off, which is reported at the eighth.
+    fn case() -> Case {
+        let at = |i: usize| if (4..11).contains(&i) { bbox(200.0) } else { bbox(0.0) };
+        let truth = vec![Some(bbox(0.0)); 12];
+        let judged = |i: usize| Judged {
+            p_lost: 0.5,
+            status: if (7..11).contains(&i) { Status::Occluded } else { Status::Tracking },
+            cues: Cues::default(),
+            iou: at(i).iou(&bbox(0.0)),
+            off: None,
+            covariance: [1.0, 0.0, 1.0],
+        };
+        let (images, truth_file) = ("nowhere".into(), "nowhere".into());
+        let sequence = Sequence { name: "A<b".into(), images, truth_file, truth };
+        Case { sequence, seed: 3, boxes: (0..12).map(at).collect(), judged: (1..12).map(judged).collect() }
+    }
+
+    #[test]
+    fn losses_are_told() {
+        let mut case = case();
+        assert_eq!(case.verdict(), "Lost in frames 5 to 11 (reported 3 frames later).");
+        assert_eq!(case.worst(), Some(4));
+        case.judged.iter_mut().for_each(|j| j.status = Status::Tracking);
+        assert!(case.verdict().contains("not reported"));
+        case.judged.iter_mut().for_each(|j| j.iou = 1.0);
+        assert!(case.verdict().starts_with("Never lost"));
+        case.sequence.truth[2] = None;
+        assert!(case.plot().contains("overlap (IoU)"), "also with a gap in the truth");
+    }
+
+    #[test]
+    fn a_page_has_everything_in_it() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let mut case = case();
+        assert!(page(std::slice::from_ref(&case), &[]).expect_err("no pictures").to_string().contains("nowhere"));
+        case.sequence.images = dir.path().into();
+        for i in 0..12 {
+            std::fs::write(dir.path().join(format!("{i:02}.png")), encode_png(&Image::grey(60, 40, 90)))
+                .expect("written");
+        }
+        let html = page(&[case.clone()], &[]).expect("a page");
+        assert!(html.contains("A&lt;b") && !html.contains("A<b") && !html.contains("{{"));
+        // Every second frame of twelve or so, of which the fifth is the worst.
+        assert_eq!((html.matches("image/jpeg").count(), html.matches("the worst").count()), (8, 2), "{html}");
+        case.boxes.pop();
+        assert!(page(&[case], &[]).expect_err("too short").to_string().contains("11 boxes"));
+    }
+}

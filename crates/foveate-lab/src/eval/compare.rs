@@ -1,0 +1,296 @@
+//! A tracker on many sequences: scored from its files, or run.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use super::curves::Drawn;
+use super::metrics::{self, Score, frames_per_second};
+use super::sequence::list;
+use super::{Curves, Sequence};
+use foveate_base::{Error, Result, files};
+use foveate_core::geometry::BBox;
+use foveate_video::annotation::{format_boxes, read_boxes, read_numbers};
+
+/// What a tracker did on a sequence.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackRun {
+    /// Its box in each frame, the first one included, 0-based.
+    pub boxes: Vec<BBox>,
+    /// Seconds it took for each frame, the start included; empty if they were not measured.
+    pub seconds: Vec<f64>,
+}
+
+/// A tracker's score on one sequence.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Row {
+    /// Name of the sequence.
+    pub sequence: String,
+    /// The seed it was run with, if it was run here.
+    pub seed: Option<u64>,
+    /// The figures.
+    #[serde(flatten)]
+    pub score: Score,
+    /// The curves.
+    #[serde(skip)]
+    pub curves: Curves,
+}
+
+/// A tracker's scores on many sequences.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Evaluation {
+    /// Name of the tracker.
+    pub tracker: String,
+    /// One for each sequence and seed.
+    pub rows: Vec<Row>,
+    /// Sequences it has no result for; they count nowhere.
+    pub missing: Vec<String>,
+}
+
+/// A mean over sequences, and its spread over seeds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Spread {
+    /// Mean over seeds.
+    pub mean: f64,
+    /// Standard deviation over seeds (n − 1 in the denominator); none with one seed.
+    pub sd: Option<f64>,
+}
+
+impl Evaluation {
+    /// The mean figures over all sequences and seeds; `None` without a row.
+    pub fn mean(&self) -> Option<Score> {
+        Score::mean(self.rows.iter().map(|row| &row.score))
+    }
+    /// The mean curves over all sequences and seeds.
+    pub fn curves(&self) -> Curves {
+        Curves::mean(self.rows.iter().map(|row| &row.curves))
+    }
+    /// The rows of each seed.
+    fn by_seed(&self) -> Vec<Vec<&Row>> {
+        let seeds: BTreeSet<_> = self.rows.iter().map(|row| row.seed).collect();
+        seeds.into_iter().map(|seed| self.rows.iter().filter(|row| row.seed == seed).collect()).collect()
+    }
+    /// What the plot draws: the mean curves, and how far those of single seeds are from them.
+    pub fn drawn(&self) -> Drawn<'_> {
+        let seeds: Vec<Curves> =
+            self.by_seed().iter().map(|rows| Curves::mean(rows.iter().map(|row| &row.curves))).collect();
+        Drawn { name: &self.tracker, mean: self.curves(), band: Curves::band(&seeds) }
+    }
+    /// A figure's mean over sequences, seed by seed: its mean and spread over seeds.
+    pub fn spread(&self, figure: impl Fn(&Score) -> f64) -> Option<Spread> {
+        let mean_of = |rows: &Vec<&Row>| rows.iter().map(|row| figure(&row.score)).sum::<f64>() / rows.len() as f64;
+        let means: Vec<f64> = self.by_seed().iter().map(mean_of).collect();
+        let n = means.len() as f64;
+        let (mean, sd) = metrics::mean_sd(&means);
+        (n > 0.0).then(|| Spread { mean, sd: (n > 1.0).then(|| sd * (n / (n - 1.0)).sqrt()) })
+    }
+    /// The mean over seeds of one sequence's figures; `None` where it is missing.
+    pub fn of_sequence(&self, name: &str) -> Option<Score> {
+        Score::mean(self.rows.iter().filter(|row| row.sequence == name).map(|row| &row.score))
+    }
+}
+
+/// Scores what a folder holds: a tracker's results, or folders of trackers, which are answered best first (by AUC).
+///
+/// A tracker's results are `<sequence>.txt` (or `<sequence>/boxes.txt`, as tracking writes it) with one box `x,y,w,h` a
+/// frame, 1-based, the first frame included; and, where there is one, `<sequence>_time.txt` (beside it or in `times/`) with
+/// the seconds of each frame. Where several seeds were run these are in folders `seed-S`, as [`run_all`] leaves them.
+///
+/// # Errors
+/// There is no result for any of the sequences, or a file is damaged or has not one line a frame.
+pub fn score_folder(sequences: &[Sequence], folder: &Path) -> Result<Vec<Evaluation>> {
+    if let Some(one) = score_tracker(sequences, folder)? {
+        return Ok(vec![one]);
+    }
+    let mut all = Vec::new();
+    for (_, inner) in folders(folder)? {
+        all.extend(score_tracker(sequences, &inner)?);
+    }
+    if all.is_empty() {
+        let first = sequences.first().map_or("SEQUENCE", |s| s.name.as_str());
+        let problem = format!("no result here: expected files such as {first}.txt, or folders that have them");
+        return Err(Error::malformed(folder, problem));
+    }
+    let auc = |e: &Evaluation| e.mean().map_or(0.0, |s| s.auc);
+    all.sort_by(|a, b| auc(b).total_cmp(&auc(a)));
+    Ok(all)
+}
+
+/// One tracker's results, of one pass or of several seeds; `None` where there are none.
+fn score_tracker(sequences: &[Sequence], folder: &Path) -> Result<Option<Evaluation>> {
+    let whole = std::path::absolute(folder).map_err(Error::io(folder, "cannot find"))?;
+    let tracker = whole.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let mut rows = score_files(sequences, folder, None)?;
+    if rows.is_empty() {
+        for (name, inner) in folders(folder)? {
+            if let Some(seed) = name.strip_prefix("seed-").and_then(|seed| seed.parse().ok()) {
+                rows.extend(score_files(sequences, &inner, Some(seed))?);
+            }
+        }
+    }
+    let found = |name: &String| rows.iter().any(|row| row.sequence == *name);
+    let missing = sequences.iter().map(|s| &s.name).filter(|name| !found(name)).cloned().collect();
+    Ok((!rows.is_empty()).then_some(Evaluation { tracker, rows, missing }))
+}
+
+/// A row for each sequence that has a file in this folder.
+fn score_files(sequences: &[Sequence], folder: &Path, seed: Option<u64>) -> Result<Vec<Row>> {
+    let mut rows = Vec::new();
+    for sequence in sequences {
+        let places = [folder.join(format!("{}.txt", sequence.name)), folder.join(&sequence.name).join("boxes.txt")];
+        let Some(path) = places.iter().find(|path| path.is_file()) else { continue };
+        let in_file = |e: Error| Error::malformed(path, e.to_string());
+        let (mut score, curves) = metrics::score(&read_boxes(path)?, &sequence.truth).map_err(in_file)?;
+        let time = format!("{}_time.txt", sequence.name);
+        let times = [folder.join(&time), folder.join("times").join(&time)];
+        if let Some(path) = times.iter().find(|path| path.is_file()) {
+            score.fps = frames_per_second(&read_numbers(path)?);
+        }
+        rows.push(Row { sequence: sequence.name.clone(), seed, score, curves });
+    }
+    Ok(rows)
+}
+
+/// The folders in a folder, with their names, sorted.
+fn folders(folder: &Path) -> Result<Vec<(String, PathBuf)>> {
+    let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(list(folder)?.into_iter().filter(|path| path.is_dir()).map(|path| (name(&path), path)).collect())
+}
+
+/// Runs a tracker over all sequences with each seed, keeps its results in `out` in the form that
+/// [`score_folder`] reads (in a folder `seed-S` each where there are several seeds), and scores them.
+/// `told` hears of each row when it is made.
+///
+/// # Errors
+/// Whatever the tracker says, naming the sequence; it has not one box a frame; a file cannot be written.
+pub fn run_all(
+    tracker: &str,
+    sequences: &[Sequence],
+    seeds: &[u64],
+    out: Option<&Path>,
+    run_tracker: &dyn Fn(&Sequence, u64) -> Result<TrackRun>,
+    told: &mut dyn FnMut(&Row),
+) -> Result<Evaluation> {
+    let mut evaluation = Evaluation { tracker: tracker.into(), rows: Vec::new(), missing: Vec::new() };
+    for &seed in seeds {
+        for sequence in sequences {
+            let run = run_tracker(sequence, seed)?;
+            if let Some(out) = out {
+                let folder = if seeds.len() > 1 { out.join(format!("seed-{seed}")) } else { out.to_path_buf() };
+                keep(&run, &folder, &sequence.name)?;
+            }
+            let boxes: Vec<_> = run.boxes.iter().copied().map(Some).collect();
+            let at_sequence = |e: Error| Error::Invalid(format!("{}: {e}", sequence.images.display()));
+            let (mut score, curves) = metrics::score(&boxes, &sequence.truth).map_err(at_sequence)?;
+            score.fps = frames_per_second(&run.seconds);
+            let row = Row { sequence: sequence.name.clone(), seed: Some(seed), score, curves };
+            told(&row);
+            evaluation.rows.push(row);
+        }
+    }
+    Ok(evaluation)
+}
+
+fn keep(run: &TrackRun, folder: &Path, name: &str) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot create"))?;
+    files::write(folder.join(format!("{name}.txt")), format_boxes(&run.boxes).as_bytes())?;
+    let seconds: String = run.seconds.iter().map(|s| format!("{s:.8}\n")).collect();
+    files::write(folder.join(format!("{name}_time.txt")), seconds.as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::eval::{find_sequences, table};
+
+    fn at(x: f64) -> BBox {
+        BBox { x, y: 5.0, w: 10.0, h: 10.0 }
+    }
+    /// Sequences A and B of three frames, in a folder; the target is at 0, 1, 2.
+    fn two(folder: &Path) -> Vec<Sequence> {
+        for name in ["A", "B"] {
+            std::fs::create_dir_all(folder.join(name)).expect("a new folder");
+            let text = format_boxes(&[at(0.0), at(1.0), at(2.0)]);
+            std::fs::write(folder.join(name).join("groundtruth_rect.txt"), text).expect("written");
+        }
+        find_sequences(&[folder.into()]).expect("two sequences")
+    }
+
+    #[test]
+    fn what_is_run_is_scored_as_its_files_are() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let sequences = two(&dir.path().join("seqs"));
+        let runner = |s: &Sequence, seed: u64| {
+            let off = if s.name == "A" { 0.25 } else { 0.25 + seed as f64 };
+            Ok(TrackRun { boxes: vec![at(0.0), at(1.0 + off), at(2.0 + off)], seconds: vec![1.0, 0.01, 0.03] })
+        };
+        let out = dir.path().join("ours");
+        let mut told = 0;
+        let ran = run_all("ours", &sequences, &[1], Some(&out), &runner, &mut |_| told += 1).expect("a run");
+        let read = score_folder(&sequences, &out).expect("results").remove(0);
+        assert_eq!((told, read.tracker.as_str()), (2, "ours"));
+        for (ran, read) in ran.rows.iter().zip(&read.rows) {
+            assert_eq!((&ran.score, &ran.curves, ran.seed), (&read.score, &read.curves, Some(1)));
+            assert_eq!(read.score.fps, Some(50.0));
+        }
+
+        let ran = run_all("ours", &sequences, &[1, 2, 3], Some(&out), &runner, &mut |_| ()).expect("three runs");
+        assert!(out.join("seed-3/B_time.txt").is_file());
+        // Mean errors over 3 frames: A 1/6 each; B 2/3 * (1.25, 2.25, 3.25), so the means are 1/2, 5/6, 7/6.
+        let spread = ran.spread(|s| s.centre_error).expect("rows");
+        assert!((spread.mean - 5.0 / 6.0).abs() < 1e-12 && (spread.sd.expect("three seeds") - 1.0 / 3.0).abs() < 1e-12);
+        assert!(table::text(std::slice::from_ref(&ran)).contains("ours over seeds: AUC"));
+        assert!(
+            ran.drawn().band.is_some() && score_folder(&sequences, &out).expect("results")[0].drawn().band.is_none()
+        );
+        let alone = dir.path().join("alone/ours");
+        run_all("ours", &sequences, &[1, 2, 3], Some(&alone), &runner, &mut |_| ()).expect("three runs");
+        for folder in [alone.clone(), dir.path().join("alone")] {
+            let read = score_folder(&sequences, &folder).expect("seeds");
+            assert_eq!((read.len(), read[0].rows.len(), &read[0].rows[5].curves), (1, 6, &ran.rows[5].curves));
+            assert_eq!(read[0].drawn(), ran.drawn());
+        }
+    }
+
+    #[test]
+    fn trackers_stand_side_by_side_and_gaps_are_named() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let sequences = two(&dir.path().join("seqs"));
+        for (tracker, name, x) in [("good", "A", 1.0), ("good", "B", 1.0), ("bad", "A", 90.0)] {
+            std::fs::create_dir_all(dir.path().join(tracker)).expect("a new folder");
+            let text = format_boxes(&[at(0.0), at(x), at(2.0)]);
+            std::fs::write(dir.path().join(tracker).join(format!("{name}.txt")), text).expect("written");
+        }
+        let both = ["good", "bad"].map(|t| score_folder(&sequences, &dir.path().join(t)).expect("results").remove(0));
+        assert_eq!(score_folder(&sequences, dir.path()).expect("both at once, the best first"), both);
+        let text = table::text(&both);
+        for line in [
+            "AUC / P@20           good            bad",
+            "A           0.952 / 1.000  0.635 / 0.667",
+            "B           0.952 / 1.000              -",
+            "mean  frames    AUC   P@20  SR@0.5  error px  failures  failure %  fps",
+            "bad        3  0.635  0.667   0.667      29.7         1       33.3    -",
+            "good against  sequences     AUC  better on  worse on",
+            "bad                   1  +0.317          1         0",
+            "bad has no result for B: its means leave them out",
+        ] {
+            assert!(text.lines().any(|l| l == line), "{line}\n{text}");
+        }
+        let json = table::json(&both);
+        assert_eq!(
+            (&json["trackers"][1]["missing"][0], &json["trackers"][1]["sequences"][0]["failures"]),
+            (&"B".into(), &1.into())
+        );
+        assert!(table::text(&both[..1]).lines().any(|l| l.starts_with("mean of 2")));
+
+        std::fs::write(dir.path().join("bad/A.txt"), "1,2,3,4\n").expect("written");
+        let problem = score_folder(&sequences, &dir.path().join("bad")).expect_err("too short").to_string();
+        assert!(problem.contains("A.txt: 1 boxes for 3 frames of truth"), "{problem}");
+        assert!(
+            score_folder(&sequences, &dir.path().join("seqs")).expect_err("none").to_string().contains("such as A.txt")
+        );
+        let short = |_: &Sequence, _| Ok(TrackRun { boxes: vec![at(0.0)], seconds: vec![] });
+        assert!(run_all("x", &sequences, &[1], None, &short, &mut |_| ()).is_err());
+    }
+}

@@ -1,0 +1,306 @@
+//! Calibration of P(lost), delay and false alarms of the reported status, coverage of credible regions.
+//!
+//! A target is *lost* where its box has an IoU below [`LOST`] with it, or it is not visible. The tracker *reports* a loss where
+//! its status is occluded or lost.
+
+use serde::{Deserialize, Serialize};
+
+use super::experiment::quantile;
+use super::reliability::{Bin, reliability};
+use super::table::aligned;
+use foveate_base::Result;
+use foveate_core::control::{ConfidenceModel, Cues, LossMonitor, Status};
+use foveate_core::geometry::BBox;
+use foveate_core::step::Step;
+use foveate_report::Observer;
+use foveate_video::Frame;
+
+/// A target whose box has an IoU below this is lost.
+pub const LOST: f64 = 0.1;
+/// Losses of fewer frames are not counted as episodes.
+pub const EPISODE: usize = 5;
+/// Bins of the reliability curve.
+const BINS: usize = 10;
+/// Credible regions that are checked.
+pub const REGIONS: [f64; 2] = [0.5, 0.9];
+
+/// What a tracker reported in one frame, beside the truth.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Judged {
+    /// P(lost) as reported.
+    pub p_lost: f64,
+    /// The status as reported.
+    pub status: Status,
+    /// The features that P(lost) is made of.
+    pub cues: Cues,
+    /// IoU with the target; 0 where it is not visible.
+    pub iou: f64,
+    /// The true centre less the estimate, in template units; none where the target is not visible.
+    pub off: Option<[f64; 2]>,
+    /// Covariance of the belief about place, in template units: xx, xy, yy.
+    pub covariance: [f64; 3],
+}
+
+impl Judged {
+    /// Of a step and the truth.
+    pub fn of(step: &Step<'_>, truth: Option<BBox>) -> Self {
+        let (unit, c) = (step.unit(), &step.covariance);
+        let off = truth.map(|truth| {
+            let (there, here) = (truth.centre(), step.bbox().centre());
+            [(there.0 - here.0) / unit, (there.1 - here.1) / unit]
+        });
+        let area = unit * unit;
+        Self {
+            p_lost: step.confidence.p_lost,
+            status: step.confidence.status,
+            cues: step.confidence.cues,
+            iou: truth.map_or(0.0, |truth| step.bbox().iou(&truth)),
+            off,
+            covariance: [c[0][0] / area, c[0][1] / area, c[1][1] / area],
+        }
+    }
+    /// Whether the target is lost.
+    pub fn lost(&self) -> bool {
+        self.iou < LOST
+    }
+    /// The squared Mahalanobis distance of the truth, with this much localisation noise (standard deviation, template units).
+    fn squares(&self, localisation_noise: f64) -> Option<f64> {
+        let ([dx, dy], [a, b, d]) = (self.off?, self.covariance);
+        // A millionth of a unit at least: a belief of one particle has no covariance.
+        let (a, d) =
+            (a + localisation_noise * localisation_noise + 1e-12, d + localisation_noise * localisation_noise + 1e-12);
+        Some((d * dx * dx - 2.0 * b * dx * dy + a * dy * dy) / (a * d - b * b).max(1e-24))
+    }
+}
+
+/// Records every frame of a run beside the truth.
+pub struct Recorder<'a> {
+    truth: &'a [Option<BBox>],
+    /// From the second frame on.
+    pub frames: Vec<Judged>,
+}
+
+impl<'a> Recorder<'a> {
+    /// For a video with this truth.
+    pub fn of(truth: &'a [Option<BBox>]) -> Self {
+        Self { truth, frames: vec![] }
+    }
+}
+
+impl Observer for Recorder<'_> {
+    fn start(&mut self, _: &Frame, _: &BBox) -> Result<()> {
+        Ok(())
+    }
+    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
+        let truth = self.truth.get(frame.index).copied().flatten();
+        self.frames.push(Judged::of(step, truth));
+        Ok(())
+    }
+    fn finish(&mut self) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// The figures of many tracks.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ConfidenceScore {
+    /// Frames.
+    pub frames: usize,
+    /// Of these, frames in which the target was lost.
+    pub lost: usize,
+    /// By P(lost), ten bins of equal width: how many, mean P(lost) and share lost.
+    pub bins: Vec<Bin>,
+    /// Expected calibration error: mean distance between P(lost) and the share lost of a bin, by count.
+    pub ece: f64,
+    /// Mean of (P(lost) − truth)².
+    pub brier: f64,
+    /// The same of the base rate: of always reporting the share of lost frames.
+    pub brier_of_base_rate: f64,
+    /// How probably a lost frame has the greater P(lost) than one on the target; none without both.
+    pub roc: Option<f64>,
+    /// Share of the lost frames that are reported as occluded or lost.
+    pub reported: Option<f64>,
+    /// Frames on the target that are reported as occluded or lost, for each 1000 on it.
+    pub false_alarms: Option<f64>,
+    /// Losses of five frames or more.
+    pub episodes: usize,
+    /// Of these, losses that were reported before they ended.
+    pub detected: usize,
+    /// Frames from a loss to its report: median, and the 90 % quantile; of those detected.
+    pub delay: Option<[f64; 2]>,
+    /// Share of frames on the target whose truth lies in the 50 % and the 90 % region: of the belief alone, and with localisation noise.
+    pub coverage: Option<[[f64; 2]; 2]>,
+    /// The localisation noise with which the 90 % region holds 90 %, template units.
+    pub best_noise: Option<f64>,
+}
+
+impl ConfidenceScore {
+    /// Sums up tracks, each in the order of its frames; the localisation noise is what the tracker's regions have.
+    pub fn of(tracks: &[&[Judged]], localisation_noise: f64) -> Self {
+        let all: Vec<&Judged> = tracks.iter().copied().flatten().collect();
+        let (on, off): (Vec<&Judged>, Vec<&Judged>) = all.iter().partition(|j| !j.lost());
+        let share = |part: usize, of: usize| (of > 0).then(|| part as f64 / of as f64);
+        let out = |such: &[&Judged]| such.iter().filter(|j| j.status.is_occluded_or_lost()).count();
+        let pairs: Vec<(f64, bool)> = all.iter().map(|j| (j.p_lost, j.lost())).collect();
+        let (bins, ece) = reliability(&pairs, BINS);
+        let n = all.len().max(1) as f64;
+        let rate = off.len() as f64 / n;
+        let delays: Vec<Option<usize>> = tracks.iter().flat_map(|track| delays(track)).collect();
+        let detected: Vec<f64> = delays.iter().flatten().map(|d| *d as f64).collect();
+        let coverage = (!on.is_empty()).then(|| {
+            [0.0, localisation_noise].map(|localisation_noise| REGIONS.map(|p| coverage(&on, p, localisation_noise)))
+        });
+        Self {
+            frames: all.len(),
+            lost: off.len(),
+            bins,
+            ece,
+            brier: pairs.iter().map(|(p, lost)| (p - f64::from(u8::from(*lost))).powi(2)).sum::<f64>() / n,
+            brier_of_base_rate: rate * (1.0 - rate),
+            roc: roc(&pairs),
+            reported: share(out(&off), off.len()),
+            false_alarms: share(out(&on), on.len()).map(|s| 1000.0 * s),
+            episodes: delays.len(),
+            detected: detected.len(),
+            delay: (!detected.is_empty()).then(|| [0.5, 0.9].map(|q| quantile(&detected, q))),
+            coverage,
+            best_noise: (!on.is_empty()).then(|| best_noise(&on)),
+        }
+    }
+    /// A track as another model reports it, boxes and cues as they are: how often it would have searched is not simulated.
+    pub fn rejudged(track: &[Judged], confidence: &ConfidenceModel) -> Vec<Judged> {
+        let mut monitor = LossMonitor::new(confidence.clone());
+        let again = |j: &Judged| {
+            let confidence = monitor.rejudge(&j.cues);
+            Judged { p_lost: confidence.p_lost, status: confidence.status, ..*j }
+        };
+        track.iter().map(again).collect()
+    }
+}
+
+/// The area under the ROC curve, by ranks; ties count half.
+fn roc(pairs: &[(f64, bool)]) -> Option<f64> {
+    let mut sorted = pairs.to_vec();
+    sorted.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let lost = sorted.iter().filter(|p| p.1).count() as f64;
+    let on = sorted.len() as f64 - lost;
+    let (mut below, mut won) = (0.0, 0.0);
+    for tie in sorted.chunk_by(|a, b| a.0 == b.0) {
+        let such = tie.iter().filter(|p| p.1).count() as f64;
+        let others = tie.len() as f64 - such;
+        won += such * (below + 0.5 * others);
+        below += others;
+    }
+    (lost > 0.0 && on > 0.0).then(|| won / (lost * on))
+}
+
+/// For each episode of a track: frames until it was reported; none where it ended before.
+fn delays(track: &[Judged]) -> Vec<Option<usize>> {
+    let runs = track.chunk_by(|a, b| a.lost() == b.lost()).filter(|run| run[0].lost() && run.len() >= EPISODE);
+    runs.map(|run| run.iter().position(|j| j.status.is_occluded_or_lost())).collect()
+}
+
+/// Share of frames whose truth lies in the credible ellipse of probability p: for a normal belief the squared Mahalanobis
+/// distance is at most −2 ln(1 − p).
+fn coverage(frames: &[&Judged], p: f64, localisation_noise: f64) -> f64 {
+    let most = -2.0 * (1.0 - p).ln();
+    let squares: Vec<f64> = frames.iter().filter_map(|j| j.squares(localisation_noise)).collect();
+    squares.iter().filter(|s| **s <= most).count() as f64 / squares.len().max(1) as f64
+}
+
+/// The least localisation noise, to a thousandth of a unit, with which the 90 % region holds 90 % of the frames.
+fn best_noise(frames: &[&Judged]) -> f64 {
+    let (mut low, mut high) = (0.0, 4.0);
+    while high - low > 1e-3 {
+        let middle = 0.5 * (low + high);
+        if coverage(frames, REGIONS[1], middle) < REGIONS[1] { low = middle } else { high = middle }
+    }
+    high
+}
+
+/// As lines of text.
+pub fn text(score: &ConfidenceScore) -> String {
+    let s = score;
+    let or = |v: Option<String>| v.unwrap_or_else(|| "-".into());
+    let percent = |v: f64| format!("{:.1} %", 100.0 * v);
+    let coverage = |k: usize| or(s.coverage.map(|c| format!("{} / {}", percent(c[k][0]), percent(c[k][1]))));
+    let rows = [
+        ("frames, lost", format!("{}, {}", s.frames, s.lost)),
+        ("calibration error of P(lost)", format!("{:.4}", s.ece)),
+        ("Brier score (of the base rate)", format!("{:.4} ({:.4})", s.brier, s.brier_of_base_rate)),
+        ("area under ROC", or(s.roc.map(|r| format!("{r:.3}")))),
+        ("lost frames reported", or(s.reported.map(percent))),
+        ("false alarms per 1000 frames", or(s.false_alarms.map(|f| format!("{f:.1}")))),
+        ("losses detected", format!("{} of {}", s.detected, s.episodes)),
+        ("detection delay in frames, median, 90 %", or(s.delay.map(|d| format!("{:.0}, {:.0}", d[0], d[1])))),
+        ("truth in 50 / 90 % region, belief alone", coverage(0)),
+        ("truth in 50 / 90 % region, with localisation noise", coverage(1)),
+        ("localisation noise for 90 %, template units", or(s.best_noise.map(|b| format!("{b:.3}")))),
+    ];
+    let rows: Vec<Vec<String>> = rows.into_iter().map(|(name, value)| vec![name.to_string(), value]).collect();
+    let mut bins = vec![["P(lost)", "frames", "mean", "lost"].map(String::from).to_vec()];
+    for (i, b) in s.bins.iter().enumerate().filter(|(_, b)| b.count > 0) {
+        let (low, high) = (i as f64 / BINS as f64, (i + 1) as f64 / BINS as f64);
+        let mean = format!("{:.3}", b.confidence);
+        bins.push(vec![format!("{low:.1} to {high:.1}"), b.count.to_string(), mean, percent(b.accuracy)]);
+    }
+    format!("{}\n{}", aligned(&rows), aligned(&bins))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate_base::rng::Streams;
+    use rand::RngExt;
+    use rand_distr::StandardNormal;
+
+    fn judged(p_lost: f64, iou: f64, status: Status) -> Judged {
+        Judged { p_lost, status, cues: Cues::default(), iou, off: Some([0.0, 0.0]), covariance: [1.0, 0.0, 1.0] }
+    }
+
+    #[test]
+    fn a_track_by_hand() {
+        let (tracking, out) = (Status::Tracking, Status::Occluded);
+        let mut track = vec![judged(0.05, 0.8, tracking); 10];
+        track[3].status = out;
+        track.extend([judged(0.05, 0.0, tracking); 2]);
+        track.extend([judged(0.95, 0.0, out); 4]);
+        track.extend([judged(0.05, 0.5, tracking); 4]);
+        track.extend([judged(0.95, 0.0, tracking); 4]); // too short for an episode
+        let s = ConfidenceScore::of(&[&track], 0.0);
+        assert_eq!((s.frames, s.lost, s.episodes, s.detected), (24, 10, 1, 1));
+        assert_eq!((s.delay, s.reported), (Some([2.0, 2.0]), Some(0.4)));
+        assert!((s.false_alarms.expect("on the target") - 1000.0 / 14.0).abs() < 1e-9);
+        // 16 frames at 0.05, of which 2 are lost; 8 at 0.95, all lost.
+        assert!((s.ece - (16.0 * (0.125 - 0.05) + 8.0 * 0.05) / 24.0).abs() < 1e-12);
+        assert!((s.brier - (22.0 * 0.05f64.powi(2) + 2.0 * 0.95f64.powi(2)) / 24.0).abs() < 1e-12);
+        // Of 140 pairs, 112 in order and 28 tied.
+        assert!((s.roc.expect("both") - (112.0 + 14.0) / 140.0).abs() < 1e-12);
+        assert!(text(&s).contains("1 of 1") && ConfidenceScore::of(&[], 0.1).roc.is_none());
+    }
+
+    /// 4000 draws from beliefs that are right, and from beliefs that do not know of 0.3 units: the share within the 90 %
+    /// region has a deviation of 0.005; beyond five of them a correct program fails once in a million.
+    #[test]
+    fn regions_of_right_beliefs_hold_what_they_say() {
+        let mut rng = Streams::new(11, 0).rng(0);
+        let mut frames = |localisation_noise: f64| -> Vec<Judged> {
+            let draw = |_| {
+                let [a, b, c, d] = std::array::from_fn(|_| rng.sample::<f64, _>(StandardNormal));
+                // x = 0.2 a, y = 0.1 a + 0.3 b.
+                let off = Some([0.2 * a + localisation_noise * c, 0.1 * a + 0.3 * b + localisation_noise * d]);
+                Judged { off, covariance: [0.04, 0.02, 0.1], ..judged(0.0, 1.0, Status::Tracking) }
+            };
+            (0..4000).map(draw).collect()
+        };
+        let (right, blurred) = (frames(0.0), frames(0.3));
+        let of = |frames: &[Judged], localisation_noise| {
+            ConfidenceScore::of(&[frames], localisation_noise).coverage.expect("frames")
+        };
+        let near = |got: [f64; 2]| (got[0] - 0.5).abs() < 0.04 && (got[1] - 0.9).abs() < 0.025;
+        assert!(near(of(&right, 0.0)[0]) && near(of(&blurred, 0.3)[1]));
+        assert!(of(&blurred, 0.3)[0][1] < 0.8, "the belief alone is too sure");
+        let found = ConfidenceScore::of(&[&blurred], 0.0).best_noise.expect("frames");
+        assert!((found - 0.3).abs() < 0.04, "{found}");
+    }
+}

@@ -1,0 +1,110 @@
+//! Fits a [`ConfidenceModel`] on tracks with truth, and cross-validates it: leave one video out.
+
+use super::confidence::{ConfidenceScore, Judged};
+use crate::hide::Hide;
+use foveate_base::Result;
+use foveate_base::rows::Rows;
+use foveate_core::Tracker;
+use foveate_core::control::{CUES, ConfidenceModel, Cues};
+use foveate_core::geometry::BBox;
+use foveate_core::scene::Image;
+use foveate_learn::softmax::{Fit, Softmax};
+
+/// The pull of the weights towards 0.
+const L2: f64 = 1e-3;
+
+/// One tracker on one video, and which video that was.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Judgement {
+    /// Tracks of the same video are left out together.
+    pub video: String,
+    /// Whether an occlusion was inserted.
+    pub occluded: bool,
+    /// From the second frame on.
+    pub frames: Vec<Judged>,
+}
+
+/// Follows a video of which every frame can be had, with or without an inserted occlusion, up to `last`; the truth is that
+/// of the video as it is seen.
+///
+/// # Errors
+/// A picture cannot be had, or the tracker refuses the first box.
+pub fn follow(
+    truth: &[Option<BBox>],
+    last: usize,
+    hide: Option<&Hide>,
+    picture: &dyn Fn(usize) -> Result<Image>,
+    tracker: &mut Tracker,
+) -> Result<Vec<Judged>> {
+    let mut frames = vec![];
+    for (index, &there) in truth.iter().enumerate().take(last + 1) {
+        let image = picture(index)?;
+        let (image, there) = match hide {
+            Some(hide) => (hide.apply(index, &image, there), hide.truth(index, there)),
+            None => (image, there),
+        };
+        if index == 0 {
+            let absent =
+                || foveate_base::Error::Invalid("the target is absent in frame 1, where a tracker starts".into());
+            tracker.init(&image, there.ok_or_else(absent)?)?;
+            continue;
+        }
+        frames.push(Judged::of(&tracker.update(&image)?.step, there));
+    }
+    Ok(frames)
+}
+
+/// Weights, bias and localisation noise fitted on these tracks; all else as it was. Videos without and with an inserted
+/// occlusion count about the same, however many frames there are of each.
+///
+/// # Errors
+/// There is no frame, or none of one of the two kinds.
+pub fn fit(tracks: &[&Judgement], confidence: &ConfidenceModel) -> Result<ConfidenceModel> {
+    let count =
+        |occluded: bool| tracks.iter().filter(|t| t.occluded == occluded).map(|t| t.frames.len()).sum::<usize>();
+    let more = |of: bool| (count(!of) as f64 / count(of).max(1) as f64).round().clamp(1.0, 10.0) as usize;
+    let times = [more(false), more(true)];
+    let frames =
+        || tracks.iter().flat_map(|t| std::iter::repeat_n(&t.frames, times[usize::from(t.occluded)])).flatten();
+    let rows: Vec<f32> = frames().flat_map(|j| j.cues.map(|c| c as f32)).collect();
+    let labels: Vec<u8> = frames().map(|j| u8::from(j.lost())).collect();
+    if !(labels.contains(&0) && labels.contains(&1)) {
+        return Err(foveate_base::Error::Invalid(format!(
+            "a confidence model needs frames on the target and lost ones; these {} are all of one kind",
+            labels.len()
+        )));
+    }
+    let settings = Fit { l2: L2, steps: 500, tolerance: 1e-6 };
+    let model = Softmax::fit(Rows::new(&rows, CUES), &labels, 2, settings)?;
+    // The model is linear in the log-odds: they are read off at 0 and at each cue's 1.
+    let log_odds = |at: usize| {
+        let (mut row, mut log_p) = ([0f32; CUES], [0.0; 2]);
+        row.iter_mut().enumerate().for_each(|(k, c)| *c = f32::from(u8::from(k == at)));
+        model.log_probabilities(Rows::new(&row, CUES), &mut log_p);
+        log_p[1] - log_p[0]
+    };
+    let bias = log_odds(CUES);
+    let weights: Cues = std::array::from_fn(|k| log_odds(k) - bias);
+    let such: Vec<&[Judged]> = tracks.iter().map(|t| &t.frames[..]).collect();
+    let localisation_noise = ConfidenceScore::of(&such, 0.0).best_noise.unwrap_or(confidence.localisation_noise);
+    let mut table = confidence.clone();
+    (table.weights, table.bias, table.localisation_noise) = (weights, bias, localisation_noise);
+    Ok(table)
+}
+
+/// The tracks as reported by a model that was fitted without their video, and its localisation noise.
+///
+/// # Errors
+/// As [`fit`].
+pub fn leave_one_out(tracks: &[Judgement], confidence: &ConfidenceModel) -> Result<Vec<(Vec<Judged>, f64)>> {
+    let mut videos: Vec<&str> = tracks.iter().map(|t| t.video.as_str()).collect();
+    videos.sort();
+    videos.dedup();
+    let mut judged = vec![];
+    for video in videos {
+        let (mine, others): (Vec<&Judgement>, Vec<_>) = tracks.iter().partition(|t| t.video == video);
+        let table = fit(&others, confidence)?;
+        judged.extend(mine.iter().map(|t| (ConfidenceScore::rejudged(&t.frames, &table), table.localisation_noise)));
+    }
+    Ok(judged)
+}

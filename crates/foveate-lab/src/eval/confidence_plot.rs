@@ -1,0 +1,53 @@
+//! The reliability curve: the share of frames lost, against P(lost) as reported.
+
+use kuva::plot::{LegendPosition, LinePlot};
+use kuva::prelude::{Figure, Layout, LineStyle, Plot, SvgBackend, TickFormat};
+
+use super::confidence::ConfidenceScore;
+
+const COLOURS: [&str; 4] = ["#0072B2", "#D55E00", "#009E73", "#CC79A7"];
+
+/// Curves side by side, as SVG text; a straight diagonal would be perfect. Bins of fewer than 20 frames are left out.
+pub fn plot(scores: &[(&str, &ConfidenceScore)]) -> String {
+    let line = |points: Vec<(f64, f64)>, colour: &str, style: LineStyle, name: String| -> Plot {
+        let plot = LinePlot::new().with_data(points).with_color(colour).with_line_style(style);
+        plot.with_stroke_width(2.2).with_legend(name).into()
+    };
+    let dashed = LineStyle::Custom("3 4".into());
+    let mut lines = vec![line(vec![(0.0, 0.0), (1.0, 1.0)], "#888888", dashed, "perfect".into())];
+    for (i, (name, score)) in scores.iter().enumerate() {
+        let bins = score.bins.iter().filter(|b| b.count >= 20);
+        let points: Vec<(f64, f64)> = bins.map(|b| (b.confidence, b.accuracy)).collect();
+        if !points.is_empty() {
+            let name = format!("{name} (error {:.3})", score.ece);
+            lines.push(line(points, COLOURS[i % COLOURS.len()], LineStyle::Solid, name));
+        }
+    }
+    let layout = Layout::auto_from_plots(&lines)
+        .with_title("Reliability of P(lost)")
+        .with_x_label("P(lost) as reported, mean of a bin")
+        .with_y_label("share of frames lost")
+        .with_x_axis_min(0.0)
+        .with_x_axis_max(1.0)
+        .with_y_axis_min(0.0)
+        .with_y_axis_max(1.0)
+        .with_x_tick_step(0.2)
+        .with_y_tick_step(0.2)
+        .with_x_tick_format(TickFormat::Fixed(1))
+        .with_y_tick_format(TickFormat::Fixed(1))
+        .with_legend_box(true)
+        .with_legend_position(LegendPosition::InsideTopLeft);
+    let figure = Figure::new(1, 1).with_plots(vec![lines]).with_layouts(vec![layout]).with_cell_size(560.0, 460.0);
+    SvgBackend::default().render_scene(&figure.render())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_draws_what_there_is() {
+        let svg = plot(&[("nobody", &ConfidenceScore::of(&[], 0.0))]);
+        assert!(svg.contains("<svg") && svg.contains("perfect") && !svg.contains("nobody"));
+    }
+}

@@ -1,0 +1,110 @@
+//! regret.csv and regret.svg: what looking elsewhere would have earned.
+
+use std::path::Path;
+
+use foveate_base::Result;
+use foveate_base::sink::Sink;
+use foveate_core::geometry::{BBox, Gaze};
+use foveate_core::step::Step;
+use foveate_report::Observer;
+use foveate_report::regret::RegretLog;
+use foveate_video::Frame;
+use kuva::plot::LinePlot;
+use kuva::prelude::{Figure, Layout, LegendPosition, LineStyle, Plot, SvgBackend, TickFormat};
+
+/// Frames over which rewards are averaged in plots.
+const WINDOW: usize = 20;
+
+/// Keeps the rewards of the policy's gaze and of fixed ones; at the end, when it is known which fixed gaze was best,
+/// writes the regret ([`RegretLog::csv`]) and its plot. The sums go on where the target is given again.
+///
+/// The gazes must be scored: [`foveate_core::config::Blueprint::shadowing`].
+#[derive(Debug)]
+pub struct RegretFiles {
+    log: RegretLog,
+    table: Sink,
+    plot: Sink,
+    finished: bool,
+}
+
+impl RegretFiles {
+    /// Starts regret.csv and regret.svg in a folder. Fails where it cannot be written.
+    pub fn create(folder: &Path, gazes: Vec<Gaze>) -> Result<Self> {
+        let sink = |name: &str| Sink::create(folder.join(name));
+        let (table, plot) = (sink("regret.csv")?, sink("regret.svg")?);
+        Ok(Self { log: RegretLog::new(gazes), table, plot, finished: false })
+    }
+    /// What was entered so far.
+    pub fn log(&self) -> &RegretLog {
+        &self.log
+    }
+}
+
+impl Observer for RegretFiles {
+    fn start(&mut self, _: &Frame, _: &BBox) -> Result<()> {
+        Ok(())
+    }
+    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
+        self.log.enter(frame, step)
+    }
+    fn finish(&mut self) -> Result<()> {
+        if !std::mem::replace(&mut self.finished, true) {
+            self.table.write(self.log.csv().as_bytes())?;
+            self.plot.write(plot(&self.log).as_bytes())?;
+        }
+        self.table.finish().and(self.plot.finish())
+    }
+}
+
+/// Rewards and summed regret over the frames, as SVG text.
+pub fn plot(log: &RegretLog) -> String {
+    let regret = log.regret().unwrap_or_default();
+    let k = log.gazes().len().max(1) as f64;
+    let of = |reward: &dyn Fn(usize) -> f64| smooth(&(0..log.frames()).map(reward).collect::<Vec<_>>());
+    let best = log.gazes().get(regret.best).copied().unwrap_or(Gaze::CENTRE);
+    let rewards = [
+        (
+            format!("best fixed, ({:.2}, {:.2})", best.u, best.v),
+            of(&|t| log.offered(t)[regret.best]),
+            LineStyle::Dashed,
+        ),
+        ("the policy".to_owned(), of(&|t| log.earned()[t]), LineStyle::Solid),
+        ("mean of all gazes".to_owned(), of(&|t| log.offered(t).iter().sum::<f64>() / k), LineStyle::Dotted),
+    ];
+    let sums = [
+        ("the policy".to_owned(), regret.cumulative, LineStyle::Solid),
+        ("a gaze at random".to_owned(), regret.at_random, LineStyle::Dotted),
+    ];
+    let colours = ["#D55E00", "#0072B2", "#000000"];
+    let panel = |lines: &[(String, Vec<f64>, LineStyle)], colours: &[&str], title: &str, y_label: &str| {
+        let line = |((name, values, style), colour): (&(String, Vec<f64>, LineStyle), &&str)| -> Plot {
+            let points = log.numbers().iter().zip(values).map(|(t, v)| (*t as f64, *v)).collect::<Vec<_>>();
+            let line = LinePlot::new().with_data(points).with_color(*colour).with_stroke_width(2.0);
+            line.with_line_style(style.clone()).with_legend(name.clone()).into()
+        };
+        let plots: Vec<Plot> = lines.iter().zip(colours).map(line).collect();
+        let layout = Layout::auto_from_plots(&plots)
+            .with_title(title)
+            .with_x_label("frame")
+            .with_y_label(y_label)
+            .with_x_tick_format(TickFormat::Integer)
+            .with_legend_position(LegendPosition::OutsideRightTop)
+            .with_legend_box(true);
+        (plots, layout)
+    };
+    let title = format!("Reward, mean of the last {WINDOW} frames");
+    let (left, left_layout) = panel(&rewards, &colours, &title, "reward of a look");
+    let (right, right_layout) =
+        panel(&sums, &colours[1..], "Regret against the best fixed gaze in hindsight", "summed regret");
+    let figure = Figure::new(1, 2)
+        .with_plots(vec![left, right])
+        .with_layouts(vec![left_layout, right_layout])
+        .with_cell_size(640.0, 400.0);
+    SvgBackend::default().render_scene(&figure.render())
+}
+
+/// The mean of each value and those before it, [`WINDOW`] at most.
+fn smooth(values: &[f64]) -> Vec<f64> {
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+    (0..values.len()).map(|t| mean(&values[(t + 1).saturating_sub(WINDOW)..=t])).collect()
+}

@@ -1,0 +1,134 @@
+//! Sequences with truth, found in folders.
+
+use std::path::{Path, PathBuf};
+
+use foveate_base::{Error, Result};
+use foveate_core::geometry::BBox;
+use foveate_video::annotation::read_truth;
+
+/// A video as a folder of images, and where the target truly is in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sequence {
+    /// The folder's name; further targets of the same video have `-2`, `-3` behind it.
+    pub name: String,
+    /// Where the images are: `img/` in OTB's layout, `img1/` in MOTChallenge's, the folder itself in GOT-10k's.
+    pub images: PathBuf,
+    /// The file of the truth.
+    pub truth_file: PathBuf,
+    /// The box in each frame, 0-based; `None` where the target is absent.
+    pub truth: Vec<Option<BBox>>,
+}
+
+impl Sequence {
+    /// The box a tracker starts with.
+    ///
+    /// # Errors
+    /// The target is absent in frame 1.
+    pub fn init(&self) -> Result<BBox> {
+        let absent = || Error::malformed(&self.truth_file, "the target is absent in frame 1, where a tracker starts");
+        self.truth.first().copied().flatten().ok_or_else(absent)
+    }
+}
+
+/// All sequences in `folders`, each of which is a sequence or holds some, by name.
+///
+/// A sequence has `groundtruth_rect.txt` (OTB; `groundtruth_rect.2.txt` is a second target of its own)
+/// or `groundtruth.txt` (GOT-10k).
+///
+/// # Errors
+/// A folder cannot be read or holds no sequence, a truth file is damaged, or two sequences share a name.
+pub fn find_sequences(folders: &[PathBuf]) -> Result<Vec<Sequence>> {
+    let mut found = Vec::new();
+    for folder in folders {
+        let before = found.len();
+        add(folder, &mut found)?;
+        if found.len() == before {
+            for inner in list(folder)?.iter().filter(|path| path.is_dir()) {
+                add(inner, &mut found)?;
+            }
+        }
+        if found.len() == before {
+            let problem = "no sequence here: expected groundtruth_rect.txt and img/, or folders that have them";
+            return Err(Error::malformed(folder, problem));
+        }
+    }
+    by_name(found, |s| (&s.name, &s.truth_file))
+}
+
+/// Sorts sequences by name, of which (and of the file of the truth) the function tells. Fails where two share one.
+pub(super) fn by_name<T>(mut found: Vec<T>, of: impl Fn(&T) -> (&str, &Path)) -> Result<Vec<T>> {
+    found.sort_by(|a, b| of(a).0.cmp(of(b).0));
+    for pair in found.windows(2) {
+        let ((name, first), (same, second)) = (of(&pair[0]), of(&pair[1]));
+        if name == same {
+            let problem = format!("a second sequence with the name {name}, after {}", first.display());
+            return Err(Error::malformed(second, problem));
+        }
+    }
+    Ok(found)
+}
+
+/// Adds the sequences of a folder that is one.
+fn add(folder: &Path, found: &mut Vec<Sequence>) -> Result<()> {
+    for truth_file in list(folder)? {
+        let Some(target) = truth_file.file_name().and_then(|name| target(&name.to_string_lossy())) else { continue };
+        let whole = std::path::absolute(folder).map_err(Error::io(folder, "cannot find"))?;
+        let base = whole.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let name = if target == 1 { base } else { format!("{base}-{target}") };
+        let inner = ["img", "img1"].iter().map(|inner| folder.join(inner)).find(|inner| inner.is_dir());
+        let images = inner.unwrap_or_else(|| folder.to_path_buf());
+        found.push(Sequence { name, images, truth: read_truth(&truth_file)?, truth_file });
+    }
+    Ok(())
+}
+
+/// The target a file name is the truth of: `groundtruth_rect.2.txt` is of target 2.
+fn target(name: &str) -> Option<usize> {
+    match name {
+        "groundtruth_rect.txt" | "groundtruth.txt" => Some(1),
+        _ => name.strip_prefix("groundtruth_rect.")?.strip_suffix(".txt")?.parse().ok(),
+    }
+}
+
+/// All that is in a folder, sorted.
+pub(super) fn list(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(folder).map_err(Error::io(folder, "cannot read this folder"))?;
+    let paths: std::io::Result<Vec<_>> = entries.map(|entry| entry.map(|e| e.path())).collect();
+    let mut paths = paths.map_err(Error::io(folder, "cannot read this folder"))?;
+    paths.sort();
+    Ok(paths)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sequences_are_found_and_named() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let write = |path: &str, text: &str| {
+            let path = dir.path().join(path);
+            std::fs::create_dir_all(path.parent().expect("inside")).expect("a new folder");
+            std::fs::write(path, text).expect("written");
+        };
+        write("all/B/groundtruth_rect.txt", "1,1,5,5\n");
+        write("all/B/groundtruth_rect.2.txt", "NaN\n1,1,5,5\n");
+        write("all/B/img/0001.png", "");
+        write("all/A/groundtruth.txt", "2,3,5,5\n");
+        write("all/notes/readme.txt", "");
+        let all = dir.path().join("all");
+        let found = find_sequences(std::slice::from_ref(&all)).expect("three");
+        assert_eq!(found.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(), ["A", "B", "B-2"]);
+        assert_eq!((&found[0].images, &found[1].images), (&all.join("A"), &all.join("B/img")));
+        assert_eq!(found[0].init().expect("a box"), BBox { x: 1.0, y: 2.0, w: 5.0, h: 5.0 });
+        assert!(found[2].init().expect_err("absent").to_string().contains("absent in frame 1"));
+        assert_eq!(find_sequences(&[all.join("B")]).expect("itself").len(), 2);
+
+        let said = |folders: &[PathBuf]| find_sequences(folders).expect_err("wrong").to_string();
+        assert!(said(&[all.join("notes")]).contains("no sequence here"));
+        assert!(said(&[all.join("none")]).contains("cannot read this folder"));
+        assert!(said(&[all.clone(), all.join("A")]).contains("a second sequence with the name A"));
+        write("bad/C/groundtruth_rect.txt", "1,2,3\n");
+        assert!(said(&[dir.path().join("bad")]).contains("line 1"));
+    }
+}

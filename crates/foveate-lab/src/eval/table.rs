@@ -1,0 +1,116 @@
+//! Trackers side by side, as aligned text and as JSON.
+
+use std::collections::BTreeSet;
+
+use serde_json::{Value, json};
+
+use super::compare::{Evaluation, Spread};
+use super::metrics::Score;
+
+/// Aligned text. One tracker: a line a sequence. Several: success AUC and precision of each, sequence by
+/// sequence, then a line a tracker, then the first against each of the others. Sequences a tracker has no result for show as `-` and are named below.
+pub fn text(evaluations: &[Evaluation]) -> String {
+    let mut names: Vec<&str> = evaluations.iter().flat_map(|e| &e.rows).map(|row| row.sequence.as_str()).collect();
+    names.sort();
+    names.dedup();
+    let mut out = if let [one] = evaluations {
+        let mut lines = vec![heads("sequence")];
+        lines.extend(names.iter().filter_map(|name| Some(figures(name, &one.of_sequence(name)?))));
+        lines.extend(one.mean().map(|mean| figures(&format!("mean of {}", names.len()), &mean)));
+        format!("{}\n{}", one.tracker, aligned(&lines))
+    } else {
+        let mut lines = vec![vec![String::from("AUC / P@20")]];
+        lines[0].extend(evaluations.iter().map(|e| e.tracker.clone()));
+        lines.extend(names.iter().map(|name| {
+            let cell =
+                |e: &Evaluation| e.of_sequence(name).map_or("-".into(), |s| format!("{:.3} / {:.3}", s.auc, s.p20));
+            std::iter::once(name.to_string()).chain(evaluations.iter().map(cell)).collect()
+        }));
+        let mut means = vec![heads("mean")];
+        means.extend(evaluations.iter().filter_map(|e| Some(figures(&e.tracker, &e.mean()?))));
+        format!("{}\n{}\n{}", aligned(&lines), aligned(&means), aligned(&against(evaluations)))
+    };
+    for e in evaluations {
+        if let (Some(auc), Some(p20)) = (e.spread(|s| s.auc), e.spread(|s| s.p20))
+            && let (Some(auc_sd), Some(p20_sd)) = (auc.sd, p20.sd)
+        {
+            let (auc, p20) = (auc.mean, p20.mean);
+            let tracker = &e.tracker;
+            out +=
+                &format!("{tracker} over seeds: AUC {auc:.3} ± {auc_sd:.3}, P@20 {p20:.3} ± {p20_sd:.3} (mean ± sd)\n");
+        }
+        if !e.missing.is_empty() {
+            out += &format!("{} has no result for {}: its means leave them out\n", e.tracker, e.missing.join(", "));
+        }
+    }
+    out
+}
+
+/// The first tracker against each of the others, on the sequences that both have: the mean difference of AUC, and how many
+/// sequences have the better and the worse AUC.
+fn against(evaluations: &[Evaluation]) -> Vec<Vec<String>> {
+    let [ours, others @ ..] = evaluations else { return vec![] };
+    let first = format!("{} against", ours.tracker);
+    let mut lines = vec![[first.as_str(), "sequences", "AUC", "better on", "worse on"].map(String::from).to_vec()];
+    for other in others {
+        let names: BTreeSet<&str> = ours.rows.iter().map(|row| row.sequence.as_str()).collect();
+        let auc = |e: &Evaluation, name| e.of_sequence(name).map(|s| s.auc);
+        let differences: Vec<f64> =
+            names.into_iter().filter_map(|name| Some(auc(ours, name)? - auc(other, name)?)).collect();
+        let (n, count) = (differences.len(), |such: fn(&f64) -> bool| differences.iter().copied().filter(such).count());
+        let mean = differences.iter().sum::<f64>() / n.max(1) as f64;
+        let counts = [count(|d| *d > 0.0), count(|d| *d < 0.0)].map(|c| c.to_string());
+        lines.push([vec![other.tracker.clone(), n.to_string(), format!("{mean:+.3}")], counts.to_vec()].concat());
+    }
+    lines
+}
+
+/// All figures, and curves of the means, as JSON. Numbers that are infinite become null.
+pub fn json(evaluations: &[Evaluation]) -> Value {
+    let spread = |s: Option<Spread>| json!(s);
+    let one = |e: &Evaluation| {
+        json!({
+            "tracker": e.tracker,
+            "mean": e.mean(),
+            "over_seeds": { "auc": spread(e.spread(|s| s.auc)), "p20": spread(e.spread(|s| s.p20)) },
+            "curves": e.curves(),
+            "sequences": e.rows,
+            "missing": e.missing,
+        })
+    };
+    json!({ "trackers": evaluations.iter().map(one).collect::<Vec<_>>() })
+}
+
+fn heads(first: &str) -> Vec<String> {
+    [first, "frames", "AUC", "P@20", "SR@0.5", "error px", "failures", "failure %", "fps"].map(String::from).into()
+}
+
+fn figures(name: &str, s: &Score) -> Vec<String> {
+    vec![
+        name.into(),
+        s.frames.to_string(),
+        format!("{:.3}", s.auc),
+        format!("{:.3}", s.p20),
+        format!("{:.3}", s.sr50),
+        format!("{:.1}", s.centre_error),
+        s.failures.to_string(),
+        format!("{:.1}", s.failure_pct),
+        s.fps.map_or("-".into(), |fps| format!("{fps:.0}")),
+    ]
+}
+
+/// Columns as wide as needed, two spaces apart; the first to the left, the others to the right.
+pub(super) fn aligned(lines: &[Vec<String>]) -> String {
+    let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
+    let width =
+        |c: usize| lines.iter().filter_map(|line| line.get(c)).map(|cell| cell.chars().count()).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let line = |cells: &Vec<String>| {
+        let cell = |(c, cell): (usize, &String)| match c {
+            0 => format!("{cell:<0$}", widths[0]),
+            _ => format!("  {cell:>0$}", widths[c]),
+        };
+        cells.iter().enumerate().map(cell).collect::<String>().trim_end().to_string() + "\n"
+    };
+    lines.iter().map(line).collect()
+}

@@ -1,0 +1,499 @@
+//! The paper's second experiment: several digits move, grow, turn and pass over each other (section 6.1).
+//!
+//! "A similar video sequence, but tracking multiple targets. The image scale of each target changes significantly over
+//! time": no more is printed; the authors' figure shows five digits. Ours: each target has a class of its own and a path
+//! as in [`super::Clutter`]; its size swings between 28 and 84 px, its angle about upright, both as cosines of time.
+//! Boxes do not meet in frame 1; later targets are drawn over earlier ones. A frame depends on the settings and `t` alone.
+
+use std::fmt::Write as _;
+
+use rand::RngExt;
+use rand::seq::SliceRandom;
+use serde::{Deserialize, Serialize};
+
+use crate::crossings::crossings;
+use crate::idx::{Digits, SIDE};
+use crate::synthetic::path::Path;
+use crate::synthetic::{Ink, pick, wrong};
+use foveate_base::Result;
+use foveate_base::rng::{Purpose, Rng, Streams};
+use foveate_core::geometry::{BBox, Extent, State};
+use foveate_core::scene::Image;
+use foveate_video::mot::{TrackBox, Tracks};
+use foveate_video::{Frame, FrameSource, SourceInfo};
+
+/// Half a digit of 28 px: one template unit at size 1.
+const HALF: f64 = SIDE as f64 / 2.0;
+/// Ink from this on hides and counts as hidden; below are the soft edges of strokes.
+const SOLID: u8 = 64;
+
+/// Settings of a video; [`Default`] is the experiment.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Multi {
+    /// Everything random follows from this.
+    pub seed: u64,
+    /// Number of moving digits, 1 to 10: their classes differ.
+    pub targets: usize,
+    /// Length of the video.
+    pub frames: usize,
+    /// Width of the canvas in pixels.
+    pub width: usize,
+    /// Height of the canvas in pixels.
+    pub height: usize,
+    /// Least and largest size, in units of 28 px, from 1 to 10; a target starts at one of them, by a coin.
+    pub scale: [f64; 2],
+    /// Largest angle away from upright, degrees; each target has half of it at least.
+    pub turn: f64,
+    /// Slowest and fastest mean speed, pixels a frame.
+    pub speed: [f64; 2],
+    /// At least so many times one target passes over another: half of the smaller box is covered.
+    pub crossings: usize,
+    /// Number of static digits behind, of 28 px.
+    pub clutter: usize,
+    /// Share of the pixels replaced by black or white, anew in each frame, 0 to 1.
+    pub noise: f64,
+    /// How digits cover each other.
+    pub ink: Ink,
+}
+
+impl Default for Multi {
+    fn default() -> Self {
+        Self {
+            seed: 7,
+            targets: 5,
+            frames: 300,
+            width: 400,
+            height: 300,
+            scale: [1.0, 3.0],
+            turn: 90.0,
+            speed: [1.35, 2.15],
+            crossings: 4,
+            clutter: 0,
+            noise: 0.0,
+            ink: Ink::Replace,
+        }
+    }
+}
+
+/// One moving digit: its picture, and where it truly is.
+#[derive(Clone, Debug)]
+pub struct Mover {
+    /// Its class.
+    pub class: u8,
+    /// Its size in frame 1: states are relative to it.
+    pub extent: Extent,
+    /// Its state in each frame.
+    pub states: Vec<State>,
+    ink: Vec<u8>,
+}
+
+impl Mover {
+    /// Its upright box in frame `t`: its size, not the bounding box of the turned one.
+    pub fn bbox(&self, t: usize) -> BBox {
+        self.states[t].bbox(self.extent)
+    }
+
+    /// Calls `each` with the pixels (column, row) of a canvas that its square covers in frame `t`, and the ink there.
+    fn pixels(&self, t: usize, (width, height): (usize, usize), mut each: impl FnMut(usize, usize, u8)) {
+        let state = self.states[t];
+        let size = self.extent.half_w / HALF * state.log_scale.exp();
+        let (sin, cos) = state.angle.sin_cos();
+        let reach = size * HALF * (sin.abs() + cos.abs()) + 1.0;
+        let range = |at: f64, side: usize| {
+            let end = |v: f64| v.clamp(0.0, side as f64) as usize;
+            end((at - reach).floor())..end((at + reach).ceil() + 1.0)
+        };
+        let ink = |x: i64, y: i64| {
+            let inside = |k: i64| (0..SIDE as i64).contains(&k);
+            if inside(x) && inside(y) { f64::from(self.ink[y as usize * SIDE + x as usize]) } else { 0.0 }
+        };
+        for y in range(state.y, height) {
+            for x in range(state.x, width) {
+                let (dx, dy) = ((x as f64 - state.x) / size, (y as f64 - state.y) / size);
+                // The digit's pixel, the middle of the square being between pixels 13 and 14.
+                let (u, v) = (cos * dx + sin * dy + HALF - 0.5, cos * dy - sin * dx + HALF - 0.5);
+                if (-0.5..SIDE as f64 - 0.5).contains(&u) && (-0.5..SIDE as f64 - 0.5).contains(&v) {
+                    let (i, j) = (u.floor(), v.floor());
+                    let row = |j: i64| (1.0 - (u - i)) * ink(i as i64, j) + (u - i) * ink(i as i64 + 1, j);
+                    let value = (1.0 - (v - j)) * row(j as i64) + (v - j) * row(j as i64 + 1);
+                    each(x, y, value.round() as u8);
+                }
+            }
+        }
+    }
+}
+
+/// A video made of [`Multi`] and digits.
+#[derive(Clone, Debug)]
+pub struct MultiVideo {
+    settings: Multi,
+    background: Vec<u8>,
+    movers: Vec<Mover>,
+}
+
+impl Multi {
+    /// Draws paths, sizes and angles, again and again until there are enough crossings.
+    ///
+    /// # Errors
+    /// A setting is out of range, the digits lack a class, or no paths are found in 2000 tries.
+    pub fn video(&self, digits: &Digits) -> Result<MultiVideo> {
+        const TRIES: u64 = 2000;
+        self.check()?;
+        let streams = self.streams(0);
+        let mut rng = streams.rng(0);
+        let mut classes: Vec<u8> = (0..10).collect();
+        classes.shuffle(&mut rng);
+        let pictures = classes[..self.targets].iter().map(|&c| Ok(pick(digits, c, &mut rng)?.to_vec()));
+        let pictures = pictures.collect::<Result<Vec<_>>>()?;
+        let mut background = vec![0; self.width * self.height];
+        for i in 0..self.clutter {
+            let digit = pick(digits, classes[9 - i % (10 - self.targets).max(1)], &mut rng)?;
+            let (x, y) = (rng.random_range(0..=self.width - SIDE), rng.random_range(0..=self.height - SIDE));
+            self.ink.draw(&mut background, self.width, digit, x, y);
+        }
+        for attempt in 0..TRIES {
+            let mut rng = streams.rng(1 + attempt);
+            let movers = pictures.iter().zip(&classes).map(|(ink, class)| self.mover(ink, *class, &mut rng));
+            let video = MultiVideo {
+                settings: self.clone(),
+                background: background.clone(),
+                movers: movers.collect::<Result<_>>()?,
+            };
+            if video.apart(0) && crossings(&video.truth()).len() >= self.crossings {
+                return Ok(video);
+            }
+        }
+        wrong(format!(
+            "no paths of {} targets that start apart and cross {} times in {TRIES} tries; make the canvas or frames larger, or targets or crossings less",
+            self.targets, self.crossings
+        ))
+    }
+
+    fn mover(&self, ink: &[u8], class: u8, rng: &mut Rng) -> Result<Mover> {
+        let margin = HALF * self.scale[1];
+        let room = [self.width as f64 - 2.0 * margin, self.height as f64 - 2.0 * margin];
+        let path = Path { room, frames: self.frames, speed: self.speed }.draw(rng)?;
+        let [low, high] = self.scale.map(f64::ln);
+        // Half swings in the video: of size one to two, of angle one to three.
+        let (swing, sway) = (rng.random_range(1.0..=2.0), rng.random_range(1.0..=3.0));
+        let mut coin = || if rng.random::<bool>() { 1.0 } else { 0.0 };
+        let (begin, side) = (coin(), 2.0 * coin() - 1.0);
+        let most = side * self.turn.to_radians() * rng.random_range(0.5..=1.0);
+        let first = low + (high - low) * begin;
+        let states = path.iter().enumerate().map(|(t, [x, y])| {
+            let half = std::f64::consts::PI * t as f64 / (self.frames - 1).max(1) as f64;
+            let level = 0.5 - 0.5 * (half * swing + std::f64::consts::PI * begin).cos();
+            let before = path[t.saturating_sub(1)];
+            State {
+                x: x + margin - 0.5,
+                y: y + margin - 0.5,
+                vx: x - before[0],
+                vy: y - before[1],
+                log_scale: low + (high - low) * level - first,
+                angle: most * (half * sway).sin(),
+            }
+        });
+        let half = HALF * first.exp();
+        Ok(Mover { class, extent: Extent { half_w: half, half_h: half }, states: states.collect(), ink: ink.to_vec() })
+    }
+
+    fn check(&self) -> Result<()> {
+        let ([slow, fast], [low, high]) = (self.speed, self.scale);
+        let sides = (2.0 * HALF * high).ceil()..=10_000.0;
+        match self {
+            _ if !(1..=10).contains(&self.targets) => wrong(format!("targets is {}, expected 1 to 10", self.targets)),
+            _ if self.frames == 0 => wrong("frames is 0, expected at least 1".into()),
+            _ if !(1.0 <= low && low <= high && high <= 10.0) => {
+                wrong(format!("scale is from {low} to {high}, expected 1 to 10, the smaller first"))
+            }
+            _ if !sides.contains(&(self.width as f64)) || !sides.contains(&(self.height as f64)) => wrong(format!(
+                "a canvas of {} x {}, expected sides from the largest target's {} to 10000",
+                self.width,
+                self.height,
+                sides.start()
+            )),
+            _ if !(0.0..=3600.0).contains(&self.turn) => {
+                wrong(format!("turn is {}, expected 0 to 3600 degrees", self.turn))
+            }
+            _ if !(0.0..=1.0).contains(&self.noise) => wrong(format!("noise is {}, expected 0 to 1", self.noise)),
+            _ if !(0.0 <= slow && slow <= fast && fast.is_finite()) => {
+                wrong(format!("speed is from {slow} to {fast}, expected 0 or more, the slower first"))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn streams(&self, frame: u64) -> Streams {
+        // Apart from the streams of the other scenes with the same seed.
+        Streams::new(self.seed, 2000 + self.targets as u64).at(frame, Purpose::Scene)
+    }
+}
+
+impl MultiVideo {
+    /// Width and height in pixels.
+    pub fn size(&self) -> (usize, usize) {
+        (self.settings.width, self.settings.height)
+    }
+    /// What moves; later ones are drawn over earlier ones.
+    pub fn movers(&self) -> &[Mover] {
+        &self.movers
+    }
+    /// Length of the video.
+    pub fn frames(&self) -> usize {
+        self.settings.frames
+    }
+    /// The true boxes; ids are places in [`MultiVideo::movers`], counted from 1.
+    pub fn truth(&self) -> Tracks {
+        let at = |frame: usize| {
+            let one = move |(i, mover): (usize, &Mover)| TrackBox {
+                frame,
+                id: i as i64 + 1,
+                bbox: mover.bbox(frame),
+                confidence: 1.0,
+            };
+            self.movers.iter().enumerate().map(one)
+        };
+        Tracks { sightings: (0..self.frames()).flat_map(at).collect() }
+    }
+
+    /// Share of each target's solid ink in frame `t` that no later target's ink covers, 0 to 1.
+    pub fn visible(&self, t: usize) -> Vec<f64> {
+        let (width, height) = self.size();
+        let mut top = vec![usize::MAX; width * height];
+        let mut all = vec![0u32; self.movers.len()];
+        for (i, mover) in self.movers.iter().enumerate() {
+            mover.pixels(t, (width, height), |x, y, ink| {
+                if ink >= SOLID || self.settings.ink == Ink::Opaque {
+                    top[y * width + x] = i;
+                    all[i] += u32::from(ink >= SOLID);
+                }
+            });
+        }
+        let mut seen = vec![0u32; self.movers.len()];
+        for (i, mover) in self.movers.iter().enumerate() {
+            mover.pixels(t, (width, height), |x, y, ink| {
+                seen[i] += u32::from(ink >= SOLID && top[y * width + x] == i);
+            });
+        }
+        seen.iter().zip(&all).map(|(seen, all)| f64::from(*seen) / f64::from(*all).max(1.0)).collect()
+    }
+
+    /// Draws frame `t`. Panics if the video is shorter.
+    pub fn render(&self, t: usize) -> Image {
+        let (width, height) = self.size();
+        let mut canvas = self.background.clone();
+        for mover in &self.movers {
+            mover.pixels(t, (width, height), |x, y, ink| {
+                let below = &mut canvas[y * width + x];
+                *below = self.settings.ink.over(*below, ink);
+            });
+        }
+        if self.settings.noise > 0.0 {
+            let mut rng = self.settings.streams(1 + t as u64).rng(0);
+            for pixel in canvas.iter_mut() {
+                let roll = rng.random::<f64>();
+                if roll < self.settings.noise {
+                    *pixel = 255 * u8::from(roll < self.settings.noise / 2.0);
+                }
+            }
+        }
+        Image::new(width, height, 1, canvas).expect("the canvas was made to these sides")
+    }
+
+    /// The frames in order, at 30 a second.
+    pub fn source(self) -> MultiFrames {
+        let (width, height) = self.size();
+        let reader = "synthetic digits".into();
+        let info = SourceInfo { width, height, frames: Some(self.frames()), rate: 30.0, reader };
+        MultiFrames { video: self, next: 0, info }
+    }
+
+    /// `frame,target,digit,x,y,w,h,scale,angle_degrees,visible`, one line a target and frame: frames and pixels from 1, boxes upright,
+    /// scale relative to frame 1, angles clockwise.
+    pub fn truth_csv(&self) -> String {
+        let mut text = String::from("frame,target,digit,x,y,w,h,scale,angle_degrees,visible\n");
+        for t in 0..self.frames() {
+            for (i, (mover, visible)) in self.movers.iter().zip(self.visible(t)).enumerate() {
+                let (BBox { x, y, w, h }, state) = (mover.bbox(t), mover.states[t]);
+                let (scale, angle) = (state.log_scale.exp(), state.angle.to_degrees());
+                let place = format!("{:.3},{:.3},{w:.3},{h:.3}", x + 1.0, y + 1.0);
+                let _ =
+                    writeln!(text, "{},{},{},{place},{scale:.5},{angle:.3},{visible:.3}", t + 1, i + 1, mover.class);
+            }
+        }
+        text
+    }
+
+    /// MOTChallenge's `gt/gt.txt`: `frame,id,x,y,w,h,1,1,visible`.
+    pub fn gt_txt(&self) -> String {
+        let mut text = String::new();
+        for t in 0..self.frames() {
+            for (i, (mover, visible)) in self.movers.iter().zip(self.visible(t)).enumerate() {
+                let BBox { x, y, w, h } = mover.bbox(t);
+                let place = format!("{:.3},{:.3},{w:.3},{h:.3}", x + 1.0, y + 1.0);
+                let _ = writeln!(text, "{},{},{place},1,1,{visible:.3}", t + 1, i + 1);
+            }
+        }
+        text
+    }
+
+    fn apart(&self, t: usize) -> bool {
+        // A tenth of a box beside each: what a retina sees around the box is the target's alone.
+        let boxes: Vec<BBox> = self.movers.iter().map(|m| grown(&m.bbox(t), 1.2)).collect();
+        (0..boxes.len()).all(|i| (0..i).all(|j| boxes[i].intersection(&boxes[j]) == 0.0))
+    }
+}
+
+fn grown(b: &BBox, factor: f64) -> BBox {
+    let (x, y) = b.centre();
+    BBox::around(x, y, factor * b.w, factor * b.h)
+}
+
+/// The frames of a [`MultiVideo`].
+#[derive(Clone, Debug)]
+pub struct MultiFrames {
+    video: MultiVideo,
+    next: usize,
+    info: SourceInfo,
+}
+
+impl Iterator for MultiFrames {
+    type Item = Result<Frame>;
+    fn next(&mut self) -> Option<Self::Item> {
+        let index = self.next;
+        (index < self.video.frames()).then(|| {
+            self.next += 1;
+            Ok(Frame { index, time: index as f64 / self.info.rate, image: self.video.render(index) })
+        })
+    }
+}
+
+impl FrameSource for MultiFrames {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::squares;
+    use super::*;
+
+    fn each() -> impl Iterator<Item = MultiVideo> {
+        (0..10).map(|seed| Multi { seed, ..Multi::default() }.video(&squares()).expect("a video"))
+    }
+
+    #[test]
+    fn targets_start_apart_grow_threefold_turn_and_cross() {
+        for video in each() {
+            assert!(video.apart(0) && crossings(&video.truth()).len() >= 4);
+            let mut classes: Vec<u8> = video.movers().iter().map(|m| m.class).collect();
+            classes.sort_unstable();
+            classes.dedup();
+            assert_eq!((classes.len(), video.truth().sightings.len()), (5, 1500));
+            for mover in video.movers() {
+                let sizes = mover.states.iter().map(|s| 2.0 * mover.extent.half_w * s.log_scale.exp());
+                let (low, high) = sizes.fold((f64::MAX, 0.0), |(low, high): (f64, f64), s| (low.min(s), high.max(s)));
+                // Half a swing at least, at 300 frames: both ends are reached but for a step.
+                assert!((27.99..28.5).contains(&low) && (83.0..84.01).contains(&high), "{low} to {high}");
+                let turn = mover.states.iter().map(|s| s.angle.abs().to_degrees()).fold(0.0, f64::max);
+                assert!((44.0..=90.0).contains(&turn), "{turn}");
+                assert_eq!((mover.states[0].log_scale, mover.states[0].angle), (0.0, 0.0));
+                for (s, b) in mover.states.iter().zip((0..300).map(|t| mover.bbox(t))) {
+                    assert!(b.x >= -0.01 && b.y >= -0.01 && b.x + b.w <= 400.01 && b.y + b.h <= 300.01, "{b:?}");
+                    assert!((s.x, s.y) == b.centre() || (s.x - b.centre().0).hypot(s.y - b.centre().1) < 1e-9);
+                }
+            }
+        }
+    }
+
+    /// The squares have ink on the middle 20 of 28 pixels: a point well inside is inked, one outside is not, whatever size
+    /// and angle, unless another one is near.
+    #[test]
+    fn ink_lies_where_the_state_says() {
+        let video = Multi { targets: 1, crossings: 0, ..Multi::default() }.video(&squares()).expect("a video");
+        let mover = &video.movers()[0];
+        for t in [0, 77, 150, 299] {
+            let image = video.render(t);
+            for k in 0..16 {
+                let (u, v) = (f64::from(k % 4) / 3.0 - 0.5, f64::from(k / 4) / 3.0 - 0.5);
+                let look = |factor: f64| {
+                    let gaze = foveate_core::geometry::Gaze { u: factor * u, v: factor * v, arm: None };
+                    let at = mover.states[t].fixate(gaze, mover.extent);
+                    let (x, y) = (at.x.round(), at.y.round());
+                    let inside = (0.0..400.0).contains(&x) && (0.0..300.0).contains(&y);
+                    if inside { image.at(0, x as usize, y as usize) } else { 0 }
+                };
+                // Up to 1.2 of the ink's half side of 0.71 units, and from 2.7 of it on.
+                assert_eq!(look(1.2), 100 + mover.class, "frame {t}, inside at ({u}, {v})");
+                if u.abs().max(v.abs()) > 0.4 {
+                    assert_eq!(look(1.9), 0, "frame {t}, outside at ({u}, {v})");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn later_ones_hide_earlier_ones() {
+        let mut covered = 0;
+        for video in each() {
+            for crossing in crossings(&video.truth()) {
+                let low = crossing.pair.0 as usize - 1;
+                let least = (crossing.frames.0..=crossing.frames.1).map(|t| video.visible(t)[low]).fold(1.0, f64::min);
+                covered += usize::from(least < 0.8);
+            }
+        }
+        assert!(covered >= 10, "of 40 crossings at least, the lower one lost a fifth of its ink in {covered}");
+        let video = each().next().expect("a video");
+        assert!(video.visible(0).iter().all(|share| *share == 1.0));
+        let top = video.movers().len() - 1;
+        assert!((0..300).all(|t| video.visible(t)[top] == 1.0), "nothing lies above the last one");
+    }
+
+    #[test]
+    fn truth_files_have_every_target_and_frame() {
+        let video = Multi { frames: 60, crossings: 0, ..Multi::default() }.video(&squares()).expect("a video");
+        let read = Tracks::parse(&video.gt_txt(), "gt.txt".as_ref()).expect("own text");
+        for (a, b) in read.sightings.iter().zip(&video.truth().sightings) {
+            assert_eq!((a.frame, a.id, a.confidence), (b.frame, b.id, 1.0));
+            assert!((a.bbox.x - b.bbox.x).abs() < 1e-3 && (a.bbox.w - b.bbox.w).abs() < 1e-3);
+        }
+        assert_eq!((read.sightings.len(), video.truth_csv().lines().count()), (300, 301));
+        assert_eq!(video.clone().source().count(), 60);
+        assert_eq!(video.render(7).bytes(), video.render(7).bytes());
+    }
+
+    #[test]
+    fn clutter_and_noise_are_drawn() {
+        let clear = Multi { seed: 3, ..Multi::default() };
+        let lit = |settings: &Multi| {
+            let image = settings.video(&squares()).expect("a video").render(0);
+            image.bytes().iter().filter(|p| **p > 0).count()
+        };
+        let (none, some) = (lit(&clear), lit(&Multi { clutter: 8, ..clear.clone() }));
+        assert!(some > none + 1000, "{none} and {some}");
+        // 15 % of 120,000 pixels turn white: binomial, 5 deviations of 124 at most; of the inked ones, 15 % turn black.
+        let noisy = lit(&Multi { noise: 0.3, ..clear }) as f64;
+        let expected = none as f64 * 0.85 + (120_000 - none) as f64 * 0.15;
+        assert!((noisy - expected).abs() < 700.0, "{noisy}, {expected} expected");
+    }
+
+    #[test]
+    fn wrong_settings_say_what_is_wrong() {
+        let good = Multi::default();
+        for (settings, said) in [
+            (Multi { targets: 0, ..good.clone() }, "targets is 0"),
+            (Multi { targets: 11, ..good.clone() }, "targets is 11"),
+            (Multi { scale: [3.0, 1.0], ..good.clone() }, "scale is from 3 to 1"),
+            (Multi { scale: [1.0, f64::NAN], ..good.clone() }, "scale is from 1 to NaN"),
+            (Multi { width: 83, ..good.clone() }, "largest target's 84"),
+            (Multi { turn: f64::INFINITY, ..good.clone() }, "turn is inf"),
+            (Multi { noise: 1.5, ..good.clone() }, "noise is 1.5"),
+            (Multi { frames: 3, crossings: 50, ..good.clone() }, "cross 50 times"),
+        ] {
+            let problem = settings.video(&squares()).expect_err(said).to_string();
+            assert!(problem.contains(said), "{problem}");
+        }
+    }
+}

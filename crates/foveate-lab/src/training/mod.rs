@@ -1,0 +1,275 @@
+//! Glimpses to learn from: what a retina sees of many pictures, row after row (section 2.1).
+//!
+//! A *plate* is one picture with places to look at: a canvas of digits drawn for the purpose, or a photograph. Plate i
+//! depends on the seed and i alone, so plates are made by all threads and the rows are the same for any number of them.
+
+pub mod classifier;
+pub mod filters;
+mod images;
+pub mod pictures;
+pub mod recognition;
+pub mod sequences;
+
+use crate::{Digits, Split};
+use foveate_base::rng::{Purpose, Streams};
+use foveate_base::{Error, Result};
+use foveate_core::geometry::{Extent, Fixation};
+use foveate_core::identity::encoder::{Encoder, Raw};
+use foveate_core::identity::pyramid::{Pyramid, Region};
+use foveate_core::identity::retina::{Foveal, FovealConfig, Retina};
+use foveate_core::scene::Image;
+use foveate_learn::rbm::Visible;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use std::borrow::Cow;
+use std::path::Path;
+
+/// Glimpses taken of one plate.
+const GLIMPSES: usize = 32;
+
+/// The sets there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Set {
+    /// Canvases of MNIST digits, clean and noisy: for the paper's first experiments.
+    Digits,
+    /// Photographs, at any place, scale and small turn: for everything else.
+    Natural,
+}
+
+/// Where glimpses come from.
+#[derive(Clone, Debug)]
+pub struct Source {
+    pictures: Pictures,
+    sha256: String,
+}
+
+#[derive(Clone, Debug)]
+enum Pictures {
+    Digits(Digits),
+    Photographs(Vec<Image>),
+}
+
+/// One picture, and where to look at it.
+struct Plate<'a> {
+    image: Cow<'a, Image>,
+    extent: Extent,
+    looks: Vec<Fixation>,
+}
+
+impl Source {
+    /// Reads MNIST's training digits from `dir` or `dir/mnist`, or all JPEG and PNG files of `dir/natural` or `dir`.
+    pub fn load(set: Set, dir: &Path) -> Result<Self> {
+        match set {
+            Set::Digits => {
+                let digits = Digits::load(dir, Split::Train)?;
+                let sha256 = hex(Sha256::new_with_prefix(&digits.images).chain_update(&digits.labels));
+                Ok(Self { pictures: Pictures::Digits(digits), sha256 })
+            }
+            Set::Natural => {
+                let inner = dir.join("natural");
+                let (images, sha256) = photographs(if inner.is_dir() { &inner } else { dir })?;
+                Ok(Self { pictures: Pictures::Photographs(images), sha256 })
+            }
+        }
+    }
+    /// Digits that are at hand already.
+    pub fn of_digits(digits: Digits) -> Self {
+        let sha256 = hex(Sha256::new_with_prefix(&digits.images).chain_update(&digits.labels));
+        Self { pictures: Pictures::Digits(digits), sha256 }
+    }
+    /// SHA-256 of what was read: the digits' pixels and labels, or the photographs' files in the order of their names.
+    pub fn sha256(&self) -> &str {
+        &self.sha256
+    }
+    /// For people: "60000 digits".
+    pub fn describe(&self) -> String {
+        match &self.pictures {
+            Pictures::Digits(digits) => format!("{} digits", digits.len()),
+            Pictures::Photographs(images) => format!("{} photographs", images.len()),
+        }
+    }
+    /// Sets every tenth digit or photograph aside: (to learn from, held out). Fails with fewer than two.
+    pub fn split(&self) -> Result<(Self, Self)> {
+        let part = |held: bool| {
+            let takes = |i: &usize| (i % 10 == 9) == held;
+            let pictures = match &self.pictures {
+                Pictures::Digits(digits) => {
+                    let indices: Vec<usize> = (0..digits.len()).filter(takes).collect();
+                    Pictures::Digits(Digits {
+                        images: indices.iter().flat_map(|&i| digits.digit(i)).copied().collect(),
+                        labels: indices.iter().map(|&i| digits.labels[i]).collect(),
+                    })
+                }
+                Pictures::Photographs(images) => {
+                    Pictures::Photographs((0..images.len()).filter(takes).map(|i| images[i].clone()).collect())
+                }
+            };
+            Self { pictures, sha256: self.sha256.clone() }
+        };
+        let (learn, held) = (part(false), part(true));
+        if held.is_empty() {
+            return Err(Error::Invalid(format!(
+                "training holds every tenth picture out and needs at least 10, got {}",
+                self.describe()
+            )));
+        }
+        Ok((learn, held))
+    }
+    fn is_empty(&self) -> bool {
+        match &self.pictures {
+            Pictures::Digits(digits) => digits.is_empty(),
+            Pictures::Photographs(images) => images.is_empty(),
+        }
+    }
+    /// `n` glimpses, n × `retina.glimpse_len()` values: 0 to 1 for binary units, each channel standardised for Gaussian
+    /// ones (as the encoder does). Deterministic in `seed`, for any number of threads.
+    pub fn glimpses(&self, retina: &Foveal, n: usize, visible: Visible, seed: u64) -> Vec<f32> {
+        assert!(!self.is_empty(), "glimpses need a picture");
+        let (width, streams) = (retina.glimpse_len(), Streams::new(seed, 0).at(0, Purpose::Scene));
+        let channels: Vec<usize> = retina.cells().iter().map(|c| c.channel).collect();
+        let standard = Raw::new(&channels, true);
+        let mut rows = vec![0.0; n * width];
+        rows.par_chunks_mut(GLIMPSES * width).enumerate().for_each_init(Pyramid::default, |pyramid, (i, rows)| {
+            let mut rng = streams.rng(i as u64);
+            let plate = match &self.pictures {
+                Pictures::Digits(digits) => images::digits(digits, rows.len() / width, &mut rng),
+                Pictures::Photographs(images) => {
+                    images::photograph(images, retina.config().side, rows.len() / width, &mut rng)
+                }
+            };
+            let Extent { half_w, half_h } = plate.extent;
+            let image = &*plate.image;
+            let whole = Region { x: 0, y: 0, width: image.width(), height: image.height() };
+            pyramid.build(image, whole, retina.footprints(), (half_w, half_h));
+            for (row, &look) in rows.chunks_exact_mut(width).zip(&plate.looks) {
+                retina.look(pyramid, look, row);
+                match visible {
+                    // Rounding may leave a mean a hair outside.
+                    Visible::Bernoulli => row.iter_mut().for_each(|x| *x = x.clamp(0.0, 1.0)),
+                    Visible::Gaussian => standard.condition(row),
+                }
+            }
+        });
+        rows
+    }
+}
+
+/// SHA-256 of rows, as a checkpoint knows its data by.
+pub fn sha256_of(rows: &[f32]) -> String {
+    let mut sha = Sha256::new();
+    rows.chunks(4096).for_each(|part| sha.update(part.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>()));
+    hex(sha)
+}
+
+fn hex(sha: Sha256) -> String {
+    sha.finalize().iter().map(|b| format!("{b:02x}")).collect()
+}
+
+/// All pictures of a folder in the order of their names, and the SHA-256 of their bytes joined.
+fn photographs(dir: &Path) -> Result<(Vec<Image>, String)> {
+    let entries = std::fs::read_dir(dir).map_err(Error::io(dir, "cannot read the folder"))?;
+    let mut paths = Vec::new();
+    for entry in entries {
+        let path = entry.map_err(Error::io(dir, "cannot read the folder"))?.path();
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        if ["jpg", "jpeg", "png"].contains(&&*extension) {
+            paths.push(path);
+        }
+    }
+    if paths.is_empty() {
+        return Err(Error::malformed(dir, "no photographs here: give a folder of JPEG or PNG files with --data"));
+    }
+    paths.sort();
+    let mut sha = Sha256::new();
+    let mut files = Vec::new();
+    for path in paths {
+        let bytes = std::fs::read(&path).map_err(Error::io(&path, "cannot read"))?;
+        sha.update(&bytes);
+        files.push((path, bytes));
+    }
+    let decode = |(path, bytes): &(std::path::PathBuf, Vec<u8>)| {
+        let picture =
+            image::load_from_memory(bytes).map_err(|e| Error::malformed(path, format!("cannot decode: {e}")))?;
+        let rgb = picture.to_rgb8();
+        Image::from_rgb8(rgb.width() as usize, rgb.height() as usize, &rgb)
+    };
+    Ok((files.par_iter().map(decode).collect::<Result<_>>()?, hex(sha)))
+}
+
+/// The retina of a configuration file, of which nothing but the table `[retina]` is looked at.
+pub fn retina_of_config(path: &Path) -> Result<FovealConfig> {
+    #[derive(Deserialize)]
+    struct Only {
+        retina: foveate_core::config::RetinaConfig,
+    }
+    let text = std::fs::read_to_string(path).map_err(Error::io(path, "cannot read the configuration"))?;
+    let Only { retina: foveate_core::config::RetinaConfig::Foveal(config) } =
+        toml::from_str(&text).map_err(|e| Error::Config(format!("{}: {e}", path.display())))?;
+    Ok(config)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate_core::identity::encoder;
+
+    /// Ten digits that are filled squares.
+    fn squares(n: usize) -> Digits {
+        let pixel = |i: usize| if (6..22).contains(&(i / 28)) && (6..22).contains(&(i % 28)) { 255 } else { 0 };
+        Digits {
+            images: (0..n * 784).map(|i| pixel(i % 784)).collect(),
+            labels: (0..n).map(|i| (i % 10) as u8).collect(),
+        }
+    }
+
+    #[test]
+    fn glimpses_of_digits_do_not_depend_on_threads_and_see_ink() {
+        let source = Source::of_digits(squares(20));
+        let retina = Foveal::new(FovealConfig::authors()).expect("the authors' geometry");
+        let with = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            pool.install(|| source.glimpses(&retina, 500, Visible::Bernoulli, 3))
+        };
+        let rows = with(1);
+        assert_eq!(rows, with(3));
+        assert_eq!(
+            rows[..100 * 132],
+            source.glimpses(&retina, 100, Visible::Bernoulli, 3),
+            "more rows, the same first ones"
+        );
+        assert!(rows.iter().all(|x| (0.0..=1.0).contains(x)));
+        let mean = rows.iter().sum::<f32>() / rows.len() as f32;
+        assert!((0.1..0.6).contains(&mean), "{mean}");
+    }
+
+    #[test]
+    fn photographs_are_standardised() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        for i in 0..10u32 {
+            let picture = image::RgbImage::from_fn(90, 60, |x, y| {
+                image::Rgb([((x * y * (i + 3)) % 251) as u8, (x % 256) as u8, 90])
+            });
+            picture.save(dir.path().join(format!("{i}.png"))).expect("a writable folder");
+        }
+        let source = Source::load(Set::Natural, dir.path()).expect("ten pictures");
+        let (learn, held) = source.split().expect("ten pictures");
+        assert_eq!((learn.describe(), held.describe()), ("9 photographs".into(), "1 photographs".into()));
+        let config = FovealConfig { colour: vec![[16, 4]], ..FovealConfig::authors() };
+        let retina = Foveal::new(config).expect("whole cells");
+        let rows = learn.glimpses(&retina, 40, Visible::Gaussian, 1);
+        for row in rows.chunks_exact(retina.glimpse_len()) {
+            for part in [&row[..132], &row[132..148], &row[148..]] {
+                let mean = part.iter().sum::<f32>() / part.len() as f32;
+                let variance = part.iter().map(|x| (x - mean).powi(2)).sum::<f32>() / part.len() as f32;
+                assert!(mean.abs() < 1e-4 && variance < 1.01, "{mean} {variance}");
+            }
+        }
+        let mut flat = [0.5; 8];
+        encoder::standardise(&mut flat);
+        assert_eq!(flat, [0.0; 8]);
+        let none = tempfile::tempdir().expect("a temporary folder");
+        assert!(Source::load(Set::Natural, none.path()).expect_err("empty").to_string().contains("no photographs"));
+    }
+}

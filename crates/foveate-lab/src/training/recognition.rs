@@ -1,0 +1,57 @@
+//! How well a recogniser knows digits: single decisions, and decisions gathered over many looks.
+
+use super::sequences::Looker;
+use crate::Digits;
+use crate::eval::Reliability;
+use foveate_base::Result;
+use foveate_core::geometry::Gaze;
+use foveate_core::identity::MultiFixation;
+
+/// What was decided after some number of looks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Looks taken.
+    pub looks: usize,
+    /// Share of digits that the last Δ looks alone decide rightly.
+    pub single: f64,
+    /// Share that the sum of all log-probabilities so far decides rightly, one for every look.
+    pub gathered: f64,
+}
+
+/// Digits a curve keeps in memory at a time.
+const TOGETHER: usize = 250;
+
+/// Accuracy against the number of looks, 1 to the looker's window, and how reliable single decisions on Δ looks are.
+///
+/// The looker's window is the number of looks, not Δ. Fails where it has no digits, or does not fit the recogniser.
+pub fn curve(recogniser: &MultiFixation, looker: &Looker, digits: &Digits) -> Result<(Vec<Point>, Reliability)> {
+    let (classes, looks, n) = (recogniser.classes(), looker.window, digits.len());
+    let mut recogniser = recogniser.clone();
+    let (mut single, mut gathered) = (vec![0usize; looks], vec![0usize; looks]);
+    let (mut log_p, mut sum, mut all) = (vec![0.0; classes], vec![0.0; classes], vec![]);
+    let right = |q: &[f64], label: u8| q.iter().all(|x| *x <= q[usize::from(label)]);
+    for (part, from) in (0..n).step_by(TOGETHER).enumerate() {
+        let to = (from + TOGETHER).min(n);
+        let some = digits.range(from, to);
+        let made = looker.look(&some, part as u64)?;
+        let (rows, gazes) = (made.sequences().glimpses(), made.gazes());
+        for (i, &label) in some.labels.iter().enumerate() {
+            recogniser.clear();
+            sum.fill(0.0);
+            for k in 0..looks {
+                let [u, v] = gazes[i * looks + k];
+                recogniser.look(rows.row(i * looks + k), Gaze { u, v, arm: None });
+                recogniser.log_probabilities(&mut log_p);
+                sum.iter_mut().zip(&log_p).for_each(|(s, q)| *s += q);
+                single[k] += usize::from(right(&log_p, label));
+                gathered[k] += usize::from(right(&sum, label));
+                if k + 1 == recogniser.window().min(looks) {
+                    all.extend_from_slice(&log_p);
+                }
+            }
+        }
+    }
+    let share = |count: usize| count as f64 / n as f64;
+    let points = (0..looks).map(|k| Point { looks: k + 1, single: share(single[k]), gathered: share(gathered[k]) });
+    Ok((points.collect(), Reliability::of(&all, &digits.labels, classes, 10)))
+}

@@ -1,0 +1,39 @@
+//! A denoising autoencoder with tied weights (Vincent et al. 2008), one of the first layers that section 2 allows.
+//!
+//! h = σ(ṽᵀW + c) of a corrupted row ṽ, and v̂ = hWᵀ + b; it learns to make v̂ the row as it was: ½‖v̂ − v‖², mean over rows.
+//! Rows have n_v real numbers (standardised glimpses), h has n_h in (0, 1).
+
+mod io;
+mod train;
+
+pub use self::train::{Recipe, Trainer};
+
+use crate::rbm::{Rbm, Visible};
+use foveate_base::Result;
+use foveate_base::rows::{Rows, RowsMut};
+
+/// A trained autoencoder: the parameters W, b, c of a layer, as an RBM with Gaussian units has them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Autoencoder {
+    layer: Rbm,
+}
+
+impl Autoencoder {
+    /// From W (n_v × n_h, row-major), b (n_v) and c (n_h). Fails if they do not fit, or a number is not finite.
+    pub fn new(weights: Vec<f32>, visible_bias: Vec<f32>, hidden_bias: Vec<f32>) -> Result<Self> {
+        Ok(Self { layer: Rbm::new(Visible::Gaussian, weights, visible_bias, hidden_bias)? })
+    }
+    /// The layer: h and v̂ are its hidden probabilities and visible means.
+    pub fn layer(&self) -> &Rbm {
+        &self.layer
+    }
+    /// ‖v̂ − v‖² of rows as they are, mean over rows.
+    pub fn error(&self, rows: Rows<'_>) -> f64 {
+        let (n_v, n_h) = self.layer.shape();
+        let (mut h, mut back) = (vec![0.0; rows.len() * n_h], vec![0.0; rows.len() * n_v]);
+        self.layer.h_from_v(rows, RowsMut::new(&mut h, n_h));
+        self.layer.v_from_h(Rows::new(&h, n_h), RowsMut::new(&mut back, n_v));
+        let squares = rows.data().iter().zip(&back).map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+        squares / rows.len() as f64
+    }
+}

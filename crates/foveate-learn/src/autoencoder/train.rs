@@ -1,0 +1,282 @@
+//! Learning by stochastic gradient descent with momentum.
+//!
+//! With δ = v̂ − v and γ = δW ∘ h ∘ (1 − h): ∂/∂W = ṽᵀγ + δᵀh, ∂/∂b = δ, ∂/∂c = γ. Every row has its own random stream for
+//! its noise: the same seed gives the same bits for any number of threads, and after any interruption.
+
+use super::Autoencoder;
+use crate::rbm::epoch_state::EpochState;
+use crate::rbm::product::{add_outer, rows_times};
+use crate::rbm::train::block_of;
+use foveate_base::rng::{Purpose, Streams};
+use foveate_base::rows::{Rows, RowsMut};
+use foveate_base::{Error, Result};
+use rand::RngExt;
+use rand_distr::{Distribution, StandardNormal};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// How to learn.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Recipe {
+    /// n_h.
+    pub hidden: usize,
+    /// Passes over the data.
+    pub epochs: usize,
+    /// Rows in a mini-batch; rows that do not fill one wait for the next epoch.
+    pub batch: usize,
+    /// Step along the mean gradient of a batch.
+    pub rate: f32,
+    /// 0 to 1 (exclusive): velocity = momentum · velocity + (1 − momentum) · rate · gradient.
+    pub momentum: f32,
+    /// Share of a row's values that noise sets to 0.
+    pub mask: f32,
+    /// Standard deviation of the noise added to the others.
+    pub noise: f32,
+    /// Pull of the weights towards 0, in proportion to them.
+    pub l2: f32,
+    /// Names all random numbers.
+    pub seed: u64,
+}
+
+impl Recipe {
+    /// The usual settings, to be changed field by field.
+    pub fn new(hidden: usize) -> Self {
+        let (mask, noise) = (0.3, 0.5);
+        Self { hidden, epochs: 30, batch: 100, rate: 0.5, momentum: 0.9, mask, noise, l2: 1e-3, seed: 1 }
+    }
+    /// Fails, with the reason, if a number is out of its range.
+    pub fn check(&self) -> Result<()> {
+        let positive = |x: f32| x.is_finite() && x >= 0.0;
+        let problem = if self.hidden == 0 || self.batch == 0 {
+            "hidden units and rows of a batch must be at least 1"
+        } else if !(0.0..1.0).contains(&self.momentum) || !(0.0..1.0).contains(&self.mask) {
+            "momentum and the masked share must be at least 0 and under 1"
+        } else if ![self.rate, self.noise, self.l2].into_iter().all(positive) {
+            "the rate, the noise and l2 must be finite and not negative"
+        } else {
+            return Ok(());
+        };
+        Err(Error::Config(format!("training: {problem}")))
+    }
+}
+
+/// An autoencoder being trained: everything that the rest of the training depends on, the data apart.
+#[derive(Debug)]
+pub struct Trainer {
+    pub(super) recipe: Recipe,
+    pub(super) model: Autoencoder,
+    /// Of W, then b, then c.
+    pub(super) velocity: Vec<f32>,
+    pub(super) state: EpochState,
+    work: Work,
+}
+
+#[derive(Debug, Default)]
+struct Work {
+    noisy: Vec<f32>,
+    h: Vec<f32>,
+    delta: Vec<f32>,
+    gamma: Vec<f32>,
+    gradient: Vec<f32>,
+}
+
+impl Trainer {
+    /// Begins with small random weights and biases 0. Fails if the recipe is out of range, a value is not finite, or there
+    /// is no full batch.
+    pub fn new(recipe: Recipe, rows: Rows<'_>) -> Result<Self> {
+        recipe.check()?;
+        if rows.len() < recipe.batch || !rows.data().iter().all(|x| x.is_finite()) {
+            return Err(Error::Invalid(format!(
+                "training needs finite values and a full batch of {} rows, got {}",
+                recipe.batch,
+                rows.len()
+            )));
+        }
+        let (n_v, n_h) = (rows.width(), recipe.hidden);
+        let mut rng = Streams::new(recipe.seed, 0).at(0, Purpose::Train).rng(0);
+        // So that excitations begin at a half or so.
+        let sd = 0.5 / (n_v as f32).sqrt();
+        let mut normal = || -> f32 { StandardNormal.sample(&mut rng) };
+        let weights = (0..n_v * n_h).map(|_| sd * normal()).collect();
+        let model = Autoencoder::new(weights, vec![0.0; n_v], vec![0.0; n_h])?;
+        let velocity = vec![0.0; n_v * n_h + n_v + n_h];
+        Ok(Self { recipe, model, velocity, state: EpochState::default(), work: Work::default() })
+    }
+    crate::training_accessors!();
+    /// Batches an epoch has for this many rows.
+    pub fn batches(&self, rows: usize) -> usize {
+        rows / self.recipe.batch
+    }
+    /// The autoencoder as it stands.
+    pub fn learned(&self) -> &Autoencoder {
+        &self.model
+    }
+    /// Fails if a parameter is no longer finite: the training has diverged.
+    pub fn check(&self) -> Result<()> {
+        let layer = &self.model.layer;
+        if [&layer.weights, &layer.visible_bias, &layer.hidden_bias].iter().all(|x| x.iter().all(|x| x.is_finite())) {
+            return Ok(());
+        }
+        Err(self.state.diverged(self.recipe.rate))
+    }
+    /// One mini-batch. `rows` must be those the training began with.
+    pub fn step(&mut self, rows: Rows<'_>) {
+        let (n_v, r) = (rows.width(), &self.recipe);
+        let draws = self.state.draws(r.seed);
+        let (first, picked) = self.state.rows(rows.len(), r.batch, Some(draws.rng(0)));
+        let clean: Vec<f32> = picked.iter().flat_map(|&i| rows.row(i as usize)).copied().collect();
+        self.work.noisy.clear();
+        for (i, row) in clean.chunks_exact(n_v).enumerate() {
+            let mut rng = draws.rng(1 + (first + i) as u64);
+            self.work.noisy.extend(row.iter().map(|x| {
+                let (kept, noise): (f32, f32) = (rng.random(), StandardNormal.sample(&mut rng));
+                if kept < r.mask { 0.0 } else { x + r.noise * noise }
+            }));
+        }
+        self.gradient(Rows::new(&clean, n_v));
+        self.descend();
+        self.state.done(self.batches(rows.len()));
+    }
+    /// ∂/∂(W, b, c) of the mean of ½‖v̂ − v‖² over `clean` rows, seen as `work.noisy`.
+    fn gradient(&mut self, clean: Rows<'_>) {
+        let layer = &self.model.layer;
+        let ((n_v, n_h), m) = (layer.shape(), clean.len());
+        let Work { noisy, h, delta, gamma, gradient, .. } = &mut self.work;
+        h.resize(m * n_h, 0.0);
+        gamma.resize(m * n_h, 0.0);
+        delta.resize(m * n_v, 0.0);
+        let block = block_of(m);
+        let rows = noisy.par_chunks(block * n_v).zip(clean.data().par_chunks(block * n_v));
+        let out = h.par_chunks_mut(block * n_h).zip(delta.par_chunks_mut(block * n_v));
+        rows.zip(out).zip(gamma.par_chunks_mut(block * n_h)).for_each(|(((noisy, clean), (h, delta)), gamma)| {
+            layer.h_from_v(Rows::new(noisy, n_v), RowsMut::new(h, n_h));
+            layer.v_from_h(Rows::new(h, n_h), RowsMut::new(delta, n_v));
+            delta.iter_mut().zip(clean).for_each(|(d, v)| *d -= v);
+            rows_times(Rows::new(delta, n_v), &layer.weights, gamma);
+            gamma.iter_mut().zip(&*h).for_each(|(g, h)| *g *= h * (1.0 - h));
+        });
+        gradient.clear();
+        gradient.resize(n_v * n_h + n_v + n_h, 0.0);
+        let (weights, biases) = gradient.split_at_mut(n_v * n_h);
+        let (b, c) = biases.split_at_mut(n_v);
+        let share = 1.0 / m as f32;
+        let (noisy, delta, h, gamma) =
+            (Rows::new(noisy, n_v), Rows::new(delta, n_v), Rows::new(h, n_h), Rows::new(gamma, n_h));
+        let block = block_of(n_v);
+        weights.par_chunks_mut(block * n_h).enumerate().for_each(|(i, w)| {
+            add_outer(w, share, noisy, i * block, gamma);
+            add_outer(w, share, delta, i * block, h);
+        });
+        for (sums, rows) in [(b, delta), (c, gamma)] {
+            rows.iter().for_each(|row| sums.iter_mut().zip(row).for_each(|(s, x)| *s += share * x));
+        }
+    }
+    /// Moves the parameters down the gradient.
+    fn descend(&mut self) {
+        let Recipe { rate, momentum, l2, .. } = self.recipe;
+        let layer = &mut self.model.layer;
+        let n = layer.weights.len();
+        let pulled = self.work.gradient[..n].iter_mut().zip(&layer.weights);
+        pulled.for_each(|(g, w)| *g += l2 * w);
+        let all = layer.weights.iter_mut().chain(&mut layer.visible_bias).chain(&mut layer.hidden_bias);
+        for ((x, u), g) in all.zip(&mut self.velocity).zip(&self.work.gradient) {
+            *u = momentum * *u - (1.0 - momentum) * rate * g;
+            *x += *u;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(n: usize) -> Vec<f32> {
+        let mut rng = Streams::new(4, 0).rng(0);
+        (0..n)
+            .flat_map(|_| {
+                let a: f32 = StandardNormal.sample(&mut rng);
+                let b: f32 = StandardNormal.sample(&mut rng);
+                [a, -a, a + 0.1 * b, b, b, 0.5 * (a - b)]
+            })
+            .collect()
+    }
+
+    #[test]
+    fn gradients_are_those_of_the_error() {
+        let data = rows(3);
+        let clean = Rows::new(&data, 6);
+        let recipe = Recipe { batch: 3, ..Recipe::new(4) };
+        let mut trainer = Trainer::new(recipe, clean).expect("good rows");
+        let noisy: Vec<f32> = data.iter().map(|x| 0.7 * x + 0.1).collect();
+        trainer.work.noisy.clone_from(&noisy);
+        trainer.gradient(clean);
+        let n = trainer.velocity.len();
+        for e in 0..n {
+            let at = |by: f32| {
+                let mut layer = trainer.model.layer.clone();
+                let mut all = layer.weights.iter_mut().chain(&mut layer.visible_bias).chain(&mut layer.hidden_bias);
+                *all.nth(e).expect("a parameter") += by;
+                let (mut h, mut back) = ([0.0; 12], [0.0; 18]);
+                layer.h_from_v(Rows::new(&noisy, 6), RowsMut::new(&mut h, 4));
+                layer.v_from_h(Rows::new(&h, 4), RowsMut::new(&mut back, 6));
+                back.iter().zip(&data).map(|(a, b)| 0.5 * f64::from(a - b).powi(2)).sum::<f64>() / 3.0
+            };
+            let slope = (at(1e-2) - at(-1e-2)) / 2e-2;
+            let got = f64::from(trainer.work.gradient[e]);
+            assert!((slope - got).abs() < 1e-3 * (1.0 + got.abs()), "parameter {e}: {got} is not {slope}");
+        }
+    }
+
+    #[test]
+    fn it_learns_and_a_resumed_training_ends_with_the_same_bits() {
+        let data = rows(400);
+        let all = Rows::new(&data, 6);
+        let recipe = Recipe { batch: 20, epochs: 15, rate: 0.2, mask: 0.25, noise: 0.3, l2: 1e-4, ..Recipe::new(8) };
+        let mut whole = Trainer::new(recipe.clone(), all).expect("good rows");
+        let before = whole.learned().error(all);
+        while !whole.is_done() {
+            whole.step(all);
+        }
+        let after = whole.learned().error(all);
+        assert!(after < 0.3 * before, "the error went from {before} to {after}");
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let path = dir.path().join("c.checkpoint");
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().expect("threads");
+        let mut cut = Trainer::new(recipe.clone(), all).expect("good rows");
+        for step in 0.. {
+            if cut.is_done() {
+                break;
+            }
+            if step % 37 == 36 {
+                cut.save(&path, "abc").expect("a writable folder");
+                cut = Trainer::resume(&path, recipe.clone(), all, "abc").expect("just written");
+            }
+            pool.install(|| cut.step(all));
+        }
+        assert_eq!((cut.learned(), cut.progress()), (whole.learned(), (15, 0)));
+        assert!(Trainer::resume(&path, recipe.clone(), all, "def").is_err());
+        assert!(Trainer::resume(&path, Recipe { mask: 0.1, ..recipe }, all, "abc").is_err());
+        let model = dir.path().join("m.safetensors");
+        whole.learned().save(&model, &Default::default()).expect("a writable folder");
+        assert_eq!(&Autoencoder::load(&model).expect("just written").0, whole.learned());
+        let mut bytes = std::fs::read(&model).expect("just written");
+        *bytes.last_mut().expect("not empty") ^= 1;
+        assert!(Autoencoder::from_bytes(&bytes, &model).is_err());
+        assert!(crate::rbm::Rbm::load(&model).expect_err("another kind").to_string().contains("autoencoder"));
+    }
+
+    #[test]
+    fn wrong_recipes_are_refused() {
+        let data = rows(30);
+        let good = Recipe { batch: 10, ..Recipe::new(4) };
+        for wrong in [
+            Recipe { hidden: 0, ..good.clone() },
+            Recipe { batch: 31, ..good.clone() },
+            Recipe { mask: 1.0, ..good.clone() },
+            Recipe { rate: f32::NAN, ..good.clone() },
+        ] {
+            assert!(Trainer::new(wrong.clone(), Rows::new(&data, 6)).is_err(), "{wrong:?}");
+        }
+    }
+}

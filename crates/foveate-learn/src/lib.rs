@@ -1,0 +1,7 @@
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+pub mod autoencoder;
+pub mod kmeans;
+pub mod rbm;
+pub mod softmax;

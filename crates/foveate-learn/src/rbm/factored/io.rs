@@ -1,0 +1,110 @@
+//! Model files and checkpoints of factored RBMs: tensors under a seal, as `rbm/io.rs` writes them.
+
+use super::train::Trainer;
+use super::{FactoredRbm, Parameters, Recipe, Sizes};
+use crate::rbm::Metadata;
+use crate::rbm::hmc::Step;
+use crate::rbm::io::{About, Tensor, Tensors, open, pack, read};
+use crate::rbm::progress::{Checkpoint, save};
+use crate::rbm::whiten::Whitening;
+use foveate_base::rows::Rows;
+use foveate_base::{Result, files};
+use std::path::Path;
+
+const KIND: &str = "mcrbm";
+const CHECKPOINT: &str = "mcrbm-checkpoint";
+
+fn tensors<'a>(whitening: &'a Whitening, parameters: &'a Parameters) -> Vec<Tensor<'a>> {
+    let (n_v, n_x) = whitening.shape();
+    let Sizes { factors, covariance, mean, .. } = parameters.sizes();
+    let shapes =
+        [vec![n_x, factors], vec![factors, covariance], vec![covariance], vec![n_x, mean], vec![mean], vec![n_x]];
+    let mut all: Vec<Tensor<'_>> = vec![
+        ("whitening.mean", vec![n_v], whitening.mean()),
+        ("whitening.matrix", vec![n_v, n_x], whitening.matrix().data()),
+    ];
+    all.extend(parameters.parts().into_iter().zip(shapes).map(|((name, values), shape)| (name, shape, &values[..])));
+    all
+}
+
+/// The machine in `tensors`, which are used up to what does not belong to one; problems in words.
+fn machine(tensors: &mut Tensors) -> std::result::Result<FactoredRbm, String> {
+    let mut shapes = vec![];
+    let mut take = |name: &str| {
+        let (shape, values) = tensors.remove(name).ok_or_else(|| format!("the tensor {name} is missing"))?;
+        shapes.push((name.to_string(), shape));
+        Ok::<_, String>(values)
+    };
+    let (mean, matrix) = (take("whitening.mean")?, take("whitening.matrix")?);
+    let mut parameters = Parameters::default();
+    for (name, part) in parameters.parts_mut() {
+        *part = take(name)?;
+    }
+    let whitening = Whitening::new(mean, matrix).map_err(|e| e.to_string())?;
+    let found = FactoredRbm::new(whitening, parameters).map_err(|e| e.to_string())?;
+    for ((name, shape), (_, expected, _)) in shapes.iter().zip(self::tensors(&found.whitening, &found.parameters)) {
+        if *shape != expected {
+            return Err(format!("{name} is {shape:?}, expected {expected:?}"));
+        }
+    }
+    Ok(found)
+}
+
+impl FactoredRbm {
+    /// The bytes of a model file.
+    pub fn to_bytes(&self, metadata: &Metadata) -> Vec<u8> {
+        pack(KIND, About { metadata: metadata.clone() }, &tensors(&self.whitening, &self.parameters))
+    }
+    /// Writes a model file; it is whole or not there.
+    pub fn save(&self, path: &Path, metadata: &Metadata) -> Result<()> {
+        files::write(path, &self.to_bytes(metadata))
+    }
+    /// Reads a model from the bytes of a file; `path` stands for it in errors.
+    ///
+    /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
+    pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
+        let (found, about) = open(bytes, path, KIND, |_: &About, tensors| machine(tensors))?;
+        Ok((found, about.metadata))
+    }
+    /// Reads a model file; see [`FactoredRbm::from_bytes`].
+    pub fn load(path: &Path) -> Result<(Self, Metadata)> {
+        Self::from_bytes(&read(path)?, path)
+    }
+}
+
+impl Trainer {
+    /// Writes a checkpoint; the file is whole or as it was before. `data_sha256` names the training rows.
+    ///
+    /// Fails if the training has diverged, or the file cannot be written.
+    pub fn save(&self, path: &Path, data_sha256: &str) -> Result<()> {
+        self.check()?;
+        let state = [self.step.size, self.step.rejection, self.length];
+        let n_x = self.whitening.shape().1;
+        let mut all = tensors(&self.whitening, &self.parameters);
+        all.push(("chains", vec![self.recipe.batch, n_x], &self.chains));
+        all.push(("state", vec![3], &state));
+        save(path, CHECKPOINT, (&self.recipe, self.progress(), data_sha256), &all)
+    }
+    /// Goes on from a checkpoint, made with the same recipe (but for the number of epochs) and the same rows.
+    ///
+    /// Fails, with the reason, if the recipe or the data are others, or the file is damaged.
+    pub fn resume(path: &Path, recipe: Recipe, rows: Rows<'_>, data_sha256: &str) -> Result<Self> {
+        let as_long = |begun| Recipe { epochs: recipe.epochs, ..begun };
+        let mut checkpoint = Checkpoint::open(path, CHECKPOINT, &recipe, as_long, ("data", data_sha256))?;
+        let found = machine(&mut checkpoint.tensors).map_err(|p| checkpoint.refuse(&p))?;
+        let mut fresh = Self::new(recipe, rows)?;
+        let mut take = |name: &str, len: usize| match checkpoint.take(name, len)? {
+            values if values.iter().all(|x| x.is_finite()) => Ok(values),
+            _ => Err(checkpoint.refuse(&format!("the tensor {name} is not finite"))),
+        };
+        let (chains, state) = (take("chains", fresh.chains.len())?, take("state", 3)?);
+        if found.sizes() != fresh.learned().sizes() {
+            return Err(checkpoint.refuse("its sizes are not those of the data"));
+        }
+        fresh.rewhiten(found.whitening, rows);
+        (fresh.parameters, fresh.chains) = (found.parameters, chains);
+        (fresh.step, fresh.length) = (Step { size: state[0], rejection: state[1] }, state[2]);
+        fresh.state = checkpoint.state(fresh.batches())?;
+        Ok(fresh)
+    }
+}

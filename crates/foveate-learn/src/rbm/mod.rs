@@ -1,0 +1,31 @@
+//! Restricted Boltzmann machines: the features of the identity pathway (section 2.1), and how they are learned.
+//!
+//! Atoms: nothing here knows of images, gazes or targets; data are rows of numbers.
+
+mod checkpoint;
+pub mod epoch_state;
+pub mod factored;
+pub mod fixations;
+mod hmc;
+pub mod io;
+pub mod likelihood;
+pub mod monitor;
+#[cfg(test)]
+mod oracle_tests;
+pub mod product;
+pub mod progress;
+#[allow(clippy::module_inception)]
+mod rbm;
+mod recipe;
+pub mod train;
+mod units;
+mod visible;
+mod whiten;
+
+pub use self::io::Metadata;
+pub use self::product::warm;
+pub use self::rbm::Rbm;
+pub use self::recipe::{Negative, Recipe, Sparsity};
+pub use self::train::Trainer;
+pub use self::visible::Visible;
+pub use self::whiten::Whitening;

@@ -1,0 +1,151 @@
+//! The three matrix products of an RBM, on row-major slices.
+//!
+//! An entry of a product depends on its own row and column alone, to the last bit, however many rows are multiplied
+//! at once: the kernels add along the inner side in one order. A single row would take another path (a dot
+//! product, which adds in lanes), so it is multiplied as two equal rows.
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, MatMut, MatRef, Par};
+use foveate_base::rows::Rows;
+
+/// Weights of at most this many entries are multiplied by plain loops: with two rows they would fall under faer's
+/// threshold (16³ multiplications) for another kernel, whose last bits differ.
+const SMALL: usize = 2048;
+
+/// Most columns a single row is multiplied by at a time: what its scratch on the stack holds, twice.
+const LANE: usize = 1024;
+
+/// Lets every thread of the present pool take the scratch that products need (once a thread, address space of twice the
+/// processor's cache), so that no later product allocates.
+pub fn warm() {
+    let ones = [1.0; 64 * 64];
+    rayon::broadcast(|_| rows_times(Rows::new(&ones, 64), &ones, &mut [0.0; 64 * 64]));
+}
+
+/// `out` (m × n) = `rows` (m × k) · `weights` (k × n).
+pub fn rows_times(rows: Rows<'_>, weights: &[f32], out: &mut [f32]) {
+    let k = rows.width();
+    let w = MatRef::from_row_major_slice(weights, k, weights.len() / k);
+    multiply(rows, w, out);
+}
+
+/// `out` (m × k) = `rows` (m × n) · `weights`ᵀ, with `weights` (k × n).
+pub fn rows_times_transposed(rows: Rows<'_>, weights: &[f32], out: &mut [f32]) {
+    let n = rows.width();
+    let w = MatRef::from_row_major_slice(weights, weights.len() / n, n).transpose();
+    multiply(rows, w, out);
+}
+
+/// `weights` (k × n) += `factor` · `left`ᵀ · `right`, with columns `from .. from + k` of `left` (m rows) and `right` (m × n).
+pub fn add_outer(weights: &mut [f32], factor: f32, left: Rows<'_>, from: usize, right: Rows<'_>) {
+    outer(weights, Accum::Add, factor, left, from, right);
+}
+
+/// The same, with `weights` = in place of +=.
+pub fn set_outer(weights: &mut [f32], factor: f32, left: Rows<'_>, from: usize, right: Rows<'_>) {
+    outer(weights, Accum::Replace, factor, left, from, right);
+}
+
+fn outer(weights: &mut [f32], accum: Accum, factor: f32, left: Rows<'_>, from: usize, right: Rows<'_>) {
+    let n = right.width();
+    let k = weights.len() / n;
+    let left = MatRef::from_row_major_slice(left.data(), left.len(), left.width()).subcols(from, k);
+    let right = MatRef::from_row_major_slice(right.data(), right.len(), n);
+    matmul(MatMut::from_row_major_slice_mut(weights, k, n), accum, left.transpose(), right, factor, Par::Seq);
+}
+
+fn multiply(rows: Rows<'_>, w: MatRef<'_, f32>, out: &mut [f32]) {
+    let (m, k, n) = (rows.len(), w.nrows(), w.ncols());
+    assert_eq!(out.len(), m * n, "the product of {m} rows and {k} x {n} weights");
+    if k * n <= SMALL || k < 8 || n == 1 {
+        for (row, out) in rows.iter().zip(out.chunks_exact_mut(n)) {
+            for (j, o) in out.iter_mut().enumerate() {
+                *o = row.iter().enumerate().map(|(i, x)| x * w[(i, j)]).sum();
+            }
+        }
+    } else if m == 1 {
+        let mut scratch = [0.0; 2 * LANE];
+        let row = MatRef::from_row_major_slice_with_stride(rows.data(), 2, k, 0);
+        // Pieces of about one size: none so small that it would take the other kernel.
+        let pieces = n.div_ceil(LANE);
+        for i in 0..pieces {
+            let (from, to) = (i * n / pieces, (i + 1) * n / pieces);
+            let twice = &mut scratch[..2 * (to - from)];
+            let dst = MatMut::from_row_major_slice_mut(&mut *twice, 2, to - from);
+            matmul(dst, Accum::Replace, row, w.subcols(from, to - from), 1.0, Par::Seq);
+            out[from..to].copy_from_slice(&twice[..to - from]);
+        }
+    } else if m > 1 {
+        let rows = MatRef::from_row_major_slice(rows.data(), m, k);
+        matmul(MatMut::from_row_major_slice_mut(out, m, n), Accum::Replace, rows, w, 1.0, Par::Seq);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::RngExt;
+
+    fn random(n: usize, seed: u64) -> Vec<f32> {
+        let mut rng = foveate_base::rng::Streams::new(seed, 0).rng(0);
+        (0..n).map(|_| rng.random::<f32>() - 0.5).collect()
+    }
+
+    /// Shapes on both sides of every threshold, with edges of every kernel; products against f64 loops.
+    #[test]
+    fn products_are_right_and_a_row_does_not_depend_on_its_neighbours() {
+        for (k, n) in [
+            (3, 2),
+            (1, 40),
+            (40, 1),
+            (32, 64),
+            (33, 64),
+            (47, 101),
+            (132, 500),
+            (240, 515),
+            (784, 500),
+            (8, 1027),
+            (17, 2300),
+        ] {
+            let (a, w) = (random(203 * k, 1), random(k * n, 2));
+            let all = Rows::new(&a, k);
+            let mut whole = vec![0.0; 203 * n];
+            rows_times(all, &w, &mut whole);
+            for i in [0, 101, 202] {
+                for j in 0..n {
+                    let exact: f64 = (0..k).map(|l| f64::from(all.row(i)[l]) * f64::from(w[l * n + j])).sum();
+                    assert!((f64::from(whole[i * n + j]) - exact).abs() < 1e-5 * k as f64, "{k} x {n}, ({i}, {j})");
+                }
+            }
+            // The same weights, transposed, through the other product.
+            let mut wt = vec![0.0; n * k];
+            (0..k * n).for_each(|e| wt[e % n * k + e / n] = w[e]);
+            let mut transposed = vec![0.0; 203 * n];
+            rows_times_transposed(all, &wt, &mut transposed);
+            assert!(whole == transposed, "{k} x {n}: the two products add in the same order");
+            for m in [1, 2, 3, 4, 5, 7, 31, 96, 97, 100, 128, 200] {
+                let some = Rows::new(&a[3 * k..][..m * k], k);
+                let (mut part, mut other) = (vec![0.0; m * n], vec![0.0; m * n]);
+                rows_times(some, &w, &mut part);
+                rows_times_transposed(some, &wt, &mut other);
+                assert!(part == whole[3 * n..][..m * n] && part == other, "{k} x {n}, {m} rows");
+            }
+        }
+    }
+
+    #[test]
+    fn outer_products_add_up() {
+        let (m, k, n) = (7, 50, 60);
+        let (a, b) = (random(m * k, 3), random(m * n, 4));
+        let mut w = vec![1.0; k * n];
+        add_outer(&mut w[..20 * n], 0.5, Rows::new(&a, k), 0, Rows::new(&b, n));
+        add_outer(&mut w[20 * n..], 0.5, Rows::new(&a, k), 20, Rows::new(&b, n));
+        for (e, &got) in w.iter().enumerate() {
+            let exact: f32 = 1.0 + 0.5 * (0..m).map(|r| a[r * k + e / n] * b[r * n + e % n]).sum::<f32>();
+            assert!((got - exact).abs() < 1e-5);
+        }
+        let mut fresh = vec![f32::NAN; k * n];
+        set_outer(&mut fresh, 0.5, Rows::new(&a, k), 0, Rows::new(&b, n));
+        assert!(fresh.iter().zip(&w).all(|(fresh, w)| (fresh + 1.0 - w).abs() < 1e-5), "what was there is gone");
+    }
+}

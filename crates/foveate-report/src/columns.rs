@@ -1,0 +1,379 @@
+//! The columns of every text file that this crate writes: name, unit, origin, meaning.
+//!
+//! The header line of each CSV file is written from these tables, and [`dictionary`] renders them as Markdown. Frames count
+//! from 1 in files. Pixels count from 1 in the text formats of OTB and MOTChallenge, and from 0 everywhere else, where the
+//! centre of the top-left pixel is (0, 0).
+
+use std::fmt::Write as _;
+
+/// A column of a CSV file, a field of a text line, or a key of a JSON object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Column {
+    /// As it stands in the file; a dot separates a key from one inside it.
+    pub name: &'static str,
+    /// Its unit; empty for numbers without one, flags and texts.
+    pub unit: &'static str,
+    /// What the count starts at, for indices and coordinates.
+    pub from: Option<u8>,
+    /// What it means, its range, and when it is empty.
+    pub meaning: &'static str,
+}
+
+impl Column {
+    const fn new(name: &'static str, unit: &'static str, meaning: &'static str) -> Self {
+        Self { name, unit, from: None, meaning }
+    }
+    const fn from_0(name: &'static str, unit: &'static str, meaning: &'static str) -> Self {
+        Self { name, unit, from: Some(0), meaning }
+    }
+    const fn from_1(name: &'static str, unit: &'static str, meaning: &'static str) -> Self {
+        Self { name, unit, from: Some(1), meaning }
+    }
+}
+
+/// A file and its columns.
+#[derive(Clone, Copy, Debug)]
+pub struct OutputFile {
+    /// Its usual name.
+    pub name: &'static str,
+    /// What one line of it is.
+    pub line: &'static str,
+    /// Its columns, in order.
+    pub columns: &'static [Column],
+}
+
+/// All files with columns: those of a single target first.
+pub const FILES: [OutputFile; 7] = [
+    OutputFile {
+        name: "boxes.txt",
+        line: "One line a frame, the first one included, without a header: OTB's format. A box outside the picture stands at the \
+               nearest place where it touches the picture.",
+        columns: BOXES,
+    },
+    OutputFile {
+        name: "track.csv",
+        line: "One line a frame after a header. In a frame whose box was given, everything from `cov_x_x` on is empty. \
+               Numbers are printed so that they read back bit for bit.",
+        columns: TRACK,
+    },
+    OutputFile {
+        name: "trace.jsonl",
+        line: "One JSON object a frame: every intermediate quantity. A dot stands for a key inside an object. A frame whose \
+               box was given has `frame`, `time` and `given` alone. Numbers that are not finite are `null`; others read back \
+               bit for bit.",
+        columns: TRACE,
+    },
+    OutputFile {
+        name: "regret.csv",
+        line: "One line a tracked frame after a header: the reward of the policy against that of fixed gazes.",
+        columns: REGRET,
+    },
+    OutputFile {
+        name: "tracks.txt",
+        line: "One line an active target a frame, without a header: MOTChallenge's format. Targets in the phase `lost` are \
+               left out.",
+        columns: TRACKS_TXT,
+    },
+    OutputFile {
+        name: "tracks.csv",
+        line: "One line an active target a frame after a header, `lost` ones included.",
+        columns: TRACKS,
+    },
+    OutputFile { name: "targets.csv", line: "One line a target after a header.", columns: TARGETS },
+];
+
+const FRAME: Column = Column::from_1("frame", "frame", "Frame number.");
+const TIME: Column = Column::new("time", "s", "Time of the frame in the source.");
+const LEFT: Column = Column::from_0("left", "px", "Left edge of the box.");
+const TOP: Column = Column::from_0("top", "px", "Top edge of the box.");
+const WIDTH: Column = Column::new("width", "px", "Width of the box.");
+const HEIGHT: Column = Column::new("height", "px", "Height of the box.");
+const X: Column = Column::from_0("x", "px", "Centre of the target, across: the mean of the particles.");
+const Y: Column = Column::from_0("y", "px", "Centre of the target, down.");
+const VX: Column = Column::new("vx", "px/frame", "Velocity, across.");
+const VY: Column = Column::new("vy", "px/frame", "Velocity, down.");
+const LOG_SCALE: Column = Column::new("log_scale", "", "Natural logarithm of the size relative to the first frame.");
+const ANGLE: Column = Column::new("angle", "rad", "Rotation relative to the first frame, clockwise on the screen.");
+const SD_X: Column = Column::new("sd_x", "px", "Standard deviation of `x` under the belief.");
+const SD_Y: Column = Column::new("sd_y", "px", "Standard deviation of `y` under the belief.");
+const GAZE_U: Column =
+    Column::new("gaze_u", "half-boxes", "The chosen gaze, across: −1 is the left edge of the box, 1 the right one.");
+const GAZE_V: Column =
+    Column::new("gaze_v", "half-boxes", "The chosen gaze, down: −1 is the top edge of the box, 1 the bottom one.");
+const REWARD: Column = Column::new("reward", "", "Reward of the chosen gaze, 0 to 1.");
+const DEFICIT: Column = Column::new(
+    "deficit",
+    "",
+    "Evidence deficit, smoothed over frames: 0 as expected on the target, 1 as elsewhere, at most 2.",
+);
+const CLASS_PROBABILITY: Column =
+    Column::new("class_probability", "", "Its probability over all frames so far, 0 to 1; empty without a recogniser.");
+const CLASS: Column =
+    Column::from_0("class", "", "The likeliest class over all frames so far, its number; empty without a recogniser.");
+
+/// boxes.txt.
+pub const BOXES: &[Column] = &[
+    Column::from_1("x", "px", "Left edge of the box."),
+    Column::from_1("y", "px", "Top edge of the box."),
+    Column::new("w", "px", "Width of the box."),
+    Column::new("h", "px", "Height of the box."),
+];
+
+macro_rules! cov {
+    ($a:literal, $unit:literal) => {
+        Column::new(concat!("cov_", $a, "_", $a), $unit, concat!("Variance of `", $a, "`."))
+    };
+    ($a:literal, $b:literal, $unit:literal) => {
+        Column::new(concat!("cov_", $a, "_", $b), $unit, concat!("Covariance of `", $a, "` and `", $b, "`."))
+    };
+}
+
+/// track.csv.
+pub const TRACK: &[Column] = &[
+    FRAME,
+    TIME,
+    LEFT,
+    TOP,
+    WIDTH,
+    HEIGHT,
+    X,
+    Y,
+    VX,
+    VY,
+    LOG_SCALE,
+    ANGLE,
+    cov!("x", "px²"),
+    cov!("x", "y", "px²"),
+    cov!("x", "vx", "px²/frame"),
+    cov!("x", "vy", "px²/frame"),
+    cov!("x", "log_scale", "px"),
+    cov!("x", "angle", "px rad"),
+    cov!("y", "px²"),
+    cov!("y", "vx", "px²/frame"),
+    cov!("y", "vy", "px²/frame"),
+    cov!("y", "log_scale", "px"),
+    cov!("y", "angle", "px rad"),
+    cov!("vx", "px²/frame²"),
+    cov!("vx", "vy", "px²/frame²"),
+    cov!("vx", "log_scale", "px/frame"),
+    cov!("vx", "angle", "px rad/frame"),
+    cov!("vy", "px²/frame²"),
+    cov!("vy", "log_scale", "px/frame"),
+    cov!("vy", "angle", "px rad/frame"),
+    cov!("log_scale", ""),
+    cov!("log_scale", "angle", "rad"),
+    cov!("angle", "rad²"),
+    SD_X,
+    SD_Y,
+    Column::new("ess", "particles", "Effective sample size 1/Σw², 1 to the number of particles."),
+    Column::new("log_evidence", "nats", "Log evidence of the frame, up to the constant of the likelihood."),
+    DEFICIT,
+    Column::new("occluded_or_lost", "", "1 if `status` is occluded or lost, else 0."),
+    Column::new("p_lost", "", "Probability that the target is lost, 0 to 1."),
+    Column::new("status", "", "Track status: tracking, occluded, lost or reacquired."),
+    GAZE_U,
+    GAZE_V,
+    REWARD,
+    Column::new("distance", "", "Distance of the glimpse to the template at the chosen gaze, at least 0."),
+    Column::from_0(
+        "class",
+        "",
+        "The likeliest class over all frames so far: its name, or its number where classes have no names. Empty without a \
+         recogniser; quoted where a name has a comma, a quote or a line break.",
+    ),
+    CLASS_PROBABILITY,
+];
+
+/// tracks.txt.
+pub const TRACKS_TXT: &[Column] = &[
+    FRAME,
+    ID,
+    Column::from_1("bb_left", "px", "Left edge of the box."),
+    Column::from_1("bb_top", "px", "Top edge of the box."),
+    Column::new("bb_width", "px", "Width of the box."),
+    Column::new("bb_height", "px", "Height of the box."),
+    Column::new("conf", "", "Confidence: 1 − evidence deficit, at least 0."),
+    Column::new("x", "", "Always −1: no world coordinates."),
+    Column::new("y", "", "Always −1."),
+    Column::new("z", "", "Always −1."),
+];
+
+const ID: Column =
+    Column::from_1("id", "", "Track id, in order of initiation, or as given; never used for another target.");
+
+/// tracks.csv.
+pub const TRACKS: &[Column] = &[
+    FRAME,
+    TIME,
+    ID,
+    Column::new("phase", "", "Track phase: initiated, re-identified, tracked, occluded or lost."),
+    LEFT,
+    TOP,
+    WIDTH,
+    HEIGHT,
+    X,
+    Y,
+    VX,
+    VY,
+    LOG_SCALE,
+    ANGLE,
+    SD_X,
+    SD_Y,
+    DEFICIT,
+    Column::new("visible", "", "Share of the target that no other target covers, 0 to 1."),
+    Column::new("detected", "", "1 if a detection was associated with it in this frame, else 0."),
+    GAZE_U,
+    GAZE_V,
+    FIRST_FRAME,
+    CLASS,
+    CLASS_PROBABILITY,
+];
+
+const FIRST_FRAME: Column = Column::from_1("first_frame", "frame", "Frame in which the track was initiated.");
+
+/// targets.csv.
+pub const TARGETS: &[Column] = &[
+    ID,
+    FIRST_FRAME,
+    Column::from_1("last_frame", "frame", "Last frame in which it was active."),
+    Column::new("frames", "frames", "Frames in which it was active."),
+    Column::new("occluded", "frames", "Of these, frames in the phase occluded."),
+    Column::new("lost", "frames", "Of these, frames in the phase lost."),
+    Column::new("detected", "frames", "Of these, frames with an associated detection."),
+    Column::new("reidentified", "times", "How often it was re-identified after its termination."),
+    CLASS,
+    CLASS_PROBABILITY,
+];
+
+/// regret.csv; the last column stands for one a fixed gaze.
+pub const REGRET: &[Column] = &[
+    FRAME,
+    GAZE_U,
+    GAZE_V,
+    REWARD,
+    Column::new(
+        "best_reward",
+        "",
+        "Reward of the best fixed gaze in hindsight: the one with the largest sum over all frames.",
+    ),
+    Column::new("regret", "", "`best_reward` less `reward`, −1 to 1."),
+    Column::new("cumulative_regret", "", "Sum of `regret` up to and with this frame."),
+    Column::new("cumulative_regret_so_far", "", "The same against the fixed gaze that was best up to this frame."),
+    Column::new("reward_U_V", "", "Reward of the fixed gaze (U, V), in half-boxes, 0 to 1; one column a gaze."),
+];
+
+/// trace.jsonl.
+pub const TRACE: &[Column] = &[
+    FRAME,
+    TIME,
+    Column::from_0("given", "px", "The given box: `x`, `y` (left and top edge), `w`, `h`."),
+    Column::from_0("bbox", "px", "The estimated upright box: `x`, `y` (left and top edge), `w`, `h`."),
+    Column::from_0("estimate.x", "px", X.meaning),
+    Column::from_0("estimate.y", "px", Y.meaning),
+    Column::new("estimate.vx", "px/frame", VX.meaning),
+    Column::new("estimate.vy", "px/frame", VY.meaning),
+    Column::new("estimate.log_scale", "", LOG_SCALE.meaning),
+    Column::new("estimate.angle", "rad", ANGLE.meaning),
+    Column::new("covariance", "as the state", "6 × 6 covariance of x, y, vx, vy, log_scale, angle, row by row."),
+    Column::new("ess", "particles", "Effective sample size 1/Σw², 1 to the number of particles."),
+    Column::new("log_evidence", "nats", "Log evidence of the frame, up to the constant of the likelihood."),
+    Column::new("consistency.deficit", "", DEFICIT.meaning),
+    Column::new("consistency.frame_deficit", "", "Evidence deficit of this frame alone, 0 to 2."),
+    Column::new(
+        "consistency.tempered_ess",
+        "",
+        "Effective sample size of the tempered weights, a share of the particles, 0 to 1.",
+    ),
+    Column::new("consistency.holds", "", "Whether the smoothed deficit is below its threshold."),
+    Column::new("confidence.p_lost", "", "Probability that the target is lost, 0 to 1."),
+    Column::new("confidence.status", "", "Track status: tracking, occluded, lost or reacquired."),
+    Column::new(
+        "confidence.cues",
+        "",
+        "What P(lost) was computed from: deficit, frame_deficit, drop, lasting, flat, spread, distance, margin.",
+    ),
+    Column::new("extent.half_w", "px", "Half the width of the box at scale 1."),
+    Column::new("extent.half_h", "px", "Half the height of the box at scale 1."),
+    Column::from_0("predicted", "as the state", "Predicted particles: x, y, vx, vy, log_scale, angle of each."),
+    Column::new("weights", "", "A weight a particle; they sum to 1."),
+    Column::from_0(
+        "ancestors",
+        "",
+        "For each particle that starts the next frame, the index of its parent in `predicted`.",
+    ),
+    Column::new(
+        "plan.gazes",
+        "half-boxes",
+        "Gazes that were scored: `u`, `v`, and `arm`, their index from 0, or null.",
+    ),
+    Column::new("plan.used", "", "For each gaze, whether it counts in the weights."),
+    Column::new("plan.weights", "", "For each gaze, the mixing weight of its log-likelihood, at least 0."),
+    Column::from_0("plan.chosen", "", "Index in `plan.gazes` of the gaze that the policy chose."),
+    Column::new("rewards", "", "Reward of each gaze of `plan.gazes`, 0 to 1."),
+    Column::new("recorded_gazes", "half-boxes", "Gazes scored for observers alone; left out where there is none."),
+    Column::new("recorded_rewards", "", "Their rewards, 0 to 1; left out where there is none."),
+    Column::new("gaze_evidence", "nats", "Log evidence of each gaze of `plan.gazes` by itself."),
+    Column::new("percept.gaze", "half-boxes", "The gaze of the glimpse: `u`, `v`, `arm`."),
+    Column::new("percept.glimpse", "", "The glimpse at the estimate, one value a cell of the retina, 0 to 1."),
+    Column::new("percept.features", "", "Activations of the encoder."),
+    Column::new("percept.distance", "", "Distance of the glimpse to the template at that gaze, at least 0."),
+    Column::new("classes", "", "Probability of each class over all frames so far; left out without a recogniser."),
+    Column::new("class", "", "Name of the likeliest class; left out where classes have numbers alone."),
+    Column::new("own_classes", "", "Probability of each class by this frame alone; left out without a recogniser."),
+    Column::new("recognition_gazes", "half-boxes", "Gazes of the recogniser; left out without one."),
+    Column::new("snapshot", "", "What the policy has learned; null where it has nothing to show."),
+    Column::new("snapshot.gazes", "half-boxes", "Gazes of a policy with arms: `u`, `v`, `arm`."),
+    Column::new("snapshot.probabilities", "", "Probability that each is chosen next, or its weight; they sum to 1."),
+    Column::new("snapshot.points", "", "Points along a side of the reward surface of a continuous policy."),
+    Column::new("snapshot.reach", "half-boxes", "Half the side of the square of gazes that it covers."),
+    Column::new("snapshot.mean", "", "Mean reward at points × points gazes, row by row from the top."),
+    Column::new(
+        "snapshot.best",
+        "half-boxes",
+        "The gaze with the largest mean: `u`, `v`, `arm`; null before the first reward.",
+    ),
+];
+
+/// The dictionary of all files, as Markdown: a heading, a sentence and a table a file.
+pub fn dictionary() -> String {
+    let mut text = String::new();
+    for file in &FILES {
+        let _ = write!(text, "## `{}`\n\n{}\n\n", file.name, file.line);
+        text.push_str("| column | unit | counted from | meaning |\n| --- | --- | --- | --- |\n");
+        for column in file.columns {
+            let from = column.from.map(|n| n.to_string()).unwrap_or_default();
+            let cells = [&format!("`{}`", column.name), column.unit, &from, column.meaning];
+            let _ = writeln!(text, "| {} |", cells.map(|cell| cell.replace('|', "\\|")).join(" | "));
+        }
+        text.push('\n');
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unique_and_the_dictionary_has_them_all() {
+        let text = dictionary();
+        for file in &FILES {
+            for (i, column) in file.columns.iter().enumerate() {
+                assert!(file.columns[..i].iter().all(|c| c.name != column.name), "{} twice", column.name);
+                assert!(column.meaning.ends_with('.'), "{}: {}", column.name, column.meaning);
+                assert!(text.contains(&format!("\n| `{}` | {} |", column.name, column.unit)), "{}", column.name);
+            }
+        }
+        let rows = text.lines().filter(|line| line.starts_with("| `")).count();
+        assert_eq!(rows, FILES.iter().map(|file| file.columns.len()).sum::<usize>());
+        assert_eq!(text.matches("## `").count(), FILES.len());
+    }
+
+    #[test]
+    fn the_covariance_is_an_upper_triangle_row_by_row() {
+        let state = ["x", "y", "vx", "vy", "log_scale", "angle"];
+        let triangle = (0..6).flat_map(|i| (i..6).map(move |j| format!("cov_{}_{}", state[i], state[j])));
+        let first = TRACK.iter().position(|c| c.name == "cov_x_x").expect("it is there");
+        assert!(triangle.eq(TRACK[first..first + 21].iter().map(|c| c.name.to_owned())));
+    }
+}

@@ -1,0 +1,97 @@
+//! Rows of comma-separated values under a header of column names.
+
+use std::fmt::{Display, Write as _};
+use std::path::PathBuf;
+
+use crate::columns::Column;
+use foveate_base::Result;
+use foveate_base::sink::Sink;
+
+/// Rows as text.
+#[derive(Debug, Default)]
+pub(super) struct Rows {
+    pub text: String,
+    /// Columns, and those of the row at hand that are filled.
+    columns: usize,
+    filled: usize,
+}
+
+impl Rows {
+    /// The header.
+    pub fn new(names: impl IntoIterator<Item: Display>) -> Self {
+        let mut rows = Self { columns: usize::MAX, ..Self::default() };
+        names.into_iter().for_each(|name| rows.put(name));
+        rows.columns = rows.filled;
+        rows.end();
+        rows
+    }
+    /// One cell more. Floating-point numbers get the shortest digits that read back as the same number.
+    pub fn put(&mut self, value: impl Display) {
+        debug_assert!(self.filled < self.columns, "a row has {} columns", self.columns);
+        let comma = if self.filled > 0 { "," } else { "" };
+        let _ = write!(self.text, "{comma}{value}");
+        self.filled += 1;
+    }
+    /// Some cells more.
+    pub fn put_all<'a>(&mut self, values: impl IntoIterator<Item = &'a f64>) {
+        values.into_iter().for_each(|value| self.put(value));
+    }
+    /// A cell of text, in quotes where it has to be.
+    pub fn put_text(&mut self, text: &str) {
+        if text.contains([',', '"', '\n', '\r']) {
+            self.put(format_args!("\"{}\"", text.replace('"', "\"\"")));
+        } else {
+            self.put(text);
+        }
+    }
+    /// Ends the row; cells that were not put are empty.
+    pub fn end(&mut self) {
+        self.text.extend(std::iter::repeat_n(',', self.columns - self.filled));
+        self.text.push('\n');
+        self.filled = 0;
+    }
+}
+
+/// A file of such rows.
+#[derive(Debug)]
+pub(super) struct Csv {
+    file: Sink,
+    rows: Rows,
+}
+
+impl Csv {
+    /// Starts the file with its header. Fails where its folder cannot be written.
+    pub fn create(path: impl Into<PathBuf>, columns: &[Column]) -> Result<Self> {
+        Ok(Self { file: Sink::create(path)?, rows: Rows::new(columns.iter().map(|c| c.name)) })
+    }
+    /// Adds rows, one after each [`Rows::end`], and hands them to the operating system.
+    pub fn write(&mut self, fill: impl FnOnce(&mut Rows)) -> Result<()> {
+        fill(&mut self.rows);
+        self.file.write(self.rows.text.as_bytes())?;
+        self.rows.text.clear();
+        self.file.flush()
+    }
+    /// Gives the file its name.
+    pub fn finish(&mut self) -> Result<()> {
+        if !self.rows.text.is_empty() {
+            self.write(|_| ())?;
+        }
+        self.file.finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_filled_up_and_texts_quoted() {
+        let mut rows = Rows::new(["a", "b", "c"]);
+        rows.put(1);
+        rows.put_all(&[0.1, -0.0]);
+        rows.end();
+        rows.put_text("x, \"y\"");
+        rows.end();
+        assert_eq!(rows.text, "a,b,c\n1,0.1,-0\n\"x, \"\"y\"\"\",,\n");
+    }
+}

@@ -1,0 +1,276 @@
+//! Drawing on pictures: anti-aliased lines, boxes, discs, rings and text, by distance to the shape.
+//!
+//! Coverage of a pixel is ½ + r − d, held between 0 and 1, where d is the distance of its centre to the shape's
+//! skeleton and r half the line's width. Coordinates are image coordinates; widths and radii are pixels.
+
+use std::ops::Range;
+
+use crate::font;
+use foveate_core::scene::Image;
+
+/// Red, green, blue.
+pub type Colour = [u8; 3];
+/// A point in pixels.
+pub type Point = (f64, f64);
+
+/// The corners of the unit square, in order along its outline.
+pub(crate) const CORNERS: [Point; 4] = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+
+/// A colour picture being drawn on.
+#[derive(Clone, Debug)]
+pub struct Drawing {
+    image: Image,
+}
+
+impl Drawing {
+    /// A page of one colour. Panics if a side is 0.
+    pub fn new(width: usize, height: usize, colour: Colour) -> Self {
+        let bytes = colour.iter().flat_map(|&c| std::iter::repeat_n(c, width * height)).collect();
+        Self { image: Image::new(width, height, 3, bytes).expect("three planes of a size that is not zero") }
+    }
+
+    /// Puts a picture into `width` × `height` pixels of the page, its top-left corner at (`left`, `top`): each of them
+    /// shows the nearest pixel. What lies outside is cut off.
+    pub fn paste(&mut self, image: &Image, left: usize, top: usize, width: usize, height: usize) {
+        let page = (self.width(), self.height());
+        let columns: Vec<usize> =
+            (0..width.min(page.0.saturating_sub(left))).map(|x| x * image.width() / width).collect();
+        for p in 0..3 {
+            let from = image.plane(p.min(image.planes() - 1));
+            let to = self.image.plane_mut(p);
+            for y in 0..height.min(page.1.saturating_sub(top)) {
+                let row = &from[y * image.height() / height * image.width()..][..image.width()];
+                let line = &mut to[(top + y) * page.0..][..page.0];
+                for (pixel, &x) in line.iter_mut().skip(left).zip(&columns) {
+                    *pixel = row[x];
+                }
+            }
+        }
+    }
+
+    /// Width in pixels.
+    pub fn width(&self) -> usize {
+        self.image.width()
+    }
+    /// Height in pixels.
+    pub fn height(&self) -> usize {
+        self.image.height()
+    }
+    /// The picture.
+    pub fn image(&self) -> &Image {
+        &self.image
+    }
+    /// The finished picture.
+    pub fn into_image(self) -> Image {
+        self.image
+    }
+
+    /// The columns and rows that a box touches. Casts from f64 saturate: coordinates may be anywhere, or NaN.
+    fn pixels(&self, ((left, top), (right, bottom)): (Point, Point)) -> (Range<usize>, Range<usize>) {
+        let span = |from: f64, to: f64, side: usize| {
+            let end = (to.ceil() + 1.0).clamp(0.0, side as f64) as usize;
+            (from.floor().max(0.0) as usize).min(end)..end
+        };
+        (span(left, right, self.width()), span(top, bottom, self.height()))
+    }
+
+    /// Lays a colour over the pixels of a box as far as `coverage` (0 to 1) says.
+    fn cover(&mut self, bounds: (Point, Point), colour: Colour, coverage: impl Fn(usize, usize) -> f64) {
+        let width = self.width();
+        let (columns, rows) = self.pixels(bounds);
+        for y in rows {
+            for x in columns.clone() {
+                let alpha = coverage(x, y);
+                if alpha > 0.0 {
+                    for (p, &c) in colour.iter().enumerate() {
+                        let pixel = &mut self.image.plane_mut(p)[y * width + x];
+                        *pixel =
+                            (f64::from(*pixel) + alpha.min(1.0) * (f64::from(c) - f64::from(*pixel))).round() as u8;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Fills a box, its edges anywhere between pixels.
+    pub fn fill(&mut self, left: f64, top: f64, width: f64, height: f64, colour: Colour, alpha: f64) {
+        let (right, bottom) = (left + width, top + height);
+        let share = |at: f64, from: f64, to: f64| (to.min(at + 0.5) - from.max(at - 0.5)).clamp(0.0, 1.0);
+        self.cover(((left - 1.0, top - 1.0), (right + 1.0, bottom + 1.0)), colour, |x, y| {
+            alpha * share(x as f64, left, right) * share(y as f64, top, bottom)
+        });
+    }
+
+    /// Lays colours over the pixels of a box, those whose centres lie in it: each pixel's own, as far as its alpha (0 to 1)
+    /// says; `None` leaves it alone.
+    pub fn shade(
+        &mut self,
+        left: f64,
+        top: f64,
+        width: f64,
+        height: f64,
+        colour: impl Fn(f64, f64) -> Option<(Colour, f64)>,
+    ) {
+        let page = self.width();
+        let (columns, rows) = self.pixels(((left, top), (left + width, top + height)));
+        let inside = |at: f64, from: f64, long: f64| from <= at && at < from + long;
+        for y in rows.filter(|&y| inside(y as f64, top, height)) {
+            for x in columns.clone().filter(|&x| inside(x as f64, left, width)) {
+                let Some((colour, alpha)) = colour(x as f64, y as f64) else { continue };
+                for (p, &c) in colour.iter().enumerate() {
+                    let pixel = &mut self.image.plane_mut(p)[y * page + x];
+                    *pixel = (f64::from(*pixel) + alpha * (f64::from(c) - f64::from(*pixel))).round() as u8;
+                }
+            }
+        }
+    }
+
+    /// A line through points, `thick` pixels wide with round ends; one point is a dot.
+    ///
+    /// Coverage is gathered segment by segment and laid on once, so that corners are no darker than the rest.
+    pub fn line(&mut self, points: &[Point], thick: f64, colour: Colour, alpha: f64) {
+        let r = thick / 2.0;
+        let Some(whole) = bounds(points, r + 1.0) else { return };
+        let (columns, rows) = self.pixels(whole);
+        let width = columns.len();
+        let mut coverage = vec![0.0f32; width * rows.len()];
+        let ends = |i: usize| (points[i], points[(i + 1).min(points.len() - 1)]);
+        for (from, to) in (0..points.len().max(2) - 1).map(ends) {
+            let Some(near) = bounds(&[from, to], r + 1.0) else { continue };
+            let (near_columns, near_rows) = self.pixels(near);
+            for y in near_rows {
+                for x in near_columns.clone() {
+                    let d = to_segment((x as f64, y as f64), from, to);
+                    let pixel = &mut coverage[(y - rows.start) * width + (x - columns.start)];
+                    *pixel = pixel.max((0.5 + r - d).clamp(0.0, 1.0) as f32);
+                }
+            }
+        }
+        self.cover(whole, colour, |x, y| alpha * f64::from(coverage[(y - rows.start) * width + (x - columns.start)]));
+    }
+
+    /// A closed line.
+    pub fn outline(&mut self, corners: &[Point], thick: f64, colour: Colour, alpha: f64) {
+        let ring: Vec<Point> = corners.iter().chain(corners.first()).copied().collect();
+        self.line(&ring, thick, colour, alpha);
+    }
+
+    /// A filled disc.
+    pub fn disc(&mut self, centre: Point, radius: f64, colour: Colour, alpha: f64) {
+        self.line(&[centre], 2.0 * radius, colour, alpha);
+    }
+
+    /// A circle.
+    pub fn ring(&mut self, centre: Point, radius: f64, thick: f64, colour: Colour, alpha: f64) {
+        let Some(whole) = bounds(&[centre], radius + thick + 1.0) else { return };
+        self.cover(whole, colour, |x, y| {
+            let off = (x as f64 - centre.0).hypot(y as f64 - centre.1) - radius;
+            alpha * (0.5 + thick / 2.0 - off.abs()).clamp(0.0, 1.0)
+        });
+    }
+
+    /// A line of text with capitals `size` pixels high, their top-left corner at `at`. Returns its width.
+    pub fn text(&mut self, at: Point, text: &str, size: f64, colour: Colour) -> f64 {
+        let unit = size / font::CAPITAL;
+        let mut pen = at.0;
+        for letter in text.chars() {
+            let (strokes, advance) = font::glyph(letter);
+            for stroke in strokes {
+                let points: Vec<Point> = stroke.iter().map(|p| (pen + unit * p.0, at.1 + unit * p.1)).collect();
+                self.line(&points, (0.15 * size).max(1.1), colour, 1.0);
+            }
+            pen += unit * advance;
+        }
+        pen - at.0
+    }
+}
+
+/// Width of a line of text whose capitals are `size` pixels high.
+pub fn text_width(text: &str, size: f64) -> f64 {
+    text.chars().map(|letter| font::glyph(letter).1).sum::<f64>() * size / font::CAPITAL
+}
+
+fn bounds(points: &[Point], margin: f64) -> Option<(Point, Point)> {
+    let first = *points.first()?;
+    let (low, high) = points
+        .iter()
+        .fold((first, first), |(low, high), p| ((low.0.min(p.0), low.1.min(p.1)), (high.0.max(p.0), high.1.max(p.1))));
+    Some(((low.0 - margin, low.1 - margin), (high.0 + margin, high.1 + margin)))
+}
+
+fn to_segment(p: Point, a: Point, b: Point) -> f64 {
+    let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+    let length = dx * dx + dy * dy;
+    let t = if length > 0.0 { ((p.0 - a.0) * dx + (p.1 - a.1) * dy) / length } else { 0.0 };
+    let t = t.clamp(0.0, 1.0);
+    (a.0 + t * dx - p.0).hypot(a.1 + t * dy - p.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What was laid on a black page, in pixels of white.
+    fn ink(draw: impl Fn(&mut Drawing)) -> f64 {
+        let mut page = Drawing::new(64, 48, [0; 3]);
+        draw(&mut page);
+        page.image().plane(1).iter().map(|&v| f64::from(v) / 255.0).sum()
+    }
+
+    #[test]
+    fn shapes_have_the_area_of_geometry() {
+        let white = [255; 3];
+        // Sub-pixel positions; areas in closed form, to 1.5 % (8-bit rounding and the linear edge).
+        let near = |got: f64, want: f64| assert!((got / want - 1.0).abs() < 0.015, "{got} should be {want}");
+        near(ink(|d| d.fill(3.25, 7.5, 20.5, 10.25, white, 1.0)), 20.5 * 10.25);
+        near(ink(|d| d.disc((30.3, 20.7), 9.0, white, 1.0)), std::f64::consts::PI * 81.0);
+        near(ink(|d| d.ring((30.3, 20.7), 12.0, 3.0, white, 1.0)), std::f64::consts::TAU * 12.0 * 3.0);
+        near(ink(|d| d.line(&[(10.0, 10.0), (50.0, 40.0)], 4.0, white, 1.0)), 50.0 * 4.0 + std::f64::consts::PI * 4.0);
+        near(ink(|d| d.fill(3.0, 7.0, 20.0, 10.0, white, 0.5)), 100.0);
+    }
+
+    #[test]
+    fn anything_may_lie_outside_or_nowhere() {
+        let white = [255; 3];
+        for far in [-1e9, 1e9, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let mut page = Drawing::new(8, 8, [0; 3]);
+            page.disc((far, far), 2.0, white, 1.0);
+            page.ring((far, 3.0), 2.0, 1.0, white, 1.0);
+            page.outline(&[(far, 2.0), (3.0, far), (far, far)], 1.0, white, 1.0);
+            page.fill(far, far, 5.0, 5.0, white, 1.0);
+            page.text((far, 2.0), "a!", 5.0, white);
+            page.line(&[], 1.0, white, 1.0);
+        }
+        assert!(ink(|d| d.disc((-1.0, 20.0), 3.0, white, 1.0)) > 5.0, "the part inside is drawn");
+    }
+
+    #[test]
+    fn shades_stay_in_their_box() {
+        let mut page = Drawing::new(6, 5, [100; 3]);
+        page.shade(1.0, 2.0, 3.0, 2.0, |x, y| (x != y).then_some(([200, 0, 100], 0.5)));
+        for (i, value) in page.image().plane(0).iter().enumerate() {
+            let (x, y) = (i % 6, i / 6);
+            let inside = (1..4).contains(&x) && (2..4).contains(&y) && x != y;
+            assert_eq!(*value, if inside { 150 } else { 100 }, "{x} {y}");
+        }
+        assert_eq!((page.image().at(1, 1, 2), page.image().at(2, 1, 2)), (50, 100));
+    }
+
+    #[test]
+    fn text_is_as_wide_as_said() {
+        let mut page = Drawing::new(200, 20, [0; 3]);
+        let width = page.text((2.0, 4.0), "frame 123", 10.0, [255; 3]);
+        assert_eq!(width, text_width("frame 123", 10.0));
+        let last = (0..200).rev().find(|&x| (0..20).any(|y| page.image().at(0, x, y) > 128)).expect("there is ink");
+        assert!((last as f64) < 2.0 + width && (last as f64) > width - 8.0, "{last} {width}");
+        assert_eq!(text_width("111", 10.0), text_width("888", 10.0), "digits are equally wide");
+    }
+
+    #[test]
+    fn pasting_repeats_pixels_and_cuts() {
+        let mut page = Drawing::new(5, 4, [9; 3]);
+        page.paste(&Image::new(2, 2, 1, vec![1, 2, 3, 4]).expect("2 x 2"), 1, 1, 4, 4);
+        page.paste(&Image::grey(1, 1, 0), 7, 7, 3, 3);
+        assert_eq!(page.image().plane(2), [9, 9, 9, 9, 9, 9, 1, 1, 2, 2, 9, 1, 1, 2, 2, 9, 3, 3, 4, 4]);
+    }
+}

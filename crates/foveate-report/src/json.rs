@@ -1,0 +1,56 @@
+//! The summary of a run that `--json` prints.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use foveate_core::geometry::BBox;
+
+/// What became of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// The video file or folder.
+    pub source: String,
+    /// Frames in the results, the first one included.
+    pub frames: usize,
+    /// Time spent in the tracker alone, seconds.
+    pub seconds: f64,
+    /// Frames a second of the tracker alone; 0 where nothing was measured.
+    pub fps: f64,
+    /// Time from the first frame to the last file, seconds: reading, tracking, writing.
+    pub total_seconds: f64,
+    /// Frames a second of all that.
+    pub total_fps: f64,
+    /// Frames in which the box is doubtful: status occluded, or P(lost) at least 0.5 while the status is tracking or
+    /// reacquired.
+    pub uncertain_frames: usize,
+    /// Frames whose status is lost.
+    pub lost_frames: usize,
+    /// Frames whose box lies outside the picture.
+    pub outside_frames: usize,
+    /// The last box, counted from 0, in pixels; `null` without any frame, or where it lies outside the picture.
+    pub bbox: Option<BBox>,
+    /// The likeliest class over all frames, counted from 0, and its probability; left out without a recogniser.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub class: Option<(usize, f64)>,
+    /// What it is called, where the recogniser's classes have names.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub class_name: Option<String>,
+    /// The seed in force.
+    pub seed: u64,
+    /// Files written.
+    pub outputs: Vec<PathBuf>,
+    /// Why the source ended early, if it did.
+    pub error: Option<String>,
+}
+
+impl Summary {
+    /// Frames a second, from frames and seconds.
+    pub fn rate(frames: usize, seconds: f64) -> f64 {
+        if seconds > 0.0 { frames as f64 / seconds } else { 0.0 }
+    }
+    /// As JSON on several lines.
+    pub fn to_json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("plain data is JSON")
+    }
+}

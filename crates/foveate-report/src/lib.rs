@@ -1,0 +1,141 @@
+#![doc = include_str!("../README.md")]
+//! Observers read each step of a run and write files. The tracking loop does not know them. Every file appears under its
+//! name when it is whole: at [`Observer::finish`].
+//!
+//! | one target | many targets | file |
+//! | --- | --- | --- |
+//! | [`Boxes`] | [`MotFile`] | boxes.txt, tracks.txt: boxes in OTB's and MOTChallenge's formats |
+//! | [`Table`] | [`TracksTable`], [`TargetsTable`] | track.csv, tracks.csv, targets.csv |
+//! | [`Trace`] | | trace.jsonl: every intermediate quantity |
+//! | [`Film`] | [`MultiFilm`] | annotated.mp4 |
+//! | [`Report`] | [`MultiReport`] | report.html: a page that replays the run offline |
+//! | [`SurfacePicture`] | | surface.png: what the gaze policy learned |
+//! | [`Strip`] | [`MultiStrip`] | a film strip |
+//!
+//! [`columns`] says what every column of the text files means.
+#![forbid(unsafe_code)]
+
+mod annotate;
+pub mod columns;
+mod csv;
+pub mod draw;
+mod eye;
+mod film;
+mod font;
+pub mod heat;
+mod json;
+pub mod multi;
+pub mod multi_observer;
+mod pictures;
+pub mod regret;
+mod report;
+pub mod run;
+mod snapshot;
+mod strip;
+pub mod surface;
+mod table;
+pub mod template;
+mod trace;
+mod tracks;
+
+pub use self::annotate::Annotator;
+pub use self::film::{Film, MultiFilm};
+pub use self::json::Summary;
+pub use self::multi::MultiAnnotator;
+pub use self::multi_observer::MultiObserver;
+pub use self::report::{MultiReport, Report, escape, fill};
+pub use self::snapshot::SurfacePicture;
+pub use self::strip::{MultiStrip, Strip};
+pub use self::table::{Boxes, Table};
+pub use self::trace::Trace;
+pub use self::tracks::{MotFile, TargetsTable, TracksTable};
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use foveate_base::Result;
+use foveate_core::geometry::{BBox, Gaze};
+use foveate_core::identity::Retina;
+use foveate_core::step::Step;
+use foveate_video::Frame;
+
+/// Observes a run with one target.
+///
+/// Frames come in order: `start` for one whose box was given, `observe` for one that was tracked. `finish` comes once,
+/// at the end, also where the source broke half-way. An observer must not change what it observes; one that is dropped
+/// without `finish` leaves no file.
+pub trait Observer {
+    /// A frame whose box was given (pixels, counted from 0): the first one of a run, or a later re-initialisation.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()>;
+    /// A frame that was tracked.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()>;
+    /// The end: files get their names.
+    ///
+    /// # Errors
+    /// A file cannot be written.
+    fn finish(&mut self) -> Result<()>;
+}
+
+/// Each of them in turn. Where one fails, `finish` still comes to all; the first error is returned.
+impl Observer for Vec<Box<dyn Observer>> {
+    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
+        self.iter_mut().try_for_each(|o| o.start(frame, bbox))
+    }
+    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
+        self.iter_mut().try_for_each(|o| o.observe(frame, step))
+    }
+    fn finish(&mut self) -> Result<()> {
+        self.iter_mut().map(|o| o.finish()).fold(Ok(()), Result::and)
+    }
+}
+
+/// Total time spent in the tracker: added up by the runner, read by reports. Clones share one sum.
+#[derive(Clone, Debug, Default)]
+pub struct Clock(Arc<AtomicU64>);
+
+impl Clock {
+    /// Adds to the sum.
+    pub fn add(&self, time: Duration) {
+        self.0.fetch_add(u64::try_from(time.as_nanos()).unwrap_or(u64::MAX), Ordering::Relaxed);
+    }
+    /// The sum; zero where it is not measured.
+    pub fn total(&self) -> Duration {
+        Duration::from_nanos(self.0.load(Ordering::Relaxed))
+    }
+}
+
+/// What a run is, for the readers of its results. Texts may hold anything: they are escaped where they are written.
+#[derive(Clone, Default)]
+pub struct RunInfo {
+    /// The video file or folder.
+    pub source: String,
+    /// How it is decoded: [`foveate_video::SourceInfo::reader`].
+    pub reader: String,
+    /// Frames a second of the source; 0 where it does not say.
+    pub rate: f64,
+    /// Bits a second of the source, where it is a video file: what annotated.mp4 aims at. `None` spares no bits.
+    pub bit_rate: Option<f64>,
+    /// File or name of the configuration.
+    pub config_name: String,
+    /// The whole configuration, as TOML.
+    pub config_text: String,
+    /// The seed in force.
+    pub seed: u64,
+    /// The command line.
+    pub command: String,
+    /// The retina, to draw its windows and glimpses; `None` leaves them out.
+    pub retina: Option<Arc<dyn Retina>>,
+    /// The true boxes, one a frame from frame 0 on, to be drawn beside the estimate; may be shorter than the run.
+    pub truth: Vec<BBox>,
+    /// The time spent in the tracker.
+    pub clock: Clock,
+    /// Fixed gazes that are scored in every frame to compute the regret; empty for none.
+    pub shadow: Vec<Gaze>,
+}

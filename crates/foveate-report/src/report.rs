@@ -1,0 +1,208 @@
+//! report.html: one page that replays a run in any browser, offline.
+//!
+//! Every frame has a row of numbers, about 180 bytes. Pictures, particles and glimpses are kept for some of them, evenly
+//! spaced: at most 400 pictures and 9 MB. The page itself is `report/*.{html,css,js}`.
+
+mod html;
+mod kept;
+mod multi;
+mod page;
+
+pub use self::html::{escape, fill};
+pub use self::multi::MultiReport;
+
+use std::path::PathBuf;
+
+use self::html::{Template, base64, picture};
+use self::kept::{Kept, MOST_KEYS};
+use self::page::{Hills, Key, Page};
+use crate::heat::{Heat, span};
+use crate::regret::RegretLog;
+use crate::template::{Crop, FirstFrame};
+use crate::{Observer, RunInfo};
+use foveate_base::Result;
+use foveate_base::sink::Sink;
+use foveate_core::gaze::PolicySnapshot;
+use foveate_core::geometry::{BBox, Extent, Gaze, State};
+use foveate_core::step::Step;
+use foveate_video::Frame;
+
+/// Particles drawn on a picture.
+const MOST_PARTICLES: usize = 250;
+/// Points along a side of a reward surface on the page.
+const SURFACE: usize = 21;
+
+/// report.html of one target. It keeps what the page needs, and writes it at the end.
+pub struct Report {
+    info: RunInfo,
+    file: Sink,
+    finished: bool,
+    page: Page,
+    keys: Kept<Key>,
+    log: RegretLog,
+    first: Option<FirstFrame>,
+}
+
+impl Report {
+    /// Starts the file.
+    ///
+    /// # Errors
+    /// Its folder cannot be written.
+    pub fn create(path: impl Into<PathBuf>, info: RunInfo) -> Result<Self> {
+        let file = Sink::create(path)?;
+        let (page, log) = (Page::new(&info), RegretLog::new(info.shadow.clone()));
+        Ok(Self { info, file, finished: false, page, keys: Kept::new(MOST_KEYS), log, first: None })
+    }
+
+    /// The template at a gaze, cell by cell; empty where that is not known.
+    fn template(&self, gaze: Gaze) -> Vec<f32> {
+        let (Some(first), Some(retina)) = (&self.first, &self.info.retina) else { return vec![] };
+        first.glimpse(&**retina, gaze)
+    }
+
+    fn keep(&mut self, key: Key) {
+        self.keys.push(key.row, key.bytes(), key);
+    }
+
+    /// Which of the page's arms a gaze is.
+    fn arm(&mut self, gaze: Gaze, snapshot: PolicySnapshot<'_>) -> Option<usize> {
+        if let (true, PolicySnapshot::Arms { gazes, .. }) = (self.page.arms.is_empty(), snapshot) {
+            self.page.arms = gazes.iter().map(|g| [g.u, g.v]).collect();
+            self.page.learned = true;
+        }
+        self.page.arms.iter().position(|at| *at == [gaze.u, gaze.v])
+    }
+}
+
+impl Observer for Report {
+    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
+        let (state, extent) = (State::of(bbox), Extent::of(bbox));
+        if self.page.template.is_none() {
+            self.page.template = Some(Template::new(&Crop::around(&frame.image, bbox)));
+        }
+        self.first = self.info.retina.as_deref().map(|retina| FirstFrame::new(&frame.image, bbox, retina));
+        let row = self.page.given(frame, &state, extent);
+        if self.keys.wants(row) {
+            let template = base64(&levels(&self.template(Gaze::CENTRE)));
+            let jpeg = picture(&frame.image);
+            self.keep(Key { row, jpeg, glimpse: template.clone(), template, ..Key::default() });
+        }
+        Ok(())
+    }
+
+    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
+        let gaze = step.plan.chosen();
+        let arm = self.arm(gaze, step.snapshot);
+        let row = self.page.tracked(frame, step, arm);
+        if !self.log.gazes().is_empty() {
+            self.log.enter(frame, step)?;
+        }
+        if !self.keys.wants(row) {
+            return Ok(());
+        }
+        let (particles, weights) = particles(step);
+        let (features, span) = quantised(&step.percept.features);
+        self.page.features = step.percept.features.len();
+        self.page.shown = weights.len();
+        let gazes = step.plan.gazes().iter().zip(step.plan.used()).enumerate();
+        let also = gazes.filter(|(k, (_, used))| **used && *k != step.plan.chosen_index());
+        let (mut policy, mut surface) = (vec![], None);
+        match step.snapshot {
+            PolicySnapshot::Blank => (),
+            PolicySnapshot::Arms { probabilities, .. } => {
+                policy = probabilities.iter().flat_map(|p| word(*p)).collect()
+            }
+            PolicySnapshot::Surface(shown) => {
+                let heat = Heat::of(shown, SURFACE);
+                self.page.surface = Some([SURFACE as f64, heat.reach]);
+                surface = Some(hills(&heat, shown.best()));
+            }
+        }
+        self.keep(Key {
+            row,
+            jpeg: picture(step.image),
+            particles: base64(&particles),
+            weights: base64(&weights),
+            glimpse: base64(&levels(&step.percept.glimpse)),
+            template: base64(&levels(&self.template(gaze))),
+            features: base64(&features),
+            span,
+            policy: base64(&policy),
+            also: also.map(|(_, (gaze, _))| [gaze.u, gaze.v]).collect(),
+            surface,
+        });
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        if !std::mem::replace(&mut self.finished, true) {
+            self.page.measure(self.info.clock.total());
+            self.page.regret(&self.log);
+            self.file.write(self.page.render(&self.keys.iter().collect::<Vec<_>>()).as_bytes())?;
+        }
+        self.file.finish()
+    }
+}
+
+/// The particles that are drawn, evenly picked and always with the heaviest: places as two words each over −1 to 2
+/// pictures, and weights relative to the heaviest.
+fn particles(step: &Step<'_>) -> (Vec<u8>, Vec<u8>) {
+    let every = step.weights.len().div_ceil(MOST_PARTICLES);
+    let heaviest = (0..step.weights.len()).max_by(|a, b| step.weights[*a].total_cmp(&step.weights[*b])).unwrap_or(0);
+    let most = step.weights[heaviest];
+    let picked =
+        (0..step.weights.len()).step_by(every).map(|i| if i / every == heaviest / every { heaviest } else { i });
+    let (w, h) = (step.image.width() as f64, step.image.height() as f64);
+    let (mut places, mut weights) = (vec![], vec![]);
+    for i in picked {
+        let state = &step.predicted[i];
+        places.extend(word((state.x / w + 1.0) / 3.0).into_iter().chain(word((state.y / h + 1.0) / 3.0)));
+        weights.push((255.0 * step.weights[i] / most).round() as u8);
+    }
+    (places, weights)
+}
+
+/// A reward surface as the page has it: each map as bytes between its own least and greatest value.
+fn hills(heat: &Heat, best: Option<Gaze>) -> Hills {
+    let map = |values: &[f64]| {
+        let (low, high) = span(values);
+        let byte = |v: &f64| (255.0 * (v - low) / (high - low).max(f64::MIN_POSITIVE)).round() as u8;
+        (base64(&values.iter().map(byte).collect::<Vec<_>>()), [low, high])
+    };
+    let ((mean, mean_span), (sd, sd_span)) = (map(&heat.mean), map(&heat.sd));
+    Hills { mean, mean_span, sd, sd_span, best: best.map(|g| [g.u, g.v]) }
+}
+
+/// 0 to 1 as two bytes, the low one first.
+fn word(share: f64) -> [u8; 2] {
+    ((65535.0 * share.clamp(0.0, 1.0)).round() as u16).to_le_bytes()
+}
+
+/// 0 to 1 as bytes.
+fn levels(values: &[f32]) -> Vec<u8> {
+    values.iter().map(|v| (255.0 * v).round() as u8).collect()
+}
+
+/// Activations as bytes: probabilities as they are, anything else from its least to its greatest value.
+fn quantised(values: &[f32]) -> (Vec<u8>, Option<[f32; 2]>) {
+    let low = values.iter().copied().fold(f32::INFINITY, f32::min);
+    let high = values.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+    if values.is_empty() || low >= 0.0 && high <= 1.0 {
+        return (levels(values), None);
+    }
+    let range = (high - low).max(f32::MIN_POSITIVE);
+    (values.iter().map(|v| (255.0 * (v - low) / range).round() as u8).collect(), Some([low, high]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn activations_outside_0_to_1_say_their_span() {
+        assert_eq!(quantised(&[0.0, 0.5, 1.0]), (vec![0, 128, 255], None));
+        assert_eq!(quantised(&[-1.0, 1.0]), (vec![0, 255], Some([-1.0, 1.0])));
+        assert_eq!(quantised(&[]), (vec![], None));
+        assert_eq!(quantised(&[2.0, 2.0]).0, [0, 0]);
+    }
+}

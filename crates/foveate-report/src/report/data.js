@@ -1,0 +1,59 @@
+// The run: one value a row (frame) in `series`, pictures and particles in `keys` (some of the rows).
+const { info, series, keys, arms } = data;
+const rows = series.frame.length;
+const [frameWidth, frameHeight] = data.size;
+
+const bytes = text => Uint8Array.from(atob(text || ''), c => c.charCodeAt(0));
+const words = text => { const b = bytes(text); return Array.from({ length: b.length >> 1 }, (_, i) => b[2 * i] | b[2 * i + 1] << 8); };
+
+// A number as people read it: three figures (two below 1), a real minus, a dash for "none".
+function say(value, digits = 3) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return '–';
+  const size = Math.abs(value);
+  if (size < 5e-4) return size === 0 ? '0' : '0.000';
+  const power = Math.floor(Math.log10(size)), places = power < 0 ? digits - 2 - power : digits - 1 - power;
+  const text = size >= 1e6 ? value.toExponential(1) : value.toFixed(Math.max(0, places));
+  return text.replace('-', '−');
+}
+
+const colour = name => getComputedStyle(document.documentElement).getPropertyValue('--' + name).trim();
+
+// Runs of rows in which the target was occluded or lost: [first, last].
+const lostRuns = [];
+series.occluded_or_lost.forEach((lost, row) => {
+  if (!lost) return;
+  const last = lostRuns[lostRuns.length - 1];
+  if (last && last[1] === row - 1) last[1] = row; else lostRuns.push([row, row]);
+});
+// A policy with one gaze has nothing to show.
+const gazes = series.u.map((u, row) => [u, series.v[row]]).filter(([u]) => u !== null);
+const fixed = !data.surface && arms.length < 2 && gazes.every(([u, v]) => u === gazes[0][0] && v === gazes[0][1]);
+
+// A canvas that is as sharp as the screen; returns its context, drawn in CSS pixels.
+function sharp(canvas, width, height) {
+  const ratio = window.devicePixelRatio || 1;
+  const [w, h] = [Math.max(1, Math.round(width * ratio)), Math.max(1, Math.round(height * ratio))];
+  if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
+  const context = canvas.getContext('2d');
+  context.setTransform(w / width, 0, 0, h / height, 0, 0);
+  return context;
+}
+const median = list => { const s = list.filter(v => v !== null).sort((a, b) => a - b); return s.length ? s[s.length >> 1] : null; };
+
+// Where a gaze falls on the image, as State::fixate has it: centre, and one template unit along u and v.
+function fixate(row, u, v) {
+  const s = Math.exp(series.log_scale[row]), sin = Math.sin(series.angle[row]), cos = Math.cos(series.angle[row]);
+  const w = s * series.half_w[row], h = s * series.half_h[row];
+  return { x: series.x[row] + cos * w * u - sin * h * v, y: series.y[row] + sin * w * u + cos * h * v, ux: cos * w, uy: sin * w, vx: -sin * h, vy: cos * h };
+}
+
+// Windows of the retina from the inside out: half their sides in template units (grey cells).
+const windows = [];
+for (let i = 0; i < data.cells.length; i += 4) {
+  const [u, v, half, channel] = data.cells.slice(i, i + 4);
+  if (channel !== 0) continue;
+  const reach = Math.max(Math.abs(u), Math.abs(v)) + half;
+  const known = windows.find(w => Math.abs(w.half - half) < 1e-6);
+  if (known) known.reach = Math.max(known.reach, reach); else windows.push({ half, reach });
+}
+windows.sort((a, b) => a.reach - b.reach);

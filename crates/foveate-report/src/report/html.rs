@@ -1,0 +1,126 @@
+//! What the pages of one target and of many share: numbers, texts and pictures as HTML and JSON.
+
+use base64::Engine as _;
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use crate::pictures::within;
+use crate::template::Crop;
+use foveate_core::scene::Image;
+use foveate_video::encode_jpeg;
+
+/// The program, as pages name it.
+pub const VERSION: &str = concat!("foveate ", env!("CARGO_PKG_VERSION"));
+/// Longer side of a picture on a page, pixels.
+const LONGEST: usize = 480;
+/// JPEG quality of the frames, and of the template.
+const QUALITY: u8 = 62;
+const TEMPLATE_QUALITY: u8 = 88;
+
+/// A page: `template` with its parts, the title, the data and the scripts that read them.
+pub fn page(template: &str, source: &str, data: &Value, scripts: &[&str], parts: &[(&str, String)]) -> String {
+    // No "<" is left in it, so nothing in it can end the script element or begin a comment.
+    let data = data.to_string().replace('<', "\\u003c");
+    let mut all = vec![
+        ("title", format!("foveate: {}", escape(source))),
+        ("style", include_str!("style.css").into()),
+        ("transport", include_str!("transport.html").into()),
+        ("data", data),
+        ("script", [&[include_str!("common.js")], scripts].concat().concat()),
+    ];
+    all.extend_from_slice(parts);
+    fill(template, &all)
+}
+
+/// Text as HTML: `&`, `<`, `>` and `"` are escaped.
+pub fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// Puts parts in the places `{{name}}` of a template, in one pass: a part is put in as it is, also where it holds `{{`.
+///
+/// # Panics
+/// A place has no part, or no end.
+pub fn fill(template: &str, parts: &[(&str, String)]) -> String {
+    let mut out = String::with_capacity(template.len() + parts.iter().map(|p| p.1.len()).sum::<usize>());
+    let mut rest = template;
+    while let Some((before, after)) = rest.split_once("{{") {
+        let (name, after) = after.split_once("}}").expect("every {{ of the page has its }}");
+        out.push_str(before);
+        out.push_str(&parts.iter().find(|p| p.0 == name).expect("every place of the page has its part").1);
+        rest = after;
+    }
+    out + rest
+}
+
+/// A number as a page has it: five figures are more than a screen shows; what is not finite becomes null.
+pub fn short(value: f64) -> Value {
+    if !value.is_finite() {
+        return Value::Null;
+    }
+    if value.fract() == 0.0 && value.abs() < 1e9 {
+        return json!(value as i64);
+    }
+    json!(format!("{value:.5e}").parse::<f64>().expect("printed by Rust, read by Rust"))
+}
+
+/// Bytes as base64.
+pub fn base64(bytes: &[u8]) -> String {
+    base64::engine::general_purpose::STANDARD.encode(bytes)
+}
+
+/// Bytes that a base64 text stands for.
+pub fn bytes_of(text: &str) -> usize {
+    text.len() / 4 * 3
+}
+
+/// A frame as a page has it: a small JPEG in base64.
+pub fn picture(image: &Image) -> String {
+    base64(&encode_jpeg(&within(image, LONGEST), QUALITY))
+}
+
+/// The target in the first frame.
+#[derive(Serialize)]
+pub struct Template {
+    pub jpeg: String,
+    /// Left, top, right, bottom in template units.
+    #[serde(rename = "box")]
+    pub bounds: [f64; 4],
+}
+
+impl Template {
+    pub fn new(crop: &Crop) -> Self {
+        let jpeg = base64(&encode_jpeg(&within(&crop.image, LONGEST), TEMPLATE_QUALITY));
+        Self { jpeg, bounds: crop.bounds }
+    }
+}
+
+/// The words that stand after `prefix` in a script, for tests: `series.ess` has `ess` after `series.`.
+#[cfg(test)]
+pub fn words_after<'a>(script: &'a str, prefix: &str) -> Vec<&'a str> {
+    let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '$';
+    let starts = script.match_indices(prefix).map(|(at, _)| at);
+    let whole = starts.filter(|&at| !script[..at].ends_with(|c| is_word(c) || c == '.'));
+    let rest = whole.map(|at| &script[at + prefix.len()..]);
+    rest.map(|rest| &rest[..rest.find(|c| !is_word(c)).unwrap_or(rest.len())]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_put_in_once() {
+        let parts = [("a", "{{b}} {{".to_owned()), ("b", "B".to_owned())];
+        assert_eq!(fill("x{{a}}y{{b}}z", &parts), "x{{b}} {{yBz");
+    }
+
+    #[test]
+    fn numbers_are_short_and_none_is_null() {
+        assert_eq!(
+            json!([short(1.0 / 3.0), short(-0.0), short(12.0), short(f64::NAN)]).to_string(),
+            "[0.333333,0,12,null]"
+        );
+        assert_eq!(short(123_456.789).to_string(), "123457.0");
+    }
+}

@@ -1,0 +1,311 @@
+//! The data of the page of one target, and the page made of them. `data.js` reads what [`Page::render`] writes.
+
+use std::time::Duration;
+
+use serde::Serialize;
+use serde_json::{Map, Value, json};
+
+use super::html::{self, Template, bytes_of, short};
+use crate::RunInfo;
+use crate::regret::RegretLog;
+use foveate_core::control::Status;
+use foveate_core::geometry::{BBox, Extent, State};
+use foveate_core::step::Step;
+use foveate_video::Frame;
+
+/// One number a frame of each; NaN where there is none.
+const COLUMNS: [&str; 33] = [
+    "frame",
+    "time",
+    "x",
+    "y",
+    "vx",
+    "vy",
+    "log_scale",
+    "angle",
+    "half_w",
+    "half_h",
+    "true_x",
+    "true_y",
+    "true_w",
+    "true_h",
+    "cov_xx",
+    "cov_xy",
+    "cov_yy",
+    "sd_x",
+    "sd_y",
+    "ess",
+    "log_evidence",
+    "deficit",
+    "occluded_or_lost",
+    "u",
+    "v",
+    "arm",
+    "reward",
+    "reward_low",
+    "reward_high",
+    "distance",
+    "p_lost",
+    "status",
+    "localisation_noise",
+];
+
+/// Classes that are drawn: as many as there are inks.
+const MOST_CLASSES: usize = 6;
+
+/// What is kept of a frame beside its numbers. Texts are base64: a JPEG, or bytes.
+#[derive(Default, Serialize)]
+pub struct Key {
+    pub row: usize,
+    pub jpeg: String,
+    /// x and y of each particle: 16 bits over −1 to 2 pictures.
+    pub particles: String,
+    /// Relative to the heaviest, 8 bits.
+    pub weights: String,
+    pub glimpse: String,
+    /// The template at the same gaze, cell by cell.
+    pub template: String,
+    pub features: String,
+    /// What 0 and 255 stand for in `features`, where that is not 0 and 1.
+    pub span: Option<[f32; 2]>,
+    /// A probability an arm, 16 bits.
+    pub policy: String,
+    /// Gazes used beside the chosen one.
+    pub also: Vec<[f64; 2]>,
+    /// The reward surface, where the policy has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub surface: Option<Hills>,
+}
+
+/// A reward surface: n × n bytes each, row by row, between the two values of its span.
+#[derive(Serialize)]
+pub struct Hills {
+    pub mean: String,
+    pub mean_span: [f64; 2],
+    pub sd: String,
+    pub sd_span: [f64; 2],
+    pub best: Option<[f64; 2]>,
+}
+
+impl Key {
+    /// Bytes of its pictures and surfaces before base64.
+    pub fn bytes(&self) -> usize {
+        bytes_of(&self.jpeg) + self.surface.as_ref().map_or(0, |s| bytes_of(&s.mean) + bytes_of(&s.sd))
+    }
+}
+
+/// All that the page shows but its keys.
+pub struct Page {
+    source: String,
+    info: Value,
+    rate: f64,
+    truth: Vec<BBox>,
+    cells: Vec<f64>,
+    size: [usize; 2],
+    particles: usize,
+    seconds: f64,
+    tracked: usize,
+    rows: Vec<[f64; COLUMNS.len()]>,
+    pub shown: usize,
+    pub features: usize,
+    pub learned: bool,
+    pub arms: Vec<[f64; 2]>,
+    pub template: Option<Template>,
+    /// Points along a side of a reward surface, and its reach.
+    pub surface: Option<[f64; 2]>,
+    regret: Value,
+    /// Probabilities of classes, a list a row; empty where there are none.
+    classes: Vec<Vec<f64>>,
+    class_names: Vec<String>,
+}
+
+impl Page {
+    pub fn new(info: &RunInfo) -> Self {
+        let cells = info.retina.iter().flat_map(|r| r.cells()).flat_map(|c| [c.u, c.v, c.half, c.channel as f64]);
+        Self {
+            source: info.source.clone(),
+            info: json!({
+                "source": info.source, "reader": info.reader, "seed": info.seed, "command": info.command,
+                "config_name": info.config_name, "config_text": info.config_text,
+                "version": html::VERSION,
+            }),
+            rate: info.rate,
+            truth: info.truth.clone(),
+            cells: cells.collect(),
+            size: [1, 1],
+            particles: 0,
+            seconds: 0.0,
+            tracked: 0,
+            rows: vec![],
+            shown: 0,
+            features: 0,
+            learned: false,
+            arms: vec![],
+            template: None,
+            surface: None,
+            regret: Value::Null,
+            classes: vec![],
+            class_names: vec![],
+        }
+    }
+
+    /// A row for a frame whose box was given; returns its index.
+    pub fn given(&mut self, frame: &Frame, state: &State, extent: Extent) -> usize {
+        let mut row = [f64::NAN; COLUMNS.len()];
+        self.size = [frame.image.width(), frame.image.height()];
+        row[0] = frame.index as f64 + 1.0;
+        row[1] = frame.time;
+        row[2..8].copy_from_slice(&state.to_array());
+        row[8..10].copy_from_slice(&[extent.half_w, extent.half_h]);
+        if let Some(b) = self.truth.get(frame.index) {
+            let (x, y) = b.centre();
+            row[10..14].copy_from_slice(&[x, y, b.w, b.h]);
+        }
+        self.rows.push(row);
+        self.classes.push(vec![]);
+        self.rows.len() - 1
+    }
+
+    /// A row for a frame that was tracked; returns its index.
+    pub fn tracked(&mut self, frame: &Frame, step: &Step<'_>, arm: Option<usize>) -> usize {
+        let index = self.given(frame, &step.estimate, step.extent);
+        self.particles = step.weights.len();
+        self.classes[index].extend_from_slice(step.classes);
+        if self.class_names.is_empty() {
+            self.class_names = step.class_names.to_vec();
+        }
+        self.tracked += 1;
+        let (c, gaze) = (&step.covariance, step.plan.chosen());
+        let low = step.rewards.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = step.rewards.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        self.rows[index][14..].copy_from_slice(&[
+            c[0][0],
+            c[0][1],
+            c[1][1],
+            c[0][0].sqrt(),
+            c[1][1].sqrt(),
+            step.ess,
+            step.log_evidence,
+            step.consistency.deficit,
+            f64::from(u8::from(step.is_lost())),
+            gaze.u,
+            gaze.v,
+            arm.map_or(f64::NAN, |arm| arm as f64),
+            step.rewards[step.plan.chosen_index()],
+            low,
+            high,
+            step.percept.distance,
+            step.confidence.p_lost,
+            f64::from(step.confidence.status as u8),
+            step.localisation_noise * step.unit(),
+        ]);
+        index
+    }
+
+    /// Takes in what was earned and what could have been; a log has the rows that were tracked.
+    pub fn regret(&mut self, log: &RegretLog) {
+        let Some(regret) = log.regret() else { return };
+        // A frame whose box was given has no gaze.
+        let gaze = COLUMNS.iter().position(|name| *name == "u").expect("it is one of them");
+        let (mut tracked, mut series) = (0..log.frames(), vec![vec![]; 3]);
+        for row in &self.rows {
+            let t = if row[gaze].is_nan() { None } else { tracked.next() };
+            let values = t.map(|t| [log.offered(t)[regret.best], regret.cumulative[t], regret.at_random[t]]);
+            series
+                .iter_mut()
+                .zip(values.unwrap_or([f64::NAN; 3]))
+                .for_each(|(column, value)| column.push(short(value)));
+        }
+        let best = log.gazes()[regret.best];
+        self.regret = json!({
+            "gazes": log.gazes().len(), "best": [best.u, best.v],
+            "reward": series[0], "total": series[1], "random": series[2],
+        });
+    }
+
+    /// The classes with the highest probabilities in any frame, the likeliest at the end first: names and a value a row. Null
+    /// without a recogniser.
+    fn classes(&self) -> Value {
+        let Some(last) = self.classes.iter().rfind(|p| !p.is_empty()) else { return Value::Null };
+        let peak = |class: usize| self.classes.iter().filter_map(|p| p.get(class)).copied().fold(0.0, f64::max);
+        let mut order: Vec<(usize, f64)> = (0..last.len()).map(|class| (class, peak(class))).collect();
+        order.sort_by(|a, b| b.1.total_cmp(&a.1));
+        order.truncate(MOST_CLASSES);
+        order.sort_by(|a, b| last[b.0].total_cmp(&last[a.0]));
+        let lines = order.iter().map(|&(class, _)| {
+            let column = self.classes.iter().map(|p| short(p.get(class).copied().unwrap_or(f64::NAN)));
+            let name = self.class_names.get(class).cloned().unwrap_or_else(|| class.to_string());
+            json!({ "name": name, "of": column.collect::<Vec<Value>>() })
+        });
+        Value::Array(lines.collect())
+    }
+
+    /// Takes in how long tracking took.
+    pub fn measure(&mut self, tracking: Duration) {
+        self.seconds = tracking.as_secs_f64();
+    }
+
+    /// The page.
+    pub fn render(&self, keys: &[&Key]) -> String {
+        let column = |i: usize| self.rows.iter().map(|row| short(row[i])).collect();
+        let series: Map<String, Value> =
+            COLUMNS.iter().enumerate().map(|(i, name)| ((*name).into(), Value::Array(column(i)))).collect();
+        let fps = if self.seconds > 0.0 { short(self.tracked as f64 / self.seconds) } else { Value::Null };
+        let statuses = [Status::Tracking, Status::Occluded, Status::Lost, Status::Reacquired].map(Status::name);
+        let data = json!({
+            "format": 2, "info": self.info, "summary": { "fps": fps }, "size": self.size, "rate": self.rate,
+            "particles": self.particles, "shown": self.shown, "features": self.features, "learned": self.learned,
+            "cells": self.cells.iter().map(|v| short(*v)).collect::<Vec<_>>(), "template": self.template,
+            "arms": self.arms, "surface": self.surface, "regret": self.regret, "classes": self.classes(),
+            "statuses": statuses, "series": series, "keys": keys,
+        });
+        html::page(include_str!("page.html"), &self.source, &data, &SCRIPTS, &[])
+    }
+}
+
+/// In the order in which they need each other.
+const SCRIPTS: [&str; 7] = [
+    include_str!("data.js"),
+    include_str!("stage.js"),
+    include_str!("fovea.js"),
+    include_str!("policy.js"),
+    include_str!("surface.js"),
+    include_str!("charts.js"),
+    include_str!("main.js"),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::html::words_after;
+
+    /// The scripts read nothing that the page does not have: a name that is changed on one side alone is found here.
+    #[test]
+    fn scripts_read_what_is_written() {
+        let page = Page::new(&RunInfo::default()).render(&[]);
+        let data = page.split("id=\"data\">").nth(1).and_then(|rest| rest.split("</script>").next()).expect("data");
+        let data: Value = serde_json::from_str(data).expect("JSON");
+        let surface =
+            Hills { mean: String::new(), mean_span: [0.0; 2], sd: String::new(), sd_span: [0.0; 2], best: None };
+        let key = serde_json::to_value(Key { surface: Some(surface), ..Key::default() }).expect("JSON");
+        let script = SCRIPTS.concat();
+        for (prefix, known, own) in [
+            ("data.", &data, ""),
+            ("series.", &data["series"], ""),
+            ("info.", &data["info"], ""),
+            ("key.", &key, "cloud"),
+        ] {
+            let words = words_after(&script, prefix);
+            assert!(words.len() >= 5, "{prefix}");
+            for word in words {
+                assert!(
+                    known.get(word).is_some() || word == own,
+                    "a script reads {prefix}{word}, which is not written"
+                );
+            }
+        }
+        for name in ["u", "arm"] {
+            assert!(COLUMNS.contains(&name));
+        }
+    }
+}

@@ -1,0 +1,167 @@
+// The frame with the belief drawn on it.
+const layers = [
+  { key: 'b', name: 'box', label: 'box', dot: '#39b6ff' },
+  ...(series.true_x.some(x => x !== null) ? [{ key: 't', name: 'truth', label: 'truth', dot: '#3fd19b' }] : []),
+  { key: 'h', name: 'path', label: 'path', dot: '#39b6ff' },
+  { key: 'p', name: 'particles', label: 'particles', dot: '#e0528f' },
+  { key: 'u', name: 'ellipse', label: 'uncertainty', dot: '#9aa4ad' },
+  { key: 'g', name: 'fixation', label: 'gaze', dot: '#ffb627' },
+  { key: 'z', name: 'zoom', label: 'close up' },
+];
+const shown = {};
+for (const layer of layers) {
+  const box = element('input', { type: 'checkbox' });
+  box.checked = shown[layer.name] = true;
+  layer.box = box;
+  if (layer.dot) box.style.setProperty('--dot', layer.dot);
+  box.addEventListener('change', () => { shown[layer.name] = box.checked; drawStage(); });
+  byId('toggles').append(element('label', { title: `Key ${layer.key}` }, box, layer.label));
+}
+
+const stills = keys.map(() => null);
+const still = k => stills[k] ||= (image => { image.onload = () => { if (k === now) drawStage(); }; return image; })(picture(keys[k].jpeg));
+
+// Weight relative to the heaviest, to a colour: violet over rose to pale yellow (dark to bright for any eye).
+const ramp = [[111, 71, 230], [224, 82, 143], [255, 236, 130]];
+const tint = t => {
+  const [a, b, f] = t < .5 ? [ramp[0], ramp[1], 2 * t] : [ramp[1], ramp[2], 2 * t - 1];
+  return a.map((c, i) => Math.round(c + f * (b[i] - c)));
+};
+
+// The close-up stands in the corner that is farthest from the target, and moves only when the target comes near.
+const aspect = frameWidth / frameHeight, INSET = .31;
+const small = keys.some(key => 2 * Math.exp(series.log_scale[key.row]) * Math.max(series.half_w[key.row] / frameWidth, series.half_h[key.row] / frameHeight) < .3);
+if (!small) { shown.zoom = false; layers.find(l => l.name === 'zoom').box.checked = false; }
+const corners = [];
+keys.reduce((corner, { row }) => {
+  const [x, y] = [(series.x[row] + .5) / frameWidth, (series.y[row] + .5) / frameHeight];
+  const apart = ([right, low]) => Math.max(right ? 1 - x : x, low ? 1 - y : y);
+  const size = Math.exp(series.log_scale[row]) * Math.max(series.half_w[row] / frameWidth, series.half_h[row] / frameHeight);
+  const best = [[1, 0], [0, 0], [1, 1], [0, 1]].reduce((a, b) => apart(b) > apart(a) + 1e-9 ? b : a);
+  corners.push(corner && apart(corner) > INSET + .06 + size ? corner : best);
+  return corners[corners.length - 1];
+}, null);
+
+function drawStage() {
+  const key = keys[now], row = key.row, canvas = byId('screen'), screen = canvas.parentElement;
+  const room = Math.max(260, window.innerHeight * .74);
+  const fit = Math.min(screen.clientWidth / frameWidth, room / frameHeight);
+  const width = Math.floor(frameWidth * fit), height = Math.floor(frameHeight * fit);
+  canvas.style.width = width + 'px';
+  canvas.style.height = height + 'px';
+  const c = sharp(canvas, width, height);
+  for (let ahead = 1; ahead < 10 && now + ahead < keys.length; ahead++) still(now + ahead);
+  drawView(c, key, { x: 0, y: 0, w: frameWidth }, { x: 0, y: 0, w: width, h: height });
+  if (shown.zoom) {
+    const h = INSET * Math.min(width, height), [right, low] = corners[now], inset = { x: right ? width - h - 10 : 10, y: low ? height - h - 10 : 10, w: h, h };
+    c.save();
+    c.shadowColor = 'rgb(0 0 0 / .7)'; c.shadowBlur = 14; c.fillStyle = '#08090b';
+    c.beginPath(); c.roundRect(inset.x, inset.y, h, h, 6); c.fill();
+    c.shadowBlur = 0; c.clip();
+    drawView(c, key, closeUp(row), inset);
+    c.restore();
+    c.beginPath(); c.roundRect(inset.x, inset.y, h, h, 6);
+    c.strokeStyle = 'rgb(255 255 255 / .8)'; c.lineWidth = 1.4; c.stroke();
+  }
+  if (series.status[row]) banner(c, data.statuses[series.status[row]], width, series.occluded_or_lost[row] ? undefined : 'rgb(0 110 75 / .92)');
+  else if (series.ess[row] === null) banner(c, 'box given', width, 'rgb(0 95 155 / .92)');
+  canvas.setAttribute('aria-label', describe(row));
+}
+
+// What the close-up shows: a square of the frame around the target.
+function closeUp(row) {
+  const w = 3.3 * Math.exp(series.log_scale[row]) * Math.max(series.half_w[row], series.half_h[row]);
+  return { x: series.x[row] + .5 - w / 2, y: series.y[row] + .5 - w / 2, w };
+}
+
+// One part of the frame, `view` in image pixels, drawn into `box` of the canvas.
+function drawView(c, key, view, box) {
+  const row = key.row, k = box.w / view.w, image = still(keys.indexOf(key));
+  // Pixel centres lie at whole coordinates: the picture starts half a pixel earlier.
+  const at = (x, y) => [box.x + k * (x + .5 - view.x), box.y + k * (y + .5 - view.y)];
+  c.fillStyle = '#08090b';
+  c.fillRect(box.x, box.y, box.w, box.h);
+  if (image.complete && image.naturalWidth) {
+    const magnified = k * frameWidth / image.naturalWidth * (window.devicePixelRatio || 1);
+    c.imageSmoothingEnabled = magnified < 3;
+    c.imageSmoothingQuality = 'high';
+    c.drawImage(image, box.x - k * view.x, box.y - k * view.y, k * frameWidth, k * frameHeight);
+  }
+  c.lineJoin = c.lineCap = 'round';
+  const cased = (path, ink, thick) => {
+    c.beginPath(); path();
+    c.strokeStyle = 'rgb(0 0 0 / .55)'; c.lineWidth = thick + 2; c.stroke();
+    c.strokeStyle = ink; c.lineWidth = thick; c.stroke();
+  };
+  const lost = series.occluded_or_lost[row];
+  if (shown.particles && key.particles) drawParticles(c, key, at, k);
+  if (shown.path) {
+    for (let r = Math.max(1, row - 60); r <= row; r++) {
+      if (series.x[r] === null || series.x[r - 1] === null) continue;
+      c.beginPath(); c.moveTo(...at(series.x[r - 1], series.y[r - 1])); c.lineTo(...at(series.x[r], series.y[r]));
+      c.strokeStyle = `rgb(57 182 255 / ${.85 * (1 - (row - r) / 60)})`; c.lineWidth = 1.8; c.stroke();
+    }
+  }
+  if (shown.truth && series.true_x[row] !== null) {
+    const [x, y] = at(series.true_x[row] - series.true_w[row] / 2, series.true_y[row] - series.true_h[row] / 2);
+    c.setLineDash([2, 4]);
+    cased(() => c.rect(x, y, k * series.true_w[row], k * series.true_h[row]), '#3fd19b', 2);
+    c.setLineDash([]);
+  }
+  if (shown.box) {
+    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([u, v]) => fixate(row, u, v)).map(f => at(f.x, f.y));
+    c.setLineDash(lost ? [7, 6] : []);
+    cased(() => { c.moveTo(...corners[3]); corners.forEach(p => c.lineTo(...p)); }, lost ? '#ff8a4a' : '#39b6ff', 2);
+    c.setLineDash([]);
+  }
+  if (shown.ellipse && series.cov_xx[row] !== null) {
+    const noise = series.localisation_noise[row] ** 2, [a, b, d] = [series.cov_xx[row] + noise, series.cov_xy[row], series.cov_yy[row] + noise];
+    const middle = (a + d) / 2, apart = Math.hypot((a - d) / 2, b), turn = .5 * Math.atan2(2 * b, a - d);
+    const [r1, r2] = [middle + apart, middle - apart].map(v => Math.sqrt(-2 * Math.log(.1)) * k * Math.sqrt(Math.max(v, 0)));
+    c.setLineDash([3, 4]);
+    cased(() => c.ellipse(...at(series.x[row], series.y[row]), r1, r2, turn, 0, 7), '#ffffff', 1.2);
+    c.setLineDash([]);
+  }
+  if (shown.fixation && series.u[row] !== null) {
+    for (const [u, v] of key.also || []) drawFixation(c, row, u, v, at, cased, false);
+    drawFixation(c, row, series.u[row], series.v[row], at, cased, true);
+  }
+}
+
+function drawParticles(c, key, at, k) {
+  key.cloud ||= (place => Array.from(bytes(key.weights), (w, i) => [
+    (place[2 * i] / 65535 * 3 - 1) * frameWidth, (place[2 * i + 1] / 65535 * 3 - 1) * frameHeight, w / 255,
+  ]).sort((a, b) => a[2] - b[2]))(words(key.particles));
+  const radius = Math.min(3.4, Math.max(1.4, .5 * k));
+  for (const [x, y, weight] of key.cloud) {
+    const t = Math.sqrt(weight);
+    c.beginPath(); c.arc(...at(x, y), radius * (.75 + .5 * t), 0, 7);
+    c.fillStyle = `rgb(${tint(t).join(' ')} / ${.45 + .5 * t})`; c.fill();
+    c.strokeStyle = `rgb(0 0 0 / ${.15 + .35 * t})`; c.lineWidth = .7; c.stroke();
+  }
+}
+
+// A cross at the gaze; around the chosen one the windows of the retina.
+function drawFixation(c, row, u, v, at, cased, chosen) {
+  const f = fixate(row, u, v), [x, y] = at(f.x, f.y);
+  const arm = chosen ? 8 : 5;
+  if (chosen) windows.forEach((w, i) => {
+    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([a, b]) => at(f.x + w.reach * (a * f.ux + b * f.vx), f.y + w.reach * (a * f.uy + b * f.vy)));
+    const path = () => { c.moveTo(...corners[3]); corners.forEach(p => c.lineTo(...p)); };
+    if (i === 0) cased(path, '#ffb627', 1.8);
+    else { c.beginPath(); path(); c.strokeStyle = `rgb(255 182 39 / ${.75 / i})`; c.lineWidth = 1; c.stroke(); }
+  });
+  cased(() => { c.moveTo(x - arm, y); c.lineTo(x + arm, y); c.moveTo(x, y - arm); c.lineTo(x, y + arm); }, chosen ? '#ffffff' : '#ffb627', chosen ? 2 : 1.5);
+}
+
+function banner(c, text, width, ground = 'rgb(194 74 0 / .94)') {
+  c.font = '600 13px system-ui, "DejaVu Sans", sans-serif';
+  const w = c.measureText(text).width + 22;
+  c.fillStyle = ground;
+  c.beginPath(); c.roundRect((width - w) / 2, 10, w, 25, 12.5); c.fill();
+  c.fillStyle = '#fff'; c.textBaseline = 'middle'; c.textAlign = 'center';
+  c.fillText(text, width / 2, 23);
+}
+
+const describe = row => `Frame ${series.frame[row]}: target at ${say(series.x[row])}, ${say(series.y[row])} px` +
+  (series.ess[row] === null ? ', box given' : `, gaze at ${say(series.u[row], 2)}, ${say(series.v[row], 2)}${series.status[row] ? `, ${data.statuses[series.status[row]]}` : ''}`);

@@ -1,0 +1,99 @@
+//! From a source, through a tracker, to observers: one runner for one target and for many.
+
+pub mod multi;
+mod single;
+
+use std::time::{Duration, Instant};
+
+use crate::Clock;
+use foveate_base::{Error, Result};
+use foveate_video::{Frame, FrameSource};
+
+pub use multi::{MultiOutcome, MultiRun, follow_many};
+pub use single::{Outcome, SingleRun, follow, is_uncertain, touches, touching};
+
+/// Which frames of a source, and who is told of the time.
+pub struct Span<'a> {
+    /// Frames before this one (counted from 0) are looked at, but not tracked in.
+    pub from: usize,
+    /// The last frame (counted from 0).
+    pub until: usize,
+    /// Asked before every frame: whether to stop.
+    pub stop: &'a dyn Fn() -> bool,
+    /// Where the time spent in the tracker is added up.
+    pub clock: Clock,
+    /// Told after every frame, if anybody is.
+    pub progress: Option<&'a mut dyn FnMut(&Frame)>,
+}
+
+impl Default for Span<'_> {
+    /// All frames.
+    fn default() -> Self {
+        Self { from: 0, until: usize::MAX, stop: &|| false, clock: Clock::default(), progress: None }
+    }
+}
+
+/// What became of a run, whatever was tracked.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Frames {
+    /// Frames in the results, the first one included.
+    pub count: usize,
+    /// Time spent in tracker and detectors in each of them, seconds.
+    pub seconds: Vec<f64>,
+    /// Whether it was asked to stop before the source ended.
+    pub stopped: bool,
+}
+
+impl Frames {
+    /// Time spent in all frames.
+    pub fn time(&self) -> Duration {
+        Duration::from_secs_f64(self.seconds.iter().sum())
+    }
+}
+
+/// What a runner does with frames.
+trait Follower {
+    /// A frame before the span.
+    fn skip(&mut self, frame: &Frame);
+    /// A frame of the span: tracks, calls `spent`, and tells observers, whose time does not count.
+    fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut()) -> Result<()>;
+}
+
+/// Takes the frames of a span through a follower.
+fn each_frame(
+    source: &mut dyn FrameSource,
+    follower: &mut dyn Follower,
+    mut span: Span<'_>,
+    frames: &mut Frames,
+) -> Result<()> {
+    for frame in source {
+        let frame = frame?;
+        if frame.index < span.from {
+            follower.skip(&frame);
+            continue;
+        }
+        if frame.index > span.until {
+            break;
+        }
+        if (span.stop)() {
+            frames.stopped = true;
+            break;
+        }
+        let began = Instant::now();
+        follower.track(&frame, &mut || {
+            let time = began.elapsed();
+            span.clock.add(time);
+            frames.seconds.push(time.as_secs_f64());
+        })?;
+        frames.count += 1;
+        if let Some(progress) = &mut span.progress {
+            progress(&frame);
+        }
+    }
+    if frames.count == 0 && !frames.stopped {
+        return Err(Error::Invalid(
+            "the source has no frame to track in; check --init, --until and the saved state".into(),
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,98 @@
+//! Many targets: from a source, through detectors and a [`MultiTracker`], to observers.
+
+use std::time::{Duration, Instant};
+
+use super::{Follower, Frames, Span, each_frame};
+use crate::MultiObserver;
+use foveate_base::Result;
+use foveate_core::geometry::BBox;
+use foveate_core::multi::{MultiTracker, Phase};
+use foveate_core::scene::{Cuts, Detection};
+use foveate_video::{Frame, FrameSource};
+
+/// Where detections come from: frame by frame, best first. Told whether a cut came before the frame.
+pub type Detect<'a> = &'a mut dyn FnMut(&Frame, bool, &mut Vec<Detection>) -> Result<()>;
+
+/// What to follow.
+pub struct MultiRun<'a> {
+    /// Boxes given by hand: frame from 0, id or none, box.
+    pub given: &'a [(usize, Option<u64>, BBox)],
+    /// Detections beside those of the configuration's own detector.
+    pub detect: Detect<'a>,
+    /// Watches for cuts, where targets are terminated; `None` does not.
+    pub cuts: Option<Cuts>,
+    /// Which frames.
+    pub span: Span<'a>,
+}
+
+/// What became of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MultiOutcome {
+    /// Its frames.
+    pub frames: Frames,
+    /// Tracks that were started, by a detection or by hand.
+    pub initiated: usize,
+    /// Times that a terminated target was re-identified.
+    pub reidentified: usize,
+    /// Cuts.
+    pub cuts: usize,
+    /// Most active targets at a time.
+    pub most: usize,
+    /// Time spent in detecting; the rest of `frames.time()` was spent in tracking.
+    pub detecting: Duration,
+}
+
+struct Multi<'a> {
+    tracker: &'a mut MultiTracker,
+    observer: &'a mut dyn MultiObserver,
+    given: &'a [(usize, Option<u64>, BBox)],
+    detect: Detect<'a>,
+    cuts: Option<Cuts>,
+    detections: Vec<Detection>,
+    outcome: MultiOutcome,
+}
+
+/// Follows many targets through a source.
+///
+/// Where the source breaks half-way, what was tracked until then is finished and kept, and the error is returned beside it.
+pub fn follow_many(
+    source: &mut dyn FrameSource,
+    tracker: &mut MultiTracker,
+    observer: &mut dyn MultiObserver,
+    MultiRun { given, detect, cuts, span }: MultiRun<'_>,
+) -> (MultiOutcome, Result<()>) {
+    let mut frames = Frames::default();
+    let (detections, outcome) = (vec![], MultiOutcome::default());
+    let mut multi = Multi { tracker, observer, given, detect, cuts, detections, outcome };
+    let result = each_frame(source, &mut multi, span, &mut frames);
+    let finished = multi.observer.finish();
+    (MultiOutcome { frames, ..multi.outcome }, result.and(finished))
+}
+
+impl Follower for Multi<'_> {
+    fn skip(&mut self, frame: &Frame) {
+        self.tracker.skip(&frame.image);
+    }
+    fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut()) -> Result<()> {
+        let (began, o) = (Instant::now(), &mut self.outcome);
+        let cut = self.cuts.as_mut().is_some_and(|cuts| cuts.cut(&frame.image));
+        self.detections.clear();
+        (self.detect)(frame, cut, &mut self.detections)?;
+        o.detecting += began.elapsed();
+        if cut {
+            o.cuts += 1;
+            self.tracker.cut();
+        }
+        self.tracker.update(&frame.image, &self.detections)?;
+        for (_, id, bbox) in self.given.iter().filter(|(at, ..)| *at == frame.index) {
+            self.tracker.add(&frame.image, *id, *bbox)?;
+        }
+        spent();
+        let targets = self.tracker.targets();
+        let count = |phase| targets.iter().filter(|target| target.phase == phase).count();
+        o.initiated += count(Phase::Initiated);
+        o.reidentified += count(Phase::ReIdentified);
+        o.most = o.most.max(targets.len());
+        self.observer.observe(frame, targets)
+    }
+}

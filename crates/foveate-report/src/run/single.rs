@@ -1,0 +1,161 @@
+//! One target: from a source, through a [`Tracker`], to observers.
+
+use super::{Follower, Frames, Span, each_frame};
+use crate::Observer;
+use foveate_base::{Error, Result};
+use foveate_core::control::TrackConfidence;
+use foveate_core::geometry::BBox;
+use foveate_core::scene::Image;
+use foveate_core::{Status, Tracker};
+use foveate_video::{Frame, FrameSource};
+
+/// What to follow.
+#[derive(Default)]
+pub struct SingleRun<'a> {
+    /// The target's box in the first frame of the span; `None` goes on from a loaded state.
+    pub init: Option<BBox>,
+    /// Boxes given again at later frames (counted from 0).
+    pub again: &'a [(usize, BBox)],
+    /// Which frames.
+    pub span: Span<'a>,
+}
+
+/// What became of it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Outcome {
+    /// Its frames.
+    pub frames: Frames,
+    /// Frames that were tracked: those whose box was given are none.
+    pub tracked: usize,
+    /// Frames in which the box is doubtful: see [`is_uncertain`].
+    pub uncertain: usize,
+    /// Frames whose status is lost.
+    pub lost: usize,
+    /// Frames whose box lies outside the picture.
+    pub outside: usize,
+    /// The target's box in every frame, as boxes.txt has it: [`touching`] the picture.
+    pub boxes: Vec<BBox>,
+    /// The box of the last frame; `None` where it lies outside the picture, or there was no frame.
+    pub last: Option<BBox>,
+    /// The likeliest class after the last frame, and its probability; `None` without a recogniser.
+    pub class: Option<(usize, f64)>,
+    /// What it is called, where the recogniser's classes have names.
+    pub class_name: Option<String>,
+}
+
+/// The P(lost) from which on a box is doubtful.
+const DOUBTFUL: f64 = 0.5;
+
+/// Whether a frame's box is doubtful: the target is believed occluded, or its status is tracking or reacquired and it is at
+/// least as probably lost as not. A frame whose status is lost is lost, not uncertain.
+pub fn is_uncertain(confidence: &TrackConfidence) -> bool {
+    match confidence.status {
+        Status::Occluded => true,
+        Status::Lost => false,
+        Status::Tracking | Status::Reacquired => confidence.p_lost >= DOUBTFUL,
+    }
+}
+
+/// Whether a box shows at least a part of itself in the picture.
+pub fn touches(b: &BBox, image: &Image) -> bool {
+    b.x < image.width() as f64 && b.y < image.height() as f64 && b.x + b.w > 0.0 && b.y + b.h > 0.0
+}
+
+/// The box as results have it: one that lies outside the picture is moved to the nearest place where it touches it, and keeps
+/// its size. So it comes no farther from any target that is to be seen, and no score of it is worse.
+pub fn touching(b: &BBox, image: &Image) -> BBox {
+    if touches(b, image) {
+        return *b;
+    }
+    let moved = |at: f64, side: f64, picture: usize| {
+        let overlap = side.min(1.0);
+        at.min(picture as f64 - overlap).max(overlap - side)
+    };
+    BBox { x: moved(b.x, b.w, image.width()), y: moved(b.y, b.h, image.height()), ..*b }
+}
+
+struct Single<'a> {
+    tracker: &'a mut Tracker,
+    observer: &'a mut dyn Observer,
+    init: Option<BBox>,
+    again: &'a [(usize, BBox)],
+    outcome: Outcome,
+}
+
+/// Follows one target through a source.
+///
+/// Where the source breaks half-way, what was tracked until then is finished and kept, and the error is returned beside it.
+pub fn follow(
+    source: &mut dyn FrameSource,
+    tracker: &mut Tracker,
+    observer: &mut dyn Observer,
+    SingleRun { init, again, span }: SingleRun<'_>,
+) -> (Outcome, Result<()>) {
+    let mut frames = Frames::default();
+    let mut single = Single { tracker, observer, init, again, outcome: Outcome::default() };
+    let result = each_frame(source, &mut single, span, &mut frames);
+    let finished = single.observer.finish();
+    (Outcome { frames, ..single.outcome }, result.and(finished))
+}
+
+impl Follower for Single<'_> {
+    fn skip(&mut self, frame: &Frame) {
+        self.tracker.skip(&frame.image);
+    }
+    fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut()) -> Result<()> {
+        let given = self.again.iter().find(|(at, _)| *at == frame.index).map(|(_, bbox)| *bbox);
+        if let Some(bbox) = given.or(self.init.take()) {
+            self.tracker.init(&frame.image, bbox)?;
+            spent();
+            self.outcome.boxes.push(bbox);
+            self.outcome.last = Some(bbox);
+            return self.observer.start(frame, &bbox);
+        }
+        if !self.tracker.has_target() {
+            return Err(Error::Invalid(
+                "the tracker has no target: give --init, or a state saved after a start".into(),
+            ));
+        }
+        let seen = self.tracker.update(&frame.image)?;
+        spent();
+        let o = &mut self.outcome;
+        o.tracked += 1;
+        let inside = touches(&seen.bbox, &frame.image);
+        o.boxes.push(touching(&seen.bbox, &frame.image));
+        o.last = inside.then_some(seen.bbox);
+        o.outside += usize::from(!inside);
+        o.uncertain += usize::from(is_uncertain(&seen.step.confidence));
+        o.lost += usize::from(seen.status == Status::Lost);
+        o.class = seen.step.class();
+        o.class_name = o.class.and_then(|(class, _)| seen.step.class_names.get(class).cloned());
+        self.observer.observe(frame, &seen.step)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_is_uncertain_or_lost_but_never_both() {
+        let say = |status, p_lost| is_uncertain(&TrackConfidence { status, p_lost, ..TrackConfidence::default() });
+        assert!(say(Status::Occluded, 0.0) && say(Status::Tracking, 0.5) && say(Status::Reacquired, 0.9));
+        assert!(!say(Status::Lost, 0.9) && !say(Status::Tracking, 0.49) && !say(Status::Tracking, f64::NAN));
+    }
+
+    #[test]
+    fn a_box_outside_is_moved_to_the_nearest_edge() {
+        let image = Image::grey(100, 50, 0);
+        let moved = |x, y, w, h| touching(&BBox { x, y, w, h }, &image);
+        for (inside, why) in [((90.0, 40.0, 20.0, 20.0), "partly"), ((-19.5, 0.0, 20.0, 9.0), "hardly")] {
+            let (x, y, w, h) = inside;
+            assert_eq!(moved(x, y, w, h), BBox { x, y, w, h }, "{why} inside: it stays");
+        }
+        assert_eq!(moved(-1208.0, 10.0, 20.0, 30.0), BBox { x: -19.0, y: 10.0, w: 20.0, h: 30.0 });
+        assert_eq!(moved(100.0, 900.0, 20.0, 0.5), BBox { x: 99.0, y: 49.5, w: 20.0, h: 0.5 });
+        for odd in [f64::NAN, f64::INFINITY, -1e300] {
+            let b = moved(odd, odd, 4.0, 4.0);
+            assert!(b.x.is_finite() && b.y.is_finite() && touches(&b, &image), "{b:?}");
+        }
+    }
+}

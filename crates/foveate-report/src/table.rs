@@ -1,0 +1,100 @@
+//! boxes.txt and track.csv: a run as plain numbers, one line a frame, readable from the first frame on.
+
+use std::path::PathBuf;
+
+use crate::Observer;
+use crate::columns::TRACK;
+use crate::csv::{Csv, Rows};
+use crate::run::touching;
+use foveate_base::Result;
+use foveate_base::sink::Sink;
+use foveate_core::geometry::{BBox, State};
+use foveate_core::step::Step;
+use foveate_video::Frame;
+
+/// boxes.txt in OTB's format: [`crate::columns::BOXES`], pixels counted from 1, the first frame included. A box that lies
+/// outside the picture is written at the nearest place where it touches the picture; track.csv has where it is believed to be.
+#[derive(Debug)]
+pub struct Boxes {
+    file: Sink,
+}
+
+impl Boxes {
+    /// Starts the file.
+    ///
+    /// # Errors
+    /// Its folder cannot be written.
+    pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
+        Ok(Self { file: Sink::create(path)? })
+    }
+    fn put(&mut self, b: &BBox) -> Result<()> {
+        self.file.write(format!("{:.3},{:.3},{:.3},{:.3}\n", b.x + 1.0, b.y + 1.0, b.w, b.h).as_bytes())?;
+        self.file.flush()
+    }
+}
+
+impl Observer for Boxes {
+    fn start(&mut self, _: &Frame, bbox: &BBox) -> Result<()> {
+        self.put(bbox)
+    }
+    fn observe(&mut self, _: &Frame, step: &Step<'_>) -> Result<()> {
+        self.put(&touching(&step.bbox(), step.image))
+    }
+    fn finish(&mut self) -> Result<()> {
+        self.file.finish()
+    }
+}
+
+/// track.csv: the estimate and its uncertainty, with the columns [`TRACK`].
+#[derive(Debug)]
+pub struct Table {
+    file: Csv,
+}
+
+impl Table {
+    /// Starts the file.
+    ///
+    /// # Errors
+    /// Its folder cannot be written.
+    pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
+        Ok(Self { file: Csv::create(path, TRACK)? })
+    }
+}
+
+/// The columns that every frame has.
+fn put_box(row: &mut Rows, frame: &Frame, b: &BBox, state: &State) {
+    row.put(frame.index + 1);
+    row.put_all(&[frame.time, b.x, b.y, b.w, b.h]);
+    row.put_all(&state.to_array());
+}
+
+impl Observer for Table {
+    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
+        self.file.write(|row| {
+            put_box(row, frame, bbox, &State::of(bbox));
+            row.end();
+        })
+    }
+
+    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
+        let (c, gaze) = (&step.covariance, step.plan.chosen());
+        self.file.write(|row| {
+            put_box(row, frame, &step.bbox(), &step.estimate);
+            row.put_all(c.iter().enumerate().flat_map(|(i, line)| &line[i..]));
+            row.put_all(&[c[0][0].sqrt(), c[1][1].sqrt(), step.ess, step.log_evidence, step.consistency.deficit]);
+            row.put(u8::from(step.is_lost()));
+            row.put(step.confidence.p_lost);
+            row.put(step.confidence.status.name());
+            row.put_all(&[gaze.u, gaze.v, step.rewards[step.plan.chosen_index()], step.percept.distance]);
+            if let Some((class, p)) = step.class() {
+                row.put_text(&step.class_name(class));
+                row.put(p);
+            }
+            row.end();
+        })
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.file.finish()
+    }
+}

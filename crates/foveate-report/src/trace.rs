@@ -1,0 +1,174 @@
+//! trace.jsonl: every intermediate quantity of a run, one JSON object a frame. Its keys are those of [`crate::columns::TRACE`].
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use crate::Observer;
+use crate::heat::Heat;
+use foveate_base::Result;
+use foveate_base::sink::Sink;
+use foveate_core::control::{Consistency, TrackConfidence};
+use foveate_core::gaze::PolicySnapshot;
+use foveate_core::geometry::{BBox, Extent, Gaze, State};
+use foveate_core::step::Step;
+use foveate_video::Frame;
+
+/// Writes what [`Step`] holds, under its names: the keys [`crate::columns::TRACE`]. Numbers that are not finite are `null`;
+/// others read back bit for bit.
+#[derive(Debug)]
+pub struct Trace {
+    file: Sink,
+    line: Vec<u8>,
+}
+
+/// A line for a frame whose box was given.
+#[derive(Serialize)]
+struct Given<'a> {
+    frame: usize,
+    time: f64,
+    given: &'a BBox,
+}
+
+/// A line for a frame that was tracked. `frame` counts from 1, boxes from 0.
+#[derive(Serialize)]
+struct Tracked<'a> {
+    frame: usize,
+    time: f64,
+    bbox: BBox,
+    estimate: State,
+    covariance: [[f64; 6]; 6],
+    ess: f64,
+    log_evidence: f64,
+    consistency: Consistency,
+    confidence: TrackConfidence,
+    extent: Extent,
+    /// Predicted particles: x, y, vx, vy, log_scale, angle.
+    predicted: Vec<[f64; 6]>,
+    weights: &'a [f64],
+    ancestors: &'a [usize],
+    plan: Plan<'a>,
+    rewards: &'a [f64],
+    /// Gazes scored for observers alone, and their rewards; left out where there are none.
+    #[serde(skip_serializing_if = "<[Gaze]>::is_empty")]
+    recorded_gazes: &'a [Gaze],
+    #[serde(skip_serializing_if = "<[f64]>::is_empty")]
+    recorded_rewards: &'a [f64],
+    gaze_evidence: &'a [f64],
+    percept: Percept<'a>,
+    /// Left out without a recogniser, as what belongs to it.
+    #[serde(skip_serializing_if = "<[f64]>::is_empty")]
+    classes: &'a [f64],
+    #[serde(skip_serializing_if = "Option::is_none")]
+    class: Option<&'a str>,
+    #[serde(skip_serializing_if = "<[f64]>::is_empty")]
+    own_classes: &'a [f64],
+    #[serde(skip_serializing_if = "<[Gaze]>::is_empty")]
+    recognition_gazes: &'a [Gaze],
+    snapshot: Option<Snapshot<'a>>,
+}
+
+#[derive(Serialize)]
+struct Plan<'a> {
+    gazes: &'a [Gaze],
+    used: &'a [bool],
+    weights: &'a [f64],
+    chosen: usize,
+}
+
+#[derive(Serialize)]
+struct Percept<'a> {
+    gaze: Gaze,
+    glimpse: &'a [f32],
+    features: &'a [f32],
+    distance: f64,
+}
+
+/// What the policy has learned.
+#[derive(Serialize)]
+#[serde(untagged)]
+enum Snapshot<'a> {
+    Arms {
+        gazes: &'a [Gaze],
+        probabilities: &'a [f64],
+    },
+    /// A reward surface at points × points gazes from −reach to reach, row by row from the top.
+    Surface {
+        points: usize,
+        reach: f64,
+        mean: Vec<f64>,
+        best: Option<Gaze>,
+    },
+}
+
+/// Points along a side of a reward surface.
+const POINTS: usize = 11;
+
+impl Trace {
+    /// Starts the file.
+    ///
+    /// # Errors
+    /// Its folder cannot be written.
+    pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
+        Ok(Self { file: Sink::create(path)?, line: vec![] })
+    }
+    fn put(&mut self, object: &impl Serialize) -> Result<()> {
+        self.line.clear();
+        serde_json::to_writer(&mut self.line, object).expect("plain data is JSON, and memory takes it");
+        self.line.push(b'\n');
+        self.file.write(&self.line)?;
+        self.file.flush()
+    }
+}
+
+impl Observer for Trace {
+    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
+        self.put(&Given { frame: frame.index + 1, time: frame.time, given: bbox })
+    }
+
+    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
+        let p = step.percept;
+        self.put(&Tracked {
+            frame: frame.index + 1,
+            time: frame.time,
+            bbox: step.bbox(),
+            estimate: step.estimate,
+            covariance: step.covariance,
+            ess: step.ess,
+            log_evidence: step.log_evidence,
+            consistency: step.consistency,
+            confidence: step.confidence,
+            extent: step.extent,
+            predicted: step.predicted.iter().map(State::to_array).collect(),
+            weights: step.weights,
+            ancestors: step.ancestors,
+            plan: Plan {
+                gazes: step.plan.gazes(),
+                used: step.plan.used(),
+                weights: step.plan.weights(),
+                chosen: step.plan.chosen_index(),
+            },
+            rewards: step.rewards,
+            recorded_gazes: step.plan.recorded(),
+            recorded_rewards: step.recorded,
+            gaze_evidence: step.gaze_evidence,
+            percept: Percept { gaze: p.gaze, glimpse: &p.glimpse, features: &p.features, distance: p.distance },
+            classes: step.classes,
+            class: step.class().and_then(|(class, _)| step.class_names.get(class)).map(String::as_str),
+            own_classes: step.own_classes,
+            recognition_gazes: step.recognition_gazes,
+            snapshot: match step.snapshot {
+                PolicySnapshot::Arms { gazes, probabilities } => Some(Snapshot::Arms { gazes, probabilities }),
+                PolicySnapshot::Surface(surface) => {
+                    let Heat { n, reach, mean, .. } = Heat::of(surface, POINTS);
+                    Some(Snapshot::Surface { points: n, reach, mean, best: surface.best() })
+                }
+                PolicySnapshot::Blank => None,
+            },
+        })
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.file.finish()
+    }
+}

@@ -1,0 +1,170 @@
+//! tracks.txt, tracks.csv and targets.csv: many targets as plain numbers.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use crate::MultiObserver;
+use crate::columns::{TARGETS, TRACKS};
+use crate::csv::{Csv, Rows};
+use foveate_base::Result;
+use foveate_base::sink::Sink;
+use foveate_core::multi::{Phase, TrackedTarget};
+use foveate_video::Frame;
+
+/// tracks.txt in MOTChallenge's format: [`crate::columns::TRACKS_TXT`], frames and pixels counted from 1. Lost targets, whose
+/// boxes are guesses, are left out.
+#[derive(Debug)]
+pub struct MotFile {
+    file: Sink,
+    line: String,
+}
+
+impl MotFile {
+    /// Starts the file.
+    ///
+    /// # Errors
+    /// Its folder cannot be written.
+    pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
+        Ok(Self { file: Sink::create(path)?, line: String::new() })
+    }
+}
+
+impl MultiObserver for MotFile {
+    fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
+        self.line.clear();
+        for target in targets.iter().filter(|target| target.sure()) {
+            let (b, confidence) = (target.bbox, (1.0 - target.deficit).max(0.0));
+            let (n, id, x, y) = (frame.index + 1, target.id, b.x + 1.0, b.y + 1.0);
+            let _ = writeln!(self.line, "{n},{id},{x:.3},{y:.3},{:.3},{:.3},{confidence:.3},-1,-1,-1", b.w, b.h);
+        }
+        self.file.write(self.line.as_bytes())?;
+        self.file.flush()
+    }
+    fn finish(&mut self) -> Result<()> {
+        self.file.finish()
+    }
+}
+
+/// tracks.csv: every active target in every frame, lost ones included, with the columns [`TRACKS`].
+#[derive(Debug)]
+pub struct TracksTable {
+    file: Csv,
+}
+
+impl TracksTable {
+    /// Starts the file.
+    ///
+    /// # Errors
+    /// Its folder cannot be written.
+    pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
+        Ok(Self { file: Csv::create(path, TRACKS)? })
+    }
+}
+
+impl MultiObserver for TracksTable {
+    fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
+        self.file.write(|row| {
+            for target in targets {
+                let (b, c) = (target.bbox, &target.covariance);
+                row.put(frame.index + 1);
+                row.put(frame.time);
+                row.put(target.id);
+                row.put(phase_name(target.phase));
+                row.put_all(&[b.x, b.y, b.w, b.h]);
+                row.put_all(&target.state.to_array());
+                row.put_all(&[c[0][0].sqrt(), c[1][1].sqrt(), target.deficit, target.visible]);
+                row.put(u8::from(target.detection.is_some()));
+                row.put_all(&[target.gaze.u, target.gaze.v]);
+                row.put(target.born + 1);
+                put_class(row, target.class);
+                row.end();
+            }
+        })
+    }
+    fn finish(&mut self) -> Result<()> {
+        self.file.finish()
+    }
+}
+
+/// A phase as files and pictures have it.
+pub(super) fn phase_name(phase: Phase) -> &'static str {
+    match phase {
+        Phase::Initiated => "initiated",
+        Phase::ReIdentified => "re-identified",
+        Phase::Tracked => "tracked",
+        Phase::Occluded => "occluded",
+        Phase::Lost => "lost",
+    }
+}
+
+/// Class and probability; nothing without a recogniser.
+fn put_class(row: &mut Rows, class: Option<(usize, f64)>) {
+    if let Some((class, p)) = class {
+        row.put(class);
+        row.put(p);
+    }
+}
+
+/// What targets.csv says of a target.
+#[derive(Clone, Debug, Default)]
+struct Track {
+    first: usize,
+    last: usize,
+    frames: usize,
+    occluded: usize,
+    lost: usize,
+    detected: usize,
+    reidentified: usize,
+    class: Option<(usize, f64)>,
+}
+
+/// targets.csv: a line a target, with the columns [`TARGETS`].
+#[derive(Debug)]
+pub struct TargetsTable {
+    file: Csv,
+    tracks: BTreeMap<u64, Track>,
+}
+
+impl TargetsTable {
+    /// Starts the file.
+    ///
+    /// # Errors
+    /// Its folder cannot be written.
+    pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
+        Ok(Self { file: Csv::create(path, TARGETS)?, tracks: BTreeMap::new() })
+    }
+}
+
+impl MultiObserver for TargetsTable {
+    fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
+        for target in targets {
+            let number = frame.index + 1;
+            let track = self.tracks.entry(target.id).or_insert_with(|| Track { first: number, ..Track::default() });
+            track.last = number;
+            track.frames += 1;
+            track.occluded += usize::from(target.phase == Phase::Occluded);
+            track.lost += usize::from(target.phase == Phase::Lost);
+            track.detected += usize::from(target.detection.is_some());
+            track.reidentified += usize::from(target.phase == Phase::ReIdentified);
+            track.class = target.class.or(track.class);
+        }
+        Ok(())
+    }
+    fn finish(&mut self) -> Result<()> {
+        let tracks = std::mem::take(&mut self.tracks);
+        if !tracks.is_empty() {
+            self.file.write(|row| {
+                for (id, t) in &tracks {
+                    row.put(id);
+                    for number in [t.first, t.last, t.frames, t.occluded, t.lost, t.detected, t.reidentified] {
+                        row.put(number);
+                    }
+                    put_class(row, t.class);
+                    row.end();
+                }
+            })?;
+        }
+        self.file.finish()
+    }
+}

@@ -1,0 +1,155 @@
+//! The report pages in a browser, where there is one, and what a policy with a single gaze leaves out.
+
+use std::path::{Path, PathBuf};
+
+use foveate_base::files::Folder;
+use foveate_core::config::Config;
+use foveate_core::geometry::BBox;
+use foveate_core::multi::{Phase, TrackedTarget};
+use foveate_core::scene::Image;
+use foveate_report::{MultiObserver, MultiReport, Observer, Report, RunInfo, SurfacePicture};
+use foveate_video::Frame;
+use serde_json::Value;
+
+const CONFIG: &str = r#"
+particles = 40
+[dynamics]
+kind = "autoregressive"
+[retina]
+kind = "foveal"
+side = 28.0
+rings = [[8, 2], [16, 4]]
+[encoder]
+kind = "raw"
+[likelihood]
+distance = "cosine"
+sharpness = 20.0
+[policy]
+"#;
+const INIT: BBox = BBox { x: 10.0, y: 12.0, w: 16.0, h: 12.0 };
+const FRAMES: usize = 10;
+
+fn frame(index: usize) -> Frame {
+    let data = (0..64 * 48).map(|i| (60 + 37 * (i % 64 + index) * (i / 64) % 190) as u8).collect();
+    Frame { index, time: index as f64 / 25.0, image: Image::new(64, 48, 1, data).expect("64 x 48") }
+}
+
+/// report.html and surface.png of a short run with a policy.
+fn run(folder: &Path, policy: &str) -> PathBuf {
+    let config = Config::parse(&format!("{CONFIG}{policy}"), "test").expect("a good configuration");
+    let blueprint = config.check(&Folder::here()).expect("parts that fit");
+    let mut tracker = blueprint.tracker(7).expect("parts that fit");
+    let info = RunInfo { retina: Some(blueprint.retina()), rate: 25.0, ..RunInfo::default() };
+    let path = folder.join("report.html");
+    let mut all: Vec<Box<dyn Observer>> = vec![
+        Box::new(Report::create(&path, info.clone()).expect("a writable folder")),
+        Box::new(SurfacePicture::create(folder.join("surface.png"), info).expect("a writable folder")),
+    ];
+    tracker.init(&frame(0).image, INIT).expect("a box in the picture");
+    all.start(&frame(0), &INIT).expect("kept");
+    for index in 1..FRAMES {
+        let frame = frame(index);
+        let seen = tracker.update(&frame.image).expect("a picture of the first size");
+        all.observe(&frame, &seen.step).expect("kept");
+    }
+    all.finish().expect("written");
+    path
+}
+
+/// What a browser makes of a page, above its scripts; `None` without a browser.
+fn shown(page: &Path, profile: &Path) -> Option<String> {
+    let profile = format!("--user-data-dir={}", profile.display());
+    let address = format!("file://{}", page.display());
+    let ask =
+        ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=4000", "--dump-dom", &profile, &address];
+    let answer = std::process::Command::new("chromium").args(ask).output().ok()?;
+    let text = String::from_utf8_lossy(&answer.stdout).into_owned();
+    let body = text.split_once("<body").map(|(_, body)| body.split("<script").next().expect("one part").to_owned());
+    if body.is_none() {
+        println!("skipped: chromium shows no page here");
+    }
+    body
+}
+
+/// The opening tag of the card that has this attribute.
+fn card<'a>(page: &'a str, attribute: &str) -> &'a str {
+    let at = page.find(attribute).expect("it has the card");
+    let start = page[..at].rfind('<').expect("a tag");
+    page[start..].split('>').next().expect("its end")
+}
+
+#[test]
+fn a_single_gaze_has_no_policy_to_show() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (one, nine) = (folder.path().join("one"), folder.path().join("nine"));
+    for (folder, policy, written) in [(&one, "kind = \"fixed\"", false), (&nine, "kind = \"random\"", true)] {
+        std::fs::create_dir(folder).expect("a new folder");
+        let page = run(folder, policy);
+        let names = std::fs::read_dir(folder).expect("results").count();
+        assert_eq!((folder.join("surface.png").exists(), names), (written, 1 + usize::from(written)), "{policy}");
+        let Some(shown) = shown(&page, &folder.join("profile")) else { continue };
+        assert!(!shown.contains("script failed"), "{shown}");
+        for attribute in ["aria-labelledby=\"where-title\"", "aria-labelledby=\"film-title\""] {
+            assert_eq!(card(&shown, attribute).contains("hidden"), !written, "{policy}: {attribute}");
+        }
+        assert_eq!(shown.contains("<b>Gaze policy. </b>"), written, "{policy}: the legend");
+    }
+}
+
+/// Counts labels of one chart that touch each other or leave it.
+const OVERLAPS: &str = "<script>
+let bad = 0;
+for (const svg of document.querySelectorAll('.plot svg')) {
+  const whole = svg.getBoundingClientRect(), boxes = [...svg.querySelectorAll('text')].map(t => t.getBoundingClientRect());
+  boxes.forEach((a, i) => {
+    bad += a.left < whole.left - 1 || a.right > whole.right + 1;
+    for (const b of boxes.slice(i + 1)) bad += a.left < b.right && b.left < a.right && a.top < b.bottom - 2 && b.top < a.bottom - 2;
+  });
+}
+document.body.dataset.overlaps = bad;
+</script></body>";
+
+#[test]
+fn labels_never_overlap() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let page = std::fs::read_to_string(run(folder.path(), "kind = \"random\"")).expect("a page");
+    let (before, rest) = page.split_once("id=\"data\">").expect("data");
+    let (data, after) = rest.split_once("</script>").expect("their end");
+    let data: Value = serde_json::from_str(data).expect("JSON");
+    for frames in [1, 2, 10, 300, 20_000, 200_000] {
+        let mut long = data.clone();
+        for (name, column) in long["series"].as_object_mut().expect("columns") {
+            let values = column.as_array_mut().expect("a column");
+            *values = (0..frames).map(|t| values[t % FRAMES].clone()).collect();
+            if name == "frame" {
+                *values = (1..=frames).map(Value::from).collect();
+            }
+        }
+        if let Some(keys) = long["keys"].as_array_mut() {
+            keys.truncate(frames);
+        }
+        let text = format!("{before}id=\"data\">{long}</script>{}", after.replace("</body>", OVERLAPS));
+        let path = folder.path().join(format!("{frames}.html"));
+        std::fs::write(&path, text).expect("a writable folder");
+        let Some(shown) = shown(&path, &folder.path().join("profile")) else { return };
+        assert!(!shown.contains("script failed"), "{frames} frames: {}", &shown[..300]);
+        assert!(shown.contains("data-overlaps=\"0\""), "{frames} frames: {}", shown.split('>').next().unwrap_or(""));
+    }
+}
+
+#[test]
+fn the_page_of_many_targets_replays() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("report.html");
+    let mut report = MultiReport::create(&path, RunInfo::default()).expect("a writable folder");
+    for index in 0..FRAMES {
+        let one = TrackedTarget { phase: Phase::Tracked, bbox: INIT, ..TrackedTarget::unknown(1) };
+        let two = TrackedTarget { phase: Phase::Lost, ..TrackedTarget::unknown(2) };
+        report.observe(&frame(index), &[one, two][..1 + usize::from(index == 6)]).expect("kept");
+    }
+    report.finish().expect("written");
+    let Some(shown) = shown(&path, &folder.path().join("profile")) else { return };
+    assert!(!shown.contains("script failed"), "{shown}");
+    assert!(shown.contains("frame <b>7</b> of 10 · 2 targets"), "it opens where most targets are");
+    assert!(shown.contains("id=\"scrub\"") && shown.contains("Legend") && shown.contains("class=\"bars\""));
+}

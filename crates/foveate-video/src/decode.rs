@@ -1,0 +1,183 @@
+//! PNG and JPEG bytes to pictures.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+
+use foveate_base::{Error, Result};
+use foveate_core::scene::Image;
+
+/// The longest side of a picture that is read, in pixels. A header can claim more than memory holds.
+pub const MAX_SIDE: usize = 16384;
+
+/// A picture from the bytes of a PNG or JPEG file, told apart by content.
+///
+/// Grey stays one plane, colour becomes three; 16 bits are reduced to 8, transparency is dropped,
+/// and a camera's orientation mark is applied, so the picture is as people see it.
+///
+/// # Errors
+/// What was expected and found, in words, where the bytes are of another kind, damaged, cut off,
+/// or have a side above [`MAX_SIDE`].
+pub fn decode_image(bytes: &[u8]) -> std::result::Result<Image, String> {
+    let kind = image_kind(bytes).ok_or_else(|| match bytes {
+        [] => "the file is empty (0 bytes); expected a PNG or JPEG picture".to_owned(),
+        _ => "expected a PNG or JPEG picture, found other data; convert it first".to_owned(),
+    })?;
+    let name = if kind == ImageFormat::Png { "PNG" } else { "JPEG" };
+    if kind == ImageFormat::Jpeg && !jpeg_is_whole(bytes) {
+        let n = bytes.len();
+        return Err(format!("the JPEG data is cut off after {n} bytes, before its end mark; copy the file again"));
+    }
+    // The decoders answer damage with an error; a panic of theirs must not end the program either.
+    let decoded = foveate_base::quiet::catch(|| {
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), kind);
+        let mut limits = Limits::default();
+        limits.max_image_width = Some(MAX_SIDE as u32);
+        limits.max_image_height = Some(MAX_SIDE as u32);
+        limits.max_alloc = Some(1 << 30);
+        reader.limits(limits);
+        let mut decoder = reader.into_decoder()?;
+        let orientation = decoder.orientation()?;
+        let mut image = DynamicImage::from_decoder(decoder)?;
+        image.apply_orientation(orientation);
+        Ok::<_, image::ImageError>(image)
+    });
+    let image = match decoded {
+        Ok(Ok(image)) => image,
+        Ok(Err(error)) => return Err(format!("the {name} data is damaged or unusual ({error}); copy or convert it")),
+        Err(panic) => return Err(format!("the {name} data is damaged ({panic}); copy the file again")),
+    };
+    planar(&image).map_err(|error| error.to_string())
+}
+
+/// Reads a PNG or JPEG file; see [`decode_image`].
+///
+/// # Errors
+/// [`Error::Io`] or [`Error::Malformed`], naming the file.
+pub fn read_image(path: impl AsRef<Path>) -> Result<Image> {
+    let path = path.as_ref();
+    let bytes = std::fs::read(path).map_err(Error::io(path, "cannot read"))?;
+    decode_image(&bytes).map_err(|problem| Error::malformed(path, problem))
+}
+
+/// PNG or JPEG, by the first bytes.
+pub(super) fn image_kind(bytes: &[u8]) -> Option<ImageFormat> {
+    match bytes {
+        [0x89, b'P', b'N', b'G', ..] => Some(ImageFormat::Png),
+        [0xff, 0xd8, 0xff, ..] => Some(ImageFormat::Jpeg),
+        _ => None,
+    }
+}
+
+fn planar(image: &DynamicImage) -> Result<Image> {
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    match image.color() {
+        ColorType::L8 | ColorType::La8 | ColorType::L16 | ColorType::La16 => {
+            Image::new(width, height, 1, image.to_luma8().into_raw())
+        }
+        _ => match image.as_rgb8() {
+            Some(rgb) => Image::from_rgb8(width, height, rgb.as_raw()),
+            None => Image::from_rgb8(width, height, image.to_rgb8().as_raw()),
+        },
+    }
+}
+
+/// Whether the end mark is there. The decoder fills what is missing with grey and says nothing.
+fn jpeg_is_whole(bytes: &[u8]) -> bool {
+    let mut at = 2;
+    while let Some(&[first, mark]) = bytes.get(at..at + 2) {
+        at += match (first, mark) {
+            (0xff, 0xd9) => return true,
+            // Entropy-coded bytes, fill bytes, and marks without a length.
+            (0xff, 0x00 | 0x01 | 0xd0..=0xd8) => 2,
+            (0xff, 0xff) => 1,
+            (0xff, _) => match bytes.get(at + 2..at + 4) {
+                Some(&[high, low]) => 2 + usize::from(high) * 256 + usize::from(low),
+                _ => return false,
+            },
+            _ => 1,
+        };
+    }
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{encode_jpeg, encode_png};
+
+    fn noise(width: usize, height: usize, planes: usize) -> Image {
+        let mut x = 7u32;
+        let bytes = (0..width * height * planes).map(|_| {
+            x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (x >> 24) as u8
+        });
+        Image::new(width, height, planes, bytes.collect()).expect("sizes agree")
+    }
+
+    #[test]
+    fn png_comes_back_as_it_was() {
+        for planes in [1, 3] {
+            let image = noise(13, 7, planes);
+            assert_eq!(decode_image(&encode_png(&image)).expect("a PNG"), image);
+        }
+    }
+
+    #[test]
+    fn sixteen_bits_and_transparency_are_reduced() {
+        let deep = image::ImageBuffer::from_fn(4, 3, |x, y| image::Rgba([257 * (x * 10 + y) as u16, 0, 65535, 1]));
+        let mut bytes = Cursor::new(Vec::new());
+        DynamicImage::ImageRgba16(deep).write_to(&mut bytes, ImageFormat::Png).expect("memory");
+        let image = decode_image(bytes.get_ref()).expect("a PNG");
+        assert_eq!((image.planes(), image.at(0, 3, 2), image.at(1, 3, 2), image.at(2, 3, 2)), (3, 32, 0, 255));
+        let grey = image::ImageBuffer::from_fn(4, 3, |x, _| image::LumaA([257 * x as u16, 9]));
+        let mut bytes = Cursor::new(Vec::new());
+        DynamicImage::ImageLumaA16(grey).write_to(&mut bytes, ImageFormat::Png).expect("memory");
+        let image = decode_image(bytes.get_ref()).expect("a PNG");
+        assert_eq!((image.planes(), image.at(0, 3, 1)), (1, 3));
+    }
+
+    #[test]
+    fn every_cut_of_a_picture_is_refused() {
+        let image = noise(24, 16, 3);
+        for bytes in [encode_png(&image), encode_jpeg(&image, 90)] {
+            for n in 0..bytes.len() - 12 {
+                assert!(decode_image(&bytes[..n]).is_err(), "{n} of {} bytes are not a picture", bytes.len());
+            }
+        }
+    }
+
+    /// 600 damaged pictures, seed 7, and 100 damaged photographs where they are: an error or a picture, never a panic.
+    #[test]
+    fn damaged_pictures_do_not_panic() {
+        let mut goods = Vec::new();
+        for planes in [1, 3] {
+            let image = noise(40, 30, planes);
+            goods.extend([encode_png(&image), encode_jpeg(&image, 80)].map(|bytes| (bytes, 150)));
+        }
+        let root = std::env::var_os("FOVEATE_DATA").map(std::path::PathBuf::from);
+        let root = root.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data"));
+        match crate::image_files(root.join("natural")) {
+            Ok(files) => goods.extend(files.iter().take(5).map(|file| (std::fs::read(file).expect("a file"), 20))),
+            Err(_) => println!("skipped: no data"),
+        }
+        let mut x = 7u64;
+        let mut next = move |n: usize| {
+            x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (x >> 33) as usize % n
+        };
+        for (good, n) in goods {
+            assert!(decode_image(&good).is_ok());
+            for _ in 0..n {
+                let mut bytes = good.clone();
+                for _ in 0..1 + next(8) {
+                    let at = next(bytes.len());
+                    bytes[at] ^= 1 << next(8);
+                }
+                bytes.truncate(bytes.len() - next(2) * next(bytes.len()));
+                let _ = decode_image(&bytes);
+            }
+        }
+    }
+}

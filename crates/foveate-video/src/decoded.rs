@@ -1,0 +1,25 @@
+//! What decoders give: pictures, or why there is none.
+
+use foveate_core::scene::Image;
+
+/// Why a frame did not come.
+#[derive(Debug)]
+pub(crate) enum DecodeError {
+    /// Another decoder may do it.
+    Unsupported(String),
+    /// No decoder can.
+    Damaged(String),
+}
+
+impl DecodeError {
+    /// Damage that is known only by what was found.
+    pub fn damaged(found: impl std::fmt::Display) -> Self {
+        Self::Damaged(format!("{found}; the file is damaged or cut off, copy it again"))
+    }
+}
+
+/// A picture and its time in seconds from the first.
+pub(crate) type Picture = (Image, f64);
+
+/// A result of a decoder.
+pub(crate) type Decoded<T> = std::result::Result<T, DecodeError>;

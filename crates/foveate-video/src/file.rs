@@ -1,0 +1,144 @@
+//! Video files as sources of frames, in the order of presentation.
+//!
+//! H.264 in MP4 is read without help; all else, and what our decoders call unsupported, goes to the
+//! external program ffmpeg. In memory are one frame, the few that wait for their turn, and the index.
+
+use std::ffi::OsStr;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use crate::decoded::{DecodeError, Picture};
+use crate::ffmpeg::Ffmpeg;
+use crate::frame::FFMPEG;
+use crate::stream::Mp4;
+use crate::{Frame, FrameSource, SourceInfo};
+use foveate_base::{Error, Result};
+
+/// A video file.
+pub struct VideoFile {
+    path: PathBuf,
+    program: PathBuf,
+    info: SourceInfo,
+    reader: Option<Reader>,
+    first: Option<Frame>,
+    next: usize,
+}
+
+enum Reader {
+    Mp4(Box<Mp4>),
+    Ffmpeg(Ffmpeg),
+}
+
+impl VideoFile {
+    /// Opens a video file and decodes its first frame.
+    ///
+    /// # Errors
+    /// Where the file cannot be read, has no video, its first frame cannot be decoded, or its kind needs
+    /// ffmpeg and that is not installed.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        Self::open_with(path.as_ref(), OsStr::new("ffmpeg"))
+    }
+
+    /// Opens with `program` in the place of ffmpeg.
+    pub(super) fn open_with(path: &Path, program: &OsStr) -> Result<Self> {
+        let info = SourceInfo { width: 0, height: 0, frames: None, rate: 0.0, reader: String::new() };
+        let (path, program) = (path.to_owned(), PathBuf::from(program));
+        let mut video = Self { path, program, info, reader: None, first: None, next: 0 };
+        let mut file = File::open(&video.path).map_err(Error::io(&video.path, "cannot open"))?;
+        let len = file.metadata().map_err(Error::io(&video.path, "cannot open"))?.len();
+        let mut head = [0; 8];
+        let opened = match file.read_exact(&mut head) {
+            Ok(()) if is_mp4(&head) => Mp4::new(file, len),
+            _ => Err(DecodeError::Unsupported("a file of another kind than MP4".into())),
+        };
+        match opened {
+            Ok(mp4) => video.reader = Some(Reader::Mp4(Box::new(mp4))),
+            Err(DecodeError::Unsupported(why)) => video.hand_over(&why)?,
+            Err(DecodeError::Damaged(problem)) => return Err(Error::malformed(&video.path, problem)),
+        }
+        let none = "expected frames, found none that is to be shown; check the file with another player";
+        let (image, time) = video.picture().unwrap_or_else(|| Err(Error::malformed(&video.path, none)))?;
+        let (frames, rate, reader) = match &video.reader {
+            Some(Reader::Mp4(mp4)) => (Some(mp4.frames()), mp4.rate(), mp4.decoder()),
+            Some(Reader::Ffmpeg(ffmpeg)) => (ffmpeg.frames(), ffmpeg.rate(), FFMPEG),
+            None => (None, 0.0, ""),
+        };
+        video.info = SourceInfo { width: image.width(), height: image.height(), frames, rate, reader: reader.into() };
+        video.first = Some(Frame { index: 0, time, image });
+        Ok(video)
+    }
+
+    /// The next picture, from the next better decoder where one does not support it.
+    fn picture(&mut self) -> Option<Result<Picture>> {
+        loop {
+            let outcome = match self.reader.as_mut()? {
+                Reader::Mp4(mp4) => mp4.picture(),
+                Reader::Ffmpeg(ffmpeg) => ffmpeg.picture(),
+            };
+            let error = match outcome? {
+                Ok(picture) => return Some(Ok(picture)),
+                Err(DecodeError::Unsupported(why)) => match self.hand_over(&why) {
+                    Ok(()) => continue,
+                    Err(error) => error,
+                },
+                Err(DecodeError::Damaged(problem)) => self.error(problem),
+            };
+            self.reader = None;
+            return Some(Err(error));
+        }
+    }
+
+    /// Goes on with the next decoder, at the frame that this one could not do.
+    fn hand_over(&mut self, why: &str) -> Result<()> {
+        if let Some(Reader::Mp4(mp4)) = &mut self.reader
+            && mp4.widen()
+        {
+            return Ok(());
+        }
+        match Ffmpeg::open(&self.program, &self.path, self.next) {
+            Ok(ffmpeg) => self.reader = Some(Reader::Ffmpeg(ffmpeg)),
+            Err(problem) => return Err(self.error(format!("this is {why}; {problem}"))),
+        }
+        Ok(())
+    }
+
+    fn error(&self, problem: String) -> Error {
+        Error::Frame { path: self.path.clone(), frame: self.next + 1, problem }
+    }
+}
+
+impl Iterator for VideoFile {
+    type Item = Result<Frame>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let frame = match self.first.take() {
+            Some(first) => Ok(first),
+            None => self.picture()?.and_then(|(image, time)| {
+                let (found, wanted) = ((image.width(), image.height()), (self.info.width, self.info.height));
+                if found == wanted {
+                    return Ok(Frame { index: self.next, time, image });
+                }
+                self.reader = None;
+                Err(self.error(format!(
+                    "expected {} x {} pixels as in the first frame, found {} x {}; cut the video where the size changes",
+                    wanted.0, wanted.1, found.0, found.1
+                )))
+            }),
+        };
+        self.next += 1;
+        Some(frame)
+    }
+}
+
+impl FrameSource for VideoFile {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+}
+
+/// Whether a file that begins so is an MP4 or QuickTime file.
+pub(super) fn is_mp4(head: &[u8]) -> bool {
+    let names: [&[u8]; 8] = [b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide", b"pnot", b"styp"];
+    head.get(4..8).is_some_and(|name| names.contains(&name))
+}

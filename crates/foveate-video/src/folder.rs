@@ -1,0 +1,245 @@
+//! A folder of images as a source of frames, in the natural order of their names (2 before 10).
+
+use std::cmp::Ordering;
+use std::path::{Path, PathBuf};
+
+use crate::decode::decode_image;
+use crate::{Frame, FrameSource, SourceInfo};
+use foveate_base::{Error, Result};
+use foveate_core::scene::Image;
+
+/// Frames a second where nothing says otherwise.
+const RATE: f64 = 30.0;
+
+/// Frames from the PNG and JPEG files of one folder.
+///
+/// All frames have the size and the number of planes of the first: another size is an error, grey
+/// and colour are converted. Hidden files, subfolders and files of other kinds are passed over.
+#[derive(Debug)]
+pub struct ImageFolder {
+    info: SourceInfo,
+    files: Vec<PathBuf>,
+    planes: usize,
+    next: usize,
+    first: Option<Image>,
+}
+
+impl ImageFolder {
+    /// Opens a folder; where it has a subfolder `img` (OTB layout) or `img1` (MOT layout), that one is read.
+    ///
+    /// # Errors
+    /// Where the folder cannot be read, has no PNG or JPEG file, or the first cannot be decoded.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        Self::from_files(image_files(path)?)
+    }
+
+    /// Frames from these files, in this order.
+    ///
+    /// # Errors
+    /// Where there is none, or the first cannot be decoded.
+    pub fn from_files(files: Vec<PathBuf>) -> Result<Self> {
+        let Some(path) = files.first() else {
+            return Err(Error::Invalid("a source of frames needs at least one image file, got none".into()));
+        };
+        let first = load(path, 0)?;
+        let info = SourceInfo {
+            width: first.width(),
+            height: first.height(),
+            frames: Some(files.len()),
+            rate: RATE,
+            reader: if files.len() == 1 { "one image" } else { "image folder" }.into(),
+        };
+        Ok(Self { info, planes: first.planes(), files, next: 0, first: Some(first) })
+    }
+
+    fn load(&mut self, index: usize) -> Result<Image> {
+        let path = &self.files[index];
+        let image = match self.first.take() {
+            Some(first) => first,
+            None => load(path, index)?,
+        };
+        if (image.width(), image.height()) != (self.info.width, self.info.height) {
+            let problem = format!(
+                "expected {} x {} pixels as in the first frame ({}), found {} x {}; all frames of a video have one size",
+                self.info.width,
+                self.info.height,
+                self.files[0].display(),
+                image.width(),
+                image.height(),
+            );
+            return Err(Error::Frame { path: path.clone(), frame: index + 1, problem });
+        }
+        match (self.planes, image.planes()) {
+            (1, 3) => Ok(image.to_grey()),
+            (3, 1) => Image::new(image.width(), image.height(), 3, image.bytes().repeat(3)),
+            _ => Ok(image),
+        }
+    }
+}
+
+impl Iterator for ImageFolder {
+    type Item = Result<Frame>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let index = self.next;
+        if index >= self.files.len() {
+            return None;
+        }
+        let image = self.load(index);
+        self.next = if image.is_ok() { index + 1 } else { self.files.len() };
+        Some(image.map(|image| Frame { index, time: index as f64 / RATE, image }))
+    }
+}
+
+impl FrameSource for ImageFolder {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+}
+
+/// The PNG and JPEG files of a folder in natural order, or of its subfolder `img` (OTB layout) or `img1` (MOT layout).
+///
+/// # Errors
+/// Where the folder cannot be read or has none.
+pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
+    let path = path.as_ref();
+    let folder = ["img", "img1"].iter().map(|name| path.join(name)).find(|inner| inner.is_dir());
+    let folder = folder.unwrap_or_else(|| path.to_owned());
+    let (mut files, mut others) = (Vec::new(), 0);
+    for entry in std::fs::read_dir(&folder).map_err(Error::io(&folder, "cannot read the folder"))? {
+        let file = entry.map_err(Error::io(&folder, "cannot read the folder"))?.path();
+        let hidden = file.file_name().is_none_or(|name| name.to_string_lossy().starts_with('.'));
+        if hidden || file.is_dir() {
+            continue;
+        }
+        match file.extension().map(|ext| ext.to_string_lossy().to_ascii_lowercase()).as_deref() {
+            Some("jpg" | "jpeg" | "png") => files.push(file),
+            _ => others += 1,
+        }
+    }
+    if files.is_empty() {
+        let found = if others == 0 { "no files".to_owned() } else { format!("{others} files of other kinds") };
+        let problem = format!(
+            "expected .jpg, .jpeg or .png files (here, or in a subfolder img or img1), found {found}; \
+             give the folder that holds the frames"
+        );
+        return Err(Error::malformed(folder, problem));
+    }
+    files.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
+    Ok(files)
+}
+
+fn load(path: &Path, index: usize) -> Result<Image> {
+    std::fs::read(path)
+        .map_err(|error| format!("cannot read: {error}"))
+        .and_then(|bytes| decode_image(&bytes))
+        .map_err(|problem| Error::Frame { path: path.to_owned(), frame: index + 1, problem })
+}
+
+/// Runs of digits compare as numbers, all else as text: `a2` before `a10`, and `a02` beside `a2`.
+fn natural(a: &str, b: &str) -> Ordering {
+    let (mut x, mut y) = (a.as_bytes(), b.as_bytes());
+    while let (Some(p), Some(q)) = (x.first(), y.first()) {
+        let order = if p.is_ascii_digit() && q.is_ascii_digit() {
+            let (m, n) = (digits(&mut x), digits(&mut y));
+            m.len().cmp(&n.len()).then_with(|| m.cmp(n))
+        } else {
+            (x, y) = (&x[1..], &y[1..]);
+            p.cmp(q)
+        };
+        if order.is_ne() {
+            return order;
+        }
+    }
+    x.len().cmp(&y.len()).then_with(|| a.cmp(b))
+}
+
+/// Takes the digits in front off `text`; without their leading zeros.
+fn digits<'a>(text: &mut &'a [u8]) -> &'a [u8] {
+    let end = text.iter().position(|c| !c.is_ascii_digit()).unwrap_or(text.len());
+    let (number, rest) = text.split_at(end);
+    *text = rest;
+    &number[number.iter().position(|&c| c != b'0').unwrap_or(end)..]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{encode_jpeg, save_png};
+
+    fn folder(values: &[(&str, u8)]) -> tempfile::TempDir {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        for (name, value) in values {
+            save_png(dir.path().join(name), &Image::grey(4, 3, *value)).expect("a writable folder");
+        }
+        dir
+    }
+
+    fn values(source: ImageFolder) -> Vec<u8> {
+        source.map(|frame| frame.expect("good frames").image.at(0, 0, 0)).collect()
+    }
+
+    #[test]
+    fn names_sort_as_people_count() {
+        let mut names = ["f10", "f9", "f09", "f2b", "f2", "g1", "f", "f100000000000000000000000", "f3"];
+        names.sort_by(|a, b| natural(a, b));
+        assert_eq!(names, ["f", "f2", "f2b", "f3", "f09", "f9", "f10", "f100000000000000000000000", "g1"]);
+    }
+
+    #[test]
+    fn frames_come_in_order_with_index_and_time() {
+        let dir = folder(&[("10.png", 10), ("9.png", 9), ("x.PNG", 99), (".hidden.png", 1)]);
+        std::fs::write(dir.path().join("notes.txt"), "no frame").expect("a writable folder");
+        let source = ImageFolder::open(dir.path()).expect("a folder of images");
+        assert_eq!((source.info.width, source.info.height, source.info.frames), (4, 3, Some(3)));
+        let frames: Vec<Frame> = source.map(|frame| frame.expect("good frames")).collect();
+        assert_eq!(frames.iter().map(|f| f.image.at(0, 0, 0)).collect::<Vec<_>>(), [9, 10, 99]);
+        assert_eq!(frames.iter().map(|f| f.index).collect::<Vec<_>>(), [0, 1, 2]);
+        assert!((frames[2].time - 2.0 / 30.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_img_folder_of_otb_and_mot_is_found() {
+        for name in ["img", "img1"] {
+            let dir = folder(&[("preview.png", 1)]);
+            std::fs::create_dir(dir.path().join(name)).expect("a writable folder");
+            save_png(dir.path().join(name).join("0001.png"), &Image::grey(4, 3, 7)).expect("a writable folder");
+            assert_eq!(values(ImageFolder::open(dir.path()).expect("a folder")), [7]);
+        }
+    }
+
+    #[test]
+    fn a_break_gives_good_frames_then_one_error_then_nothing() {
+        let dir = folder(&[("1.png", 1), ("2.png", 2), ("4.png", 4)]);
+        let whole = encode_jpeg(&Image::grey(4, 3, 3), 90);
+        std::fs::write(dir.path().join("3.jpg"), &whole[..whole.len() / 2]).expect("a writable folder");
+        let mut source = ImageFolder::open(dir.path()).expect("a folder of images");
+        assert!(source.next().is_some_and(|f| f.is_ok()) && source.next().is_some_and(|f| f.is_ok()));
+        let text = source.next().expect("an error").expect_err("a cut file").to_string();
+        assert!(text.contains("3.jpg, frame 3") && text.contains("cut off"), "{text}");
+        assert!(source.next().is_none());
+    }
+
+    #[test]
+    fn another_size_is_an_error_and_another_number_of_planes_is_converted() {
+        let dir = folder(&[("1.png", 1), ("3.png", 3)]);
+        let colour = Image::new(4, 3, 3, vec![200; 36]).expect("sizes agree");
+        save_png(dir.path().join("2.png"), &colour).expect("a writable folder");
+        save_png(dir.path().join("4.png"), &Image::grey(5, 3, 0)).expect("a writable folder");
+        let mut source = ImageFolder::open(dir.path()).expect("a folder of images");
+        let second = source.nth(1).expect("a frame").expect("a good frame");
+        assert_eq!((second.image.planes(), second.image.at(0, 0, 0)), (1, 200));
+        let text = source.nth(1).expect("an error").expect_err("another size").to_string();
+        assert!(text.contains("4 x 3") && text.contains("5 x 3") && text.contains("frame 4"), "{text}");
+    }
+
+    #[test]
+    fn a_folder_without_images_says_so() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let text = ImageFolder::open(dir.path()).expect_err("empty").to_string();
+        assert!(text.contains("found no files"), "{text}");
+        std::fs::write(dir.path().join("a.bmp"), "x").expect("a writable folder");
+        let text = ImageFolder::open(dir.path()).expect_err("no images").to_string();
+        assert!(text.contains("1 files of other kinds"), "{text}");
+    }
+}

@@ -1,0 +1,48 @@
+//! Frames, and where they come from.
+
+use foveate_base::Result;
+use foveate_core::scene::Image;
+
+/// One picture of a video.
+#[derive(Clone, Debug)]
+pub struct Frame {
+    /// Position in the source, counted from 0.
+    pub index: usize,
+    /// Presentation time in seconds from the first frame; a folder of images has 1/30 s a frame.
+    pub time: f64,
+    /// The pixels.
+    pub image: Image,
+}
+
+/// A source of frames: an iterator that gives an error where the source breaks, and then ends.
+///
+/// What came before an error is good. `info` is known before the first frame is decoded.
+pub trait FrameSource: Iterator<Item = Result<Frame>> + Send {
+    /// What is known of the source before it is read.
+    fn info(&self) -> &SourceInfo;
+}
+
+/// What is known of a source before it is read.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SourceInfo {
+    /// Width of a frame in pixels.
+    pub width: usize,
+    /// Height of a frame in pixels.
+    pub height: usize,
+    /// Number of frames, if the source knows it (a container's figure is an estimate).
+    pub frames: Option<usize>,
+    /// Frames a second.
+    pub rate: f64,
+    /// How it is read, for people: "image folder", "H.264 (rusty_h264)", "ffmpeg".
+    pub reader: String,
+}
+
+impl SourceInfo {
+    /// The number of frames where it was counted. What ffmpeg reads has only an estimate, from length and rate.
+    pub fn exact_frames(&self) -> Option<usize> {
+        self.frames.filter(|_| self.reader != FFMPEG)
+    }
+}
+
+/// The reader that only estimates the number of frames.
+pub(crate) const FFMPEG: &str = "ffmpeg";

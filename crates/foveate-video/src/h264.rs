@@ -1,0 +1,184 @@
+//! H.264 frames to pictures, by rusty_h264 (the fast one) or rust_h264 (the one that knows interlacing,
+//! 10 bits and 4:2:2). Both are pure Rust; a panic in either is an error of the file.
+
+use rust_h264::nal::parse_avcc;
+
+use crate::decoded::{DecodeError, Decoded};
+use crate::sps;
+use crate::sps::Sps;
+use crate::yuv::Yuv;
+use foveate_base::quiet;
+
+/// What the decoders need to know before the first frame.
+#[derive(Clone, Debug)]
+pub(super) struct Setup {
+    /// Sequence and picture parameter sets, as NAL units.
+    parameters: Vec<Vec<u8>>,
+    /// Bytes in the length before each NAL unit of a frame: 1, 2 or 4.
+    prefix: usize,
+    /// The first sequence parameter set, where it could be read.
+    pub sps: Option<Sps>,
+}
+
+impl Setup {
+    /// Reads a decoder configuration record (ISO/IEC 14496-15, 5.2.4.1).
+    pub fn read(avcc: &[u8]) -> Decoded<Self> {
+        let parse = || {
+            let prefix = usize::from(*avcc.get(4)? & 3) + 1;
+            let mut rest = avcc.get(5..)?;
+            let mut parameters = Vec::new();
+            for mask in [31, 255] {
+                let (&count, after) = rest.split_first()?;
+                rest = after;
+                for _ in 0..count & mask {
+                    let (length, after) = rest.split_first_chunk::<2>()?;
+                    let (nal, after) = after.split_at_checked(usize::from(u16::from_be_bytes(*length)))?;
+                    parameters.push(nal.to_vec());
+                    rest = after;
+                }
+            }
+            (prefix != 3).then_some((parameters, prefix))
+        };
+        let (parameters, prefix) =
+            parse().ok_or_else(|| DecodeError::damaged("its decoder configuration (box \"avcC\") is cut off"))?;
+        let sps = parameters.iter().find(|nal| nal.first().is_some_and(|head| head & 31 == 7));
+        let sps = sps.and_then(|nal| sps::parse(nal));
+        Ok(Self { parameters, prefix, sps })
+    }
+
+    /// Whether a frame needs no other before it (an IDR picture).
+    pub fn starts_anew(&self, frame: &[u8]) -> Decoded<bool> {
+        Ok(self.units(frame)?.iter().any(|unit| unit[0] & 31 == 5))
+    }
+
+    /// The NAL units of a frame, without their lengths.
+    fn units<'a>(&self, mut frame: &'a [u8]) -> Decoded<Vec<&'a [u8]>> {
+        let mut units = Vec::new();
+        while !frame.is_empty() {
+            let cut = || {
+                let have = frame.len();
+                DecodeError::damaged(format!("a part of the coded frame is longer than the {have} bytes left of it"))
+            };
+            let (length, rest) = frame.split_at_checked(self.prefix).ok_or_else(cut)?;
+            let length = length.iter().fold(0, |n, &byte| n << 8 | usize::from(byte));
+            let (unit, rest) = rest.split_at_checked(length).ok_or_else(cut)?;
+            if !unit.is_empty() {
+                units.push(unit);
+            }
+            frame = rest;
+        }
+        Ok(units)
+    }
+}
+
+/// A decoder in mid-stream.
+pub(super) enum Decoder {
+    /// rusty_h264: 8 bits, 4:2:0, progressive.
+    Rusty(Box<rusty_h264::Decoder>),
+    /// rust_h264.
+    Rust(Box<rust_h264::decoder::Decoder>),
+}
+
+impl Decoder {
+    /// The faster decoder.
+    pub fn fast(setup: &Setup) -> Decoded<Self> {
+        if setup.sps.is_some_and(|sps| sps.cropped_before) {
+            return Err(DecodeError::Unsupported("cropping at the left or the top".into()));
+        }
+        let mut decoder = Self::Rusty(Box::new(rusty_h264::Decoder::new()));
+        decoder.feed(&annex_b(setup.parameters.iter().map(Vec::as_slice)))?;
+        Ok(decoder)
+    }
+
+    /// The decoder that knows more.
+    pub fn wide(setup: &Setup) -> Decoded<Self> {
+        let mut decoder = Box::new(rust_h264::decoder::Decoder::new());
+        let bytes = annex_b(setup.parameters.iter().map(Vec::as_slice));
+        guard(|| {
+            for nal in rust_h264::nal::parse_annex_b(&bytes) {
+                decoder.decode_nal(&nal).map_err(wide_trouble)?;
+            }
+            Ok(())
+        })?;
+        Ok(Self::Rust(decoder))
+    }
+
+    /// For people.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Rusty(_) => "H.264 (rusty_h264)",
+            Self::Rust(_) => "H.264 (rust_h264)",
+        }
+    }
+
+    /// Decodes one frame as the file stores it. `None` where it holds no picture, only settings.
+    /// After an error the decoder is of no more use.
+    pub fn decode(&mut self, setup: &Setup, frame: &[u8]) -> Decoded<Option<Yuv>> {
+        let units = setup.units(frame)?;
+        let coded = units.iter().any(|unit| matches!(unit[0] & 31, 1..=5));
+        let picture = match self {
+            Self::Rusty(_) => self.feed(&annex_b(units.into_iter()))?,
+            Self::Rust(decoder) => guard(|| {
+                let mut picture = None;
+                for nal in parse_avcc(frame, setup.prefix) {
+                    picture = decoder.decode_nal(&nal).map_err(wide_trouble)?.or(picture);
+                }
+                Ok(decoder.flush().or(picture).map(eight_bits))
+            })?,
+        };
+        match picture {
+            None if coded => Err(DecodeError::damaged("parts of the coded picture are missing")),
+            Some(picture) if !picture.is_valid() => Err(DecodeError::damaged("the decoder gave an impossible picture")),
+            Some(picture) if setup.sps.is_some_and(|sps| sps.height == 2 * picture.height) => {
+                Err(DecodeError::Unsupported("single fields (interlaced video) stored as frames".into()))
+            }
+            picture => Ok(picture),
+        }
+    }
+
+    fn feed(&mut self, annex_b: &[u8]) -> Decoded<Option<Yuv>> {
+        let Self::Rusty(decoder) = self else { unreachable!("only the fast decoder is fed start codes") };
+        let picture = guard(|| {
+            decoder.decode(annex_b).map_err(|error| match error {
+                rusty_h264::DecodeError::Unsupported(what) if !is_damage(what) => DecodeError::Unsupported(what.into()),
+                error => DecodeError::damaged(format!("the coded picture makes no sense ({error})")),
+            })
+        })?;
+        Ok(picture.map(|p| {
+            let chroma = (p.width.div_ceil(2), p.height.div_ceil(2));
+            Yuv { width: p.width, height: p.height, chroma, y: p.y, u: p.u, v: p.v }
+        }))
+    }
+}
+
+fn guard<T>(decode: impl FnOnce() -> Decoded<T>) -> Decoded<T> {
+    quiet::catch(decode)
+        .unwrap_or_else(|panic| Err(DecodeError::damaged(format!("the coded picture makes no sense ({panic})"))))
+}
+
+/// Of what the decoders call unsupported, some can only come of damage.
+fn is_damage(what: &str) -> bool {
+    ["invalid", "without reference", "out of range", "missing", "mb_type"].iter().any(|sign| what.contains(sign))
+}
+
+fn wide_trouble(error: rust_h264::error::DecodeError) -> DecodeError {
+    match error {
+        rust_h264::error::DecodeError::Unsupported(what) if !is_damage(what) => DecodeError::Unsupported(what.into()),
+        error => DecodeError::damaged(format!("the coded picture makes no sense ({error})")),
+    }
+}
+
+fn annex_b<'a>(units: impl Iterator<Item = &'a [u8]>) -> Vec<u8> {
+    units.flat_map(|unit| [&[0, 0, 0, 1], unit].concat()).collect()
+}
+
+fn eight_bits(frame: rust_h264::decoder::Frame) -> Yuv {
+    let (width, height) = (frame.width as usize, frame.height as usize);
+    let chroma = (frame.chroma_width() as usize, frame.chroma_height() as usize);
+    let shift = frame.bit_depth.saturating_sub(8);
+    let reduce = |plane: Vec<u8>| match shift {
+        0 => plane,
+        _ => plane.chunks_exact(2).map(|pair| (u16::from_le_bytes([pair[0], pair[1]]) >> shift) as u8).collect(),
+    };
+    Yuv { width, height, chroma, y: reduce(frame.y), u: reduce(frame.u), v: reduce(frame.v) }
+}

@@ -1,0 +1,31 @@
+#![doc = include_str!("../README.md")]
+#![forbid(unsafe_code)]
+
+pub mod ahead;
+pub mod annotation;
+pub mod decode;
+mod decoded;
+pub mod encode;
+mod ffmpeg;
+pub mod file;
+pub mod folder;
+pub mod frame;
+mod h264;
+pub mod mot;
+mod mp4;
+pub mod mp4_writer;
+mod mux;
+pub mod open;
+pub mod otb;
+mod sps;
+mod stream;
+mod yuv;
+
+pub use ahead::ahead;
+pub use decode::{decode_image, read_image};
+pub use encode::{encode_jpeg, encode_png, save_png};
+pub use file::VideoFile;
+pub use folder::{ImageFolder, image_files};
+pub use frame::{Frame, FrameSource, SourceInfo};
+pub use mp4_writer::Mp4Writer;
+pub use open::open;

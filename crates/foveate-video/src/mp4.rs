@@ -1,0 +1,383 @@
+//! MP4 files: which bytes are which frame, and when it is shown (ISO/IEC 14496-12, plain and fragmented).
+//!
+//! Only the index is held in memory. Every count in it is checked against what the bytes can hold, and
+//! every read against the end: nothing a file says can panic, hang, or take more memory than its size
+//! explains. That is why this is not done by re_mp4, which serves as the oracle of the tests.
+
+use std::io::{Read, Seek, SeekFrom};
+
+use crate::decoded::{DecodeError, Decoded};
+
+/// The largest index that is read, in bytes, the most boxes, and the most frames (155 hours at 30 a second).
+const MAX_INDEX: u64 = 1 << 29;
+const MAX_BOXES: usize = 1 << 20;
+const MAX_FRAMES: u64 = 1 << 24;
+
+/// What the index says of the first H.264 track.
+#[derive(Debug)]
+pub(super) struct Movie {
+    /// The decoder configuration record: parameter sets and the width of length prefixes.
+    pub avcc: Vec<u8>,
+    /// In decoding order.
+    pub samples: Vec<Sample>,
+    /// Time units in a second; not 0.
+    pub timescale: u32,
+    /// How often the picture is to be turned by 90 degrees, clockwise, 0 to 3.
+    pub turns: u8,
+    /// Matrix coefficients and full range, as the container has them.
+    pub colour: Option<(u16, bool)>,
+    /// What is missing after the last of the samples, where the index ends too early.
+    pub cut: Option<String>,
+}
+
+/// One coded frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Sample {
+    pub offset: u64,
+    pub size: u32,
+    /// Presentation time, in units of the timescale, from any origin.
+    pub time: i64,
+    /// False where an edit list cuts the frame away; it is decoded all the same.
+    pub shown: bool,
+}
+
+/// Reads the index of a file of `len` bytes.
+pub(super) fn read(file: &mut (impl Read + Seek), len: u64) -> Decoded<Movie> {
+    let (mut moov, mut moofs, mut cut, mut at) = (None, Vec::new(), None, 0);
+    let mut indexed = 0;
+    for _ in 0..MAX_BOXES {
+        if at >= len {
+            break;
+        }
+        let mut head = [0; 16];
+        let n = (len - at).min(16) as usize;
+        read_at(file, at, &mut head[..n])?;
+        let mut c = Cursor(&head[..n]);
+        let header = (|| Some((u64::from(c.u32()?), c.take::<4>()?)))();
+        let Some((short, name)) = header else { break };
+        let (size, skip) = match short {
+            0 => (len - at, 8),
+            1 => (c.u64().unwrap_or(0), 16),
+            size => (size, 8),
+        };
+        let shown = String::from_utf8_lossy(&name).into_owned();
+        if size < skip && moov.is_some() {
+            break;
+        }
+        if size < skip {
+            return Err(DecodeError::damaged(format!(
+                "box {shown:?} at byte {at} says it is {size} bytes long, less than its head"
+            )));
+        }
+        let whole = at.checked_add(size).is_some_and(|end| end <= len);
+        if !whole {
+            cut = Some(format!("box {shown:?} at byte {at} should have {size} bytes, {} are there", len - at));
+        }
+        if matches!(&name, b"moov" | b"moof") {
+            if !whole {
+                break;
+            }
+            indexed += size;
+            if indexed > MAX_INDEX {
+                return Err(DecodeError::Unsupported(format!("an index above {} MiB", MAX_INDEX >> 20)));
+            }
+            let mut body = vec![0; (size - skip) as usize];
+            read_at(file, at + skip, &mut body)?;
+            match &name {
+                b"moov" if moov.is_none() => moov = Some(body),
+                b"moof" => moofs.push((at, body)),
+                _ => {}
+            }
+        }
+        at = at.saturating_add(size);
+    }
+    let Some(moov) = moov else {
+        let seen = cut.unwrap_or_else(|| format!("{len} bytes without one"));
+        return Err(DecodeError::damaged(format!(
+            "the index (box \"moov\") is missing: {seen}; the file was not written to its end"
+        )));
+    };
+    track(&moov, &moofs, len, cut)
+}
+
+/// The first video track of the index.
+fn track(moov: &[u8], moofs: &[(u64, Vec<u8>)], len: u64, cut: Option<String>) -> Decoded<Movie> {
+    let handler = |trak| path(trak, &[b"mdia", b"hdlr"]).and_then(|hdlr| hdlr.get(8..12));
+    let traks = || boxes(moov).filter(|(name, _)| name == b"trak").map(|(_, trak)| trak);
+    let Some(trak) = traks().find(|trak| handler(trak) == Some(b"vide")) else {
+        let problem = format!("expected a video track, found {} tracks of other kinds; give a video", traks().count());
+        return Err(DecodeError::Damaged(problem));
+    };
+    let stbl = path(trak, &[b"mdia", b"minf", b"stbl"]).ok_or_else(|| lacks("stbl"))?;
+    let stsd = child(stbl, b"stsd").and_then(|stsd| stsd.get(8..)).ok_or_else(|| lacks("stsd"))?;
+    let (codec, entry) = boxes(stsd).next().ok_or_else(|| lacks("stsd"))?;
+    if !matches!(&codec, b"avc1" | b"avc3") {
+        let codec = codec.escape_ascii();
+        return Err(DecodeError::Unsupported(format!("codec \"{codec}\" (H.264, \"avc1\", is read without help)")));
+    }
+    if boxes(stsd).count() > 1 {
+        return Err(DecodeError::Unsupported("a track of several codec settings".into()));
+    }
+    let entry = entry.get(78..).ok_or_else(|| lacks("avc1"))?;
+    let avcc = child(entry, b"avcC").ok_or_else(|| lacks("avcC"))?.to_vec();
+    let colour = child(entry, b"colr").filter(|colr| colr.starts_with(b"nclx")).and_then(|colr| {
+        let mut c = Cursor(colr.get(8..)?);
+        Some((c.u16()?, c.take::<1>()?[0] & 0x80 != 0))
+    });
+
+    let timescale = |head: Option<&[u8]>| {
+        let head = head?;
+        Cursor(head.get(if head[0] == 1 { 20 } else { 12 }..)?).u32().filter(|&scale| scale > 0)
+    };
+    let scale = timescale(path(trak, &[b"mdia", b"mdhd"])).ok_or_else(|| lacks("mdhd"))?;
+    let (id, turns) = child(trak, b"tkhd").and_then(track_head).ok_or_else(|| lacks("tkhd"))?;
+
+    let (mut samples, misplaced) = sample_table(stbl, len)?;
+    let fragments = fragments(moov, moofs, id, len, &mut samples);
+    let cut = fragments.err().or(misplaced).or(cut.filter(|_| child(moov, b"mvex").is_some()));
+    if samples.is_empty() {
+        let seen = cut.map_or(String::new(), |cut| format!(" ({cut})"));
+        return Err(DecodeError::damaged(format!("expected frames, found an empty video track{seen}")));
+    }
+    if let Some(elst) = path(trak, &[b"edts", b"elst"]) {
+        edit(&mut samples, elst, scale, timescale(child(moov, b"mvhd")).unwrap_or(scale))?;
+    }
+    Ok(Movie { avcc, samples, timescale: scale, turns, colour, cut })
+}
+
+/// Track number, and turns from the matrix.
+fn track_head(tkhd: &[u8]) -> Option<(u32, u8)> {
+    let long = *tkhd.first()? == 1;
+    let id = Cursor(tkhd.get(if long { 20 } else { 12 }..)?).u32()?;
+    let mut c = Cursor(tkhd.get(if long { 52 } else { 40 }..)?);
+    let (a, b) = (c.u32()? as i32, c.u32()? as i32);
+    let (_, c, d) = (c.u32()?, c.u32()? as i32, c.u32()? as i32);
+    Some((
+        id,
+        match (a.signum(), b.signum(), c.signum(), d.signum()) {
+            (0, 1, -1, 0) => 1,
+            (-1, 0, 0, -1) => 2,
+            (0, -1, 1, 0) => 3,
+            _ => 0,
+        },
+    ))
+}
+
+/// The frames of a file that is not fragmented; beside them what the tables fail to say.
+fn sample_table(stbl: &[u8], len: u64) -> Decoded<(Vec<Sample>, Option<String>)> {
+    let Some(stsz) = child(stbl, b"stsz") else {
+        return Err(DecodeError::Unsupported("an index without sample sizes (box \"stsz\")".into()));
+    };
+    let mut c = Cursor(stsz.get(4..).unwrap_or_default());
+    let (Some(same), Some(count)) = (c.u32(), c.u32()) else { return Err(lacks("stsz")) };
+    let room = if same == 0 { c.0.len() as u64 / 4 } else { len / u64::from(same) };
+    if u64::from(count) > room.min(MAX_FRAMES) {
+        return Err(DecodeError::damaged(format!(
+            "its index (box \"stsz\") claims {count} frames, the file can hold {room}"
+        )));
+    }
+    let mut sizes = std::iter::from_fn(|| if same == 0 { c.u32() } else { Some(same) });
+    let times = |name| child(stbl, name).into_iter().flat_map(rows::<2>).flat_map(|[n, x]| repeat(x, n));
+    let (mut deltas, mut shifts) = (times(b"stts"), times(b"ctts"));
+
+    let narrow = child(stbl, b"stco").into_iter().flat_map(rows::<1>).map(|[at]| u64::from(at));
+    let wide = child(stbl, b"co64").into_iter().flat_map(rows::<2>);
+    let chunks = narrow.chain(wide.map(|[high, low]| u64::from(high) << 32 | u64::from(low)));
+    let mut layout = child(stbl, b"stsc").into_iter().flat_map(rows::<3>).peekable();
+
+    let mut samples = Vec::new();
+    let (mut decoded, mut delta, mut per_chunk) = (0, 0, 0);
+    for (number, mut offset) in (1..).zip(chunks) {
+        while let Some([_, n, _]) = layout.next_if(|&[first, _, _]| first <= number) {
+            per_chunk = n;
+        }
+        for _ in 0..per_chunk.min(count - samples.len() as u32) {
+            let size = sizes.next().unwrap_or(0);
+            let time = decoded + i64::from(shifts.next().unwrap_or(0) as i32);
+            samples.push(Sample { offset, size, time, shown: true });
+            offset = offset.saturating_add(u64::from(size));
+            delta = deltas.next().unwrap_or(delta);
+            decoded += i64::from(delta);
+        }
+    }
+    let placed = samples.len();
+    let misplaced =
+        (placed < count as usize).then(|| format!("the index counts {count} frames and says where {placed} are"));
+    Ok((samples, misplaced))
+}
+
+/// Appends the frames of the fragments, until one cannot be understood.
+fn fragments(
+    moov: &[u8],
+    moofs: &[(u64, Vec<u8>)],
+    id: u32,
+    len: u64,
+    samples: &mut Vec<Sample>,
+) -> Result<(), String> {
+    let trex = child(moov, b"mvex").into_iter().flat_map(boxes).filter(|(name, _)| name == b"trex");
+    let defaults = trex.map(|(_, trex)| rows_at::<5>(trex, 4)).find_map(|mut rows| rows.next().filter(|r| r[0] == id));
+    let [_, _, default_delta, default_size, _] = defaults.unwrap_or_default();
+    let mut decoded = 0;
+    for (start, moof) in moofs {
+        let mut end = *start;
+        for (_, traf) in boxes(moof).filter(|(name, _)| name == b"traf") {
+            let what = format!("the fragment at byte {start} is damaged");
+            let tfhd = child(traf, b"tfhd").ok_or(&what)?;
+            let (flags, mut c) = full(tfhd).ok_or(&what)?;
+            if c.u32() != Some(id) {
+                continue;
+            }
+            let base = if flags & 1 != 0 {
+                c.u64().ok_or(&what)?
+            } else if flags & 0x20000 != 0 {
+                *start
+            } else {
+                end
+            };
+            let mut optional = |bit| if flags & bit == 0 { Some(None) } else { c.u32().map(Some) };
+            let _description = optional(2).ok_or(&what)?;
+            let default_delta = optional(8).ok_or(&what)?.unwrap_or(default_delta);
+            let default_size = optional(16).ok_or(&what)?.unwrap_or(default_size);
+            if let Some(tfdt) = child(traf, b"tfdt") {
+                let long = tfdt.first() == Some(&1);
+                let mut c = Cursor(tfdt.get(4..).ok_or(&what)?);
+                decoded = if long { c.u64() } else { c.u32().map(u64::from) }.ok_or(&what)? as i64;
+            }
+            end = base;
+            for (_, trun) in boxes(traf).filter(|(name, _)| name == b"trun") {
+                let (flags, mut c) = full(trun).ok_or(&what)?;
+                let count = c.u32().ok_or(&what)?;
+                if flags & 1 != 0 {
+                    end = base.saturating_add_signed(i64::from(c.u32().ok_or(&what)? as i32));
+                }
+                if flags & 4 != 0 {
+                    c.u32().ok_or(&what)?;
+                }
+                let fields = u64::from((flags >> 8 & 15).count_ones());
+                let room = (c.0.len() as u64).checked_div(4 * fields).unwrap_or(len / 4);
+                if u64::from(count) > room || samples.len() as u64 + u64::from(count) > MAX_FRAMES.min(len / 4) {
+                    return Err(format!("the fragment at byte {start} claims {count} frames, more than it can hold"));
+                }
+                for _ in 0..count {
+                    let mut field = |bit, default| if flags & bit == 0 { default } else { c.u32().unwrap_or(default) };
+                    let (delta, size) = (field(0x100, default_delta), field(0x200, default_size));
+                    let (_, shift) = (field(0x400, 0), field(0x800, 0) as i32);
+                    let time = decoded.saturating_add(i64::from(shift));
+                    samples.push(Sample { offset: end, size, time, shown: true });
+                    end = end.saturating_add(u64::from(size));
+                    decoded = decoded.saturating_add(i64::from(delta));
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Hides what the edit list leaves out; all of it shown where nothing would be left.
+fn edit(samples: &mut [Sample], elst: &[u8], scale: u32, movie_scale: u32) -> Decoded<()> {
+    let long = elst.first() == Some(&1);
+    let wide = |high: u32, low: u32| (u64::from(high) << 32 | u64::from(low)) as i64;
+    let edits: Vec<(i64, i64)> = if long {
+        rows::<5>(elst).map(|[a, b, c, d, _]| (wide(a, b), wide(c, d))).collect()
+    } else {
+        rows::<3>(elst).map(|[a, b, _]| (i64::from(a), i64::from(b as i32))).collect()
+    };
+    let mut kept = edits.iter().filter(|(_, start)| *start >= 0);
+    let Some(&(duration, start)) = kept.next() else { return Ok(()) };
+    if kept.next().is_some() {
+        return Err(DecodeError::Unsupported("an edit list of several parts".into()));
+    }
+    let (scale, movie_scale) = (i128::from(scale), i128::from(movie_scale));
+    let duration = (i128::from(duration) * scale + movie_scale / 2) / movie_scale;
+    let inside = |sample: &Sample| {
+        let after = i128::from(sample.time) - i128::from(start);
+        after >= 0 && (duration <= 0 || after < duration)
+    };
+    if samples.iter().any(inside) {
+        samples.iter_mut().for_each(|sample| sample.shown = inside(sample));
+    }
+    Ok(())
+}
+
+/// Fills `bytes` from byte `at` of the file.
+pub(super) fn read_at(file: &mut (impl Read + Seek), at: u64, bytes: &mut [u8]) -> Decoded<()> {
+    file.seek(SeekFrom::Start(at))
+        .and_then(|_| file.read_exact(bytes))
+        .map_err(|error| DecodeError::damaged(format!("cannot read {} bytes at byte {at}: {error}", bytes.len())))
+}
+
+fn lacks(name: &str) -> DecodeError {
+    DecodeError::damaged(format!("its index lacks a good box {name:?}"))
+}
+
+/// Big-endian numbers from the front of some bytes.
+struct Cursor<'a>(&'a [u8]);
+
+impl Cursor<'_> {
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (front, rest) = self.0.split_first_chunk()?;
+        self.0 = rest;
+        Some(*front)
+    }
+    fn u16(&mut self) -> Option<u16> {
+        self.take().map(u16::from_be_bytes)
+    }
+    fn u32(&mut self) -> Option<u32> {
+        self.take().map(u32::from_be_bytes)
+    }
+    fn u64(&mut self) -> Option<u64> {
+        self.take().map(u64::from_be_bytes)
+    }
+}
+
+/// The boxes inside a box, until one does not fit.
+fn boxes(mut body: &[u8]) -> impl Iterator<Item = ([u8; 4], &[u8])> {
+    std::iter::from_fn(move || {
+        let mut c = Cursor(body);
+        let (short, name) = (c.u32()?, c.take()?);
+        let size = match short {
+            0 => body.len(),
+            1 => usize::try_from(c.u64()?).ok()?,
+            size => size as usize,
+        };
+        let head = body.len() - c.0.len();
+        let inner = body.get(head..size)?;
+        body = &body[size..];
+        Some((name, inner))
+    })
+}
+
+fn child<'a>(body: &'a [u8], name: &[u8; 4]) -> Option<&'a [u8]> {
+    boxes(body).find(|(found, _)| found == name).map(|(_, inner)| inner).filter(|inner| !inner.is_empty())
+}
+
+fn path<'a>(body: &'a [u8], names: &[&[u8; 4]]) -> Option<&'a [u8]> {
+    names.iter().try_fold(body, |body, name| child(body, name))
+}
+
+/// Flags, and what comes after them.
+fn full(body: &[u8]) -> Option<(u32, Cursor<'_>)> {
+    let mut c = Cursor(body);
+    Some((c.u32()? & 0xff_ffff, c))
+}
+
+/// The rows of a table with a counted head: version and flags, count, rows of `N` numbers.
+fn rows<const N: usize>(table: &[u8]) -> impl Iterator<Item = [u32; N]> {
+    let count = table.get(4..).and_then(|rest| Cursor(rest).u32()).unwrap_or(0);
+    rows_at(table, 8).take(count as usize)
+}
+
+fn rows_at<const N: usize>(table: &[u8], start: usize) -> impl Iterator<Item = [u32; N]> {
+    let mut c = Cursor(table.get(start..).unwrap_or_default());
+    std::iter::from_fn(move || {
+        let mut row = [0; N];
+        for value in &mut row {
+            *value = c.u32()?;
+        }
+        Some(row)
+    })
+}
+
+fn repeat(value: u32, n: u32) -> impl Iterator<Item = u32> {
+    std::iter::repeat_n(value, n as usize)
+}

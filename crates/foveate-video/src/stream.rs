@@ -1,0 +1,177 @@
+//! The frames of an MP4 file: decoded in the order of the file, handed out in the order of presentation.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+
+use crate::decoded::{DecodeError, Decoded, Picture};
+use crate::h264::{Decoder, Setup};
+use crate::mp4;
+use crate::mp4::Movie;
+use crate::yuv::{Colour, Yuv};
+use foveate_core::scene::Image;
+
+/// How many pictures may wait for one that is shown before them; H.264 allows 16.
+const MAX_WAITING: usize = 32;
+
+/// An MP4 file in mid-stream.
+pub(super) struct Mp4 {
+    file: File,
+    len: u64,
+    movie: Movie,
+    setup: Setup,
+    decoder: Decoder,
+    /// Samples in the order of presentation, and the place of each sample in it, where it is shown.
+    order: Vec<u32>,
+    rank: Vec<Option<u32>>,
+    /// How many places of the order are done, and how many samples are decoded.
+    out: usize,
+    fed: usize,
+    waiting: BTreeMap<u32, Yuv>,
+    bytes: Vec<u8>,
+    /// The first sample needs others that are not there (an open group of pictures).
+    open: bool,
+}
+
+impl Mp4 {
+    pub fn new(mut file: File, len: u64) -> Decoded<Self> {
+        let movie = mp4::read(&mut file, len)?;
+        let setup = Setup::read(&movie.avcc)?;
+        let decoder = match Decoder::fast(&setup) {
+            Err(DecodeError::Unsupported(_)) => Decoder::wide(&setup)?,
+            decoder => decoder?,
+        };
+        let (order, rank, bytes) = (Vec::new(), Vec::new(), Vec::new());
+        let (waiting, open) = (BTreeMap::new(), false);
+        let mut mp4 = Self { file, len, movie, setup, decoder, order, rank, out: 0, fed: 0, waiting, bytes, open };
+        // A first frame that cannot be read is an error when it is decoded.
+        mp4.open = mp4.load(0).is_ok() && mp4.setup.starts_anew(&mp4.bytes).is_ok_and(|anew| !anew);
+        let shown = |&i: &u32| mp4.movie.samples[i as usize].shown && !mp4.lost(i as usize);
+        mp4.order = (0..mp4.movie.samples.len() as u32).filter(shown).collect();
+        mp4.order.sort_by_key(|&i| mp4.movie.samples[i as usize].time);
+        mp4.rank = vec![None; mp4.movie.samples.len()];
+        (0..).zip(&mp4.order).for_each(|(place, &i)| mp4.rank[i as usize] = Some(place));
+        Ok(mp4)
+    }
+
+    /// FrameEvidence before the first frame of an open group, a frame refers to others that were cut away.
+    fn lost(&self, sample: usize) -> bool {
+        self.open && self.movie.samples[sample].time < self.movie.samples[0].time
+    }
+
+    /// Starts again with the decoder that knows more, up to the frames that are out. False where it is that one.
+    pub fn widen(&mut self) -> bool {
+        let wide = match self.decoder {
+            Decoder::Rusty(_) => Decoder::wide(&self.setup).ok(),
+            Decoder::Rust(_) => None,
+        };
+        wide.is_some_and(|wide| {
+            (self.decoder, self.fed) = (wide, 0);
+            self.waiting.clear();
+            true
+        })
+    }
+
+    /// Seconds from the first frame shown.
+    fn time(&self, sample: u32) -> f64 {
+        let time = |i: u32| i128::from(self.movie.samples[i as usize].time);
+        (time(sample) - time(self.order[0])) as f64 / f64::from(self.movie.timescale)
+    }
+
+    /// How many frames are to be shown.
+    pub fn frames(&self) -> usize {
+        self.order.len()
+    }
+
+    /// The decoder, for people.
+    pub fn decoder(&self) -> &'static str {
+        self.decoder.name()
+    }
+
+    /// Mean frames a second; 30 where the times do not tell.
+    pub fn rate(&self) -> f64 {
+        let last = self.order.last().map_or(0.0, |&last| self.time(last));
+        if last > 0.0 { (self.order.len() - 1) as f64 / last } else { 30.0 }
+    }
+
+    pub fn picture(&mut self) -> Option<Decoded<Picture>> {
+        let (yuv, time) = match self.yuv()? {
+            Ok(next) => next,
+            Err(trouble) => return Some(Err(trouble)),
+        };
+        let sps = self.setup.sps.unwrap_or_default();
+        let (matrix, full) = match (sps.matrix, self.movie.colour) {
+            (None | Some(2), Some((matrix, full))) => (Some(matrix), full || sps.full_range),
+            (matrix, _) => (matrix, sps.full_range),
+        };
+        let image = yuv.to_rgb(Colour::new(matrix, full, yuv.width, yuv.height));
+        Some(Ok((turned(image, self.movie.turns), time)))
+    }
+
+    /// The next picture as it was coded.
+    pub fn yuv(&mut self) -> Option<Decoded<(Yuv, f64)>> {
+        while let Some(&sample) = self.order.get(self.out) {
+            while self.fed <= sample as usize {
+                if let Err(trouble) = self.decode_one() {
+                    return Some(Err(trouble));
+                }
+            }
+            let picture = self.waiting.remove(&(self.out as u32));
+            self.out += 1;
+            if let Some(picture) = picture {
+                return Some(Ok((picture, self.time(sample))));
+            }
+        }
+        self.movie.cut.take().map(|cut| Err(DecodeError::damaged(format!("the video breaks off: {cut}"))))
+    }
+
+    fn load(&mut self, sample: usize) -> Decoded<()> {
+        let sample = self.movie.samples[sample];
+        let (end, len) = (sample.offset.saturating_add(u64::from(sample.size)), self.len);
+        if end > len {
+            return Err(DecodeError::damaged(format!(
+                "the file ends at byte {len}, the coded frame should reach to byte {end}"
+            )));
+        }
+        self.bytes.resize(sample.size as usize, 0);
+        mp4::read_at(&mut self.file, sample.offset, &mut self.bytes)
+    }
+
+    fn decode_one(&mut self) -> Decoded<()> {
+        self.load(self.fed)?;
+        if !self.lost(self.fed)
+            && let Some(picture) = self.decoder.decode(&self.setup, &self.bytes)?
+            && let Some(place) = self.rank[self.fed].filter(|&place| place as usize >= self.out)
+        {
+            self.waiting.insert(place, picture);
+        }
+        self.fed += 1;
+        if self.waiting.len() > MAX_WAITING {
+            return Err(DecodeError::damaged("the times of the frames are out of order beyond what H.264 allows"));
+        }
+        Ok(())
+    }
+}
+
+/// The image turned clockwise by quarter turns.
+fn turned(image: Image, turns: u8) -> Image {
+    if turns == 0 {
+        return image;
+    }
+    let (w, h) = (image.width(), image.height());
+    let (width, height) = if turns % 2 == 1 { (h, w) } else { (w, h) };
+    let mut data = Vec::with_capacity(image.bytes().len());
+    for p in 0..image.planes() {
+        let plane = image.plane(p);
+        for y in 0..height {
+            data.extend((0..width).map(|x| match turns {
+                1 => plane[(h - 1 - x) * w + y],
+                2 => plane[(h - 1 - y) * w + (w - 1 - x)],
+                _ => plane[x * w + (w - 1 - y)],
+            }));
+        }
+    }
+    Image::new(width, height, image.planes(), data).expect("as many pixels as before")
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,338 @@
+//! Video against second opinions: stored checksums, the program ffmpeg where there is one, re_mp4, and damage.
+
+use crate::ffmpeg::Ffmpeg;
+use crate::stream::*;
+use crate::{Frame, SourceInfo, VideoFile};
+use md5::{Digest, Md5};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn data() -> Option<std::path::PathBuf> {
+    let root = std::env::var_os("FOVEATE_DATA").map(Into::into);
+    let root = root.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data"));
+    let clips = root.join("clips");
+    clips.is_dir().then_some(clips)
+}
+
+fn open(path: &Path) -> Mp4 {
+    let file = File::open(path).expect("a file");
+    let len = file.metadata().expect("a file").len();
+    Mp4::new(file, len).expect("an MP4")
+}
+
+fn md5(yuv: Yuv) -> String {
+    let mut md5 = Md5::new();
+    [yuv.y, yuv.u, yuv.v].iter().for_each(|plane| md5.update(plane));
+    md5.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// Every frame of the three clips is the frame that a reference decoder gave, in its order.
+#[test]
+fn clips_decode_exactly() {
+    let Some(clips) = data() else { return println!("skipped: no data") };
+    for name in ["car-detection", "bottle-detection", "hockey"] {
+        let sums = std::fs::read_to_string(clips.join(name).with_extension("framemd5")).expect("checksums");
+        let sums: Vec<&str> = sums.lines().filter(|line| !line.starts_with('#')).collect();
+        let mut mp4 = open(&clips.join(name).with_extension("mp4"));
+        assert_eq!(mp4.frames(), sums.len(), "{name}");
+        let start = std::time::Instant::now();
+        let mut times = Vec::new();
+        for (i, sum) in sums.iter().enumerate() {
+            let (yuv, time) = mp4.yuv().expect("a frame").expect("a good frame");
+            assert_eq!(sum.rsplit(", ").next(), Some(md5(yuv).as_str()), "{name}, frame {}", i + 1);
+            times.push(time);
+        }
+        assert!(mp4.yuv().is_none());
+        assert!(times[0] == 0.0 && times.is_sorted(), "{name}: times rise from 0");
+        println!("{name}: {} frames a second", (times.len() as f64 / start.elapsed().as_secs_f64()).round());
+    }
+}
+
+/// A second reader of MP4 finds the same bytes and times, plain and in fragments.
+#[test]
+fn the_index_is_what_re_mp4_reads() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let fragments = "-c:v libx264 -g 8 -bf 2 -pix_fmt yuv420p -movflags frag_keyframe+empty_moov+default_base_moof";
+    let mut files: Vec<PathBuf> = made(dir.path(), "fragments.mp4", fragments).into_iter().collect();
+    for name in ["car-detection", "bottle-detection", "hockey"] {
+        files.extend(data().map(|clips| clips.join(name).with_extension("mp4")));
+    }
+    for path in files {
+        let ours = open(&path).movie;
+        let (theirs, _) = re_mp4::Mp4::read_file(&path).expect("an MP4");
+        let video = |track: &&re_mp4::Track| track.kind == Some(re_mp4::TrackKind::Video);
+        let theirs = theirs.tracks().values().find(video).expect("a video track");
+        assert_eq!((ours.samples.len(), u64::from(ours.timescale)), (theirs.samples.len(), theirs.timescale));
+        let origin = ours.samples.iter().map(|sample| sample.time).min().expect("samples");
+        let first = theirs.samples.iter().map(|sample| sample.composition_timestamp).min().expect("samples");
+        for (a, b) in ours.samples.iter().zip(&theirs.samples) {
+            assert_eq!((a.offset, u64::from(a.size)), (b.offset, b.size));
+            assert_eq!(a.time - origin, b.composition_timestamp - first);
+        }
+    }
+}
+
+/// What ffmpeg makes of a moving test picture of 24 frames, 25 a second; `None` without ffmpeg or the codec.
+fn made(dir: &Path, name: &str, options: &str) -> Option<PathBuf> {
+    let path = dir.join(name);
+    let source = "testsrc2=size=100x84:rate=25:duration=0.96";
+    let run = Command::new("ffmpeg")
+        .args(["-v", "error", "-y", "-f", "lavfi", "-i", source])
+        .args(options.split_whitespace())
+        .arg(&path)
+        .output();
+    run.is_ok_and(|run| run.status.success()).then_some(path)
+}
+
+/// MD5 of each frame as ffmpeg decodes it.
+fn sums(path: &Path) -> Vec<String> {
+    let run = Command::new("ffmpeg")
+        .args(["-v", "error", "-noautorotate", "-i"])
+        .arg(path)
+        .args(["-map", "0:v:0", "-fps_mode", "passthrough", "-f", "framemd5", "-"])
+        .output()
+        .expect("it ran before");
+    let text = String::from_utf8(run.stdout).expect("text");
+    text.lines()
+        .filter(|line| !line.starts_with('#'))
+        .map(|line| line.rsplit(", ").next().expect("columns").into())
+        .collect()
+}
+
+#[test]
+fn h264_of_every_kind_is_what_ffmpeg_decodes() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let kinds = [
+        ("baseline.mp4", "-c:v libx264 -profile:v baseline -pix_fmt yuv420p"),
+        ("reordered.mp4", "-c:v libx264 -pix_fmt yuv420p -bf 3 -x264-params b-pyramid=normal:keyint=10"),
+        ("slices.mp4", "-c:v libx264 -pix_fmt yuv420p -x264-params slices=4:weightp=2"),
+        ("fragments.mp4", "-c:v libx264 -pix_fmt yuv420p -g 8 -bf 2 -movflags frag_keyframe+empty_moov"),
+        ("base-moof.mp4", "-c:v libx264 -pix_fmt yuv420p -g 8 -movflags frag_keyframe+empty_moov+default_base_moof"),
+        ("faststart.mov", "-c:v libx264 -pix_fmt yuv420p -movflags +faststart"),
+        ("interlaced.mp4", "-c:v libx264 -pix_fmt yuv420p -flags +ilme+ildct -x264-params interlaced=1"),
+        ("fake-interlaced.mp4", "-c:v libx264 -pix_fmt yuv420p -x264-params fake-interlaced=1"),
+        ("4-2-2.mp4", "-c:v libx264 -pix_fmt yuv422p"),
+        ("open.mp4", "-c:v libx264 -pix_fmt yuv420p -bf 3 -x264-params open-gop=1:keyint=8:min-keyint=8"),
+        ("full-range.mp4", "-c:v libx264 -pix_fmt yuvj420p"),
+        ("negative.mp4", "-c:v libx264 -pix_fmt yuv420p -bf 2 -movflags negative_cts_offsets"),
+    ];
+    for (name, options) in kinds {
+        let Some(path) = made(dir.path(), name, options) else {
+            println!("skipped: {name}, no ffmpeg with libx264");
+            continue;
+        };
+        let sums = sums(&path);
+        let mut mp4 = open(&path);
+        let mut found = Vec::new();
+        loop {
+            match mp4.yuv() {
+                Some(Ok((yuv, time))) => {
+                    assert!((time - found.len() as f64 / 25.0).abs() < 1e-3, "{name}: {time} s");
+                    found.push(md5(yuv));
+                }
+                Some(Err(DecodeError::Unsupported(why))) => {
+                    println!("{name}: handed over: {why}");
+                    assert!(mp4.widen(), "{name}: {why}");
+                }
+                Some(Err(DecodeError::Damaged(why))) => panic!("{name}: {why}"),
+                None => break,
+            }
+        }
+        assert_eq!(found, sums, "{name}");
+    }
+}
+
+/// Brightness of the red, green and blue planes at the corners and the middle, averaged over 9 x 9 pixels.
+fn look(image: &Image) -> Vec<i32> {
+    let (w, h) = (image.width() - 10, image.height() - 10);
+    let mean = |p: usize, x: usize, y: usize| {
+        let sum: i32 = (0..81).map(|i| i32::from(image.at(p, x + i % 9, y + i / 9))).sum();
+        sum / 81
+    };
+    let places = [(0, 0), (w, 0), (0, h), (w, h), (w / 2, h / 2)];
+    places.iter().flat_map(|&(x, y)| (0..3).map(move |p| mean(p, x, y))).collect()
+}
+
+/// Every kind of file gives the frames and times of the same picture, by whichever reader.
+#[test]
+fn every_kind_of_video_is_read_alike() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let Some(plain) = made(dir.path(), "plain.mp4", "-c:v libx264 -qp 8 -pix_fmt yuv420p") else {
+        return println!("skipped: no ffmpeg with libx264");
+    };
+    let read = |path: &Path| -> (SourceInfo, Vec<Frame>) {
+        let video = crate::open(path).expect("a video");
+        (video.info().clone(), video.map(|frame| frame.expect("a good frame")).collect())
+    };
+    let (_, wanted) = read(&plain);
+    let kinds = [
+        ("wide.mp4", "rust_h264", "-c:v libx264 -pix_fmt yuv420p10"),
+        ("full.mp4", "rusty_h264", "-c:v libx264 -qp 8 -pix_fmt yuvj420p"),
+        (
+            "bt709.mp4",
+            "rusty_h264",
+            "-vf scale=out_color_matrix=bt709 -colorspace bt709 -c:v libx264 -qp 8 -pix_fmt yuv420p",
+        ),
+        ("lossless.mp4", "ffmpeg", "-c:v libx264 -qp 0 -pix_fmt yuv420p"),
+        ("4-4-4.mp4", "ffmpeg", "-c:v libx264 -qp 8 -pix_fmt yuv444p"),
+        ("hevc.mp4", "ffmpeg", "-c:v libx265 -x265-params log-level=none -crf 8"),
+        ("vp9.webm", "ffmpeg", "-c:v libvpx-vp9 -crf 8 -cpu-used 5 -pix_fmt yuv420p"),
+        ("mjpeg.avi", "ffmpeg", "-c:v mjpeg -q:v 2"),
+        ("mpeg4.mkv", "ffmpeg", "-c:v mpeg4 -q:v 2"),
+        ("raw.h264", "ffmpeg", "-c:v libx264 -qp 8 -pix_fmt yuv420p"),
+    ];
+    for (name, reader, options) in kinds {
+        let Some(path) = made(dir.path(), name, options) else {
+            println!("skipped: {name}, ffmpeg cannot write it");
+            continue;
+        };
+        let (info, frames) = read(&path);
+        assert!(info.reader.contains(reader), "{name} was read by {}", info.reader);
+        assert_eq!((info.width, info.height, frames.len()), (100, 84, 24), "{name}");
+        assert!((info.rate - 25.0).abs() < 0.01, "{name}: {} frames a second", info.rate);
+        assert!(info.frames.is_none_or(|n| n == 24), "{name}: {:?} frames", info.frames);
+        for (i, (frame, wanted)) in frames.iter().zip(&wanted).enumerate() {
+            assert_eq!(frame.index, i);
+            assert!((frame.time - i as f64 / 25.0).abs() < 2e-3, "{name}, frame {i}: {} s", frame.time);
+            let (a, b) = (look(&frame.image), look(&wanted.image));
+            assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 12), "{name}, frame {i}: {a:?}, expected {b:?}");
+        }
+    }
+}
+
+/// What edits, cuts and turns leave to be shown is what ffmpeg shows of the same file.
+#[test]
+fn edits_cuts_and_turns_are_followed() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let kinds = [
+        ("open.mp4", "-c:v libx264 -pix_fmt yuv420p -bf 3 -x264-params open-gop=1:keyint=8:min-keyint=8"),
+        ("uneven.mp4", "-vf select=not(eq(mod(n\\,3)\\,1)) -fps_mode vfr -c:v libx264 -pix_fmt yuv420p"),
+        ("cut.mp4", "-ss 0.4 -i IN/open.mp4 -map 1 -c copy"),
+        ("cut-without-edits.mp4", "-ss 0.4 -i IN/open.mp4 -map 1 -c copy -copyinkf -use_editlist 0"),
+        ("end.mp4", "-i IN/open.mp4 -map 1 -ss 0.2 -t 0.4 -c copy"),
+        ("turned.mp4", "-i IN/open.mp4 -map 1 -c copy -metadata:s:v rotate=90"),
+        ("back.mp4", "-i IN/open.mp4 -map 1 -c copy -metadata:s:v rotate=270"),
+        ("over.mp4", "-i IN/open.mp4 -map 1 -c copy -metadata:s:v rotate=180"),
+    ];
+    for (name, options) in kinds {
+        let options = options.replace("IN", &dir.path().to_string_lossy());
+        let Some(path) = made(dir.path(), name, &options) else {
+            println!("skipped: {name}, ffmpeg cannot write it");
+            continue;
+        };
+        let mut other = Ffmpeg::open(Path::new("ffmpeg"), &path, 0).expect("ffmpeg runs");
+        let mut ours = crate::open(&path).expect("a video");
+        assert!(ours.info().reader.contains("rusty"), "{name}");
+        for i in 0.. {
+            let (Some(frame), Some(picture)) = (ours.next(), other.picture()) else {
+                assert!(
+                    ours.next().is_none() && other.picture().is_none() && i > 5,
+                    "{name}: both end after {i} frames"
+                );
+                break;
+            };
+            let (frame, (image, time)) = (frame.expect("a good frame"), picture.expect("a good frame"));
+            assert!((frame.time - time).abs() < 1e-3, "{name}, frame {i}: {} s, ffmpeg {time} s", frame.time);
+            let (a, b) = (look(&frame.image), look(&image));
+            assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 12), "{name}, frame {i}: {a:?}, expected {b:?}");
+        }
+    }
+}
+
+/// Draws from 0 to n, seeded.
+fn draws(seed: u64) -> impl FnMut(usize) -> usize {
+    let mut x = seed;
+    move |n| {
+        x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (x >> 33) as usize % n.max(1)
+    }
+}
+
+/// Reads what can be read of damaged bytes: good frames, one error at most, the end. At most 40 frames.
+fn survive(path: &Path, bytes: &[u8]) -> bool {
+    std::fs::write(path, bytes).expect("a writable folder");
+    let Ok(mut video) = VideoFile::open_with(path, std::ffi::OsStr::new("no-such-ffmpeg")) else { return false };
+    for _ in 0..40 {
+        match video.next() {
+            Some(Ok(_)) => {}
+            Some(Err(error)) => {
+                assert!(error.to_string().contains("frame"), "{error}");
+                assert!(video.next().is_none(), "the end comes after an error");
+                return false;
+            }
+            None => break,
+        }
+    }
+    true
+}
+
+/// 600 damaged files made of a small video, seed 11: half with flipped bits, half cut off or overwritten in part.
+/// Where ffmpeg is there, 200 of each of three other kinds, for the second decoder too.
+#[test]
+fn damaged_videos_do_not_panic() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = dir.path().join("a.mp4");
+    let mut writer = crate::Mp4Writer::create(&path, 48, 32, 25.0).expect("a writable folder");
+    for t in 0..12 {
+        let data = (0..48 * 32).map(|i| ((i % 48) * 5 + i / 48 * 3 + t * 9) as u8).collect();
+        writer.push(&Image::new(48, 32, 1, data).expect("sizes agree")).expect("a frame of the right size");
+    }
+    writer.finish().expect("written");
+    let small = "-vf scale=48:32 -frames:v 12 -g 6 -c:v libx264";
+    let others = [
+        ("interlaced.mp4", "-flags +ilme+ildct -pix_fmt yuv420p"),
+        ("reordered.mp4", "-bf 3 -pix_fmt yuv420p -movflags frag_keyframe+empty_moov"),
+        ("deep.mp4", "-pix_fmt yuv422p10"),
+    ];
+    let others = others.iter().filter_map(|(name, options)| made(dir.path(), name, &format!("{small} {options}")));
+    let mut draw = draws(11);
+    for (source, n) in std::iter::once((path, 600)).chain(others.map(|path| (path, 200))) {
+        let good = std::fs::read(&source).expect("just written");
+        let path = dir.path().join("damaged.mp4");
+        assert!(survive(&path, &good));
+        let mut whole = 0;
+        for i in 0..n {
+            let mut bytes = good.clone();
+            match i % 4 {
+                0 | 1 => (0..1 + draw(6)).for_each(|_| {
+                    let at = draw(bytes.len());
+                    bytes[at] ^= 1 << draw(8);
+                }),
+                2 => bytes.truncate(draw(good.len())),
+                _ => {
+                    let (at, n) = (draw(good.len()), 1 + draw(8));
+                    let value = [0, 0xff, 0x7f, 1][draw(4)];
+                    bytes.iter_mut().skip(at).take(n).for_each(|byte| *byte = value);
+                }
+            }
+            whole += usize::from(survive(&path, &bytes));
+        }
+        println!("{whole} of {n} damaged copies of {} were read to their end", source.display());
+    }
+}
+
+/// 120 damaged clips, seed 12: bits flipped in the index or in the first coded frames, or the end cut off.
+#[test]
+fn damaged_clips_do_not_panic() {
+    let Some(clips) = data() else { return println!("skipped: no data") };
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = dir.path().join("a.mp4");
+    let mut draw = draws(12);
+    for name in ["car-detection", "bottle-detection", "hockey"] {
+        let good = std::fs::read(clips.join(name).with_extension("mp4")).expect("a clip");
+        let index = good.windows(4).position(|name| name == b"moov").expect("an index");
+        let first = open(&clips.join(name).with_extension("mp4")).movie.samples[0].offset as usize;
+        for i in 0..40 {
+            let mut bytes = good.clone();
+            let (start, n) = if i % 2 == 0 { (index, 4000) } else { (first, 60_000) };
+            for _ in 0..1 + draw(4) {
+                let at = (start + draw(n)).min(bytes.len() - 1);
+                bytes[at] ^= 1 << draw(8);
+            }
+            if i % 8 == 7 {
+                bytes.truncate(draw(good.len()));
+            }
+            survive(&path, &bytes);
+        }
+    }
+}

@@ -1,0 +1,214 @@
+//! Colour as video codes it: luma and two coarser chroma planes, to red, green, blue and back.
+//!
+//! Matrix and range are those the stream states. Where it states none, the usual guess of players:
+//! BT.709 from 1280 wide or above 576 high, else BT.601, and limited range (16 to 235).
+//! Chroma is repeated, not interpolated; colours next to sharp edges differ a little from other programs.
+
+use foveate_core::scene::Image;
+
+/// One decoded picture: 8 bits a sample, chroma of half or full size in either direction.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Yuv {
+    pub width: usize,
+    pub height: usize,
+    /// Width and height of `u` and `v`: those of the picture, or half of them, rounded up.
+    pub chroma: (usize, usize),
+    pub y: Vec<u8>,
+    pub u: Vec<u8>,
+    pub v: Vec<u8>,
+}
+
+/// How samples stand for colours.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Colour {
+    /// The weights of red and blue in luma.
+    kr: f64,
+    kb: f64,
+    full_range: bool,
+}
+
+impl Colour {
+    /// From H.264's matrix coefficients (table E-5), and the size where they are missing or unspecified.
+    pub fn new(matrix: Option<u16>, full_range: bool, width: usize, height: usize) -> Self {
+        let (kr, kb) = match matrix {
+            Some(1) => (0.2126, 0.0722),
+            Some(5 | 6) => (0.299, 0.114),
+            Some(7) => (0.212, 0.087),
+            Some(9 | 10) => (0.2627, 0.0593),
+            _ if width >= 1280 || height > 576 => (0.2126, 0.0722),
+            _ => (0.299, 0.114),
+        };
+        Self { kr, kb, full_range }
+    }
+
+    /// Whether this is BT.709, for the mark in a file written.
+    pub fn is_bt709(&self) -> bool {
+        self.kr == 0.2126
+    }
+
+    /// Luma offset, and what a step of luma and of chroma is worth, of 255 steps.
+    fn steps(&self) -> (f64, f64, f64) {
+        if self.full_range { (0.0, 1.0, 1.0) } else { (16.0, 255.0 / 219.0, 255.0 / 224.0) }
+    }
+}
+
+impl Yuv {
+    /// Whether the planes have the lengths their sizes say.
+    pub fn is_valid(&self) -> bool {
+        let n = self.chroma.0 * self.chroma.1;
+        let side = |full: usize, part: usize| part == full || part == full.div_ceil(2);
+        self.y.len() == self.width * self.height
+            && (self.u.len(), self.v.len()) == (n, n)
+            && side(self.width, self.chroma.0)
+            && side(self.height, self.chroma.1)
+            && !self.y.is_empty()
+    }
+
+    /// Red, green and blue planes. Panics if the picture is not valid.
+    pub fn to_rgb(&self, colour: Colour) -> Image {
+        assert!(self.is_valid(), "the planes of a decoded picture have the sizes it states");
+        let (black, luma, chroma) = colour.steps();
+        let (kr, kb) = (colour.kr, colour.kb);
+        let kg = 1.0 - kr - kb;
+        let fixed = |x: f64| (x * 65536.0).round() as i32;
+        let gain = fixed(luma);
+        let offset = 32768 - fixed(luma * black);
+        let (rv, bu) = (fixed(2.0 * (1.0 - kr) * chroma), fixed(2.0 * (1.0 - kb) * chroma));
+        let (gu, gv) = (fixed(2.0 * (1.0 - kb) * kb / kg * chroma), fixed(2.0 * (1.0 - kr) * kr / kg * chroma));
+        let (width, n) = (self.width, self.width * self.height);
+        let (across, down) =
+            (if self.chroma.0 == width { 1 } else { 2 }, if self.chroma.1 == self.height { 1 } else { 2 });
+        let mut data = vec![0; 3 * n];
+        let (red, rest) = data.split_at_mut(n);
+        let (green, blue) = rest.split_at_mut(n);
+        let rows = red.chunks_exact_mut(width).zip(green.chunks_exact_mut(width)).zip(blue.chunks_exact_mut(width));
+        for (row, ((red, green), blue)) in rows.enumerate() {
+            let y = &self.y[row * width..][..width];
+            let u = &self.u[row / down * self.chroma.0..][..self.chroma.0];
+            let v = &self.v[row / down * self.chroma.0..][..self.chroma.0];
+            let cells = red.chunks_mut(across).zip(green.chunks_mut(across)).zip(blue.chunks_mut(across));
+            for ((((red, green), blue), y), (&u, &v)) in cells.zip(y.chunks(across)).zip(u.iter().zip(v)) {
+                let (u, v) = (i32::from(u) - 128, i32::from(v) - 128);
+                let (r, g, b) = (offset + rv * v, offset - gu * u - gv * v, offset + bu * u);
+                for (((red, green), blue), &y) in red.iter_mut().zip(green).zip(blue).zip(y) {
+                    let y = gain * i32::from(y);
+                    *red = ((y + r) >> 16).clamp(0, 255) as u8;
+                    *green = ((y + g) >> 16).clamp(0, 255) as u8;
+                    *blue = ((y + b) >> 16).clamp(0, 255) as u8;
+                }
+            }
+        }
+        Image::new(width, self.height, 3, data).expect("three planes of the size of luma")
+    }
+
+    /// A picture of even sides (the last column and row are repeated where the image's are odd), half-size
+    /// chroma, limited range; grey images have neutral chroma.
+    pub fn from_image(image: &Image, colour: Colour) -> Self {
+        let (black, luma, chroma) = colour.steps();
+        let (kr, kb) = (colour.kr, colour.kb);
+        let fixed = |x: f64| (x * 65536.0).round() as i32;
+        let (wr, wb) = (fixed(kr / luma), fixed(kb / luma));
+        let wg = fixed(1.0 / luma) - wr - wb;
+        let (du, dv) = (0.5 / (1.0 - kb) / chroma, 0.5 / (1.0 - kr) / chroma);
+        let (ur, ub) = (fixed(-kr * du), fixed((1.0 - kb) * du));
+        let (vr, vb) = (fixed((1.0 - kr) * dv), fixed(-kb * dv));
+        let (ug, vg) = (-ur - ub, -vr - vb);
+        let black = fixed(black) + 32768;
+        let (width, height) = (image.width().next_multiple_of(2), image.height().next_multiple_of(2));
+        let (cw, ch) = (width / 2, height / 2);
+        let mut out = Self {
+            width,
+            height,
+            chroma: (cw, ch),
+            y: vec![0; width * height],
+            u: vec![128; cw * ch],
+            v: vec![128; cw * ch],
+        };
+        let last = image.planes() - 1;
+        let planes = [image.plane(0), image.plane(last.min(1)), image.plane(last)];
+        let row = |plane: usize, y: usize| &planes[plane][y.min(image.height() - 1) * image.width()..][..image.width()];
+        for (y, line) in out.y.chunks_exact_mut(width).enumerate() {
+            let pixels = row(0, y).iter().zip(row(1, y)).zip(row(2, y));
+            for (out, ((&r, &g), &b)) in line.iter_mut().zip(pixels) {
+                *out = ((black + wr * i32::from(r) + wg * i32::from(g) + wb * i32::from(b)) >> 16) as u8;
+            }
+            line[width - 1] = line[image.width() - 1];
+        }
+        if image.planes() == 1 {
+            return out;
+        }
+        let middle = (128 << 18) + (1 << 17);
+        for (y, (u, v)) in out.u.chunks_exact_mut(cw).zip(out.v.chunks_exact_mut(cw)).enumerate() {
+            let [r, g, b] = [0, 1, 2].map(|plane| (row(plane, 2 * y), row(plane, 2 * y + 1)));
+            let sum = |(top, bottom): (&[u8], &[u8]), x: usize| {
+                let right = (2 * x + 1).min(top.len() - 1);
+                i32::from(top[2 * x]) + i32::from(top[right]) + i32::from(bottom[2 * x]) + i32::from(bottom[right])
+            };
+            for (x, (u, v)) in u.iter_mut().zip(v).enumerate() {
+                let (r, g, b) = (sum(r, x), sum(g, x), sum(b, x));
+                *u = ((middle + ur * r + ug * g + ub * b) >> 18) as u8;
+                *v = ((middle + vr * r + vg * g + vb * b) >> 18) as u8;
+            }
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MATRICES: [u16; 4] = [1, 6, 7, 9];
+
+    #[test]
+    fn black_white_and_the_primaries_are_where_the_standard_says() {
+        // BT.601, limited range: ITU-R BT.601-7, section 2.5.4; red is (81, 90, 240), BT.709's is (63, 102, 240).
+        for (matrix, y, u, v) in [(6, 81, 90, 240), (1, 63, 102, 240)] {
+            let red = Yuv { width: 2, height: 2, chroma: (1, 1), y: vec![y; 4], u: vec![u], v: vec![v] };
+            let image = red.to_rgb(Colour::new(Some(matrix), false, 2, 2));
+            assert!(image.at(0, 1, 1) >= 253 && image.at(1, 1, 1) <= 2 && image.at(2, 1, 1) <= 2);
+            let back = Yuv::from_image(&image, Colour::new(Some(matrix), false, 2, 2));
+            assert!(back.y[0].abs_diff(y) <= 1 && back.u[0].abs_diff(u) <= 1 && back.v[0].abs_diff(v) <= 1);
+        }
+        for (full, y, value) in [(false, 16, 0), (false, 235, 255), (true, 0, 0), (true, 255, 255), (false, 255, 255)] {
+            let flat = Yuv { width: 2, height: 2, chroma: (1, 1), y: vec![y; 4], u: vec![128], v: vec![128] };
+            let image = flat.to_rgb(Colour::new(None, full, 2, 2));
+            assert!(image.bytes().iter().all(|&byte| byte == value), "{y} is {value}, not {:?}", image.bytes());
+        }
+    }
+
+    /// Every seventh colour, there and back, for each matrix: within 3 of 255 (8-bit limited range has no more).
+    #[test]
+    fn there_and_back_is_near() {
+        for matrix in MATRICES {
+            let colour = Colour::new(Some(matrix), false, 2, 2);
+            for i in (0..1 << 24).step_by(7 * 1031) {
+                let pixel = [i as u8, (i >> 8) as u8, (i >> 16) as u8];
+                let image = Image::new(2, 2, 3, pixel.iter().flat_map(|&byte| [byte; 4]).collect()).expect("sizes");
+                let back = Yuv::from_image(&image, colour).to_rgb(colour);
+                for (a, b) in image.bytes().iter().zip(back.bytes()) {
+                    assert!(a.abs_diff(*b) <= 3, "{pixel:?} came back as {:?}", back.bytes());
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn odd_sides_are_padded_by_repetition() {
+        let image = Image::new(3, 1, 1, vec![0, 100, 255]).expect("sizes agree");
+        let yuv = Yuv::from_image(&image, Colour::new(None, false, 3, 1));
+        assert_eq!((yuv.width, yuv.height, yuv.chroma), (4, 2, (2, 1)));
+        assert_eq!(yuv.y, [16, 102, 235, 235, 16, 102, 235, 235]);
+        assert!(yuv.is_valid() && yuv.u == [128, 128]);
+    }
+
+    #[test]
+    fn full_size_chroma_and_odd_sides_convert() {
+        let colour = Colour::new(None, true, 3, 3);
+        for chroma in [(3, 3), (2, 3), (2, 2)] {
+            let n = chroma.0 * chroma.1;
+            let yuv = Yuv { width: 3, height: 3, chroma, y: vec![50; 9], u: vec![128; n], v: vec![128; n] };
+            assert!(yuv.to_rgb(colour).bytes().iter().all(|&byte| byte == 50));
+        }
+    }
+}

@@ -1,0 +1,401 @@
+//! The generated parts of docs/configuration.md: the configurations that ship, and every key with its default and range.
+
+use foveate::config::{BUILTIN, Config, EncoderConfig, PolicyConfig};
+use foveate::files::Nowhere;
+use toml::{Table, Value};
+
+use super::sources::{Body, Field, Item, Variant, items, resolve};
+
+/// The least that a configuration must say.
+const LEAST: &str = r#"
+particles = 100
+dynamics = { kind = "autoregressive" }
+retina = { kind = "foveal", side = 16, rings = [[18, 1]] }
+encoder = { kind = "raw" }
+likelihood = { distance = "cosine", sharpness = 1.0 }
+policy = { kind = "fixed" }
+"#;
+
+/// What a section is for and when to change it: the first words of its reference.
+const INTRODUCTIONS: [(&str, &str); 20] = [
+    ("resampling", "The selection step of the particle filter. Change it to compare schemes."),
+    (
+        "dynamics",
+        "The motion model p(xₜ | xₜ₋₁): how far a target may move, grow and turn from one frame to the next. Raise `velocity` and \
+         `position` for targets that jerk. Set `log_scale` or `angle` to 0 where size or angle never changes.",
+    ),
+    ("proposal", "Where particles are drawn from: the motion model alone, or detections for some of them."),
+    (
+        "detection_likelihood",
+        "Lets detections weigh the particles, p(detections | xₜ). For detections that are known to be the target's.",
+    ),
+    (
+        "camera_motion",
+        "Ego-motion compensation: particles move with the estimated motion of the camera before the motion model. For moving cameras.",
+    ),
+    (
+        "detector",
+        "A detector that is built in and runs once a frame. It feeds `[proposal]` and `[detection_likelihood]`, and starts the tracks of \
+         many targets. Detections of your own take its place.",
+    ),
+    ("start", "The spread of the first particles about the given box, p(x₀)."),
+    (
+        "retina",
+        "Which cells about a gaze are read: concentric windows, from fine to coarse. One window is no fovea. An encoder with learned \
+         weights brings the retina that it was trained with.",
+    ),
+    (
+        "encoder",
+        "The features of a glimpse. `oriented` is for real video, `raw` for digits; the others have learned weights.",
+    ),
+    (
+        "likelihood",
+        "p(hₜ | xₜ, aₜ) = exp(−sharpness × distance), between the features that a particle sees and those of the template.",
+    ),
+    ("discriminant", "A ridge regression that learns, while tracking, to tell the target from its surroundings."),
+    (
+        "colour",
+        "A colour model: histograms of the target and of its surroundings, updated while tracking. For targets that deform. It counts \
+         less the more the two look alike.",
+    ),
+    (
+        "distractors",
+        "Local distractor search: places near the target that look like it are found in every frame and learned as not the target. It \
+         needs `[discriminant]`. Lengths are in template units.",
+    ),
+    (
+        "policy",
+        "Where to look: which gazes are scored in a frame, and which of them move the belief. For real video keep `fixed`. The learned \
+         policies are for windows that are small beside the target.",
+    ),
+    ("reward", "What a policy learns from. `fixed`, `random` and `circular` learn nothing."),
+    (
+        "consistency",
+        "The consistency monitor. It compares the evidence of each frame with the likelihoods that were measured in frame 1, on the \
+         target and off it.",
+    ),
+    (
+        "confidence",
+        "The logistic model of P(lost), and the rules of the track status. Fit it with `foveate train confidence` after a change of \
+         likelihood, encoder or dynamics.",
+    ),
+    ("recogniser", "Says which class the target is. It changes no track, unless `alarm` is set."),
+    ("redetection", "Global re-detection of a target that is believed lost. Lengths are in template units."),
+    ("multi_target", "Data association, initiation, termination, re-identification and occlusion of many targets."),
+];
+
+/// A table of the configurations that ship: what each is for, and which policy, retina and encoder run in it. Of `which`,
+/// or of all; with all columns, or the first ones.
+pub fn configurations(which: &[&str], columns: usize) -> String {
+    let head = ["configuration", "for", "policy", "retina", "encoder", "particles", "P(lost)"];
+    let line = |cells: &[&str]| format!("| {} |\n", cells[..columns].join(" | "));
+    let mut out = line(&head) + &line(&["---"; 7]);
+    let all: Vec<&str> = BUILTIN.iter().map(|(name, _)| *name).collect();
+    for name in if which.is_empty() { &all } else { which } {
+        let (_, text) = BUILTIN.iter().find(|(builtin, _)| builtin == name).expect("it ships");
+        let config = Config::parse(text, name).expect("it ships");
+        let (retina, _) = config.identity(&Nowhere).expect("its model ships");
+        let (rings, colour) = (&retina.config().rings, &retina.config().colour);
+        let windows: Vec<String> = rings.iter().map(|[window, cell]| format!("{window}/{cell}")).collect();
+        let s = if rings.len() == 1 { "" } else { "s" };
+        let colours = if colour.is_empty() { "" } else { ", and colour" };
+        let looks = format!("{} ring{s} ({}){colours}", rings.len(), windows.join(", "));
+        let (name, particles) = (format!("`{name}`"), config.particles.to_string());
+        let (policy, encoder, lost) = (policy(&config.policy), encoder(&config.encoder), lost(&config));
+        out += &line(&[&name, &purpose(text), &policy, &looks, encoder, &particles, lost]);
+    }
+    out
+}
+
+/// The first sentence of a configuration's first comment.
+fn purpose(text: &str) -> String {
+    let comment = text.lines().take_while(|l| l.starts_with('#')).map(|l| l.trim_start_matches(['#', ' ']));
+    let comment = comment.collect::<Vec<_>>().join(" ");
+    comment.split(". ").next().expect("one part").trim_end_matches('.').replace('|', "\\|")
+}
+
+fn policy(config: &PolicyConfig) -> String {
+    let gazes = |n: usize| format!("{n} × {n} gazes");
+    match config {
+        PolicyConfig::Fixed { u, v } if (*u, *v) == (0.0, 0.0) => "fixed centre".into(),
+        PolicyConfig::Fixed { .. } => "fixed gaze".into(),
+        PolicyConfig::Random { grid } => format!("random, {}", gazes(grid.n)),
+        PolicyConfig::Circular { grid } => format!("circular, {}", gazes(grid.n)),
+        PolicyConfig::Hedge { grid, .. } => format!("**Hedge**, {}", gazes(grid.n)),
+        PolicyConfig::Pool { grid, .. } => format!("**pool**, {}", gazes(grid.n)),
+        PolicyConfig::GpUcb(_) => "**GP-UCB**, any gaze".into(),
+        PolicyConfig::Anchor { policy: inner } => format!("centre and {}", policy(inner)),
+        _ => "**EXP3**".into(),
+    }
+}
+
+fn encoder(config: &EncoderConfig) -> &'static str {
+    match config {
+        EncoderConfig::Oriented { .. } => "gradients (`oriented`)",
+        EncoderConfig::Raw { standardise: true } => "standardised pixels (`raw`)",
+        EncoderConfig::Raw { .. } => "pixels (`raw`)",
+        EncoderConfig::Rbm { .. } => "RBM (`rbm`)",
+        EncoderConfig::Mcrbm { .. } => "factored RBM (`mcrbm`)",
+        EncoderConfig::Autoencoder { .. } => "autoencoder (`autoencoder`)",
+        EncoderConfig::Kmeans { .. } => "k-means filters (`kmeans`)",
+    }
+}
+
+/// Where the numbers of P(lost) come from.
+fn lost(config: &Config) -> &'static str {
+    let weights = config.confidence.weights;
+    if weights == foveate::control::ConfidenceModel::default().weights {
+        "default, not calibrated"
+    } else if weights[1..].iter().all(|w| *w == 0.0) {
+        "0 or 1: a threshold"
+    } else {
+        "fitted"
+    }
+}
+
+/// Every section and every key.
+pub fn reference(folders: &[&std::path::Path]) -> String {
+    let items = items(folders);
+    let config = resolve(&items, "schema::Config").expect("the struct of configurations");
+    let Body::Struct(fields) = &config.body else { panic!("Config is a struct") };
+    let mut out = String::from("### Top level\n\n");
+    let (plain, sections): (Vec<&Field>, Vec<&Field>) = fields.iter().partition(|f| resolve(&items, &f.kind).is_none());
+    let top = Part { items: &items, path: vec![], given: parse(LEAST) };
+    out += &table(&plain.iter().flat_map(|field| top.rows(field, "")).collect::<Vec<_>>());
+    let written = parse(&Config::parse(LEAST, "least").expect("it is enough").to_toml());
+    for field in sections {
+        let item = resolve(&items, &field.kind).expect("it is a section");
+        let presence = match (field.required, field.optional, written.get(&field.name)) {
+            (true, ..) => "Required.".into(),
+            (_, true, _) => "Optional: without the section this part is off.".into(),
+            (_, _, Some(value)) if item.tagged => format!("Optional: without the section it is `{value}`."),
+            _ => "Optional: without the section the defaults are in force.".into(),
+        };
+        let introduction = INTRODUCTIONS.iter().find(|(name, _)| *name == field.name).map(|(_, text)| *text);
+        let introduction = introduction.map_or_else(|| sentence(&field.docs), str::to_owned);
+        out += &format!("\n### `[{}]`\n\n{introduction} {presence}\n", field.name);
+        out += &section(&items, &field.name, item);
+    }
+    out
+}
+
+fn section(items: &[Item], name: &str, item: &Item) -> String {
+    let given = |part: Table| {
+        let mut whole = parse(LEAST);
+        whole.insert(name.to_owned(), Value::Table(part));
+        whole
+    };
+    match &item.body {
+        Body::Struct(fields) => {
+            let part = Part { items, path: vec![name.into()], given: given(dummies(items, fields)) };
+            format!("\n{}", part.table(fields))
+        }
+        Body::Enum(variants) => {
+            let (mut out, mut told) = (String::new(), vec![]);
+            for variant in variants {
+                let fields = match &variant.holds {
+                    Some(kind) => match &resolve(items, kind).expect("a struct of settings").body {
+                        Body::Struct(fields) => fields,
+                        Body::Enum(_) => panic!("{kind} is an enum within an enum"),
+                    },
+                    None => &variant.fields,
+                };
+                let mut dummy = dummies(items, fields);
+                dummy.insert("kind".into(), Value::String(variant.name.clone()));
+                let part = Part { items, path: vec![name.into()], given: given(dummy) };
+                out += &format!("\n**`kind = \"{}\"`**: {}\n", variant.name, sentence(&variant.docs));
+                if !fields.is_empty() {
+                    let rows: Vec<Row> = fields.iter().flat_map(|field| part.rows(field, "")).collect();
+                    out += &format!("\n{}", table(&rows));
+                }
+                for field in fields.iter().filter(|field| !told.contains(&field.kind)).collect::<Vec<_>>() {
+                    out += &part.words(field);
+                    told.push(field.kind.clone());
+                }
+            }
+            out
+        }
+    }
+}
+
+/// Values for what must be given.
+fn dummies(items: &[Item], fields: &[Field]) -> Table {
+    let value = |field: &Field| match field.kind.as_str() {
+        "String" => Value::String("FILE".into()),
+        "f64" | "f32" | "Schedule" => Value::Float(1.0),
+        "Vec<[usize; 2]>" => Value::Array(vec![Value::Array(vec![Value::Integer(8), Value::Integer(1)])]),
+        "PolicyConfig" => Value::Table(parse("kind = \"fixed\"")),
+        "distance::Kind" => Value::String("cosine".into()),
+        kind => panic!("{}: write a value for {kind} in tests/documents/configuration.rs", field.name),
+    };
+    let mut all: Table = fields.iter().filter(|f| f.required).map(|f| (f.name.clone(), value(f))).collect();
+    // The one rule between two keys: a sharpness or a rule for it.
+    if fields.iter().any(|f| f.name == "sharpness") && items.iter().any(|i| i.name == "LikelihoodConfig") {
+        all.insert("sharpness".into(), Value::Float(1.0));
+    }
+    all
+}
+
+/// A place in a configuration, and a configuration that has it.
+struct Part<'a> {
+    items: &'a [Item],
+    path: Vec<String>,
+    given: Table,
+}
+
+type Row = [String; 5];
+
+impl Part<'_> {
+    /// The table of some fields, and what the words mean that they take.
+    fn table(&self, fields: &[Field]) -> String {
+        let rows: Vec<Row> = fields.iter().flat_map(|field| self.rows(field, "")).collect();
+        let mut out = table(&rows);
+        for field in fields {
+            out += &self.words(field);
+        }
+        out
+    }
+
+    /// A row for a key, or one for each key of the section that it is.
+    fn rows(&self, field: &Field, prefix: &str) -> Vec<Row> {
+        let key = format!("{prefix}{}", field.name);
+        let item = resolve(self.items, &field.kind);
+        if let Some(Item { body: Body::Struct(fields), .. }) = item {
+            let own = field.optional.then(|| self.row(&key, field, "section"));
+            let inner = fields.iter().flat_map(|inner| self.rows(inner, &format!("{key}.")));
+            return own.into_iter().chain(inner).collect();
+        }
+        let kind = match (field.kind.as_str(), item) {
+            (_, Some(Item { tagged: true, name, .. })) => {
+                format!("{} section", name.trim_end_matches("Config").to_lowercase())
+            }
+            (_, Some(Item { body: Body::Enum(variants), .. })) => {
+                variants.iter().map(spelled).collect::<Vec<_>>().join(", ")
+            }
+            ("f64" | "f32", _) => "number".into(),
+            ("usize" | "u64", _) => "integer".into(),
+            ("bool", _) => "boolean".into(),
+            ("String", _) => "text".into(),
+            ("Schedule", _) => "number, `\"anytime\"` or `{ frames = 300 }`".into(),
+            ("[f64; CUES]", _) => "8 numbers".into(),
+            ("Vec<[usize; 2]>", _) => "list of `[window, cell]`".into(),
+            (kind, _) => panic!("{key}: say what a {kind} is in tests/documents/configuration.rs"),
+        };
+        vec![self.row(&key, field, &kind)]
+    }
+
+    fn row(&self, key: &str, field: &Field, kind: &str) -> Row {
+        let default = match self.default(key) {
+            _ if field.required => "required".into(),
+            Some(value) => format!("`{value}`"),
+            None if kind == "boolean" => "`false`".into(),
+            None => "left out".into(),
+        };
+        let range =
+            if ["number", "integer"].iter().any(|k| kind.starts_with(k)) { self.range(key, &field.kind) } else { None };
+        [format!("`{key}`"), kind.into(), default, range.unwrap_or_default(), sentence(&field.docs)]
+    }
+
+    /// What a value is where it is left out: the configuration read, and written out.
+    fn default(&self, key: &str) -> Option<Value> {
+        let path: Vec<&str> = self.path.iter().map(String::as_str).chain(key.split('.')).collect();
+        let find = |whole: Table| {
+            let mut value = &Value::Table(whole);
+            for part in &path {
+                value = value.get(part)?;
+            }
+            Some(value.clone())
+        };
+        if self.path.len() == 1 && find(self.given.clone()).is_some() {
+            return None;
+        }
+        let text = toml::to_string(&self.given).expect("a table");
+        let config = Config::parse(&text, "given").unwrap_or_else(|e| panic!("{text}: {e}"));
+        find(parse(&config.to_toml()))
+    }
+
+    /// The range that the library's own error names for a number that is far out of it.
+    fn range(&self, key: &str, kind: &str) -> Option<String> {
+        let far: &[Value] = match kind {
+            "usize" | "u64" => &[Value::Integer(1 << 60), Value::Integer(0)],
+            _ => &[Value::Float(-1e12), Value::Float(1e12)],
+        };
+        far.iter().find_map(|value| {
+            let mut whole = self.given.clone();
+            let mut table = &mut whole;
+            let path: Vec<&str> = self.path.iter().map(String::as_str).chain(key.split('.')).collect();
+            let (last, path) = path.split_last().expect("a key");
+            for part in path {
+                let inner = table.entry(*part).or_insert_with(|| Value::Table(Table::new()));
+                table = inner.as_table_mut()?;
+            }
+            table.insert((*last).into(), value.clone());
+            let read = Config::parse(&toml::to_string(&whole).expect("a table"), "given");
+            interval(&read.and_then(|config| config.check(&Nowhere)).err()?.to_string())
+        })
+    }
+
+    /// What the words of an enum mean.
+    fn words(&self, field: &Field) -> String {
+        match resolve(self.items, &field.kind) {
+            Some(Item { body: Body::Enum(variants), tagged: false, .. }) => {
+                let mut out = format!("\n| `{}` | meaning |\n| --- | --- |\n", field.name);
+                for variant in variants {
+                    let inner = variant.fields.iter().map(|f| format!(" `{}`: {}", f.name, sentence(&f.docs)));
+                    out += &format!(
+                        "| {} | {}{} |\n",
+                        spelled(variant),
+                        sentence(&variant.docs),
+                        inner.collect::<String>()
+                    );
+                }
+                out
+            }
+            _ => String::new(),
+        }
+    }
+}
+
+/// A variant as a configuration has it.
+fn spelled(variant: &Variant) -> String {
+    if variant.fields.is_empty() {
+        return format!("`\"{}\"`", variant.name);
+    }
+    let fields: Vec<String> = variant.fields.iter().map(|f| format!("{} = …", f.name)).collect();
+    format!("`{{ {} = {{ {} }} }}`", variant.name, fields.join(", "))
+}
+
+/// `A to B` in an error: two numbers about the word, and `above` or `below` where they say so.
+fn interval(error: &str) -> Option<String> {
+    let words: Vec<&str> = error.split_whitespace().collect();
+    let number = |word: &str| word.trim_end_matches([';', ',', ')', '.']).parse::<f64>().ok();
+    (1..words.len()).filter(|at| words[*at] == "to").find_map(|to| {
+        let least = number(words[to - 1])?;
+        let above = if to > 1 && words[to - 2] == "above" { "above " } else { "" };
+        let below = if words.get(to + 1) == Some(&"below") { "below " } else { "" };
+        let most = number(words.get(to + 1 + usize::from(!below.is_empty()))?)?;
+        Some(format!("{above}{} to {below}{}", short(least), short(most)))
+    })
+}
+
+fn short(number: f64) -> String {
+    if number != 0.0 && !(1e-3..1e6).contains(&number.abs()) { format!("{number:e}") } else { number.to_string() }
+}
+
+fn parse(text: &str) -> Table {
+    text.parse().expect("TOML")
+}
+
+/// The text as a sentence in a table's cell.
+fn sentence(docs: &str) -> String {
+    let text = docs.replace('|', "\\|");
+    if text.is_empty() || text.ends_with(['.', ':', '?']) { text } else { format!("{text}.") }
+}
+
+fn table(rows: &[Row]) -> String {
+    let mut out = "| key | type | default | range | meaning |\n| --- | --- | --- | --- | --- |\n".to_owned();
+    for row in rows {
+        out += &format!("| {} |\n", row.join(" | "));
+    }
+    out
+}

@@ -1,0 +1,233 @@
+//! Many targets: identities through crossings, initiation, termination, re-identification, and targets far away that change
+//! nothing.
+
+use foveate::files::Folder;
+
+use foveate::config::Config;
+use foveate::control::CameraMotion;
+use foveate::geometry::BBox;
+use foveate::multi::{MultiTracker, Phase, TrackedTarget};
+use foveate::rng::{Purpose, Streams};
+use foveate::scene::{Detection, Image};
+use rand::RngExt;
+
+const W: usize = 240;
+const H: usize = 120;
+const SIDE: usize = 24;
+
+fn tracker(seed: u64) -> MultiTracker {
+    let config = Config::builtin("multi").expect("it ships with the library").expect("it is right");
+    let config = Config { particles: 300, ..config };
+    config.check(&Folder::here()).expect("parts that fit").multi_tracker(seed).expect("trackers")
+}
+
+fn at(x: f64, y: f64) -> BBox {
+    BBox { x, y, w: SIDE as f64, h: SIDE as f64 }
+}
+
+/// Squares of 24 px, each with a pattern named by its number, over a faint pattern; the last ones are in front.
+fn picture(squares: &[(u64, BBox)]) -> Image {
+    let mut ground = Streams::new(7, 0).at(0, Purpose::Scene).rng(0);
+    let coarse: Vec<u8> = (0..60 * 30).map(|_| ground.random_range(90..130)).collect();
+    let mut pixels: Vec<u8> = (0..W * H).map(|k| coarse[k / W / 4 * 60 + k % W / 4]).collect();
+    for (name, b) in squares {
+        let mut rng = Streams::new(8, *name).at(0, Purpose::Scene).rng(0);
+        let look: Vec<u8> = (0..36).map(|_| rng.random()).collect();
+        for (v, u) in (0..SIDE).flat_map(|v| (0..SIDE).map(move |u| (v, u))) {
+            let (x, y) = (b.x as isize + u as isize, b.y as isize + v as isize);
+            if (0..W as isize).contains(&x) && (0..H as isize).contains(&y) {
+                pixels[y as usize * W + x as usize] = look[v / 4 * 6 + u / 4];
+            }
+        }
+    }
+    Image::new(W, H, 1, pixels).expect("a byte a pixel")
+}
+
+fn found(b: BBox) -> Detection {
+    Detection { bbox: b, score: 1.0 }
+}
+
+fn off(seen: &TrackedTarget, b: &BBox) -> f64 {
+    (seen.bbox.centre().0 - b.centre().0).hypot(seen.bbox.centre().1 - b.centre().1)
+}
+
+/// Where two squares are that pass each other at half their height, the second one in front.
+fn passing(t: usize) -> [(u64, BBox); 2] {
+    let t = t as f64;
+    [(1, at(20.0 + 3.0 * t, 40.0)), (2, at(190.0 - 3.0 * t, 48.0))]
+}
+
+#[test]
+fn two_that_cross_keep_their_ids() {
+    // Five seeds, all of which must keep both ids; without boxes after the first, and with detections of both where both
+    // are in view.
+    for (seed, detected) in [(1, false), (2, false), (3, false), (4, true), (5, true)] {
+        let mut tracker = tracker(seed);
+        let mut hidden = 0;
+        for t in 0..56usize {
+            let squares = passing(t);
+            let apart = squares[0].1.intersection(&squares[1].1) == 0.0;
+            let detections: Vec<_> = squares.iter().map(|s| found(s.1)).collect();
+            let detections = if detected && apart { &detections[..] } else { &[] };
+            tracker.update(&picture(&squares), detections).expect("a picture of the first size");
+            if t == 0 {
+                for (id, b) in squares {
+                    tracker.add(&picture(&squares), Some(id), b).expect("a box in the picture");
+                }
+            }
+            hidden += tracker.targets().iter().filter(|s| s.visible < 0.5).count();
+        }
+        assert_eq!(tracker.targets().iter().map(|s| s.id).collect::<Vec<_>>(), [1, 2], "seed {seed}");
+        for (seen, (id, b)) in tracker.targets().iter().zip(passing(55)) {
+            assert!(off(seen, &b) < 5.0, "seed {seed}: {id} is {:.1} px off", off(seen, &b));
+        }
+        assert!(hidden > 0, "seed {seed}: nobody hides");
+    }
+}
+
+/// A square comes in frame 5, leaves at 40 and is back at 60; detected whenever it is there, and noise now and then.
+fn visits(t: usize) -> (Vec<(u64, BBox)>, Vec<Detection>) {
+    let place = match t {
+        5..40 => Some(at(10.0 + 2.0 * t as f64, 30.0)),
+        60.. => Some(at(200.0 - 2.0 * (t - 60) as f64, 70.0)),
+        _ => None,
+    };
+    let squares: Vec<_> = place.into_iter().map(|b| (9, b)).collect();
+    let mut detections: Vec<_> = squares.iter().map(|s| found(s.1)).collect();
+    if t.is_multiple_of(11) {
+        detections.push(found(at((37 * t % 200) as f64, 5.0)));
+    }
+    (squares, detections)
+}
+
+#[test]
+fn who_comes_is_initiated_who_leaves_is_terminated_and_who_returns_is_reidentified() {
+    let mut tracker = tracker(1);
+    let mut phases = vec![];
+    for t in 0..80usize {
+        let (squares, detections) = visits(t);
+        let seen = tracker.update(&picture(&squares), &detections).expect("a picture of the first size");
+        assert!(seen.len() <= 1, "frame {t}: noise is nobody: {seen:?}");
+        phases.extend(
+            seen.iter().map(|s| (t, s.id, s.phase)).filter(|p| matches!(p.2, Phase::Initiated | Phase::ReIdentified)),
+        );
+        if let (Some(seen), [(_, b)]) = (seen.first(), &squares[..]) {
+            assert!(off(seen, b) < 6.0, "frame {t}: {:.1} px off", off(seen, b));
+        }
+        if t == 59 {
+            assert!(tracker.targets().is_empty(), "it is gone: {:?}", tracker.targets());
+        }
+    }
+    assert_eq!(phases, [(7, 1, Phase::Initiated), (62, 1, Phase::ReIdentified)]);
+}
+
+#[test]
+fn a_cut_is_the_end_and_boxes_that_are_none_are_refused() {
+    let mut tracker = tracker(1);
+    let first = picture(&passing(0));
+    tracker.update(&first, &[]).expect("the first picture");
+    assert_eq!(tracker.add(&first, Some(5), passing(0)[0].1).expect("a box"), 5);
+    assert_eq!(tracker.add(&first, None, passing(0)[1].1).expect("a box"), 6);
+    assert_eq!(tracker.add(&first, Some(5), at(50.0, 50.0)).expect("it starts again"), 5);
+    assert_eq!(tracker.targets().len(), 2);
+    for bad in [BBox { w: 0.0, ..at(1.0, 1.0) }, BBox { x: f64::NAN, ..at(1.0, 1.0) }, at(500.0, 1.0)] {
+        assert!(tracker.add(&first, None, bad).is_err(), "{bad:?}");
+        tracker.update(&first, &[found(bad); 4]).expect("a picture of the first size");
+    }
+    let has = |id| tracker.targets().iter().any(|target| target.id == id);
+    assert!(has(5) && !has(7));
+    tracker.cut();
+    assert!(tracker.targets().is_empty());
+}
+
+/// All that is known of one target, frame by frame.
+fn life(id: u64, seed: u64, others: &[(u64, BBox)]) -> Vec<TrackedTarget> {
+    let mut tracker = tracker(seed);
+    let mut life = vec![];
+    for t in 0..25usize {
+        let mut squares = vec![(3, at(10.0 + 2.0 * t as f64, 80.0))];
+        squares.extend_from_slice(others);
+        let detections: Vec<_> = squares.iter().filter(|_| !t.is_multiple_of(3)).map(|s| found(s.1)).collect();
+        let picture = picture(&squares);
+        tracker.update(&picture, &detections).expect("a picture of the first size");
+        if t == 0 {
+            squares.iter().for_each(|(id, b)| assert_eq!(tracker.add(&picture, Some(*id), *b).expect("a box"), *id));
+        }
+        life.extend(tracker.targets().iter().filter(|s| s.id == id));
+    }
+    life
+}
+
+#[test]
+fn others_far_away_and_threads_change_no_bit() {
+    let others = [(1, at(20.0, 8.0)), (8, at(180.0, 12.0)), (9, at(120.0, 20.0))];
+    // The picture is the same: the others are drawn, but not followed in the first run.
+    let pool = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("threads");
+    let together = pool(1).install(|| life(3, 5, &others));
+    assert_eq!(pool(4).install(|| life(3, 5, &others)), together);
+    assert_ne!(life(3, 6, &others), together, "another seed is another track");
+    let mut alone = tracker(5);
+    let mut seen = vec![];
+    for t in 0..25usize {
+        let own = at(10.0 + 2.0 * t as f64, 80.0);
+        let mut squares = vec![(3, own)];
+        squares.extend_from_slice(&others);
+        let (picture, detections) = (picture(&squares), [found(own)]);
+        let detections = if t.is_multiple_of(3) { &[] } else { &detections[..] };
+        alone.update(&picture, detections).expect("a picture of the first size");
+        if t == 0 {
+            alone.add(&picture, Some(3), own).expect("a box");
+        }
+        seen.extend_from_slice(alone.targets());
+    }
+    assert_eq!(seen, together);
+}
+
+#[test]
+fn saved_targets_go_on_bit_for_bit() {
+    let mut one = tracker(2);
+    for t in 0..45 {
+        let (squares, detections) = visits(t);
+        one.update(&picture(&squares), &detections).expect("a picture of the first size");
+    }
+    let saved = one.save();
+    let text = serde_json::to_string(&saved).expect("JSON");
+    let mut two = tracker(2);
+    two.load(&serde_json::from_str(&text).expect("JSON")).expect("it was saved");
+    for t in 45..80 {
+        let (squares, detections) = visits(t);
+        let picture = picture(&squares);
+        let [one, two] = [&mut one, &mut two].map(|tracker| tracker.update(&picture, &detections).expect("a picture"));
+        assert_eq!(one, two, "frame {t}");
+    }
+    assert!(tracker(2).load(&serde_json::json!({ "format": 99 })).is_err());
+}
+
+/// With camera motion, which needs the last picture again.
+#[test]
+fn pictures_shown_again_after_loading_are_not_counted_twice() {
+    let config = Config::builtin("multi").expect("it ships with the library").expect("it is right");
+    let config = Config { particles: 100, camera_motion: Some(CameraMotion::default()), ..config };
+    let blueprint = config.check(&Folder::here()).expect("parts that fit");
+    let run = |tracker: &mut MultiTracker, frames: std::ops::Range<usize>| -> Vec<TrackedTarget> {
+        let step = |t| {
+            let (squares, detections) = visits(t);
+            tracker.update(&picture(&squares), &detections).expect("a picture of the first size").to_vec()
+        };
+        frames.flat_map(step).collect()
+    };
+    for pause in [3, 20] {
+        let mut whole = blueprint.multi_tracker(2).expect("trackers");
+        run(&mut whole, 0..pause);
+        let mut resumed = blueprint.multi_tracker(2).expect("trackers");
+        resumed.load(&whole.save()).expect("it was saved");
+        resumed.skip(&picture(&visits(pause - 1).0));
+        let (one, two) = (run(&mut whole, pause..25), run(&mut resumed, pause..25));
+        assert_eq!(one, two, "paused before frame {pause}");
+        assert!(one.iter().all(|target| target.born == 7) && one.len() >= 5, "{one:?}");
+    }
+    // Before the first update they count.
+    let mut late = blueprint.multi_tracker(2).expect("trackers");
+    (0..5).for_each(|t| late.skip(&picture(&visits(t).0)));
+    assert_eq!(run(&mut late, 5..8).last().map(|target| target.born), Some(7));
+}
