@@ -12,7 +12,7 @@ Usage:
 
 Each video is written by `foveate synth`, read, and deleted. A tracker gets the true box in frame 1 and nothing more;
 where it reports a failure, its last box is kept. Output: one line per video. mean and spread: mean and standard deviation
-of the centre error from frame 2 on, pixels. lost: 1 if the mean error of the last 20 frames exceeds 15 px.
+of the centre error from frame 2 on, pixels. off_at_end: 1 if the mean error of the last 20 frames exceeds 15 px.
 """
 import argparse
 import glob
@@ -72,13 +72,13 @@ def main():
                     errors = centre_errors(make, images, truth)
                     mean = sum(errors) / len(errors)
                     spread = math.sqrt(sum((e - mean) ** 2 for e in errors) / len(errors))
-                    lost = int(sum(errors[-20:]) / len(errors[-20:]) > 15)
-                    rows.append(f"{experiment},{scene},{name},{digit},{seed},{mean:.6g},{spread:.6g},{lost}")
+                    off = int(sum(errors[-20:]) / len(errors[-20:]) > 15)
+                    rows.append(f"{experiment},{scene},{name},{digit},{seed},{mean:.6g},{spread:.6g},{off}")
             print(f"{experiment}, {scene}: digit {digit} is done", file=sys.stderr)
     part = f"{args.out}.tmp"
     with open(part, "w") as file:
         file.write("# " + " ".join(sys.argv) + "\n")
-        file.write("experiment,scene,tracker,digit,seed,mean,spread,lost\n" + "\n".join(rows) + "\n")
+        file.write("experiment,scene,tracker,digit,seed,mean,spread,off_at_end\n" + "\n".join(rows) + "\n")
     os.replace(part, args.out)
 
 

@@ -32,7 +32,9 @@ fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
 /// All documents by name, relative to the root.
 fn documents() -> Vec<(String, String)> {
     let mut paths: Vec<PathBuf> =
-        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(|name| root().join(name)).into();
+        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "crates/foveate-core/models/README.md"]
+            .map(|name| root().join(name))
+            .into();
     paths.extend(files(&root().join("docs"), "md"));
     let crates = std::fs::read_dir(root().join("crates")).expect("crates").map(|e| e.expect("readable").path());
     paths.extend(crates.map(|folder| folder.join("README.md")).filter(|path| path.is_file()));

@@ -47,8 +47,8 @@ fn policies() -> impl TypedValueParser<Value = String> {
 /// What the command line changes in a configuration.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct Changes {
-    /// Look elsewhere: another gaze policy with its usual settings (a 3 x 3 grid of gazes reaching half-way to the box's edge,
-    /// where it has a grid); what else it can be told goes by --set policy.KEY=VALUE
+    /// Gaze policy in the place of the configuration's, with its default settings (where it has a grid: 3 x 3 gazes that reach
+    /// half-way to the box's edge); --set policy.KEY=VALUE changes them
     #[arg(long, value_name = "NAME", value_parser = policies())]
     pub policy: Option<String>,
     /// Change one setting of the configuration, for example particles=400 or policy.grid.reach=0.3; may be given several times

@@ -90,7 +90,7 @@ pub fn run(args: Args) -> Result<()> {
         ),
     }
     say!("Mean error {:.2} px, median {:.2} px.", score.mean, score.median);
-    say!("By its own account uncertain in {} frames, lost in {}.", outcome.uncertain, outcome.lost);
+    say!("Reported as uncertain in {} frames, as lost in {}.", outcome.uncertain, outcome.lost);
     say!("{}", favourite(tracker.parts().gaze.policy().snapshot(), &policy_kind(blueprint.config())));
     let tracking = Summary::rate(frames, outcome.frames.time().as_secs_f64());
     let whole = Summary::rate(frames, began.elapsed().as_secs_f64());

@@ -54,8 +54,8 @@ pub struct Args {
     /// Restart on the target at a later frame (counted from 1) with a new box; may be given several times
     #[arg(long, value_name = "FRAME:X,Y,W,H", value_parser = parse_again, allow_hyphen_values = true)]
     reinit: Vec<(usize, BBox)>,
-    /// Folder for the results: boxes.txt, track.csv, annotated.mp4, report.html, surface.png, and run.json, which lists them; of
-    /// many targets tracks.txt, tracks.csv, targets.csv, annotated.mp4, report.html
+    /// Folder for the results: boxes.txt, track.csv, annotated.mp4, report.html, surface.png where the gaze policy learns, and
+    /// run.json, which lists them; of many targets tracks.txt, tracks.csv, targets.csv, annotated.mp4, report.html
     #[arg(long, short, value_name = "DIR", default_value = "out")]
     out: PathBuf,
     /// A configuration file, or the name of one that ships with the program (natural, digits, ...: see `foveate configs`);

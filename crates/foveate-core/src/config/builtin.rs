@@ -19,3 +19,22 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("natural-raw", include_str!("../../configs/natural-raw.toml")),
     ("natural-learned", include_str!("../../configs/natural-learned.toml")),
 ];
+
+#[cfg(all(test, feature = "learn"))]
+mod tests {
+    use crate::config::Config;
+    use foveate_base::files::Folder;
+
+    #[test]
+    fn other_learned_features_are_a_setting_away() {
+        let learned = Config::builtin("natural-learned").expect("it ships").expect("it is right");
+        for settings in [
+            &["encoder.kind=mcrbm", "encoder.units=covariance", "likelihood.sharpness=120"][..],
+            &["encoder.kind=autoencoder", "likelihood.sharpness=120"],
+            &["encoder.kind=kmeans", "likelihood.sharpness=60"],
+        ] {
+            let config = settings.iter().try_fold(learned.clone(), |config, setting| config.set(setting));
+            config.and_then(|config| config.check(&Folder::here())).expect(settings[0]);
+        }
+    }
+}

@@ -64,7 +64,7 @@ pub struct Autoregressive {
     pub angle_pull: f64,
     /// Standard deviation of the angle's noise, radians.
     pub angle: f64,
-    /// Share of the states that tail_scale, for cameras held in a hand: 0 to 1.
+    /// Share of the states that leap, for cameras held in a hand: 0 to 1.
     pub tail_probability: f64,
     /// How many times as large their noises of position, scale and angle are, 1 to 100.
     pub tail_scale: f64,

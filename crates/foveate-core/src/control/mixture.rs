@@ -158,7 +158,7 @@ impl Mixture {
             let d = near().nth(rng.random_range(0..count)).expect("below the count");
             let mut normal = || rng.sample::<f64, _>(StandardNormal);
             (child.x, child.y) = (d.mean[0] + d.place * normal(), d.mean[1] + d.place * normal());
-            // p(velocity | place): Gaussian, with as much of the frame_deficit as the velocity's noise has of both noises.
+            // p(velocity | place): Gaussian, with as much of the innovation as the velocity's noise has of both noises.
             let gain = m.velocity * m.velocity / variance;
             let left = m.velocity * m.position / variance.sqrt();
             child.vx = drift[0] + gain * (child.x - mean[0]) + left * normal();

@@ -43,7 +43,7 @@ impl Prior {
     }
     /// Whether a target's centre that would leave the picture stays at its edge, without the speed that took it there.
     ///
-    /// Deviation: the paper has no clamp_to_frame, and a lost particle flies off for good. It is p that has them, so p/q stays 1.
+    /// Deviation: the paper does not clamp, and a lost particle flies off for good. It is p that has them, so p/q stays 1.
     pub fn clamp_to_frame(self, clamp_to_frame: bool) -> Self {
         Self { clamp_to_frame, ..self }
     }

@@ -4,7 +4,8 @@
 //! target, of other sizes, and at its distractors: places that look like it but are not. The sums that the fit needs, Σ h hᵀ and
 //! Σ label · h, are kept for the first frame and, fading, for those since:
 //! ```text
-//! A = first · A₁ + (1 − first) · Aₜ + ridge · I,   Aₜ = (1 − rate) · Aₜ₋₁ + rate · Σ h hᵀ,   A w = b
+//! A = first_frame_weight · A₁ + (1 − first_frame_weight) · Aₜ + ridge · I,   A w = b,
+//! Aₜ = (1 − learning_rate) · Aₜ₋₁ + learning_rate · Σ h hᵀ
 //! ```
 //! and a few steps of conjugate gradients a frame, from the last w on, follow its solution.
 //!

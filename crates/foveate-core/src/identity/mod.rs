@@ -80,7 +80,7 @@ pub trait Appearance: Send + Sync {
     /// Learns from the target, believed to be at `state` of this frame, which must be the one that was seen last, and not at
     /// the `distractors`. `frame_deficit` is 0 where the evidence is what the target gives, 1 where it is what other places give. What
     /// was seen of the frame is forgotten.
-    fn adapt(&mut self, _image: &Image, _state: &State, _rivals: &[State], _surprise: f64) {}
+    fn adapt(&mut self, _image: &Image, _state: &State, _distractors: &[State], _frame_deficit: f64) {}
     /// The picture `init_template` was given, where the target was in it, and its box; none where that is not kept.
     fn template_source(&self) -> Option<(&Image, &State, Extent)> {
         None

@@ -2,7 +2,7 @@
 //!
 //! One pass (OPE): the tracker gets the truth in frame 1 and nothing more. [`metrics`] scores one track,
 //! [`curves`] keeps and draws success and precision, [`sequence`] finds sequences in folders,
-//! [`compare`] scores folders of results or runs a tracker, [`table`] shows trackers side by side, [`cases`] where they won and lost.
+//! [`compare`] scores folders of results or runs a tracker, [`table`] shows trackers side by side, [`cases`] run by run.
 //! Scores equal those of the got10k toolkit's OTB experiment (0.1.3) on the same boxes.
 
 pub mod cases;

@@ -1,4 +1,4 @@
-//! One run told over time, as in the paper's figures: where the target is, where it looks, what that is worth, what it is.
+//! One run over time, as in the paper's figures: where the target is, where it looks, what that is worth, what it is.
 //!
 //! [`Timeline`] is an observer that keeps a few numbers of each frame; [`Timeline::plot`] draws them as panels below each other.
 
@@ -22,7 +22,7 @@ const WINDOW: usize = 10;
 /// A run, frame by frame from the second on.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timeline {
-    /// Where the target truly is, by index of the frame; empty where nobody knows.
+    /// Where the target truly is, by index of the frame; empty where it is unknown.
     pub truth: Vec<BBox>,
     /// Indices of the frames.
     pub frames: Vec<usize>,

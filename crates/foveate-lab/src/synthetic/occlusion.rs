@@ -139,6 +139,7 @@ impl Occlusion {
                 self.width, self.height, self.side
             )),
             _ if !(0.0..=1.0).contains(&self.noise) => wrong(format!("noise is {}, expected 0 to 1", self.noise)),
+            _ if self.patch > SIDE => wrong(format!("patch is {}, expected 0 to 28", self.patch)),
             _ if !(0.0 <= slow && slow <= fast && fast.is_finite()) => {
                 wrong(format!("speed is from {slow} to {fast}, expected 0 or more, the slower first"))
             }
@@ -309,6 +310,7 @@ mod tests {
         let good = Occlusion::default();
         for (settings, said) in [
             (Occlusion { digit: 10, ..good.clone() }, "digit is 10"),
+            (Occlusion { patch: usize::MAX, ..good.clone() }, "patch is"),
             (Occlusion { side: 27, ..good.clone() }, "side is 27"),
             (Occlusion { side: 201, ..good.clone() }, "200 x 200"),
             (Occlusion { noise: f64::NAN, ..good.clone() }, "noise is NaN"),

@@ -1,6 +1,6 @@
 //! Pictures with places to look at.
 
-use super::Plate;
+use super::TrainingImage;
 use crate::Digits;
 use crate::idx::SIDE;
 use foveate_base::rng::Rng;
@@ -20,7 +20,7 @@ const NEAR: f64 = 14.0;
 /// A canvas of digits: clean (40 %), with the authors' noise under the ink at a third to four thirds of their density
 /// (35 %), with some of all pixels replaced by noise (10 %), or with Gaussian noise over everything (15 %). Nine of ten
 /// looks are near a digit, the tenth anywhere; the target's size is off by up to 15 %, and its angle by a few degrees.
-pub(super) fn digits(digits: &Digits, looks: usize, rng: &mut Rng) -> Plate<'static> {
+pub(super) fn digits(digits: &Digits, looks: usize, rng: &mut Rng) -> TrainingImage<'static> {
     let mut canvas = vec![0u8; CANVAS * CANVAS];
     let mut centres = Vec::new();
     for _ in 0..rng.random_range(CROWD) {
@@ -66,12 +66,12 @@ pub(super) fn digits(digits: &Digits, looks: usize, rng: &mut Rng) -> Plate<'sta
         })
         .collect();
     let image = Image::new(CANVAS, CANVAS, 1, canvas).expect("the canvas was made to these sides");
-    Plate { image: Cow::Owned(image), extent, looks }
+    TrainingImage { image: Cow::Owned(image), extent, looks }
 }
 
 /// A photograph seen as a target of random size: 0.5 to 4 pixels a template pixel (`side` of which make the target's
 /// box), between half as wide as high and twice; looks anywhere, turned by up to 0.3 rad, mirrored half the time.
-pub(super) fn photograph<'a>(images: &'a [Image], side: f64, looks: usize, rng: &mut Rng) -> Plate<'a> {
+pub(super) fn photograph<'a>(images: &'a [Image], side: f64, looks: usize, rng: &mut Rng) -> TrainingImage<'a> {
     let image = &images[rng.random_range(0..images.len())];
     let half = side / 2.0 * rng.random_range(f64::ln(0.5)..f64::ln(4.0)).exp();
     let stretch = rng.random_range(-0.35f64..0.35).exp();
@@ -93,5 +93,5 @@ pub(super) fn photograph<'a>(images: &'a [Image], side: f64, looks: usize, rng: 
             look
         })
         .collect();
-    Plate { image: Cow::Borrowed(image), extent, looks }
+    TrainingImage { image: Cow::Borrowed(image), extent, looks }
 }

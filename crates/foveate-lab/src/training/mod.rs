@@ -1,7 +1,7 @@
 //! Glimpses to learn from: what a retina sees of many pictures, row after row (section 2.1).
 //!
-//! A *plate* is one picture with places to look at: a canvas of digits drawn for the purpose, or a photograph. Plate i
-//! depends on the seed and i alone, so plates are made by all threads and the rows are the same for any number of them.
+//! A *training image* is a canvas of digits drawn for the purpose, or a photograph, with fixations. Image i depends on the
+//! seed and i alone, so images are made by all threads and the rows are the same for any number of them.
 
 pub mod classifier;
 pub mod filters;
@@ -25,7 +25,7 @@ use sha2::{Digest, Sha256};
 use std::borrow::Cow;
 use std::path::Path;
 
-/// Glimpses taken of one plate.
+/// Glimpses taken of one training image.
 const GLIMPSES: usize = 32;
 
 /// The sets there are.
@@ -52,7 +52,7 @@ enum Pictures {
 }
 
 /// One picture, and where to look at it.
-struct Plate<'a> {
+struct TrainingImage<'a> {
     image: Cow<'a, Image>,
     extent: Extent,
     looks: Vec<Fixation>,
@@ -133,17 +133,17 @@ impl Source {
         let mut rows = vec![0.0; n * width];
         rows.par_chunks_mut(GLIMPSES * width).enumerate().for_each_init(Pyramid::default, |pyramid, (i, rows)| {
             let mut rng = streams.rng(i as u64);
-            let plate = match &self.pictures {
+            let training = match &self.pictures {
                 Pictures::Digits(digits) => images::digits(digits, rows.len() / width, &mut rng),
                 Pictures::Photographs(images) => {
                     images::photograph(images, retina.config().side, rows.len() / width, &mut rng)
                 }
             };
-            let Extent { half_w, half_h } = plate.extent;
-            let image = &*plate.image;
+            let Extent { half_w, half_h } = training.extent;
+            let image = &*training.image;
             let whole = Region { x: 0, y: 0, width: image.width(), height: image.height() };
             pyramid.build(image, whole, retina.footprints(), (half_w, half_h));
-            for (row, &look) in rows.chunks_exact_mut(width).zip(&plate.looks) {
+            for (row, &look) in rows.chunks_exact_mut(width).zip(&training.looks) {
                 retina.look(pyramid, look, row);
                 match visible {
                     // Rounding may leave a mean a hair outside.

@@ -222,7 +222,7 @@ mod tests {
     use foveate_core::identity::encoder::Raw;
     use foveate_core::identity::retina::FovealConfig;
 
-    fn beholder(variation: Variation) -> FeatureExtractor {
+    fn extractor(variation: Variation) -> FeatureExtractor {
         let retina =
             Foveal::new(FovealConfig { side: 28.0, rings: vec![[28, 2]], colour: vec![] }).expect("whole cells");
         FeatureExtractor { encoder: Arc::new(Raw::new(&[0; 196], false)), retina, variation, seed: 1 }
@@ -261,7 +261,7 @@ mod tests {
     fn what_is_seen_is_the_picture_whatever_its_size_and_the_threads() {
         let dir = folder();
         let all = Pictures::load(dir.path()).expect("two classes");
-        let rows = beholder(Variation::default()).look(&all, 0);
+        let rows = extractor(Variation::default()).look(&all, 0);
         for (row, &label) in rows.chunks_exact(196).zip(all.labels()) {
             for (i, x) in row.iter().enumerate() {
                 let along = if label == 0 { i % 14 } else { i / 14 };
@@ -271,7 +271,7 @@ mod tests {
                 }
             }
         }
-        let varied = beholder(Variation::of_tracks());
+        let varied = extractor(Variation::of_tracks());
         let with = |threads: usize, epoch: u64| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
             pool.install(|| varied.look(&all, epoch))

@@ -1,6 +1,6 @@
 //! How well a recogniser knows digits: single decisions, and decisions gathered over many looks.
 
-use super::sequences::Looker;
+use super::sequences::FixationSampler;
 use crate::Digits;
 use crate::eval::Reliability;
 use foveate_base::Result;
@@ -21,11 +21,15 @@ pub struct Point {
 /// Digits a curve keeps in memory at a time.
 const TOGETHER: usize = 250;
 
-/// Accuracy against the number of looks, 1 to the looker's window, and how reliable single decisions on Δ looks are.
+/// Accuracy against the number of looks, 1 to the sampler's window, and how reliable single decisions on Δ looks are.
 ///
-/// The looker's window is the number of looks, not Δ. Fails where it has no digits, or does not fit the recogniser.
-pub fn curve(recogniser: &MultiFixation, looker: &Looker, digits: &Digits) -> Result<(Vec<Point>, Reliability)> {
-    let (classes, looks, n) = (recogniser.classes(), looker.window, digits.len());
+/// The sampler's window is the number of looks, not Δ. Fails where it has no digits, or does not fit the recogniser.
+pub fn curve(
+    recogniser: &MultiFixation,
+    sampler: &FixationSampler,
+    digits: &Digits,
+) -> Result<(Vec<Point>, Reliability)> {
+    let (classes, looks, n) = (recogniser.classes(), sampler.window, digits.len());
     let mut recogniser = recogniser.clone();
     let (mut single, mut gathered) = (vec![0usize; looks], vec![0usize; looks]);
     let (mut log_p, mut sum, mut all) = (vec![0.0; classes], vec![0.0; classes], vec![]);
@@ -33,7 +37,7 @@ pub fn curve(recogniser: &MultiFixation, looker: &Looker, digits: &Digits) -> Re
     for (part, from) in (0..n).step_by(TOGETHER).enumerate() {
         let to = (from + TOGETHER).min(n);
         let some = digits.range(from, to);
-        let made = looker.look(&some, part as u64)?;
+        let made = sampler.look(&some, part as u64)?;
         let (rows, gazes) = (made.sequences().glimpses(), made.gazes());
         for (i, &label) in some.labels.iter().enumerate() {
             recogniser.clear();

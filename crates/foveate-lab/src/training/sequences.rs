@@ -61,7 +61,7 @@ impl Nuisance {
 }
 
 /// From digits to sequences of what an encoder makes of glimpses.
-pub struct Looker {
+pub struct FixationSampler {
     /// Where values come from.
     pub retina: Foveal,
     /// The first layer; none for the glimpse itself.
@@ -73,14 +73,14 @@ pub struct Looker {
     /// Fixations of a sequence.
     pub window: usize,
     /// How digits are shown.
-    pub trouble: Nuisance,
+    pub nuisance: Nuisance,
     /// Names all random numbers.
     pub seed: u64,
 }
 
 /// Sequences that were made.
 #[derive(Clone, Debug)]
-pub struct Made {
+pub struct FixationData {
     features: Vec<f32>,
     width: usize,
     codes: Vec<Code>,
@@ -89,7 +89,7 @@ pub struct Made {
     window: usize,
 }
 
-impl Made {
+impl FixationData {
     /// As training takes them.
     pub fn sequences(&self) -> Sequences<'_> {
         let rows = Rows::new(&self.features, self.width);
@@ -101,14 +101,14 @@ impl Made {
     }
 }
 
-impl Looker {
+impl FixationSampler {
     /// Values of a row.
     pub fn width(&self) -> usize {
         self.encoder.as_ref().map_or(self.retina.glimpse_len(), |encoder| encoder.shape().1)
     }
     /// A sequence of each of `digits`, as epoch `epoch` shows them. Fails without digits, or where the gazes, the window
     /// and the encoder do not fit.
-    pub fn look(&self, digits: &Digits, epoch: u64) -> Result<Made> {
+    pub fn look(&self, digits: &Digits, epoch: u64) -> Result<FixationData> {
         let gazes = if let Gazes::All(gazes) = &self.gazes { gazes.len() } else { self.window };
         let fits = self.encoder.as_ref().is_none_or(|e| e.shape().0 == self.retina.glimpse_len());
         if digits.is_empty() || gazes != self.window || self.window == 0 || !fits {
@@ -148,7 +148,7 @@ impl Looker {
                 },
             );
         let codes = gazes.iter().map(|&[u, v]| self.places.code(u as f32, v as f32)).collect();
-        Ok(Made { features, width, codes, gazes, labels: digits.labels.clone(), window })
+        Ok(FixationData { features, width, codes, gazes, labels: digits.labels.clone(), window })
     }
     fn fixate(
         &self,
@@ -159,7 +159,7 @@ impl Looker {
         glimpses: &mut [f32],
         gazes: &mut [[f64; 2]],
     ) {
-        let t = self.trouble;
+        let t = self.nuisance;
         let image = canvas(digits, index, t, rng);
         let mut off = |most: f64| most * rng.random_range(-1.0..=1.0);
         let (x, y, log_scale) = (off(t.jitter), off(t.jitter), off(t.log_scale));
@@ -195,7 +195,7 @@ impl Looker {
 }
 
 /// Digit `index` in the middle of a canvas, over whatever else is there.
-fn canvas(digits: &Digits, index: usize, trouble: Nuisance, rng: &mut Rng) -> Image {
+fn canvas(digits: &Digits, index: usize, nuisance: Nuisance, rng: &mut Rng) -> Image {
     let mut canvas = vec![0u8; CANVAS * CANVAS];
     let middle = (CANVAS - SIDE) / 2;
     let mut put = |digit: &[u8], x: usize, y: usize| {
@@ -205,14 +205,14 @@ fn canvas(digits: &Digits, index: usize, trouble: Nuisance, rng: &mut Rng) -> Im
         }
     };
     let (cluttered, noisy): (f64, f64) = (rng.random(), rng.random());
-    if cluttered < trouble.cluttered {
+    if cluttered < nuisance.cluttered {
         for _ in 0..rng.random_range(1..=2) {
             let other = rng.random_range(0..digits.len());
             put(digits.digit(other), rng.random_range(0..=CANVAS - SIDE), rng.random_range(0..=CANVAS - SIDE));
         }
     }
     put(digits.digit(index), middle, middle);
-    if noisy < trouble.noisy {
+    if noisy < nuisance.noisy {
         let density = rng.random_range(0.0..0.2);
         for pixel in canvas.iter_mut().filter(|pixel| **pixel == 0) {
             if rng.random::<f64>() < density {
@@ -240,10 +240,10 @@ mod tests {
     use super::*;
     use foveate_core::identity::retina::FovealConfig;
 
-    fn looker(gazes: Gazes, trouble: Nuisance) -> Looker {
+    fn sampler(gazes: Gazes, nuisance: Nuisance) -> FixationSampler {
         let retina = Foveal::new(FovealConfig::authors()).expect("the authors' geometry");
         let places = Places::grid(3, 0.5).expect("nine places");
-        Looker { retina, encoder: None, places, gazes, window: 3, trouble, seed: 1 }
+        FixationSampler { retina, encoder: None, places, gazes, window: 3, nuisance, seed: 1 }
     }
 
     #[test]
@@ -251,8 +251,8 @@ mod tests {
         let digits = Digits::drawn(3, 20);
         let look = |threads: usize, epoch: u64| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            let looker = looker(Gazes::Within { reach: 0.5 }, Nuisance::of_tracks());
-            pool.install(|| looker.look(&digits, epoch).expect("digits"))
+            let sampler = sampler(Gazes::Within { reach: 0.5 }, Nuisance::of_tracks());
+            pool.install(|| sampler.look(&digits, epoch).expect("digits"))
         };
         let (one, three, other) = (look(1, 0), look(3, 0), look(1, 1));
         assert!(one.features == three.features && one.gazes == three.gazes && one.features != other.features);
@@ -263,7 +263,7 @@ mod tests {
     #[test]
     fn clean_digits_are_seen_where_they_are_and_gazes_among_places_are_distinct() {
         let digits = Digits::drawn(1, 10);
-        let made = looker(Gazes::Among, Nuisance::default()).look(&digits, 0).expect("digits");
+        let made = sampler(Gazes::Among, Nuisance::default()).look(&digits, 0).expect("digits");
         let s = made.sequences();
         for (codes, gazes) in s.codes().chunks_exact(3).zip(made.gazes().chunks_exact(3)) {
             let places: Vec<usize> = codes.iter().map(|c| c.nearest()).collect();
@@ -272,13 +272,13 @@ mod tests {
         }
         // The fovea of the centre is the digit's own middle pixels.
         let gazes = Gazes::All(vec![Gaze::CENTRE; 3]);
-        let made = looker(gazes, Nuisance::default()).look(&digits, 0).expect("digits");
+        let made = sampler(gazes, Nuisance::default()).look(&digits, 0).expect("digits");
         let row = made.sequences().glimpses().row(0);
         for (i, x) in row[..64].iter().enumerate() {
             let pixel = digits.digit(0)[(10 + i / 8) * 28 + 10 + i % 8];
             assert!((x - f32::from(pixel) / 255.0).abs() < 1e-5, "{i}: {x} {pixel}");
         }
-        let few = looker(Gazes::All(vec![Gaze::CENTRE]), Nuisance::default());
+        let few = sampler(Gazes::All(vec![Gaze::CENTRE]), Nuisance::default());
         assert!(few.look(&digits, 0).expect_err("one gaze for three").to_string().contains("1 given"));
     }
 }

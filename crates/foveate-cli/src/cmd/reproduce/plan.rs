@@ -230,8 +230,13 @@ impl Experiment {
         if !(1..=most).contains(&least) || most > 100_000 {
             return Err(wrong("occluded: expected two numbers of frames from 1 to 100000, the less first".into()));
         }
-        if all.lines.is_empty() || all.digits.iter().any(|d| *d > 9) || !(2..=100_000).contains(&all.frames) {
-            return Err(wrong("expected a line at least, digits from 0 to 9 and 2 to 100000 frames".into()));
+        let of_digits = matches!(all.kind, Kind::Table | Kind::Policy | Kind::Digits | Kind::Curve);
+        let wrong_digits = |digits: &[u8]| digits.iter().any(|d| *d > 9) || of_digits && digits.is_empty();
+        if wrong_digits(&all.digits) || wrong_digits(&all.quick.digits) {
+            return Err(wrong("digits: expected some from 0 to 9".into()));
+        }
+        if all.lines.is_empty() || ![all.frames, all.quick.frames].iter().all(|n| (2..=100_000).contains(n)) {
+            return Err(wrong("expected a line at least, and 2 to 100000 frames".into()));
         }
         for line in &all.lines {
             for scene in line.scenes.iter().flatten() {

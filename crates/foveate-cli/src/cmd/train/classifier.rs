@@ -111,18 +111,18 @@ pub fn run(args: &Args) -> Result<()> {
     }
 
     let variation = if args.still { Variation::default() } else { Variation::of_tracks() };
-    let beholder = FeatureExtractor { retina, encoder, variation, seed: args.seed };
+    let extractor = FeatureExtractor { retina, encoder, variation, seed: args.seed };
     let shown =
-        |beholder: &FeatureExtractor, epoch: usize| beholder.look(&learn, if args.still { 0 } else { epoch as u64 });
+        |extractor: &FeatureExtractor, epoch: usize| extractor.look(&learn, if args.still { 0 } else { epoch as u64 });
     let data = format!("{} {first_layer} {geometry} {}", all.sha256(), args.still);
-    let first = shown(&beholder, 0);
+    let first = shown(&extractor, 0);
     let rows = Rows::new(&first, n_h);
     let trainer = files.begin(
         Trainer::progress,
         |path| Trainer::resume(path, recipe.clone(), rows, &data),
         || Trainer::new(recipe.clone(), rows),
     )?;
-    let as_they_are = look(&beholder, Variation::default(), &held, 1);
+    let as_they_are = look(&extractor, Variation::default(), &held, 1);
     // The trainer, and the pictures as this epoch shows them.
     let batches = trainer.batches(learn.len());
     let mut learning = (trainer, 0, first);
@@ -133,7 +133,7 @@ pub fn run(args: &Args) -> Result<()> {
         |(trainer, epoch, made)| {
             if trainer.progress().0 != *epoch {
                 *epoch = trainer.progress().0;
-                *made = shown(&beholder, *epoch);
+                *made = shown(&extractor, *epoch);
             }
             trainer.step(Rows::new(made, n_h), learn.labels());
             Ok(())
@@ -150,10 +150,10 @@ pub fn run(args: &Args) -> Result<()> {
     )?;
 
     let softmax = learning.0.learned()?;
-    let varied = look(&beholder, Variation::of_tracks(), &held, SHOWN);
+    let varied = look(&extractor, Variation::of_tracks(), &held, SHOWN);
     let again = held.labels().repeat(SHOWN as usize);
-    told("held-out pictures as they are", all.names(), &judge(&softmax, Rows::new(&as_they_are, n_h), held.labels()));
-    told("held-out pictures as along tracks", all.names(), &judge(&softmax, Rows::new(&varied, n_h), &again));
+    print("held-out pictures as they are", all.names(), &judge(&softmax, Rows::new(&as_they_are, n_h), held.labels()));
+    print("held-out pictures as along tracks", all.names(), &judge(&softmax, Rows::new(&varied, n_h), &again));
     let softmax = calibrated(softmax, Rows::new(&varied, n_h), &again);
     let metadata = Metadata {
         retina: geometry,
@@ -171,18 +171,18 @@ pub fn run(args: &Args) -> Result<()> {
 }
 
 /// Features of pictures shown so, `times` over, as no epoch of the training shows them.
-fn look(beholder: &FeatureExtractor, variation: Variation, pictures: &Pictures, times: u64) -> Vec<f32> {
+fn look(extractor: &FeatureExtractor, variation: Variation, pictures: &Pictures, times: u64) -> Vec<f32> {
     let other = FeatureExtractor {
-        retina: beholder.retina.clone(),
-        encoder: beholder.encoder.clone(),
+        retina: extractor.retina.clone(),
+        encoder: extractor.encoder.clone(),
         variation,
-        seed: !beholder.seed,
+        seed: !extractor.seed,
     };
     (0..times).flat_map(|time| other.look(pictures, time)).collect()
 }
 
 /// Prints how well held-out pictures are told apart.
-fn told(what: &str, names: &[String], held: &Held) {
+fn print(what: &str, names: &[String], held: &Held) {
     let r = &held.reliability;
     say!(
         "{what}: {:.1} % right, log loss {:.3}, calibration error {:.1} %",

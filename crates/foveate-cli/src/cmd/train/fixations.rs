@@ -10,7 +10,7 @@ use foveate::identity::retina::Foveal;
 use foveate::identity::{Encoder, MultiFixation};
 use foveate::lab::eval::Reliability;
 use foveate::lab::training::recognition::curve;
-use foveate::lab::training::sequences::{Gazes, Looker, Made, Nuisance, larochelle_hinton};
+use foveate::lab::training::sequences::{FixationData, FixationSampler, Gazes, Nuisance, larochelle_hinton};
 use foveate::lab::{Digits, Split};
 use foveate::learn::rbm::Metadata;
 use foveate::learn::rbm::fixations::{About, Cost, FixationRbm, Gates, Places, Recipe, Trainer};
@@ -117,7 +117,7 @@ enum GatesName {
 
 /// What is seen of digits, and what it is called.
 struct View {
-    looker: Looker,
+    sampler: FixationSampler,
     retina: String,
     first_layer: String,
 }
@@ -149,12 +149,12 @@ impl Args {
         }
     }
     fn view(&self, window: usize) -> Result<View> {
-        let (retina, encoder, places, gazes, trouble, first_layer);
+        let (retina, encoder, places, gazes, nuisance, first_layer);
         if self.larochelle_hinton {
             let (config, fixed) = larochelle_hinton()?;
             places = Places::new(fixed.iter().map(|g| [g.u as f32, g.v as f32]).collect())?;
             (retina, encoder, gazes) = (Foveal::new(config)?, None, Gazes::All(fixed));
-            (trouble, first_layer) = (Nuisance::default(), String::new());
+            (nuisance, first_layer) = (Nuisance::default(), String::new());
         } else {
             let (config, folder) = configure::read(&self.config, &Changes::default())?;
             if !(0.0..=1.0).contains(&self.reach) || !(1..=31).contains(&self.grid) {
@@ -164,12 +164,12 @@ impl Args {
             places = Places::grid(self.grid, self.reach as f32)?;
             gazes = if self.anywhere { Gazes::Within { reach: self.reach } } else { Gazes::Among };
             (retina, encoder) = (seen, Some(layer));
-            trouble = if self.clean { Nuisance::default() } else { Nuisance::of_tracks() };
+            nuisance = if self.clean { Nuisance::default() } else { Nuisance::of_tracks() };
             first_layer = serde_json::to_string(&config.encoder).expect("a configuration becomes JSON");
         }
         let geometry = serde_json::to_string(retina.config()).expect("a retina's geometry becomes JSON");
-        let looker = Looker { retina, encoder, places, gazes, window, trouble, seed: self.seed };
-        Ok(View { looker, retina: geometry, first_layer })
+        let sampler = FixationSampler { retina, encoder, places, gazes, window, nuisance, seed: self.seed };
+        Ok(View { sampler, retina: geometry, first_layer })
     }
     /// The command that makes the same model: every setting said, folders left open.
     fn command(&self, r: &Recipe) -> String {
@@ -218,21 +218,21 @@ pub fn run(args: &Args) -> Result<()> {
         )));
     }
     let (learn, held) = (all.range(0, args.digits.min(most)), all.range(most, all.len()));
-    let held = view.looker.look(&held, u64::MAX)?;
+    let held = view.sampler.look(&held, u64::MAX)?;
     say!(
         "{} digits, {} held out: {} values a fixation, {} fixations",
         learn.len(),
         all.len() - most,
-        view.looker.width(),
+        view.sampler.width(),
         recipe.window
     );
 
     let name = format!("{} digits, {}", learn.len(), args.command(&recipe));
-    let still = matches!(view.looker.gazes, Gazes::All(_)) && view.looker.trouble == Nuisance::default();
-    let shown = |epoch: usize| view.looker.look(&learn, if still { 0 } else { epoch as u64 });
-    let places = || view.looker.places.clone();
+    let still = matches!(view.sampler.gazes, Gazes::All(_)) && view.sampler.nuisance == Nuisance::default();
+    let shown = |epoch: usize| view.sampler.look(&learn, if still { 0 } else { epoch as u64 });
+    let places = || view.sampler.places.clone();
     // The trainer, and the digits as this epoch shows them.
-    type Learning = (Trainer, usize, Made);
+    type Learning = (Trainer, usize, FixationData);
     let progress = |(trainer, ..): &Learning| trainer.progress();
     let mut learning = files.begin(
         progress,
@@ -299,13 +299,18 @@ pub fn run(args: &Args) -> Result<()> {
     rbm.save(&args.out, &about)?;
     files.finish(None)?;
     match Digits::load(&args.data, Split::Test) {
-        Ok(test) => assess(&MultiFixation::read(&Folder::here(), &args.out)?.0, view.looker, &test),
+        Ok(test) => assess(&MultiFixation::read(&Folder::here(), &args.out)?.0, view.sampler, &test),
         Err(_) => Ok(()),
     }
 }
 
 /// The paper's classifier: fitted on the digits as two epochs showed them, its temperature on those held out.
-fn classifier(rbm: &FixationRbm, shown: &dyn Fn(usize) -> Result<Made>, still: bool, held: &Made) -> Result<Softmax> {
+fn classifier(
+    rbm: &FixationRbm,
+    shown: &dyn Fn(usize) -> Result<FixationData>,
+    still: bool,
+    held: &FixationData,
+) -> Result<Softmax> {
     let (mut hidden, mut labels) = (vec![], vec![]);
     for epoch in 0..if still { 1 } else { 2 } {
         let made = shown(epoch)?;
@@ -321,30 +326,30 @@ fn classifier(rbm: &FixationRbm, shown: &dyn Fn(usize) -> Result<Made>, still: b
 }
 
 /// Prints how well test digits are recognised.
-fn assess(recogniser: &MultiFixation, mut looker: Looker, test: &Digits) -> Result<()> {
-    let told = |what: &str, found: &Reliability| {
+fn assess(recogniser: &MultiFixation, mut sampler: FixationSampler, test: &Digits) -> Result<()> {
+    let print = |what: &str, found: &Reliability| {
         let (errors, ece) = (100.0 * (1.0 - found.accuracy), 100.0 * found.ece);
         say!("{what}: errors {errors:.2} %, log loss {:.4}, calibration error {ece:.2} %", found.log_loss);
     };
-    looker.seed = !looker.seed;
+    sampler.seed = !sampler.seed;
     let n = test.len();
-    if let Gazes::All(_) = looker.gazes {
-        let (points, found) = curve(recogniser, &looker, test)?;
-        told(&format!("{n} test digits, all {} fixations", looker.window), &found);
+    if let Gazes::All(_) = sampler.gazes {
+        let (points, found) = curve(recogniser, &sampler, test)?;
+        print(&format!("{n} test digits, all {} fixations", sampler.window), &found);
         points.iter().for_each(|p| say!("  {} fixations: {:.2} % right", p.looks, 100.0 * p.single));
         return Ok(());
     }
-    let window = looker.window;
-    for (what, trouble) in [("centred and alone", Nuisance::default()), ("as along tracks", Nuisance::of_tracks())] {
-        looker.trouble = trouble;
-        looker.window = window;
-        let (_, found) = curve(recogniser, &looker, test)?;
-        told(&format!("{n} test digits, {what}, a decision of {window} fixations"), &found);
+    let window = sampler.window;
+    for (what, nuisance) in [("centred and alone", Nuisance::default()), ("as along tracks", Nuisance::of_tracks())] {
+        sampler.nuisance = nuisance;
+        sampler.window = window;
+        let (_, found) = curve(recogniser, &sampler, test)?;
+        print(&format!("{n} test digits, {what}, a decision of {window} fixations"), &found);
         found.bins.iter().filter(|b| b.count > 0).for_each(|b| {
             say!("  confidence {:.3}: {:.3} right, {} decisions", b.confidence, b.accuracy, b.count);
         });
-        looker.window = CURVE.0;
-        let (points, _) = curve(recogniser, &looker, &test.range(0, CURVE.1.min(n)))?;
+        sampler.window = CURVE.0;
+        let (points, _) = curve(recogniser, &sampler, &test.range(0, CURVE.1.min(n)))?;
         for p in points.iter().filter(|p| [1, 2, 3, 5, 10, 20, 30].contains(&p.looks)) {
             say!(
                 "  {} fixations: the last {window} alone {:.2} % right, all together {:.2} %",

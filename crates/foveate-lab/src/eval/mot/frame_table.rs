@@ -38,16 +38,16 @@ fn overlap(a: &BBox, b: &BBox) -> f64 {
 }
 
 /// All of a sequence that scores need.
-pub(super) struct Moments {
+pub(super) struct FrameTables {
     /// Frames in which somebody is, in order.
-    pub moments: Vec<FrameTable>,
+    pub frames: Vec<FrameTable>,
     /// Number of targets, of tracks.
     pub ids: (usize, usize),
     /// Boxes of truth that count, of results.
     pub boxes: (usize, usize),
 }
 
-impl Moments {
+impl FrameTables {
     /// # Errors
     /// An id is negative or twice in a frame, or there are too many boxes.
     pub fn of(truth: &Tracks, results: &Tracks) -> Result<Self> {
@@ -74,7 +74,7 @@ impl Moments {
             }
             frame_table
         };
-        Ok(Self { moments: frames.into_iter().map(&mut take).collect(), ids, boxes })
+        Ok(Self { frames: frames.into_iter().map(&mut take).collect(), ids, boxes })
     }
 }
 

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use serde::Serialize;
 
-use super::frame_table::{FrameTable, Moments};
+use super::frame_table::{FrameTable, FrameTables};
 use super::ratio;
 use foveate_core::assignment;
 
@@ -129,9 +129,9 @@ impl Counter {
     }
 
     /// Matches every frame for the largest sum of (how well ids go together) × overlap, and counts.
-    pub fn finish(self, all: &Moments) -> Hota {
+    pub fn finish(self, all: &FrameTables) -> Hota {
         let (mut targets, mut tracks) = (vec![0.0; all.ids.0], vec![0.0; all.ids.1]);
-        for frame_table in &all.moments {
+        for frame_table in &all.frames {
             frame_table.truth.iter().for_each(|&(id, _)| targets[id] += 1.0);
             frame_table.found.iter().for_each(|&(id, _)| tracks[id] += 1.0);
         }
@@ -140,7 +140,7 @@ impl Counter {
             None => 0.0,
         };
         let mut pairs: BTreeMap<(usize, usize), Vec<f64>> = BTreeMap::new();
-        for frame_table in &all.moments {
+        for frame_table in &all.frames {
             let (overlaps, columns) = (frame_table.overlaps(), frame_table.found.len());
             let ids =
                 frame_table.truth.iter().flat_map(|&(t, _)| frame_table.found.iter().map(move |&(id, _)| (t, id)));

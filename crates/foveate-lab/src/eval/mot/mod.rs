@@ -62,10 +62,10 @@ pub struct Score {
 /// # Errors
 /// An id is negative or has two boxes in one frame; more than 4096 boxes in a frame or 50 million pairs of ids.
 pub fn score(truth: &Tracks, results: &Tracks) -> Result<Score> {
-    let all = frame_table::Moments::of(truth, results)?;
+    let all = frame_table::FrameTables::of(truth, results)?;
     let mut clear = clear::Counter::new(all.ids.0);
     let (mut identity, mut hota) = (identity::Counter::default(), hota::Counter::default());
-    for frame_table in &all.moments {
+    for frame_table in &all.frames {
         let overlaps = frame_table.overlaps();
         clear.frame(frame_table, &overlaps);
         identity.frame(frame_table, &overlaps);
