@@ -6,9 +6,9 @@ use foveate_base::{Error, Result};
 /// The configurations for any target in real video, by what they cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Profile {
-    /// Thousands of frames a second on one core: `natural-fast`.
+    /// A fifth of the particles, about 1.6 times the speed of the other: `natural-fast`.
     Fast,
-    /// About a thousand: `natural`.
+    /// Fewest failures: `natural`.
     #[default]
     Balanced,
 }
