@@ -1,7 +1,7 @@
 //! Everything that can go wrong, said in four parts: where, what was expected, what was found, what to do.
 //!
 //! Errors happen at the border only: before the first frame (configuration, models), or in a source.
-//! Inside the library a broken reference is a panic that names the reference.
+//! Inside the library a broken promise is a panic that names the promise.
 
 use std::path::PathBuf;
 

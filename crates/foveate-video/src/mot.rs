@@ -1,7 +1,7 @@
 //! Tracks of many targets in text files, as MOTChallenge has them: truth, results, and detections.
 //!
 //! One box a line, in any order: `frame,id,x,y,w,h,conf,...`, separated by comma, semicolon, tab or space. Frames and pixels
-//! count from 1 in the files, from 0 in memory. ConfidenceModel may be left out (1); what follows it (class and
+//! count from 1 in the files, from 0 in memory. Confidence may be left out (1); what follows it (class and
 //! visibility, or a place in the world) is read over. Detections have the id −1.
 
 use std::path::Path;
