@@ -85,7 +85,7 @@ impl<'a> Step<'a> {
         self.extent.mean() * self.estimate.log_scale.exp()
     }
     /// The credible region of the target's centre that holds this share (0 to below 1) of the probability, as of a normal
-    /// belief: its covariance and the localisation_noise.
+    /// belief: its covariance and the localisation noise.
     pub fn region(&self, share: f64) -> Region {
         let (c, localisation_noise) = (&self.covariance, self.localisation_noise * self.unit());
         let (a, b, d) = (

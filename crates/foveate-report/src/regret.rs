@@ -205,7 +205,7 @@ mod tests {
     }
 
     /// Rewards of 0 and 1 that favour one gaze by turns of 50 frames; 20 runs of 1,000 frames, seeds 0 to 19. The bound
-    /// holds for the reference; a run's draws spread by less than √T / 2 = 16: 4 such of a mean over 20 are 14.
+    /// holds for the expectation; a run's draws spread by less than √T / 2 = 16: 4 such of a mean over 20 are 14.
     #[test]
     fn hedge_keeps_its_bound_here_too() {
         let (frames, gazes) = (1000, Grid::default().gazes());

@@ -53,7 +53,7 @@ impl Mp4 {
         Ok(mp4)
     }
 
-    /// FrameEvidence before the first frame of an open group, a frame refers to others that were cut away.
+    /// Shown before the first frame of an open group, a frame refers to others that were cut away.
     fn lost(&self, sample: usize) -> bool {
         self.open && self.movie.samples[sample].time < self.movie.samples[0].time
     }

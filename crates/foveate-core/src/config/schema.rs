@@ -49,7 +49,7 @@ pub struct Config {
     /// Whether particles move with the camera, or with the flow where they are; left out, they do not.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub camera_motion: Option<CameraMotion>,
-    /// What looks for candidates in every frame, for the proposal and the detection_likelihood; left out, nothing does.
+    /// What looks for candidates in every frame, for the proposal and the detection likelihood; left out, nothing does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub detector: Option<DetectorConfig>,
     /// p(x₀).

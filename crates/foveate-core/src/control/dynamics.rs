@@ -64,7 +64,7 @@ pub struct Autoregressive {
     pub angle_pull: f64,
     /// Standard deviation of the angle's noise, radians.
     pub angle: f64,
-    /// Share of the states that leap, for cameras held in a hand: 0 to 1.
+    /// Share of the states whose noise is that of the heavy tail, for cameras held in a hand: 0 to 1.
     pub tail_probability: f64,
     /// How many times as large their noises of position, scale and angle are, 1 to 100.
     pub tail_scale: f64,
@@ -150,7 +150,7 @@ impl Autoregressive {
 }
 
 impl Autoregressive {
-    /// The noises of a state that tail_probability.
+    /// The noises of a state from the heavy tail.
     fn leaping(&self, [velocity, position, shape]: Noise) -> Noise {
         [velocity, position.map(|x| self.tail_scale * x), shape.map(|x| self.tail_scale * x)]
     }
@@ -191,7 +191,7 @@ impl Dynamics for Autoregressive {
                     stream.fill(noise.as_flattened_mut());
                 }
             }
-            // Every so many tail_scale, from a random one on: each with the same probability, and always about as many.
+            // Every so many are of the heavy tail, from a random one on: each with the same probability, and always about as many.
             let mut turn = if self.tail_probability > 0.0 { rng.random::<f64>() } else { 0.0 };
             for i in 0..previous.len().min(next.len()).min(BATCH) {
                 let noise = [velocity[i], position[i], shape[i]];
@@ -296,7 +296,7 @@ pub(super) mod tests {
         let volume: f64 = [0.7, 0.7, 0.4, 0.4, 0.02, 0.1].iter().product();
         let exact = -0.5 - 2.0 - volume.ln() - 3.0 * std::f64::consts::TAU.ln();
         assert!((ALL.log_density(&next, &FROM) - exact).abs() < 1e-12);
-        // One that tail_probability has a density of a mixture, of the other four components.
+        // One of the heavy tail has a density of a mixture, of the other four components.
         let leaping = Autoregressive { tail_probability: 0.25, ..ALL };
         let far = |factor: f64| {
             -0.5 - 2.0 / factor.powi(2) - 4.0 * factor.ln() - volume.ln() - 3.0 * std::f64::consts::TAU.ln()

@@ -14,7 +14,7 @@
 //! unit, and which of them is the target is for the likelihood to say. A parent without any has p alone.
 //!
 //! Clamping to the frame moves children after they are drawn and weighed. What moves x ~ q and x ~ p by the same rule keeps the
-//! weights p/q, so that the piles at the clamp_to_frame are p's too and need no density.
+//! weights p/q, so that the piles at the edge of the frame are p's too and need no density.
 
 use rand::RngExt;
 use rand_distr::StandardNormal;
@@ -216,7 +216,7 @@ mod tests {
         }
     }
 
-    /// The frame of one pixel makes all children pile up at its clamp_to_frame; p's do so with the same weights.
+    /// The frame of one pixel makes all children pile up at its edge; p's do so with the same weights.
     #[test]
     fn walls_keep_the_law() {
         let (frame, found) = (blank_image(), [detection(0.5, 0.0, 2.0), detection(-1.0, 0.3, 2.0)]);

@@ -402,7 +402,7 @@ mod tests {
             .collect()
     }
 
-    /// Of random weights, a template template_source on noise, the particles' surroundings seen.
+    /// Of random weights, a template taken of noise, the particles' surroundings seen.
     fn appearance(precision: Precision, distance: Kind) -> GazeAppearance {
         let mut rng = Streams::new(3, 0).rng(0);
         let retina = Foveal::new(FovealConfig::authors()).expect("whole cells");

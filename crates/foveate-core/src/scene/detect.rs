@@ -22,7 +22,7 @@ pub struct Detection {
 ///
 /// Must be obeyed: `found` is emptied first. Boxes lie within the picture, are at least 1 × 1 pixel, and come best first;
 /// scores are finite and positive. The same frames in the same order give the same boxes, bit for bit. No frame causes a
-/// panic. After the first frames a call allocates nothing but room in `found`. Otherwise initiation of targets, and proposals
+/// panic. After the first frames a call allocates nothing but room in `found`. Otherwise the initiation of tracks, and proposals
 /// that mix detections with the prior, would depend on leftovers, or fail in mid-video.
 pub trait Detector: Send + Sync {
     /// Looks at the next frame.

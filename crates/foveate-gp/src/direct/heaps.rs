@@ -1,4 +1,4 @@
-//! MultiTracker priority queues over one pool of numbered items: pairing heaps (Fredman et al. 1986), largest value first.
+//! Many priority queues over one pool of numbered items: pairing heaps (Fredman et al. 1986), largest value first.
 //!
 //! An item is in one queue at most. Pushing is one comparison, popping a logarithm of them on average; room is one
 //! slot an item, however the items are spread over the queues.

@@ -208,7 +208,7 @@ fn mean_step(rbm: &Rbm, rows: Rows<'_>, negative: Negative, trials: u64) -> Vec<
     sums.into_iter().map(|(s, q)| (s / n, ((q / n - (s / n).powi(2)).max(0.0) / n).sqrt())).collect()
 }
 
-/// CD-1 against its own reference: every first hidden state, weighted. 5 sd for 30 numbers: a false alarm in 10⁵ seeds.
+/// CD-1 against its own expectation: every first hidden state, weighted. 5 sd for 30 numbers: a false alarm in 10⁵ seeds.
 #[test]
 fn cd_1_has_the_expectation_of_cd_1() {
     for visible in [Visible::Bernoulli, Visible::Gaussian] {
