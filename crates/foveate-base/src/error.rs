@@ -58,5 +58,16 @@ impl Error {
     }
 }
 
+/// Fails where the setting `key` is not a number from `least` to `most`.
+///
+/// # Errors
+/// [`Error::Config`], which says the key, the range and the value.
+pub fn within(key: &str, value: f64, least: f64, most: f64) -> Result<()> {
+    if (least..=most).contains(&value) {
+        return Ok(());
+    }
+    Err(Error::Config(format!("{key} is a number from {least} to {most}; it is {value}")))
+}
+
 /// Short for a result that fails with [`enum@Error`].
 pub type Result<T> = std::result::Result<T, Error>;

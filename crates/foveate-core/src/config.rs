@@ -80,6 +80,11 @@ impl Config {
         BUILTIN.iter().find(|b| b.0 == name).map(|(name, text)| Self::parse(text, name))
     }
 
+    /// The names of those that ship, as [`BUILTIN`] has them.
+    pub fn names() -> Vec<&'static str> {
+        BUILTIN.iter().map(|b| b.0).collect()
+    }
+
     /// Checks that numbers are in range and the parts fit; model files are read from `files`.
     pub fn check(self, files: &dyn Files) -> Result<Blueprint> {
         self.ranges()?;

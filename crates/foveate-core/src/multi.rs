@@ -23,9 +23,6 @@ mod tracked_target;
 pub use settings::Settings;
 pub use tracked_target::{Phase, TrackedTarget};
 
-#[cfg(feature = "threads")]
-use rayon::prelude::*;
-
 use crate::engine::Engine;
 use crate::geometry::BBox;
 use crate::scene::{Detection, Image, Preprocessor};
@@ -142,15 +139,7 @@ impl MultiTracker {
         self.explain(image);
         let (s, detecting) = (&self.settings, self.detecting);
         let cleared = &self.work.cleared;
-        let move_on = |(i, target): (usize, &mut Target)| target.step(cleared.get(i).unwrap_or(image), s, detecting);
-        #[cfg(feature = "threads")]
-        if self.active.len() > 1 && crate::threads::count() > 1 {
-            self.active.par_iter_mut().enumerate().for_each(move_on);
-        } else {
-            self.active.iter_mut().enumerate().for_each(move_on);
-        }
-        #[cfg(not(feature = "threads"))]
-        self.active.iter_mut().enumerate().for_each(move_on);
+        crate::threads::each(&mut self.active, |i, target| target.step(cleared.get(i).unwrap_or(image), s, detecting));
         self.terminate(image);
         self.initiate(image);
         self.publish();

@@ -1,5 +1,8 @@
 //! Threads, where there are any: with the feature `threads`. The results never depend on them.
 
+#[cfg(feature = "threads")]
+use rayon::prelude::*;
+
 /// Threads that work is shared by.
 #[cfg(feature = "threads")]
 pub(crate) fn count() -> usize {
@@ -12,4 +15,13 @@ pub(crate) fn with<T: Send>(threads: usize, f: impl FnOnce() -> T + Send) -> T {
     return rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a few threads").install(f);
     #[cfg(not(feature = "threads"))]
     return (f(), threads).0;
+}
+
+/// Runs `f` on every item and its index; in parallel, where there are several items and threads.
+pub(crate) fn each<T: Send>(items: &mut [T], f: impl Fn(usize, &mut T) + Send + Sync) {
+    #[cfg(feature = "threads")]
+    if items.len() > 1 && count() > 1 {
+        return items.par_iter_mut().enumerate().for_each(|(i, item)| f(i, item));
+    }
+    items.iter_mut().enumerate().for_each(|(i, item)| f(i, item));
 }

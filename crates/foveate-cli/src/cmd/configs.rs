@@ -24,7 +24,7 @@ pub fn run(args: Args) -> Result<()> {
         }
         None => Err(Error::Config(format!(
             "no configuration is called {name}; those that ship: {}",
-            BUILTIN.iter().map(|b| b.0).collect::<Vec<_>>().join(", ")
+            Config::names().join(", ")
         ))),
     }
 }

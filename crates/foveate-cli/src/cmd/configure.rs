@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-use foveate::config::{BUILTIN, Config};
+use clap::builder::PossibleValuesParser;
+use foveate::config::Config;
 use foveate::files::Folder;
 use foveate::{Error, Result};
 
@@ -25,31 +25,26 @@ pub fn config_name(config: Option<&str>, profile: Option<Profile>) -> &str {
     config.unwrap_or(profile.name())
 }
 
-/// Policies by name, and the settings that one has no default for.
-const POLICIES: [(&str, Option<&str>); 11] = [
-    ("fixed", None),
-    ("random", None),
-    ("circular", None),
-    ("hedge", Some(r#"policy={ kind = "hedge", gamma = "anytime" }"#)),
-    ("pool", Some(r#"policy={ kind = "pool", gamma = "anytime" }"#)),
-    ("exp3", None),
-    ("exp3-as-printed", None),
-    ("exp3-ix", None),
-    ("exp3-s", None),
-    ("gp-ucb", None),
-    ("anchor", Some(r#"policy={ kind = "anchor", policy = { kind = "hedge", gamma = "anytime" } }"#)),
+const POLICIES: [&str; 11] = [
+    "fixed",
+    "random",
+    "circular",
+    "hedge",
+    "pool",
+    "exp3",
+    "exp3-as-printed",
+    "exp3-ix",
+    "exp3-s",
+    "gp-ucb",
+    "anchor",
 ];
-
-fn policies() -> impl TypedValueParser<Value = String> {
-    PossibleValuesParser::new(POLICIES.map(|(name, _)| name))
-}
 
 /// What the command line changes in a configuration.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct Changes {
     /// Gaze policy in the place of the configuration's, with its default settings (where it has a grid: 3 x 3 gazes that reach
     /// half-way to the box's edge); --set policy.KEY=VALUE changes them
-    #[arg(long, value_name = "NAME", value_parser = policies())]
+    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(POLICIES))]
     pub policy: Option<String>,
     /// Change one setting of the configuration, for example particles=400 or policy.grid.reach=0.3; may be given several times
     #[arg(long = "set", value_name = "KEY=VALUE")]
@@ -64,9 +59,12 @@ impl Changes {
 
     fn make(&self, mut config: Config) -> Result<Config> {
         if let Some(name) = self.policy.as_ref().filter(|name| **name != policy_kind(&config)) {
-            let bare = format!("policy.kind={name}");
-            let setting = POLICIES.iter().find(|p| p.0 == name).and_then(|p| p.1).unwrap_or(&bare);
-            config = config.set(setting)?;
+            let setting = match name.as_str() {
+                // The only one with a setting that has no default.
+                "anchor" => r#"policy={ kind = "anchor", policy = { kind = "hedge" } }"#.into(),
+                name => format!("policy.kind={name}"),
+            };
+            config = config.set(&setting)?;
         }
         self.set.iter().try_fold(config, |config, setting| config.set(setting))
     }
@@ -94,7 +92,7 @@ pub fn read(name: &str, changes: &Changes) -> Result<(Config, Folder)> {
         None => {
             return Err(Error::Config(format!(
                 "there is no configuration file {name}, and none of that name ships with the program; those that do: {}",
-                BUILTIN.iter().map(|b| b.0).collect::<Vec<_>>().join(", ")
+                Config::names().join(", ")
             )));
         }
     };
@@ -108,7 +106,7 @@ mod tests {
     #[test]
     fn every_policy_fits_every_configuration() {
         for name in ["natural", "digits-hedge", "digits-partial"] {
-            for (policy, _) in POLICIES {
+            for policy in POLICIES {
                 let changes = Changes { policy: Some(policy.into()), set: vec!["particles=50".into()] };
                 let (config, folder) = read(name, &changes).unwrap_or_else(|e| panic!("{name}, {policy}: {e}"));
                 assert_eq!(config.particles, 50);

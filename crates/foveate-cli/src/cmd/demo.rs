@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use foveate::config::BUILTIN;
+use foveate::config::Config;
 use foveate::gaze::PolicySnapshot;
 use foveate::lab::Digits;
 use foveate::lab::eval::score_centres;
@@ -105,10 +105,11 @@ pub fn run(args: Args) -> Result<()> {
 /// Refuses configurations that ship for real video: on strokes on black they lose the digit.
 fn fits(name: &str) -> Result<()> {
     let real = |name: &str| name.starts_with("natural") || name.starts_with("multi");
-    if !BUILTIN.iter().any(|b| b.0 == name && real(name)) {
+    let mut fitting = Config::names();
+    if !(fitting.contains(&name) && real(name)) {
         return Ok(());
     }
-    let fitting: Vec<&str> = BUILTIN.iter().map(|b| b.0).filter(|name| name.starts_with("digits")).collect();
+    fitting.retain(|name| name.starts_with("digits"));
     Err(Error::Config(format!(
         "{name} is a configuration for real video, and the demo draws digits on black; give --config one of {}, or use {name} \
          on a video of yours: foveate track VIDEO --init x,y,w,h --config {name}",

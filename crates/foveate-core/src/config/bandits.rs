@@ -2,9 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::ranges::{Ranges, within};
+use super::ranges::Ranges;
 use crate::gaze::{Exp3, Grid, Policy, Schedule, Variant};
 use foveate_base::Result;
+use foveate_base::error::within;
 
 /// EXP3.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

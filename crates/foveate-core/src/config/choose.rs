@@ -1,6 +1,6 @@
 //! How a configuration is chosen: by profile, by the name of one that ships, or given whole.
 
-use super::{BUILTIN, Config};
+use super::Config;
 use foveate_base::{Error, Result};
 
 /// The configurations for any target in real video, by what they cost.
@@ -50,8 +50,8 @@ impl Configure for Profile {
 impl Configure for &str {
     fn config(self) -> Result<Config> {
         Config::builtin(self).unwrap_or_else(|| {
-            let names: Vec<&str> = BUILTIN.iter().map(|b| b.0).collect();
-            Err(Error::Config(format!("no configuration is called {self}; there are {}", names.join(", "))))
+            let names = Config::names().join(", ");
+            Err(Error::Config(format!("no configuration is called {self}; there are {names}")))
         })
     }
 }

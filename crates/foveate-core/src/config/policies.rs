@@ -3,10 +3,11 @@
 use serde::{Deserialize, Serialize};
 
 use super::bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
-use super::ranges::{Ranges, within};
+use super::ranges::Ranges;
 use crate::gaze::{Anchor, Bayes, Circular, Fixed, GpUcb, Grid, Hedge, Policy, Pool, Random, Schedule};
 use crate::geometry::Gaze;
 use foveate_base::Result;
+use foveate_base::error::within;
 
 /// The policies there are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -9,7 +9,7 @@ use crate::control::{
 use crate::identity::{colour, discriminant};
 use crate::multi;
 use crate::start::StartSpread;
-use foveate_base::{Error, Result};
+use foveate_base::Result;
 
 /// Settings with numbers in them: not one may be NaN, infinite or out of range.
 pub(super) trait Ranges {
@@ -33,13 +33,6 @@ pub(super) fn particles<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<
         return Ok(n);
     }
     Err(serde::de::Error::custom(format!("expected 1 to 1000000 particles (100 to 1000 are usual), got {n}")))
-}
-
-pub(super) fn within(key: &str, value: f64, least: f64, most: f64) -> Result<()> {
-    if (least..=most).contains(&value) {
-        return Ok(());
-    }
-    Err(Error::Config(format!("{key} is a number from {least} to {most}; it is {value}")))
 }
 
 /// A section that is left out is in range.

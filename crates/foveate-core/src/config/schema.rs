@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::policies::PolicyConfig;
 use super::proposals::{DetectorConfig, ProposalConfig};
-use super::ranges::{Ranges, in_range, particles, within};
+use super::ranges::{Ranges, in_range, particles};
 use super::recogniser::RecogniserConfig;
 use crate::control::{
     Autoregressive, CameraMotion, Concentration, ConfidenceModel, ConsistencySettings, DetectionLikelihood,
@@ -17,6 +17,7 @@ use crate::identity::rbm_encoder::Precision;
 use crate::identity::retina::{Foveal, FovealConfig};
 use crate::identity::{colour, discriminant, distance, oriented};
 use crate::start::StartSpread;
+use foveate_base::error::within;
 use foveate_base::{Error, Result};
 #[cfg(feature = "learn")]
 use foveate_learn::rbm::factored::Units;

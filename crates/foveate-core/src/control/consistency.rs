@@ -7,6 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::reference::ReferenceLikelihood;
+use foveate_base::error::within;
 use foveate_base::{Error, Result};
 
 /// The verdict of one frame.
@@ -74,9 +75,7 @@ impl ConsistencySettings {
             ("temperature", self.temperature, 1.0),
             ("flat", self.flat, 1.0),
         ] {
-            if !(0.0..=most).contains(&value) {
-                return Err(Error::Config(format!("consistency.{name} is a number from 0 to {most}; it is {value}")));
-            }
+            within(&format!("consistency.{name}"), value, 0.0, most)?;
         }
         if self.settle > 1000 {
             return Err(Error::Config(format!("consistency.settle is 0 to 1000 frames; it is {}", self.settle)));

@@ -14,7 +14,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry::{Extent, State};
 use crate::scene::Detection;
-use foveate_base::{Error, Result};
+use foveate_base::Result;
+use foveate_base::error::within;
 
 /// How far detections are from what they are of.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,11 +41,7 @@ impl DetectionLikelihood {
         for (name, value, least, most) in
             [("place", self.place, 0.01, 10.0), ("size", self.size, 0.01, 100.0), ("outlier", self.outlier, 1e-9, 1.0)]
         {
-            if !(least..=most).contains(&value) {
-                return Err(Error::Config(format!(
-                    "detection_likelihood.{name} is a number from {least} to {most}; it is {value}"
-                )));
-            }
+            within(&format!("detection_likelihood.{name}"), value, least, most)?;
         }
         Ok(())
     }

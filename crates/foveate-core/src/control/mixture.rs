@@ -26,8 +26,9 @@ use super::proposal::confine;
 use super::{Autoregressive, CHUNK, Prior, Proposal};
 use crate::geometry::State;
 use crate::scene::{Detection, Scene};
+use foveate_base::Result;
+use foveate_base::error::within;
 use foveate_base::rng::{Rng, Streams};
-use foveate_base::{Error, Result};
 
 /// How detections are mixed with the prior. Lengths are template units at the parent's size: 1 is half the box.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,11 +61,7 @@ impl Mixing {
             ("size", self.size.unwrap_or(1.0), 0.001, 5.0),
             ("gate", self.gate, 0.0, 1000.0),
         ] {
-            if !(least..=most).contains(&value) {
-                return Err(Error::Config(format!(
-                    "proposal.{name} is a number from {least} to {most}; it is {value}"
-                )));
-            }
+            within(&format!("proposal.{name}"), value, least, most)?;
         }
         Ok(())
     }

@@ -16,6 +16,7 @@
 use super::gains::{Gains, draw};
 use super::{Context, Plan, Policy, PolicySnapshot, Schedule};
 use crate::geometry::Gaze;
+use foveate_base::error::within;
 use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
 use serde_json::Value;
@@ -76,9 +77,7 @@ impl Exp3 {
     /// With η so many times the published one, 0.001 to 1000. The theorems hold up to 1; where rewards differ little,
     /// more learns sooner.
     pub fn hasty(self, haste: f64) -> Result<Self> {
-        if !(1e-3..=1e3).contains(&haste) {
-            return Err(Error::Config(format!("exp3: haste is a number from 0.001 to 1000; it is {haste}")));
-        }
+        within("exp3: haste", haste, 1e-3, 1e3)?;
         Ok(Self { haste, ..self })
     }
     /// γ and share of EXP3.S for `k` gazes where the best changes so many times in so many frames: its regret against

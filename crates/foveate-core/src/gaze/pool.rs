@@ -11,8 +11,9 @@
 
 use super::{Context, Hedge, Plan, Policy, Schedule};
 use crate::geometry::Gaze;
+use foveate_base::Result;
+use foveate_base::error::within;
 use foveate_base::rng::Rng;
-use foveate_base::{Error, Result};
 
 /// Looks everywhere at once, and listens most to the gazes that told most lately.
 #[derive(Clone, Debug)]
@@ -26,11 +27,8 @@ impl Pool {
     /// Over these gazes (one at least), with learning rate `gamma` > 0 on rewards in [0, 1], of whose sum a share `forget` (0
     /// to 1) fades each frame. The weights' sum is `looks`, above 0: as many looks as they are to count for.
     pub fn new(gazes: Vec<Gaze>, gamma: impl Into<Schedule>, forget: f64, looks: f64) -> Result<Self> {
-        for (name, value, least, most) in [("forget", forget, 0.0, 1.0), ("looks", looks, 1e-3, 1e3)] {
-            if !(least..=most).contains(&value) {
-                return Err(Error::Config(format!("pool: {name} is a number from {least} to {most}; it is {value}")));
-            }
-        }
+        within("pool: forget", forget, 0.0, 1.0)?;
+        within("pool: looks", looks, 1e-3, 1e3)?;
         Ok(Self { hedge: Hedge::new(gazes, gamma)?.fading(forget), looks })
     }
 }

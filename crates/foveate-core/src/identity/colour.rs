@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use super::numbers::{decode, encode};
 use crate::geometry::{Extent, State};
 use crate::scene::Image;
+use foveate_base::error::within;
 use foveate_base::{Error, Result};
 
 /// Settings of the colour model.
@@ -47,9 +48,7 @@ impl Settings {
             ("first_frame_weight", self.first_frame_weight, 1.0),
             ("gate", self.gate, 2.0),
         ] {
-            if !(0.0..=most).contains(&value) {
-                return Err(Error::Config(format!("colour.{name} is a number from 0 to {most}; it is {value}")));
-            }
+            within(&format!("colour.{name}"), value, 0.0, most)?;
         }
         Ok(())
     }

@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::numbers::{decode, encode};
 use crate::geometry::{Extent, Gaze, State};
+use foveate_base::error::within;
 use foveate_base::{Error, Result};
 
 /// Settings of the discriminant. It needs a gaze at the centre; other gazes are compared with the template alone.
@@ -65,11 +66,7 @@ impl Settings {
             ("log_scale", self.log_scale, 0.01, 10.0),
             ("gate", self.gate, 0.0, 2.0),
         ] {
-            if !(least..=most).contains(&value) {
-                return Err(Error::Config(format!(
-                    "discriminant.{name} is a number from {least} to {most}; it is {value}"
-                )));
-            }
+            within(&format!("discriminant.{name}"), value, least, most)?;
         }
         Ok(())
     }

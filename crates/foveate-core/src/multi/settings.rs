@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use foveate_base::{Error, Result};
+use foveate_base::Result;
+use foveate_base::error::within;
 
 /// Rules for many targets. Lengths are in template units: 1 is half the target's box.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -163,11 +164,7 @@ impl Settings {
             ("occlusion.hidden", occlusion.hidden, 0.0, 1.0),
             ("occlusion.explain", occlusion.explain, 0.0, 1.0),
         ] {
-            if !(least..=most).contains(&value) {
-                return Err(Error::Config(format!(
-                    "multi_target.{name} is a number from {least} to {most}; it is {value}"
-                )));
-            }
+            within(&format!("multi_target.{name}"), value, least, most)?;
         }
         Ok(())
     }
