@@ -141,3 +141,61 @@ fn a_scene_of_many_digits_has_both_layouts() {
     let wrong = foveate(&["synth", "multi", "--scale", "3", "--out", &path("none")]);
     assert!(!wrong.status.success() && String::from_utf8_lossy(&wrong.stderr).contains("two numbers such as 1,3"));
 }
+
+/// The same grid twice: the second time nothing is run, and all figures are the same. What is judged on a half was chosen on the
+/// other: from the figures by half, the choice can be made again by hand.
+#[test]
+fn settings_are_chosen_on_one_half_and_judged_on_the_other() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
+    // By the list Coke is of half a, Couple of half b.
+    for (name, digit) in [("Coke", "3"), ("Couple", "7")] {
+        let video = path(&format!("seqs/{name}"));
+        let made = foveate(&["synth", "clutter", "--digit", digit, "--frames", "15", "--noise", "--out", &video]);
+        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    }
+    let (seqs, out, one) = (path("seqs"), path("out"), path("seqs/Coke"));
+    let args = ["eval", "--seqs", &seqs, "--config", "digits", "--out", &out, "--seeds", "2", "--choose"];
+    let with = |choose: &[&str]| foveate(&[&args[..], choose].concat());
+    let said = |output: &Output| String::from_utf8_lossy(&output.stderr).into_owned();
+    for (wrong, why) in [
+        (&["particles=20"][..], "makes 1 candidates"),
+        (&["particles=20,0"], "particles"),
+        (&["particles=20,30", "--results", &seqs], "cannot be used with"),
+        (&["particles=20,30", "--peers", &seqs], "no result here"),
+    ] {
+        let refused = with(wrong);
+        assert!(!refused.status.success() && said(&refused).contains(why), "{wrong:?}: {}", said(&refused));
+    }
+    let half = foveate(&["eval", "--seqs", &one, "--config", "digits", "--out", &out, "--choose", "particles=20,30"]);
+    assert!(said(&half).contains("none of these is in half b: Coke"), "{}", said(&half));
+    assert!(!dir.path().join("out").exists(), "nothing is written before all is checked");
+
+    let grid = ["particles=5,300", "--choose", "likelihood.sharpness=1,40"];
+    let first = with(&grid);
+    assert!(first.status.success() && said(&first).contains("16 runs, 0 of them"), "{}", said(&first));
+    let read = |name: &str| std::fs::read(path(&format!("out/{name}"))).expect(name);
+    let files = ["cross.json", "cross.txt", "candidates/particles=5_likelihood.sharpness=1/seed-2/Coke.txt"];
+    let before = files.map(read);
+    let again = with(&grid);
+    assert!(said(&again).contains("16 runs, 16 of them"), "{}", said(&again));
+    assert_eq!(files.map(read), before);
+
+    let cross: serde_json::Value = serde_json::from_slice(&before[0]).expect("JSON");
+    let candidates = cross["candidates"].as_array().expect("a list");
+    assert_eq!(candidates.len(), 4);
+    let auc = |i: usize, on: &str| candidates[i][on]["auc"].as_f64().expect("a number");
+    let best = |on: &str| (0..4).fold(0, |best, i| if auc(i, on) > auc(best, on) { i } else { best });
+    let expected = 0.5 * (auc(best("b"), "a") + auc(best("a"), "b"));
+    let judged = cross["halves"]["mean"]["auc"].as_f64().expect("a number");
+    assert!((judged - expected).abs() < 1e-12, "{judged}, not {expected}");
+    // Two sources, each a half: leaving one out is the same.
+    assert_eq!(cross["halves"]["mean"], cross["sources"]["mean"]);
+    // The tracks that are scored as cross-validated are those of the chosen candidates.
+    let scores: serde_json::Value = serde_json::from_slice(&read("scores.json")).expect("JSON");
+    let mean = scores["trackers"][0]["mean"]["auc"].as_f64().expect("a number");
+    assert!((mean - expected).abs() < 1e-12, "{mean}, not {expected}");
+    assert_eq!((&scores["sources"][0]["half"], &scores["sources"][1]["half"]), (&"a".into(), &"b".into()));
+    let printed = String::from_utf8_lossy(&first.stdout).into_owned();
+    assert!(printed.starts_with("Chosen by mean AUC.") && printed.contains("occlusion"), "{printed}");
+}

@@ -1,16 +1,20 @@
 //! `foveate eval`: scores trackers on sequences with truth: of one target (one-pass evaluation, as OTB does it), of many.
 
+mod choose;
+mod grid;
+mod one_pass;
+
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
-use foveate::lab::eval::confidence::{ConfidenceScore, Judged, Recorder};
+use foveate::lab::eval::confidence::{ConfidenceScore, Judged};
 use foveate::lab::eval::{
-    Case, Evaluation, Row, Sequence, TrackRun, cases, confidence, confidence_plot, curves, find_sequences, mot,
+    Case, Evaluation, Row, Sequence, by_attribute, cases, confidence, confidence_plot, curves, find_sequences, mot,
     run_all, score_folder, table,
 };
-use foveate::report::run::{SingleRun, Span, follow};
-use foveate::video::open;
 use foveate::{Error, Result, files};
+
+use one_pass::one_pass;
 
 use super::configure::{Changes, Profile, config_name, read};
 
@@ -18,6 +22,9 @@ use super::configure::{Changes, Profile, config_name, read};
 ///
 /// Without --results, foveate itself is run on every sequence, from the true box of frame 1, and scored; and so is what it
 /// says about being lost: calibration, false alarms, frames to notice a loss, coverage of credible regions.
+///
+/// By attribute of the sequences (occlusion, fast motion, ...) and by half stand the figures of foveate and of every peer. With
+/// --choose, settings are chosen on one half of the sequences and judged on the other, both ways.
 ///
 /// With --mot, tracks of many targets are scored instead: MOTA, IDF1, HOTA and what they are made of, as TrackEval has them:
 /// foveate eval --mot --truth DIR --results DIR
@@ -51,6 +58,11 @@ pub struct Args {
     /// Change one setting of the configuration, for example particles=400; may be given several times
     #[arg(long = "set", value_name = "KEY=VALUE", conflicts_with_all = ["results", "mot"])]
     pub set: Vec<String>,
+    /// Choose among values of a setting by mean AUC, on one half of the sequences, and judge on the other half, both ways; also
+    /// leave one source video out. For example colour.mixing_weight=0.1,0.2; given several times, all combinations are
+    /// candidates. Goes on after a stop
+    #[arg(long, value_name = "KEY=VALUE,...", conflicts_with_all = ["results", "mot"])]
+    pub choose: Vec<String>,
     /// First seed of the tracker to run
     #[arg(long, default_value_t = 1, conflicts_with = "results")]
     pub seed: u64,
@@ -58,7 +70,8 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000), conflicts_with = "results")]
     pub seeds: u64,
     /// Folder for table.txt, scores.json, curves.svg (not with --mot); where the tracker is run, the tracks in foveate/, confidence.txt, confidence.json,
-    /// reliability.svg and report.html: where the first seed won and lost, with pictures
+    /// reliability.svg and report.html: where the first seed won and lost, with pictures. With --choose: cross.txt, cross.json,
+    /// the tracks of each candidate in candidates/, and table.txt, scores.json, curves.svg of the cross-validated tracks
     #[arg(long, value_name = "DIR", default_value = "out-eval")]
     pub out: PathBuf,
     /// Print scores as JSON instead of the table
@@ -72,27 +85,47 @@ pub fn run(args: Args) -> Result<()> {
         return many(&args);
     }
     let (config, folder) = read(config_name(args.config.as_deref(), args.profile), &Changes::of(&args.set))?;
-    let blueprint = config.check(&folder)?;
-    let runs: RefCell<Vec<Case>> = RefCell::new(vec![]);
-    let others = evaluate(&args, &|sequence, seed| {
-        let mut tracker = blueprint.tracker(seed)?;
-        let span = Span { until: sequence.truth.len() - 1, ..Span::default() };
-        let run = SingleRun { init: Some(sequence.init()?), span, again: &[] };
-        let mut witness = Recorder::of(&sequence.truth);
-        let (outcome, result) = follow(&mut *open(&sequence.images)?, &mut tracker, &mut witness, run);
-        result?;
-        let boxes = outcome.boxes.clone();
-        runs.borrow_mut().push(Case { sequence: sequence.clone(), seed, boxes, judged: witness.frames });
-        Ok(TrackRun { boxes: outcome.boxes, seconds: outcome.frames.seconds })
-    })?;
-    let runs = runs.into_inner();
-    if runs.is_empty() {
-        return Ok(()); // results of others say nothing about being lost
+    let blueprint = config.clone().check(&folder)?;
+    let sequences = find_sequences(&args.seqs)?;
+    let score = |folder: &PathBuf| score_folder(&sequences, folder);
+    let others: Vec<Vec<Evaluation>> = args.results.iter().chain(&args.peers).map(score).collect::<Result<_>>()?;
+    let others = others.concat();
+    let seeds: Vec<u64> = (0..args.seeds).map(|i| args.seed.wrapping_add(i)).collect();
+    if !args.results.is_empty() {
+        // Results of others say nothing about being lost.
+        return compare(&args, &sequences, &others, "").map(|_| ());
     }
+    if !args.choose.is_empty() {
+        let plan = choose::Plan::of(&config, &folder, &args.choose, &sequences)?;
+        let Some((choice, cross)) = plan.run(&sequences, &seeds, &args.out)? else {
+            return Err(Error::Invalid(format!("stopped; the same command goes on with {}", args.out.display())));
+        };
+        let text = choose::keep(&choice, &args.out)?;
+        return compare(&args, &sequences, &[vec![cross], others].concat(), &(text + "\n")).map(|_| ());
+    }
+    let runs: RefCell<Vec<Case>> = RefCell::new(vec![]);
+    let run_tracker = |sequence: &Sequence, seed| {
+        let (run, judged) = one_pass(&blueprint, sequence, seed)?;
+        runs.borrow_mut().push(Case { sequence: sequence.clone(), seed, boxes: run.boxes.clone(), judged });
+        Ok(run)
+    };
+    let out = args.out.join("foveate");
+    let ours = run_all("foveate", &sequences, &seeds, Some(&out), &run_tracker, &mut told)?;
+    let groups = compare(&args, &sequences, &[vec![ours], others.clone()].concat(), "")?;
+    let runs = runs.into_inner();
     let first: Vec<Case> = runs.iter().filter(|run| run.seed == args.seed).cloned().collect();
-    files::write(args.out.join("report.html"), cases::page(&first, &others)?.as_bytes())?;
+    files::write(args.out.join("report.html"), cases::page(&first, &others, groups)?.as_bytes())?;
     let tracks: Vec<&[Judged]> = runs.iter().map(|run| run.judged.as_slice()).collect();
     trusted(&args, &ConfidenceScore::of(&tracks, blueprint.config().confidence.localisation_noise))
+}
+
+/// One run is done.
+fn told(row: &Row) {
+    let (name, score, seed) = (&row.sequence, &row.score, row.seed.unwrap_or_default());
+    eprintln!(
+        "{name} (seed {seed}): AUC {:.3}, P@20 {:.3}, failure in {} of {} frames",
+        score.auc, score.p20, score.failures, score.frames
+    );
 }
 
 /// Keeps what the tracker's own probability of being lost is worth, and prints it.
@@ -109,29 +142,19 @@ fn trusted(args: &Args, score: &ConfidenceScore) -> Result<()> {
     Ok(())
 }
 
-/// Scores; `run_tracker` follows one sequence with one seed. Answers the scores of the other trackers.
-fn evaluate(args: &Args, run_tracker: &dyn Fn(&Sequence, u64) -> Result<TrackRun>) -> Result<Vec<Evaluation>> {
-    let sequences = find_sequences(&args.seqs)?;
-    let score = |folder: &PathBuf| score_folder(&sequences, folder);
-    let others: Vec<Vec<Evaluation>> = args.results.iter().chain(&args.peers).map(score).collect::<Result<_>>()?;
-    let others = others.concat();
-    let mut evaluations = others.clone();
-    if args.results.is_empty() {
-        let seeds: Vec<u64> = (0..args.seeds).map(|i| args.seed.wrapping_add(i)).collect();
-        let mut told = |row: &Row| {
-            let (name, score) = (&row.sequence, &row.score);
-            let seed = row.seed.unwrap_or_default();
-            eprintln!(
-                "{name} (seed {seed}): AUC {:.3}, P@20 {:.3}, failure in {} of {} frames",
-                score.auc, score.p20, score.failures, score.frames
-            );
-        };
-        let out = args.out.join("foveate");
-        evaluations.insert(0, run_all("foveate", &sequences, &seeds, Some(&out), run_tracker, &mut told)?);
+/// Trackers side by side, by sequence and by attribute: kept and printed, with what comes before it. Answers the part by
+/// attribute as HTML.
+fn compare(args: &Args, sequences: &[Sequence], evaluations: &[Evaluation], before: &str) -> Result<String> {
+    let groups = by_attribute::groups(sequences, evaluations);
+    let text = [table::text(evaluations), by_attribute::text(&groups, evaluations)].join("\n");
+    let mut scores = table::json(evaluations);
+    for (key, value) in by_attribute::json(sequences, &groups, evaluations) {
+        scores[key] = value;
     }
-    draw(&args.out, &evaluations)?;
-    report(args, &table::text(&evaluations), &table::json(&evaluations), "table.txt, scores.json, curves.svg")?;
-    Ok(others)
+    draw(&args.out, evaluations)?;
+    let cross = if before.is_empty() { "" } else { ", cross.txt, cross.json, candidates/" };
+    report(args, before, text.trim_end(), &scores, &format!("table.txt, scores.json, curves.svg{cross}"))?;
+    Ok(by_attribute::html(&groups, evaluations))
 }
 
 /// Scores tracks of many targets.
@@ -139,20 +162,26 @@ fn many(args: &Args) -> Result<()> {
     let sequences = mot::find_sequences(&args.truth)?;
     let scored = args.results.iter().map(|place| mot::score_results(&sequences, place));
     let evaluations: Vec<_> = scored.collect::<Result<_>>()?;
-    report(args, &mot::table::text(&evaluations), &mot::table::json(&evaluations), "table.txt, scores.json")
+    report(
+        args,
+        "",
+        mot::table::text(&evaluations).trim_end(),
+        &mot::table::json(&evaluations),
+        "table.txt, scores.json",
+    )
 }
 
-/// Keeps the scores, and prints them.
-fn report(args: &Args, text: &str, scores: &serde_json::Value, kept: &str) -> Result<()> {
+/// Keeps the scores, and prints them behind what comes before.
+fn report(args: &Args, before: &str, text: &str, scores: &serde_json::Value, kept: &str) -> Result<()> {
     let scores = serde_json::to_string_pretty(scores).map_err(|e| Error::Invalid(e.to_string()))?;
     let out = &args.out;
     folder(out)?;
-    files::write(out.join("table.txt"), text.as_bytes())?;
+    files::write(out.join("table.txt"), format!("{text}\n").as_bytes())?;
     files::write(out.join("scores.json"), scores.as_bytes())?;
     if args.json {
         say!("{scores}");
     } else {
-        say!("{text}\n{}: {kept}", out.display());
+        say!("{before}{text}\n\n{}: {kept}", out.display());
     }
     Ok(())
 }

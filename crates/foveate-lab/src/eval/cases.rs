@@ -166,11 +166,11 @@ fn colour(status: Status) -> Option<&'static str> {
     }
 }
 
-/// The page of these runs, with the best of `others` named beside each.
+/// The page of these runs, with the best of `others` named beside each, and a table by attribute (HTML) above them.
 ///
 /// # Errors
 /// A sequence cannot be read again, or a run has not one box a frame.
-pub fn page(cases: &[Case], others: &[Evaluation]) -> Result<String> {
+pub fn page(cases: &[Case], others: &[Evaluation], by_attribute: String) -> Result<String> {
     let mut scored = Vec::new();
     for case in cases {
         let boxes: Vec<_> = case.boxes.iter().copied().map(Some).collect();
@@ -190,7 +190,7 @@ pub fn page(cases: &[Case], others: &[Evaluation]) -> Result<String> {
         rows += &format!("<tr><td><a href=\"#{name}\">{name}</a></td>{figures}<td>{verdict}</td></tr>\n");
         sections += &case.html(score, best)?;
     }
-    Ok(fill(include_str!("cases.html"), &[("rows", rows), ("sections", sections)]))
+    Ok(fill(include_str!("cases.html"), &[("by_attribute", by_attribute), ("rows", rows), ("sections", sections)]))
 }
 
 #[cfg(test)]
@@ -237,17 +237,27 @@ mod tests {
     fn a_page_has_everything_in_it() {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let mut case = case();
-        assert!(page(std::slice::from_ref(&case), &[]).expect_err("no pictures").to_string().contains("nowhere"));
+        assert!(
+            page(std::slice::from_ref(&case), &[], String::new())
+                .expect_err("no pictures")
+                .to_string()
+                .contains("nowhere")
+        );
         case.sequence.images = dir.path().into();
         for i in 0..12 {
             std::fs::write(dir.path().join(format!("{i:02}.png")), encode_png(&Image::grey(60, 40, 90)))
                 .expect("written");
         }
-        let html = page(&[case.clone()], &[]).expect("a page");
-        assert!(html.contains("A&lt;b") && !html.contains("A<b") && !html.contains("{{"));
+        let html = page(&[case.clone()], &[], "<p>by attribute</p>".into()).expect("a page");
+        assert!(
+            html.contains("A&lt;b")
+                && !html.contains("A<b")
+                && !html.contains("{{")
+                && html.contains("<p>by attribute</p>")
+        );
         // Every second frame of twelve or so, of which the fifth is the worst.
         assert_eq!((html.matches("image/jpeg").count(), html.matches("the worst").count()), (8, 2), "{html}");
         case.boxes.pop();
-        assert!(page(&[case], &[]).expect_err("too short").to_string().contains("11 boxes"));
+        assert!(page(&[case], &[], String::new()).expect_err("too short").to_string().contains("11 boxes"));
     }
 }

@@ -26,7 +26,7 @@ mod peers;
 mod plan;
 mod recovery;
 mod results;
-mod runner;
+pub mod runner;
 mod seeds;
 mod setup;
 mod surfaces;

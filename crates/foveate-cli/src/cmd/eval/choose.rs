@@ -1,0 +1,179 @@
+//! `foveate eval --choose`: candidates run on all sequences, chosen on one half and judged on the other.
+//!
+//! Finished runs are kept in `runs/`, named by what they depend on, so that the same command goes on after a stop. The tracks of
+//! each candidate are in `candidates/`, in folders that `foveate eval --results` reads.
+
+use std::path::Path;
+
+use foveate::config::Config;
+use foveate::files::Folder;
+use foveate::lab::eval::choice::by_half;
+use foveate::lab::eval::choice_table::{self, Choice};
+use foveate::lab::eval::{Evaluation, Sequence, TrackRun, experiment, run_all};
+use foveate::{BBox, Error, Result, files};
+use serde::{Deserialize, Serialize};
+
+use super::grid::{Candidate, candidates};
+use super::one_pass::one_pass;
+use crate::cmd::reproduce::runner::{Entry, Finished, Store};
+
+/// A finished run, as its file has it.
+#[derive(Clone, Serialize, Deserialize)]
+struct Track {
+    candidate: String,
+    sequence: String,
+    seed: u64,
+    boxes: Vec<BBox>,
+    seconds: Vec<f64>,
+}
+
+impl Finished for Track {
+    fn is_of(&self, frames: usize) -> bool {
+        self.boxes.len() == frames
+    }
+}
+
+/// Which run: indices of candidate and sequence, and the seed.
+struct Job {
+    candidate: usize,
+    sequence: usize,
+    seed: u64,
+}
+
+/// What is chosen among, checked: every candidate is a tracker, and both halves have sequences.
+pub struct Plan {
+    candidates: Vec<Candidate>,
+    entries: Vec<Entry>,
+    present: Option<usize>,
+}
+
+impl Plan {
+    /// Of settings as --choose has them. Nothing is written yet.
+    pub fn of(config: &Config, folder: &Folder, choices: &[String], sequences: &[Sequence]) -> Result<Self> {
+        for half in ["a", "b"] {
+            if !sequences.iter().any(|s| by_half(&s.name) == half) {
+                let all: Vec<&str> = sequences.iter().map(|s| s.name.as_str()).collect();
+                return Err(Error::Invalid(format!(
+                    "--choose chooses on one half of the sequences and judges on the other, but none of these is in half {half}: \
+                     {}; give more sequences with --seqs",
+                    all.join(", ")
+                )));
+            }
+        }
+        sequences.iter().try_for_each(|s| s.init().map(|_| ()))?;
+        let candidates = candidates(config, choices)?;
+        let program = program()?;
+        let entry = |c: &Candidate| {
+            let named = |e: Error| Error::Config(format!("--choose, candidate {}: {e}", c.name));
+            Entry::of(c.config.clone().check(folder).map_err(named)?, &program)
+        };
+        let entries = candidates.iter().map(entry).collect::<Result<_>>()?;
+        let present = candidates.iter().position(|c| c.config == *config);
+        Ok(Self { candidates, entries, present })
+    }
+
+    /// Runs what is not kept in `out` yet; answers the choice, and the cross-validated tracker. `None` where it was asked to
+    /// stop.
+    pub fn run(&self, sequences: &[Sequence], seeds: &[u64], out: &Path) -> Result<Option<(Choice, Evaluation)>> {
+        let pictures: Vec<String> = sequences.iter().map(pictures).collect::<Result<_>>()?;
+        let jobs: Vec<Job> = (0..self.candidates.len())
+            .flat_map(|c| seeds.iter().flat_map(move |seed| (0..sequences.len()).map(move |s| (c, *seed, s))))
+            .map(|(candidate, seed, sequence)| Job { candidate, sequence, seed })
+            .collect();
+        let key = |job: &Job| {
+            let (entry, name) = (&self.entries[job.candidate].key, &sequences[job.sequence].name);
+            let parts = [entry, name, &pictures[job.sequence], &job.seed.to_string()];
+            experiment::digest(&parts.map(|part| part.as_bytes()))
+        };
+        let make = |job: &Job| {
+            let sequence = &sequences[job.sequence];
+            let (run, _) = one_pass(&self.entries[job.candidate].blueprint, sequence, job.seed)?;
+            let track = Track {
+                candidate: self.candidates[job.candidate].name.clone(),
+                sequence: sequence.name.clone(),
+                seed: job.seed,
+                boxes: run.boxes,
+                seconds: run.seconds,
+            };
+            let text = serde_json::to_vec(&track).map_err(|e| Error::Invalid(e.to_string()))?;
+            Ok((track, text))
+        };
+        let frames = |job: &Job| sequences[job.sequence].truth.len();
+        let tracks: Option<Vec<Track>> =
+            Store::of(out).finished("choose", &jobs, &frames, &key, &make)?.into_iter().collect();
+        let Some(tracks) = tracks else { return Ok(None) };
+        let evaluations: Vec<Evaluation> = self.score(sequences, seeds, out, &tracks)?;
+        let choice = Choice::of(&evaluations, self.present).expect("both halves have sequences");
+        let cross = choice.cross_validated("foveate, cross-validated", &evaluations);
+        Ok(Some((choice, cross)))
+    }
+
+    /// Puts the tracks of each candidate into a folder of its own, and scores them.
+    fn score(&self, sequences: &[Sequence], seeds: &[u64], out: &Path, tracks: &[Track]) -> Result<Vec<Evaluation>> {
+        let one = |(c, tracks): (&Candidate, &[Track])| {
+            let folder = out.join("candidates").join(folder_name(&c.name));
+            std::fs::create_dir_all(&folder).map_err(Error::io(&folder, "cannot create"))?;
+            files::write(folder.join("config.toml"), c.config.to_toml().as_bytes())?;
+            let again = |sequence: &Sequence, seed: u64| {
+                let same = |t: &&Track| t.sequence == sequence.name && t.seed == seed;
+                let track = tracks.iter().find(same).expect("every job is done");
+                Ok(TrackRun { boxes: track.boxes.clone(), seconds: track.seconds.clone() })
+            };
+            run_all(&c.name, sequences, seeds, Some(&folder), &again, &mut |_| ())
+        };
+        self.candidates.iter().zip(tracks.chunks(seeds.len() * sequences.len())).map(one).collect()
+    }
+}
+
+/// Keeps what a choice gave as cross.txt and cross.json; answers the text.
+pub fn keep(choice: &Choice, out: &Path) -> Result<String> {
+    let (text, json) = (choice_table::text(choice), choice_table::json(choice));
+    let json = serde_json::to_string_pretty(&json).map_err(|e| Error::Invalid(e.to_string()))?;
+    files::write(out.join("cross.txt"), text.as_bytes())?;
+    files::write(out.join("cross.json"), json.as_bytes())?;
+    Ok(text)
+}
+
+/// A candidate's folder: its name, with `_` for what folders are not named with.
+fn folder_name(name: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "._=-".contains(c);
+    let short: String = name.chars().map(|c| if plain(c) { c } else { '_' }).take(100).collect();
+    if short == name.replace(' ', "_") {
+        short
+    } else {
+        format!("{short}-{}", &experiment::digest(&[name.as_bytes()])[..8])
+    }
+}
+
+/// A name for the program itself: a rebuilt one may track otherwise.
+fn program() -> Result<String> {
+    let path = std::env::current_exe().map_err(Error::io("foveate", "cannot find the program itself"))?;
+    Ok(experiment::digest(&[&std::fs::read(&path).map_err(Error::io(&path, "cannot read"))?]))
+}
+
+/// A name for the pictures and the truth of a sequence: its true boxes, and the pictures' names and sizes.
+fn pictures(sequence: &Sequence) -> Result<String> {
+    let folder = &sequence.images;
+    let cannot = || Error::io(folder, "cannot read this folder");
+    let mut all = vec![];
+    for entry in std::fs::read_dir(folder).map_err(cannot())? {
+        let entry = entry.map_err(cannot())?;
+        all.push(format!("{} {}", entry.file_name().to_string_lossy(), entry.metadata().map_err(cannot())?.len()));
+    }
+    all.sort();
+    let truth = format!("{:?}", sequence.truth);
+    Ok(experiment::digest(&[truth.as_bytes(), all.join("\n").as_bytes()]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_have_plain_names() {
+        assert_eq!(folder_name("particles=400 camera_motion.share=0.5"), "particles=400_camera_motion.share=0.5");
+        let two = [folder_name("a=[1, 2]"), folder_name("a=[1; 2]")];
+        assert!(two[0].starts_with("a=_1__2_-") && two[0] != two[1], "{two:?}");
+        assert!(folder_name(&"x".repeat(500)).len() < 120);
+    }
+}
