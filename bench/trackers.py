@@ -1,11 +1,16 @@
 #!/usr/bin/env python3
-"""Runs other trackers (OpenCV's and dlib's) on sequences in OTB layout, to compare them with `foveate eval --peers`.
+"""Runs other trackers (OpenCV's, dlib's, NanoTrack) on sequences in OTB layout, to compare them with `foveate eval --peers`.
 
 Usage:
   pip install opencv-contrib-python-headless dlib
   bench/trackers.py --seqs data/tracking --out out-peers                 # all that are installed
   bench/trackers.py --seqs data/tracking --out out-peers --trackers csrt kcf
+  bench/trackers.py --seqs data/tracking --out out-peers --trackers nano --nano backbone.onnx head.onnx
   foveate eval --seqs data/tracking --seeds 5 --peers out-peers
+
+nano is NanoTrack V2, a pretrained Siamese network, run by OpenCV (cv2.TrackerNano). Its two files, a backbone and a head,
+are no part of this repository: https://github.com/HonglinChu/SiamTrackers, NanoTrack/models/nanotrackv2. Without --nano it
+is left out.
 
 A sequence is a folder with img/ and groundtruth_rect.txt; groundtruth_rect.2.txt is a second target, NAME-2. A tracker
 gets the true box in frame 1 and nothing more; where it reports a failure, its last box is kept.
@@ -56,7 +61,27 @@ class Dlib:
         return box.left(), box.top(), box.width(), box.height()
 
 
-def trackers():
+def nano(files):
+    """The maker of NanoTrack from its backbone and head; stops with a message where they are none."""
+    if not hasattr(cv2, "TrackerNano_create"):
+        sys.exit(f"--nano: OpenCV {cv2.__version__} has no TrackerNano; install opencv-contrib-python-headless 4.7 or later")
+    for file in files:
+        if not os.path.isfile(file):
+            sys.exit(f"--nano: {file} is no file; expected NanoTrack's backbone and its head, as ONNX")
+    params = cv2.TrackerNano_Params()
+    params.backbone, params.neckhead = files
+
+    def make():
+        return OpenCv(lambda: cv2.TrackerNano_create(params))
+
+    try:
+        make()
+    except cv2.error as problem:
+        sys.exit(f"--nano: OpenCV cannot read {' and '.join(files)}: {problem}")
+    return make
+
+
+def trackers(nano_files):
     """Short name -> (name with version, maker), of those that are installed."""
     cv2.setNumThreads(1)
     found = {}
@@ -71,6 +96,10 @@ def trackers():
         found["dlib"] = (f"dlib {dlib.__version__} correlation tracker", Dlib)
     except ImportError:
         print("dlib is not installed: left out", file=sys.stderr)
+    if nano_files:
+        found["nano"] = (f"OpenCV {cv2.__version__} NanoTrack V2", nano(nano_files))
+    else:
+        print("nano: no --nano BACKBONE HEAD was given: left out", file=sys.stderr)
     return found
 
 
@@ -120,12 +149,14 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seqs", nargs="+", required=True, metavar="DIR", help="sequences, or folders of sequences")
     parser.add_argument("--out", default="out-peers", metavar="DIR", help="folder for the results")
-    parser.add_argument("--trackers", nargs="+", metavar="NAME", help="some of csrt kcf mil mosse medianflow tld dlib")
+    parser.add_argument("--trackers", nargs="+", metavar="NAME", help="some of csrt kcf mil mosse medianflow tld dlib nano")
+    parser.add_argument("--nano", nargs=2, metavar=("BACKBONE", "HEAD"), help="NanoTrack's two networks, ONNX files")
     args = parser.parse_args()
-    installed = trackers()
+    installed = trackers(args.nano)
     for name in args.trackers or installed:
         if name not in installed:
-            sys.exit(f"{name} is not installed; there are {' '.join(installed)}")
+            hint = "; give its files with --nano" if name == "nano" else ""
+            sys.exit(f"{name} is not installed; there are {' '.join(installed)}{hint}")
         os.makedirs(f"{args.out}/{name}", exist_ok=True)
         for sequence, paths, box in sequences(args.seqs):
             file = f"{args.out}/{name}/{sequence}"

@@ -167,6 +167,10 @@ impl ConfidenceScore {
             best_noise: (!on.is_empty()).then(|| best_noise(&on)),
         }
     }
+    /// Of the frames whose P(lost) is below 0.1, the share in which the target is lost; `None` without such a frame.
+    pub fn lost_below_tenth(&self) -> Option<f64> {
+        self.bins.first().filter(|bin| bin.count > 0).map(|bin| bin.accuracy)
+    }
     /// A track as another model reports it, boxes and cues as they are: how often it would have searched is not simulated.
     pub fn rejudged(track: &[Judged], confidence: &ConfidenceModel) -> Vec<Judged> {
         let mut monitor = LossMonitor::new(confidence.clone());
@@ -229,6 +233,7 @@ pub fn text(score: &ConfidenceScore) -> String {
         ("calibration error of P(lost)", format!("{:.4}", s.ece)),
         ("Brier score (of the base rate)", format!("{:.4} ({:.4})", s.brier, s.brier_of_base_rate)),
         ("area under ROC", or(s.roc.map(|r| format!("{r:.3}")))),
+        ("lost where P(lost) is below 10 %", or(s.lost_below_tenth().map(percent))),
         ("lost frames reported", or(s.reported.map(percent))),
         ("false alarms per 1000 frames", or(s.false_alarms.map(|f| format!("{f:.1}")))),
         ("losses detected", format!("{} of {}", s.detected, s.episodes)),

@@ -1,4 +1,4 @@
-//! Fits a [`ConfidenceModel`] on tracks with truth, and cross-validates it: leave one video out.
+//! Fits a [`ConfidenceModel`] on tracks with truth. `confidence_cross.rs` judges it on others.
 
 use super::confidence::{ConfidenceScore, Judged};
 use crate::hide::Hide;
@@ -16,7 +16,7 @@ const L2: f64 = 1e-3;
 /// One tracker on one video, and which video that was.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Judgement {
-    /// Tracks of the same video are left out together.
+    /// Its name: tracks of one video, or of videos of one source, are left out together.
     pub video: String,
     /// Whether an occlusion was inserted.
     pub occluded: bool,
@@ -90,21 +90,4 @@ pub fn fit(tracks: &[&Judgement], confidence: &ConfidenceModel) -> Result<Confid
     let mut table = confidence.clone();
     (table.weights, table.bias, table.localisation_noise) = (weights, bias, localisation_noise);
     Ok(table)
-}
-
-/// The tracks as reported by a model that was fitted without their video, and its localisation noise.
-///
-/// # Errors
-/// As [`fit`].
-pub fn leave_one_out(tracks: &[Judgement], confidence: &ConfidenceModel) -> Result<Vec<(Vec<Judged>, f64)>> {
-    let mut videos: Vec<&str> = tracks.iter().map(|t| t.video.as_str()).collect();
-    videos.sort();
-    videos.dedup();
-    let mut judged = vec![];
-    for video in videos {
-        let (mine, others): (Vec<&Judgement>, Vec<_>) = tracks.iter().partition(|t| t.video == video);
-        let table = fit(&others, confidence)?;
-        judged.extend(mine.iter().map(|t| (ConfidenceScore::rejudged(&t.frames, &table), table.localisation_noise)));
-    }
-    Ok(judged)
 }

@@ -15,6 +15,7 @@ pub mod choice;
 pub mod choice_table;
 pub mod compare;
 pub mod confidence;
+pub mod confidence_cross;
 pub mod confidence_fit;
 pub mod confidence_plot;
 pub mod curves;

@@ -4,8 +4,10 @@ use std::path::PathBuf;
 
 use clap::ValueEnum;
 use foveate::control::{CUE_NAMES, ConfidenceModel};
+use foveate::lab::eval::choice::{by_half, by_source};
 use foveate::lab::eval::confidence::{ConfidenceScore, Judged};
-use foveate::lab::eval::confidence_fit::{Judgement, fit, follow, leave_one_out};
+use foveate::lab::eval::confidence_cross::{self, cross_fit};
+use foveate::lab::eval::confidence_fit::{Judgement, fit, follow};
 use foveate::lab::eval::{confidence, confidence_plot, find_sequences};
 use foveate::lab::hide::{Hide, WAYS, Way};
 use foveate::lab::synthetic::{Clutter, NOISE, Occlusion, Synthetic};
@@ -20,7 +22,8 @@ use crate::terminal;
 /// Fit the probability of being lost, on sequences or drawn scenes with truth.
 ///
 /// The tracker runs on each video as it is, and with inserted occlusions (`--occlusions` for each way to hide a target).
-/// Printed are the figures of the configuration's own model, and those of new ones by cross-validation (leave one video out).
+/// Printed are the figures of the configuration's own model, and those of new ones by cross-validation: leave one source video
+/// out, and fitted on one half of the videos, judged on the other (the halves of foveate eval --choose).
 /// The new model, fitted on all videos, is written as the section `[confidence]` of a configuration, to be put there in place
 /// of the old one.
 #[derive(clap::Args)]
@@ -150,23 +153,46 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(path) = &args.cues {
         files::write(path, csv(&tracks).as_bytes())?;
     }
-    let unseen: Vec<Vec<Judged>> = leave_one_out(&tracks, confidence)?.into_iter().map(|(track, _)| track).collect();
-    say!("New models, leave one video out (boxes and searches are those of the configuration's own model):");
+    let unseen = cross_fit(&tracks, confidence, by_source)?;
+    say!("New models, leave one source video out (boxes and searches are those of the configuration's own model):");
     say!("{}", confidence::text(&slices(&unseen)));
     let (plain, occluded): (Vec<usize>, Vec<usize>) = (0..tracks.len()).partition(|i| !tracks[*i].occluded);
     for (name, such) in [("without", plain), ("with", occluded)] {
         let of: Vec<Vec<Judged>> = such.iter().map(|i| unseen[*i].clone()).collect();
         say!("Of these, videos {name} an inserted occlusion:\n{}", confidence::text(&slices(&of)));
     }
+    match cross_fit(&tracks, confidence, by_half) {
+        Ok(halves) => {
+            judged_on_halves(&tracks, &[("the configuration's own", &now), ("all other sources", &unseen)], &halves)
+        }
+        Err(e) => say!("Not judged by halves: {e}"),
+    }
     let table = fit(&tracks.iter().collect::<Vec<_>>(), confidence)?;
     let text = toml::to_string(&Section { confidence: &table }).map_err(|e| Error::Invalid(e.to_string()))?;
     let command: Vec<String> = std::env::args().skip(1).collect();
     files::write(&args.out, format!("# foveate {}\n{text}", command.join(" ")).as_bytes())?;
     let plot = args.out.with_extension("svg");
-    let scores = [("present", slices(&now)), ("new, leave one video out", slices(&unseen))];
+    let scores = [("present", slices(&now)), ("new, leave one source out", slices(&unseen))];
     files::write(&plot, confidence_plot::plot(&scores.each_ref().map(|(name, score)| (*name, score))).as_bytes())?;
     say!("{text}\nwrote {} and {}", args.out.display(), plot.display());
     Ok(())
+}
+
+/// Prints the figures of models fitted on one half of the videos on the other half, and pooled, beside those of other models.
+fn judged_on_halves(tracks: &[Judgement], others: &[(&str, &Vec<Vec<Judged>>)], halves: &[Vec<Judged>]) {
+    for (occluded, kind) in [(false, "without"), (true, "with")] {
+        let score = |judged: &[Vec<Judged>], half: Option<&str>| {
+            let such = tracks.iter().zip(judged).filter(|(t, _)| t.occluded == occluded);
+            let such = such.filter(|(t, _)| half.is_none_or(|half| by_half(&t.video) == half));
+            ConfidenceScore::of(&such.map(|(_, track)| track.as_slice()).collect::<Vec<_>>(), 0.0)
+        };
+        let of_others = others.iter().map(|(name, judged)| (format!("{name}, all"), score(judged, None)));
+        let by_halves =
+            [("half b, half a", Some("a")), ("half a, half b", Some("b")), ("the other half, all (pooled)", None)];
+        let by_halves = by_halves.map(|(name, half)| (name.to_owned(), score(halves, half)));
+        let lines: Vec<(String, ConfidenceScore)> = of_others.chain(by_halves).collect();
+        say!("By what P(lost) was fitted on, videos {kind} an inserted occlusion:\n{}", confidence_cross::text(&lines));
+    }
 }
 
 fn csv(tracks: &[Judgement]) -> String {

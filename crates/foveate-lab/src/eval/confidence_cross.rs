@@ -1,0 +1,100 @@
+//! P(lost) judged on tracks that it was not fitted on: each group of videos (a half, a source) by a model fitted without it.
+
+use super::choice::GroupOf;
+use super::confidence::{ConfidenceScore, Judged};
+use super::confidence_fit::{Judgement, fit};
+use super::table::aligned;
+use foveate_base::Result;
+use foveate_core::control::ConfidenceModel;
+
+/// The tracks, in their order, as reported by a model that was fitted without the videos of their group. Boxes and searches
+/// are those of the model that they were tracked with.
+///
+/// # Errors
+/// As [`fit`]: there is one group only, or the others have no lost frame or none on the target.
+pub fn cross_fit(tracks: &[Judgement], confidence: &ConfidenceModel, group: GroupOf) -> Result<Vec<Vec<Judged>>> {
+    let mut groups: Vec<&str> = tracks.iter().map(|t| group(&t.video)).collect();
+    groups.sort();
+    groups.dedup();
+    let mut judged = vec![vec![]; tracks.len()];
+    for left_out in groups {
+        let others: Vec<&Judgement> = tracks.iter().filter(|t| group(&t.video) != left_out).collect();
+        let model = fit(&others, confidence)?;
+        for (track, judged) in tracks.iter().zip(&mut judged).filter(|(t, _)| group(&t.video) == left_out) {
+            *judged = ConfidenceScore::rejudged(&track.frames, &model);
+        }
+    }
+    Ok(judged)
+}
+
+/// The figures that P(lost) is trusted by, a line for each way to fit: aligned text.
+pub fn text(lines: &[(String, ConfidenceScore)]) -> String {
+    let heads = [
+        "fitted on, judged on",
+        "frames",
+        "lost",
+        "calibration error",
+        "lost where P(lost) < 10 %",
+        "false alarms per 1000",
+        "lost frames reported",
+    ];
+    let or = |v: Option<String>| v.unwrap_or_else(|| "-".into());
+    let percent = |v: f64| format!("{:.1} %", 100.0 * v);
+    let line = |(name, s): &(String, ConfidenceScore)| {
+        vec![
+            name.clone(),
+            s.frames.to_string(),
+            s.lost.to_string(),
+            format!("{:.3}", s.ece),
+            or(s.lost_below_tenth().map(percent)),
+            or(s.false_alarms.map(|f| format!("{f:.1}"))),
+            or(s.reported.map(percent)),
+        ]
+    };
+    let all: Vec<Vec<String>> =
+        std::iter::once(heads.map(String::from).to_vec()).chain(lines.iter().map(line)).collect();
+    aligned(&all)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::eval::choice::{by_half, by_source};
+    use foveate_core::control::{Cues, Status};
+
+    /// A hundred frames, of which the last twenty are lost. The first cue is 1 where the target is lost, times `sign`.
+    fn track(video: &str, sign: f64) -> Judgement {
+        let frame = |i: usize| {
+            let lost = i >= 80;
+            let mut cues = Cues::default();
+            cues[0] = if lost { sign } else { -sign };
+            let (p_lost, iou) = (0.5, if lost { 0.0 } else { 1.0 });
+            Judged { p_lost, status: Status::Tracking, cues, iou, off: Some([0.0, 0.0]), covariance: [1.0, 0.0, 1.0] }
+        };
+        Judgement { video: video.into(), occluded: false, frames: (0..100).map(frame).collect() }
+    }
+
+    /// In half b (Couple, Crossing) the cue means the opposite of what it means in half a (Coke, Bag). Who fits on the other
+    /// half is therefore wrong in every frame, whichever way; who leaves out one source only has seen the cue both ways.
+    #[test]
+    fn what_is_judged_was_not_fitted_on() {
+        let tracks = [("Coke", 1.0), ("Couple", -1.0), ("Bag", 1.0), ("Crossing", -1.0)].map(|(v, s)| track(v, s));
+        let model = ConfidenceModel::default();
+        let halves = cross_fit(&tracks, &model, by_half).expect("both kinds of frames");
+        for (track, judged) in tracks.iter().zip(&halves) {
+            assert_eq!(judged.len(), 100);
+            assert!(judged.iter().all(|j| (j.p_lost > 0.5) != j.lost()), "{}", track.video);
+        }
+        let same = [track("Coke", 1.0), track("Couple", 1.0), track("Jogging", 1.0), track("Jogging-2", -1.0)];
+        let sources = cross_fit(&same, &model, by_source).expect("both kinds of frames");
+        assert!(sources[2].iter().all(|j| (j.p_lost > 0.5) == j.lost()), "fitted on Coke and Couple alone");
+        assert!(sources[3].iter().all(|j| (j.p_lost > 0.5) != j.lost()), "its source is left out as a whole");
+        assert!(cross_fit(&tracks[..1], &model, by_half).is_err(), "nothing to fit on");
+
+        let tracks: Vec<&[Judged]> = sources[2..3].iter().map(Vec::as_slice).collect();
+        let score = ConfidenceScore::of(&tracks, 0.0);
+        assert_eq!(score.lost_below_tenth(), Some(0.0));
+        let said = text(&[("by source".into(), score)]);
+        assert!(said.lines().nth(1).is_some_and(|l| l.starts_with("by source") && l.contains(" 100    20 ")), "{said}");
+    }
+}
