@@ -182,6 +182,7 @@ fn settings_are_chosen_on_one_half_and_judged_on_the_other() {
     assert_eq!(files.map(read), before);
 
     let cross: serde_json::Value = serde_json::from_slice(&before[0]).expect("JSON");
+    assert_eq!((&cross["configuration"], &cross["seeds"][1]), (&"digits".into(), &2.into()));
     let candidates = cross["candidates"].as_array().expect("a list");
     assert_eq!(candidates.len(), 4);
     let auc = |i: usize, on: &str| candidates[i][on]["auc"].as_f64().expect("a number");

@@ -84,7 +84,8 @@ pub fn run(args: Args) -> Result<()> {
     if args.mot {
         return many(&args);
     }
-    let (config, folder) = read(config_name(args.config.as_deref(), args.profile), &Changes::of(&args.set))?;
+    let (name, changes) = (config_name(args.config.as_deref(), args.profile), Changes::of(&args.set));
+    let (config, folder) = read(name, &changes)?;
     let blueprint = config.clone().check(&folder)?;
     let sequences = find_sequences(&args.seqs)?;
     let score = |folder: &PathBuf| score_folder(&sequences, folder);
@@ -100,7 +101,7 @@ pub fn run(args: Args) -> Result<()> {
         let Some((choice, cross)) = plan.run(&sequences, &seeds, &args.out)? else {
             return Err(Error::Invalid(format!("stopped; the same command goes on with {}", args.out.display())));
         };
-        let text = choose::keep(&choice, &args.out)?;
+        let text = choose::keep(&choice, &changes.describe(name), &seeds, &args.out)?;
         return compare(&args, &sequences, &[vec![cross], others].concat(), &(text + "\n")).map(|_| ());
     }
     let runs: RefCell<Vec<Case>> = RefCell::new(vec![]);

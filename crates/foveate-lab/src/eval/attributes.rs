@@ -2,8 +2,6 @@
 //!
 //! A sequence has a computed attribute where its rule holds in at least one frame of [`ONE_IN`].
 
-use serde::Serialize;
-
 use foveate_core::geometry::BBox;
 
 /// The rule of a computed attribute must hold in one frame of so many.
@@ -20,8 +18,7 @@ pub const ASPECT: f64 = 1.5;
 pub const SMALL: f64 = 400.0;
 
 /// What makes a sequence hard.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Attribute {
     /// The target is not rigid, and its shape changes much.
     Deformation,

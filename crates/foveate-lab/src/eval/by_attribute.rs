@@ -127,7 +127,8 @@ pub fn json(sequences: &[Sequence], groups: &[Group], evaluations: &[Evaluation]
     };
     let source = |s: &Sequence| {
         let (source, half) = (catalogue::source(&s.name), catalogue::half(&s.name));
-        json!({ "sequence": s.name, "source": source, "half": half, "attributes": catalogue::attributes(s) })
+        let attributes: Vec<&str> = catalogue::attributes(s).iter().map(|a| a.name()).collect();
+        json!({ "sequence": s.name, "source": source, "half": half, "attributes": attributes })
     };
     [
         ("attributes", groups.iter().map(group).collect()),
@@ -191,6 +192,7 @@ mod tests {
         assert!(html(&found, &all).contains("<td>occlusion</td><td>1</td><td>0.476</td>"));
         let [(_, by), (_, won), (_, sources)] = json(&sequences, &found, &all);
         assert_eq!((&by[1]["sequences"][0], &won[0]["won"]), (&"FaceOcc1".into(), &1.into()));
+        assert_eq!(sources[1]["attributes"], json!(["deformation", "look-alikes", "camera motion"]));
         assert_eq!((&sources[0]["half"], &sources[1]["source"]), (&"b".into(), &"Bolt".into()));
         assert!(text_of_none(), "nothing to say, nothing said");
     }

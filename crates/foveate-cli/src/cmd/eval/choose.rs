@@ -125,9 +125,12 @@ impl Plan {
     }
 }
 
-/// Keeps what a choice gave as cross.txt and cross.json; answers the text.
-pub fn keep(choice: &Choice, out: &Path) -> Result<String> {
-    let (text, json) = (choice_table::text(choice), choice_table::json(choice));
+/// Keeps what a choice gave as cross.txt and cross.json, which also says of which configuration and with which seeds; answers
+/// the text.
+pub fn keep(choice: &Choice, configuration: &str, seeds: &[u64], out: &Path) -> Result<String> {
+    let (text, mut json) = (choice_table::text(choice), choice_table::json(choice));
+    json["configuration"] = configuration.into();
+    json["seeds"] = seeds.into();
     let json = serde_json::to_string_pretty(&json).map_err(|e| Error::Invalid(e.to_string()))?;
     files::write(out.join("cross.txt"), text.as_bytes())?;
     files::write(out.join("cross.json"), json.as_bytes())?;
