@@ -20,6 +20,49 @@ levels! {
     pub fn halve / halve_at (plane: &[f32], width: usize, across: &mut [f32], out: &mut [f32]) = halve_body
 }
 
+levels! {
+    /// `out` ← what [`halve`] makes of the [`intensity`] of planes of `width` columns, in whole numbers up to the last step:
+    /// exact but for its rounding. `sums` (as many as columns) is room.
+    ///
+    /// # Panics
+    /// If the planes are not whole rows of at least one value and alike, `sums` not `width`, or `out` not half the columns and
+    /// rows, rounded up.
+    pub fn half_intensity / half_intensity_at (planes: [&[u8]; 3], width: usize, sums: &mut [u16], out: &mut [f32]) =
+        half_intensity_body
+}
+
+#[inline(always)]
+fn half_intensity_body<const V: u8>(planes: [&[u8]; 3], width: usize, sums: &mut [u16], out: &mut [f32]) {
+    let count = planes[0].len();
+    assert_one_size(planes, count);
+    assert!(width > 0 && count > 0 && count.is_multiple_of(width), "whole rows of {width} values");
+    let (height, half) = (count / width, width.div_ceil(2));
+    assert!(sums.len() == width, "room of {width}");
+    assert!(out.len() == half * height.div_ceil(2), "out must be {half} x {}", height.div_ceil(2));
+    // Of three bytes and weights of 8 × 8 in all: below 2^16.
+    let one = 1.0 / (765.0 * 64.0);
+    for (j, out) in out.chunks_exact_mut(half).enumerate() {
+        sums.fill(0);
+        for (i, weight) in [((2 * j).saturating_sub(1), 1), (2 * j, 3), (2 * j + 1, 3), (2 * j + 2, 1)] {
+            let [r, g, b] = planes.map(|plane| &plane[i.min(height - 1) * width..][..width]);
+            for (sum, ((&r, &g), &b)) in sums.iter_mut().zip(r.iter().zip(g).zip(b)) {
+                *sum += weight * (u16::from(r) + u16::from(g) + u16::from(b));
+            }
+        }
+        let wide = |i: usize| u32::from(sums[i.min(width - 1)]);
+        let mean = |a: u32, b: u32, c: u32, d: u32| ((a + d) + 3 * (b + c)) as i32 as f32 * one;
+        out[0] = mean(wide(0), wide(0), wide(1), wide(2));
+        let inside = (width - 1) / 2;
+        let (before, after) = (sums[1..].as_chunks::<2>().0, sums[width.min(3)..].as_chunks::<2>().0);
+        for ((out, &[a, b]), &[c, d]) in out[1..].iter_mut().zip(before).zip(after) {
+            *out = mean(a.into(), b.into(), c.into(), d.into());
+        }
+        for (i, out) in out.iter_mut().enumerate().skip(inside.max(1)) {
+            *out = mean(wide(2 * i - 1), wide(2 * i), wide(2 * i + 1), wide(2 * i + 2));
+        }
+    }
+}
+
 #[inline(always)]
 fn intensity_body<const V: u8>([r, g, b]: [&[u8]; 3], out: &mut [f32]) {
     assert_one_size([r, g, b], out.len());
@@ -86,6 +129,29 @@ mod tests {
                         .map(|i| kernel[i % 4] * kernel[i / 4] * at(x + (i % 4) as i64, y + (i / 4) as i64))
                         .sum();
                     assert!((f64::from(*out) - exact / 64.0).abs() < 1e-6, "{level:?}, {width} x {height}: {out}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn half_intensities_are_halved_intensities() {
+        for (width, height) in [(1, 1), (2, 3), (3, 2), (4, 4), (5, 1), (33, 20), (64, 7), (101, 2)] {
+            let plane = |p: u32| {
+                values(width * height, p).iter().map(|v| if *v > 0.9 { 255 } else { (v * 256.0) as u8 }).collect()
+            };
+            let planes: [Vec<u8>; 3] = [1, 2, 3].map(plane);
+            let planes = planes.each_ref().map(|p| &p[..]);
+            let (w, h) = (width.div_ceil(2), height.div_ceil(2));
+            let (mut whole, mut across, mut exact) =
+                (vec![0.0; width * height], vec![0.0; w * height], vec![0.0; w * h]);
+            intensity(planes, &mut whole);
+            halve(&whole, width, &mut across, &mut exact);
+            for level in Level::all() {
+                let (mut sums, mut out) = (vec![0; width], vec![f32::NAN; w * h]);
+                half_intensity_at(level, planes, width, &mut sums, &mut out);
+                for (out, exact) in out.iter().zip(&exact) {
+                    assert!((out - exact).abs() < 1e-6, "{level:?}, {width} x {height}: {out} is not {exact}");
                 }
             }
         }

@@ -19,6 +19,7 @@ mod ends;
 mod exponential;
 mod gram;
 mod halve;
+mod integral;
 mod level;
 mod logistic;
 mod normal;
@@ -44,7 +45,8 @@ pub use covariance::{
 };
 pub use exponential::{exp_from, largest_finite};
 pub use gram::{add_outer, symmetric_times};
-pub use halve::{halve, intensity};
+pub use halve::{half_intensity, halve, intensity};
+pub use integral::{COLOUR_BINS, colour_bins, integral_row};
 pub use level::Level;
 pub use logistic::{bias_logistic, logistic};
 pub use normal::Normals;

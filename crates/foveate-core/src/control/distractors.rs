@@ -65,7 +65,22 @@ impl DistractorSearch {
         }
         &self.places
     }
+    /// Two places between which those about an estimate will lie, if it is near the middle of these states and of their size.
+    pub fn corners(&self, states: &[State], extent: Extent) -> [State; 2] {
+        let mean = |of: fn(&State) -> f64| states.iter().map(of).sum::<f64>() / states.len() as f64;
+        let (x, y, log_scale) = (mean(|s| s.x), mean(|s| s.y), mean(|s| s.log_scale));
+        let far = (self.settings.reach + SLACK) * log_scale.exp();
+        [-far, far].map(|far| State {
+            x: x + far * extent.half_w,
+            y: y + far * extent.half_h,
+            log_scale,
+            ..State::default()
+        })
+    }
 }
+
+/// How far an estimate may be from the middle of the states, template units.
+const SLACK: f64 = 0.3;
 
 /// How many there are at most.
 const MOST: usize = 6;
@@ -121,6 +136,8 @@ mod tests {
         assert!(places.iter().all(|p| (p.x - at.x).abs() <= 10.0 && (p.y - at.y).abs() <= 20.0 && p.angle == 0.3));
         // Nine columns, and of nine rows 5 px apart from 30 to 70 those above 60.
         assert_eq!((places.len(), places[0].x, places[0].y), (9 * 6, 20.0, 30.0));
+        let [first, last] = around.corners(&[at, at], EXTENT);
+        assert!(places.iter().all(|p| p.x > first.x && p.y > first.y && p.x < last.x && p.y < last.y));
         let outside = State { x: -50.0, ..at };
         assert!(around.places((100, 60), &outside, EXTENT).is_empty(), "nothing there to be mistaken for");
         assert!(

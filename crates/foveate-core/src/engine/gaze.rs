@@ -27,11 +27,19 @@ impl GazeControl {
 }
 
 impl Engine {
-    /// The policy plans: some ask about every gaze, some about one. What the plan needs of the picture is taken in.
+    /// The policy plans: some ask about every gaze, some about one. What the plan needs of the picture is taken in, and with it
+    /// what the search for distractors will most probably need.
     pub(super) fn choose(&mut self, image: &Image) {
+        let extent = self.target().extent;
         let (w, rng) = (&mut self.work, &mut self.streams.at(self.frame, Look).rng(0));
         self.parts.gaze.policy.plan(&self.context, &mut w.plan, rng);
+        let n = w.predicted.len();
+        if let Some(around) = &self.parts.monitor.distractors {
+            let corners = around.corners(&w.predicted, extent);
+            w.predicted.extend(corners);
+        }
         self.parts.appearance.see(image, &w.predicted, w.plan.gazes());
+        w.predicted.truncate(n);
     }
 
     /// All particles under every gaze of the plan: its evidence and its reward. Then the posterior under the gazes that are

@@ -31,7 +31,7 @@ impl Engine {
         let streams = self.streams.at(self.frame, Purpose::Redetection);
         search.draw(&w.scores, least, &mut w.predicted, &mut w.log_prior, &mut w.redetected, streams);
         parts.monitor.loss.searched(search.best());
-        appearance.see(image, &w.predicted, w.plan.gazes());
+        appearance.see_more(image, &w.predicted, w.plan.gazes());
         w.drawn.clear();
         w.drawn.extend(w.redetected.iter().map(|i| w.predicted[*i]));
         w.redetected.iter().for_each(|i| w.log_posterior[*i] = w.log_prior[*i]);
@@ -62,7 +62,7 @@ impl Engine {
             w.distractors.clear();
             return Some(f64::NEG_INFINITY);
         }
-        parts.appearance.see(image, places, &[Gaze::CENTRE]);
+        parts.appearance.see_more(image, places, &[Gaze::CENTRE]);
         score(&mut *parts.appearance, places, Gaze::CENTRE, &mut w.scores);
         Some(distractors(places, &w.scores, &estimate.mean, extent, &mut w.distractors))
     }

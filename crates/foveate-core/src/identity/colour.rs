@@ -13,6 +13,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::integral::{Bins, COLOUR, GREY, Integral, step};
 use super::numbers::{decode, encode};
 use crate::geometry::{Extent, State};
 use crate::scene::Image;
@@ -66,8 +67,6 @@ const FULL: f64 = 0.4;
 const LEAST: f64 = 0.02;
 /// Bins as empty as this, as a share of all pixels, say nothing.
 const EMPTY: f32 = 1e-4;
-/// Samples across half of the smaller side of a box: large targets are not read pixel by pixel.
-const SAMPLES: f64 = 12.0;
 /// How far off a distance may lie.
 const RANGE: (f64, f64) = (-0.2, 1.2);
 
@@ -88,17 +87,7 @@ pub struct Colour {
     probability: Vec<f32>,
     contrast: f64,
     sums: Integral,
-}
-
-/// Sums of probabilities over all boxes of a region, a sample every `step` pixels.
-#[derive(Clone, Debug, Default)]
-struct Integral {
-    table: Vec<f64>,
-    width: usize,
-    height: usize,
-    left: f64,
-    top: f64,
-    step: f64,
+    bins: Bins,
 }
 
 impl Colour {
@@ -112,6 +101,7 @@ impl Colour {
             probability: vec![],
             contrast: LEAST,
             sums: Integral::default(),
+            bins: Bins::default(),
         }
     }
 
@@ -122,7 +112,7 @@ impl Colour {
 
     /// Learns the target at `state` of the first frame, and forgets all before.
     pub fn init(&mut self, image: &Image, state: &State, extent: Extent) {
-        self.now.count(image, state, extent);
+        self.now.count(image, state, extent, &mut self.bins);
         self.first.clone_from(&self.now);
         self.recent.clone_from(&self.now);
         self.judge();
@@ -132,7 +122,7 @@ impl Colour {
 
     /// Learns from the target at `state` of a later frame.
     pub fn adapt(&mut self, image: &Image, state: &State, extent: Extent) {
-        self.now.count(image, state, extent);
+        self.now.count(image, state, extent, &mut self.bins);
         let rate = self.settings.learning_rate as f32;
         let Self { recent, now, .. } = self;
         for (recent, now) in [(&mut recent.target, &now.target), (&mut recent.around, &now.around)] {
@@ -143,8 +133,14 @@ impl Colour {
 
     /// Takes in what these states need of a frame.
     pub fn see(&mut self, image: &Image, states: &[State], extent: Extent) {
-        let Self { sums, probability, .. } = self;
-        sums.fill(image, states, extent, probability);
+        let (region, step) = needed(states, extent);
+        self.sums.fill(image, region, step, &mut self.bins);
+    }
+
+    /// Whether what these states need of the frame seen last is there.
+    pub fn holds(&self, states: &[State], extent: Extent) -> bool {
+        let (region, step) = needed(states, extent);
+        self.sums.holds(region, step)
     }
 
     /// What the cue counts: its mixing weight, the less the smaller the contrast of frame 1 is.
@@ -159,14 +155,14 @@ impl Colour {
 
     /// Mean probability inside of the box, less that in a ring around it. What lies outside of the picture is no target.
     fn contrast_of(&self, s: &State, extent: Extent) -> f64 {
-        if self.sums.width == 0 {
+        if self.sums.is_empty() {
             return 0.0;
         }
         let scale = s.log_scale.exp();
         let (w, h) = (extent.half_w * scale, extent.half_h * scale);
         let (inside, n) = self.sums.over(s.x - w, s.y - h, s.x + w, s.y + h);
         let (all, m) = self.sums.over(s.x - RING * w, s.y - RING * h, s.x + RING * w, s.y + RING * h);
-        let whole = 4.0 * w * h / (self.sums.step * self.sums.step);
+        let whole = self.sums.samples(2.0 * w, 2.0 * h);
         inside / whole.max(n).max(1.0) - (all - inside) / (m - n).max(1.0)
     }
 
@@ -179,6 +175,7 @@ impl Colour {
         let around = first.around.iter().zip(&recent.around).map(|(a, b)| mixed(*a, *b));
         probability.clear();
         probability.extend(target.zip(around).map(|(f, b)| (f + 0.5 * EMPTY) / (f + b + EMPTY)));
+        self.sums.take(&self.probability);
     }
 
     /// All that was learned.
@@ -211,30 +208,26 @@ impl Colour {
     }
 }
 
-/// Bins of a grey and of a colour picture.
-const GREY: usize = 32;
-const COLOUR: usize = 4096;
-
-/// The bins of a row's pixels: 8 levels of grey, or 16 × 16 × 16 colours.
-fn bins(image: &Image, y: usize) -> impl Fn(usize) -> usize {
-    let row = |p: usize| &image.plane(p)[y * image.width()..][..image.width()];
-    let last = image.planes() - 1;
-    let (r, g, b) = (row(0), row(last.min(1)), row(last));
-    move |x| match last {
-        0 => usize::from(r[x]) >> 3,
-        _ => usize::from(r[x] >> 4) << 8 | usize::from(g[x] >> 4) << 4 | usize::from(b[x] >> 4),
+/// Left, top, right and bottom of what these states are compared in, and how close its samples are.
+fn needed(states: &[State], extent: Extent) -> ([f64; 4], usize) {
+    let (mut region, mut least) = ([f64::MAX, f64::MAX, f64::MIN, f64::MIN], f64::MAX);
+    for s in states {
+        let scale = s.log_scale.exp();
+        let ((w, h), [l, t, r, b]) = ((RING * extent.half_w * scale, RING * extent.half_h * scale), region);
+        (least, region) = (least.min(scale), [l.min(s.x - w), t.min(s.y - h), r.max(s.x + w), b.max(s.y + h)]);
     }
+    (region, step(least * extent.half_w.min(extent.half_h)))
 }
 
 /// The whole pixels from `from` to `to` that a picture has along a side.
-fn pixels(from: f64, to: f64, side: usize) -> std::ops::RangeInclusive<usize> {
+fn pixels(from: f64, to: f64, side: usize) -> std::ops::Range<usize> {
     let last = side as f64 - 1.0;
-    from.clamp(0.0, last) as usize..=to.clamp(0.0, last) as usize
+    from.clamp(0.0, last) as usize..to.clamp(0.0, last) as usize + 1
 }
 
 impl Histograms {
-    /// Counts the pixels of a target at `state`, and those around it.
-    fn count(&mut self, image: &Image, state: &State, extent: Extent) {
+    /// Counts the pixels of a target at `state`, and those around it: every so many of a large one.
+    fn count(&mut self, image: &Image, state: &State, extent: Extent, bins: &mut Bins) {
         let n = if image.planes() == 1 { GREY } else { COLOUR };
         for h in [&mut self.target, &mut self.around] {
             h.clear();
@@ -242,14 +235,15 @@ impl Histograms {
         }
         let scale = state.log_scale.exp();
         let (w, h) = (extent.half_w * scale, extent.half_h * scale);
-        let far = AROUND.1;
-        for y in pixels(state.y - far * h, state.y + far * h, image.height()) {
-            let bin = bins(image, y);
+        let (far, step) = (AROUND.1, step(w.min(h)));
+        let columns = pixels(state.x - far * w, state.x + far * w, image.width());
+        for y in pixels(state.y - far * h, state.y + far * h, image.height()).step_by(step) {
             let v = (y as f64 - state.y).abs() / h;
-            for x in pixels(state.x - far * w, state.x + far * w, image.width()) {
+            let row = bins.of(image, y, columns.clone());
+            for (x, bin) in columns.clone().zip(row).step_by(step) {
                 match v.max((x as f64 - state.x).abs() / w) {
-                    off if off <= INSIDE => self.target[bin(x)] += 1.0,
-                    off if off >= AROUND.0 => self.around[bin(x)] += 1.0,
+                    off if off <= INSIDE => self.target[usize::from(*bin)] += 1.0,
+                    off if off >= AROUND.0 => self.around[usize::from(*bin)] += 1.0,
                     _ => (),
                 }
             }
@@ -258,53 +252,6 @@ impl Histograms {
             let share = 1.0 / h.iter().sum::<f32>().max(1.0);
             h.iter_mut().for_each(|v| *v *= share);
         }
-    }
-}
-
-impl Integral {
-    fn fill(&mut self, image: &Image, states: &[State], extent: Extent, probability: &[f32]) {
-        let mut region = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
-        let mut least = f64::MAX;
-        for s in states {
-            let scale = s.log_scale.exp();
-            let (w, h) = (RING * extent.half_w * scale, RING * extent.half_h * scale);
-            let [l, t, r, b] = region;
-            (least, region) = (least.min(scale), [l.min(s.x - w), t.min(s.y - h), r.max(s.x + w), b.max(s.y + h)]);
-        }
-        let [left, top, right, bottom] = region;
-        self.step = (extent.half_w.min(extent.half_h) * least / SAMPLES).floor().max(1.0);
-        self.left = (left.max(0.0) / self.step).floor() * self.step;
-        self.top = (top.max(0.0) / self.step).floor() * self.step;
-        let count = |from: f64, to: f64, side: usize| {
-            let to = to.min(side as f64 - 1.0);
-            if to >= from { ((to - from) / self.step) as usize + 1 } else { 0 }
-        };
-        (self.width, self.height) = (count(self.left, right, image.width()), count(self.top, bottom, image.height()));
-        if self.width == 0 || self.height == 0 {
-            (self.width, self.height) = (0, 0);
-        }
-        let (row, step) = (self.width + 1, self.step as usize);
-        self.table.clear();
-        self.table.resize(row * (self.height + 1), 0.0);
-        for j in 0..self.height {
-            let bin = bins(image, self.top as usize + j * step);
-            let (above, here) = self.table[j * row..].split_at_mut(row);
-            let (mut sum, mut x) = (0.0, self.left as usize);
-            for (above, here) in above[1..].iter().zip(&mut here[1..row]) {
-                sum += f64::from(probability[bin(x)]);
-                *here = above + sum;
-                x += step;
-            }
-        }
-    }
-
-    /// The sum over a box, cut to the region, and the number of its samples.
-    fn over(&self, left: f64, top: f64, right: f64, bottom: f64) -> (f64, f64) {
-        let column = |x: f64| ((x - self.left) / self.step).round().clamp(0.0, self.width as f64) as usize;
-        let line = |y: f64| ((y - self.top) / self.step).round().clamp(0.0, self.height as f64) as usize;
-        let (a, b, c, d) = (column(left), line(top), column(right), line(bottom));
-        let at = |x: usize, y: usize| self.table[y * (self.width + 1) + x];
-        (at(c, d) - at(a, d) - at(c, b) + at(a, b), ((c - a) * (d - b)) as f64)
     }
 }
 
@@ -349,25 +296,6 @@ mod tests {
         assert!((it.distance(&at(300.0, 0.0), EXTENT) - 1.0).abs() < 1e-9, "outside there is nothing");
     }
 
-    /// The integral image against sums one by one, at every step.
-    #[test]
-    fn sums_are_those_of_loops() {
-        let it = colour(Settings::default());
-        let image = picture(33.0);
-        for grow in [1.0, 2.5, 5.0] {
-            let extent = Extent { half_w: 8.0 * grow, half_h: 12.0 * grow };
-            let mut sums = Integral::default();
-            sums.fill(&image, &[TARGET], extent, &it.probability);
-            let (x0, y0, step) = (sums.left as usize, sums.top as usize, sums.step as usize);
-            let (a, b, c, d) = (1, 2, sums.width.min(7), sums.height.min(9));
-            let place = |i: usize, from: usize| (from + i * step) as f64 - 0.2;
-            let (found, n) = sums.over(place(a, x0), place(b, y0), place(c, x0), place(d, y0));
-            let one = |i: usize, j: usize| f64::from(it.probability[bins(&image, y0 + j * step)(x0 + i * step)]);
-            let exact: f64 = (b..d).flat_map(|j| (a..c).map(move |i| (i, j))).map(|(i, j)| one(i, j)).sum();
-            assert!((found - exact).abs() < 1e-9 && n == ((c - a) * (d - b)) as f64, "{found} is not {exact}");
-        }
-    }
-
     #[test]
     fn colours_without_contrast_count_less_and_learning_follows() {
         let plain = Image::from_grey8(96, 64, &[90; 96 * 64]).expect("enough bytes");
@@ -377,7 +305,7 @@ mod tests {
         let settings = Settings { learning_rate: 0.5, first_frame_weight: 0.0, ..Settings::default() };
         let mut it = colour(settings);
         let blue = Image::from_rgb8(96, 64, &[10, 20, 230].repeat(96 * 64)).expect("enough bytes");
-        let bin = bins(&blue, 0)(0);
+        let bin = usize::from(Bins::default().of(&blue, 0, 0..1)[0]);
         let before = it.recent.target[bin];
         it.adapt(&blue, &TARGET, EXTENT);
         assert_eq!((before, it.recent.target[bin]), (0.0, 0.5));

@@ -323,6 +323,15 @@ impl Appearance for GazeAppearance {
         self.pyramid.build(image, region, self.retina.footprints(), units(states, extent));
     }
 
+    fn see_more(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
+        let extent = self.extent();
+        let region = Region::covering(image, states, gazes, extent, self.reach());
+        let colours = self.colour.as_ref().is_none_or(|colour| colour.holds(states, extent));
+        if !colours || !self.pyramid.holds(region, self.retina.footprints(), units(states, extent)) {
+            self.see(image, states, gazes);
+        }
+    }
+
     // Deviation: the paper prints exp(−d), without a sharpness; that tracks nothing.
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
         let sharpness = self.kept().sharpness;

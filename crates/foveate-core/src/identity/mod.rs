@@ -18,6 +18,7 @@ pub mod encoder;
 pub mod factored;
 mod footprint;
 pub mod gaze_appearance;
+mod integral;
 #[cfg(feature = "learn")]
 pub mod multi_fixation;
 mod numbers;
@@ -69,6 +70,10 @@ pub trait Appearance: Send + Sync {
     fn init_template(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams);
     /// Takes in what `states` and `gazes` of this frame need.
     fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]);
+    /// Takes in what more states of the frame that was seen last need. What was seen of it before may be forgotten.
+    fn see_more(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
+        self.see(image, states, gazes);
+    }
     /// log p(hₜ | xₜ, aₜ) in nats, up to a constant, for each state.
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]);
     /// Looks once and keeps what was seen.

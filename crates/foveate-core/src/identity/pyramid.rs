@@ -77,6 +77,9 @@ impl Region {
     }
 }
 
+/// How far a box may be from the side it is to have, in pixels, where it was made for other states of the frame.
+const NEARLY: f64 = 0.75;
+
 /// The box of a footprint, in whole pixels.
 fn size(footprint: &Footprint, unit: (f64, f64)) -> (usize, usize) {
     let side = |unit: f64| (footprint.side * unit).round().clamp(1.0, WIDEST_BOX) as usize;
@@ -84,11 +87,15 @@ fn size(footprint: &Footprint, unit: (f64, f64)) -> (usize, usize) {
 }
 
 impl Pyramid {
-    /// Whether [`Pyramid::build`] with these arguments would make what is here already, of the same image.
+    /// Whether what [`Pyramid::build`] with these arguments would make is here already, of the same image, or nearly so.
     pub fn holds(&self, region: Region, footprints: &[Footprint], unit: (f64, f64)) -> bool {
+        let near = |side: usize, wanted: f64| (side as f64 - wanted.clamp(1.0, WIDEST_BOX)).abs() <= NEARLY;
+        let nearly = |(level, footprint): (&Level, &Footprint)| {
+            near(level.size.0, footprint.side * unit.0) && near(level.size.1, footprint.side * unit.1)
+        };
         self.region.is_some_and(|all| all.contains(&region))
             && self.levels.len() == footprints.len()
-            && self.levels.iter().zip(footprints).all(|(level, footprint)| level.size == size(footprint, unit))
+            && self.levels.iter().zip(footprints).all(nearly)
     }
 
     /// Fills the levels for one region of an image. `unit` is pixels per template unit along u and v.
@@ -141,7 +148,9 @@ impl Level {
         let early = |side: usize| usize::from(side.is_multiple_of(2));
         self.width = region.width + early(size.0);
         self.height = region.height + early(size.1);
-        self.data.resize(self.width * self.height, 0.0);
+        // Room only grows: what is cut off and added again would be filled with zeros first.
+        let count = self.width * self.height;
+        self.data.resize(self.data.len().max(count), 0.0);
         let wanted = kernels::Region {
             x: (region.x - source.x) as i32 - early(size.0) as i32,
             y: (region.y - source.y) as i32 - early(size.1) as i32,
@@ -153,7 +162,7 @@ impl Level {
             width: source.width,
             height: source.height,
         };
-        let plane = kernels::box_means(pixels, size, wanted, scratch, &mut self.data);
+        let plane = kernels::box_means(pixels, size, wanted, scratch, &mut self.data[..count]);
         (self.x0, self.y0) = (plane.x0 + source.x as f32, plane.y0 + source.y as f32);
     }
 }

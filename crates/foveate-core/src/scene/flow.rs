@@ -25,12 +25,16 @@ const STEPS: usize = 12;
 const TEXTURE: f32 = 2e-5;
 /// Levels are halved while both sides have this many pixels.
 const COARSEST: usize = 12;
+/// Level from which on the flow is the camera's alone, and pixels of the shorter side that are too many for that.
+const CAMERA: usize = 3;
+const COARSE_SIDE: usize = 60;
 
 /// Dense optical flow between successive frames. As a detector it finds what moves otherwise than the camera: the map has
 /// the length of the flow less the camera's, pixels a frame.
 #[derive(Clone, Debug)]
 pub struct Flow {
-    /// Level at which the search ends: 0 the picture itself, 1 half of it (four times as fast).
+    /// Level at which the search ends: 0 the picture itself, 1 half of it (four times as fast). From 3 on, which is enough for
+    /// the camera's motion alone, large pictures end at a coarser one, where their shorter side has fewer than 60 pixels.
     pub finest: usize,
     /// Pixels a frame above which a place moves otherwise than the camera.
     pub threshold: f32,
@@ -41,6 +45,9 @@ pub struct Flow {
     coarse: [Map; 2],
     weight: Vec<f32>,
     across: Vec<f32>,
+    sums: Vec<u16>,
+    /// Of the last picture.
+    size: Option<(usize, usize)>,
     camera: Affine,
     places: Vec<[f64; 4]>,
     map: Map,
@@ -59,6 +66,8 @@ impl Default for Flow {
             coarse: [Map::default(), Map::default()],
             weight: vec![],
             across: vec![],
+            sums: vec![],
+            size: None,
             camera: Affine::default(),
             places: vec![],
             map: Map::default(),
@@ -101,10 +110,11 @@ impl Flow {
     /// of its size.
     pub fn next(&mut self, image: &Image) {
         std::mem::swap(&mut self.before, &mut self.now);
-        let levels = build(&mut self.now, image, &mut self.across, self.finest);
-        let finest = self.finest.min(levels - 1);
-        let same = |a: &Map, b: &Map| (a.width(), a.height()) == (b.width(), b.height());
-        if self.before.is_empty() || !same(&self.before[0], &self.now[0]) {
+        let finest = self.finest_of(image);
+        let levels = build(&mut self.now, image, (&mut self.sums, &mut self.across), finest);
+        let finest = finest.min(levels - 1);
+        let size = Some((image.width(), image.height()));
+        if std::mem::replace(&mut self.size, size) != size || self.before.len() < levels {
             self.u.like(&self.now[finest]);
             self.v.like(&self.now[finest]);
             return;
@@ -133,6 +143,11 @@ impl Flow {
         let scale = (1 << finest) as f32;
         self.u.values_mut().iter_mut().chain(self.v.values_mut()).for_each(|f| *f *= scale);
     }
+    fn finest_of(&self, image: &Image) -> usize {
+        let side = image.width().min(image.height());
+        let large = |level: &usize| self.finest >= CAMERA && side >> level >= COARSE_SIDE;
+        (self.finest..).find(|level| !large(level)).unwrap_or(self.finest)
+    }
     /// The flow of the last two pictures: across and down, pixels of the picture a frame.
     pub fn field(&self) -> (&Map, &Map) {
         (&self.u, &self.v)
@@ -148,18 +163,24 @@ impl Flow {
     }
 }
 
-/// The pyramid of a picture's intensity; answers how many levels are used.
-fn build(levels: &mut Vec<Map>, image: &Image, across: &mut Vec<f32>, finest: usize) -> usize {
+/// The pyramid of a picture's intensity, without the picture itself where the search ends before it; answers how many levels
+/// are used.
+fn build(levels: &mut Vec<Map>, image: &Image, (sums, across): (&mut Vec<u16>, &mut Vec<f32>), finest: usize) -> usize {
     let mut count = 1;
     while (image.width().min(image.height()) >> count) >= COARSEST {
         count += 1;
     }
     let count = count.max(finest.min(2) + 1);
     levels.resize_with(count.max(levels.len()), Map::default);
-    levels[0].intensity(image);
+    if finest == 0 || count == 1 {
+        levels[0].intensity(image);
+    }
     for l in 1..count {
         let (fine, coarse) = levels.split_at_mut(l);
-        fine[l - 1].halve(across, &mut coarse[0]);
+        match l {
+            1 if finest > 0 => coarse[0].half_intensity(image, sums),
+            _ => fine[l - 1].halve(across, &mut coarse[0]),
+        }
     }
     count
 }
@@ -274,19 +295,26 @@ impl Patch {
 }
 
 /// A patch of a picture with its first pixel at `(x, y)`, bilinear: one pair of weights serves all its pixels.
+/// Outside, the edge's pixels are repeated.
 fn sample(from: &Map, x: f32, y: f32, out: &mut [f32; PIXELS]) {
     let (w, h) = (from.width(), from.height());
     let (left, top) = (x.floor(), y.floor());
     let (fx, fy) = (x - left, y - top);
     let inside = left >= 0.0 && top >= 0.0 && left as usize + PATCH < w && top as usize + PATCH < h;
-    if !inside {
-        return out.iter_mut().enumerate().for_each(|(k, v)| {
-            *v = from.between(x + (k % PATCH) as f32, y + (k / PATCH) as f32);
-        });
-    }
+    const WIDE: usize = PATCH + 1;
+    let mut room = [0.0; WIDE * WIDE];
+    let (values, stride) = if inside {
+        (&from.values()[top as usize * w + left as usize..], w)
+    } else {
+        let column: [usize; WIDE] = std::array::from_fn(|i| (left + i as f32).clamp(0.0, (w - 1) as f32) as usize);
+        for (j, row) in room.chunks_exact_mut(WIDE).enumerate() {
+            let line = &from.values()[(top + j as f32).clamp(0.0, (h - 1) as f32) as usize * w..][..w];
+            row.iter_mut().zip(column).for_each(|(value, x)| *value = line[x]);
+        }
+        (&room[..], WIDE)
+    };
     for (j, row) in out.chunks_exact_mut(PATCH).enumerate() {
-        let at = (top as usize + j) * w + left as usize;
-        let (a, b) = (&from.values()[at..][..PATCH + 1], &from.values()[at + w..][..PATCH + 1]);
+        let (a, b) = (&values[j * stride..][..WIDE], &values[(j + 1) * stride..][..WIDE]);
         for i in 0..PATCH {
             let (upper, lower) = (a[i] + fx * (a[i + 1] - a[i]), b[i] + fx * (b[i + 1] - b[i]));
             row[i] = upper + fy * (lower - upper);

@@ -101,13 +101,22 @@ impl Map {
         let last = image.planes() - 1;
         kernels::intensity([0, last.min(1), last].map(|p| image.plane(p)), &mut self.values);
     }
+    /// The same at half the resolution, as [`Map::halve`] makes it.
+    pub(super) fn half_intensity(&mut self, image: &Image, sums: &mut Vec<u16>) {
+        self.resize(image.width().div_ceil(2), image.height().div_ceil(2), 2);
+        let last = image.planes() - 1;
+        let planes = [0, last.min(1), last].map(|p| image.plane(p));
+        sums.resize(image.width(), 0);
+        kernels::half_intensity(planes, image.width(), sums, &mut self.values);
+    }
     /// This map at half the resolution: [1 3 3 1] / 8 across and down, then every second one. The kernel is even, so cells
     /// of the result cover exactly two of these.
     pub(super) fn halve(&self, across: &mut Vec<f32>, to: &mut Self) {
         let (w, h) = (self.width, self.height);
         to.resize(w.div_ceil(2), h.div_ceil(2), 2 * self.cell);
-        across.resize(to.width * h, 0.0);
-        kernels::halve(&self.values, w, across, &mut to.values);
+        // Room only grows: it serves every level of every picture.
+        across.resize(across.len().max(to.width * h), 0.0);
+        kernels::halve(&self.values, w, &mut across[..to.width * h], &mut to.values);
     }
     /// The map as a grey picture of its own size, to look at: 0 is black, the largest value white, negative ones black.
     ///
