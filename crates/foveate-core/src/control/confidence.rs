@@ -13,10 +13,10 @@ use crate::reference::ReferenceLikelihood;
 use foveate_base::{Error, Result};
 
 /// Number of cues.
-pub const CUES: usize = 8;
+pub const CUES: usize = 9;
 /// Their names, in order.
 pub const CUE_NAMES: [&str; CUES] =
-    ["deficit", "frame_deficit", "drop", "lasting", "flat", "spread", "distance", "margin"];
+    ["deficit", "frame_deficit", "drop", "lasting", "flat", "spread", "distance", "margin", "colour"];
 
 /// What one frame tells about being lost:
 /// *deficit* and *frame_deficit* as [`Consistency`] has them, 0 to 2;
@@ -26,7 +26,8 @@ pub const CUE_NAMES: [&str; CUES] =
 /// *spread*: ln of the belief's standard deviation about place in template units, from 1/50 of one, −4 to 4;
 /// *distance*: ln of the distance to the template at the estimate, relative to the usual one, −3 to 3;
 /// *margin*: how far the evidence lies above the best distractor's, as a share of what was promised between on and off, −1 to 1;
-/// 0 where distractors are not searched for.
+/// 0 where distractors are not searched for;
+/// *colour*: how far the colours at the estimate are from the target's, −0.2 to 1.2; 0 without a colour model.
 pub type Cues = [f64; CUES];
 
 /// The verdict on one frame.
@@ -55,6 +56,8 @@ pub struct FrameEvidence {
     pub spread: f64,
     /// Distance to the template at the estimate.
     pub distance: f64,
+    /// How far the colours at the estimate are from the target's; 0 without a colour model.
+    pub colour: f64,
     /// Mean of the belief.
     pub estimate: State,
     /// Pixels per template unit there.
@@ -128,7 +131,7 @@ const LEAST_DEVIATION: f64 = 0.02;
 impl Default for ConfidenceModel {
     fn default() -> Self {
         Self {
-            weights: [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0],
+            weights: [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0, 0.0],
             bias: -4.0,
             enter: 0.5,
             leave: 0.3,
@@ -235,6 +238,7 @@ impl LossMonitor {
             spread,
             distance,
             margin,
+            s.colour,
         ]
     }
 
@@ -322,6 +326,7 @@ mod tests {
             distractor: None,
             spread: 0.1,
             distance: 0.1 - 0.02 * evidence,
+            colour: 0.0,
             estimate,
             unit: 10.0,
             alarm: 0.0,

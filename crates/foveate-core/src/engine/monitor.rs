@@ -57,7 +57,7 @@ impl Engine {
             false => self.parts.monitor.consistency.last(),
         };
         self.parts.appearance.perceive(&estimate.mean, w.plan.chosen(), &mut w.percept);
-        let distance = w.percept.distance;
+        let (distance, colour) = (w.percept.distance, w.percept.colour);
         let distractor = if judged { self.look_around(image, estimate) } else { None };
         let spread = spread(&estimate.covariance, unit);
         let alarm = self.parts.recognition.as_ref().map_or(0.0, Recognition::alarm);
@@ -71,6 +71,7 @@ impl Engine {
                 distractor,
                 spread,
                 distance,
+                colour,
                 estimate: estimated,
                 unit,
                 alarm,

@@ -145,7 +145,12 @@ impl Colour {
 
     /// What the cue counts: its mixing weight, the less the smaller the contrast of frame 1 is.
     pub fn weight(&self) -> f64 {
-        self.settings.mixing_weight * (self.contrast / FULL).min(1.0)
+        self.settings.mixing_weight * self.trust()
+    }
+
+    /// What the contrast of frame 1 makes of the cue, 0 to 1.
+    pub fn trust(&self) -> f64 {
+        (self.contrast / FULL).min(1.0)
     }
 
     /// 0 where the contrast is that of the target in frame 1, 1 where there is none, of a state that was seen.

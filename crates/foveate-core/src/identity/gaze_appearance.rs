@@ -351,6 +351,8 @@ impl Appearance for GazeAppearance {
         self.encoder.condition(conditioned);
         self.encoder.encode(Rows::new(conditioned, n_v), RowsMut::new(&mut percept.features, n_h));
         percept.distance = self.distance.distance(&percept.features, &self.scratch.template);
+        let extent = self.extent();
+        percept.colour = self.colour.as_ref().map_or(0.0, |colour| colour.trust() * colour.distance(state, extent));
     }
 
     fn adapts(&self) -> bool {

@@ -58,6 +58,9 @@ pub struct Percept {
     pub features: Vec<f32>,
     /// Distance of the features to the template's at the same gaze (no sharpness).
     pub distance: f64,
+    /// How far the colours are from the target's, as it counts in the distance that weighs particles: 0 at the target, 1 in
+    /// colours of the surroundings; 0 without a colour model.
+    pub colour: f64,
 }
 
 /// How the target looks, as the control pathway sees it.

@@ -11,7 +11,7 @@ use crate::multi::TrackedTarget;
 use foveate_base::{Error, Result};
 
 /// The format number.
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {

@@ -277,7 +277,7 @@ impl Part<'_> {
             ("bool", _) => "boolean".into(),
             ("String", _) => "text".into(),
             ("Schedule", _) => "number, `\"anytime\"` or `{ frames = 300 }`".into(),
-            ("[f64; CUES]", _) => "8 numbers".into(),
+            ("[f64; CUES]", _) => "9 numbers".into(),
             ("Vec<[usize; 2]>", _) => "list of `[window, cell]`".into(),
             (kind, _) => panic!("{key}: say what a {kind} is in tests/documents/configuration.rs"),
         };
