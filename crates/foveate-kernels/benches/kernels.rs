@@ -165,6 +165,17 @@ fn main() {
     report("halve, 640 x 480", pixels.len() as f64, "pixels", None, || {
         halve(black_box(&grey), 640, &mut across, &mut half);
     });
+    let mut sums = vec![0; 640];
+    report("half_intensity, 640 x 480", pixels.len() as f64, "pixels", None, || {
+        half_intensity([black_box(&pixels), &pixels, &pixels], 640, &mut sums, &mut half);
+    });
+    let (mut bins, mut rows) = (vec![0; 640], vec![0; 2 * 641]);
+    let table: Vec<u16> = (0..COLOUR_BINS).map(|i| i as u16).collect();
+    report("colour_bins and integral_row, 640", 640.0, "pixels", None, || {
+        colour_bins([black_box(&pixels[..640]), &pixels[640..1280], &pixels[1280..1920]], &mut bins);
+        let (above, here) = rows.split_at_mut(641);
+        integral_row(&bins, 1, &table, above, here);
+    });
     let region = Region { x: 250, y: 170, width: 140, height: 140 };
     let plane = box_means(image, (3, 3), region, &mut scratch, &mut means[..140 * 140]);
     let maps: Vec<[f32; 6]> = values(600, 8)
@@ -208,6 +219,18 @@ fn main() {
     report("oriented_features, 48 x 4 blocks", 48.0, "glimpses", None, || {
         for (glimpse, out) in glimpses.chunks_exact(356).zip(features.chunks_exact_mut(224)) {
             oriented_features(black_box(glimpse), 4, &lengths, out);
+        }
+    });
+    // The lattice of 9 × 9 places two blocks apart.
+    let (columns, halves) = (40, 40 * 40);
+    let (cells, colour) = (values(82 * 82, 14), values(halves, 15));
+    let (mut gradients, mut blocks, mut sums) = (vec![0.0; 8 * halves], vec![0.0; 8 * halves], vec![0.0; halves]);
+    report("features_among, 9 x 9 places of 4 blocks", 81.0, "glimpses", None, || {
+        oriented_halves(black_box(&cells), columns, &mut gradients, &mut sums);
+        oriented_blocks(&gradients, columns, &mut blocks);
+        let maps = Maps { columns, blocks: &blocks, grey: &sums, colour: [&colour, &colour] };
+        for k in 0..81 {
+            features_among(&maps, k / 9 * 4 * columns + k % 9 * 4, 4, &lengths, &mut features[..224]);
         }
     });
     let (rows, vector) = (values(64 * 225, 11), values(225, 12));

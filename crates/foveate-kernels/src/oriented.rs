@@ -53,13 +53,24 @@ fn oriented_features_body<const V: u8>(glimpse: &[f32], blocks: usize, lengths: 
     oriented_body::<V>(patch, blocks, shape);
     let (gradients, grey) = shape.split_at_mut(DIRECTIONS * blocks * blocks);
     gradients.iter_mut().for_each(|x| *x = x.sqrt());
+    rest.iter_mut().zip(colour).for_each(|(out, value)| *out = value - lengths.neither);
+    bring_to_length::<V>(gradients, grey, rest, lengths);
+}
+
+/// Takes the means off gradients and grey, and brings them and both channels of colour to their lengths.
+#[inline(always)]
+pub(crate) fn bring_to_length<const V: u8>(
+    gradients: &mut [f32],
+    grey: &mut [f32],
+    colour: &mut [f32],
+    lengths: &Lengths,
+) {
     for (k, part) in [gradients, grey].into_iter().enumerate() {
         let mean = sum_body::<V>(part) / part.len() as f32;
         part.iter_mut().for_each(|x| *x -= mean);
         stretch::<V>(part, lengths.flat[k], lengths.length[k]);
     }
-    rest.iter_mut().zip(colour).for_each(|(out, value)| *out = value - lengths.neither);
-    let (first, second) = rest.split_at_mut(colour.len() / 2);
+    let (first, second) = colour.split_at_mut(colour.len() / 2);
     stretch::<V>(first, lengths.flat[2], lengths.length[2]);
     stretch::<V>(second, lengths.flat[2], lengths.length[2]);
 }
@@ -92,8 +103,8 @@ fn oriented_body<const V: u8>(patch: &[f32], blocks: usize, out: &mut [f32]) {
 }
 
 /// Blocks beside each other that are summed at once, and their pixels.
-const AT_ONCE: usize = 4;
-const WIDTH: usize = AT_ONCE * BLOCK;
+pub(crate) const AT_ONCE: usize = 4;
+pub(crate) const WIDTH: usize = AT_ONCE * BLOCK;
 /// The side of the largest patch.
 const WIDEST: usize = MOST_BLOCKS * BLOCK + 2;
 
@@ -176,7 +187,7 @@ fn put<const N: usize>(from: &[f32; N], count: usize, to: &mut [f32]) {
 
 /// Adds max(0, g · eₖ − |g| cos 45°) to the sums of direction k.
 #[inline(always)]
-fn add_gradients<const V: u8>(gx: &[f32; WIDTH], gy: &[f32; WIDTH], sums: &mut [[f32; WIDTH]; DIRECTIONS]) {
+pub(crate) fn add_gradients<const V: u8>(gx: &[f32; WIDTH], gy: &[f32; WIDTH], sums: &mut [[f32; WIDTH]; DIRECTIONS]) {
     const HALF: f32 = std::f32::consts::FRAC_1_SQRT_2;
     for x in 0..WIDTH {
         let (gx, gy) = (gx[x], gy[x]);

@@ -6,7 +6,7 @@
 //! whole `Tracker::update`, the look at the estimate included.
 //!
 //! `cargo bench --bench frame -- [frames]`; one JSON line a figure. Then 1 to 20 targets with detections, configuration
-//! `multi`.
+//! `multi`. Last `natural` and `natural-fast`, one target, by sizes of picture and target, and while the target is lost.
 
 use std::sync::Arc;
 
@@ -106,6 +106,54 @@ fn multi(tracker: &mut MultiTracker, targets: usize, frames: usize) -> Result<Fr
     Ok(FrameTime { median: times[times.len() / 2], best: times[0] })
 }
 
+/// A target of `side` px goes to and fro in the middle of a picture in colour, or is there in the first frames alone: then only
+/// frames count before which it was believed lost. Times of `frames` frames, milliseconds of CPU.
+fn one(name: &str, (width, height): (usize, usize), side: usize, lost: bool, frames: usize) -> Result<FrameTime> {
+    const TURN: usize = 12;
+    let mut tracker = Tracker::new(name)?;
+    let mut rng = Streams::new(0, 0).at(2, Purpose::Scene).rng(0);
+    let mut blocks = |n: usize| -> Vec<u8> { (0..n).map(|_| rng.random()).collect() };
+    let (ground, look) = (blocks(3 * (width / 7 + 1) * (height / 7 + 1)), blocks(3 * 64));
+    let bbox = |t: usize| BBox {
+        x: (width / 2 - side / 2 + 2 * t) as f64,
+        y: (height / 2 - side / 2) as f64,
+        w: side as f64,
+        h: side as f64,
+    };
+    let picture = |t: Option<usize>| {
+        let mut data = Vec::with_capacity(3 * width * height);
+        for (p, y, x) in (0..3).flat_map(|p| (0..height).flat_map(move |y| (0..width).map(move |x| (p, y, x)))) {
+            let inside = t.map(bbox).and_then(|b| {
+                let (u, v) = (x.checked_sub(b.x as usize)?, y.checked_sub(b.y as usize)?);
+                (u < side && v < side).then(|| look[64 * p + 8 * (8 * v / side) + 8 * u / side])
+            });
+            data.push(inside.unwrap_or(ground[(p * (height / 7 + 1) + y / 7) * (width / 7 + 1) + x / 7] / 2));
+        }
+        Image::new(width, height, 3, data)
+    };
+    let pictures = (0..=TURN).map(|t| picture(Some(t))).collect::<Result<Vec<_>>>()?;
+    let empty = picture(None)?;
+    tracker.init(&pictures[0], bbox(0))?;
+    let (mut times, mut was_lost) = (vec![], false);
+    for index in 1..10 * frames + 100 {
+        let t = index % (2 * TURN);
+        // A picture comes from a decoder.
+        let image = if lost && index > TURN { empty.clone() } else { pictures[t.min(2 * TURN - t)].clone() };
+        let begin = now();
+        let now_lost = std::hint::black_box(tracker.update(&image)?).is_lost();
+        if index > TURN && was_lost == lost && times.len() < frames.max(1) {
+            times.push(1e3 * (now() - begin));
+        }
+        was_lost = now_lost;
+        if times.len() == frames.max(1) {
+            break;
+        }
+    }
+    times.sort_by(f64::total_cmp);
+    let median = times.get(times.len() / 2).copied().unwrap_or(f64::NAN);
+    Ok(FrameTime { median, best: times.first().copied().unwrap_or(f64::NAN) })
+}
+
 /// Frames that are not timed.
 const WARM: usize = 5;
 
@@ -182,5 +230,18 @@ fn main() {
             r#"{{"what": "many targets", "targets": {targets}, "ms": {:.4}, "best_ms": {:.4}}}"#,
             time.median, time.best
         );
+    }
+    let sizes =
+        [(320, 240), (640, 480), (1280, 720)].into_iter().flat_map(|size| [24, 48, 96].map(|side| (size, side)));
+    for (name, (size, side)) in
+        ["natural", "natural-fast"].into_iter().flat_map(|name| sizes.clone().map(move |s| (name, s)))
+    {
+        for lost in [false, true] {
+            let time = pool.install(|| one(name, size, side, lost, frames)).expect("a box in the picture");
+            println!(
+                r#"{{"what": "{name}", "picture": "{} x {}", "target": {side}, "lost": {lost}, "ms": {:.4}, "best_ms": {:.4}}}"#,
+                size.0, size.1, time.median, time.best
+            );
+        }
     }
 }

@@ -20,7 +20,7 @@ use foveate_base::{Error, Result};
 pub struct RedetectionSettings {
     /// Frames between two searches, at least 1.
     pub every: u64,
-    /// Distance of neighbouring places, above 0 to 10; it grows where there would be more than 10,000.
+    /// Distance of neighbouring places, above 0 to 10; it grows where there would be more than 16,000.
     pub step: f64,
     /// Share of the particles that start again, 0 to 1.
     pub share: f64,
@@ -69,7 +69,7 @@ pub const REFINEMENTS: usize = 2;
 const SIZES: [f64; 2] = [-0.15, 0.15];
 
 /// The most places that are scored at once.
-const MOST: f64 = 10_000.0;
+const MOST: f64 = 16_000.0;
 
 /// Places nearer to each other than this, in template units, are one.
 const NEAR: f64 = 0.5;
@@ -120,9 +120,14 @@ impl Redetection {
         let scale = seen.log_scale.exp();
         self.half = (extent.half_w * scale, extent.half_h * scale);
         self.area = width * height / (self.half.0 * self.half.1);
-        let (dx, dy) = ((self.settings.step * self.half.0).max(1.0), (self.settings.step * self.half.1).max(1.0));
-        let coarser = (width * height / (dx * dy) / MOST).sqrt().max(1.0);
-        self.apart = (dx * coarser, dy * coarser);
+        // Whole numbers of steps: places of a lattice of some steps share what they are made of.
+        let (dx, dy) = (self.settings.step * self.half.0, self.settings.step * self.half.1);
+        let count = |(i, j): (f64, f64)| width * height / (dx * i * dy * j);
+        let least = (count((1.0, 1.0)) / MOST).sqrt().floor().max((1.0 / dx.min(dy)).ceil()).max(1.0);
+        let next = least + 1.0;
+        let few = [(least, least), (next, least)].into_iter().find(|steps| count(*steps) <= MOST);
+        let (i, j) = few.unwrap_or((next, next));
+        self.apart = (dx * i, dy * j);
         let (dx, dy) = self.apart;
         let (columns, rows) = ((width / dx).ceil() as usize, (height / dy).ceil() as usize);
         self.states.clear();
@@ -238,7 +243,7 @@ mod tests {
         }
         assert!(places.iter().all(|p| (p.log_scale, p.angle, p.vx) == (0.5, 0.2, 0.0)));
         let tiny = State { log_scale: -8.0, ..State::default() };
-        assert!(search.places((4000, 3000), &tiny, EXTENT).len() <= 10_300, "a small target does not make it endless");
+        assert!(search.places((4000, 3000), &tiny, EXTENT).len() <= 16_500, "a small target does not make it endless");
     }
 
     #[test]

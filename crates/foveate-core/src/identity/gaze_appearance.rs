@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 use super::colour::{self, Colour};
+use super::dense::Dense;
 use super::discriminant::Discriminant;
 use super::distance::{Distance, Kind};
 use super::encoder::Encoder;
@@ -49,6 +50,7 @@ pub struct GazeAppearance {
     template: Pyramid,
     pyramid: Pyramid,
     scratch: Scratch,
+    dense: Option<Dense>,
     discriminant: Option<Discriminant>,
     colour: Option<Colour>,
 }
@@ -93,6 +95,7 @@ impl GazeAppearance {
         }
         let scratch = Scratch { template_glimpse: vec![0.0; n_v], template: vec![0.0; n_h], ..Scratch::default() };
         Ok(Self {
+            dense: Dense::new(&*retina, &*encoder),
             retina,
             encoder,
             distance,
@@ -167,6 +170,20 @@ impl GazeAppearance {
         let discriminant = self.discriminant.as_ref().filter(|_| Discriminant::knows(gaze));
         let Scratch { glimpses, features, template, .. } = &mut self.scratch;
         let template = &template[..];
+        let judge = |h: &[f32]| {
+            let from_template = distance.distance(h, template);
+            discriminant.map_or(from_template, |it| it.mixed(from_template, h))
+        };
+        if let Some(dense) = self.dense.as_mut().filter(|_| gaze == Gaze::CENTRE)
+            && dense.look(pyramid, states, extent)
+        {
+            features.resize(features.len().max(n_h), 0.0);
+            for (k, d) in out.iter_mut().enumerate() {
+                dense.features(k, &mut features[..n_h]);
+                *d = judge(&features[..n_h]);
+            }
+            return;
+        }
         let one = |states: &[State], out: &mut [f64], glimpses: &mut [f32], features: &mut [f32]| {
             let glimpses = &mut glimpses[..states.len() * n_v];
             let features = &mut features[..states.len() * n_h];
@@ -187,10 +204,7 @@ impl GazeAppearance {
                 }
             }
             encoder.encode(glimpses, RowsMut::new(features, n_h));
-            for (h, d) in features.chunks_exact(n_h).zip(out) {
-                let from_template = distance.distance(h, template);
-                *d = discriminant.map_or(from_template, |it| it.mixed(from_template, h));
-            }
+            features.chunks_exact(n_h).zip(out).for_each(|(h, d)| *d = judge(h));
         };
         #[cfg(feature = "threads")]
         if crate::threads::count() > 1 && states.len() > CHUNK {

@@ -11,6 +11,7 @@ pub mod classifier;
 pub mod colour;
 #[cfg(feature = "learn")]
 pub mod convolution;
+mod dense;
 pub mod discriminant;
 pub mod distance;
 pub mod encoder;

@@ -83,6 +83,10 @@ impl Encoder for Oriented {
         (self.cells + self.colour, (kernels::DIRECTIONS + 4) * self.blocks * self.blocks + self.colour)
     }
 
+    fn oriented(&self) -> Option<(usize, kernels::Lengths)> {
+        Some((self.blocks, self.lengths))
+    }
+
     fn encode(&self, glimpses: Rows<'_>, mut features: RowsMut<'_>) {
         let (n_v, n_h) = self.shape();
         for (v, h) in glimpses.data().chunks_exact(n_v).zip(features.data().chunks_exact_mut(n_h)) {

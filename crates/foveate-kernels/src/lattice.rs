@@ -1,0 +1,181 @@
+//! The features of [`oriented_features`](crate::oriented_features) at all places of a lattice, whose glimpses share cells: gradients
+//! are taken once, of all cells, and summed up once a block.
+
+use crate::level::levels;
+use crate::oriented::{AT_ONCE, BLOCK, DIRECTIONS, Lengths, WIDTH, add_gradients, bring_to_length};
+
+/// Half blocks, 2 × 2 cells, that a strip of [`oriented_halves`] has; rows are whole strips.
+pub const HALVES: usize = WIDTH / 2;
+
+levels! {
+    /// `gradients` ← for each half block of 2 × 2 cells, in rows of `columns`, the sums of gradient in 8 directions, `grey` ← the sums of
+    /// their values. Around the cells of all half blocks is a border of one: rows have `2 columns + 2` cells.
+    ///
+    /// # Panics
+    /// If `columns` is not whole strips of [`HALVES`], or `cells`, `gradients` or `grey` have other sizes than that.
+    pub fn oriented_halves / oriented_halves_at (
+        cells: &[f32], columns: usize, gradients: &mut [f32], grey: &mut [f32]
+    ) = oriented_halves_body
+}
+
+levels! {
+    /// `blocks` ← for each half block, in rows of `columns`, the roots of the sums over the block that begins with it, of all but the last
+    /// row; those of the last column mean nothing.
+    ///
+    /// # Panics
+    /// If `halves` and `blocks` differ in length, or are not whole rows.
+    pub fn oriented_blocks / oriented_blocks_at (halves: &[f32], columns: usize, blocks: &mut [f32]) =
+        oriented_blocks_body
+}
+
+/// What the places of a lattice read: rows of `columns`, a value a half block, or 8.
+#[derive(Clone, Copy, Debug)]
+pub struct Maps<'a> {
+    /// Half blocks in a row.
+    pub columns: usize,
+    /// Of [`oriented_blocks`].
+    pub blocks: &'a [f32],
+    /// Of [`oriented_halves`].
+    pub grey: &'a [f32],
+    /// The colour cells of the block that begins there, in two channels.
+    pub colour: [&'a [f32]; 2],
+}
+
+levels! {
+    /// `out` ← what [`oriented_features`](crate::oriented_features) gives of the glimpse that begins with the half block of this index, up to the
+    /// order of its sums.
+    ///
+    /// # Panics
+    /// If the glimpse reaches past the maps, or `out` is not 14 values a block.
+    pub fn features_among / features_among_at (
+        maps: &Maps<'_>, first: usize, blocks: usize, lengths: &Lengths, out: &mut [f32]
+    ) = features_among_body
+}
+
+#[inline(always)]
+fn oriented_halves_body<const V: u8>(cells: &[f32], columns: usize, gradients: &mut [f32], grey: &mut [f32]) {
+    let width = 2 * columns + 2;
+    assert!(columns > 0 && columns.is_multiple_of(HALVES), "whole strips, not {columns} half blocks");
+    assert!(grey.len().is_multiple_of(columns) && gradients.len() == DIRECTIONS * grey.len(), "a sum a half block");
+    assert!(cells.len() == width * (2 * grey.len() / columns + 2), "cells of {columns} half blocks, and a border");
+    for (j, (gradients, grey)) in
+        gradients.chunks_exact_mut(DIRECTIONS * columns).zip(grey.chunks_exact_mut(columns)).enumerate()
+    {
+        let strips = gradients.as_chunks_mut::<{ HALVES * DIRECTIONS }>().0.iter_mut();
+        for (strip, (gradients, grey)) in strips.zip(grey.as_chunks_mut::<HALVES>().0).enumerate() {
+            let (mut sums, mut pairs) = ([[0.0; WIDTH]; DIRECTIONS], [0.0; WIDTH]);
+            for row in 0..2 {
+                let [above, here, below]: [&[f32; WIDTH + 2]; 3] = std::array::from_fn(|i| {
+                    cells[(2 * j + row + i) * width + strip * WIDTH..].first_chunk().expect("whole strips")
+                });
+                let gx: [f32; WIDTH] = std::array::from_fn(|x| here[x + 2] - here[x]);
+                let gy: [f32; WIDTH] = std::array::from_fn(|x| below[x + 1] - above[x + 1]);
+                add_gradients::<V>(&gx, &gy, &mut sums);
+                for (x, pair) in pairs.iter_mut().enumerate() {
+                    *pair += here[x + 1];
+                }
+            }
+            *grey = std::array::from_fn(|x| pairs[2 * x] + pairs[2 * x + 1]);
+            *gradients = std::array::from_fn(|i| {
+                let (x, sums) = (2 * (i / DIRECTIONS), &sums[i % DIRECTIONS]);
+                sums[x] + sums[x + 1]
+            });
+        }
+    }
+}
+
+#[inline(always)]
+fn oriented_blocks_body<const V: u8>(halves: &[f32], columns: usize, blocks: &mut [f32]) {
+    let row = DIRECTIONS * columns;
+    assert!(halves.len() == blocks.len() && row > 0 && halves.len().is_multiple_of(row), "whole rows of one size");
+    for (block, half) in blocks.chunks_exact_mut(row).zip(halves.windows(2 * row).step_by(row)) {
+        let (above, below) = half.split_at(row);
+        let left = above.iter().zip(below);
+        for (block, ((a, c), (b, d))) in
+            block.iter_mut().zip(left.zip(above[DIRECTIONS..].iter().zip(&below[DIRECTIONS..])))
+        {
+            *block = ((a + b) + (c + d)).sqrt();
+        }
+    }
+}
+
+#[inline(always)]
+fn features_among_body<const V: u8>(maps: &Maps<'_>, first: usize, blocks: usize, lengths: &Lengths, out: &mut [f32]) {
+    if blocks == AT_ONCE {
+        return gather::<V>(maps, first, AT_ONCE, lengths, out); // with numbers that are known
+    }
+    gather::<V>(maps, first, blocks, lengths, out);
+}
+
+#[inline(always)]
+fn gather<const V: u8>(maps: &Maps<'_>, first: usize, blocks: usize, lengths: &Lengths, out: &mut [f32]) {
+    const { assert!(BLOCK == 4) };
+    let Maps { columns, .. } = *maps;
+    assert!(out.len() == 14 * blocks * blocks, "14 values a block");
+    let (gradients, rest) = out.split_at_mut(DIRECTIONS * blocks * blocks);
+    let (grey, colour) = rest.split_at_mut(4 * blocks * blocks);
+    for (y, row) in gradients.chunks_exact_mut(DIRECTIONS * blocks).enumerate() {
+        let from = &maps.blocks[(first + 2 * y * columns) * DIRECTIONS..][..(2 * blocks - 1) * DIRECTIONS];
+        for (to, from) in row.chunks_exact_mut(DIRECTIONS).zip(from.chunks(2 * DIRECTIONS)) {
+            to.copy_from_slice(&from[..DIRECTIONS]);
+        }
+    }
+    for (y, row) in grey.chunks_exact_mut(2 * blocks).enumerate() {
+        row.copy_from_slice(&maps.grey[first + y * columns..][..2 * blocks]);
+    }
+    for (colour, map) in colour.chunks_exact_mut(blocks * blocks).zip(maps.colour) {
+        for (y, row) in colour.chunks_exact_mut(blocks).enumerate() {
+            let from = &map[first + 2 * y * columns..][..2 * blocks - 1];
+            row.iter_mut().zip(from.iter().step_by(2)).for_each(|(to, from)| *to = from - lengths.neither);
+        }
+    }
+    bring_to_length::<V>(gradients, grey, colour, lengths);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Level;
+    use crate::oriented_features;
+    use crate::sums::tests::values;
+
+    /// Every place of a lattice against its own glimpse.
+    #[test]
+    fn places_have_the_features_of_their_glimpses() {
+        let lengths = Lengths { length: [0.8, 0.5, 0.3], flat: [0.05, 0.1, 0.03], neither: 0.4 };
+        for (blocks, columns, rows) in [(4, 16, 11), (3, 8, 6), (1, 8, 2)] {
+            let width = 2 * columns + 2;
+            let cells = values(width * (2 * rows + 2), 1);
+            let colour = [values(columns * rows, 2), values(columns * rows, 3)];
+            for level in Level::all() {
+                let (mut halves, mut grey) = (vec![f32::NAN; 8 * columns * rows], vec![f32::NAN; columns * rows]);
+                let mut sums = vec![f32::NAN; 8 * columns * rows];
+                oriented_halves_at(level, &cells, columns, &mut halves, &mut grey);
+                oriented_blocks_at(level, &halves, columns, &mut sums);
+                let maps = Maps { columns, blocks: &sums, grey: &grey, colour: colour.each_ref().map(|c| &c[..]) };
+                for (j, i) in (0..=rows - 2 * blocks).flat_map(|j| (0..=columns - 2 * blocks).map(move |i| (j, i))) {
+                    let side = 4 * blocks + 2;
+                    let mut glimpse: Vec<f32> =
+                        (0..side).flat_map(|y| cells[(2 * j + y) * width + 2 * i..][..side].to_vec()).collect();
+                    for map in &colour {
+                        let at = |k: usize| map[(j + 2 * (k / blocks)) * columns + i + 2 * (k % blocks)];
+                        glimpse.extend((0..blocks * blocks).map(at));
+                    }
+                    let mut exact = vec![0.0; 14 * blocks * blocks];
+                    oriented_features(&glimpse, blocks, &lengths, &mut exact);
+                    let mut out = vec![f32::NAN; exact.len()];
+                    features_among_at(level, &maps, j * columns + i, blocks, &lengths, &mut out);
+                    for (out, exact) in out.iter().zip(&exact) {
+                        assert!((out - exact).abs() < 1e-5, "{level:?}, {blocks} blocks: {out} is not {exact}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "whole strips")]
+    fn half_strips_are_refused() {
+        oriented_halves(&[0.0; 72], 5, &mut [0.0; 80], &mut [0.0; 10]);
+    }
+}
