@@ -42,11 +42,14 @@ fn half_intensity_body<const V: u8>(planes: [&[u8]; 3], width: usize, sums: &mut
     // Of three bytes and weights of 8 × 8 in all: below 2^16.
     let one = 1.0 / (765.0 * 64.0);
     for (j, out) in out.chunks_exact_mut(half).enumerate() {
-        sums.fill(0);
-        for (i, weight) in [((2 * j).saturating_sub(1), 1), (2 * j, 3), (2 * j + 1, 3), (2 * j + 2, 1)] {
+        for (k, i) in [2 * j, 2 * j + 1, (2 * j).saturating_sub(1), 2 * j + 2].into_iter().enumerate() {
             let [r, g, b] = planes.map(|plane| &plane[i.min(height - 1) * width..][..width]);
-            for (sum, ((&r, &g), &b)) in sums.iter_mut().zip(r.iter().zip(g).zip(b)) {
-                *sum += weight * (u16::from(r) + u16::from(g) + u16::from(b));
+            let all = sums.iter_mut().zip(r.iter().zip(g).zip(b));
+            let of = |((r, g), b): ((&u8, &u8), &u8)| u16::from(*r) + u16::from(*g) + u16::from(*b);
+            match k {
+                0 => all.for_each(|(sum, rgb)| *sum = 3 * of(rgb)),
+                1 => all.for_each(|(sum, rgb)| *sum += 3 * of(rgb)),
+                _ => all.for_each(|(sum, rgb)| *sum += of(rgb)),
             }
         }
         let wide = |i: usize| u32::from(sums[i.min(width - 1)]);
