@@ -15,6 +15,7 @@ mod explain;
 mod initiation;
 mod occlusion;
 mod pairs;
+mod ranks;
 mod saved;
 pub mod settings;
 mod target;
@@ -32,6 +33,7 @@ use foveate_base::{Error, Result};
 use initiation::TentativeTracks;
 use occlusion::{Body, Fronts};
 use pairs::Expected;
+use ranks::Ranks;
 use target::Target;
 
 /// Makes the engine of the target with this id.
@@ -42,6 +44,9 @@ pub(crate) type Fresh = Box<dyn Fn() -> Preprocessor + Send + Sync>;
 
 /// The terminated targets that are remembered at most: each keeps its first frame.
 const MOST_REMEMBERED: usize = 50;
+
+/// Intersection over union from which on two boxes are of the same target.
+const SAME: f64 = 0.6;
 
 /// Follows many targets: those that are given, and those that detections start.
 pub struct MultiTracker {
@@ -61,6 +66,7 @@ pub struct MultiTracker {
     /// By time of termination.
     terminated: Vec<Target>,
     tentative: TentativeTracks,
+    ranks: Ranks,
     fronts: Fronts,
     next_id: u64,
     /// Whether there ever was a detection.
@@ -95,6 +101,7 @@ impl MultiTracker {
             active: vec![],
             terminated: Vec::with_capacity(MOST_REMEMBERED + 1), // so that a termination allocates nothing
             tentative: TentativeTracks::default(),
+            ranks: Ranks::default(),
             fronts: Fronts::default(),
             next_id: 1,
             detecting: false,
@@ -130,6 +137,7 @@ impl MultiTracker {
 
     fn step(&mut self, image: &Image, detections: &[Detection]) {
         self.detecting |= !detections.is_empty();
+        self.ranks.look(detections);
         if let Some(flow) = self.preprocessor.flow() {
             self.active.iter_mut().for_each(|target| target.engine.compensate(flow, &mut target.track.state));
         }
@@ -203,12 +211,14 @@ impl MultiTracker {
     fn assign(&mut self, image: &Image, detections: &[Detection]) {
         let Work { expected, detections: left, .. } = &mut self.work;
         left.clear();
-        left.extend(detections.iter().filter(|d| pairs::is_box(&d.bbox) && !pairs::holds_several(&d.bbox, expected)));
+        let merged = |b: &BBox| self.settings.merges && pairs::holds_several(b, expected);
+        left.extend(detections.iter().filter(|d| pairs::is_box(&d.bbox) && !merged(&d.bbox)));
         if left.is_empty() {
             return self.active.iter_mut().for_each(|target| target.track.detection = None);
         }
-        let active = &mut self.active;
-        let given = pairs::pairs(expected, left, &self.settings, &mut |i, j| {
+        let (active, ranks, s) = (&mut self.active, &self.ranks, &self.settings);
+        let weak = |d: &Detection| ranks.of(d.score) < s.weak;
+        let given = pairs::in_two_stages(expected, left, &weak, s, &mut |i, j| {
             let engine = &mut active[i].engine;
             let state = engine.state_at(&left[j].bbox);
             engine.similarity(image, &state)
@@ -292,9 +302,10 @@ impl MultiTracker {
         let mut left = std::mem::take(&mut self.work.detections);
         let size @ (width, height) = (image.width() as f64, image.height() as f64);
         let fits = |b: &BBox| b.w >= s.side && b.h >= s.side && b.w * b.h <= s.most * width * height;
-        left.retain(|d| fits(&d.bbox) && !self.is_taken(&d.bbox));
+        left.iter_mut().for_each(|d| d.score = self.ranks.of(d.score));
+        left.retain(|d| fits(&d.bbox) && !self.is_taken(d));
         for born in self.tentative.grow(self.frame, &left, size, &s) {
-            if crate::start::check(image, &born.bbox).is_err() || self.is_taken(&born.bbox) {
+            if crate::start::check(image, &born.bbox).is_err() || self.is_taken(&born) {
                 continue;
             }
             match self.reidentify(image, &born.bbox) {
@@ -310,9 +321,12 @@ impl MultiTracker {
         self.work.detections = left;
     }
 
-    /// Whether active targets are where a track would start.
-    fn is_taken(&self, bbox: &BBox) -> bool {
+    /// Whether active targets are where a track would start, from a detection whose score is a rank.
+    fn is_taken(&self, Detection { bbox, score: rank }: &Detection) -> bool {
         let s = &self.settings.initiation;
+        if *rank >= s.strong {
+            return self.active.iter().any(|t| t.track.bbox.iou(bbox) > SAME);
+        }
         let area = bbox.w * bbox.h;
         let covered: f64 = self.active.iter().map(|t| t.track.bbox.intersection(bbox) / area).sum();
         covered > s.covered || self.active.iter().any(|t| t.track.bbox.iou(bbox) > s.overlap)

@@ -15,6 +15,8 @@ struct Candidate {
     /// Pixels a frame.
     velocity: (f64, f64),
     hits: usize,
+    /// Sum of the ranks of its detections' scores.
+    ranks: f64,
     first: usize,
     last: usize,
 }
@@ -35,7 +37,8 @@ const JITTER: f64 = 3.0;
 const NEWEST: f64 = 0.5;
 
 impl TentativeTracks {
-    /// Takes the unmatched detections of a frame, and gives those that have become targets.
+    /// Takes the unmatched detections of a frame, whose scores are ranks, and gives those that have become targets; their
+    /// scores are mean ranks.
     pub fn grow(
         &mut self,
         frame: usize,
@@ -55,7 +58,7 @@ impl TentativeTracks {
         for (i, j) in assignment::best(&scores, rows, columns) {
             if scores[i * columns + j] > 0.0 {
                 taken[j] = true;
-                self.candidates[i].hit(frame, &detections[j].bbox);
+                self.candidates[i].hit(frame, &detections[j]);
             }
         }
         let fresh = detections.iter().zip(&taken).filter(|(_, taken)| !**taken);
@@ -64,12 +67,17 @@ impl TentativeTracks {
             origin: d.bbox,
             velocity: (0.0, 0.0),
             hits: 1,
+            ranks: d.score,
             first: frame,
             last: frame,
         }));
+        let enough = |c: &Candidate| {
+            let hits = if c.rank() >= s.strong { s.strong_hits } else { s.hits };
+            c.hits >= hits && c.rank() >= s.rank
+        };
         let ripe =
-            |c: &Candidate| c.last == frame && c.hits >= s.hits && (s.moved <= 0.0 || c.moved(picture) >= s.moved);
-        let born = self.candidates.iter().filter(|c| ripe(c)).map(|c| Detection { bbox: c.bbox, score: c.hits as f64 });
+            |c: &Candidate| c.last == frame && enough(c) && (s.moved <= 0.0 || c.moved(picture) >= s.moved);
+        let born = self.candidates.iter().filter(|c| ripe(c)).map(|c| Detection { bbox: c.bbox, score: c.rank() });
         let born = born.collect();
         self.candidates.retain(|c| !ripe(c));
         born
@@ -82,6 +90,10 @@ impl TentativeTracks {
 }
 
 impl Candidate {
+    /// Mean rank of its detections' scores, 0 to 1.
+    fn rank(&self) -> f64 {
+        self.ranks / self.hits as f64
+    }
     fn expected(&self, frame: usize) -> BBox {
         let frames = (frame - self.last) as f64;
         BBox { x: self.bbox.x + frames * self.velocity.0, y: self.bbox.y + frames * self.velocity.1, ..self.bbox }
@@ -92,13 +104,14 @@ impl Candidate {
         let (x, y) = (edge::moved((a.x, a.w), (b.x, b.w), width), edge::moved((a.y, a.h), (b.y, b.h), height));
         if x.max(y) < JITTER { 0.0 } else { (2.0 * x / b.w).hypot(2.0 * y / b.h) }
     }
-    fn hit(&mut self, frame: usize, bbox: &BBox) {
+    fn hit(&mut self, frame: usize, Detection { bbox, score }: &Detection) {
         let frames = (frame - self.last).max(1) as f64;
         let ((x, y), (x0, y0)) = (bbox.centre(), self.bbox.centre());
         let share = if self.hits == 1 { 1.0 } else { NEWEST };
         self.velocity.0 += share * ((x - x0) / frames - self.velocity.0);
         self.velocity.1 += share * ((y - y0) / frames - self.velocity.1);
         (self.bbox, self.last, self.hits) = (*bbox, frame, self.hits + 1);
+        self.ranks += score;
     }
 }
 

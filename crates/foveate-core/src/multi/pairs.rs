@@ -49,9 +49,35 @@ pub(super) fn holds_several(detection: &BBox, expected: &[Expected]) -> bool {
 const MOST: f64 = 0.6;
 const LARGER: f64 = 1.4;
 
+/// The detection of each target, by index; `None` where it has none. The strong detections are given first; targets that got
+/// none of these may take a weak one (ByteTrack's two stages).
+pub(super) fn in_two_stages(
+    expected: &[Expected],
+    detections: &[Detection],
+    weak: &dyn Fn(&Detection) -> bool,
+    s: &Settings,
+    similarity: &mut dyn FnMut(usize, usize) -> f64,
+) -> Vec<Option<usize>> {
+    let mut given = vec![None; expected.len()];
+    for stage in [false, true] {
+        let rows: Vec<usize> = (0..expected.len()).filter(|i| given[*i].is_none()).collect();
+        let columns: Vec<usize> = (0..detections.len()).filter(|j| weak(&detections[*j]) == stage).collect();
+        if rows.is_empty() || columns.is_empty() {
+            continue;
+        }
+        let targets: Vec<Expected> = rows.iter().map(|i| expected[*i]).collect();
+        let found: Vec<Detection> = columns.iter().map(|j| detections[*j]).collect();
+        let of_stage = pairs(&targets, &found, s, &mut |i, j| similarity(rows[i], columns[j]));
+        for (i, j) in rows.iter().zip(of_stage) {
+            given[*i] = j.map(|j| columns[j]);
+        }
+    }
+    given
+}
+
 /// The detection of each target, by index; `None` where it has none. Targets whose only detection no other target claims take
 /// it; where several want the same, `similarity(target, detection)`, 0 to 1, helps to decide.
-pub(super) fn pairs(
+fn pairs(
     expected: &[Expected],
     detections: &[Detection],
     s: &Settings,

@@ -6,6 +6,7 @@ use serde_json::Value;
 use super::MultiTracker;
 use super::initiation::TentativeTracks;
 use super::occlusion::Fronts;
+use super::ranks::Ranks;
 use super::target::Target;
 use crate::multi::TrackedTarget;
 use foveate_base::{Error, Result};
@@ -20,6 +21,7 @@ struct Saved {
     detecting: bool,
     fronts: Fronts,
     tentative: TentativeTracks,
+    ranks: Ranks,
     /// The number of the next picture, and the size of all.
     next: usize,
     size: Option<(usize, usize)>,
@@ -47,6 +49,7 @@ impl MultiTracker {
             detecting: self.detecting,
             fronts: self.fronts.clone(),
             tentative: self.tentative.clone(),
+            ranks: self.ranks.clone(),
             next: self.next,
             size: self.size,
             active: targets(&self.active),
@@ -71,7 +74,7 @@ impl MultiTracker {
         (self.active, self.terminated) = (active, terminated);
         (self.next, self.frame, self.size, self.resumed) = (saved.next, saved.next, saved.size, true);
         (self.next_id, self.detecting) = (saved.next_id, saved.detecting);
-        (self.fronts, self.tentative) = (saved.fronts, saved.tentative);
+        (self.fronts, self.tentative, self.ranks) = (saved.fronts, saved.tentative, saved.ranks);
         self.publish();
         Ok(())
     }

@@ -21,6 +21,12 @@ pub struct Settings {
     pub renew: f64,
     /// Weight of the newest detection in the shape of a target's box, 0 to 1.
     pub shape: f64,
+    /// Rank of a detection's score among the recent ones, 0 to 1, below which it is weak: it is given to a target only after
+    /// the others (two-stage association). 0: none is weak.
+    pub weak: f64,
+    /// Whether the detector may put several targets into one box, as one of motion does: then a box that holds most of two
+    /// or more is given to none.
+    pub merges: bool,
     /// How targets begin.
     pub initiation: Initiation,
     /// How they end.
@@ -45,6 +51,13 @@ pub struct Initiation {
     pub overlap: f64,
     /// Share of the detection that active targets cover at which no track starts, 0 to 1.
     pub covered: f64,
+    /// Least mean rank of their scores among the recent ones, 0 to 1.
+    pub rank: f64,
+    /// Mean rank from which on active targets hinder a start only where they have nearly the same box, 0 to 2 (above 1:
+    /// never).
+    pub strong: f64,
+    /// Detections it takes at that rank, 1 to `hits`.
+    pub strong_hits: usize,
     /// Least width and height, pixels, 2 to 10000.
     pub side: f64,
     /// Largest share of the picture, 0 to 1.
@@ -103,6 +116,8 @@ impl Default for Settings {
             looks: 0.3,
             renew: 0.4,
             shape: 0.3,
+            weak: 0.0,
+            merges: true,
             initiation,
             termination,
             reidentification,
@@ -113,7 +128,7 @@ impl Default for Settings {
 
 impl Default for Initiation {
     fn default() -> Self {
-        Self { hits: 3, within: 4, moved: 0.0, overlap: 0.3, covered: 0.6, side: 8.0, most: 0.5 }
+        Self { hits: 3, within: 4, moved: 0.0, overlap: 0.3, covered: 0.6, rank: 0.0, strong: 2.0, strong_hits: 1, side: 8.0, most: 0.5 }
     }
 }
 
@@ -146,11 +161,15 @@ impl Settings {
             ("looks", self.looks, 0.0, 1.0),
             ("renew", self.renew, 0.0, 3.0),
             ("shape", self.shape, 0.0, 1.0),
+            ("weak", self.weak, 0.0, 1.0),
             ("initiation.hits", initiation.hits as f64, 1.0, 1000.0),
             ("initiation.within", initiation.within as f64, initiation.hits as f64, 1000.0),
             ("initiation.moved", initiation.moved, 0.0, 100.0),
             ("initiation.overlap", initiation.overlap, 0.0, 1.0),
             ("initiation.covered", initiation.covered, 0.0, 1.0),
+            ("initiation.rank", initiation.rank, 0.0, 1.0),
+            ("initiation.strong", initiation.strong, 0.0, 2.0),
+            ("initiation.strong_hits", initiation.strong_hits as f64, 1.0, initiation.hits as f64),
             ("initiation.side", initiation.side, 2.0, 10_000.0),
             ("initiation.most", initiation.most, 0.0, 1.0),
             ("termination.lost", termination.lost as f64, 1.0, 1e6),

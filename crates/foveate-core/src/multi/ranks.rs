@@ -1,0 +1,60 @@
+//! How sure a detector is, on no scale of its own: the rank of a score among those seen so far.
+//!
+//! Detectors give probabilities, log odds, or sums of votes. The share of the recent scores that are not above a score is
+//! the same for all of them, and is 1 for a detector that always says the same.
+
+use crate::scene::Detection;
+
+/// Scores that are remembered, the most recent ones.
+const REMEMBERED: usize = 1000;
+
+/// The scores of the detections seen lately.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub(super) struct Ranks {
+    scores: Vec<f64>,
+    /// Where the next score goes once there are as many as are remembered.
+    next: usize,
+}
+
+impl Ranks {
+    /// Remembers the scores of a frame; those that are not finite do not count.
+    pub fn look(&mut self, detections: &[Detection]) {
+        for score in detections.iter().map(|d| d.score).filter(|score| score.is_finite()) {
+            if self.scores.len() < REMEMBERED {
+                self.scores.push(score);
+            } else {
+                self.scores[self.next % REMEMBERED] = score;
+                self.next = (self.next + 1) % REMEMBERED;
+            }
+        }
+    }
+
+    /// The share of the remembered scores that are not above this one, 0 to 1; 1 where none is remembered.
+    pub fn of(&self, score: f64) -> f64 {
+        if self.scores.is_empty() {
+            return 1.0;
+        }
+        self.scores.iter().filter(|s| **s <= score).count() as f64 / self.scores.len() as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::BBox;
+
+    fn scored(score: f64) -> Detection {
+        Detection { bbox: BBox { x: 0.0, y: 0.0, w: 9.0, h: 9.0 }, score }
+    }
+
+    #[test]
+    fn a_rank_is_the_share_that_is_not_above() {
+        let mut ranks = Ranks::default();
+        assert_eq!(ranks.of(-3.0), 1.0);
+        ranks.look(&[scored(5.0), scored(f64::NAN), scored(-1.0), scored(7.0), scored(5.0)]);
+        assert_eq!([-2.0, -1.0, 5.0, 6.0, 9.0, f64::NAN].map(|s| ranks.of(s)), [0.0, 0.25, 0.75, 0.75, 1.0, 0.0]);
+        // The oldest are forgotten: 1000 times the same.
+        (0..REMEMBERED).for_each(|_| ranks.look(&[scored(2.0)]));
+        assert_eq!((ranks.of(2.0), ranks.of(1.9)), (1.0, 0.0));
+    }
+}
