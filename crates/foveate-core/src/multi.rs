@@ -140,6 +140,8 @@ impl MultiTracker {
         self.ranks.look(detections);
         if let Some(flow) = self.preprocessor.flow() {
             self.active.iter_mut().for_each(|target| target.engine.compensate(flow, &mut target.track.state));
+            let camera = flow.camera();
+            self.tentative.shift(&|x, y| camera.at(x, y));
         }
         self.expect();
         self.assign(image, detections);
@@ -165,9 +167,9 @@ impl MultiTracker {
             Ok(at) => {
                 let born = self.active[at].track.born;
                 self.active[at].engine.init(image, bbox)?;
-                self.active[at].begin(born, bbox, Phase::Initiated);
+                self.active[at].begin(born, bbox, (0.0, 0.0), Phase::Initiated);
             }
-            Err(_) => self.start(image, id, bbox)?,
+            Err(_) => self.start(image, id, bbox, (0.0, 0.0))?,
         }
         self.publish();
         Ok(id)
@@ -200,10 +202,12 @@ impl MultiTracker {
     }
 
     fn expect(&mut self) {
+        let most = self.settings.termination.guess;
         self.work.expected.clear();
         self.work.expected.extend(self.active.iter().map(|t| {
             let c = &t.track.covariance;
-            Expected { bbox: t.shaped(t.next().bbox(t.track.extent)), variance: (c[0][0] + c[2][2], c[1][1] + c[3][3]) }
+            let (bbox, variance) = (t.shaped(t.next().bbox(t.track.extent)), (c[0][0] + c[2][2], c[1][1] + c[3][3]));
+            Expected { bbox, variance, guess: t.unseen > most }
         }));
     }
 
@@ -216,13 +220,17 @@ impl MultiTracker {
         if left.is_empty() {
             return self.active.iter_mut().for_each(|target| target.track.detection = None);
         }
+        // Tentative tracks take part: what is theirs is left to them.
+        self.tentative.expect(self.frame, expected);
         let (active, ranks, s) = (&mut self.active, &self.ranks, &self.settings);
         let weak = |d: &Detection| ranks.of(d.score) < s.weak;
-        let given = pairs::in_two_stages(expected, left, &weak, s, &mut |i, j| {
-            let engine = &mut active[i].engine;
+        let mut given = pairs::in_stages(expected, left, &weak, s, &mut |i, j| {
+            let engine = &mut active.get_mut(i)?.engine;
             let state = engine.state_at(&left[j].bbox);
-            engine.similarity(image, &state)
+            Some(engine.similarity(image, &state))
         });
+        given.truncate(self.active.len());
+        expected.truncate(self.active.len());
         for (target, given) in self.active.iter_mut().zip(&given) {
             target.track.detection = given.map(|j| left[j]);
         }
@@ -305,17 +313,18 @@ impl MultiTracker {
         left.iter_mut().for_each(|d| d.score = self.ranks.of(d.score));
         left.retain(|d| fits(&d.bbox) && !self.is_taken(d));
         for born in self.tentative.grow(self.frame, &left, size, &s) {
-            if crate::start::check(image, &born.bbox).is_err() || self.is_taken(&born) {
+            let Detection { bbox, .. } = born.detection;
+            if crate::start::check(image, &bbox).is_err() || self.is_taken(&born.detection) {
                 continue;
             }
-            match self.reidentify(image, &born.bbox) {
+            match self.reidentify(image, &bbox) {
                 Some(mut target) => {
-                    target.engine.reset_at(&born.bbox);
+                    target.engine.reset_at(&bbox, born.velocity);
                     let first = target.track.born;
-                    target.begin(first, born.bbox, Phase::ReIdentified);
+                    target.begin(first, bbox, born.velocity, Phase::ReIdentified);
                     self.admit(target);
                 }
-                None => self.start(image, self.next_id, born.bbox).expect("the box was checked above"),
+                None => self.start(image, self.next_id, bbox, born.velocity).expect("the box was checked above"),
             }
         }
         self.work.detections = left;
@@ -349,12 +358,16 @@ impl MultiTracker {
         best.1.map(|i| self.terminated.remove(i))
     }
 
-    fn start(&mut self, image: &Image, id: u64, bbox: BBox) -> Result<()> {
+    /// A new target that moves by so many pixels a frame.
+    fn start(&mut self, image: &Image, id: u64, bbox: BBox, velocity: (f64, f64)) -> Result<()> {
         let mut engine = (self.make)(id);
         engine.init(image, bbox)?;
+        if velocity != (0.0, 0.0) {
+            engine.reset_at(&bbox, velocity);
+        }
         let mut target =
             Target { engine, track: TrackedTarget::unknown(id), lost: 0, unseen: 0, terminated: 0, shape: 0.0 };
-        target.begin(self.frame, bbox, Phase::Initiated);
+        target.begin(self.frame, bbox, velocity, Phase::Initiated);
         self.next_id = self.next_id.max(id + 1);
         self.terminated.retain(|t| t.track.id != id);
         self.admit(target);

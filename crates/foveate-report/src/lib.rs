@@ -50,7 +50,7 @@ pub use self::table::{Boxes, Table};
 pub use self::trace::Trace;
 pub use self::tracks::{MotFile, TargetsTable, TracksTable};
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
@@ -111,6 +111,21 @@ impl Clock {
     }
 }
 
+/// What the readers of a run's results should be warned of: filled during the run, read by reports. Clones share one list.
+#[derive(Clone, Debug, Default)]
+pub struct Warnings(Arc<Mutex<Vec<String>>>);
+
+impl Warnings {
+    /// Adds a warning: whole sentences.
+    pub fn add(&self, warning: String) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(warning);
+    }
+    /// All warnings so far.
+    pub fn all(&self) -> Vec<String> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
 /// What a run is, for the readers of its results. Texts may hold anything: they are escaped where they are written.
 #[derive(Clone, Default)]
 pub struct RunInfo {
@@ -136,6 +151,8 @@ pub struct RunInfo {
     pub truth: Vec<BBox>,
     /// The time spent in the tracker.
     pub clock: Clock,
+    /// What its readers should be warned of.
+    pub warnings: Warnings,
     /// Fixed gazes that are scored in every frame to compute the regret; empty for none.
     pub shadow: Vec<Gaze>,
 }

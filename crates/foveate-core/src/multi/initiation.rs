@@ -1,6 +1,7 @@
 //! Track initiation: persistent unmatched detections become a target.
 
 use super::edge;
+use super::pairs::Expected;
 use super::settings::Initiation;
 use crate::assignment;
 use crate::geometry::BBox;
@@ -21,6 +22,15 @@ struct Candidate {
     last: usize,
 }
 
+/// A target that begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Born {
+    /// Where; its score is the mean rank of its detections' scores, 0 to 1.
+    pub detection: Detection,
+    /// Pixels a frame.
+    pub velocity: (f64, f64),
+}
+
 /// Tentative tracks.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct TentativeTracks {
@@ -37,15 +47,14 @@ const JITTER: f64 = 3.0;
 const NEWEST: f64 = 0.5;
 
 impl TentativeTracks {
-    /// Takes the unmatched detections of a frame, whose scores are ranks, and gives those that have become targets; their
-    /// scores are mean ranks.
+    /// Takes the unmatched detections of a frame, whose scores are ranks, and gives what has become targets.
     pub fn grow(
         &mut self,
         frame: usize,
         detections: &[Detection],
         picture: (f64, f64),
         s: &Initiation,
-    ) -> Vec<Detection> {
+    ) -> Vec<Born> {
         let waits = |c: &Candidate| c.hits >= s.hits || frame - c.first < s.within.max(1);
         self.candidates.retain(|c| frame - c.last <= MOST_MISSED + 1 && waits(c));
         let (rows, columns) = (self.candidates.len(), detections.len());
@@ -71,16 +80,40 @@ impl TentativeTracks {
             first: frame,
             last: frame,
         }));
-        let enough = |c: &Candidate| {
-            let hits = if c.rank() >= s.strong { s.strong_hits } else { s.hits };
-            c.hits >= hits && c.rank() >= s.rank
-        };
-        let ripe =
-            |c: &Candidate| c.last == frame && enough(c) && (s.moved <= 0.0 || c.moved(picture) >= s.moved);
-        let born = self.candidates.iter().filter(|c| ripe(c)).map(|c| Detection { bbox: c.bbox, score: c.rank() });
-        let born = born.collect();
+        let enough = |c: &Candidate| c.hits >= s.hits && c.rank() >= s.rank;
+        let ripe = |c: &Candidate| c.last == frame && enough(c) && (s.moved <= 0.0 || c.moved(picture) >= s.moved);
+        let born = self.candidates.iter().filter(|c| ripe(c)).map(Candidate::born).collect();
         self.candidates.retain(|c| !ripe(c));
         born
+    }
+
+    /// Moves all candidates: `shift` says by how much, pixels, at a place.
+    pub fn shift(&mut self, shift: &dyn Fn(f64, f64) -> (f64, f64)) {
+        for c in &mut self.candidates {
+            for b in [&mut c.bbox, &mut c.origin] {
+                let (x, y) = b.centre();
+                let (dx, dy) = shift(x, y);
+                (b.x, b.y) = (b.x + dx, b.y + dy);
+            }
+        }
+    }
+
+    /// Adds where the candidates are expected in a frame.
+    pub fn expect(&self, frame: usize, out: &mut Vec<Expected>) {
+        let waits = |c: &&Candidate| frame - c.last <= MOST_MISSED + 1;
+        let place = |c: &Candidate| Expected { bbox: c.expected(frame), variance: (0.0, 0.0), guess: false };
+        out.extend(self.candidates.iter().filter(waits).map(place));
+    }
+
+    /// Says what is wrong with numbers that were saved before frame `next`.
+    pub fn check(&self, next: usize) -> Result<(), String> {
+        match self.candidates.iter().find(|c| c.first > c.last || c.last > next || c.hits == 0 || c.hits > next + 1) {
+            None => Ok(()),
+            Some(Candidate { first, last, hits, .. }) => Err(format!(
+                "a tentative track has {hits} detections from frame {first} to {last}; expected first <= last <= `next`, \
+                 {next}, and one a frame at most"
+            )),
+        }
     }
 
     /// Forgets all candidates.
@@ -90,6 +123,9 @@ impl TentativeTracks {
 }
 
 impl Candidate {
+    fn born(&self) -> Born {
+        Born { detection: Detection { bbox: self.bbox, score: self.rank() }, velocity: self.velocity }
+    }
     /// Mean rank of its detections' scores, 0 to 1.
     fn rank(&self) -> f64 {
         self.ranks / self.hits as f64
@@ -134,12 +170,38 @@ mod tests {
             }
             let born = tentative.grow(frame, &detections, (400.0, 300.0), &s);
             match frame {
-                13 => assert_eq!(born[0].bbox.x, 24.0),
+                13 => assert_eq!(born[0].detection.bbox.x, 24.0),
                 _ => assert!(born.is_empty(), "frame {frame}: {born:?}"),
             }
         }
         let at_once = Initiation { hits: 1, within: 1, ..s };
         assert_eq!(tentative.grow(41, &[found(1.0)], (400.0, 300.0), &at_once).len(), 1);
+    }
+
+    #[test]
+    fn a_weak_one_waits_for_stronger_ones_and_a_start_has_its_velocity() {
+        let (mut tentative, s) = (TentativeTracks::default(), Initiation { rank: 0.5, ..Initiation::default() });
+        // Ranks 0.2, 0.2, 0.5, 0.9, 0.9: their mean is 0.54 with the fifth. It moves by 4 px a frame.
+        for (frame, rank) in [0.2, 0.2, 0.5, 0.9, 0.9].into_iter().enumerate() {
+            let seen = Detection { score: rank, ..found(4.0 * frame as f64) };
+            let born = tentative.grow(frame, &[seen], (400.0, 300.0), &s);
+            match frame {
+                4 => assert!((born[0].detection.score - 0.54).abs() < 1e-12 && born[0].velocity == (4.0, 0.0)),
+                _ => assert!(born.is_empty(), "frame {frame}: {born:?}"),
+            }
+        }
+    }
+
+    #[test]
+    fn candidates_move_with_the_camera() {
+        let (mut tentative, s) = (TentativeTracks::default(), Initiation::default());
+        // The camera turns by 100 px a frame: what stands before it is found there, and starts without a velocity.
+        for frame in 0..3 {
+            tentative.shift(&|_, _| (100.0, 0.0));
+            let born = tentative.grow(frame, &[found(100.0 * frame as f64)], (400.0, 300.0), &s);
+            assert_eq!(born.len(), usize::from(frame == 2));
+            assert!(born.iter().all(|b| b.velocity == (0.0, 0.0)), "{born:?}");
+        }
     }
 
     #[test]
@@ -152,7 +214,7 @@ mod tests {
             let leaves = BBox { x: 0.0, y: 100.0, w: 80.0 - 2.0 * frame as f64, h: 40.0 };
             let [in_view, leaves] = [in_view, leaves].map(|bbox| Detection { bbox, score: 1.0 });
             let all = [found(100.0 + jitter), in_view, leaves, found(200.0 + 2.0 * frame as f64)];
-            born.extend(tentative.grow(frame, &all, (400.0, 300.0), &s).iter().map(|d| (d.bbox.y, d.bbox.x > 150.0)));
+            born.extend(tentative.grow(frame, &all, (400.0, 300.0), &s).iter().map(|b| (b.detection.bbox.y, b.detection.bbox.x > 150.0)));
         }
         assert!(born.contains(&(200.0, false)) && born.contains(&(5.0, true)), "{born:?}");
         assert!(!born.contains(&(5.0, false)) && !born.contains(&(100.0, false)), "{born:?}");

@@ -11,6 +11,8 @@ pub(super) struct Expected {
     pub bbox: BBox,
     /// Variance of its centre, pixels², along x and y.
     pub variance: (f64, f64),
+    /// Whether it was not seen lately: its place is a guess.
+    pub guess: bool,
 }
 
 /// Share of its half box, at least, that a detector's centre is off by.
@@ -49,19 +51,25 @@ pub(super) fn holds_several(detection: &BBox, expected: &[Expected]) -> bool {
 const MOST: f64 = 0.6;
 const LARGER: f64 = 1.4;
 
-/// The detection of each target, by index; `None` where it has none. The strong detections are given first; targets that got
-/// none of these may take a weak one (ByteTrack's two stages).
-pub(super) fn in_two_stages(
+/// Which detections go to which targets in each stage: (a guess, weak).
+const STAGES: [(bool, bool); 3] = [(false, false), (true, false), (false, true)];
+
+/// The detection of each target, by index; `None` where it has none. Targets that were seen lately take strong detections
+/// first; then those whose places are guesses do (the cascade of DeepSORT); weak detections are left to the former (the second
+/// stage of ByteTrack).
+pub(super) fn in_stages(
     expected: &[Expected],
     detections: &[Detection],
     weak: &dyn Fn(&Detection) -> bool,
     s: &Settings,
-    similarity: &mut dyn FnMut(usize, usize) -> f64,
+    similarity: &mut dyn FnMut(usize, usize) -> Option<f64>,
 ) -> Vec<Option<usize>> {
     let mut given = vec![None; expected.len()];
-    for stage in [false, true] {
-        let rows: Vec<usize> = (0..expected.len()).filter(|i| given[*i].is_none()).collect();
-        let columns: Vec<usize> = (0..detections.len()).filter(|j| weak(&detections[*j]) == stage).collect();
+    for (guess, of_weak) in STAGES {
+        let rows: Vec<usize> =
+            (0..expected.len()).filter(|i| given[*i].is_none() && expected[*i].guess == guess).collect();
+        let columns: Vec<usize> =
+            (0..detections.len()).filter(|j| !given.contains(&Some(*j)) && weak(&detections[*j]) == of_weak).collect();
         if rows.is_empty() || columns.is_empty() {
             continue;
         }
@@ -76,12 +84,13 @@ pub(super) fn in_two_stages(
 }
 
 /// The detection of each target, by index; `None` where it has none. Targets whose only detection no other target claims take
-/// it; where several want the same, `similarity(target, detection)`, 0 to 1, helps to decide.
+/// it; where several want the same, `similarity(target, detection)`, 0 to 1, helps to decide,
+/// where the target's looks are known.
 fn pairs(
     expected: &[Expected],
     detections: &[Detection],
     s: &Settings,
-    similarity: &mut dyn FnMut(usize, usize) -> f64,
+    similarity: &mut dyn FnMut(usize, usize) -> Option<f64>,
 ) -> Vec<Option<usize>> {
     let (rows, columns) = (expected.len(), detections.len());
     let mut scores: Vec<f64> = Vec::with_capacity(rows * columns);
@@ -94,7 +103,7 @@ fn pairs(
     for (k, score) in scores.iter_mut().enumerate().filter(|(_, score)| **score > 0.0) {
         let (i, j) = (k / columns, k % columns);
         if claims[i] > 1 || claimed[j] > 1 {
-            *score += s.looks * (similarity(i, j) - *score);
+            *score += s.looks * similarity(i, j).map_or(0.0, |similarity| similarity - *score);
         }
         if *score < s.score {
             *score = 0.0;
@@ -118,7 +127,7 @@ mod tests {
     }
 
     fn expected(x: f64) -> Expected {
-        Expected { bbox: at(x), variance: (4.0, 4.0) }
+        Expected { bbox: at(x), variance: (4.0, 4.0), guess: false }
     }
 
     fn found(x: f64) -> Detection {
@@ -128,7 +137,7 @@ mod tests {
     #[test]
     fn near_ones_belong_together_and_far_ones_to_nobody() {
         let s = Settings::default();
-        let mut never = |_: usize, _: usize| panic!("nothing is contested");
+        let mut never = |_: usize, _: usize| -> Option<f64> { panic!("nothing is contested") };
         let given =
             pairs(&[expected(0.0), expected(100.0), expected(200.0)], &[found(103.0), found(2.0)], &s, &mut never);
         assert_eq!(given, [Some(1), Some(0), None]);
@@ -139,10 +148,28 @@ mod tests {
     }
 
     #[test]
+    fn those_seen_lately_choose_first_and_weak_ones_come_last() {
+        let s = Settings::default();
+        let mut unknown = |_: usize, _: usize| None;
+        let guess = |x: f64| Expected { guess: true, ..expected(x) };
+        let scored = |x: f64, score: f64| Detection { score, ..found(x) };
+        let mut stages = |targets: &[Expected], found: &[Detection]| {
+            in_stages(targets, found, &|d| d.score < 0.5, &s, &mut unknown)
+        };
+        // The guess is nearer, but the other was seen lately; alone, the guess takes it.
+        assert_eq!(stages(&[guess(0.0), expected(4.0)], &[scored(1.0, 1.0)]), [None, Some(0)]);
+        assert_eq!(stages(&[guess(0.0)], &[scored(1.0, 1.0)]), [Some(0)]);
+        // A strong one is taken before a nearer weak one, which no guess may have.
+        assert_eq!(stages(&[expected(0.0)], &[scored(0.0, 0.1), scored(4.0, 0.9)]), [Some(1)]);
+        assert_eq!(stages(&[expected(0.0)], &[scored(0.0, 0.1)]), [Some(0)]);
+        assert_eq!(stages(&[guess(0.0)], &[scored(0.0, 0.1)]), [None]);
+    }
+
+    #[test]
     fn looks_decide_between_near_ones() {
         let s = Settings { looks: 0.8, ..Settings::default() };
         // By place the first is nearer to the first; by looks they have changed sides.
-        let mut similarity = |i: usize, j: usize| if i == j { 0.1 } else { 0.9 };
+        let mut similarity = |i: usize, j: usize| Some(if i == j { 0.1 } else { 0.9 });
         assert_eq!(
             pairs(&[expected(0.0), expected(6.0)], &[found(2.0), found(4.0)], &s, &mut similarity),
             [Some(1), Some(0)]

@@ -11,6 +11,9 @@ use super::target::Target;
 use crate::multi::TrackedTarget;
 use foveate_base::{Error, Result};
 
+/// Frames that a video may have had before: at 1000 a second, 24 days.
+const MOST_FRAMES: usize = 1 << 31;
+
 /// The format number.
 const FORMAT: u32 = 4;
 
@@ -69,6 +72,7 @@ impl MultiTracker {
         if !ordered || saved.active.iter().chain(&saved.terminated).any(|t| t.track.id >= saved.next_id) {
             return Err(bad("their ids are not in order".into()));
         }
+        saved.check_frames().map_err(bad)?;
         let read = |targets: Vec<SavedTarget>| targets.into_iter().map(|t| t.read(self)).collect::<Result<Vec<_>>>();
         let (active, terminated) = (read(saved.active)?, read(saved.terminated)?);
         (self.active, self.terminated) = (active, terminated);
@@ -77,6 +81,30 @@ impl MultiTracker {
         (self.fronts, self.tentative, self.ranks) = (saved.fronts, saved.tentative, saved.ranks);
         self.publish();
         Ok(())
+    }
+}
+
+impl Saved {
+    /// Frame numbers are counted, so that none is after the present one. Says what is wrong.
+    fn check_frames(&self) -> std::result::Result<(), String> {
+        let next = self.next;
+        if next > MOST_FRAMES {
+            return Err(format!("`next` is frame {next}; expected a number up to {MOST_FRAMES}"));
+        }
+        for t in self.active.iter().chain(&self.terminated) {
+            let id = t.track.id;
+            for (name, frame) in [("born", t.track.born), ("terminated", t.terminated)] {
+                if frame > next {
+                    return Err(format!("`{name}` of target {id} is frame {frame}; expected one up to `next`, {next}"));
+                }
+            }
+            for (name, count) in [("lost", t.lost), ("unseen", t.unseen)] {
+                if count > next {
+                    return Err(format!("target {id} was {name} for {count} frames; expected up to `next`, {next}"));
+                }
+            }
+        }
+        self.tentative.check(next)
     }
 }
 

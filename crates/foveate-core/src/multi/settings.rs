@@ -56,8 +56,6 @@ pub struct Initiation {
     /// Mean rank from which on active targets hinder a start only where they have nearly the same box, 0 to 2 (above 1:
     /// never).
     pub strong: f64,
-    /// Detections it takes at that rank, 1 to `hits`.
-    pub strong_hits: usize,
     /// Least width and height, pixels, 2 to 10000.
     pub side: f64,
     /// Largest share of the picture, 0 to 1.
@@ -128,7 +126,7 @@ impl Default for Settings {
 
 impl Default for Initiation {
     fn default() -> Self {
-        Self { hits: 3, within: 4, moved: 0.0, overlap: 0.3, covered: 0.6, rank: 0.0, strong: 2.0, strong_hits: 1, side: 8.0, most: 0.5 }
+        Self { hits: 3, within: 4, moved: 0.0, overlap: 0.3, covered: 0.6, rank: 0.0, strong: 2.0, side: 8.0, most: 0.5 }
     }
 }
 
@@ -169,7 +167,6 @@ impl Settings {
             ("initiation.covered", initiation.covered, 0.0, 1.0),
             ("initiation.rank", initiation.rank, 0.0, 1.0),
             ("initiation.strong", initiation.strong, 0.0, 2.0),
-            ("initiation.strong_hits", initiation.strong_hits as f64, 1.0, initiation.hits as f64),
             ("initiation.side", initiation.side, 2.0, 10_000.0),
             ("initiation.most", initiation.most, 0.0, 1.0),
             ("termination.lost", termination.lost as f64, 1.0, 1e6),

@@ -11,6 +11,7 @@ mod morphology;
 pub mod motion;
 pub mod preprocessor;
 pub mod saliency;
+pub mod still;
 pub mod walkers;
 
 pub use self::cut::Cuts;
@@ -21,4 +22,5 @@ pub use self::map::Map;
 pub use self::motion::Motion;
 pub use self::preprocessor::{Preprocessor, Scene};
 pub use self::saliency::Saliency;
+pub use self::still::StillCamera;
 pub use self::walkers::Walkers;

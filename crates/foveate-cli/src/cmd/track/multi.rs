@@ -9,8 +9,8 @@ use foveate::config::{Config, DetectorConfig};
 use foveate::files::Folder;
 use foveate::report::run::multi::Detect;
 use foveate::report::run::{MultiOutcome, MultiRun, Span, follow_many};
-use foveate::report::{MotFile, MultiFilm, MultiObserver, MultiReport, RunInfo, Summary, TargetsTable, TracksTable};
-use foveate::scene::{Cuts, Detection, Detector, Image};
+use foveate::report::{MotFile, MultiFilm, MultiObserver, MultiReport, RunInfo, Summary, TargetsTable, TracksTable, Warnings};
+use foveate::scene::{Cuts, Detection, Detector, Image, StillCamera};
 use foveate::video::mot::{TrackBox, Tracks};
 use foveate::video::{Frame, SourceInfo, ahead, open};
 use foveate::{BBox, Error, Result};
@@ -98,10 +98,11 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let about = source.info().clone();
     let frames = Frames::new(0, args.until, &about)?;
     let given = given(args, &about)?;
-    let mut detections = Detections::of(args, frames, given.is_empty())?;
+    let mut detections = Detections::of(args, frames, given.is_empty(), detector.needs_still_camera())?;
     check_written(args.many.save_detections.as_deref(), &args.out)?;
     let info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
     terminal::catch_interrupts();
+    detections.warnings = info.warnings.clone();
     let results = Results::begin(&args.out, &names(args), &args.inputs())?;
     let mut observers = observers(args, results.folder(), &info)?;
     let (began, mut source) = (Instant::now(), ahead(source));
@@ -121,8 +122,9 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let files = kept.as_ref().map_or(&[][..], Vec::as_slice);
     let error = [result.as_ref().err(), kept.as_ref().err(), saved.as_ref().err()].into_iter().flatten().next();
     let error = error.map(ToString::to_string);
-    let detects = matches!(detector, Source::Ours(..));
-    tell(args, &outcome, &Told { files, detector: detector.to_string(), detects, seed, total: began.elapsed(), error });
+    let (detects, warnings) = (matches!(detector, Source::Ours(..)), info.warnings.all());
+    let (detector, total) = (detector.to_string(), began.elapsed());
+    tell(args, &outcome, &Told { files, detector, detects, seed, total, warnings, error });
     ended(&args.out, tracked, result.and(kept.map(drop)).and(saved), outcome.frames.stopped)
 }
 
@@ -150,6 +152,14 @@ impl Source {
             )),
             chosen => Ok(chosen),
         }
+    }
+}
+
+impl Source {
+    /// Whether it takes for granted that the camera stands still.
+    fn needs_still_camera(&self) -> bool {
+        let (Self::Ours(kind, _) | Self::Configured(kind)) = self else { return false };
+        matches!(kind, DetectorConfig::Motion | DetectorConfig::Walkers)
     }
 }
 
@@ -221,11 +231,14 @@ struct Detections {
     detector: Option<Box<dyn Detector>>,
     read: BTreeMap<usize, Vec<Detection>>,
     kept: Option<Tracks>,
+    /// Watches the camera where the detector needs one that stands still, until it is found to move.
+    still: Option<StillCamera>,
+    warnings: Warnings,
 }
 
 impl Detections {
     /// Where `needed`, there must be some: nothing else starts a track.
-    fn of(args: &Args, frames: Frames, needed: bool) -> Result<Self> {
+    fn of(args: &Args, frames: Frames, needed: bool, still: bool) -> Result<Self> {
         let (source, args) = (&args.source, &args.many);
         let mut read: BTreeMap<usize, Vec<Detection>> = BTreeMap::new();
         if let Some(path) = &args.detections {
@@ -254,12 +267,21 @@ impl Detections {
             Some(DetectorConfig::Motion | DetectorConfig::Walkers) => background(source)?,
             _ => vec![],
         };
-        Ok(Self { kind: args.detect, detector: args.detect.map(|kind| kind.knowing(&pictures)), read, kept })
+        let detector = args.detect.map(|kind| kind.knowing(&pictures));
+        let still = still.then(StillCamera::default);
+        Ok(Self { kind: args.detect, detector, read, kept, still, warnings: Warnings::default() })
     }
 
     fn next(&mut self, frame: &Frame, cut: bool, found: &mut Vec<Detection>) -> Result<()> {
         if let (true, Some(kind)) = (cut, self.kind) {
             self.detector = Some(kind.knowing(&[]));
+        }
+        if let Some(still) = &mut self.still {
+            still.look(&frame.image, cut);
+            if still.moves().is_some() {
+                self.warnings.add(MOVING.into());
+                self.still = None;
+            }
         }
         match &mut self.detector {
             Some(detector) => detector.detect(&frame.image, found),
@@ -283,6 +305,10 @@ impl Detections {
         }
     }
 }
+
+/// What is said where the camera moves before a detector that needs it to stand still.
+const MOVING: &str = "The camera moves: this detector finds what differs from a background that stands still, so boxes may be of \
+                      nobody and targets may be missed. Give a detector's boxes with --detections, or take --detect flow.";
 
 type Observers = Vec<Box<dyn MultiObserver>>;
 
@@ -318,6 +344,7 @@ struct Told<'a> {
     detects: bool,
     seed: u64,
     total: Duration,
+    warnings: Vec<String>,
     error: Option<String>,
 }
 
@@ -331,7 +358,7 @@ fn tell(args: &Args, outcome: &MultiOutcome, told: &Told<'_>) {
             "source": args.source.display().to_string(), "frames": frames, "targets": initiated, "reidentified": reidentified,
             "cuts": cuts, "most_at_a_time": most, "detector": told.detector, "tracking_seconds": tracking,
             "detecting_seconds": detecting, "total_seconds": total, "total_fps": rate(total), "seed": told.seed,
-            "outputs": told.files, "error": told.error,
+            "outputs": told.files, "warnings": told.warnings, "error": told.error,
         });
         say!("{}", serde_json::to_string_pretty(&summary).expect("plain data is JSON"));
         return;
@@ -348,5 +375,6 @@ fn tell(args: &Args, outcome: &MultiOutcome, told: &Told<'_>) {
         rate(total)
     );
     say!("Detector: {}.", told.detector);
+    told.warnings.iter().for_each(|warning| say!("Warning: {warning}"));
     tell_files(&args.out, told.files);
 }

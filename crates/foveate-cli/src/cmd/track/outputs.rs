@@ -7,7 +7,7 @@ use foveate::Result;
 use foveate::config::Blueprint;
 use foveate::lab::eval::regret::RegretFiles;
 use foveate::report::run::Outcome;
-use foveate::report::{Boxes, Clock, Film, Observer, Report, RunInfo, Summary, SurfacePicture, Table, Trace};
+use foveate::report::{Boxes, Clock, Film, Observer, Report, RunInfo, Warnings, Summary, SurfacePicture, Table, Trace};
 use foveate::video::SourceInfo;
 
 /// What is written beside boxes.txt and track.csv.
@@ -75,6 +75,7 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
         truth: vec![],
         clock: Clock::default(),
         shadow: vec![],
+        warnings: Warnings::default(),
     }
 }
 
