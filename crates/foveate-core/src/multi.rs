@@ -167,9 +167,9 @@ impl MultiTracker {
             Ok(at) => {
                 let born = self.active[at].track.born;
                 self.active[at].engine.init(image, bbox)?;
-                self.active[at].begin(born, bbox, (0.0, 0.0), Phase::Initiated);
+                self.active[at].begin(born, bbox, Phase::Initiated);
             }
-            Err(_) => self.start(image, id, bbox, (0.0, 0.0))?,
+            Err(_) => self.start(image, id, bbox)?,
         }
         self.publish();
         Ok(id)
@@ -313,18 +313,18 @@ impl MultiTracker {
         left.iter_mut().for_each(|d| d.score = self.ranks.of(d.score));
         left.retain(|d| fits(&d.bbox) && !self.is_taken(d));
         for born in self.tentative.grow(self.frame, &left, size, &s) {
-            let Detection { bbox, .. } = born.detection;
-            if crate::start::check(image, &bbox).is_err() || self.is_taken(&born.detection) {
+            let bbox = born.bbox;
+            if crate::start::check(image, &bbox).is_err() || self.is_taken(&born) {
                 continue;
             }
             match self.reidentify(image, &bbox) {
                 Some(mut target) => {
-                    target.engine.reset_at(&bbox, born.velocity);
+                    target.engine.reset_at(&bbox);
                     let first = target.track.born;
-                    target.begin(first, bbox, born.velocity, Phase::ReIdentified);
+                    target.begin(first, bbox, Phase::ReIdentified);
                     self.admit(target);
                 }
-                None => self.start(image, self.next_id, bbox, born.velocity).expect("the box was checked above"),
+                None => self.start(image, self.next_id, bbox).expect("the box was checked above"),
             }
         }
         self.work.detections = left;
@@ -358,16 +358,12 @@ impl MultiTracker {
         best.1.map(|i| self.terminated.remove(i))
     }
 
-    /// A new target that moves by so many pixels a frame.
-    fn start(&mut self, image: &Image, id: u64, bbox: BBox, velocity: (f64, f64)) -> Result<()> {
+    fn start(&mut self, image: &Image, id: u64, bbox: BBox) -> Result<()> {
         let mut engine = (self.make)(id);
         engine.init(image, bbox)?;
-        if velocity != (0.0, 0.0) {
-            engine.reset_at(&bbox, velocity);
-        }
         let mut target =
             Target { engine, track: TrackedTarget::unknown(id), lost: 0, unseen: 0, terminated: 0, shape: 0.0 };
-        target.begin(self.frame, bbox, velocity, Phase::Initiated);
+        target.begin(self.frame, bbox, Phase::Initiated);
         self.next_id = self.next_id.max(id + 1);
         self.terminated.retain(|t| t.track.id != id);
         self.admit(target);

@@ -173,7 +173,7 @@ impl Tracker {
             return Err(Error::Invalid("the tracker has no target to put somewhere: call init first".into()));
         }
         bbox.check()?;
-        self.engine.reset_at(&bbox, (0.0, 0.0));
+        self.engine.reset_at(&bbox);
         Ok(())
     }
 

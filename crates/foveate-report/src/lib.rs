@@ -50,8 +50,8 @@ pub use self::table::{Boxes, Table};
 pub use self::trace::Trace;
 pub use self::tracks::{MotFile, TargetsTable, TracksTable};
 
-use std::sync::{Arc, Mutex, PoisonError};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use foveate_base::Result;

@@ -53,10 +53,9 @@ impl Engine {
         Ok(())
     }
 
-    /// Puts the target into this box, moving by so many pixels a frame: particles start about it, its template stays. Panics
-    /// before [`Engine::init`].
-    pub fn reset_at(&mut self, bbox: &BBox, (vx, vy): (f64, f64)) {
-        let state = State { vx, vy, ..self.state_at(bbox) };
+    /// Puts the target into this box: particles start about it, its template stays. Panics before [`Engine::init`].
+    pub fn reset_at(&mut self, bbox: &BBox) {
+        let state = self.state_at(bbox);
         let (scale, extent) = (state.log_scale.exp(), self.target().extent);
         let scaled = Extent { half_w: extent.half_w * scale, half_h: extent.half_h * scale };
         self.parts.monitor.consistency.reset();

@@ -22,15 +22,6 @@ struct Candidate {
     last: usize,
 }
 
-/// A target that begins.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Born {
-    /// Where; its score is the mean rank of its detections' scores, 0 to 1.
-    pub detection: Detection,
-    /// Pixels a frame.
-    pub velocity: (f64, f64),
-}
-
 /// Tentative tracks.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub(super) struct TentativeTracks {
@@ -54,7 +45,7 @@ impl TentativeTracks {
         detections: &[Detection],
         picture: (f64, f64),
         s: &Initiation,
-    ) -> Vec<Born> {
+    ) -> Vec<Detection> {
         let waits = |c: &Candidate| c.hits >= s.hits || frame - c.first < s.within.max(1);
         self.candidates.retain(|c| frame - c.last <= MOST_MISSED + 1 && waits(c));
         let (rows, columns) = (self.candidates.len(), detections.len());
@@ -123,8 +114,9 @@ impl TentativeTracks {
 }
 
 impl Candidate {
-    fn born(&self) -> Born {
-        Born { detection: Detection { bbox: self.bbox, score: self.rank() }, velocity: self.velocity }
+    /// What begins; its score is a mean rank.
+    fn born(&self) -> Detection {
+        Detection { bbox: self.bbox, score: self.rank() }
     }
     /// Mean rank of its detections' scores, 0 to 1.
     fn rank(&self) -> f64 {
@@ -170,7 +162,7 @@ mod tests {
             }
             let born = tentative.grow(frame, &detections, (400.0, 300.0), &s);
             match frame {
-                13 => assert_eq!(born[0].detection.bbox.x, 24.0),
+                13 => assert_eq!(born[0].bbox.x, 24.0),
                 _ => assert!(born.is_empty(), "frame {frame}: {born:?}"),
             }
         }
@@ -179,14 +171,14 @@ mod tests {
     }
 
     #[test]
-    fn a_weak_one_waits_for_stronger_ones_and_a_start_has_its_velocity() {
+    fn a_weak_one_waits_for_stronger_ones() {
         let (mut tentative, s) = (TentativeTracks::default(), Initiation { rank: 0.5, ..Initiation::default() });
-        // Ranks 0.2, 0.2, 0.5, 0.9, 0.9: their mean is 0.54 with the fifth. It moves by 4 px a frame.
+        // Ranks 0.2, 0.2, 0.5, 0.9, 0.9: their mean is 0.54 with the fifth.
         for (frame, rank) in [0.2, 0.2, 0.5, 0.9, 0.9].into_iter().enumerate() {
             let seen = Detection { score: rank, ..found(4.0 * frame as f64) };
             let born = tentative.grow(frame, &[seen], (400.0, 300.0), &s);
             match frame {
-                4 => assert!((born[0].detection.score - 0.54).abs() < 1e-12 && born[0].velocity == (4.0, 0.0)),
+                4 => assert!((born[0].score - 0.54).abs() < 1e-12),
                 _ => assert!(born.is_empty(), "frame {frame}: {born:?}"),
             }
         }
@@ -195,12 +187,11 @@ mod tests {
     #[test]
     fn candidates_move_with_the_camera() {
         let (mut tentative, s) = (TentativeTracks::default(), Initiation::default());
-        // The camera turns by 100 px a frame: what stands before it is found there, and starts without a velocity.
+        // The camera turns by 100 px a frame, more than a box's width: what stands before it is found again.
         for frame in 0..3 {
             tentative.shift(&|_, _| (100.0, 0.0));
             let born = tentative.grow(frame, &[found(100.0 * frame as f64)], (400.0, 300.0), &s);
             assert_eq!(born.len(), usize::from(frame == 2));
-            assert!(born.iter().all(|b| b.velocity == (0.0, 0.0)), "{born:?}");
         }
     }
 
@@ -214,7 +205,7 @@ mod tests {
             let leaves = BBox { x: 0.0, y: 100.0, w: 80.0 - 2.0 * frame as f64, h: 40.0 };
             let [in_view, leaves] = [in_view, leaves].map(|bbox| Detection { bbox, score: 1.0 });
             let all = [found(100.0 + jitter), in_view, leaves, found(200.0 + 2.0 * frame as f64)];
-            born.extend(tentative.grow(frame, &all, (400.0, 300.0), &s).iter().map(|b| (b.detection.bbox.y, b.detection.bbox.x > 150.0)));
+            born.extend(tentative.grow(frame, &all, (400.0, 300.0), &s).iter().map(|b| (b.bbox.y, b.bbox.x > 150.0)));
         }
         assert!(born.contains(&(200.0, false)) && born.contains(&(5.0, true)), "{born:?}");
         assert!(!born.contains(&(5.0, false)) && !born.contains(&(100.0, false)), "{born:?}");

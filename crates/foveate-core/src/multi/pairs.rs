@@ -153,9 +153,8 @@ mod tests {
         let mut unknown = |_: usize, _: usize| None;
         let guess = |x: f64| Expected { guess: true, ..expected(x) };
         let scored = |x: f64, score: f64| Detection { score, ..found(x) };
-        let mut stages = |targets: &[Expected], found: &[Detection]| {
-            in_stages(targets, found, &|d| d.score < 0.5, &s, &mut unknown)
-        };
+        let mut stages =
+            |targets: &[Expected], found: &[Detection]| in_stages(targets, found, &|d| d.score < 0.5, &s, &mut unknown);
         // The guess is nearer, but the other was seen lately; alone, the guess takes it.
         assert_eq!(stages(&[guess(0.0), expected(4.0)], &[scored(1.0, 1.0)]), [None, Some(0)]);
         assert_eq!(stages(&[guess(0.0)], &[scored(1.0, 1.0)]), [Some(0)]);

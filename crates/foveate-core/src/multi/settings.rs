@@ -126,7 +126,17 @@ impl Default for Settings {
 
 impl Default for Initiation {
     fn default() -> Self {
-        Self { hits: 3, within: 4, moved: 0.0, overlap: 0.3, covered: 0.6, rank: 0.0, strong: 2.0, side: 8.0, most: 0.5 }
+        Self {
+            hits: 3,
+            within: 4,
+            moved: 0.0,
+            overlap: 0.3,
+            covered: 0.6,
+            rank: 0.0,
+            strong: 2.0,
+            side: 8.0,
+            most: 0.5,
+        }
     }
 }
 

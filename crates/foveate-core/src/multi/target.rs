@@ -32,10 +32,10 @@ impl Target {
         BBox::around(x, y, b.w * wider, b.h / wider)
     }
 
-    /// A box that was given, or found, and moves by so many pixels a frame.
-    pub fn begin(&mut self, born: usize, bbox: BBox, (vx, vy): (f64, f64), phase: Phase) {
+    /// A box that was given, or found.
+    pub fn begin(&mut self, born: usize, bbox: BBox, phase: Phase) {
         let extent = self.engine.extent().expect("it was started");
-        let state = State { vx, vy, ..self.engine.state_at(&bbox) };
+        let state = self.engine.state_at(&bbox);
         let TrackedTarget { id, gaze, class, .. } = self.track;
         self.track = TrackedTarget { born, phase, bbox, state, extent, gaze, class, ..TrackedTarget::unknown(id) };
         (self.lost, self.unseen, self.shape) = (0, 0, (bbox.w / bbox.h / extent.half_w * extent.half_h).ln());

@@ -152,7 +152,10 @@ impl MultiReport {
             ("source", escape(&info.source)),
             ("summary", escape(&summary)),
             ("about", escape(&about)),
-            ("warnings", info.warnings.all().iter().map(|w| format!("<p class=\"notice\">{}</p>\n", escape(w))).collect()),
+            (
+                "warnings",
+                info.warnings.all().iter().map(|w| format!("<p class=\"notice\">{}</p>\n", escape(w))).collect(),
+            ),
             ("strip", self.strip.iter().map(Still::html).collect()),
             ("bars", bars::bars(&tracks, self.last)),
             ("more", more),

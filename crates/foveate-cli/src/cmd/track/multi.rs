@@ -9,7 +9,9 @@ use foveate::config::{Config, DetectorConfig};
 use foveate::files::Folder;
 use foveate::report::run::multi::Detect;
 use foveate::report::run::{MultiOutcome, MultiRun, Span, follow_many};
-use foveate::report::{MotFile, MultiFilm, MultiObserver, MultiReport, RunInfo, Summary, TargetsTable, TracksTable, Warnings};
+use foveate::report::{
+    MotFile, MultiFilm, MultiObserver, MultiReport, RunInfo, Summary, TargetsTable, TracksTable, Warnings,
+};
 use foveate::scene::{Cuts, Detection, Detector, Image, StillCamera};
 use foveate::video::mot::{TrackBox, Tracks};
 use foveate::video::{Frame, SourceInfo, ahead, open};

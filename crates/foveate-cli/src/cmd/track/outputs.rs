@@ -7,7 +7,7 @@ use foveate::Result;
 use foveate::config::Blueprint;
 use foveate::lab::eval::regret::RegretFiles;
 use foveate::report::run::Outcome;
-use foveate::report::{Boxes, Clock, Film, Observer, Report, RunInfo, Warnings, Summary, SurfacePicture, Table, Trace};
+use foveate::report::{Boxes, Clock, Film, Observer, Report, RunInfo, Summary, SurfacePicture, Table, Trace, Warnings};
 use foveate::video::SourceInfo;
 
 /// What is written beside boxes.txt and track.csv.
