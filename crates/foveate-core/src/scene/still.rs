@@ -59,22 +59,22 @@ mod tests {
     use foveate_base::rng::{Purpose, Streams};
     use rand::RngExt;
 
-    /// A window of 160 x 120 px onto smooth noise, at (x, y), with a disc that walks across it.
+    /// A window of 320 x 240 px onto smooth noise, at (x, y), with a disc that walks across it.
     fn picture(x: usize, y: usize, disc: usize) -> Image {
         let mut rng = Streams::new(3, 0).at(0, Purpose::Scene).rng(0);
         let waves: Vec<[f64; 3]> = (0..30)
-            .map(|_| [rng.random_range(-0.3..0.3), rng.random_range(-0.3..0.3), rng.random_range(0.0..6.3)])
+            .map(|_| [rng.random_range(-0.1..0.1), rng.random_range(-0.1..0.1), rng.random_range(0.0..6.3)])
             .collect();
         let pixel = |k: usize| {
-            let (i, j) = (k % 160, k / 160);
-            if i.abs_diff(disc).pow(2) + j.abs_diff(60).pow(2) < 400 {
+            let (i, j) = (k % 320, k / 320);
+            if i.abs_diff(disc).pow(2) + j.abs_diff(120).pow(2) < 400 {
                 return 250;
             }
             let (u, v) = ((i + x) as f64, (j + y) as f64);
             let sum: f64 = waves.iter().map(|w| (w[0] * u + w[1] * v + w[2]).sin()).sum();
             (128.0 + 15.0 * sum).clamp(0.0, 255.0) as u8
         };
-        Image::new(160, 120, 1, (0..160 * 120).map(pixel).collect()).expect("as many bytes")
+        Image::new(320, 240, 1, (0..320 * 240).map(pixel).collect()).expect("as many bytes")
     }
 
     #[test]
@@ -87,13 +87,13 @@ mod tests {
         }
         assert_eq!((stands.moves(), turns.moves()), (None, Some(1.0)));
         let last = turns.motion(&picture(0, 0, 0));
-        assert!((last - 10f64.sqrt() / 200.0).abs() < 0.3 / 200.0, "it moves by 3.16 px of 200: {last}");
+        assert!((last - 10f64.sqrt() / 400.0).abs() < 0.5 / 400.0, "it moves by 3.16 px of 400: {last}");
     }
 
     #[test]
     fn cuts_are_no_motion() {
         let mut cuts = StillCamera::default();
-        (0..30).for_each(|t| cuts.look(&picture(7 * (t / 2), 0, 80), t % 2 == 0));
+        (0..30).for_each(|t| cuts.look(&picture(7 * (t / 2), 0, 160), t % 2 == 0));
         assert_eq!(cuts.moves(), None);
     }
 }
