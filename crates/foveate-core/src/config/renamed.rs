@@ -30,7 +30,10 @@ pub(super) fn hint(error: &str) -> String {
     let Some(key) = error.split("unknown field `").nth(1).and_then(|rest| rest.split('`').next()) else {
         return String::new();
     };
-    match RENAMED.iter().find(|(old, _)| *old == key) {
+    // Of a key that means something else elsewhere, only where the new one would do.
+    let fits =
+        |new: &str| new.is_empty() || new.rsplit('.').next().is_some_and(|last| error.contains(&format!("`{last}`")));
+    match RENAMED.iter().find(|(old, new)| *old == key && fits(new)) {
         Some((old, "")) => format!("\n`{old}` is no longer there: it did not pay; leave it out"),
         Some((old, new)) => format!("\n`{old}` is now called `{new}`"),
         None => String::new(),

@@ -58,6 +58,7 @@ mod tests {
             ("nothing=1", "nothing"),
             ("particles.x=1", "not a section"),
             ("search.fit=0.5", "now called `redetection`"),
+            ("discriminant.rate=0.1", "now called `discriminant.learning_rate`"),
             ("policy.kind=best", "best"),
         ] {
             let error = natural.set(wrong).expect_err(wrong).to_string();
