@@ -8,6 +8,7 @@
 use rayon::prelude::*;
 use std::sync::Arc;
 
+use self::dim::dim;
 use super::colour::{self, Colour};
 use super::dense::Dense;
 use super::discriminant::Discriminant;
@@ -22,6 +23,7 @@ use foveate_base::rng::Streams;
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
 
+mod dim;
 mod saved;
 
 /// Rows encoded at a time: whole blocks of the matrix product, few enough to stay in the second-level cache.
@@ -277,27 +279,6 @@ impl GazeAppearance {
         self.kept = Some(kept);
         self.scratch.template_gaze = None;
     }
-}
-
-/// `image` less a share of what it has in common with `first`; itself where the share is 0 or the sizes differ.
-fn dim<'a>(image: &'a Image, first: &Image, share: f32, out: &'a mut Option<Image>) -> &'a Image {
-    let like = |other: &Image| {
-        (other.width(), other.height(), other.planes()) == (image.width(), image.height(), image.planes())
-    };
-    if share <= 0.0 || !like(first) {
-        return image;
-    }
-    if !out.as_ref().is_some_and(like) {
-        *out = Some(image.clone());
-    }
-    let out = out.as_mut().expect("made above");
-    let share = (share * 256.0) as u16;
-    for p in 0..image.planes() {
-        for ((out, &now), &then) in out.plane_mut(p).iter_mut().zip(image.plane(p)).zip(first.plane(p)) {
-            *out = now - ((u16::from(now.min(then)) * share) >> 8) as u8;
-        }
-    }
-    out
 }
 
 /// Pixels per template unit at the states' mean size.

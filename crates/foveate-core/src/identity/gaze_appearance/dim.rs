@@ -1,0 +1,24 @@
+//! Takes off what was there before the target moved: for fixed cameras.
+
+use crate::scene::Image;
+
+/// `image` less a share of what it has in common with `first`; itself where the share is 0 or the sizes differ.
+pub(super) fn dim<'a>(image: &'a Image, first: &Image, share: f32, out: &'a mut Option<Image>) -> &'a Image {
+    let like = |other: &Image| {
+        (other.width(), other.height(), other.planes()) == (image.width(), image.height(), image.planes())
+    };
+    if share <= 0.0 || !like(first) {
+        return image;
+    }
+    if !out.as_ref().is_some_and(like) {
+        *out = Some(image.clone());
+    }
+    let out = out.as_mut().expect("made above");
+    let share = (share * 256.0) as u16;
+    for p in 0..image.planes() {
+        for ((out, &now), &then) in out.plane_mut(p).iter_mut().zip(image.plane(p)).zip(first.plane(p)) {
+            *out = now - ((u16::from(now.min(then)) * share) >> 8) as u8;
+        }
+    }
+    out
+}
