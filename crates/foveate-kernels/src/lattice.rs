@@ -65,14 +65,12 @@ fn oriented_halves_body<const V: u8>(cells: &[f32], columns: usize, gradients: &
         for (strip, (gradients, grey)) in strips.zip(grey.as_chunks_mut::<HALVES>().0).enumerate() {
             let (mut sums, mut pairs) = ([[0.0; WIDTH]; DIRECTIONS], [0.0; WIDTH]);
             for row in 0..2 {
-                let [above, here, below]: [&[f32; WIDTH + 2]; 3] = std::array::from_fn(|i| {
+                let rows: [&[f32; WIDTH + 2]; 3] = std::array::from_fn(|i| {
                     cells[(2 * j + row + i) * width + strip * WIDTH..].first_chunk().expect("whole strips")
                 });
-                let gx: [f32; WIDTH] = std::array::from_fn(|x| here[x + 2] - here[x]);
-                let gy: [f32; WIDTH] = std::array::from_fn(|x| below[x + 1] - above[x + 1]);
-                add_gradients::<V>(&gx, &gy, &mut sums);
+                add_gradients::<V>(&rows, &mut sums);
                 for (x, pair) in pairs.iter_mut().enumerate() {
-                    *pair += here[x + 1];
+                    *pair += rows[1][x + 1];
                 }
             }
             *grey = std::array::from_fn(|x| pairs[2 * x] + pairs[2 * x + 1]);

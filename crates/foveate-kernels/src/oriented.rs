@@ -118,14 +118,12 @@ fn histograms<const V: u8>(patch: &[f32], stride: usize, blocks: usize, out: &mu
             let mut pairs = [0.0; WIDTH];
             for row in 0..BLOCK / 2 {
                 let top = block * BLOCK + half * (BLOCK / 2) + row;
-                let [above, here, below]: [&[f32; WIDTH + 2]; 3] = std::array::from_fn(|i| {
+                let rows: [&[f32; WIDTH + 2]; 3] = std::array::from_fn(|i| {
                     patch[(top + i) * stride + first * BLOCK..].first_chunk().expect("as wide as whole strips")
                 });
-                let gx: [f32; WIDTH] = std::array::from_fn(|x| here[x + 2] - here[x]);
-                let gy: [f32; WIDTH] = std::array::from_fn(|x| below[x + 1] - above[x + 1]);
-                add_gradients::<V>(&gx, &gy, &mut sums);
+                add_gradients::<V>(&rows, &mut sums);
                 for (x, pair) in pairs.iter_mut().enumerate() {
-                    *pair += here[x + 1] + here[x + 2];
+                    *pair += rows[1][x + 1] + rows[1][x + 2];
                 }
             }
             *fours = std::array::from_fn(|x| pairs[2 * x]);
@@ -185,9 +183,14 @@ fn put<const N: usize>(from: &[f32; N], count: usize, to: &mut [f32]) {
     }
 }
 
-/// Adds max(0, g · eₖ − |g| cos 45°) to the sums of direction k.
+/// Adds max(0, g · eₖ − |g| cos 45°) to the sums of direction k, with g the gradients of the middle one of three rows.
 #[inline(always)]
-pub(crate) fn add_gradients<const V: u8>(gx: &[f32; WIDTH], gy: &[f32; WIDTH], sums: &mut [[f32; WIDTH]; DIRECTIONS]) {
+pub(crate) fn add_gradients<const V: u8>(
+    [above, here, below]: &[&[f32; WIDTH + 2]; 3],
+    sums: &mut [[f32; WIDTH]; DIRECTIONS],
+) {
+    let gx: [f32; WIDTH] = std::array::from_fn(|x| here[x + 2] - here[x]);
+    let gy: [f32; WIDTH] = std::array::from_fn(|x| below[x + 1] - above[x + 1]);
     const HALF: f32 = std::f32::consts::FRAC_1_SQRT_2;
     for x in 0..WIDTH {
         let (gx, gy) = (gx[x], gy[x]);

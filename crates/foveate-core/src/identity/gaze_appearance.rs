@@ -249,8 +249,7 @@ impl GazeAppearance {
         let (extent, (n_v, n_h)) = (self.extent(), self.encoder.shape());
         it.look_around(state, extent, distractors);
         // After a look around the target for distractors most often all is there.
-        let region = Region::covering(image, &it.places, &[Gaze::CENTRE], extent, self.reach());
-        if first || !self.pyramid.holds(region, self.retina.footprints(), units(&it.places, extent)) {
+        if first || !self.holds(image, &it.places, &[Gaze::CENTRE]) {
             self.see(image, &it.places, &[Gaze::CENTRE]);
         }
         let glimpses = &mut self.scratch.learned;
@@ -269,6 +268,13 @@ impl GazeAppearance {
         }
         it.learn(first);
         self.discriminant = Some(it);
+    }
+
+    /// Whether the pyramid has what these states need of the frame that was seen last.
+    fn holds(&self, image: &Image, states: &[State], gazes: &[Gaze]) -> bool {
+        let extent = self.extent();
+        let region = Region::covering(image, states, gazes, extent, self.reach());
+        self.pyramid.holds(region, self.retina.footprints(), units(states, extent))
     }
 
     fn keep(&mut self, kept: Template) {
@@ -320,9 +326,8 @@ impl Appearance for GazeAppearance {
 
     fn see_more(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
         let extent = self.extent();
-        let region = Region::covering(image, states, gazes, extent, self.reach());
         let colours = self.colour.as_ref().is_none_or(|colour| colour.holds(states, extent));
-        if !colours || !self.pyramid.holds(region, self.retina.footprints(), units(states, extent)) {
+        if !colours || !self.holds(image, states, gazes) {
             self.see(image, states, gazes);
         }
     }
