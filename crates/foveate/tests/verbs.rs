@@ -1,0 +1,68 @@
+//! What no other test would miss: detections weigh particles, what is covered counts for less, and nothing is learned where the
+//! evidence does not fit.
+
+mod common;
+
+use common::{INIT, frame};
+use foveate::config::Config;
+use foveate::geometry::BBox;
+use foveate::scene::{Detection, Image};
+use foveate::{Output, Tracker};
+
+fn target() -> Image {
+    frame(0, 1).image
+}
+
+fn tracker(settings: &[&str]) -> Tracker {
+    let natural = Config::builtin("natural").expect("it ships").expect("it is right");
+    let config =
+        settings.iter().try_fold(natural, |config, setting| config.set(setting)).expect("settings that are right");
+    let mut tracker = Tracker::new(&config).expect("parts that fit");
+    tracker.init(&target(), INIT).expect("a box in the picture");
+    tracker
+}
+
+#[test]
+fn detections_weigh_particles() {
+    // Looks say nothing here; one detection, three pixels to the right, does.
+    let settings = ["likelihood={ distance = \"cosine\", sharpness = 0.001 }", "detection_likelihood={ place = 0.1 }"];
+    let beside = [Detection { bbox: BBox { x: INIT.x + 3.0, ..INIT }, score: 1.0 }];
+    let image = target();
+    let mean = |output: Output| output.bbox.centre().0 - INIT.centre().0;
+    let without = mean(tracker(&settings).update_with(&image, &[]).expect("a picture of the first size"));
+    let with = mean(tracker(&settings).update_with(&image, &beside).expect("a picture of the first size"));
+    assert!(with - without > 1.0, "{without} px without, {with} px with it");
+}
+
+#[test]
+fn what_is_covered_counts_for_less() {
+    let image = target();
+    let spread = |visible: f64| {
+        let mut tracker = tracker(&[]);
+        tracker.set_visibility(visible);
+        tracker.update(&image).expect("a picture of the first size").covariance[0][0]
+    };
+    assert!(spread(0.05) > 2.0 * spread(1.0), "{} and {}", spread(0.05), spread(1.0));
+}
+
+#[test]
+fn nothing_is_learned_where_the_evidence_does_not_fit() {
+    let (there, gone) = (target(), Image::new(120, 90, 1, vec![90; 120 * 90]).expect("a byte a pixel"));
+    let learned = |tracker: &Tracker| tracker.save()["engine"]["appearance"]["discriminant"].clone();
+    let mut tracker = tracker(&["discriminant.gate=2.0"]); // so that only the consistency decides
+    let before = learned(&tracker);
+    assert!(!before.is_null());
+    for _ in 0..12 {
+        tracker.update(&there).expect("a picture of the first size");
+    }
+    let on_target = learned(&tracker);
+    assert_ne!(on_target, before, "it learns on the target");
+    for _ in 0..12 {
+        tracker.update(&gone).expect("a picture of the first size");
+    }
+    let after = learned(&tracker);
+    for _ in 0..12 {
+        tracker.update(&gone).expect("a picture of the first size");
+    }
+    assert_eq!(learned(&tracker), after, "and not where it has been away for long");
+}
