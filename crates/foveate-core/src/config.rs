@@ -101,6 +101,12 @@ impl Config {
                     .into(),
             ));
         }
+        if self.fusion.is_some() && self.discriminant.is_none() {
+            return Err(Error::Config(
+                "fusion: cues are judged where the discriminant learns; add [discriminant], or leave [fusion] out"
+                    .into(),
+            ));
+        }
         let (retina, encoder) = self.identity(files)?;
         let recogniser = self.recogniser.as_ref().map(|r| r.read(files)).transpose()?;
         let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![], recogniser };
@@ -134,7 +140,8 @@ impl Blueprint {
         let (retina, encoder) = (self.retina.clone(), self.encoder.clone());
         let appearance = GazeAppearance::new(retina, encoder, c.likelihood.distance, c.likelihood.rule()?)?
             .discounting_background(c.likelihood.background_discount)
-            .colouring(c.colour);
+            .colouring(c.colour)
+            .fusing(c.fusion);
         let appearance = match c.discriminant {
             Some(settings) => appearance.discriminating(settings),
             None => appearance,

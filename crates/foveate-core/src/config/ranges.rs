@@ -6,7 +6,7 @@ use crate::control::{
     CameraMotion, ConfidenceModel, ConsistencySettings, DetectionLikelihood, DistractorSettings, RedetectionSettings,
     Resampling,
 };
-use crate::identity::{colour, discriminant};
+use crate::identity::{colour, discriminant, fusion};
 use crate::multi;
 use crate::start::StartSpread;
 use foveate_base::Result;
@@ -64,5 +64,6 @@ checked!(
     StartSpread,
     colour::Settings,
     discriminant::Settings,
+    fusion::Settings,
     multi::Settings,
 );

@@ -15,7 +15,7 @@ use crate::identity::gaze_appearance::Sharpness;
 #[cfg(feature = "learn")]
 use crate::identity::rbm_encoder::Precision;
 use crate::identity::retina::{Foveal, FovealConfig};
-use crate::identity::{colour, discriminant, distance, oriented};
+use crate::identity::{colour, discriminant, distance, fusion, oriented};
 use crate::start::StartSpread;
 use foveate_base::error::within;
 use foveate_base::{Error, Result};
@@ -70,6 +70,9 @@ pub struct Config {
     /// The colours of the target against those of its surroundings, learned while tracking; not at all unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub colour: Option<colour::Settings>,
+    /// Which of template, discriminant and colour to trust, learned while tracking; as they are mixed unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub fusion: Option<fusion::Settings>,
     /// Where it looks for what the target could be mistaken for; among the particles only unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub distractors: Option<DistractorSettings>,
@@ -269,6 +272,7 @@ impl Ranges for Config {
         self.recogniser.ranges()?;
         self.discriminant.ranges()?;
         self.colour.ranges()?;
+        self.fusion.ranges()?;
         self.distractors.ranges()?;
         self.redetection.ranges()?;
         self.multi_target.ranges()

@@ -132,11 +132,21 @@ impl Discriminant {
         gaze.u == 0.0 && gaze.v == 0.0
     }
 
-    /// The distance that counts, of features whose distance from the template is given: 0 at the target, about 1 elsewhere.
-    pub fn mixed(&self, template: f64, features: &[f32]) -> f64 {
+    /// Its distance: 0 at the target, about 1 elsewhere.
+    pub fn distance(&self, features: &[f32]) -> f64 {
         let (bias, weights) = self.weights.split_last().expect("at least a bias");
-        let score = f64::from(kernels::dot(features, weights) + bias);
-        (1.0 - self.settings.mixing_weight) * template + self.settings.mixing_weight * (1.0 - score)
+        1.0 - f64::from(kernels::dot(features, weights) + bias)
+    }
+
+    /// How much farther the distractors among `rows` are than the target, on average, by a distance of features; 0 where there
+    /// are none.
+    pub(super) fn margin(&self, distance: impl Fn(&[f32]) -> f64) -> f64 {
+        let first = 1 + RINGS.len() * 8 + SIZES.len();
+        let of = |row: &[f32]| distance(&row[..row.len() - 1]);
+        let mut rows = self.rows.chunks_exact(self.weights.len());
+        let n = rows.len().saturating_sub(first);
+        let target = rows.next().map_or(0.0, of);
+        rows.skip(first - 1).map(|row| of(row) - target).sum::<f64>() / n.max(1) as f64
     }
 
     /// Chooses `places` for a target at `state`, and their labels.

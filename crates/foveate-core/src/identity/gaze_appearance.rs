@@ -9,20 +9,22 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 use self::dim::dim;
-use super::colour::{self, Colour};
+use super::colour::Colour;
 use super::dense::Dense;
 use super::discriminant::Discriminant;
 use super::distance::{Distance, Kind};
 use super::encoder::Encoder;
+use super::fusion::Fusion;
 use super::pyramid::{Pyramid, Region};
 use super::retina::Retina;
-use super::{Appearance, Percept, ReferenceLikelihood, calibrate, discriminant};
+use super::{Appearance, Percept, ReferenceLikelihood, calibrate};
 use crate::geometry::{Extent, Fixation, Gaze, State};
 use crate::scene::Image;
 use foveate_base::rng::Streams;
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
 
+mod cues;
 mod dim;
 mod saved;
 
@@ -55,6 +57,7 @@ pub struct GazeAppearance {
     dense: Option<Dense>,
     discriminant: Option<Discriminant>,
     colour: Option<Colour>,
+    fusion: Option<Fusion>,
 }
 
 /// What `init_template` learned.
@@ -110,6 +113,7 @@ impl GazeAppearance {
             scratch,
             discriminant: None,
             colour: None,
+            fusion: None,
         })
     }
 
@@ -120,17 +124,6 @@ impl GazeAppearance {
     /// beneath the target in the first frame, part of the template, holds the tracker back.
     pub fn discounting_background(self, share: f32) -> Self {
         Self { discounting_background: share, ..self }
-    }
-
-    /// Learns while tracking what tells the target from what is around it, by these settings.
-    pub fn discriminating(self, settings: discriminant::Settings) -> Self {
-        let (_, n_h) = self.encoder.shape();
-        Self { discriminant: Some(Discriminant::new(settings, n_h)), ..self }
-    }
-
-    /// Learns while tracking the colours of the target and of its surroundings, by these settings.
-    pub fn colouring(self, settings: Option<colour::Settings>) -> Self {
-        Self { colour: settings.map(Colour::new), ..self }
     }
 
     /// Nats per unit of distance in use; `None` before there is a template.
@@ -155,7 +148,7 @@ impl GazeAppearance {
         self.shape_distances(states, gaze, out);
         let extent = self.extent();
         if let Some(colour) = &self.colour {
-            let weight = colour.weight();
+            let weight = self.mixing().1;
             for (d, state) in out.iter_mut().zip(states) {
                 *d += weight * (colour.distance(state, extent) - *d);
             }
@@ -167,14 +160,14 @@ impl GazeAppearance {
         let (n_v, n_h) = self.encoder.shape();
         self.template_features(gaze);
         let (retina, encoder) = (&*self.retina, &*self.encoder);
-        let extent = self.extent();
+        let (extent, weight) = (self.extent(), self.mixing().0);
         let (pyramid, distance) = (&self.pyramid, self.distance);
         let discriminant = self.discriminant.as_ref().filter(|_| Discriminant::knows(gaze));
         let Scratch { glimpses, features, template, .. } = &mut self.scratch;
         let template = &template[..];
         let judge = |h: &[f32]| {
             let from_template = distance.distance(h, template);
-            discriminant.map_or(from_template, |it| it.mixed(from_template, h))
+            discriminant.map_or(from_template, |it| (1.0 - weight) * from_template + weight * it.distance(h))
         };
         if let Some(dense) = self.dense.as_mut().filter(|_| gaze == Gaze::CENTRE)
             && dense.look(pyramid, states, extent)
@@ -244,7 +237,7 @@ impl GazeAppearance {
     }
 
     /// Looks at the target and around it, and learns the difference.
-    fn discriminate(&mut self, image: &Image, state: &State, distractors: &[State], first: bool) {
+    fn discriminate(&mut self, image: &Image, state: &State, distractors: &[State], first: bool, colour: f64) {
         let Some(mut it) = self.discriminant.take() else { return };
         let (extent, (n_v, n_h)) = (self.extent(), self.encoder.shape());
         it.look_around(state, extent, distractors);
@@ -265,6 +258,10 @@ impl GazeAppearance {
                 self.encoder.encode(Rows::new(glimpse, n_v), RowsMut::new(features, n_h));
                 one[0] = 1.0;
             }
+        }
+        if let Some(fusion) = self.fusion.as_mut().filter(|_| !distractors.is_empty()) {
+            let template = it.margin(|h| self.distance.distance(h, &self.scratch.template));
+            fusion.learn([template, it.margin(|h| it.distance(h)), colour]);
         }
         it.learn(first);
         self.discriminant = Some(it);
@@ -300,7 +297,8 @@ impl Appearance for GazeAppearance {
         // On the first frame itself everything is familiar.
         self.colour.iter_mut().for_each(|colour| colour.init(image, state, extent));
         let discounting_background = std::mem::take(&mut self.discounting_background);
-        self.discriminate(image, state, &[], true);
+        self.fusion.iter_mut().for_each(Fusion::reset);
+        self.discriminate(image, state, &[], true, 0.0);
         let found = calibrate::calibrate(image, state, extent, streams, &mut |states, out| {
             self.see(image, states, &[Gaze::CENTRE]);
             self.distances(states, Gaze::CENTRE, out);
@@ -360,12 +358,13 @@ impl Appearance for GazeAppearance {
     }
 
     fn adapt(&mut self, image: &Image, state: &State, distractors: &[State], frame_deficit: f64) {
-        let extent = self.extent();
+        let (extent, margin) = (self.extent(), self.colour_margin(state, distractors));
         if let Some(colour) = self.colour.as_mut().filter(|colour| frame_deficit <= colour.settings().gate) {
             colour.adapt(image, state, extent);
         }
         if self.discriminant.as_ref().is_some_and(|it| frame_deficit <= it.settings().gate) {
-            self.discriminate(image, state, distractors, false);
+            self.template_features(Gaze::CENTRE);
+            self.discriminate(image, state, distractors, false, margin);
         }
     }
 

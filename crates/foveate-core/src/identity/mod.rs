@@ -18,6 +18,7 @@ pub mod encoder;
 #[cfg(feature = "learn")]
 pub mod factored;
 mod footprint;
+pub mod fusion;
 pub mod gaze_appearance;
 mod integral;
 #[cfg(feature = "learn")]

@@ -7,6 +7,7 @@ use super::{GazeAppearance, Template};
 use crate::geometry::{Extent, State};
 use crate::identity::colour::Colour;
 use crate::identity::discriminant::Discriminant;
+use crate::identity::fusion::Fusion;
 use crate::reference::ReferenceLikelihood;
 use crate::scene::Image;
 use foveate_base::{Error, Result};
@@ -25,6 +26,7 @@ impl GazeAppearance {
             reference: kept.reference,
             discriminant: self.discriminant.as_ref().map(Discriminant::save),
             colour: self.colour.as_ref().map(Colour::save),
+            fusion: self.fusion.as_ref().map(Fusion::save),
         };
         serde_json::to_value(saved).expect("plain data is JSON")
     }
@@ -56,6 +58,15 @@ impl GazeAppearance {
                 ));
             }
         }
+        match (&mut self.fusion, saved.fusion) {
+            (Some(it), Some(saved)) => it.load(saved)?,
+            (None, None) => (),
+            _ => {
+                return Err(bad(
+                    "only one of it and this tracker fuses cues; use the configuration it was saved with".into()
+                ));
+            }
+        }
         let Saved { state, extent, sharpness, reference, .. } = saved;
         self.keep(Template { image, state, extent, sharpness, reference });
         Ok(())
@@ -76,4 +87,6 @@ struct Saved {
     discriminant: Option<serde_json::Value>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     colour: Option<serde_json::Value>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    fusion: Option<[f64; 3]>,
 }
