@@ -10,6 +10,7 @@
 //! A target's randomness is named by its id: those who do not touch it cannot change a bit of its track. Targets make
 //! their steps in parallel; the results do not depend on the number of threads.
 
+pub mod attention;
 mod edge;
 mod explain;
 mod initiation;
@@ -28,6 +29,7 @@ use crate::engine::Engine;
 use crate::geometry::BBox;
 use crate::scene::{Detection, Image, Preprocessor};
 
+use attention::Priority;
 use explain::Look;
 use foveate_base::{Error, Result};
 use initiation::TentativeTracks;
@@ -85,6 +87,7 @@ struct Work {
     found: Vec<Detection>,
     /// The picture for each target, less what the others show.
     cleared: Vec<Image>,
+    order: Vec<(f64, usize)>,
 }
 
 impl MultiTracker {
@@ -144,6 +147,7 @@ impl MultiTracker {
             self.tentative.shift(&|x, y| camera.at(x, y));
         }
         self.expect();
+        self.attend();
         self.assign(image, detections);
         self.occlude(image);
         self.explain(image);
@@ -211,6 +215,18 @@ impl MultiTracker {
         }));
     }
 
+    /// Decides who is looked at.
+    fn attend(&mut self) {
+        let (attention, Work { expected, order, .. }) = (&self.settings.attention, &mut self.work);
+        let all = attention.suffices(self.active.len());
+        self.active.iter_mut().for_each(|target| target.looked_at = all);
+        if !all {
+            let meeting = |i: usize| attention.policy == Priority::Crossing && expected[i].meets(expected, i);
+            attention.order(self.active.iter().enumerate().map(|(i, target)| target.candidate(meeting(i))), order);
+            order.iter().take(attention.budget).for_each(|(_, i)| self.active[*i].looked_at = true);
+        }
+    }
+
     /// Assigns detections to targets, one to one, and keeps the unmatched ones.
     fn assign(&mut self, image: &Image, detections: &[Detection]) {
         let Work { expected, detections: left, .. } = &mut self.work;
@@ -225,7 +241,7 @@ impl MultiTracker {
         let (active, ranks, s) = (&mut self.active, &self.ranks, &self.settings);
         let weak = |d: &Detection| ranks.of(d.score) < s.weak;
         let mut given = pairs::in_stages(expected, left, &weak, s, &mut |i, j| {
-            let engine = &mut active.get_mut(i)?.engine;
+            let engine = &mut active.get_mut(i).filter(|target| target.looked_at)?.engine;
             let state = engine.state_at(&left[j].bbox);
             Some(engine.similarity(image, &state))
         });
@@ -247,9 +263,8 @@ impl MultiTracker {
         bodies.clear();
         for (i, target) in self.active.iter_mut().enumerate() {
             let bbox = expected[i].bbox;
-            let meets = |(j, other): (usize, &Expected)| j != i && occlusion::meet(&bbox, &other.bbox);
-            let met = expected.iter().enumerate().any(meets);
-            let similarity = if met { target.engine.similarity(image, &target.next()) } else { 1.0 };
+            let looks = target.looked_at && expected[i].meets(expected, i);
+            let similarity = if looks { target.engine.similarity(image, &target.next()) } else { 1.0 };
             bodies.push(Body { id: target.track.id, bbox, similarity });
         }
         occlusion::visible(bodies, &self.settings.occlusion, &mut self.fronts, visible);
@@ -361,8 +376,7 @@ impl MultiTracker {
     fn start(&mut self, image: &Image, id: u64, bbox: BBox) -> Result<()> {
         let mut engine = (self.make)(id);
         engine.init(image, bbox)?;
-        let mut target =
-            Target { engine, track: TrackedTarget::unknown(id), lost: 0, unseen: 0, terminated: 0, shape: 0.0 };
+        let mut target = Target::new(engine, TrackedTarget::unknown(id));
         target.begin(self.frame, bbox, Phase::Initiated);
         self.next_id = self.next_id.max(id + 1);
         self.terminated.retain(|t| t.track.id != id);

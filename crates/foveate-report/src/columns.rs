@@ -221,6 +221,7 @@ pub const TRACKS: &[Column] = &[
     SD_Y,
     DEFICIT,
     Column::new("visible", "", "Share of the target that no other target covers, 0 to 1."),
+    Column::new("waited", "frames", "Frames since it was looked at last: 0 where it was in this one."),
     Column::new("detected", "", "1 if a detection was associated with it in this frame, else 0."),
     GAZE_U,
     GAZE_V,

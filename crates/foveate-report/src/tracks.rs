@@ -74,6 +74,7 @@ impl MultiObserver for TracksTable {
                 row.put_all(&[b.x, b.y, b.w, b.h]);
                 row.put_all(&target.state.to_array());
                 row.put_all(&[c[0][0].sqrt(), c[1][1].sqrt(), target.deficit, target.visible]);
+                row.put(target.waited);
                 row.put(u8::from(target.detection.is_some()));
                 row.put_all(&[target.gaze.u, target.gaze.v]);
                 row.put(target.born + 1);

@@ -1,7 +1,7 @@
 //! WHERE is it? `predict` and `select`: the particle filter around the looks.
 
 use super::{Engine, Estimate};
-use crate::control::{CameraMotion, DetectionLikelihood, Proposal, Redetection, Resampling};
+use crate::control::{CameraMotion, DetectionLikelihood, Proposal, Redetection, Resampling, normalize};
 use crate::geometry::{Extent, State};
 use crate::scene::{Flow, Scene};
 use crate::start::StartSpread;
@@ -97,6 +97,18 @@ impl Engine {
         if let Some(likelihood) = &f.detection_likelihood {
             likelihood.weigh(scene.detections, &w.predicted, extent, &mut w.log_prior);
         }
+    }
+
+    /// A frame without a look: the belief is predicted, detections weigh it, and it is selected from. Mean and covariance.
+    pub fn coast(&mut self, scene: Scene<'_>) -> (State, [[f64; 6]; 6]) {
+        self.frame += 1;
+        self.predict(scene);
+        let w = &mut self.work;
+        w.weights.resize(w.log_prior.len(), 0.0);
+        normalize(&w.log_prior, &mut w.weights);
+        let estimate = self.estimate();
+        self.select(&estimate);
+        (estimate.mean, estimate.covariance)
     }
 
     /// Children of heavy particles start the next frame, where the effective sample size asks for it; else all go on with

@@ -1,5 +1,6 @@
 //! Which detection belongs to which target: overlap, motion and looks, one to one.
 
+use super::occlusion::meet;
 use super::settings::Settings;
 use crate::assignment;
 use crate::geometry::BBox;
@@ -13,6 +14,13 @@ pub(super) struct Expected {
     pub variance: (f64, f64),
     /// Whether it was not seen lately: its place is a guess.
     pub guess: bool,
+}
+
+impl Expected {
+    /// Whether its box, number `i` of all, meets another's.
+    pub fn meets(&self, all: &[Self], i: usize) -> bool {
+        all.iter().enumerate().any(|(j, other)| j != i && meet(&self.bbox, &other.bbox))
+    }
 }
 
 /// Share of its half box, at least, that a detector's centre is off by.

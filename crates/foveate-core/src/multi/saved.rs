@@ -15,7 +15,7 @@ use foveate_base::{Error, Result};
 const MOST_FRAMES: usize = 1 << 31;
 
 /// The format number.
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {
@@ -39,6 +39,7 @@ struct SavedTarget {
     unseen: usize,
     terminated: usize,
     shape: f64,
+    surprise: f64,
     engine: Value,
 }
 
@@ -98,7 +99,7 @@ impl Saved {
                     return Err(format!("`{name}` of target {id} is frame {frame}; expected one up to `next`, {next}"));
                 }
             }
-            for (name, count) in [("lost", t.lost), ("unseen", t.unseen)] {
+            for (name, count) in [("lost", t.lost), ("unseen", t.unseen), ("not looked at", t.track.waited)] {
                 if count > next {
                     return Err(format!("target {id} was {name} for {count} frames; expected up to `next`, {next}"));
                 }
@@ -110,9 +111,8 @@ impl Saved {
 
 impl SavedTarget {
     fn of(target: &Target) -> Self {
-        let Target { engine, track, lost, unseen, terminated, shape } = target;
-        let (lost, unseen, terminated, shape, engine) = (*lost, *unseen, *terminated, *shape, engine.save());
-        Self { track: *track, lost, unseen, terminated, shape, engine }
+        let Target { track, lost, unseen, terminated, shape, surprise, .. } = *target;
+        Self { track, lost, unseen, terminated, shape, surprise, engine: target.engine.save() }
     }
     fn read(self, trackers: &MultiTracker) -> Result<Target> {
         let mut engine = (trackers.make)(self.track.id);
@@ -120,7 +120,7 @@ impl SavedTarget {
         if !engine.has_target() {
             return Err(Error::Invalid(format!("the saved targets cannot be used: {} has no template", self.track.id)));
         }
-        let Self { track, lost, unseen, terminated, shape, .. } = self;
-        Ok(Target { engine, track, lost, unseen, terminated, shape })
+        let Self { track, lost, unseen, terminated, shape, surprise, .. } = self;
+        Ok(Target { lost, unseen, terminated, shape, surprise, ..Target::new(engine, track) })
     }
 }

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::attention::Attention;
 use foveate_base::Result;
 use foveate_base::error::within;
 
@@ -27,6 +28,8 @@ pub struct Settings {
     /// Whether the detector may put several targets into one box, as one of motion does: then a box that holds most of two
     /// or more is given to none.
     pub merges: bool,
+    /// Whom to look at, where looks are few.
+    pub attention: Attention,
     /// How targets begin.
     pub initiation: Initiation,
     /// How they end.
@@ -116,6 +119,7 @@ impl Default for Settings {
             shape: 0.3,
             weak: 0.0,
             merges: true,
+            attention: Attention::default(),
             initiation,
             termination,
             reidentification,
@@ -161,7 +165,7 @@ impl Default for Occlusion {
 impl Settings {
     /// Fails where a number is out of range, naming it.
     pub fn check(&self) -> Result<()> {
-        let Self { initiation, termination, reidentification, occlusion, .. } = self;
+        let Self { attention, initiation, termination, reidentification, occlusion, .. } = self;
         for (name, value, least, most) in [
             ("gate", self.gate, 1e-6, 100.0),
             ("size", self.size, 1.0, 100.0),
@@ -170,6 +174,7 @@ impl Settings {
             ("renew", self.renew, 0.0, 3.0),
             ("shape", self.shape, 0.0, 1.0),
             ("weak", self.weak, 0.0, 1.0),
+            ("attention.budget", attention.budget as f64, 0.0, 1e6),
             ("initiation.hits", initiation.hits as f64, 1.0, 1000.0),
             ("initiation.within", initiation.within as f64, initiation.hits as f64, 1000.0),
             ("initiation.moved", initiation.moved, 0.0, 100.0),

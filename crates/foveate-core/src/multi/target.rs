@@ -1,11 +1,15 @@
 //! One target among several: its filter, its detection, the shape of its box.
 
+use super::attention::Candidate;
 use super::edge;
 use super::settings::Settings;
 use super::tracked_target::{Phase, TrackedTarget};
 use crate::engine::Engine;
 use crate::geometry::{BBox, State};
 use crate::scene::{Detection, Image, Scene};
+
+/// Weight of the newest look in the mean surprise.
+const NEWEST: f64 = 0.3;
 
 /// One target.
 pub(super) struct Target {
@@ -17,9 +21,25 @@ pub(super) struct Target {
     pub terminated: usize,
     /// Logarithm of its box's width over height, less that of its template's.
     pub shape: f64,
+    /// Whether it is looked at in this frame, and how far looks moved its estimate a frame, template units, on average.
+    pub looked_at: bool,
+    pub surprise: f64,
 }
 
 impl Target {
+    /// As yet without a box.
+    pub fn new(engine: Engine, track: TrackedTarget) -> Self {
+        Self { engine, track, lost: 0, unseen: 0, terminated: 0, shape: 0.0, looked_at: true, surprise: 1.0 }
+    }
+
+    /// What whom to look at depends on.
+    pub fn candidate(&self, meets: bool) -> Candidate {
+        let (c, s) = (&self.track.covariance, &self.track.state);
+        let unit = s.log_scale.exp() * self.track.extent.half_w.max(self.track.extent.half_h);
+        let uncertainty = (0.5 * (c[0][0] + c[1][1])).sqrt() / unit;
+        Candidate { waited: self.track.waited, uncertainty, surprise: self.surprise, meets }
+    }
+
     /// Where it is expected in the next frame.
     pub fn next(&self) -> State {
         let s = self.track.state;
@@ -42,6 +62,10 @@ impl Target {
     }
 
     pub fn step(&mut self, image: &Image, s: &Settings, detecting: bool) {
+        if !self.looked_at {
+            return self.coast(image, s, detecting);
+        }
+        let (next, waited) = (self.next(), std::mem::take(&mut self.track.waited));
         let detections = self.track.detection.as_slice();
         let step = self.engine.step(Scene { image, detections });
         let (estimate, covariance, deficit, class) =
@@ -56,6 +80,9 @@ impl Target {
             false => Phase::Tracked,
         };
         let extent = self.engine.extent().expect("it was started");
+        let unit = estimate.log_scale.exp() * extent.half_w.max(extent.half_h);
+        let moved = (estimate.x - next.x).hypot(estimate.y - next.y) / unit / (1 + waited) as f64;
+        self.surprise += NEWEST * (moved - self.surprise);
         self.track = TrackedTarget { phase, state: estimate, covariance, extent, gaze, deficit, class, ..self.track };
         if let Some(Detection { bbox: b, .. }) = self.track.detection {
             self.shape += s.shape * ((b.w / b.h / extent.half_w * extent.half_h).ln() - self.shape);
@@ -70,6 +97,22 @@ impl Target {
                 self.update_template(image);
             }
         }
+    }
+
+    /// A frame without a look: it is where it was expected, or where its detection says.
+    fn coast(&mut self, image: &Image, s: &Settings, detecting: bool) {
+        let detections = self.track.detection.as_slice();
+        let (state, covariance) = self.engine.coast(Scene { image, detections });
+        self.unseen = if detections.is_empty() { self.unseen + 1 } else { 0 };
+        let phase = match self.track.phase {
+            _ if !detections.is_empty() => Phase::Tracked,
+            _ if detecting && self.unseen > s.termination.guess => Phase::Lost,
+            Phase::Initiated | Phase::ReIdentified => Phase::Tracked,
+            phase => phase,
+        };
+        let waited = self.track.waited + 1;
+        self.track = TrackedTarget { phase, state, covariance, waited, ..self.track };
+        self.track.bbox = self.shaped(state.bbox(self.track.extent));
     }
 
     /// Takes a new template where it is, in its present shape; the old one stays where the box is no good.

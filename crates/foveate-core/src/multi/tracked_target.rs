@@ -42,6 +42,8 @@ pub struct TrackedTarget {
     pub visible: f64,
     /// How much the evidence speaks against it being there: 0 none, 1 as much as elsewhere, up to 2.
     pub deficit: f64,
+    /// Frames since it was looked at last: 0 where it was in this one.
+    pub waited: usize,
     /// What a detector found and was taken to be this target.
     #[serde(skip)]
     pub detection: Option<Detection>,
@@ -63,6 +65,7 @@ impl TrackedTarget {
             gaze: Gaze::CENTRE,
             visible: 1.0,
             deficit: 0.0,
+            waited: 0,
             detection: None,
             class: None,
         }

@@ -33,7 +33,7 @@ const SOLID: u8 = 64;
 pub struct Multi {
     /// Everything random follows from this.
     pub seed: u64,
-    /// Number of moving digits, 1 to 10: their classes differ.
+    /// Number of moving digits, 1 to 10,000: up to ten their classes differ.
     pub targets: usize,
     /// Length of the video.
     pub frames: usize,
@@ -144,22 +144,18 @@ impl Multi {
         let mut rng = streams.rng(0);
         let mut classes: Vec<u8> = (0..10).collect();
         classes.shuffle(&mut rng);
-        let pictures = classes[..self.targets].iter().map(|&c| Ok(pick(digits, c, &mut rng)?.to_vec()));
+        let pictures = classes.iter().cycle().take(self.targets).map(|&c| Ok(pick(digits, c, &mut rng)?.to_vec()));
         let pictures = pictures.collect::<Result<Vec<_>>>()?;
         let mut background = vec![0; self.width * self.height];
         for i in 0..self.clutter {
-            let digit = pick(digits, classes[9 - i % (10 - self.targets).max(1)], &mut rng)?;
+            let digit = pick(digits, classes[9 - i % 10usize.saturating_sub(self.targets).max(1)], &mut rng)?;
             let (x, y) = (rng.random_range(0..=self.width - SIDE), rng.random_range(0..=self.height - SIDE));
             self.ink.draw(&mut background, self.width, digit, x, y);
         }
         for attempt in 0..TRIES {
             let mut rng = streams.rng(1 + attempt);
-            let movers = pictures.iter().zip(&classes).map(|(ink, class)| self.mover(ink, *class, &mut rng));
-            let video = MultiVideo {
-                settings: self.clone(),
-                background: background.clone(),
-                movers: movers.collect::<Result<_>>()?,
-            };
+            let movers = self.movers(&pictures, &classes, &mut rng)?;
+            let video = MultiVideo { settings: self.clone(), background: background.clone(), movers };
             if video.apart(0) && crossings(&video.truth()).len() >= self.crossings {
                 return Ok(video);
             }
@@ -168,6 +164,27 @@ impl Multi {
             "no paths of {} targets that start apart and cross {} times in {TRIES} tries; make the canvas or frames larger, or targets or crossings less",
             self.targets, self.crossings
         ))
+    }
+
+    /// Of a crowd, each digit starts apart from those before, if it finds room; of a few, all or none do.
+    fn movers(&self, pictures: &[Vec<u8>], classes: &[u8], rng: &mut Rng) -> Result<Vec<Mover>> {
+        const FEW: usize = 10;
+        const TRIES: usize = 200;
+        let mut movers: Vec<Mover> = Vec::with_capacity(pictures.len());
+        for (ink, class) in pictures.iter().zip(classes.iter().cycle()) {
+            let mut mover = self.mover(ink, *class, rng)?;
+            let apart = |mover: &Mover| {
+                movers.iter().all(|m| grown(&m.bbox(0), 1.2).intersection(&grown(&mover.bbox(0), 1.2)) == 0.0)
+            };
+            for _ in 0..if pictures.len() > FEW { TRIES } else { 0 } {
+                if apart(&mover) {
+                    break;
+                }
+                mover = self.mover(ink, *class, rng)?;
+            }
+            movers.push(mover);
+        }
+        Ok(movers)
     }
 
     fn mover(&self, ink: &[u8], class: u8, rng: &mut Rng) -> Result<Mover> {
@@ -202,7 +219,9 @@ impl Multi {
         let ([slow, fast], [low, high]) = (self.speed, self.scale);
         let sides = (2.0 * HALF * high).ceil()..=10_000.0;
         match self {
-            _ if !(1..=10).contains(&self.targets) => wrong(format!("targets is {}, expected 1 to 10", self.targets)),
+            _ if !(1..=10_000).contains(&self.targets) => {
+                wrong(format!("targets is {}, expected 1 to 10000", self.targets))
+            }
             _ if self.frames == 0 => wrong("frames is 0, expected at least 1".into()),
             _ if !(1.0 <= low && low <= high && high <= 10.0) => {
                 wrong(format!("scale is from {low} to {high}, expected 1 to 10, the smaller first"))

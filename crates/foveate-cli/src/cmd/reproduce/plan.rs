@@ -16,7 +16,7 @@ macro_rules! experiments {
 }
 
 /// Names and texts, in the order of the page.
-pub const EXPERIMENTS: [(&str, &str); 18] = experiments![
+pub const EXPERIMENTS: [(&str, &str); 19] = experiments![
     "table1",
     "table2",
     "table3",
@@ -24,6 +24,7 @@ pub const EXPERIMENTS: [(&str, &str); 18] = experiments![
     "fig-policy",
     "fig-hedge",
     "fig-multi",
+    "objects",
     "fig-digits",
     "fig-face",
     "why-likelihood",

@@ -1,0 +1,100 @@
+//! Whom to look at, where there are more targets than looks in a frame (the paper's future work: attention over objects).
+//!
+//! A look is what costs. Who gets none coasts: its belief is predicted and spreads, detections still count, and nothing is
+//! learned of its looks. Who is first follows from a priority, the greatest first:
+//! ```text
+//! round-robin   frames since its last look
+//! uncertainty   standard deviation of its place, template units
+//! crossing      the same, four times as much where its box meets another's
+//! surprise      how far a look moved its estimate, on average, times the frames since the last one: a restless bandit's index
+//! ```
+
+use serde::{Deserialize, Serialize};
+
+/// How many targets are looked at in a frame, and which.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Attention {
+    /// Looks a frame, one a target; 0: all are looked at. Up to 1,000,000.
+    pub budget: usize,
+    /// Who is looked at first.
+    pub policy: Priority,
+}
+
+/// Who is looked at first.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Priority {
+    /// Who has waited longest.
+    RoundRobin,
+    /// Whose place is least certain.
+    #[default]
+    Uncertainty,
+    /// The same, those first whose boxes meet.
+    Crossing,
+    /// Whom looks surprised most.
+    Surprise,
+}
+
+/// What counts for a box that meets another.
+const MEETING: f64 = 4.0;
+
+/// What is known of a target before it is looked at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// Frames since its last look.
+    pub waited: usize,
+    /// Standard deviation of its place, template units.
+    pub uncertainty: f64,
+    /// How far a look moved its estimate a frame, template units, on average.
+    pub surprise: f64,
+    /// Whether its box meets another's.
+    pub meets: bool,
+}
+
+impl Attention {
+    /// Whether all of so many targets are looked at.
+    pub fn suffices(&self, targets: usize) -> bool {
+        self.budget == 0 || targets <= self.budget
+    }
+
+    /// Puts the greatest priorities first, and equal ones by their number: those of the budget are looked at.
+    pub fn order(&self, candidates: impl Iterator<Item = Candidate>, order: &mut Vec<(f64, usize)>) {
+        order.clear();
+        order.extend(candidates.map(|c| self.policy.of(&c)).zip(0..));
+        order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    }
+}
+
+impl Priority {
+    fn of(self, candidate: &Candidate) -> f64 {
+        let Candidate { waited, uncertainty, surprise, meets } = *candidate;
+        match self {
+            Self::RoundRobin => waited as f64,
+            Self::Crossing if meets => MEETING * uncertainty,
+            Self::Uncertainty | Self::Crossing => uncertainty,
+            Self::Surprise => surprise * (1 + waited) as f64,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn priorities_are_what_they_say() {
+        let candidate = |waited, uncertainty, surprise, meets| Candidate { waited, uncertainty, surprise, meets };
+        let all = [candidate(3, 0.1, 0.5, false), candidate(1, 0.4, 0.1, false), candidate(2, 0.2, 0.9, true)];
+        for (policy, expected) in [
+            (Priority::RoundRobin, [0, 2, 1]),
+            (Priority::Uncertainty, [1, 2, 0]),
+            (Priority::Crossing, [2, 1, 0]),
+            (Priority::Surprise, [2, 0, 1]),
+        ] {
+            let mut order = vec![];
+            Attention { budget: 1, policy }.order(all.into_iter(), &mut order);
+            assert_eq!(order.iter().map(|(_, i)| *i).collect::<Vec<_>>(), expected, "{policy:?}");
+        }
+    }
+}
