@@ -175,9 +175,12 @@ fn build(levels: &mut Vec<Map>, image: &Image, (sums, across): (&mut Vec<u16>, &
     if finest == 0 || count == 1 {
         levels[0].intensity(image);
     }
-    for l in 1..count {
+    // A search that ends at a coarse level needs none finer than the one that this is made of.
+    let first = finest.min(count - 1).saturating_sub(1).max(1);
+    for l in first..count {
         let (fine, coarse) = levels.split_at_mut(l);
         match l {
+            _ if l == first && finest >= CAMERA => coarse[0].square_intensity(image, 1 << l, sums),
             1 if finest > 0 => coarse[0].half_intensity(image, sums),
             _ => fine[l - 1].halve(across, &mut coarse[0]),
         }
