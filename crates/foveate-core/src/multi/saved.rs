@@ -15,7 +15,7 @@ use foveate_base::{Error, Result};
 const MOST_FRAMES: usize = 1 << 31;
 
 /// The format number.
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {
