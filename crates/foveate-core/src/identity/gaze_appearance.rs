@@ -8,7 +8,6 @@
 use rayon::prelude::*;
 use std::sync::Arc;
 
-use self::apart::Apart;
 use self::dim::dim;
 use super::colour::{self, Colour};
 use super::dense::Dense;
@@ -17,7 +16,7 @@ use super::distance::{Distance, Kind};
 use super::encoder::Encoder;
 use super::pyramid::{Pyramid, Region};
 use super::retina::Retina;
-use super::views::{Looks, Views};
+use super::views::{Apart, Looks, Views};
 use super::{Appearance, Percept, ReferenceLikelihood, calibrate, discriminant};
 use crate::geometry::{Extent, Fixation, Gaze, State};
 use crate::scene::Image;
@@ -441,14 +440,14 @@ mod tests {
     /// each alone; what more states need is added, and what is between stays out.
     #[test]
     fn scattered_states_are_seen_as_each_alone() {
-        let (size, mut rng) = ((400, 300), Streams::new(3, 0).rng(5));
+        let (size, mut rng) = ((700, 500), Streams::new(3, 0).rng(5));
         let image =
             Image::new(size.0, size.1, 3, (0..size.0 * size.1 * 3).map(|_| rng.random()).collect()).expect("bytes");
         let mut it = appearance(Precision::F32, Kind::Cosine).colouring(Some(colour::Settings::default()));
         it.init_template(&image, &State { x: 200.0, y: 150.0, ..State::default() }, EXTENT, Streams::new(3, 0));
         let mut about =
             |x: f64, y: f64| State { x: x + rng.random::<f64>(), y: y + rng.random::<f64>(), ..State::default() };
-        let corners = [(20.0, 20.0), (380.0, 20.0), (20.0, 280.0), (380.0, 290.0), (-30.0, 150.0)];
+        let corners = [(20.0, 20.0), (680.0, 20.0), (20.0, 480.0), (680.0, 490.0), (-30.0, 250.0)];
         let states: Vec<State> = (0..60).map(|k| about(corners[k % 5].0, corners[k % 5].1)).collect();
         let more: Vec<State> = (0..60).map(|k| about(200.0, 150.0 + (k % 3) as f64)).chain(states.clone()).collect();
         it.see(&image, &states, &[GAZE]);

@@ -25,6 +25,15 @@ pub(super) struct Views {
     regions: Vec<Region>,
 }
 
+/// States that are seen in different rectangles, sorted out.
+#[derive(Default)]
+pub(super) struct Apart {
+    pub view: Vec<usize>,
+    pub which: Vec<usize>,
+    pub states: Vec<State>,
+    pub distances: Vec<f64>,
+}
+
 /// What looks need to know of a retina and a target.
 #[derive(Clone, Copy)]
 pub(super) struct Looks<'a> {
@@ -37,8 +46,10 @@ pub(super) struct Looks<'a> {
 /// Rectangles of one call, at most, and of a frame.
 const MOST: usize = 16;
 const ALL: usize = 64;
-/// States are scattered where their rectangles have less than this share of the one around all of them.
+/// States are scattered where their rectangles have less than this share of the one around all of them, and that one has so many
+/// pixels: less is soon read, in memory that is there already.
 const SCATTERED: f64 = 0.5;
+const LARGE: usize = 1 << 18;
 /// Half boxes by which more is seen than was asked for, where states lie beyond what was seen at first: others will follow.
 const SLACK: f64 = 0.5;
 
@@ -124,7 +135,7 @@ fn cluster(windows: impl Iterator<Item = Region>, found: &mut Vec<Region>) {
     }
     let Some(all) = all else { return };
     let parts: usize = found.iter().map(Region::area).sum();
-    if parts as f64 > SCATTERED * all.area() as f64 {
+    if all.area() < LARGE || parts as f64 > SCATTERED * all.area() as f64 {
         found.clear();
         found.push(all);
     }

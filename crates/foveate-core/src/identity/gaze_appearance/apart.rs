@@ -3,15 +3,6 @@
 use super::{GazeAppearance, looks};
 use crate::geometry::{Gaze, State};
 
-/// States that are seen in different rectangles, sorted out.
-#[derive(Default)]
-pub(super) struct Apart {
-    view: Vec<usize>,
-    which: Vec<usize>,
-    states: Vec<State>,
-    distances: Vec<f64>,
-}
-
 impl GazeAppearance {
     /// Distances of what is seen at each state to the template at the same gaze, in shape and colour.
     pub(super) fn distances(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
