@@ -74,7 +74,7 @@ impl<'a> From<Step<'a>> for Output<'a> {
 }
 
 /// The format number of saved trackers.
-const FORMAT: u32 = 8;
+const FORMAT: u32 = 9;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {

@@ -31,6 +31,118 @@ levels! {
         half_intensity_body
 }
 
+levels! {
+    /// `out` ← means of the intensity (as [`intensity`] has it) of planes of `width` columns over squares of `side` pixels, of which
+    /// at most `most` rows (1 to 64) are read, evenly spaced: large squares cost less a pixel. The last squares may reach past the
+    /// planes. `sums` (as many as columns) is room.
+    ///
+    /// # Panics
+    /// If the planes are not whole rows of at least one value and alike, `sums` not `width`, or `out` not a value a square.
+    pub fn square_intensity / square_intensity_at
+        (planes: [&[u8]; 3], width: usize, side: usize, most: usize, sums: &mut [u16], out: &mut [f32]) = square_intensity_body
+}
+
+levels! {
+    /// `out` ← rounded means over squares of `step` (1 to 16) pixels of a plane of `width` columns: as many rows of `columns` values
+    /// as it has, from the square `from` (column, row) on. Past the plane's last column and row these are repeated. `sums`
+    /// (`columns` × `step`) is room.
+    ///
+    /// # Panics
+    /// If `plane` is not whole rows of at least one value, `step` out of range, `columns` 0, or `sums` of another length.
+    pub fn shrink / shrink_at (
+        plane: &[u8], width: usize, step: usize, from: (usize, usize), columns: usize, sums: &mut [u16], out: &mut [u8]
+    ) = shrink_body
+}
+
+#[inline(always)]
+fn shrink_body<const V: u8>(
+    plane: &[u8],
+    width: usize,
+    step: usize,
+    from: (usize, usize),
+    columns: usize,
+    sums: &mut [u16],
+    out: &mut [u8],
+) {
+    assert!(width > 0 && !plane.is_empty() && plane.len().is_multiple_of(width), "whole rows of {width} values");
+    assert!((1..=16).contains(&step) && columns > 0 && sums.len() == columns * step, "room of {columns} x {step}");
+    let (height, left) = (plane.len() / width, (from.0 * step).min(width - 1));
+    let area = (step * step) as u32;
+    for (j, out) in out.chunks_mut(columns).enumerate() {
+        for i in 0..step {
+            let row = &plane[((from.1 + j) * step + i).min(height - 1) * width..][..width];
+            let within = row[left..].len().min(sums.len());
+            let (inside, beyond) = sums.split_at_mut(within);
+            let pixels = inside.iter_mut().zip(&row[left..]);
+            // Of 16 bytes at most.
+            match i {
+                0 => pixels.for_each(|(sum, pixel)| *sum = u16::from(*pixel)),
+                _ => pixels.for_each(|(sum, pixel)| *sum += u16::from(*pixel)),
+            }
+            let last = u16::from(row[width - 1]);
+            beyond.iter_mut().for_each(|sum| *sum = if i == 0 { last } else { *sum + last });
+        }
+        let mean = |sum: u32| ((sum + area / 2) / area) as u8;
+        match step {
+            2 => {
+                let pairs = sums.as_chunks::<2>().0.iter().zip(out);
+                pairs.for_each(|(&[a, b], out)| *out = ((a + b + 2) >> 2) as u8);
+            }
+            4 => {
+                let fours = sums.as_chunks::<4>().0.iter().zip(out);
+                fours.for_each(|(&[a, b, c, d], out)| *out = ((a + b + c + d + 8) >> 4) as u8);
+            }
+            3 => {
+                let threes = sums.as_chunks::<3>().0.iter().zip(out);
+                threes.for_each(|(&[a, b, c], out)| *out = ((a + b + c + 4) / 9) as u8);
+            }
+            _ => {
+                let all = sums.chunks_exact(step).zip(out);
+                all.for_each(|(sums, out)| *out = mean(sums.iter().map(|sum| u32::from(*sum)).sum()));
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn square_intensity_body<const V: u8>(
+    planes: [&[u8]; 3],
+    width: usize,
+    side: usize,
+    most: usize,
+    sums: &mut [u16],
+    out: &mut [f32],
+) {
+    assert!(side > 0 && (1..=64).contains(&most), "squares of some pixels, and 1 to 64 rows of them");
+    let count = planes[0].len();
+    assert_one_size(planes, count);
+    assert!(width > 0 && count > 0 && count.is_multiple_of(width), "whole rows of {width} values");
+    let (height, columns) = (count / width, width.div_ceil(side));
+    assert!(sums.len() == width, "room of {width}");
+    assert!(out.len() == columns * height.div_ceil(side), "out must be {columns} x {}", height.div_ceil(side));
+    let step = side.div_ceil(most);
+    for (top, out) in (0..height).step_by(side).zip(out.chunks_exact_mut(columns)) {
+        // Their mean lies in the middle of the square, to half a pixel.
+        let first = (top + (step - 1) / 2).min(height - 1);
+        let rows = (first..height.min(top + side)).step_by(step);
+        let n = rows.len();
+        for (k, y) in rows.enumerate() {
+            let [r, g, b] = planes.map(|plane| &plane[y * width..][..width]);
+            let all = sums.iter_mut().zip(r.iter().zip(g).zip(b));
+            // Of 64 rows and three bytes: below 2^16.
+            let of = |((r, g), b): ((&u8, &u8), &u8)| u16::from(*r) + u16::from(*g) + u16::from(*b);
+            match k {
+                0 => all.for_each(|(sum, rgb)| *sum = of(rgb)),
+                _ => all.for_each(|(sum, rgb)| *sum += of(rgb)),
+            }
+        }
+        for (out, sums) in out.iter_mut().zip(sums.chunks(side)) {
+            let sum: u32 = sums.iter().map(|sum| u32::from(*sum)).sum();
+            *out = sum as f32 / (765 * n * sums.len()) as f32;
+        }
+    }
+}
+
 #[inline(always)]
 fn half_intensity_body<const V: u8>(planes: [&[u8]; 3], width: usize, sums: &mut [u16], out: &mut [f32]) {
     let count = planes[0].len();
@@ -155,6 +267,62 @@ mod tests {
                 half_intensity_at(level, planes, width, &mut sums, &mut out);
                 for (out, exact) in out.iter().zip(&exact) {
                     assert!((out - exact).abs() < 1e-6, "{level:?}, {width} x {height}: {out} is not {exact}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn shrunk_planes_are_means() {
+        for (width, height, step, from, columns, rows) in [
+            (40, 24, 2, (3, 1), 9, 5),
+            (41, 25, 3, (10, 2), 4, 7),
+            (50, 37, 4, (0, 0), 13, 10),
+            (33, 20, 5, (2, 1), 5, 3),
+            (3, 2, 16, (0, 0), 1, 1),
+            (5, 5, 1, (1, 1), 4, 4),
+        ] {
+            let plane: Vec<u8> = values(width * height, 4).iter().map(|v| (v * 255.0).abs() as u8).collect();
+            for level in Level::all() {
+                let (mut sums, mut out) = (vec![7; columns * step], vec![0; columns * rows]);
+                shrink_at(level, &plane, width, step, from, columns, &mut sums, &mut out);
+                for (k, out) in out.iter().enumerate() {
+                    let (left, top) = ((from.0 + k % columns) * step, (from.1 + k / columns) * step);
+                    let at = |i: usize| {
+                        let (x, y) = ((left + i % step).min(width - 1), (top + i / step).min(height - 1));
+                        usize::from(plane[y * width + x])
+                    };
+                    let sum: usize = (0..step * step).map(at).sum();
+                    assert_eq!(usize::from(*out), (sum + step * step / 2) / (step * step), "{level:?}, step {step}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn squares_have_the_means_of_their_rows() {
+        for (width, height, side, most) in
+            [(1, 1, 4, 4), (9, 7, 4, 4), (40, 24, 4, 2), (50, 37, 8, 4), (33, 20, 16, 4), (3, 2, 2, 64)]
+        {
+            let plane = |p: u32| values(width * height, p).iter().map(|v| (v * 255.0).abs() as u8).collect();
+            let planes: [Vec<u8>; 3] = [1, 2, 3].map(plane);
+            let (columns, rows, step) = (width.div_ceil(side), height.div_ceil(side), side.div_ceil(most));
+            for level in Level::all() {
+                let (mut sums, mut out) = (vec![0; width], vec![f32::NAN; columns * rows]);
+                let planes = planes.each_ref().map(|p| &p[..]);
+                square_intensity_at(level, planes, width, side, most, &mut sums, &mut out);
+                for (k, out) in out.iter().enumerate() {
+                    let (left, top) = (k % columns * side, k / columns * side);
+                    let first = (top + (step - 1) / 2).min(height - 1);
+                    let places = || {
+                        let across = left..width.min(left + side);
+                        (first..height.min(top + side))
+                            .step_by(step)
+                            .flat_map(move |y| across.clone().map(move |x| (x, y)))
+                    };
+                    let sum: f64 = places().flat_map(|(x, y)| planes.map(|p| f64::from(p[y * width + x]))).sum();
+                    let exact = sum / 765.0 / places().count() as f64;
+                    assert!((f64::from(*out) - exact).abs() < 1e-6, "{level:?}: {out} is not {exact}");
                 }
             }
         }

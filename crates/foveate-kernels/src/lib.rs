@@ -46,7 +46,7 @@ pub use covariance::{
 };
 pub use exponential::{exp_from, largest_finite};
 pub use gram::{add_outer, symmetric_times};
-pub use halve::{half_intensity, halve, intensity};
+pub use halve::{half_intensity, halve, intensity, shrink, square_intensity};
 pub use integral::{COLOUR_BINS, colour_bins, integral_row};
 pub use lattice::{HALVES, Maps, features_among, oriented_blocks, oriented_halves};
 pub use level::Level;

@@ -65,17 +65,18 @@ impl DistractorSearch {
         }
         &self.places
     }
-    /// Two places between which those about an estimate will lie, if it is near the middle of these states and of their size.
-    pub fn corners(&self, states: &[State], extent: Extent) -> [State; 2] {
+    /// Adds places to states so that those about an estimate will lie between them, if it is near the middle of these states and
+    /// of their size; they are close enough that a box at each leaves nothing out.
+    pub fn surround(&self, states: &mut Vec<State>, extent: Extent) {
         let mean = |of: fn(&State) -> f64| states.iter().map(of).sum::<f64>() / states.len() as f64;
         let (x, y, log_scale) = (mean(|s| s.x), mean(|s| s.y), mean(|s| s.log_scale));
-        let far = (self.settings.reach + SLACK) * log_scale.exp();
-        [-far, far].map(|far| State {
-            x: x + far * extent.half_w,
-            y: y + far * extent.half_h,
-            log_scale,
-            ..State::default()
-        })
+        let far = self.settings.reach + SLACK;
+        let count = (0.5 * far).ceil() as i32;
+        let step = far / f64::from(count) * log_scale.exp();
+        for (j, i) in (-count..=count).flat_map(|j| (-count..=count).map(move |i| (f64::from(j), f64::from(i)))) {
+            let (x, y) = (x + i * step * extent.half_w, y + j * step * extent.half_h);
+            states.push(State { x, y, log_scale, ..State::default() });
+        }
     }
 }
 
@@ -136,8 +137,12 @@ mod tests {
         assert!(places.iter().all(|p| (p.x - at.x).abs() <= 10.0 && (p.y - at.y).abs() <= 20.0 && p.angle == 0.3));
         // Nine columns, and of nine rows 5 px apart from 30 to 70 those above 60.
         assert_eq!((places.len(), places[0].x, places[0].y), (9 * 6, 20.0, 30.0));
-        let [first, last] = around.corners(&[at, at], EXTENT);
+        let mut states = vec![at, at];
+        around.surround(&mut states, EXTENT);
+        let [first, .., last] = &states[2..] else { panic!("corners") };
         assert!(places.iter().all(|p| p.x > first.x && p.y > first.y && p.x < last.x && p.y < last.y));
+        let near = |p: &State| states.iter().any(|s| (s.x - p.x).abs() <= 5.0 && (s.y - p.y).abs() <= 10.0);
+        assert!(places.iter().all(near), "within a box of one of them");
         let outside = State { x: -50.0, ..at };
         assert!(around.places((100, 60), &outside, EXTENT).is_empty(), "nothing there to be mistaken for");
         assert!(

@@ -1,13 +1,16 @@
 //! Looking for a target believed lost (the paper: "no ability to recover from a tracking failure").
 //!
-//! Every few frames while the target is lost, places all over the picture are scored at once, and a share of the predicted
-//! particles is drawn again from the places that fit best. It is a proposal: with q a mixture of normals about those places
+//! Every few frames while the target is lost, places all over the picture are scored, and a share of the predicted
+//! particles is drawn again from the places that fit best. Where the picture has more places than the `budget` of a frame,
+//! it is searched in parts, one a search, that where the target was seen last first and the farthest last; the best places of
+//! all parts are remembered, and scored again in every search. It is a proposal: with q a mixture of normals about those places
 //! and p a `chance` spread evenly over the whole picture, these particles owe log p/q. They win or lose against the others by
 //! that and the likelihood, frame by frame: a place that fitted once by chance does not last.
 
 use rand::RngExt;
 use rand_distr::StandardNormal;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 use super::evenly;
 use crate::geometry::{Extent, State};
@@ -22,6 +25,9 @@ pub struct RedetectionSettings {
     pub every: u64,
     /// Distance of neighbouring places, above 0 to 10; it grows where there would be more than 16,000.
     pub step: f64,
+    /// Places scored in a frame, about, 64 to 16,000. A picture that has more of them is searched in parts, over several
+    /// frames; 16,000 for the whole picture in every frame.
+    pub budget: usize,
     /// Share of the particles that start again, 0 to 1.
     pub share: f64,
     /// Places they start from, 1 to 1000.
@@ -42,6 +48,11 @@ pub struct Redetection {
     states: Vec<State>,
     found: Vec<Found>,
     best: Option<State>,
+    /// Searches since the target was lost, and the best places of the parts before.
+    searches: u64,
+    remembered: Vec<State>,
+    /// Parts of the picture: distances from where the target was seen, and which they are.
+    parts: Vec<(f64, usize)>,
     /// Distances of neighbouring places, and halves of the box, across and down, pixels.
     apart: (f64, f64),
     half: (f64, f64),
@@ -58,7 +69,7 @@ struct Found {
 
 impl Default for RedetectionSettings {
     fn default() -> Self {
-        Self { every: 4, step: 0.3, share: 0.3, places: 8, fit: 0.2, spread: 0.15, chance: 0.5 }
+        Self { every: 4, step: 0.3, budget: MOST as usize, share: 0.3, places: 8, fit: 0.2, spread: 0.15, chance: 0.5 }
     }
 }
 
@@ -91,6 +102,7 @@ impl RedetectionSettings {
         match self {
             s if !(1..=1_000_000).contains(&s.every) => wrong("every", "1 to 1000000 frames", s.every as f64),
             s if !(s.step > 0.0 && s.step <= 10.0) => wrong("step", "above 0 to 10 template units", s.step),
+            s if !(64..=MOST as usize).contains(&s.budget) => wrong("budget", "64 to 16000 places", s.budget as f64),
             s if !(0.0..=1.0).contains(&s.share) => wrong("share", "0 to 1", s.share),
             s if !(1..=1000).contains(&s.places) => wrong("places", "1 to 1000", s.places as f64),
             s if !(0.0..=2.0).contains(&s.fit) => wrong("fit", "0 to 2", s.fit),
@@ -110,11 +122,16 @@ impl Redetection {
     pub fn settings(&self) -> &RedetectionSettings {
         &self.settings
     }
-    /// Whether to search in this frame.
-    pub fn is_due(&self, lost: bool, frame: u64) -> bool {
+    /// Whether to search in this frame. What was found is forgotten where the target is not lost.
+    pub fn is_due(&mut self, lost: bool, frame: u64) -> bool {
+        if !lost {
+            self.searches = 0;
+            self.found.clear();
+        }
         lost && self.settings.share > 0.0 && frame.is_multiple_of(self.settings.every)
     }
-    /// Places all over a picture, of the scale and angle with which the target was `seen` last, at rest, row by row.
+    /// Places all over a part of a picture, or all of it, of the scale and angle with which the target was `seen` last, at
+    /// rest, row by row.
     pub fn places(&mut self, size: (usize, usize), seen: &State, extent: Extent) -> &[State] {
         let (width, height) = (size.0 as f64, size.1 as f64);
         let scale = seen.log_scale.exp();
@@ -130,13 +147,75 @@ impl Redetection {
         self.apart = (dx * i, dy * j);
         let (dx, dy) = self.apart;
         let (columns, rows) = ((width / dx).ceil() as usize, (height / dy).ceil() as usize);
+        self.remembered.clear();
+        self.remembered.extend(self.found.drain(..).map(|found| found.state));
+        let [columns, rows] = self.part(columns, rows, seen);
+        self.searches += 1;
         self.states.clear();
-        self.found.clear();
-        for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
+        for (row, column) in rows.flat_map(|row| columns.clone().map(move |column| (row, column))) {
             let place = State { x: (column as f64 + 0.5) * dx, y: (row as f64 + 0.5) * dy, vx: 0.0, vy: 0.0, ..*seen };
             self.states.push(place);
         }
         &self.states
+    }
+    /// Columns and rows of the part of the lattice that this search is about.
+    fn part(&mut self, columns: usize, rows: usize, seen: &State) -> [Range<usize>; 2] {
+        let count =
+            if self.settings.budget >= MOST as usize { 1 } else { (columns * rows).div_ceil(self.settings.budget) };
+        if count == 1 {
+            self.remembered.clear();
+            return [0..columns, 0..rows];
+        }
+        // As square as may be.
+        let (width, height) = (columns as f64 * self.apart.0, rows as f64 * self.apart.1);
+        let down = ((count as f64 * height / width).sqrt().round() as usize).clamp(1, count.min(rows));
+        let across = count.div_ceil(down).min(columns);
+        let cut = |k: usize, parts: usize, n: usize| k * n / parts..(k + 1) * n / parts;
+        let of = |k: usize| [cut(k % across, across, columns), cut(k / across, down, rows)];
+        let off = |range: &Range<usize>, apart: f64, at: f64| {
+            let (from, to) = (range.start as f64 * apart, range.end as f64 * apart);
+            (from - at).max(at - to).max(0.0).powi(2) + 1e-3 * (0.5 * (from + to) - at).powi(2)
+        };
+        self.parts.clear();
+        self.parts.extend((0..across * down).map(|k| {
+            let [columns, rows] = of(k);
+            (off(&columns, self.apart.0, seen.x) + off(&rows, self.apart.1, seen.y), k)
+        }));
+        self.parts.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        of(self.parts[(self.searches % (across * down) as u64) as usize].1)
+    }
+    /// Keeps the best of the places scored last, and gives those that are remembered from other parts, and places about
+    /// them: they may have moved. None where the whole picture was searched. To be scored, before [`Redetection::refine`].
+    pub fn recall(&mut self, log_likelihood: &[f64]) -> &[State] {
+        self.keep_best(log_likelihood);
+        self.states.clear();
+        let about = (0..9).map(|k| (f64::from(k % 3 - 1) * self.apart.0, f64::from(k / 3 - 1) * self.apart.1));
+        for (place, (dx, dy)) in self.remembered.iter().flat_map(|place| about.clone().map(move |d| (place, d))) {
+            self.states.push(State { x: place.x + dx, y: place.y + dy, ..*place });
+        }
+        &self.states
+    }
+    /// What is remembered between frames, to resume from.
+    pub fn save(&self) -> serde_json::Value {
+        let found: Vec<State> = self.found.iter().map(|found| found.state).collect();
+        serde_json::json!({ "searches": self.searches, "found": found })
+    }
+    /// Takes up what `save` gave. Fails, unchanged, where it is none.
+    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+        #[derive(Deserialize)]
+        struct Saved {
+            searches: u64,
+            found: Vec<State>,
+        }
+        let bad = |what: &str| Error::Invalid(format!("the saved search cannot be used: {what}"));
+        let saved = Saved::deserialize(saved).map_err(|e| bad(&e.to_string()))?;
+        if saved.found.len() > self.settings.places || saved.searches > 1 << 48 {
+            return Err(bad("it has more places than this tracker keeps, or more searches than frames"));
+        }
+        self.searches = saved.searches;
+        self.found.clear();
+        self.found.extend(saved.found.into_iter().map(|state| Found { state, log_likelihood: f64::NEG_INFINITY }));
+        Ok(())
     }
     /// Keeps the best of the places scored last, and gives places about these, three times as close to each other, and these
     /// in other sizes. To be called [`REFINEMENTS`] times, each followed by scoring, before [`Redetection::draw`].
@@ -246,6 +325,66 @@ mod tests {
         assert!(search.places((4000, 3000), &tiny, EXTENT).len() <= 16_500, "a small target does not make it endless");
     }
 
+    /// For pictures and targets of many sizes: the parts of so many searches are, together, the places of the whole picture,
+    /// each once; the part where the target was seen comes first; no part has many more places than it may.
+    #[test]
+    fn parts_are_the_whole_picture() {
+        let key = |p: &State| (p.x.to_bits(), p.y.to_bits());
+        for (size, half, budget) in [((320, 240), 12.0, 1000), ((1280, 720), 24.0, 2000), ((64, 2000), 9.0, 64)] {
+            let extent = Extent { half_w: half, half_h: 1.5 * half };
+            let seen = State { x: 0.7 * size.0 as f64, y: 0.4 * size.1 as f64, ..State::default() };
+            let whole = Redetection::default().places(size, &seen, extent).to_vec();
+            let mut search = Redetection::new(RedetectionSettings { budget, ..RedetectionSettings::default() });
+            let (mut all, mut most, mut searches) = (vec![], 0, 0);
+            while all.len() < whole.len() {
+                let places = search.places(size, &seen, extent);
+                (most, searches) = (most.max(places.len()), searches + 1);
+                if searches == 1 {
+                    let apart = places.iter().map(|p| (p.x - seen.x).abs().max((p.y - seen.y).abs()));
+                    assert!(apart.fold(f64::MAX, f64::min) < half, "the first is where it was seen");
+                }
+                all.extend(places.iter().map(key));
+            }
+            assert!(most as f64 <= 1.5 * budget as f64, "{most} places where {budget} are asked for");
+            assert!(4 * searches <= 5 * whole.len().div_ceil(budget) + 12, "{searches} searches of {budget} places");
+            let mut exact: Vec<_> = whole.iter().map(key).collect();
+            all.sort_unstable();
+            exact.sort_unstable();
+            assert_eq!(all, exact);
+        }
+    }
+
+    /// What one part had is scored again in the next search, though it is about another part, and after a stop.
+    #[test]
+    fn the_best_places_of_other_parts_are_remembered() {
+        let mut search = Redetection::new(RedetectionSettings { budget: 64, ..RedetectionSettings::default() });
+        let seen = State { x: 20.0, y: 20.0, ..State::default() };
+        let (mut states, mut log_prior, mut which) = (vec![seen; 10], vec![0.0; 10], vec![]);
+        assert!(search.is_due(true, 4));
+        let places = search.places((200, 100), &seen, EXTENT);
+        let best = places[5];
+        let scores: Vec<f64> = places.iter().map(|p| if *p == best { -1.0 } else { -20.0 }).collect();
+        assert!(search.recall(&scores).is_empty(), "nothing was found before");
+        let mut scores = vec![];
+        for _ in 0..REFINEMENTS {
+            let n = search.refine(&scores).len();
+            scores = vec![-30.0; n];
+        }
+        search.draw(&scores, -4.0, &mut states, &mut log_prior, &mut which, Streams::new(1, 0));
+        assert_eq!(search.best(), Some(&best));
+        let mut resumed = Redetection::new(search.settings().clone());
+        resumed.load(&search.save()).expect("it was saved");
+        for search in [&mut search, &mut resumed] {
+            let n = search.places((200, 100), &seen, EXTENT).len();
+            assert!(!search.states.contains(&best), "another part");
+            assert!(search.recall(&vec![-20.0; n]).contains(&best));
+        }
+        assert!(!search.is_due(false, 8), "what was found is forgotten");
+        let n = search.places((200, 100), &seen, EXTENT).len();
+        assert!(search.recall(&vec![-20.0; n]).is_empty());
+        assert!(search.load(&serde_json::json!({ "searches": 1 })).is_err());
+    }
+
     #[test]
     fn a_share_is_drawn_again_where_it_fits() {
         let mut search = Redetection::new(RedetectionSettings { places: 2, ..RedetectionSettings::default() });
@@ -295,11 +434,12 @@ mod tests {
 
     #[test]
     fn it_is_due_while_lost() {
-        let search = Redetection::default();
+        let mut search = Redetection::default();
         assert!(search.is_due(true, 8) && !search.is_due(true, 9) && !search.is_due(false, 8));
         for (search, said) in [
             (RedetectionSettings { every: 0, ..RedetectionSettings::default() }, "every"),
             (RedetectionSettings { step: f64::NAN, ..RedetectionSettings::default() }, "step"),
+            (RedetectionSettings { budget: 63, ..RedetectionSettings::default() }, "budget"),
             (RedetectionSettings { share: 1.1, ..RedetectionSettings::default() }, "share"),
             (RedetectionSettings { fit: -1.0, ..RedetectionSettings::default() }, "fit"),
             (RedetectionSettings { chance: 0.0, ..RedetectionSettings::default() }, "chance"),

@@ -35,8 +35,7 @@ impl Engine {
         self.parts.gaze.policy.plan(&self.context, &mut w.plan, rng);
         let n = w.predicted.len();
         if let Some(around) = &self.parts.monitor.distractors {
-            let corners = around.corners(&w.predicted, extent);
-            w.predicted.extend(corners);
+            around.surround(&mut w.predicted, extent);
         }
         self.parts.appearance.see(image, &w.predicted, w.plan.gazes());
         w.predicted.truncate(n);

@@ -56,7 +56,10 @@ impl Engine {
             true => self.parts.monitor.consistency.judge(evidence, &w.log_posterior, reference),
             false => self.parts.monitor.consistency.last(),
         };
-        self.parts.appearance.perceive(&estimate.mean, w.plan.chosen(), &mut w.percept);
+        let chosen = w.plan.chosen();
+        // The mean of states that are scattered lies where none of them is.
+        self.parts.appearance.see_more(image, &[estimate.mean], &[chosen]);
+        self.parts.appearance.perceive(&estimate.mean, chosen, &mut w.percept);
         let (distance, colour) = (w.percept.distance, w.percept.colour);
         let distractor = if judged { self.look_around(image, estimate) } else { None };
         let spread = spread(&estimate.covariance, unit);

@@ -15,17 +15,21 @@ impl Engine {
     pub(super) fn redetect(&mut self, image: &Image) {
         let (reference, target) = (self.reference(), *self.target());
         let (parts, w) = (&mut self.parts, &mut self.work);
-        let Some(search) = parts.filter.redetection.as_mut().filter(|s| s.is_due(self.context.lost, self.frame)) else {
+        let Some(search) = &mut parts.filter.redetection else { return };
+        if !search.is_due(self.context.lost, self.frame) {
             return;
-        };
+        }
         let predicted = || Belief { states: &w.predicted, weights: &w.weights }.mean();
         let seen = parts.monitor.loss.seen().copied().unwrap_or_else(predicted);
         let appearance = &mut *parts.appearance;
-        let places = search.places((image.width(), image.height()), &seen, target.extent);
-        appearance.see(image, places, &[Gaze::CENTRE]);
-        score(appearance, places, Gaze::CENTRE, &mut w.scores);
+        let look = |appearance: &mut dyn Appearance, states: &[State], scores: &mut Vec<f64>| {
+            appearance.see_more(image, states, &[Gaze::CENTRE]);
+            score(appearance, states, Gaze::CENTRE, scores);
+        };
+        look(appearance, search.places((image.width(), image.height()), &seen, target.extent), &mut w.scores);
+        look(appearance, search.recall(&w.scores), &mut w.scores);
         for _ in 0..REFINEMENTS {
-            score(appearance, search.refine(&w.scores), Gaze::CENTRE, &mut w.scores);
+            look(appearance, search.refine(&w.scores), &mut w.scores);
         }
         let least = reference.on - search.settings().fit * (reference.on - reference.off);
         let streams = self.streams.at(self.frame, Purpose::Redetection);

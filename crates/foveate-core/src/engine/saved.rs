@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Engine, Target};
+use crate::control::Redetection;
 use crate::gaze::Context;
 use crate::geometry::State;
 use crate::recognition::Recognition;
@@ -24,6 +25,8 @@ struct Saved {
     consistency: serde_json::Value,
     confidence: serde_json::Value,
     context: Context,
+    /// What the search for a lost target remembers; none without such a search.
+    redetection: Option<serde_json::Value>,
     /// None of a tracker that did not recognise; one that does begins then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     recognizer: Option<serde_json::Value>,
@@ -43,6 +46,7 @@ impl Engine {
             consistency: self.parts.monitor.consistency.save(),
             confidence: self.parts.monitor.loss.save(),
             context: self.context,
+            redetection: self.parts.filter.redetection.as_ref().map(Redetection::save),
             recognizer: self.parts.recognition.as_ref().map(Recognition::save),
         };
         serde_json::to_value(saved).expect("plain data is JSON")
@@ -74,6 +78,9 @@ impl Engine {
         self.parts.appearance.load(&saved.appearance)?;
         self.parts.monitor.consistency.load(&saved.consistency)?;
         self.parts.monitor.loss.load(&saved.confidence)?;
+        if let (Some(search), Some(saved)) = (&mut self.parts.filter.redetection, &saved.redetection) {
+            search.load(saved)?;
+        }
         match (&mut self.parts.recognition, &saved.recognizer) {
             (Some(recognizer), Some(saved)) => recognizer.load(saved)?,
             (Some(recognizer), None) => recognizer.reset(),

@@ -13,7 +13,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::integral::{Bins, COLOUR, GREY, Integral, step};
+pub(super) use super::integral::step;
+use super::integral::{Bins, COLOUR, GREY, Integral, parts};
 use super::numbers::{decode, encode};
 use crate::geometry::{Extent, State};
 use crate::scene::Image;
@@ -60,7 +61,7 @@ const INSIDE: f64 = 0.8;
 /// The surroundings: from here on to there.
 const AROUND: (f64, f64) = (1.1, 2.0);
 /// How far the ring goes that a state's box is compared with.
-const RING: f64 = 1.5;
+pub(super) const RING: f64 = 1.5;
 /// Contrast of frame 1 from which on the cue has its whole weight.
 const FULL: f64 = 0.4;
 /// Less contrast than this is none.
@@ -85,8 +86,9 @@ pub struct Colour {
     recent: Histograms,
     now: Histograms,
     probability: Vec<f32>,
+    /// The same as [`Integral`] sums it.
+    parts: Vec<u16>,
     contrast: f64,
-    sums: Integral,
     bins: Bins,
 }
 
@@ -99,8 +101,8 @@ impl Colour {
             recent: Histograms::default(),
             now: Histograms::default(),
             probability: vec![],
+            parts: vec![],
             contrast: LEAST,
-            sums: Integral::default(),
             bins: Bins::default(),
         }
     }
@@ -116,8 +118,12 @@ impl Colour {
         self.first.clone_from(&self.now);
         self.recent.clone_from(&self.now);
         self.judge();
-        self.see(image, &[*state], extent);
-        self.contrast = self.contrast_of(state, extent).max(LEAST);
+        let mut sums = Integral::default();
+        let scale = state.log_scale.exp();
+        let (w, h) = (RING * extent.half_w * scale, RING * extent.half_h * scale);
+        let step = step(scale * extent.half_w.min(extent.half_h));
+        self.sum_up(image, [state.x - w, state.y - h, state.x + w, state.y + h], step, &mut sums);
+        self.contrast = contrast(&sums, state, extent).max(LEAST);
     }
 
     /// Learns from the target at `state` of a later frame.
@@ -131,16 +137,9 @@ impl Colour {
         self.judge();
     }
 
-    /// Takes in what these states need of a frame.
-    pub fn see(&mut self, image: &Image, states: &[State], extent: Extent) {
-        let (region, step) = needed(states, extent);
-        self.sums.fill(image, region, step, &mut self.bins);
-    }
-
-    /// Whether what these states need of the frame seen last is there.
-    pub fn holds(&self, states: &[State], extent: Extent) -> bool {
-        let (region, step) = needed(states, extent);
-        self.sums.holds(region, step)
+    /// Sums over a region of a frame (left, top, right, bottom; pixels), a sample every so many pixels.
+    pub(super) fn sum_up(&mut self, image: &Image, region: [f64; 4], step: usize, sums: &mut Integral) {
+        sums.fill(image, region, step, &self.parts, &mut self.bins);
     }
 
     /// What the cue counts: its mixing weight, the less the smaller the contrast of frame 1 is.
@@ -153,22 +152,10 @@ impl Colour {
         (self.contrast / FULL).min(1.0)
     }
 
-    /// 0 where the contrast is that of the target in frame 1, 1 where there is none, of a state that was seen.
-    pub fn distance(&self, state: &State, extent: Extent) -> f64 {
-        1.0 - (self.contrast_of(state, extent) / self.contrast).clamp(RANGE.0, RANGE.1)
-    }
-
-    /// Mean probability inside of the box, less that in a ring around it. What lies outside of the picture is no target.
-    fn contrast_of(&self, s: &State, extent: Extent) -> f64 {
-        if self.sums.is_empty() {
-            return 0.0;
-        }
-        let scale = s.log_scale.exp();
-        let (w, h) = (extent.half_w * scale, extent.half_h * scale);
-        let (inside, n) = self.sums.over(s.x - w, s.y - h, s.x + w, s.y + h);
-        let (all, m) = self.sums.over(s.x - RING * w, s.y - RING * h, s.x + RING * w, s.y + RING * h);
-        let whole = self.sums.samples(2.0 * w, 2.0 * h);
-        inside / whole.max(n).max(1.0) - (all - inside) / (m - n).max(1.0)
+    /// 0 where the contrast is that of the target in frame 1, 1 where there is none, of a state about which these are the
+    /// sums.
+    pub(super) fn distance(&self, sums: &Integral, state: &State, extent: Extent) -> f64 {
+        1.0 - (contrast(sums, state, extent) / self.contrast).clamp(RANGE.0, RANGE.1)
     }
 
     /// p(target | bin) of all bins.
@@ -180,7 +167,7 @@ impl Colour {
         let around = first.around.iter().zip(&recent.around).map(|(a, b)| mixed(*a, *b));
         probability.clear();
         probability.extend(target.zip(around).map(|(f, b)| (f + 0.5 * EMPTY) / (f + b + EMPTY)));
-        self.sums.take(&self.probability);
+        parts(&self.probability, &mut self.parts);
     }
 
     /// All that was learned.
@@ -213,15 +200,17 @@ impl Colour {
     }
 }
 
-/// Left, top, right and bottom of what these states are compared in, and how close its samples are.
-fn needed(states: &[State], extent: Extent) -> ([f64; 4], usize) {
-    let (mut region, mut least) = ([f64::MAX, f64::MAX, f64::MIN, f64::MIN], f64::MAX);
-    for s in states {
-        let scale = s.log_scale.exp();
-        let ((w, h), [l, t, r, b]) = ((RING * extent.half_w * scale, RING * extent.half_h * scale), region);
-        (least, region) = (least.min(scale), [l.min(s.x - w), t.min(s.y - h), r.max(s.x + w), b.max(s.y + h)]);
+/// Mean probability inside of the box, less that in a ring around it. What lies outside of the picture is no target.
+fn contrast(sums: &Integral, s: &State, extent: Extent) -> f64 {
+    if sums.is_empty() {
+        return 0.0;
     }
-    (region, step(least * extent.half_w.min(extent.half_h)))
+    let scale = s.log_scale.exp();
+    let (w, h) = (extent.half_w * scale, extent.half_h * scale);
+    let (inside, n) = sums.over(s.x - w, s.y - h, s.x + w, s.y + h);
+    let (all, m) = sums.over(s.x - RING * w, s.y - RING * h, s.x + RING * w, s.y + RING * h);
+    let whole = sums.samples(2.0 * w, 2.0 * h);
+    inside / whole.max(n).max(1.0) - (all - inside) / (m - n).max(1.0)
 }
 
 /// The whole pixels from `from` to `to` that a picture has along a side.
@@ -290,15 +279,15 @@ mod tests {
         let moved = picture(60.0);
         let at = |x: f64, log_scale: f64| State { x, log_scale, ..TARGET };
         let places = [at(60.0, 0.0), at(40.0, 0.0), at(55.0, 0.0), at(60.0, 0.4), at(60.0, -0.4)];
-        it.see(&moved, &places, EXTENT);
-        let d: Vec<f64> = places.iter().map(|s| it.distance(s, EXTENT)).collect();
+        let mut sums = Integral::default();
+        it.sum_up(&moved, [0.0, 0.0, 96.0, 64.0], 1, &mut sums);
+        let d: Vec<f64> = places.iter().map(|s| it.distance(&sums, s, EXTENT)).collect();
         assert!(d[0].abs() < 0.05 && d[1] > 0.95, "{d:?}");
         assert!(
             d[2] > d[0] + 0.1 && d[3] > d[0] + 0.1 && d[4] > d[0] + 0.1,
             "neither beside it nor of another size: {d:?}"
         );
-        it.see(&moved, &[at(300.0, 0.0)], EXTENT);
-        assert!((it.distance(&at(300.0, 0.0), EXTENT) - 1.0).abs() < 1e-9, "outside there is nothing");
+        assert!((it.distance(&sums, &at(300.0, 0.0), EXTENT) - 1.0).abs() < 1e-9, "outside there is nothing");
     }
 
     #[test]

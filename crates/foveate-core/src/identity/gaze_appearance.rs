@@ -17,6 +17,7 @@ use super::encoder::Encoder;
 use super::fusion::Fusion;
 use super::pyramid::{Pyramid, Region};
 use super::retina::Retina;
+use super::views::{Apart, Looks, Views};
 use super::{Appearance, Percept, ReferenceLikelihood, calibrate};
 use crate::geometry::{Extent, Fixation, Gaze, State};
 use crate::scene::Image;
@@ -24,6 +25,7 @@ use foveate_base::rng::Streams;
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
 
+mod apart;
 mod cues;
 mod dim;
 mod saved;
@@ -52,7 +54,7 @@ pub struct GazeAppearance {
     dimmed: Option<Image>,
     kept: Option<Template>,
     template: Pyramid,
-    pyramid: Pyramid,
+    views: Views,
     scratch: Scratch,
     dense: Option<Dense>,
     discriminant: Option<Discriminant>,
@@ -78,6 +80,7 @@ struct Scratch {
     template: Vec<f32>,
     /// Of places that are learned from.
     learned: Vec<f32>,
+    apart: Apart,
     /// Of which gaze they are.
     template_gaze: Option<Gaze>,
 }
@@ -109,7 +112,7 @@ impl GazeAppearance {
             dimmed: None,
             kept: None,
             template: Pyramid::default(),
-            pyramid: Pyramid::default(),
+            views: Views::default(),
             scratch,
             discriminant: None,
             colour: None,
@@ -139,29 +142,13 @@ impl GazeAppearance {
         self.kept.as_ref().map_or(Extent { half_w: 1.0, half_h: 1.0 }, |kept| kept.extent)
     }
 
-    fn reach(&self) -> f64 {
-        self.retina.footprints().iter().map(|f| f.reach).fold(0.0, f64::max)
-    }
-
-    /// Distances of what is seen at each state to the template at the same gaze, in shape and colour.
-    fn distances(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
-        self.shape_distances(states, gaze, out);
-        let extent = self.extent();
-        if let Some(colour) = &self.colour {
-            let weight = self.mixing().1;
-            for (d, state) in out.iter_mut().zip(states) {
-                *d += weight * (colour.distance(state, extent) - *d);
-            }
-        }
-    }
-
-    fn shape_distances(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
+    fn shape_distances(&mut self, view: usize, states: &[State], gaze: Gaze, out: &mut [f64]) {
         assert_eq!(states.len(), out.len(), "one distance a state");
         let (n_v, n_h) = self.encoder.shape();
         self.template_features(gaze);
         let (retina, encoder) = (&*self.retina, &*self.encoder);
         let (extent, weight) = (self.extent(), self.mixing().0);
-        let (pyramid, distance) = (&self.pyramid, self.distance);
+        let (pyramid, distance) = (&self.views.get(view).pyramid, self.distance);
         let discriminant = self.discriminant.as_ref().filter(|_| Discriminant::knows(gaze));
         let Scratch { glimpses, features, template, .. } = &mut self.scratch;
         let template = &template[..];
@@ -242,16 +229,20 @@ impl GazeAppearance {
         let (extent, (n_v, n_h)) = (self.extent(), self.encoder.shape());
         it.look_around(state, extent, distractors);
         // After a look around the target for distractors most often all is there.
-        if first || !self.holds(image, &it.places, &[Gaze::CENTRE]) {
-            self.see(image, &it.places, &[Gaze::CENTRE]);
+        let looks = looks(&*self.retina, extent);
+        if first || self.views.whole(&it.places, looks).is_none() {
+            let kept = self.kept.as_ref().expect("a template is kept before the first look");
+            let image = dim(image, &kept.image, self.discounting_background, &mut self.dimmed);
+            self.views.see_whole(image, &it.places, looks, self.colour.as_mut());
         }
+        let view = self.views.whole(&it.places, looks).expect("just seen");
         let glimpses = &mut self.scratch.learned;
         glimpses.resize(CHUNK * n_v, 0.0);
         for (places, rows) in it.places.chunks(CHUNK).zip(it.rows.chunks_mut(CHUNK * (n_h + 1))) {
             let mut at = [Fixation::default(); CHUNK];
             at.iter_mut().zip(places).for_each(|(at, place)| *at = place.fixate(Gaze::CENTRE, extent));
             let glimpses = &mut glimpses[..places.len() * n_v];
-            self.retina.look_each(&self.pyramid, &at[..places.len()], RowsMut::new(glimpses, n_v));
+            self.retina.look_each(&view.pyramid, &at[..places.len()], RowsMut::new(glimpses, n_v));
             for (glimpse, row) in glimpses.chunks_exact_mut(n_v).zip(rows.chunks_exact_mut(n_h + 1)) {
                 let (features, one) = row.split_at_mut(n_h);
                 self.encoder.condition(glimpse);
@@ -267,27 +258,21 @@ impl GazeAppearance {
         self.discriminant = Some(it);
     }
 
-    /// Whether the pyramid has what these states need of the frame that was seen last.
-    fn holds(&self, image: &Image, states: &[State], gazes: &[Gaze]) -> bool {
-        let extent = self.extent();
-        let region = Region::covering(image, states, gazes, extent, self.reach());
-        self.pyramid.holds(region, self.retina.footprints(), units(states, extent))
-    }
-
     fn keep(&mut self, kept: Template) {
         let gazes = [Gaze { u: FARTHEST_GAZE, v: FARTHEST_GAZE, arm: None }];
-        let region = Region::covering(&kept.image, &[kept.state], &gazes, kept.extent, self.reach());
-        let unit = units(&[kept.state], kept.extent);
+        let reach = looks(&*self.retina, kept.extent).reach;
+        let region = Region::covering(&kept.image, &[kept.state], &gazes, kept.extent, reach);
+        let scale = kept.state.log_scale.exp();
+        let unit = (scale * kept.extent.half_w, scale * kept.extent.half_h);
         self.template.build(&kept.image, region, self.retina.footprints(), unit);
         self.kept = Some(kept);
         self.scratch.template_gaze = None;
     }
 }
 
-/// Pixels per template unit at the states' mean size.
-fn units(states: &[State], extent: Extent) -> (f64, f64) {
-    let mean = states.iter().map(|s| s.log_scale).sum::<f64>() / states.len() as f64;
-    (mean.exp() * extent.half_w, mean.exp() * extent.half_h)
+fn looks(retina: &dyn Retina, extent: Extent) -> Looks<'_> {
+    let footprints = retina.footprints();
+    Looks { footprints, extent, reach: footprints.iter().map(|f| f.reach).fold(0.0, f64::max) }
 }
 
 impl Appearance for GazeAppearance {
@@ -314,20 +299,18 @@ impl Appearance for GazeAppearance {
     }
 
     fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
-        let extent = self.extent();
-        self.colour.iter_mut().for_each(|colour| colour.see(image, states, extent));
-        let region = Region::covering(image, states, gazes, extent, self.reach());
+        let looks = looks(&*self.retina, self.extent());
         let kept = self.kept.as_ref().expect("a template is kept before the first look");
         let image = dim(image, &kept.image, self.discounting_background, &mut self.dimmed);
-        self.pyramid.build(image, region, self.retina.footprints(), units(states, extent));
+        self.views.see(image, states, gazes, looks, self.colour.as_mut());
     }
 
     fn see_more(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
-        let extent = self.extent();
-        let colours = self.colour.as_ref().is_none_or(|colour| colour.holds(states, extent));
-        if !colours || !self.holds(image, states, gazes) {
-            self.see(image, states, gazes);
-        }
+        let looks = looks(&*self.retina, self.extent());
+        // What was dimmed when the frame was seen first is still there.
+        let dimmed = self.dimmed.as_ref().filter(|_| self.discounting_background > 0.0);
+        let image = dimmed.filter(|dimmed| dimmed.bytes().len() == image.bytes().len()).unwrap_or(image);
+        self.views.see_more(image, states, gazes, looks, self.colour.as_mut());
     }
 
     // Deviation: the paper prints exp(−d), without a sharpness; that tracks nothing.
@@ -343,14 +326,17 @@ impl Appearance for GazeAppearance {
         percept.gaze = gaze;
         percept.glimpse.resize(n_v, 0.0);
         percept.features.resize(n_h, 0.0);
-        self.retina.look(&self.pyramid, state.fixate(gaze, self.extent()), &mut percept.glimpse);
+        let extent = self.extent();
+        let view = self.views.of(state, gaze, looks(&*self.retina, extent), self.colour.is_some());
+        let view = self.views.get(view);
+        self.retina.look(&view.pyramid, state.fixate(gaze, extent), &mut percept.glimpse);
         let conditioned = &mut self.scratch.template_glimpse;
         conditioned.copy_from_slice(&percept.glimpse);
         self.encoder.condition(conditioned);
         self.encoder.encode(Rows::new(conditioned, n_v), RowsMut::new(&mut percept.features, n_h));
         percept.distance = self.distance.distance(&percept.features, &self.scratch.template);
-        let extent = self.extent();
-        percept.colour = self.colour.as_ref().map_or(0.0, |colour| colour.trust() * colour.distance(state, extent));
+        let colour = |colour: &Colour| colour.trust() * colour.distance(&view.sums, state, extent);
+        percept.colour = self.colour.as_ref().map_or(0.0, colour);
     }
 
     fn adapts(&self) -> bool {
@@ -447,6 +433,36 @@ mod tests {
                 assert_eq!(together, alone, "{kind:?} {precision:?}");
             }
         }
+    }
+
+    /// To the bit, in shape and colour: what is seen of states all over a picture, in rectangles of their own, is what is seen of
+    /// each alone; what more states need is added, and what is between stays out.
+    #[test]
+    fn scattered_states_are_seen_as_each_alone() {
+        let (size, mut rng) = ((700, 500), Streams::new(3, 0).rng(5));
+        let image =
+            Image::new(size.0, size.1, 3, (0..size.0 * size.1 * 3).map(|_| rng.random()).collect()).expect("bytes");
+        let mut it = appearance(Precision::F32, Kind::Cosine).colouring(Some(colour::Settings::default()));
+        it.init_template(&image, &State { x: 200.0, y: 150.0, ..State::default() }, EXTENT, Streams::new(3, 0));
+        let mut about =
+            |x: f64, y: f64| State { x: x + rng.random::<f64>(), y: y + rng.random::<f64>(), ..State::default() };
+        let corners = [(20.0, 20.0), (680.0, 20.0), (20.0, 480.0), (680.0, 490.0), (-30.0, 250.0)];
+        let states: Vec<State> = (0..60).map(|k| about(corners[k % 5].0, corners[k % 5].1)).collect();
+        let more: Vec<State> = (0..60).map(|k| about(200.0, 150.0 + (k % 3) as f64)).chain(states.clone()).collect();
+        it.see(&image, &states, &[GAZE]);
+        assert!(it.views.count() > 2, "corners are not worth the whole picture");
+        let mut together = distances(&mut it, &states, 1);
+        let before = it.views.count();
+        it.see_more(&image, &states, &[GAZE]);
+        assert_eq!(it.views.count(), before, "all is there");
+        it.see_more(&image, &more, &[GAZE]);
+        assert_eq!(it.views.count(), before + 1);
+        together.extend(distances(&mut it, &more, 2));
+        let alone = states.iter().chain(&more).map(|state| {
+            it.see(&image, &[*state], &[GAZE]);
+            distances(&mut it, &[*state], 1)[0]
+        });
+        assert_eq!(together, alone.collect::<Vec<_>>());
     }
 
     /// Overlaps straight from the product are those of the features; rounding moves a distance by less than a hundredth.

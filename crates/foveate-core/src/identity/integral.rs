@@ -20,6 +20,12 @@ pub(super) fn step(half: f64) -> usize {
     (half / SAMPLES).max(1.0) as usize
 }
 
+/// Fills `parts` with p(target | bin) of all bins as [`Integral`] sums it.
+pub(super) fn parts(probability: &[f32], parts: &mut Vec<u16>) {
+    parts.clear();
+    parts.extend(probability.iter().map(|p| (p * ONE + 0.5) as u16));
+}
+
 /// Room for the bins of a row.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Bins(Vec<u16>);
@@ -41,7 +47,6 @@ impl Bins {
 /// Sums of probabilities over all boxes of a region, a sample every `step` pixels.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Integral {
-    probability: Vec<u16>,
     table: Vec<u32>,
     width: usize,
     height: usize,
@@ -53,14 +58,8 @@ pub(super) struct Integral {
 }
 
 impl Integral {
-    /// Takes p(target | bin) of all bins.
-    pub fn take(&mut self, probability: &[f32]) {
-        self.probability.clear();
-        self.probability.extend(probability.iter().map(|p| (p * ONE + 0.5) as u16));
-    }
-
-    /// Sums over a region of a picture: left, top, right, bottom.
-    pub fn fill(&mut self, image: &Image, region: [f64; 4], step: usize, bins: &mut Bins) {
+    /// Sums of the [`parts`] of bins over a region of a picture: left, top, right, bottom.
+    pub fn fill(&mut self, image: &Image, region: [f64; 4], step: usize, parts: &[u16], bins: &mut Bins) {
         (self.region, self.step) = (region, step as f64);
         let [left, top, right, bottom] = region;
         self.left = (left.max(0.0) / self.step).floor() * self.step;
@@ -82,15 +81,19 @@ impl Integral {
         for j in 0..self.height {
             let (above, here) = self.table[j * row..].split_at_mut(row);
             let bins = bins.of(image, y + j * step, columns.clone());
-            kernels::integral_row(bins, step, &self.probability, above, &mut here[..row]);
+            kernels::integral_row(bins, step, parts, above, &mut here[..row]);
         }
+    }
+
+    /// Whether sums over this region are here.
+    pub fn covers(&self, region: [f64; 4]) -> bool {
+        let [left, top, right, bottom] = self.region;
+        left <= region[0] && top <= region[1] && region[2] <= right && region[3] <= bottom
     }
 
     /// Whether these sums, or nearly these, are here, of the same image.
     pub fn holds(&self, region: [f64; 4], step: usize) -> bool {
-        let [left, top, right, bottom] = self.region;
-        let inside = left <= region[0] && top <= region[1] && region[2] <= right && region[3] <= bottom;
-        inside && self.step <= step as f64 + 1.0
+        self.covers(region) && self.step <= step as f64 + 1.0
     }
 
     /// Whether there is nothing to sum up.
@@ -127,10 +130,11 @@ mod tests {
         let (mut it, mut bins) = (Integral::default(), Bins::default());
         for (image, n) in [(colour.to_grey(), GREY), (colour, COLOUR)] {
             let probability: Vec<f32> = (0..n).map(|i| (i * i % 101) as f32 / 100.0).collect();
-            it.take(&probability);
+            let mut whole = vec![];
+            parts(&probability, &mut whole);
             for (half, steps) in [(9.0, 1), (30.0, 2), (61.0, 5)] {
                 assert_eq!(step(half), steps);
-                it.fill(&image, [10.3, -4.0, 80.0, 300.0], steps, &mut bins);
+                it.fill(&image, [10.3, -4.0, 80.0, 300.0], steps, &whole, &mut bins);
                 let (x0, y0) = (it.left as usize, it.top as usize);
                 let (a, b, c, d) = (1, 2, it.width.min(7), it.height.min(9));
                 let place = |i: usize, from: usize| (from + i * steps) as f64 - 0.2;
@@ -144,7 +148,7 @@ mod tests {
                 assert_eq!(count, ((c - a) * (d - b)) as f64);
             }
         }
-        it.fill(&Image::grey(8, 8, 0), [20.0, 0.0, 30.0, 9.0], 1, &mut bins);
+        it.fill(&Image::grey(8, 8, 0), [20.0, 0.0, 30.0, 9.0], 1, &[], &mut bins);
         assert!(it.is_empty(), "outside of the picture there is nothing");
     }
 }

@@ -29,6 +29,7 @@ pub mod pyramid;
 #[cfg(feature = "learn")]
 pub mod rbm_encoder;
 pub mod retina;
+mod views;
 
 #[cfg(feature = "learn")]
 pub use classifier::Classifier;
@@ -68,14 +69,15 @@ pub struct Percept {
 /// How the target looks, as the control pathway sees it.
 ///
 /// `see` is called once a frame, before any `log_likelihood` or `perceive` of that frame, with every state
-/// and gaze they may ask about (or states between those). A log-likelihood must depend on its own state and gaze
+/// and gaze they may ask about; what else they ask about is told to `see_more` first. A log-likelihood must depend on its own state and gaze
 /// alone: if it does not, results change with the number of threads, and `conformance::appearance` fails.
 pub trait Appearance: Send + Sync {
     /// Keeps the template τ: how the target looks at `state`, whose box has `extent` at scale 1.
     fn init_template(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams);
     /// Takes in what `states` and `gazes` of this frame need.
     fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]);
-    /// Takes in what more states of the frame that was seen last need. What was seen of it before may be forgotten.
+    /// Takes in what more states of the frame that was seen last need, where it is not there. What was seen of it before may
+    /// be forgotten.
     fn see_more(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
         self.see(image, states, gazes);
     }

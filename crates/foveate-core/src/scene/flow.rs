@@ -175,9 +175,12 @@ fn build(levels: &mut Vec<Map>, image: &Image, (sums, across): (&mut Vec<u16>, &
     if finest == 0 || count == 1 {
         levels[0].intensity(image);
     }
-    for l in 1..count {
+    // A search in a large picture, which ends at a coarse level, needs none finer than the one that this is made of.
+    let first = if finest > CAMERA { finest - 1 } else { 1 };
+    for l in first..count {
         let (fine, coarse) = levels.split_at_mut(l);
         match l {
+            _ if l == first && l > 1 => coarse[0].square_intensity(image, 1 << l, sums),
             1 if finest > 0 => coarse[0].half_intensity(image, sums),
             _ => fine[l - 1].halve(across, &mut coarse[0]),
         }
@@ -417,6 +420,24 @@ mod tests {
                 let (x, y) = forth(30.0, 140.0);
                 assert!((u + 30.0 - x).hypot(v + 140.0 - y) < 0.35, "{name}: the camera moved by {u}, {v}");
             }
+        }
+    }
+
+    /// In a large picture, of which some rows are read.
+    #[test]
+    fn the_camera_of_large_pictures_is_found() {
+        let (world, size, moved) = (texture(5), (640, 480), (7.0, -4.0));
+        let picture = |t: f64| {
+            let at = |k: usize| ((k % size.0) as f64 - t * moved.0, (k / size.0) as f64 - t * moved.1);
+            let grey = |(x, y): (f64, f64)| world(0.2 * x, 0.2 * y).round().clamp(0.0, 255.0) as u8;
+            Image::new(size.0, size.1, 1, (0..size.0 * size.1).map(|k| grey(at(k))).collect()).expect("as many bytes")
+        };
+        let mut flow = Flow::down_to(CAMERA);
+        [0.0, 1.0].map(picture).iter().for_each(|image| flow.look(image));
+        assert_eq!(flow.finest_of(&picture(0.0)), CAMERA + 1);
+        for (x, y) in [(60.0, 50.0), (320.0, 240.0), (600.0, 400.0)] {
+            let (u, v) = flow.camera().at(x, y);
+            assert!((u - moved.0).hypot(v - moved.1) < 0.5, "the camera moved by {u}, {v}");
         }
     }
 

@@ -109,6 +109,14 @@ impl Map {
         sums.resize(image.width(), 0);
         kernels::half_intensity(planes, image.width(), sums, &mut self.values);
     }
+    /// Means of the same over squares of `side` pixels, of four of their rows at most.
+    pub(super) fn square_intensity(&mut self, image: &Image, side: usize, sums: &mut Vec<u16>) {
+        self.resize(image.width().div_ceil(side), image.height().div_ceil(side), side);
+        let last = image.planes() - 1;
+        let planes = [0, last.min(1), last].map(|p| image.plane(p));
+        sums.resize(image.width(), 0);
+        kernels::square_intensity(planes, image.width(), side, 4, sums, &mut self.values);
+    }
     /// This map at half the resolution: [1 3 3 1] / 8 across and down, then every second one. The kernel is even, so cells
     /// of the result cover exactly two of these.
     pub(super) fn halve(&self, across: &mut Vec<f32>, to: &mut Self) {

@@ -1,7 +1,7 @@
 //! Template, discriminant and colour: which of them there are, how they are mixed, and what colour is worth.
 
-use super::GazeAppearance;
-use crate::geometry::State;
+use super::{GazeAppearance, looks};
+use crate::geometry::{Gaze, State};
 use crate::identity::colour::{self, Colour};
 use crate::identity::discriminant::{self, Discriminant};
 use crate::identity::fusion::{self, Fusion};
@@ -30,12 +30,18 @@ impl GazeAppearance {
         self.fusion.as_ref().map_or((discriminant, colour), |it| it.mixed(discriminant, colour))
     }
 
-    /// How much farther the distractors are than the target by their colours, on average; 0 where that was not seen.
+    /// How much farther the distractors are than the target by their colours, on average. All of them were seen: where
+    /// distractors are not searched for, they are particles.
     pub(super) fn colour_margin(&self, state: &State, distractors: &[State]) -> f64 {
-        let extent = self.extent();
-        let seen = |colour: &&Colour| colour.holds(distractors, extent) && colour.holds(&[*state], extent);
-        let Some(colour) = self.colour.as_ref().filter(|_| !distractors.is_empty()).filter(seen) else { return 0.0 };
-        let all: f64 = distractors.iter().map(|place| colour.distance(place, extent)).sum();
-        all / distractors.len() as f64 - colour.distance(state, extent)
+        let looks = looks(&*self.retina, self.extent());
+        let Some(colour) = self.colour.as_ref().filter(|_| self.fusion.is_some() && !distractors.is_empty()) else {
+            return 0.0;
+        };
+        let distance = |place: &State| {
+            let view = self.views.of(place, Gaze::CENTRE, looks, true);
+            colour.distance(&self.views.get(view).sums, place, looks.extent)
+        };
+        let all: f64 = distractors.iter().map(distance).sum();
+        all / distractors.len() as f64 - distance(state)
     }
 }

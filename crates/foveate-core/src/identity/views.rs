@@ -1,0 +1,255 @@
+//! What was seen of a frame: box means and sums of colours of one rectangle or, where states are scattered, of several. What
+//! lies between them costs nothing, so that a frame's cost goes by its states and not by the picture.
+
+use super::colour::{Colour, RING, step};
+use super::footprint::Footprint;
+use super::integral::Integral;
+use super::pyramid::{Pyramid, Region};
+use crate::geometry::{Extent, Gaze, State};
+use crate::scene::Image;
+
+/// One rectangle of the frame.
+#[derive(Default)]
+pub(super) struct View {
+    region: Region,
+    pub pyramid: Pyramid,
+    pub sums: Integral,
+}
+
+/// All rectangles that were seen of a frame.
+#[derive(Default)]
+pub(super) struct Views {
+    views: Vec<View>,
+    used: usize,
+    size: (usize, usize),
+    regions: Vec<Region>,
+}
+
+/// States that are seen in different rectangles, sorted out.
+#[derive(Default)]
+pub(super) struct Apart {
+    pub view: Vec<usize>,
+    pub which: Vec<usize>,
+    pub states: Vec<State>,
+    pub distances: Vec<f64>,
+}
+
+/// What looks need to know of a retina and a target.
+#[derive(Clone, Copy)]
+pub(super) struct Looks<'a> {
+    pub footprints: &'a [Footprint],
+    pub extent: Extent,
+    /// Farthest cell, template units.
+    pub reach: f64,
+}
+
+/// Rectangles of one call, at most, and of a frame.
+const MOST: usize = 16;
+const ALL: usize = 64;
+/// States are scattered where their rectangles have less than this share of the one around all of them, and that one has so many
+/// pixels: less is soon read, in memory that is there already.
+const SCATTERED: f64 = 0.5;
+const LARGE: usize = 1 << 18;
+/// Half boxes by which more is seen than was asked for, where states lie beyond what was seen at first: others will follow.
+const SLACK: f64 = 0.5;
+
+/// What a set of states asks of a frame.
+struct Wanted {
+    /// Pixels per template unit at the mean size.
+    unit: (f64, f64),
+    /// How far the rings of the colour model reach beyond what looks need, and how close its samples are.
+    margin: (f64, f64),
+    step: usize,
+}
+
+impl Looks<'_> {
+    /// What these states ask of a frame, and the rectangles they are in.
+    fn survey(&self, size: (usize, usize), states: &[State], gazes: &[Gaze], found: &mut Vec<Region>) -> Wanted {
+        let (mut sum, mut least, mut margin) = (0.0, f64::MAX, (0.0_f64, 0.0_f64));
+        let windows = states.iter().map(|s| {
+            let (w, h) = self.half(s);
+            let reach @ (dx, dy) = Region::reach(s, gazes, (w, h), self.reach);
+            (sum, least) = (sum + s.log_scale, least.min(w.min(h)));
+            margin = (margin.0.max(RING * w - dx), margin.1.max(RING * h - dy));
+            Region::around(size, s, reach)
+        });
+        cluster(windows, found);
+        let scale = (sum / states.len() as f64).exp();
+        Wanted { unit: (scale * self.extent.half_w, scale * self.extent.half_h), margin, step: step(least) }
+    }
+
+    fn half(&self, state: &State) -> (f64, f64) {
+        let scale = state.log_scale.exp();
+        (scale * self.extent.half_w, scale * self.extent.half_h)
+    }
+
+    /// What the colour model needs at a state, cut to the picture.
+    fn ring(&self, size: (usize, usize), s: &State) -> [f64; 4] {
+        let (w, h) = self.half(s);
+        let (w, h) = (RING * w, RING * h);
+        let cut = |v: f64, side: usize| v.clamp(0.0, side as f64 - 1.0);
+        [cut(s.x - w, size.0), cut(s.y - h, size.1), cut(s.x + w, size.0), cut(s.y + h, size.1)]
+    }
+}
+
+impl Region {
+    fn area(&self) -> usize {
+        self.width * self.height
+    }
+    /// Left, top, right and bottom, so much farther out, cut to a picture of this size.
+    fn grown(&self, (dx, dy): (f64, f64), size: (usize, usize)) -> [f64; 4] {
+        let (x, y) = (self.x as f64, self.y as f64);
+        let (right, bottom) = (x + (self.width - 1) as f64 + dx, y + (self.height - 1) as f64 + dy);
+        [(x - dx).max(0.0), (y - dy).max(0.0), right.min(size.0 as f64 - 1.0), bottom.min(size.1 as f64 - 1.0)]
+    }
+}
+
+/// Fills `found` with rectangles around the windows of states: one, or several where that leaves out half of it.
+fn cluster(windows: impl Iterator<Item = Region>, found: &mut Vec<Region>) {
+    found.clear();
+    let mut all: Option<Region> = None;
+    for window in windows {
+        all = Some(all.map_or(window, |all| all.union(&window)));
+        if found.iter().any(|region| region.contains(&window)) {
+            continue;
+        }
+        let growth = |region: &Region| region.union(&window).area() - region.area();
+        let full = found.len() == MOST;
+        match found.iter_mut().min_by_key(|region| growth(region)) {
+            Some(region) if full || growth(region) <= window.area() => *region = region.union(&window),
+            _ => found.push(window),
+        }
+    }
+    // Rectangles that cost as much apart as together are one.
+    let mut i = 0;
+    while i < found.len() {
+        let joins = |other: &Region| found[i].union(other).area() <= found[i].area() + other.area();
+        match (i + 1..found.len()).find(|j| joins(&found[*j])) {
+            Some(j) => {
+                let other = found.swap_remove(j);
+                found[i] = found[i].union(&other);
+                i = 0;
+            }
+            None => i += 1,
+        }
+    }
+    let Some(all) = all else { return };
+    let parts: usize = found.iter().map(Region::area).sum();
+    if all.area() < LARGE || parts as f64 > SCATTERED * all.area() as f64 {
+        found.clear();
+        found.push(all);
+    }
+}
+
+impl Views {
+    /// Takes in what states need of a new frame, and forgets the one before.
+    pub fn see(
+        &mut self,
+        image: &Image,
+        states: &[State],
+        gazes: &[Gaze],
+        looks: Looks<'_>,
+        colour: Option<&mut Colour>,
+    ) {
+        let wanted = self.survey(image, states, gazes, looks);
+        self.used = 0;
+        self.add(image, &wanted, (0, 0), looks, colour);
+    }
+
+    /// The same in one rectangle, which is the answer.
+    pub fn see_whole(
+        &mut self,
+        image: &Image,
+        states: &[State],
+        looks: Looks<'_>,
+        colour: Option<&mut Colour>,
+    ) -> &View {
+        let wanted = self.survey(image, states, &[Gaze::CENTRE], looks);
+        let all = self.regions.iter().copied().reduce(|a, b| a.union(&b));
+        self.regions.clear();
+        self.regions.extend(all);
+        self.used = 0;
+        self.add(image, &wanted, (0, 0), looks, colour);
+        &self.views[0]
+    }
+
+    /// Takes in what more states need of the same frame, as far as it is not there.
+    pub fn see_more(
+        &mut self,
+        image: &Image,
+        states: &[State],
+        gazes: &[Gaze],
+        looks: Looks<'_>,
+        colour: Option<&mut Colour>,
+    ) {
+        let wanted = self.survey(image, states, gazes, looks);
+        let Self { regions, views, used, size } = self;
+        let colours = colour.is_some();
+        let holds = |view: &View, region: Region| {
+            view.pyramid.holds(region, looks.footprints, wanted.unit)
+                && (!colours || view.sums.holds(region.grown(wanted.margin, *size), wanted.step))
+        };
+        regions.retain(|region| !views[..*used].iter().any(|view| holds(view, *region)));
+        if self.used + self.regions.len() > ALL {
+            return self.see(image, states, gazes, looks, colour);
+        }
+        let pad = ((SLACK * wanted.unit.0) as usize, (SLACK * wanted.unit.1) as usize);
+        self.add(image, &wanted, pad, looks, colour);
+    }
+
+    fn survey(&mut self, image: &Image, states: &[State], gazes: &[Gaze], looks: Looks<'_>) -> Wanted {
+        self.size = (image.width(), image.height());
+        looks.survey(self.size, states, gazes, &mut self.regions)
+    }
+
+    fn add(
+        &mut self,
+        image: &Image,
+        wanted: &Wanted,
+        pad: (usize, usize),
+        looks: Looks<'_>,
+        mut colour: Option<&mut Colour>,
+    ) {
+        let Self { regions, views, used, size } = self;
+        for region in &*regions {
+            if *used == views.len() {
+                views.push(View::default());
+            }
+            let view = &mut views[*used];
+            *used += 1;
+            view.region = region.padded(pad, *size);
+            view.pyramid.build(image, view.region, looks.footprints, wanted.unit);
+            if let Some(colour) = &mut colour {
+                colour.sum_up(image, view.region.grown(wanted.margin, *size), wanted.step, &mut view.sums);
+            }
+        }
+    }
+
+    /// One rectangle that has all that looks at these states need, without their colours; none where there is no such.
+    pub fn whole(&mut self, states: &[State], looks: Looks<'_>) -> Option<&View> {
+        let wanted = looks.survey(self.size, states, &[Gaze::CENTRE], &mut self.regions);
+        let region = self.regions.iter().copied().reduce(|a, b| a.union(&b))?;
+        self.views[..self.used].iter().find(|view| view.pyramid.holds(region, looks.footprints, wanted.unit))
+    }
+
+    /// How many rectangles there are.
+    pub fn count(&self) -> usize {
+        self.used
+    }
+
+    /// The k-th rectangle. Panics before anything was seen.
+    pub fn get(&self, k: usize) -> &View {
+        &self.views[k]
+    }
+
+    /// In which rectangle a state is to be looked at, of those that have it the newest.
+    pub fn of(&self, state: &State, gaze: Gaze, looks: Looks<'_>, colours: bool) -> usize {
+        if self.used == 1 {
+            return 0;
+        }
+        let reach = Region::reach(state, &[gaze], looks.half(state), looks.reach);
+        let (window, ring) = (Region::around(self.size, state, reach), looks.ring(self.size, state));
+        let has = |view: &View| view.region.contains(&window) && (!colours || view.sums.covers(ring));
+        (0..self.used).rev().find(|k| has(&self.views[*k])).unwrap_or(0)
+    }
+}
