@@ -1,4 +1,4 @@
-//! A layer of a convolutional network on a small square map: filters, what is negative cut off, means over 2 × 2 places.
+//! A layer of a convolutional network on a small square map: filters, what is negative cut off, means over neighbouring places.
 //!
 //! Maps have their channels side by side: value c of place (x, y) is at (y · side + x) · channels + c.
 
@@ -27,8 +27,8 @@ pub struct Layer<'a> {
 }
 
 levels! {
-    /// `out` ← means over 2 × 2 places of max(0, bias + filter · `map`), with the filters at all places where they lie in the map:
-    /// `((side - size + 1) / 2)²` places of as many channels as there are filters.
+    /// `out` ← means over `pool` × `pool` places of max(0, bias + filter · `map`), with the filters at all places where they lie in the
+    /// map: `((side - size + 1) / pool)²` places of as many channels as there are filters.
     ///
     /// # Panics
     /// If filters are no multiple of 16, places of filters along a side no multiple of 4, or a length is another.
@@ -90,12 +90,14 @@ mod tests {
     /// The definition, by plain loops in f64.
     #[test]
     fn agree_with_the_twin() {
-        for (side, channels, size, filters) in [(18, 1, 3, 16), (10, 19, 3, 32), (8, 5, 1, 16), (9, 2, 2, 48)] {
+        for (side, channels, size, pool, filters) in
+            [(18, 1, 3, 2, 16), (10, 19, 3, 1, 32), (4, 76, 1, 1, 48), (9, 2, 2, 2, 16)]
+        {
             let (map, bias) = (values(side * side * channels, 1), values(filters, 2));
             let weights = values(size * size * channels * filters, 3);
-            let layer = Layer { side, channels, size, weights: &weights, bias: &bias };
+            let layer = Layer { side, channels, size, pool, weights: &weights, bias: &bias };
             let places = side + 1 - size;
-            let mut exact = vec![0.0f64; places * places / 4 * filters];
+            let mut exact = vec![0.0f64; (places / pool).pow(2) * filters];
             for (place, f) in (0..places * places).flat_map(|place| (0..filters).map(move |f| (place, f))) {
                 let (x, y) = (place % places, place / places);
                 let mut sum = f64::from(bias[f]);
@@ -103,7 +105,7 @@ mod tests {
                     let value = map[((y + i / size) * side + x + i % size) * channels + c];
                     sum += f64::from(value) * f64::from(weights[(i * channels + c) * filters + f]);
                 }
-                exact[(y / 2 * (places / 2) + x / 2) * filters + f] += sum.max(0.0) / 4.0;
+                exact[(y / pool * (places / pool) + x / pool) * filters + f] += sum.max(0.0) / (pool * pool) as f64;
             }
             for level in Level::all() {
                 let mut out = vec![f32::NAN; exact.len()];
@@ -118,7 +120,7 @@ mod tests {
     #[test]
     #[should_panic(expected = "not a multiple of 16")]
     fn half_lanes_are_refused() {
-        let layer = Layer { side: 6, channels: 1, size: 3, weights: &[0.0; 72], bias: &[0.0; 8] };
+        let layer = Layer { side: 6, channels: 1, size: 3, pool: 2, weights: &[0.0; 72], bias: &[0.0; 8] };
         convolve(&layer, &[0.0; 36], &mut [0.0; 32]);
     }
 }
