@@ -25,7 +25,7 @@ const SOFT: f32 = 1e-4;
 const FLAT: f32 = 0.05;
 
 /// Values of the map between the layers, at most.
-const BETWEEN: usize = ((MOST.1 - SIZE + 1) / 2).pow(2) * (MOST.0 + 3);
+const BETWEEN: usize = (MOST.1 / 2).pow(2) * (MOST.0 + 3);
 
 /// Two layers of filters.
 #[derive(Clone, Debug)]
