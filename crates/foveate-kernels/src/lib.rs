@@ -14,6 +14,7 @@ mod adam;
 mod boxes;
 mod classes;
 mod colour;
+mod convolve;
 mod covariance;
 mod ends;
 mod exponential;
@@ -41,6 +42,7 @@ pub use adam::{Adam, adam};
 pub use boxes::{BoxScratch, Pixels, Region, box_means};
 pub use classes::{add_to_both, softplus_sum};
 pub use colour::{blue_yellow, luma, red_green};
+pub use convolve::{FILTERS, Layer, convolve};
 pub use covariance::{
     Covariance, Points, Posterior, covariances, covariances_with, likelihood_gradient, predict, slopes_times,
 };

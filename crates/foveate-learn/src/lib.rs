@@ -3,5 +3,6 @@
 
 pub mod autoencoder;
 pub mod kmeans;
+pub mod network;
 pub mod rbm;
 pub mod softmax;

@@ -8,12 +8,15 @@ use super::identity::{Places, channels};
 use crate::identity::convolution::ConvolutionEncoder;
 use crate::identity::encoder::Encoder;
 use crate::identity::factored::FactoredEncoder;
+use crate::identity::network::NetworkEncoder;
 use crate::identity::rbm_encoder::RbmEncoder;
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
 use foveate_base::{Error, Result};
 use foveate_learn::autoencoder::Autoencoder;
 use foveate_learn::kmeans::KMeans;
+use foveate_learn::network::{self, Network};
 use foveate_learn::rbm::factored::FactoredRbm;
+use foveate_learn::rbm::io::command;
 use foveate_learn::rbm::{Metadata, Rbm};
 
 /// A first layer with the retina it was trained on, which is the given one where one is given.
@@ -50,6 +53,13 @@ pub(super) fn first_layer(
             let encoder = ConvolutionEncoder::new(&model, retina.cells(), *pool, *threshold)?;
             Ok((retina, Arc::new(encoder)))
         }
+        EncoderConfig::Convolutional { weights, gradients } => {
+            NetworkEncoder::check(*gradients)?;
+            let (model, metadata) = model(weights, places, Network::from_bytes)?;
+            let retina = trained_retina(weights, &metadata, given, network::KIND)?;
+            let encoder = NetworkEncoder::new(model, retina.cells(), *gradients)?;
+            Ok((retina, Arc::new(encoder)))
+        }
         EncoderConfig::Oriented { .. } | EncoderConfig::Raw { .. } => unreachable!("these have no learned weights"),
     }
 }
@@ -59,7 +69,7 @@ fn trained_retina(weights: &str, metadata: &Metadata, given: Option<FovealConfig
     let trained: FovealConfig = serde_json::from_str(&metadata.retina).map_err(|e| {
         Error::malformed(
             weights,
-            format!("its metadata does not describe a retina ({e}); retrain it with `foveate train {kind}`"),
+            format!("its metadata does not describe a retina ({e}); retrain it with `{}`", command(kind)),
         )
     })?;
     if given.is_some_and(|g| g != trained) {
@@ -93,5 +103,6 @@ const MODELS: &[(&str, &[u8])] = &[
     ("natural", include_bytes!("../../models/natural.safetensors")),
     ("natural-mcrbm", include_bytes!("../../models/natural-mcrbm.safetensors")),
     ("natural-autoencoder", include_bytes!("../../models/natural-autoencoder.safetensors")),
+    ("natural-network", include_bytes!("../../models/natural-network.safetensors")),
     ("natural-kmeans", include_bytes!("../../models/natural-kmeans.safetensors")),
 ];

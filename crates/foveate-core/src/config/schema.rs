@@ -163,6 +163,16 @@ pub enum EncoderConfig {
         #[serde(default)]
         threshold: f32,
     },
+    /// A small convolutional network: `weights` is a model file, or `builtin:natural-network`, as if left out.
+    #[cfg(feature = "learn")]
+    Convolutional {
+        /// The model.
+        #[serde(default = "natural_network")]
+        weights: String,
+        /// Share of its features that are hand-made gradients, as the oriented encoder has them: 0, none of them, to 1.
+        #[serde(default)]
+        gradients: f32,
+    },
     /// Gradients in eight directions, grey and colour of a retina of one ring.
     Oriented {
         /// What each of them counts.
@@ -237,6 +247,11 @@ fn natural_autoencoder() -> String {
 #[cfg(feature = "learn")]
 fn natural_kmeans() -> String {
     "builtin:natural-kmeans".into()
+}
+
+#[cfg(feature = "learn")]
+fn natural_network() -> String {
+    "builtin:natural-network".into()
 }
 
 fn yes() -> bool {

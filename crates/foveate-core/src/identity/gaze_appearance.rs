@@ -442,7 +442,8 @@ mod tests {
         let (size, mut rng) = ((700, 500), Streams::new(3, 0).rng(5));
         let image =
             Image::new(size.0, size.1, 3, (0..size.0 * size.1 * 3).map(|_| rng.random()).collect()).expect("bytes");
-        let mut it = appearance(Precision::F32, Kind::Cosine).colouring(Some(colour::Settings::default()));
+        let mut it =
+            appearance(Precision::F32, Kind::Cosine).colouring(Some(crate::identity::colour::Settings::default()));
         it.init_template(&image, &State { x: 200.0, y: 150.0, ..State::default() }, EXTENT, Streams::new(3, 0));
         let mut about =
             |x: f64, y: f64| State { x: x + rng.random::<f64>(), y: y + rng.random::<f64>(), ..State::default() };

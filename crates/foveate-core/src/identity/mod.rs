@@ -23,6 +23,8 @@ pub mod gaze_appearance;
 mod integral;
 #[cfg(feature = "learn")]
 pub mod multi_fixation;
+#[cfg(feature = "learn")]
+pub mod network;
 mod numbers;
 pub mod oriented;
 pub mod pyramid;

@@ -118,7 +118,12 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
 
 /// An error of a model file of this kind.
 pub fn refuse(path: &Path, problem: &str, kind: &str) -> Error {
-    Error::malformed(path, format!("not a usable model: {problem}; `foveate train {kind}` makes one"))
+    Error::malformed(path, format!("not a usable model: {problem}; `{}` makes one", command(kind)))
+}
+
+/// What trains a model of this kind.
+pub fn command(kind: &str) -> String {
+    if kind == "network" { "bench/train_network.py".into() } else { format!("foveate train {kind}") }
 }
 
 /// The bytes of a file of tensors.

@@ -138,6 +138,7 @@ fn encoder(config: &EncoderConfig) -> &'static str {
         EncoderConfig::Mcrbm { .. } => "factored RBM (`mcrbm`)",
         EncoderConfig::Autoencoder { .. } => "autoencoder (`autoencoder`)",
         EncoderConfig::Kmeans { .. } => "k-means filters (`kmeans`)",
+        EncoderConfig::Convolutional { .. } => "convolutional network (`convolutional`)",
     }
 }
 
