@@ -134,6 +134,7 @@ impl Blueprint {
         let (retina, encoder) = (self.retina.clone(), self.encoder.clone());
         let appearance = GazeAppearance::new(retina, encoder, c.likelihood.distance, c.likelihood.rule()?)?
             .discounting_background(c.likelihood.background_discount)
+            .steady(c.sensor.as_ref().is_some_and(|sensor| sensor.fovea.is_some()))
             .colouring(c.colour);
         let appearance = match c.discriminant {
             Some(settings) => appearance.discriminating(settings),

@@ -137,6 +137,11 @@ impl Colour {
         self.sums.fill(image, region, step, &mut self.bins);
     }
 
+    /// Left column, top row, width and height of what [`Colour::see`] read, pixels.
+    pub fn read(&self) -> (usize, usize, usize, usize) {
+        self.sums.read()
+    }
+
     /// Whether what these states need of the frame seen last is there.
     pub fn holds(&self, states: &[State], extent: Extent) -> bool {
         let (region, step) = needed(states, extent);

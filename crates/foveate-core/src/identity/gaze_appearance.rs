@@ -18,7 +18,7 @@ use super::pyramid::{Pyramid, Region};
 use super::retina::Retina;
 use super::{Appearance, Percept, ReferenceLikelihood, calibrate, discriminant};
 use crate::geometry::{Extent, Fixation, Gaze, State};
-use crate::scene::Image;
+use crate::scene::{Image, Meter};
 use foveate_base::rng::Streams;
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
@@ -55,6 +55,10 @@ pub struct GazeAppearance {
     dense: Option<Dense>,
     discriminant: Option<Discriminant>,
     colour: Option<Colour>,
+    /// Gazes move what a sensor reads, and the retina stays at the centre.
+    steady: bool,
+    /// What was read of the frame.
+    meter: Meter,
 }
 
 /// What `init_template` learned.
@@ -110,6 +114,8 @@ impl GazeAppearance {
             scratch,
             discriminant: None,
             colour: None,
+            steady: false,
+            meter: Meter::default(),
         })
     }
 
@@ -131,6 +137,11 @@ impl GazeAppearance {
     /// Learns while tracking the colours of the target and of its surroundings, by these settings.
     pub fn colouring(self, settings: Option<colour::Settings>) -> Self {
         Self { colour: settings.map(Colour::new), ..self }
+    }
+
+    /// The whole box is looked at under every gaze: gazes say where a sensor reads sharply.
+    pub fn steady(self, steady: bool) -> Self {
+        Self { steady, ..self }
     }
 
     /// Nats per unit of distance in use; `None` before there is a template.
@@ -316,12 +327,22 @@ impl Appearance for GazeAppearance {
     }
 
     fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
+        let gazes = if self.steady { &[Gaze::CENTRE] } else { gazes };
         let extent = self.extent();
-        self.colour.iter_mut().for_each(|colour| colour.see(image, states, extent));
+        if let Some(colour) = &mut self.colour {
+            colour.see(image, states, extent);
+            self.meter.add(colour.read());
+        }
         let region = Region::covering(image, states, gazes, extent, self.reach());
         let kept = self.kept.as_ref().expect("a template is kept before the first look");
         let image = dim(image, &kept.image, self.discounting_background, &mut self.dimmed);
         self.pyramid.build(image, region, self.retina.footprints(), units(states, extent));
+        self.meter.add(self.pyramid.used());
+    }
+
+    fn measure(&mut self, meter: &mut Meter) {
+        meter.add_all(&self.meter);
+        self.meter.clear();
     }
 
     fn see_more(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
@@ -335,14 +356,15 @@ impl Appearance for GazeAppearance {
     // Deviation: the paper prints exp(−d), without a sharpness; that tracks nothing.
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
         let sharpness = self.kept().sharpness;
-        self.distances(states, gaze, out);
+        self.distances(states, if self.steady { Gaze::CENTRE } else { gaze }, out);
         out.iter_mut().for_each(|d| *d *= -sharpness);
     }
 
     fn perceive(&mut self, state: &State, gaze: Gaze, percept: &mut Percept) {
         let (n_v, n_h) = self.encoder.shape();
-        self.template_features(gaze);
         percept.gaze = gaze;
+        let gaze = if self.steady { Gaze::CENTRE } else { gaze };
+        self.template_features(gaze);
         percept.glimpse.resize(n_v, 0.0);
         percept.features.resize(n_h, 0.0);
         self.retina.look(&self.pyramid, state.fixate(gaze, self.extent()), &mut percept.glimpse);

@@ -33,6 +33,8 @@ const WIDEST_BOX: f64 = 2048.0;
 pub struct Pyramid {
     levels: Vec<Level>,
     region: Option<Region>,
+    /// The pixels that the boxes of that region can reach.
+    source: Option<Region>,
     channel: Vec<u8>,
     scratch: kernels::BoxScratch,
 }
@@ -100,7 +102,7 @@ impl Pyramid {
 
     /// Fills the levels for one region of an image. `unit` is pixels per template unit along u and v.
     pub fn build(&mut self, image: &Image, region: Region, footprints: &[Footprint], unit: (f64, f64)) {
-        self.region = Some(region);
+        (self.region, self.source) = (Some(region), None);
         self.levels.resize_with(footprints.len(), Level::default);
         for channel in 0..3 {
             if footprints.iter().all(|f| f.channel != channel) {
@@ -110,7 +112,9 @@ impl Pyramid {
             let widest = footprints.iter().filter(|f| f.channel == channel).map(|f| f.side).fold(0.0, f64::max);
             // The channel is made where boxes can reach, not everywhere.
             let margin = |u: f64| (widest * u).ceil().min(WIDEST_BOX) as usize + 1;
-            let source = if plain { whole(image) } else { grow(region, image, margin(unit.0), margin(unit.1)) };
+            let reached = grow(region, image, margin(unit.0), margin(unit.1));
+            self.source = Some(self.source.filter(|s| s.contains(&reached)).unwrap_or(reached));
+            let source = if plain { whole(image) } else { reached };
             if !plain {
                 self.channel.resize(self.channel.len().max(source.width * source.height), 0);
                 make_channel(image, channel, source, &mut self.channel);
@@ -121,6 +125,11 @@ impl Pyramid {
                 level.fill(bytes, source, region, &mut self.scratch);
             }
         }
+    }
+
+    /// Left column, top row, width and height of the pixels that [`Pyramid::build`] used; nothing before it.
+    pub fn used(&self) -> (usize, usize, usize, usize) {
+        self.source.map_or((0, 0, 0, 0), |s| (s.x, s.y, s.width, s.height))
     }
 
     /// Reads one bilinear tap of `level` for each cell offset (`du`, `dv`, template units) around each fixation; those of
