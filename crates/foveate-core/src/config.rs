@@ -101,12 +101,29 @@ impl Config {
                     .into(),
             ));
         }
+        if self.sensor.is_some() && (self.detector.is_some() || self.multi_target.is_some()) {
+            return Err(Error::Config(
+                "sensor: detectors and many targets need whole pictures; leave out [detector] and [multi_target], or [sensor]".into(),
+            ));
+        }
+        if self.sensor.as_ref().is_some_and(|s| s.fovea.is_some()) && self.policy.looks_often() {
+            return Err(Error::Config(
+                "sensor: its fovea is at one gaze a frame; policy.kind may be contextual, fixed, random, circular, exp3 or gp-ucb, or \
+                 leave sensor.fovea out"
+                    .into(),
+            ));
+        }
         let (retina, encoder) = self.identity(files)?;
         let recogniser = self.recogniser.as_ref().map(|r| r.read(files)).transpose()?;
         let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![], recogniser };
         blueprint.parts()?;
         Ok(blueprint)
     }
+}
+
+/// Whether a retina at the centre of the box sees all of it: then a sensor's gaze need not move it.
+fn covers_the_box(retina: &Foveal) -> bool {
+    retina.footprints().iter().any(|f| f.reach + 0.5 * f.side >= 1.0)
 }
 
 /// A checked configuration: trackers made from it cannot fail to fit.
@@ -134,7 +151,7 @@ impl Blueprint {
         let (retina, encoder) = (self.retina.clone(), self.encoder.clone());
         let appearance = GazeAppearance::new(retina, encoder, c.likelihood.distance, c.likelihood.rule()?)?
             .discounting_background(c.likelihood.background_discount)
-            .steady(c.sensor.as_ref().is_some_and(|sensor| sensor.fovea.is_some()))
+            .steady(c.sensor.as_ref().is_some_and(|sensor| sensor.fovea.is_some()) && covers_the_box(&*self.retina))
             .colouring(c.colour);
         let appearance = match c.discriminant {
             Some(settings) => appearance.discriminating(settings),

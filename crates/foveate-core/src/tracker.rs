@@ -186,7 +186,9 @@ impl Tracker {
     /// As [`Tracker::update`].
     pub fn update_with<'a>(&'a mut self, image: &'a Image, detections: &'a [Detection]) -> Result<Output<'a>> {
         if self.sensor.is_some() {
-            return Err(Error::Invalid("a tracker with [sensor] reads no detections of others; leave [sensor] out".into()));
+            return Err(Error::Invalid(
+                "a tracker with [sensor] reads no detections of others; leave [sensor] out".into(),
+            ));
         }
         self.prepare(image)?;
         let step = self.engine.step(Scene { image, detections });

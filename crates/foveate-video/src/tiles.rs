@@ -11,8 +11,8 @@ use std::sync::{Mutex, PoisonError};
 use crate::decode::decode_image;
 use crate::save_png;
 use foveate_base::{Error, Result};
-use foveate_core::scene::sensor::{Regions, Window};
 use foveate_core::scene::Image;
+use foveate_core::scene::sensor::{Regions, Window};
 
 /// The most levels that are looked for.
 const LEVELS: usize = 16;
@@ -50,7 +50,8 @@ impl TileFolder {
             return Err(Error::malformed(path, "no folder of tiles in it; expected one a frame, as FRAME/0/0_0.png"));
         };
         let tile = load(first, 0, (0, 0))?;
-        let count = |at: &dyn Fn(usize) -> (usize, usize)| (0..).take_while(|i| file(first, 0, at(*i)).is_some()).count();
+        let count =
+            |at: &dyn Fn(usize) -> (usize, usize)| (0..).take_while(|i| file(first, 0, at(*i)).is_some()).count();
         let (columns, rows) = (count(&|i| (i, 0)), count(&|i| (0, i)));
         let last = load(first, 0, (columns - 1, rows - 1))?;
         let (w, h) = (tile.width(), tile.height());
@@ -89,15 +90,19 @@ impl Regions for Tiles<'_> {
         let (tw, th) = self.folder.tiles[level];
         let mut decoded = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
         let mut values = 0;
-        for (row, column) in (window.y >> level..=(bottom - 1) >> level)
-            .step_by(th)
-            .chain([(bottom - 1) >> level])
-            .flat_map(|y| (window.x >> level..=(right - 1) >> level).step_by(tw).chain([(right - 1) >> level]).map(move |x| (y / th, x / tw)))
+        for (row, column) in
+            (window.y >> level..=(bottom - 1) >> level).step_by(th).chain([(bottom - 1) >> level]).flat_map(|y| {
+                (window.x >> level..=(right - 1) >> level)
+                    .step_by(tw)
+                    .chain([(right - 1) >> level])
+                    .map(move |x| (y / th, x / tw))
+            })
         {
             if let std::collections::hash_map::Entry::Vacant(free) = decoded.entry((level, column, row)) {
                 let tile = load(self.path, level, (column, row))?;
                 if tile.planes() != planes {
-                    let problem = format!("expected tiles of {planes} planes as in the first frame, found {}", tile.planes());
+                    let problem =
+                        format!("expected tiles of {planes} planes as in the first frame, found {}", tile.planes());
                     return Err(Error::malformed(self.path, problem));
                 }
                 values += tile.bytes().len();
@@ -116,7 +121,10 @@ impl Regions for Tiles<'_> {
                 let (a, b) = (from >> level, (from + bin).min(end).div_ceil(1 << level));
                 a..b.max(a + 1).min(((end - 1) >> level) + 1).max(a + 1)
             };
-            let (xs, ys) = (along(window.x + i * window.bin.0, window.bin.0, right), along(window.y + j * window.bin.1, window.bin.1, bottom));
+            let (xs, ys) = (
+                along(window.x + i * window.bin.0, window.bin.0, right),
+                along(window.y + j * window.bin.1, window.bin.1, bottom),
+            );
             let count = (xs.len() * ys.len()) as u32;
             let sum: u32 = ys.flat_map(|y| xs.clone().map(move |x| (x, y))).map(|(x, y)| at(p, x, y)).sum();
             *out = ((sum + count / 2) / count) as u8;
@@ -182,16 +190,26 @@ mod tests {
         assert_eq!((folder.len(), folder.frame(1).is_none()), (1, true));
         let tiles = folder.frame(0).expect("one frame");
         assert_eq!(tiles.shape(), [210, 130, 3]);
-        for (x, y, columns, rows, bin) in
-            [(0, 0, 210, 130, (1, 1)), (33, 17, 40, 21, (1, 1)), (64, 32, 12, 9, (2, 2)), (8, 4, 50, 31, (4, 4)), (7, 3, 20, 11, (1, 3))]
-        {
+        foveate_core::conformance::regions(&image);
+        foveate_core::conformance::regions(&tiles);
+        for (x, y, columns, rows, bin) in [
+            (0, 0, 210, 130, (1, 1)),
+            (33, 17, 40, 21, (1, 1)),
+            (64, 32, 12, 9, (2, 2)),
+            (8, 4, 50, 31, (4, 4)),
+            (7, 3, 20, 11, (1, 3)),
+        ] {
             let window = Window { x, y, columns, rows, bin };
             let (mut found, mut exact) = (vec![0; 3 * columns * rows], vec![0; 3 * columns * rows]);
             let first = tiles.read(window, &mut found).expect("tiles");
             image.read(window, &mut exact).expect("memory");
             let off = found.iter().zip(&exact).map(|(a, b)| a.abs_diff(*b)).max();
             assert!(off <= Some(1), "{window:?}: off by {off:?}");
-            assert_eq!(tiles.read(window, &mut found).expect("tiles"), 0, "no tile is decoded twice, not after {first} values");
+            assert_eq!(
+                tiles.read(window, &mut found).expect("tiles"),
+                0,
+                "no tile is decoded twice, not after {first} values"
+            );
         }
         let mut out = vec![0; 3 * 100];
         let fresh = folder.frame(0).expect("one frame");

@@ -4,7 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 use super::ranges::Ranges;
-use crate::gaze::{Anchor, Bayes, Circular, Contextual, Fixed, Forager, GpUcb, Grid, Hedge, Policy, Pool, Random, Schedule};
+use crate::gaze::{
+    Anchor, Bayes, Circular, Contextual, Fixed, Forager, GpUcb, Grid, Hedge, Policy, Pool, Random, Schedule,
+};
 use crate::geometry::Gaze;
 use foveate_base::Result;
 use foveate_base::error::within;
@@ -106,6 +108,13 @@ pub(super) fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
         PolicyConfig::Contextual(settings) => Box::new(Forager::new(*settings)?),
         PolicyConfig::Anchor { policy: inner } => Box::new(Anchor::new(Gaze::CENTRE, policy(inner)?)),
     })
+}
+
+impl PolicyConfig {
+    /// Whether it asks for more than one gaze a frame.
+    pub(super) fn looks_often(&self) -> bool {
+        matches!(self, Self::Hedge { .. } | Self::Pool { .. } | Self::Anchor { .. })
+    }
 }
 
 impl Ranges for PolicyConfig {

@@ -177,7 +177,9 @@ mod tests {
     #[test]
     fn foragers_keep_the_law() {
         conformance::policy(&|| Box::new(forager(Contextual::default())));
-        conformance::policy(&|| Box::new(forager(Contextual { every: 2, grid: Grid { n: 1, reach: 0.0 }, ..Contextual::default() })));
+        conformance::policy(&|| {
+            Box::new(forager(Contextual { every: 2, grid: Grid { n: 1, reach: 0.0 }, ..Contextual::default() }))
+        });
         for (settings, word) in [
             (Contextual { zoom: -1.0, ..Contextual::default() }, "zoom"),
             (Contextual { widest: 0.5, ..Contextual::default() }, "widest"),
@@ -189,7 +191,8 @@ mod tests {
 
     #[test]
     fn it_looks_wider_the_less_it_knows() {
-        let mut policy = forager(Contextual { zoom: 2.0, calm: 0.3, widest: 3.0, roam: 0.5, covers: 2.0, ..Contextual::default() });
+        let mut policy =
+            forager(Contextual { zoom: 2.0, calm: 0.3, widest: 3.0, roam: 0.5, covers: 2.0, ..Contextual::default() });
         let sure = Context { spread: 0.2, ..Context::default() };
         assert_eq!(plan(&mut policy, &sure).1, 1.0);
         assert!((plan(&mut policy, &Context { spread: 0.5, ..sure }).1 - 1.4).abs() < 1e-12);

@@ -14,7 +14,7 @@ use super::dense::Dense;
 use super::discriminant::Discriminant;
 use super::distance::{Distance, Kind};
 use super::encoder::Encoder;
-use super::pyramid::{Pyramid, Region};
+use super::pyramid::{Pyramid, Region, units};
 use super::retina::Retina;
 use super::{Appearance, Percept, ReferenceLikelihood, calibrate, discriminant};
 use crate::geometry::{Extent, Fixation, Gaze, State};
@@ -26,19 +26,12 @@ use foveate_base::{Error, Result};
 mod dim;
 mod saved;
 
+pub use super::calibrate::Sharpness;
+
 /// Rows encoded at a time: whole blocks of the matrix product, few enough to stay in the second-level cache.
 const CHUNK: usize = 48;
 /// The farthest gaze a template can be read at, in template units.
 const FARTHEST_GAZE: f64 = 1.5;
-
-/// How log-likelihoods follow from distances: log p = −sharpness · d.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Sharpness {
-    /// Given, in nats per unit of distance.
-    Fixed(f64),
-    /// Chosen on the first frame from the scene itself.
-    Calibrated(calibrate::Calibration),
-}
 
 /// Retina, encoder, distance and a template.
 pub struct GazeAppearance {
@@ -296,12 +289,6 @@ impl GazeAppearance {
         self.kept = Some(kept);
         self.scratch.template_gaze = None;
     }
-}
-
-/// Pixels per template unit at the states' mean size.
-fn units(states: &[State], extent: Extent) -> (f64, f64) {
-    let mean = states.iter().map(|s| s.log_scale).sum::<f64>() / states.len() as f64;
-    (mean.exp() * extent.half_w, mean.exp() * extent.half_h)
 }
 
 impl Appearance for GazeAppearance {

@@ -79,6 +79,12 @@ impl Region {
     }
 }
 
+/// Pixels per template unit at the states' mean size.
+pub(super) fn units(states: &[State], extent: Extent) -> (f64, f64) {
+    let mean = states.iter().map(|s| s.log_scale).sum::<f64>() / states.len() as f64;
+    (mean.exp() * extent.half_w, mean.exp() * extent.half_h)
+}
+
 /// How far a box may be from the side it is to have, in pixels, where it was made for other states of the frame.
 const NEARLY: f64 = 0.75;
 

@@ -161,7 +161,10 @@ impl Sensor {
         }
         if self.settings.overview > 0 {
             let bin = width.min(height).div_ceil(self.settings.overview);
-            self.read(source, Window { x: 0, y: 0, columns: width.div_ceil(bin), rows: height.div_ceil(bin), bin: (bin, bin) })?;
+            self.read(
+                source,
+                Window { x: 0, y: 0, columns: width.div_ceil(bin), rows: height.div_ceil(bin), bin: (bin, bin) },
+            )?;
         }
         Ok(())
     }
@@ -195,14 +198,22 @@ impl Sensor {
     /// # Errors
     /// Where the source cannot be read.
     pub fn imprint(&mut self, source: &dyn Regions, at: &State, extent: Extent) -> Result<()> {
-        let (reach, finest) = self.settings.patches().fold((0.0f64, f64::INFINITY), |(reach, finest), [r, side]| {
-            (reach.max(r), finest.min(2.0 * r / side))
-        });
+        let (reach, finest) = self
+            .settings
+            .patches()
+            .fold((0.0f64, f64::INFINITY), |(reach, finest), [r, side]| (reach.max(r), finest.min(2.0 * r / side)));
         self.patch(source, at, extent, Gaze::CENTRE, [reach, 2.0 * reach / finest])
     }
 
     /// Reads a square of the template about a gaze, cut to the picture.
-    fn patch(&mut self, source: &dyn Regions, at: &State, extent: Extent, gaze: Gaze, [reach, side]: Patch) -> Result<()> {
+    fn patch(
+        &mut self,
+        source: &dyn Regions,
+        at: &State,
+        extent: Extent,
+        gaze: Gaze,
+        [reach, side]: Patch,
+    ) -> Result<()> {
         let [width, height, _] = source.shape();
         let (middle, scale) = (at.fixate(gaze, extent), at.log_scale.exp());
         let along = |centre: f64, half: f64, length: usize| {
@@ -239,7 +250,8 @@ impl Sensor {
             let plane = self.seen.plane_mut(p);
             for y in window.y..bottom {
                 let (j, f) = tap(y - window.y, window.bin.1, window.rows);
-                let (above, below) = (&bins[j * window.columns..], &bins[(j + 1).min(window.rows - 1) * window.columns..]);
+                let (above, below) =
+                    (&bins[j * window.columns..], &bins[(j + 1).min(window.rows - 1) * window.columns..]);
                 line.iter_mut().zip(above).zip(below).for_each(|((l, a), b)| {
                     *l = f32::from(*a) + f * (f32::from(*b) - f32::from(*a)) + 0.5;
                 });

@@ -226,7 +226,11 @@ mod tests {
         let sequences = two(&dir.path().join("seqs"));
         let runner = |s: &Sequence, seed: u64| {
             let off = if s.name == "A" { 0.25 } else { 0.25 + seed as f64 };
-            Ok(TrackRun { boxes: vec![at(0.0), at(1.0 + off), at(2.0 + off)], seconds: vec![1.0, 0.01, 0.03], read: None })
+            Ok(TrackRun {
+                boxes: vec![at(0.0), at(1.0 + off), at(2.0 + off)],
+                seconds: vec![1.0, 0.01, 0.03],
+                read: None,
+            })
         };
         let out = dir.path().join("ours");
         let mut told = 0;

@@ -82,7 +82,9 @@ pub fn json(evaluations: &[Evaluation]) -> Value {
 }
 
 fn heads(first: &str) -> Vec<String> {
-    [first, "frames", "AUC", "P@20", "SR@0.5", "error px", "failures", "failure %", "fps", "values", "read %"].map(String::from).into()
+    [first, "frames", "AUC", "P@20", "SR@0.5", "error px", "failures", "failure %", "fps", "values", "read %"]
+        .map(String::from)
+        .into()
 }
 
 fn figures(name: &str, s: &Score) -> Vec<String> {

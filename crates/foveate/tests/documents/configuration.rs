@@ -17,7 +17,7 @@ policy = { kind = "fixed" }
 "#;
 
 /// What a section is for and when to change it: the first words of its reference.
-const INTRODUCTIONS: [(&str, &str); 20] = [
+const INTRODUCTIONS: [(&str, &str); 21] = [
     ("resampling", "The selection step of the particle filter. Change it to compare schemes."),
     (
         "dynamics",
@@ -62,6 +62,12 @@ const INTRODUCTIONS: [(&str, &str); 20] = [
         "distractors",
         "Local distractor search: places near the target that look like it are found in every frame and learned as not the target. It \
          needs `[discriminant]`. Lengths are in template units.",
+    ),
+    (
+        "sensor",
+        "Which values are read of each frame, where not all of them may be: a region read-out, tiles of a large picture. A window is \
+         `[reach, values]`: half its side in template units, and the most values along a side of it, of each plane. Whole pictures are \
+         read unless it is given.",
     ),
     (
         "policy",
