@@ -106,10 +106,9 @@ impl Config {
                 "sensor: detectors and many targets need whole pictures; leave out [detector] and [multi_target], or [sensor]".into(),
             ));
         }
-        if self.sensor.as_ref().is_some_and(|s| s.fovea.is_some()) && self.policy.looks_often() {
+        if self.sensor.is_some() && self.policy.looks_often() {
             return Err(Error::Config(
-                "sensor: its fovea is at one gaze a frame; policy.kind may be contextual, fixed, random, circular, exp3 or gp-ucb, or \
-                 leave sensor.fovea out"
+                "sensor: its fovea is at one gaze a frame; policy.kind may be contextual, fixed, random, circular, exp3 or gp-ucb"
                     .into(),
             ));
         }
@@ -151,7 +150,7 @@ impl Blueprint {
         let (retina, encoder) = (self.retina.clone(), self.encoder.clone());
         let appearance = GazeAppearance::new(retina, encoder, c.likelihood.distance, c.likelihood.rule()?)?
             .discounting_background(c.likelihood.background_discount)
-            .steady(c.sensor.as_ref().is_some_and(|sensor| sensor.fovea.is_some()) && covers_the_box(&*self.retina))
+            .steady(c.sensor.is_some() && covers_the_box(&self.retina))
             .colouring(c.colour);
         let appearance = match c.discriminant {
             Some(settings) => appearance.discriminating(settings),

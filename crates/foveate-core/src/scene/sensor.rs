@@ -11,8 +11,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Image;
 use crate::geometry::{Extent, Gaze, State};
+use foveate_base::Result;
 use foveate_base::error::within;
-use foveate_base::{Error, Result};
 
 /// What unread places look like: neither bright nor dark.
 const UNREAD: u8 = 128;
@@ -91,9 +91,13 @@ pub struct SensorSettings {
     /// Windows about the place where the target is expected, the widest first.
     #[serde(default)]
     pub windows: Vec<Patch>,
-    /// What is read at the gaze; left out, the gaze reads nothing. Where a policy asks for many gazes a frame, they share its values.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub fovea: Option<Patch>,
+    /// What is read at the gaze. Where a policy asks for many gazes a frame, they share its values.
+    #[serde(default = "two_boxes")]
+    pub fovea: Patch,
+}
+
+fn two_boxes() -> Patch {
+    [2.0, 16.0]
 }
 
 impl SensorSettings {
@@ -104,16 +108,10 @@ impl SensorSettings {
             within("sensor: how far a window reaches", reach, 0.01, 50.0)?;
             within("sensor: values along the side of a window", side, 1.0, 4096.0)?;
         }
-        if self.windows.is_empty() && self.fovea.is_none() {
-            return Err(Error::Config(
-                "sensor reads nothing about the target: give windows, a fovea or both; for example windows = [[3.0, 24]], fovea = [0.5, 16]"
-                    .into(),
-            ));
-        }
         Ok(())
     }
     fn patches(&self) -> impl Iterator<Item = Patch> + '_ {
-        self.windows.iter().chain(&self.fovea).copied()
+        self.windows.iter().chain([&self.fovea]).copied()
     }
 }
 
@@ -184,13 +182,9 @@ impl Sensor {
         for k in 0..self.settings.windows.len() {
             self.patch(source, at, extent, Gaze::CENTRE, self.settings.windows[k])?;
         }
-        if let Some([reach, side]) = self.settings.fovea {
-            let side = (side / (gazes.len() as f64).sqrt()).max(1.0);
-            for gaze in gazes {
-                self.patch(source, at, extent, *gaze, [reach * wider, side])?;
-            }
-        }
-        Ok(())
+        let [reach, side] = self.settings.fovea;
+        let side = (side / (gazes.len() as f64).sqrt()).max(1.0);
+        gazes.iter().try_for_each(|gaze| self.patch(source, at, extent, *gaze, [reach * wider, side]))
     }
 
     /// The first look at a target, in the frame it was given in: the widest window, and as sharp as the sharpest.
@@ -294,7 +288,7 @@ mod tests {
         Image::new(130, 90, planes, (0..130 * 90 * planes).map(value).collect()).expect("a picture")
     }
 
-    fn sensor(overview: usize, windows: Vec<Patch>, fovea: Option<Patch>) -> Sensor {
+    fn sensor(overview: usize, windows: Vec<Patch>, fovea: Patch) -> Sensor {
         let settings = SensorSettings { overview, windows, fovea };
         settings.check().expect("in range");
         Sensor::new(settings)
@@ -309,7 +303,7 @@ mod tests {
     /// A window fine enough is the picture itself, and what was read of the last frame is gone.
     #[test]
     fn it_shows_what_it_read_and_nothing_else() {
-        let (image, mut sensor) = (picture(3), sensor(0, vec![[1.0, 64.0]], None));
+        let (image, mut sensor) = (picture(3), sensor(0, vec![], [1.0, 64.0]));
         for (x, y) in [(60.0, 40.0), (5.0, 80.0), (129.0, 0.0)] {
             sensor.begin(&image).expect("memory");
             sensor.look(&image, &State { x, y, ..AT }, EXTENT, (&[Gaze::CENTRE], 1.0)).expect("memory");
@@ -329,7 +323,7 @@ mod tests {
     #[test]
     fn it_reads_no_more_than_it_may() {
         let image = picture(1);
-        let mut sensor = sensor(6, vec![[3.0, 8.0]], Some([0.5, 12.0]));
+        let mut sensor = sensor(6, vec![[3.0, 8.0]], [0.5, 12.0]);
         let nine = [Gaze::CENTRE; 9];
         for (scale, wider) in [(-2.0, 1.0), (0.0, 1.0), (0.0, 7.0), (1.5, 1.0), (6.0, 3.0)] {
             for gazes in [&nine[..1], &nine] {
@@ -345,9 +339,10 @@ mod tests {
         let wrong = |settings: SensorSettings, word: &str| {
             assert!(settings.check().expect_err(word).to_string().contains(word));
         };
-        wrong(SensorSettings { overview: 8, windows: vec![], fovea: None }, "reads nothing");
-        wrong(SensorSettings { overview: 8000, windows: vec![], fovea: None }, "overview");
-        wrong(SensorSettings { overview: 0, windows: vec![[0.0, 3.0]], fovea: None }, "reaches");
-        wrong(SensorSettings { overview: 0, windows: vec![], fovea: Some([1.0, f64::NAN]) }, "side");
+        let usual = || SensorSettings { overview: 8, windows: vec![], fovea: two_boxes() };
+        assert!(usual().check().is_ok());
+        wrong(SensorSettings { overview: 8000, ..usual() }, "overview");
+        wrong(SensorSettings { windows: vec![[0.0, 3.0]], ..usual() }, "reaches");
+        wrong(SensorSettings { fovea: [1.0, f64::NAN], ..usual() }, "side");
     }
 }

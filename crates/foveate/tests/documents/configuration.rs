@@ -285,6 +285,8 @@ impl Part<'_> {
             ("String", _) => "text".into(),
             ("Schedule", _) => "number, `\"anytime\"` or `{ frames = 300 }`".into(),
             ("[f64; CUES]", _) => "9 numbers".into(),
+            ("Patch", _) => "`[reach, values]`".into(),
+            ("Vec<Patch>", _) => "list of `[reach, values]`".into(),
             ("Vec<[usize; 2]>", _) => "list of `[window, cell]`".into(),
             (kind, _) => panic!("{key}: say what a {kind} is in tests/documents/configuration.rs"),
         };
