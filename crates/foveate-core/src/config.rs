@@ -107,12 +107,28 @@ impl Config {
                     .into(),
             ));
         }
+        if self.sensor.is_some() && (self.detector.is_some() || self.multi_target.is_some()) {
+            return Err(Error::Config(
+                "sensor: detectors and many targets need whole pictures; leave out [detector] and [multi_target], or [sensor]".into(),
+            ));
+        }
+        if self.sensor.is_some() && self.policy.looks_often() {
+            return Err(Error::Config(
+                "sensor: its fovea is at one gaze a frame; policy.kind may be contextual, fixed, random, circular, exp3 or gp-ucb"
+                    .into(),
+            ));
+        }
         let (retina, encoder) = self.identity(files)?;
         let recogniser = self.recogniser.as_ref().map(|r| r.read(files)).transpose()?;
         let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![], recogniser };
         blueprint.parts()?;
         Ok(blueprint)
     }
+}
+
+/// Whether a retina at the centre of the box sees all of it: then a sensor's gaze need not move it.
+fn covers_the_box(retina: &Foveal) -> bool {
+    retina.footprints().iter().any(|f| f.reach + 0.5 * f.side >= 1.0)
 }
 
 /// A checked configuration: trackers made from it cannot fail to fit.
@@ -140,6 +156,7 @@ impl Blueprint {
         let (retina, encoder) = (self.retina.clone(), self.encoder.clone());
         let appearance = GazeAppearance::new(retina, encoder, c.likelihood.distance, c.likelihood.rule()?)?
             .discounting_background(c.likelihood.background_discount)
+            .steady(c.sensor.is_some() && covers_the_box(&self.retina))
             .colouring(c.colour)
             .fusing(c.fusion);
         let appearance = match c.discriminant {

@@ -4,9 +4,11 @@
 
 mod detector;
 mod proposal;
+mod regions;
 
 pub use self::detector::detector;
 pub use self::proposal::{proposal, proposal_weights};
+pub use self::regions::regions;
 
 use crate::control::{Dynamics, Resampling, Reward};
 use crate::gaze::{Context, Plan, Policy, PolicySnapshot};
@@ -257,7 +259,8 @@ fn play(a: &mut dyn Policy, b: &mut dyn Policy, frames: std::ops::Range<u64>) {
 /// Any tracker's state of mind.
 fn context(rng: &mut Rng) -> Context {
     let [ess, deficit, frame_deficit, spread] = std::array::from_fn(|_| rng.random());
-    Context { ess, deficit, frame_deficit, spread, lost: deficit > 0.6 }
+    let around = [-4.0 * ess, -3.0, 5.0, 9.0 * spread];
+    Context { ess, deficit, frame_deficit, spread, lost: deficit > 0.6, around }
 }
 
 /// Every feature is finite and depends on its own row alone, bit for bit, however many rows are encoded at once.

@@ -21,7 +21,7 @@ use crate::geometry::{Extent, State};
 use crate::identity::{Appearance, Percept};
 use crate::recognition::{Recognition, Recognized};
 use crate::reference::ReferenceLikelihood;
-use crate::scene::{Image, Scene};
+use crate::scene::{Image, Meter, Scene};
 use crate::step::Step;
 use foveate_base::rng::Purpose::Recognize;
 use foveate_base::rng::Streams;
@@ -93,6 +93,8 @@ pub(crate) struct Estimate {
 pub(crate) struct Work {
     /// x̃: the predicted particles.
     pub predicted: Vec<State>,
+    /// Their mean.
+    pub expected: State,
     /// log wₜ₋₁ p/q and the detection likelihood.
     pub log_prior: Vec<f64>,
     pub plan: Plan,
@@ -110,6 +112,9 @@ pub(crate) struct Work {
     pub drawn: Vec<State>,
     pub scores: Vec<f64>,
     pub distractors: Vec<State>,
+    /// Pixels of the frame that were used.
+    pub meter: Meter,
+    pub pixels: usize,
 }
 
 impl Engine {
@@ -128,10 +133,22 @@ impl Engine {
 
     /// One frame of Algorithm 1. Panics before [`Engine::init`].
     pub fn step<'a>(&'a mut self, scene: Scene<'a>) -> Step<'a> {
-        let image = scene.image;
+        self.aim(scene);
+        self.look(scene)
+    }
+
+    /// The first half of a step: where the target is expected, and where to look. Of the picture it needs the size alone.
+    pub fn aim(&mut self, scene: Scene<'_>) {
         self.frame += 1;
         self.predict(scene);
-        self.choose(image);
+        self.expect(scene.image);
+        self.choose();
+    }
+
+    /// The second half, after [`Engine::aim`], with the picture: what was seen, and what follows.
+    pub fn look<'a>(&'a mut self, scene: Scene<'a>) -> Step<'a> {
+        let image = scene.image;
+        self.see(image);
         self.weigh();
         self.learn();
         self.redetect(image);
@@ -140,6 +157,7 @@ impl Engine {
         self.recognise(image, &estimate);
         self.adapt(image, &estimate);
         self.select(&estimate);
+        self.measure();
         self.record(image);
         self.report(scene, estimate, confidence)
     }
@@ -158,6 +176,15 @@ impl Engine {
         }
     }
 
+    /// Counts what was used of the picture; what is recorded for observers is not in it.
+    fn measure(&mut self) {
+        let (parts, w) = (&mut self.parts, &mut self.work);
+        w.meter.clear();
+        parts.appearance.measure(&mut w.meter);
+        parts.recognition.iter().for_each(|recognition| recognition.measure(&mut w.meter));
+        w.pixels = w.meter.pixels();
+    }
+
     /// Everything that the frame computed.
     fn report<'a>(&'a self, scene: Scene<'a>, estimate: Estimate, confidence: TrackConfidence) -> Step<'a> {
         let (parts, w) = (&self.parts, &self.work);
@@ -165,6 +192,7 @@ impl Engine {
         Step {
             number: self.frame,
             image: scene.image,
+            values: w.pixels * scene.image.planes(),
             detections: scene.detections,
             estimate: estimate.mean,
             covariance: estimate.covariance,
@@ -196,6 +224,26 @@ impl Engine {
 
     fn reference(&self) -> ReferenceLikelihood {
         self.parts.appearance.reference()
+    }
+
+    /// Where the target is expected after [`Engine::aim`], and where to look.
+    pub fn aimed(&self) -> (State, &Plan) {
+        (self.work.expected, &self.work.plan)
+    }
+
+    /// The mean of the predicted particles, and the picture about it.
+    fn expect(&mut self, image: &Image) {
+        let (extent, states) = (self.target().extent, &self.work.predicted);
+        let each = 1.0 / states.len() as f64;
+        let sum = states.iter().fold([0.0; 6], |mut sum, s| {
+            sum.iter_mut().zip(s.to_array()).for_each(|(sum, x)| *sum += each * x);
+            sum
+        });
+        let at = State::from_array(sum);
+        let (w, h) = (at.log_scale.exp() * extent.half_w, at.log_scale.exp() * extent.half_h);
+        let (right, bottom) = (image.width() as f64 - 1.0 - at.x, image.height() as f64 - 1.0 - at.y);
+        self.work.expected = at;
+        self.context.around = [-at.x / w, -at.y / h, right / w, bottom / h].map(|edge: f64| edge.clamp(-1e6, 1e6));
     }
 
     /// Whether there is a target: it was given, or the state of a tracker that had one was loaded.

@@ -12,7 +12,7 @@ use crate::geometry::{Extent, Gaze, State};
 use crate::identity::accumulate::{Accumulate, Accumulator};
 use crate::identity::pyramid::Region;
 use crate::identity::{Encoder, Pyramid, Recognizer, Retina};
-use crate::scene::Image;
+use crate::scene::{Image, Meter};
 use foveate_base::rng::Rng;
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
@@ -102,6 +102,11 @@ impl Recognition {
     /// Evidence deficit of the class, 0 to 1: how much it speaks against the target being there; 0 without an alarm.
     pub fn alarm(&self) -> f64 {
         self.alarm.as_ref().map_or(0.0, Alarm::deficit)
+    }
+
+    /// Counts what the last look used of its picture.
+    pub fn measure(&self, meter: &mut Meter) {
+        meter.add(self.pyramid.used());
     }
 
     /// Looks at every gaze that its policy plans for this frame, at `estimate`, and takes in what that says.

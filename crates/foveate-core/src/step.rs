@@ -16,6 +16,9 @@ pub struct Step<'a> {
     pub number: u64,
     /// The picture it is about.
     pub image: &'a Image,
+    /// Values read of the picture, each once: pixels times planes, of bins where a sensor serves them. Looks recorded for
+    /// observers do not count.
+    pub values: usize,
     /// What the tracker was told that a detector found in it.
     pub detections: &'a [Detection],
     /// Mean of the belief.
@@ -79,6 +82,10 @@ impl<'a> Step<'a> {
     /// The target's box.
     pub fn bbox(&self) -> BBox {
         self.estimate.bbox(self.extent)
+    }
+    /// Values read, as a share of those that the picture has: 0 to 1.
+    pub fn share_read(&self) -> f64 {
+        self.values as f64 / self.image.bytes().len() as f64
     }
     /// Pixels per template unit at the estimate's size.
     pub fn unit(&self) -> f64 {

@@ -7,7 +7,7 @@ use crate::config::{Blueprint, Configure};
 use crate::control::Status;
 use crate::engine::{Engine, Parts};
 use crate::geometry::{BBox, Extent, State};
-use crate::scene::{Detection, Image, Preprocessor, Scene};
+use crate::scene::{Detection, Image, Preprocessor, Regions, Scene, Sensor};
 use crate::step::{Region, Step};
 use foveate_base::files::Nowhere;
 use foveate_base::{Error, Result};
@@ -29,6 +29,8 @@ use serde::{Deserialize, Serialize};
 pub struct Tracker {
     engine: Engine,
     preprocessor: Preprocessor,
+    /// What reads pictures, where not all of them is read.
+    sensor: Option<Sensor>,
     /// Width, height and planes of the pictures.
     shape: Option<[usize; 3]>,
 }
@@ -102,7 +104,12 @@ impl Tracker {
     }
 
     pub(crate) fn of(engine: Engine, preprocessor: Preprocessor) -> Self {
-        Self { engine, preprocessor, shape: None }
+        Self { engine, preprocessor, sensor: None, shape: None }
+    }
+
+    /// The same, reading pictures through a sensor.
+    pub fn sensing(self, sensor: Option<Sensor>) -> Self {
+        Self { sensor, ..self }
     }
 
     /// Starts, or starts again, on the target in this box: its template is what is there, and all that was learned before is
@@ -112,10 +119,28 @@ impl Tracker {
     /// [`Error::Invalid`] where the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture; then nothing
     /// has changed.
     pub fn init(&mut self, image: &Image, bbox: BBox) -> Result<()> {
+        if self.sensor.is_some() {
+            return self.init_from(image, bbox);
+        }
         crate::start::check(image, &bbox)?;
         self.preprocessor.look(image);
-        self.shape = Some(shape(image));
+        self.shape = Some(image.shape());
         self.engine.init(image, bbox)
+    }
+
+    /// The same from a source that serves regions of a picture, for a configuration with `[sensor]`: the first look is as wide as
+    /// its widest window and as sharp as its sharpest.
+    ///
+    /// # Errors
+    /// As [`Tracker::init`]; where the configuration has no `[sensor]`; where the source cannot be read.
+    pub fn init_from(&mut self, source: &dyn Regions, bbox: BBox) -> Result<()> {
+        let sensor = self.sensor.as_mut().ok_or_else(unsensed)?;
+        sensor.begin(source)?;
+        crate::start::check(sensor.seen(), &bbox)?;
+        sensor.imprint(source, &State::of(&bbox), Extent::of(&bbox))?;
+        self.preprocessor.look(sensor.seen());
+        self.shape = Some(source.shape());
+        self.engine.init(sensor.seen(), bbox)
     }
 
     /// The next picture of the video.
@@ -123,8 +148,35 @@ impl Tracker {
     /// # Errors
     /// [`Error::Invalid`] before [`Tracker::init`], or where the picture has another size or other planes than the first.
     pub fn update<'a>(&'a mut self, image: &'a Image) -> Result<Output<'a>> {
+        if self.sensor.is_some() {
+            return self.update_from(image);
+        }
         self.prepare(image)?;
-        Ok(self.engine.step(self.preprocessor.scene(image)).into())
+        let step = self.engine.step(self.preprocessor.scene(image));
+        let values = if self.preprocessor.looks_everywhere() { image.bytes().len() } else { step.values };
+        Ok(Step { values, ..step }.into())
+    }
+
+    /// The next picture of the video from a source that serves regions of it, for a configuration with `[sensor]`: first its
+    /// overview is read, then what is about the place where the target is expected, and where the policy looks.
+    ///
+    /// # Errors
+    /// As [`Tracker::update`]; where the configuration has no `[sensor]`; where the source cannot be read: then give the target
+    /// anew.
+    pub fn update_from<'a>(&'a mut self, source: &dyn Regions) -> Result<Output<'a>> {
+        self.check_shape(source.shape())?;
+        let sensor = self.sensor.as_mut().ok_or_else(unsensed)?;
+        sensor.begin(source)?;
+        self.preprocessor.look(sensor.seen());
+        if let Some(flow) = self.preprocessor.flow() {
+            self.engine.compensate(flow, &mut State::default());
+        }
+        self.engine.aim(self.preprocessor.scene(sensor.seen()));
+        let extent = self.engine.extent().expect("there is a target, or the shape were none");
+        let (expected, plan) = self.engine.aimed();
+        sensor.look(source, &expected, extent, (plan.gazes(), plan.wider()))?;
+        let values = sensor.values();
+        Ok(Step { values, ..self.engine.look(self.preprocessor.scene(sensor.seen())) }.into())
     }
 
     /// The same, with what a detector of yours found in the picture, in the place of the configuration's own. Detections count
@@ -133,33 +185,49 @@ impl Tracker {
     /// # Errors
     /// As [`Tracker::update`].
     pub fn update_with<'a>(&'a mut self, image: &'a Image, detections: &'a [Detection]) -> Result<Output<'a>> {
+        if self.sensor.is_some() {
+            return Err(Error::Invalid(
+                "a tracker with [sensor] reads no detections of others; leave [sensor] out".into(),
+            ));
+        }
         self.prepare(image)?;
-        Ok(self.engine.step(Scene { image, detections }).into())
+        let step = self.engine.step(Scene { image, detections });
+        let values = if self.preprocessor.looks_everywhere() { image.bytes().len() } else { step.values };
+        Ok(Step { values, ..step }.into())
     }
 
     /// A picture before the target is given, or before the first update after [`Tracker::load`]: detector and camera motion
     /// compare pictures, and see it; nothing is tracked.
     pub fn skip(&mut self, image: &Image) {
-        self.preprocessor.look(image);
+        match &mut self.sensor {
+            Some(sensor) => {
+                sensor.begin(image).expect("a picture in memory can be read");
+                self.preprocessor.look(sensor.seen());
+            }
+            None => self.preprocessor.look(image),
+        }
     }
 
     fn prepare(&mut self, image: &Image) -> Result<()> {
-        let Some(first) = self.shape.filter(|_| self.engine.has_target()) else {
-            return Err(Error::Invalid("the tracker has no target: call init with a picture and a box first".into()));
-        };
-        if first != shape(image) {
-            let [width, height, planes] = first;
-            return Err(Error::Invalid(format!(
-                "the picture is {} x {} with {} planes, the first one was {width} x {height} with {planes}; give pictures of one \
-                 size, or call init again",
-                image.width(),
-                image.height(),
-                image.planes()
-            )));
-        }
+        self.check_shape(image.shape())?;
         self.preprocessor.look(image);
         if let Some(flow) = self.preprocessor.flow() {
             self.engine.compensate(flow, &mut State::default());
+        }
+        Ok(())
+    }
+
+    /// Whether there is a target, and the picture is like the first one.
+    fn check_shape(&self, found: [usize; 3]) -> Result<()> {
+        let Some(first) = self.shape.filter(|_| self.engine.has_target()) else {
+            return Err(Error::Invalid("the tracker has no target: call init with a picture and a box first".into()));
+        };
+        if first != found {
+            let ([width, height, planes], [w, h, p]) = (first, found);
+            return Err(Error::Invalid(format!(
+                "the picture is {w} x {h} with {p} planes, the first one was {width} x {height} with {planes}; give pictures of one \
+                 size, or call init again"
+            )));
         }
         Ok(())
     }
@@ -225,8 +293,8 @@ impl Tracker {
     }
 }
 
-fn shape(image: &Image) -> [usize; 3] {
-    [image.width(), image.height(), image.planes()]
+fn unsensed() -> Error {
+    Error::Invalid("this configuration reads whole pictures; add [sensor] to read regions".into())
 }
 
 impl Blueprint {
@@ -242,6 +310,7 @@ impl Blueprint {
     /// # Errors
     /// As [`Blueprint::tracker`].
     pub fn tracker_of(&self, seed: u64, target: u64) -> Result<Tracker> {
-        Ok(Tracker::of(self.engine(seed, target)?, self.preprocessor()))
+        let sensor = self.config().sensor.clone().map(Sensor::new);
+        Ok(Tracker::of(self.engine(seed, target)?, self.preprocessor()).sensing(sensor))
     }
 }

@@ -175,6 +175,12 @@ pub const TRACK: &[Column] = &[
     GAZE_V,
     REWARD,
     Column::new("distance", "", "Distance of the glimpse to the template at the chosen gaze, at least 0."),
+    Column::new(
+        "values_read",
+        "",
+        "Values read of the picture, each once: pixels times planes, or bins times planes of a sensor.",
+    ),
+    Column::new("share_read", "", "The same as a share of the pixels times planes that the picture has, 0 to 1."),
     Column::from_0(
         "class",
         "",

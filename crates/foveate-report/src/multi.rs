@@ -142,6 +142,7 @@ pub(super) mod tests {
             gaze: Gaze::CENTRE,
             visible: 1.0,
             deficit: 0.0,
+            waited: 0,
             detection: None,
             class: Some((7, 0.98)),
         }

@@ -86,6 +86,8 @@ impl Observer for Table {
             row.put(step.confidence.p_lost);
             row.put(step.confidence.status.name());
             row.put_all(&[gaze.u, gaze.v, step.rewards[step.plan.chosen_index()], step.percept.distance]);
+            row.put(step.values);
+            row.put(step.share_read());
             if let Some((class, p)) = step.class() {
                 row.put_text(&step.class_name(class));
                 row.put(p);

@@ -137,7 +137,7 @@ fn load(path: &Path, index: usize) -> Result<Image> {
 }
 
 /// Runs of digits compare as numbers, all else as text: `a2` before `a10`, and `a02` beside `a2`.
-fn natural(a: &str, b: &str) -> Ordering {
+pub(crate) fn natural(a: &str, b: &str) -> Ordering {
     let (mut x, mut y) = (a.as_bytes(), b.as_bytes());
     while let (Some(p), Some(q)) = (x.first(), y.first()) {
         let order = if p.is_ascii_digit() && q.is_ascii_digit() {

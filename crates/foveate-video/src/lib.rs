@@ -19,6 +19,7 @@ pub mod open;
 pub mod otb;
 mod sps;
 mod stream;
+pub mod tiles;
 mod yuv;
 
 pub use ahead::ahead;
@@ -29,3 +30,4 @@ pub use folder::{ImageFolder, image_files};
 pub use frame::{Frame, FrameSource, SourceInfo};
 pub use mp4_writer::Mp4Writer;
 pub use open::open;
+pub use tiles::{TileFolder, write_tiles};

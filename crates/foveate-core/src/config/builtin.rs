@@ -16,6 +16,7 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("multi-motion", include_str!("../../configs/multi-motion.toml")),
     ("multi-boxes", include_str!("../../configs/multi-boxes.toml")),
     ("natural-fast", include_str!("../../configs/natural-fast.toml")),
+    ("foveated", include_str!("../../configs/foveated.toml")),
     ("natural-raw", include_str!("../../configs/natural-raw.toml")),
     ("natural-learned", include_str!("../../configs/natural-learned.toml")),
 ];

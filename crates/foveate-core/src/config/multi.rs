@@ -2,16 +2,19 @@
 
 use super::{Blueprint, Configure};
 use crate::multi::MultiTracker;
-use foveate_base::Result;
 use foveate_base::files::Nowhere;
+use foveate_base::{Error, Result};
 
 impl Blueprint {
     /// Many targets, with the rules of `[multi_target]`, or the usual ones where it is left out. Randomness of target i is
     /// named by the seed and i.
     ///
     /// # Errors
-    /// None for a checked configuration.
+    /// [`Error::Config`] where it has `[sensor]`, which serves one target.
     pub fn multi_tracker(&self, seed: u64) -> Result<MultiTracker> {
+        if self.config.sensor.is_some() {
+            return Err(Error::Config("sensor: it serves one target; leave it out to follow many".into()));
+        }
         self.parts()?;
         let blueprint = self.clone();
         let make = move |id| blueprint.engine(seed, id).expect("one was made with the same parts");

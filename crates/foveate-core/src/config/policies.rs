@@ -4,7 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 use super::ranges::Ranges;
-use crate::gaze::{Anchor, Bayes, Circular, Fixed, GpUcb, Grid, Hedge, Policy, Pool, Random, Schedule};
+use crate::gaze::{
+    Anchor, Bayes, Circular, Contextual, Fixed, Forager, GpUcb, Grid, Hedge, Policy, Pool, Random, Schedule,
+};
 use crate::geometry::Gaze;
 use foveate_base::Result;
 use foveate_base::error::within;
@@ -69,6 +71,8 @@ pub enum PolicyConfig {
     Exp3S(Exp3SConfig),
     /// Bayesian optimisation over a continuous square of gazes, with partial information (section 4.4).
     GpUcb(Bayes),
+    /// On the target while it is there, and where it was not looked for longest when it is lost; for a sensor.
+    Contextual(Contextual),
     /// The centre gaze beside whatever another policy chooses: two looks a frame.
     Anchor {
         /// The other policy.
@@ -101,8 +105,16 @@ pub(super) fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
         PolicyConfig::Exp3Ix(c) => c.build()?,
         PolicyConfig::Exp3S(c) => c.build()?,
         PolicyConfig::GpUcb(settings) => Box::new(GpUcb::new(settings.clone())?),
+        PolicyConfig::Contextual(settings) => Box::new(Forager::new(*settings)?),
         PolicyConfig::Anchor { policy: inner } => Box::new(Anchor::new(Gaze::CENTRE, policy(inner)?)),
     })
+}
+
+impl PolicyConfig {
+    /// Whether it asks for more than one gaze a frame.
+    pub(super) fn looks_often(&self) -> bool {
+        matches!(self, Self::Hedge { .. } | Self::Pool { .. } | Self::Anchor { .. })
+    }
 }
 
 impl Ranges for PolicyConfig {
@@ -128,6 +140,7 @@ impl Ranges for PolicyConfig {
             Self::Exp3Ix(c) => c.ranges(),
             Self::Exp3S(c) => c.ranges(),
             Self::GpUcb(settings) => settings.check(),
+            Self::Contextual(settings) => settings.check(),
             Self::Anchor { policy } => policy.ranges(),
         }
     }

@@ -8,6 +8,7 @@ use crate::control::{
 };
 use crate::identity::{colour, discriminant, fusion};
 use crate::multi;
+use crate::scene::SensorSettings;
 use crate::start::StartSpread;
 use foveate_base::Result;
 
@@ -59,6 +60,7 @@ checked!(
     ConsistencySettings,
     DetectionLikelihood,
     DistractorSettings,
+    SensorSettings,
     RedetectionSettings,
     Resampling,
     StartSpread,

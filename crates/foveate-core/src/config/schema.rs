@@ -76,6 +76,9 @@ pub struct Config {
     /// Where it looks for what the target could be mistaken for; among the particles only unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub distractors: Option<DistractorSettings>,
+    /// What is read of each picture; all of it unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub sensor: Option<crate::scene::SensorSettings>,
     /// πₜ.
     #[serde(deserialize_with = "in_range")]
     pub policy: PolicyConfig,
@@ -289,6 +292,7 @@ impl Ranges for Config {
         self.colour.ranges()?;
         self.fusion.ranges()?;
         self.distractors.ranges()?;
+        self.sensor.ranges()?;
         self.redetection.ranges()?;
         self.multi_target.ranges()
     }

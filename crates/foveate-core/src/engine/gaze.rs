@@ -27,12 +27,18 @@ impl GazeControl {
 }
 
 impl Engine {
-    /// The policy plans: some ask about every gaze, some about one. What the plan needs of the picture is taken in, and with it
-    /// what the search for distractors will most probably need.
-    pub(super) fn choose(&mut self, image: &Image) {
-        let extent = self.target().extent;
+    /// The policy plans: some ask about every gaze, some about one.
+    pub(super) fn choose(&mut self) {
         let (w, rng) = (&mut self.work, &mut self.streams.at(self.frame, Look).rng(0));
         self.parts.gaze.policy.plan(&self.context, &mut w.plan, rng);
+    }
+
+    /// What the plan needs of the picture is taken in, and with it what the search for distractors will most probably need.
+    pub(super) fn see(&mut self, image: &Image) {
+        let extent = self.target().extent;
+        let w = &mut self.work;
+        // What was read since the last step, for observers and others who ask, is not this frame's.
+        self.parts.appearance.measure(&mut w.meter);
         let n = w.predicted.len();
         if let Some(around) = &self.parts.monitor.distractors {
             around.surround(&mut w.predicted, extent);

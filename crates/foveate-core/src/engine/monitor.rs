@@ -87,6 +87,7 @@ impl Engine {
             frame_deficit: consistency.frame_deficit,
             spread,
             lost: confidence.status.is_occluded_or_lost(),
+            ..self.context
         };
         confidence
     }

@@ -12,6 +12,15 @@ use crate::geometry::{Extent, State};
 use crate::scene::Image;
 use foveate_base::rng::{Purpose, Streams};
 
+/// How log-likelihoods follow from distances: log p = −sharpness · d.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Sharpness {
+    /// Given, in nats per unit of distance.
+    Fixed(f64),
+    /// Chosen on the first frame from the scene itself.
+    Calibrated(Calibration),
+}
+
 /// Places looked at for `off`.
 const PLACES: usize = 256;
 /// Places are at least this far from the target, in template units.

@@ -20,7 +20,7 @@ use super::retina::Retina;
 use super::views::{Apart, Looks, Views};
 use super::{Appearance, Percept, ReferenceLikelihood, calibrate};
 use crate::geometry::{Extent, Fixation, Gaze, State};
-use crate::scene::Image;
+use crate::scene::{Image, Meter};
 use foveate_base::rng::Streams;
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
@@ -30,19 +30,12 @@ mod cues;
 mod dim;
 mod saved;
 
+pub use super::calibrate::Sharpness;
+
 /// Rows encoded at a time: whole blocks of the matrix product, few enough to stay in the second-level cache.
 const CHUNK: usize = 48;
 /// The farthest gaze a template can be read at, in template units.
 const FARTHEST_GAZE: f64 = 1.5;
-
-/// How log-likelihoods follow from distances: log p = −sharpness · d.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Sharpness {
-    /// Given, in nats per unit of distance.
-    Fixed(f64),
-    /// Chosen on the first frame from the scene itself.
-    Calibrated(calibrate::Calibration),
-}
 
 /// Retina, encoder, distance and a template.
 pub struct GazeAppearance {
@@ -60,6 +53,8 @@ pub struct GazeAppearance {
     discriminant: Option<Discriminant>,
     colour: Option<Colour>,
     fusion: Option<Fusion>,
+    /// Gazes move what a sensor reads, and the retina stays at the centre.
+    steady: bool,
 }
 
 /// What `init_template` learned.
@@ -117,6 +112,7 @@ impl GazeAppearance {
             discriminant: None,
             colour: None,
             fusion: None,
+            steady: false,
         })
     }
 
@@ -299,13 +295,19 @@ impl Appearance for GazeAppearance {
     }
 
     fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
+        let gazes = if self.steady { &[Gaze::CENTRE] } else { gazes };
         let looks = looks(&*self.retina, self.extent());
         let kept = self.kept.as_ref().expect("a template is kept before the first look");
         let image = dim(image, &kept.image, self.discounting_background, &mut self.dimmed);
         self.views.see(image, states, gazes, looks, self.colour.as_mut());
     }
 
+    fn measure(&mut self, meter: &mut Meter) {
+        self.views.measure(meter);
+    }
+
     fn see_more(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
+        let gazes = if self.steady { &[Gaze::CENTRE] } else { gazes };
         let looks = looks(&*self.retina, self.extent());
         // What was dimmed when the frame was seen first is still there.
         let dimmed = self.dimmed.as_ref().filter(|_| self.discounting_background > 0.0);
@@ -316,14 +318,15 @@ impl Appearance for GazeAppearance {
     // Deviation: the paper prints exp(−d), without a sharpness; that tracks nothing.
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
         let sharpness = self.kept().sharpness;
-        self.distances(states, gaze, out);
+        self.distances(states, if self.steady { Gaze::CENTRE } else { gaze }, out);
         out.iter_mut().for_each(|d| *d *= -sharpness);
     }
 
     fn perceive(&mut self, state: &State, gaze: Gaze, percept: &mut Percept) {
         let (n_v, n_h) = self.encoder.shape();
-        self.template_features(gaze);
         percept.gaze = gaze;
+        let gaze = if self.steady { Gaze::CENTRE } else { gaze };
+        self.template_features(gaze);
         percept.glimpse.resize(n_v, 0.0);
         percept.features.resize(n_h, 0.0);
         let extent = self.extent();

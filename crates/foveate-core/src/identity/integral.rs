@@ -96,6 +96,12 @@ impl Integral {
         self.covers(region) && self.step <= step as f64 + 1.0
     }
 
+    /// Left column, top row, width and height of what was read, pixels.
+    pub fn read(&self) -> (usize, usize, usize, usize) {
+        let side = |n: usize| (n.max(1) - 1) * self.step as usize + n.min(1);
+        (self.left as usize, self.top as usize, side(self.width), side(self.height))
+    }
+
     /// Whether there is nothing to sum up.
     pub fn is_empty(&self) -> bool {
         self.width == 0

@@ -48,7 +48,7 @@ pub use retina::{Foveal, Retina};
 
 use crate::geometry::{Extent, Gaze, State};
 use crate::reference::ReferenceLikelihood;
-use crate::scene::Image;
+use crate::scene::{Image, Meter};
 use foveate_base::Result;
 use foveate_base::rng::Streams;
 
@@ -83,6 +83,8 @@ pub trait Appearance: Send + Sync {
     fn see_more(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
         self.see(image, states, gazes);
     }
+    /// Counts what was read of pictures since it was asked last.
+    fn measure(&mut self, _meter: &mut Meter) {}
     /// log p(hₜ | xₜ, aₜ) in nats, up to a constant, for each state.
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]);
     /// Looks once and keeps what was seen.

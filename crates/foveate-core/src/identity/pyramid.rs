@@ -40,6 +40,8 @@ pub struct Pyramid {
     step: usize,
     coarse: [Vec<u8>; 3],
     sums: Vec<u16>,
+    /// The pixels that the boxes of that region can reach.
+    source: Option<Region>,
     channel: Vec<u8>,
     scratch: kernels::BoxScratch,
 }
@@ -142,6 +144,7 @@ impl Pyramid {
         let planes: [&[u8]; 3] = std::array::from_fn(|p| image.plane(p.min(image.planes() - 1)));
         let least = footprints.iter().map(|f| f.side * unit.0.min(unit.1)).fold(f64::MAX, f64::min);
         self.step = (least / FINE).clamp(1.0, 16.0) as usize;
+        self.source = Some(region.padded(margin(footprints.iter(), unit, self.step), size));
         if self.step == 1 {
             return self.fill(
                 Picture { planes: &planes[..image.planes()], size, origin: (0, 0) },
@@ -206,6 +209,11 @@ impl Pyramid {
                 level.y0 += picture.origin.1 as f32;
             }
         }
+    }
+
+    /// Left column, top row, width and height of the pixels that [`Pyramid::build`] used; nothing before it.
+    pub fn used(&self) -> (usize, usize, usize, usize) {
+        self.source.map_or((0, 0, 0, 0), |s| (s.x, s.y, s.width, s.height))
     }
 
     /// Reads one bilinear tap of `level` for each cell offset (`du`, `dv`, template units) around each fixation; those of

@@ -6,7 +6,7 @@ use super::footprint::Footprint;
 use super::integral::Integral;
 use super::pyramid::{Pyramid, Region};
 use crate::geometry::{Extent, Gaze, State};
-use crate::scene::Image;
+use crate::scene::{Image, Meter};
 
 /// One rectangle of the frame.
 #[derive(Default)]
@@ -23,6 +23,8 @@ pub(super) struct Views {
     used: usize,
     size: (usize, usize),
     regions: Vec<Region>,
+    /// What was read since it was asked last.
+    read: Meter,
 }
 
 /// States that are seen in different rectangles, sorted out.
@@ -183,7 +185,7 @@ impl Views {
         colour: Option<&mut Colour>,
     ) {
         let wanted = self.survey(image, states, gazes, looks);
-        let Self { regions, views, used, size } = self;
+        let Self { regions, views, used, size, .. } = self;
         let colours = colour.is_some();
         let holds = |view: &View, region: Region| {
             view.pyramid.holds(region, looks.footprints, wanted.unit)
@@ -210,7 +212,7 @@ impl Views {
         looks: Looks<'_>,
         mut colour: Option<&mut Colour>,
     ) {
-        let Self { regions, views, used, size } = self;
+        let Self { regions, views, used, size, read } = self;
         for region in &*regions {
             if *used == views.len() {
                 views.push(View::default());
@@ -219,8 +221,10 @@ impl Views {
             *used += 1;
             view.region = region.padded(pad, *size);
             view.pyramid.build(image, view.region, looks.footprints, wanted.unit);
+            read.add(view.pyramid.used());
             if let Some(colour) = &mut colour {
                 colour.sum_up(image, view.region.grown(wanted.margin, *size), wanted.step, &mut view.sums);
+                read.add(view.sums.read());
             }
         }
     }
@@ -230,6 +234,12 @@ impl Views {
         let wanted = looks.survey(self.size, states, &[Gaze::CENTRE], &mut self.regions);
         let region = self.regions.iter().copied().reduce(|a, b| a.union(&b))?;
         self.views[..self.used].iter().find(|view| view.pyramid.holds(region, looks.footprints, wanted.unit))
+    }
+
+    /// Counts what was read of pictures since it was asked last.
+    pub fn measure(&mut self, meter: &mut Meter) {
+        meter.add_all(&self.read);
+        self.read.clear();
     }
 
     /// How many rectangles there are.

@@ -34,6 +34,10 @@ impl Preprocessor {
             flow.look(image);
         }
     }
+    /// Whether it reads whole pictures: there is a detector or a flow.
+    pub fn looks_everywhere(&self) -> bool {
+        self.detector.is_some() || self.flow.is_some()
+    }
     /// What was found in the picture that was looked at last.
     pub fn detections(&self) -> &[Detection] {
         &self.found

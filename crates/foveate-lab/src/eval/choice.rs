@@ -146,6 +146,8 @@ pub(super) mod tests {
                 failure_pct: 100.0 * (1.0 - auc),
                 sr50: 0.0,
                 fps: None,
+                values: None,
+                read_pct: None,
             };
             Row { sequence: (*sequence).into(), seed: Some(1), score, curves: Curves::of(&[], &[]) }
         };

@@ -20,6 +20,8 @@ pub struct TrackRun {
     pub boxes: Vec<BBox>,
     /// Seconds it took for each frame, the start included; empty if they were not measured.
     pub seconds: Vec<f64>,
+    /// Values read of a picture and the share of those that it has, the mean over frames; none if they were not counted.
+    pub read: Option<[f64; 2]>,
 }
 
 /// A tracker's score on one sequence.
@@ -184,6 +186,7 @@ pub fn run_all(
             let at_sequence = |e: Error| Error::Invalid(format!("{}: {e}", sequence.images.display()));
             let (mut score, curves) = metrics::score(&boxes, &sequence.truth).map_err(at_sequence)?;
             score.fps = frames_per_second(&run.seconds);
+            (score.values, score.read_pct) = (run.read.map(|r| r[0]), run.read.map(|r| 100.0 * r[1]));
             let row = Row { sequence: sequence.name.clone(), seed: Some(seed), score, curves };
             told(&row);
             evaluation.rows.push(row);
@@ -223,7 +226,11 @@ mod tests {
         let sequences = two(&dir.path().join("seqs"));
         let runner = |s: &Sequence, seed: u64| {
             let off = if s.name == "A" { 0.25 } else { 0.25 + seed as f64 };
-            Ok(TrackRun { boxes: vec![at(0.0), at(1.0 + off), at(2.0 + off)], seconds: vec![1.0, 0.01, 0.03] })
+            Ok(TrackRun {
+                boxes: vec![at(0.0), at(1.0 + off), at(2.0 + off)],
+                seconds: vec![1.0, 0.01, 0.03],
+                read: None,
+            })
         };
         let out = dir.path().join("ours");
         let mut told = 0;
@@ -269,8 +276,8 @@ mod tests {
             "AUC / P@20           good            bad",
             "A           0.952 / 1.000  0.635 / 0.667",
             "B           0.952 / 1.000              -",
-            "mean  frames    AUC   P@20  SR@0.5  error px  failures  failure %  fps",
-            "bad        3  0.635  0.667   0.667      29.7         1       33.3    -",
+            "mean  frames    AUC   P@20  SR@0.5  error px  failures  failure %  fps  values  read %",
+            "bad        3  0.635  0.667   0.667      29.7         1       33.3    -       -       -",
             "good against  sequences     AUC  better on  worse on",
             "bad                   1  +0.317          1         0",
             "bad has no result for B: its means leave them out",
@@ -290,7 +297,7 @@ mod tests {
         assert!(
             score_folder(&sequences, &dir.path().join("seqs")).expect_err("none").to_string().contains("such as A.txt")
         );
-        let short = |_: &Sequence, _| Ok(TrackRun { boxes: vec![at(0.0)], seconds: vec![] });
+        let short = |_: &Sequence, _| Ok(TrackRun { boxes: vec![at(0.0)], seconds: vec![], read: None });
         assert!(run_all("x", &sequences, &[1], None, &short, &mut |_| ()).is_err());
     }
 }

@@ -78,12 +78,19 @@ pub struct Recorder<'a> {
     truth: &'a [Option<BBox>],
     /// From the second frame on.
     pub frames: Vec<Judged>,
+    /// Values read in all of them, and the sum of their shares of a picture.
+    read: [f64; 2],
 }
 
 impl<'a> Recorder<'a> {
     /// For a video with this truth.
     pub fn of(truth: &'a [Option<BBox>]) -> Self {
-        Self { truth, frames: vec![] }
+        Self { truth, frames: vec![], read: [0.0; 2] }
+    }
+    /// Values read a frame, and as a share of a picture, the means; none before a frame.
+    pub fn read(&self) -> Option<[f64; 2]> {
+        let n = self.frames.len();
+        (n > 0).then(|| self.read.map(|sum| sum / n as f64))
     }
 }
 
@@ -94,6 +101,7 @@ impl Observer for Recorder<'_> {
     fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
         let truth = self.truth.get(frame.index).copied().flatten();
         self.frames.push(Judged::of(step, truth));
+        self.read = [self.read[0] + step.values as f64, self.read[1] + step.share_read()];
         Ok(())
     }
     fn finish(&mut self) -> Result<()> {

@@ -29,6 +29,10 @@ pub struct Score {
     pub sr50: f64,
     /// Frames a second, where times are known.
     pub fps: Option<f64>,
+    /// Values read of a picture, the mean over frames but the first, where they are known.
+    pub values: Option<f64>,
+    /// The same in percent of the values that a picture has.
+    pub read_pct: Option<f64>,
 }
 
 /// Scores a track against the truth, box by box (`None`: the tracker said nothing, the target is absent).
@@ -68,6 +72,8 @@ pub fn score(boxes: &[Option<BBox>], truth: &[Option<BBox>]) -> Result<(Score, C
         failure_pct: 100.0 * share(failures),
         sr50: share(overlaps.iter().filter(|&&o| o > 0.5).count()),
         fps: None,
+        values: None,
+        read_pct: None,
     };
     Ok((score, curves))
 }
@@ -77,7 +83,10 @@ impl Score {
     pub fn mean<'a>(all: impl Iterator<Item = &'a Self>) -> Option<Self> {
         let all: Vec<_> = all.collect();
         let mean = |value: &dyn Fn(&Self) -> f64| all.iter().map(|s| value(s)).sum::<f64>() / all.len() as f64;
-        let rates: Vec<f64> = all.iter().filter_map(|s| s.fps).collect();
+        let known = |value: &dyn Fn(&Self) -> Option<f64>| {
+            let known: Vec<f64> = all.iter().filter_map(|s| value(s)).collect();
+            (!known.is_empty()).then(|| mean_sd(&known).0)
+        };
         (!all.is_empty()).then(|| Self {
             frames: all.iter().map(|s| s.frames).sum(),
             auc: mean(&|s| s.auc),
@@ -87,7 +96,9 @@ impl Score {
             failures: all.iter().map(|s| s.failures).sum(),
             failure_pct: mean(&|s| s.failure_pct),
             sr50: mean(&|s| s.sr50),
-            fps: (!rates.is_empty()).then(|| mean_sd(&rates).0),
+            fps: known(&|s| s.fps),
+            values: known(&|s| s.values),
+            read_pct: known(&|s| s.read_pct),
         })
     }
 }
@@ -154,6 +165,8 @@ mod tests {
             failure_pct: 1.0,
             sr50: 1.0,
             fps,
+            values: fps,
+            read_pct: None,
         };
         let mean = Score::mean([part(0.2, 10, Some(30.0)), part(0.6, 90, None)].iter()).expect("two");
         assert!((mean.auc - 0.4).abs() < 1e-15);

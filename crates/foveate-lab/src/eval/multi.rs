@@ -311,6 +311,7 @@ mod tests {
                         gaze: Gaze::CENTRE,
                         visible: 1.0,
                         deficit: 0.0,
+                        waited: 0,
                         detection: None,
                         class: Some((if t > 10 { mover.class.into() } else { 11 }, 0.9)),
                     }

@@ -82,7 +82,9 @@ pub fn json(evaluations: &[Evaluation]) -> Value {
 }
 
 fn heads(first: &str) -> Vec<String> {
-    [first, "frames", "AUC", "P@20", "SR@0.5", "error px", "failures", "failure %", "fps"].map(String::from).into()
+    [first, "frames", "AUC", "P@20", "SR@0.5", "error px", "failures", "failure %", "fps", "values", "read %"]
+        .map(String::from)
+        .into()
 }
 
 fn figures(name: &str, s: &Score) -> Vec<String> {
@@ -96,6 +98,8 @@ fn figures(name: &str, s: &Score) -> Vec<String> {
         s.failures.to_string(),
         format!("{:.1}", s.failure_pct),
         s.fps.map_or("-".into(), |fps| format!("{fps:.0}")),
+        s.values.map_or("-".into(), |values| format!("{values:.0}")),
+        s.read_pct.map_or("-".into(), |read| format!("{read:.2}")),
     ]
 }
 

@@ -17,7 +17,7 @@ policy = { kind = "fixed" }
 "#;
 
 /// What a section is for and when to change it: the first words of its reference.
-const INTRODUCTIONS: [(&str, &str); 20] = [
+const INTRODUCTIONS: [(&str, &str); 21] = [
     ("resampling", "The selection step of the particle filter. Change it to compare schemes."),
     (
         "dynamics",
@@ -62,6 +62,12 @@ const INTRODUCTIONS: [(&str, &str); 20] = [
         "distractors",
         "Local distractor search: places near the target that look like it are found in every frame and learned as not the target. It \
          needs `[discriminant]`. Lengths are in template units.",
+    ),
+    (
+        "sensor",
+        "Which values are read of each frame, where not all of them may be: a region read-out, tiles of a large picture. A window is \
+         `[reach, values]`: half its side in template units, and the most values along a side of it, of each plane. Whole pictures are \
+         read unless it is given.",
     ),
     (
         "policy",
@@ -124,6 +130,7 @@ fn policy(config: &PolicyConfig) -> String {
         PolicyConfig::Hedge { grid, .. } => format!("**Hedge**, {}", gazes(grid.n)),
         PolicyConfig::Pool { grid, .. } => format!("**pool**, {}", gazes(grid.n)),
         PolicyConfig::GpUcb(_) => "**GP-UCB**, any gaze".into(),
+        PolicyConfig::Contextual(_) => "**contextual**, any gaze".into(),
         PolicyConfig::Anchor { policy: inner } => format!("centre and {}", policy(inner)),
         _ => "**EXP3**".into(),
     }
@@ -279,6 +286,8 @@ impl Part<'_> {
             ("String", _) => "text".into(),
             ("Schedule", _) => "number, `\"anytime\"` or `{ frames = 300 }`".into(),
             ("[f64; CUES]", _) => "9 numbers".into(),
+            ("Patch", _) => "`[reach, values]`".into(),
+            ("Vec<Patch>", _) => "list of `[reach, values]`".into(),
             ("Vec<[usize; 2]>", _) => "list of `[window, cell]`".into(),
             (kind, _) => panic!("{key}: say what a {kind} is in tests/documents/configuration.rs"),
         };

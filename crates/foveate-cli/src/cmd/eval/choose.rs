@@ -117,7 +117,7 @@ impl Plan {
             let again = |sequence: &Sequence, seed: u64| {
                 let same = |t: &&Track| t.sequence == sequence.name && t.seed == seed;
                 let track = tracks.iter().find(same).expect("every job is done");
-                Ok(TrackRun { boxes: track.boxes.clone(), seconds: track.seconds.clone() })
+                Ok(TrackRun { boxes: track.boxes.clone(), seconds: track.seconds.clone(), read: None })
             };
             run_all(&c.name, sequences, seeds, Some(&folder), &again, &mut |_| ())
         };

@@ -15,5 +15,5 @@ pub fn one_pass(blueprint: &Blueprint, sequence: &Sequence, seed: u64) -> Result
     let mut witness = Recorder::of(&sequence.truth);
     let (outcome, result) = follow(&mut *open(&sequence.images)?, &mut tracker, &mut witness, run);
     result?;
-    Ok((TrackRun { boxes: outcome.boxes, seconds: outcome.frames.seconds }, witness.frames))
+    Ok((TrackRun { boxes: outcome.boxes, seconds: outcome.frames.seconds, read: witness.read() }, witness.frames))
 }

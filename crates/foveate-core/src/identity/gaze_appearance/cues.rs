@@ -23,6 +23,11 @@ impl GazeAppearance {
         Self { fusion: settings.map(Fusion::new), ..self }
     }
 
+    /// The whole box is looked at under every gaze: gazes say where a sensor reads sharply.
+    pub fn steady(self, steady: bool) -> Self {
+        Self { steady, ..self }
+    }
+
     /// Mixing weights of the discriminant beside the template, and of colour beside both.
     pub(super) fn mixing(&self) -> (f64, f64) {
         let discriminant = self.discriminant.as_ref().map_or(0.0, |it| it.settings().mixing_weight);

@@ -1,0 +1,348 @@
+//! A sensor that reads only so many values a frame: a coarse overview, windows about the place where the target is expected,
+//! and a fovea where the gaze is.
+//!
+//! A *value* is what a sensor serves: one pixel of one plane, or the mean of a bin of pixels (a camera with binning and region
+//! read-out, a tile of a coarser picture, a lens that zooms). What was read is painted into a picture of its own, smoothly from
+//! bin to bin, coarse first and sharp last, and everything that tracks looks at that picture: what was not read cannot be seen.
+//!
+//! Deviation: the paper's retina reads the whole picture once a particle; here all particles share what one sensor reads.
+
+use serde::{Deserialize, Serialize};
+
+use super::Image;
+use crate::geometry::{Extent, Gaze, State};
+use foveate_base::Result;
+use foveate_base::error::within;
+
+/// What unread places look like: neither bright nor dark.
+const UNREAD: u8 = 128;
+
+/// What is asked of a source: `columns` × `rows` bins of `bin.0` × `bin.1` pixels, the first one's left upper pixel at (x, y).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Window {
+    /// Left column, pixels.
+    pub x: usize,
+    /// Top row, pixels.
+    pub y: usize,
+    /// Bins across, 1 or more.
+    pub columns: usize,
+    /// Bins down, 1 or more.
+    pub rows: usize,
+    /// Width and height of a bin, pixels.
+    pub bin: (usize, usize),
+}
+
+impl Window {
+    /// Right and bottom, exclusive, of a picture of this size; bins at its border may be cut.
+    pub fn end(&self, (width, height): (usize, usize)) -> (usize, usize) {
+        ((self.x + self.columns * self.bin.0).min(width), (self.y + self.rows * self.bin.1).min(height))
+    }
+}
+
+/// A source of regions of one picture, each at a resolution of its own.
+pub trait Regions: Sync {
+    /// Width, height and planes (1 or 3) of the whole picture, which no call changes.
+    fn shape(&self) -> [usize; 3];
+    /// Means of the bins of a window, rounded, plane after plane, row by row: `planes × columns × rows` bytes. Of a bin that
+    /// reaches beyond the picture the pixels inside count; one at least is. Answers how many values had to be read for it: as many
+    /// as bins times planes, or more where the source cannot do better.
+    ///
+    /// # Errors
+    /// Where the source cannot be read.
+    fn read(&self, window: Window, out: &mut [u8]) -> Result<usize>;
+}
+
+/// Any picture plays a sensor.
+impl Regions for Image {
+    fn shape(&self) -> [usize; 3] {
+        [self.width(), self.height(), self.planes()]
+    }
+    fn read(&self, window: Window, out: &mut [u8]) -> Result<usize> {
+        let (right, bottom) = window.end((self.width(), self.height()));
+        let Window { x, y, columns, rows, bin } = window;
+        for (p, out) in out.chunks_exact_mut(columns * rows).enumerate() {
+            let plane = self.plane(p);
+            for (j, out) in out.chunks_exact_mut(columns).enumerate() {
+                let lines = y + j * bin.1..(y + (j + 1) * bin.1).min(bottom);
+                for (i, out) in out.iter_mut().enumerate() {
+                    let across = x + i * bin.0..(x + (i + 1) * bin.0).min(right);
+                    let n = (lines.len() * across.len()) as u32;
+                    let rows = lines.clone().map(|y| &plane[y * self.width()..][across.clone()]);
+                    let sum: u32 = rows.map(|row| row.iter().map(|b| u32::from(*b)).sum::<u32>()).sum();
+                    *out = ((sum + n / 2) / n) as u8;
+                }
+            }
+        }
+        Ok(self.planes() * columns * rows)
+    }
+}
+
+/// A square of the template that is read, whatever the target's size: `[reach, values]`, half its side in template units (1 is
+/// half the target's box) and the most values along a side of it, of each plane.
+pub type Patch = [f64; 2];
+
+/// What is read of each frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensorSettings {
+    /// Values along the shorter side of an overview of the whole picture, 0 to 4096; 0: none.
+    #[serde(default)]
+    pub overview: usize,
+    /// Windows about the place where the target is expected, the widest first.
+    #[serde(default)]
+    pub windows: Vec<Patch>,
+    /// What is read at the gaze. Where a policy asks for many gazes a frame, they share its values.
+    #[serde(default = "two_boxes")]
+    pub fovea: Patch,
+}
+
+fn two_boxes() -> Patch {
+    [2.0, 16.0]
+}
+
+impl SensorSettings {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        within("sensor.overview", self.overview as f64, 0.0, 4096.0)?;
+        for [reach, side] in self.patches() {
+            within("sensor: how far a window reaches", reach, 0.01, 50.0)?;
+            within("sensor: values along the side of a window", side, 1.0, 4096.0)?;
+        }
+        Ok(())
+    }
+    fn patches(&self) -> impl Iterator<Item = Patch> + '_ {
+        self.windows.iter().chain([&self.fovea]).copied()
+    }
+}
+
+/// Reads what its settings say, and holds the picture of it.
+#[derive(Clone, Debug)]
+pub struct Sensor {
+    settings: SensorSettings,
+    seen: Image,
+    /// Where it was painted since it was last wiped.
+    painted: Vec<Window>,
+    bytes: Vec<u8>,
+    line: Vec<f32>,
+    taps: Vec<(usize, f32)>,
+    values: usize,
+}
+
+impl Sensor {
+    /// With checked settings; it has read nothing.
+    pub fn new(settings: SensorSettings) -> Self {
+        let (bytes, line, taps) = (vec![], vec![], vec![]);
+        Self { settings, seen: Image::grey(1, 1, UNREAD), painted: vec![], bytes, line, taps, values: 0 }
+    }
+    /// What was read of the frame, in the place it has in the picture; grey where nothing was.
+    pub fn seen(&self) -> &Image {
+        &self.seen
+    }
+    /// Values read of the frame, of all planes.
+    pub fn values(&self) -> usize {
+        self.values
+    }
+
+    /// Begins a frame: forgets the last one, and reads the overview.
+    ///
+    /// # Errors
+    /// Where the source cannot be read.
+    pub fn begin(&mut self, source: &dyn Regions) -> Result<()> {
+        let [width, height, planes] = source.shape();
+        self.values = 0;
+        if Regions::shape(&self.seen) != [width, height, planes] {
+            self.seen = Image::new(width, height, planes, vec![UNREAD; width * height * planes])?;
+            self.painted.clear();
+        }
+        for window in std::mem::take(&mut self.painted) {
+            self.wipe(window);
+        }
+        if self.settings.overview > 0 {
+            let bin = width.min(height).div_ceil(self.settings.overview);
+            self.read(
+                source,
+                Window { x: 0, y: 0, columns: width.div_ceil(bin), rows: height.div_ceil(bin), bin: (bin, bin) },
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Reads the windows about the place where the target is expected, then the fovea at each gaze, so many times as wide as its
+    /// settings say.
+    ///
+    /// # Errors
+    /// Where the source cannot be read.
+    pub fn look(
+        &mut self,
+        source: &dyn Regions,
+        at: &State,
+        extent: Extent,
+        (gazes, wider): (&[Gaze], f64),
+    ) -> Result<()> {
+        for k in 0..self.settings.windows.len() {
+            self.patch(source, at, extent, Gaze::CENTRE, self.settings.windows[k])?;
+        }
+        let [reach, side] = self.settings.fovea;
+        let side = (side / (gazes.len() as f64).sqrt()).max(1.0);
+        gazes.iter().try_for_each(|gaze| self.patch(source, at, extent, *gaze, [reach * wider, side]))
+    }
+
+    /// The first look at a target, in the frame it was given in: the widest window, and as sharp as the sharpest.
+    ///
+    /// # Errors
+    /// Where the source cannot be read.
+    pub fn imprint(&mut self, source: &dyn Regions, at: &State, extent: Extent) -> Result<()> {
+        let (reach, finest) = self
+            .settings
+            .patches()
+            .fold((0.0f64, f64::INFINITY), |(reach, finest), [r, side]| (reach.max(r), finest.min(2.0 * r / side)));
+        self.patch(source, at, extent, Gaze::CENTRE, [reach, 2.0 * reach / finest])
+    }
+
+    /// Reads a square of the template about a gaze, cut to the picture.
+    fn patch(
+        &mut self,
+        source: &dyn Regions,
+        at: &State,
+        extent: Extent,
+        gaze: Gaze,
+        [reach, side]: Patch,
+    ) -> Result<()> {
+        let [width, height, _] = source.shape();
+        let (middle, scale) = (at.fixate(gaze, extent), at.log_scale.exp());
+        let along = |centre: f64, half: f64, length: usize| {
+            let bin = (2.0 * half / side).ceil().max(1.0);
+            let n = (2.0 * half / bin).ceil().max(1.0);
+            let (first, last) = ((centre - 0.5 * n * bin).round(), length as f64 - 1.0);
+            // Whole bins outside of the picture are not read.
+            let (skipped, first) = if first < 0.0 { ((-first / bin).floor(), first) } else { (0.0, first) };
+            let start = (first + skipped * bin).clamp(0.0, last);
+            let end = (first + n * bin).clamp(start + 1.0, last + 1.0);
+            (start as usize, ((end - start) / bin).ceil() as usize, bin as usize)
+        };
+        let half = |extent: f64| (reach * scale * extent).clamp(0.5, 1e6);
+        let (x, columns, bin_x) = along(middle.x, half(extent.half_w), width);
+        let (y, rows, bin_y) = along(middle.y, half(extent.half_h), height);
+        self.read(source, Window { x, y, columns, rows, bin: (bin_x, bin_y) })
+    }
+
+    /// Reads a window and paints it.
+    fn read(&mut self, source: &dyn Regions, window: Window) -> Result<()> {
+        let planes = self.seen.planes();
+        let n = window.columns * window.rows;
+        self.bytes.resize(self.bytes.len().max(n * planes), 0);
+        self.values += source.read(window, &mut self.bytes[..n * planes])?;
+        self.painted.push(window);
+        let width = self.seen.width();
+        let (right, bottom) = window.end((width, self.seen.height()));
+        self.taps.clear();
+        self.taps.extend((window.x..right).map(|x| tap(x - window.x, window.bin.0, window.columns)));
+        self.line.resize(self.line.len().max(window.columns), 0.0);
+        let line = &mut self.line[..window.columns];
+        for p in 0..planes {
+            let bins = &self.bytes[p * n..][..n];
+            let plane = self.seen.plane_mut(p);
+            for y in window.y..bottom {
+                let (j, f) = tap(y - window.y, window.bin.1, window.rows);
+                let (above, below) =
+                    (&bins[j * window.columns..], &bins[(j + 1).min(window.rows - 1) * window.columns..]);
+                line.iter_mut().zip(above).zip(below).for_each(|((l, a), b)| {
+                    *l = f32::from(*a) + f * (f32::from(*b) - f32::from(*a)) + 0.5;
+                });
+                let row = &mut plane[y * width..][window.x..right];
+                for (out, (i, f)) in row.iter_mut().zip(&self.taps) {
+                    let (a, b) = (line[*i], line[(*i + 1).min(window.columns - 1)]);
+                    *out = (a + f * (b - a)) as u8;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn wipe(&mut self, window: Window) {
+        let width = self.seen.width();
+        let (right, bottom) = window.end((width, self.seen.height()));
+        for p in 0..self.seen.planes() {
+            let plane = self.seen.plane_mut(p);
+            (window.y..bottom).for_each(|y| plane[y * width..][window.x..right].fill(UNREAD));
+        }
+    }
+}
+
+/// The bin before a pixel's centre, and how far towards the next one it is.
+fn tap(pixel: usize, bin: usize, n: usize) -> (usize, f32) {
+    let at = ((pixel as f32 + 0.5) / bin as f32 - 0.5).clamp(0.0, (n - 1) as f32);
+    (at as usize, at.fract())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance;
+
+    const EXTENT: Extent = Extent { half_w: 20.0, half_h: 12.0 };
+    const AT: State = State { x: 60.0, y: 40.0, vx: 0.0, vy: 0.0, log_scale: 0.0, angle: 0.0 };
+
+    fn picture(planes: usize) -> Image {
+        let value = |i: usize| (i * 7 + i * i / 911) as u8;
+        Image::new(130, 90, planes, (0..130 * 90 * planes).map(value).collect()).expect("a picture")
+    }
+
+    fn sensor(overview: usize, windows: Vec<Patch>, fovea: Patch) -> Sensor {
+        let settings = SensorSettings { overview, windows, fovea };
+        settings.check().expect("in range");
+        Sensor::new(settings)
+    }
+
+    #[test]
+    fn pictures_keep_the_law_of_regions() {
+        conformance::regions(&picture(1));
+        conformance::regions(&picture(3));
+    }
+
+    /// A window fine enough is the picture itself, and what was read of the last frame is gone.
+    #[test]
+    fn it_shows_what_it_read_and_nothing_else() {
+        let (image, mut sensor) = (picture(3), sensor(0, vec![], [1.0, 64.0]));
+        for (x, y) in [(60.0, 40.0), (5.0, 80.0), (129.0, 0.0)] {
+            sensor.begin(&image).expect("memory");
+            sensor.look(&image, &State { x, y, ..AT }, EXTENT, (&[Gaze::CENTRE], 1.0)).expect("memory");
+            let mut read = 0;
+            for (px, py) in (0..90).flat_map(|py| (0..130).map(move |px| (px, py))) {
+                let off = ((px as f64 - x).abs() / EXTENT.half_w).max((py as f64 - y).abs() / EXTENT.half_h);
+                let seen = sensor.seen().at(1, px, py);
+                read += usize::from(off < 0.9);
+                assert!(off > 0.9 || seen == image.at(1, px, py), "({px}, {py}) was read");
+                assert!(off < 1.15 || seen == UNREAD, "({px}, {py}) was not read");
+            }
+            assert!(sensor.values() >= 3 * read && sensor.values() <= 3 * 64 * 64);
+        }
+    }
+
+    /// However large the target and however wide the look, it reads no more than its settings say; many gazes share a fovea.
+    #[test]
+    fn it_reads_no_more_than_it_may() {
+        let image = picture(1);
+        let mut sensor = sensor(6, vec![[3.0, 8.0]], [0.5, 12.0]);
+        let nine = [Gaze::CENTRE; 9];
+        for (scale, wider) in [(-2.0, 1.0), (0.0, 1.0), (0.0, 7.0), (1.5, 1.0), (6.0, 3.0)] {
+            for gazes in [&nine[..1], &nine] {
+                sensor.begin(&image).expect("memory");
+                sensor.look(&image, &State { log_scale: scale, ..AT }, EXTENT, (gazes, wider)).expect("memory");
+                assert!(sensor.values() <= 6 * 9 + 64 + 144, "{} values at scale {scale}", sensor.values());
+            }
+        }
+    }
+
+    #[test]
+    fn settings_are_checked() {
+        let wrong = |settings: SensorSettings, word: &str| {
+            assert!(settings.check().expect_err(word).to_string().contains(word));
+        };
+        let usual = || SensorSettings { overview: 8, windows: vec![], fovea: two_boxes() };
+        assert!(usual().check().is_ok());
+        wrong(SensorSettings { overview: 8000, ..usual() }, "overview");
+        wrong(SensorSettings { windows: vec![[0.0, 3.0]], ..usual() }, "reaches");
+        wrong(SensorSettings { fovea: [1.0, f64::NAN], ..usual() }, "side");
+    }
+}

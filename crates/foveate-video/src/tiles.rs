@@ -1,0 +1,228 @@
+//! Pictures cut into tiles at several resolutions, of which only those are decoded that are looked at.
+//!
+//! A folder a frame; in it a folder a level, `0` the picture itself, `1` half of it, and so on; in that a PNG or JPEG file a tile,
+//! `COLUMN_ROW.png`, counted from 0. All tiles of a level are as large as its first but those at the right and the bottom.
+//! [`write_tiles`] makes such a folder.
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use crate::decode::decode_image;
+use crate::save_png;
+use foveate_base::{Error, Result};
+use foveate_core::scene::Image;
+use foveate_core::scene::sensor::{Regions, Window};
+
+/// The most levels that are looked for.
+const LEVELS: usize = 16;
+
+/// A video of tiled pictures: its frames in natural order.
+#[derive(Clone, Debug)]
+pub struct TileFolder {
+    frames: Vec<PathBuf>,
+    shape: [usize; 3],
+    /// Tile sizes of the levels.
+    tiles: Vec<(usize, usize)>,
+}
+
+/// One picture, read tile by tile; a tile is decoded once.
+#[derive(Debug)]
+pub struct Tiles<'a> {
+    folder: &'a TileFolder,
+    path: &'a Path,
+    decoded: Mutex<HashMap<(usize, usize, usize), Image>>,
+}
+
+impl TileFolder {
+    /// Opens a folder of frames.
+    ///
+    /// # Errors
+    /// Where it cannot be read, or its first frame has no tiles.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let mut frames: Vec<PathBuf> = std::fs::read_dir(path)
+            .map_err(Error::io(path, "cannot read the folder"))?
+            .filter_map(|entry| Some(entry.ok()?.path()).filter(|p| p.is_dir()))
+            .collect();
+        frames.sort_by(|a, b| crate::folder::natural(&a.to_string_lossy(), &b.to_string_lossy()));
+        let Some(first) = frames.first() else {
+            return Err(Error::malformed(path, "no folder of tiles in it; expected one a frame, as FRAME/0/0_0.png"));
+        };
+        let tile = load(first, 0, (0, 0))?;
+        let count =
+            |at: &dyn Fn(usize) -> (usize, usize)| (0..).take_while(|i| file(first, 0, at(*i)).is_some()).count();
+        let (columns, rows) = (count(&|i| (i, 0)), count(&|i| (0, i)));
+        let last = load(first, 0, (columns - 1, rows - 1))?;
+        let (w, h) = (tile.width(), tile.height());
+        let shape = [(columns - 1) * w + last.width(), (rows - 1) * h + last.height(), tile.planes()];
+        let mut tiles = vec![(w, h)];
+        while tiles.len() < LEVELS && file(first, tiles.len(), (0, 0)).is_some() {
+            let tile = load(first, tiles.len(), (0, 0))?;
+            tiles.push((tile.width(), tile.height()));
+        }
+        Ok(Self { frames, shape, tiles })
+    }
+    /// How many frames it has.
+    pub fn len(&self) -> usize {
+        self.frames.len()
+    }
+    /// Whether it has none, which [`TileFolder::open`] refuses.
+    pub fn is_empty(&self) -> bool {
+        self.frames.is_empty()
+    }
+    /// A frame, of which nothing is read yet; `None` past the last.
+    pub fn frame(&self, index: usize) -> Option<Tiles<'_>> {
+        self.frames.get(index).map(|path| Tiles { folder: self, path, decoded: Mutex::default() })
+    }
+}
+
+impl Regions for Tiles<'_> {
+    fn shape(&self) -> [usize; 3] {
+        self.folder.shape
+    }
+    /// From the coarsest level whose pixels are no larger than the bins. All values of a tile that was not decoded before count.
+    fn read(&self, window: Window, out: &mut [u8]) -> Result<usize> {
+        let [width, height, planes] = self.folder.shape;
+        let (right, bottom) = window.end((width, height));
+        let least = window.bin.0.min(window.bin.1);
+        let level = (0..self.folder.tiles.len()).rev().find(|l| 1 << l <= least).unwrap_or(0);
+        let (tw, th) = self.folder.tiles[level];
+        let mut decoded = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut values = 0;
+        for (row, column) in
+            (window.y >> level..=(bottom - 1) >> level).step_by(th).chain([(bottom - 1) >> level]).flat_map(|y| {
+                (window.x >> level..=(right - 1) >> level)
+                    .step_by(tw)
+                    .chain([(right - 1) >> level])
+                    .map(move |x| (y / th, x / tw))
+            })
+        {
+            if let std::collections::hash_map::Entry::Vacant(free) = decoded.entry((level, column, row)) {
+                let tile = load(self.path, level, (column, row))?;
+                if tile.planes() != planes {
+                    let problem =
+                        format!("expected tiles of {planes} planes as in the first frame, found {}", tile.planes());
+                    return Err(Error::malformed(self.path, problem));
+                }
+                values += tile.bytes().len();
+                free.insert(tile);
+            }
+        }
+        let at = |p: usize, x: usize, y: usize| {
+            let tile = &decoded[&(level, x / tw, y / th)];
+            u32::from(tile.at(p, (x % tw).min(tile.width() - 1), (y % th).min(tile.height() - 1)))
+        };
+        let n = window.columns * window.rows;
+        for (k, out) in out.iter_mut().enumerate() {
+            let (p, i, j) = (k / n, k % n % window.columns, k % n / window.columns);
+            // Whole pixels of the level, one at least.
+            let along = |from: usize, bin: usize, end: usize| {
+                let (a, b) = (from >> level, (from + bin).min(end).div_ceil(1 << level));
+                a..b.max(a + 1).min(((end - 1) >> level) + 1).max(a + 1)
+            };
+            let (xs, ys) = (
+                along(window.x + i * window.bin.0, window.bin.0, right),
+                along(window.y + j * window.bin.1, window.bin.1, bottom),
+            );
+            let count = (xs.len() * ys.len()) as u32;
+            let sum: u32 = ys.flat_map(|y| xs.clone().map(move |x| (x, y))).map(|(x, y)| at(p, x, y)).sum();
+            *out = ((sum + count / 2) / count) as u8;
+        }
+        Ok(values)
+    }
+}
+
+fn file(frame: &Path, level: usize, (column, row): (usize, usize)) -> Option<PathBuf> {
+    let name = |ext: &str| frame.join(level.to_string()).join(format!("{column}_{row}.{ext}"));
+    ["png", "jpg", "jpeg"].iter().map(|ext| name(ext)).find(|path| path.is_file())
+}
+
+fn load(frame: &Path, level: usize, at: (usize, usize)) -> Result<Image> {
+    let missing = || Error::malformed(frame, format!("tile {level}/{}_{}.png is missing", at.0, at.1));
+    let path = file(frame, level, at).ok_or_else(missing)?;
+    let bytes = std::fs::read(&path).map_err(Error::io(&path, "cannot read"))?;
+    decode_image(&bytes).map_err(|problem| Error::malformed(&path, problem))
+}
+
+/// Cuts a picture into tiles of this side, at so many levels, in a folder of its own.
+///
+/// # Errors
+/// Where a side is 0, or files cannot be written.
+pub fn write_tiles(frame: impl AsRef<Path>, image: &Image, side: usize, levels: usize) -> Result<()> {
+    if side == 0 || levels == 0 {
+        return Err(Error::Invalid("tiles need a side and a level of at least 1".into()));
+    }
+    for level in 0..levels.min(LEVELS) {
+        let folder = frame.as_ref().join(level.to_string());
+        std::fs::create_dir_all(&folder).map_err(Error::io(&folder, "cannot create"))?;
+        let (width, height, bin) = (image.width(), image.height(), 1 << level);
+        let span = side * bin;
+        for (y, x) in (0..height).step_by(span).flat_map(|y| (0..width).step_by(span).map(move |x| (y, x))) {
+            let cells = |from: usize, length: usize| span.min(length - from).div_ceil(bin);
+            let (columns, rows) = (cells(x, width), cells(y, height));
+            let mut bytes = vec![0; image.planes() * columns * rows];
+            image.read(Window { x, y, columns, rows, bin: (bin, bin) }, &mut bytes)?;
+            let tile = Image::new(columns, rows, image.planes(), bytes)?;
+            save_png(folder.join(format!("{}_{}.png", x / span, y / span)), &tile)?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn picture(w: usize, h: usize) -> Image {
+        let value = |i: usize| (i * 37 + i * i / 1013) as u8;
+        Image::new(w, h, 3, (0..w * h * 3).map(value).collect()).expect("three planes")
+    }
+
+    /// Where bins are powers of two and windows lie on their grid, tiles give what the whole picture gives, to half a grey level a
+    /// level; elsewhere level 0 does.
+    #[test]
+    fn tiles_serve_what_the_picture_has() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let image = picture(210, 130);
+        write_tiles(dir.path().join("1"), &image, 32, 3).expect("written");
+        let folder = TileFolder::open(dir.path()).expect("tiles");
+        assert_eq!((folder.len(), folder.frame(1).is_none()), (1, true));
+        let tiles = folder.frame(0).expect("one frame");
+        assert_eq!(tiles.shape(), [210, 130, 3]);
+        foveate_core::conformance::regions(&image);
+        foveate_core::conformance::regions(&tiles);
+        for (x, y, columns, rows, bin) in [
+            (0, 0, 210, 130, (1, 1)),
+            (33, 17, 40, 21, (1, 1)),
+            (64, 32, 12, 9, (2, 2)),
+            (8, 4, 50, 31, (4, 4)),
+            (7, 3, 20, 11, (1, 3)),
+        ] {
+            let window = Window { x, y, columns, rows, bin };
+            let (mut found, mut exact) = (vec![0; 3 * columns * rows], vec![0; 3 * columns * rows]);
+            let first = tiles.read(window, &mut found).expect("tiles");
+            image.read(window, &mut exact).expect("memory");
+            let off = found.iter().zip(&exact).map(|(a, b)| a.abs_diff(*b)).max();
+            assert!(off <= Some(1), "{window:?}: off by {off:?}");
+            assert_eq!(
+                tiles.read(window, &mut found).expect("tiles"),
+                0,
+                "no tile is decoded twice, not after {first} values"
+            );
+        }
+        let mut out = vec![0; 3 * 100];
+        let fresh = folder.frame(0).expect("one frame");
+        let window = Window { x: 64, y: 32, columns: 10, rows: 10, bin: (1, 1) };
+        assert_eq!(fresh.read(window, &mut out).expect("one tile"), 3 * 32 * 32);
+    }
+
+    #[test]
+    fn what_is_no_folder_of_tiles_is_refused() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        assert!(TileFolder::open(dir.path()).expect_err("empty").to_string().contains("0_0.png"));
+        std::fs::create_dir_all(dir.path().join("1/0")).expect("made");
+        assert!(TileFolder::open(dir.path()).expect_err("no tile").to_string().contains("0/0_0.png is missing"));
+        assert!(write_tiles(dir.path().join("2"), &picture(4, 4), 0, 1).is_err());
+    }
+}
