@@ -43,14 +43,14 @@ levels! {
 }
 
 levels! {
-    /// `out` ← rounded means over squares of `step` (1 to 16) pixels of a plane of `width` columns: as many rows of `columns` values
-    /// as it has, from the square `from` (column, row) on. Past the plane's last column and row these are repeated. `sums`
-    /// (`columns` × `step`) is room.
+    /// `out` ← rounded means over squares of `step` (1 to 16) pixels of a plane of `width` columns: as many rows as it
+    /// has, of a value for each `step` of the room `sums`, from the square `from` (column, row) on. Past the plane's last column
+    /// and row these are repeated.
     ///
     /// # Panics
-    /// If `plane` is not whole rows of at least one value, `step` out of range, `columns` 0, or `sums` of another length.
+    /// If `plane` is not whole rows of at least one value, `step` out of range, or `sums` not one or more steps.
     pub fn shrink / shrink_at (
-        plane: &[u8], width: usize, step: usize, from: (usize, usize), columns: usize, sums: &mut [u16], out: &mut [u8]
+        plane: &[u8], width: usize, step: usize, from: (usize, usize), sums: &mut [u16], out: &mut [u8]
     ) = shrink_body
 }
 
@@ -60,12 +60,13 @@ fn shrink_body<const V: u8>(
     width: usize,
     step: usize,
     from: (usize, usize),
-    columns: usize,
     sums: &mut [u16],
     out: &mut [u8],
 ) {
     assert!(width > 0 && !plane.is_empty() && plane.len().is_multiple_of(width), "whole rows of {width} values");
-    assert!((1..=16).contains(&step) && columns > 0 && sums.len() == columns * step, "room of {columns} x {step}");
+    assert!((1..=16).contains(&step), "steps of 1 to 16 pixels, not {step}");
+    assert!(!sums.is_empty() && sums.len().is_multiple_of(step), "room of whole steps of {step}");
+    let columns = sums.len() / step;
     let (height, left) = (plane.len() / width, (from.0 * step).min(width - 1));
     let area = (step * step) as u32;
     for (j, out) in out.chunks_mut(columns).enumerate() {
@@ -285,7 +286,7 @@ mod tests {
             let plane: Vec<u8> = values(width * height, 4).iter().map(|v| (v * 255.0).abs() as u8).collect();
             for level in Level::all() {
                 let (mut sums, mut out) = (vec![7; columns * step], vec![0; columns * rows]);
-                shrink_at(level, &plane, width, step, from, columns, &mut sums, &mut out);
+                shrink_at(level, &plane, width, step, from, &mut sums, &mut out);
                 for (k, out) in out.iter().enumerate() {
                     let (left, top) = ((from.0 + k % columns) * step, (from.1 + k / columns) * step);
                     let at = |i: usize| {

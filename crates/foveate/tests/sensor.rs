@@ -14,7 +14,7 @@ const BOX: BBox = BBox::new(60.0, 40.0, 40.0, 30.0);
 /// A textured target that moves over a textured ground.
 fn picture(t: usize) -> Image {
     let (w, h) = (200, 150);
-    let noise = |x: usize, y: usize, seed: usize| ((x * 7919 + y * 104_729 + seed * 31) * 2_654_435_761 >> 7) as u8;
+    let noise = |x: usize, y: usize, seed: usize| (((x * 7919 + y * 104_729 + seed * 31) * 2_654_435_761) >> 7) as u8;
     let value = |x: usize, y: usize, p: usize| {
         let (left, top) = (60 + 2 * t, 40 + t);
         let on = (left..left + 40).contains(&x) && (top..top + 30).contains(&y);
@@ -129,7 +129,7 @@ fn who_reads_whole_pictures_serves_no_regions() {
 fn a_4k_picture_is_followed_by_its_tiles() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let picture = |t: usize| {
-        let noise = |x: usize, y: usize| ((x * 7919 + y * 104_729) * 2_654_435_761 >> 7) as u8;
+        let noise = |x: usize, y: usize| (((x * 7919 + y * 104_729) * 2_654_435_761) >> 7) as u8;
         let (left, top) = (1600 + 24 * t, 800 + 12 * t);
         let value = |x: usize, y: usize| {
             let on = (left..left + 480).contains(&x) && (top..top + 360).contains(&y);

@@ -170,7 +170,7 @@ impl Pyramid {
         for (plane, out) in planes[..image.planes()].iter().zip(&mut made) {
             out.resize(out.len().max(count), 0);
             let (from, sums) = ((source.x, source.y), &mut sums[..source.width * step]);
-            kernels::shrink(plane, size.0, step, from, source.width, sums, &mut out[..count]);
+            kernels::shrink(plane, size.0, step, from, sums, &mut out[..count]);
         }
         let planes = made.each_ref().map(|plane| &plane[..count.min(plane.len())]);
         let (origin, size) = ((source.x, source.y), (source.width, source.height));

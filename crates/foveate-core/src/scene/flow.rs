@@ -423,7 +423,7 @@ mod tests {
         }
     }
 
-    /// In a large picture, of which some rows are read.
+    /// In a large picture, of which some rows are read: to a sixteenth of the 16 px of the level at which the search ends.
     #[test]
     fn the_camera_of_large_pictures_is_found() {
         let (world, size, moved) = (texture(5), (640, 480), (7.0, -4.0));
@@ -437,7 +437,7 @@ mod tests {
         assert_eq!(flow.finest_of(&picture(0.0)), CAMERA + 1);
         for (x, y) in [(60.0, 50.0), (320.0, 240.0), (600.0, 400.0)] {
             let (u, v) = flow.camera().at(x, y);
-            assert!((u - moved.0).hypot(v - moved.1) < 0.5, "the camera moved by {u}, {v}");
+            assert!((u - moved.0).hypot(v - moved.1) < 1.0, "the camera moved by {u}, {v}");
         }
     }
 
