@@ -26,9 +26,9 @@ pub struct Attention {
 #[serde(rename_all = "kebab-case")]
 pub enum Priority {
     /// Who has waited longest.
+    #[default]
     RoundRobin,
     /// Whose place is least certain.
-    #[default]
     Uncertainty,
     /// The same, those first whose boxes meet.
     Crossing,
