@@ -97,7 +97,7 @@ impl Evaluation {
 ///
 /// A tracker's results are `<sequence>.txt` (or `<sequence>/boxes.txt`, as tracking writes it) with one box `x,y,w,h` a
 /// frame, 1-based, the first frame included; and, where there is one, `<sequence>_time.txt` (beside it or in `times/`) with
-/// the seconds of each frame. Where several seeds were run these are in folders `seed-S`, as [`run_all`] leaves them.
+/// the seconds of each frame, and `<sequence>_read.txt`, values read a frame and their share of a picture. Where several seeds were run these are in folders `seed-S`, as [`run_all`] leaves them.
 ///
 /// # Errors
 /// There is no result for any of the sequences, or a file is damaged or has not one line a frame.
@@ -149,6 +149,12 @@ fn score_files(sequences: &[Sequence], folder: &Path, seed: Option<u64>) -> Resu
         if let Some(path) = times.iter().find(|path| path.is_file()) {
             score.fps = frames_per_second(&read_numbers(path)?);
         }
+        let read = folder.join(format!("{}_read.txt", sequence.name));
+        if read.is_file()
+            && let [values, share] = read_numbers(&read)?[..]
+        {
+            (score.values, score.read_pct) = (Some(values), Some(100.0 * share));
+        }
         rows.push(Row { sequence: sequence.name.clone(), seed, score, curves });
     }
     Ok(rows)
@@ -198,6 +204,9 @@ pub fn run_all(
 fn keep(run: &TrackRun, folder: &Path, name: &str) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot create"))?;
     files::write(folder.join(format!("{name}.txt")), format_boxes(&run.boxes).as_bytes())?;
+    if let Some([values, share]) = run.read {
+        files::write(folder.join(format!("{name}_read.txt")), format!("{values}\n{share}\n").as_bytes())?;
+    }
     let seconds: String = run.seconds.iter().map(|s| format!("{s:.8}\n")).collect();
     files::write(folder.join(format!("{name}_time.txt")), seconds.as_bytes())
 }

@@ -503,7 +503,7 @@ mod tests {
         let good = Multi::default();
         for (settings, said) in [
             (Multi { targets: 0, ..good.clone() }, "targets is 0"),
-            (Multi { targets: 11, ..good.clone() }, "targets is 11"),
+            (Multi { targets: 10_001, ..good.clone() }, "targets is 10001"),
             (Multi { scale: [3.0, 1.0], ..good.clone() }, "scale is from 3 to 1"),
             (Multi { scale: [1.0, f64::NAN], ..good.clone() }, "scale is from 1 to NaN"),
             (Multi { width: 83, ..good.clone() }, "largest target's 84"),
