@@ -152,9 +152,7 @@ impl Tracker {
             return self.update_from(image);
         }
         self.prepare(image)?;
-        let step = self.engine.step(self.preprocessor.scene(image));
-        let values = if self.preprocessor.looks_everywhere() { image.bytes().len() } else { step.values };
-        Ok(Step { values, ..step }.into())
+        Ok(counted(self.engine.step(self.preprocessor.scene(image)), &self.preprocessor).into())
     }
 
     /// The next picture of the video from a source that serves regions of it, for a configuration with `[sensor]`: first its
@@ -167,10 +165,7 @@ impl Tracker {
         self.check_shape(source.shape())?;
         let sensor = self.sensor.as_mut().ok_or_else(unsensed)?;
         sensor.begin(source)?;
-        self.preprocessor.look(sensor.seen());
-        if let Some(flow) = self.preprocessor.flow() {
-            self.engine.compensate(flow, &mut State::default());
-        }
+        look(&mut self.preprocessor, &mut self.engine, sensor.seen());
         self.engine.aim(self.preprocessor.scene(sensor.seen()));
         let extent = self.engine.extent().expect("there is a target, or the shape were none");
         let (expected, plan) = self.engine.aimed();
@@ -191,9 +186,7 @@ impl Tracker {
             ));
         }
         self.prepare(image)?;
-        let step = self.engine.step(Scene { image, detections });
-        let values = if self.preprocessor.looks_everywhere() { image.bytes().len() } else { step.values };
-        Ok(Step { values, ..step }.into())
+        Ok(counted(self.engine.step(Scene { image, detections }), &self.preprocessor).into())
     }
 
     /// A picture before the target is given, or before the first update after [`Tracker::load`]: detector and camera motion
@@ -210,10 +203,7 @@ impl Tracker {
 
     fn prepare(&mut self, image: &Image) -> Result<()> {
         self.check_shape(image.shape())?;
-        self.preprocessor.look(image);
-        if let Some(flow) = self.preprocessor.flow() {
-            self.engine.compensate(flow, &mut State::default());
-        }
+        look(&mut self.preprocessor, &mut self.engine, image);
         Ok(())
     }
 
@@ -291,6 +281,20 @@ impl Tracker {
         self.shape = saved.shape;
         Ok(())
     }
+}
+
+/// Shows the next picture to what compares pictures, and moves the particles with the camera.
+fn look(preprocessor: &mut Preprocessor, engine: &mut Engine, image: &Image) {
+    preprocessor.look(image);
+    if let Some(flow) = preprocessor.flow() {
+        engine.compensate(flow, &mut State::default());
+    }
+}
+
+/// The step, with all values of a whole picture counted where the preprocessor reads it.
+fn counted<'a>(step: Step<'a>, preprocessor: &Preprocessor) -> Step<'a> {
+    let values = if preprocessor.looks_everywhere() { step.image.bytes().len() } else { step.values };
+    Step { values, ..step }
 }
 
 fn unsensed() -> Error {

@@ -9,14 +9,12 @@ use foveate_learn::network::{MOST, Network, SIZE};
 use kernels::Layer;
 
 use super::encoder::{Encoder, standardise};
-use super::oriented::{Oriented, Weights};
+use super::oriented::{NEITHER, Oriented, Weights};
 use super::retina::Cell;
 use foveate_base::error::within;
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
 
-/// The value of a colour channel where there is no colour.
-const NEITHER: f32 = 128.0 / 255.0;
 /// What colour is multiplied by, to be as large as standardised grey.
 const COLOUR: f32 = 8.0;
 /// Added before roots are taken: their slope is finite.

@@ -41,7 +41,7 @@ impl Default for Weights {
 const FLAT: [f32; 3] = [0.05, 0.1, 0.03];
 
 /// The value of a colour channel where there is no colour.
-const NEITHER: f32 = 128.0 / 255.0;
+pub(super) const NEITHER: f32 = 128.0 / 255.0;
 
 /// Gradients, grey and colour.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -144,7 +144,8 @@ impl Pyramid {
         let planes: [&[u8]; 3] = std::array::from_fn(|p| image.plane(p.min(image.planes() - 1)));
         let least = footprints.iter().map(|f| f.side * unit.0.min(unit.1)).fold(f64::MAX, f64::min);
         self.step = (least / FINE).clamp(1.0, 16.0) as usize;
-        self.source = Some(region.padded(margin(footprints.iter(), unit, self.step), size));
+        let reached = region.padded(margin(footprints.iter(), unit, self.step), size);
+        self.source = Some(reached);
         if self.step == 1 {
             return self.fill(
                 Picture { planes: &planes[..image.planes()], size, origin: (0, 0) },
@@ -162,7 +163,7 @@ impl Pyramid {
         };
         // Taps lie between two pixels.
         let region = coarse(region.padded((step, step), size));
-        let source = coarse(self.region.expect("set above").padded(margin(footprints.iter(), unit, step), size));
+        let source = coarse(reached);
         let mut made = std::mem::take(&mut self.coarse);
         let count = source.width * source.height;
         let sums = &mut self.sums;

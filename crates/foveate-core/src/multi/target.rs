@@ -5,7 +5,7 @@ use super::edge;
 use super::settings::Settings;
 use super::tracked_target::{Phase, TrackedTarget};
 use crate::engine::Engine;
-use crate::geometry::{BBox, State};
+use crate::geometry::{BBox, Extent, State};
 use crate::scene::{Detection, Image, Scene};
 
 /// Weight of the newest look in the mean surprise.
@@ -34,9 +34,8 @@ impl Target {
 
     /// What whom to look at depends on.
     pub fn candidate(&self, meets: bool) -> Candidate {
-        let (c, s) = (&self.track.covariance, &self.track.state);
-        let unit = s.log_scale.exp() * self.track.extent.half_w.max(self.track.extent.half_h);
-        let uncertainty = (0.5 * (c[0][0] + c[1][1])).sqrt() / unit;
+        let c = &self.track.covariance;
+        let uncertainty = (0.5 * (c[0][0] + c[1][1])).sqrt() / longer_half(&self.track.state, self.track.extent);
         Candidate { waited: self.track.waited, uncertainty, surprise: self.surprise, meets }
     }
 
@@ -80,8 +79,8 @@ impl Target {
             false => Phase::Tracked,
         };
         let extent = self.engine.extent().expect("it was started");
-        let unit = estimate.log_scale.exp() * extent.half_w.max(extent.half_h);
-        let moved = (estimate.x - next.x).hypot(estimate.y - next.y) / unit / (1 + waited) as f64;
+        let moved = (estimate.x - next.x).hypot(estimate.y - next.y) / longer_half(&estimate, extent);
+        let moved = moved / (1 + waited) as f64;
         self.surprise += NEWEST * (moved - self.surprise);
         self.track = TrackedTarget { phase, state: estimate, covariance, extent, gaze, deficit, class, ..self.track };
         if let Some(Detection { bbox: b, .. }) = self.track.detection {
@@ -123,4 +122,9 @@ impl Target {
             (self.track.state.log_scale, self.shape, self.track.deficit) = (0.0, 0.0, 0.0);
         }
     }
+}
+
+/// The longer half of a target's box, pixels.
+fn longer_half(state: &State, extent: Extent) -> f64 {
+    state.log_scale.exp() * extent.half_w.max(extent.half_h)
 }

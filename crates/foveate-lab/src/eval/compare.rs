@@ -97,7 +97,8 @@ impl Evaluation {
 ///
 /// A tracker's results are `<sequence>.txt` (or `<sequence>/boxes.txt`, as tracking writes it) with one box `x,y,w,h` a
 /// frame, 1-based, the first frame included; and, where there is one, `<sequence>_time.txt` (beside it or in `times/`) with
-/// the seconds of each frame, and `<sequence>_read.txt`, values read a frame and their share of a picture. Where several seeds were run these are in folders `seed-S`, as [`run_all`] leaves them.
+/// the seconds of each frame, and `<sequence>_read.txt`, values read a frame and their share of a picture. Where several
+/// seeds were run these are in folders `seed-S`, as [`run_all`] leaves them.
 ///
 /// # Errors
 /// There is no result for any of the sequences, or a file is damaged or has not one line a frame.
@@ -150,10 +151,14 @@ fn score_files(sequences: &[Sequence], folder: &Path, seed: Option<u64>) -> Resu
             score.fps = frames_per_second(&read_numbers(path)?);
         }
         let read = folder.join(format!("{}_read.txt", sequence.name));
-        if read.is_file()
-            && let [values, share] = read_numbers(&read)?[..]
-        {
-            (score.values, score.read_pct) = (Some(values), Some(100.0 * share));
+        if read.is_file() {
+            let [values, share] = read_numbers(&read)?[..] else {
+                return Err(Error::malformed(
+                    &read,
+                    "expected two numbers: values read a frame, and their share of a picture",
+                ));
+            };
+            score = score.counting(Some([values, share]));
         }
         rows.push(Row { sequence: sequence.name.clone(), seed, score, curves });
     }
@@ -192,7 +197,7 @@ pub fn run_all(
             let at_sequence = |e: Error| Error::Invalid(format!("{}: {e}", sequence.images.display()));
             let (mut score, curves) = metrics::score(&boxes, &sequence.truth).map_err(at_sequence)?;
             score.fps = frames_per_second(&run.seconds);
-            (score.values, score.read_pct) = (run.read.map(|r| r[0]), run.read.map(|r| 100.0 * r[1]));
+            let score = score.counting(run.read);
             let row = Row { sequence: sequence.name.clone(), seed: Some(seed), score, curves };
             told(&row);
             evaluation.rows.push(row);

@@ -79,6 +79,11 @@ pub fn score(boxes: &[Option<BBox>], truth: &[Option<BBox>]) -> Result<(Score, C
 }
 
 impl Score {
+    /// Takes values read of a picture, and the share of those that it has, where they are known.
+    pub(super) fn counting(self, read: Option<[f64; 2]>) -> Self {
+        Self { values: read.map(|r| r[0]), read_pct: read.map(|r| 100.0 * r[1]), ..self }
+    }
+
     /// The mean over sequences, every sequence counting alike; frames and failures are summed. `None` without one.
     pub fn mean<'a>(all: impl Iterator<Item = &'a Self>) -> Option<Self> {
         let all: Vec<_> = all.collect();
