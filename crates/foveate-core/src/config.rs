@@ -57,8 +57,9 @@ impl Config {
     pub fn parse(text: &str, name: &str) -> Result<Self> {
         toml::from_str(text).map_err(|e| {
             let e = e.to_string();
-            let unlearned =
-                ["rbm", "mcrbm", "autoencoder", "kmeans"].iter().any(|k| e.contains(&format!("unknown variant `{k}`")));
+            let unlearned = ["rbm", "mcrbm", "autoencoder", "kmeans", "sparse", "ica"]
+                .iter()
+                .any(|k| e.contains(&format!("unknown variant `{k}`")));
             let feature = if unlearned { "\nencoders with learned weights need the feature `learn`" } else { "" };
             Error::Config(format!("{name}: {e}{}{feature}", renamed::hint(&e)))
         })

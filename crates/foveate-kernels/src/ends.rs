@@ -188,3 +188,57 @@ impl End for Pooled<'_> {
         (self.gains, self.cells) = (&self.gains[rows..], &self.cells[rows..]);
     }
 }
+
+/// Adds, to the cell of each row, the root of what the squares of each subspace of columns add up to.
+pub(crate) struct Energies<'a> {
+    /// As [`Pooled`]'s.
+    gains: &'a [f32],
+    thresholds: &'a [f32],
+    cells: &'a [u32],
+    /// Columns of a subspace.
+    size: usize,
+    pooled: &'a mut [f32],
+    left: usize,
+    tile_thresholds: [f32; TILE],
+}
+
+impl<'a> Energies<'a> {
+    pub(crate) fn new(
+        gains: &'a [f32],
+        thresholds: &'a [f32],
+        cells: &'a [u32],
+        size: usize,
+        pooled: &'a mut [f32],
+    ) -> Self {
+        Self { gains, thresholds, cells, size, pooled, left: 0, tile_thresholds: [0.0; TILE] }
+    }
+}
+
+impl End for Energies<'_> {
+    fn tile(&mut self, left: usize) {
+        self.left = left;
+        self.tile_thresholds = padded(self.thresholds, left);
+    }
+
+    #[inline(always)]
+    fn take<const V: u8>(&mut self, first: usize, sums: &[[f32; TILE]]) {
+        let width = self.thresholds.len() / self.size;
+        for (r, sums) in sums.iter().enumerate() {
+            let gain = self.gains[first + r] / TO_EXP2;
+            let mut squares = [0.0; TILE];
+            for ((square, sum), t) in squares.iter_mut().zip(sums).zip(&self.tile_thresholds) {
+                let x = multiply_add::<V>(gain, *sum, -t);
+                *square = x * x;
+            }
+            let cell = &mut self.pooled[self.cells[first + r] as usize * width..][..width][self.left / self.size..];
+            for (h, squares) in cell.iter_mut().zip(squares.chunks_exact(self.size)) {
+                *h += squares.iter().sum::<f32>().sqrt();
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn finish<const V: u8>(&mut self, rows: usize) {
+        (self.gains, self.cells) = (&self.gains[rows..], &self.cells[rows..]);
+    }
+}

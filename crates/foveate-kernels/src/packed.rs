@@ -8,7 +8,7 @@
 //!
 //! Weights are kept times -log₂ e: then logistic(x) is 1 / (1 + 2^y) of the sum y.
 
-use crate::ends::{End, Features, Overlaps, Pooled, TO_EXP2, TOGETHER, padded};
+use crate::ends::{End, Energies, Features, Overlaps, Pooled, TO_EXP2, TOGETHER, padded};
 use crate::level::{Level, levels};
 use crate::tile::{self, BLOCK, Kernel, Line, Sums, TILE};
 
@@ -162,6 +162,28 @@ impl PackedWeights {
         pool_at(self.level, self, rows, &mut end);
     }
 
+    /// For each row v (n × n_v), `pooled` (cells × n_h / size) of its cell += √ Σ (gain · (v W) − `thresholds`)², the sum over `size` columns that
+    /// follow each other: with a gain and a cell for each row, and a threshold (n_h) for each column.
+    ///
+    /// Rows are added in their order. Allocates nothing for n_v up to 1365.
+    ///
+    /// # Panics
+    /// If the sizes do not agree, a cell is not in `pooled`, or `size` is not 1, 2, 4 or 8.
+    pub fn energies(
+        &self,
+        rows: &[f32],
+        gains: &[f32],
+        cells: &[u32],
+        (thresholds, size): (&[f32], usize),
+        pooled: &mut [f32],
+    ) {
+        let n = self.rows(rows, thresholds);
+        assert!(gains.len() == n && cells.len() == n, "there must be one gain and one cell a row");
+        assert!([1, 2, 4, 8].contains(&size) && self.n_h.is_multiple_of(size), "{} columns in {size}s", self.n_h);
+        let mut end = Energies::new(gains, thresholds, cells, size, pooled);
+        energies_at(self.level, self, rows, &mut end);
+    }
+
     /// The number of glimpses.
     fn rows(&self, glimpses: &[f32], bias: &[f32]) -> usize {
         assert!(
@@ -246,6 +268,15 @@ fn overlaps_body<const V: u8>(weights: &PackedWeights, glimpses: &[f32], end: &m
 #[inline(always)]
 fn pool_body<const V: u8>(weights: &PackedWeights, rows: &[f32], end: &mut Pooled<'_>) {
     weights.multiply::<V>(rows, end);
+}
+
+#[inline(always)]
+fn energies_body<const V: u8>(weights: &PackedWeights, rows: &[f32], end: &mut Energies<'_>) {
+    weights.multiply::<V>(rows, end);
+}
+
+levels! {
+    fn energies_at(weights: &PackedWeights, rows: &[f32], end: &mut Energies<'_>) = energies_body
 }
 
 levels! {
@@ -429,6 +460,35 @@ mod tests {
                 let mut pooled = vec![0.25; 3 * n_h];
                 let packed = PackedWeights::new(level, Precision::F32, n_v, n_h, &w);
                 packed.pool(&rows, &gains, &cells, &thresholds, &mut pooled);
+                for (&got, &truth) in pooled.iter().zip(&truth) {
+                    assert!((f64::from(got) - truth).abs() < 1e-5 * (1.0 + truth), "{level:?}: {got}, not {truth}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn energies_agree_with_f64() {
+        for (n, n_v, n_h, size) in [(1, 1, 2, 2), (7, 3, 5, 1), (100, 25, 100, 4), (49, 25, 136, 8)] {
+            let (rows, w, thresholds) = (values(n * n_v, 1), weights(n_v * n_h), values(n_h, 2));
+            let gains: Vec<f32> = values(n, 6).iter().map(|x| 5.0 * x).collect();
+            let cells: Vec<u32> = (0..n).map(|r| (r * r % 3) as u32).collect();
+            let width = n_h / size;
+            let mut truth = vec![0.25f64; 3 * width];
+            for r in 0..n {
+                let above = |j: usize| {
+                    let sum: f64 = (0..n_v).map(|i| f64::from(rows[r * n_v + i]) * f64::from(w[i * n_h + j])).sum();
+                    f64::from(gains[r]) * sum - f64::from(thresholds[j])
+                };
+                for i in 0..width {
+                    let energy: f64 = (i * size..(i + 1) * size).map(|j| above(j).powi(2)).sum();
+                    truth[cells[r] as usize * width + i] += energy.sqrt();
+                }
+            }
+            for level in Level::all() {
+                let mut pooled = vec![0.25; 3 * width];
+                let packed = PackedWeights::new(level, Precision::F32, n_v, n_h, &w);
+                packed.energies(&rows, &gains, &cells, (&thresholds, size), &mut pooled);
                 for (&got, &truth) in pooled.iter().zip(&truth) {
                     assert!((f64::from(got) - truth).abs() < 1e-5 * (1.0 + truth), "{level:?}: {got}, not {truth}");
                 }

@@ -2,7 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod autoencoder;
-pub mod kmeans;
+pub mod filters;
 pub mod network;
 pub mod rbm;
 pub mod softmax;

@@ -17,8 +17,8 @@ mod classifier;
 mod common;
 mod confidence;
 mod fixations;
-mod kmeans;
 mod mcrbm;
+mod patch_filters;
 
 /// Learn a model.
 #[derive(clap::Args)]
@@ -33,7 +33,9 @@ enum What {
     Fixations(Box<fixations::Args>),
     Mcrbm(Box<mcrbm::Args>),
     Autoencoder(Box<autoencoder::Args>),
-    Kmeans(Box<kmeans::Args>),
+    Kmeans(Box<patch_filters::KmeansArgs>),
+    Sparse(Box<patch_filters::SparseArgs>),
+    Ica(Box<patch_filters::IcaArgs>),
     Classifier(Box<classifier::Args>),
     Confidence(Box<confidence::Args>),
 }
@@ -157,7 +159,9 @@ pub fn run(args: Args) -> Result<()> {
         What::Fixations(args) => fixations::run(&args),
         What::Mcrbm(args) => mcrbm::run(&args),
         What::Autoencoder(args) => autoencoder::run(&args),
-        What::Kmeans(args) => kmeans::run(&args),
+        What::Kmeans(args) => args.run(),
+        What::Sparse(args) => args.run(),
+        What::Ica(args) => args.run(),
         What::Classifier(args) => classifier::run(&args),
         What::Confidence(args) => confidence::run(&args),
     }

@@ -13,7 +13,7 @@ use crate::identity::rbm_encoder::RbmEncoder;
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
 use foveate_base::{Error, Result};
 use foveate_learn::autoencoder::Autoencoder;
-use foveate_learn::kmeans::KMeans;
+use foveate_learn::filters::PatchFilters;
 use foveate_learn::network::{self, Network};
 use foveate_learn::rbm::factored::FactoredRbm;
 use foveate_learn::rbm::io::command;
@@ -45,14 +45,12 @@ pub(super) fn first_layer(
             Ok((retina, Arc::new(encoder)))
         }
         EncoderConfig::Kmeans { weights, pool, threshold } => {
-            let (model, metadata) = model(weights, places, KMeans::from_bytes)?;
-            let retina = match given {
-                Some(config) => Foveal::new(config)?,
-                None => trained_retina(weights, &metadata, None, "kmeans")?,
-            };
-            let encoder = ConvolutionEncoder::new(&model, retina.cells(), *pool, *threshold)?;
-            Ok((retina, Arc::new(encoder)))
+            convolution("kmeans", weights, given, places, (*pool, *threshold))
         }
+        EncoderConfig::Sparse { weights, pool, threshold } => {
+            convolution("sparse", weights, given, places, (*pool, *threshold))
+        }
+        EncoderConfig::Ica { weights, pool } => convolution("ica", weights, given, places, (*pool, 0.0)),
         EncoderConfig::Convolutional { weights, gradients } => {
             NetworkEncoder::check(*gradients)?;
             let (model, metadata) = model(weights, places, Network::from_bytes)?;
@@ -62,6 +60,29 @@ pub(super) fn first_layer(
         }
         EncoderConfig::Oriented { .. } | EncoderConfig::Raw { .. } => unreachable!("these have no learned weights"),
     }
+}
+
+/// Filters that were learned by the method of this name, convolved with the rings of any retina.
+fn convolution(
+    method: &str,
+    weights: &str,
+    given: Option<FovealConfig>,
+    places: Places<'_>,
+    (pool, threshold): (usize, f32),
+) -> Result<(Foveal, Arc<dyn Encoder>)> {
+    let (model, metadata) = model(weights, places, PatchFilters::from_bytes)?;
+    let found = model.method().name();
+    if found != method {
+        return Err(Error::Config(format!(
+            "{weights} has filters by the method {found}, but encoder.kind is \"{method}\"; set it to \"{found}\""
+        )));
+    }
+    let retina = match given {
+        Some(config) => Foveal::new(config)?,
+        None => trained_retina(weights, &metadata, None, method)?,
+    };
+    let encoder = ConvolutionEncoder::new(&model, retina.cells(), pool, threshold)?;
+    Ok((retina, Arc::new(encoder)))
 }
 
 /// The retina that a model was trained with; a configuration may ask for no other.
@@ -104,5 +125,7 @@ const MODELS: &[(&str, &[u8])] = &[
     ("natural-mcrbm", include_bytes!("../../models/natural-mcrbm.safetensors")),
     ("natural-autoencoder", include_bytes!("../../models/natural-autoencoder.safetensors")),
     ("natural-network", include_bytes!("../../models/natural-network.safetensors")),
+    ("natural-sparse", include_bytes!("../../models/natural-sparse.safetensors")),
+    ("natural-ica", include_bytes!("../../models/natural-ica.safetensors")),
     ("natural-kmeans", include_bytes!("../../models/natural-kmeans.safetensors")),
 ];

@@ -166,6 +166,31 @@ pub enum EncoderConfig {
         #[serde(default)]
         threshold: f32,
     },
+    /// Filters by sparse coding, convolved with the rings: `weights` is a model file, or `builtin:natural-sparse`, as if left out. It
+    /// serves any retina; left out, the one it was trained with is taken.
+    #[cfg(feature = "learn")]
+    Sparse {
+        /// The model.
+        #[serde(default = "natural_sparse")]
+        weights: String,
+        /// What filters say is averaged over a grid of this many cells along a side of each ring.
+        #[serde(default = "two")]
+        pool: usize,
+        /// A filter counts for what its product with a whitened patch, or the negative, is above this; 0 unless given.
+        #[serde(default)]
+        threshold: f32,
+    },
+    /// Energies of subspaces of filters by two-layer ICA, convolved with the rings: `weights` is a model file, or
+    /// `builtin:natural-ica`, as if left out. It serves any retina; left out, the one it was trained with is taken.
+    #[cfg(feature = "learn")]
+    Ica {
+        /// The model.
+        #[serde(default = "natural_ica")]
+        weights: String,
+        /// What subspaces say is averaged over a grid of this many cells along a side of each ring.
+        #[serde(default = "two")]
+        pool: usize,
+    },
     /// A small convolutional network: `weights` is a model file, or `builtin:natural-network`, as if left out.
     #[cfg(feature = "learn")]
     Convolutional {
@@ -250,6 +275,16 @@ fn natural_autoencoder() -> String {
 #[cfg(feature = "learn")]
 fn natural_kmeans() -> String {
     "builtin:natural-kmeans".into()
+}
+
+#[cfg(feature = "learn")]
+fn natural_sparse() -> String {
+    "builtin:natural-sparse".into()
+}
+
+#[cfg(feature = "learn")]
+fn natural_ica() -> String {
+    "builtin:natural-ica".into()
 }
 
 #[cfg(feature = "learn")]

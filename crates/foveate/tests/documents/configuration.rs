@@ -145,6 +145,8 @@ fn encoder(config: &EncoderConfig) -> &'static str {
         EncoderConfig::Mcrbm { .. } => "factored RBM (`mcrbm`)",
         EncoderConfig::Autoencoder { .. } => "autoencoder (`autoencoder`)",
         EncoderConfig::Kmeans { .. } => "k-means filters (`kmeans`)",
+        EncoderConfig::Sparse { .. } => "filters by sparse coding (`sparse`)",
+        EncoderConfig::Ica { .. } => "energies of two-layer ICA (`ica`)",
         EncoderConfig::Convolutional { .. } => "convolutional network (`convolutional`)",
     }
 }

@@ -1,0 +1,159 @@
+//! `foveate train kmeans`, `sparse` and `ica`: filters of natural patches, for a convolutional first layer.
+
+use foveate::Result;
+use foveate::identity::convolution::Patches;
+use foveate::identity::retina::{Foveal, FovealConfig, Retina};
+use foveate::lab::training::{filters, sha256_of};
+use foveate::learn::filters::{Method, Recipe, Trainer};
+use foveate::rng::{Purpose, Streams};
+use foveate::rows::Rows;
+
+use super::common::{self, Glimpses, Natural};
+
+/// Learn k-means filters of whitened patches, from the rings of glimpses of natural photographs.
+///
+/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
+/// ends with the same bits. The same seed gives the same model for any number of threads.
+#[derive(clap::Args)]
+pub struct KmeansArgs {
+    #[command(flatten)]
+    args: Args,
+}
+
+/// Learn filters of whitened patches by sparse coding, from the rings of glimpses of natural photographs.
+///
+/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
+/// ends with the same bits. The same seed gives the same model for any number of threads.
+#[derive(clap::Args)]
+pub struct SparseArgs {
+    #[command(flatten)]
+    args: Args,
+    /// What a unit of the codes' absolute sum costs, where a whitened number has variance 1.
+    #[arg(long, default_value_t = 0.5)]
+    penalty: f32,
+}
+
+/// Learn filters of whitened patches by two-layer ICA (independent subspaces), from the rings of glimpses of natural photographs.
+///
+/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
+/// ends with the same bits. The same seed gives the same model for any number of threads.
+#[derive(clap::Args)]
+pub struct IcaArgs {
+    #[command(flatten)]
+    args: Args,
+    /// Filters of a subspace: 1, 2, 4 or 8.
+    #[arg(long, default_value_t = 2)]
+    subspace: usize,
+}
+
+/// What the three share.
+#[derive(clap::Args)]
+struct Args {
+    #[command(flatten)]
+    natural: Natural,
+    /// Filters; ica has as many as whitened numbers at most, in whole subspaces.
+    #[arg(long, default_value_t = 100)]
+    units: usize,
+    /// Cells along a side of a patch, 2 to 8.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(2..=8))]
+    patch: u8,
+    /// Patches to learn from, each at a random place of a glimpse.
+    #[arg(long, default_value_t = 300_000)]
+    patches: usize,
+    /// Share of the patches' variance that whitening keeps.
+    #[arg(long, default_value_t = 0.99)]
+    keep: f64,
+    /// Added to a patch's variance before it is divided by its root, where a glimpse has variance 1.
+    #[arg(long, default_value_t = 1.0)]
+    softening: f32,
+    /// Passes over the patches.
+    #[arg(long, default_value_t = 30)]
+    epochs: usize,
+}
+
+impl KmeansArgs {
+    /// Runs the command.
+    pub fn run(&self) -> Result<()> {
+        self.args.run(Method::Kmeans)
+    }
+}
+
+impl SparseArgs {
+    /// Runs the command.
+    pub fn run(&self) -> Result<()> {
+        self.args.run(Method::Sparse { penalty: self.penalty })
+    }
+}
+
+impl IcaArgs {
+    /// Runs the command.
+    pub fn run(&self) -> Result<()> {
+        self.args.run(Method::Ica { size: self.subspace })
+    }
+}
+
+impl Args {
+    fn recipe(&self, method: Method) -> Recipe {
+        Recipe {
+            epochs: self.epochs,
+            keep: self.keep,
+            softening: self.softening,
+            seed: self.natural.seed,
+            ..Recipe::new(method, self.units)
+        }
+    }
+    /// The command that makes the same model: every setting said, folders left open.
+    fn command(&self, method: Method, glimpses: &Glimpses) -> String {
+        let own = match method {
+            Method::Kmeans => String::new(),
+            Method::Sparse { penalty } => format!(" --penalty {penalty}"),
+            Method::Ica { size } => format!(" --subspace {size}"),
+        };
+        format!(
+            "{}{own} --units {} --patch {} --patches {} --keep {} --softening {} --epochs {} --out FILE",
+            self.natural.command(method.name(), glimpses.retina.config()),
+            self.units,
+            self.patch,
+            self.patches,
+            self.keep,
+            self.softening,
+            self.epochs
+        )
+    }
+    fn run(&self, method: Method) -> Result<()> {
+        let (files, recipe, side) = (self.natural.files()?, self.recipe(method), usize::from(self.patch));
+        recipe.check()?;
+        let glimpses = self.natural.glimpses()?;
+        let cut = Patches::new(glimpses.retina.cells(), side, 1)?;
+        let streams = |seed| Streams::new(seed, 0).at(1, Purpose::Scene);
+        let learn = cut.some(glimpses.rows(), self.patches, streams(self.natural.seed));
+        let held = cut.some(glimpses.held(), glimpses.held().len(), streams(!self.natural.seed));
+        let (learn, held, sha256) = (Rows::new(&learn, side * side), Rows::new(&held, side * side), sha256_of(&learn));
+        let mut trainer = files.begin(
+            Trainer::progress,
+            |path| Trainer::resume(path, recipe.clone(), learn, &sha256),
+            || Trainer::new(recipe.clone(), learn),
+        )?;
+        let (n_p, n_x, k) = trainer.learned().shape();
+        say!("{} patches of {n_p} values, {n_x} of them whitened, {k} filters", learn.len());
+        common::train(
+            (recipe.epochs, 1),
+            &mut trainer,
+            Trainer::progress,
+            |trainer| {
+                trainer.step();
+                Ok(())
+            },
+            |trainer| trainer.save(&files.checkpoint, &sha256),
+            |trainer| {
+                let what = if method == Method::Kmeans { "variance left" } else { "cost" };
+                Ok(format!("{what} {:.4} (held out {:.4})", trainer.cost(), trainer.learned().cost(held)))
+            },
+        )?;
+
+        let model = trainer.learned();
+        model.save(files.model, &glimpses.metadata(self.command(method, &glimpses), recipe.seed, recipe.epochs))?;
+        let patch = Foveal::new(FovealConfig { side: side as f64, rings: vec![[side, 1]], colour: vec![] })?;
+        files.finish(Some(&filters::picture(Rows::new(&model.pictures(), k), patch.cells(), 400)?))
+    }
+}

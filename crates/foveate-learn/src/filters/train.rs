@@ -1,0 +1,311 @@
+//! Learning filters: passes over all patches, each of which turns every filter.
+
+use super::{MOST, Method, PatchFilters, Sums, normalise, place, subspaces, whiten};
+use crate::rbm::Whitening;
+use crate::rbm::epoch_state::EpochState;
+use foveate_base::rng::{Purpose, Streams};
+use foveate_base::rows::Rows;
+use foveate_base::{Error, Result};
+use rand::RngExt;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Patches that one task sums: fixed, so that any number of threads gives the same bits.
+const CHUNK: usize = 4096;
+
+/// How to learn.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Recipe {
+    /// What is made small.
+    pub method: Method,
+    /// K. For ICA the most: it has no more than whitened numbers, in whole subspaces.
+    pub filters: usize,
+    /// Passes over all patches.
+    pub epochs: usize,
+    /// Share of the variance of normalised patches that whitening keeps, above 0, at most 1.
+    pub keep: f64,
+    /// What is added to a patch's variance before it is divided by its root.
+    pub softening: f32,
+    /// Names all random numbers.
+    pub seed: u64,
+}
+
+impl Recipe {
+    /// The usual settings, to be changed field by field.
+    pub fn new(method: Method, filters: usize) -> Self {
+        Self { method, filters, epochs: 30, keep: 0.99, softening: 1.0, seed: 1 }
+    }
+    /// Fails, with the reason, if a number is out of its range.
+    pub fn check(&self) -> Result<()> {
+        self.method.check()?;
+        let problem = if !(1..=MOST.1).contains(&self.filters) {
+            format!("filters are 1 to {}, got {}", MOST.1, self.filters)
+        } else if !(self.softening > 0.0 && self.softening.is_finite()) {
+            format!("the softening is above 0, got {}", self.softening)
+        } else if !(self.keep > 0.0 && self.keep <= 1.0) {
+            format!("the share of variance to keep is above 0 and at most 1, got {}", self.keep)
+        } else {
+            return Ok(());
+        };
+        Err(Error::Config(format!("training: {problem}")))
+    }
+}
+
+/// Filters being learned.
+#[derive(Debug)]
+pub struct Trainer {
+    pub(super) recipe: Recipe,
+    pub(super) model: PatchFilters,
+    /// x of every patch.
+    white: Vec<f32>,
+    pub(super) state: EpochState,
+    cost: f64,
+}
+
+impl Trainer {
+    /// Normalises and whitens the patches, and begins with some of them as filters.
+    ///
+    /// Fails if the recipe is out of range, a value is not finite, the patches do not vary, or there are fewer than filters.
+    pub fn new(recipe: Recipe, patches: Rows<'_>) -> Result<Self> {
+        recipe.check()?;
+        if patches.len() < recipe.filters || patches.width() > MOST.0 {
+            return Err(Error::Invalid(format!(
+                "{} filters need as many patches, of at most {} values; got {} of {}",
+                recipe.filters,
+                MOST.0,
+                patches.len(),
+                patches.width()
+            )));
+        }
+        let mut normal = patches.data().to_vec();
+        normal.chunks_exact_mut(patches.width()).for_each(|patch| normalise(patch, recipe.softening));
+        let whitening = Whitening::fit(Rows::new(&normal, patches.width()), recipe.keep)?;
+        drop(normal);
+        let white = whiten(&whitening, recipe.softening, patches);
+        let n_x = whitening.shape().1;
+        let k = match recipe.method {
+            Method::Ica { size } => recipe.filters.min(n_x) / size * size,
+            _ => recipe.filters,
+        };
+        if k == 0 {
+            return Err(Error::Invalid(format!(
+                "patches of {n_x} whitened numbers have no subspace of {:?}",
+                recipe.method
+            )));
+        }
+        let mut filters = vec![0.0; n_x * k];
+        let mut rng = Streams::new(recipe.seed, 0).at(0, Purpose::Train).rng(0);
+        (0..k).for_each(|j| place(&mut filters, j, &some(&white, n_x, &mut rng)));
+        if let Method::Ica { .. } = recipe.method {
+            let begun: Vec<f64> = filters.iter().map(|x| f64::from(*x)).collect();
+            subspaces::orthonormal(&begun, n_x, &mut filters);
+        }
+        let model = PatchFilters::new(recipe.method, whitening, filters, recipe.softening)?;
+        Ok(Self { recipe, model, white, state: EpochState::default(), cost: f64::INFINITY })
+    }
+    crate::training_accessors!();
+    /// The model as it stands.
+    pub fn learned(&self) -> &PatchFilters {
+        &self.model
+    }
+    /// What the method makes small, the mean over patches divided by n_x, as the last epoch found it, before it turned the filters;
+    /// infinite before the first.
+    pub fn cost(&self) -> f64 {
+        self.cost
+    }
+    /// The numbers x of every patch, n_x a row.
+    pub fn white(&self) -> Rows<'_> {
+        Rows::new(&self.white, self.model.shape().1)
+    }
+    /// One pass over all patches.
+    pub fn step(&mut self) {
+        let (method, n_x) = (self.recipe.method, self.model.shape().1);
+        let filters = &self.model.filters;
+        let parts: Vec<Sums> =
+            self.white.par_chunks(CHUNK * n_x).map(|rows| method.sums(Rows::new(rows, n_x), filters)).collect();
+        let sums = parts.into_iter().reduce(Sums::with).expect("patches");
+        self.cost = sums.cost / self.white.len() as f64;
+        let mut rng = self.state.draws(self.recipe.seed).rng(0);
+        self.state.done(1);
+        method.turn(&sums, &mut self.model.filters, n_x, || some(&self.white, n_x, &mut rng));
+    }
+}
+
+impl Sums {
+    fn with(mut self, other: Self) -> Self {
+        self.cost += other.cost;
+        for (sums, more) in self.parts.iter_mut().zip(&other.parts) {
+            sums.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+        }
+        self
+    }
+}
+
+/// Some patch that is not 0, or the first direction.
+fn some(white: &[f32], n_x: usize, rng: &mut foveate_base::rng::Rng) -> Vec<f64> {
+    for _ in 0..100 {
+        let at = rng.random_range(0..white.len() / n_x);
+        let x: Vec<f64> = white[at * n_x..][..n_x].iter().map(|x| f64::from(*x)).collect();
+        if x.iter().map(|x| x * x).sum::<f64>() > 1e-6 {
+            return x;
+        }
+    }
+    (0..n_x).map(|i| f64::from(u8::from(i == 0))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_distr::{Distribution, StandardNormal};
+
+    /// Patches of 3 × 3 values: one of four patterns, times a contrast, plus a brightness and noise.
+    fn patches(n: usize, noise: f32) -> Vec<f32> {
+        let mut rng = Streams::new(11, 0).rng(0);
+        (0..n)
+            .flat_map(|_| {
+                let (pattern, contrast): (usize, f32) = (rng.random_range(0..4), rng.random_range(0.5..2.0));
+                let brightness: f32 = rng.random();
+                let noisy: Vec<f32> = (0..9)
+                    .map(|i| {
+                        let on = [i % 3 == 0, i / 3 == 1, i % 4 == 0, i == 4][pattern];
+                        let e: f32 = StandardNormal.sample(&mut rng);
+                        brightness + contrast * (f32::from(u8::from(on)) + noise * e)
+                    })
+                    .collect();
+                noisy
+            })
+            .collect()
+    }
+
+    const METHODS: [Method; 4] =
+        [Method::Kmeans, Method::Sparse { penalty: 0.3 }, Method::Ica { size: 1 }, Method::Ica { size: 4 }];
+
+    fn trainer(method: Method, data: &[f32], filters: usize, keep: f64) -> Trainer {
+        let recipe = Recipe { softening: 1e-3, keep, ..Recipe::new(method, filters) };
+        Trainer::new(recipe, Rows::new(data, 9)).expect("patches that vary")
+    }
+
+    #[test]
+    fn the_cost_never_rises_whatever_the_threads() {
+        let data = patches(6000, 0.5);
+        for method in METHODS {
+            let run = |threads: usize| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+                pool.install(|| {
+                    let mut trainer = trainer(method, &data, 30, 1.0);
+                    let costs: Vec<f64> = (0..25)
+                        .map(|_| {
+                            trainer.step();
+                            trainer.cost()
+                        })
+                        .collect();
+                    (costs, trainer.learned().clone())
+                })
+            };
+            let (costs, model) = run(1);
+            // Filters are rounded to f32, and codes end where they hardly move: that is all by which it may rise.
+            assert!(costs.windows(2).all(|c| c[1] <= c[0] * (1.0 + 1e-5)), "{method:?}: {costs:?}");
+            let share = if let Method::Ica { .. } = method { 0.999 } else { 0.98 };
+            assert!(costs[24] < share * costs[0], "{method:?}: {costs:?}");
+            let now = model.cost(Rows::new(&data, 9));
+            assert!((costs[24] / now - 1.0).abs() < 0.02, "{method:?}: {} and {now}", costs[24]);
+            assert_eq!(run(3), (costs, model), "{method:?}");
+        }
+    }
+
+    /// Mixtures of independent sources that are far from normal: each filter of ICA finds one of them, up to its sign.
+    #[test]
+    fn ica_finds_independent_sources() {
+        let mut rng = Streams::new(5, 0).rng(0);
+        let n = 20_000;
+        let mut data = vec![0.0f32; n * 4];
+        for row in data.chunks_exact_mut(4) {
+            // Patches lose their mean: three sources are as many as four values can tell.
+            let s: [f32; 3] = std::array::from_fn(|_| {
+                let e: f32 = StandardNormal.sample(&mut rng);
+                if rng.random::<f32>() < 0.1 { 3.0 * e } else { 0.1 * e }
+            });
+            row.copy_from_slice(&[s[0] + 0.5 * s[1], s[1] - 0.6 * s[2], s[2] + 0.3 * s[0], -s[0] - 0.2 * s[1]]);
+        }
+        let recipe = Recipe { softening: 1e6, keep: 1.0, ..Recipe::new(Method::Ica { size: 1 }, 3) };
+        let mut trainer = Trainer::new(recipe, Rows::new(&data, 4)).expect("patches that vary");
+        (0..300).for_each(|_| trainer.step());
+        // What a filter says of patches of one source alone: of its own it says most by far.
+        let alone = |j: usize| -> Vec<f32> {
+            let s: [f32; 3] = std::array::from_fn(|i| f32::from(u8::from(i == j)));
+            vec![s[0] + 0.5 * s[1], s[1] - 0.6 * s[2], s[2] + 0.3 * s[0], -s[0] - 0.2 * s[1]]
+        };
+        let (model, mut found) = (trainer.learned(), [false; 3]);
+        let origin = whiten(model.whitening(), 1e6, Rows::new(&[0.0; 4], 4));
+        let said: Vec<Vec<f32>> = (0..3)
+            .map(|source| {
+                let x = whiten(model.whitening(), 1e6, Rows::new(&alone(source), 4));
+                (0..3)
+                    .map(|j| (0..3).map(|i| (x[i] - origin[i]) * model.filters().row(i)[j]).sum::<f32>().abs())
+                    .collect()
+            })
+            .collect();
+        for j in 0..3 {
+            let best = (0..3).max_by(|a, b| said[*a][j].total_cmp(&said[*b][j])).expect("three");
+            let others: f32 = (0..3).filter(|s| *s != best).map(|s| said[s][j]).sum();
+            assert!(others < 0.1 * said[best][j], "{said:?}");
+            found[best] = true;
+        }
+        assert_eq!(found, [true; 3]);
+    }
+
+    #[test]
+    fn normalised_whitened_patches_have_no_mean_and_covariance_one() {
+        let data = patches(5000, 0.5);
+        let trainer = trainer(Method::Kmeans, &data, 4, 1.0);
+        let white = trainer.white();
+        // Without their mean nine values have eight directions.
+        assert_eq!(trainer.learned().shape(), (9, 8, 4));
+        for i in 0..8 {
+            let mean = white.iter().map(|x| f64::from(x[i])).sum::<f64>() / 5000.0;
+            assert!(mean.abs() < 1e-3, "{mean}");
+            for j in 0..8 {
+                let c = white.iter().map(|x| f64::from(x[i]) * f64::from(x[j])).sum::<f64>() / 5000.0;
+                assert!((c - f64::from(u8::from(i == j))).abs() < 2e-3, "({i}, {j}): {c}");
+            }
+        }
+    }
+
+    #[test]
+    fn four_patterns_are_found_as_four_filters() {
+        let data = patches(4000, 0.02);
+        // Filters begin as patches: a pattern has none of 40 once in 25,000 seeds.
+        for method in [Method::Kmeans, Method::Sparse { penalty: 0.3 }] {
+            let mut trainer = trainer(method, &data, 40, 0.99);
+            (0..30).for_each(|_| trainer.step());
+            let (_, n_x, k) = trainer.learned().shape();
+            let filters = trainer.learned().filters();
+            let clean = patches(200, 0.0);
+            let white = whiten(trainer.learned().whitening(), 1e-3, Rows::new(&clean, 9));
+            for x in white.chunks_exact(n_x) {
+                let length = x.iter().map(|x| x * x).sum::<f32>().sqrt();
+                let best = (0..k).map(|j| (0..n_x).map(|i| x[i] * filters.row(i)[j]).sum::<f32>() / length);
+                assert!(best.fold(0.0, f32::max) > 0.95, "a filter is along each pattern");
+            }
+        }
+    }
+
+    #[test]
+    fn bad_settings_are_refused() {
+        let data = patches(20, 0.1);
+        let kmeans = |filters| Recipe::new(Method::Kmeans, filters);
+        let why =
+            |recipe: Recipe, data: &[f32]| Trainer::new(recipe, Rows::new(data, 9)).expect_err("refused").to_string();
+        assert!(why(kmeans(21), &data).contains("21 filters need as many patches"));
+        assert!(why(kmeans(0), &data).contains("filters are 1 to"));
+        assert!(why(Recipe { softening: 0.0, ..kmeans(3) }, &data).contains("softening"));
+        assert!(why(Recipe { keep: 1.5, ..kmeans(3) }, &data).contains("share of variance"));
+        let of = |method| Recipe::new(method, 3);
+        assert!(why(of(Method::Sparse { penalty: 0.0 }), &data).contains("penalty"));
+        assert!(why(of(Method::Ica { size: 3 }), &data).contains("subspace"));
+        assert!(why(of(Method::Ica { size: 4 }), &data).contains("no subspace"));
+        assert!(why(kmeans(3), &[0.5; 180]).contains("cannot be whitened"));
+        assert!(why(kmeans(3), &[f32::NAN; 180]).contains("finite"));
+    }
+}
