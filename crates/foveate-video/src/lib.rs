@@ -3,9 +3,11 @@
 
 pub mod ahead;
 pub mod annotation;
+mod child;
 pub mod decode;
 mod decoded;
 pub mod encode;
+mod feed;
 mod ffmpeg;
 pub mod file;
 pub mod folder;
@@ -16,18 +18,22 @@ mod mp4;
 pub mod mp4_writer;
 mod mux;
 pub mod open;
+pub mod options;
 pub mod otb;
 mod sps;
 mod stream;
 pub mod tiles;
+mod y4m;
 mod yuv;
 
-pub use ahead::ahead;
+pub use ahead::{ahead, ahead_until};
+pub use child::Interrupt;
 pub use decode::{decode_image, read_image};
 pub use encode::{encode_jpeg, encode_png, save_png};
 pub use file::VideoFile;
 pub use folder::{ImageFolder, image_files};
 pub use frame::{Frame, FrameSource, SourceInfo};
 pub use mp4_writer::Mp4Writer;
-pub use open::open;
+pub use open::{open, open_with};
+pub use options::{Decoder, Options};
 pub use tiles::{TileFolder, write_tiles};

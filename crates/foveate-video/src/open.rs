@@ -4,7 +4,7 @@ use std::io::Read;
 use std::path::Path;
 
 use crate::decode::image_kind;
-use crate::{FrameSource, ImageFolder, VideoFile};
+use crate::{FrameSource, ImageFolder, Options, VideoFile};
 use foveate_base::{Error, Result};
 
 /// Opens a folder of images, a video file, or one image (a source of one frame), told apart by content.
@@ -13,6 +13,14 @@ use foveate_base::{Error, Result};
 /// Where nothing is there, the folder has no images, the file is empty or of a kind that cannot be
 /// read; each names the path, what was expected and what to do.
 pub fn open(path: impl AsRef<Path>) -> Result<Box<dyn FrameSource>> {
+    open_with(path, &Options::default())
+}
+
+/// [`open`], with a decoder of choice. The frames do not depend on the decoder.
+///
+/// # Errors
+/// As [`open`], and where the decoder chosen cannot read it.
+pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn FrameSource>> {
     let path = path.as_ref();
     let cannot = "cannot open; expected a video file or a folder of images";
     if std::fs::metadata(path).map_err(Error::io(path, cannot))?.is_dir() {
@@ -27,7 +35,7 @@ pub fn open(path: impl AsRef<Path>) -> Result<Box<dyn FrameSource>> {
     if image_kind(&head).is_some() {
         return Ok(Box::new(ImageFolder::from_files(vec![path.to_owned()])?));
     }
-    Ok(Box::new(VideoFile::open(path)?))
+    Ok(Box::new(VideoFile::open_with(path, options)?))
 }
 
 #[cfg(test)]
@@ -35,6 +43,10 @@ mod tests {
     use super::*;
     use crate::save_png;
     use foveate_core::scene::Image;
+
+    fn without_ffmpeg() -> Options {
+        Options { ffmpeg: "no-such-ffmpeg".into(), ..Options::default() }
+    }
 
     fn refusal(path: &Path) -> String {
         open(path).err().expect("an error").to_string()
@@ -49,7 +61,7 @@ mod tests {
         std::fs::write(&file, "").expect("a writable folder");
         assert!(refusal(&file).contains("empty"));
         std::fs::write(&file, "no video at all").expect("a writable folder");
-        let text = VideoFile::open_with(&file, "no-such-ffmpeg".as_ref()).err().expect("an error").to_string();
+        let text = VideoFile::open_with(&file, &without_ffmpeg()).err().expect("an error").to_string();
         assert!(text.contains("picture.mp4") && text.contains("install"), "{text}");
         save_png(&file, &Image::grey(4, 3, 7)).expect("a writable folder");
         let source = open(&file).expect("one image, whatever its name");
