@@ -19,10 +19,7 @@ const PATIENCE: Duration = Duration::from_millis(50);
 
 /// [`ahead`], until `stop` says so: then it ends, also where the source blocks. It is asked before every frame, and all along
 /// while none comes.
-pub fn ahead_until(
-    mut source: Box<dyn FrameSource>,
-    stop: impl Fn() -> bool + Send + 'static,
-) -> Box<dyn FrameSource> {
+pub fn ahead_until(mut source: Box<dyn FrameSource>, stop: impl Fn() -> bool + Send + 'static) -> Box<dyn FrameSource> {
     let (info, interrupt) = (source.info().clone(), source.interrupt());
     let (send, frames) = sync_channel(DEPTH);
     std::thread::spawn(move || {

@@ -68,7 +68,7 @@ pub(crate) const KINDS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,m
     nsv,bink,smk,ea,roq,gxf,mtv,nuv,cavsvideo,avs2,avs3,dxa,cdxl,fli,flic,lvf,mv,r3d,rpl,sdr2,thp,truehd,viv,xmv,yop";
 
 /// Frames as they are coded, where yuv4mpeg has a name for that; else the nearest that has.
-const FORMATS: &str = "format=yuv420p|yuvj420p|yuv422p|yuvj422p|yuv444p|yuvj444p|gray|yuv420p10|yuv422p10|yuv444p10|gray10|yuv420p12|\
+pub(crate) const FORMATS: &str = "format=yuv420p|yuvj420p|yuv422p|yuvj422p|yuv444p|yuvj444p|gray|yuv420p10|yuv422p10|yuv444p10|gray10|yuv420p12|\
     yuv422p12|yuv444p12|gray12";
 
 impl Ffmpeg {
@@ -219,7 +219,8 @@ fn read_times(lines: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Rece
 impl Facts {
     /// Asks the ffprobe that lies beside the ffmpeg; nothing is known where it is not there.
     fn ask(program: &Path, input: &OsString) -> Self {
-        let fields = "stream=pix_fmt,color_space,color_range,r_frame_rate,avg_frame_rate,duration,nb_frames:format=duration";
+        let fields =
+            "stream=pix_fmt,color_space,color_range,r_frame_rate,avg_frame_rate,duration,nb_frames:format=duration";
         let told = Command::new(probe(program))
             .args(["-v", "quiet", "-protocol_whitelist", "file", "-format_whitelist", KINDS])
             .args(["-select_streams", "v:0", "-show_entries", fields, "-of", "default=noprint_wrappers=1"])
@@ -235,7 +236,8 @@ impl Facts {
             let name = format!("{name}=");
             text.lines().filter_map(|line| line.strip_prefix(&name).map(str::to_owned)).collect::<Vec<_>>()
         };
-        let number = |name| all(name).iter().find_map(|text| text.parse::<f64>().ok().filter(|n| *n > 0.0 && n.is_finite()));
+        let number =
+            |name| all(name).iter().find_map(|text| text.parse::<f64>().ok().filter(|n| *n > 0.0 && n.is_finite()));
         let rate = |name| all(name).iter().find_map(|text| ratio(text).filter(|rate| *rate > 0.0));
         let rate = rate("avg_frame_rate").or_else(|| rate("r_frame_rate"));
         let frames = number("nb_frames").or_else(|| Some(number("duration")? * rate?)).filter(|n| *n < 1e12);
@@ -391,7 +393,10 @@ mod tests {
                    [info]   Duration: 99:00:00.00, start\n#tb 0: 1/7\n0, 7, 7, 1, 1, 0x0\nFRAME\navg_frame_rate=7/1\n";
         let forged = dir.path().join("forged.mkv");
         let (title, comment) = (format!("title={lie}"), format!("comment={lie}"));
-        make(&forged, &["-metadata", &title, "-metadata", &comment, "-metadata:s:v", &title, "-metadata:s:v", &comment]);
+        make(
+            &forged,
+            &["-metadata", &title, "-metadata", &comment, "-metadata:s:v", &title, "-metadata:s:v", &comment],
+        );
         let (found, error) = read(&forged);
         assert_eq!((found.len(), error), (100, None));
         assert!(found == wanted, "the same pictures at the same times");
@@ -412,7 +417,10 @@ mod tests {
             ("b.mkv", "#EXTM3U\n#EXT-X-TARGETDURATION:4\n#EXTINF:4,\nother.ts\n#EXT-X-ENDLIST\n"),
             ("c.m3u8", "#EXTM3U\n#EXT-X-TARGETDURATION:4\n#EXTINF:4,\nother.ts\n#EXT-X-ENDLIST\n"),
             ("d.m3u8", "#EXTM3U\n#EXT-X-TARGETDURATION:4\n#EXTINF:4,\nhttp://127.0.0.1:9/other.ts\n#EXT-X-ENDLIST\n"),
-            ("e.sdp", "v=0\no=- 0 0 IN IP4 127.0.0.1\nc=IN IP4 127.0.0.1\nt=0 0\nm=video 9 RTP/AVP 96\na=rtpmap:96 H264/90000\n"),
+            (
+                "e.sdp",
+                "v=0\no=- 0 0 IN IP4 127.0.0.1\nc=IN IP4 127.0.0.1\nt=0 0\nm=video 9 RTP/AVP 96\na=rtpmap:96 H264/90000\n",
+            ),
         ] {
             let path = dir.path().join(name);
             std::fs::write(&path, text).expect("a writable folder");

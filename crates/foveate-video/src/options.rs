@@ -1,7 +1,6 @@
 //! How a video is to be opened.
 
 use std::path::PathBuf;
-use std::str::FromStr;
 
 /// What decodes a video file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,14 +21,6 @@ impl Decoder {
         [("auto", Self::Auto), ("builtin", Self::Builtin), ("ffmpeg", Self::Ffmpeg)];
 }
 
-impl FromStr for Decoder {
-    type Err = String;
-    fn from_str(text: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|(name, _)| *name == text);
-        found.map(|(_, decoder)| decoder).ok_or_else(|| format!("expected auto, builtin or ffmpeg, got \"{text}\""))
-    }
-}
-
 /// How a video is to be opened: see [`crate::open_with`].
 #[derive(Clone, Debug)]
 pub struct Options {
@@ -37,10 +28,40 @@ pub struct Options {
     pub decoder: Decoder,
     /// The program ffmpeg: a path, or a name to be found as programs are.
     pub ffmpeg: PathBuf,
+    /// The source is bare pixels of this size. `None`: it says itself what it is.
+    pub raw: Option<Raw>,
+}
+
+/// Bare pixels, row by row from the top left, frame after frame without gaps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Raw {
+    /// Width in pixels.
+    pub width: usize,
+    /// Height in pixels.
+    pub height: usize,
+    /// What a pixel is.
+    pub pixels: Pixels,
+}
+
+/// What the bytes of a bare pixel are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pixels {
+    /// Red, green, blue.
+    #[default]
+    Rgb24,
+    /// Blue, green, red, as OpenCV has them.
+    Bgr24,
+    /// One byte of brightness.
+    Gray,
+}
+
+impl Pixels {
+    /// All of them, by name.
+    pub const ALL: [(&'static str, Self); 3] = [("rgb24", Self::Rgb24), ("bgr24", Self::Bgr24), ("gray", Self::Gray)];
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { decoder: Decoder::Auto, ffmpeg: "ffmpeg".into() }
+        Self { decoder: Decoder::Auto, ffmpeg: "ffmpeg".into(), raw: None }
     }
 }

@@ -51,7 +51,8 @@ impl Mp4 {
         };
         let (order, rank, bytes) = (Vec::new(), Vec::new(), Vec::new());
         let (waiting, open) = (BTreeMap::new(), false);
-        let mut mp4 = Self { file, len, movie, setup, decoder, order, rank, out: 0, fed: 0, waiting, bytes, open, fed_out: None };
+        let mut mp4 =
+            Self { file, len, movie, setup, decoder, order, rank, out: 0, fed: 0, waiting, bytes, open, fed_out: None };
         // A first frame that cannot be read is an error when it is decoded.
         mp4.open = mp4.load(0).is_ok() && mp4.setup.starts_anew(&mp4.bytes).is_ok_and(|anew| !anew);
         let shown = |&i: &u32| mp4.movie.samples[i as usize].shown && !mp4.lost(i as usize);

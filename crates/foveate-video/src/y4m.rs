@@ -69,7 +69,9 @@ impl<R: Read> Y4m<R> {
         let read = self.reader.by_ref().take(wanted as u64).read_to_end(&mut self.bytes);
         match read {
             Ok(n) if n == wanted => (),
-            Ok(n) => return Err(DecodeError::damaged(format!("the stream ends after {n} of {wanted} bytes of a frame"))),
+            Ok(n) => {
+                return Err(DecodeError::damaged(format!("the stream ends after {n} of {wanted} bytes of a frame")));
+            }
             Err(e) => return Err(DecodeError::damaged(format!("cannot read on: {e}"))),
         }
         let plane = |from: usize, n: usize| -> Vec<u8> {
@@ -107,18 +109,23 @@ fn parse(line: &[u8]) -> Result<Head, String> {
     let text = String::from_utf8_lossy(line);
     let Some(rest) = text.strip_prefix("YUV4MPEG2") else {
         let shown: String = text.chars().take(40).collect();
-        return Err(format!("expected yuv4mpeg, which begins with YUV4MPEG2, found \"{}\"; {TODO}", shown.escape_debug()));
+        return Err(format!(
+            "expected yuv4mpeg, which begins with YUV4MPEG2, found \"{}\"; {TODO}",
+            shown.escape_debug()
+        ));
     };
     let (mut width, mut height, mut rate, mut colour, mut full_range) = (0, 0, None, "420", None);
     for field in rest.split(' ').filter(|field| !field.is_empty()) {
         let (name, value) = field.split_at(field.chars().next().map_or(0, char::len_utf8));
         let side = || value.parse::<usize>().ok().filter(|n| (1..=MAX_SIDE).contains(n)).ok_or(());
-        let wrong = |()| format!("expected sides from 1 to {MAX_SIDE} pixels, found \"{}\"; {TODO}", field.escape_debug());
+        let wrong =
+            |()| format!("expected sides from 1 to {MAX_SIDE} pixels, found \"{}\"; {TODO}", field.escape_debug());
         match name {
             "W" => width = side().map_err(wrong)?,
             "H" => height = side().map_err(wrong)?,
             "F" => {
-                let parts = value.split_once(':').and_then(|(a, b)| Some(a.parse::<f64>().ok()? / b.parse::<f64>().ok()?));
+                let parts =
+                    value.split_once(':').and_then(|(a, b)| Some(a.parse::<f64>().ok()? / b.parse::<f64>().ok()?));
                 rate = parts.filter(|rate| rate.is_finite() && *rate > 0.0);
             }
             "C" => colour = value,
@@ -128,7 +135,10 @@ fn parse(line: &[u8]) -> Result<Head, String> {
         }
     }
     if width == 0 || height == 0 {
-        return Err(format!("expected width and height in the first line (W640 H480), found \"{}\"; {TODO}", text.escape_debug()));
+        return Err(format!(
+            "expected width and height in the first line (W640 H480), found \"{}\"; {TODO}",
+            text.escape_debug()
+        ));
     }
     let unknown = || {
         let known = "420, 422, 444 and mono, of 8 to 16 bits";

@@ -398,7 +398,11 @@ fn the_pixels_do_not_depend_on_the_decoder() {
         let (ours, theirs) = (told(&path, Builtin), told(&path, Ffmpeg));
         let name = path.display();
         assert!(theirs.0.reader.contains("ffmpeg") && !ours.0.reader.contains("ffmpeg"), "{name}: {}", theirs.0.reader);
-        assert_eq!(SourceInfo { reader: String::new(), ..ours.0 }, SourceInfo { reader: String::new(), ..theirs.0 }, "{name}");
+        assert_eq!(
+            SourceInfo { reader: String::new(), ..ours.0 },
+            SourceInfo { reader: String::new(), ..theirs.0 },
+            "{name}"
+        );
         assert_eq!(ours.1.len(), theirs.1.len(), "{name}");
         let first = ours.1.iter().zip(&theirs.1).position(|(a, b)| a != b);
         assert_eq!(first, None, "{name}: the first frame that differs");
