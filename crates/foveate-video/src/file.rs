@@ -30,7 +30,7 @@ pub struct VideoFile {
 
 enum Reader {
     Mp4(Box<Mp4>),
-    Ffmpeg(Ffmpeg),
+    Ffmpeg(Box<Ffmpeg>),
 }
 
 impl VideoFile {
@@ -122,7 +122,7 @@ impl VideoFile {
             return Err(self.error(problem + "; take the decoder auto or ffmpeg, or convert the video"));
         }
         match Ffmpeg::open(&self.options.ffmpeg, &self.path, self.next, &self.leash) {
-            Ok(ffmpeg) => self.reader = Some(Reader::Ffmpeg(ffmpeg)),
+            Ok(ffmpeg) => self.reader = Some(Reader::Ffmpeg(Box::new(ffmpeg))),
             Err(problem) => return Err(self.error(format!("this is {why}; {problem}"))),
         }
         Ok(())
