@@ -24,6 +24,14 @@ impl Sink {
         Ok(Self { path, temporary, file: Some(BufWriter::new(file)) })
     }
 
+    /// Starts a file that has its name from the beginning and grows with every flush: for runs without an end, whose results are to
+    /// be read meanwhile, and after the program was killed. Fails where its folder cannot be written.
+    pub fn grow(path: impl Into<PathBuf>) -> Result<Self> {
+        let path = path.into();
+        let file = File::create(&path).map_err(Error::io(&path, "cannot write"))?;
+        Ok(Self { temporary: path.clone(), path, file: Some(BufWriter::new(file)) })
+    }
+
     /// Adds to the file.
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
         match &mut self.file {
@@ -40,6 +48,9 @@ impl Sink {
     /// Gives the file its name. Finishing twice is finishing once.
     pub fn finish(&mut self) -> Result<()> {
         let Some(mut file) = self.file.take() else { return Ok(()) };
+        if self.temporary == self.path {
+            return file.flush().map_err(Error::io(&self.path, "cannot write"));
+        }
         let written = file.flush().and_then(|()| std::fs::rename(&self.temporary, &self.path));
         if written.is_err() {
             // The file is not whole: the reason below is worth more than a second one.
@@ -51,7 +62,7 @@ impl Sink {
 
 impl Drop for Sink {
     fn drop(&mut self) {
-        if self.file.take().is_some() {
+        if self.file.take().is_some() && self.temporary != self.path {
             let _ = std::fs::remove_file(&self.temporary);
         }
     }
@@ -84,6 +95,23 @@ mod tests {
         assert_eq!(std::fs::read_to_string(&path).expect("the new one"), "new");
 
         drop(Sink::create(folder.path().join("b.txt")).expect("a sink"));
+        assert_eq!(names(folder.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn a_file_that_grows_is_there_whatever_happens() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let path = folder.path().join("a.txt");
+        let mut sink = Sink::grow(&path).expect("a sink");
+        sink.write(b"one\n").expect("bytes");
+        sink.flush().expect("flushed");
+        assert_eq!(std::fs::read_to_string(&path).expect("what was flushed"), "one\n");
+        drop(sink);
+        assert_eq!(std::fs::read_to_string(&path).expect("still there"), "one\n");
+        let mut sink = Sink::grow(&path).expect("a sink");
+        sink.write(b"two\n").expect("bytes");
+        sink.finish().expect("finished");
+        assert_eq!(std::fs::read_to_string(&path).expect("the new one"), "two\n");
         assert_eq!(names(folder.path()), ["a.txt"]);
     }
 

@@ -29,7 +29,7 @@ enum Command {
     /// Try it: follow a drawn digit among others, and write a report
     Demo(cmd::demo::Args),
     /// Follow a target through a video file or a folder of images
-    Track(cmd::track::Args),
+    Track(Box<cmd::track::Args>),
     /// Show what stands out or moves in a frame, and the candidates found there
     Look(cmd::look::Args),
     /// Make synthetic scenes
@@ -60,7 +60,7 @@ fn main() -> std::process::ExitCode {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(cli.threads).build();
     let run = || match cli.command {
         Command::Demo(args) => cmd::demo::run(args),
-        Command::Track(args) => cmd::track::run(args),
+        Command::Track(args) => cmd::track::run(*args),
         Command::Look(args) => cmd::look::run(args),
         Command::Synth(args) => cmd::synth::run(args),
         Command::Train(args) => cmd::train::run(args),

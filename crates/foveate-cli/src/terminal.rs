@@ -1,7 +1,7 @@
 //! The terminal: results on standard output, progress on standard error, and Ctrl-C as a request to stop in good order.
 
 use std::io::{ErrorKind, Write};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -10,32 +10,72 @@ macro_rules! say {
     ($($words:tt)*) => { $crate::terminal::put(format_args!("{}\n", format_args!($($words)*))) };
 }
 
+static OUTPUT_TAKEN: AtomicBool = AtomicBool::new(false);
+
+/// From now on standard output is for the lines of `--stream`; what is said goes to standard error.
+pub fn give_output() {
+    OUTPUT_TAKEN.store(true, Ordering::SeqCst);
+}
+
 /// Writes to standard output.
 pub fn put(text: std::fmt::Arguments<'_>) {
+    if OUTPUT_TAKEN.load(Ordering::SeqCst) {
+        return note(text);
+    }
     match std::io::stdout().write_fmt(text) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
-            eprintln!("foveate: cannot write to standard output: {e}");
+            note(format_args!("foveate: cannot write to standard output: {e}\n"));
             std::process::exit(1);
         }
         _ => (),
     }
 }
 
-static STOP: AtomicBool = AtomicBool::new(false);
+/// Writes to standard error, where that can be written.
+fn note(text: std::fmt::Arguments<'_>) {
+    let _ = std::io::stderr().write_fmt(text);
+}
+
+/// The status to end with once asked to stop; 0 until then.
+static STOP: AtomicI32 = AtomicI32::new(0);
 
 /// From now on Ctrl-C (or a polite kill) asks to stop; a second one ends the program at once.
 pub fn catch_interrupts() {
-    // A second handler cannot be set; then the first one already does this.
-    let _ = ctrlc::set_handler(|| {
-        if STOP.swap(true, Ordering::SeqCst) {
-            std::process::exit(130);
-        }
-        eprintln!("\nfoveate: stopping in good order; press Ctrl-C again to end at once");
-    });
+    static CAUGHT: AtomicBool = AtomicBool::new(false);
+    if !CAUGHT.swap(true, Ordering::SeqCst) {
+        catch();
+    }
+}
+
+/// Asked to stop by a signal of this number.
+fn asked(signal: i32) {
+    if STOP.swap(128 + signal, Ordering::SeqCst) != 0 {
+        std::process::exit(128 + signal);
+    }
+    note(format_args!("\nfoveate: stopping in good order; press Ctrl-C again to end at once\n"));
+}
+
+#[cfg(unix)]
+fn catch() {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    // Where they cannot be caught they end the program, as ever.
+    if let Ok(mut signals) = signal_hook::iterator::Signals::new([SIGHUP, SIGINT, SIGTERM]) {
+        std::thread::spawn(move || signals.forever().for_each(asked));
+    }
+}
+
+#[cfg(not(unix))]
+fn catch() {
+    let _ = ctrlc::set_handler(|| asked(2));
 }
 
 /// Whether it was asked to stop.
 pub fn stopping() -> bool {
+    STOP.load(Ordering::SeqCst) != 0
+}
+
+/// The exit status of a run that was asked to stop: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
+pub fn stop_status() -> i32 {
     STOP.load(Ordering::SeqCst)
 }
 

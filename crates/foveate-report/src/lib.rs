@@ -11,6 +11,7 @@
 //! | [`Report`] | [`MultiReport`] | report.html: a page that replays the run offline |
 //! | [`SurfacePicture`] | | surface.png: what the gaze policy learned |
 //! | [`Strip`] | [`MultiStrip`] | a film strip |
+//! | [`Stream`] | [`Stream`] | a line a frame as it happens, to a pipe or an address |
 //!
 //! [`columns`] says what every column of the text files means.
 #![forbid(unsafe_code)]
@@ -24,6 +25,7 @@ mod film;
 mod font;
 pub mod heat;
 mod json;
+mod limited;
 pub mod multi;
 pub mod multi_observer;
 mod pictures;
@@ -31,6 +33,7 @@ pub mod regret;
 mod report;
 pub mod run;
 mod snapshot;
+pub mod stream;
 mod strip;
 pub mod surface;
 mod table;
@@ -41,10 +44,12 @@ mod tracks;
 pub use self::annotate::Annotator;
 pub use self::film::{Film, MultiFilm};
 pub use self::json::Summary;
+pub use self::limited::Limited;
 pub use self::multi::MultiAnnotator;
 pub use self::multi_observer::MultiObserver;
 pub use self::report::{MultiReport, Report, escape, fill};
 pub use self::snapshot::SurfacePicture;
+pub use self::stream::Stream;
 pub use self::strip::{MultiStrip, Strip};
 pub use self::table::{Boxes, Table};
 pub use self::trace::Trace;

@@ -22,6 +22,8 @@ pub struct Span<'a> {
     pub stop: &'a dyn Fn() -> bool,
     /// Where the time spent in the tracker is added up.
     pub clock: Clock,
+    /// A run without an end: what grows with every frame, boxes and times, is left out of the outcome.
+    pub endless: bool,
     /// Told after every frame, if anybody is.
     pub progress: Option<&'a mut dyn FnMut(&Frame)>,
 }
@@ -29,7 +31,7 @@ pub struct Span<'a> {
 impl Default for Span<'_> {
     /// All frames.
     fn default() -> Self {
-        Self { from: 0, until: usize::MAX, stop: &|| false, clock: Clock::default(), progress: None }
+        Self { from: 0, until: usize::MAX, stop: &|| false, clock: Clock::default(), endless: false, progress: None }
     }
 }
 
@@ -38,8 +40,10 @@ impl Default for Span<'_> {
 pub struct Frames {
     /// Frames in the results, the first one included.
     pub count: usize,
-    /// Time spent in tracker and detectors in each of them, seconds.
+    /// Time spent in tracker and detectors in each of them, seconds; empty in a run without an end.
     pub seconds: Vec<f64>,
+    /// The sum of it.
+    pub spent: Duration,
     /// Whether it was asked to stop before the source ended.
     pub stopped: bool,
 }
@@ -47,7 +51,7 @@ pub struct Frames {
 impl Frames {
     /// Time spent in all frames.
     pub fn time(&self) -> Duration {
-        Duration::from_secs_f64(self.seconds.iter().sum())
+        self.spent
     }
 }
 
@@ -83,13 +87,18 @@ fn each_frame(
         follower.track(&frame, &mut || {
             let time = began.elapsed();
             span.clock.add(time);
-            frames.seconds.push(time.as_secs_f64());
+            frames.spent += time;
+            if !span.endless {
+                frames.seconds.push(time.as_secs_f64());
+            }
         })?;
         frames.count += 1;
         if let Some(progress) = &mut span.progress {
             progress(&frame);
         }
     }
+    // A source that was told to stop ends without another frame.
+    frames.stopped |= (span.stop)();
     if frames.count == 0 && !frames.stopped {
         return Err(Error::Invalid(
             "the source has no frame to track in; check --init, --until and the saved state".into(),

@@ -27,6 +27,14 @@ impl Boxes {
     pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
         Ok(Self { file: Sink::create(path)? })
     }
+
+    /// Starts a file that has its name at once and grows line by line, for runs without an end.
+    ///
+    /// # Errors
+    /// Its folder cannot be written.
+    pub fn grow(path: impl Into<PathBuf>) -> Result<Self> {
+        Ok(Self { file: Sink::grow(path)? })
+    }
     fn put(&mut self, b: &BBox) -> Result<()> {
         self.file.write(format!("{:.3},{:.3},{:.3},{:.3}\n", b.x + 1.0, b.y + 1.0, b.w, b.h).as_bytes())?;
         self.file.flush()
@@ -58,6 +66,14 @@ impl Table {
     /// Its folder cannot be written.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
         Ok(Self { file: Csv::create(path, TRACK)? })
+    }
+
+    /// Starts a file that has its name at once and grows line by line, for runs without an end.
+    ///
+    /// # Errors
+    /// Its folder cannot be written.
+    pub fn grow(path: impl Into<PathBuf>) -> Result<Self> {
+        Ok(Self { file: Csv::grow(path, TRACK)? })
     }
 }
 

@@ -9,6 +9,7 @@ use crate::columns::{TARGETS, TRACKS};
 use crate::csv::{Csv, Rows};
 use foveate_base::Result;
 use foveate_base::sink::Sink;
+use foveate_core::geometry::BBox;
 use foveate_core::multi::{Phase, TrackedTarget};
 use foveate_video::Frame;
 
@@ -28,15 +29,21 @@ impl MotFile {
     pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
         Ok(Self { file: Sink::create(path)?, line: String::new() })
     }
+
+    /// Starts a file that has its name at once and grows line by line, for runs without an end.
+    ///
+    /// # Errors
+    /// Its folder cannot be written.
+    pub fn grow(path: impl Into<PathBuf>) -> Result<Self> {
+        Ok(Self { file: Sink::grow(path)?, line: String::new() })
+    }
 }
 
 impl MultiObserver for MotFile {
     fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
         self.line.clear();
         for target in targets.iter().filter(|target| target.sure()) {
-            let (b, confidence) = (target.bbox, (1.0 - target.deficit).max(0.0));
-            let (n, id, x, y) = (frame.index + 1, target.id, b.x + 1.0, b.y + 1.0);
-            let _ = writeln!(self.line, "{n},{id},{x:.3},{y:.3},{:.3},{:.3},{confidence:.3},-1,-1,-1", b.w, b.h);
+            mot_line(&mut self.line, frame, target.id, &target.bbox, (1.0 - target.deficit).max(0.0));
         }
         self.file.write(self.line.as_bytes())?;
         self.file.flush()
@@ -44,6 +51,12 @@ impl MultiObserver for MotFile {
     fn finish(&mut self) -> Result<()> {
         self.file.finish()
     }
+}
+
+/// A line of MOTChallenge's text.
+pub(super) fn mot_line(text: &mut String, frame: &Frame, id: u64, b: &BBox, confidence: f64) {
+    let (n, x, y) = (frame.index + 1, b.x + 1.0, b.y + 1.0);
+    let _ = writeln!(text, "{n},{id},{x:.3},{y:.3},{:.3},{:.3},{confidence:.3},-1,-1,-1", b.w, b.h);
 }
 
 /// tracks.csv: every active target in every frame, lost ones included, with the columns [`TRACKS`].
@@ -59,6 +72,14 @@ impl TracksTable {
     /// Its folder cannot be written.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
         Ok(Self { file: Csv::create(path, TRACKS)? })
+    }
+
+    /// Starts a file that has its name at once and grows line by line, for runs without an end.
+    ///
+    /// # Errors
+    /// Its folder cannot be written.
+    pub fn grow(path: impl Into<PathBuf>) -> Result<Self> {
+        Ok(Self { file: Csv::grow(path, TRACKS)? })
     }
 }
 

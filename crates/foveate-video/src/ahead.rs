@@ -1,16 +1,26 @@
 //! Frames decoded on a thread of their own, some ahead of the one that is worked on.
 
-use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
+use std::time::Duration;
 
-use crate::{Frame, FrameSource, SourceInfo};
+use crate::{Frame, FrameSource, Interrupt, SourceInfo};
 use foveate_base::{Error, Result, quiet};
 
 /// How many frames wait at most.
 const DEPTH: usize = 4;
 
 /// The same frames in the same order as `source`, read while the caller works on earlier ones.
-pub fn ahead(mut source: Box<dyn FrameSource>) -> Box<dyn FrameSource> {
-    let info = source.info().clone();
+pub fn ahead(source: Box<dyn FrameSource>) -> Box<dyn FrameSource> {
+    ahead_until(source, || false)
+}
+
+/// How often it is asked whether to stop while no frame comes.
+const PATIENCE: Duration = Duration::from_millis(50);
+
+/// [`ahead`], until `stop` says so: then it ends, also where the source blocks. It is asked before every frame, and all along
+/// while none comes.
+pub fn ahead_until(mut source: Box<dyn FrameSource>, stop: impl Fn() -> bool + Send + 'static) -> Box<dyn FrameSource> {
+    let (info, interrupt) = (source.info().clone(), source.interrupt());
     let (send, frames) = sync_channel(DEPTH);
     std::thread::spawn(move || {
         // The thread ends with the source, or at the first frame that nobody waits for.
@@ -18,25 +28,46 @@ pub fn ahead(mut source: Box<dyn FrameSource>) -> Box<dyn FrameSource> {
             let _ = send.send(Err(Error::Invalid(format!("reading the frames failed: {panic}"))));
         }
     });
-    Box::new(Ahead { info, frames })
+    Box::new(Ahead { info, frames, interrupt, stop: Box::new(stop) })
 }
 
 struct Ahead {
     info: SourceInfo,
     frames: Receiver<Result<Frame>>,
+    interrupt: Option<Interrupt>,
+    stop: Box<dyn Fn() -> bool + Send>,
 }
 
 impl Iterator for Ahead {
     type Item = Result<Frame>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        self.frames.recv().ok()
+        loop {
+            if (self.stop)() {
+                return None;
+            }
+            match self.frames.recv_timeout(PATIENCE) {
+                Ok(frame) => return Some(frame),
+                Err(RecvTimeoutError::Disconnected) => return None,
+                Err(RecvTimeoutError::Timeout) => (),
+            }
+        }
+    }
+}
+
+impl Drop for Ahead {
+    /// A read that blocks would keep the source, and its ffmpeg, for ever.
+    fn drop(&mut self) {
+        self.interrupt.iter().for_each(|interrupt| interrupt());
     }
 }
 
 impl FrameSource for Ahead {
     fn info(&self) -> &SourceInfo {
         &self.info
+    }
+    fn interrupt(&self) -> Option<Interrupt> {
+        self.interrupt.clone()
     }
 }
 

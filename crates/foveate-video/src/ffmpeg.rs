@@ -1,49 +1,58 @@
-//! Any video the external program ffmpeg reads, as planar colour through a pipe.
+//! Any video the external program ffmpeg reads, as raw frames through a pipe.
 //!
-//! Times come from its `showinfo` filter, one line a frame on the error channel. The program is optional
-//! and runs as a separate process; of the file's own references (playlists) it may follow local ones only.
+//! Pixels come as yuv4mpeg on its standard output, and the times of the same frames, as numbers, from a second writer of ffmpeg's on
+//! the pipe that is its standard input. Colours and rate are asked of ffprobe, field by field, none of which is text of the file.
+//! Nothing that a file says of itself, as a title, goes through any of these; what ffmpeg logs is for people alone.
+//! The program is optional and runs as a separate process. It opens this file and no other: neither kinds of files that name others
+//! (playlists, lists of pictures) nor other protocols are allowed.
 
 use std::ffi::OsString;
-use std::io::{BufRead, BufReader, ErrorKind, Read};
-use std::path::Path;
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::io::{BufRead, BufReader, ErrorKind, Read, pipe};
+use std::path::{Path, PathBuf};
+use std::process::{ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::decode::MAX_SIDE;
+use crate::child::{Leash, listen};
 use crate::decoded::{DecodeError, Decoded, Picture};
-use foveate_core::scene::Image;
+use crate::y4m::Y4m;
+use crate::yuv::Colour;
+
+/// The pixels as ffmpeg hands them over.
+pub(crate) type Pixels = Y4m<BufReader<ChildStdout>>;
 
 /// A running ffmpeg.
 pub(super) struct Ffmpeg {
-    child: Child,
-    pixels: ChildStdout,
-    lines: Receiver<Line>,
-    rate: Option<f64>,
-    length: Option<f64>,
-    complaint: Option<String>,
-    /// What it said of the end of the file, and of the last corrupt frame: how many frames had come.
-    cut: Option<String>,
-    corrupt: Option<(usize, String)>,
+    leash: Leash,
+    /// Its output, until the first line of it is read.
+    output: Option<ChildStdout>,
+    pixels: Option<Pixels>,
+    times: Receiver<f64>,
+    said: Arc<Mutex<Said>>,
+    facts: Facts,
     /// Time stamp of the first frame, and how many frames came.
     origin: Option<f64>,
     frames: usize,
 }
 
-/// What a line of ffmpeg's says that matters.
-#[derive(Debug, PartialEq)]
-enum Line {
-    Frame {
-        time: Option<f64>,
-        width: usize,
-        height: usize,
-    },
-    Rate(f64),
-    Length(f64),
-    Complaint(String),
-    /// The file ends before its time.
-    Cut(String),
-    /// A frame or a packet that is not whole; at the end of a file it is where the file was cut.
-    Corrupt(String),
+/// What ffmpeg said that matters to people.
+#[derive(Debug, Default, PartialEq)]
+pub(crate) struct Said {
+    complaint: Option<String>,
+    /// What it said of the end of the file, and of the last corrupt frame: how many frames had come.
+    cut: Option<String>,
+    corrupt: Option<(usize, String)>,
+    frames: usize,
+}
+
+/// What ffprobe knows of a video.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Facts {
+    rate: Option<f64>,
+    frames: Option<usize>,
+    /// As in H.264's table E-5.
+    matrix: Option<u16>,
+    full_range: bool,
 }
 
 /// What ffmpeg says of a file that was cut off. It ends well all the same.
@@ -51,48 +60,52 @@ const CUT: [&str; 4] = ["ended prematurely", "Error during demuxing", "partial f
 /// What it says of a frame that it makes up in part.
 const CORRUPT: [&str; 2] = ["corrupt decoded frame", "corrupt input packet"];
 /// A corrupt frame so near to the end, in frames, is the end.
-const NEAR: usize = 2;
+const NEAR: usize = 4;
+
+/// Kinds of files that hold their frames themselves. Those that name other files or addresses are left out on purpose.
+pub(crate) const KINDS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,mpegtsraw,mpegvideo,vob,flv,live_flv,kux,asf,ogg,\
+    h264,hevc,vvc,av1,obu,ivf,m4v,mjpeg,mjpeg_2000,mpjpeg,gif,apng,yuv4mpegpipe,nut,rm,wtv,dv,mxf,vc1,vc1test,h263,h261,dirac,swf,\
+    nsv,bink,smk,ea,roq,gxf,mtv,nuv,cavsvideo,avs2,avs3,dxa,cdxl,fli,flic,lvf,mv,r3d,rpl,sdr2,thp,truehd,viv,xmv,yop";
+
+/// Frames as they are coded, where yuv4mpeg has a name for that; else the nearest that has.
+pub(crate) const FORMATS: &str = "format=yuv420p|yuvj420p|yuv422p|yuvj422p|yuv444p|yuvj444p|gray|yuv420p10|yuv422p10|yuv444p10|gray10|yuv420p12|\
+    yuv422p12|yuv444p12|gray12";
 
 impl Ffmpeg {
     /// Starts `program` on a file; the first `skip` frames are thrown away.
     ///
     /// # Errors
     /// What is wrong and what to do, where the program is not there or does not start.
-    pub fn open(program: &Path, path: &Path, skip: usize) -> Result<Self, String> {
-        let passthrough = if knows_fps_mode(program)? { ["-fps_mode", "passthrough"] } else { ["-vsync", "0"] };
+    pub fn open(program: &Path, path: &Path, skip: usize, leash: &Leash) -> Result<Self, String> {
+        let passthrough = passthrough(program)?;
         let mut input = OsString::from("file:");
         input.push(path);
-        let mut child = Command::new(program)
-            .args([
-                "-hide_banner",
-                "-nostdin",
-                "-nostats",
-                "-loglevel",
-                "level+info",
-                "-protocol_whitelist",
-                "file,crypto,data",
-            ])
-            .arg("-i")
-            .arg(input)
-            .args(["-map", "0:v:0", "-an", "-sn", "-dn", "-vf", "format=gbrp,showinfo=checksum=0"])
+        let (times, writer) = pipe().map_err(|error| format!("a pipe to ffmpeg cannot be made ({error})"))?;
+        let mut command = Command::new(program);
+        command
+            .args(["-hide_banner", "-nostdin", "-nostats", "-loglevel", "level+warning"])
+            .args(["-protocol_whitelist", "file", "-format_whitelist", KINDS, "-i"])
+            .arg(&input)
+            .args(["-map", "0:v:0", "-an", "-sn", "-dn", "-map_metadata", "-1", "-vf", FORMATS])
             .args(passthrough)
-            .args(["-f", "rawvideo", "-pix_fmt", "gbrp", "pipe:1"])
-            .stdin(Stdio::null())
+            // One frame goes to both outputs before the next one is made: none waits for the other.
+            .args(["-c:v", "wrapped_avframe", "-strict", "-1", "-f", "tee"])
+            .arg(r"[f=framecrc:flush_packets=1]pipe\:0|[f=yuv4mpegpipe:strict=-1]pipe\:1")
+            .stdin(Stdio::from(writer))
             .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .map_err(|error| missing(program, &error))?;
-        let pixels = child.stdout.take().expect("it was asked for a pipe");
+            .stderr(Stdio::piped());
+        let mut child = command.spawn().map_err(|error| missing(program, &error))?;
+        // The command holds the writer too: while it does, the times would never end.
+        drop(command);
+        let output = child.stdout.take();
         let errors = child.stderr.take().expect("it was asked for a pipe");
-        let (send, lines) = sync_channel(1 << 10);
-        std::thread::spawn(move || {
-            for line in BufReader::new(errors).split(b'\n').map_while(Result::ok) {
-                // The receiver may be gone; the pipe is emptied all the same, so that ffmpeg can end.
-                let _ = understand(&String::from_utf8_lossy(&line)).map(|line| send.send(line));
-            }
-        });
-        let (rate, length, complaint, cut, corrupt, origin) = (None, None, None, None, None, None);
-        let mut ffmpeg = Self { child, pixels, lines, rate, length, complaint, cut, corrupt, origin, frames: 0 };
+        leash.hold(child);
+        let said = Arc::new(Mutex::new(Said::default()));
+        hear(errors, said.clone());
+        let times = read_times(times, said.clone());
+        let facts = Facts::ask(program, &input);
+        let (leash, pixels, origin) = (leash.clone(), None, None);
+        let mut ffmpeg = Self { leash, output, pixels, times, said, facts, origin, frames: 0 };
         for _ in 0..skip {
             if ffmpeg.picture().is_none() {
                 return Err(format!("ffmpeg found only {} of the {skip} frames read so far", ffmpeg.frames));
@@ -103,34 +116,47 @@ impl Ffmpeg {
 
     /// Frames a second; known after the first frame.
     pub fn rate(&self) -> f64 {
-        self.rate.unwrap_or(30.0)
+        let stated = self.pixels.as_ref().and_then(|pixels| pixels.head.rate);
+        self.facts.rate.or(stated).unwrap_or(30.0)
     }
 
-    /// An estimate of the number of frames; known after the first frame.
+    /// An estimate of the number of frames.
     pub fn frames(&self) -> Option<usize> {
-        self.length.map(|length| (length * self.rate()).round() as usize)
+        self.facts.frames
     }
 
     /// The next frame and its time in seconds from the first.
     pub fn picture(&mut self) -> Option<Decoded<Picture>> {
-        loop {
-            match self.lines.recv() {
-                Ok(Line::Frame { time, width, height }) => return Some(self.read(time, width, height)),
-                Ok(Line::Rate(rate)) => self.rate = self.rate.or(Some(rate)),
-                Ok(Line::Length(length)) => self.length = self.length.or(Some(length)),
-                Ok(Line::Complaint(text)) => self.complaint = self.complaint.take().or(Some(text)),
-                Ok(Line::Cut(text)) => self.cut = self.cut.take().or(Some(text)),
-                Ok(Line::Corrupt(text)) => self.corrupt = Some((self.frames, text)),
-                Err(_) => break,
-            }
+        if let Some(output) = self.output.take() {
+            // Where nothing comes, the reason is told below.
+            self.pixels = Y4m::new(BufReader::new(output), &[]).ok();
         }
-        let ended = self.child.wait();
-        if self.frames > 0 && ended.is_ok_and(|status| status.success()) {
-            let corrupt = self.corrupt.take().filter(|(at, _)| at + NEAR >= self.frames).map(|(_, text)| text);
-            let end = self.cut.take().or(corrupt)?;
+        match self.pixels.as_mut().and_then(Y4m::picture) {
+            Some(Ok(yuv)) => {
+                let full = self.pixels.as_ref().and_then(|p| p.head.full_range).unwrap_or(self.facts.full_range);
+                let image = yuv.to_rgb(Colour::new(self.facts.matrix, full, yuv.width, yuv.height));
+                let time = self.times.recv().ok();
+                let time = time.unwrap_or(self.origin.unwrap_or(0.0) + self.frames as f64 / self.rate());
+                self.frames += 1;
+                Some(Ok((image, time - *self.origin.get_or_insert(time))))
+            }
+            _ => self.end(),
+        }
+    }
+
+    /// Why there is no frame any more; `None` where the video is at its end.
+    fn end(&mut self) -> Option<Decoded<Picture>> {
+        let ended = self.leash.wait();
+        // What it said last may still be on its way; the channel of times ends when the program has.
+        while self.times.recv().is_ok() {}
+        std::thread::sleep(std::time::Duration::from_millis(20));
+        let said = std::mem::take(&mut *self.said.lock().unwrap_or_else(PoisonError::into_inner));
+        if self.frames > 0 && ended.is_some_and(|status| status.success()) {
+            let corrupt = said.corrupt.filter(|(at, _)| at + NEAR >= self.frames).map(|(_, text)| text);
+            let end = said.cut.or(corrupt)?;
             return Some(Err(DecodeError::damaged(format!("the video breaks off: ffmpeg says \"{end}\""))));
         }
-        let text = self.complaint.take().unwrap_or_else(|| "it gave no reason".into());
+        let text = said.complaint.unwrap_or_else(|| "it gave no reason".into());
         Some(Err(match self.frames {
             0 => {
                 let problem = "expected a video that ffmpeg reads; it says";
@@ -139,89 +165,133 @@ impl Ffmpeg {
             _ => DecodeError::damaged(format!("ffmpeg stopped: {text}")),
         }))
     }
-
-    fn read(&mut self, time: Option<f64>, width: usize, height: usize) -> Decoded<Picture> {
-        if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE {
-            let problem =
-                format!("expected sides from 1 to {MAX_SIDE} pixels, found {width} x {height}; make it smaller");
-            return Err(DecodeError::Damaged(problem));
-        }
-        let mut planes = vec![0; 3 * width * height];
-        self.pixels.read_exact(&mut planes).map_err(|_| {
-            let text = self.complaint.take().unwrap_or_else(|| "it ended in the middle of a frame".into());
-            DecodeError::damaged(format!("ffmpeg stopped: {text}"))
-        })?;
-        // Green, blue, red becomes red, green, blue.
-        planes.rotate_right(width * height);
-        let image = Image::new(width, height, 3, planes).expect("three planes of this size, which is not empty");
-        let time = time.unwrap_or(self.origin.unwrap_or(0.0) + self.frames as f64 / self.rate());
-        self.frames += 1;
-        Ok((image, time - *self.origin.get_or_insert(time)))
-    }
 }
 
 impl Drop for Ffmpeg {
     fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.leash.end();
     }
 }
 
-/// Before 5.1 the option had another name.
-fn knows_fps_mode(program: &Path) -> Result<bool, String> {
+/// Listens to what it says.
+fn hear(errors: impl Read + Send + 'static, said: Arc<Mutex<Said>>) {
+    listen(errors, move |line| said.lock().unwrap_or_else(PoisonError::into_inner).hear(&line));
+}
+
+impl Said {
+    fn hear(&mut self, line: &str) {
+        let after = |level: &str| line.split_once(level).map(|(_, text)| text.trim().to_owned());
+        let error = after("[error] ").or_else(|| after("[fatal] "));
+        let Some(text) = error.clone().or_else(|| after("[warning] ")) else { return };
+        if CUT.iter().any(|words| text.contains(words)) {
+            self.cut.get_or_insert(text);
+        } else if CORRUPT.iter().any(|words| text.contains(words)) {
+            self.corrupt = Some((self.frames, text));
+        } else if let Some(error) = error {
+            self.complaint.get_or_insert(error);
+        }
+    }
+}
+
+/// The times of the frames in seconds, as they come: lines of numbers under a head that states the unit.
+fn read_times(lines: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Receiver<f64> {
+    let (send, times) = sync_channel(1 << 10);
+    std::thread::spawn(move || {
+        let mut unit = None;
+        for line in BufReader::new(lines).lines().map_while(Result::ok) {
+            if let Some(stated) = line.strip_prefix("#tb 0: ") {
+                unit = ratio(stated.trim());
+            }
+            if line.starts_with('#') {
+                continue;
+            }
+            let stamp = line.split(',').nth(2).and_then(|stamp| stamp.trim().parse::<i64>().ok());
+            let Some(time) = stamp.zip(unit).map(|(stamp, unit)| stamp as f64 * unit) else { break };
+            said.lock().unwrap_or_else(PoisonError::into_inner).frames += 1;
+            if send.send(time).is_err() {
+                break;
+            }
+        }
+    });
+    times
+}
+
+impl Facts {
+    /// Asks the ffprobe that lies beside the ffmpeg; nothing is known where it is not there.
+    fn ask(program: &Path, input: &OsString) -> Self {
+        let fields =
+            "stream=pix_fmt,color_space,color_range,r_frame_rate,avg_frame_rate,duration,nb_frames:format=duration";
+        let told = Command::new(probe(program))
+            .args(["-v", "quiet", "-protocol_whitelist", "file", "-format_whitelist", KINDS])
+            .args(["-select_streams", "v:0", "-show_entries", fields, "-of", "default=noprint_wrappers=1"])
+            .arg(input)
+            .stdin(Stdio::null())
+            .stderr(Stdio::null())
+            .output();
+        told.map_or(Self::default(), |told| Self::read(&String::from_utf8_lossy(&told.stdout)))
+    }
+
+    fn read(text: &str) -> Self {
+        let all = |name: &str| {
+            let name = format!("{name}=");
+            text.lines().filter_map(|line| line.strip_prefix(&name).map(str::to_owned)).collect::<Vec<_>>()
+        };
+        let number =
+            |name| all(name).iter().find_map(|text| text.parse::<f64>().ok().filter(|n| *n > 0.0 && n.is_finite()));
+        let rate = |name| all(name).iter().find_map(|text| ratio(text).filter(|rate| *rate > 0.0));
+        let rate = rate("avg_frame_rate").or_else(|| rate("r_frame_rate"));
+        let frames = number("nb_frames").or_else(|| Some(number("duration")? * rate?)).filter(|n| *n < 1e12);
+        let format = all("pix_fmt").concat();
+        let of_luma = ["yuv", "nv", "gray", "y"].iter().any(|name| format.starts_with(name));
+        let matrix = match all("color_space").concat().as_str() {
+            "bt709" => Some(1),
+            "bt470bg" | "smpte170m" | "fcc" => Some(6),
+            "smpte240m" => Some(7),
+            "bt2020nc" | "bt2020c" => Some(9),
+            // Red, green and blue, which ffmpeg turns into yuv by its own guess.
+            _ if !of_luma && !format.is_empty() => Some(6),
+            _ => None,
+        };
+        let full_range = of_luma && all("color_range").concat() == "pc";
+        Self { rate, frames: frames.map(|n| n.round() as usize), matrix, full_range }
+    }
+}
+
+/// `25/2`.
+fn ratio(text: &str) -> Option<f64> {
+    let (over, under) = text.split_once('/')?;
+    let ratio = over.parse::<f64>().ok()? / under.parse::<f64>().ok()?;
+    ratio.is_finite().then_some(ratio)
+}
+
+/// Beside `a/ffmpeg`, `a/ffprobe`.
+fn probe(program: &Path) -> PathBuf {
+    let name = program.file_name().unwrap_or_default().to_string_lossy().replace("ffmpeg", "ffprobe");
+    program.with_file_name(name)
+}
+
+/// Every frame as it is, none doubled or left out. Before 5.1 the option had another name.
+pub(crate) fn passthrough(program: &Path) -> Result<[&'static str; 2], String> {
     let help = Command::new(program)
         .args(["-hide_banner", "-h", "long"])
         .stdin(Stdio::null())
         .output()
         .map_err(|error| missing(program, &error))?;
-    Ok(help.stdout.windows(9).any(|text| text == b"-fps_mode"))
+    let knows = help.stdout.windows(9).any(|text| text == b"-fps_mode");
+    Ok(if knows { ["-fps_mode", "passthrough"] } else { ["-vsync", "0"] })
 }
 
-fn missing(program: &Path, error: &std::io::Error) -> String {
+pub(crate) fn missing(program: &Path, error: &std::io::Error) -> String {
     let found = match error.kind() {
         ErrorKind::NotFound => "which was not found".to_owned(),
         _ => format!("which does not start ({error})"),
     };
     format!(
-        "only H.264 in MP4 (8 or 10 bits, 4:2:0 or 4:2:2) is read without the program {}, {found}; install it \
+        "only H.264 in MP4 (8 or 10 bits, 4:2:0 or 4:2:2) and yuv4mpeg are read without the program {}, {found}; install it \
          (`apt install ffmpeg`, `brew install ffmpeg`, `winget install ffmpeg`, or https://ffmpeg.org), \
          or convert the video elsewhere to H.264 in MP4",
         program.display()
     )
-}
-
-fn understand(line: &str) -> Option<Line> {
-    let field = |name: &str| {
-        let rest = &line[line.find(name)? + name.len()..];
-        rest.split_whitespace().next()
-    };
-    if line.contains("[Parsed_showinfo") {
-        if let Some(size) = field(" s:") {
-            let (width, height) = size.split_once('x')?;
-            let time = field("pts_time:").and_then(|time| time.parse().ok()).filter(|time: &f64| time.is_finite());
-            return Some(Line::Frame { time, width: width.parse().ok()?, height: height.parse().ok()? });
-        }
-        let (over, under) = field("frame_rate: ")?.split_once('/')?;
-        let rate = over.parse::<f64>().ok()? / under.parse::<f64>().ok()?;
-        return (rate.is_finite() && rate > 0.0).then_some(Line::Rate(rate));
-    }
-    if let Some(length) = field("Duration: ") {
-        let seconds = length
-            .trim_end_matches(',')
-            .split(':')
-            .try_fold(0.0, |sum, part| Some(60.0 * sum + part.parse::<f64>().ok()?));
-        return seconds.map(Line::Length);
-    }
-    let said = |level: &str| line.split_once(level).map(|(_, text)| text.trim().to_owned());
-    let error = said("[error] ").or_else(|| said("[fatal] "));
-    let text = error.clone().or_else(|| said("[warning] "))?;
-    if CUT.iter().any(|words| text.contains(words)) {
-        return Some(Line::Cut(text));
-    }
-    if CORRUPT.iter().any(|words| text.contains(words)) {
-        return Some(Line::Corrupt(text));
-    }
-    error.map(Line::Complaint)
 }
 
 #[cfg(test)]
@@ -229,68 +299,141 @@ mod tests {
     use super::*;
 
     #[test]
-    fn lines_are_understood() {
-        let frame = "[Parsed_showinfo_1 @ 0x55d] [info] n:   0 pts:    512 pts_time:0.04    duration:    512 \
-                     duration_time:0.04    fmt:gbrp cl:unspecified sar:1/1 s:640x360 i:P iskey:1 type:I ";
-        assert_eq!(understand(frame), Some(Line::Frame { time: Some(0.04), width: 640, height: 360 }));
-        let rate = "[Parsed_showinfo_1 @ 0x5] [info] config in time_base: 1/12800, frame_rate: 25/2";
-        assert_eq!(understand(rate), Some(Line::Rate(12.5)));
-        assert_eq!(
-            understand("[info]   Duration: 01:00:30.50, start: 0.000000, bitrate: 1 kb/s"),
-            Some(Line::Length(3630.5))
-        );
-        let complaint = "[in#0 @ 0x5] [error] moov atom not found";
-        assert_eq!(understand(complaint), Some(Line::Complaint("moov atom not found".into())));
-        assert_eq!(understand("[info] Output #0, rawvideo, to 'pipe:1':"), None);
+    fn what_ffmpeg_says_is_understood() {
+        let heard = |line: &str| {
+            let mut said = Said { frames: 7, ..Said::default() };
+            said.hear(line);
+            (said.complaint, said.cut, said.corrupt)
+        };
+        let some = |text: &str| Some(text.to_owned());
+        assert_eq!(heard("[in#0 @ 0x5] [error] moov atom not found"), (some("moov atom not found"), None, None));
         let cut = "[matroska,webm @ 0x5] [error] File ended prematurely";
-        assert_eq!(understand(cut), Some(Line::Cut("File ended prematurely".into())));
+        assert_eq!(heard(cut), (None, some("File ended prematurely"), None));
         let corrupt = "[warning] file:cut.avi: corrupt decoded frame in stream 0";
-        assert_eq!(understand(corrupt), Some(Line::Corrupt("file:cut.avi: corrupt decoded frame in stream 0".into())));
-        assert_eq!(understand("[swscaler @ 0x5] [warning] No accelerated colorspace conversion found"), None);
+        assert_eq!(heard(corrupt).2, Some((7, "file:cut.avi: corrupt decoded frame in stream 0".into())));
+        assert_eq!(heard("[swscaler @ 0x5] [warning] No accelerated colorspace conversion found"), (None, None, None));
+        assert_eq!(heard("[info] Output #0, rawvideo, to 'pipe:1':"), (None, None, None));
     }
 
-    /// Runs where ffmpeg is installed, and says so where it is not.
+    #[test]
+    fn what_ffprobe_says_is_understood() {
+        let text = "pix_fmt=yuv420p\ncolor_range=pc\ncolor_space=bt709\nr_frame_rate=25/1\navg_frame_rate=25/2\n\
+                    duration=N/A\nnb_frames=N/A\nduration=4.000\n";
+        let facts = Facts { rate: Some(12.5), frames: Some(50), matrix: Some(1), full_range: true };
+        assert_eq!(Facts::read(text), facts);
+        assert_eq!(Facts::read("pix_fmt=bgra\ncolor_range=pc\navg_frame_rate=0/0\n").matrix, Some(6));
+        assert_eq!(Facts::read("nonsense"), Facts::default());
+        assert_eq!(probe(Path::new("/a/ffmpeg-7.exe")), Path::new("/a/ffprobe-7.exe"));
+    }
+
+    fn installed() -> bool {
+        let there = Command::new("ffmpeg").arg("-version").output().is_ok();
+        if !there {
+            println!("skipped: the program ffmpeg is not installed");
+        }
+        there
+    }
+
+    fn make(path: &Path, options: &[&str]) {
+        let made = Command::new("ffmpeg")
+            .args(["-v", "error", "-f", "lavfi", "-i", "testsrc=size=160x120:rate=25:duration=4"])
+            .args(["-c:v", "mpeg4", "-g", "10"])
+            .args(options)
+            .arg(path)
+            .status();
+        assert!(made.is_ok_and(|status| status.success()), "{} is made", path.display());
+    }
+
+    fn read(path: &Path) -> (Vec<Picture>, Option<String>) {
+        let mut ffmpeg = Ffmpeg::open(Path::new("ffmpeg"), path, 0, &Leash::default()).expect("it starts");
+        let mut pictures = vec![];
+        loop {
+            match ffmpeg.picture() {
+                Some(Ok(picture)) => pictures.push(picture),
+                Some(Err(DecodeError::Damaged(text) | DecodeError::Unsupported(text))) => {
+                    return (pictures, Some(text));
+                }
+                None => return (pictures, None),
+            }
+        }
+    }
+
     #[test]
     fn a_file_that_was_cut_ends_with_an_error() {
-        if Command::new("ffmpeg").arg("-version").output().is_err() {
-            eprintln!("skipped: the program ffmpeg is not installed");
+        if !installed() {
             return;
         }
         let dir = tempfile::tempdir().expect("a temporary folder");
         for name in ["a.mkv", "a.avi"] {
             let whole = dir.path().join(name);
-            let made = Command::new("ffmpeg")
-                .args(["-v", "error", "-f", "lavfi", "-i", "testsrc=size=160x120:rate=25:duration=4"])
-                .args(["-c:v", "mpeg4", "-g", "10"])
-                .arg(&whole)
-                .status();
-            assert!(made.is_ok_and(|status| status.success()), "{name} is made");
+            make(&whole, &[]);
             let bytes = std::fs::read(&whole).expect("just made");
             let cut = dir.path().join(format!("cut-{name}"));
             std::fs::write(&cut, &bytes[..bytes.len() * 3 / 5]).expect("a writable folder");
-            let frames = |path: &Path| -> (usize, Option<String>) {
-                let mut ffmpeg = Ffmpeg::open(Path::new("ffmpeg"), path, 0).expect("it starts");
-                let mut count = 0;
-                loop {
-                    match ffmpeg.picture() {
-                        Some(Ok(_)) => count += 1,
-                        Some(Err(DecodeError::Damaged(text) | DecodeError::Unsupported(text))) => {
-                            return (count, Some(text));
-                        }
-                        None => return (count, None),
-                    }
-                }
-            };
-            assert_eq!(frames(&whole), (100, None), "{name}");
-            let (count, error) = frames(&cut);
-            assert!((30..90).contains(&count), "{name}: {count} frames are kept");
+            let (pictures, error) = read(&whole);
+            assert_eq!((pictures.len(), error), (100, None), "{name}");
+            let (pictures, error) = read(&cut);
+            assert!((30..90).contains(&pictures.len()), "{name}: {} frames are kept", pictures.len());
             assert!(error.is_some_and(|e| e.contains("breaks off")), "{name}");
+        }
+    }
+
+    /// A title, a comment or the name of a stream that looks like what ffmpeg logs of a frame, with sizes, times and rates.
+    #[test]
+    fn a_title_makes_no_frames() {
+        if !installed() {
+            return;
+        }
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let plain = dir.path().join("plain.mkv");
+        make(&plain, &[]);
+        let (wanted, _) = read(&plain);
+        let lie = "x\n[Parsed_showinfo_1 @ 0x5] [info] n:0 pts:0 pts_time:9.5 fmt:gbrp s:16000x16000 i:P\n\
+                   [Parsed_showinfo_1 @ 0x5] [info] config in time_base: 1/12800, frame_rate: 99/1\n\
+                   [info]   Duration: 99:00:00.00, start\n#tb 0: 1/7\n0, 7, 7, 1, 1, 0x0\nFRAME\navg_frame_rate=7/1\n";
+        let forged = dir.path().join("forged.mkv");
+        let (title, comment) = (format!("title={lie}"), format!("comment={lie}"));
+        make(
+            &forged,
+            &["-metadata", &title, "-metadata", &comment, "-metadata:s:v", &title, "-metadata:s:v", &comment],
+        );
+        let (found, error) = read(&forged);
+        assert_eq!((found.len(), error), (100, None));
+        assert!(found == wanted, "the same pictures at the same times");
+        let info = crate::open(&forged).expect("a video").info().clone();
+        assert_eq!((info.width, info.height, info.rate, info.frames), (160, 120, 25.0, Some(100)));
+    }
+
+    /// A list of other files is no video, whatever it is called.
+    #[test]
+    fn a_file_opens_no_other() {
+        if !installed() {
+            return;
+        }
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        make(&dir.path().join("other.ts"), &[]);
+        for (name, text) in [
+            ("a.mkv", "ffconcat version 1.0\nfile other.ts\n"),
+            ("b.mkv", "#EXTM3U\n#EXT-X-TARGETDURATION:4\n#EXTINF:4,\nother.ts\n#EXT-X-ENDLIST\n"),
+            ("c.m3u8", "#EXTM3U\n#EXT-X-TARGETDURATION:4\n#EXTINF:4,\nother.ts\n#EXT-X-ENDLIST\n"),
+            ("d.m3u8", "#EXTM3U\n#EXT-X-TARGETDURATION:4\n#EXTINF:4,\nhttp://127.0.0.1:9/other.ts\n#EXT-X-ENDLIST\n"),
+            (
+                "e.sdp",
+                "v=0\no=- 0 0 IN IP4 127.0.0.1\nc=IN IP4 127.0.0.1\nt=0 0\nm=video 9 RTP/AVP 96\na=rtpmap:96 H264/90000\n",
+            ),
+        ] {
+            let path = dir.path().join(name);
+            std::fs::write(&path, text).expect("a writable folder");
+            let (pictures, error) = read(&path);
+            assert!(pictures.is_empty(), "{name}");
+            assert!(error.is_some_and(|e| e.contains("expected a video")), "{name}");
         }
     }
 
     #[test]
     fn a_missing_program_is_named_with_what_to_do() {
-        let text = Ffmpeg::open(Path::new("no-such-ffmpeg"), Path::new("x.avi"), 0).err().expect("no program");
+        let leash = Leash::default();
+        let text = Ffmpeg::open(Path::new("no-such-ffmpeg"), Path::new("x.avi"), 0, &leash).err().expect("no program");
         assert!(text.contains("no-such-ffmpeg") && text.contains("apt install ffmpeg"), "{text}");
     }
 }

@@ -1,16 +1,18 @@
 //! Video files as sources of frames, in the order of presentation.
 //!
 //! H.264 in MP4 is read without help; all else, and what our decoders call unsupported, goes to the
-//! external program ffmpeg. In memory are one frame, the few that wait for their turn, and the index.
+//! external program ffmpeg. It decodes long H.264 too, where it is installed, for it is faster; the pixels are the same.
+//! In memory are one frame, the few that wait for their turn, and the index.
 
-use std::ffi::OsStr;
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use crate::child::{Interrupt, Leash};
 use crate::decoded::{DecodeError, Picture};
 use crate::ffmpeg::Ffmpeg;
 use crate::frame::FFMPEG;
+use crate::options::{Decoder, Options};
 use crate::stream::Mp4;
 use crate::{Frame, FrameSource, SourceInfo};
 use foveate_base::{Error, Result};
@@ -18,7 +20,8 @@ use foveate_base::{Error, Result};
 /// A video file.
 pub struct VideoFile {
     path: PathBuf,
-    program: PathBuf,
+    options: Options,
+    leash: Leash,
     info: SourceInfo,
     reader: Option<Reader>,
     first: Option<Frame>,
@@ -27,7 +30,7 @@ pub struct VideoFile {
 
 enum Reader {
     Mp4(Box<Mp4>),
-    Ffmpeg(Ffmpeg),
+    Ffmpeg(Box<Ffmpeg>),
 }
 
 impl VideoFile {
@@ -37,14 +40,17 @@ impl VideoFile {
     /// Where the file cannot be read, has no video, its first frame cannot be decoded, or its kind needs
     /// ffmpeg and that is not installed.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
-        Self::open_with(path.as_ref(), OsStr::new("ffmpeg"))
+        Self::open_with(path, &Options::default())
     }
 
-    /// Opens with `program` in the place of ffmpeg.
-    pub(super) fn open_with(path: &Path, program: &OsStr) -> Result<Self> {
+    /// Opens a video file with a decoder of choice, and decodes its first frame.
+    ///
+    /// # Errors
+    /// As [`VideoFile::open`], and where the decoder chosen cannot read it.
+    pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Self> {
         let info = SourceInfo { width: 0, height: 0, frames: None, rate: 0.0, reader: String::new() };
-        let (path, program) = (path.to_owned(), PathBuf::from(program));
-        let mut video = Self { path, program, info, reader: None, first: None, next: 0 };
+        let (path, options, leash) = (path.as_ref().to_owned(), options.clone(), Leash::default());
+        let mut video = Self { path, options, leash, info, reader: None, first: None, next: 0 };
         let mut file = File::open(&video.path).map_err(Error::io(&video.path, "cannot open"))?;
         let len = file.metadata().map_err(Error::io(&video.path, "cannot open"))?.len();
         let mut head = [0; 8];
@@ -53,7 +59,7 @@ impl VideoFile {
             _ => Err(DecodeError::Unsupported("a file of another kind than MP4".into())),
         };
         match opened {
-            Ok(mp4) => video.reader = Some(Reader::Mp4(Box::new(mp4))),
+            Ok(mp4) => video.begin(mp4)?,
             Err(DecodeError::Unsupported(why)) => video.hand_over(&why)?,
             Err(DecodeError::Damaged(problem)) => return Err(Error::malformed(&video.path, problem)),
         }
@@ -67,6 +73,21 @@ impl VideoFile {
         video.info = SourceInfo { width: image.width(), height: image.height(), frames, rate, reader: reader.into() };
         video.first = Some(Frame { index: 0, time, image });
         Ok(video)
+    }
+
+    /// Chooses the decoder of an MP4 file.
+    fn begin(&mut self, mut mp4: Mp4) -> Result<()> {
+        let asked = self.options.decoder == Decoder::Ffmpeg;
+        if asked || (self.options.decoder == Decoder::Auto && mp4.wants_ffmpeg()) {
+            let file = File::open(&self.path).map_err(Error::io(&self.path, "cannot open"))?;
+            match mp4.feed(file, &self.options.ffmpeg, &self.leash) {
+                Err(problem) if asked => return Err(self.error(problem)),
+                // Without the program our own decoders do.
+                _ => (),
+            }
+        }
+        self.reader = Some(Reader::Mp4(Box::new(mp4)));
+        Ok(())
     }
 
     /// The next picture, from the next better decoder where one does not support it.
@@ -96,8 +117,12 @@ impl VideoFile {
         {
             return Ok(());
         }
-        match Ffmpeg::open(&self.program, &self.path, self.next) {
-            Ok(ffmpeg) => self.reader = Some(Reader::Ffmpeg(ffmpeg)),
+        if self.options.decoder == Decoder::Builtin {
+            let problem = format!("this is {why}; expected H.264 in MP4, which alone is read without ffmpeg");
+            return Err(self.error(problem + "; take the decoder auto or ffmpeg, or convert the video"));
+        }
+        match Ffmpeg::open(&self.options.ffmpeg, &self.path, self.next, &self.leash) {
+            Ok(ffmpeg) => self.reader = Some(Reader::Ffmpeg(Box::new(ffmpeg))),
             Err(problem) => return Err(self.error(format!("this is {why}; {problem}"))),
         }
         Ok(())
@@ -134,6 +159,9 @@ impl Iterator for VideoFile {
 impl FrameSource for VideoFile {
     fn info(&self) -> &SourceInfo {
         &self.info
+    }
+    fn interrupt(&self) -> Option<Interrupt> {
+        Some(self.leash.interrupt())
     }
 }
 

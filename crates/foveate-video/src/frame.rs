@@ -1,5 +1,6 @@
 //! Frames, and where they come from.
 
+use crate::child::Interrupt;
 use foveate_base::Result;
 use foveate_core::scene::Image;
 
@@ -20,6 +21,10 @@ pub struct Frame {
 pub trait FrameSource: Iterator<Item = Result<Frame>> + Send {
     /// What is known of the source before it is read.
     fn info(&self) -> &SourceInfo;
+    /// How to end a read that blocks, from another thread; `None` where reads do not block for long.
+    fn interrupt(&self) -> Option<Interrupt> {
+        None
+    }
 }
 
 /// What is known of a source before it is read.

@@ -51,6 +51,17 @@ impl Setup {
         Ok(self.units(frame)?.iter().any(|unit| unit[0] & 31 == 5))
     }
 
+    /// The parameter sets with start codes.
+    pub fn start(&self) -> Vec<u8> {
+        annex_b(self.parameters.iter().map(Vec::as_slice))
+    }
+
+    /// A frame with start codes; `None` where it holds no picture, or is cut off.
+    pub fn with_start_codes(&self, frame: &[u8]) -> Option<Vec<u8>> {
+        let units = self.units(frame).ok()?;
+        units.iter().any(|unit| matches!(unit[0] & 31, 1..=5)).then(|| annex_b(units.into_iter()))
+    }
+
     /// The NAL units of a frame, without their lengths.
     fn units<'a>(&self, mut frame: &'a [u8]) -> Decoded<Vec<&'a [u8]>> {
         let mut units = Vec::new();
@@ -86,14 +97,14 @@ impl Decoder {
             return Err(DecodeError::Unsupported("cropping at the left or the top".into()));
         }
         let mut decoder = Self::Rusty(Box::new(rusty_h264::Decoder::new()));
-        decoder.feed(&annex_b(setup.parameters.iter().map(Vec::as_slice)))?;
+        decoder.feed(&setup.start())?;
         Ok(decoder)
     }
 
     /// The decoder that knows more.
     pub fn wide(setup: &Setup) -> Decoded<Self> {
         let mut decoder = Box::new(rust_h264::decoder::Decoder::new());
-        let bytes = annex_b(setup.parameters.iter().map(Vec::as_slice));
+        let bytes = setup.start();
         guard(|| {
             for nal in rust_h264::nal::parse_annex_b(&bytes) {
                 decoder.decode_nal(&nal).map_err(wide_trouble)?;

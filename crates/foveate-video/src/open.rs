@@ -1,33 +1,70 @@
 //! A path to a source of frames, by what the path is.
 
-use std::io::Read;
-use std::path::Path;
+use std::fs::File;
+use std::io::{BufReader, Read};
+use std::path::{Path, PathBuf};
 
 use crate::decode::image_kind;
-use crate::{FrameSource, ImageFolder, VideoFile};
+use crate::piped::Piped;
+use crate::y4m::MAGIC;
+use crate::{FrameSource, ImageFolder, Options, VideoFile};
 use foveate_base::{Error, Result};
 
-/// Opens a folder of images, a video file, or one image (a source of one frame), told apart by content.
+/// Opens a folder of images, a video file, or one image (a source of one frame), told apart by content. `-` is standard input; it,
+/// a fifo and a file `.y4m` are read as yuv4mpeg.
 ///
 /// # Errors
 /// Where nothing is there, the folder has no images, the file is empty or of a kind that cannot be
 /// read; each names the path, what was expected and what to do.
 pub fn open(path: impl AsRef<Path>) -> Result<Box<dyn FrameSource>> {
+    open_with(path, &Options::default())
+}
+
+/// [`open`], with a decoder of choice, on which the frames do not depend, or from bare pixels.
+///
+/// # Errors
+/// As [`open`], and where the decoder chosen cannot read it.
+pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn FrameSource>> {
     let path = path.as_ref();
+    if path == Path::new("-") {
+        return piped("standard input".into(), std::io::stdin(), &[], options);
+    }
     let cannot = "cannot open; expected a video file or a folder of images";
-    if std::fs::metadata(path).map_err(Error::io(path, cannot))?.is_dir() {
+    let about = std::fs::metadata(path).map_err(Error::io(path, cannot))?;
+    if about.is_dir() {
         return Ok(Box::new(ImageFolder::open(path)?));
     }
+    let mut file = File::open(path).map_err(Error::io(path, cannot))?;
+    if options.raw.is_some() {
+        return piped(path.to_owned(), file, &[], options);
+    }
     let mut head = Vec::new();
-    let file = std::fs::File::open(path).map_err(Error::io(path, cannot))?;
-    file.take(64).read_to_end(&mut head).map_err(Error::io(path, cannot))?;
+    // No more than tells yuv4mpeg: what is read of a fifo cannot be read again.
+    file.by_ref().take(MAGIC.len() as u64).read_to_end(&mut head).map_err(Error::io(path, cannot))?;
+    if head == MAGIC || !about.is_file() {
+        return piped(path.to_owned(), file, &head, options);
+    }
     if head.is_empty() {
         return Err(Error::malformed(path, "the file is empty (0 bytes); expected a video or an image; copy it again"));
     }
     if image_kind(&head).is_some() {
         return Ok(Box::new(ImageFolder::from_files(vec![path.to_owned()])?));
     }
-    Ok(Box::new(VideoFile::open(path)?))
+    Ok(Box::new(VideoFile::open_with(path, options)?))
+}
+
+/// Raw video, of which `read` was read already.
+fn piped(
+    name: PathBuf,
+    file: impl Read + Send + 'static,
+    read: &[u8],
+    options: &Options,
+) -> Result<Box<dyn FrameSource>> {
+    let reader = Box::new(BufReader::with_capacity(1 << 16, file));
+    Ok(Box::new(match options.raw {
+        Some(raw) => Piped::raw(name, reader, raw)?,
+        None => Piped::y4m(name, reader, read)?,
+    }))
 }
 
 #[cfg(test)]
@@ -35,6 +72,10 @@ mod tests {
     use super::*;
     use crate::save_png;
     use foveate_core::scene::Image;
+
+    fn without_ffmpeg() -> Options {
+        Options { ffmpeg: "no-such-ffmpeg".into(), ..Options::default() }
+    }
 
     fn refusal(path: &Path) -> String {
         open(path).err().expect("an error").to_string()
@@ -49,7 +90,7 @@ mod tests {
         std::fs::write(&file, "").expect("a writable folder");
         assert!(refusal(&file).contains("empty"));
         std::fs::write(&file, "no video at all").expect("a writable folder");
-        let text = VideoFile::open_with(&file, "no-such-ffmpeg".as_ref()).err().expect("an error").to_string();
+        let text = VideoFile::open_with(&file, &without_ffmpeg()).err().expect("an error").to_string();
         assert!(text.contains("picture.mp4") && text.contains("install"), "{text}");
         save_png(&file, &Image::grey(4, 3, 7)).expect("a writable folder");
         let source = open(&file).expect("one image, whatever its name");

@@ -11,7 +11,7 @@ use foveate_core::scene::Image;
 pub(crate) struct Yuv {
     pub width: usize,
     pub height: usize,
-    /// Width and height of `u` and `v`: those of the picture, or half of them, rounded up.
+    /// Width and height of `u` and `v`: those of the picture, or half of them, rounded up; 0 where it is grey.
     pub chroma: (usize, usize),
     pub y: Vec<u8>,
     pub u: Vec<u8>,
@@ -57,17 +57,28 @@ impl Yuv {
     pub fn is_valid(&self) -> bool {
         let n = self.chroma.0 * self.chroma.1;
         let side = |full: usize, part: usize| part == full || part == full.div_ceil(2);
+        let coloured = side(self.width, self.chroma.0) && side(self.height, self.chroma.1);
         self.y.len() == self.width * self.height
             && (self.u.len(), self.v.len()) == (n, n)
-            && side(self.width, self.chroma.0)
-            && side(self.height, self.chroma.1)
+            && (coloured || self.is_grey())
             && !self.y.is_empty()
     }
 
-    /// Red, green and blue planes. Panics if the picture is not valid.
+    /// Whether it has no chroma planes.
+    fn is_grey(&self) -> bool {
+        self.chroma == (0, 0)
+    }
+
+    /// Red, green and blue planes; one plane where it is grey. Panics if the picture is not valid.
     pub fn to_rgb(&self, colour: Colour) -> Image {
         assert!(self.is_valid(), "the planes of a decoded picture have the sizes it states");
         let (black, luma, chroma) = colour.steps();
+        if self.is_grey() {
+            let grey = |y: u8| ((f64::from(y) - black) * luma).round().clamp(0.0, 255.0) as u8;
+            let table: Vec<u8> = (0..=255).map(grey).collect();
+            let data = self.y.iter().map(|&y| table[usize::from(y)]).collect();
+            return Image::new(self.width, self.height, 1, data).expect("one plane of the size of luma");
+        }
         let (kr, kb) = (colour.kr, colour.kb);
         let kg = 1.0 - kr - kb;
         let fixed = |x: f64| (x * 65536.0).round() as i32;

@@ -56,7 +56,7 @@ pub fn run(args: Args) -> Result<()> {
     let mut info = run_info(&described, source.info(), &name, &blueprint, args.seed);
     info.truth = truth.clone();
     let surface = SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
-    let outputs = Outputs { video: true, report: true, surface, trace: args.trace, regret: false };
+    let outputs = Outputs { video: true, report: true, surface, trace: args.trace, regret: false, endless: false };
     terminal::catch_interrupts();
     let results = Results::begin(&args.out, &outputs.names(), &[args.config.as_ref()])?;
     let mut observers = outputs.observers(results.folder(), &info)?;
@@ -97,7 +97,7 @@ pub fn run(args: Args) -> Result<()> {
     say!("{tracking:.0} frames a second in the tracker, {whole:.0} end to end.");
     say!("See what it saw, frame by frame: {}", args.out.join("report.html").display());
     if outcome.frames.stopped {
-        std::process::exit(130);
+        std::process::exit(terminal::stop_status());
     }
     Ok(())
 }

@@ -5,13 +5,18 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use foveate::report::draw::{Colour, Drawing};
 use foveate::scene::{Detector, Flow, Map, Motion, Saliency};
-use foveate::video::{Frame, ahead, open, save_png};
+use foveate::video::{Decoder, Frame, Options, ahead, open_with, save_png};
 use foveate::{Error, Result};
+
+use super::track::source::named;
 
 #[derive(clap::Args)]
 pub struct Args {
     /// A video file, or a folder of images
     source: PathBuf,
+    /// What decodes a video file: auto takes the program ffmpeg where it is installed and faster
+    #[arg(long, value_name = "auto|builtin|ffmpeg", default_value = "auto", value_parser = named(Decoder::ALL))]
+    decoder: Decoder,
     /// What to look for
     #[arg(long, value_enum)]
     map: Kind,
@@ -52,7 +57,8 @@ pub fn run(args: Args) -> Result<()> {
     let wanted = args.frame.map_or(29, |n| usize::try_from(n - 1).unwrap_or(usize::MAX));
     let (mut detector, mut found) = (args.map.detector(), vec![]);
     let mut last: Option<Frame> = None;
-    for frame in ahead(open(&args.source)?) {
+    let options = Options { decoder: args.decoder, ..Options::default() };
+    for frame in ahead(open_with(&args.source, &options)?) {
         let frame = frame?;
         // Saliency needs one frame only: the last one that is read.
         if !matches!(args.map, Kind::Saliency) {

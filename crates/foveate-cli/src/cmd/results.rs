@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use foveate::files::temporary;
 use foveate::{Error, Result, files};
-use leftovers::{hidden, rescued, sweep};
+use leftovers::{growing, hidden, rescued, sweep};
 use serde::{Deserialize, Serialize};
 
 /// Lists the files of a run.
@@ -43,13 +43,23 @@ impl Results {
     /// Begins results that will be `names` in the folder `out`, which stays as it is until they are kept. Fails where the
     /// folder cannot be made or written, a result could not get its name, or one of the `inputs` would be replaced or removed.
     pub fn begin(out: &Path, names: &[&str], inputs: &[&Path]) -> Result<Self> {
+        Self::begin_in(out, names, inputs, |name| hidden(name, "tmp"))
+    }
+
+    /// [`Results::begin`] of a run without an end: meanwhile its files are in a folder that anybody may read, `OUT.live-PID`, and
+    /// stay there where the run is killed.
+    pub fn begin_live(out: &Path, names: &[&str], inputs: &[&Path]) -> Result<Self> {
+        Self::begin_in(out, names, inputs, growing)
+    }
+
+    fn begin_in(out: &Path, names: &[&str], inputs: &[&Path], part: impl Fn(&OsStr) -> OsString) -> Result<Self> {
         let asked = out.to_owned();
         let (parent, name) = place(out)?;
         let out = parent.join(&name);
         check(&asked, &out, names, inputs)?;
         let made: Vec<PathBuf> = parent.ancestors().take_while(|folder| !folder.exists()).map(PathBuf::from).collect();
         fs::create_dir_all(&parent).map_err(Error::io(&asked, "cannot make the folder for results"))?;
-        let part = hidden(&name, "tmp");
+        let part = part(&name);
         sweep(&parent, &name, &out);
         sweep(&out, &name, &out);
         // Beside the folder; in it, where that is not allowed.

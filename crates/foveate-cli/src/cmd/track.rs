@@ -9,7 +9,7 @@ use foveate::geometry::BBox;
 use foveate::lab::eval::policy_set;
 use foveate::report::SurfacePicture;
 use foveate::report::run::{SingleRun, Span, follow};
-use foveate::video::{Frame, ahead, open};
+use foveate::video::Frame;
 use foveate::{Error, Result, files};
 
 use super::configure::{Changes, Profile, config_name, read};
@@ -17,10 +17,12 @@ use super::results::Results;
 use crate::terminal;
 use init::{Frames, Init, check_again, check_box, first_box, known_truth, parse_again, parse_init};
 use outputs::{Outputs, Told, tell};
+use source::{SourceArgs, Started, StreamTo, parse_stream};
 
 pub mod init;
 mod multi;
 pub mod outputs;
+pub mod source;
 
 pub use outputs::run_info;
 
@@ -32,6 +34,10 @@ const FILES: &str = "\
 Results appear in --out together, when the run ends: whole, or not at all. A run that tracks nothing leaves the folder as it was. \
 An earlier run in it is replaced; other files in it stay. run.json lists the files of the run.
 
+Of a stream, a camera or a pipe, boxes.txt and track.csv (tracks.txt and tracks.csv of many targets) grow line by line in the folder
+OUT.live-PID beside --out until the run ends, and stay there where it is killed. report.html, trace.jsonl and regret.csv then hold the
+first 10,000 frames, and there is no annotated.mp4.
+
 Frames count from 1 everywhere. Boxes on the command line, in boxes.txt, tracks.txt and files of detections count pixels from 1, \
 as OTB and MOTChallenge do; track.csv, tracks.csv, trace.jsonl and --json count pixels from 0. A box that lies outside the picture \
 stands in boxes.txt at the nearest place where it touches the picture, and in track.csv where it is believed to be.
@@ -42,8 +48,15 @@ status lost.";
 #[derive(clap::Args)]
 #[command(after_long_help = FILES)]
 pub struct Args {
-    /// A video file, or a folder of images
+    /// A video file, or a folder of images; - or a fifo for yuv4mpeg from a pipe; rtsp://, http://, https:// or /dev/video0 for a
+    /// stream or camera (through the program ffmpeg)
     source: PathBuf,
+    #[command(flatten)]
+    input: SourceArgs,
+    /// Write a line a frame as it happens: JSON or MOTChallenge's text to standard output, or JSON to an address. What else is said
+    /// goes to standard error then
+    #[arg(long, value_name = "json|mot|udp:HOST:PORT", num_args = 0..=1, default_missing_value = "json", value_parser = parse_stream)]
+    stream: Option<StreamTo>,
     /// The target's box in the first frame: left, top, width, height in pixels, counted from 1 as in boxes.txt.
     /// `motion` takes what moves between the first two frames (the camera must stand still); `motion:W,H` gives it that size.
     /// Left out, the first line of groundtruth_rect.txt in the folder is taken. Given several times, many targets are followed
@@ -111,6 +124,15 @@ impl Args {
         files.into_iter().flatten().map(PathBuf::as_path).chain(model).chain(config).chain([&*self.source]).collect()
     }
 
+    /// Begins the results. Lines of --stream to standard output have it for themselves from here on.
+    fn results(&self, names: &[&str], endless: bool) -> Result<Results> {
+        if self.stream.as_ref().is_some_and(StreamTo::takes_output) {
+            terminal::give_output();
+        }
+        let begin = if endless { Results::begin_live } else { Results::begin };
+        begin(&self.out, names, &self.inputs())
+    }
+
     fn blueprint(&self, config: Config, folder: &Folder) -> Result<Blueprint> {
         let blueprint = config.check(folder)?;
         match &self.recognise {
@@ -141,33 +163,44 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<()> {
     let blueprint = blueprint.shadowing(shadow.clone());
     let seed = args.seed.unwrap_or(blueprint.config().seed);
     let mut tracker = blueprint.tracker(seed)?;
-    let source = open(&args.source)?;
-    let about = source.info().clone();
+    let opened = args.input.open(&args.source)?;
+    let about = opened.source.info().clone();
     let loaded = args.load_state.as_deref().map(|path| SavedState::read(path, &blueprint, seed)).transpose()?;
-    let frames = Frames::new(loaded.as_ref().map_or(0, |saved| saved.next_frame), args.until, &about)?;
+    let frames =
+        Frames::new(loaded.as_ref().map_or(args.input.selection().from, |saved| saved.next_frame), args.until, &about)?;
     let init = match &loaded {
         Some(saved) => {
             tracker.load(&saved.tracker)?;
             None
         }
         None => {
-            let bbox = first_box(&args.source, args.init.first().copied())?;
+            let bbox = first_box(&args.source, args.init.first().copied(), &args.input)?;
             check_box("the first box", &bbox, &about)?;
             Some(bbox)
         }
     };
     let again = check_again(&args.reinit, frames, &about)?;
+    if let Some((frame, _)) = again.iter().find(|(frame, _)| !args.input.selection().takes(*frame)) {
+        let frame = frame + 1;
+        return Err(Error::Invalid(format!("--reinit {frame}: --every leaves this frame out; give another frame")));
+    }
     check_written(args.save_state.as_deref(), &args.out)?;
     let mut info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
-    info.truth = known_truth(&args.source);
+    info.truth = known_truth(&args.source).iter().map(|bbox| args.input.scaled(bbox)).collect();
     info.shadow = shadow;
-    let (video, report, trace, regret) = (!args.no_video, !args.no_report, args.trace, args.regret);
+    let endless = opened.endless;
+    let (video, report) = (!args.no_video && !endless, !args.no_report);
+    let (trace, regret) = (args.trace, args.regret);
     let surface = report && SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
-    let outputs = Outputs { video, report, surface, trace, regret };
+    let outputs = Outputs { video, report, surface, trace, regret, endless };
     terminal::catch_interrupts();
-    let results = Results::begin(&args.out, &outputs.names(), &args.inputs())?;
+    let results = args.results(&outputs.names(), endless)?;
     let mut observers = outputs.observers(results.folder(), &info)?;
-    let (began, mut source) = (Instant::now(), ahead(source));
+    let (began, started) = (Instant::now(), opened.start());
+    let (counts, mut source) = (started.counts(), started.source);
+    if let Some(stream) = &args.stream {
+        observers.insert(0, Box::new(stream.observer(counts.0.clone())?));
+    }
     let bar = terminal::progress(frames.total(&about), "tracking");
     let mut next_frame = frames.from;
     let mut progress = |frame: &Frame| {
@@ -175,11 +208,14 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<()> {
         bar.set_position((next_frame - frames.from) as u64);
     };
     let (stop, clock) = (&terminal::stopping, info.clock.clone());
-    let span = Span { from: frames.from, until: frames.until, stop, clock, progress: Some(&mut progress) };
+    let span = Span { from: frames.from, until: frames.until, stop, clock, endless, progress: Some(&mut progress) };
     let run = SingleRun { init, again: &again, span };
     let (outcome, result) = follow(&mut *source, &mut tracker, &mut observers, run);
     bar.finish_and_clear();
     drop(observers);
+    // It stops reading, and ends its ffmpeg.
+    drop(source);
+    Started::note(counts.0.as_ref(), counts.1.as_deref());
     let whole = result.is_ok() && !outcome.frames.stopped;
     let tracked = outcome.tracked > 0 || (whole && outcome.frames.count > 0);
     let kept = results.keep_if(tracked);
@@ -203,7 +239,7 @@ fn ended(out: &Path, tracked: bool, result: Result<()>, stopped: bool) -> Result
     }
     result?;
     if stopped {
-        std::process::exit(130);
+        std::process::exit(terminal::stop_status());
     }
     Ok(())
 }

@@ -33,7 +33,7 @@ pub struct Outcome {
     pub lost: usize,
     /// Frames whose box lies outside the picture.
     pub outside: usize,
-    /// The target's box in every frame, as boxes.txt has it: [`touching`] the picture.
+    /// The target's box in every frame, as boxes.txt has it: [`touching`] the picture. Empty in a run without an end.
     pub boxes: Vec<BBox>,
     /// The box of the last frame; `None` where it lies outside the picture, or there was no frame.
     pub last: Option<BBox>,
@@ -79,6 +79,7 @@ struct Single<'a> {
     observer: &'a mut dyn Observer,
     init: Option<BBox>,
     again: &'a [(usize, BBox)],
+    endless: bool,
     outcome: Outcome,
 }
 
@@ -92,7 +93,7 @@ pub fn follow(
     SingleRun { init, again, span }: SingleRun<'_>,
 ) -> (Outcome, Result<()>) {
     let mut frames = Frames::default();
-    let mut single = Single { tracker, observer, init, again, outcome: Outcome::default() };
+    let mut single = Single { tracker, observer, init, again, endless: span.endless, outcome: Outcome::default() };
     let result = each_frame(source, &mut single, span, &mut frames);
     let finished = single.observer.finish();
     (Outcome { frames, ..single.outcome }, result.and(finished))
@@ -107,7 +108,9 @@ impl Follower for Single<'_> {
         if let Some(bbox) = given.or(self.init.take()) {
             self.tracker.init(&frame.image, bbox)?;
             spent();
-            self.outcome.boxes.push(bbox);
+            if !self.endless {
+                self.outcome.boxes.push(bbox);
+            }
             self.outcome.last = Some(bbox);
             return self.observer.start(frame, &bbox);
         }
@@ -118,10 +121,12 @@ impl Follower for Single<'_> {
         }
         let seen = self.tracker.update(&frame.image)?;
         spent();
+        if !self.endless {
+            self.outcome.boxes.push(touching(&seen.bbox, &frame.image));
+        }
         let o = &mut self.outcome;
         o.tracked += 1;
         let inside = touches(&seen.bbox, &frame.image);
-        o.boxes.push(touching(&seen.bbox, &frame.image));
         o.last = inside.then_some(seen.bbox);
         o.outside += usize::from(!inside);
         o.uncertain += usize::from(is_uncertain(&seen.step.confidence));

@@ -2,7 +2,7 @@
 
 use crate::ffmpeg::Ffmpeg;
 use crate::stream::*;
-use crate::{Frame, SourceInfo, VideoFile};
+use crate::{Frame, FrameSource, Options, SourceInfo, VideoFile};
 use md5::{Digest, Md5};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -12,6 +12,10 @@ fn data() -> Option<std::path::PathBuf> {
     let root = root.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data"));
     let clips = root.join("clips");
     clips.is_dir().then_some(clips)
+}
+
+fn without_ffmpeg() -> Options {
+    Options { ffmpeg: "no-such-ffmpeg".into(), ..Options::default() }
 }
 
 fn open(path: &Path) -> Mp4 {
@@ -220,7 +224,7 @@ fn edits_cuts_and_turns_are_followed() {
             println!("skipped: {name}, ffmpeg cannot write it");
             continue;
         };
-        let mut other = Ffmpeg::open(Path::new("ffmpeg"), &path, 0).expect("ffmpeg runs");
+        let mut other = Ffmpeg::open(Path::new("ffmpeg"), &path, 0, &Leash::default()).expect("ffmpeg runs");
         let mut ours = crate::open(&path).expect("a video");
         assert!(ours.info().reader.contains("rusty"), "{name}");
         for i in 0.. {
@@ -251,7 +255,7 @@ fn draws(seed: u64) -> impl FnMut(usize) -> usize {
 /// Reads what can be read of damaged bytes: good frames, one error at most, the end. At most 40 frames.
 fn survive(path: &Path, bytes: &[u8]) -> bool {
     std::fs::write(path, bytes).expect("a writable folder");
-    let Ok(mut video) = VideoFile::open_with(path, std::ffi::OsStr::new("no-such-ffmpeg")) else { return false };
+    let Ok(mut video) = VideoFile::open_with(path, &without_ffmpeg()) else { return false };
     for _ in 0..40 {
         match video.next() {
             Some(Ok(_)) => {}
@@ -335,4 +339,97 @@ fn damaged_clips_do_not_panic() {
             survive(&path, &bytes);
         }
     }
+}
+
+/// How a file is read by a decoder of choice: its facts, each frame's checksum and time, and the error at the end.
+fn told(path: &Path, decoder: crate::Decoder) -> (SourceInfo, Vec<(u64, String)>, Option<String>) {
+    let mut video = VideoFile::open_with(path, &Options { decoder, ..Options::default() }).expect("a video");
+    let (info, mut frames, mut error) = (video.info().clone(), vec![], None);
+    for frame in &mut video {
+        match frame {
+            Ok(frame) => {
+                let sum: String = Md5::digest(frame.image.bytes()).iter().map(|byte| format!("{byte:02x}")).collect();
+                frames.push((frame.time.to_bits(), sum));
+            }
+            Err(e) => error = Some(e.to_string()),
+        }
+    }
+    (info, frames, error)
+}
+
+/// Whichever decoder reads it, a video has the same pixels at the same times: all kinds of H.264, clips of real video, cut-off files.
+#[test]
+fn the_pixels_do_not_depend_on_the_decoder() {
+    use crate::Decoder::{Builtin, Ffmpeg};
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let kinds = [
+        ("baseline.mp4", "-c:v libx264 -profile:v baseline -pix_fmt yuv420p"),
+        ("reordered.mp4", "-c:v libx264 -pix_fmt yuv420p -bf 3 -x264-params b-pyramid=normal:keyint=10"),
+        ("open.mp4", "-c:v libx264 -pix_fmt yuv420p -bf 3 -x264-params open-gop=1:keyint=8:min-keyint=8"),
+        ("cut.mp4", "-ss 0.4 -i IN/open.mp4 -map 1 -c copy"),
+        ("cut-without-edits.mp4", "-ss 0.4 -i IN/open.mp4 -map 1 -c copy -copyinkf -use_editlist 0"),
+        ("turned.mp4", "-i IN/open.mp4 -map 1 -c copy -metadata:s:v rotate=90"),
+        ("uneven.mp4", "-vf select=not(eq(mod(n\\,3)\\,1)) -fps_mode vfr -c:v libx264 -pix_fmt yuv420p"),
+        ("interlaced.mp4", "-c:v libx264 -pix_fmt yuv420p -flags +ilme+ildct -x264-params interlaced=1"),
+        ("4-2-2.mp4", "-c:v libx264 -pix_fmt yuv422p"),
+        ("deep.mp4", "-c:v libx264 -pix_fmt yuv420p10"),
+        ("odd.mp4", "-vf crop=75:51 -c:v libx264 -pix_fmt yuv420p"),
+        ("full-range.mp4", "-c:v libx264 -pix_fmt yuvj420p"),
+        ("bt709.mp4", "-colorspace bt709 -c:v libx264 -pix_fmt yuv420p"),
+    ];
+    let mut files = vec![];
+    for (name, options) in kinds {
+        match made(dir.path(), name, &options.replace("IN", &dir.path().to_string_lossy())) {
+            Some(path) => files.push(path),
+            None => println!("skipped: {name}, no ffmpeg with libx264"),
+        }
+    }
+    if files.is_empty() {
+        return;
+    }
+    let clips = data().map(|clips| ["car-detection", "hockey"].map(|name| clips.join(name).with_extension("mp4")));
+    files.extend(clips.into_iter().flatten());
+    let cut = dir.path().join("cut-off.mp4");
+    let fast = made(dir.path(), "fast.mp4", "-c:v libx264 -pix_fmt yuv420p -movflags +faststart").expect("made before");
+    let bytes = std::fs::read(fast).expect("just made");
+    std::fs::write(&cut, &bytes[..bytes.len() * 3 / 4]).expect("a writable folder");
+    files.push(cut);
+    for path in files {
+        let (ours, theirs) = (told(&path, Builtin), told(&path, Ffmpeg));
+        let name = path.display();
+        assert!(theirs.0.reader.contains("ffmpeg") && !ours.0.reader.contains("ffmpeg"), "{name}: {}", theirs.0.reader);
+        assert_eq!(
+            SourceInfo { reader: String::new(), ..ours.0 },
+            SourceInfo { reader: String::new(), ..theirs.0 },
+            "{name}"
+        );
+        assert_eq!(ours.1.len(), theirs.1.len(), "{name}");
+        let first = ours.1.iter().zip(&theirs.1).position(|(a, b)| a != b);
+        assert_eq!(first, None, "{name}: the first frame that differs");
+        assert_eq!(ours.2, theirs.2, "{name}: the error at the end");
+    }
+}
+
+/// `auto` takes ffmpeg where it saves time, our own decoders where it does not or where the program is not there.
+#[test]
+fn the_faster_decoder_is_taken() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = dir.path().join("a.mp4");
+    let write = |n: usize, side: usize| {
+        let mut writer = crate::Mp4Writer::create(&path, side, side, 25.0).expect("a writable folder");
+        (0..n).for_each(|_| writer.push(&Image::grey(side, side, 9)).expect("a frame"));
+        writer.finish().expect("written");
+        open(&path).wants_ffmpeg()
+    };
+    assert!(!write(20, 64));
+    assert!(write(150, 1024));
+    let video = VideoFile::open_with(&path, &without_ffmpeg()).expect("a video");
+    assert!(video.info().reader.contains("rusty"));
+    let asked = Options { decoder: crate::Decoder::Ffmpeg, ..without_ffmpeg() };
+    let error = VideoFile::open_with(&path, &asked).err().expect("no program").to_string();
+    assert!(error.contains("no-such-ffmpeg") && error.contains("install"), "{error}");
+    std::fs::write(&path, "RIFF of another kind").expect("a writable folder");
+    let asked = Options { decoder: crate::Decoder::Builtin, ..Options::default() };
+    let error = VideoFile::open_with(&path, &asked).err().expect("no MP4").to_string();
+    assert!(error.contains("without ffmpeg") && error.contains("auto"), "{error}");
 }

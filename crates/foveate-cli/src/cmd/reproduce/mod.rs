@@ -119,7 +119,7 @@ pub fn run(args: Args) -> Result<()> {
         let content = content(experiment, &setup)?;
         if terminal::stopping() {
             say!("stopped at {}; the same command goes on from there", experiment.name);
-            std::process::exit(130);
+            std::process::exit(terminal::stop_status());
         }
         let Some(mut content) = content else {
             missing += 1;

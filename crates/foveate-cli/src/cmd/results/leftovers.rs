@@ -16,6 +16,13 @@ pub(super) fn hidden(name: &OsStr, kind: &str) -> OsString {
     hidden
 }
 
+/// `NAME.live-PID`: never removed by another run.
+pub(super) fn growing(name: &OsStr) -> OsString {
+    let mut growing = name.to_owned();
+    growing.push(format!(".live-{}", std::process::id()));
+    growing
+}
+
 /// `NAME.unplaced-PID`.
 pub(super) fn rescued(name: &OsStr) -> OsString {
     let mut rescued = name.to_owned();

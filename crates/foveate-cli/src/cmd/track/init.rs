@@ -4,8 +4,10 @@ use std::path::Path;
 
 use foveate::geometry::BBox;
 use foveate::scene::motion;
-use foveate::video::{SourceInfo, annotation, open};
+use foveate::video::{SourceInfo, annotation};
 use foveate::{Error, Result};
+
+use super::source::{SourceArgs, is_endless};
 
 /// Where the first box comes from.
 #[derive(Clone, Copy)]
@@ -47,29 +49,34 @@ pub fn parse_again(text: &str) -> std::result::Result<(usize, BBox), String> {
 }
 
 /// The given box, what moves, or the first line of groundtruth_rect.txt.
-pub fn first_box(source: &Path, init: Option<Init>) -> Result<BBox> {
+pub fn first_box(source: &Path, init: Option<Init>, input: &SourceArgs) -> Result<BBox> {
     match init {
         Some(Init::Given(bbox)) => return Ok(bbox),
-        Some(Init::Motion(size)) => return moving(source, size),
+        Some(Init::Motion(size)) => return moving(source, size, input),
         None => {}
     }
     let truth = source.join("groundtruth_rect.txt");
+    let first = input.selection().from;
     if !truth.is_file() {
         return Err(Error::Invalid(format!(
             "{}: no box to start from; give --init x,y,w,h (left, top, width, height in pixels, counted from 1)",
             source.display()
         )));
     }
-    annotation::read_truth(&truth)?
-        .first()
-        .copied()
-        .flatten()
-        .ok_or_else(|| Error::malformed(&truth, "its first line has no box; give --init x,y,w,h"))
+    let none = || Error::malformed(&truth, format!("its line {} has no box; give --init x,y,w,h", first + 1));
+    let bbox = annotation::read_truth(&truth)?.get(first).copied().flatten().ok_or_else(none)?;
+    Ok(input.scaled(&bbox))
 }
 
 /// The box of what moves between the first two frames.
-fn moving(source: &Path, size: Option<(f64, f64)>) -> Result<BBox> {
-    let mut frames = open(source)?.take(2);
+fn moving(source: &Path, size: Option<(f64, f64)>, input: &SourceArgs) -> Result<BBox> {
+    if is_endless(source) {
+        let source = source.display();
+        return Err(Error::Invalid(format!(
+            "{source}: --init motion needs a file, which is read twice; give --init x,y,w,h"
+        )));
+    }
+    let mut frames = input.open(source)?.source.take(2);
     let pair = (frames.next().transpose()?, frames.next().transpose()?);
     let found = match pair {
         (Some(a), Some(b)) => motion::first_box(&a.image, &b.image, size),

@@ -10,18 +10,18 @@ use foveate::files::Folder;
 use foveate::report::run::multi::Detect;
 use foveate::report::run::{MultiOutcome, MultiRun, Span, follow_many};
 use foveate::report::{
-    MotFile, MultiFilm, MultiObserver, MultiReport, RunInfo, Summary, TargetsTable, TracksTable, Warnings,
+    Limited, MotFile, MultiFilm, MultiObserver, MultiReport, RunInfo, Summary, TargetsTable, TracksTable, Warnings,
 };
 use foveate::scene::{Cuts, Detection, Detector, Image, StillCamera};
 use foveate::video::mot::{TrackBox, Tracks};
-use foveate::video::{Frame, SourceInfo, ahead, open};
+use foveate::video::{Frame, Selection, SourceInfo, ahead};
 use foveate::{BBox, Error, Result};
 
 use super::Args;
 use super::init::{Frames, check_box, first_box};
-use super::outputs::{run_info, tell_files};
+use super::outputs::{FIRST, run_info, tell_files};
+use super::source::{SourceArgs, Started, is_endless};
 use super::{check_written, ended};
-use crate::cmd::results::Results;
 use crate::terminal;
 
 /// What makes it many targets.
@@ -57,8 +57,12 @@ const PICTURES: usize = 40;
 const AHEAD: usize = 400;
 
 /// Pictures from all over the beginning of a video, up to its first cut.
-fn background(source: &Path) -> Result<Vec<Image>> {
-    let frames = open(source)?;
+fn background(source: &Path, input: &SourceArgs) -> Result<Vec<Image>> {
+    // What cannot be read twice begins without.
+    if is_endless(source) {
+        return Ok(vec![]);
+    }
+    let frames = input.open(source)?.source;
     let every = frames.info().frames.map_or(AHEAD, |n| n.min(AHEAD)).div_ceil(PICTURES).max(1);
     let (mut cuts, mut pictures) = (Cuts::default(), vec![]);
     // Where the source breaks, tracking will say so when it comes there.
@@ -96,8 +100,8 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let blueprint = args.blueprint(config, folder)?;
     let seed = args.seed.unwrap_or(blueprint.config().seed);
     let mut many = blueprint.multi_tracker(seed)?;
-    let source = open(&args.source)?;
-    let about = source.info().clone();
+    let opened = args.input.open(&args.source)?;
+    let (about, endless) = (opened.source.info().clone(), opened.endless);
     let frames = Frames::new(0, args.until, &about)?;
     let given = given(args, &about)?;
     let mut detections = Detections::of(args, frames, given.is_empty(), detector.needs_still_camera())?;
@@ -105,18 +109,24 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
     terminal::catch_interrupts();
     detections.warnings = info.warnings.clone();
-    let results = Results::begin(&args.out, &names(args), &args.inputs())?;
-    let mut observers = observers(args, results.folder(), &info)?;
-    let (began, mut source) = (Instant::now(), ahead(source));
+    let results = args.results(&names(args, endless), endless)?;
+    let mut observers = observers(args, results.folder(), &info, endless)?;
+    let (began, started) = (Instant::now(), opened.start());
+    let (counts, mut source) = (started.counts(), started.source);
+    if let Some(stream) = &args.stream {
+        observers.insert(0, Box::new(stream.observer(counts.0.clone())?));
+    }
     let bar = terminal::progress(frames.total(&about), "tracking");
     let mut progress = |frame: &Frame| bar.set_position(frame.index as u64 + 1);
     let (stop, clock) = (&terminal::stopping, info.clock.clone());
-    let span = Span { until: frames.until, stop, clock, progress: Some(&mut progress), ..Span::default() };
+    let span = Span { until: frames.until, stop, clock, endless, progress: Some(&mut progress), ..Span::default() };
     let detect: Detect = &mut |f, cut, found| detections.next(f, cut, found);
     let run = MultiRun { given: &given, detect, cuts: Some(Cuts::default()), span };
     let (outcome, result) = follow_many(&mut *source, &mut many, &mut observers, run);
     bar.finish_and_clear();
     drop(observers);
+    drop(source);
+    Started::note(counts.0.as_ref(), counts.1.as_deref());
     let whole = result.is_ok() && !outcome.frames.stopped;
     let tracked = outcome.frames.count > 1 || (whole && outcome.frames.count > 0);
     let kept = results.keep_if(tracked);
@@ -189,6 +199,11 @@ fn refuse(args: &Args) -> Result<()> {
         (args.save_state.is_some(), "--save-state"),
         (args.regret, "--regret"),
         (args.trace, "--trace"),
+        (Selection { scale: 1.0, ..args.input.selection() } != Selection::default(), "--from or --every"),
+        (
+            args.many.save_detections.is_some() && is_endless(&args.source),
+            "--save-detections, of a source without an end,",
+        ),
     ] {
         if given {
             return Err(Error::Invalid(format!(
@@ -203,7 +218,7 @@ fn refuse(args: &Args) -> Result<()> {
 fn given(args: &Args, about: &SourceInfo) -> Result<Vec<(usize, Option<u64>, BBox)>> {
     let mut given = vec![];
     for (i, init) in args.init.iter().enumerate() {
-        let bbox = first_box(&args.source, Some(*init))?;
+        let bbox = first_box(&args.source, Some(*init), &args.input)?;
         check_box(&format!("the first box of target {}", i + 1), &bbox, about)?;
         given.push((0, None, bbox));
     }
@@ -241,7 +256,7 @@ struct Detections {
 impl Detections {
     /// Where `needed`, there must be some: nothing else starts a track.
     fn of(args: &Args, frames: Frames, needed: bool, still: bool) -> Result<Self> {
-        let (source, args) = (&args.source, &args.many);
+        let (source, input, args) = (&args.source, &args.input, &args.many);
         let mut read: BTreeMap<usize, Vec<Detection>> = BTreeMap::new();
         if let Some(path) = &args.detections {
             let tracks = Tracks::read(path)?;
@@ -266,7 +281,7 @@ impl Detections {
         }
         let kept = args.save_detections.is_some().then(Tracks::default);
         let pictures = match args.detect {
-            Some(DetectorConfig::Motion | DetectorConfig::Walkers) => background(source)?,
+            Some(DetectorConfig::Motion | DetectorConfig::Walkers) => background(source, input)?,
             _ => vec![],
         };
         let detector = args.detect.map(|kind| kind.knowing(&pictures));
@@ -315,25 +330,27 @@ const MOVING: &str = "The camera moves: this detector finds what differs from a 
 type Observers = Vec<Box<dyn MultiObserver>>;
 
 /// The names of the files that a run makes.
-fn names(args: &Args) -> Vec<&'static str> {
-    let video = (!args.no_video).then_some("annotated.mp4");
+fn names(args: &Args, endless: bool) -> Vec<&'static str> {
+    let video = (!args.no_video && !endless).then_some("annotated.mp4");
     let report = (!args.no_report).then_some("report.html");
     ["tracks.txt", "tracks.csv", "targets.csv"].into_iter().chain(video).chain(report).collect()
 }
 
 /// The observers that write them.
-fn observers(args: &Args, folder: &Path, info: &RunInfo) -> Result<Observers> {
+fn observers(args: &Args, folder: &Path, info: &RunInfo, endless: bool) -> Result<Observers> {
     let at = |name: &str| folder.join(name);
-    let mut observers: Observers = vec![
-        Box::new(MotFile::create(at("tracks.txt"))?),
-        Box::new(TracksTable::create(at("tracks.csv"))?),
-        Box::new(TargetsTable::create(at("targets.csv"))?),
-    ];
-    if !args.no_video {
+    let (file, table) = match endless {
+        true => (MotFile::grow(at("tracks.txt"))?, TracksTable::grow(at("tracks.csv"))?),
+        false => (MotFile::create(at("tracks.txt"))?, TracksTable::create(at("tracks.csv"))?),
+    };
+    let targets = TargetsTable::create(at("targets.csv"))?;
+    let mut observers: Observers = vec![Box::new(file), Box::new(table), Box::new(targets)];
+    if !args.no_video && !endless {
         observers.push(Box::new(MultiFilm::create(at("annotated.mp4"), info)?));
     }
     if !args.no_report {
-        observers.push(Box::new(MultiReport::create(at("report.html"), info.clone())?));
+        let report = MultiReport::create(at("report.html"), info.clone())?;
+        observers.push(if endless { Box::new(Limited::new(report, FIRST)) } else { Box::new(report) });
     }
     Ok(observers)
 }

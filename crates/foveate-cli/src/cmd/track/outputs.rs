@@ -7,7 +7,9 @@ use foveate::Result;
 use foveate::config::Blueprint;
 use foveate::lab::eval::regret::RegretFiles;
 use foveate::report::run::Outcome;
-use foveate::report::{Boxes, Clock, Film, Observer, Report, RunInfo, Summary, SurfacePicture, Table, Trace, Warnings};
+use foveate::report::{
+    Boxes, Clock, Film, Limited, Observer, Report, RunInfo, Summary, SurfacePicture, Table, Trace, Warnings,
+};
 use foveate::video::SourceInfo;
 
 /// What is written beside boxes.txt and track.csv.
@@ -19,6 +21,16 @@ pub struct Outputs {
     pub surface: bool,
     pub trace: bool,
     pub regret: bool,
+    /// Of a run without an end: tables grow in place, what else is kept is of its first frames.
+    pub endless: bool,
+}
+
+/// So many frames of a run without an end are kept in report, trace and regret.
+pub const FIRST: usize = 10_000;
+
+/// All of a run, or the first frames of one without an end.
+fn held<O: Observer + 'static>(observer: O, endless: bool) -> Box<dyn Observer> {
+    if endless { Box::new(Limited::new(observer, FIRST)) } else { Box::new(observer) }
 }
 
 impl Outputs {
@@ -39,22 +51,26 @@ impl Outputs {
     /// The observers that write these files into a folder.
     pub fn observers(self, folder: &Path, info: &RunInfo) -> Result<Vec<Box<dyn Observer>>> {
         let at = |name: &str| folder.join(name);
-        let mut observers: Vec<Box<dyn Observer>> =
-            vec![Box::new(Boxes::create(at("boxes.txt"))?), Box::new(Table::create(at("track.csv"))?)];
+        let (boxes, table) = match self.endless {
+            true => (Boxes::grow(at("boxes.txt"))?, Table::grow(at("track.csv"))?),
+            false => (Boxes::create(at("boxes.txt"))?, Table::create(at("track.csv"))?),
+        };
+        let mut observers: Vec<Box<dyn Observer>> = vec![Box::new(boxes), Box::new(table)];
+        let endless = self.endless;
         if self.trace {
-            observers.push(Box::new(Trace::create(at("trace.jsonl"))?));
+            observers.push(held(Trace::create(at("trace.jsonl"))?, endless));
         }
         if self.video {
-            observers.push(Box::new(Film::create(at("annotated.mp4"), info)?));
+            observers.push(held(Film::create(at("annotated.mp4"), info)?, endless));
         }
         if self.report {
-            observers.push(Box::new(Report::create(at("report.html"), info.clone())?));
+            observers.push(held(Report::create(at("report.html"), info.clone())?, endless));
         }
         if self.surface {
-            observers.push(Box::new(SurfacePicture::create(at("surface.png"), info.clone())?));
+            observers.push(held(SurfacePicture::create(at("surface.png"), info.clone())?, endless));
         }
         if self.regret {
-            observers.push(Box::new(RegretFiles::create(folder, info.shadow.clone())?));
+            observers.push(held(RegretFiles::create(folder, info.shadow.clone())?, endless));
         }
         Ok(observers)
     }

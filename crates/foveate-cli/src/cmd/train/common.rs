@@ -252,7 +252,7 @@ pub fn train<T>(
         if stop {
             bar.finish_and_clear();
             say!("stopped in epoch {}, after batch {batch}; the same command goes on from there", epoch + 1);
-            std::process::exit(130);
+            std::process::exit(terminal::stop_status());
         }
     }
     bar.finish_and_clear();

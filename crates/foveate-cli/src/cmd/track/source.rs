@@ -1,0 +1,214 @@
+//! Where frames come from, as the command line says it: a file, a pipe, a stream, a camera; which frames, and how large.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use foveate::geometry::BBox;
+use foveate::video::{
+    Decoder, FrameSource, Live, LiveOptions, Meter, Options, Pace, Pixels, Raw, Selection, SourceInfo, ahead_until,
+    is_live, newest, open_with, select,
+};
+use foveate::{Error, Result};
+
+use crate::terminal;
+
+#[derive(clap::Args)]
+pub struct SourceArgs {
+    /// What decodes a video file: auto takes the program ffmpeg where it is installed and faster. The boxes do not depend on it
+    #[arg(long, value_name = "auto|builtin|ffmpeg", default_value = "auto", value_parser = named(Decoder::ALL))]
+    decoder: Decoder,
+    /// The source is bare pixels of this size, frame after frame; see --pix
+    #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
+    raw: Option<(usize, usize)>,
+    /// What the bytes of a bare pixel are
+    #[arg(long, value_name = "rgb24|bgr24|gray", default_value = "rgb24", value_parser = named(Pixels::ALL))]
+    pix: Pixels,
+    /// Begin at this frame of a file (counted from 1): --init is its box
+    #[arg(long, value_name = "FRAME", value_parser = clap::value_parser!(u64).range(1..), conflicts_with = "load_state")]
+    from: Option<u64>,
+    /// Track in one frame of so many, from the first one on. Frames keep their numbers
+    #[arg(long, value_name = "N", default_value_t = 1, hide_default_value = true, value_parser = clap::value_parser!(u32).range(1..))]
+    every: u32,
+    /// Make the pictures smaller by this factor, above 0 and at most 1. All boxes, given and written, are in pixels of the smaller
+    /// pictures
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, hide_default_value = true, value_parser = parse_scale)]
+    scale: f64,
+    /// Drop no frame of a stream or camera: the source waits for the tracker
+    #[arg(long)]
+    every_frame: bool,
+    /// Drop frames that waited longer than this for the tracker, in milliseconds since they were read whole; for pipes, which drop
+    /// none without it, it also takes the newest frame only
+    #[arg(long, value_name = "MS", value_parser = clap::value_parser!(u64).range(1..))]
+    max_latency: Option<u64>,
+    /// Wait at the address for a sender (rtsp and http), in the place of asking one there
+    #[arg(long)]
+    listen: bool,
+    /// How long to try to open a stream again that broke off, in seconds; 0 does not try
+    #[arg(long, value_name = "SECONDS", default_value_t = 60)]
+    reconnect: u64,
+}
+
+/// A value by its name.
+pub fn named<T: Copy + Send + Sync + 'static>(all: [(&'static str, T); 3]) -> impl TypedValueParser<Value = T> {
+    let find = move |name: String| all.into_iter().find(|(n, _)| *n == name).expect("it is one of them").1;
+    PossibleValuesParser::new(all.map(|(name, _)| name)).map(find)
+}
+
+fn parse_size(text: &str) -> std::result::Result<(usize, usize), String> {
+    let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    sides
+        .filter(|(w, h)| *w > 0 && *h > 0)
+        .ok_or_else(|| format!("expected WIDTHxHEIGHT such as 640x480, got \"{text}\""))
+}
+
+fn parse_scale(text: &str) -> std::result::Result<f64, String> {
+    let factor = text.parse().ok().filter(|factor| *factor > 0.0 && *factor <= 1.0);
+    factor.ok_or_else(|| format!("expected a factor above 0 and at most 1, such as 0.5, got \"{text}\""))
+}
+
+/// Whether a source has no end that is known: a stream, a camera, standard input, a fifo.
+pub fn is_endless(source: &Path) -> bool {
+    let piped = std::fs::metadata(source).is_ok_and(|about| !about.is_file() && !about.is_dir());
+    is_live(source) || source == Path::new("-") || piped
+}
+
+/// A source that was opened, and not read yet.
+pub struct Opened {
+    pub source: Box<dyn FrameSource>,
+    /// Whether its end is not known.
+    pub endless: bool,
+    pace: Pace,
+    reconnected: Option<Arc<AtomicU64>>,
+}
+
+/// A source that is read.
+pub struct Started {
+    pub source: Box<dyn FrameSource>,
+    /// Of sources that drop frames, or could.
+    pub meter: Option<Meter>,
+    reconnected: Option<Arc<AtomicU64>>,
+}
+
+impl SourceArgs {
+    pub fn selection(&self) -> Selection {
+        let from = self.from.map_or(0, |from| usize::try_from(from - 1).unwrap_or(usize::MAX));
+        Selection { from, every: self.every as usize, scale: self.scale }
+    }
+
+    /// A box of the video, in the pictures as they are tracked in.
+    pub fn scaled(&self, b: &BBox) -> BBox {
+        let s = self.scale;
+        BBox { x: s * b.x, y: s * b.y, w: s * b.w, h: s * b.h }
+    }
+
+    pub fn options(&self) -> Options {
+        let raw = self.raw.map(|(width, height)| Raw { width, height, pixels: self.pix });
+        Options { decoder: self.decoder, raw, ..Options::default() }
+    }
+
+    /// Opens a source.
+    pub fn open(&self, path: &Path) -> Result<Opened> {
+        let (live, endless) = (is_live(path), is_endless(path));
+        let wrong = |what: &str| Error::Invalid(format!("{}: {what}", path.display()));
+        if endless && self.selection() != Selection::default() && self.from.is_some() {
+            return Err(wrong("--from is for files; leave it out"));
+        }
+        if self.listen && !live {
+            return Err(wrong("--listen is for rtsp:// and http://; leave it out"));
+        }
+        if !endless && (self.every_frame || self.max_latency.is_some()) {
+            return Err(wrong("every frame of a file is tracked in; leave out --every-frame and --max-latency"));
+        }
+        if live && self.raw.is_some() {
+            return Err(wrong("--raw is for files and pipes; leave it out"));
+        }
+        let max_latency = self.max_latency.map(Duration::from_millis);
+        let (source, reconnected): (Box<dyn FrameSource>, _) = if live {
+            let reconnect = Duration::from_secs(self.reconnect);
+            let options = LiveOptions { listen: self.listen, reconnect, ..LiveOptions::default() };
+            let source = Live::open(path, options)?;
+            let reconnected = source.reconnections();
+            (Box::new(source), Some(reconnected))
+        } else {
+            (open_with(path, &self.options())?, None)
+        };
+        let pace = Pace { every_frame: self.every_frame || (!live && max_latency.is_none()), max_latency };
+        let source = select(source, self.selection());
+        self.check_from(source.info())?;
+        Ok(Opened { source, endless, pace, reconnected })
+    }
+
+    fn check_from(&self, about: &SourceInfo) -> Result<()> {
+        match (self.from, about.exact_frames()) {
+            (Some(from), Some(n)) if from > n as u64 => {
+                Err(Error::Invalid(format!("--from {from}: the video has {n} frames; give at most that")))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Opened {
+    /// Reads ahead, or the newest frame, until the program is to stop.
+    pub fn start(self) -> Started {
+        let reconnected = self.reconnected;
+        if self.endless {
+            let (source, meter) = newest(self.source, self.pace, terminal::stopping);
+            return Started { source, meter: Some(meter), reconnected };
+        }
+        Started { source: ahead_until(self.source, terminal::stopping), meter: None, reconnected }
+    }
+}
+
+impl Started {
+    /// What is to be said of it at the end.
+    pub fn note(meter: Option<&Meter>, reconnected: Option<&AtomicU64>) {
+        let dropped = meter.map_or(0, Meter::dropped);
+        let again = reconnected.map_or(0, |n| n.load(Ordering::Relaxed));
+        if dropped + again > 0 {
+            eprintln!("foveate: {dropped} frames of the source were dropped; it was opened again {again} times");
+        }
+    }
+
+    /// What [`Started::note`] tells.
+    pub fn counts(&self) -> (Option<Meter>, Option<Arc<AtomicU64>>) {
+        (self.meter.clone(), self.reconnected.clone())
+    }
+}
+
+/// Where lines go as frames are tracked.
+#[derive(Clone, Debug)]
+pub enum StreamTo {
+    Json,
+    Mot,
+    Udp(String),
+}
+
+pub fn parse_stream(text: &str) -> std::result::Result<StreamTo, String> {
+    match (text, text.strip_prefix("udp:")) {
+        ("json", _) => Ok(StreamTo::Json),
+        ("mot", _) => Ok(StreamTo::Mot),
+        (_, Some(address)) if address.contains(':') => Ok(StreamTo::Udp(address.to_owned())),
+        _ => Err(format!("expected json, mot or udp:HOST:PORT, got \"{text}\"")),
+    }
+}
+
+impl StreamTo {
+    /// The observer that writes the lines. Standard output is then theirs alone.
+    pub fn observer(&self, meter: Option<Meter>) -> Result<foveate::report::Stream> {
+        use foveate::report::{Stream, stream::Format};
+        match self {
+            Self::Json => Ok(Stream::new(std::io::stdout(), Format::Json, meter)),
+            Self::Mot => Ok(Stream::new(std::io::stdout(), Format::Mot, meter)),
+            Self::Udp(address) => Stream::udp(address, Format::Json, meter),
+        }
+    }
+
+    /// Whether it takes standard output.
+    pub fn takes_output(&self) -> bool {
+        !matches!(self, Self::Udp(_))
+    }
+}

@@ -1,0 +1,232 @@
+//! A line a frame, as it happens.
+//!
+//! JSON has, in this order: `frame` (from 1), `time` (seconds from the first frame), `bbox` (pixels, from 0), `p_lost` (0 to 1),
+//! `status` (`given` where the box was), `dropped` (frames of the source that were not tracked so far) and `latency_ms` (from the frame
+//! read whole to this line; `null` where frames are not timed). Of many targets: `frame`, `time`, `targets`, `dropped`, `latency_ms`;
+//! each target has `id`, `bbox`, `phase` and `deficit`. MOT lines are those of tracks.txt, of one target with the id 1 and 1 − P(lost)
+//! as its confidence; frames in which it is lost are left out.
+
+use std::io::{ErrorKind, Write};
+use std::net::UdpSocket;
+
+use serde::Serialize;
+
+use crate::tracks::{mot_line, phase_name};
+use crate::{MultiObserver, Observer};
+use foveate_base::{Error, Result};
+use foveate_core::Status;
+use foveate_core::geometry::BBox;
+use foveate_core::multi::TrackedTarget;
+use foveate_core::step::Step;
+use foveate_video::{Frame, Meter};
+
+/// How lines are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Format {
+    /// One JSON object a frame.
+    #[default]
+    Json,
+    /// MOTChallenge's text, a line a target.
+    Mot,
+}
+
+/// Writes each frame's result at once.
+pub struct Stream {
+    out: Box<dyn Write + Send>,
+    format: Format,
+    meter: Option<Meter>,
+    line: String,
+}
+
+#[derive(Serialize)]
+struct One<'a> {
+    frame: usize,
+    time: f64,
+    bbox: &'a BBox,
+    p_lost: f64,
+    status: &'a str,
+    dropped: u64,
+    latency_ms: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Many<'a> {
+    frame: usize,
+    time: f64,
+    targets: Vec<Target<'a>>,
+    dropped: u64,
+    latency_ms: Option<f64>,
+}
+
+#[derive(Serialize)]
+struct Target<'a> {
+    id: u64,
+    bbox: BBox,
+    phase: &'a str,
+    deficit: f64,
+}
+
+impl Stream {
+    /// Lines to a writer, which is flushed after each frame. `meter` is of a source that drops frames or times them.
+    pub fn new(out: impl Write + Send + 'static, format: Format, meter: Option<Meter>) -> Self {
+        Self { out: Box::new(out), format, meter, line: String::new() }
+    }
+
+    /// Lines to an address (`HOST:PORT`), a datagram a frame. Whether anybody is there does not matter.
+    ///
+    /// # Errors
+    /// Where the address is none.
+    pub fn udp(address: &str, format: Format, meter: Option<Meter>) -> Result<Self> {
+        let wrong = |e: std::io::Error| {
+            Error::Invalid(format!("--stream udp:{address}: expected a host and a port, as 127.0.0.1:9000 ({e})"))
+        };
+        // Of the family that the address is of.
+        let socket = UdpSocket::bind("0.0.0.0:0").and_then(|s| s.connect(address).map(|()| s));
+        let socket = socket.or_else(|_| UdpSocket::bind("[::]:0").and_then(|s| s.connect(address).map(|()| s)));
+        Ok(Self::new(Datagrams(socket.map_err(wrong)?), format, meter))
+    }
+
+    fn measured(&self) -> (u64, Option<f64>) {
+        let meter = self.meter.as_ref();
+        let latency = meter.and_then(Meter::latency).map(|time| (time.as_secs_f64() * 1e6).round() / 1e3);
+        (meter.map_or(0, Meter::dropped), latency)
+    }
+
+    fn one(&mut self, frame: &Frame, bbox: &BBox, p_lost: f64, status: &str) -> Result<()> {
+        match self.format {
+            Format::Json => {
+                let (dropped, latency_ms) = self.measured();
+                let (frame, time) = (frame.index + 1, frame.time);
+                self.json(&One { frame, time, bbox, p_lost, status, dropped, latency_ms })
+            }
+            Format::Mot => {
+                if status != Status::Lost.name() {
+                    mot_line(&mut self.line, frame, 1, bbox, 1.0 - p_lost);
+                }
+                self.send()
+            }
+        }
+    }
+
+    fn json(&mut self, line: &impl Serialize) -> Result<()> {
+        let text = serde_json::to_string(line).map_err(|e| Error::Invalid(e.to_string()))?;
+        self.line.push_str(&text);
+        self.line.push('\n');
+        self.send()
+    }
+
+    fn send(&mut self) -> Result<()> {
+        let sent = self.out.write_all(self.line.as_bytes()).and_then(|()| self.out.flush());
+        self.line.clear();
+        sent.map_err(|e| match e.kind() {
+            ErrorKind::BrokenPipe => Error::Invalid("--stream: the reader of standard output has gone".into()),
+            _ => Error::Invalid(format!("--stream: cannot write: {e}")),
+        })
+    }
+}
+
+impl Observer for Stream {
+    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
+        self.one(frame, bbox, 0.0, "given")
+    }
+    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
+        self.one(frame, &step.bbox(), step.confidence.p_lost, step.confidence.status.name())
+    }
+    fn finish(&mut self) -> Result<()> {
+        Ok(())
+    }
+}
+
+impl MultiObserver for Stream {
+    fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
+        if self.format == Format::Mot {
+            for target in targets.iter().filter(|target| target.sure()) {
+                mot_line(&mut self.line, frame, target.id, &target.bbox, (1.0 - target.deficit).max(0.0));
+            }
+            return self.send();
+        }
+        let of = |t: &TrackedTarget| {
+            let (id, bbox, deficit) = (t.id, t.bbox, t.deficit);
+            Target { id, bbox, phase: phase_name(t.phase), deficit }
+        };
+        let (dropped, latency_ms) = self.measured();
+        let targets = targets.iter().map(of).collect();
+        self.json(&Many { frame: frame.index + 1, time: frame.time, targets, dropped, latency_ms })
+    }
+    fn finish(&mut self) -> Result<()> {
+        Ok(())
+    }
+}
+
+/// A datagram a write; what nobody receives is lost.
+struct Datagrams(UdpSocket);
+
+impl Write for Datagrams {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let _ = self.0.send(bytes);
+        Ok(bytes.len())
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate_core::scene::Image;
+    use std::sync::{Arc, Mutex};
+
+    #[derive(Clone, Default)]
+    struct Shared(Arc<Mutex<Vec<u8>>>);
+
+    impl Write for Shared {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            self.0.lock().expect("one thread").write(bytes)
+        }
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    fn frame() -> Frame {
+        Frame { index: 6, time: 0.2, image: Image::grey(40, 30, 0) }
+    }
+
+    #[test]
+    fn a_frame_is_a_line() {
+        let bbox = BBox { x: 1.0, y: 2.5, w: 3.0, h: 4.0 };
+        for (format, wanted) in [
+            (
+                Format::Json,
+                "{\"frame\":7,\"time\":0.2,\"bbox\":{\"x\":1.0,\"y\":2.5,\"w\":3.0,\"h\":4.0},\"p_lost\":0.0,\"status\":\"given\",\"dropped\":0,\"latency_ms\":null}\n",
+            ),
+            (Format::Mot, "7,1,2.000,3.500,3.000,4.000,1.000,-1,-1,-1\n"),
+        ] {
+            let out = Shared::default();
+            let mut stream = Stream::new(out.clone(), format, None);
+            Observer::start(&mut stream, &frame(), &bbox).expect("written");
+            assert_eq!(String::from_utf8_lossy(&out.0.lock().expect("one thread")), wanted);
+        }
+        let out = Shared::default();
+        let mut stream = Stream::new(out.clone(), Format::Json, Some(Meter::default()));
+        let target = TrackedTarget { bbox, ..TrackedTarget::unknown(3) };
+        MultiObserver::observe(&mut stream, &frame(), &[target]).expect("written");
+        let text = String::from_utf8_lossy(&out.0.lock().expect("one thread")).into_owned();
+        assert!(text.contains("\"targets\":[{\"id\":3,\"bbox\":{\"x\":1.0") && text.ends_with("}\n"), "{text}");
+    }
+
+    #[test]
+    fn datagrams_arrive() {
+        let receiver = UdpSocket::bind("127.0.0.1:0").expect("a port");
+        let address = receiver.local_addr().expect("an address").to_string();
+        let mut stream = Stream::udp(&address, Format::Json, None).expect("an address");
+        Observer::start(&mut stream, &frame(), &BBox { x: 0.0, y: 0.0, w: 2.0, h: 2.0 }).expect("sent");
+        let mut bytes = [0; 500];
+        let n = receiver.recv(&mut bytes).expect("a datagram");
+        assert!(bytes[..n].starts_with(b"{\"frame\":7,") && bytes[n - 1] == b'\n');
+        assert!(
+            Stream::udp("nowhere", Format::Json, None).err().expect("no port").to_string().contains("127.0.0.1:9000")
+        );
+    }
+}

@@ -1,0 +1,89 @@
+//! A program that runs beside this one, and never longer.
+
+use std::io::{BufRead, BufReader, Read};
+use std::process::{Child, ExitStatus};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// What is asked of a source that blocks: to end now. Its next frame is then an error or the end.
+pub type Interrupt = Arc<dyn Fn() + Send + Sync>;
+
+/// The child of a source, which others may end.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Leash(Arc<Mutex<Held>>);
+
+#[derive(Debug, Default)]
+struct Held {
+    child: Option<Child>,
+    /// Nobody wants another one.
+    over: bool,
+}
+
+impl Leash {
+    fn held(&self) -> MutexGuard<'_, Held> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Holds a child, which ends with the next one.
+    pub fn hold(&self, child: Child) {
+        self.end();
+        let mut held = self.held();
+        held.child = Some(child);
+        if held.over {
+            drop(held);
+            self.end();
+        }
+    }
+
+    /// Ends the child.
+    pub fn end(&self) {
+        if let Some(mut child) = self.held().child.take() {
+            let _ = child.kill();
+            let _ = child.wait();
+        }
+    }
+
+    /// Ends the child, and every later one.
+    pub fn end_for_good(&self) {
+        self.held().over = true;
+        self.end();
+    }
+
+    /// Whether no child is wanted any more.
+    pub fn is_over(&self) -> bool {
+        self.held().over
+    }
+
+    /// For others, to end it for good.
+    pub fn interrupt(&self) -> Interrupt {
+        let leash = self.clone();
+        Arc::new(move || leash.end_for_good())
+    }
+
+    /// Waits for the child to end by itself. `None` where somebody else ended it.
+    pub fn wait(&self) -> Option<ExitStatus> {
+        loop {
+            let ended = self.held().child.as_mut().map(Child::try_wait)?;
+            match ended {
+                Ok(Some(status)) => return Some(status),
+                Ok(None) => std::thread::sleep(Duration::from_millis(2)),
+                Err(_) => return None,
+            }
+        }
+    }
+}
+
+/// What a child says on its error channel, line by line, as long as it says something. A line is cut after 2000 bytes, and its
+/// control characters are shown as escapes: what it says may come from a video.
+pub(crate) fn listen(errors: impl Read + Send + 'static, mut told: impl FnMut(String) + Send + 'static) {
+    std::thread::spawn(move || {
+        for line in BufReader::new(errors).split(b'\n').map_while(Result::ok) {
+            let line = String::from_utf8_lossy(&line[..line.len().min(2000)]).into_owned();
+            told(line.trim_end_matches('\r').chars().flat_map(shown).collect());
+        }
+    });
+}
+
+fn shown(c: char) -> Vec<char> {
+    if c.is_control() { c.escape_default().collect() } else { vec![c] }
+}

@@ -1,0 +1,73 @@
+//! ffmpeg as a decoder of H.264: it is handed coded frames and gives raw ones, in the order of presentation.
+//!
+//! The file is read by us: ffmpeg opens nothing, and times, colours, cuts and turns are those of our own index.
+
+use std::io::{BufReader, Write};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use crate::child::{Leash, listen};
+use crate::decoded::Decoded;
+use crate::ffmpeg::{Pixels, missing, passthrough};
+use crate::y4m::Y4m;
+use crate::yuv::Yuv;
+
+/// A running decoder. Dropped, it ends.
+pub(super) struct Feed {
+    leash: Leash,
+    output: Option<std::process::ChildStdout>,
+    pixels: Option<Pixels>,
+}
+
+impl Feed {
+    /// Starts `program`, and a thread that hands it the coded frames that `next` gives (as Annex B, with start codes), to the last.
+    ///
+    /// # Errors
+    /// What is wrong and what to do, where the program is not there or does not start.
+    pub fn start(
+        program: &Path,
+        leash: &Leash,
+        mut next: impl FnMut() -> Option<Vec<u8>> + Send + 'static,
+    ) -> Result<Self, String> {
+        let passthrough = passthrough(program)?;
+        let mut child = Command::new(program)
+            .args(["-hide_banner", "-nostats", "-loglevel", "error", "-protocol_whitelist", "pipe"])
+            // Strict: frames are held back until their order is certain. Damage ends it, and is left to our own decoders to name.
+            .args(["-strict", "1", "-err_detect", "explode", "-xerror", "-f", "h264", "-i", "pipe:0"])
+            .args(["-map", "0:v:0"])
+            .args(passthrough)
+            .args(["-c:v", "wrapped_avframe", "-strict", "-1", "-f", "yuv4mpegpipe", "pipe:1"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(|error| missing(program, &error))?;
+        let mut input = child.stdin.take().expect("it was asked for a pipe");
+        let output = child.stdout.take();
+        listen(child.stderr.take().expect("it was asked for a pipe"), |_| ());
+        leash.hold(child);
+        std::thread::spawn(move || {
+            // It ends with the last frame, or with the program.
+            while let Some(frame) = next() {
+                if input.write_all(&frame).is_err() {
+                    break;
+                }
+            }
+        });
+        Ok(Self { leash: leash.clone(), output, pixels: None })
+    }
+
+    /// The next picture; `None` at the end, an error where the program stops before it.
+    pub fn picture(&mut self) -> Option<Decoded<Yuv>> {
+        if let Some(output) = self.output.take() {
+            self.pixels = Y4m::new(BufReader::new(output), &[]).ok();
+        }
+        self.pixels.as_mut()?.picture()
+    }
+}
+
+impl Drop for Feed {
+    fn drop(&mut self) {
+        self.leash.end();
+    }
+}

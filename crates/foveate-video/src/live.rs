@@ -1,0 +1,394 @@
+//! Streams and cameras through the program ffmpeg: `rtsp://`, `http://`, `/dev/video0`. One that breaks off is opened again.
+//!
+//! ffmpeg may open what the address names and nothing else: each scheme has its protocols and its kinds of streams.
+
+use std::ffi::OsString;
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use crate::child::{Interrupt, Leash, listen};
+use crate::ffmpeg::{FORMATS, KINDS, Pixels, missing, passthrough};
+use crate::y4m::Y4m;
+use crate::yuv::Colour;
+use crate::{Frame, FrameSource, SourceInfo};
+use foveate_base::{Error, Result};
+
+/// How a stream is to be opened.
+#[derive(Clone, Debug)]
+pub struct LiveOptions {
+    /// The program ffmpeg: a path, or a name to be found as programs are.
+    pub ffmpeg: PathBuf,
+    /// Wait at the address for a sender, in the place of asking one there.
+    pub listen: bool,
+    /// How long to try to open it again after it broke off, before that is an error; zero does not try.
+    pub reconnect: Duration,
+}
+
+impl Default for LiveOptions {
+    fn default() -> Self {
+        Self { ffmpeg: "ffmpeg".into(), listen: false, reconnect: Duration::from_secs(60) }
+    }
+}
+
+/// The first pause before a stream is opened again, and the longest; each is twice the one before.
+const PAUSES: (Duration, Duration) = (Duration::from_millis(250), Duration::from_secs(4));
+/// A stream that gives nothing for so long is opened again.
+const STALL: Duration = Duration::from_secs(10);
+
+/// What ffmpeg is told of a scheme.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Scheme {
+    name: &'static str,
+    protocols: &'static str,
+    options: &'static [&'static str],
+    /// What makes it wait for a sender.
+    listen: Option<&'static [&'static str]>,
+    /// Whether it may come to an end.
+    ends: bool,
+}
+
+const SCHEMES: [Scheme; 4] = [
+    Scheme {
+        name: "rtsp://",
+        protocols: "rtsp,tcp",
+        options: &["-format_whitelist", "rtsp", "-rtsp_transport", "tcp"],
+        listen: Some(&["-rtsp_flags", "listen"]),
+        ends: false,
+    },
+    Scheme { name: "http://", protocols: "http,tcp", options: &[], listen: Some(&["-listen", "1"]), ends: true },
+    Scheme { name: "https://", protocols: "https,tls,tcp", options: &[], listen: None, ends: true },
+    Scheme {
+        name: "/dev/video",
+        protocols: "file",
+        options: &["-format_whitelist", "video4linux2,v4l2", "-f", "v4l2"],
+        listen: None,
+        ends: false,
+    },
+];
+
+fn scheme(address: &Path) -> Option<Scheme> {
+    let text = address.to_str()?;
+    SCHEMES
+        .into_iter()
+        .find(|scheme| text.get(..scheme.name.len()).is_some_and(|s| s.eq_ignore_ascii_case(scheme.name)))
+}
+
+/// Whether this is the address of a stream or a camera, not a path.
+pub fn is_live(address: &Path) -> bool {
+    scheme(address).is_some()
+}
+
+/// A stream, opened again where it breaks off. Times are those of the clock, from the first frame on.
+pub struct Live {
+    address: PathBuf,
+    scheme: Scheme,
+    options: LiveOptions,
+    info: SourceInfo,
+    leash: Leash,
+    pixels: Option<Pixels>,
+    complaint: Arc<Mutex<Option<String>>>,
+    began: Instant,
+    /// Milliseconds from `began` on to the last sign of life.
+    alive: Arc<AtomicU64>,
+    reconnected: Arc<AtomicU64>,
+    first: Option<Frame>,
+    next: usize,
+}
+
+impl Live {
+    /// Opens a stream and waits for its first frame.
+    ///
+    /// # Errors
+    /// Where the address is of an unknown scheme, ffmpeg is not there, or it finds no video.
+    pub fn open(address: &Path, options: LiveOptions) -> Result<Self> {
+        let wrong = |problem: &str| Error::malformed(address, problem);
+        let scheme = scheme(address)
+            .ok_or_else(|| wrong("expected an address that begins with rtsp://, http://, https:// or /dev/video"))?;
+        if options.listen && scheme.listen.is_none() {
+            return Err(wrong("this kind of source cannot be waited for; listen at rtsp:// or http://"));
+        }
+        let info = SourceInfo { width: 0, height: 0, frames: None, rate: 0.0, reader: "ffmpeg, live".into() };
+        let (leash, complaint, alive, reconnected) =
+            <(Leash, Arc<Mutex<_>>, Arc<AtomicU64>, Arc<AtomicU64>)>::default();
+        let (address, began) = (address.to_owned(), Instant::now());
+        let mut live = Self {
+            address,
+            scheme,
+            options,
+            info,
+            leash,
+            pixels: None,
+            complaint,
+            began,
+            alive,
+            reconnected,
+            first: None,
+            next: 0,
+        };
+        live.connect().map_err(|problem| Error::malformed(&live.address, problem))?;
+        live.watch();
+        let Some(frame) = live.frame() else {
+            let said = live.said();
+            let problem =
+                format!("expected a stream that ffmpeg reads; it says: {said}; check the address and the sender");
+            return Err(Error::malformed(&live.address, problem));
+        };
+        let stated = live.pixels.as_ref().and_then(|pixels| pixels.head.rate);
+        let (width, height, rate) = (frame.image.width(), frame.image.height(), stated.unwrap_or(30.0));
+        live.info = SourceInfo { width, height, rate, ..live.info.clone() };
+        live.first = Some(frame);
+        Ok(live)
+    }
+
+    /// How often it was opened again. Counts on after this source was handed over.
+    pub fn reconnections(&self) -> Arc<AtomicU64> {
+        self.reconnected.clone()
+    }
+
+    fn said(&self) -> String {
+        let said = self.complaint.lock().unwrap_or_else(PoisonError::into_inner).take();
+        said.unwrap_or_else(|| "it gave no reason".into())
+    }
+
+    fn connect(&mut self) -> std::result::Result<(), String> {
+        let program = &*self.options.ffmpeg;
+        let passthrough = passthrough(program)?;
+        let mut child = guarded(program)
+            .args(arguments(&self.scheme, &self.address, self.options.listen, (self.info.width, self.info.height)))
+            .args(passthrough)
+            .args(["-c:v", "wrapped_avframe", "-strict", "-1", "-flush_packets", "1", "-f", "yuv4mpegpipe", "pipe:1"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .map_err(|error| missing(program, &error))?;
+        let output = child.stdout.take().expect("it was asked for a pipe");
+        let complaint = self.complaint.clone();
+        listen(child.stderr.take().expect("it was asked for a pipe"), move |line| {
+            if let Some((_, text)) = line.split_once("[error] ").or_else(|| line.split_once("[fatal] ")) {
+                complaint.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(text.trim().to_owned());
+            }
+        });
+        self.show_life(self.options.listen);
+        self.leash.hold(child);
+        self.pixels = Y4m::new(BufReader::new(output), &[]).ok();
+        Ok(())
+    }
+
+    /// Who waits for a sender may wait.
+    fn show_life(&self, waits: bool) {
+        let now = if waits { u64::MAX } else { self.began.elapsed().as_millis() as u64 };
+        self.alive.store(now, Ordering::Relaxed);
+    }
+
+    /// Ends an ffmpeg that gives nothing: then it is started again.
+    fn watch(&self) {
+        let (leash, alive, began) = (self.leash.clone(), self.alive.clone(), self.began);
+        std::thread::spawn(move || {
+            while !leash.is_over() {
+                std::thread::sleep(Duration::from_millis(500));
+                let last = alive.load(Ordering::Relaxed);
+                if (began.elapsed().as_millis() as u64).saturating_sub(last) > STALL.as_millis() as u64 {
+                    leash.end();
+                }
+            }
+        });
+    }
+
+    /// The next frame of this connection.
+    fn frame(&mut self) -> Option<Frame> {
+        let pixels = self.pixels.as_mut()?;
+        let yuv = pixels.picture()?.ok()?;
+        let full = pixels.head.full_range.unwrap_or(false);
+        let image = yuv.to_rgb(Colour::new(None, full, yuv.width, yuv.height));
+        self.show_life(false);
+        if self.next == 0 {
+            self.began = Instant::now();
+            self.show_life(false);
+        }
+        let (index, time) = (self.next, self.began.elapsed().as_secs_f64());
+        Some(Frame { index, time: if index == 0 { 0.0 } else { time }, image })
+    }
+
+    /// Opens it again, with longer and longer pauses. `Some(Ok(None))`: it is over.
+    fn again(&mut self) -> Result<Option<Frame>> {
+        let ended = self.leash.wait().is_some_and(|status| status.success());
+        self.leash.end();
+        let (broke, mut pause) = (Instant::now(), PAUSES.0);
+        if self.scheme.ends && ended {
+            return Ok(None);
+        }
+        loop {
+            if broke.elapsed() >= self.options.reconnect {
+                let tried = self.options.reconnect.as_secs();
+                let problem =
+                    format!("the stream broke off and did not come back in {tried} s; ffmpeg says: {}", self.said());
+                return Err(Error::Frame { path: self.address.clone(), frame: self.next + 1, problem });
+            }
+            let until = Instant::now() + pause;
+            while Instant::now() < until {
+                if self.leash.is_over() {
+                    return Ok(None);
+                }
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            pause = (2 * pause).min(PAUSES.1);
+            self.complaint.lock().unwrap_or_else(PoisonError::into_inner).take();
+            if self.connect().is_ok()
+                && let Some(frame) = self.frame()
+            {
+                self.reconnected.fetch_add(1, Ordering::Relaxed);
+                return Ok(Some(frame));
+            }
+            if self.leash.is_over() {
+                return Ok(None);
+            }
+            self.leash.end();
+        }
+    }
+}
+
+impl Iterator for Live {
+    type Item = Result<Frame>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.leash.is_over() {
+            return None;
+        }
+        let frame = match self.first.take().or_else(|| self.frame()) {
+            Some(frame) => frame,
+            None if self.leash.is_over() => return None,
+            None => match self.again() {
+                Ok(frame) => frame?,
+                Err(error) => {
+                    self.leash.end_for_good();
+                    return Some(Err(error));
+                }
+            },
+        };
+        self.next = frame.index + 1;
+        Some(Ok(frame))
+    }
+}
+
+impl FrameSource for Live {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+    fn interrupt(&self) -> Option<Interrupt> {
+        Some(self.leash.interrupt())
+    }
+}
+
+impl Drop for Live {
+    fn drop(&mut self) {
+        self.leash.end_for_good();
+    }
+}
+
+/// What ffmpeg is told. Once the size is known, frames keep it.
+fn arguments(scheme: &Scheme, address: &Path, listen: bool, size: (usize, usize)) -> Vec<OsString> {
+    let mut options = vec!["-hide_banner", "-nostats", "-loglevel", "level+warning", "-fflags", "nobuffer"];
+    // Decoding several frames at a time would hold back as many.
+    options.extend(["-thread_type", "slice", "-protocol_whitelist", scheme.protocols]);
+    options.extend(scheme.options);
+    let of_lists = address.to_string_lossy().split('?').next().is_some_and(|path| path.ends_with(".m3u8"));
+    let kinds = if of_lists { format!("{KINDS},hls") } else { KINDS.to_owned() };
+    if scheme.ends {
+        options.extend(["-format_whitelist", &kinds]);
+    }
+    options.extend(scheme.listen.filter(|_| listen).unwrap_or_default());
+    let scale = if size.0 > 0 { format!("scale={}:{},{FORMATS}", size.0, size.1) } else { FORMATS.to_owned() };
+    let mut all: Vec<OsString> = options.into_iter().map(OsString::from).collect();
+    all.extend(["-i".into(), address.as_os_str().to_owned()]);
+    all.extend(["-map", "0:v:0", "-an", "-sn", "-dn", "-map_metadata", "-1", "-vf", &scale].map(OsString::from));
+    all
+}
+
+/// A shell ends the program when our end of its standard input closes, however this process ends.
+#[cfg(unix)]
+fn guarded(program: &Path) -> Command {
+    const SCRIPT: &str = r#"exec 3<&0
+"$0" "$@" </dev/null 3<&- &
+child=$!
+{ read -r _ <&3; kill -9 $child; } >/dev/null 2>&1 &
+guard=$!
+wait $child
+status=$?
+kill $guard 2>/dev/null
+exit $status"#;
+    let mut command = Command::new("/bin/sh");
+    command.args(["-c", SCRIPT]).arg(program);
+    command
+}
+
+#[cfg(not(unix))]
+fn guarded(program: &Path) -> Command {
+    Command::new(program)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(address: &str, listen: bool) -> String {
+        let address = Path::new(address);
+        let found = arguments(&scheme(address).expect("a scheme"), address, listen, (0, 0));
+        found.iter().map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
+    }
+
+    #[test]
+    fn each_scheme_has_its_own_protocols() {
+        for (address, protocols) in [
+            ("rtsp://host/live", "-protocol_whitelist rtsp,tcp "),
+            ("RTSP://host/live", "-protocol_whitelist rtsp,tcp "),
+            ("http://host/a.ts", "-protocol_whitelist http,tcp "),
+            ("https://host/a.ts", "-protocol_whitelist https,tls,tcp "),
+            ("/dev/video0", "-protocol_whitelist file "),
+        ] {
+            assert!(told(address, false).contains(protocols), "{address}");
+            assert!(!told(address, false).contains("listen"));
+        }
+        assert!(
+            told("rtsp://h/x", true).contains("-rtsp_flags listen") && told("http://h/x", true).contains("-listen 1")
+        );
+        // A list of files is read where the address names one.
+        assert!(
+            told("http://h/a.m3u8?x=1", false).contains(",hls ")
+                && !told("http://h/a.ts?b.m3u8", false).contains("hls")
+        );
+        for path in [
+            "a.mp4",
+            "file:a",
+            "concat:a|b",
+            "udp://h:1",
+            "ftp://h/a",
+            "-",
+            "/dev/zero",
+            "rtsp",
+            "\u{e9}\u{e9}\u{e9}\u{e9}",
+        ] {
+            assert!(!is_live(Path::new(path)), "{path}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_opened_is_said() {
+        let open =
+            |address: &str, options| Live::open(Path::new(address), options).err().expect("an error").to_string();
+        assert!(open("gopher://h", LiveOptions::default()).contains("rtsp://"));
+        let waits = LiveOptions { listen: true, ..LiveOptions::default() };
+        assert!(open("/dev/video0", waits).contains("listen at rtsp"));
+        let none = LiveOptions { ffmpeg: "no-such-ffmpeg".into(), ..LiveOptions::default() };
+        assert!(open("rtsp://127.0.0.1:9/x", none).contains("install"));
+        if Command::new("ffmpeg").arg("-version").output().is_err() {
+            return println!("skipped: the program ffmpeg is not installed");
+        }
+        let error = open("http://127.0.0.1:9/x.ts", LiveOptions::default());
+        assert!(error.contains("refused") && error.contains("check the address"), "{error}");
+    }
+}

@@ -1,0 +1,67 @@
+//! How a video is to be opened.
+
+use std::path::PathBuf;
+
+/// What decodes a video file.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Decoder {
+    /// The program ffmpeg where it is installed and faster for the file, else the decoders of this library, and ffmpeg again for
+    /// what these cannot read.
+    #[default]
+    Auto,
+    /// The decoders of this library alone: H.264 in MP4.
+    Builtin,
+    /// The program ffmpeg alone.
+    Ffmpeg,
+}
+
+impl Decoder {
+    /// All of them, by name.
+    pub const ALL: [(&'static str, Self); 3] =
+        [("auto", Self::Auto), ("builtin", Self::Builtin), ("ffmpeg", Self::Ffmpeg)];
+}
+
+/// How a video is to be opened: see [`crate::open_with`].
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// What decodes it. The pixels do not depend on it, as long as the file is whole.
+    pub decoder: Decoder,
+    /// The program ffmpeg: a path, or a name to be found as programs are.
+    pub ffmpeg: PathBuf,
+    /// The source is bare pixels of this size. `None`: it says itself what it is.
+    pub raw: Option<Raw>,
+}
+
+/// Bare pixels, row by row from the top left, frame after frame without gaps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Raw {
+    /// Width in pixels.
+    pub width: usize,
+    /// Height in pixels.
+    pub height: usize,
+    /// What a pixel is.
+    pub pixels: Pixels,
+}
+
+/// What the bytes of a bare pixel are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Pixels {
+    /// Red, green, blue.
+    #[default]
+    Rgb24,
+    /// Blue, green, red, as OpenCV has them.
+    Bgr24,
+    /// One byte of brightness.
+    Gray,
+}
+
+impl Pixels {
+    /// All of them, by name.
+    pub const ALL: [(&'static str, Self); 3] = [("rgb24", Self::Rgb24), ("bgr24", Self::Bgr24), ("gray", Self::Gray)];
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { decoder: Decoder::Auto, ffmpeg: "ffmpeg".into(), raw: None }
+    }
+}

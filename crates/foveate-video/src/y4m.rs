@@ -1,0 +1,267 @@
+//! yuv4mpeg: raw video with one line of text before it and before every frame (`YUV4MPEG2 W360 H240 F30:1 C420 XCOLORRANGE=LIMITED`).
+//!
+//! What it says cannot be forged by what the pictures show: a frame is as long as the first line says.
+
+use std::io::{ErrorKind, Read};
+
+use crate::decode::MAX_SIDE;
+use crate::decoded::{DecodeError, Decoded};
+use crate::yuv::Yuv;
+
+/// The first bytes of a stream.
+pub(crate) const MAGIC: &[u8] = b"YUV4MPEG2 ";
+/// The longest line that is read; programs write a hundred bytes.
+const MOST_LINE: usize = 1024;
+const TODO: &str = "write it with `ffmpeg -i IN -pix_fmt yuv420p -f yuv4mpegpipe -`";
+
+/// What the first line says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Head {
+    pub width: usize,
+    pub height: usize,
+    /// Frames a second, where it says so.
+    pub rate: Option<f64>,
+    /// Width and height of the chroma planes; none where it is grey.
+    chroma: Option<(usize, usize)>,
+    /// Bits a sample, 8 to 16.
+    depth: u32,
+    /// Samples use the full range, where it says so. Grey that says nothing does: so write the programs that write it.
+    pub full_range: Option<bool>,
+}
+
+/// A stream in mid-reading.
+pub(crate) struct Y4m<R> {
+    reader: R,
+    pub head: Head,
+    bytes: Vec<u8>,
+}
+
+impl<R: Read> Y4m<R> {
+    /// Reads the first line. `read` are bytes that were read of the stream before, to see what it is.
+    pub fn new(mut reader: R, read: &[u8]) -> Decoded<Self> {
+        let line = line(&mut reader, read)?.ok_or_else(|| {
+            DecodeError::Damaged("expected yuv4mpeg, found nothing: the stream ended before its first byte".into())
+        })?;
+        let head = parse(&line).map_err(DecodeError::Damaged)?;
+        Ok(Self { reader, head, bytes: vec![] })
+    }
+
+    /// The next picture, 8 bits a sample (deeper ones are cut to their upper bits); grey has no chroma planes.
+    pub fn picture(&mut self) -> Option<Decoded<Yuv>> {
+        let found = match line(&mut self.reader, &[]) {
+            Ok(found) => found?,
+            Err(error) => return Some(Err(error)),
+        };
+        if found != b"FRAME" && !found.starts_with(b"FRAME ") {
+            let shown = String::from_utf8_lossy(&found[..found.len().min(40)]).escape_debug().to_string();
+            return Some(Err(DecodeError::damaged(format!("expected a line FRAME before a frame, found \"{shown}\""))));
+        }
+        Some(self.planes())
+    }
+
+    fn planes(&mut self) -> Decoded<Yuv> {
+        let Head { width, height, chroma, depth, .. } = self.head;
+        let (wide, luma) = (if depth > 8 { 2 } else { 1 }, width * height);
+        let part = chroma.map_or(0, |(w, h)| w * h);
+        let wanted = wide * (luma + 2 * part);
+        self.bytes.clear();
+        // Memory follows the bytes that come, not those that the first line promises.
+        let read = self.reader.by_ref().take(wanted as u64).read_to_end(&mut self.bytes);
+        match read {
+            Ok(n) if n == wanted => (),
+            Ok(n) => {
+                return Err(DecodeError::damaged(format!("the stream ends after {n} of {wanted} bytes of a frame")));
+            }
+            Err(e) => return Err(DecodeError::damaged(format!("cannot read on: {e}"))),
+        }
+        let plane = |from: usize, n: usize| -> Vec<u8> {
+            let bytes = &self.bytes[wide * from..wide * (from + n)];
+            if wide == 1 {
+                return bytes.to_vec();
+            }
+            bytes.chunks_exact(2).map(|b| (u16::from_le_bytes([b[0], b[1]]) >> (depth - 8)) as u8).collect()
+        };
+        let (y, u, v) = (plane(0, luma), plane(luma, part), plane(luma + part, part));
+        Ok(Yuv { width, height, chroma: chroma.unwrap_or((0, 0)), y, u, v })
+    }
+}
+
+/// A line without its end; `None` where the stream has ended. `line` has begun with bytes read before.
+fn line(reader: &mut impl Read, read: &[u8]) -> Decoded<Option<Vec<u8>>> {
+    let (mut line, mut byte) = (read.to_vec(), [0]);
+    loop {
+        match reader.read(&mut byte) {
+            Ok(0) if line.is_empty() => return Ok(None),
+            Ok(0) => return Err(DecodeError::damaged("the stream ends in the middle of a line")),
+            Ok(_) if byte[0] == b'\n' => return Ok(Some(line)),
+            Ok(_) if line.len() < MOST_LINE => line.push(byte[0]),
+            Ok(_) => {
+                let problem = format!("expected yuv4mpeg, found a line of more than {MOST_LINE} bytes; {TODO}");
+                return Err(DecodeError::Damaged(problem));
+            }
+            Err(e) if e.kind() == ErrorKind::Interrupted => (),
+            Err(e) => return Err(DecodeError::damaged(format!("cannot read on: {e}"))),
+        }
+    }
+}
+
+fn parse(line: &[u8]) -> Result<Head, String> {
+    let text = String::from_utf8_lossy(line);
+    let Some(rest) = text.strip_prefix("YUV4MPEG2") else {
+        let shown: String = text.chars().take(40).collect();
+        return Err(format!(
+            "expected yuv4mpeg, which begins with YUV4MPEG2, found \"{}\"; {TODO}",
+            shown.escape_debug()
+        ));
+    };
+    let (mut width, mut height, mut rate, mut colour, mut full_range) = (0, 0, None, "420", None);
+    for field in rest.split(' ').filter(|field| !field.is_empty()) {
+        let (name, value) = field.split_at(field.chars().next().map_or(0, char::len_utf8));
+        let side = || value.parse::<usize>().ok().filter(|n| (1..=MAX_SIDE).contains(n)).ok_or(());
+        let wrong =
+            |()| format!("expected sides from 1 to {MAX_SIDE} pixels, found \"{}\"; {TODO}", field.escape_debug());
+        match name {
+            "W" => width = side().map_err(wrong)?,
+            "H" => height = side().map_err(wrong)?,
+            "F" => {
+                let parts =
+                    value.split_once(':').and_then(|(a, b)| Some(a.parse::<f64>().ok()? / b.parse::<f64>().ok()?));
+                rate = parts.filter(|rate| rate.is_finite() && *rate > 0.0);
+            }
+            "C" => colour = value,
+            "X" if value == "COLORRANGE=FULL" => full_range = Some(true),
+            "X" if value == "COLORRANGE=LIMITED" => full_range = Some(false),
+            _ => (),
+        }
+    }
+    if width == 0 || height == 0 {
+        return Err(format!(
+            "expected width and height in the first line (W640 H480), found \"{}\"; {TODO}",
+            text.escape_debug()
+        ));
+    }
+    let unknown = || {
+        let known = "420, 422, 444 and mono, of 8 to 16 bits";
+        format!("expected colours of the kinds {known}, found \"C{}\"; {TODO}", colour.escape_debug())
+    };
+    let (kind, rest) = match colour.strip_prefix("mono") {
+        Some(rest) => ("mono", rest),
+        None => colour.split_at_checked(3).ok_or_else(unknown)?,
+    };
+    let half = |side: usize| side.div_ceil(2);
+    let chroma = match kind {
+        "420" => Some((half(width), half(height))),
+        "422" => Some((half(width), height)),
+        "444" => Some((width, height)),
+        "mono" => None,
+        _ => return Err(unknown()),
+    };
+    let depth = match rest {
+        "" | "jpeg" | "mpeg2" | "paldv" => 8,
+        deep => deep.trim_start_matches('p').parse().ok().filter(|bits| (9..=16).contains(bits)).ok_or_else(unknown)?,
+    };
+    Ok(Head { width, height, rate, chroma, depth, full_range })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::yuv::Colour;
+
+    fn all(bytes: &[u8]) -> Decoded<(Head, Vec<Yuv>)> {
+        let mut stream = Y4m::new(bytes, &[])?;
+        let mut pictures = vec![];
+        while let Some(picture) = stream.picture() {
+            pictures.push(picture?);
+        }
+        Ok((stream.head, pictures))
+    }
+
+    fn problem(bytes: &[u8]) -> String {
+        match all(bytes) {
+            Err(DecodeError::Damaged(text) | DecodeError::Unsupported(text)) => text,
+            Ok(_) => panic!("{bytes:?} is read"),
+        }
+    }
+
+    #[test]
+    fn every_kind_of_colour_has_its_planes() {
+        for (colour, chroma, bytes) in [
+            ("", (2, 1), 6 + 4),
+            (" C420mpeg2", (2, 1), 6 + 4),
+            (" C422", (2, 2), 6 + 8),
+            (" C444", (3, 2), 18),
+            (" Cmono", (0, 0), 6),
+            (" C420p10", (2, 1), 20),
+            (" C422p16", (2, 2), 28),
+            (" Cmono12", (0, 0), 12),
+        ] {
+            let mut text = format!("YUV4MPEG2 W3 H2 F30000:1001 Ip A1:1{colour}\nFRAME\n").into_bytes();
+            text.extend(std::iter::repeat_n(1, bytes));
+            text.extend(b"FRAME Ixyz\n");
+            text.extend(std::iter::repeat_n(2, bytes));
+            let (head, pictures) = all(&text).expect("two frames");
+            assert_eq!((head.width, head.height, pictures.len()), (3, 2, 2), "{colour}");
+            assert!((head.rate.expect("a rate") - 29.97).abs() < 0.01 && head.full_range.is_none());
+            assert_eq!(pictures[0].chroma, chroma, "{colour}");
+            let image = pictures[1].to_rgb(Colour::new(None, true, 3, 2));
+            assert_eq!(image.planes(), if chroma.0 == 0 { 1 } else { 3 }, "{colour}");
+        }
+    }
+
+    #[test]
+    fn deep_samples_keep_their_upper_bits_and_grey_its_range() {
+        let mut text = b"YUV4MPEG2 W2 H1 Cmono10 XCOLORRANGE=LIMITED\nFRAME\n".to_vec();
+        text.extend([0, 1, 0xac, 3]);
+        let (head, pictures) = all(&text).expect("one frame");
+        assert_eq!((head.full_range, &*pictures[0].y), (Some(false), &[64, 235][..]));
+        let image = pictures[0].to_rgb(Colour::new(None, false, 2, 1));
+        assert_eq!(image.bytes(), [56, 255]);
+        assert_eq!(pictures[0].to_rgb(Colour::new(None, true, 2, 1)).bytes(), [64, 235]);
+    }
+
+    #[test]
+    fn what_is_no_yuv4mpeg_is_said() {
+        for (text, word) in [
+            (&b""[..], "nothing"),
+            (b"RIFF....AVI ", "middle of a line"),
+            (b"RIFF....AVI \n", "found \"RIFF"),
+            (b"YUV4MPEG2 W3\n", "width and height"),
+            (b"YUV4MPEG2 W3 H99999999999999999999\n", "sides from 1"),
+            (b"YUV4MPEG2 W-3 H2\n", "sides from 1"),
+            (b"YUV4MPEG2 W3 H2 C411\n", "C411"),
+            (b"YUV4MPEG2 W3 H2 C420p99\n", "C420p99"),
+            (b"YUV4MPEG2 W3 H2 C4\xc3\xa9\n", "kinds"),
+            (b"YUV4MPEG2 W2 H2 Cmono\nFRAME\nabc", "3 of 4 bytes"),
+            (b"YUV4MPEG2 W2 H2 Cmono\nFRAME\nabcdFRAMES\nabcd", "FRAMES"),
+            (b"YUV4MPEG2 W16384 H16384 C444\nFRAME\nabc", "3 of 805306368 bytes"),
+        ] {
+            let found = problem(text);
+            assert!(found.contains(word), "{found}");
+        }
+        assert!(problem(&vec![b'a'; 5000]).contains("more than 1024 bytes"));
+    }
+
+    /// 20,000 damaged streams, seed 5: an error or pictures, never a panic.
+    #[test]
+    fn damaged_streams_do_not_panic() {
+        let mut good = b"YUV4MPEG2 W4 H3 F25:1 Ip C420p10 XCOLORRANGE=FULL\n".to_vec();
+        (0..3).for_each(|_| good.extend([b"FRAME\n".as_slice(), &[7; 40]].concat()));
+        assert_eq!(all(&good).expect("whole").1.len(), 3);
+        let mut x = 5u64;
+        let mut next = move |n: usize| {
+            x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (x >> 33) as usize % n
+        };
+        for _ in 0..20_000 {
+            let mut bytes = good.clone();
+            for _ in 0..1 + next(5) {
+                let within = [60, bytes.len()][next(2)];
+                let at = next(within);
+                bytes[at] = if next(2) == 0 { bytes[at] ^ (1 << next(8)) } else { b"0123456789:C WHF\n"[next(17)] };
+            }
+            bytes.truncate(bytes.len() - next(2) * next(bytes.len()));
+            let _ = all(&bytes);
+        }
+    }
+}
