@@ -4,10 +4,12 @@
 //! interpreter's lock.
 #![forbid(unsafe_code)]
 
+mod bandits;
 mod errors;
 mod making;
 mod multi;
 mod named;
+mod parts;
 mod pictures;
 mod result;
 mod threads;
@@ -22,7 +24,11 @@ mod _foveate {
     use std::path::PathBuf;
 
     #[pymodule_export]
+    use crate::bandits::PyPolicy;
+    #[pymodule_export]
     use crate::multi::{_restore_multi, PyMultiTracker};
+    #[pymodule_export]
+    use crate::parts::{rbm_fit, rbm_free_energy, rbm_hidden, score_mot, score_ope, select};
     #[pymodule_export]
     use crate::result::TrackResult;
     #[pymodule_export]

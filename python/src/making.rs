@@ -38,7 +38,8 @@ impl Making {
         channels: &str,
     ) -> PyResult<Self> {
         let channels = Channels::named(py, channels)?;
-        let given = config.map(|config| py.import("foveate._config")?.call_method1("given", (config,))?.extract::<Given>());
+        let given =
+            config.map(|config| py.import("foveate._config")?.call_method1("given", (config,))?.extract::<Given>());
         let given = given.transpose()?;
         let (config, folder) = py.detach(|| read(profile, given)).or_raise(py)?;
         Self::of(config, folder, seed, channels).or_raise(py)

@@ -32,7 +32,9 @@ pub fn region<'py>(py: Python<'py>, r: &Region) -> PyResult<Bound<'py, PyAny>> {
 /// Four numbers: left, top, width, height.
 pub fn read_box(given: &Bound<'_, PyAny>) -> PyResult<BBox> {
     let wrong = |found: String| {
-        PyTypeError::new_err(format!("a box is four numbers, left, top, width and height in pixels from 0; it is {found}"))
+        PyTypeError::new_err(format!(
+            "a box is four numbers, left, top, width and height in pixels from 0; it is {found}"
+        ))
     };
     let shown = || given.repr().map_or_else(|_| "something else".into(), |text| text.to_string());
     let numbers: Vec<f64> =

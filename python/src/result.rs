@@ -1,7 +1,7 @@
 //! What is known of the target in one picture, kept for Python.
 
-use foveate::step::Region;
 use foveate::geometry::State;
+use foveate::step::Region;
 use foveate::{BBox, Output, Status};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
@@ -218,6 +218,10 @@ impl TrackResult {
     }
     fn __repr__(&self) -> String {
         let BBox { x, y, w, h } = self.seen.bbox;
-        format!("<Result {} box=({x:.1}, {y:.1}, {w:.1}, {h:.1}) p_lost={:.3}>", self.seen.status.name(), self.seen.p_lost)
+        format!(
+            "<Result {} box=({x:.1}, {y:.1}, {w:.1}, {h:.1}) p_lost={:.3}>",
+            self.seen.status.name(),
+            self.seen.p_lost
+        )
     }
 }

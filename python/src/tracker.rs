@@ -308,9 +308,10 @@ pub fn read_detections(given: &Bound<'_, PyAny>) -> PyResult<Vec<Detection>> {
 /// The first box's error names an option of the program; here it is an argument.
 fn plain(error: Error) -> Error {
     match error {
-        Error::Invalid(text) => {
-            Error::Invalid(text.replace("Give --init x,y,w,h with x,y the top-left corner in pixels", "Give left, top, width, height in pixels from 0"))
-        }
+        Error::Invalid(text) => Error::Invalid(text.replace(
+            "Give --init x,y,w,h with x,y the top-left corner in pixels",
+            "Give left, top, width, height in pixels from 0",
+        )),
         other => other,
     }
 }

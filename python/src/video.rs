@@ -5,8 +5,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use foveate::Image;
 use foveate::video::{FrameSource, SourceInfo};
-use numpy::ndarray::{Array2, ArrayView2, Array3, Axis};
 use numpy::IntoPyArray;
+use numpy::ndarray::{Array2, Array3, ArrayView2, Axis};
 use pyo3::prelude::*;
 
 use crate::errors::OrRaise;

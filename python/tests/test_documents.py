@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import doctest
 import importlib
+import importlib.util
 import inspect
 import os
 import pkgutil
@@ -22,7 +23,9 @@ import foveate
 
 
 def modules() -> list[types.ModuleType]:
-    names = [m.name for m in pkgutil.iter_modules(foveate.__path__) if m.name != "__main__"]
+    """All but the program, and what needs a package that is not there."""
+    without = {"__main__"} if importlib.util.find_spec("sklearn") else {"__main__", "learn"}
+    names = [m.name for m in pkgutil.iter_modules(foveate.__path__) if m.name not in without]
     return [foveate, *(importlib.import_module(f"foveate.{name}") for name in names)]
 
 
@@ -46,7 +49,8 @@ def test_docstrings_are_true() -> None:
     for name, value in documented().items():
         text = value.__doc__
         if isinstance(text, str) and ">>>" in text:
-            test = doctest.DocTestParser().get_doctest(text, {"foveate": foveate}, name, name, 0)
+            home = sys.modules.get(getattr(value, "__module__", None) or name, foveate)
+            test = doctest.DocTestParser().get_doctest(text, {**vars(home), "foveate": foveate}, name, name, 0)
             ran += runner.run(test).attempted
     assert ran >= 15 and runner.summarize(verbose=False).failed == 0
 
@@ -68,7 +72,9 @@ def check(*arguments: str) -> None:
 
 
 def environment() -> dict[str, str]:
-    return {**os.environ, "PYTHONPATH": str(Path(foveate.__file__).parents[1]), "MYPYPATH": str(Path(foveate.__file__).parents[1])}
+    """Where the package is not installed, the one under test."""
+    place = str(Path(foveate.__file__).parents[1])
+    return dict(os.environ) if "site-packages" in place else {**os.environ, "PYTHONPATH": place, "MYPYPATH": place}
 
 
 def test_mypy_accepts_the_examples() -> None:
@@ -120,13 +126,8 @@ class Opencv(types.ModuleType):
 
     FONT_HERSHEY_SIMPLEX = 0
 
-    class TrackerCSRT:
-        @staticmethod
-        def create() -> Any:
-            box = FIRST
-            return types.SimpleNamespace(init=lambda image, first: None, update=lambda image: (True, box))
-
-    TrackerCSRT_create = TrackerCSRT.create
+    def TrackerCSRT_create(self) -> Any:
+        return types.SimpleNamespace(init=lambda image, first: None, update=lambda image: (True, FIRST))
 
 
 def blocks(document: str) -> list[str]:
@@ -145,11 +146,12 @@ def test_the_page_from_opencv(pictures: Any, monkeypatch: pytest.MonkeyPatch) ->
         assert cv2.drawn == len(pictures) - 1
 
 
-def test_the_page_on_python(pictures: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("page", ["python.md", "../README.md"])
+def test_the_pages_on_python(page: str, pictures: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     video = [p.copy() for p in pictures]
     monkeypatch.setattr(foveate, "Video", lambda *_, **__: iter(video))
     shared: dict[str, Any] = {"np": np}
-    for program in blocks("python.md"):
-        if "import sklearn" in program or "from sklearn" in program:
-            pytest.importorskip("sklearn")
-        exec(compile(program, "docs/python.md", "exec"), shared)
+    for program in blocks(page):
+        if "import sklearn" in program:
+            pytest.importorskip("sklearn", reason="skipped: no scikit-learn")
+        exec(compile(program, page, "exec"), shared)

@@ -3,7 +3,6 @@
 //! [`main`] is the whole program: the binary calls it, and so does the Python package. What it calls is for programs to use
 //! through the crate `foveate`.
 #![forbid(unsafe_code)]
-
 // `say!` instead: a reader that has gone is no reason to panic.
 #![deny(clippy::print_stdout)]
 
