@@ -1,6 +1,7 @@
 //! NumPy's pictures as foveate's: read in place, whatever their strides, into planes that are kept from frame to frame.
 
 use foveate::Image;
+use foveate::scene::Pixels as Layout;
 use numpy::ndarray::{ArrayView2, ArrayViewD, ArrayViewMut2, Axis, Ix2, Ix3};
 use numpy::{
     PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods, dtype,
@@ -15,16 +16,17 @@ use crate::errors::input;
 pub struct Channels {
     pub name: &'static str,
     depth: usize,
+    pixels: Layout,
     /// Which of them goes into each plane.
     order: &'static [usize],
 }
 
 const CHANNELS: [Channels; 5] = [
-    Channels { name: "rgb", depth: 3, order: &[0, 1, 2] },
-    Channels { name: "bgr", depth: 3, order: &[2, 1, 0] },
-    Channels { name: "rgba", depth: 4, order: &[0, 1, 2] },
-    Channels { name: "bgra", depth: 4, order: &[2, 1, 0] },
-    Channels { name: "grey", depth: 1, order: &[0] },
+    Channels { name: "rgb", depth: 3, pixels: Layout::Rgb, order: &[0, 1, 2] },
+    Channels { name: "bgr", depth: 3, pixels: Layout::Bgr, order: &[2, 1, 0] },
+    Channels { name: "rgba", depth: 4, pixels: Layout::Rgba, order: &[0, 1, 2] },
+    Channels { name: "bgra", depth: 4, pixels: Layout::Bgra, order: &[2, 1, 0] },
+    Channels { name: "grey", depth: 1, pixels: Layout::Grey, order: &[0] },
 ];
 
 impl Channels {
@@ -120,27 +122,15 @@ impl Pixels<'_> {
             *kept = Some(Image::new(width, height, planes, vec![0; width * height * planes])?);
         }
         let image = kept.as_mut().expect("it was put there");
+        if let Some(bytes) = self.view.as_slice() {
+            image.refill(self.channels.pixels, (width, height), width * self.channels.depth, bytes)?;
+            return Ok(image);
+        }
         for (plane, &channel) in self.channels.order.iter().enumerate() {
             let mut out = ArrayViewMut2::from_shape((height, width), image.plane_mut(plane)).expect("a plane is whole");
-            match self.channels.depth {
-                3 => self.copy::<3>(channel, &mut out),
-                4 => self.copy::<4>(channel, &mut out),
-                _ => out.assign(&self.plane(channel)),
-            }
+            out.assign(&self.plane(channel));
         }
         Ok(image)
-    }
-
-    /// One channel of pixels of D bytes: fast where a row's bytes follow each other.
-    fn copy<const D: usize>(&self, channel: usize, out: &mut ArrayViewMut2<'_, u8>) {
-        let channels = self.plane(channel);
-        for (y, mut out) in out.rows_mut().into_iter().enumerate() {
-            let row = self.view.index_axis(Axis(0), y);
-            match (row.to_slice(), out.as_slice_mut()) {
-                (Some(row), Some(out)) => out.iter_mut().zip(row.as_chunks::<D>().0).for_each(|(o, p)| *o = p[channel]),
-                _ => out.assign(&channels.row(y)),
-            }
-        }
     }
 
     fn plane(&self, channel: usize) -> ArrayView2<'_, u8> {
