@@ -132,7 +132,7 @@ fn links_lead_somewhere() {
 /// What follows `foveate` where a document shows a command.
 #[test]
 fn commands_and_configurations_exist() {
-    let main = std::fs::read_to_string(root().join("crates/foveate-cli/src/main.rs")).expect("the program");
+    let main = std::fs::read_to_string(root().join("crates/foveate-cli/src/lib.rs")).expect("the program");
     let commands = main.split("enum Command {").nth(1).expect("its commands").split("\n}").next().expect("one part");
     let commands: Vec<String> = commands
         .lines()

@@ -150,8 +150,8 @@ fn folder_name(name: &str) -> String {
 
 /// A name for the program itself: a rebuilt one may track otherwise.
 fn program() -> Result<String> {
-    let path = std::env::current_exe().map_err(Error::io("foveate", "cannot find the program itself"))?;
-    Ok(experiment::digest(&[&std::fs::read(&path).map_err(Error::io(&path, "cannot read"))?]))
+    let path = crate::invocation::program();
+    Ok(experiment::digest(&[&std::fs::read(path).map_err(Error::io(path, "cannot read"))?]))
 }
 
 /// A name for the pictures and the truth of a sequence: its true boxes, and the pictures' names and sizes.

@@ -104,7 +104,7 @@ fn film(experiment: &Experiment, blueprint: &Blueprint, video: &MultiVideo, setu
         config_name: line.name.clone(),
         config_text: blueprint.config().to_toml(),
         seed,
-        command: std::env::args().collect::<Vec<_>>().join(" "),
+        command: crate::invocation::command(),
         ..RunInfo::default()
     };
     let last = video.frames() - 1;

@@ -42,7 +42,7 @@ pub fn html(sections: &[Section], digits: &str, took: Duration) -> String {
     let checks: String = checks.map(check).collect();
     let checks = if checks.is_empty() { checks } else { format!("<h3>Expected ranges</h3><ul>{checks}</ul>") };
     let body: String = sections.iter().map(section).collect();
-    let command = escaped(&std::env::args().collect::<Vec<_>>().join(" "));
+    let command = escaped(&crate::invocation::command());
     format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
          <title>The paper, reproduced</title><style>{STYLE}</style><h1>Learning where to attend, reproduced</h1>\

@@ -86,7 +86,7 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
         config_name: config_name.to_owned(),
         config_text: blueprint.config().to_toml(),
         seed,
-        command: std::env::args().collect::<Vec<_>>().join(" "),
+        command: crate::invocation::command(),
         retina: Some(blueprint.retina()),
         truth: vec![],
         clock: Clock::default(),

@@ -169,8 +169,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let table = fit(&tracks.iter().collect::<Vec<_>>(), confidence)?;
     let text = toml::to_string(&Section { confidence: &table }).map_err(|e| Error::Invalid(e.to_string()))?;
-    let command: Vec<String> = std::env::args().skip(1).collect();
-    files::write(&args.out, format!("# foveate {}\n{text}", command.join(" ")).as_bytes())?;
+    files::write(&args.out, format!("# foveate {}\n{text}", crate::invocation::arguments()).as_bytes())?;
     let plot = args.out.with_extension("svg");
     let scores = [("present", slices(&now)), ("new, leave one source out", slices(&unseen))];
     files::write(&plot, confidence_plot::plot(&scores.each_ref().map(|(name, score)| (*name, score))).as_bytes())?;

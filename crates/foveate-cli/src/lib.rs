@@ -1,11 +1,18 @@
 //! The `foveate` command: follow an object through video, and recognise it, by learning where to look.
-
+//!
+//! [`main`] is the whole program: the binary calls it, and so does the Python package. What it calls is for programs to use
+//! through the crate `foveate`.
+#![forbid(unsafe_code)]
 // `say!` instead: a reader that has gone is no reason to panic.
 #![deny(clippy::print_stdout)]
 
 #[macro_use]
 mod terminal;
 mod cmd;
+mod invocation;
+
+use std::ffi::OsString;
+use std::path::PathBuf;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
@@ -48,8 +55,11 @@ enum Command {
     Man(cmd::man::Args),
 }
 
-fn main() -> std::process::ExitCode {
-    let cli = Cli::parse();
+/// Runs the program with these arguments, its own name first; `program` is the file that has its code. Answers the exit status:
+/// 0, or 1 after an error that was told on standard error. Wrong arguments, `--help` and a second Ctrl-C end the process.
+pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
+    invocation::set(&arguments, program);
+    let cli = Cli::parse_from(arguments);
     // A decoder's panic is told as an error of its file, once.
     let told = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |info| {
@@ -77,10 +87,10 @@ fn main() -> std::process::ExitCode {
         }
     };
     match result {
-        Ok(()) => std::process::ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(error) => {
             eprintln!("foveate: {error}");
-            std::process::ExitCode::FAILURE
+            1
         }
     }
 }

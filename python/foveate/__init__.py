@@ -1,0 +1,35 @@
+"""Follow one target or many through video, on a CPU.
+
+>>> import foveate
+>>> tracker = foveate.Tracker("balanced", channels="bgr")    # OpenCV's order
+>>> tracker
+<foveate.Tracker seed=1 channels=bgr, no target yet>
+
+You give a box in the first picture (``tracker.init(image, box)``); every later picture (``tracker.update(image)``) answers a
+:class:`Result` with the box, its covariance, a status, and the probability that the target is lost. :class:`MultiTracker` follows
+many.
+"""
+
+from ._foveate import MultiTracker, Result, Tracker, Video, configurations, set_threads
+from ._foveate import __VERSION__ as __version__
+from ._multi import Targets
+from ._types import Box, Region, State
+from .errors import ConfigError, Error, FileError, InputError
+
+__all__ = [
+    "Box",
+    "ConfigError",
+    "Error",
+    "FileError",
+    "InputError",
+    "MultiTracker",
+    "Region",
+    "Result",
+    "State",
+    "Targets",
+    "Tracker",
+    "Video",
+    "__version__",
+    "configurations",
+    "set_threads",
+]

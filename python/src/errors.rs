@@ -1,0 +1,44 @@
+//! foveate's errors as Python's.
+
+use foveate::Error;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::PyType;
+
+/// An exception class of `foveate.errors`.
+fn raise(py: Python<'_>, name: &str, text: String) -> PyErr {
+    static MODULE: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
+    let found = MODULE.get_or_try_init(py, || py.import("foveate.errors").map(Bound::unbind));
+    let class = found.and_then(|module| Ok(module.bind(py).getattr(name)?.cast_into::<PyType>()?));
+    match class {
+        Ok(class) => PyErr::from_type(class, text),
+        Err(error) => error,
+    }
+}
+
+/// A value given by the caller is not what it must be.
+pub fn input(py: Python<'_>, text: impl Into<String>) -> PyErr {
+    raise(py, "InputError", text.into())
+}
+
+/// The exception that says what an [`Error`] says.
+pub fn of(py: Python<'_>, error: &Error) -> PyErr {
+    let class = match error {
+        Error::Config(_) => "ConfigError",
+        Error::Invalid(_) => "InputError",
+        _ => "FileError",
+    };
+    raise(py, class, error.to_string())
+}
+
+/// Results with Python's errors.
+pub trait OrRaise<T> {
+    /// The value, or the exception that says the same.
+    fn or_raise(self, py: Python<'_>) -> PyResult<T>;
+}
+
+impl<T> OrRaise<T> for foveate::Result<T> {
+    fn or_raise(self, py: Python<'_>) -> PyResult<T> {
+        self.map_err(|error| of(py, &error))
+    }
+}

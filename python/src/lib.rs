@@ -1,0 +1,59 @@
+//! The Python package's extension module: `python/foveate` is what users import.
+//!
+//! It adds no algorithm: arguments are read, errors become exceptions, and the work is the crate `foveate`'s, without the
+//! interpreter's lock.
+#![forbid(unsafe_code)]
+
+mod bandits;
+mod errors;
+mod making;
+mod multi;
+mod named;
+mod parts;
+mod pictures;
+mod result;
+mod threads;
+mod tracker;
+mod video;
+
+/// The extension module.
+#[pyo3::pymodule]
+mod _foveate {
+    use pyo3::prelude::*;
+    use std::ffi::OsString;
+    use std::path::PathBuf;
+
+    #[pymodule_export]
+    use crate::bandits::PyPolicy;
+    #[pymodule_export]
+    use crate::multi::{_restore_multi, PyMultiTracker};
+    #[pymodule_export]
+    use crate::parts::{rbm_fit, rbm_free_energy, rbm_hidden, score_mot, score_ope, select};
+    #[pymodule_export]
+    use crate::result::TrackResult;
+    #[pymodule_export]
+    use crate::tracker::{_restore_tracker, PyTracker};
+    #[pymodule_export]
+    use crate::video::PyVideo;
+
+    #[pymodule_export]
+    const __VERSION__: &str = env!("CARGO_PKG_VERSION");
+
+    /// Runs the program with these arguments, its name first; `program` is the file that has its code.
+    #[pyfunction]
+    fn run_program(py: Python<'_>, arguments: Vec<OsString>, program: PathBuf) -> u8 {
+        py.detach(|| foveate_cli::main(arguments, program))
+    }
+
+    /// Uses so many threads in every update from now on, 0 for all processors; results do not depend on it.
+    #[pyfunction]
+    fn set_threads(threads: usize) {
+        crate::threads::set(threads);
+    }
+
+    /// The configurations that ship, by name: each is a profile.
+    #[pyfunction]
+    fn configurations() -> Vec<&'static str> {
+        foveate::Config::names()
+    }
+}

@@ -1,0 +1,44 @@
+//! Python's named tuples of `foveate._types`, and boxes from whatever four numbers come in.
+
+use foveate::BBox;
+use foveate::geometry::State;
+use foveate::step::Region;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::PyTuple;
+
+fn make<'py>(py: Python<'py>, name: &str, values: &Bound<'py, PyTuple>) -> PyResult<Bound<'py, PyAny>> {
+    static MODULE: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
+    let module = MODULE.get_or_try_init(py, || py.import("foveate._types").map(Bound::unbind))?;
+    module.bind(py).getattr(name)?.call1(values.clone())
+}
+
+/// A `Box`.
+pub fn bbox<'py>(py: Python<'py>, b: &BBox) -> PyResult<Bound<'py, PyAny>> {
+    make(py, "Box", &PyTuple::new(py, [b.x, b.y, b.w, b.h])?)
+}
+
+/// A `State`.
+pub fn state<'py>(py: Python<'py>, state: &State) -> PyResult<Bound<'py, PyAny>> {
+    make(py, "State", &PyTuple::new(py, state.to_array())?)
+}
+
+/// A `Region`.
+pub fn region<'py>(py: Python<'py>, r: &Region) -> PyResult<Bound<'py, PyAny>> {
+    make(py, "Region", &PyTuple::new(py, [r.x, r.y, r.half[0], r.half[1], r.turn])?)
+}
+
+/// Four numbers: left, top, width, height.
+pub fn read_box(given: &Bound<'_, PyAny>) -> PyResult<BBox> {
+    let wrong = |found: String| {
+        PyTypeError::new_err(format!(
+            "a box is four numbers, left, top, width and height in pixels from 0; it is {found}"
+        ))
+    };
+    let shown = || given.repr().map_or_else(|_| "something else".into(), |text| text.to_string());
+    let numbers: Vec<f64> =
+        given.try_iter().and_then(|all| all.map(|n| n?.extract::<f64>()).collect()).map_err(|_| wrong(shown()))?;
+    let [x, y, w, h] = numbers[..] else { return Err(wrong(shown())) };
+    Ok(BBox::new(x, y, w, h))
+}

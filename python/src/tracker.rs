@@ -1,0 +1,317 @@
+//! One target.
+
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use foveate::{BBox, Detection, Error, Image, Result, Tracker};
+use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyTuple};
+
+use crate::errors::{OrRaise, input};
+use crate::making::Making;
+use crate::named::read_box;
+use crate::pictures::{Picture, Pixels};
+use crate::result::{Seen, TrackResult};
+use crate::threads;
+
+/// What an update changes.
+struct Working {
+    tracker: Tracker,
+    /// The picture at hand, in planes; after an update it is what a pickle needs to go on bit for bit.
+    image: Option<Image>,
+}
+
+/// Follows one target through video.
+///
+/// Parameters
+/// ----------
+/// profile : str
+///     ``"balanced"`` (fewest failures), ``"fast"`` (about twice the speed), or the name of any configuration that ships:
+///     :func:`foveate.configurations` lists them.
+/// config : dict, path or str, optional
+///     A dict changes settings of the profile: ``{"particles": 400, "policy.kind": "hedge"}``. A path (``str`` or
+///     ``os.PathLike``) is a TOML file in the profile's place; a ``str`` of more than one line is the TOML itself.
+/// seed : int, optional
+///     Names all random numbers: the same seed gives the same track, bit for bit. Left out, it is the configuration's: 1 in
+///     those that ship.
+/// channels : str
+///     The order of a colour picture's bytes: ``"rgb"`` (PIL, imageio), ``"bgr"`` (OpenCV), ``"rgba"`` or ``"bgra"``. Pictures of
+///     shape (height, width) are grey whatever is said here.
+///
+/// Raises
+/// ------
+/// foveate.ConfigError
+///     There is no such profile, a setting is misspelled or out of range.
+/// foveate.FileError
+///     A configuration or a model file cannot be read.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np, foveate
+/// >>> def picture(t):
+/// ...     image = np.arange(160 * 120, dtype=np.uint8).reshape(120, 160) % 7
+/// ...     image[40:64, 50 + 4 * t : 74 + 4 * t] = 200
+/// ...     return image
+/// >>> tracker = foveate.Tracker("fast")
+/// >>> tracker.init(picture(0), (46, 36, 32, 32))
+/// >>> for t in range(1, 8):
+/// ...     ok, box = tracker.update(picture(t))
+/// >>> ok, abs(box.x - 74) < 4
+/// (True, True)
+#[pyclass(frozen, module = "foveate", name = "Tracker")]
+pub struct PyTracker {
+    making: Making,
+    working: Mutex<Working>,
+}
+
+impl PyTracker {
+    fn of(making: Making) -> Result<Self> {
+        let tracker = making.blueprint.tracker(making.seed)?;
+        Ok(Self { making, working: Mutex::new(Working { tracker, image: None }) })
+    }
+    fn working(&self) -> MutexGuard<'_, Working> {
+        self.working.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+    /// Shows a picture to the tracker, without the interpreter's lock.
+    fn show<T: Send>(
+        &self,
+        image: &Bound<'_, PyAny>,
+        act: impl FnOnce(&mut Tracker, &Image) -> Result<T> + Send,
+    ) -> PyResult<T> {
+        let py = image.py();
+        let picture = Picture::new(image, self.making.channels)?;
+        let pixels: Pixels<'_> = picture.pixels();
+        let work = || {
+            let Working { tracker, image } = &mut *self.working();
+            act(tracker, pixels.read(image)?)
+        };
+        py.detach(|| threads::run(work).and_then(|result| result)).or_raise(py)
+    }
+}
+
+#[pymethods]
+impl PyTracker {
+    #[new]
+    #[pyo3(signature = (profile = "balanced", config = None, seed = None, *, channels = "rgb"))]
+    fn new(
+        py: Python<'_>,
+        profile: &str,
+        config: Option<&Bound<'_, PyAny>>,
+        seed: Option<u64>,
+        channels: &str,
+    ) -> PyResult<Self> {
+        Self::of(Making::new(py, profile, config, seed, channels)?).or_raise(py)
+    }
+
+    /// Starts, or starts again, on the target in this box; all that was learned before is forgotten.
+    ///
+    /// Parameters
+    /// ----------
+    /// image : uint8 array, (height, width) or (height, width, channels)
+    ///     Of any strides; it is read in place. Colour and grey pictures cannot follow each other.
+    /// box : four numbers
+    ///     Left, top, width, height; pixels from 0. At least 2 x 2 pixels, touching the picture.
+    ///
+    /// Raises
+    /// ------
+    /// TypeError
+    ///     The picture is no array of uint8, or the box not four numbers.
+    /// foveate.InputError
+    ///     The picture has another shape than its channels say, or the box is empty, not finite or outside; nothing has changed.
+    #[pyo3(signature = (image, r#box))]
+    fn init(&self, image: &Bound<'_, PyAny>, r#box: &Bound<'_, PyAny>) -> PyResult<()> {
+        let bbox = read_box(r#box)?;
+        self.show(image, |tracker, image| tracker.init(image, bbox).map_err(plain))
+    }
+
+    /// The next picture of the video.
+    ///
+    /// Parameters
+    /// ----------
+    /// image : uint8 array
+    ///     As in :meth:`init`, of the same size.
+    ///
+    /// Returns
+    /// -------
+    /// Result
+    ///     Unpacks to ``ok, box``.
+    ///
+    /// Raises
+    /// ------
+    /// foveate.InputError
+    ///     There is no target yet, or the picture has another size than the first.
+    fn update(&self, image: &Bound<'_, PyAny>) -> PyResult<TrackResult> {
+        self.show(image, |tracker, image| Ok(Seen::of(&tracker.update(image)?))).map(TrackResult::from)
+    }
+
+    /// The same, with what a detector of yours found in the picture, in the place of the configuration's own.
+    ///
+    /// Parameters
+    /// ----------
+    /// image : uint8 array
+    ///     As in :meth:`update`.
+    /// detections : array (n, 4) or (n, 5), or anything with ``xyxy`` and ``confidence``
+    ///     Left, top, width, height and, in a fifth column, score; or for example ``supervision.Detections``. They count where the
+    ///     configuration has ``proposal = { kind = "mixture" }`` or ``[detection_likelihood]``.
+    fn update_with(&self, image: &Bound<'_, PyAny>, detections: &Bound<'_, PyAny>) -> PyResult<TrackResult> {
+        let found = read_detections(detections)?;
+        self.show(image, |tracker, image| Ok(Seen::of(&tracker.update_with(image, &found)?))).map(TrackResult::from)
+    }
+
+    /// A picture before the target is given, or again before the first update after :meth:`load`: camera motion and detector compare
+    /// pictures, and see it; nothing is tracked.
+    fn skip(&self, image: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.show(image, |tracker, image| {
+            tracker.skip(image);
+            Ok(())
+        })
+    }
+
+    /// Puts the target into this box: particles start about it, its template stays.
+    #[pyo3(signature = (r#box))]
+    fn reset_at(&self, py: Python<'_>, r#box: &Bound<'_, PyAny>) -> PyResult<()> {
+        let bbox: BBox = read_box(r#box)?;
+        py.detach(|| self.working().tracker.reset_at(bbox)).or_raise(py)
+    }
+
+    /// Says which share of the target the next pictures can show, 0 to 1, because something covers it; 1 until told otherwise.
+    fn set_visibility(&self, py: Python<'_>, visible: f64) -> PyResult<()> {
+        if !(0.0..=1.0).contains(&visible) {
+            return Err(input(py, format!("visibility is a share, 0 to 1; it is {visible}")));
+        }
+        py.detach(|| self.working().tracker.set_visibility(visible));
+        Ok(())
+    }
+
+    /// The whole state in mid-video, as JSON in UTF-8, for :meth:`load` in a tracker of the same configuration and seed.
+    ///
+    /// What camera motion saw is not in it: show the last picture again with :meth:`skip` before the next update. A pickle holds all,
+    /// that picture too.
+    fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let saved = py.detach(|| serde_json::to_vec(&self.working().tracker.save()));
+        Ok(PyBytes::new(py, &saved.map_err(|e| input(py, format!("cannot be saved: {e}")))?))
+    }
+
+    /// Takes up what :meth:`save` gave. After an error the tracker has to be given its target anew.
+    ///
+    /// Raises
+    /// ------
+    /// foveate.InputError
+    ///     It is no saved tracker, or one of another version or configuration.
+    fn load(&self, py: Python<'_>, saved: &[u8]) -> PyResult<()> {
+        let load = || self.working().tracker.load(&parse(saved)?);
+        py.detach(load).or_raise(py)
+    }
+
+    /// Whether there is a target: it was given, or loaded.
+    #[getter]
+    fn has_target(&self, py: Python<'_>) -> bool {
+        py.detach(|| self.working().tracker.has_target())
+    }
+    /// The configuration as TOML, every setting written out.
+    #[getter]
+    fn config(&self) -> String {
+        self.making.text()
+    }
+    /// What names all random numbers.
+    #[getter]
+    fn seed(&self) -> u64 {
+        self.making.seed
+    }
+    /// The order of a colour picture's bytes.
+    #[getter]
+    fn channels(&self) -> &'static str {
+        self.making.channels.name
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
+        let (py, this) = (slf.py(), slf.get());
+        let saved = this.save(py)?;
+        let image = py.detach(|| this.working().image.clone());
+        let state = pickled(py, &this.making, &saved, image)?;
+        PyTuple::new(py, [py.import("foveate._foveate")?.getattr("_restore_tracker")?, state.into_any()])
+    }
+
+    fn __repr__(&self) -> String {
+        let Making { seed, channels, .. } = &self.making;
+        let target = if self.working().tracker.has_target() { "" } else { ", no target yet" };
+        format!("<foveate.Tracker seed={seed} channels={}{target}>", channels.name)
+    }
+}
+
+/// A tracker from its pickle.
+#[pyfunction]
+#[pyo3(signature = (text, folder, seed, channels, saved, image))]
+pub fn _restore_tracker(
+    py: Python<'_>,
+    text: &str,
+    folder: PathBuf,
+    seed: u64,
+    channels: &str,
+    saved: &[u8],
+    image: Option<Planes>,
+) -> PyResult<PyTracker> {
+    let this = PyTracker::of(Making::again(py, text, folder, seed, channels)?).or_raise(py)?;
+    let restore = || {
+        let working = &mut *this.working();
+        working.tracker.load(&parse(saved)?)?;
+        if let Some(image) = image {
+            let image = picture(image)?;
+            working.tracker.skip(&image);
+            working.image = Some(image);
+        }
+        Ok(())
+    };
+    py.detach(restore).or_raise(py)?;
+    Ok(this)
+}
+
+/// Width, height, planes and bytes of a picture in a pickle.
+pub type Planes = (usize, usize, usize, Vec<u8>);
+
+/// The picture of a pickle.
+pub fn picture((width, height, planes, bytes): Planes) -> Result<Image> {
+    Image::new(width, height, planes, bytes)
+}
+
+/// Saved JSON.
+pub fn parse(saved: &[u8]) -> Result<serde_json::Value> {
+    serde_json::from_slice(saved)
+        .map_err(|e| Error::Invalid(format!("the saved state cannot be used: expected what save() gave, JSON: {e}")))
+}
+
+/// What a pickle has.
+pub fn pickled<'py>(
+    py: Python<'py>,
+    making: &Making,
+    saved: &Bound<'py, PyBytes>,
+    image: Option<Image>,
+) -> PyResult<Bound<'py, PyTuple>> {
+    let folder = making.folder.to_string_lossy().into_owned();
+    let image = image.map(|i| (i.width(), i.height(), i.planes(), PyBytes::new(py, i.bytes())));
+    (making.text(), folder, making.seed, making.channels.name, saved.clone(), image).into_pyobject(py)
+}
+
+/// Detections from an array of n × 5, made by `foveate._detections` from what is given.
+pub fn read_detections(given: &Bound<'_, PyAny>) -> PyResult<Vec<Detection>> {
+    let rows = given.py().import("foveate._detections")?.call_method1("rows", (given,))?;
+    let rows: PyReadonlyArray2<'_, f64> = rows.extract()?;
+    debug_assert_eq!(rows.shape()[1], 5, "rows() gives five columns");
+    let one = |row: numpy::ndarray::ArrayView1<'_, f64>| Detection {
+        bbox: BBox::new(row[0], row[1], row[2], row[3]),
+        score: row[4],
+    };
+    Ok(rows.as_array().rows().into_iter().map(one).collect())
+}
+
+/// The first box's error names an option of the program; here it is an argument.
+fn plain(error: Error) -> Error {
+    match error {
+        Error::Invalid(text) => Error::Invalid(text.replace(
+            "Give --init x,y,w,h with x,y the top-left corner in pixels",
+            "Give left, top, width, height in pixels from 0",
+        )),
+        other => other,
+    }
+}

@@ -1,0 +1,87 @@
+"""Many targets."""
+
+from __future__ import annotations
+
+import pickle
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import FIRST
+
+import foveate
+
+
+def detections(t: int) -> list[list[float]]:
+    return [[40 + 3 * t, 30 + t, 24, 24, 0.9]]
+
+
+def test_detections_start_and_hold_a_track(pictures: Any) -> None:
+    tracker = foveate.MultiTracker()
+    assert len(tracker.update(pictures[0])) == 0 and len(tracker.targets) == 0
+    for t in range(1, 20):
+        targets = tracker.update(pictures[t], detections(t))
+    assert targets.ids.tolist() == [1] and targets.boxes.shape == (1, 4) and targets.ok.tolist() == [True]
+    assert abs(targets.boxes[0, 0] - 97) < 3 and targets.phases == ["tracked"]
+    assert targets.states.shape == (1, 6) and targets.covariances.shape == (1, 6, 6) and targets.gazes.shape == (1, 2)
+    np.testing.assert_allclose(targets.xyxy[0, 2:], targets.boxes[0, :2] + targets.boxes[0, 2:])
+    assert [(i, type(b)) for i, b in targets] == [(1, foveate.Box)]
+    assert "targets=1" in repr(tracker)
+    tracker.cut()
+    assert len(tracker.targets) == 0
+
+
+def test_every_form_of_detections_is_the_same(pictures: Any) -> None:
+    def boxes(form: Any) -> Any:
+        tracker = foveate.MultiTracker(config={"particles": 100})
+        return [tracker.update(pictures[t], form(t)).boxes.tolist() for t in range(8)]
+
+    def corners(t: int) -> Any:
+        x, y, w, h, score = detections(t)[0]
+        return SimpleNamespace(xyxy=np.array([[x, y, x + w, y + h]], np.float32), confidence=np.array([score]))
+
+    wanted = boxes(detections)
+    assert wanted[-1] and boxes(corners) == wanted and boxes(lambda t: np.array(detections(t))) == wanted
+    with pytest.raises(foveate.InputError, match="confidence"):
+        boxes(lambda t: SimpleNamespace(xyxy=np.zeros((2, 4)), confidence=np.zeros(3)))
+    with pytest.raises(foveate.InputError, match=r"\(1, 6\)"):
+        boxes(lambda t: [[1, 2, 3, 4, 5, 6]])
+
+
+def test_given_boxes_and_ids(pictures: Any) -> None:
+    tracker = foveate.MultiTracker("multi-boxes", config={"particles": 100})
+    assert tracker.add(pictures[0], FIRST) == 1
+    assert tracker.add(pictures[0], (80, 70, 20, 20), id=7) == 7
+    assert tracker.update(pictures[1]).ids.tolist() == [1, 7]
+    with pytest.raises(foveate.InputError, match="2 x 2"):
+        tracker.add(pictures[1], (0, 0, 1, 1))
+    with pytest.raises(foveate.InputError, match="size"):
+        tracker.update(pictures[1][:50])
+
+
+def test_a_pickle_goes_on_bit_for_bit(pictures: Any) -> None:
+    tracker = foveate.MultiTracker(config={"particles": 100}, seed=5)
+    for t in range(8):
+        tracker.update(pictures[t], detections(t))
+    other, third = pickle.loads(pickle.dumps(tracker)), foveate.MultiTracker(config={"particles": 100}, seed=5)
+    third.load(tracker.save())
+    third.skip(pictures[7])
+    for t in range(8, 14):
+        boxes = [each.update(pictures[t], detections(t)).boxes.tolist() for each in (tracker, other, third)]
+        assert boxes[0] and boxes[0] == boxes[1] == boxes[2]
+    with pytest.raises(foveate.InputError, match="saved"):
+        third.load(b"{}")
+
+
+def test_supervision(pictures: Any) -> None:
+    supervision = pytest.importorskip("supervision", reason="skipped: no supervision")
+    tracker = foveate.MultiTracker(config={"particles": 100})
+    for t in range(8):
+        x, y, w, h, score = detections(t)[0]
+        found = supervision.Detections(xyxy=np.array([[x, y, x + w, y + h]]), confidence=np.array([score]))
+        targets = tracker.update(pictures[t], found)
+    shown = targets.to_supervision()
+    assert shown.tracker_id.tolist() == [1] and shown.data["phase"].tolist() == targets.phases
+    np.testing.assert_allclose(shown.xyxy, targets.xyxy)
+    assert len(foveate.MultiTracker().update(pictures[0], supervision.Detections.empty()).to_supervision()) == 0

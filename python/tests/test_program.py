@@ -1,0 +1,132 @@
+"""The program inside the package, and the same boxes from it and from Python."""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+import struct
+import subprocess
+import sys
+import time
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import FIRST, sequence
+
+import foveate
+
+Rows = list[tuple[float, ...]]
+
+
+def program(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "foveate", *arguments], cwd=cwd, capture_output=True, text=True, timeout=600)
+
+
+def write_png(path: Path, image: Any) -> None:
+    height, width = image.shape[:2]
+    rows = b"".join(b"\0" + row.tobytes() for row in image)
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+
+
+def tracked(folder: Path, video: Path, first: tuple[float, ...], out: str, *more: str) -> Rows:
+    """Left, top, width, height, x, y and P(lost) of the program, from its track.csv, which reads back bit for bit."""
+    init = ",".join(str(v) for v in (first[0] + 1, first[1] + 1, *first[2:]))
+    done = program("track", str(video), "--init", init, "--no-video", "--no-report", "--out", out, *more, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    names = ["left", "top", "width", "height", "x", "y", "p_lost"]
+    with (folder / out / "track.csv").open() as file:
+        return [tuple(float(row[name]) for name in names) for row in list(csv.DictReader(file))[1:]]
+
+
+def from_python(pictures: Any, first: tuple[float, ...], **settings: Any) -> Rows:
+    tracker, rows = foveate.Tracker(**settings), []
+    for t, picture in enumerate(pictures):
+        if t == 0:
+            tracker.init(picture, first)
+            continue
+        seen = tracker.update(picture)
+        rows.append((*seen.box, seen.state.x, seen.state.y, seen.p_lost))
+    return rows
+
+
+def test_a_drawn_sequence_has_the_boxes_of_the_program(pictures: Any, tmp_path: Path) -> None:
+    (tmp_path / "video").mkdir()
+    for t, picture in enumerate(pictures):
+        write_png(tmp_path / "video" / f"{t + 1:04}.png", picture)
+    wanted = tracked(tmp_path, tmp_path / "video", FIRST, "out")
+    assert len(wanted) == len(pictures) - 1
+    assert from_python(pictures, FIRST) == wanted, "NumPy's pictures"
+    assert from_python([p[..., ::-1] for p in pictures], FIRST, channels="bgr") == wanted
+    assert from_python(foveate.Video(tmp_path / "video"), FIRST) == wanted, "the package's own reader"
+    assert from_python(pictures, FIRST, seed=2) == tracked(tmp_path, tmp_path / "video", FIRST, "two", "--seed", "2")
+    for read, picture in zip(foveate.Video(tmp_path / "video", channels="bgr"), pictures):
+        np.testing.assert_array_equal(read, picture[..., ::-1])
+
+
+@pytest.mark.parametrize("name", ["Crossing", "Couple", "Car1"])
+def test_sequences_have_the_boxes_of_the_program(name: str, tmp_path: Path) -> None:
+    folder = sequence(name)
+    numbers = (folder / "groundtruth_rect.txt").read_text().split("\n")[0].replace("\t", ",").split(",")
+    x, y, w, h = (float(n) for n in numbers)
+    first = (x - 1, y - 1, w, h)
+    wanted = tracked(tmp_path, folder / "img", first, "out", "--until", "60")
+    pictures = [picture for picture, _ in zip(foveate.Video(folder / "img"), range(len(wanted) + 1))]
+    assert len(wanted) > 50 and from_python(pictures, first) == wanted
+
+
+def test_videos_that_cannot_be_read_say_so(tmp_path: Path) -> None:
+    with pytest.raises(foveate.FileError, match="none.mp4"):
+        foveate.Video(tmp_path / "none.mp4")
+    with pytest.raises(foveate.InputError, match="rgba"):
+        foveate.Video(tmp_path, channels="rgba")  # type: ignore[arg-type]
+
+
+def test_the_program_answers_and_fails_as_it_should(tmp_path: Path) -> None:
+    assert program("--version", cwd=tmp_path).stdout.startswith("foveate ")
+    assert "natural-fast" in program("configs", cwd=tmp_path).stdout
+    failed = program("track", "none.mp4", "--init", "1,2,3,4", cwd=tmp_path)
+    assert failed.returncode == 1 and "none.mp4" in failed.stderr and "Traceback" not in failed.stderr
+    assert program("no-such-command", cwd=tmp_path).returncode == 2
+    script = Path(sys.executable).with_name("foveate")
+    if script.exists():
+        assert subprocess.run([script, "--version"], capture_output=True).returncode == 0
+
+
+@pytest.mark.skipif(os.name != "posix", reason="skipped: no signals")
+@pytest.mark.parametrize("arguments", [["eval", "--help"], ["synth", "clutter", "--frames", "20000", "--out", "video"]])
+def test_ctrl_c_ends_it(arguments: list[str], tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "foveate", *arguments], cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
+    )
+    time.sleep(1.5)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=30)
+    assert "Traceback" not in told
+    assert process.returncode != 0 or arguments[-1] == "--help"
+
+
+def test_ctrl_c_while_tracking_leaves_whole_files(tmp_path: Path) -> None:
+    done = program("synth", "clutter", "--frames", "400", "--out", "video", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    process = subprocess.Popen(
+        [sys.executable, "-m", "foveate", "track", "video", "--init", "1,1,28,28", "--set", "particles=20000", "--out", "out"],
+        cwd=tmp_path,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(3)
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    if process.returncode == 0:
+        pytest.skip("skipped: it ended before it was stopped")
+    assert process.returncode == 130 and "good order" in told, told
