@@ -18,6 +18,7 @@ use foveate_base::{Error, Result};
 mod bandits;
 mod builtin;
 mod choose;
+mod encoders;
 mod identity;
 #[cfg(feature = "learn")]
 mod learned;
@@ -43,6 +44,7 @@ mod shadow;
 pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 pub use builtin::BUILTIN;
 pub use choose::{Configure, Profile};
+pub use encoders::EncoderConfig;
 pub use policies::PolicyConfig;
 use policies::policy;
 pub use proposals::{DetectorConfig, ProposalConfig};
@@ -50,7 +52,7 @@ use ranges::Ranges;
 #[cfg(feature = "learn")]
 pub use reading::RECOGNISERS;
 pub use recogniser::RecogniserConfig;
-pub use schema::{Config, DynamicsConfig, EncoderConfig, LikelihoodConfig, RetinaConfig, RewardConfig};
+pub use schema::{Config, DynamicsConfig, LikelihoodConfig, RetinaConfig, RewardConfig};
 
 impl Config {
     /// Reads a configuration; `name` stands for it in errors.

@@ -1,0 +1,145 @@
+//! The first layers that a configuration may name, with their numbers.
+
+use serde::{Deserialize, Serialize};
+
+use crate::identity::oriented;
+#[cfg(feature = "learn")]
+use crate::identity::rbm_encoder::Precision;
+#[cfg(feature = "learn")]
+use foveate_learn::rbm::factored::Units;
+
+/// The first layers there are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+pub enum EncoderConfig {
+    /// A restricted Boltzmann machine: `weights` is a model file, or `builtin:digits` or `builtin:natural`.
+    #[cfg(feature = "learn")]
+    Rbm {
+        /// The model.
+        weights: String,
+        /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
+        #[serde(default)]
+        precision: Precision,
+    },
+    /// A factored RBM, of covariance and mean units: `weights` is a model file, or `builtin:natural-mcrbm`, as if left out.
+    #[cfg(feature = "learn")]
+    Mcrbm {
+        /// The model.
+        #[serde(default = "natural_mcrbm")]
+        weights: String,
+        /// Which of its units are features.
+        #[serde(default)]
+        units: Units,
+    },
+    /// The hidden layer of a denoising autoencoder: `weights` is a model file, or
+    /// `builtin:natural-autoencoder`, as if left out.
+    #[cfg(feature = "learn")]
+    Autoencoder {
+        /// The model.
+        #[serde(default = "natural_autoencoder")]
+        weights: String,
+        /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
+        #[serde(default)]
+        precision: Precision,
+    },
+    /// k-means filters convolved with the rings: `weights` is a model file, or `builtin:natural-kmeans`, as if left out. It serves
+    /// any retina; left out, the one it was trained with is taken.
+    #[cfg(feature = "learn")]
+    Kmeans {
+        /// The model.
+        #[serde(default = "natural_kmeans")]
+        weights: String,
+        /// What filters say is averaged over a grid of this many cells along a side of each ring.
+        #[serde(default = "two")]
+        pool: usize,
+        /// A filter counts for what its product with a whitened patch is above this: 0 unless given.
+        #[serde(default)]
+        threshold: f32,
+    },
+    /// Filters by sparse coding, convolved with the rings: `weights` is a model file, or `builtin:natural-sparse`, as if left out. It
+    /// serves any retina; left out, the one it was trained with is taken.
+    #[cfg(feature = "learn")]
+    Sparse {
+        /// The model.
+        #[serde(default = "natural_sparse")]
+        weights: String,
+        /// What filters say is averaged over a grid of this many cells along a side of each ring.
+        #[serde(default = "two")]
+        pool: usize,
+        /// A filter counts for what its product with a whitened patch, or the negative, is above this; 0 unless given.
+        #[serde(default)]
+        threshold: f32,
+    },
+    /// Energies of subspaces of filters by two-layer ICA, convolved with the rings: `weights` is a model file, or
+    /// `builtin:natural-ica`, as if left out. It serves any retina; left out, the one it was trained with is taken.
+    #[cfg(feature = "learn")]
+    Ica {
+        /// The model.
+        #[serde(default = "natural_ica")]
+        weights: String,
+        /// What subspaces say is averaged over a grid of this many cells along a side of each ring.
+        #[serde(default = "two")]
+        pool: usize,
+    },
+    /// A small convolutional network: `weights` is a model file, or `builtin:natural-network`, as if left out.
+    #[cfg(feature = "learn")]
+    Convolutional {
+        /// The model.
+        #[serde(default = "natural_network")]
+        weights: String,
+        /// Share of its features that are hand-made gradients, as the oriented encoder has them: 0, none of them, to 1.
+        #[serde(default)]
+        gradients: f32,
+    },
+    /// Gradients in eight directions, grey and colour of a retina of one ring.
+    Oriented {
+        /// What each of them counts.
+        #[serde(default)]
+        weights: oriented::Weights,
+    },
+    /// The glimpse itself.
+    Raw {
+        /// Whether its mean is taken out and its contrast brought to 1.
+        #[serde(default = "yes")]
+        standardise: bool,
+    },
+}
+
+#[cfg(feature = "learn")]
+fn natural_mcrbm() -> String {
+    "builtin:natural-mcrbm".into()
+}
+
+#[cfg(feature = "learn")]
+fn natural_autoencoder() -> String {
+    "builtin:natural-autoencoder".into()
+}
+
+#[cfg(feature = "learn")]
+fn natural_kmeans() -> String {
+    "builtin:natural-kmeans".into()
+}
+
+#[cfg(feature = "learn")]
+fn natural_sparse() -> String {
+    "builtin:natural-sparse".into()
+}
+
+#[cfg(feature = "learn")]
+fn natural_ica() -> String {
+    "builtin:natural-ica".into()
+}
+
+#[cfg(feature = "learn")]
+fn natural_network() -> String {
+    "builtin:natural-network".into()
+}
+
+#[cfg(feature = "learn")]
+fn two() -> usize {
+    2
+}
+
+fn yes() -> bool {
+    true
+}
