@@ -13,6 +13,7 @@ many.
 from ._foveate import MultiTracker, Result, Tracker, Video, configurations, set_threads
 from ._foveate import __VERSION__ as __version__
 from ._multi import Targets
+from ._show import Run
 from ._types import Box, Region, State
 from .errors import ConfigError, Error, FileError, InputError
 
@@ -25,6 +26,7 @@ __all__ = [
     "MultiTracker",
     "Region",
     "Result",
+    "Run",
     "State",
     "Targets",
     "Tracker",

@@ -209,6 +209,10 @@ impl TrackResult {
         let one = self.seen.one_sd;
         named::region(py, &Region { half: one.half.map(|half| size * half), ..one })
     }
+    /// Box, particles, region and gaze as a picture, for notebooks.
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("foveate._show")?.call_method1("result_html", (slf,))
+    }
     fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let pair = PyTuple::new(py, [self.ok().into_pyobject(py)?.to_owned().into_any(), self.bbox(py)?])?;
         Ok(pair.try_iter()?.into_any())

@@ -1,0 +1,91 @@
+"""Results and runs show themselves, and the notebooks run."""
+
+from __future__ import annotations
+
+import base64
+import json
+import xml.etree.ElementTree as tree
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from conftest import FIRST, ROOT, drawn
+
+import foveate
+from foveate import _show
+
+NOTEBOOKS = sorted((ROOT / "python" / "notebooks").glob("*.ipynb"))
+
+
+def parsed(html: str) -> tree.Element:
+    """It is well-formed, and holds nothing from elsewhere."""
+    assert "http" not in html and "<script" not in html
+    return tree.fromstring(html.replace("<br>", "<br/>"))
+
+
+def test_a_result_shows_box_particles_region_and_gaze(pictures: list[npt.NDArray[np.uint8]]) -> None:
+    tracker = foveate.Tracker("fast")
+    tracker.init(pictures[0], FIRST)
+    seen = tracker.update(pictures[1])
+    shown = parsed(seen._repr_html_())
+    (box,), circles = shown.findall(".//rect"), shown.findall(".//circle")
+    assert float(box.attrib["x"]) == pytest.approx(seen.box.x, abs=0.06) and 20 <= len(circles) <= 150
+    assert len(shown.findall(".//ellipse")) == 1 and len(shown.findall(".//path")) == 1
+
+
+@pytest.mark.parametrize("channels", ["rgb", "bgr"])
+def test_a_run_shows_pictures_and_the_curve(channels: Any) -> None:
+    frames = [drawn(t)[..., :: -1 if channels == "bgr" else 1] for t in range(32)]
+    run = foveate.Run.of(foveate.Tracker("fast", channels=channels), frames, FIRST)
+    assert len(run) == 31 and run[3] is run.results[3] and "31 results" in repr(run)
+    shown = parsed(run._repr_html_())
+    images, (curve,) = shown.findall(".//image"), shown.findall(".//polyline")
+    assert 2 <= len(images) <= 4 and len(curve.attrib["points"].split()) == 31
+    # The first picture kept is the second of the video, its colours red, green, blue whatever the tracker's order.
+    file = base64.b64decode(images[0].attrib["href"].split(",")[1])
+    at = file.index(b"IDAT")
+    size = int.from_bytes(file[at - 4 : at], "big")
+    rows = np.frombuffer(zlib.decompress(file[at + 4 : at + 4 + size]), np.uint8).reshape(120, 1 + 160 * 3)
+    np.testing.assert_array_equal(rows[:, 1:].reshape(120, 160, 3), drawn(1))
+    errors = run.errors([(40 + 3 * t, 30 + t, 24, 24) for t in range(1, 32)])
+    assert errors.shape == (31,) and errors[:20].max() < 4
+    with pytest.raises(ValueError, match="each of the 31 results, found 1"):
+        run.errors([FIRST])
+
+
+def test_an_empty_run_shows_itself() -> None:
+    run = foveate.Run()
+    assert run.boxes.shape == (0, 4) and run.p_lost.shape == (0,)
+    parsed(run._repr_html_())
+
+
+def test_pictures_of_a_long_run_stay_few(pictures: list[npt.NDArray[np.uint8]]) -> None:
+    tracker = foveate.Tracker("fast")
+    tracker.init(pictures[0], FIRST)
+    seen, run = tracker.update(pictures[1]), foveate.Run()
+    for _ in range(500):
+        run.add(np.zeros((1000, 2000, 3), np.uint8), seen)
+    assert len(run._pictures) <= 16 and all(p.shape[1] <= 250 for _, p in run._pictures.values())
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs(path: Path) -> None:
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    assert all(not cell.get("outputs") for cell in cells), "notebooks are kept without outputs"
+    names: dict[str, Any] = {}
+    for cell in cells:
+        if cell["cell_type"] == "code":
+            *lines, last = "".join(cell["source"]).rstrip().split("\n")
+            exec("\n".join([*lines, last]), names)
+            # What a cell ends with is shown.
+            shown = names.get(last.strip())
+            if hasattr(shown, "_repr_html_"):
+                parsed(shown._repr_html_())
+
+
+def test_there_are_three_notebooks() -> None:
+    assert [path.stem for path in NOTEBOOKS] == ["detector", "track", "where_to_look"]
+    assert _show.__doc__
