@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::{Error, Result};
 
-/// Larger files are none of ours.
+/// Larger models and configurations are none of ours.
 const MOST_BYTES: u64 = 1 << 30;
 
 /// A name beside `path` that nobody else uses, for a file that becomes `path` when it is whole.
@@ -28,6 +28,42 @@ pub fn write(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
         let _ = std::fs::remove_file(&part);
         Error::io(path, "cannot write")(error)
     })
+}
+
+/// The bytes of a regular file of at most `most` bytes: a device, a pipe or a folder is none, and is not waited for.
+///
+/// # Errors
+/// [`Error::Io`] naming the file where it cannot be read, [`Error::Malformed`] where it is of another kind or larger.
+pub fn read(path: impl AsRef<Path>, most: u64) -> Result<Vec<u8>> {
+    let path = path.as_ref();
+    let told = std::fs::metadata(path).map_err(Error::io(path, "cannot read"))?;
+    if !told.is_file() {
+        return Err(Error::malformed(path, "not a regular file; copy what it gives into one"));
+    }
+    let too_large = |size: u64| {
+        Error::malformed(path, format!("it has {size} bytes, more than the {most} that such a file may have"))
+    };
+    if told.len() > most {
+        return Err(too_large(told.len()));
+    }
+    // It may grow while it is read, or say 0 as files of /proc do.
+    let mut bytes = Vec::with_capacity(told.len() as usize);
+    let file = std::fs::File::open(path).map_err(Error::io(path, "cannot read"))?;
+    std::io::Read::read_to_end(&mut std::io::Read::take(file, most + 1), &mut bytes)
+        .map_err(Error::io(path, "cannot read"))?;
+    if bytes.len() as u64 > most {
+        return Err(too_large(bytes.len() as u64));
+    }
+    Ok(bytes)
+}
+
+/// The text of a regular file of at most `most` bytes.
+///
+/// # Errors
+/// As [`read`]; and [`Error::Malformed`] where it is not UTF-8.
+pub fn read_text(path: impl AsRef<Path>, most: u64) -> Result<String> {
+    let path = path.as_ref();
+    String::from_utf8(read(path, most)?).map_err(|e| Error::malformed(path, format!("not UTF-8 text: {e}")))
 }
 
 /// Where files are read from: a folder, or, where there are none (a browser), [`Nowhere`].
@@ -60,15 +96,7 @@ impl Folder {
 
 impl Files for Folder {
     fn read(&self, path: &Path) -> Result<Vec<u8>> {
-        let path = self.0.join(path);
-        let size = std::fs::metadata(&path).map_err(Error::io(&path, "cannot read"))?.len();
-        if size > MOST_BYTES {
-            return Err(Error::malformed(
-                path,
-                format!("it has {size} bytes, far more than any model or configuration"),
-            ));
-        }
-        std::fs::read(&path).map_err(Error::io(&path, "cannot read"))
+        read(self.0.join(path), MOST_BYTES)
     }
 }
 
@@ -83,9 +111,29 @@ impl Files for Nowhere {
     }
 }
 
+/// The most bytes of a picture's file.
+pub const PICTURE: u64 = 1 << 28;
+/// The most bytes of a text: boxes, settings, saved states.
+pub const TEXT: u64 = 1 << 28;
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_regular_files_of_a_stated_size_are_read() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let path = dir.path().join("a.txt");
+        std::fs::write(&path, b"12345").expect("a writable folder");
+        assert_eq!(read(&path, 5).expect("small enough"), b"12345");
+        assert!(read(&path, 4).expect_err("too large").to_string().contains("5 bytes, more than the 4"));
+        std::fs::write(&path, [0xff]).expect("a writable folder");
+        assert!(read_text(&path, 5).expect_err("no text").to_string().contains("not UTF-8"));
+        assert!(read(dir.path(), 5).expect_err("a folder").to_string().contains("not a regular file"));
+        #[cfg(unix)]
+        assert!(read("/dev/zero", 5).expect_err("without end").to_string().contains("not a regular file"));
+        assert!(read(dir.path().join("no"), 5).expect_err("missing").to_string().contains("cannot read"));
+    }
 
     #[test]
     fn a_file_is_whole_or_not_there() {

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use foveate_base::{Error, Result};
+use foveate_base::{Error, Result, files};
 use foveate_core::geometry::BBox;
 
 /// Numbers beyond this are damage, not pixels.
@@ -102,7 +102,7 @@ pub(super) fn at_line(path: &Path, number: usize, problem: &str) -> Error {
 }
 
 pub(super) fn read_text(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).map_err(Error::io(path, "cannot read"))?;
+    let bytes = files::read(path, files::TEXT)?;
     String::from_utf8(bytes).map_err(|e| {
         let line = 1 + e.as_bytes()[..e.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
         at_line(path, line, "not text; expected numbers")

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use foveate_base::{Error, Result};
+use foveate_base::{Error, Result, files};
 use foveate_core::scene::Image;
 
 /// The longest side of a picture that is read, in pixels. A header can claim more than memory holds.
@@ -57,7 +57,7 @@ pub fn decode_image(bytes: &[u8]) -> std::result::Result<Image, String> {
 /// [`Error::Io`] or [`Error::Malformed`], naming the file.
 pub fn read_image(path: impl AsRef<Path>) -> Result<Image> {
     let path = path.as_ref();
-    let bytes = std::fs::read(path).map_err(Error::io(path, "cannot read"))?;
+    let bytes = files::read(path, files::PICTURE)?;
     decode_image(&bytes).map_err(|problem| Error::malformed(path, problem))
 }
 

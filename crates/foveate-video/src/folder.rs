@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::decode::decode_image;
 use crate::{Frame, FrameSource, SourceInfo};
-use foveate_base::{Error, Result};
+use foveate_base::{Error, Result, files};
 use foveate_core::scene::Image;
 
 /// Frames a second where nothing says otherwise.
@@ -130,8 +130,8 @@ pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
 }
 
 fn load(path: &Path, index: usize) -> Result<Image> {
-    std::fs::read(path)
-        .map_err(|error| format!("cannot read: {error}"))
+    files::read(path, files::PICTURE)
+        .map_err(|error| error.to_string())
         .and_then(|bytes| decode_image(&bytes))
         .map_err(|problem| Error::Frame { path: path.to_owned(), frame: index + 1, problem })
 }

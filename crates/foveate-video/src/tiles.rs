@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 
 use crate::decode::decode_image;
 use crate::save_png;
-use foveate_base::{Error, Result};
+use foveate_base::{Error, Result, files};
 use foveate_core::scene::Image;
 use foveate_core::scene::sensor::{Regions, Window};
 
@@ -141,7 +141,7 @@ fn file(frame: &Path, level: usize, (column, row): (usize, usize)) -> Option<Pat
 fn load(frame: &Path, level: usize, at: (usize, usize)) -> Result<Image> {
     let missing = || Error::malformed(frame, format!("tile {level}/{}_{}.png is missing", at.0, at.1));
     let path = file(frame, level, at).ok_or_else(missing)?;
-    let bytes = std::fs::read(&path).map_err(Error::io(&path, "cannot read"))?;
+    let bytes = files::read(&path, files::PICTURE)?;
     decode_image(&bytes).map_err(|problem| Error::malformed(&path, problem))
 }
 

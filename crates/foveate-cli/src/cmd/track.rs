@@ -288,7 +288,7 @@ impl SavedState {
 
     /// Fails where it was saved with another configuration or seed.
     fn read(path: &Path, blueprint: &Blueprint, seed: u64) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(Error::io(path, "cannot read the saved state"))?;
+        let text = files::read_text(path, files::TEXT)?;
         let saved: Self = serde_json::from_str(&text)
             .map_err(|e| Error::malformed(path, format!("not a state written by --save-state: {e}; write it again")))?;
         if saved.seed != seed {

@@ -12,7 +12,7 @@ pub mod sequences;
 
 use crate::{Digits, Split};
 use foveate_base::rng::{Purpose, Streams};
-use foveate_base::{Error, Result};
+use foveate_base::{Error, Result, files};
 use foveate_core::geometry::{Extent, Fixation};
 use foveate_core::identity::encoder::{Encoder, Raw};
 use foveate_core::identity::pyramid::{Pyramid, Region};
@@ -185,7 +185,7 @@ fn photographs(dir: &Path) -> Result<(Vec<Image>, String)> {
     let mut sha = Sha256::new();
     let mut files = Vec::new();
     for path in paths {
-        let bytes = std::fs::read(&path).map_err(Error::io(&path, "cannot read"))?;
+        let bytes = files::read(&path, files::PICTURE)?;
         sha.update(&bytes);
         files.push((path, bytes));
     }
@@ -204,7 +204,7 @@ pub fn retina_of_config(path: &Path) -> Result<FovealConfig> {
     struct Only {
         retina: foveate_core::config::RetinaConfig,
     }
-    let text = std::fs::read_to_string(path).map_err(Error::io(path, "cannot read the configuration"))?;
+    let text = files::read_text(path, files::TEXT)?;
     let Only { retina: foveate_core::config::RetinaConfig::Foveal(config) } =
         toml::from_str(&text).map_err(|e| Error::Config(format!("{}: {e}", path.display())))?;
     Ok(config)

@@ -2,7 +2,7 @@
 
 use foveate_base::rng::{Purpose, Rng, Streams};
 use foveate_base::rows::{Rows, RowsMut};
-use foveate_base::{Error, Result};
+use foveate_base::{Error, Result, files};
 use foveate_core::geometry::{Extent, Gaze, State};
 use foveate_core::identity::encoder::Encoder;
 use foveate_core::identity::pyramid::{Pyramid, Region};
@@ -65,7 +65,7 @@ impl Pictures {
             files.extend(own.into_iter().map(|path| (path, label as u8)));
         }
         let read = |(path, _): &(PathBuf, u8)| {
-            let bytes = std::fs::read(path).map_err(Error::io(path, "cannot read the picture"))?;
+            let bytes = files::read(path, files::PICTURE)?;
             let sha: [u8; 32] = Sha256::digest(&bytes).into();
             Ok((small(&bytes).map_err(|problem| Error::malformed(path, problem))?, sha))
         };

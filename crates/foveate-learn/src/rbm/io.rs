@@ -109,11 +109,7 @@ impl Rbm {
 
 /// The bytes of a file, if it is not absurdly large.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
-    let size = std::fs::metadata(path).map_err(Error::io(path, "cannot read the model"))?.len();
-    if size > MOST_BYTES {
-        return Err(Error::malformed(path, format!("it has {size} bytes, far more than any model")));
-    }
-    std::fs::read(path).map_err(Error::io(path, "cannot read the model"))
+    files::read(path, MOST_BYTES)
 }
 
 /// An error of a model file of this kind.

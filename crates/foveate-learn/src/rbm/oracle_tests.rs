@@ -321,6 +321,7 @@ fn bad_recipes_and_data_are_refused() {
     assert!(Trainer::new(good.clone(), rows).is_ok());
     for bad in [
         Recipe { hidden: 0, ..good.clone() },
+        Recipe { hidden: 1 << 30, ..good.clone() },
         Recipe { batch: 0, ..good.clone() },
         Recipe { momentum: 1.0, ..good.clone() },
         Recipe { rate: f32::NAN, ..good.clone() },

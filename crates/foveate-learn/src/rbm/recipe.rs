@@ -4,6 +4,9 @@ use super::Visible;
 use foveate_base::{Error, Result};
 use serde::{Deserialize, Serialize};
 
+/// The most hidden units, rows of a batch, and chains.
+const MOST: usize = 1 << 16;
+
 /// How to learn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -97,6 +100,8 @@ impl Recipe {
         };
         let problem = if self.hidden == 0 || self.batch == 0 || chains == 0 || steps == 0 {
             "hidden units, rows of a batch, chains and Gibbs steps must be at least 1"
+        } else if self.hidden.max(self.batch).max(chains) > MOST {
+            "hidden units, rows of a batch and chains must be at most 65536"
         } else if !(0.0..1.0).contains(&self.momentum) {
             "momentum must be at least 0 and under 1"
         } else if ![self.rate, self.l1, self.l2, self.initial_sd].into_iter().all(positive) {

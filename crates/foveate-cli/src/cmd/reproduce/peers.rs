@@ -24,7 +24,7 @@ const HEAD: &str = "experiment,scene,tracker,digit,seed,mean,spread,off_at_end";
 pub fn read(paths: &[PathBuf]) -> Result<Vec<Peer>> {
     let mut peers: Vec<Peer> = vec![];
     for path in paths {
-        let text = std::fs::read_to_string(path).map_err(Error::io(path, "cannot read the other trackers' results"))?;
+        let text = foveate::files::read_text(path, foveate::files::TEXT)?;
         let mut lines = text.lines().enumerate().filter(|(_, line)| !line.starts_with('#') && !line.trim().is_empty());
         if lines.next().is_none_or(|(_, head)| head.trim() != HEAD) {
             return Err(Error::malformed(

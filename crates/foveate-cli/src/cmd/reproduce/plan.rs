@@ -213,7 +213,7 @@ impl Experiment {
                 "there is no experiment {name}; expected all, tables, figures, why, an experiment's TOML file, or some of {names}"
             )));
         }
-        let text = std::fs::read_to_string(path).map_err(Error::io(path, "cannot read the experiment"))?;
+        let text = foveate::files::read_text(path, foveate::files::TEXT)?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         if EXPERIMENTS.iter().any(|e| e.0 == stem) {
             return Err(Error::Config(format!(
