@@ -47,6 +47,8 @@ enum Command {
     Eval(cmd::eval::Args),
     /// The paper on one command: its tables and figures beside ours, on one page
     Reproduce(cmd::reproduce::Args),
+    /// Track for vot-toolkit and other clients of the TraX protocol, on standard input and output
+    Trax(cmd::trax::Args),
     /// List the configurations that ship with the program, or print one
     Configs(cmd::configs::Args),
     /// Print completions for a shell
@@ -76,6 +78,7 @@ pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
         Command::Train(args) => cmd::train::run(args),
         Command::Eval(args) => cmd::eval::run(args),
         Command::Reproduce(args) => cmd::reproduce::run(args),
+        Command::Trax(args) => cmd::trax::run(args),
         Command::Configs(args) => cmd::configs::run(args),
         Command::Completions(args) => cmd::completions::run(args, Cli::command()),
         Command::Man(args) => cmd::man::run(args, Cli::command()),

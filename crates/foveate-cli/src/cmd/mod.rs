@@ -12,4 +12,5 @@ mod results;
 pub mod synth;
 pub mod track;
 pub mod train;
+pub mod trax;
 mod videos;
