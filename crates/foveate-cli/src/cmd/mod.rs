@@ -3,6 +3,7 @@
 pub mod completions;
 pub mod configs;
 mod configure;
+pub mod convert;
 pub mod demo;
 pub mod eval;
 pub mod look;
