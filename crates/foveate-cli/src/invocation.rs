@@ -11,10 +11,15 @@ pub fn set(arguments: &[OsString], program: PathBuf) {
     let _ = INVOCATION.set((arguments.to_vec(), program));
 }
 
-/// The arguments in one line, without the program's own name.
-pub fn arguments() -> String {
+/// The arguments, without the program's own name.
+pub fn words() -> impl Iterator<Item = String> {
     let words = INVOCATION.get().map_or(&[][..], |(words, _)| words.get(1..).unwrap_or(&[]));
-    words.iter().map(|word| word.to_string_lossy()).collect::<Vec<_>>().join(" ")
+    words.iter().map(|word| word.to_string_lossy().into_owned())
+}
+
+/// The arguments in one line.
+pub fn arguments() -> String {
+    words().collect::<Vec<_>>().join(" ")
 }
 
 /// The command in one line: the program as it was called, and its arguments.

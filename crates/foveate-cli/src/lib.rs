@@ -45,8 +45,12 @@ enum Command {
     Train(cmd::train::Args),
     /// Score trackers on sequences whose true boxes are known
     Eval(cmd::eval::Args),
+    /// Convert boxes between OTB, VOT, GOT-10k, MOTChallenge, COCO and CVAT
+    Convert(cmd::convert::Args),
     /// The paper on one command: its tables and figures beside ours, on one page
     Reproduce(cmd::reproduce::Args),
+    /// Track for vot-toolkit and other clients of the TraX protocol, on standard input and output
+    Trax(cmd::trax::Args),
     /// List the configurations that ship with the program, or print one
     Configs(cmd::configs::Args),
     /// Print completions for a shell
@@ -75,7 +79,9 @@ pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
         Command::Synth(args) => cmd::synth::run(args),
         Command::Train(args) => cmd::train::run(args),
         Command::Eval(args) => cmd::eval::run(args),
+        Command::Convert(args) => cmd::convert::run(args),
         Command::Reproduce(args) => cmd::reproduce::run(args),
+        Command::Trax(args) => cmd::trax::run(args),
         Command::Configs(args) => cmd::configs::run(args),
         Command::Completions(args) => cmd::completions::run(args, Cli::command()),
         Command::Man(args) => cmd::man::run(args, Cli::command()),

@@ -27,6 +27,7 @@ pub mod select;
 mod sps;
 mod stream;
 pub mod tiles;
+pub mod vot;
 mod y4m;
 mod yuv;
 

@@ -3,6 +3,7 @@
 pub mod completions;
 pub mod configs;
 mod configure;
+pub mod convert;
 pub mod demo;
 pub mod eval;
 pub mod look;
@@ -12,4 +13,5 @@ mod results;
 pub mod synth;
 pub mod track;
 pub mod train;
+pub mod trax;
 mod videos;

@@ -19,6 +19,7 @@ use init::{Frames, Init, check_again, check_box, first_box, known_truth, parse_a
 use outputs::{Outputs, Told, tell};
 use source::{SourceArgs, Started, StreamTo, parse_stream};
 
+mod batch;
 pub mod init;
 mod multi;
 pub mod outputs;
@@ -49,7 +50,12 @@ status lost.";
 #[command(after_long_help = FILES)]
 pub struct Args {
     /// A video file, or a folder of images; - or a fifo for yuv4mpeg from a pipe; rtsp://, http://, https:// or /dev/video0 for a
-    /// stream or camera (through the program ffmpeg)
+    /// stream or camera (through the program ffmpeg). Of several videos each has a folder in --out: finished ones are passed over,
+    /// the first box of VIDEO.mp4 is in VIDEO.txt, index.html has the worst first, failures.txt those that failed
+    #[arg(required = true, value_name = "SOURCE")]
+    sources: Vec<PathBuf>,
+    /// The one that is tracked now.
+    #[arg(skip)]
     source: PathBuf,
     #[command(flatten)]
     input: SourceArgs,
@@ -59,7 +65,7 @@ pub struct Args {
     stream: Option<StreamTo>,
     /// The target's box in the first frame: left, top, width, height in pixels, counted from 1 as in boxes.txt.
     /// `motion` takes what moves between the first two frames (the camera must stand still); `motion:W,H` gives it that size.
-    /// Left out, the first line of groundtruth_rect.txt in the folder is taken. Given several times, many targets are followed
+    /// Left out, the first line of groundtruth_rect.txt in the folder is taken, or of VIDEO.txt beside VIDEO.mp4. Given several times, many targets are followed
     #[arg(long, value_name = "X,Y,W,H|motion", value_parser = parse_init, allow_hyphen_values = true)]
     init: Vec<Init>,
     #[command(flatten)]
@@ -142,7 +148,24 @@ impl Args {
     }
 }
 
-pub fn run(args: Args) -> Result<()> {
+/// Frames of a run, and those in which its target is doubtful or lost.
+#[derive(Clone, Copy, Default, serde::Serialize, serde::Deserialize)]
+struct Tally {
+    frames: usize,
+    uncertain_frames: usize,
+    lost_frames: usize,
+}
+
+pub fn run(mut args: Args) -> Result<()> {
+    if args.sources.len() > 1 {
+        return batch::run(args);
+    }
+    args.source = args.sources.pop().unwrap_or_default();
+    one(&args).map(drop)
+}
+
+/// Tracks through `args.source`.
+fn one(args: &Args) -> Result<Tally> {
     let asked = args.many.asked() || args.init.len() > 1;
     let name = match (&args.config, args.profile) {
         (None, None) if asked => args.many.config(),
@@ -153,12 +176,12 @@ pub fn run(args: Args) -> Result<()> {
     // A configuration of many targets with a detector of its own needs nothing else to begin with.
     let begins = config.multi_target.is_some() && config.detector.is_some();
     if asked || (begins && args.init.is_empty() && args.load_state.is_none()) {
-        return multi::run(&args, config, &folder, &described);
+        return multi::run(args, config, &folder, &described);
     }
-    single(&args, args.blueprint(config, &folder)?, &described)
+    single(args, args.blueprint(config, &folder)?, &described)
 }
 
-fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<()> {
+fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally> {
     let shadow = if args.regret { policy_set::comparison_gazes(&blueprint.config().policy).gazes() } else { vec![] };
     let blueprint = blueprint.shadowing(shadow.clone());
     let seed = args.seed.unwrap_or(blueprint.config().seed);
@@ -229,7 +252,8 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<()> {
     let (source, out, total) = (&*args.source, &*args.out, began.elapsed());
     tell(&outcome, &Told { source, out, seed, json: args.json, files, total, error });
     note_unreached(&again, next_frame, whole);
-    ended(out, tracked, result.and(kept.map(drop)).and(saved), outcome.frames.stopped)
+    ended(out, tracked, result.and(kept.map(drop)).and(saved), outcome.frames.stopped)?;
+    Ok(Tally { frames: outcome.frames.count, uncertain_frames: outcome.uncertain, lost_frames: outcome.lost })
 }
 
 /// Says what became of a run that did not go well, and ends the program where it was asked to stop.

@@ -4,14 +4,15 @@ use std::path::{Path, PathBuf};
 
 use foveate_base::{Error, Result};
 use foveate_core::geometry::BBox;
-use foveate_video::annotation::read_truth;
+use foveate_video::annotation::{read_numbers, read_truth};
+use foveate_video::vot;
 
 /// A video as a folder of images, and where the target truly is in it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sequence {
     /// The folder's name; further targets of the same video have `-2`, `-3` behind it.
     pub name: String,
-    /// Where the images are: `img/` in OTB's layout, `img1/` in MOTChallenge's, the folder itself in GOT-10k's.
+    /// Where the images are: `img/` in OTB's layout, `img1/` in MOTChallenge's, `color/` in VOT's, the folder itself in GOT-10k's.
     pub images: PathBuf,
     /// The file of the truth.
     pub truth_file: PathBuf,
@@ -33,7 +34,8 @@ impl Sequence {
 /// All sequences in `folders`, each of which is a sequence or holds some, by name.
 ///
 /// A sequence has `groundtruth_rect.txt` (OTB; `groundtruth_rect.2.txt` is a second target of its own)
-/// or `groundtruth.txt` (GOT-10k).
+/// or `groundtruth.txt` (GOT-10k, where `absence.label` says in which frames the target is absent; or VOT, which counts pixels
+/// from 0 and has polygons, too: [`vot::is_sequence`] tells them apart).
 ///
 /// # Errors
 /// A folder cannot be read or holds no sequence, a truth file is damaged, or two sequences share a name.
@@ -75,11 +77,28 @@ fn add(folder: &Path, found: &mut Vec<Sequence>) -> Result<()> {
         let whole = std::path::absolute(folder).map_err(Error::io(folder, "cannot find"))?;
         let base = whole.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let name = if target == 1 { base } else { format!("{base}-{target}") };
-        let inner = ["img", "img1"].iter().map(|inner| folder.join(inner)).find(|inner| inner.is_dir());
+        let inner = ["img", "img1", "color"].iter().map(|inner| folder.join(inner)).find(|inner| inner.is_dir());
         let images = inner.unwrap_or_else(|| folder.to_path_buf());
-        found.push(Sequence { name, images, truth: read_truth(&truth_file)?, truth_file });
+        let of_vot = truth_file.ends_with("groundtruth.txt") && vot::is_sequence(folder);
+        let truth = if of_vot { vot::read_truth(&truth_file)? } else { present(folder, read_truth(&truth_file)?)? };
+        found.push(Sequence { name, images, truth, truth_file });
     }
     Ok(())
+}
+
+/// Boxes without those of frames in which GOT-10k's `absence.label` says that the target is absent.
+fn present(folder: &Path, mut truth: Vec<Option<BBox>>) -> Result<Vec<Option<BBox>>> {
+    let file = folder.join("absence.label");
+    if !file.is_file() {
+        return Ok(truth);
+    }
+    let labels = read_numbers(&file)?;
+    if labels.len() != truth.len() {
+        let problem = format!("expected a label for each of {} boxes, found {}", truth.len(), labels.len());
+        return Err(Error::malformed(file, problem));
+    }
+    truth.iter_mut().zip(labels).filter(|(_, label)| *label != 0.0).for_each(|(bbox, _)| *bbox = None);
+    Ok(truth)
 }
 
 /// The target a file name is the truth of: `groundtruth_rect.2.txt` is of target 2.
@@ -124,11 +143,26 @@ mod tests {
         assert!(found[2].init().expect_err("absent").to_string().contains("absent in frame 1"));
         assert_eq!(find_sequences(&[all.join("B")]).expect("itself").len(), 2);
 
+        // GOT-10k counts from 1, VOT from 0.
+        write("got/G/groundtruth.txt", "2,3,5,5\n3,3,5,5\n");
+        write("got/G/absence.label", "0\n1\n");
+        write("vot/V/groundtruth.txt", "2,3,7,3,7,8,2,8\nnan,nan,nan,nan\n");
+        write("vot/W/groundtruth.txt", "2,3,5,5\n");
+        write("vot/W/color/00000001.jpg", "");
+        let own = Some(BBox { x: 2.0, y: 3.0, w: 5.0, h: 5.0 });
+        let got = &find_sequences(&[dir.path().join("got")]).expect("one")[0];
+        assert_eq!(got.truth, [Some(BBox { x: 1.0, y: 2.0, w: 5.0, h: 5.0 }), None]);
+        let of_vot = find_sequences(&[dir.path().join("vot")]).expect("two");
+        assert_eq!((&of_vot[0].truth, &of_vot[1].truth), (&vec![own, None], &vec![own]));
+        assert_eq!(of_vot[1].images, dir.path().join("vot/W/color"));
+
         let said = |folders: &[PathBuf]| find_sequences(folders).expect_err("wrong").to_string();
         assert!(said(&[all.join("notes")]).contains("no sequence here"));
         assert!(said(&[all.join("none")]).contains("cannot read this folder"));
         assert!(said(&[all.clone(), all.join("A")]).contains("a second sequence with the name A"));
         write("bad/C/groundtruth_rect.txt", "1,2,3\n");
         assert!(said(&[dir.path().join("bad")]).contains("line 1"));
+        write("got/G/absence.label", "0\n");
+        assert!(said(&[dir.path().join("got")]).contains("a label for each of 2 boxes, found 1"));
     }
 }

@@ -48,16 +48,17 @@ pub fn parse_again(text: &str) -> std::result::Result<(usize, BBox), String> {
     Ok((frame.ok_or_else(|| format!("expected a frame number from 2 on, got \"{text}\""))?, parse_box(bbox)?))
 }
 
-/// The given box, what moves, or the first line of groundtruth_rect.txt.
+/// The given box, what moves, or the first line of groundtruth_rect.txt, or of VIDEO.txt beside VIDEO.mp4.
 pub fn first_box(source: &Path, init: Option<Init>, input: &SourceArgs) -> Result<BBox> {
     match init {
         Some(Init::Given(bbox)) => return Ok(bbox),
         Some(Init::Motion(size)) => return moving(source, size, input),
         None => {}
     }
-    let truth = source.join("groundtruth_rect.txt");
+    let beside = source.with_extension("txt");
+    let truth = if source.is_file() { beside } else { source.join("groundtruth_rect.txt") };
     let first = input.selection().from;
-    if !truth.is_file() {
+    if !truth.is_file() || truth == source {
         return Err(Error::Invalid(format!(
             "{}: no box to start from; give --init x,y,w,h (left, top, width, height in pixels, counted from 1)",
             source.display()

@@ -17,11 +17,10 @@ use foveate::video::mot::{TrackBox, Tracks};
 use foveate::video::{Frame, Selection, SourceInfo, ahead};
 use foveate::{BBox, Error, Result};
 
-use super::Args;
 use super::init::{Frames, check_box, first_box};
 use super::outputs::{FIRST, run_info, tell_files};
 use super::source::{SourceArgs, Started, is_endless};
-use super::{check_written, ended};
+use super::{Args, Tally, check_written, ended};
 use crate::terminal;
 
 /// What makes it many targets.
@@ -94,7 +93,7 @@ impl ManyArgs {
 }
 
 /// Follows many targets.
-pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) -> Result<()> {
+pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) -> Result<Tally> {
     refuse(args)?;
     let detector = Source::choose(&args.many, &mut config)?;
     let blueprint = args.blueprint(config, folder)?;
@@ -137,7 +136,8 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let (detects, warnings) = (matches!(detector, Source::Ours(..)), info.warnings.all());
     let (detector, total) = (detector.to_string(), began.elapsed());
     tell(args, &outcome, &Told { files, detector, detects, seed, total, warnings, error });
-    ended(&args.out, tracked, result.and(kept.map(drop)).and(saved), outcome.frames.stopped)
+    let result = ended(&args.out, tracked, result.and(kept.map(drop)).and(saved), outcome.frames.stopped);
+    result.map(|()| Tally { frames: outcome.frames.count, ..Tally::default() })
 }
 
 /// Where detections come from: one detector at most.

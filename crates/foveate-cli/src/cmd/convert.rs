@@ -1,0 +1,136 @@
+//! `foveate convert`: boxes from one format into another.
+
+mod coco;
+mod cvat;
+mod single;
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use foveate::video::mot::{TrackBox, Tracks};
+use foveate::{Error, Result};
+
+/// The longest video, frames: a number beyond it is damage.
+const MOST: usize = 1_000_000;
+
+/// A format of boxes in files.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq)]
+pub enum Format {
+    /// OTB's groundtruth_rect.txt, and boxes.txt of `foveate track`: x,y,w,h a frame, counted from 1; NaN where there is none
+    Otb,
+    /// VOT's groundtruth.txt: x,y,w,h or a polygon a frame, counted from 0
+    Vot,
+    /// GOT-10k's groundtruth.txt, as OTB's; absence.label lies beside it
+    Got10k,
+    /// MOTChallenge's gt.txt, and tracks.txt of `foveate track`: frame,id,x,y,w,h,conf,... counted from 1
+    Mot,
+    /// COCO's JSON; who it is stands in track_id of an annotation
+    Coco,
+    /// CVAT for video 1.1, XML
+    Cvat,
+}
+
+/// Convert boxes from one format into another.
+///
+/// What the other format cannot hold is told, a line each. Where a format of one target gets several, give --id.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The file to read
+    input: PathBuf,
+    /// The file to write; it is replaced where it is there
+    output: PathBuf,
+    /// What the first file is
+    #[arg(long, value_enum)]
+    from: Format,
+    /// What to write
+    #[arg(long, value_enum)]
+    to: Format,
+    /// Take this target alone, by its id in the file
+    #[arg(long, allow_hyphen_values = true)]
+    id: Option<i64>,
+}
+
+/// Boxes of a video, and what was lost on the way.
+#[derive(Debug, Default, PartialEq)]
+pub struct Boxes {
+    /// The boxes; ids as in the file, 1 where it has none.
+    tracks: Vec<TrackBox>,
+    /// Frames of the video, as far as the file tells.
+    frames: usize,
+    /// What the format read or written does not hold, in words.
+    lost: Vec<String>,
+}
+
+impl Boxes {
+    /// Notes that some of the boxes lose something.
+    fn lose(&mut self, count: usize, what: &str) {
+        if count > 0 {
+            self.lost.push(format!("{count} {what}"));
+        }
+    }
+
+    /// Who is there, in order.
+    fn ids(&self) -> BTreeSet<i64> {
+        self.tracks.iter().map(|b| b.id).collect()
+    }
+
+    /// Notes confidences other than 1, which the format written does not hold.
+    fn lose_confidence(&mut self) {
+        let unsure = self.tracks.iter().filter(|b| b.confidence != 1.0).count();
+        self.lose(unsure, "confidences other than 1 are left out");
+    }
+}
+
+pub fn run(args: Args) -> Result<()> {
+    if args.input == args.output {
+        return Err(Error::malformed(&args.output, "it is the file to read; give another name"));
+    }
+    let mut boxes = read(args.from, &args.input)?;
+    if boxes.frames > MOST {
+        let problem = format!("it has a frame {}; expected at most {MOST}", boxes.frames);
+        return Err(Error::malformed(&args.input, problem));
+    }
+    if let Some(id) = args.id {
+        boxes.tracks.retain(|b| b.id == id);
+        if boxes.tracks.is_empty() {
+            return Err(Error::malformed(&args.input, format!("it has no box of --id {id}")));
+        }
+    }
+    let mut seen = BTreeSet::new();
+    if let Some(b) = boxes.tracks.iter().find(|b| b.id >= 0 && !seen.insert((b.frame, b.id))) {
+        let problem = format!("frame {} has two boxes of the target {}; expected one", b.frame + 1, b.id);
+        return Err(Error::malformed(&args.input, problem));
+    }
+    boxes.tracks.sort_by_key(|b| (b.frame, b.id));
+    write(args.to, &mut boxes, &args.output)?;
+    let (count, frames) = (boxes.tracks.len(), boxes.frames);
+    boxes.lost.iter().for_each(|lost| eprintln!("foveate: {}: {lost}", args.input.display()));
+    say!("{}: {count} boxes of {} targets in {frames} frames", args.output.display(), boxes.ids().len());
+    Ok(())
+}
+
+fn read(format: Format, path: &Path) -> Result<Boxes> {
+    match format {
+        Format::Otb | Format::Vot | Format::Got10k => single::read(format, path),
+        Format::Mot => {
+            let tracks = Tracks::read(path)?;
+            Ok(Boxes { frames: tracks.frames(), tracks: tracks.sightings, lost: vec![] })
+        }
+        Format::Coco => coco::read(path),
+        Format::Cvat => cvat::read(path),
+    }
+}
+
+fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {
+    match format {
+        Format::Otb | Format::Vot | Format::Got10k => single::write(format, boxes, path),
+        Format::Mot => {
+            let tracks = Tracks { sightings: boxes.tracks.clone() };
+            let end = tracks.frames();
+            boxes.lose(boxes.frames - end.min(boxes.frames), "frames after the last box are left out");
+            tracks.write(path)
+        }
+        Format::Coco => coco::write(boxes, path),
+        Format::Cvat => cvat::write(boxes, path),
+    }
+}

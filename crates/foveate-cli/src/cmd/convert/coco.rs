@@ -1,0 +1,91 @@
+//! COCO's JSON, of one video: an image a frame, an annotation a box, and `track_id` for who it is.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use foveate::video::mot::TrackBox;
+use foveate::{BBox, Error, Result, files};
+use serde::Deserialize;
+
+use super::Boxes;
+
+#[derive(Deserialize)]
+struct File {
+    images: Vec<Image>,
+    annotations: Vec<Annotation>,
+    #[serde(default)]
+    categories: Vec<serde_json::Value>,
+}
+
+#[derive(Deserialize)]
+struct Image {
+    id: i64,
+    /// Where the frame stands in its video.
+    frame_id: Option<i64>,
+}
+
+#[derive(Deserialize)]
+struct Annotation {
+    image_id: i64,
+    bbox: [f64; 4],
+    track_id: Option<i64>,
+    score: Option<f64>,
+    #[serde(default)]
+    segmentation: serde_json::Value,
+    #[serde(default)]
+    iscrowd: serde_json::Value,
+}
+
+/// Frames are the images in the order of `frame_id`, or of `id` where one has none.
+pub fn read(path: &Path) -> Result<Boxes> {
+    let text = std::fs::read(path).map_err(Error::io(path, "cannot read"))?;
+    let file: File = serde_json::from_slice(&text)
+        .map_err(|e| Error::malformed(path, format!("expected COCO's images and annotations: {e}")))?;
+    let ordered = file.images.iter().all(|image| image.frame_id.is_some());
+    let mut order: Vec<(i64, i64)> =
+        file.images.iter().map(|i| (if ordered { i.frame_id.unwrap_or(0) } else { i.id }, i.id)).collect();
+    order.sort_unstable();
+    let frames: BTreeMap<i64, usize> = order.iter().enumerate().map(|(frame, (_, id))| (*id, frame)).collect();
+    if frames.len() != order.len() {
+        return Err(Error::malformed(path, "two images have the same id"));
+    }
+    let mut boxes = Boxes { frames: frames.len(), ..Boxes::default() };
+    for (i, a) in file.annotations.iter().enumerate() {
+        let wrong = |what: String| Error::malformed(path, format!("annotation {}: {what}", i + 1));
+        let frame = *frames.get(&a.image_id).ok_or_else(|| wrong(format!("there is no image {}", a.image_id)))?;
+        let [x, y, w, h] = a.bbox;
+        let bbox = BBox::new(x, y, w, h);
+        bbox.check().map_err(|e| wrong(e.to_string()))?;
+        boxes.tracks.push(TrackBox { frame, id: a.track_id.unwrap_or(-1), bbox, confidence: a.score.unwrap_or(1.0) });
+    }
+    let count = |such: &dyn Fn(&Annotation) -> bool| file.annotations.iter().filter(|a| such(a)).count();
+    let empty = |v: &serde_json::Value| v.is_null() || v.as_array().is_some_and(Vec::is_empty);
+    boxes.lose(count(&|a| a.track_id.is_none()), "boxes have no track_id: they are detections, of the id -1");
+    boxes.lose(count(&|a| !empty(&a.segmentation)), "segmentations are left out");
+    boxes.lose(count(&|a| a.iscrowd == 1 || a.iscrowd == true), "boxes are crowds; that is left out");
+    boxes.lose(if file.categories.len() > 1 { file.categories.len() } else { 0 }, "categories are left out");
+    Ok(boxes)
+}
+
+pub fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
+    let images =
+        (1..=boxes.frames).map(|n| serde_json::json!({"id": n, "frame_id": n, "file_name": format!("{n:06}.jpg")}));
+    let annotation = |(i, b): (usize, &TrackBox)| {
+        let BBox { x, y, w, h } = b.bbox;
+        let mut value = serde_json::json!({
+            "id": i + 1, "image_id": b.frame + 1, "category_id": 1, "bbox": [x, y, w, h], "area": w * h, "iscrowd": 0,
+            "score": b.confidence,
+        });
+        if b.id >= 0 {
+            value["track_id"] = b.id.into();
+        }
+        value
+    };
+    let file = serde_json::json!({
+        "images": images.collect::<Vec<_>>(),
+        "annotations": boxes.tracks.iter().enumerate().map(annotation).collect::<Vec<_>>(),
+        "categories": [{"id": 1, "name": "object"}],
+    });
+    boxes.lost.push("names (000001.jpg ...), widths and heights of the pictures are not known; fill them in".into());
+    files::write(path, (file.to_string() + "\n").as_bytes())
+}

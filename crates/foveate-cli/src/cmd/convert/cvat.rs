@@ -1,0 +1,131 @@
+//! CVAT for video 1.1: a `track` a target, a `box` a frame; frames and pixels count from 0.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+
+use foveate::video::mot::TrackBox;
+use foveate::{BBox, Error, Result, files};
+use roxmltree::{Document, Node};
+
+use super::{Boxes, MOST};
+
+/// Between key frames that are not next to each other boxes are put on the straight line, as CVAT does.
+pub fn read(path: &Path) -> Result<Boxes> {
+    let text = std::fs::read_to_string(path).map_err(Error::io(path, "cannot read"))?;
+    let wrong = |problem: String| Error::malformed(path, problem);
+    let document = Document::parse(&text).map_err(|e| wrong(format!("expected XML of CVAT for video 1.1: {e}")))?;
+    let root = document.root_element();
+    if root.has_tag_name("annotations") && root.children().any(|n| n.has_tag_name("image")) {
+        return Err(wrong("it is CVAT for images; expected CVAT for video 1.1: export the task anew".into()));
+    }
+    let mut boxes = Boxes::default();
+    let (mut filled, mut labels) = (0, std::collections::BTreeSet::new());
+    for track in root.children().filter(|n| n.has_tag_name("track")) {
+        let id = number(&track, "id").map_err(wrong)? as i64;
+        labels.extend(track.attribute("label"));
+        let mut shapes = BTreeMap::new();
+        for shape in track.children().filter(|n| n.has_tag_name("box")) {
+            let frame = frame(&shape).map_err(wrong)?;
+            let inside = shape.attribute("outside") != Some("1");
+            shapes.insert(frame, inside.then_some(corners(&shape).map_err(wrong)?));
+        }
+        let end = shapes.keys().next_back().map_or(0, |last| last + 1);
+        boxes.frames = boxes.frames.max(end);
+        let mut next = shapes.iter().skip(1);
+        for (frame, bbox) in &shapes {
+            let (&until, to) = next.next().unwrap_or((&end, &None));
+            let Some(bbox) = bbox else { continue };
+            for t in *frame..until {
+                let share = (t - frame) as f64 / (until - frame) as f64;
+                let bbox = between(bbox, to.as_ref().unwrap_or(bbox), share);
+                boxes.tracks.push(TrackBox { frame: t, id, bbox, confidence: 1.0 });
+            }
+            filled += until - frame - 1;
+        }
+    }
+    let count = |such: &dyn Fn(&Node<'_, '_>) -> bool| document.descendants().filter(|n| such(n)).count();
+    let sized =
+        document.descendants().find(|n| n.has_tag_name("size")).and_then(|n| n.text()?.trim().parse::<usize>().ok());
+    boxes.frames = boxes.frames.max(sized.filter(|size| *size <= MOST).unwrap_or(0));
+    boxes.lose(filled, "boxes between key frames are interpolated");
+    boxes.lose(if labels.len() > 1 { labels.len() } else { 0 }, "labels are left out");
+    boxes.lose(
+        count(&|n| n.has_tag_name("box") && n.attribute("occluded") == Some("1")),
+        "boxes are occluded; that is left out",
+    );
+    let turned = |n: &Node<'_, '_>| n.attribute("rotation").is_some_and(|r| r.parse() != Ok(0.0));
+    boxes.lose(count(&|n| n.has_tag_name("box") && turned(n)), "boxes are rotated; they are taken upright");
+    let shape = |n: &Node<'_, '_>| {
+        ["polygon", "polyline", "points", "ellipse", "mask", "cuboid", "skeleton"].iter().any(|s| n.has_tag_name(*s))
+    };
+    boxes.lose(count(&shape), "shapes other than boxes are left out");
+    Ok(boxes)
+}
+
+fn number(node: &Node<'_, '_>, name: &str) -> std::result::Result<f64, String> {
+    let text = node.attribute(name).unwrap_or_default();
+    let number = text.parse::<f64>().ok().filter(|n| n.abs() < 1e9);
+    number.ok_or_else(|| {
+        let line = node.document().text_pos_at(node.range().start).row;
+        format!("line {line}: expected <{} {name}=\"NUMBER\">, found \"{text:.40}\"", node.tag_name().name())
+    })
+}
+
+fn frame(node: &Node<'_, '_>) -> std::result::Result<usize, String> {
+    let value = number(node, "frame")?;
+    if value >= 0.0 && value.fract() == 0.0 && value < MOST as f64 {
+        return Ok(value as usize);
+    }
+    Err(format!("frame {value}: expected a whole number from 0 on"))
+}
+
+fn corners(node: &Node<'_, '_>) -> std::result::Result<BBox, String> {
+    let [left, top, right, bottom] = ["xtl", "ytl", "xbr", "ybr"].map(|name| number(node, name));
+    let bbox = BBox::from_corners(left?, top?, right?, bottom?);
+    bbox.check().map_err(|e| format!("frame {}: {e}", node.attribute("frame").unwrap_or_default())).map(|()| bbox)
+}
+
+fn between(a: &BBox, b: &BBox, share: f64) -> BBox {
+    let mix = |a: f64, b: f64| if share == 0.0 { a } else { a + share * (b - a) };
+    BBox::new(mix(a.x, b.x), mix(a.y, b.y), mix(a.w, b.w), mix(a.h, b.h))
+}
+
+/// Every box is a key frame; a box outside ends each stretch.
+pub fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
+    boxes.lose_confidence();
+    let unknown = boxes.tracks.iter().filter(|b| b.id < 0).count();
+    if unknown > 0 {
+        let problem = format!("{unknown} boxes have no id (-1); CVAT for video holds tracks, not detections");
+        return Err(Error::Invalid(problem));
+    }
+    let mut xml = format!(
+        "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<annotations>\n  <version>1.1</version>\n  <meta><task><size>{}</size></task></meta>\n",
+        boxes.frames
+    );
+    for id in boxes.ids() {
+        let own: Vec<&TrackBox> = boxes.tracks.iter().filter(|b| b.id == id).collect();
+        let _ = writeln!(xml, "  <track id=\"{id}\" label=\"object\" source=\"auto\">");
+        for (i, b) in own.iter().enumerate() {
+            shape(&mut xml, b.frame, &b.bbox, false);
+            let next = own.get(i + 1).map_or(boxes.frames, |next| next.frame);
+            if next > b.frame + 1 {
+                shape(&mut xml, b.frame + 1, &b.bbox, true);
+            }
+        }
+        xml.push_str("  </track>\n");
+    }
+    xml.push_str("</annotations>\n");
+    boxes.lost.push("the label is \"object\": CVAT needs one; name yours in the task or in the file".into());
+    files::write(path, xml.as_bytes())
+}
+
+fn shape(xml: &mut String, frame: usize, b: &BBox, outside: bool) {
+    let (right, bottom, outside) = (b.x + b.w, b.y + b.h, u8::from(outside));
+    let _ = writeln!(
+        xml,
+        "    <box frame=\"{frame}\" outside=\"{outside}\" occluded=\"0\" keyframe=\"1\" xtl=\"{}\" ytl=\"{}\" xbr=\"{right}\" \
+         ybr=\"{bottom}\" z_order=\"0\"/>",
+        b.x, b.y
+    );
+}

@@ -1,0 +1,76 @@
+//! Formats of one target: OTB, VOT, GOT-10k.
+
+use std::path::Path;
+
+use foveate::video::mot::TrackBox;
+use foveate::video::{annotation, vot};
+use foveate::{BBox, Error, Result, files};
+
+use super::{Boxes, Format};
+
+/// The id of the only target.
+const ID: i64 = 1;
+
+pub fn read(format: Format, path: &Path) -> Result<Boxes> {
+    let mut boxes = Boxes::default();
+    let mut truth = match format {
+        Format::Vot => {
+            boxes.lose(polygons(path)?, "polygons became the boxes about them");
+            vot::read_truth(path)?
+        }
+        _ => annotation::read_boxes(path)?,
+    };
+    let empty = truth.iter_mut().filter(|b| b.is_some_and(|b| b.w <= 0.0 || b.h <= 0.0));
+    boxes.lose(empty.map(|b| *b = None).count(), "boxes without area are left out");
+    let labels = path.with_file_name("absence.label");
+    if format == Format::Got10k && labels.is_file() {
+        let absent = annotation::read_numbers(&labels)?;
+        if absent.len() != truth.len() {
+            let problem = format!("expected a label for each of {} boxes, found {}", truth.len(), absent.len());
+            return Err(Error::malformed(labels, problem));
+        }
+        let hidden = truth.iter_mut().zip(absent).filter(|(bbox, absent)| bbox.is_some() && *absent != 0.0);
+        boxes.lose(hidden.map(|(bbox, _)| *bbox = None).count(), "boxes are left out: absence.label says absent");
+    }
+    let tracks = truth.iter().enumerate().filter_map(|(frame, bbox)| {
+        let bbox = (*bbox)?;
+        Some(TrackBox { frame, id: ID, bbox, confidence: 1.0 })
+    });
+    boxes.tracks = tracks.collect();
+    boxes.frames = truth.len();
+    Ok(boxes)
+}
+
+/// Lines that are polygons.
+fn polygons(path: &Path) -> Result<usize> {
+    let text = std::fs::read_to_string(path).map_err(Error::io(path, "cannot read"))?;
+    Ok(text.lines().filter(|line| line.split(',').count() > 4).count())
+}
+
+pub fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {
+    let ids: Vec<i64> = boxes.ids().into_iter().collect();
+    if let [_, _, ..] | [..=-1] = ids[..] {
+        let all: Vec<String> = ids.iter().take(20).map(i64::to_string).collect();
+        let (n, all) = (ids.len(), all.join(", "));
+        return Err(Error::Invalid(format!(
+            "{n} targets ({all}) for a format of one; choose one with --id (0 or more)"
+        )));
+    }
+    boxes.lose(ids.iter().filter(|id| **id != ID).count(), "id other than 1 is left out");
+    boxes.lose_confidence();
+    let mut truth = vec![None; boxes.frames];
+    boxes.tracks.iter().for_each(|b| truth[b.frame] = Some(b.bbox));
+    let text = match format {
+        Format::Vot => vot::format_truth(&truth),
+        Format::Got10k => {
+            // Its toolkit reads numbers alone; absence.label says where they mean nothing.
+            let labels: String = truth.iter().map(|b| if b.is_some() { "0\n" } else { "1\n" }).collect();
+            files::write(path.with_file_name("absence.label"), labels.as_bytes())?;
+            let filled: Vec<BBox> =
+                truth.iter().map(|b| b.unwrap_or(BBox::counted_from_1(0.0, 0.0, 0.0, 0.0))).collect();
+            annotation::format_boxes(&filled)
+        }
+        _ => annotation::format_truth(&truth),
+    };
+    files::write(path, text.as_bytes())
+}

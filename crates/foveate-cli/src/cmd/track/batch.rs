@@ -1,0 +1,201 @@
+//! `foveate track` of many videos: a folder each, finished ones passed over, failures listed, an index with the worst first.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+use foveate::{Error, Result, files, quiet};
+use serde::{Deserialize, Serialize};
+
+use super::{Args, Tally, one};
+
+/// What is known of the videos so far, for a second call and for programs.
+const LIST: &str = "runs.json";
+
+#[derive(Serialize, Deserialize)]
+struct Runs {
+    /// The command without its videos: runs of other settings do not mix.
+    settings: String,
+    /// By the name of the video's folder.
+    runs: BTreeMap<String, Run>,
+}
+
+/// What became of a video.
+#[derive(Serialize, Deserialize)]
+struct Run {
+    source: PathBuf,
+    #[serde(flatten)]
+    tally: Tally,
+    error: Option<String>,
+}
+
+impl Run {
+    /// Failures first, then by the share of frames in which the box is doubtful or lost, then of lost ones.
+    fn badness(&self) -> (bool, f64, f64) {
+        let share = |n: usize| n as f64 / self.tally.frames.max(1) as f64;
+        (
+            self.error.is_some(),
+            share(self.tally.uncertain_frames + self.tally.lost_frames),
+            share(self.tally.lost_frames),
+        )
+    }
+}
+
+/// Tracks through each of `args.sources`.
+///
+/// # Errors
+/// An option is for one video, two videos have one name, the folder has runs of other settings; at the end, where videos failed.
+pub fn run(mut args: Args) -> Result<()> {
+    refuse(&args)?;
+    let (root, sources) = (args.out.clone(), std::mem::take(&mut args.sources));
+    let videos = named(&sources)?;
+    std::fs::create_dir_all(&root).map_err(Error::io(&root, "cannot make the folder for results"))?;
+    let mut runs = Runs::read(&root, settings(&sources))?;
+    let total = videos.len();
+    let mut finished = 0;
+    for (i, (name, source)) in videos.iter().enumerate() {
+        let out = root.join(name);
+        let done = runs.runs.get(name).is_some_and(|run| run.error.is_none() && run.source == **source);
+        if done && out.join("run.json").is_file() {
+            finished += 1;
+            continue;
+        }
+        eprintln!("{} of {total}: {}", i + 1, source.display());
+        (args.source, args.out) = ((*source).clone(), out);
+        // What a damaged video does to one run must not end the others.
+        let result = quiet::catch(|| one(&args)).unwrap_or_else(|panic| Err(Error::Invalid(panic)));
+        let (tally, error) = match result {
+            Ok(tally) => (tally, None),
+            Err(error) => (Tally::default(), Some(error.to_string())),
+        };
+        if let Some(error) = &error {
+            eprintln!("foveate: {error}");
+        }
+        runs.runs.insert(name.clone(), Run { source: (*source).clone(), tally, error });
+        runs.write(&root)?;
+    }
+    runs.write(&root)?;
+    let failed = videos.keys().filter(|name| runs.runs.get(*name).is_some_and(|run| run.error.is_some())).count();
+    say!("{total} videos: {finished} finished before, {} tracked now, {failed} failed.", total - finished - failed);
+    say!("{}: index.html, {LIST}{}", root.display(), if failed > 0 { ", failures.txt" } else { "" });
+    if failed > 0 {
+        let list = root.join("failures.txt");
+        return Err(Error::Invalid(format!(
+            "{failed} of {total} videos failed: see {}; the same command tries them again",
+            list.display()
+        )));
+    }
+    Ok(())
+}
+
+/// Refuses what means one video.
+fn refuse(args: &Args) -> Result<()> {
+    let many = &args.many;
+    let given = [
+        (args.stream.is_some(), "--stream"),
+        (args.load_state.is_some(), "--load-state"),
+        (args.save_state.is_some(), "--save-state"),
+        (!args.reinit.is_empty(), "--reinit"),
+        (many.detections.is_some(), "--detections"),
+        (many.save_detections.is_some(), "--save-detections"),
+        (many.inits.is_some(), "--inits"),
+    ];
+    match given.iter().find(|(given, _)| *given) {
+        Some((_, name)) => Err(Error::Invalid(format!("{name} is for one video; give one, or leave it out"))),
+        None => Ok(()),
+    }
+}
+
+/// The videos by the names of their folders: the file's name without its ending.
+fn named(sources: &[PathBuf]) -> Result<BTreeMap<String, &PathBuf>> {
+    let mut named = BTreeMap::new();
+    for source in sources {
+        let whole = std::path::absolute(source).map_err(Error::io(source, "cannot find"))?;
+        let name = if whole.is_dir() { whole.file_name() } else { whole.file_stem() };
+        let name = name.unwrap_or_default().to_string_lossy().into_owned();
+        if name.is_empty() || super::source::is_endless(source) {
+            return Err(Error::malformed(source, "expected video files or folders of images; track it alone"));
+        }
+        if let Some(other) = named.insert(name.clone(), source) {
+            let problem = format!("its results would be in {name}, as those of {}; rename one", other.display());
+            return Err(Error::malformed(source, problem));
+        }
+    }
+    Ok(named)
+}
+
+/// The command without the videos.
+fn settings(sources: &[PathBuf]) -> String {
+    let videos: BTreeSet<String> = sources.iter().map(|s| s.to_string_lossy().into_owned()).collect();
+    crate::invocation::words().filter(|word| !videos.contains(word)).collect::<Vec<_>>().join(" ")
+}
+
+impl Runs {
+    fn read(root: &Path, settings: String) -> Result<Self> {
+        let path = root.join(LIST);
+        if !path.is_file() {
+            return Ok(Self { settings, runs: BTreeMap::new() });
+        }
+        let text = std::fs::read_to_string(&path).map_err(Error::io(&path, "cannot read"))?;
+        let runs: Self = serde_json::from_str(&text)
+            .map_err(|e| Error::malformed(&path, format!("not a list of runs ({e}); give another --out")))?;
+        if runs.settings != settings {
+            let problem = format!(
+                "it lists runs of `foveate {}`, this is `foveate {settings}`; give another --out",
+                runs.settings
+            );
+            return Err(Error::malformed(path, problem));
+        }
+        Ok(runs)
+    }
+
+    fn write(&self, root: &Path) -> Result<()> {
+        let text = serde_json::to_string_pretty(self).map_err(|e| Error::Invalid(e.to_string()))?;
+        files::write(root.join(LIST), (text + "\n").as_bytes())?;
+        files::write(root.join("index.html"), self.page(root).as_bytes())?;
+        let failures = root.join("failures.txt");
+        let failed = self.runs.values().filter_map(|run| Some((run.source.display(), run.error.as_ref()?)));
+        let lines: String = failed.map(|(source, error)| format!("{source}\t{}\n", error.replace('\n', " "))).collect();
+        if lines.is_empty() {
+            // It may never have been there.
+            let _ = std::fs::remove_file(failures);
+            return Ok(());
+        }
+        files::write(failures, lines.as_bytes())
+    }
+
+    /// A table with the worst first.
+    fn page(&self, root: &Path) -> String {
+        let mut order: Vec<(&String, &Run)> = self.runs.iter().collect();
+        order.sort_by(|(_, a), (_, b)| b.badness().partial_cmp(&a.badness()).expect("finite numbers"));
+        let mut rows = String::new();
+        for (name, run) in order {
+            let Tally { frames, uncertain_frames, lost_frames } = run.tally;
+            let report = if root.join(name).join("report.html").is_file() { "report.html" } else { "" };
+            let (link, shown) = (address(name), escape(name));
+            let said = run.error.as_ref().map_or_else(
+                || format!("<td>{frames}<td>{uncertain_frames}<td>{lost_frames}<td>{:.1}<td>", 100.0 * run.badness().1),
+                |error| format!("<td><td><td><td><td>{}", escape(error)),
+            );
+            let _ = writeln!(rows, "<tr><td><a href=\"{link}/{report}\">{shown}</a>{said}");
+        }
+        format!(
+            "<!doctype html><meta charset=\"utf-8\"><title>Runs</title>\n<style>body{{font:15px sans-serif;margin:2em}}\
+             td,th{{padding:.2em .8em;text-align:right}}td:first-child,td:last-child{{text-align:left}}</style>\n\
+             <h1>{} videos, the worst first</h1>\n<p>Failures come first, then videos by the share of frames in which the box is \
+             doubtful or the target lost.</p>\n<table><tr><th>video<th>frames<th>uncertain<th>lost<th>uncertain or lost, %<th>error\n\
+             {rows}</table>\n",
+            self.runs.len()
+        )
+    }
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}
+
+/// A folder's name in an address.
+fn address(name: &str) -> String {
+    let plain = |b: u8| b.is_ascii_alphanumeric() || b"-_.~".contains(&b);
+    name.bytes().map(|b| if plain(b) { char::from(b).to_string() } else { format!("%{b:02X}") }).collect()
+}

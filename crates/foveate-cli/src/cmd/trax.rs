@@ -1,0 +1,188 @@
+//! `foveate trax`: a tracker for vot-toolkit and other clients of the TraX protocol.
+
+mod message;
+mod region;
+
+use std::io::{BufReader, Write};
+use std::path::Path;
+
+use foveate::config::Blueprint;
+use foveate::scene::Image;
+use foveate::video::read_image;
+use foveate::{BBox, Error, Result, Tracker};
+
+use super::configure::{Changes, Profile, config_name, read};
+use message::Message;
+
+/// At most so many objects in a session: each is a tracker.
+const MOST: usize = 256;
+
+/// Track for a client of the TraX protocol, on standard input and output.
+///
+/// Images are paths of PNG or JPEG files (`file://...`), regions are rectangles or polygons, pixels counted from 0. Answers are
+/// rectangles with the property `confidence`, 1 - P(lost). A polygon becomes the axis-aligned box about it.
+///
+/// Version 3 of the protocol has one object. With --objects it is version 4: several objects, each with a tracker of its own.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A configuration file, or the name of one that ships with the program; natural if left out
+    #[arg(long, short, value_name = "FILE|NAME")]
+    config: Option<String>,
+    /// How much time a frame may take, where no configuration is given
+    #[arg(long, value_enum, conflicts_with = "config")]
+    profile: Option<Profile>,
+    #[command(flatten)]
+    changes: Changes,
+    /// Seed of all random numbers. Left out, the configuration's seed is taken
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Take several objects: version 4 of the protocol
+    #[arg(long)]
+    objects: bool,
+}
+
+pub fn run(args: Args) -> Result<()> {
+    let name = config_name(args.config.as_deref(), args.profile);
+    let (config, folder) = read(name, &args.changes)?;
+    let blueprint = config.check(&folder)?;
+    let seed = args.seed.unwrap_or(blueprint.config().seed);
+    // What else is said goes to standard error.
+    crate::terminal::give_output();
+    let mut output = std::io::stdout().lock();
+    let mut session =
+        Session { blueprint, seed, several: args.objects, planes: None, objects: vec![], pending: vec![] };
+    let ended = session.serve(&mut BufReader::new(std::io::stdin().lock()), &mut output);
+    if let Err(error) = &ended {
+        // Where the client has gone there is nobody to be told.
+        let _ = send(&mut output, &message::format("quit", &[], &[("trax.reason", &error.to_string())]));
+    }
+    ended
+}
+
+/// A client's objects.
+struct Session {
+    blueprint: Blueprint,
+    seed: u64,
+    /// Whether version 4 of the protocol is spoken.
+    several: bool,
+    /// Planes of the first picture: grey and colour are converted into each other, as in a folder of images.
+    planes: Option<usize>,
+    objects: Vec<Tracker>,
+    /// Objects of version 4 that wait for their picture.
+    pending: Vec<BBox>,
+}
+
+impl Session {
+    fn serve(&mut self, input: &mut impl std::io::BufRead, output: &mut impl Write) -> Result<()> {
+        let version = if self.several { "4" } else { "3" };
+        let mut hello = vec![
+            ("trax.version", version),
+            ("trax.name", "foveate"),
+            ("trax.description", concat!("foveate ", env!("CARGO_PKG_VERSION"))),
+            ("trax.image", "path;"),
+            ("trax.region", "rectangle;polygon;"),
+            ("trax.channels", "color;"),
+        ];
+        if self.several {
+            hello.push(("trax.multiobject", "1"));
+        }
+        send(output, &message::format("hello", &[], &hello))?;
+        while let Some(message) = message::next(input)? {
+            let Message { kind, arguments, .. } = &message;
+            let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+            let answer = match (kind.as_str(), self.several, &arguments[..]) {
+                ("quit", _, _) => return Ok(()),
+                ("initialize", false, [image, region]) => {
+                    self.clear();
+                    self.pending.push(region::parse(region)?);
+                    self.frame(image)?
+                }
+                ("initialize", true, []) => {
+                    self.clear();
+                    continue;
+                }
+                ("initialize", true, [region]) => {
+                    if self.objects.len() + self.pending.len() >= MOST {
+                        return Err(Error::Invalid(format!(
+                            "more than {MOST} objects; start another process for more"
+                        )));
+                    }
+                    self.pending.push(region::parse(region)?);
+                    continue;
+                }
+                ("frame", _, [image]) if !(self.objects.is_empty() && self.pending.is_empty()) => self.frame(image)?,
+                ("frame", _, [_]) => {
+                    return Err(Error::Invalid("a frame before any object; send initialize first".into()));
+                }
+                _ => return Err(unexpected(&message, self.several)),
+            };
+            send(output, &answer)?;
+        }
+        Ok(())
+    }
+
+    fn clear(&mut self) {
+        self.objects.clear();
+        self.pending.clear();
+        self.planes = None;
+    }
+
+    /// Shows a picture to every object, starts those that wait for it, and answers the states of all in order.
+    fn frame(&mut self, uri: &str) -> Result<String> {
+        let image = self.picture(uri)?;
+        let mut answer = String::new();
+        for tracker in &mut self.objects {
+            let seen = tracker.update(&image)?;
+            answer += &state(&seen.bbox, 1.0 - seen.p_lost);
+        }
+        for bbox in self.pending.drain(..) {
+            let mut tracker = self.blueprint.tracker_of(self.seed, self.objects.len() as u64)?;
+            tracker.init(&image, bbox)?;
+            self.objects.push(tracker);
+            answer += &state(&bbox, 1.0);
+        }
+        Ok(answer)
+    }
+
+    fn picture(&mut self, uri: &str) -> Result<Image> {
+        let image = read_image(Path::new(path(uri)?))?;
+        let planes = *self.planes.get_or_insert(image.planes());
+        match (planes, image.planes()) {
+            (1, 3) => Ok(image.to_grey()),
+            (3, 1) => Image::new(image.width(), image.height(), 3, image.bytes().repeat(3)),
+            _ => Ok(image),
+        }
+    }
+}
+
+/// The path in an image's address. As in libtrax nothing in it is escaped.
+fn path(uri: &str) -> Result<&str> {
+    if let Some(rest) = uri.strip_prefix("file:") {
+        return Ok(rest.strip_prefix("//").unwrap_or(rest));
+    }
+    let scheme = uri.split_once(':').map(|(scheme, _)| scheme);
+    match scheme.filter(|s| s.len() > 1 && s.bytes().all(|b| b.is_ascii_lowercase() || b == b'+')) {
+        Some(scheme) => Err(Error::Invalid(format!(
+            "an image as {scheme}:...; expected a path, file:///folder/image.jpg, as the hello message says (trax.image=path)"
+        ))),
+        None => Ok(uri),
+    }
+}
+
+fn unexpected(message: &Message, several: bool) -> Error {
+    let expected = match several {
+        false => "initialize IMAGE REGION, frame IMAGE or quit",
+        true => "initialize REGION, initialize, frame IMAGE or quit",
+    };
+    let (kind, n) = (message.kind.chars().take(40).collect::<String>(), message.arguments.len());
+    Error::Invalid(format!("expected {expected}, found \"{kind}\" with {n} arguments"))
+}
+
+fn state(bbox: &BBox, confidence: f64) -> String {
+    message::format("state", &[&region::format(bbox)], &[("confidence", &format!("{confidence:.4}"))])
+}
+
+fn send(output: &mut impl Write, text: &str) -> Result<()> {
+    let sent = output.write_all(text.as_bytes()).and_then(|()| output.flush());
+    sent.map_err(|e| Error::Invalid(format!("cannot write to standard output: {e}")))
+}

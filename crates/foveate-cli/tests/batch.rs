@@ -1,0 +1,78 @@
+//! `foveate track` of many videos.
+
+mod place;
+use place::{Place, errors};
+
+/// Three short videos: one with its truth, one without a box, one damaged.
+fn videos(place: &Place) {
+    for name in ["a", "b"] {
+        let made = place.run(&["synth", "clutter", "--frames", "6", "--out", &format!("videos/{name}")]);
+        assert!(made.status.success(), "{}", errors(&made));
+    }
+    std::fs::create_dir(place.path("videos/c")).expect("a new folder");
+    std::fs::write(place.path("videos/c/0001.png"), "no picture").expect("written");
+    std::fs::write(place.path("videos/c/groundtruth_rect.txt"), "1,1,9,9\n").expect("written");
+}
+
+fn text(place: &Place, name: &str) -> String {
+    String::from_utf8(place.read(name)).expect("text")
+}
+
+#[test]
+fn many_videos_have_a_folder_each() {
+    let place = Place::new();
+    videos(&place);
+    let all = ["videos/a", "videos/b", "videos/c"];
+    let run = place.track("runs", &all);
+    let said = errors(&run);
+    assert!(!run.status.success() && said.contains("1 of 3 videos failed") && !said.contains("panicked"), "{said}");
+    // The same as alone.
+    let alone = place.boxes("alone", &["videos/b"]);
+    assert_eq!(place.read("runs/b/boxes.txt"), alone);
+    assert!(place.path("runs/a/run.json").is_file() && !place.path("runs/c").exists());
+    let failures = text(&place, "runs/failures.txt");
+    assert!(failures.starts_with("videos/c\t") && failures.contains("0001.png"), "{failures}");
+    let page = text(&place, "runs/index.html");
+    let at = |name: &str| page.find(&format!(">{name}</a>")).expect(name);
+    assert!(at("c") < at("a") && at("c") < at("b"), "failures come first: {page}");
+
+    // Again: those that are finished stay, the mended one is made.
+    let before = std::fs::metadata(place.path("runs/a/boxes.txt")).and_then(|m| m.modified()).expect("a time");
+    std::fs::remove_dir_all(place.path("videos/c")).expect("removed");
+    let made = place.run(&["synth", "clutter", "--frames", "6", "--seed", "2", "--out", "videos/c"]);
+    assert!(made.status.success(), "{}", errors(&made));
+    let run = place.track("runs", &all);
+    assert!(run.status.success(), "{}", errors(&run));
+    let said = String::from_utf8_lossy(&run.stdout).into_owned();
+    assert!(said.contains("3 videos: 2 finished before, 1 tracked now, 0 failed."), "{said}");
+    let after = std::fs::metadata(place.path("runs/a/boxes.txt")).and_then(|m| m.modified()).expect("a time");
+    assert!(after == before && !place.path("runs/failures.txt").exists());
+    let list: serde_json::Value = serde_json::from_str(&text(&place, "runs/runs.json")).expect("JSON");
+    assert_eq!((&list["runs"]["c"]["frames"], &list["runs"]["c"]["error"]), (&6.into(), &serde_json::Value::Null));
+
+    // Other settings do not mix.
+    let other = place.track("runs", &[&all[..], &["--seed", "5"]].concat());
+    assert!(!other.status.success() && errors(&other).contains("give another --out"), "{}", errors(&other));
+}
+
+#[test]
+fn what_means_one_video_is_refused() {
+    let place = Place::new();
+    videos(&place);
+    assert!(place.failure(&["videos/a", "videos/b", "--stream"]).contains("--stream is for one video"));
+    assert!(place.failure(&["videos/a", "videos/b", "--reinit", "3:1,1,20,20"]).contains("--reinit is for one video"));
+    assert!(place.failure(&["videos/a", "video/../videos/a"]).contains("rename one"));
+    assert!(place.failure(&["videos/a", "-"]).contains("track it alone"));
+}
+
+#[test]
+fn the_first_box_lies_beside_a_video() {
+    let place = Place::new();
+    let made = place.run(&["synth", "multi", "--frames", "5", "--out", "multi", "--video", "one.mp4"]);
+    if !made.status.success() {
+        return println!("skipped: {}", errors(&made));
+    }
+    assert!(place.failure(&["one.mp4"]).contains("no box to start from"));
+    std::fs::write(place.path("one.txt"), "30,30,28,28\n").expect("written");
+    assert_eq!(place.boxes("beside", &["one.mp4"]), place.boxes("given", &["one.mp4", "--init", "30,30,28,28"]));
+}

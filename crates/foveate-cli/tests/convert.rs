@@ -1,0 +1,167 @@
+//! `foveate convert`: boxes there and back, and what is lost on the way.
+
+use std::process::{Command, Output};
+
+struct Place(tempfile::TempDir);
+
+impl Place {
+    fn new() -> Self {
+        Self(tempfile::tempdir().expect("a temporary folder"))
+    }
+    fn write(&self, name: &str, text: &str) {
+        std::fs::write(self.0.path().join(name), text).expect("written");
+    }
+    fn read(&self, name: &str) -> String {
+        std::fs::read_to_string(self.0.path().join(name)).expect("it was written")
+    }
+    fn run(&self, input: &str, from: &str, output: &str, to: &str, more: &[&str]) -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
+        command.current_dir(self.0.path()).args(["convert", input, output, "--from", from, "--to", to]).args(more);
+        command.output().expect("it starts")
+    }
+    /// Converts; answers what was said to be lost.
+    fn convert(&self, input: &str, from: &str, output: &str, to: &str, more: &[&str]) -> String {
+        let run = self.run(input, from, output, to, more);
+        let errors = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert!(run.status.success(), "{from} to {to}: {errors}");
+        errors
+    }
+    fn failure(&self, input: &str, from: &str, to: &str) -> String {
+        let run = self.run(input, from, "failed", to, &[]);
+        let errors = String::from_utf8_lossy(&run.stderr).into_owned();
+        assert!(!run.status.success() && !errors.contains("panicked"), "{from} to {to}: {errors}");
+        assert!(!self.0.path().join("failed").exists());
+        errors
+    }
+}
+
+const OTB: &str = "1,2,30,40\n2.5,2,30,40\nNaN,NaN,NaN,NaN\n4,5,6.25,7\nNaN,NaN,NaN,NaN\n";
+
+#[test]
+fn one_target_goes_everywhere_and_comes_back() {
+    let place = Place::new();
+    place.write("boxes.txt", OTB);
+    for format in ["otb", "vot", "got10k", "mot", "coco", "cvat"] {
+        place.convert("boxes.txt", "otb", "there", format, &[]);
+        place.convert("there", format, "back.txt", "otb", &[]);
+        // MOTChallenge's text has no length: the last frame, without a box, is gone.
+        let end = if format == "mot" { OTB.len() - "NaN,NaN,NaN,NaN\n".len() } else { OTB.len() };
+        assert_eq!(place.read("back.txt"), OTB[..end], "{format}");
+    }
+    assert!(place.convert("boxes.txt", "otb", "a", "mot", &[]).contains("1 frames after the last box are left out"));
+    place.convert("boxes.txt", "otb", "a", "vot", &[]);
+    assert!(place.read("a").starts_with("0,1,30,40\n1.5,1,30,40\nnan,nan,nan,nan\n"), "VOT counts from 0");
+    place.convert("boxes.txt", "otb", "a", "got10k", &[]);
+    assert_eq!(place.read("absence.label"), "0\n0\n1\n0\n1\n");
+    assert!(place.read("a").contains("\n0,0,0,0\n"));
+    place.convert("boxes.txt", "otb", "a", "cvat", &[]);
+    let cvat = place.read("a");
+    assert!(cvat.contains(
+        "frame=\"1\" outside=\"0\" occluded=\"0\" keyframe=\"1\" xtl=\"1.5\" ytl=\"1\" xbr=\"31.5\" ybr=\"41\""
+    ));
+    assert!(cvat.contains("frame=\"2\" outside=\"1\"") && cvat.contains("<size>5</size>"), "{cvat}");
+}
+
+#[test]
+fn many_targets_keep_their_ids() {
+    let place = Place::new();
+    let text = "1,3,1,1,5,5,1,-1,-1,-1\n1,7,20,1,5,5.5,1,-1,-1,-1\n3,3,2,1,5,5,1,-1,-1,-1\n";
+    place.write("gt.txt", text);
+    for format in ["coco", "cvat"] {
+        place.convert("gt.txt", "mot", "there", format, &[]);
+        place.convert("there", format, "back.txt", "mot", &[]);
+        assert_eq!(place.read("back.txt"), text, "{format}");
+    }
+    assert!(
+        place.failure("gt.txt", "mot", "otb").contains("2 targets (3, 7) for a format of one; choose one with --id")
+    );
+    let lost = place.convert("gt.txt", "mot", "one.txt", "otb", &["--id", "7"]);
+    assert!(lost.contains("id other than 1 is left out"), "{lost}");
+    assert_eq!(place.read("one.txt"), "20,1,5,5.5\nNaN,NaN,NaN,NaN\nNaN,NaN,NaN,NaN\n");
+}
+
+#[test]
+fn what_is_lost_is_told() {
+    let place = Place::new();
+    place.write("polygons.txt", "10,0,20,10,10,20,0,10\n0\n1,2,3,4\n");
+    assert!(
+        place.convert("polygons.txt", "vot", "a.txt", "otb", &[]).contains("1 polygons became the boxes about them")
+    );
+    assert_eq!(place.read("a.txt"), "1,1,20,20\nNaN,NaN,NaN,NaN\n2,3,3,4\n");
+    place.write("found.txt", "1,1,1,1,5,5,0.5\n");
+    assert!(place.convert("found.txt", "mot", "a.txt", "otb", &[]).contains("1 confidences other than 1"));
+    place.write(
+        "task.xml",
+        "<annotations><meta><size>6</size></meta><track id=\"0\" label=\"cat\">\
+         <box frame=\"0\" outside=\"0\" occluded=\"1\" xtl=\"0\" ytl=\"0\" xbr=\"10\" ybr=\"10\"/>\
+         <box frame=\"2\" outside=\"0\" rotation=\"5\" xtl=\"4\" ytl=\"0\" xbr=\"14\" ybr=\"12\"/>\
+         <box frame=\"4\" outside=\"1\" xtl=\"4\" ytl=\"0\" xbr=\"14\" ybr=\"12\"/></track>\
+         <track id=\"1\" label=\"dog\"><points frame=\"1\" points=\"1,1\"/></track></annotations>",
+    );
+    let lost = place.convert("task.xml", "cvat", "a.txt", "otb", &[]);
+    for said in [
+        "2 boxes between key frames are interpolated",
+        "2 labels",
+        "1 boxes are occluded",
+        "1 boxes are rotated",
+        "1 shapes other than boxes",
+    ] {
+        assert!(lost.contains(said), "{said}: {lost}");
+    }
+    let nan = "NaN,NaN,NaN,NaN\n";
+    assert_eq!(place.read("a.txt"), format!("1,1,10,10\n3,1,10,11\n5,1,10,12\n5,1,10,12\n{nan}{nan}"));
+    place.write(
+        "coco.json",
+        r#"{"images":[{"id":9},{"id":4}],"annotations":[{"image_id":9,"bbox":[0,0,2,3],"segmentation":[[1,2]]}]}"#,
+    );
+    let lost = place.convert("coco.json", "coco", "a.txt", "mot", &[]);
+    assert!(lost.contains("no track_id") && lost.contains("1 segmentations"), "{lost}");
+    assert_eq!(place.read("a.txt"), "2,-1,1,1,2,3,1,-1,-1,-1\n", "images are in the order of their ids");
+}
+
+#[test]
+fn damage_is_an_error_that_names_the_file() {
+    let place = Place::new();
+    for (text, from, to, said) in [
+        ("1,2,3\n", "otb", "mot", "line 1: expected x,y,w,h"),
+        ("1,2,3\n", "vot", "mot", "line 1: expected a rectangle"),
+        ("1,1,1,1,5,5\n1,1,2,2,5,5\n", "mot", "coco", "frame 1 has two boxes of the target 1"),
+        ("1,-1,1,1,5,5\n", "mot", "cvat", "no id (-1)"),
+        ("1,-1,1,1,5,5\n", "mot", "otb", "choose one with --id"),
+        ("900000000,1,1,1,5,5\n", "mot", "otb", "at most 1000000"),
+        ("{}", "coco", "mot", "expected COCO's images and annotations"),
+        (
+            r#"{"images":[],"annotations":[{"image_id":9,"bbox":[0,0,2,3]}]}"#,
+            "coco",
+            "mot",
+            "annotation 1: there is no image 9",
+        ),
+        (
+            r#"{"images":[{"id":9}],"annotations":[{"image_id":9,"bbox":[0,0,-2,3]}]}"#,
+            "coco",
+            "mot",
+            "annotation 1: a box is",
+        ),
+        ("<annotations><image/></annotations>", "cvat", "mot", "it is CVAT for images"),
+        ("<annotations>", "cvat", "mot", "expected XML of CVAT for video"),
+        (
+            "<annotations><track id=\"0\">\n<box frame=\"0\" xtl=\"a\"/></track></annotations>",
+            "cvat",
+            "mot",
+            "line 2: expected <box xtl=",
+        ),
+        (
+            "<annotations><track id=\"0\"><box frame=\"9999999\" xtl=\"0\"/></track></annotations>",
+            "cvat",
+            "mot",
+            "expected a whole number",
+        ),
+    ] {
+        place.write("in", text);
+        let problem = place.failure("in", from, to);
+        assert!(problem.contains(said), "{said}: {problem}");
+    }
+    assert!(place.failure("none", "otb", "vot").contains("none: cannot read"));
+    let same = place.run("in", "otb", "in", "vot", &[]);
+    assert!(!same.status.success());
+}
