@@ -196,10 +196,10 @@ impl App {
                 Ok(json!({}))
             }
             Message::Propose { session, frame, at } => self.with(session, |s| {
-                let (before, frame) = s.stills.pair(frame.saturating_sub(1))?;
+                let (other, frame) = s.stills.pair(frame.saturating_sub(1))?;
                 let frame = frame.ok_or_else(|| Error::Invalid("the video has no such frame; choose an earlier one".into()))?;
                 let at = at.filter(|(x, y)| x.is_finite() && y.is_finite());
-                let (b, from) = propose(before.as_ref().map(|f| &f.image), &frame.image, at);
+                let (b, from) = propose(other.as_ref().map(|f| &f.image), &frame.image, at);
                 Ok(json!({ "box": [b.x, b.y, b.w, b.h], "from": from }))
             }),
             Message::Start { session, frame, bbox, config, policy, seed } => {

@@ -17,12 +17,13 @@ const REACH: f32 = 0.5;
 const PLAIN: f64 = 0.15;
 
 /// A box about a place, or without one about what is most conspicuous; and where it comes from: `motion`, `saliency`, `size`.
-pub fn propose(before: Option<&Image>, image: &Image, at: Option<(f64, f64)>) -> (BBox, &'static str) {
+/// Motion is told by another frame, the one before or after.
+pub fn propose(other: Option<&Image>, image: &Image, at: Option<(f64, f64)>) -> (BBox, &'static str) {
     let size = (image.width(), image.height());
     let mut found = vec![];
-    if let Some(before) = before.filter(|before| before.shape() == image.shape()) {
+    if let Some(other) = other.filter(|other| other.shape() == image.shape()) {
         let mut flow = Flow::default();
-        flow.detect(before, &mut found);
+        flow.detect(other, &mut found);
         flow.detect(image, &mut found);
         if let Some(bbox) = about(flow.map(), &found, at, MOVES, Score::Mass, size) {
             return (bbox, "motion");

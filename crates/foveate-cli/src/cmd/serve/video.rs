@@ -159,10 +159,13 @@ impl Stills {
         Ok(self.kept.get(&index).cloned())
     }
 
-    /// Frames `index − 1` and `index`, decoded.
+    /// The frame before `index` (of the first one the next), and `index` itself, decoded.
     pub fn pair(&mut self, index: usize) -> Result<(Option<Arc<Frame>>, Option<Arc<Frame>>)> {
-        let before = index.checked_sub(1).map(|k| self.player.frame(k, |_| ())).transpose()?.flatten();
-        Ok((before, self.player.frame(index, |_| ())?))
+        if index == 0 {
+            let frame = self.player.frame(0, |_| ())?;
+            return Ok((self.player.frame(1, |_| ())?, frame));
+        }
+        Ok((self.player.frame(index - 1, |_| ())?, self.player.frame(index, |_| ())?))
     }
 
     fn keep(&mut self, frame: &Frame) {
@@ -233,6 +236,8 @@ mod tests {
         assert!(stills.kept.contains_key(&25), "frames before one that was asked for are there, too");
         let (before, at) = stills.pair(7).expect("readable");
         assert_eq!((before.map(|f| f.index), at.map(|f| f.index)), (Some(6), Some(7)));
+        let (next, first) = stills.pair(0).expect("readable");
+        assert_eq!((next.map(|f| f.index), first.map(|f| f.index)), (Some(1), Some(0)));
     }
 
     #[test]
