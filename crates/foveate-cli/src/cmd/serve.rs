@@ -97,10 +97,14 @@ pub fn run_pick(args: PickArgs) -> Result<()> {
 /// Refuses an address that others can reach without their being asked for, and a token that can be guessed.
 fn check(address: &SocketAddr, remote: bool, token: Option<&str>) -> Result<()> {
     let problem = if !address.ip().is_loopback() && !remote {
-        format!("--address {address}: other machines could reach it; give --allow-remote and --token, or an address of this machine alone (127.0.0.1:8080)")
+        format!(
+            "--address {address}: other machines could reach it; give --allow-remote and --token, or an address of this machine alone (127.0.0.1:8080)"
+        )
     } else if remote && token.is_none() {
         format!("--allow-remote needs --token SECRET (or $FOVEATE_TOKEN), of at least {LEAST_TOKEN} letters and digits")
-    } else if token.is_some_and(|t| t.len() < LEAST_TOKEN || !t.bytes().all(|b| b.is_ascii_alphanumeric() || b"-_".contains(&b))) {
+    } else if token
+        .is_some_and(|t| t.len() < LEAST_TOKEN || !t.bytes().all(|b| b.is_ascii_alphanumeric() || b"-_".contains(&b)))
+    {
         format!("the token is too short or has other signs; expected at least {LEAST_TOKEN} of a-z, A-Z, 0-9, - and _")
     } else {
         return Ok(());
@@ -108,7 +112,13 @@ fn check(address: &SocketAddr, remote: bool, token: Option<&str>) -> Result<()> 
     Err(Error::Invalid(problem))
 }
 
-fn start(paths: &[PathBuf], address: SocketAddr, token: Option<String>, page: &PageArgs, pick: Option<Pick>) -> Result<()> {
+fn start(
+    paths: &[PathBuf],
+    address: SocketAddr,
+    token: Option<String>,
+    page: &PageArgs,
+    pick: Option<Pick>,
+) -> Result<()> {
     // What is wrong with it is said before anybody draws a box.
     let (config, folder) = read(&page.config, &Changes { policy: page.policy.clone(), set: vec![] })?;
     config.check(&folder)?;
@@ -119,7 +129,8 @@ fn start(paths: &[PathBuf], address: SocketAddr, token: Option<String>, page: &P
     let pool = rayon::ThreadPoolBuilder::new().num_threads(rayon::current_num_threads()).build();
     let pool = pool.map_err(|e| Error::Invalid(format!("cannot start threads: {e}; give a smaller --threads")))?;
     let name = address.to_string();
-    let listener = TcpListener::bind(address).map_err(Error::io(&name, "cannot listen there; give another --address"))?;
+    let listener =
+        TcpListener::bind(address).map_err(Error::io(&name, "cannot listen there; give another --address"))?;
     let bound = listener.local_addr().map_err(Error::io(&name, "cannot listen there"))?;
     let guard = Guard { port: bound.port(), remote: !address.ip().is_loopback(), token };
     let done = pick.as_ref().map_or_else(Arc::<AtomicBool>::default, |pick| Arc::clone(&pick.done));
@@ -134,7 +145,8 @@ fn start(paths: &[PathBuf], address: SocketAddr, token: Option<String>, page: &P
         sessions: Mutex::new(Sessions::default()),
     });
     terminal::catch_interrupts();
-    let stop: Arc<dyn Fn() -> bool + Send + Sync> = Arc::new(move || terminal::stopping() || done.load(Ordering::SeqCst));
+    let stop: Arc<dyn Fn() -> bool + Send + Sync> =
+        Arc::new(move || terminal::stopping() || done.load(Ordering::SeqCst));
     let answering = Arc::clone(&app);
     let answer: Arc<server::Answer> = Arc::new(move |request| answering.answer(request));
     let served = server::serve(&listener, &answer, &stop);

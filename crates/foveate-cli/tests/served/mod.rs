@@ -25,7 +25,8 @@ impl Server {
         let mut lines = BufReader::new(child.stderr.take().expect("a pipe"));
         let mut first = String::new();
         lines.read_line(&mut first).expect("it says where");
-        let url = first.split_whitespace().find(|word| word.starts_with("http://")).unwrap_or_else(|| panic!("{first}"));
+        let url =
+            first.split_whitespace().find(|word| word.starts_with("http://")).unwrap_or_else(|| panic!("{first}"));
         let port = url.rsplit_once(':').and_then(|(_, rest)| rest.split('/').next()).and_then(|port| port.parse().ok());
         let said = Arc::new(Mutex::new(first.clone()));
         let more = Arc::clone(&said);

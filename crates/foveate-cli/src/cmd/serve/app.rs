@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use foveate::config::{Blueprint, BUILTIN, Config};
+use foveate::config::{BUILTIN, Blueprint, Config};
 use foveate::geometry::BBox;
 use foveate::{Error, Result};
 use serde::Deserialize;
@@ -71,18 +71,62 @@ struct Session {
 #[serde(tag = "op", rename_all = "snake_case", deny_unknown_fields)]
 enum Message {
     Hello {},
-    List { path: String },
-    Open { path: String },
-    Close { session: u64 },
-    Propose { session: u64, frame: usize, at: Option<(f64, f64)> },
-    Start { session: u64, frame: usize, #[serde(rename = "box")] bbox: [f64; 4], config: String, policy: Option<String>, seed: Option<u64> },
-    Step { session: u64, frames: usize },
-    Detail { session: u64, frame: usize },
-    Correct { session: u64, frame: usize, #[serde(rename = "box")] bbox: [f64; 4] },
-    Command { session: u64 },
-    Picked { session: u64, frame: usize, #[serde(rename = "box")] bbox: [f64; 4], config: String, policy: Option<String> },
-    Save { session: u64, film: bool, report: bool },
-    Saved { session: u64 },
+    List {
+        path: String,
+    },
+    Open {
+        path: String,
+    },
+    Close {
+        session: u64,
+    },
+    Propose {
+        session: u64,
+        frame: usize,
+        at: Option<(f64, f64)>,
+    },
+    Start {
+        session: u64,
+        frame: usize,
+        #[serde(rename = "box")]
+        bbox: [f64; 4],
+        config: String,
+        policy: Option<String>,
+        seed: Option<u64>,
+    },
+    Step {
+        session: u64,
+        frames: usize,
+    },
+    Detail {
+        session: u64,
+        frame: usize,
+    },
+    Correct {
+        session: u64,
+        frame: usize,
+        #[serde(rename = "box")]
+        bbox: [f64; 4],
+    },
+    Command {
+        session: u64,
+    },
+    Picked {
+        session: u64,
+        frame: usize,
+        #[serde(rename = "box")]
+        bbox: [f64; 4],
+        config: String,
+        policy: Option<String>,
+    },
+    Save {
+        session: u64,
+        film: bool,
+        report: bool,
+    },
+    Saved {
+        session: u64,
+    },
 }
 
 fn unknown() -> Error {
@@ -197,7 +241,8 @@ impl App {
             }
             Message::Propose { session, frame, at } => self.with(session, |s| {
                 let (other, frame) = s.stills.pair(frame.saturating_sub(1))?;
-                let frame = frame.ok_or_else(|| Error::Invalid("the video has no such frame; choose an earlier one".into()))?;
+                let frame =
+                    frame.ok_or_else(|| Error::Invalid("the video has no such frame; choose an earlier one".into()))?;
                 let at = at.filter(|(x, y)| x.is_finite() && y.is_finite());
                 let (b, from) = propose(other.as_ref().map(|f| &f.image), &frame.image, at);
                 Ok(json!({ "box": [b.x, b.y, b.w, b.h], "from": from }))
@@ -256,7 +301,8 @@ impl App {
     }
 
     fn hello(&self) -> Result<Value> {
-        let single = BUILTIN.iter().filter(|(name, text)| Config::parse(text, name).is_ok_and(|c| c.multi_target.is_none()));
+        let single =
+            BUILTIN.iter().filter(|(name, text)| Config::parse(text, name).is_ok_and(|c| c.multi_target.is_none()));
         let mut configs: Vec<Value> = single.map(|(name, text)| json!({ "name": name, "for": about(text) })).collect();
         if !BUILTIN.iter().any(|(name, _)| *name == self.config) {
             configs.insert(0, json!({ "name": self.config, "for": "the file given to the program" }));
@@ -299,7 +345,9 @@ impl App {
         }
         let (config, folder) = read(config, &Changes { policy: policy.map(str::to_owned), set: vec![] })?;
         if config.multi_target.is_some() {
-            return Err(Error::Config("this configuration is for many targets, the page follows one; choose another".into()));
+            return Err(Error::Config(
+                "this configuration is for many targets, the page follows one; choose another".into(),
+            ));
         }
         let kind = policy_kind(&config);
         Ok((config.check(&folder)?, kind))
@@ -388,7 +436,10 @@ mod tests {
     #[test]
     fn the_command_is_one_that_a_shell_understands() {
         let (a, b) = (BBox::new(9.0, 19.0, 30.0, 40.5), BBox::new(0.0, 0.0, 30.0, 40.0));
-        assert_eq!(command(Path::new("a.mp4"), &[(0, a)], "natural", None, None), "foveate track a.mp4 --init 10,20,30,40.5");
+        assert_eq!(
+            command(Path::new("a.mp4"), &[(0, a)], "natural", None, None),
+            "foveate track a.mp4 --init 10,20,30,40.5"
+        );
         let given = [(4, a), (9, b)];
         assert_eq!(
             command(Path::new("it's; rm"), &given, "digits", Some("hedge"), Some(3)),

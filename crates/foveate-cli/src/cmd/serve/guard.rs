@@ -21,10 +21,16 @@ impl Guard {
     pub fn check(&self, request: &Request) -> Result<(), Response> {
         let host = request.header("host").unwrap_or_default();
         if !self.is_ours(host) {
-            return Err(Response::error(421, "the Host header names another server; open the address that was printed"));
+            return Err(Response::error(
+                421,
+                "the Host header names another server; open the address that was printed",
+            ));
         }
         if !self.has_token(request) {
-            return Err(Response::error(401, "the token is missing or wrong; open the address that was printed, with its token"));
+            return Err(Response::error(
+                401,
+                "the token is missing or wrong; open the address that was printed, with its token",
+            ));
         }
         let origin = request.header("origin");
         let from_us = origin.is_some_and(|origin| origin.strip_prefix("http://") == Some(host));
@@ -78,14 +84,27 @@ mod tests {
         for host in ["127.0.0.1:8080", "localhost:8080", "LOCALHOST:8080", "[::1]:8080", "127.8.8.8:8080"] {
             assert_eq!(ask(&guard, "GET", &[("host", host)]), 200, "{host}");
         }
-        for host in ["", "localhost", "evil.example:8080", "127.0.0.1:80", "192.168.0.7:8080", "localhost.evil.example:8080", "127.0.0.1.nip.io:8080", "[::1]", "localhost:8080:8080", "::1:8080:"] {
+        for host in [
+            "",
+            "localhost",
+            "evil.example:8080",
+            "127.0.0.1:80",
+            "192.168.0.7:8080",
+            "localhost.evil.example:8080",
+            "127.0.0.1.nip.io:8080",
+            "[::1]",
+            "localhost:8080:8080",
+            "::1:8080:",
+        ] {
             assert_eq!(ask(&guard, "GET", &[("host", host)]), 421, "{host}");
         }
         let host = ("host", "localhost:8080");
         assert_eq!(ask(&guard, "GET", &[host, host]), 421, "two hosts");
         assert_eq!(ask(&guard, "POST", &[host]), 403);
         assert_eq!(ask(&guard, "POST", &[host, ("origin", "http://localhost:8080")]), 200);
-        for origin in ["null", "http://evil.example", "https://localhost:8080", "http://localhost:8081", "http://127.0.0.1:8080"] {
+        for origin in
+            ["null", "http://evil.example", "https://localhost:8080", "http://localhost:8081", "http://127.0.0.1:8080"]
+        {
             assert_eq!(ask(&guard, "POST", &[host, ("origin", origin)]), 403, "{origin}");
             assert_eq!(ask(&guard, "GET", &[host, ("origin", origin)]), 403, "{origin}");
         }

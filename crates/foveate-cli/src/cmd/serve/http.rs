@@ -158,7 +158,8 @@ fn head(bytes: &[u8]) -> Result<Option<(Request, usize, usize)>, Ended> {
         Ok(httparse::Status::Partial) => return Ok(None),
         Err(_) => return Err(Ended::Refused(400, "this is no HTTP request")),
     };
-    let all = parsed.headers.iter().map(|h| (h.name.to_ascii_lowercase(), String::from_utf8_lossy(h.value).into_owned()));
+    let all =
+        parsed.headers.iter().map(|h| (h.name.to_ascii_lowercase(), String::from_utf8_lossy(h.value).into_owned()));
     let target = parsed.path.unwrap_or_default();
     let (path, query) = target.split_once('?').unwrap_or((target, ""));
     let query = query.split('&').filter_map(|part| part.split_once('=')).map(|(n, v)| (n.to_owned(), v.to_owned()));
@@ -238,7 +239,8 @@ mod tests {
 
     #[test]
     fn requests_are_read_whole_however_they_come() {
-        let text = "POST /api?a=1&token=%2e HTTP/1.1\r\nHost: x:1\r\nContent-Length: 3\r\n\r\nabcGET / HTTP/1.1\r\n\r\n";
+        let text =
+            "POST /api?a=1&token=%2e HTTP/1.1\r\nHost: x:1\r\nContent-Length: 3\r\n\r\nabcGET / HTTP/1.1\r\n\r\n";
         for step in [1, 7, 4000] {
             let (request, left) = read(text, step);
             let request = request.expect("a request");

@@ -60,7 +60,10 @@ impl Roots {
             let cannot = "cannot serve it; give folders or video files that are there";
             let real = given.canonicalize().map_err(Error::io(given, cannot))?;
             if !real.is_dir() && !real.is_file() {
-                return Err(Error::malformed(given, "neither a folder nor a regular file; give folders or video files"));
+                return Err(Error::malformed(
+                    given,
+                    "neither a folder nor a regular file; give folders or video files",
+                ));
             }
             Ok(Root { given: given.clone(), real })
         };
@@ -105,7 +108,9 @@ impl Roots {
                 found.push(Entry { name: file, path, kind });
             }
         }
-        found.sort_by(|a, b| (a.kind == "video", a.name.to_lowercase()).cmp(&(b.kind == "video", b.name.to_lowercase())));
+        found.sort_by(|a, b| {
+            (a.kind == "video", a.name.to_lowercase()).cmp(&(b.kind == "video", b.name.to_lowercase()))
+        });
         found.truncate(MOST);
         Ok(found)
     }
@@ -146,8 +151,24 @@ mod tests {
         assert!(roots.find("0/deep/b.MP4").is_ok() && roots.find("1").is_ok());
         let absolute = format!("0/{}", at("out.mp4").display());
         for name in [
-            "", "2", "-1", "0/..", "0/../out.mp4", "0/deep/../../out.mp4", "0/link.mp4", "0/up/out.mp4", "0/zero.mp4", "0/missing",
-            "0/./a.mp4/..", "0/..\\out.mp4", "0/%2e%2e/out.mp4", "0/a.mp4\0", "1/..", "1/../../out.mp4", "/etc/passwd", &absolute,
+            "",
+            "2",
+            "-1",
+            "0/..",
+            "0/../out.mp4",
+            "0/deep/../../out.mp4",
+            "0/link.mp4",
+            "0/up/out.mp4",
+            "0/zero.mp4",
+            "0/missing",
+            "0/./a.mp4/..",
+            "0/..\\out.mp4",
+            "0/%2e%2e/out.mp4",
+            "0/a.mp4\0",
+            "1/..",
+            "1/../../out.mp4",
+            "/etc/passwd",
+            &absolute,
         ] {
             assert!(roots.find(name).is_err(), "{name}");
             assert!(name.is_empty() || roots.list(name).is_err(), "{name}");

@@ -96,7 +96,9 @@ fn scratch() -> Result<PathBuf> {
         let folder = std::env::temp_dir().join(format!("foveate-serve-{}-{number}", std::process::id()));
         match builder().create(&folder) {
             Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists && number < 10_000 => {}
-            made => return made.map(|()| folder.clone()).map_err(Error::io(folder, "cannot make a folder for results")),
+            made => {
+                return made.map(|()| folder.clone()).map_err(Error::io(folder, "cannot make a folder for results"));
+            }
         }
     }
 }
@@ -122,7 +124,8 @@ fn write(wanted: &Wanted, folder: &Path, count: &AtomicUsize, stop: &AtomicBool)
     let span = Span { from: *first, until: *last, stop: &halt, clock, endless: false, progress: Some(&mut progress) };
     let run = SingleRun { init: Some(*bbox), again, span };
     // Frames before the first are not shown to the tracker, as in the page.
-    let mut source = foveate::video::select(video.source()?, foveate::video::Selection { from: *first, ..Default::default() });
+    let mut source =
+        foveate::video::select(video.source()?, foveate::video::Selection { from: *first, ..Default::default() });
     follow(&mut *source, &mut tracker, &mut observers, run).1?;
     drop(observers);
     Ok(outputs.names().into_iter().filter(|name| folder.join(name).is_file()).collect())

@@ -19,7 +19,11 @@ const POLL: Duration = Duration::from_millis(100);
 pub type Answer = dyn Fn(&Request) -> Response + Send + Sync;
 
 /// Answers until `stop` says so.
-pub fn serve(listener: &TcpListener, answer: &Arc<Answer>, stop: &Arc<dyn Fn() -> bool + Send + Sync>) -> std::io::Result<()> {
+pub fn serve(
+    listener: &TcpListener,
+    answer: &Arc<Answer>,
+    stop: &Arc<dyn Fn() -> bool + Send + Sync>,
+) -> std::io::Result<()> {
     wake(listener.local_addr()?, Arc::clone(stop));
     let count = Arc::new(AtomicUsize::new(0));
     for stream in listener.incoming() {
@@ -70,7 +74,8 @@ fn converse(stream: TcpStream, answer: &Answer) {
         let (response, keep) = match connection.request() {
             Ok(request) => {
                 let answered = catch_unwind(AssertUnwindSafe(|| answer(&request)));
-                let response = answered.unwrap_or_else(|_| Response::error(500, "an error of the program; open the video again"));
+                let response =
+                    answered.unwrap_or_else(|_| Response::error(500, "an error of the program; open the video again"));
                 (response, request.keep)
             }
             Err(Ended::Refused(status, what)) => (Response::error(status, what), false),

@@ -131,9 +131,11 @@ impl Tracking {
     /// Brings the tracker to where it was after frame `index`, by the last state saved until then and the frames since.
     fn rewind(&mut self, index: usize) -> Result<()> {
         let saved = self.states.all.range(..=index).next_back().map(|(k, text)| (*k, text.clone()));
-        let (from, text) = saved.ok_or_else(|| Error::Invalid("the track cannot be taken up there; start anew".into()))?;
+        let (from, text) =
+            saved.ok_or_else(|| Error::Invalid("the track cannot be taken up there; start anew".into()))?;
         let state = serde_json::from_str(&text).map_err(|e| Error::Invalid(e.to_string()))?;
-        let frame = self.read(from)?.ok_or_else(|| Error::Invalid("the video has become shorter; open it again".into()))?;
+        let frame =
+            self.read(from)?.ok_or_else(|| Error::Invalid("the video has become shorter; open it again".into()))?;
         self.tracker = self.setup.blueprint.tracker(self.setup.seed)?;
         self.tracker.load(&state)?;
         self.tracker.skip(&frame.image);

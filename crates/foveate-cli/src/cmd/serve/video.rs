@@ -44,7 +44,8 @@ impl Video {
         let info = source(&place, files.as_deref(), 0)?.info().clone();
         if info.width.saturating_mul(info.height) > MOST_PIXELS {
             let (w, h) = (info.width, info.height);
-            let problem = format!("frames of {w} x {h} are too large for the page; track it with `foveate track --scale`");
+            let problem =
+                format!("frames of {w} x {h} are too large for the page; track it with `foveate track --scale`");
             return Err(Error::malformed(&place.shown, problem));
         }
         Ok(Self { place, info, files })
