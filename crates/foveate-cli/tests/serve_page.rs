@@ -301,11 +301,8 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
                 json!({ "width": width, "height": 900, "deviceScaleFactor": 1, "mobile": false }),
             );
             std::thread::sleep(Duration::from_millis(200));
-            assert_eq!(
-                browser.value("document.documentElement.scrollWidth"),
-                json!(width),
-                "nothing is wider than the page"
-            );
+            let widest = browser.value("document.documentElement.scrollWidth - innerWidth").as_f64();
+            assert!(widest.is_some_and(|more| more <= 0.0), "nothing is wider than the page: {widest:?}");
             browser.picture(&format!("{scheme}-{width}"));
         }
     }

@@ -1,6 +1,5 @@
 //! What the page asks for, and what it is answered.
 
-use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -8,11 +7,12 @@ use std::time::Duration;
 use foveate::config::{BUILTIN, Blueprint, Config};
 use foveate::geometry::BBox;
 use foveate::{Error, Result};
-use serde::Deserialize;
 use serde_json::{Value, json};
 
+use super::command::command;
 use super::guard::Guard;
 use super::http::{Request, Response};
+use super::message::Message;
 use super::page;
 use super::propose::propose;
 use super::roots::Roots;
@@ -64,69 +64,6 @@ struct Session {
     stills: Stills,
     tracking: Option<Tracking>,
     saved: Option<Saved>,
-}
-
-/// A message of the page.
-#[derive(Deserialize)]
-#[serde(tag = "op", rename_all = "snake_case", deny_unknown_fields)]
-enum Message {
-    Hello {},
-    List {
-        path: String,
-    },
-    Open {
-        path: String,
-    },
-    Close {
-        session: u64,
-    },
-    Propose {
-        session: u64,
-        frame: usize,
-        at: Option<(f64, f64)>,
-    },
-    Start {
-        session: u64,
-        frame: usize,
-        #[serde(rename = "box")]
-        bbox: [f64; 4],
-        config: String,
-        policy: Option<String>,
-        seed: Option<u64>,
-    },
-    Step {
-        session: u64,
-        frames: usize,
-    },
-    Detail {
-        session: u64,
-        frame: usize,
-    },
-    Correct {
-        session: u64,
-        frame: usize,
-        #[serde(rename = "box")]
-        bbox: [f64; 4],
-    },
-    Command {
-        session: u64,
-    },
-    Picked {
-        session: u64,
-        frame: usize,
-        #[serde(rename = "box")]
-        bbox: [f64; 4],
-        config: String,
-        policy: Option<String>,
-    },
-    Save {
-        session: u64,
-        film: bool,
-        report: bool,
-    },
-    Saved {
-        session: u64,
-    },
 }
 
 fn unknown() -> Error {
@@ -206,8 +143,9 @@ impl App {
         let id = request.query("session").and_then(|text| text.parse().ok()).unwrap_or(0);
         let name = request.query("name").unwrap_or_default();
         match self.with(id, |session| Ok(session.saved.as_ref().and_then(|saved| saved.file(name)))) {
-            Ok(Some((bytes, kind))) => {
-                let mut response = Response::new(200, kind, bytes);
+            Ok(Some((file, length, kind))) => {
+                let mut response = Response::new(200, kind, vec![]);
+                response.file = Some((file, length));
                 response.headers.push(("Content-Disposition", "attachment".into()));
                 response.headers.push(("Content-Security-Policy", "sandbox; default-src 'none'".into()));
                 response
@@ -397,54 +335,5 @@ impl Session {
             line += &format!(" --until {}", tracking.last() + 1);
         }
         Ok(line)
-    }
-}
-
-/// `foveate track` of these boxes: the first one begins, others are given again.
-fn command(path: &Path, given: &[(usize, BBox)], config: &str, policy: Option<&str>, seed: Option<u64>) -> String {
-    let numbers = |b: &BBox| format!("{},{},{},{}", b.x + 1.0, b.y + 1.0, b.w, b.h);
-    let mut line = format!("foveate track {}", quoted(&path.to_string_lossy()));
-    for (k, (index, bbox)) in given.iter().enumerate() {
-        line += &match k {
-            0 if *index == 0 => format!(" --init {}", numbers(bbox)),
-            0 => format!(" --from {} --init {}", index + 1, numbers(bbox)),
-            _ => format!(" --reinit {}:{}", index + 1, numbers(bbox)),
-        };
-    }
-    if config != foveate::Profile::Balanced.name() {
-        line += &format!(" --config {}", quoted(config));
-    }
-    policy.into_iter().for_each(|policy| line += &format!(" --policy {policy}"));
-    seed.into_iter().for_each(|seed| line += &format!(" --seed {seed}"));
-    line
-}
-
-/// A word as a shell reads it.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+=:,@%".contains(c);
-    if !word.is_empty() && !word.starts_with('-') && word.chars().all(plain) {
-        return word.to_owned();
-    }
-    let dashed = if word.starts_with('-') { format!("./{word}") } else { word.to_owned() };
-    format!("'{}'", dashed.replace('\'', r"'\''"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_command_is_one_that_a_shell_understands() {
-        let (a, b) = (BBox::new(9.0, 19.0, 30.0, 40.5), BBox::new(0.0, 0.0, 30.0, 40.0));
-        assert_eq!(
-            command(Path::new("a.mp4"), &[(0, a)], "natural", None, None),
-            "foveate track a.mp4 --init 10,20,30,40.5"
-        );
-        let given = [(4, a), (9, b)];
-        assert_eq!(
-            command(Path::new("it's; rm"), &given, "digits", Some("hedge"), Some(3)),
-            r"foveate track 'it'\''s; rm' --from 5 --init 10,20,30,40.5 --reinit 10:1,1,30,40 --config digits --policy hedge --seed 3"
-        );
-        assert_eq!(quoted("-x"), "'./-x'");
     }
 }

@@ -1,5 +1,6 @@
 //! HTTP/1.1 over a stream, as little of it as the page needs, every size bounded.
 
+use std::fs::File;
 use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 
@@ -50,13 +51,15 @@ pub struct Response {
     /// Its media type.
     pub kind: &'static str,
     pub body: Vec<u8>,
+    /// What follows the body, and how many bytes of it: sent as it is read.
+    pub file: Option<(File, u64)>,
     /// Further headers; values of our own making.
     pub headers: Vec<(&'static str, String)>,
 }
 
 impl Response {
     pub fn new(status: u16, kind: &'static str, body: impl Into<Vec<u8>>) -> Self {
-        Self { status, kind, body: body.into(), headers: vec![] }
+        Self { status, kind, body: body.into(), file: None, headers: vec![] }
     }
     /// A refusal, as JSON.
     pub fn error(status: u16, what: &str) -> Self {
@@ -128,7 +131,7 @@ impl<S: Read + Write> Connection<S> {
             response.status,
             reason(response.status),
             response.kind,
-            response.body.len(),
+            response.body.len() as u64 + response.file.as_ref().map_or(0, |(_, length)| *length),
             if keep { "keep-alive" } else { "close" },
         );
         for (name, value) in &response.headers {
@@ -137,6 +140,12 @@ impl<S: Read + Write> Connection<S> {
         head.push_str("\r\n");
         self.stream.write_all(head.as_bytes())?;
         self.stream.write_all(&response.body)?;
+        if let Some((file, length)) = &response.file {
+            let sent = std::io::copy(&mut file.take(*length), &mut self.stream)?;
+            if sent < *length {
+                return Err(std::io::ErrorKind::UnexpectedEof.into());
+            }
+        }
         self.stream.flush()
     }
 

@@ -1,7 +1,7 @@
 //! A box about a click: where motion (otherwise than the camera's) and saliency stand out against their surroundings.
 
 use foveate::geometry::BBox;
-use foveate::scene::{Detection, Detector, Flow, Image, Map, Regions, Saliency};
+use foveate::scene::{Detector, Flow, Image, Map, Regions, Saliency};
 
 /// Sides of a box, pixels, at least; and its share of the picture, at most.
 const LEAST: f64 = 8.0;
@@ -21,7 +21,7 @@ const AROUND: f64 = 0.3;
 /// How much larger boxes are preferred: the power of the area.
 const PREFERENCE: f64 = 0.03;
 
-/// A box about a place, or without one about what is most conspicuous; and where it comes from: `motion`, `saliency`, `size`.
+/// A box about a place, or without one about the most salient; and where it comes from: `motion`, `saliency`, `size`.
 /// Motion is told by another frame, the one before or after.
 pub fn propose(other: Option<&Image>, image: &Image, at: Option<(f64, f64)>) -> (BBox, &'static str) {
     let size = (image.width(), image.height());
@@ -32,10 +32,9 @@ pub fn propose(other: Option<&Image>, image: &Image, at: Option<(f64, f64)>) -> 
         flow.detect(image, &mut moving);
     }
     saliency.detect(image, &mut salient);
-    let found = match at {
-        Some(at) => about(&[(flow.map(), MOVES), (saliency.map(), STANDS_OUT)], at, size),
-        None => best(&moving, size).map(|b| (b, 0)).or_else(|| best(&salient, size).map(|b| (b, 1))),
-    };
+    let place = at.or_else(|| salient.first().map(|d| d.bbox.centre()));
+    let maps = [(flow.map(), MOVES), (saliency.map(), STANDS_OUT)];
+    let found = place.and_then(|place| about(&maps, place, size));
     if let Some((bbox, map)) = found {
         return (bbox, ["motion", "saliency"][map]);
     }
@@ -43,12 +42,6 @@ pub fn propose(other: Option<&Image>, image: &Image, at: Option<(f64, f64)>) -> 
     let (x, y) = at.unwrap_or((w / 2.0, h / 2.0));
     let side = (PLAIN * w.min(h)).max(LEAST);
     (inside(&BBox::around(x, y, side, side), size), "size")
-}
-
-/// The best candidate that is neither tiny nor most of the picture.
-fn best(found: &[Detection], size: (usize, usize)) -> Option<BBox> {
-    let fits = |b: &BBox| b.w.min(b.h) >= LEAST / 2.0 && b.w * b.h <= LARGEST * (size.0 * size.1) as f64;
-    found.iter().map(|d| d.bbox).find(fits).map(|b| inside(&b, size))
 }
 
 /// The box about a place in which the maps, relative to their values there, stand out most against what surrounds it; and the first
@@ -173,7 +166,7 @@ mod tests {
     #[test]
     fn a_click_on_nothing_gives_a_plain_box() {
         let even = Image::grey(100, 50, 80);
-        for (at, x) in [(Some((0.0, 0.0)), 0.0), (Some((99.0, 49.0)), 92.0), (None, 46.0)] {
+        for (at, x) in [(Some((0.0, 0.0)), 0.0), (Some((99.0, 49.0)), 92.0), (None, 47.0)] {
             let (bbox, from) = propose(Some(&even), &even, at);
             assert_eq!((bbox.x, bbox.w, from), (x, 8.0, "size"));
         }

@@ -1,5 +1,6 @@
 //! Results of a track as files: the track is run once more, as `foveate track` does it.
 
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -59,8 +60,8 @@ impl Saved {
         (self.count.load(Ordering::SeqCst), self.done.lock().unwrap_or_else(PoisonError::into_inner).clone())
     }
 
-    /// A file's bytes and its media type; `None` where there is none of that name.
-    pub fn file(&self, name: &str) -> Option<(Vec<u8>, &'static str)> {
+    /// A file, its length and its media type; `None` where there is none of that name.
+    pub fn file(&self, name: &str) -> Option<(File, u64, &'static str)> {
         let Some(Ok(files)) = self.progress().1 else { return None };
         let name = files.into_iter().find(|file| *file == name)?;
         let kind = match name.rsplit('.').next() {
@@ -71,7 +72,9 @@ impl Saved {
             Some("html") => "application/octet-stream",
             _ => "text/plain; charset=utf-8",
         };
-        std::fs::read(self.folder.join(name)).ok().map(|bytes| (bytes, kind))
+        let file = File::open(self.folder.join(name)).ok()?;
+        let length = file.metadata().ok()?.len();
+        Some((file, length, kind))
     }
 }
 

@@ -13,7 +13,7 @@ use super::row::{self, Row, Surface};
 use super::video::{Player, Video};
 
 /// Frames of a track, at most.
-const MOST_ROWS: usize = 200_000;
+const MOST_ROWS: usize = 100_000;
 /// Bytes of details, and of saved states, that a track keeps.
 const DETAILS: usize = 32 << 20;
 const STATES: usize = 32 << 20;

@@ -21,15 +21,15 @@ async function enter(entry) {
 }
 async function open_(entry) {
   pause();
-  const opened = await tracker.ask({ op: 'open', path: entry.path });
+  const opened = await tracker.ask({ op: 'open', path: entry.path }), name = entry.name.split(/[\\/]/).filter(Boolean).pop() || entry.name;
   if (page.video) tracker.ask({ op: 'close', session: page.video.session }).catch(() => {});
   for (const picture of pictures.values()) picture.close?.();
   pictures.clear();
   details.clear();
   shown = null;
-  Object.assign(page, { video: { ...opened, name: entry.name }, frame: 1, ends: opened.frames || Infinity, rows: [], first: 0, cells: [], policy: '', ended: false, draft: null });
+  Object.assign(page, { video: { ...opened, name }, frame: 1, ends: opened.frames || Infinity, rows: [], first: 0, cells: [], policy: '', ended: false, draft: null });
   layers.find(layer => layer.name === 'truth').holder.hidden = !opened.truth.some(Boolean);
-  byId('title').textContent = entry.name;
+  byId('title').textContent = name;
   byId('about').textContent = `${opened.width} × ${opened.height}, ${opened.frames ? `${opened.exact ? '' : 'about '}${opened.frames} frames` : 'length unknown'}, ${say(opened.rate, 0)} a second, read by ${opened.reader}`;
   arrange();
   setDraft(null);

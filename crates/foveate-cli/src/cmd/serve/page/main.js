@@ -127,7 +127,7 @@ document.addEventListener('keydown', event => {
   else return;
   event.preventDefault();
 });
-byId('config').addEventListener('change', () => { byId('config-for').textContent = hello.configs.find(c => c.name === byId('config').value)?.for || ''; });
+byId('config').addEventListener('change', () => { byId('config-for').textContent = hello.configs.find(c => c.name === byId('config').value)?.for.replaceAll('`', '') || ''; });
 window.addEventListener('resize', () => { drawStage(); drawGraph(); });
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', drawGraph);
 
@@ -138,6 +138,7 @@ doing(async () => {
   byId('config').dispatchEvent(new Event('change'));
   byId('policy').append(element('option', { value: '' }, "the configuration's"), ...hello.policies.map(name => element('option', { value: name }, name)));
   byId('policy').value = hello.policy || '';
+  byId('seed').hidden = document.querySelector('[for=seed]').hidden = hello.pick;
   if (hello.pick) byId('about').textContent = 'Draw a box: the command line that tracks it is printed where foveate was started.';
   trail = [{ name: 'all', path: '' }];
   const root = hello.roots.length === 1 && hello.roots[0];

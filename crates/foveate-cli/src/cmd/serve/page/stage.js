@@ -111,7 +111,9 @@ function drawParticles(c, detail, at, k) {
 let wanted = 0;
 async function show(frame) {
   const call = ++wanted, video = page.video;
-  page.frame = Math.max(1, Math.min(frame, page.ends));
+  const to = Math.max(1, Math.min(frame, page.ends));
+  if (to !== page.frame && page.draft) setDraft(null);
+  page.frame = to;
   transport();
   try {
     const [picture] = await Promise.all([pictureOf(page.frame), detailOf(page.frame)]);
