@@ -178,7 +178,7 @@ impl App {
                 Ok(json!({}))
             }
             Message::Propose { session, frame, at } => self.with(session, |s| {
-                let (other, frame) = s.stills.pair(frame.saturating_sub(1))?;
+                let [other, frame] = s.stills.pair(frame.saturating_sub(1))?;
                 let frame =
                     frame.ok_or_else(|| Error::Invalid("the video has no such frame; choose an earlier one".into()))?;
                 let at = at.filter(|(x, y)| x.is_finite() && y.is_finite());

@@ -34,7 +34,7 @@ impl Guard {
         }
         let origin = request.header("origin");
         let from_us = origin.is_some_and(|origin| origin.strip_prefix("http://") == Some(host));
-        if request.method != "GET" && !from_us || request.has("origin") && !from_us {
+        if (request.has("origin") || request.method != "GET") && !from_us {
             return Err(Response::error(403, "the request comes from another page"));
         }
         let site = request.header("sec-fetch-site");

@@ -27,12 +27,15 @@ pub struct Wanted {
     pub report: bool,
 }
 
+/// The names of files that are whole, or why there are none.
+pub type Written = std::result::Result<Vec<&'static str>, String>;
+
 /// Files that are being written, or are there. Dropped, they are removed.
 pub struct Saved {
     folder: PathBuf,
     count: Arc<AtomicUsize>,
     stop: Arc<AtomicBool>,
-    done: Arc<Mutex<Option<std::result::Result<Vec<&'static str>, String>>>>,
+    done: Arc<Mutex<Option<Written>>>,
 }
 
 impl Saved {
@@ -56,7 +59,7 @@ impl Saved {
     }
 
     /// Frames so far; and the files, once they are whole, or why there are none.
-    pub fn progress(&self) -> (usize, Option<std::result::Result<Vec<&'static str>, String>>) {
+    pub fn progress(&self) -> (usize, Option<Written>) {
         (self.count.load(Ordering::SeqCst), self.done.lock().unwrap_or_else(PoisonError::into_inner).clone())
     }
 

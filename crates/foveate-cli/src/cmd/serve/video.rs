@@ -161,12 +161,12 @@ impl Stills {
     }
 
     /// The frame before `index` (of the first one the next), and `index` itself, decoded.
-    pub fn pair(&mut self, index: usize) -> Result<(Option<Arc<Frame>>, Option<Arc<Frame>>)> {
+    pub fn pair(&mut self, index: usize) -> Result<[Option<Arc<Frame>>; 2]> {
         if index == 0 {
             let frame = self.player.frame(0, |_| ())?;
-            return Ok((self.player.frame(1, |_| ())?, frame));
+            return Ok([self.player.frame(1, |_| ())?, frame]);
         }
-        Ok((self.player.frame(index - 1, |_| ())?, self.player.frame(index, |_| ())?))
+        Ok([self.player.frame(index - 1, |_| ())?, self.player.frame(index, |_| ())?])
     }
 
     fn keep(&mut self, frame: &Frame) {
@@ -235,9 +235,9 @@ mod tests {
         assert!(player.frame(40, |_| ()).expect("readable").is_none());
         assert!(stills.get(usize::MAX, None).expect("readable").is_none());
         assert!(stills.kept.contains_key(&25), "frames before one that was asked for are there, too");
-        let (before, at) = stills.pair(7).expect("readable");
+        let [before, at] = stills.pair(7).expect("readable");
         assert_eq!((before.map(|f| f.index), at.map(|f| f.index)), (Some(6), Some(7)));
-        let (next, first) = stills.pair(0).expect("readable");
+        let [next, first] = stills.pair(0).expect("readable");
         assert_eq!((next.map(|f| f.index), first.map(|f| f.index)), (Some(1), Some(0)));
     }
 
