@@ -285,6 +285,23 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     assert_eq!(browser.value("document.querySelectorAll('.arm').length"), json!(9));
     assert_eq!(browser.value("byId('seen').width > 8"), json!(true));
 
+    // A box drawn while it tracks pauses it, and stays where it was drawn.
+    browser.value(
+        "byId('pace').value = 1, byId('scrub').value = 1, byId('scrub').dispatchEvent(new Event('input')), true",
+    );
+    browser.until("shown.frame === 1");
+    browser.draw(truth(0));
+    browser.click("#again");
+    browser.until("page.rows.length > 5 && page.rows.length < 30 && page.playing");
+    browser.draw([150.0, 100.0, 48.0, 48.0]);
+    std::thread::sleep(Duration::from_millis(300));
+    let frame = browser.value("page.frame").as_u64().expect("a number") as usize;
+    assert_eq!(browser.value("page.playing || !page.draft"), json!(false));
+    browser.draw(truth(frame - 1));
+    browser.click("#go");
+    browser.until(&format!("page.rows.length === {frame} && lastRow().given"));
+    browser.track();
+
     // Both colour schemes, narrow and wide.
     for scheme in ["light", "dark"] {
         let media = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });

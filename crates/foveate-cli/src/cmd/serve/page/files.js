@@ -21,6 +21,7 @@ async function enter(entry) {
 }
 async function open_(entry) {
   pause();
+  await idle();
   const opened = await tracker.ask({ op: 'open', path: entry.path }), name = entry.name.split(/[\\/]/).filter(Boolean).pop() || entry.name;
   if (page.video) tracker.ask({ op: 'close', session: page.video.session }).catch(() => {});
   for (const picture of pictures.values()) picture.close?.();
@@ -57,6 +58,7 @@ function forgetSaved() {
 }
 byId('save-go').addEventListener('click', doing(async () => {
   pause();
+  await idle();
   forgetSaved();
   const mine = saving, session = page.video.session, state = byId('save-state'), total = page.rows.length;
   byId('save-go').disabled = true;

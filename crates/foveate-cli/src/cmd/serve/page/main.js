@@ -27,15 +27,20 @@ async function command() {
   if (!page.rows.length) return;
   try { byId('command').textContent = (await tracker.ask({ op: 'command', session: page.video.session })).command; } catch { byId('command').textContent = ''; }
 }
-// Tracks one frame, or as many as the pace says, and shows the last one.
-async function trackOn(frames) {
+// Messages that change the track go one after the other.
+async function idle() {
+  while (page.busy) await new Promise(done => setTimeout(done, 10));
+}
+// Tracks one frame, or as many as the pace says, and shows the last one; not where somebody has paused meanwhile, perhaps to draw.
+async function trackOn(frames, asked) {
   if (page.busy) return;
   page.busy = true;
   try {
     const video = page.video, answer = await tracker.ask({ op: 'step', session: video.session, frames });
     if (video !== page.video) return;
     takeIn(answer);
-    await show(lastTracked());
+    if (asked || page.playing) await show(lastTracked());
+    else panels();
   } finally { page.busy = false; actions(); }
 }
 async function play() {
@@ -49,7 +54,7 @@ async function play() {
       const began = performance.now(), pace = +byId('pace').value, end = page.rows.length ? lastTracked() : page.ends;
       if (page.rows.length && page.frame >= lastTracked()) {
         if (page.ended) break;
-        await trackOn(pace);
+        await trackOn(pace, false);
       } else if (page.frame < end) await show(page.frame + 1);
       else break;
       // Not faster than the video where every frame is shown; and the page stays answerable.
@@ -66,7 +71,7 @@ async function stepTo(frame) {
   pause();
   setDraft(null);
   // One frame on at the end of the track: track it.
-  if (page.rows.length && frame === lastTracked() + 1 && page.frame === lastTracked() && !page.ended) { await trackOn(1); command(); }
+  if (page.rows.length && frame === lastTracked() + 1 && page.frame === lastTracked() && !page.ended) { await trackOn(1, true); command(); }
   else await show(frame);
 }
 async function start() {
@@ -83,7 +88,7 @@ async function start() {
   setDraft(null);
   arrange();
   await show(frame);
-  play();
+  doing(play)();
 }
 async function correct() {
   const { x, y, w, h } = page.draft, frame = page.frame;
@@ -108,7 +113,8 @@ async function picked() {
 byId('boxes').addEventListener('submit', doing(async event => {
   event.preventDefault();
   pause();
-  if (!page.draft || page.busy) return;
+  await idle();
+  if (!page.draft) return;
   if (hello.pick) await picked();
   else if (event.submitter?.value !== 'again' && rowOf(page.frame)) await correct();
   else await start();
