@@ -302,6 +302,14 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     browser.until(&format!("page.rows.length === {frame} && lastRow().given"));
     browser.track();
 
+    // So does the slider.
+    browser.value("byId('scrub').value = 1, byId('scrub').dispatchEvent(new Event('input')), true");
+    browser.until("shown.frame === 1");
+    browser.value("byId('pace').value = 1, byId('play').click(), true");
+    browser.until("page.playing && page.frame > 5");
+    browser.value("byId('scrub').value = 2, byId('scrub').dispatchEvent(new Event('input')), true");
+    browser.until("page.frame === 2 && shown.frame === 2 && !page.playing");
+
     // Both colour schemes, narrow and wide.
     for scheme in ["light", "dark"] {
         let media = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });

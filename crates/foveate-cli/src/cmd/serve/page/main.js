@@ -123,7 +123,7 @@ byId('copy').addEventListener('click', doing(() => navigator.clipboard.writeText
 byId('play').addEventListener('click', doing(() => page.playing ? pause() : play()));
 byId('back').addEventListener('click', doing(() => stepTo(page.frame - 1)));
 byId('forth').addEventListener('click', doing(() => stepTo(page.frame + 1)));
-byId('scrub').addEventListener('input', doing(() => { pause(); if (page.draft) setDraft(null); return show(+byId('scrub').value); }));
+byId('scrub').addEventListener('input', doing(() => { const to = +byId('scrub').value; pause(); return show(to); }));
 document.addEventListener('keydown', event => {
   if (!page.video || event.ctrlKey || event.metaKey || event.altKey || event.target.matches('select, input, a, summary')) return;
   const far = event.shiftKey ? 10 : 1, onButton = event.target.matches('button');
