@@ -39,6 +39,10 @@ enum Command {
     Track(Box<cmd::track::Args>),
     /// Show what stands out or moves in a frame, and the candidates found there
     Look(cmd::look::Args),
+    /// Watch the tracker in a browser: draw a box, pause, step back, correct, save
+    Serve(cmd::serve::Args),
+    /// Draw a box in a browser, and get the command line that tracks it
+    Pick(cmd::serve::PickArgs),
     /// Make synthetic scenes
     Synth(cmd::synth::Args),
     /// Train a model
@@ -76,6 +80,8 @@ pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
         Command::Demo(args) => cmd::demo::run(args),
         Command::Track(args) => cmd::track::run(*args),
         Command::Look(args) => cmd::look::run(args),
+        Command::Serve(args) => cmd::serve::run(args),
+        Command::Pick(args) => cmd::serve::run_pick(args),
         Command::Synth(args) => cmd::synth::run(args),
         Command::Train(args) => cmd::train::run(args),
         Command::Eval(args) => cmd::eval::run(args),

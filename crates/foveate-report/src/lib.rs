@@ -47,7 +47,7 @@ pub use self::json::Summary;
 pub use self::limited::Limited;
 pub use self::multi::MultiAnnotator;
 pub use self::multi_observer::MultiObserver;
-pub use self::report::{MultiReport, Report, escape, fill};
+pub use self::report::{MultiReport, Report, STYLE, escape, fill};
 pub use self::snapshot::SurfacePicture;
 pub use self::stream::Stream;
 pub use self::strip::{MultiStrip, Strip};

@@ -8,7 +8,7 @@ mod kept;
 mod multi;
 mod page;
 
-pub use self::html::{escape, fill};
+pub use self::html::{STYLE, escape, fill};
 pub use self::multi::MultiReport;
 
 use std::path::PathBuf;

@@ -47,7 +47,7 @@ fn list() -> Result<()> {
 }
 
 /// The first sentence of a configuration's first comment.
-fn about(text: &str) -> &str {
+pub fn about(text: &str) -> &str {
     let line = text.lines().find_map(|line| line.strip_prefix('#')).unwrap_or("").trim();
     let end = line.find(". ").unwrap_or(line.len());
     line[..end].trim_end_matches(['.', ':', ','])

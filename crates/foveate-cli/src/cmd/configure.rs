@@ -25,7 +25,8 @@ pub fn config_name(config: Option<&str>, profile: Option<Profile>) -> &str {
     config.unwrap_or(profile.name())
 }
 
-const POLICIES: [&str; 11] = [
+/// What --policy may name.
+pub const POLICIES: [&str; 11] = [
     "fixed",
     "random",
     "circular",

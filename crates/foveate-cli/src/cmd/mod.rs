@@ -10,6 +10,7 @@ pub mod look;
 pub mod man;
 pub mod reproduce;
 mod results;
+pub mod serve;
 pub mod synth;
 pub mod track;
 pub mod train;

@@ -39,9 +39,6 @@ pub struct RedetectionSettings {
     pub spread: f64,
     /// Prior probability that a lost target is anywhere at all, and not where it was expected; above 0 to 1.
     pub chance: f64,
-    /// While the target is lost: share of the way by which the particles' mean size returns, in every frame, to that at which it was
-    /// seen last; 0, not at all, to 1.
-    pub size_pull: f64,
 }
 
 /// Looks all over the picture for a target believed lost.
@@ -72,17 +69,7 @@ struct Found {
 
 impl Default for RedetectionSettings {
     fn default() -> Self {
-        Self {
-            every: 4,
-            step: 0.3,
-            budget: MOST as usize,
-            share: 0.3,
-            places: 8,
-            fit: 0.2,
-            spread: 0.15,
-            chance: 0.5,
-            size_pull: 0.0,
-        }
+        Self { every: 4, step: 0.3, budget: MOST as usize, share: 0.3, places: 8, fit: 0.2, spread: 0.15, chance: 0.5 }
     }
 }
 
@@ -121,7 +108,6 @@ impl RedetectionSettings {
             s if !(0.0..=2.0).contains(&s.fit) => wrong("fit", "0 to 2", s.fit),
             s if !(s.spread > 0.0 && s.spread <= 10.0) => wrong("spread", "above 0 to 10 template units", s.spread),
             s if !(s.chance > 0.0 && s.chance <= 1.0) => wrong("chance", "above 0 to 1", s.chance),
-            s if !(0.0..=1.0).contains(&s.size_pull) => wrong("size_pull", "0 to 1", s.size_pull),
             _ => Ok(()),
         }
     }
@@ -431,7 +417,6 @@ mod tests {
             places: 2,
             spread: 0.3,
             chance: 0.5,
-            size_pull: 0.0,
             ..RedetectionSettings::default()
         });
         let n = search.places((200, 100), &State::default(), EXTENT).len();
@@ -458,7 +443,6 @@ mod tests {
             (RedetectionSettings { share: 1.1, ..RedetectionSettings::default() }, "share"),
             (RedetectionSettings { fit: -1.0, ..RedetectionSettings::default() }, "fit"),
             (RedetectionSettings { chance: 0.0, ..RedetectionSettings::default() }, "chance"),
-            (RedetectionSettings { size_pull: 1.5, ..RedetectionSettings::default() }, "size_pull"),
             (RedetectionSettings { spread: 0.0, ..RedetectionSettings::default() }, "spread"),
         ] {
             assert!(search.check().expect_err(said).to_string().contains(said));

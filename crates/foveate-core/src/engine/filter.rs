@@ -93,15 +93,6 @@ impl Engine {
         w.log_prior.resize(n, 0.0);
         let streams = self.streams.at(self.frame, Predict);
         f.proposal.propose(scene, &f.particles, &mut w.predicted, &mut w.log_prior, streams);
-        // What hides the target says nothing of its size. All states move alike: p moves with them, and p/q is what it was.
-        let pull = f.redetection.as_ref().map_or(0.0, |search| search.settings().size_pull);
-        if self.context.lost
-            && pull > 0.0
-            && let Some(seen) = self.parts.monitor.loss.seen()
-        {
-            let mean = w.predicted.iter().map(|s| s.log_scale).sum::<f64>() / n as f64;
-            w.predicted.iter_mut().for_each(|s| s.log_scale += pull * (seen.log_scale - mean));
-        }
         w.log_prior.iter_mut().zip(&f.log_weights).for_each(|(prior, carried)| *prior += carried);
         if let Some(likelihood) = &f.detection_likelihood {
             likelihood.weigh(scene.detections, &w.predicted, extent, &mut w.log_prior);

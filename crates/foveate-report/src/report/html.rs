@@ -11,6 +11,8 @@ use foveate_video::encode_jpeg;
 
 /// The program, as pages name it.
 pub const VERSION: &str = concat!("foveate ", env!("CARGO_PKG_VERSION"));
+/// The style of the pages: colours, cards, buttons.
+pub const STYLE: &str = include_str!("style.css");
 /// Longer side of a picture on a page, pixels.
 const LONGEST: usize = 480;
 /// JPEG quality of the frames, and of the template.
@@ -23,7 +25,7 @@ pub fn page(template: &str, source: &str, data: &Value, scripts: &[&str], parts:
     let data = data.to_string().replace('<', "\\u003c");
     let mut all = vec![
         ("title", format!("foveate: {}", escape(source))),
-        ("style", include_str!("style.css").into()),
+        ("style", STYLE.into()),
         ("transport", include_str!("transport.html").into()),
         ("data", data),
         ("script", [&[include_str!("common.js")], scripts].concat().concat()),

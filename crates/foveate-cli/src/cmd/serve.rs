@@ -1,0 +1,195 @@
+//! `foveate serve` and `foveate pick`: a page in the browser to draw a box in, to watch the tracker, and to correct it.
+
+mod app;
+mod command;
+mod guard;
+mod http;
+mod message;
+mod page;
+mod propose;
+mod roots;
+mod row;
+mod save;
+mod server;
+mod tracking;
+mod video;
+
+use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+
+use foveate::{Error, Result};
+
+use super::configure::{Changes, read};
+use crate::terminal;
+use app::{App, Pick, Sessions};
+use guard::Guard;
+use roots::Roots;
+
+/// Letters of a token, at least.
+const LEAST_TOKEN: usize = 16;
+
+/// What is said of whom the server answers.
+const WHO: &str = "\
+The page is for the programs of this machine alone, unless --allow-remote says otherwise. Other users of this machine can open it, too: \
+give --token where there are some. Nothing is encrypted: beyond this machine use a network that you trust, or a tunnel.
+
+The page sees the folders and videos given, and what is below them; nothing that a link leads out of them to.";
+
+#[derive(clap::Args)]
+#[command(after_long_help = WHO)]
+pub struct Args {
+    /// Folders and videos that the page may open; this folder if left out
+    #[arg(value_name = "PATH", default_value = ".")]
+    paths: Vec<PathBuf>,
+    /// Where to listen; port 0 takes a free one
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:8080")]
+    address: SocketAddr,
+    /// Answer other machines, too: --address of this machine in the network, or 0.0.0.0. Needs a token
+    #[arg(long)]
+    allow_remote: bool,
+    /// A secret of at least 16 letters and digits that must be part of the address opened; $FOVEATE_TOKEN if left out
+    #[arg(long, value_name = "SECRET")]
+    token: Option<String>,
+    #[command(flatten)]
+    page: PageArgs,
+}
+
+#[derive(clap::Args)]
+#[command(after_long_help = WHO)]
+pub struct PickArgs {
+    /// A video file, or a folder of images
+    video: PathBuf,
+    /// Where to listen on this machine; a free port if left out
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:0")]
+    address: SocketAddr,
+    /// Go on after the first box: a line for each
+    #[arg(long)]
+    keep: bool,
+    #[command(flatten)]
+    page: PageArgs,
+}
+
+/// What the page begins with.
+#[derive(clap::Args)]
+struct PageArgs {
+    /// The configuration that is chosen at first: a name, or a file
+    #[arg(long, short, value_name = "FILE|NAME", default_value = "natural")]
+    config: String,
+    /// Gaze policy in the place of the configuration's
+    #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(super::configure::POLICIES))]
+    policy: Option<String>,
+}
+
+/// Runs `foveate serve`.
+pub fn run(args: Args) -> Result<()> {
+    let token = args.token.or_else(|| std::env::var("FOVEATE_TOKEN").ok().filter(|token| !token.is_empty()));
+    check(&args.address, args.allow_remote, token.as_deref())?;
+    start(&args.paths, args.address, token, &args.page, None)
+}
+
+/// Runs `foveate pick`.
+pub fn run_pick(args: PickArgs) -> Result<()> {
+    check(&args.address, false, None)?;
+    let pick = Pick { keep: args.keep, done: Arc::default() };
+    start(&[args.video], args.address, None, &args.page, Some(pick))
+}
+
+/// Refuses an address that others can reach without their being asked for, and a token that can be guessed.
+fn check(address: &SocketAddr, remote: bool, token: Option<&str>) -> Result<()> {
+    let problem = if !address.ip().is_loopback() && !remote {
+        format!(
+            "--address {address}: other machines could reach it; give --allow-remote and --token, or an address of this machine alone (127.0.0.1:8080)"
+        )
+    } else if remote && token.is_none() {
+        format!("--allow-remote needs --token SECRET (or $FOVEATE_TOKEN), of at least {LEAST_TOKEN} letters and digits")
+    } else if token
+        .is_some_and(|t| t.len() < LEAST_TOKEN || !t.bytes().all(|b| b.is_ascii_alphanumeric() || b"-_".contains(&b)))
+    {
+        format!("the token is too short or has other signs; expected at least {LEAST_TOKEN} of a-z, A-Z, 0-9, - and _")
+    } else {
+        return Ok(());
+    };
+    Err(Error::Invalid(problem))
+}
+
+fn start(
+    paths: &[PathBuf],
+    address: SocketAddr,
+    token: Option<String>,
+    page: &PageArgs,
+    pick: Option<Pick>,
+) -> Result<()> {
+    // What is wrong with it is said before anybody draws a box.
+    let (config, folder) = read(&page.config, &Changes { policy: page.policy.clone(), set: vec![] })?;
+    config.check(&folder)?;
+    let roots = Roots::new(paths)?;
+    if pick.is_some() && roots.list("")?.iter().all(|entry| entry.kind == "folder") {
+        return Err(Error::malformed(&paths[0], "expected a video file or a folder of images"));
+    }
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(rayon::current_num_threads()).build();
+    let pool = pool.map_err(|e| Error::Invalid(format!("cannot start threads: {e}; give a smaller --threads")))?;
+    let name = address.to_string();
+    let listener =
+        TcpListener::bind(address).map_err(Error::io(&name, "cannot listen there; give another --address"))?;
+    let bound = listener.local_addr().map_err(Error::io(&name, "cannot listen there"))?;
+    let guard = Guard { port: bound.port(), remote: !address.ip().is_loopback(), token };
+    let done = pick.as_ref().map_or_else(Arc::<AtomicBool>::default, |pick| Arc::clone(&pick.done));
+    announce(&bound, &guard, pick.is_some());
+    let app = Arc::new(App {
+        guard,
+        roots,
+        pick,
+        config: page.config.clone(),
+        policy: page.policy.clone(),
+        pool: Arc::new(pool),
+        sessions: Mutex::new(Sessions::default()),
+    });
+    terminal::catch_interrupts();
+    let stop: Arc<dyn Fn() -> bool + Send + Sync> =
+        Arc::new(move || terminal::stopping() || done.load(Ordering::SeqCst));
+    let answering = Arc::clone(&app);
+    let answer: Arc<server::Answer> = Arc::new(move |request| answering.answer(request));
+    let served = server::serve(&listener, &answer, &stop);
+    // What was said last is on its way.
+    std::thread::sleep(std::time::Duration::from_millis(100));
+    app.close();
+    served.map_err(Error::io(Path::new(&name), "the server broke off"))
+}
+
+/// Says where the page is, on standard error: standard output is for the command that `pick` prints.
+fn announce(bound: &SocketAddr, guard: &Guard, pick: bool) {
+    let host = match bound.ip() {
+        IpAddr::V4(ip) if ip.is_unspecified() => "ADDRESS-OF-THIS-MACHINE".to_owned(),
+        IpAddr::V6(ip) if ip.is_unspecified() => "[ADDRESS-OF-THIS-MACHINE]".to_owned(),
+        IpAddr::V6(ip) => format!("[{ip}]"),
+        IpAddr::V4(ip) => ip.to_string(),
+    };
+    let token = guard.token.as_ref().map_or(String::new(), |token| format!("?token={token}"));
+    let what = if pick { "draw a box in a browser at" } else { "open in a browser:" };
+    eprintln!("foveate: {what} http://{host}:{}/{token}  (Ctrl-C ends)", bound.port());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn other_machines_need_a_flag_and_a_token() {
+        let (here, all) = ("127.0.0.1:80".parse().expect("an address"), "0.0.0.0:80".parse().expect("an address"));
+        let good = Some("0123456789abcdef");
+        for (address, remote, token, right) in [
+            (&here, false, None, true),
+            (&here, false, good, true),
+            (&here, false, Some("short"), false),
+            (&all, false, None, false),
+            (&all, false, good, false),
+            (&all, true, None, false),
+            (&all, true, Some("0123456789 abcdef"), false),
+            (&all, true, good, true),
+        ] {
+            assert_eq!(check(address, remote, token).is_ok(), right, "{address} {remote} {token:?}");
+        }
+    }
+}

@@ -1,0 +1,339 @@
+//! What the page asks for, and what it is answered.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use foveate::config::{BUILTIN, Blueprint, Config};
+use foveate::geometry::BBox;
+use foveate::{Error, Result};
+use serde_json::{Value, json};
+
+use super::command::command;
+use super::guard::Guard;
+use super::http::{Request, Response};
+use super::message::Message;
+use super::page;
+use super::propose::propose;
+use super::roots::Roots;
+use super::row::cells;
+use super::save::{Saved, Wanted};
+use super::tracking::{Setup, Tracking};
+use super::video::{Stills, Video};
+use crate::cmd::configs::about;
+use crate::cmd::configure::{Changes, POLICIES, policy_kind, read};
+use crate::cmd::track::init::check_box;
+
+/// Videos open at a time; the one that was used longest ago makes room.
+pub const MOST_SESSIONS: usize = 4;
+/// Frames tracked in one request, at most, and how long one may take.
+const MOST_STEPS: usize = 200;
+const LONGEST_STEP: Duration = Duration::from_millis(60);
+/// True boxes told, at most.
+const MOST_TRUTH: usize = 20_000;
+
+/// The server's state.
+pub struct App {
+    pub guard: Guard,
+    pub roots: Roots,
+    /// Whether a box that was drawn is only to be told.
+    pub pick: Option<Pick>,
+    /// What the page begins with.
+    pub config: String,
+    pub policy: Option<String>,
+    pub pool: Arc<rayon::ThreadPool>,
+    pub sessions: Mutex<Sessions>,
+}
+
+/// What becomes of a box that was picked.
+pub struct Pick {
+    /// Whether others may follow.
+    pub keep: bool,
+    pub done: Arc<AtomicBool>,
+}
+
+/// Videos that are open, the one used last at the end.
+#[derive(Default)]
+pub struct Sessions {
+    open: Vec<(u64, Arc<Mutex<Session>>)>,
+    last: u64,
+}
+
+struct Session {
+    video: Video,
+    stills: Stills,
+    tracking: Option<Tracking>,
+    saved: Option<Saved>,
+}
+
+fn unknown() -> Error {
+    Error::Invalid("this video is no longer open (at most 4 are): open it again".into())
+}
+
+fn boxed([x, y, w, h]: [f64; 4]) -> BBox {
+    BBox { x, y, w, h }
+}
+
+impl App {
+    /// Answers a request.
+    pub fn answer(&self, request: &Request) -> Response {
+        if let Err(refused) = self.guard.check(request) {
+            return refused;
+        }
+        match (&*request.method, &*request.path) {
+            ("GET", "/") => page::response(),
+            ("GET", "/frame") => self.frame(request),
+            ("GET", "/file") => self.file(request),
+            ("POST", "/api") => self.message(request),
+            (_, "/" | "/frame" | "/file" | "/api") => Response::error(405, "another method is needed here"),
+            _ => Response::error(404, "there is nothing here; the page is at /"),
+        }
+    }
+
+    /// Closes all videos, and removes what was written for them.
+    pub fn close(&self) {
+        self.sessions().open.clear();
+    }
+
+    fn sessions(&self) -> std::sync::MutexGuard<'_, Sessions> {
+        self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn session(&self, id: u64) -> Option<Arc<Mutex<Session>>> {
+        let mut sessions = self.sessions();
+        let at = sessions.open.iter().position(|(other, _)| *other == id)?;
+        let entry = sessions.open.remove(at);
+        let session = Arc::clone(&entry.1);
+        sessions.open.push(entry);
+        Some(session)
+    }
+
+    /// Does something with an open video. One in which something broke is closed.
+    fn with<T>(&self, id: u64, work: impl FnOnce(&mut Session) -> Result<T> + Send) -> Result<T>
+    where
+        T: Send,
+    {
+        let session = self.session(id).ok_or_else(unknown)?;
+        let Ok(mut guard) = session.lock() else {
+            self.sessions().open.retain(|(other, _)| *other != id);
+            return Err(unknown());
+        };
+        let session = &mut *guard;
+        self.pool.install(|| work(session))
+    }
+
+    fn frame(&self, request: &Request) -> Response {
+        let number = |name: &str| request.query(name).and_then(|text| text.parse::<u64>().ok());
+        let (Some(id), Some(frame)) = (number("session"), number("frame").filter(|n| *n > 0)) else {
+            return Response::error(400, "expected ?session=N&frame=N, frames counted from 1");
+        };
+        let index = usize::try_from(frame - 1).unwrap_or(usize::MAX);
+        let picture = self.with(id, |session| {
+            let decoded = session.tracking.as_ref().and_then(Tracking::decoded);
+            session.stills.get(index, decoded)
+        });
+        match picture {
+            Ok(Some(jpeg)) => Response::new(200, "image/jpeg", &*jpeg),
+            Ok(None) => Response::error(404, "the video has no such frame"),
+            Err(error) => Response::error(404, &error.to_string()),
+        }
+    }
+
+    fn file(&self, request: &Request) -> Response {
+        let id = request.query("session").and_then(|text| text.parse().ok()).unwrap_or(0);
+        let name = request.query("name").unwrap_or_default();
+        match self.with(id, |session| Ok(session.saved.as_ref().and_then(|saved| saved.file(name)))) {
+            Ok(Some((file, length, kind))) => {
+                let mut response = Response::new(200, kind, vec![]);
+                response.file = Some((file, length));
+                response.headers.push(("Content-Disposition", "attachment".into()));
+                response.headers.push(("Content-Security-Policy", "sandbox; default-src 'none'".into()));
+                response
+            }
+            _ => Response::error(404, "there is no such file; save the results first"),
+        }
+    }
+
+    fn message(&self, request: &Request) -> Response {
+        if request.header("content-type") != Some("application/json") {
+            return Response::error(415, "expected a body of application/json");
+        }
+        let message = match serde_json::from_slice(&request.body) {
+            Ok(message) => message,
+            Err(error) => return Response::error(400, &format!("not a message: {error}")),
+        };
+        match self.act(message) {
+            Ok(value) => Response::new(200, "application/json", value.to_string()),
+            Err(error) => Response::error(400, &error.to_string()),
+        }
+    }
+
+    fn act(&self, message: Message) -> Result<Value> {
+        match message {
+            Message::Hello {} => self.hello(),
+            Message::List { path } => Ok(json!({ "entries": self.roots.list(&path)? })),
+            Message::Open { path } => self.open(&path),
+            Message::Close { session } => {
+                self.sessions().open.retain(|(id, _)| *id != session);
+                Ok(json!({}))
+            }
+            Message::Propose { session, frame, at } => self.with(session, |s| {
+                let [other, frame] = s.stills.pair(frame.saturating_sub(1))?;
+                let frame =
+                    frame.ok_or_else(|| Error::Invalid("the video has no such frame; choose an earlier one".into()))?;
+                let at = at.filter(|(x, y)| x.is_finite() && y.is_finite());
+                let (b, from) = propose(other.as_ref().map(|f| &f.image), &frame.image, at);
+                Ok(json!({ "box": [b.x, b.y, b.w, b.h], "from": from }))
+            }),
+            Message::Start { session, frame, bbox, config, policy, seed } => {
+                let (blueprint, kind) = self.blueprint(&config, policy.as_deref())?;
+                let seed = seed.unwrap_or(blueprint.config().seed);
+                let setup = Setup { blueprint, config, policy, seed };
+                self.with(session, |s| s.start(setup, frame, boxed(bbox), &kind))
+            }
+            Message::Step { session, frames } => self.with(session, |s| s.step(frames)),
+            Message::Detail { session, frame } => self.with(session, |s| {
+                let detail = s.tracking.as_ref().and_then(|t| t.detail(frame.saturating_sub(1)));
+                Ok(json!({ "detail": parsed(detail) }))
+            }),
+            Message::Correct { session, frame, bbox } => self.with(session, |s| {
+                check_box("the box", &boxed(bbox), &s.video.info)?;
+                let tracking = s.tracking.as_mut().ok_or_else(untracked)?;
+                s.saved = None;
+                tracking.correct(frame.saturating_sub(1), boxed(bbox))?;
+                Ok(json!({ "rows": &tracking.rows()[tracking.rows().len() - 1..], "ended": false }))
+            }),
+            Message::Command { session } => self.with(session, |s| Ok(json!({ "command": s.command()? }))),
+            Message::Picked { session, frame, bbox, config, policy } => {
+                self.blueprint(&config, policy.as_deref())?;
+                let given = [(frame.saturating_sub(1), boxed(bbox))];
+                let line = self.with(session, |s| {
+                    check_box("the box", &given[0].1, &s.video.info)?;
+                    Ok(command(&s.video.place.shown, &given, &config, policy.as_deref(), None))
+                })?;
+                if let Some(pick) = &self.pick {
+                    say!("{line}");
+                    if !pick.keep {
+                        pick.done.store(true, Ordering::SeqCst);
+                    }
+                }
+                Ok(json!({ "command": line, "ends": self.pick.as_ref().is_some_and(|pick| !pick.keep) }))
+            }
+            Message::Save { session, film, report } => self.with(session, |s| {
+                let command = s.command()?;
+                let tracking = s.tracking.as_ref().ok_or_else(untracked)?;
+                let given = tracking.given().iter().map(|(k, b)| (*k, *b)).collect();
+                let (video, setup, last) = (s.video.clone(), tracking.setup.clone(), tracking.last());
+                // The files before go first.
+                s.saved = None;
+                s.saved = Some(Saved::begin(Wanted { video, setup, given, last, command, film, report }, &self.pool)?);
+                Ok(json!({}))
+            }),
+            Message::Saved { session } => self.with(session, |s| match s.saved.as_ref().map(Saved::progress) {
+                None => Err(Error::Invalid("nothing is being saved; save the results first".into())),
+                Some((_, Some(Err(error)))) => Err(Error::Invalid(error)),
+                Some((frames, Some(Ok(files)))) => Ok(json!({ "frames": frames, "files": files })),
+                Some((frames, None)) => Ok(json!({ "frames": frames, "files": null })),
+            }),
+        }
+    }
+
+    fn hello(&self) -> Result<Value> {
+        let single =
+            BUILTIN.iter().filter(|(name, text)| Config::parse(text, name).is_ok_and(|c| c.multi_target.is_none()));
+        let mut configs: Vec<Value> = single.map(|(name, text)| json!({ "name": name, "for": about(text) })).collect();
+        if !BUILTIN.iter().any(|(name, _)| *name == self.config) {
+            configs.insert(0, json!({ "name": self.config, "for": "the file given to the program" }));
+        }
+        let entries = self.roots.list("")?;
+        Ok(json!({
+            "version": env!("CARGO_PKG_VERSION"), "pick": self.pick.is_some(), "roots": entries, "configs": configs,
+            "policies": POLICIES, "config": self.config, "policy": self.policy,
+        }))
+    }
+
+    fn open(&self, path: &str) -> Result<Value> {
+        let place = self.roots.find(path)?;
+        let video = self.pool.install(|| Video::open(place))?;
+        let mut truth: Vec<_> = video.truth().iter().map(|b| b.map(|b| [b.x, b.y, b.w, b.h])).collect();
+        truth.truncate(MOST_TRUTH);
+        let info = video.info.clone();
+        let stills = Stills::new(video.clone());
+        let session = Session { video, stills, tracking: None, saved: None };
+        let mut sessions = self.sessions();
+        if sessions.open.len() >= MOST_SESSIONS {
+            sessions.open.remove(0);
+        }
+        sessions.last += 1;
+        let id = sessions.last;
+        sessions.open.push((id, Arc::new(Mutex::new(session))));
+        Ok(json!({
+            "session": id, "width": info.width, "height": info.height, "frames": info.frames,
+            "exact": info.exact_frames().is_some(), "rate": info.rate, "reader": info.reader, "truth": truth,
+        }))
+    }
+
+    /// A configuration that may be asked for, and its policy's name. The page may not name files.
+    fn blueprint(&self, config: &str, policy: Option<&str>) -> Result<(Blueprint, String)> {
+        if config != self.config && !Config::names().contains(&config) {
+            return Err(Error::Config(format!("no configuration is called {config}; choose one of the list")));
+        }
+        if let Some(policy) = policy.filter(|policy| !POLICIES.contains(policy)) {
+            return Err(Error::Config(format!("no policy is called {policy}; choose one of the list")));
+        }
+        let (config, folder) = read(config, &Changes { policy: policy.map(str::to_owned), set: vec![] })?;
+        if config.multi_target.is_some() {
+            return Err(Error::Config(
+                "this configuration is for many targets, the page follows one; choose another".into(),
+            ));
+        }
+        let kind = policy_kind(&config);
+        Ok((config.check(&folder)?, kind))
+    }
+}
+
+fn untracked() -> Error {
+    Error::Invalid("nothing is tracked yet; draw a box and start".into())
+}
+
+fn parsed(text: Option<&str>) -> Value {
+    text.and_then(|text| serde_json::from_str(text).ok()).unwrap_or(Value::Null)
+}
+
+impl Session {
+    fn start(&mut self, setup: Setup, frame: usize, bbox: BBox, policy: &str) -> Result<Value> {
+        check_box("the box", &bbox, &self.video.info)?;
+        let retina = setup.blueprint.retina();
+        self.tracking = None;
+        self.saved = None;
+        let tracking = Tracking::start(self.video.clone(), setup, frame.saturating_sub(1), bbox)?;
+        let rows = json!(tracking.rows());
+        self.tracking = Some(tracking);
+        Ok(json!({ "rows": rows, "cells": cells(&*retina), "policy": policy, "ended": false }))
+    }
+
+    fn step(&mut self, frames: usize) -> Result<Value> {
+        let tracking = self.tracking.as_mut().ok_or_else(untracked)?;
+        let before = tracking.rows().len();
+        tracking.step(frames.clamp(1, MOST_STEPS), LONGEST_STEP)?;
+        let rows = &tracking.rows()[before..];
+        if !rows.is_empty() {
+            self.saved = None;
+        }
+        let (detail, surface) = (parsed(tracking.detail(tracking.last())), tracking.surface());
+        Ok(json!({ "rows": rows, "detail": detail, "surface": surface, "ended": tracking.ended() }))
+    }
+
+    /// The command that gives this track.
+    fn command(&self) -> Result<String> {
+        let tracking = self.tracking.as_ref().ok_or_else(untracked)?;
+        let given: Vec<(usize, BBox)> = tracking.given().iter().map(|(k, b)| (*k, *b)).collect();
+        let Setup { config, policy, seed, blueprint } = &tracking.setup;
+        let seed = Some(*seed).filter(|seed| *seed != blueprint.config().seed);
+        let mut line = command(&self.video.place.shown, &given, config, policy.as_deref(), seed);
+        if !tracking.ended() && tracking.last() > tracking.first() {
+            line += &format!(" --until {}", tracking.last() + 1);
+        }
+        Ok(line)
+    }
+}

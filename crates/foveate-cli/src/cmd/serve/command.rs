@@ -1,0 +1,54 @@
+//! The command line that gives a track.
+
+use std::path::Path;
+
+use foveate::geometry::BBox;
+
+/// `foveate track` of these boxes: the first one begins, others are given again.
+pub fn command(path: &Path, given: &[(usize, BBox)], config: &str, policy: Option<&str>, seed: Option<u64>) -> String {
+    let numbers = |b: &BBox| format!("{},{},{},{}", b.x + 1.0, b.y + 1.0, b.w, b.h);
+    let mut line = format!("foveate track {}", quoted(&path.to_string_lossy()));
+    for (k, (index, bbox)) in given.iter().enumerate() {
+        line += &match k {
+            0 if *index == 0 => format!(" --init {}", numbers(bbox)),
+            0 => format!(" --from {} --init {}", index + 1, numbers(bbox)),
+            _ => format!(" --reinit {}:{}", index + 1, numbers(bbox)),
+        };
+    }
+    if config != foveate::Profile::Balanced.name() {
+        line += &format!(" --config {}", quoted(config));
+    }
+    policy.into_iter().for_each(|policy| line += &format!(" --policy {policy}"));
+    seed.into_iter().for_each(|seed| line += &format!(" --seed {seed}"));
+    line
+}
+
+/// A word as a shell reads it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+=:,@%".contains(c);
+    if !word.is_empty() && !word.starts_with('-') && word.chars().all(plain) {
+        return word.to_owned();
+    }
+    let dashed = if word.starts_with('-') { format!("./{word}") } else { word.to_owned() };
+    format!("'{}'", dashed.replace('\'', r"'\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_is_one_that_a_shell_understands() {
+        let (a, b) = (BBox::new(9.0, 19.0, 30.0, 40.5), BBox::new(0.0, 0.0, 30.0, 40.0));
+        assert_eq!(
+            command(Path::new("a.mp4"), &[(0, a)], "natural", None, None),
+            "foveate track a.mp4 --init 10,20,30,40.5"
+        );
+        let given = [(4, a), (9, b)];
+        assert_eq!(
+            command(Path::new("it's; rm"), &given, "digits", Some("hedge"), Some(3)),
+            r"foveate track 'it'\''s; rm' --from 5 --init 10,20,30,40.5 --reinit 10:1,1,30,40 --config digits --policy hedge --seed 3"
+        );
+        assert_eq!(quoted("-x"), "'./-x'");
+    }
+}

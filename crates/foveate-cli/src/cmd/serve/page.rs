@@ -1,0 +1,63 @@
+//! The page: one document with its style and scripts, and what it may do.
+
+use std::sync::OnceLock;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use foveate::report::{STYLE, fill};
+use sha2::{Digest, Sha256};
+
+use super::http::Response;
+
+/// The scripts, in order.
+const SCRIPT: &str = concat!(
+    include_str!("page/tracker.js"),
+    include_str!("page/common.js"),
+    include_str!("page/state.js"),
+    include_str!("page/stage.js"),
+    include_str!("page/box.js"),
+    include_str!("page/panels.js"),
+    include_str!("page/files.js"),
+    include_str!("page/main.js"),
+);
+
+/// The document, and the policy that lets it run its own style and script, talk to us, and nothing else.
+fn page() -> &'static (String, String) {
+    static PAGE: OnceLock<(String, String)> = OnceLock::new();
+    PAGE.get_or_init(|| {
+        let style = format!("{STYLE}\n{}", include_str!("page/page.css"));
+        let hash = |text: &str| format!("'sha256-{}'", STANDARD.encode(Sha256::digest(text)));
+        let policy = format!(
+            "default-src 'none'; script-src {}; style-src {}; img-src 'self' blob: data:; connect-src 'self'; base-uri 'none'; \
+             form-action 'none'; frame-ancestors 'none'",
+            hash(SCRIPT),
+            hash(&style)
+        );
+        let html = fill(include_str!("page/page.html"), &[("style", style), ("script", SCRIPT.into())]);
+        (html, policy)
+    })
+}
+
+/// The page as an answer.
+pub fn response() -> Response {
+    let (html, policy) = page();
+    let mut response = Response::new(200, "text/html; charset=utf-8", html.as_bytes());
+    response.headers.push(("Content-Security-Policy", policy.clone()));
+    response
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_page_is_one_document_without_foreign_parts() {
+        let (html, policy) = page();
+        for word in ["http://", "https://", "@import", " src=", "style=\"", "onclick", "eval(", "new Function"] {
+            let found = html.find(word).map(|at| &html[at..(at + 60).min(html.len())]);
+            assert!(found.is_none_or(|text| text.starts_with("http://www.w3.org/")), "{word}: {found:?}");
+        }
+        assert_eq!(html.matches("<script>").count(), 1);
+        assert!(policy.contains("script-src 'sha256-") && !policy.contains("unsafe"));
+    }
+}

@@ -1,0 +1,89 @@
+// Choosing a video, and saving results.
+const KINDS = { folder: 'folder', images: 'pictures', video: 'video' };
+let trail = [];
+async function list(path) {
+  const { entries } = await tracker.ask({ op: 'list', path });
+  byId('entries').replaceChildren(...entries.map(entry => {
+    const button = element('button', { type: 'button' }, element('b', {}, entry.name), element('span', {}, KINDS[entry.kind]));
+    button.addEventListener('click', doing(() => entry.kind === 'folder' ? enter(entry) : open_(entry)));
+    return element('li', {}, button);
+  }));
+  if (!entries.length) byId('entries').append(element('li', { class: 'soft' }, 'There is no video here, and no folder with pictures.'));
+  byId('crumbs').replaceChildren(...trail.map((step, i) => {
+    const button = element('button', { type: 'button' }, step.name);
+    button.addEventListener('click', doing(() => { trail = trail.slice(0, i + 1); return list(step.path); }));
+    return button;
+  }));
+}
+async function enter(entry) {
+  trail.push({ name: entry.name, path: entry.path });
+  await list(entry.path);
+}
+async function open_(entry) {
+  pause();
+  await idle();
+  const opened = await tracker.ask({ op: 'open', path: entry.path }), name = entry.name.split(/[\\/]/).filter(Boolean).pop() || entry.name;
+  if (page.video) tracker.ask({ op: 'close', session: page.video.session }).catch(() => {});
+  for (const picture of pictures.values()) picture.close?.();
+  pictures.clear();
+  details.clear();
+  shown = null;
+  Object.assign(page, { video: { ...opened, name }, frame: 1, ends: opened.frames || Infinity, rows: [], first: 0, cells: [], policy: '', ended: false, draft: null });
+  layers.find(layer => layer.name === 'truth').holder.hidden = !opened.truth.some(Boolean);
+  byId('title').textContent = name;
+  byId('about').textContent = `${opened.width} × ${opened.height}, ${opened.frames ? `${opened.exact ? '' : 'about '}${opened.frames} frames` : 'length unknown'}, ${say(opened.rate, 0)} a second, read by ${opened.reader}`;
+  arrange();
+  setDraft(null);
+  forgetSaved();
+  await show(1);
+}
+// Which cards are there.
+function arrange() {
+  const open = !!page.video, tracked = page.rows.length > 0;
+  for (const [id, there] of Object.entries({ picker: !open, stage: open, setup: open, fovea: tracked && !hello.pick, curve: tracked && !hello.pick, save: tracked && !hello.pick, legend: open && !hello.pick })) byId(id).hidden = !there;
+  byId('choose').hidden = !open || only;
+}
+byId('choose').addEventListener('click', doing(async () => {
+  pause();
+  byId('picker').hidden = !byId('picker').hidden;
+  if (!byId('picker').hidden) byId('entries').querySelector('button')?.focus();
+}));
+
+let saving = 0;
+function forgetSaved() {
+  saving++;
+  byId('files').replaceChildren();
+  byId('save-state').textContent = '';
+  byId('save-go').disabled = false;
+}
+byId('save-go').addEventListener('click', doing(async () => {
+  pause();
+  await idle();
+  forgetSaved();
+  const mine = saving, session = page.video.session, state = byId('save-state'), total = page.rows.length;
+  byId('save-go').disabled = true;
+  try {
+    await tracker.ask({ op: 'save', session, film: byId('want-film').checked, report: byId('want-report').checked });
+    for (;;) {
+      const { frames, files } = await tracker.ask({ op: 'saved', session });
+      if (mine !== saving) return;
+      if (files) {
+        state.textContent = 'Ready to download:';
+        byId('files').replaceChildren(...files.map(name => element('li', {}, element('a', { href: tracker.link(session, name), download: name }, name))));
+        return;
+      }
+      state.textContent = `Writing frame ${frames} of ${total} …`;
+      await new Promise(done => setTimeout(done, 200));
+    }
+  } finally { if (mine === saving) byId('save-go').disabled = false; }
+}));
+byId('save-picture').addEventListener('click', doing(async () => {
+  const zoom = Math.max(1, Math.ceil(960 / page.video.width)), canvas = document.createElement('canvas');
+  canvas.width = zoom * page.video.width;
+  canvas.height = zoom * page.video.height;
+  paint(canvas.getContext('2d'), canvas.width, canvas.height, false);
+  const blob = await new Promise(done => canvas.toBlob(done, 'image/png'));
+  const link = element('a', { href: URL.createObjectURL(blob), download: `${page.video.name.replace(/[^\w.-]+/g, '-')}-${page.frame}.png` });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}));

@@ -1,0 +1,155 @@
+// Playing, starting, correcting, and the page's beginning.
+let hello = { pick: false }, only = false;
+const icons = { play: '<svg viewBox="0 0 16 16"><path d="M4 2.5v11l9.5-5.5z"/></svg>', pause: '<svg viewBox="0 0 16 16"><path d="M3.5 2.5h3.2v11H3.5zM9.3 2.5h3.2v11H9.3z"/></svg>' };
+function transport() {
+  byId('scrub').max = Number.isFinite(page.ends) ? page.ends : Math.max(page.frame + 100, lastTracked());
+  byId('scrub').value = page.frame;
+  byId('scrub').setAttribute('aria-valuetext', `frame ${page.frame}`);
+  byId('back').disabled = page.frame <= 1;
+  byId('forth').disabled = page.frame >= page.ends;
+  const label = page.playing ? 'Pause' : page.rows.length && page.frame >= lastTracked() ? 'Track' : 'Play';
+  if (byId('play').getAttribute('aria-label') !== label || !byId('play').firstChild) {
+    byId('play').replaceChildren(drawing(page.playing ? icons.pause : icons.play));
+    byId('play').setAttribute('aria-label', label);
+  }
+}
+// What the box in hand can be used for.
+function actions() {
+  const tracked = !!rowOf(page.frame), box = !!page.draft;
+  byId('go').textContent = hello.pick ? 'Use this box' : tracked ? `Correct frame ${page.frame}` : 'Start tracking';
+  byId('again').hidden = hello.pick || !tracked;
+  for (const id of ['go', 'again']) byId(id).disabled = !box || page.busy;
+}
+function pause() {
+  if (page.playing) { page.playing = false; transport(); command(); }
+}
+async function command() {
+  if (!page.rows.length) return;
+  try { byId('command').textContent = (await tracker.ask({ op: 'command', session: page.video.session })).command; } catch { byId('command').textContent = ''; }
+}
+// Messages that change the track go one after the other.
+async function idle() {
+  while (page.busy) await new Promise(done => setTimeout(done, 10));
+}
+// Tracks one frame, or as many as the pace says, and shows the last one; not where somebody has paused meanwhile, perhaps to draw.
+async function trackOn(frames, asked) {
+  if (page.busy) return;
+  page.busy = true;
+  try {
+    const video = page.video, answer = await tracker.ask({ op: 'step', session: video.session, frames });
+    if (video !== page.video) return;
+    takeIn(answer);
+    if (asked || page.playing) await show(lastTracked());
+    else panels();
+  } finally { page.busy = false; actions(); }
+}
+async function play() {
+  if (page.playing || page.busy || !page.video) return;
+  const video = page.video;
+  page.playing = true;
+  setDraft(null);
+  transport();
+  try {
+    while (page.playing && video === page.video) {
+      const began = performance.now(), pace = +byId('pace').value, end = page.rows.length ? lastTracked() : page.ends;
+      if (page.rows.length && page.frame >= lastTracked()) {
+        if (page.ended) break;
+        await trackOn(pace, false);
+      } else if (page.frame < end) await show(page.frame + 1);
+      else break;
+      // Not faster than the video where every frame is shown; and the page stays answerable.
+      const rest = pace === 1 ? Math.max(0, 1000 / (video.rate || 30) - (performance.now() - began)) : 0;
+      await new Promise(done => setTimeout(done, rest));
+    }
+  } finally {
+    page.playing = false;
+    transport();
+    command();
+  }
+}
+async function stepTo(frame) {
+  pause();
+  setDraft(null);
+  // One frame on at the end of the track: track it.
+  if (page.rows.length && frame === lastTracked() + 1 && page.frame === lastTracked() && !page.ended) { await trackOn(1, true); command(); }
+  else await show(frame);
+}
+async function start() {
+  const { x, y, w, h } = page.draft, frame = page.frame, seed = byId('seed').value;
+  const message = { op: 'start', session: page.video.session, frame, box: [x, y, w, h], config: byId('config').value, policy: byId('policy').value || null, seed: seed === '' ? null : +seed };
+  page.busy = true;
+  try {
+    const answer = await tracker.ask(message);
+    details.clear();
+    Object.assign(page, { first: frame, rows: [], cells: answer.cells, policy: answer.policy });
+    makeEye(answer.cells);
+    takeIn(answer);
+  } finally { page.busy = false; }
+  setDraft(null);
+  arrange();
+  await show(frame);
+  doing(play)();
+}
+async function correct() {
+  const { x, y, w, h } = page.draft, frame = page.frame;
+  page.busy = true;
+  try {
+    takeIn(await tracker.ask({ op: 'correct', session: page.video.session, frame, box: [x, y, w, h] }));
+  } finally { page.busy = false; }
+  setDraft(null);
+  await show(frame);
+  command();
+}
+async function picked() {
+  const { x, y, w, h } = page.draft;
+  const answer = await tracker.ask({ op: 'picked', session: page.video.session, frame: page.frame, box: [x, y, w, h], config: byId('config').value, policy: byId('policy').value || null });
+  byId('line').textContent = answer.command;
+  byId('picked').hidden = false;
+  if (answer.ends) {
+    byId('about').textContent = 'The command was printed, and the program has ended: you can close this page.';
+    for (const control of document.querySelectorAll('button:not(#copy), input, select')) control.disabled = true;
+  }
+}
+byId('boxes').addEventListener('submit', doing(async event => {
+  event.preventDefault();
+  pause();
+  await idle();
+  if (!page.draft) return;
+  if (hello.pick) await picked();
+  else if (event.submitter?.value !== 'again' && rowOf(page.frame)) await correct();
+  else await start();
+}));
+byId('copy').addEventListener('click', doing(() => navigator.clipboard.writeText(byId('line').textContent)));
+byId('play').addEventListener('click', doing(() => page.playing ? pause() : play()));
+byId('back').addEventListener('click', doing(() => stepTo(page.frame - 1)));
+byId('forth').addEventListener('click', doing(() => stepTo(page.frame + 1)));
+byId('scrub').addEventListener('input', doing(() => { const to = +byId('scrub').value; pause(); return show(to); }));
+document.addEventListener('keydown', event => {
+  if (!page.video || event.ctrlKey || event.metaKey || event.altKey || event.target.matches('select, input, a, summary')) return;
+  const far = event.shiftKey ? 10 : 1, onButton = event.target.matches('button');
+  const to = { ',': page.frame - far, '.': page.frame + far, '<': page.frame - 10, '>': page.frame + 10, ';': page.frame - 10, ':': page.frame + 10 }[event.key];
+  if (to !== undefined) doing(() => stepTo(to))();
+  else if (event.key === ' ' && !onButton) doing(() => page.playing ? pause() : play())();
+  else return;
+  event.preventDefault();
+});
+byId('config').addEventListener('change', () => { byId('config-for').textContent = hello.configs.find(c => c.name === byId('config').value)?.for.replaceAll('`', '') || ''; });
+window.addEventListener('resize', () => { drawStage(); drawGraph(); });
+matchMedia('(prefers-color-scheme: dark)').addEventListener('change', drawGraph);
+
+doing(async () => {
+  hello = await tracker.ask({ op: 'hello' });
+  byId('config').append(...hello.configs.map(({ name }) => element('option', { value: name }, name)));
+  byId('config').value = hello.config;
+  byId('config').dispatchEvent(new Event('change'));
+  byId('policy').append(element('option', { value: '' }, "the configuration's"), ...hello.policies.map(name => element('option', { value: name }, name)));
+  byId('policy').value = hello.policy || '';
+  byId('seed').hidden = document.querySelector('[for=seed]').hidden = hello.pick;
+  if (hello.pick) byId('about').textContent = 'Draw a box: the command line that tracks it is printed where foveate was started.';
+  trail = [{ name: 'all', path: '' }];
+  const root = hello.roots.length === 1 && hello.roots[0];
+  only = root && root.kind !== 'folder';
+  if (only) await open_(root);
+  else if (root) { trail = []; await enter(root); }
+  else await list('');
+})();

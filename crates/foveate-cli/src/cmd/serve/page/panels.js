@@ -1,0 +1,102 @@
+// What stands beside the frame: status, glimpse, policy, P(lost).
+function panels() {
+  const row = rowOf(page.frame), detail = details.get(page.frame);
+  const badge = byId('badge');
+  badge.textContent = row ? (row.given ? 'box given' : row.status) : page.rows.length ? 'not tracked yet' : 'no box yet';
+  badge.className = 'badge' + (row ? row.out ? ' off' : ' on' : '');
+  byId('figures').textContent = row ? `${row.box.slice(0, 2).map(v => say(v + 1, 1)).join(', ')}  ·  ${row.box.slice(2).map(v => say(v, 1)).join(' × ')} px` + (row.ess === null ? '' : `  ·  ${say(row.ess, 0)} effective particles`) : '';
+  const seconds = row ? row.time : (page.frame - 1) / (page.video.rate || 30);
+  byId('clock').replaceChildren(element('b', {}, String(page.frame)), ` of ${Number.isFinite(page.ends) ? page.ends : '?'} · ${say(seconds)} s`);
+  byId('screen').setAttribute('aria-label', `Frame ${page.frame}` + (row ? `: ${badge.textContent}, box at ${row.box.map(v => Math.round(v)).join(', ')}` : ''));
+  byId('p-lost').replaceChildren(...(row ? [`frame ${page.frame}: `, element('b', {}, say(row.p_lost))] : []));
+  byId('distance').replaceChildren(...(row && row.distance !== null ? ['distance to the template ', element('b', {}, say(row.distance))] : []));
+  drawGlimpse(detail);
+  drawPolicy(row, detail);
+  drawGraph();
+  actions();
+}
+
+// Which cell of the retina is seen where, on a raster of its smallest cells.
+let eye = null;
+function makeEye(flat) {
+  const cells = Array.from({ length: flat.length / 4 }, (_, i) => flat.slice(4 * i, 4 * i + 4));
+  if (!cells.length) { eye = null; return; }
+  const reach = Math.max(...cells.map(([u, v, half]) => Math.max(Math.abs(u), Math.abs(v)) + half));
+  const side = clamp(Math.round(reach / Math.min(...cells.map(cell => cell[2]))), 1, 192);
+  const maps = [0, 1, 2].map(() => new Int32Array(side * side).fill(-1));
+  cells.forEach(([u, v, half, channel], i) => {
+    const pixel = x => clamp(Math.round((x + reach) / (2 * reach) * side), 0, side);
+    for (let y = pixel(v - half); y < pixel(v + half); y++) for (let x = pixel(u - half); x < pixel(u + half); x++) maps[channel][y * side + x] = i;
+  });
+  eye = { side, maps };
+}
+function drawGlimpse(detail) {
+  const canvas = byId('seen'), side = eye ? eye.side : 1, values = detail ? bytes(detail.glimpse) : [];
+  canvas.width = canvas.height = side;
+  const context = canvas.getContext('2d'), out = context.createImageData(side, side);
+  if (eye && values.length) for (let i = 0; i < side * side; i++) {
+    // Grey is BT.601 luma, then (red − green) / 2, (2 blue − red − green) / 4.
+    const [grey, rg, by] = eye.maps.map(map => map[i]);
+    if (grey < 0) continue;
+    const a = rg < 0 ? 0 : 2 * (values[rg] - 128), b = by < 0 ? 0 : 4 * (values[by] - 128), green = values[grey] - .356 * a - .057 * b;
+    out.data.set([green + a, green, (b + 2 * green + a) / 2, 255], 4 * i);
+  }
+  context.putImageData(out, 0, 0);
+}
+
+function drawPolicy(row, detail) {
+  const arms = detail?.arms || [], surface = detail?.surface, list = byId('arms'), canvas = byId('rewards');
+  canvas.hidden = !surface;
+  if (surface) {
+    const { side, mean } = surface, low = Math.min(...mean), high = Math.max(...mean);
+    canvas.width = canvas.height = side;
+    const context = canvas.getContext('2d'), out = context.createImageData(side, side);
+    mean.forEach((v, i) => out.data.set([...tint((v - low) / Math.max(1e-12, high - low)), 255], 4 * i));
+    context.putImageData(out, 0, 0);
+    if (row?.gaze) {
+      const place = v => Math.round((v / surface.reach + 1) / 2 * (side - 1));
+      context.fillStyle = '#fff';
+      context.fillRect(place(row.gaze[0]), place(row.gaze[1]), 1, 1);
+    }
+  }
+  const reach = Math.max(1, ...arms.map(([u, v]) => Math.max(Math.abs(u), Math.abs(v))));
+  list.replaceChildren(...arms.map(([u, v, p]) => {
+    const now = row?.gaze && Math.hypot(row.gaze[0] - u, row.gaze[1] - v) < 1e-9;
+    const mark = drawing(`<svg viewBox="0 0 20 20" aria-hidden="true"><rect x="1" y="1" width="18" height="18" rx="3" fill="none" stroke="currentColor" opacity=".45"/><circle cx="${10 + 8 * u / reach}" cy="${10 + 8 * v / reach}" r="2.6" fill="currentColor"/></svg>`);
+    const bar = element('i');
+    bar.style.width = 100 * p + '%';
+    return element('div', { class: 'arm' + (now ? ' now' : '') }, mark, element('span', { class: 'bar' }, bar), element('span', { class: 'p' }, say(p)));
+  }));
+  const learning = arms.length || surface;
+  byId('policy-caption').textContent = !page.policy ? '' : arms.length ? `${page.policy}: how likely each gaze is next`
+    : surface ? `${page.policy}: reward of each gaze, brighter is more; white, the gaze` : detail && !learning ? `${page.policy}: nothing to learn. Choose hedge or gp-ucb to watch one that learns.` : page.policy;
+}
+
+function drawGraph() {
+  const canvas = byId('graph'), width = canvas.clientWidth, height = canvas.clientHeight;
+  if (!width || !page.rows.length) return;
+  const c = sharp(canvas, width, height), n = page.rows.length, x = i => (i + .5) / Math.max(n, 20) * width, y = p => 2 + (1 - p) * (height - 4);
+  c.clearRect(0, 0, width, height);
+  const wide = width / Math.max(n, 20);
+  c.fillStyle = colour('lostwash');
+  page.rows.forEach((row, i) => { if (row.out) c.fillRect(x(i) - wide / 2, 0, wide + .5, height); });
+  const line = (points, ink, thick, dash = []) => {
+    c.beginPath(); points.forEach((p, i) => i ? c.lineTo(...p) : c.moveTo(...p));
+    c.setLineDash(dash); c.strokeStyle = ink; c.lineWidth = thick; c.stroke(); c.setLineDash([]);
+  };
+  line([[0, height - .5], [width, height - .5]], colour('line'), 1);
+  line([[0, y(.5)], [width, y(.5)]], colour('soft'), 1, [2, 4]);
+  c.fillStyle = colour('target');
+  page.rows.forEach((row, i) => { if (row.given) c.fillRect(x(i) - 1.5, height - 10, 3, 10); });
+  // No more points than pixels: of each stretch the worst.
+  const stretch = Math.max(1, Math.floor(n / width)), points = [];
+  for (let i = 0; i < n; i += stretch) points.push([x(i), y(Math.max(...page.rows.slice(i, i + stretch).map(row => row.p_lost ?? 0)))]);
+  line(points, colour('lost'), 1.8);
+  if (rowOf(page.frame)) line([[x(page.frame - page.first), 0], [x(page.frame - page.first), height]], colour('ink'), 1);
+  canvas.setAttribute('aria-label', `Probability that the target is lost in frames ${page.first} to ${lastTracked()}; ${page.rows.filter(row => row.out).length} are believed occluded or lost`);
+}
+byId('graph').addEventListener('click', doing(async event => {
+  const area = byId('graph').getBoundingClientRect();
+  pause();
+  await show(clamp(page.first + Math.floor((event.clientX - area.left) / area.width * Math.max(page.rows.length, 20)), page.first, lastTracked()));
+}));

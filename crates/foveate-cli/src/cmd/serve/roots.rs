@@ -1,0 +1,178 @@
+//! What lies below the folders and files that may be seen, and nothing else.
+//!
+//! A place is named by the number of its root and the names below it: `0/walks/one.mp4`.
+
+use std::path::{Component, Path, PathBuf};
+
+use foveate::video::image_files;
+use foveate::{Error, Result};
+use serde::Serialize;
+
+/// Names listed of a folder, at most.
+const MOST: usize = 2000;
+/// How videos end.
+const VIDEOS: [&str; 14] =
+    ["mp4", "m4v", "mov", "y4m", "mkv", "webm", "avi", "mpg", "mpeg", "ts", "mts", "wmv", "flv", "ogv"];
+
+/// The folders and files that may be seen.
+#[derive(Debug)]
+pub struct Roots(Vec<Root>);
+
+#[derive(Debug)]
+struct Root {
+    /// As it was given.
+    given: PathBuf,
+    /// As the system calls it.
+    real: PathBuf,
+}
+
+/// A place that was found.
+#[derive(Clone, Debug)]
+pub struct Place {
+    /// As the user would write it.
+    pub shown: PathBuf,
+    /// As the system calls it.
+    pub real: PathBuf,
+    root: PathBuf,
+}
+
+impl Place {
+    /// A file in it, or the place itself where it is one; none that leads out of the root.
+    pub fn inside(&self, file: &Path) -> Option<PathBuf> {
+        let real = file.canonicalize().ok()?;
+        (real.starts_with(&self.root) && real.is_file()).then_some(real)
+    }
+}
+
+/// What there is in a folder.
+#[derive(Debug, Serialize)]
+pub struct Entry {
+    pub name: String,
+    pub path: String,
+    /// folder, images, video
+    pub kind: &'static str,
+}
+
+impl Roots {
+    /// Fails where one is not there, or neither a folder nor a regular file.
+    pub fn new(paths: &[PathBuf]) -> Result<Self> {
+        let root = |given: &PathBuf| {
+            let cannot = "cannot serve it; give folders or video files that are there";
+            let real = given.canonicalize().map_err(Error::io(given, cannot))?;
+            if !real.is_dir() && !real.is_file() {
+                return Err(Error::malformed(
+                    given,
+                    "neither a folder nor a regular file; give folders or video files",
+                ));
+            }
+            Ok(Root { given: given.clone(), real })
+        };
+        paths.iter().map(root).collect::<Result<_>>().map(Self)
+    }
+
+    /// What a name stands for: a folder or a regular file below a root.
+    pub fn find(&self, name: &str) -> Result<Place> {
+        let nothing = || Error::Invalid(format!("there is no {name:?} here; choose from the list"));
+        let (root, rest) = name.split_once('/').unwrap_or((name, ""));
+        let root = root.parse().ok().and_then(|k: usize| self.0.get(k)).ok_or_else(nothing)?;
+        let below = Path::new(rest);
+        let plain = |part: &Component<'_>| matches!(part, Component::Normal(_));
+        if rest.contains(['\0', '\\']) || !below.components().all(|part| plain(&part)) {
+            return Err(nothing());
+        }
+        let join = |path: &Path| if rest.is_empty() { path.to_owned() } else { path.join(below) };
+        let real = join(&root.real).canonicalize().map_err(|_| nothing())?;
+        if !real.starts_with(&root.real) || !(real.is_dir() || real.is_file()) {
+            return Err(nothing());
+        }
+        Ok(Place { shown: join(&root.given), real, root: root.real.clone() })
+    }
+
+    /// What there is to choose in a place; of no name, the roots.
+    pub fn list(&self, name: &str) -> Result<Vec<Entry>> {
+        if name.is_empty() {
+            let entry = |(k, root): (usize, &Root)| {
+                let name = root.given.to_string_lossy().into_owned();
+                kind(&root.real).map(|kind| Entry { name, path: k.to_string(), kind })
+            };
+            return Ok(self.0.iter().enumerate().filter_map(entry).collect());
+        }
+        let place = self.find(name)?;
+        let entries = std::fs::read_dir(&place.real).map_err(Error::io(&place.shown, "cannot read the folder"))?;
+        let mut found = vec![];
+        for entry in entries.flatten().take(50 * MOST) {
+            let Ok(file) = entry.file_name().into_string() else { continue };
+            let path = format!("{name}/{file}");
+            let Ok(inner) = self.find(&path) else { continue };
+            if let Some(kind) = kind(&inner.real).filter(|_| !file.starts_with('.')) {
+                found.push(Entry { name: file, path, kind });
+            }
+        }
+        found.sort_by(|a, b| {
+            (a.kind == "video", a.name.to_lowercase()).cmp(&(b.kind == "video", b.name.to_lowercase()))
+        });
+        found.truncate(MOST);
+        Ok(found)
+    }
+}
+
+/// What a place is to the page; `None` for what it cannot show.
+fn kind(path: &Path) -> Option<&'static str> {
+    if path.is_dir() {
+        return Some(if image_files(path).is_ok() { "images" } else { "folder" });
+    }
+    let ending = path.extension()?.to_string_lossy().to_ascii_lowercase();
+    VIDEOS.contains(&&*ending).then_some("video")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_outside_the_roots_is_found() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| dir.path().join(name);
+        std::fs::create_dir_all(at("in/deep")).expect("writable");
+        for file in ["out.mp4", "in/a.mp4", "in/deep/b.MP4", "in/notes.txt", "in/.hidden.mp4"] {
+            std::fs::write(at(file), "x").expect("writable");
+        }
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(at("out.mp4"), at("in/link.mp4")).expect("a link");
+            std::os::unix::fs::symlink(dir.path(), at("in/up")).expect("a link");
+            std::os::unix::fs::symlink("/dev/zero", at("in/zero.mp4")).expect("a link");
+        }
+        let roots = Roots::new(&[at("in"), at("in/deep/b.MP4")]).expect("both are there");
+        let names: Vec<String> = roots.list("0").expect("a folder").into_iter().map(|e| e.path).collect();
+        assert_eq!(names, ["0/deep", "0/a.mp4"]);
+        let kinds: Vec<&str> = roots.list("").expect("roots").iter().map(|e| e.kind).collect();
+        assert_eq!(kinds, ["folder", "video"]);
+        assert!(roots.find("0/deep/b.MP4").is_ok() && roots.find("1").is_ok());
+        let absolute = format!("0/{}", at("out.mp4").display());
+        for name in [
+            "",
+            "2",
+            "-1",
+            "0/..",
+            "0/../out.mp4",
+            "0/deep/../../out.mp4",
+            "0/link.mp4",
+            "0/up/out.mp4",
+            "0/zero.mp4",
+            "0/missing",
+            "0/./a.mp4/..",
+            "0/..\\out.mp4",
+            "0/%2e%2e/out.mp4",
+            "0/a.mp4\0",
+            "1/..",
+            "1/../../out.mp4",
+            "/etc/passwd",
+            &absolute,
+        ] {
+            assert!(roots.find(name).is_err(), "{name}");
+            assert!(name.is_empty() || roots.list(name).is_err(), "{name}");
+        }
+        assert!(Roots::new(&[at("nowhere")]).expect_err("it is not there").to_string().contains("nowhere"));
+    }
+}

@@ -1,0 +1,156 @@
+//! What the page is told of a frame.
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use foveate::gaze::PolicySnapshot;
+use foveate::geometry::{BBox, Extent, Gaze, State};
+use foveate::identity::Retina;
+use foveate::report::heat::Heat;
+use foveate::step::Step;
+use foveate::video::Frame;
+use serde::Serialize;
+
+/// Particles shown, at most.
+const MOST_PARTICLES: usize = 250;
+/// Points along a side of a reward surface.
+const SURFACE: usize = 17;
+
+/// A frame in figures. Pixels count from 0, frames from 1.
+#[derive(Clone, Debug, Serialize)]
+pub struct Row {
+    pub frame: usize,
+    /// Seconds from the first frame.
+    pub time: f64,
+    /// Left, top, width, height.
+    #[serde(rename = "box")]
+    pub bbox: [f64; 4],
+    /// The corners of the turned box.
+    pub corners: [[f64; 2]; 4],
+    /// Whether the box was given by hand.
+    pub given: bool,
+    pub p_lost: f64,
+    pub status: &'static str,
+    /// Whether the box means nothing.
+    pub out: bool,
+    /// The chosen gaze in template units, and where it falls: x, y, and one template unit along u and along v.
+    pub gaze: Option<[f64; 2]>,
+    pub fixation: Option<[f64; 6]>,
+    /// The 90 % region of the centre: x, y, half axes, turn.
+    pub region: Option<[f64; 5]>,
+    pub distance: Option<f64>,
+    pub ess: Option<f64>,
+}
+
+impl Row {
+    /// Of a frame whose box was given.
+    pub fn given(frame: &Frame, bbox: &BBox) -> Self {
+        Self {
+            frame: frame.index + 1,
+            time: frame.time,
+            bbox: [bbox.x, bbox.y, bbox.w, bbox.h],
+            corners: corners(&State::of(bbox), Extent::of(bbox)),
+            given: true,
+            p_lost: 0.0,
+            status: "given",
+            out: false,
+            gaze: None,
+            fixation: None,
+            region: None,
+            distance: None,
+            ess: None,
+        }
+    }
+
+    /// Of a frame that was tracked.
+    pub fn tracked(frame: &Frame, step: &Step<'_>) -> Self {
+        let (b, gaze, region) = (step.bbox(), step.plan.chosen(), step.region(0.9));
+        let f = step.estimate.fixate(gaze, step.extent);
+        Self {
+            bbox: [b.x, b.y, b.w, b.h],
+            corners: corners(&step.estimate, step.extent),
+            given: false,
+            p_lost: step.confidence.p_lost,
+            status: step.confidence.status.name(),
+            out: step.is_lost(),
+            gaze: Some([gaze.u, gaze.v]),
+            fixation: Some([f.x, f.y, f.ux, f.uy, f.vx, f.vy]),
+            region: Some([region.x, region.y, region.half[0], region.half[1], region.turn]),
+            distance: Some(step.percept.distance),
+            ess: Some(step.ess),
+            ..Self::given(frame, &b)
+        }
+    }
+}
+
+fn corners(state: &State, extent: Extent) -> [[f64; 2]; 4] {
+    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(u, v)| {
+        let f = state.fixate(Gaze { u, v, arm: None }, extent);
+        [f.x, f.y]
+    })
+}
+
+/// What a frame looked like from inside, as JSON text: particles, glimpse, policy.
+#[derive(Serialize)]
+struct Detail {
+    frame: usize,
+    /// Particles: x and y as 16 bits each (low byte first) over −1 to 2 pictures, base64.
+    particles: String,
+    /// As many bytes: weights relative to the heaviest.
+    weights: String,
+    /// The glimpse, a byte a cell.
+    glimpse: String,
+    /// Further gazes that were used.
+    also: Vec<[f64; 2]>,
+    /// Gazes of a policy with several, and their probabilities.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    arms: Vec<[f64; 3]>,
+}
+
+/// The detail of a frame.
+pub fn detail(frame: usize, step: &Step<'_>) -> String {
+    let (w, h) = (step.image.width() as f64, step.image.height() as f64);
+    let every = step.weights.len().div_ceil(MOST_PARTICLES).max(1);
+    let most = step.weights.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    let (mut particles, mut weights) = (vec![], vec![]);
+    for (state, weight) in step.predicted.iter().zip(step.weights).step_by(every) {
+        for share in [state.x / w, state.y / h] {
+            particles.extend(((65535.0 * ((share + 1.0) / 3.0).clamp(0.0, 1.0)).round() as u16).to_le_bytes());
+        }
+        weights.push((255.0 * weight / most).round() as u8);
+    }
+    let glimpse: Vec<u8> = step.percept.glimpse.iter().map(|v| (255.0 * v).round() as u8).collect();
+    let chosen = step.plan.chosen_index();
+    let used = step.plan.gazes().iter().zip(step.plan.used()).enumerate();
+    let also = used.filter(|(k, (_, used))| **used && *k != chosen).map(|(_, (gaze, _))| [gaze.u, gaze.v]).collect();
+    let arms = match step.snapshot {
+        PolicySnapshot::Arms { gazes, probabilities } if gazes.len() > 1 => {
+            gazes.iter().zip(probabilities).map(|(gaze, p)| [gaze.u, gaze.v, *p]).collect()
+        }
+        _ => vec![],
+    };
+    let text = |bytes: &[u8]| STANDARD.encode(bytes);
+    let detail =
+        Detail { frame, particles: text(&particles), weights: text(&weights), glimpse: text(&glimpse), also, arms };
+    serde_json::to_string(&detail).unwrap_or_default()
+}
+
+/// A reward surface: mean reward on points from −reach to reach, row by row from the top.
+#[derive(Serialize)]
+pub struct Surface {
+    side: usize,
+    reach: f64,
+    mean: Vec<f64>,
+    best: Option<[f64; 2]>,
+}
+
+/// What a policy over a continuous space has learned so far.
+pub fn surface(snapshot: PolicySnapshot<'_>) -> Option<Surface> {
+    let PolicySnapshot::Surface(surface) = snapshot else { return None };
+    let heat = Heat::of(surface, SURFACE);
+    Some(Surface { side: heat.n, reach: heat.reach, mean: heat.mean, best: surface.best().map(|g| [g.u, g.v]) })
+}
+
+/// A retina's cells: centre, half side, channel of each, one after the other.
+pub fn cells(retina: &dyn Retina) -> Vec<f64> {
+    retina.cells().iter().flat_map(|c| [c.u, c.v, c.half, c.channel as f64]).collect()
+}

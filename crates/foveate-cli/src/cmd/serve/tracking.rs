@@ -1,0 +1,295 @@
+//! A track that grows as the page asks, and that can be taken up again at any of its frames.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use foveate::config::Blueprint;
+use foveate::geometry::BBox;
+use foveate::video::Frame;
+use foveate::{Error, Result, Tracker};
+
+use super::row::{self, Row, Surface};
+use super::video::{Player, Video};
+
+/// Frames of a track, at most.
+const MOST_ROWS: usize = 100_000;
+/// Bytes of details, and of saved states, that a track keeps.
+const DETAILS: usize = 32 << 20;
+const STATES: usize = 32 << 20;
+/// Frames from one saved state to the next.
+const EVERY: usize = 50;
+
+/// What to track with.
+#[derive(Clone)]
+pub struct Setup {
+    pub blueprint: Blueprint,
+    pub config: String,
+    pub policy: Option<String>,
+    pub seed: u64,
+}
+
+/// A track.
+pub struct Tracking {
+    pub setup: Setup,
+    tracker: Tracker,
+    player: Player,
+    /// The frame it began in, from 0.
+    first: usize,
+    rows: Vec<Row>,
+    /// Boxes given by hand, by frame from 0.
+    given: BTreeMap<usize, BBox>,
+    details: Kept,
+    /// The tracker after some frames.
+    states: Kept,
+    every: usize,
+    /// Whether the video has ended.
+    ended: bool,
+}
+
+impl Tracking {
+    /// Starts on a box.
+    pub fn start(video: Video, setup: Setup, index: usize, bbox: BBox) -> Result<Self> {
+        let tracker = setup.blueprint.tracker(setup.seed)?;
+        let mut tracking = Self {
+            setup,
+            tracker,
+            player: Player::new(video),
+            first: index,
+            rows: vec![],
+            given: BTreeMap::new(),
+            details: Kept::new(DETAILS),
+            states: Kept::new(STATES),
+            every: EVERY,
+            ended: false,
+        };
+        tracking.give(index, bbox)?;
+        Ok(tracking)
+    }
+
+    pub fn rows(&self) -> &[Row] {
+        &self.rows
+    }
+    /// The first frame, from 0.
+    pub fn first(&self) -> usize {
+        self.first
+    }
+    /// The last frame tracked, from 0.
+    pub fn last(&self) -> usize {
+        self.first + self.rows.len() - 1
+    }
+    pub fn ended(&self) -> bool {
+        self.ended
+    }
+    pub fn given(&self) -> &BTreeMap<usize, BBox> {
+        &self.given
+    }
+    /// The frame that was decoded last.
+    pub fn decoded(&self) -> Option<&Arc<Frame>> {
+        self.player.last()
+    }
+    /// The detail of a frame (from 0), as JSON; `None` where it was not kept.
+    pub fn detail(&self, index: usize) -> Option<&str> {
+        self.details.all.get(&index).map(|text| &**text)
+    }
+    /// What the policy has learned by the last frame.
+    pub fn surface(&self) -> Option<Surface> {
+        row::surface(self.tracker.parts().gaze.policy().snapshot())
+    }
+
+    /// Tracks at most so many frames, and no longer than so.
+    pub fn step(&mut self, most: usize, time: Duration) -> Result<()> {
+        let began = Instant::now();
+        for done in 0..most {
+            if self.ended || (done > 0 && began.elapsed() > time) {
+                break;
+            }
+            if self.rows.len() >= MOST_ROWS {
+                return Err(Error::Invalid(format!("the page tracks {MOST_ROWS} frames at most; use foveate track")));
+            }
+            self.go_on(self.last() + 1)?;
+        }
+        Ok(())
+    }
+
+    /// A box by hand in a frame that was tracked: what was tracked from there on is forgotten, and the target starts anew, as with
+    /// `--reinit`.
+    pub fn correct(&mut self, index: usize, bbox: BBox) -> Result<()> {
+        if !(self.first..=self.last()).contains(&index) {
+            let (first, last) = (self.first + 1, self.last() + 1);
+            return Err(Error::Invalid(format!("frames {first} to {last} are tracked; correct one of these")));
+        }
+        if index == self.first {
+            self.tracker = self.setup.blueprint.tracker(self.setup.seed)?;
+            self.cut(index);
+        } else {
+            self.rewind(index - 1)?;
+        }
+        self.give(index, bbox)
+    }
+
+    /// Brings the tracker to where it was after frame `index`, by the last state saved until then and the frames since.
+    fn rewind(&mut self, index: usize) -> Result<()> {
+        let saved = self.states.all.range(..=index).next_back().map(|(k, text)| (*k, text.clone()));
+        let (from, text) =
+            saved.ok_or_else(|| Error::Invalid("the track cannot be taken up there; start anew".into()))?;
+        let state = serde_json::from_str(&text).map_err(|e| Error::Invalid(e.to_string()))?;
+        let frame =
+            self.read(from)?.ok_or_else(|| Error::Invalid("the video has become shorter; open it again".into()))?;
+        self.tracker = self.setup.blueprint.tracker(self.setup.seed)?;
+        self.tracker.load(&state)?;
+        self.tracker.skip(&frame.image);
+        let given = self.given.clone();
+        self.cut(from + 1);
+        for k in from + 1..=index {
+            match given.get(&k) {
+                Some(bbox) => self.give(k, *bbox)?,
+                None => self.go_on(k)?,
+            }
+        }
+        Ok(())
+    }
+
+    /// Forgets all from frame `index` on.
+    fn cut(&mut self, index: usize) {
+        self.rows.truncate(index - self.first);
+        self.given.retain(|k, _| *k < index);
+        self.details.cut(index);
+        self.states.cut(index);
+        self.ended = false;
+    }
+
+    fn read(&mut self, index: usize) -> Result<Option<Arc<Frame>>> {
+        self.player.frame(index, |_| ())
+    }
+
+    fn give(&mut self, index: usize, bbox: BBox) -> Result<()> {
+        let missing = || Error::Invalid(format!("the video has no frame {}; choose an earlier one", index + 1));
+        let frame = self.read(index)?.ok_or_else(missing)?;
+        self.tracker.init(&frame.image, bbox)?;
+        self.given.insert(index, bbox);
+        self.rows.push(Row::given(&frame, &bbox));
+        self.save(index);
+        Ok(())
+    }
+
+    fn go_on(&mut self, index: usize) -> Result<()> {
+        let Some(frame) = self.read(index)? else {
+            self.ended = true;
+            return Ok(());
+        };
+        let seen = self.tracker.update(&frame.image)?;
+        self.rows.push(Row::tracked(&frame, &seen.step));
+        self.details.put(index, row::detail(index + 1, &seen.step));
+        while self.details.bytes > self.details.most {
+            self.details.drop_first();
+        }
+        if (index - self.first).is_multiple_of(self.every) {
+            self.save(index);
+        }
+        Ok(())
+    }
+
+    /// Keeps the tracker as it is after a frame. Where there is no room, every other state goes, and later ones are rarer.
+    fn save(&mut self, index: usize) {
+        self.states.put(index, self.tracker.save().to_string());
+        while self.states.bytes > self.states.most && self.states.all.len() > 2 {
+            self.every *= 2;
+            self.states.thin();
+        }
+    }
+}
+
+/// Texts by frame, no more than so many bytes of them.
+struct Kept {
+    all: BTreeMap<usize, String>,
+    bytes: usize,
+    most: usize,
+}
+
+impl Kept {
+    fn new(most: usize) -> Self {
+        Self { all: BTreeMap::new(), bytes: 0, most }
+    }
+    fn put(&mut self, index: usize, text: String) {
+        self.bytes += text.len();
+        self.bytes -= self.all.insert(index, text).map_or(0, |old| old.len());
+    }
+    fn drop_first(&mut self) {
+        self.bytes -= self.all.pop_first().map_or(0, |(_, text)| text.len());
+    }
+    /// Drops every other one; the first one stays.
+    fn thin(&mut self) {
+        let mut k = 0;
+        self.all.retain(|_, _| {
+            k += 1;
+            k % 2 == 1
+        });
+        self.bytes = self.all.values().map(String::len).sum();
+    }
+    fn cut(&mut self, index: usize) {
+        let gone = self.all.split_off(&index);
+        self.bytes -= gone.values().map(String::len).sum::<usize>();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::roots::Roots;
+    use super::*;
+    use foveate::config::Config;
+    use foveate::files::Nowhere;
+    use foveate::scene::Image;
+    use foveate::video::save_png;
+
+    #[test]
+    fn a_correction_gives_what_a_run_with_that_box_gives() {
+        let dir = tempfile::tempdir().expect("a folder");
+        for t in 0..30 {
+            let inside = |x: usize, y: usize| (20 + t..44 + t).contains(&x) && (20..44).contains(&y);
+            let pixel = |i: usize| if inside(i % 96, i / 96) { 120 + (i % 5 * 20) as u8 } else { (i * 31 % 67) as u8 };
+            let image = Image::from_grey8(96, 64, &(0..96 * 64).map(pixel).collect::<Vec<_>>()).expect("96 x 64");
+            save_png(dir.path().join(format!("{t}.png")), &image).expect("writable");
+        }
+        let place = Roots::new(&[dir.path().to_owned()]).and_then(|roots| roots.find("0")).expect("it is there");
+        let video = Video::open(place).expect("pictures");
+        let config = Config::builtin("natural-fast").expect("it ships").expect("it is right");
+        let blueprint = config.check(&Nowhere).expect("it fits");
+        let setup = Setup { blueprint, config: "natural-fast".into(), policy: None, seed: 3 };
+        let (a, b) = (BBox::new(20.0, 20.0, 24.0, 24.0), BBox::new(33.0, 18.0, 26.0, 28.0));
+        let start = || Tracking::start(video.clone(), setup.clone(), 0, a).expect("a box in the picture");
+        let forever = Duration::from_secs(1000);
+        let boxes = |t: &Tracking| t.rows().iter().map(|row| row.bbox).collect::<Vec<_>>();
+        let mut plain = start();
+        plain.step(11, forever).expect("tracked");
+        plain.correct(11, b).expect("it was tracked");
+        plain.step(1000, forever).expect("tracked");
+        assert!(plain.ended() && plain.rows().len() == 30 && plain.rows()[11].given);
+        // Further on, then back; by a state in between, and by one at the start.
+        for every in [4, 50] {
+            let mut back = start();
+            back.every = every;
+            back.step(1000, forever).expect("tracked");
+            assert_ne!(boxes(&back)[12..], boxes(&plain)[12..], "the correction matters");
+            back.correct(20, a).expect("it was tracked");
+            back.correct(11, b).expect("it was tracked");
+            assert_eq!(back.rows().len(), 12);
+            back.step(1000, forever).expect("tracked");
+            assert_eq!(boxes(&back), boxes(&plain));
+            assert_eq!(back.given().len(), 2);
+        }
+        assert!(plain.correct(30, b).expect_err("not tracked").to_string().contains("1 to 30"));
+        assert!(plain.correct(11, BBox::new(900.0, 0.0, 9.0, 9.0)).is_err());
+    }
+
+    #[test]
+    fn what_is_kept_is_bounded() {
+        let mut kept = Kept::new(100);
+        (0..10).for_each(|k| kept.put(k, "x".repeat(10)));
+        kept.thin();
+        assert_eq!((kept.all.keys().copied().collect::<Vec<_>>(), kept.bytes), (vec![0, 2, 4, 6, 8], 50));
+        kept.cut(5);
+        kept.drop_first();
+        assert_eq!((kept.all.len(), kept.bytes), (2, 20));
+    }
+}

@@ -1,0 +1,250 @@
+//! A video of which any frame can be had, and its frames as pictures for the page.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use foveate::geometry::BBox;
+use foveate::scene::Image;
+use foveate::video::{Frame, FrameSource, ImageFolder, SourceInfo, annotation, encode_jpeg, image_files, open};
+use foveate::{Error, Result};
+
+use super::roots::Place;
+
+/// Pixels of a frame, at most: a decoded frame has three bytes for each, and a session holds a few.
+const MOST_PIXELS: usize = 1 << 25;
+/// The longer side of a picture on the page, pixels, at most.
+const LONGEST: usize = 1280;
+const QUALITY: u8 = 85;
+/// Bytes of pictures that a session keeps.
+const KEPT: usize = 64 << 20;
+/// Frames before one that was asked for that become pictures, too: for steps back.
+const BEFORE: usize = 16;
+
+/// A video that can be opened at any frame.
+#[derive(Clone, Debug)]
+pub struct Video {
+    pub place: Place,
+    pub info: SourceInfo,
+    /// Its pictures, where it is a folder.
+    files: Option<Arc<[PathBuf]>>,
+}
+
+impl Video {
+    pub fn open(place: Place) -> Result<Self> {
+        let files = match place.real.is_dir() {
+            true => {
+                let found = image_files(&place.real)?;
+                let inside = found.iter().map(|file| place.inside(file)).collect::<Option<Arc<[PathBuf]>>>();
+                let problem = "a picture in it is a link that leads out of the folders served; serve that folder, too";
+                Some(inside.ok_or_else(|| Error::malformed(&place.shown, problem))?)
+            }
+            false => None,
+        };
+        let info = source(&place, files.as_deref(), 0)?.info().clone();
+        if info.width.saturating_mul(info.height) > MOST_PIXELS {
+            let (w, h) = (info.width, info.height);
+            let problem =
+                format!("frames of {w} x {h} are too large for the page; track it with `foveate track --scale`");
+            return Err(Error::malformed(&place.shown, problem));
+        }
+        Ok(Self { place, info, files })
+    }
+
+    /// A source of all frames, as the runner of `foveate track` wants it.
+    pub fn source(&self) -> Result<Box<dyn FrameSource>> {
+        source(&self.place, self.files.as_deref(), 0)
+    }
+
+    /// The true boxes, where the folder has them.
+    pub fn truth(&self) -> Vec<Option<BBox>> {
+        let folder = if self.place.real.is_dir() { Some(&*self.place.real) } else { self.place.real.parent() };
+        let file = folder.and_then(|folder| self.place.inside(&folder.join("groundtruth_rect.txt")));
+        file.filter(|_| self.files.is_some()).and_then(|file| annotation::read_truth(file).ok()).unwrap_or_default()
+    }
+}
+
+fn source(place: &Place, files: Option<&[PathBuf]>, from: usize) -> Result<Box<dyn FrameSource>> {
+    match files {
+        Some(files) => Ok(Box::new(ImageFolder::from_files(files[from.min(files.len() - 1)..].to_vec())?)),
+        None => open(&place.real),
+    }
+}
+
+/// Reads frames; those in a row fast, others by opening the video again.
+pub struct Player {
+    video: Video,
+    source: Option<Box<dyn FrameSource>>,
+    /// The number of the frame that the source gives next.
+    next: usize,
+    last: Option<Arc<Frame>>,
+}
+
+impl Player {
+    pub fn new(video: Video) -> Self {
+        Self { video, source: None, next: 0, last: None }
+    }
+
+    /// The frame that was read last.
+    pub fn last(&self) -> Option<&Arc<Frame>> {
+        self.last.as_ref()
+    }
+
+    /// Frame `index`; `None` where the video ends before. Frames read on the way, but not those that could be left out, come to `passed`.
+    pub fn frame(&mut self, index: usize, mut passed: impl FnMut(&Frame)) -> Result<Option<Arc<Frame>>> {
+        if let Some(frame) = self.last.as_ref().filter(|frame| frame.index == index) {
+            return Ok(Some(Arc::clone(frame)));
+        }
+        let from = index.saturating_sub(BEFORE);
+        let folder = self.video.files.as_ref().map(|files| files.len());
+        if folder.is_some_and(|count| index >= count) {
+            return Ok(None);
+        }
+        // A folder can be opened at any place.
+        if self.source.is_none() || index < self.next || (folder.is_some() && from > self.next) {
+            self.next = if folder.is_some() { from } else { 0 };
+            self.source = Some(source(&self.video.place, self.video.files.as_deref(), self.next)?);
+        }
+        while let Some(source) = &mut self.source {
+            let Some(frame) = source.next().transpose().inspect_err(|_| self.source = None)? else {
+                self.source = None;
+                break;
+            };
+            let rate = self.video.info.rate.max(1.0);
+            let time = if folder.is_some() { self.next as f64 / rate } else { frame.time };
+            let frame = Arc::new(Frame { index: self.next, time, ..frame });
+            self.next += 1;
+            if frame.index == index {
+                self.last = Some(Arc::clone(&frame));
+                return Ok(Some(frame));
+            }
+            passed(&frame);
+        }
+        Ok(None)
+    }
+}
+
+/// Frames as JPEG files, of which the last ones are kept.
+pub struct Stills {
+    player: Player,
+    kept: BTreeMap<usize, Arc<[u8]>>,
+    order: VecDeque<usize>,
+    bytes: usize,
+}
+
+impl Stills {
+    pub fn new(video: Video) -> Self {
+        Self { player: Player::new(video), kept: BTreeMap::new(), order: VecDeque::new(), bytes: 0 }
+    }
+
+    /// Frame `index` as a picture, from `decoded` where it is that one; `None` where the video ends before.
+    pub fn get(&mut self, index: usize, decoded: Option<&Arc<Frame>>) -> Result<Option<Arc<[u8]>>> {
+        if let Some(jpeg) = self.kept.get(&index) {
+            return Ok(Some(Arc::clone(jpeg)));
+        }
+        if let Some(frame) = decoded.filter(|frame| frame.index == index) {
+            self.keep(frame);
+        } else {
+            let mut near = vec![];
+            let found = self.player.frame(index, |frame| {
+                if frame.index + BEFORE >= index {
+                    near.push((frame.index, jpeg(&frame.image)));
+                }
+            })?;
+            near.into_iter().for_each(|(k, bytes)| self.put(k, bytes));
+            match found {
+                Some(frame) => self.keep(&frame),
+                None => return Ok(None),
+            }
+        }
+        Ok(self.kept.get(&index).cloned())
+    }
+
+    /// The frame before `index` (of the first one the next), and `index` itself, decoded.
+    pub fn pair(&mut self, index: usize) -> Result<[Option<Arc<Frame>>; 2]> {
+        if index == 0 {
+            let frame = self.player.frame(0, |_| ())?;
+            return Ok([self.player.frame(1, |_| ())?, frame]);
+        }
+        Ok([self.player.frame(index - 1, |_| ())?, self.player.frame(index, |_| ())?])
+    }
+
+    fn keep(&mut self, frame: &Frame) {
+        self.put(frame.index, jpeg(&frame.image));
+    }
+
+    fn put(&mut self, index: usize, bytes: Vec<u8>) {
+        self.bytes += bytes.len();
+        if let Some(old) = self.kept.insert(index, bytes.into()) {
+            self.bytes -= old.len();
+        } else {
+            self.order.push_back(index);
+        }
+        while self.bytes > KEPT && self.order.len() > 1 {
+            let old = self.order.pop_front().and_then(|k| self.kept.remove(&k));
+            self.bytes -= old.map_or(0, |old| old.len());
+        }
+    }
+}
+
+/// A frame as the page shows it: one that is large is made smaller by a whole factor.
+fn jpeg(image: &Image) -> Vec<u8> {
+    let k = image.width().max(image.height()).div_ceil(LONGEST);
+    if k <= 1 { encode_jpeg(image, QUALITY) } else { encode_jpeg(&smaller(image, k), QUALITY) }
+}
+
+/// Means of k × k pixels; what is left over at the right and at the bottom falls away.
+fn smaller(image: &Image, k: usize) -> Image {
+    let (w, h) = ((image.width() / k).max(1), (image.height() / k).max(1));
+    let (kx, ky) = (k.min(image.width()), k.min(image.height()));
+    let mut data = Vec::with_capacity(image.planes() * w * h);
+    for p in 0..image.planes() {
+        let plane = image.plane(p);
+        for y in 0..h {
+            for x in 0..w {
+                let row = |j: usize| &plane[(y * k + j) * image.width() + x * k..][..kx];
+                let sum: usize = (0..ky).flat_map(row).map(|v| usize::from(*v)).sum();
+                data.push((sum / (kx * ky)) as u8);
+            }
+        }
+    }
+    Image::new(w, h, image.planes(), data).expect("as many bytes as pixels")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::roots::Roots;
+    use super::*;
+    use foveate::video::{decode_image, save_png};
+
+    #[test]
+    fn any_frame_can_be_had() {
+        let dir = tempfile::tempdir().expect("a folder");
+        for t in 0..40 {
+            save_png(dir.path().join(format!("{t}.png")), &Image::grey(16, 12, 6 * t)).expect("writable");
+        }
+        let place = Roots::new(&[dir.path().to_owned()]).and_then(|roots| roots.find("0")).expect("it is there");
+        let video = Video::open(place).expect("pictures");
+        let (mut player, mut stills) = (Player::new(video.clone()), Stills::new(video));
+        for index in [0, 1, 30, 3, 39, 38, 0] {
+            let frame = player.frame(index, |_| ()).expect("readable").expect("it is there");
+            assert_eq!((frame.index, frame.image.at(0, 3, 3)), (index, 6 * index as u8));
+            let jpeg = stills.get(index, None).expect("readable").expect("it is there");
+            assert!(decode_image(&jpeg).expect("a picture").at(0, 3, 3).abs_diff(6 * index as u8) < 3);
+        }
+        assert!(player.frame(40, |_| ()).expect("readable").is_none());
+        assert!(stills.get(usize::MAX, None).expect("readable").is_none());
+        assert!(stills.kept.contains_key(&25), "frames before one that was asked for are there, too");
+        let [before, at] = stills.pair(7).expect("readable");
+        assert_eq!((before.map(|f| f.index), at.map(|f| f.index)), (Some(6), Some(7)));
+        let [next, first] = stills.pair(0).expect("readable");
+        assert_eq!((next.map(|f| f.index), first.map(|f| f.index)), (Some(1), Some(0)));
+    }
+
+    #[test]
+    fn large_frames_are_averaged() {
+        let image = Image::new(5, 4, 1, (0..20).collect()).expect("5 x 4");
+        let small = smaller(&image, 2);
+        assert_eq!((small.width(), small.height(), small.at(0, 0, 0)), (2, 2, (1 + 5 + 6) / 4));
+    }
+}

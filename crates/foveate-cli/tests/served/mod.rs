@@ -1,0 +1,130 @@
+//! A program that serves, and what a browser would send it.
+#![allow(dead_code, missing_docs)] // each test takes what it needs
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{Shutdown, TcpStream};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+pub struct Server {
+    pub child: Child,
+    pub port: u16,
+    pub url: String,
+    /// What it said on standard error.
+    pub said: Arc<Mutex<String>>,
+}
+
+impl Server {
+    pub fn start(folder: &Path, args: &[&str]) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
+        command.current_dir(folder).args(args).env_remove("FOVEATE_TOKEN").env("TMPDIR", folder);
+        let mut child =
+            command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("it starts");
+        let mut lines = BufReader::new(child.stderr.take().expect("a pipe"));
+        let mut first = String::new();
+        lines.read_line(&mut first).expect("it says where");
+        let url =
+            first.split_whitespace().find(|word| word.starts_with("http://")).unwrap_or_else(|| panic!("{first}"));
+        let port = url.rsplit_once(':').and_then(|(_, rest)| rest.split('/').next()).and_then(|port| port.parse().ok());
+        let said = Arc::new(Mutex::new(first.clone()));
+        let more = Arc::clone(&said);
+        std::thread::spawn(move || {
+            let mut line = String::new();
+            while lines.read_line(&mut line).is_ok_and(|n| n > 0) {
+                more.lock().expect("one writer").push_str(&std::mem::take(&mut line));
+            }
+        });
+        Self { child, port: port.unwrap_or_else(|| panic!("{first}")), url: url.to_owned(), said }
+    }
+
+    /// Sends bytes as they are, and closes; what came back.
+    pub fn send(&self, bytes: &[u8]) -> Vec<u8> {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).expect("it listens");
+        stream.set_read_timeout(Some(Duration::from_secs(60))).expect("a socket");
+        // A server that has refused already does not read on.
+        let _ = stream.write_all(bytes);
+        let _ = stream.shutdown(Shutdown::Write);
+        let mut answer = vec![];
+        let _ = stream.read_to_end(&mut answer);
+        answer
+    }
+
+    /// A message of the page: the status, and the answer.
+    pub fn ask(&self, message: &str) -> (u16, serde_json::Value) {
+        self.ask_with(message, "")
+    }
+
+    /// The same with further headers, each ending in a new line.
+    pub fn ask_with(&self, message: &str, headers: &str) -> (u16, serde_json::Value) {
+        let (host, length) = (format!("127.0.0.1:{}", self.port), message.len());
+        let request = format!(
+            "POST /api HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\nContent-Type: application/json\r\n\
+             Content-Length: {length}\r\nConnection: close\r\n{headers}\r\n{message}"
+        );
+        let (status, body) = parts(&self.send(request.as_bytes()));
+        (status, serde_json::from_slice(&body).unwrap_or_default())
+    }
+
+    /// A page, picture or file.
+    pub fn get(&self, path: &str) -> (u16, Vec<u8>) {
+        let request = format!("GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nConnection: close\r\n\r\n", self.port);
+        parts(&self.send(request.as_bytes()))
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Status and body of an answer; 0 where there was none.
+pub fn parts(answer: &[u8]) -> (u16, Vec<u8>) {
+    let status = answer.get(9..12).and_then(|s| std::str::from_utf8(s).ok()).and_then(|s| s.parse().ok()).unwrap_or(0);
+    let body = answer.windows(4).position(|w| w == b"\r\n\r\n").map_or(vec![], |at| answer[at + 4..].to_vec());
+    (status, body)
+}
+
+pub const SIZE: (usize, usize) = (320, 240);
+pub const FRAMES: usize = 36;
+
+/// Where the target is in frame `t` (from 0): left, top, width, height.
+pub fn truth(t: usize) -> [f64; 4] {
+    [100.0 + 3.0 * t as f64, 90.0 + t as f64, 48.0, 48.0]
+}
+
+/// Pictures of a textured square that moves over noise, and its true boxes.
+pub fn clip(folder: &Path) {
+    std::fs::create_dir_all(folder).expect("a writable folder");
+    let (w, h) = SIZE;
+    let mut x = 1u32;
+    let noise: Vec<u8> = (0..w * h)
+        .map(|_| {
+            x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            60 + (x >> 27) as u8
+        })
+        .collect();
+    let mut boxes = String::new();
+    for t in 0..FRAMES {
+        let [left, top, side, _] = truth(t);
+        let (left, top, side) = (left as usize, top as usize, side as usize);
+        let mut picture = noise.clone();
+        for i in 0..side * side {
+            let (a, b) = (i % side, i / side);
+            picture[(top + b) * w + left + a] = if (a / 12 + b / 12) % 2 == 0 { 230 } else { 150 - 2 * (b as u8) };
+        }
+        let file = folder.join(format!("{t:03}.png"));
+        image::save_buffer(&file, &picture, w as u32, h as u32, image::ExtendedColorType::L8).expect("a picture");
+        boxes += &format!("{},{},{side},{side}\n", left + 1, top + 1);
+    }
+    std::fs::write(folder.join("groundtruth_rect.txt"), boxes).expect("a writable folder");
+}
+
+pub fn iou(a: [f64; 4], b: [f64; 4]) -> f64 {
+    let side = |i: usize| ((a[i] + a[i + 2]).min(b[i] + b[i + 2]) - a[i].max(b[i])).max(0.0);
+    let shared = side(0) * side(1);
+    shared / (a[2] * a[3] + b[2] * b[3] - shared)
+}
