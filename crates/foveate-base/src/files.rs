@@ -5,8 +5,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::{Error, Result};
 
-/// Larger models and configurations are none of ours.
-const MOST_BYTES: u64 = 1 << 30;
+/// The most bytes of a model.
+pub const MODEL: u64 = 1 << 30;
+/// The most bytes of a picture's file.
+pub const PICTURE: u64 = 1 << 28;
+/// The most bytes of a text: boxes, settings, saved states.
+pub const TEXT: u64 = 1 << 28;
 
 /// A name beside `path` that nobody else uses, for a file that becomes `path` when it is whole.
 pub fn temporary(path: &Path) -> PathBuf {
@@ -96,7 +100,7 @@ impl Folder {
 
 impl Files for Folder {
     fn read(&self, path: &Path) -> Result<Vec<u8>> {
-        read(self.0.join(path), MOST_BYTES)
+        read(self.0.join(path), MODEL)
     }
 }
 
@@ -110,11 +114,6 @@ impl Files for Nowhere {
         Err(Error::io(path, "cannot read")(none))
     }
 }
-
-/// The most bytes of a picture's file.
-pub const PICTURE: u64 = 1 << 28;
-/// The most bytes of a text: boxes, settings, saved states.
-pub const TEXT: u64 = 1 << 28;
 
 #[cfg(test)]
 mod tests {

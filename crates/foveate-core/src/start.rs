@@ -71,7 +71,7 @@ pub fn check(image: &Image, b: &BBox) -> Result<()> {
     }
     Err(Error::Invalid(format!(
         "the first box is x={}, y={}, w={}, h={}; expected finite numbers, at least 2 x 2 pixels, touching the {w} x {h} picture. \
-         Give --init x,y,w,h with x,y the top-left corner in pixels",
+         Give left, top, width, height in pixels from 0",
         b.x, b.y, b.w, b.h
     )))
 }

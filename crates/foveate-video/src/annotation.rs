@@ -51,6 +51,26 @@ pub fn read_numbers(path: impl AsRef<Path>) -> Result<Vec<f64>> {
     parsed.collect()
 }
 
+/// GOT-10k's file of labels beside its boxes: not 0 where the target is absent.
+pub const ABSENCE: &str = "absence.label";
+
+/// Takes out the boxes of frames in which these labels say that the target is absent, where there are labels. How many boxes
+/// that were.
+///
+/// Errors: the file cannot be read, a line is not a finite number, or there is not a label for each frame.
+pub fn hide_absent(truth: &mut [Option<BBox>], labels: &Path) -> Result<usize> {
+    if !labels.is_file() {
+        return Ok(0);
+    }
+    let absent = read_numbers(labels)?;
+    if absent.len() != truth.len() {
+        let problem = format!("expected a label for each of {} boxes, found {}", truth.len(), absent.len());
+        return Err(Error::malformed(labels, problem));
+    }
+    let hidden = truth.iter_mut().zip(absent).filter(|(bbox, absent)| bbox.is_some() && *absent != 0.0);
+    Ok(hidden.map(|(bbox, _)| *bbox = None).count())
+}
+
 /// The text of boxes: one line `x,y,w,h` each, 1-based.
 pub fn format_boxes(boxes: &[BBox]) -> String {
     boxes.iter().map(|b| format!("{},{},{},{}\n", b.x + 1.0, b.y + 1.0, b.w, b.h)).collect()

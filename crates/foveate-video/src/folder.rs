@@ -69,11 +69,7 @@ impl ImageFolder {
             );
             return Err(Error::Frame { path: path.clone(), frame: index + 1, problem });
         }
-        match (self.planes, image.planes()) {
-            (1, 3) => Ok(image.to_grey()),
-            (3, 1) => Image::new(image.width(), image.height(), 3, image.bytes().repeat(3)),
-            _ => Ok(image),
-        }
+        Ok(image.with_planes(self.planes))
     }
 }
 

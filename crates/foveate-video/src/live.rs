@@ -89,6 +89,8 @@ pub struct Live {
     options: LiveOptions,
     info: SourceInfo,
     leash: Leash,
+    /// How this ffmpeg is told to leave no frame out.
+    passthrough: [&'static str; 2],
     pixels: Option<Pixels>,
     complaint: Arc<Mutex<Option<String>>>,
     began: Instant,
@@ -114,6 +116,7 @@ impl Live {
         let info = SourceInfo { width: 0, height: 0, frames: None, rate: 0.0, reader: "ffmpeg, live".into() };
         let (leash, complaint, alive, reconnected) =
             <(Leash, Arc<Mutex<_>>, Arc<AtomicU64>, Arc<AtomicU64>)>::default();
+        let passthrough = passthrough(&options.ffmpeg).map_err(|problem| Error::malformed(address, problem))?;
         let (address, began) = (address.to_owned(), Instant::now());
         let mut live = Self {
             address,
@@ -121,6 +124,7 @@ impl Live {
             options,
             info,
             leash,
+            passthrough,
             pixels: None,
             complaint,
             began,
@@ -156,10 +160,9 @@ impl Live {
 
     fn connect(&mut self) -> std::result::Result<(), String> {
         let program = &*self.options.ffmpeg;
-        let passthrough = passthrough(program)?;
         let mut child = guarded(program)
             .args(arguments(&self.scheme, &self.address, self.options.listen, (self.info.width, self.info.height)))
-            .args(passthrough)
+            .args(self.passthrough)
             .args(["-c:v", "wrapped_avframe", "-strict", "-1", "-flush_packets", "1", "-f", "yuv4mpegpipe", "pipe:1"])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())

@@ -72,7 +72,7 @@ pub fn format_truth(truth: &[Option<BBox>]) -> String {
 /// regions of other than four numbers.
 pub fn is_sequence(folder: &Path) -> bool {
     let regions = || {
-        let text = std::fs::read_to_string(folder.join("groundtruth.txt")).unwrap_or_default();
+        let text = read_text(&folder.join("groundtruth.txt")).unwrap_or_default();
         let mut filled = lines(&text).map(|(_, line)| line).filter(|line| !line.is_empty());
         filled.next().is_some_and(|line| line.starts_with('m') || line.split(',').count() > 4)
     };

@@ -19,6 +19,19 @@ pub enum Phase {
     Lost,
 }
 
+impl Phase {
+    /// As files and pictures have it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Initiated => "initiated",
+            Self::ReIdentified => "re-identified",
+            Self::Tracked => "tracked",
+            Self::Occluded => "occluded",
+            Self::Lost => "lost",
+        }
+    }
+}
+
 /// One active target in one frame.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct TrackedTarget {

@@ -161,6 +161,14 @@ impl Image {
         kernels::luma([0, 1, 2].map(|p| self.plane(p)), &mut data);
         Self { width: self.width, height: self.height, planes: 1, data }
     }
+    /// The same with so many planes, 1 or 3, as the pictures before it had: grey made of colour, or three equal planes of grey.
+    pub fn with_planes(self, planes: usize) -> Self {
+        match (planes, self.planes) {
+            (1, 3) => self.to_grey(),
+            (3, 1) => Self { planes: 3, data: self.data.repeat(3), ..self },
+            _ => self,
+        }
+    }
 }
 
 impl std::fmt::Debug for Image {

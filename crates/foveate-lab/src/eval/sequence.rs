@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use foveate_base::{Error, Result};
 use foveate_core::geometry::BBox;
-use foveate_video::annotation::{read_numbers, read_truth};
+use foveate_video::annotation::{ABSENCE, hide_absent, read_truth};
 use foveate_video::vot;
 
 /// A video as a folder of images, and where the target truly is in it.
@@ -80,25 +80,13 @@ fn add(folder: &Path, found: &mut Vec<Sequence>) -> Result<()> {
         let inner = ["img", "img1", "color"].iter().map(|inner| folder.join(inner)).find(|inner| inner.is_dir());
         let images = inner.unwrap_or_else(|| folder.to_path_buf());
         let of_vot = truth_file.ends_with("groundtruth.txt") && vot::is_sequence(folder);
-        let truth = if of_vot { vot::read_truth(&truth_file)? } else { present(folder, read_truth(&truth_file)?)? };
+        let mut truth = if of_vot { vot::read_truth(&truth_file)? } else { read_truth(&truth_file)? };
+        if !of_vot {
+            hide_absent(&mut truth, &folder.join(ABSENCE))?;
+        }
         found.push(Sequence { name, images, truth, truth_file });
     }
     Ok(())
-}
-
-/// Boxes without those of frames in which GOT-10k's `absence.label` says that the target is absent.
-fn present(folder: &Path, mut truth: Vec<Option<BBox>>) -> Result<Vec<Option<BBox>>> {
-    let file = folder.join("absence.label");
-    if !file.is_file() {
-        return Ok(truth);
-    }
-    let labels = read_numbers(&file)?;
-    if labels.len() != truth.len() {
-        let problem = format!("expected a label for each of {} boxes, found {}", truth.len(), labels.len());
-        return Err(Error::malformed(file, problem));
-    }
-    truth.iter_mut().zip(labels).filter(|(_, label)| *label != 0.0).for_each(|(bbox, _)| *bbox = None);
-    Ok(truth)
 }
 
 /// The target a file name is the truth of: `groundtruth_rect.2.txt` is of target 2.

@@ -17,8 +17,6 @@ use std::path::Path;
 const FORMAT: u32 = 1;
 /// The key of the safetensors metadata that holds the JSON text.
 const KEY: &str = "foveate";
-/// Larger files are not even read: our largest models have a megabyte.
-const MOST_BYTES: u64 = 1 << 30;
 
 /// Where a model comes from.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -109,7 +107,7 @@ impl Rbm {
 
 /// The bytes of a file, if it is not absurdly large.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
-    files::read(path, MOST_BYTES)
+    files::read(path, files::MODEL)
 }
 
 /// An error of a model file of this kind.
