@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use crate::annotate::{Path, View, magnified, outline};
 use crate::draw::{CORNERS, Colour, Drawing, text_width};
-use crate::tracks::phase_name;
 use foveate_core::geometry::Gaze;
 use foveate_core::multi::{Phase, TrackedTarget};
 use foveate_core::scene::Image;
@@ -109,7 +108,7 @@ fn corners(page: &mut Drawing, view: View, target: &TrackedTarget, ink: Colour) 
 fn label(page: &mut Drawing, view: View, target: &TrackedTarget) {
     let note = match target.phase {
         Phase::Initiated | Phase::Tracked => String::new(),
-        phase => format!(" {}", phase_name(phase)),
+        phase => format!(" {}", phase.name()),
     };
     let (text, size) = (name(target) + &note, 8.0 * view.bold);
     let f = target.state.fixate(Gaze::CENTRE, target.extent);

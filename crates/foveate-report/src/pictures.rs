@@ -26,7 +26,7 @@ pub(super) fn resized(image: &Image, width: usize, height: usize) -> Image {
 }
 
 /// A picture made smaller: each new pixel is the mean of the whole old pixels under it.
-fn shrunk(image: &Image, width: usize, height: usize) -> Image {
+pub fn shrunk(image: &Image, width: usize, height: usize) -> Image {
     let mut data = Vec::with_capacity(width * height * image.planes());
     let span = |i: usize, old: usize, new: usize| i * old / new..((i + 1) * old / new).max(i * old / new + 1);
     for plane in (0..image.planes()).map(|p| image.plane(p)) {

@@ -8,7 +8,7 @@ mod kept;
 mod multi;
 mod page;
 
-pub use self::html::{STYLE, escape, fill};
+pub use self::html::{BRAND, SCRIPT, STYLE, escape, fill};
 pub use self::multi::MultiReport;
 
 use std::path::PathBuf;
@@ -146,7 +146,7 @@ impl Observer for Report {
 
 /// The particles that are drawn, evenly picked and always with the heaviest: places as two words each over −1 to 2
 /// pictures, and weights relative to the heaviest.
-fn particles(step: &Step<'_>) -> (Vec<u8>, Vec<u8>) {
+pub fn particles(step: &Step<'_>) -> (Vec<u8>, Vec<u8>) {
     let every = step.weights.len().div_ceil(MOST_PARTICLES);
     let heaviest = (0..step.weights.len()).max_by(|a, b| step.weights[*a].total_cmp(&step.weights[*b])).unwrap_or(0);
     let most = step.weights[heaviest];
@@ -179,7 +179,7 @@ fn word(share: f64) -> [u8; 2] {
 }
 
 /// 0 to 1 as bytes.
-fn levels(values: &[f32]) -> Vec<u8> {
+pub fn levels(values: &[f32]) -> Vec<u8> {
     values.iter().map(|v| (255.0 * v).round() as u8).collect()
 }
 

@@ -11,7 +11,7 @@ use std::net::UdpSocket;
 
 use serde::Serialize;
 
-use crate::tracks::{mot_line, phase_name};
+use crate::tracks::mot_line;
 use crate::{MultiObserver, Observer};
 use foveate_base::{Error, Result};
 use foveate_core::Status;
@@ -147,7 +147,7 @@ impl MultiObserver for Stream {
         }
         let of = |t: &TrackedTarget| {
             let (id, bbox, deficit) = (t.id, t.bbox, t.deficit);
-            Target { id, bbox, phase: phase_name(t.phase), deficit }
+            Target { id, bbox, phase: t.phase.name(), deficit }
         };
         let (dropped, latency_ms) = self.measured();
         let targets = targets.iter().map(of).collect();

@@ -91,7 +91,7 @@ impl MultiObserver for TracksTable {
                 row.put(frame.index + 1);
                 row.put(frame.time);
                 row.put(target.id);
-                row.put(phase_name(target.phase));
+                row.put(target.phase.name());
                 row.put_all(&[b.x, b.y, b.w, b.h]);
                 row.put_all(&target.state.to_array());
                 row.put_all(&[c[0][0].sqrt(), c[1][1].sqrt(), target.deficit, target.visible]);
@@ -106,17 +106,6 @@ impl MultiObserver for TracksTable {
     }
     fn finish(&mut self) -> Result<()> {
         self.file.finish()
-    }
-}
-
-/// A phase as files and pictures have it.
-pub(super) fn phase_name(phase: Phase) -> &'static str {
-    match phase {
-        Phase::Initiated => "initiated",
-        Phase::ReIdentified => "re-identified",
-        Phase::Tracked => "tracked",
-        Phase::Occluded => "occluded",
-        Phase::Lost => "lost",
     }
 }
 

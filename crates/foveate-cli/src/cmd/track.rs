@@ -219,10 +219,9 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     terminal::catch_interrupts();
     let results = args.results(&outputs.names(), endless)?;
     let mut observers = outputs.observers(results.folder(), &info)?;
-    let (began, started) = (Instant::now(), opened.start());
-    let (counts, mut source) = (started.counts(), started.source);
+    let (began, Started { mut source, counts }) = (Instant::now(), opened.start());
     if let Some(stream) = &args.stream {
-        observers.insert(0, Box::new(stream.observer(counts.0.clone())?));
+        observers.insert(0, Box::new(stream.observer(counts.meter.clone())?));
     }
     let bar = terminal::progress(frames.total(&about), "tracking");
     let mut next_frame = frames.from;
@@ -238,7 +237,7 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     drop(observers);
     // It stops reading, and ends its ffmpeg.
     drop(source);
-    Started::note(counts.0.as_ref(), counts.1.as_deref());
+    counts.note();
     let whole = result.is_ok() && !outcome.frames.stopped;
     let tracked = outcome.tracked > 0 || (whole && outcome.frames.count > 0);
     let kept = results.keep_if(tracked);

@@ -147,11 +147,7 @@ impl Session {
     fn picture(&mut self, uri: &str) -> Result<Image> {
         let image = read_image(Path::new(path(uri)?))?;
         let planes = *self.planes.get_or_insert(image.planes());
-        match (planes, image.planes()) {
-            (1, 3) => Ok(image.to_grey()),
-            (3, 1) => Image::new(image.width(), image.height(), 3, image.bytes().repeat(3)),
-            _ => Ok(image),
-        }
+        Ok(image.with_planes(planes))
     }
 }
 

@@ -1,5 +1,4 @@
-'use strict';
-// What the pages of one target and of many share.
+// What the replays of one target and of many share.
 addEventListener('error', event => {
   const notice = document.createElement('p');
   notice.className = 'notice';
@@ -7,21 +6,7 @@ addEventListener('error', event => {
   document.body.prepend(notice);
 });
 const data = JSON.parse(document.getElementById('data').textContent);
-const byId = id => document.getElementById(id);
 const picture = text => { const image = new Image(); image.src = 'data:image/jpeg;base64,' + text; return image; };
-
-function element(tag, attributes = {}, ...children) {
-  const made = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-  made.append(...children);
-  return made;
-}
-// SVG from text of our own making; never from data.
-function drawing(markup) {
-  const holder = document.createElement('template');
-  holder.innerHTML = markup;
-  return holder.content.firstElementChild;
-}
 
 // The transport of a replay with `count` pictures: play, step, scrub, speed. `now` is the picture shown; `draw` draws it.
 // `lasts(k)` is how long picture k stays, seconds; `find(frame)` the picture of a frame; `first` the one the page opens with;

@@ -3,9 +3,6 @@ const { info, series, keys, arms } = data;
 const rows = series.frame.length;
 const [frameWidth, frameHeight] = data.size;
 
-const bytes = text => Uint8Array.from(atob(text || ''), c => c.charCodeAt(0));
-const words = text => { const b = bytes(text); return Array.from({ length: b.length >> 1 }, (_, i) => b[2 * i] | b[2 * i + 1] << 8); };
-
 // A number as people read it: three figures (two below 1), a real minus, a dash for "none".
 function say(value, digits = 3) {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
@@ -15,8 +12,6 @@ function say(value, digits = 3) {
   const text = size >= 1e6 ? value.toExponential(1) : value.toFixed(Math.max(0, places));
   return text.replace('-', '−');
 }
-
-const colour = name => getComputedStyle(document.documentElement).getPropertyValue('--' + name).trim();
 
 // Runs of rows in which the target was occluded or lost: [first, last].
 const lostRuns = [];
@@ -29,15 +24,6 @@ series.occluded_or_lost.forEach((lost, row) => {
 const gazes = series.u.map((u, row) => [u, series.v[row]]).filter(([u]) => u !== null);
 const fixed = !data.surface && arms.length < 2 && gazes.every(([u, v]) => u === gazes[0][0] && v === gazes[0][1]);
 
-// A canvas that is as sharp as the screen; returns its context, drawn in CSS pixels.
-function sharp(canvas, width, height) {
-  const ratio = window.devicePixelRatio || 1;
-  const [w, h] = [Math.max(1, Math.round(width * ratio)), Math.max(1, Math.round(height * ratio))];
-  if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
-  const context = canvas.getContext('2d');
-  context.setTransform(w / width, 0, 0, h / height, 0, 0);
-  return context;
-}
 const median = list => { const s = list.filter(v => v !== null).sort((a, b) => a - b); return s.length ? s[s.length >> 1] : null; };
 
 // Where a gaze falls on the image, as State::fixate has it: centre, and one template unit along u and v.

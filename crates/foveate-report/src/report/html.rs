@@ -13,6 +13,10 @@ use foveate_video::encode_jpeg;
 pub const VERSION: &str = concat!("foveate ", env!("CARGO_PKG_VERSION"));
 /// The style of the pages: colours, cards, buttons.
 pub const STYLE: &str = include_str!("style.css");
+/// The mark at the head of a page.
+pub const BRAND: &str = include_str!("brand.html");
+/// What the scripts of every page begin with: elements, canvases, colours, clouds of particles.
+pub const SCRIPT: &str = include_str!("shared.js");
 /// Longer side of a picture on a page, pixels.
 const LONGEST: usize = 480;
 /// JPEG quality of the frames, and of the template.
@@ -26,9 +30,10 @@ pub fn page(template: &str, source: &str, data: &Value, scripts: &[&str], parts:
     let mut all = vec![
         ("title", format!("foveate: {}", escape(source))),
         ("style", STYLE.into()),
+        ("brand", BRAND.into()),
         ("transport", include_str!("transport.html").into()),
         ("data", data),
-        ("script", [&[include_str!("common.js")], scripts].concat().concat()),
+        ("script", [&[SCRIPT, include_str!("common.js")], scripts].concat().concat()),
     ];
     all.extend_from_slice(parts);
     fill(template, &all)

@@ -21,13 +21,6 @@ for (const layer of layers) {
 const stills = keys.map(() => null);
 const still = k => stills[k] ||= (image => { image.onload = () => { if (k === now) drawStage(); }; return image; })(picture(keys[k].jpeg));
 
-// Weight relative to the heaviest, to a colour: violet over rose to pale yellow (dark to bright for any eye).
-const ramp = [[111, 71, 230], [224, 82, 143], [255, 236, 130]];
-const tint = t => {
-  const [a, b, f] = t < .5 ? [ramp[0], ramp[1], 2 * t] : [ramp[1], ramp[2], 2 * t - 1];
-  return a.map((c, i) => Math.round(c + f * (b[i] - c)));
-};
-
 // The close-up stands in the corner that is farthest from the target, and moves only when the target comes near.
 const aspect = frameWidth / frameHeight, INSET = .31;
 const small = keys.some(key => 2 * Math.exp(series.log_scale[key.row]) * Math.max(series.half_w[key.row] / frameWidth, series.half_h[key.row] / frameHeight) < .3);
@@ -94,7 +87,7 @@ function drawView(c, key, view, box) {
     c.strokeStyle = ink; c.lineWidth = thick; c.stroke();
   };
   const lost = series.occluded_or_lost[row];
-  if (shown.particles && key.particles) drawParticles(c, key, at, k);
+  if (shown.particles && key.particles) drawCloud(c, key, [frameWidth, frameHeight], at, k);
   if (shown.path) {
     for (let r = Math.max(1, row - 60); r <= row; r++) {
       if (series.x[r] === null || series.x[r - 1] === null) continue;
@@ -125,19 +118,6 @@ function drawView(c, key, view, box) {
   if (shown.fixation && series.u[row] !== null) {
     for (const [u, v] of key.also || []) drawFixation(c, row, u, v, at, cased, false);
     drawFixation(c, row, series.u[row], series.v[row], at, cased, true);
-  }
-}
-
-function drawParticles(c, key, at, k) {
-  key.cloud ||= (place => Array.from(bytes(key.weights), (w, i) => [
-    (place[2 * i] / 65535 * 3 - 1) * frameWidth, (place[2 * i + 1] / 65535 * 3 - 1) * frameHeight, w / 255,
-  ]).sort((a, b) => a[2] - b[2]))(words(key.particles));
-  const radius = Math.min(3.4, Math.max(1.4, .5 * k));
-  for (const [x, y, weight] of key.cloud) {
-    const t = Math.sqrt(weight);
-    c.beginPath(); c.arc(...at(x, y), radius * (.75 + .5 * t), 0, 7);
-    c.fillStyle = `rgb(${tint(t).join(' ')} / ${.45 + .5 * t})`; c.fill();
-    c.strokeStyle = `rgb(0 0 0 / ${.15 + .35 * t})`; c.lineWidth = .7; c.stroke();
   }
 }
 

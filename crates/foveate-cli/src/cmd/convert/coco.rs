@@ -38,7 +38,7 @@ struct Annotation {
 
 /// Frames are the images in the order of `frame_id`, or of `id` where one has none.
 pub fn read(path: &Path) -> Result<Boxes> {
-    let text = std::fs::read(path).map_err(Error::io(path, "cannot read"))?;
+    let text = files::read(path, files::TEXT)?;
     let file: File = serde_json::from_slice(&text)
         .map_err(|e| Error::malformed(path, format!("expected COCO's images and annotations: {e}")))?;
     let ordered = file.images.iter().all(|image| image.frame_id.is_some());

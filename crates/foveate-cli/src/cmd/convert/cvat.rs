@@ -12,7 +12,7 @@ use super::{Boxes, MOST};
 
 /// Between key frames that are not next to each other boxes are put on the straight line, as CVAT does.
 pub fn read(path: &Path) -> Result<Boxes> {
-    let text = std::fs::read_to_string(path).map_err(Error::io(path, "cannot read"))?;
+    let text = files::read_text(path, files::TEXT)?;
     let wrong = |problem: String| Error::malformed(path, problem);
     let document = Document::parse(&text).map_err(|e| wrong(format!("expected XML of CVAT for video 1.1: {e}")))?;
     let root = document.root_element();

@@ -22,15 +22,9 @@ pub fn read(format: Format, path: &Path) -> Result<Boxes> {
     };
     let empty = truth.iter_mut().filter(|b| b.is_some_and(|b| b.w <= 0.0 || b.h <= 0.0));
     boxes.lose(empty.map(|b| *b = None).count(), "boxes without area are left out");
-    let labels = path.with_file_name("absence.label");
-    if format == Format::Got10k && labels.is_file() {
-        let absent = annotation::read_numbers(&labels)?;
-        if absent.len() != truth.len() {
-            let problem = format!("expected a label for each of {} boxes, found {}", truth.len(), absent.len());
-            return Err(Error::malformed(labels, problem));
-        }
-        let hidden = truth.iter_mut().zip(absent).filter(|(bbox, absent)| bbox.is_some() && *absent != 0.0);
-        boxes.lose(hidden.map(|(bbox, _)| *bbox = None).count(), "boxes are left out: absence.label says absent");
+    if format == Format::Got10k {
+        let hidden = annotation::hide_absent(&mut truth, &path.with_file_name(annotation::ABSENCE))?;
+        boxes.lose(hidden, "boxes are left out: absence.label says absent");
     }
     let tracks = truth.iter().enumerate().filter_map(|(frame, bbox)| {
         let bbox = (*bbox)?;
@@ -43,7 +37,7 @@ pub fn read(format: Format, path: &Path) -> Result<Boxes> {
 
 /// Lines that are polygons.
 fn polygons(path: &Path) -> Result<usize> {
-    let text = std::fs::read_to_string(path).map_err(Error::io(path, "cannot read"))?;
+    let text = files::read_text(path, files::TEXT)?;
     Ok(text.lines().filter(|line| line.split(',').count() > 4).count())
 }
 
@@ -65,7 +59,7 @@ pub fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {
         Format::Got10k => {
             // Its toolkit reads numbers alone; absence.label says where they mean nothing.
             let labels: String = truth.iter().map(|b| if b.is_some() { "0\n" } else { "1\n" }).collect();
-            files::write(path.with_file_name("absence.label"), labels.as_bytes())?;
+            files::write(path.with_file_name(annotation::ABSENCE), labels.as_bytes())?;
             let filled: Vec<BBox> =
                 truth.iter().map(|b| b.unwrap_or(BBox::counted_from_1(0.0, 0.0, 0.0, 0.0))).collect();
             annotation::format_boxes(&filled)

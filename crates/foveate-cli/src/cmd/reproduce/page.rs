@@ -6,6 +6,7 @@ use std::time::Duration;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use foveate::lab::eval::tally;
+use foveate::report::escape;
 
 use super::line::Group;
 use super::multi_table;
@@ -25,31 +26,27 @@ pre{font-size:12px;overflow-x:auto}small{color:#5f6870;display:block;line-height
 figcaption{color:#5f6870;font-size:13px}.met:before{content:'\\2713 ';color:#00734f}.missed:before{content:'\\2717 ';color:#b33c00}
 .missed{font-weight:600}ul{padding-left:1.2rem}";
 
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
 /// The whole page.
 pub fn html(sections: &[Section], digits: &str, took: Duration) -> String {
     let links: String =
-        sections.iter().map(|s| format!("<a href=\"#{0}\">{0}</a>", escaped(&s.name))).collect::<Vec<_>>().join(" ");
+        sections.iter().map(|s| format!("<a href=\"#{0}\">{0}</a>", escape(&s.name))).collect::<Vec<_>>().join(" ");
     let checks = sections.iter().filter_map(Section::results).flat_map(|r| r.checks.iter().map(move |c| (r, c)));
     let check = |(results, check): (&Results, &super::results::Check)| {
         let class = if check.met { "met" } else { "missed" };
         let name = results.title.split(':').next().unwrap_or("");
-        format!("<li class=\"{class}\">{}: {}</li>", escaped(name), escaped(&check.text()))
+        format!("<li class=\"{class}\">{}: {}</li>", escape(name), escape(&check.text()))
     };
     let checks: String = checks.map(check).collect();
     let checks = if checks.is_empty() { checks } else { format!("<h3>Expected ranges</h3><ul>{checks}</ul>") };
     let body: String = sections.iter().map(section).collect();
-    let command = escaped(&crate::invocation::command());
+    let command = escape(&crate::invocation::command());
     format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
          <title>The paper, reproduced</title><style>{STYLE}</style><h1>Learning where to attend, reproduced</h1>\
          <p class=\"soft\">Denil, Bazzani, Larochelle and de Freitas (2012) beside foveate {}. Videos are made of {}. \
          Made in {:.1} minutes by <code>{command}</code>.</p><nav>{links}</nav>{checks}{body}</html>\n",
         env!("CARGO_PKG_VERSION"),
-        escaped(digits),
+        escape(digits),
         took.as_secs_f64() / 60.0,
     )
 }
@@ -59,14 +56,12 @@ fn section(section: &Section) -> String {
         Content::Table(table) if !table.results.multi.is_empty() => multi(table) + &pictures(&table.pictures),
         Content::Table(table) => tables(table),
         Content::Figure(figure) => {
-            let missing: String = figure.missing.iter().map(|m| format!("<p>Not shown: {}</p>", escaped(m))).collect();
+            let missing: String = figure.missing.iter().map(|m| format!("<p>Not shown: {}</p>", escape(m))).collect();
             let text = Some(&figure.text).filter(|text| !text.is_empty());
-            missing
-                + &text.map_or(String::new(), |t| format!("<pre>{}</pre>", escaped(t)))
-                + &pictures(&figure.pictures)
+            missing + &text.map_or(String::new(), |t| format!("<pre>{}</pre>", escape(t))) + &pictures(&figure.pictures)
         }
     };
-    let [name, title, about] = [&section.name, &section.title, &section.about].map(|text| escaped(text));
+    let [name, title, about] = [&section.name, &section.title, &section.about].map(|text| escape(text));
     format!("<h2 id=\"{name}\">{title}</h2><p>{about}</p>{body}")
 }
 
@@ -77,7 +72,7 @@ fn pictures(all: &[Picture]) -> String {
 fn multi(table: &Table) -> String {
     let Results { first_seed, seeds, frames, digits_from, multi, .. } = &table.results;
     let cells = |kind: &str, cells: &mut dyn Iterator<Item = &str>| -> String {
-        cells.map(|cell| format!("<{kind}>{}</{kind}>", escaped(cell))).collect()
+        cells.map(|cell| format!("<{kind}>{}</{kind}>", escape(cell))).collect()
     };
     let rows: String = (multi.iter().zip(&table.speeds))
         .map(|(line, speed)| {
@@ -90,15 +85,15 @@ fn multi(table: &Table) -> String {
     format!(
         "<p class=\"soft\">Seeds {first_seed} to {}, {frames} frames; {}. {}</p><div class=\"wide\"><table><tr>{}</tr>{rows}</table></div>",
         first_seed + (seeds - 1),
-        escaped(digits_from),
-        escaped(multi_table::LEGEND),
+        escape(digits_from),
+        escape(multi_table::LEGEND),
         cells("th", &mut multi_table::HEADS.into_iter().chain(["frames/s"]))
     )
 }
 
 fn picture(file: &str, caption: &str, bytes: &[u8]) -> String {
     let kind = if file.ends_with(".svg") { "svg+xml" } else { "png" };
-    let (data, caption) = (STANDARD.encode(bytes), escaped(caption));
+    let (data, caption) = (STANDARD.encode(bytes), escape(caption));
     format!(
         "<figure><img alt=\"{caption}\" src=\"data:image/{kind};base64,{data}\"><figcaption>{caption}</figcaption></figure>"
     )
@@ -111,13 +106,12 @@ fn tables(table: &Table) -> String {
         results.digits.iter().map(u8::to_string).collect::<Vec<_>>().join(", "),
         results.seeds,
         results.frames,
-        escaped(&results.digits_from)
+        escape(&results.digits_from)
     );
     for (i, scene) in results.scenes().into_iter().enumerate() {
         let lines: Vec<(&Line, Option<f64>)> =
             results.lines.iter().zip(table.speeds.iter().copied()).filter(|(line, _)| line.scene == scene).collect();
-        out +=
-            &format!("<h3>{}</h3><div class=\"wide\">{}</div>", escaped(scene), scene_table(results, &lines, i == 0));
+        out += &format!("<h3>{}</h3><div class=\"wide\">{}</div>", escape(scene), scene_table(results, &lines, i == 0));
         out += &forest(results, &lines, i == 0);
     }
     out
@@ -156,7 +150,7 @@ fn forest(results: &Results, lines: &[(&Line, Option<f64>)], with_paper: bool) -
 fn scene_table(results: &Results, lines: &[(&Line, Option<f64>)], with_paper: bool) -> String {
     let digits: String = results.digits.iter().map(|d| format!("<th>{d}</th>")).collect();
     let details: BTreeSet<&String> = lines.iter().flat_map(|(line, _)| line.details.keys()).collect();
-    let heads: String = details.iter().map(|name| format!("<th>{}</th>", escaped(name))).collect();
+    let heads: String = details.iter().map(|name| format!("<th>{}</th>", escape(name))).collect();
     let mut out = format!(
         "<table><tr><th></th>{digits}<th>mean</th><th>95 %</th><th>median</th><th>off at end</th>{heads}<th>difference [95 %]</th><th>from</th><th>frames/s</th></tr>"
     );
@@ -171,7 +165,7 @@ fn scene_table(results: &Results, lines: &[(&Line, Option<f64>)], with_paper: bo
             let cells: String = (results.digits.iter().map(|d| usize::from(*d)))
                 .map(|d| row.digits.get(d).map_or("<td></td>".into(), |m| cell(*m, row.spread.get(d).copied(), false)))
                 .collect();
-            let (name, average) = (escaped(&row.row), row.average);
+            let (name, average) = (escape(&row.row), row.average);
             out += &format!(
                 "<tr class=\"paper\"><td>{name}</td>{cells}<td>{average:.2}</td><td colspan=\"{}\"></td></tr>",
                 details.len() + 6
@@ -208,13 +202,13 @@ fn scene_table(results: &Results, lines: &[(&Line, Option<f64>)], with_paper: bo
                 t.against.map_or(String::new(), |d| format!("{:+.2} [{:+.2}, {:+.2}]", d.mean, d.low, d.high));
             out += &format!(
                 "<tr><td>{}</td>{cells}{}<td>{:.2} to {:.2}</td><td>{:.2}</td><td>{:.0} %</td>{more}<td>{difference}</td><td>{}</td><td>{}</td></tr>",
-                escaped(&line.name),
+                escape(&line.name),
                 cell(t.mean, None, is_best(t.mean, &|l| Some(l.tally.mean))),
                 t.interval[0],
                 t.interval[1],
                 t.median,
                 100.0 * t.off_at_end,
-                escaped(line.other.as_deref().unwrap_or("")),
+                escape(line.other.as_deref().unwrap_or("")),
                 speed.map_or(String::new(), |s| format!("{s:.0}")),
             );
         }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use foveate::lab::eval::tally::{Figure, Tally};
-use foveate::{Error, Result};
+use foveate::{Error, Result, files};
 
 use super::line::Group;
 use super::plan::Experiment;
@@ -24,7 +24,7 @@ const HEAD: &str = "experiment,scene,tracker,digit,seed,mean,spread,off_at_end";
 pub fn read(paths: &[PathBuf]) -> Result<Vec<Peer>> {
     let mut peers: Vec<Peer> = vec![];
     for path in paths {
-        let text = foveate::files::read_text(path, foveate::files::TEXT)?;
+        let text = files::read_text(path, files::TEXT)?;
         let mut lines = text.lines().enumerate().filter(|(_, line)| !line.starts_with('#') && !line.trim().is_empty());
         if lines.next().is_none_or(|(_, head)| head.trim() != HEAD) {
             return Err(Error::malformed(

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use foveate::lab::synthetic::{Multi, Synthetic};
-use foveate::{Error, Result};
+use foveate::{Error, Result, files};
 use serde::{Deserialize, Serialize};
 
 use super::line::LineSpec;
@@ -213,7 +213,7 @@ impl Experiment {
                 "there is no experiment {name}; expected all, tables, figures, why, an experiment's TOML file, or some of {names}"
             )));
         }
-        let text = foveate::files::read_text(path, foveate::files::TEXT)?;
+        let text = files::read_text(path, files::TEXT)?;
         let stem = path.file_stem().unwrap_or_default().to_string_lossy();
         if EXPERIMENTS.iter().any(|e| e.0 == stem) {
             return Err(Error::Config(format!(

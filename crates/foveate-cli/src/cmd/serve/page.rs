@@ -4,13 +4,13 @@ use std::sync::OnceLock;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use foveate::report::{STYLE, fill};
+use foveate::report::{BRAND, SCRIPT, STYLE, fill};
 use sha2::{Digest, Sha256};
 
 use super::http::Response;
 
-/// The scripts, in order.
-const SCRIPT: &str = concat!(
+/// The scripts, in order, after what every page shares.
+const OWN: &str = concat!(
     include_str!("page/tracker.js"),
     include_str!("page/common.js"),
     include_str!("page/state.js"),
@@ -25,15 +25,15 @@ const SCRIPT: &str = concat!(
 fn page() -> &'static (String, String) {
     static PAGE: OnceLock<(String, String)> = OnceLock::new();
     PAGE.get_or_init(|| {
-        let style = format!("{STYLE}\n{}", include_str!("page/page.css"));
+        let (style, script) = (format!("{STYLE}\n{}", include_str!("page/page.css")), format!("{SCRIPT}{OWN}"));
         let hash = |text: &str| format!("'sha256-{}'", STANDARD.encode(Sha256::digest(text)));
         let policy = format!(
             "default-src 'none'; script-src {}; style-src {}; img-src 'self' blob: data:; connect-src 'self'; base-uri 'none'; \
              form-action 'none'; frame-ancestors 'none'",
-            hash(SCRIPT),
+            hash(&script),
             hash(&style)
         );
-        let html = fill(include_str!("page/page.html"), &[("style", style), ("script", SCRIPT.into())]);
+        let html = fill(include_str!("page/page.html"), &[("style", style), ("script", script), ("brand", BRAND.into())]);
         (html, policy)
     })
 }

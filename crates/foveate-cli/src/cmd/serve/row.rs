@@ -5,13 +5,11 @@ use base64::engine::general_purpose::STANDARD;
 use foveate::gaze::PolicySnapshot;
 use foveate::geometry::{BBox, Extent, Gaze, State};
 use foveate::identity::Retina;
-use foveate::report::heat::Heat;
+use foveate::report::{self, heat::Heat};
 use foveate::step::Step;
 use foveate::video::Frame;
 use serde::Serialize;
 
-/// Particles shown, at most.
-const MOST_PARTICLES: usize = 250;
 /// Points along a side of a reward surface.
 const SURFACE: usize = 17;
 
@@ -108,17 +106,7 @@ struct Detail {
 
 /// The detail of a frame.
 pub fn detail(frame: usize, step: &Step<'_>) -> String {
-    let (w, h) = (step.image.width() as f64, step.image.height() as f64);
-    let every = step.weights.len().div_ceil(MOST_PARTICLES).max(1);
-    let most = step.weights.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-    let (mut particles, mut weights) = (vec![], vec![]);
-    for (state, weight) in step.predicted.iter().zip(step.weights).step_by(every) {
-        for share in [state.x / w, state.y / h] {
-            particles.extend(((65535.0 * ((share + 1.0) / 3.0).clamp(0.0, 1.0)).round() as u16).to_le_bytes());
-        }
-        weights.push((255.0 * weight / most).round() as u8);
-    }
-    let glimpse: Vec<u8> = step.percept.glimpse.iter().map(|v| (255.0 * v).round() as u8).collect();
+    let (particles, weights) = report::particles(step);
     let chosen = step.plan.chosen_index();
     let used = step.plan.gazes().iter().zip(step.plan.used()).enumerate();
     let also = used.filter(|(k, (_, used))| **used && *k != chosen).map(|(_, (gaze, _))| [gaze.u, gaze.v]).collect();
@@ -129,8 +117,14 @@ pub fn detail(frame: usize, step: &Step<'_>) -> String {
         _ => vec![],
     };
     let text = |bytes: &[u8]| STANDARD.encode(bytes);
-    let detail =
-        Detail { frame, particles: text(&particles), weights: text(&weights), glimpse: text(&glimpse), also, arms };
+    let detail = Detail {
+        frame,
+        particles: text(&particles),
+        weights: text(&weights),
+        glimpse: text(&report::levels(&step.percept.glimpse)),
+        also,
+        arms,
+    };
     serde_json::to_string(&detail).unwrap_or_default()
 }
 

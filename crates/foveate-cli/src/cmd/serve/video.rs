@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use foveate::geometry::BBox;
+use foveate::report::shrunk;
 use foveate::scene::Image;
 use foveate::video::{Frame, FrameSource, ImageFolder, SourceInfo, annotation, encode_jpeg, image_files, open};
 use foveate::{Error, Result};
@@ -193,22 +194,9 @@ fn jpeg(image: &Image) -> Vec<u8> {
     if k <= 1 { encode_jpeg(image, QUALITY) } else { encode_jpeg(&smaller(image, k), QUALITY) }
 }
 
-/// Means of k × k pixels; what is left over at the right and at the bottom falls away.
+/// Means of k × k pixels, or nearly so where a side is no multiple of k.
 fn smaller(image: &Image, k: usize) -> Image {
-    let (w, h) = ((image.width() / k).max(1), (image.height() / k).max(1));
-    let (kx, ky) = (k.min(image.width()), k.min(image.height()));
-    let mut data = Vec::with_capacity(image.planes() * w * h);
-    for p in 0..image.planes() {
-        let plane = image.plane(p);
-        for y in 0..h {
-            for x in 0..w {
-                let row = |j: usize| &plane[(y * k + j) * image.width() + x * k..][..kx];
-                let sum: usize = (0..ky).flat_map(row).map(|v| usize::from(*v)).sum();
-                data.push((sum / (kx * ky)) as u8);
-            }
-        }
-    }
-    Image::new(w, h, image.planes(), data).expect("as many bytes as pixels")
+    shrunk(image, (image.width() / k).max(1), (image.height() / k).max(1))
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use foveate::report::escape;
 use foveate::{Error, Result, files, quiet};
 use serde::{Deserialize, Serialize};
 
@@ -136,7 +137,7 @@ impl Runs {
         if !path.is_file() {
             return Ok(Self { settings, runs: BTreeMap::new() });
         }
-        let text = std::fs::read_to_string(&path).map_err(Error::io(&path, "cannot read"))?;
+        let text = files::read_text(&path, files::TEXT)?;
         let runs: Self = serde_json::from_str(&text)
             .map_err(|e| Error::malformed(&path, format!("not a list of runs ({e}); give another --out")))?;
         if runs.settings != settings {
@@ -188,10 +189,6 @@ impl Runs {
             self.runs.len()
         )
     }
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }
 
 /// A folder's name in an address.

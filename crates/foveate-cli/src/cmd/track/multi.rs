@@ -110,10 +110,9 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     detections.warnings = info.warnings.clone();
     let results = args.results(&names(args, endless), endless)?;
     let mut observers = observers(args, results.folder(), &info, endless)?;
-    let (began, started) = (Instant::now(), opened.start());
-    let (counts, mut source) = (started.counts(), started.source);
+    let (began, Started { mut source, counts }) = (Instant::now(), opened.start());
     if let Some(stream) = &args.stream {
-        observers.insert(0, Box::new(stream.observer(counts.0.clone())?));
+        observers.insert(0, Box::new(stream.observer(counts.meter.clone())?));
     }
     let bar = terminal::progress(frames.total(&about), "tracking");
     let mut progress = |frame: &Frame| bar.set_position(frame.index as u64 + 1);
@@ -125,7 +124,7 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     bar.finish_and_clear();
     drop(observers);
     drop(source);
-    Started::note(counts.0.as_ref(), counts.1.as_deref());
+    counts.note();
     let whole = result.is_ok() && !outcome.frames.stopped;
     let tracked = outcome.frames.count > 1 || (whole && outcome.frames.count > 0);
     let kept = results.keep_if(tracked);

@@ -84,9 +84,14 @@ pub struct Opened {
     reconnected: Option<Arc<AtomicU64>>,
 }
 
-/// A source that is read.
+/// A source that is read, and what is counted meanwhile.
 pub struct Started {
     pub source: Box<dyn FrameSource>,
+    pub counts: Counts,
+}
+
+/// Frames dropped, and how often a stream was opened again. Counts on while the source is read.
+pub struct Counts {
     /// Of sources that drop frames, or could.
     pub meter: Option<Meter>,
     reconnected: Option<Arc<AtomicU64>>,
@@ -154,28 +159,24 @@ impl SourceArgs {
 impl Opened {
     /// Reads ahead, or the newest frame, until the program is to stop.
     pub fn start(self) -> Started {
-        let reconnected = self.reconnected;
-        if self.endless {
+        let (source, meter) = if self.endless {
             let (source, meter) = newest(self.source, self.pace, terminal::stopping);
-            return Started { source, meter: Some(meter), reconnected };
-        }
-        Started { source: ahead_until(self.source, terminal::stopping), meter: None, reconnected }
+            (source, Some(meter))
+        } else {
+            (ahead_until(self.source, terminal::stopping), None)
+        };
+        Started { source, counts: Counts { meter, reconnected: self.reconnected } }
     }
 }
 
-impl Started {
-    /// What is to be said of it at the end.
-    pub fn note(meter: Option<&Meter>, reconnected: Option<&AtomicU64>) {
-        let dropped = meter.map_or(0, Meter::dropped);
-        let again = reconnected.map_or(0, |n| n.load(Ordering::Relaxed));
+impl Counts {
+    /// Says what is to be said of them at the end.
+    pub fn note(&self) {
+        let dropped = self.meter.as_ref().map_or(0, Meter::dropped);
+        let again = self.reconnected.as_ref().map_or(0, |n| n.load(Ordering::Relaxed));
         if dropped + again > 0 {
             eprintln!("foveate: {dropped} frames of the source were dropped; it was opened again {again} times");
         }
-    }
-
-    /// What [`Started::note`] tells.
-    pub fn counts(&self) -> (Option<Meter>, Option<Arc<AtomicU64>>) {
-        (self.meter.clone(), self.reconnected.clone())
     }
 }
 

@@ -61,7 +61,7 @@ function paint(c, width, height, hand) {
     c.setLineDash([]);
   };
   const outline = corners => () => { c.moveTo(...corners[corners.length - 1]); corners.forEach(p => c.lineTo(...p)); };
-  if (detail && shows('particles')) drawParticles(c, detail, at, k);
+  if (detail && shows('particles')) drawCloud(c, detail, [page.video.width, page.video.height], at, k);
   if (shows('path')) for (let f = Math.max(page.first + 1, frame - 60); f <= frame; f++) {
     const [a, b] = [rowOf(f - 1), rowOf(f)];
     if (!a || !b) continue;
@@ -91,19 +91,6 @@ function paint(c, width, height, hand) {
   if (hand && page.draft) {
     const { x, y, w, h } = page.draft;
     cased(() => c.rect(...edge(x, y), k * w, k * h), '#ffffff', 2, [6, 4]);
-  }
-}
-
-function drawParticles(c, detail, at, k) {
-  const places = bytes(detail.particles), weights = bytes(detail.weights), { width, height } = page.video;
-  const share = i => (places[i] + 256 * places[i + 1]) / 65535 * 3 - 1;
-  detail.cloud ||= Array.from(weights, (w, i) => [share(4 * i) * width, share(4 * i + 2) * height, w / 255]).sort((a, b) => a[2] - b[2]);
-  const radius = Math.min(3.4, Math.max(1.4, .5 * k));
-  for (const [x, y, weight] of detail.cloud) {
-    const t = Math.sqrt(weight);
-    c.beginPath(); c.arc(...at(x, y), radius * (.75 + .5 * t), 0, 7);
-    c.fillStyle = `rgb(${tint(t).join(' ')} / ${.45 + .5 * t})`; c.fill();
-    c.strokeStyle = `rgb(0 0 0 / ${.15 + .35 * t})`; c.lineWidth = .7; c.stroke();
   }
 }
 

@@ -1,4 +1,3 @@
-'use strict';
 // A tracker answers messages: `ask({ op, … })` gives a promise of its answer, `picture(session, frame)` one of a picture, and
 // `link(session, name)` is where a saved file can be had. This one is the server that sent the page; whatever else answers the same
 // messages, in the page itself or elsewhere, can take its place.

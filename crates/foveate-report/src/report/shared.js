@@ -1,0 +1,46 @@
+'use strict';
+// What every page shares: the replays of a run, and the page of `foveate serve`.
+const byId = id => document.getElementById(id);
+function element(tag, attributes = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+  made.append(...children);
+  return made;
+}
+// SVG from text of our own making; never from data.
+function drawing(markup) {
+  const holder = document.createElement('template');
+  holder.innerHTML = markup;
+  return holder.content.firstElementChild;
+}
+const colour = name => getComputedStyle(document.documentElement).getPropertyValue('--' + name).trim();
+const bytes = text => Uint8Array.from(atob(text || ''), c => c.charCodeAt(0));
+const words = text => { const b = bytes(text); return Array.from({ length: b.length >> 1 }, (_, i) => b[2 * i] | b[2 * i + 1] << 8); };
+// A canvas that is as sharp as the screen; returns its context, drawn in CSS pixels.
+function sharp(canvas, width, height) {
+  const ratio = window.devicePixelRatio || 1;
+  const [w, h] = [Math.max(1, Math.round(width * ratio)), Math.max(1, Math.round(height * ratio))];
+  if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
+  const context = canvas.getContext('2d');
+  context.setTransform(w / width, 0, 0, h / height, 0, 0);
+  return context;
+}
+// Weight relative to the heaviest, to a colour: violet over rose to pale yellow (dark to bright for any eye).
+const ramp = [[111, 71, 230], [224, 82, 143], [255, 236, 130]];
+const tint = t => {
+  const [a, b, f] = t < .5 ? [ramp[0], ramp[1], 2 * t] : [ramp[1], ramp[2], 2 * t - 1];
+  return a.map((c, i) => Math.round(c + f * (b[i] - c)));
+};
+// Particles of `key` on a picture of `width` by `height`, drawn `k` times as large; `at` says where a place is drawn.
+function drawCloud(c, key, [width, height], at, k) {
+  key.cloud ||= (place => Array.from(bytes(key.weights), (w, i) => [
+    (place[2 * i] / 65535 * 3 - 1) * width, (place[2 * i + 1] / 65535 * 3 - 1) * height, w / 255,
+  ]).sort((a, b) => a[2] - b[2]))(words(key.particles));
+  const radius = Math.min(3.4, Math.max(1.4, .5 * k));
+  for (const [x, y, weight] of key.cloud) {
+    const t = Math.sqrt(weight);
+    c.beginPath(); c.arc(...at(x, y), radius * (.75 + .5 * t), 0, 7);
+    c.fillStyle = `rgb(${tint(t).join(' ')} / ${.45 + .5 * t})`; c.fill();
+    c.strokeStyle = `rgb(0 0 0 / ${.15 + .35 * t})`; c.lineWidth = .7; c.stroke();
+  }
+}
