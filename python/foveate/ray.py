@@ -56,7 +56,10 @@ def videos(patterns: Sequence[str]) -> dict[str, str]:
 
 def run(found: dict[str, str], out: Path, options: Sequence[str], retries: int, workers: int | None) -> int:
     """Tracks through all videos that have no summary yet; answers how many failed."""
-    ray: Any = importlib.import_module("ray")
+    try:
+        ray: Any = importlib.import_module("ray")
+    except ImportError as error:
+        raise SystemExit(f"python -m foveate.ray needs the package ray ({error}): pip install ray") from None
     out.mkdir(parents=True, exist_ok=True)
     waiting = [(name, video) for name, video in found.items() if not (out / f"{name}.json").exists()]
     print(f"{len(found)} videos, {len(found) - len(waiting)} finished before", file=sys.stderr)

@@ -140,7 +140,7 @@ impl PyPolicy {
     fn load(&self, py: Python<'_>, saved: &str, asked: u64) -> PyResult<()> {
         let load = || {
             let mut working = self.working();
-            working.policy.load(&crate::tracker::parse(saved.as_bytes())?)?;
+            working.policy.load(&crate::held::parse(saved.as_bytes())?)?;
             (working.asked, working.waiting) = (asked, false);
             Ok(())
         };

@@ -6,6 +6,7 @@
 
 mod bandits;
 mod errors;
+mod held;
 mod making;
 mod multi;
 mod named;

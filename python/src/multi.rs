@@ -1,26 +1,17 @@
 //! Many targets.
 
-use std::path::PathBuf;
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-use foveate::multi::{Phase, TrackedTarget};
-use foveate::{Image, MultiTracker, Result};
+use foveate::MultiTracker;
+use foveate::multi::TrackedTarget;
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 
 use crate::errors::OrRaise;
+use crate::held::{Held, Pickle};
 use crate::making::Making;
 use crate::named::read_box;
-use crate::pictures::Picture;
-use crate::threads;
-use crate::tracker::{Planes, parse, pickled, picture, read_detections};
-
-struct Working {
-    tracker: MultiTracker,
-    image: Option<Image>,
-}
+use crate::tracker::read_detections;
 
 /// Follows many targets: those that are given, and those that detections start.
 ///
@@ -38,34 +29,7 @@ struct Working {
 /// >>> targets.ids.tolist(), targets.boxes.shape
 /// ([1], (1, 4))
 #[pyclass(frozen, module = "foveate", name = "MultiTracker")]
-pub struct PyMultiTracker {
-    making: Making,
-    working: Mutex<Working>,
-}
-
-impl PyMultiTracker {
-    fn of(making: Making) -> Result<Self> {
-        let tracker = making.blueprint.multi_tracker(making.seed)?;
-        Ok(Self { making, working: Mutex::new(Working { tracker, image: None }) })
-    }
-    fn working(&self) -> MutexGuard<'_, Working> {
-        self.working.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-    fn show<T: Send>(
-        &self,
-        image: &Bound<'_, PyAny>,
-        act: impl FnOnce(&mut MultiTracker, &Image) -> Result<T> + Send,
-    ) -> PyResult<T> {
-        let py = image.py();
-        let picture = Picture::new(image, self.making.channels)?;
-        let pixels = picture.pixels();
-        let work = || {
-            let Working { tracker, image } = &mut *self.working();
-            act(tracker, pixels.read(image)?)
-        };
-        py.detach(|| threads::run(work).and_then(|result| result)).or_raise(py)
-    }
-}
+pub struct PyMultiTracker(Held<MultiTracker>);
 
 #[pymethods]
 impl PyMultiTracker {
@@ -78,7 +42,7 @@ impl PyMultiTracker {
         seed: Option<u64>,
         channels: &str,
     ) -> PyResult<Self> {
-        Self::of(Making::new(py, profile, config, seed, channels)?).or_raise(py)
+        Held::new(Making::new(py, profile, config, seed, channels)?).or_raise(py).map(Self)
     }
 
     /// The next picture, and what detectors of yours found in it.
@@ -100,7 +64,7 @@ impl PyMultiTracker {
         detections: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let found = detections.map(read_detections).transpose()?.unwrap_or_default();
-        let targets = self.show(image, |tracker, image| Ok(tracker.update(image, &found)?.to_vec()))?;
+        let targets = self.0.show(image, |tracker, image| Ok(tracker.update(image, &found)?.to_vec()))?;
         arrays(image.py(), &targets)
     }
 
@@ -109,12 +73,12 @@ impl PyMultiTracker {
     #[pyo3(signature = (image, r#box, id = None))]
     fn add(&self, image: &Bound<'_, PyAny>, r#box: &Bound<'_, PyAny>, id: Option<u64>) -> PyResult<u64> {
         let bbox = read_box(r#box)?;
-        self.show(image, |tracker, image| tracker.add(image, id, bbox))
+        self.0.show(image, |tracker, image| tracker.add(image, id, bbox))
     }
 
     /// A picture that is not tracked in: camera motion and detector compare pictures, and see it.
     fn skip(&self, image: &Bound<'_, PyAny>) -> PyResult<()> {
-        self.show(image, |tracker, image| {
+        self.0.show(image, |tracker, image| {
             tracker.skip(image);
             Ok(())
         })
@@ -122,93 +86,60 @@ impl PyMultiTracker {
 
     /// The picture changed altogether: all targets are terminated, to be re-identified if they come back.
     fn cut(&self, py: Python<'_>) {
-        py.detach(|| self.working().tracker.cut());
+        py.detach(|| self.0.working().tracker.cut());
     }
 
     /// The active targets of the last picture, by id.
     #[getter]
     fn targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let targets = py.detach(|| self.working().tracker.targets().to_vec());
+        let targets = py.detach(|| self.0.working().tracker.targets().to_vec());
         arrays(py, &targets)
     }
 
     /// The whole state, as JSON in UTF-8; as :meth:`Tracker.save`.
     fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let saved = py.detach(|| self.working().tracker.save().to_string());
+        let saved = py.detach(|| self.0.working().tracker.save().to_string());
         Ok(PyBytes::new(py, saved.as_bytes()))
     }
 
     /// Takes up what :meth:`save` gave; nothing changes where it fails.
     fn load(&self, py: Python<'_>, saved: &[u8]) -> PyResult<()> {
-        py.detach(|| self.working().tracker.load(&parse(saved)?)).or_raise(py)
+        self.0.load(py, saved)
     }
 
     /// The configuration as TOML, every setting written out.
     #[getter]
     fn config(&self) -> String {
-        self.making.text()
+        self.0.making.text()
     }
     /// What names all random numbers.
     #[getter]
     fn seed(&self) -> u64 {
-        self.making.seed
+        self.0.making.seed
     }
     /// The order of a colour picture's bytes.
     #[getter]
     fn channels(&self) -> &'static str {
-        self.making.channels.name
+        self.0.making.channels.name
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         let (py, this) = (slf.py(), slf.get());
-        let saved = this.save(py)?;
-        let image = py.detach(|| this.working().image.clone());
-        let state = pickled(py, &this.making, &saved, image)?;
-        PyTuple::new(py, [py.import("foveate._foveate")?.getattr("_restore_multi")?, state.into_any()])
+        this.0.pickled(py, "_restore_multi", this.save(py)?)
     }
 
     fn __repr__(&self) -> String {
-        let Making { seed, channels, .. } = &self.making;
-        let targets = self.working().tracker.targets().len();
+        let Making { seed, channels, .. } = &self.0.making;
+        let targets = self.0.working().tracker.targets().len();
         format!("<foveate.MultiTracker seed={seed} channels={} targets={targets}>", channels.name)
     }
 }
 
 /// A tracker of many from its pickle.
 #[pyfunction]
-#[pyo3(signature = (text, folder, seed, channels, saved, image))]
-pub fn _restore_multi(
-    py: Python<'_>,
-    text: &str,
-    folder: PathBuf,
-    seed: u64,
-    channels: &str,
-    saved: &[u8],
-    image: Option<Planes>,
-) -> PyResult<PyMultiTracker> {
-    let this = PyMultiTracker::of(Making::again(py, text, folder, seed, channels)?).or_raise(py)?;
-    let restore = || {
-        let working = &mut *this.working();
-        working.tracker.load(&parse(saved)?)?;
-        if let Some(image) = image {
-            let image = picture(image)?;
-            working.tracker.skip(&image);
-            working.image = Some(image);
-        }
-        Ok(())
-    };
-    py.detach(restore).or_raise(py)?;
-    Ok(this)
-}
-
-fn name(phase: Phase) -> &'static str {
-    match phase {
-        Phase::Initiated => "initiated",
-        Phase::ReIdentified => "re-identified",
-        Phase::Tracked => "tracked",
-        Phase::Occluded => "occluded",
-        Phase::Lost => "lost",
-    }
+#[pyo3(signature = (*pickle))]
+pub fn _restore_multi(py: Python<'_>, pickle: Pickle) -> PyResult<PyMultiTracker> {
+    Held::restored(py, pickle).map(PyMultiTracker)
 }
 
 /// Targets as a `Targets` of arrays.
@@ -225,7 +156,7 @@ fn arrays<'py>(py: Python<'py>, targets: &[TrackedTarget]) -> PyResult<Bound<'py
     let all = PyDict::new(py);
     all.set_item("ids", PyArray1::from_iter(py, targets.iter().map(|t| t.id as i64)))?;
     all.set_item("boxes", boxes.into_pyarray(py))?;
-    all.set_item("phases", targets.iter().map(|t| name(t.phase)).collect::<Vec<_>>())?;
+    all.set_item("phases", targets.iter().map(|t| t.phase.name()).collect::<Vec<_>>())?;
     all.set_item("states", states.into_pyarray(py))?;
     all.set_item("covariances", covariances.into_pyarray(py))?;
     all.set_item("gazes", gazes.into_pyarray(py))?;

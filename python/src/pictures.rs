@@ -37,9 +37,6 @@ impl Channels {
             input(py, format!("channels is one of {names}; it is \"{name}\""))
         })
     }
-}
-
-impl Channels {
     /// The same, where there are three.
     pub fn of_three(self, py: Python<'_>) -> PyResult<Self> {
         if self.depth == 3 {

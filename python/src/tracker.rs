@@ -1,26 +1,15 @@
 //! One target.
 
-use std::path::PathBuf;
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-use foveate::{BBox, Detection, Error, Image, Result, Tracker};
+use foveate::{BBox, Detection, Tracker};
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
 
 use crate::errors::{OrRaise, input};
+use crate::held::{Held, Pickle};
 use crate::making::Making;
 use crate::named::read_box;
-use crate::pictures::{Picture, Pixels};
 use crate::result::{Seen, TrackResult};
-use crate::threads;
-
-/// What an update changes.
-struct Working {
-    tracker: Tracker,
-    /// The picture at hand, in planes; after an update it is what a pickle needs to go on bit for bit.
-    image: Option<Image>,
-}
 
 /// Follows one target through video.
 ///
@@ -60,35 +49,7 @@ struct Working {
 /// >>> ok, abs(box.x - 74) < 4
 /// (True, True)
 #[pyclass(frozen, module = "foveate", name = "Tracker")]
-pub struct PyTracker {
-    making: Making,
-    working: Mutex<Working>,
-}
-
-impl PyTracker {
-    fn of(making: Making) -> Result<Self> {
-        let tracker = making.blueprint.tracker(making.seed)?;
-        Ok(Self { making, working: Mutex::new(Working { tracker, image: None }) })
-    }
-    fn working(&self) -> MutexGuard<'_, Working> {
-        self.working.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-    /// Shows a picture to the tracker, without the interpreter's lock.
-    fn show<T: Send>(
-        &self,
-        image: &Bound<'_, PyAny>,
-        act: impl FnOnce(&mut Tracker, &Image) -> Result<T> + Send,
-    ) -> PyResult<T> {
-        let py = image.py();
-        let picture = Picture::new(image, self.making.channels)?;
-        let pixels: Pixels<'_> = picture.pixels();
-        let work = || {
-            let Working { tracker, image } = &mut *self.working();
-            act(tracker, pixels.read(image)?)
-        };
-        py.detach(|| threads::run(work).and_then(|result| result)).or_raise(py)
-    }
-}
+pub struct PyTracker(Held<Tracker>);
 
 #[pymethods]
 impl PyTracker {
@@ -101,7 +62,7 @@ impl PyTracker {
         seed: Option<u64>,
         channels: &str,
     ) -> PyResult<Self> {
-        Self::of(Making::new(py, profile, config, seed, channels)?).or_raise(py)
+        Held::new(Making::new(py, profile, config, seed, channels)?).or_raise(py).map(Self)
     }
 
     /// Starts, or starts again, on the target in this box; all that was learned before is forgotten.
@@ -122,7 +83,7 @@ impl PyTracker {
     #[pyo3(signature = (image, r#box))]
     fn init(&self, image: &Bound<'_, PyAny>, r#box: &Bound<'_, PyAny>) -> PyResult<()> {
         let bbox = read_box(r#box)?;
-        self.show(image, |tracker, image| tracker.init(image, bbox).map_err(plain))
+        self.0.show(image, |tracker, image| tracker.init(image, bbox))
     }
 
     /// The next picture of the video.
@@ -142,7 +103,7 @@ impl PyTracker {
     /// foveate.InputError
     ///     There is no target yet, or the picture has another size than the first.
     fn update(&self, image: &Bound<'_, PyAny>) -> PyResult<TrackResult> {
-        self.show(image, |tracker, image| Ok(Seen::of(&tracker.update(image)?))).map(TrackResult::from)
+        self.0.show(image, |tracker, image| Ok(Seen::of(&tracker.update(image)?))).map(TrackResult::from)
     }
 
     /// The same, with what a detector of yours found in the picture, in the place of the configuration's own.
@@ -156,13 +117,13 @@ impl PyTracker {
     ///     configuration has ``proposal = { kind = "mixture" }`` or ``[detection_likelihood]``.
     fn update_with(&self, image: &Bound<'_, PyAny>, detections: &Bound<'_, PyAny>) -> PyResult<TrackResult> {
         let found = read_detections(detections)?;
-        self.show(image, |tracker, image| Ok(Seen::of(&tracker.update_with(image, &found)?))).map(TrackResult::from)
+        self.0.show(image, |tracker, image| Ok(Seen::of(&tracker.update_with(image, &found)?))).map(TrackResult::from)
     }
 
     /// A picture before the target is given, or again before the first update after :meth:`load`: camera motion and detector compare
     /// pictures, and see it; nothing is tracked.
     fn skip(&self, image: &Bound<'_, PyAny>) -> PyResult<()> {
-        self.show(image, |tracker, image| {
+        self.0.show(image, |tracker, image| {
             tracker.skip(image);
             Ok(())
         })
@@ -172,7 +133,7 @@ impl PyTracker {
     #[pyo3(signature = (r#box))]
     fn reset_at(&self, py: Python<'_>, r#box: &Bound<'_, PyAny>) -> PyResult<()> {
         let bbox: BBox = read_box(r#box)?;
-        py.detach(|| self.working().tracker.reset_at(bbox)).or_raise(py)
+        py.detach(|| self.0.working().tracker.reset_at(bbox)).or_raise(py)
     }
 
     /// Says which share of the target the next pictures can show, 0 to 1, because something covers it; 1 until told otherwise.
@@ -180,7 +141,7 @@ impl PyTracker {
         if !(0.0..=1.0).contains(&visible) {
             return Err(input(py, format!("visibility is a share, 0 to 1; it is {visible}")));
         }
-        py.detach(|| self.working().tracker.set_visibility(visible));
+        py.detach(|| self.0.working().tracker.set_visibility(visible));
         Ok(())
     }
 
@@ -189,7 +150,7 @@ impl PyTracker {
     /// What camera motion saw is not in it: show the last picture again with :meth:`skip` before the next update. A pickle holds all,
     /// that picture too.
     fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let saved = py.detach(|| serde_json::to_vec(&self.working().tracker.save()));
+        let saved = py.detach(|| serde_json::to_vec(&self.0.working().tracker.save()));
         Ok(PyBytes::new(py, &saved.map_err(|e| input(py, format!("cannot be saved: {e}")))?))
     }
 
@@ -200,97 +161,47 @@ impl PyTracker {
     /// foveate.InputError
     ///     It is no saved tracker, or one of another version or configuration.
     fn load(&self, py: Python<'_>, saved: &[u8]) -> PyResult<()> {
-        let load = || self.working().tracker.load(&parse(saved)?);
-        py.detach(load).or_raise(py)
+        self.0.load(py, saved)
     }
 
     /// Whether there is a target: it was given, or loaded.
     #[getter]
     fn has_target(&self, py: Python<'_>) -> bool {
-        py.detach(|| self.working().tracker.has_target())
+        py.detach(|| self.0.working().tracker.has_target())
     }
     /// The configuration as TOML, every setting written out.
     #[getter]
     fn config(&self) -> String {
-        self.making.text()
+        self.0.making.text()
     }
     /// What names all random numbers.
     #[getter]
     fn seed(&self) -> u64 {
-        self.making.seed
+        self.0.making.seed
     }
     /// The order of a colour picture's bytes.
     #[getter]
     fn channels(&self) -> &'static str {
-        self.making.channels.name
+        self.0.making.channels.name
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         let (py, this) = (slf.py(), slf.get());
-        let saved = this.save(py)?;
-        let image = py.detach(|| this.working().image.clone());
-        let state = pickled(py, &this.making, &saved, image)?;
-        PyTuple::new(py, [py.import("foveate._foveate")?.getattr("_restore_tracker")?, state.into_any()])
+        this.0.pickled(py, "_restore_tracker", this.save(py)?)
     }
 
     fn __repr__(&self) -> String {
-        let Making { seed, channels, .. } = &self.making;
-        let target = if self.working().tracker.has_target() { "" } else { ", no target yet" };
+        let Making { seed, channels, .. } = &self.0.making;
+        let target = if self.0.working().tracker.has_target() { "" } else { ", no target yet" };
         format!("<foveate.Tracker seed={seed} channels={}{target}>", channels.name)
     }
 }
 
 /// A tracker from its pickle.
 #[pyfunction]
-#[pyo3(signature = (text, folder, seed, channels, saved, image))]
-pub fn _restore_tracker(
-    py: Python<'_>,
-    text: &str,
-    folder: PathBuf,
-    seed: u64,
-    channels: &str,
-    saved: &[u8],
-    image: Option<Planes>,
-) -> PyResult<PyTracker> {
-    let this = PyTracker::of(Making::again(py, text, folder, seed, channels)?).or_raise(py)?;
-    let restore = || {
-        let working = &mut *this.working();
-        working.tracker.load(&parse(saved)?)?;
-        if let Some(image) = image {
-            let image = picture(image)?;
-            working.tracker.skip(&image);
-            working.image = Some(image);
-        }
-        Ok(())
-    };
-    py.detach(restore).or_raise(py)?;
-    Ok(this)
-}
-
-/// Width, height, planes and bytes of a picture in a pickle.
-pub type Planes = (usize, usize, usize, Vec<u8>);
-
-/// The picture of a pickle.
-pub fn picture((width, height, planes, bytes): Planes) -> Result<Image> {
-    Image::new(width, height, planes, bytes)
-}
-
-/// Saved JSON.
-pub fn parse(saved: &[u8]) -> Result<serde_json::Value> {
-    serde_json::from_slice(saved)
-        .map_err(|e| Error::Invalid(format!("the saved state cannot be used: expected what save() gave, JSON: {e}")))
-}
-
-/// What a pickle has.
-pub fn pickled<'py>(
-    py: Python<'py>,
-    making: &Making,
-    saved: &Bound<'py, PyBytes>,
-    image: Option<Image>,
-) -> PyResult<Bound<'py, PyTuple>> {
-    let folder = making.folder.to_string_lossy().into_owned();
-    let image = image.map(|i| (i.width(), i.height(), i.planes(), PyBytes::new(py, i.bytes())));
-    (making.text(), folder, making.seed, making.channels.name, saved.clone(), image).into_pyobject(py)
+#[pyo3(signature = (*pickle))]
+pub fn _restore_tracker(py: Python<'_>, pickle: Pickle) -> PyResult<PyTracker> {
+    Held::restored(py, pickle).map(PyTracker)
 }
 
 /// Detections from an array of n × 5, made by `foveate._detections` from what is given.
@@ -303,15 +214,4 @@ pub fn read_detections(given: &Bound<'_, PyAny>) -> PyResult<Vec<Detection>> {
         score: row[4],
     };
     Ok(rows.as_array().rows().into_iter().map(one).collect())
-}
-
-/// The first box's error names an option of the program; here it is an argument.
-fn plain(error: Error) -> Error {
-    match error {
-        Error::Invalid(text) => Error::Invalid(text.replace(
-            "Give --init x,y,w,h with x,y the top-left corner in pixels",
-            "Give left, top, width, height in pixels from 0",
-        )),
-        other => other,
-    }
 }

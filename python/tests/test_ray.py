@@ -42,3 +42,10 @@ def test_folders_on_ray(tmp_path: Path) -> None:
     done = call()
     assert done.returncode == 0 and "1 tracked" in done.stdout, done.stderr
     assert not (tmp_path / "runs/failures.txt").exists()
+
+
+def test_without_ray_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(SystemExit, match="pip install ray"):
+        foveate.ray.run({}, tmp_path / "runs", [], 1, None)
+    assert not (tmp_path / "runs").exists()

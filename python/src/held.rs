@@ -1,0 +1,137 @@
+//! What trackers of one target and of many share: how pictures are shown to them, and what a pickle has.
+
+use std::path::PathBuf;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use foveate::{Error, Image, MultiTracker, Result, Tracker};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyTuple};
+use serde_json::Value;
+
+use crate::errors::OrRaise;
+use crate::making::Making;
+use crate::pictures::{Picture, Pixels};
+use crate::threads;
+
+/// A tracker, as a pickle takes it up.
+pub trait Follows: Send + Sized {
+    /// One that knows no target yet.
+    fn made(making: &Making) -> Result<Self>;
+    /// Takes up a saved state.
+    fn load(&mut self, saved: &Value) -> Result<()>;
+    /// Sees a picture without tracking in it.
+    fn skip(&mut self, image: &Image);
+}
+
+impl Follows for Tracker {
+    fn made(making: &Making) -> Result<Self> {
+        making.blueprint.tracker(making.seed)
+    }
+    fn load(&mut self, saved: &Value) -> Result<()> {
+        Tracker::load(self, saved)
+    }
+    fn skip(&mut self, image: &Image) {
+        Tracker::skip(self, image);
+    }
+}
+
+impl Follows for MultiTracker {
+    fn made(making: &Making) -> Result<Self> {
+        making.blueprint.multi_tracker(making.seed)
+    }
+    fn load(&mut self, saved: &Value) -> Result<()> {
+        MultiTracker::load(self, saved)
+    }
+    fn skip(&mut self, image: &Image) {
+        MultiTracker::skip(self, image);
+    }
+}
+
+/// What an update changes.
+pub struct Working<T> {
+    pub tracker: T,
+    /// The picture at hand, in planes; after an update it is what a pickle needs to go on bit for bit.
+    image: Option<Image>,
+}
+
+/// A tracker that one call at a time works with, and how it was made.
+pub struct Held<T> {
+    pub making: Making,
+    working: Mutex<Working<T>>,
+}
+
+/// What a pickle has: the configuration's text and folder, seed, channels, the saved state, and the last picture (width, height, planes and
+/// bytes).
+pub type Pickle = (String, PathBuf, u64, String, Vec<u8>, Option<(usize, usize, usize, Vec<u8>)>);
+
+impl<T: Follows> Held<T> {
+    /// One that knows no target yet.
+    pub fn new(making: Making) -> Result<Self> {
+        let tracker = T::made(&making)?;
+        Ok(Self { making, working: Mutex::new(Working { tracker, image: None }) })
+    }
+
+    /// To be called without the interpreter's lock: another thread may be at work.
+    pub fn working(&self) -> MutexGuard<'_, Working<T>> {
+        self.working.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Shows a picture to the tracker, without the interpreter's lock.
+    pub fn show<R: Send>(
+        &self,
+        image: &Bound<'_, PyAny>,
+        act: impl FnOnce(&mut T, &Image) -> Result<R> + Send,
+    ) -> PyResult<R> {
+        let py = image.py();
+        let picture = Picture::new(image, self.making.channels)?;
+        let pixels: Pixels<'_> = picture.pixels();
+        let work = || {
+            let Working { tracker, image } = &mut *self.working();
+            act(tracker, pixels.read(image)?)
+        };
+        py.detach(|| threads::run(work).and_then(|result| result)).or_raise(py)
+    }
+
+    /// Takes up a saved state.
+    pub fn load(&self, py: Python<'_>, saved: &[u8]) -> PyResult<()> {
+        py.detach(|| self.working().tracker.load(&parse(saved)?)).or_raise(py)
+    }
+
+    /// What `__reduce__` answers: the function of this name makes it again.
+    pub fn pickled<'py>(
+        &self,
+        py: Python<'py>,
+        restore: &str,
+        saved: Bound<'py, PyBytes>,
+    ) -> PyResult<Bound<'py, PyTuple>> {
+        let Making { folder, seed, channels, .. } = &self.making;
+        let image = py.detach(|| self.working().image.clone());
+        let image = image.map(|i| (i.width(), i.height(), i.planes(), PyBytes::new(py, i.bytes())));
+        let folder = folder.to_string_lossy().into_owned();
+        let state = (self.making.text(), folder, *seed, channels.name, saved, image).into_pyobject(py)?;
+        PyTuple::new(py, [py.import("foveate._foveate")?.getattr(restore)?, state.into_any()])
+    }
+
+    /// One from its pickle.
+    pub fn restored(py: Python<'_>, (text, folder, seed, channels, saved, image): Pickle) -> PyResult<Self> {
+        let this = Self::new(Making::again(py, &text, folder, seed, &channels)?).or_raise(py)?;
+        let restore = || {
+            let working = &mut *this.working();
+            working.tracker.load(&parse(&saved)?)?;
+            if let Some((width, height, planes, bytes)) = image {
+                let image = Image::new(width, height, planes, bytes)?;
+                working.tracker.skip(&image);
+                working.image = Some(image);
+            }
+            Ok(())
+        };
+        py.detach(restore).or_raise(py)?;
+        Ok(this)
+    }
+}
+
+/// Saved JSON.
+pub fn parse(saved: &[u8]) -> Result<Value> {
+    serde_json::from_slice(saved)
+        .map_err(|e| Error::Invalid(format!("the saved state cannot be used: expected what save() gave, JSON: {e}")))
+}
