@@ -48,15 +48,30 @@ fn completions_and_manual_pages() {
 #[test]
 fn the_demo_is_honest() {
     let place = Place::new();
-    let told = said(&place.run(&["demo", "--out", "d", "--set", "particles=150"]));
-    for words in ["Followed a drawn 3", "uncertain in 0 frames", "It learned to look at", "end to end", "d/report.html"]
-    {
+    let told = said(&place.run(&["demo", "--out", "d"]));
+    for words in ["a drawn 0", "values read a frame", "looks that (", "is worth most", "end to end", "d/report.html"] {
         assert!(told.contains(words), "{words} is missing in\n{told}");
     }
+    let error = |policy: &str| -> f64 {
+        let line = told.lines().find(|line| line.trim_start().starts_with(policy)).expect("a line for each policy");
+        line.split("mean error ")
+            .nth(1)
+            .and_then(|rest| rest.split(' ').next())
+            .expect("an error")
+            .parse()
+            .expect("a number")
+    };
+    assert!(error("gp-ucb") < 2.0 && error("fixed centre") > 10.0, "learning where to look pays here:\n{told}");
     assert_eq!(place.names("d"), ["annotated.mp4", "boxes.txt", "report.html", "run.json", "surface.png", "track.csv"]);
-    let told = said(&place.run(&["demo", "--out", "d", "--policy", "gp-ucb", "--trace"]));
-    assert!(told.contains("looks that (") && told.contains("is worth most"), "{told}");
+    assert!(String::from_utf8_lossy(&place.read("d/report.html")).contains("\"baseline\":{"));
+    let clutter = ["demo", "--out", "d", "--scene", "clutter", "--set", "particles=150", "--trace"];
+    let told = said(&place.run(&clutter));
+    for words in ["Followed a drawn 3", "uncertain in 0 frames", "It learned to look at", "fixed centre"] {
+        assert!(told.contains(words), "{words} is missing in\n{told}");
+    }
     assert!(place.path("d/trace.jsonl").is_file());
+    let told = said(&place.run(&["demo", "--out", "d", "--policy", "fixed"]));
+    assert!(told.contains("has nothing to learn") && !told.contains("side by side"), "{told}");
     for name in ["natural", "natural-fast", "multi"] {
         let error = errors(&place.run(&["demo", "--out", "d", "--config", name]));
         assert!(error.contains("for real video") && error.contains("digits-hedge"), "{error}");

@@ -2,9 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::draw::{Drawing, text_width};
 use crate::{Annotator, MultiAnnotator, MultiObserver, Observer, RunInfo};
 use foveate_base::{Error, Result};
-use foveate_core::geometry::BBox;
+use foveate_core::Tracker;
+use foveate_core::geometry::{BBox, State};
 use foveate_core::multi::TrackedTarget;
 use foveate_core::scene::Image;
 use foveate_core::step::Step;
@@ -67,6 +69,67 @@ impl Observer for Film {
     }
     fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
         self.video.push(&self.annotator.annotate(frame, step))
+    }
+    fn finish(&mut self) -> Result<()> {
+        self.video.finish()
+    }
+}
+
+/// annotated.mp4 of two trackers on the same frames: the run's own on the left, another, which it drives, on the right.
+pub struct SideBySide {
+    video: Video,
+    annotators: [Annotator; 2],
+    names: [String; 2],
+    other: Tracker,
+    truth: Vec<BBox>,
+}
+
+impl SideBySide {
+    /// Will write `path`, as [`Film::create`] does; `names` are written above the halves.
+    ///
+    /// # Errors
+    /// Its folder is not there.
+    pub fn create(path: impl Into<PathBuf>, info: &RunInfo, names: [String; 2], other: Tracker) -> Result<Self> {
+        let annotators = [Annotator::new(info), Annotator::new(info)];
+        Ok(Self { video: Video::create(path.into(), info)?, annotators, names, other, truth: info.truth.clone() })
+    }
+
+    /// Both halves under their names; `said` is written at the right end of each name's line.
+    fn push(&mut self, [left, right]: [Image; 2], said: [String; 2]) -> Result<()> {
+        let strip = left.height() / 13 & !1;
+        let gap = strip / 4 & !1;
+        let mut page = Drawing::new(left.width() + gap + right.width(), strip + left.height(), [18, 21, 26]);
+        let (pad, size) = (0.32 * strip as f64, 0.36 * strip as f64);
+        let mut at = 0;
+        for ((half, name), said) in [left, right].iter().zip(&self.names).zip(said) {
+            page.paste(half, at, strip, half.width(), half.height());
+            page.text((at as f64 + pad, pad), name, size, [236, 238, 240]);
+            let end = (at + half.width()) as f64 - pad;
+            page.text((end - text_width(&said, size), pad), &said, size, [236, 238, 240]);
+            at += half.width() + gap;
+        }
+        self.video.push(&page.into_image())
+    }
+
+    /// How far the centre is from the true one.
+    fn error(&self, frame: &Frame, estimate: &State) -> String {
+        let off = |b: &BBox| (b.centre().0 - estimate.x).hypot(b.centre().1 - estimate.y);
+        self.truth.get(frame.index).map(|b| format!("error {:.1} px", off(b))).unwrap_or_default()
+    }
+}
+
+impl Observer for SideBySide {
+    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
+        self.other.init(&frame.image, *bbox)?;
+        let halves = self.annotators.each_mut().map(|annotator| annotator.start(frame, bbox));
+        self.push(halves, Default::default())
+    }
+    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
+        let ours = (self.annotators[0].annotate(frame, step), self.error(frame, &step.estimate));
+        let seen = self.other.update(&frame.image)?;
+        let (picture, estimate) = (self.annotators[1].annotate(frame, &seen.step), seen.step.estimate);
+        let error = self.error(frame, &estimate);
+        self.push([ours.0, picture], [ours.1, error])
     }
     fn finish(&mut self) -> Result<()> {
         self.video.finish()

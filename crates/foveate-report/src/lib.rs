@@ -42,7 +42,7 @@ mod trace;
 mod tracks;
 
 pub use self::annotate::Annotator;
-pub use self::film::{Film, MultiFilm};
+pub use self::film::{Film, MultiFilm, SideBySide};
 pub use self::json::Summary;
 pub use self::limited::Limited;
 pub use self::multi::MultiAnnotator;
@@ -132,6 +132,15 @@ impl Warnings {
     }
 }
 
+/// Another track of the frames of a run.
+#[derive(Clone, Debug, Default)]
+pub struct Baseline {
+    /// Whose it is, such as "fixed centre".
+    pub name: String,
+    /// Its boxes, one a frame from frame 0 on; may be shorter than the run.
+    pub boxes: Vec<BBox>,
+}
+
 /// What a run is, for the readers of its results. Texts may hold anything: they are escaped where they are written.
 #[derive(Clone, Default)]
 pub struct RunInfo {
@@ -155,6 +164,8 @@ pub struct RunInfo {
     pub retina: Option<Arc<dyn Retina>>,
     /// The true boxes, one a frame from frame 0 on, to be drawn beside the estimate; may be shorter than the run.
     pub truth: Vec<BBox>,
+    /// Another track of the same frames, to be drawn beside the estimate.
+    pub baseline: Option<Baseline>,
     /// The time spent in the tracker.
     pub clock: Clock,
     /// What its readers should be warned of.

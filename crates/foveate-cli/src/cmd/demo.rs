@@ -1,15 +1,16 @@
-//! `foveate demo`: the main job, with nothing downloaded by hand.
+//! `foveate demo`: the main job, and what learning where to look is worth, with nothing downloaded by hand.
 
 use std::path::PathBuf;
 use std::time::Instant;
 
 use foveate::config::Config;
 use foveate::gaze::PolicySnapshot;
+use foveate::geometry::BBox;
 use foveate::lab::Digits;
 use foveate::lab::eval::score_centres;
-use foveate::lab::synthetic::{Clutter, Drawn};
+use foveate::lab::synthetic::{Clutter, Drawn, Occlusion, Synthetic};
 use foveate::report::run::{SingleRun, Span, follow};
-use foveate::report::{Summary, SurfacePicture};
+use foveate::report::{Baseline, Observer, SideBySide, Summary, SurfacePicture};
 use foveate::video::{Frame, FrameSource};
 use foveate::{Error, Result};
 
@@ -18,23 +19,24 @@ use super::results::Results;
 use super::track::outputs::{Outputs, run_info};
 use crate::terminal;
 
-/// A centre farther off than this, in pixels, is off the digit: half its side.
-const OFF: f64 = 14.0;
-
 #[derive(clap::Args)]
 pub struct Args {
     /// Folder for the results; open report.html in it
     #[arg(long, short, value_name = "DIR", default_value = "out/demo")]
     out: PathBuf,
-    /// The digit to follow, 0 to 9
-    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=9))]
-    digit: u8,
+    /// What is drawn
+    #[arg(long, value_enum, default_value_t = Scene::Closeup)]
+    scene: Scene,
+    /// The digit to follow, 0 to 9 [default: 0 in a close-up, 3 in clutter]
+    #[arg(long, value_parser = clap::value_parser!(u8).range(0..=9))]
+    digit: Option<u8>,
     /// Seed of the scene and of the tracker: the same seed gives the same run
     #[arg(long, default_value_t = 7)]
     seed: u64,
-    /// A configuration file, or the name of one that ships with the program and is for digits (digits, digits-rbm, ...)
-    #[arg(long, short, value_name = "FILE|NAME", default_value = "digits-hedge")]
-    config: String,
+    /// A configuration file, or the name of one that ships with the program and is for digits [default: digits-closeup in a
+    /// close-up, digits-hedge in clutter]
+    #[arg(long, short, value_name = "FILE|NAME")]
+    config: Option<String>,
     #[command(flatten)]
     changes: Changes,
     /// Write trace.jsonl too: every intermediate quantity of every frame
@@ -42,24 +44,86 @@ pub struct Args {
     trace: bool,
 }
 
+#[derive(clap::ValueEnum, Clone, Copy)]
+enum Scene {
+    /// One large digit whose middle is hidden; a look sees a 12th of it
+    Closeup,
+    /// A digit among digits
+    Clutter,
+}
+
+impl Scene {
+    /// The scene itself, what it shows in words, and the configuration for it.
+    fn draw(self, digit: Option<u8>, seed: u64) -> (Synthetic, String, &'static str) {
+        match self {
+            Self::Closeup => {
+                let digit = digit.unwrap_or(0);
+                let scene = Occlusion {
+                    bars: 0,
+                    patch: 8,
+                    noise: 0.02,
+                    ..Occlusion { digit, seed, side: 56, width: 256, height: 256, ..Occlusion::default() }
+                };
+                let words =
+                    format!("a drawn {digit} of {} px, its middle hidden, by looks of a 12th of it", scene.side);
+                (Synthetic::Occlusion(scene), words, "digits-closeup")
+            }
+            Self::Clutter => {
+                let scene = Clutter { digit: digit.unwrap_or(3), seed, ..Clutter::default() };
+                let words = format!("a drawn {} among {} other digits", scene.digit, scene.distractors);
+                (Synthetic::Clutter(scene), words, "digits-hedge")
+            }
+        }
+    }
+}
+
 pub fn run(args: Args) -> Result<()> {
-    fits(&args.config)?;
-    let (config, folder) = read(&args.config, &args.changes)?;
+    let (scene, described, fitting) = args.scene.draw(args.digit, args.seed);
+    let config_name = args.config.as_deref().unwrap_or(fitting);
+    fits(config_name)?;
+    let (config, folder) = read(config_name, &args.changes)?;
+    let policy = policy_kind(&config);
+    let centred = if policy == "fixed" { None } else { Some(config.set("policy.kind=fixed")?.check(&folder)?) };
     let blueprint = config.check(&folder)?;
-    let scene = Clutter { digit: args.digit, seed: args.seed, ..Clutter::default() };
     let video = scene.video(&Digits::drawn(args.seed, 20))?;
     let truth = video.truth().to_vec();
+    terminal::catch_interrupts();
+
+    // The same tracker with its gaze held at the centre, on the same frames: what the learned gaze is compared with.
+    let mut baseline = None;
+    if let Some(blueprint) = &centred {
+        let mut tracker = blueprint.tracker(args.seed)?;
+        let mut nobody: Vec<Box<dyn Observer>> = vec![];
+        let span = Span { stop: &terminal::stopping, ..Span::default() };
+        let run = SingleRun { init: Some(truth[0]), span, again: &[] };
+        let (outcome, result) =
+            follow(&mut scene.video(&Digits::drawn(args.seed, 20))?.source(), &mut tracker, &mut nobody, run);
+        result?;
+        baseline = Some((
+            outcome.values / outcome.tracked.max(1),
+            Baseline { name: "fixed centre".into(), boxes: outcome.boxes },
+        ));
+    }
+
     let mut source = video.source();
     let mut tracker = blueprint.tracker(args.seed)?;
-    let described = format!("a drawn {} among {} other digits", args.digit, scene.distractors);
-    let name = args.changes.describe(&args.config);
-    let mut info = run_info(&described, source.info(), &name, &blueprint, args.seed);
+    let mut info = run_info(&described, source.info(), &args.changes.describe(config_name), &blueprint, args.seed);
     info.truth = truth.clone();
+    info.baseline = baseline.as_ref().map(|(_, baseline)| baseline.clone());
     let surface = SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
-    let outputs = Outputs { video: true, report: true, surface, trace: args.trace, regret: false, endless: false };
-    terminal::catch_interrupts();
-    let results = Results::begin(&args.out, &outputs.names(), &[args.config.as_ref()])?;
+    let film = centred.is_none();
+    let outputs = Outputs { video: film, report: true, surface, trace: args.trace, regret: false, endless: false };
+    let mut names = outputs.names();
+    if !film {
+        names.push("annotated.mp4");
+    }
+    let results = Results::begin(&args.out, &names, &[config_name.as_ref()])?;
     let mut observers = outputs.observers(results.folder(), &info)?;
+    if let Some(centred) = &centred {
+        let names = [format!("learned gaze: {policy}"), "fixed centre".into()];
+        let path = results.folder().join("annotated.mp4");
+        observers.push(Box::new(SideBySide::create(path, &info, names, centred.tracker(args.seed)?)?));
+    }
 
     let began = Instant::now();
     let bar = terminal::progress(source.info().frames, "demo");
@@ -78,27 +142,40 @@ pub fn run(args: Args) -> Result<()> {
         )));
     }
     results.keep()?;
-    let centres = |boxes: &[foveate::geometry::BBox]| boxes.iter().map(|b| b.centre()).collect::<Vec<_>>();
-    let (ours, real) = (centres(&outcome.boxes), centres(&truth[..outcome.boxes.len()]));
-    let score = score_centres(&ours, &real)?;
-    let off = ours.iter().zip(&real).filter(|(a, b)| (a.0 - b.0).hypot(a.1 - b.1) > OFF).count();
     let frames = outcome.frames.count;
-    match off {
-        0 => say!("Followed {described} through {frames} frames."),
-        _ => say!(
-            "Tried to follow {described} through {frames} frames, and was off it by more than {OFF} px in {off} of them."
-        ),
+    say!("Followed {described}, through {frames} frames.");
+    tell(&policy, &outcome.boxes, &truth, outcome.values / outcome.tracked)?;
+    if let Some((values, Baseline { name, boxes })) = &baseline {
+        tell(name, boxes, &truth, *values)?;
     }
-    say!("Mean error {:.2} px, median {:.2} px.", score.mean, score.median);
     say!("Reported as uncertain in {} frames, as lost in {}.", outcome.uncertain, outcome.lost);
-    say!("{}", favourite(tracker.parts().gaze.policy().snapshot(), &policy_kind(blueprint.config())));
+    say!("{}", favourite(tracker.parts().gaze.policy().snapshot(), &policy));
+    if matches!(args.scene, Scene::Closeup) && args.digit.is_none() {
+        say!("The centre of this 0 tells nothing. Where it does, the fixed centre is as good: --scene clutter.");
+    }
     let tracking = Summary::rate(frames, outcome.frames.time().as_secs_f64());
     let whole = Summary::rate(frames, began.elapsed().as_secs_f64());
     say!("{tracking:.0} frames a second in the tracker, {whole:.0} end to end.");
-    say!("See what it saw, frame by frame: {}", args.out.join("report.html").display());
+    let beside = if film { "" } else { "; both side by side: annotated.mp4" };
+    say!("See what it saw, frame by frame: {}{beside}", args.out.join("report.html").display());
     if outcome.frames.stopped {
         std::process::exit(terminal::stop_status());
     }
+    Ok(())
+}
+
+/// How a track compares with the truth.
+fn tell(policy: &str, boxes: &[BBox], truth: &[BBox], values: usize) -> Result<()> {
+    let centres = |boxes: &[BBox]| boxes.iter().map(BBox::centre).collect::<Vec<_>>();
+    let (ours, real) = (centres(boxes), centres(&truth[..boxes.len()]));
+    let score = score_centres(&ours, &real)?;
+    // Half a side: farther off than this, the centre is off the digit.
+    let most = truth[0].w / 2.0;
+    let off = ours.iter().zip(&real).filter(|(a, b)| (a.0 - b.0).hypot(a.1 - b.1) > most).count();
+    let (mean, median) = (score.mean, score.median);
+    say!(
+        "  {policy:<12} mean error {mean:.2} px, median {median:.2}; more than {most} px off in {off} frames; {values} values read a frame"
+    );
     Ok(())
 }
 

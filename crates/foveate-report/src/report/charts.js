@@ -17,7 +17,10 @@ const known = series.true_x.some(x => x !== null);
 // Where the truth is known, the centre error takes the place of the distance, which the panel above shows as well.
 if (known) {
   chartList.splice(4, 1);
-  chartList.unshift({ title: 'Centre error', unit: 'px', from: 0, lines: [{ of: series.true_x.map((x, i) => x === null ? null : Math.hypot(x - series.x[i], series.true_y[i] - series.y[i])), ink: 'second' }] });
+  const off = (xs, ys) => series.true_x.map((x, i) => x === null || xs[i] === null ? null : Math.hypot(x - xs[i], series.true_y[i] - ys[i]));
+  const lines = [{ of: off(series.x, series.y), ink: data.baseline ? 'target' : 'second' }];
+  if (data.baseline) lines.push({ of: off(data.baseline.x, data.baseline.y), name: data.baseline.name, ink: 'baseline', dash: true });
+  chartList.unshift({ title: 'Centre error', unit: 'px', from: 0, lines });
 }
 if (!arms.length && !fixed) chartList.splice(1, 0, { title: 'Gaze', unit: 'half-boxes', lines: [{ of: series.u, name: 'u', ink: 'gaze' }, { of: series.v, name: 'v', ink: 'target', dash: true }] });
 // Regret is known where fixed gazes were scored beside the policy's own.

@@ -6,8 +6,8 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 
 use super::html::{self, Template, bytes_of, short};
-use crate::RunInfo;
 use crate::regret::RegretLog;
+use crate::{Baseline, RunInfo};
 use foveate_core::control::Status;
 use foveate_core::geometry::{BBox, Extent, State};
 use foveate_core::step::Step;
@@ -100,6 +100,7 @@ pub struct Page {
     info: Value,
     rate: f64,
     truth: Vec<BBox>,
+    baseline: Option<Baseline>,
     cells: Vec<f64>,
     size: [usize; 2],
     particles: usize,
@@ -131,6 +132,7 @@ impl Page {
             }),
             rate: info.rate,
             truth: info.truth.clone(),
+            baseline: info.baseline.clone(),
             cells: cells.collect(),
             size: [1, 1],
             particles: 0,
@@ -240,6 +242,18 @@ impl Page {
         Value::Array(lines.collect())
     }
 
+    /// Name, and centre and size a row, of the track beside it. Null without one.
+    fn baseline_columns(&self) -> Value {
+        let Some(Baseline { name, boxes }) = &self.baseline else { return Value::Null };
+        let column = |of: fn(&BBox) -> f64| -> Vec<Value> {
+            let boxes = self.rows.iter().map(|row| boxes.get(row[0] as usize - 1));
+            boxes.map(|b| short(b.map_or(f64::NAN, of))).collect()
+        };
+        json!({
+            "name": name, "x": column(|b| b.centre().0), "y": column(|b| b.centre().1), "w": column(|b| b.w), "h": column(|b| b.h),
+        })
+    }
+
     /// Takes in how long tracking took.
     pub fn measure(&mut self, tracking: Duration) {
         self.seconds = tracking.as_secs_f64();
@@ -256,7 +270,7 @@ impl Page {
             "format": 2, "info": self.info, "summary": { "fps": fps }, "size": self.size, "rate": self.rate,
             "particles": self.particles, "shown": self.shown, "features": self.features, "learned": self.learned,
             "cells": self.cells.iter().map(|v| short(*v)).collect::<Vec<_>>(), "template": self.template,
-            "arms": self.arms, "surface": self.surface, "regret": self.regret, "classes": self.classes(),
+            "arms": self.arms, "surface": self.surface, "baseline": self.baseline_columns(), "regret": self.regret, "classes": self.classes(),
             "statuses": statuses, "series": series, "keys": keys,
         });
         html::page(include_str!("page.html"), &self.source, &data, &SCRIPTS, &[])

@@ -2,6 +2,7 @@
 const layers = [
   { key: 'b', name: 'box', label: 'box', dot: '#39b6ff' },
   ...(series.true_x.some(x => x !== null) ? [{ key: 't', name: 'truth', label: 'truth', dot: '#3fd19b' }] : []),
+  ...(data.baseline ? [{ key: 'f', name: 'baseline', label: data.baseline.name, dot: '#b18cff' }] : []),
   { key: 'h', name: 'path', label: 'path', dot: '#39b6ff' },
   { key: 'p', name: 'particles', label: 'particles', dot: '#e0528f' },
   { key: 'u', name: 'ellipse', label: 'uncertainty', dot: '#9aa4ad' },
@@ -100,6 +101,10 @@ function drawView(c, key, view, box) {
     c.setLineDash([2, 4]);
     cased(() => c.rect(x, y, k * series.true_w[row], k * series.true_h[row]), '#3fd19b', 2);
     c.setLineDash([]);
+  }
+  if (shown.baseline && data.baseline.x[row] !== null) {
+    const { x, y, w, h } = data.baseline, [left, top] = at(x[row] - w[row] / 2, y[row] - h[row] / 2);
+    cased(() => c.rect(left, top, k * w[row], k * h[row]), '#b18cff', 2);
   }
   if (shown.box) {
     const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([u, v]) => fixate(row, u, v)).map(f => at(f.x, f.y));

@@ -27,6 +27,8 @@ pub struct Outcome {
     pub frames: Frames,
     /// Frames that were tracked: those whose box was given are none.
     pub tracked: usize,
+    /// Values read from the tracked frames: the sum of [`Step::values`](foveate_core::step::Step::values).
+    pub values: usize,
     /// Frames in which the box is doubtful: see [`is_uncertain`].
     pub uncertain: usize,
     /// Frames whose status is lost.
@@ -126,6 +128,7 @@ impl Follower for Single<'_> {
         }
         let o = &mut self.outcome;
         o.tracked += 1;
+        o.values += seen.step.values;
         let inside = touches(&seen.bbox, &frame.image);
         o.last = inside.then_some(seen.bbox);
         o.outside += usize::from(!inside);

@@ -89,6 +89,7 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
         command: crate::invocation::command(),
         retina: Some(blueprint.retina()),
         truth: vec![],
+        baseline: None,
         clock: Clock::default(),
         shadow: vec![],
         warnings: Warnings::default(),
