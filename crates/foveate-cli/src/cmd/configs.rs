@@ -5,7 +5,6 @@ use foveate::files::Nowhere;
 use foveate::identity::Retina;
 use foveate::{Error, Result};
 
-use super::configure::policy_kind;
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -34,7 +33,7 @@ fn list() -> Result<()> {
     lines[0].push("for".into());
     for (name, text) in BUILTIN {
         let blueprint = Config::parse(text, name)?.check(&Nowhere)?;
-        let policy = policy_kind(blueprint.config());
+        let policy = blueprint.config().policy_kind();
         lines.push(vec![(*name).into(), policy, rings(&*blueprint.retina()), about(text).into()]);
     }
     let widest = |column: usize| lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);

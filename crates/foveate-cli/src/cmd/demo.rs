@@ -13,7 +13,7 @@ use foveate::report::{Summary, SurfacePicture};
 use foveate::video::{Frame, FrameSource};
 use foveate::{Error, Result};
 
-use super::configure::{Changes, policy_kind, read};
+use super::configure::{Changes, read};
 use super::results::Results;
 use super::track::outputs::{Outputs, run_info};
 use crate::terminal;
@@ -91,7 +91,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     say!("Mean error {:.2} px, median {:.2} px.", score.mean, score.median);
     say!("Reported as uncertain in {} frames, as lost in {}.", outcome.uncertain, outcome.lost);
-    say!("{}", favourite(tracker.parts().gaze.policy().snapshot(), &policy_kind(blueprint.config())));
+    say!("{}", favourite(tracker.parts().gaze.policy().snapshot(), &blueprint.config().policy_kind()));
     let tracking = Summary::rate(frames, outcome.frames.time().as_secs_f64());
     let whole = Summary::rate(frames, began.elapsed().as_secs_f64());
     say!("{tracking:.0} frames a second in the tracker, {whole:.0} end to end.");

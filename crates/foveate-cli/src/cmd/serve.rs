@@ -6,12 +6,9 @@ mod guard;
 mod http;
 mod message;
 mod page;
-mod propose;
 mod roots;
-mod row;
 mod save;
 mod server;
-mod tracking;
 mod video;
 
 use std::net::{IpAddr, SocketAddr, TcpListener};
