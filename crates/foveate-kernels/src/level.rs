@@ -25,7 +25,7 @@ pub(crate) const AVX512: u8 = 2;
 pub(crate) const BASE: u8 = if cfg!(any(target_arch = "aarch64", target_feature = "fma")) { FUSED } else { 0 };
 
 static BEST: LazyLock<Level> = LazyLock::new(|| {
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
     {
         use std::is_x86_feature_detected as has;
         let avx2 = has!("avx2") && has!("fma");
@@ -37,7 +37,7 @@ static BEST: LazyLock<Level> = LazyLock::new(|| {
             _ => Level::Portable,
         }
     }
-    #[cfg(not(target_arch = "x86_64"))]
+    #[cfg(not(all(target_arch = "x86_64", not(feature = "portable"))))]
     Level::Portable
 });
 

@@ -1,10 +1,9 @@
 //! `foveate configs`: the configurations that ship with the program.
 
-use foveate::config::{BUILTIN, Config};
+use foveate::config::{BUILTIN, Config, about};
 use foveate::files::Nowhere;
 use foveate::identity::Retina;
 use foveate::{Error, Result};
-
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -43,13 +42,6 @@ fn list() -> Result<()> {
         say!("{}  {}  {}  {}", cell(0), cell(1), cell(2), line[3]);
     }
     Ok(())
-}
-
-/// The first sentence of a configuration's first comment.
-pub fn about(text: &str) -> &str {
-    let line = text.lines().find_map(|line| line.strip_prefix('#')).unwrap_or("").trim();
-    let end = line.find(". ").unwrap_or(line.len());
-    line[..end].trim_end_matches(['.', ':', ','])
 }
 
 /// The windows of a retina and the cells in them, as `8/1 16/2 24/4`, in units of its smallest cell; `+` before those that read

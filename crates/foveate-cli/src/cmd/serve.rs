@@ -1,7 +1,6 @@
 //! `foveate serve` and `foveate pick`: a page in the browser to draw a box in, to watch the tracker, and to correct it.
 
 mod app;
-mod command;
 mod guard;
 mod http;
 mod message;

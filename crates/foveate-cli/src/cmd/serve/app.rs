@@ -4,13 +4,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use foveate::config::{BUILTIN, Blueprint, Config};
+use foveate::config::{BUILTIN, Blueprint, Config, about};
 use foveate::geometry::BBox;
-use foveate::report::interactive::{Player, Setup, Tracking, cells, propose};
+use foveate::report::interactive::{Player, Setup, Tracking, cells, command, propose};
 use foveate::{Error, Result};
 use serde_json::{Value, json};
 
-use super::command::command;
 use super::guard::Guard;
 use super::http::{Request, Response};
 use super::message::Message;
@@ -18,7 +17,6 @@ use super::page;
 use super::roots::Roots;
 use super::save::{Saved, Wanted};
 use super::video::{Stills, Video};
-use crate::cmd::configs::about;
 use crate::cmd::configure::{Changes, POLICIES, read};
 use crate::cmd::track::init::check_box;
 

@@ -1,0 +1,62 @@
+//! The page's tracker as native code, with the same frames and messages as the page has, to compare speeds and boxes with:
+//! `follow CONFIG x,y,w,h FRAMES FILE...` prints a line of JSON. Kernels are portable code alone with the feature `portable`.
+#![forbid(unsafe_code)]
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use foveate_web::{App, Paths};
+use serde_json::{Value, json};
+
+fn main() {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let [config, init, frames, files @ ..] = &*arguments else {
+        eprintln!("usage: follow CONFIG x,y,w,h FRAMES FILE...");
+        std::process::exit(2);
+    };
+    let (init, frames): (Vec<f64>, usize) =
+        (init.split(',').map(|n| n.parse().expect("a number")).collect(), frames.parse().expect("a number"));
+    let paths: Vec<PathBuf> = files.iter().map(PathBuf::from).collect();
+    let given: Vec<Value> = paths
+        .iter()
+        .enumerate()
+        .map(|(id, path)| {
+            let size = std::fs::metadata(path).expect("a file").len();
+            json!({ "id": id, "name": path.file_name().map(|name| name.to_string_lossy()), "size": size })
+        })
+        .collect();
+    println!("{}", follow(App::new(Arc::new(Paths(paths))), config, &init, frames, &given));
+}
+
+fn follow(mut app: App, config: &str, init: &[f64], frames: usize, files: &[Value]) -> Value {
+    let mut ask = |app: &mut App, message: Value| -> Value {
+        let answer: Value = serde_json::from_str(&app.ask(&message.to_string())).expect("JSON");
+        assert!(answer["error"].is_null(), "{}", answer["error"]);
+        answer
+    };
+    let opened = ask(&mut app, json!({ "op": "open", "name": "video", "files": files, "truth": null }));
+    let (session, count) = (opened["session"].as_u64().expect("a number"), opened["frames"].as_u64());
+    let most = frames.min(count.expect("a file knows its frames") as usize);
+    let pixels: Vec<Vec<u8>> = (1..=most).map(|k| app.picture(session, k).expect("a frame")).collect();
+    let (mut best, mut boxes) = (f64::INFINITY, vec![]);
+    for _ in 0..3 {
+        let live =
+            json!({ "op": "live", "name": "pushed", "width": opened["width"], "height": opened["height"], "rate": 30 });
+        let id = ask(&mut app, live)["session"].as_u64().expect("a number");
+        app.push(id, &pixels[0], 0.0, 0);
+        ask(&mut app, json!({ "op": "start", "session": id, "frame": 1, "box": init, "config": config }));
+        boxes = vec![json!(init)];
+        let mut spent = 0.0;
+        for (k, pixels) in pixels.iter().enumerate().skip(1) {
+            app.push(id, pixels, k as f64 / 30.0, 0);
+            let began = Instant::now();
+            let answer = ask(&mut app, json!({ "op": "step", "session": id, "frames": 1 }));
+            spent += began.elapsed().as_secs_f64();
+            boxes.push(answer["rows"][0]["box"].clone());
+        }
+        ask(&mut app, json!({ "op": "close", "session": id }));
+        best = f64::min(best, spent);
+    }
+    json!({ "boxes": boxes, "frames": most, "tracking": best, "reader": Path::new("native") })
+}
