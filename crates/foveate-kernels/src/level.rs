@@ -67,6 +67,19 @@ pub(crate) fn fused<const V: u8>(a: f64, b: f64, c: f64) -> f64 {
     if V >= FUSED { a.mul_add(b, c) } else { a * b + c }
 }
 
+/// The greater of two; `b` where `a` is not a number. `f32::max` takes several instructions where the processor's own treats what
+/// is not a number otherwise, and in WebAssembly a call.
+#[inline(always)]
+pub(crate) fn greater(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// The lesser of two; `b` where `a` is not a number.
+#[inline(always)]
+pub(crate) fn lesser(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
 /// 1 / √x for x in [1e-37, 3e38], to 2e-7 relative; NaN stays NaN.
 #[inline(always)]
 pub(crate) fn reciprocal_root<const V: u8>(x: &[f32; 16]) -> [f32; 16] {

@@ -2,7 +2,7 @@
 
 #[cfg(target_arch = "x86_64")]
 use crate::level::AVX512;
-use crate::level::{levels, multiply_add};
+use crate::level::{greater, levels, multiply_add};
 use crate::sums::{dot_body, sum_body};
 
 /// Directions of gradients that are told apart, 45° from one to the next.
@@ -165,6 +165,26 @@ fn across<const V: u8>(sums: &[[f32; WIDTH]; DIRECTIONS]) -> [f32; AT_ONCE * DIR
         }
         return out;
     }
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    {
+        use std::arch::wasm32::*;
+        // Four directions of a block's four columns become four columns of four directions.
+        for (place, out) in out.chunks_exact_mut(DIRECTIONS / 2).enumerate() {
+            let (block, half) = (place / 2, place % 2);
+            let four = &sums[half * (DIRECTIONS / 2)..];
+            // SAFETY: four values of a block's four, and of `out`.
+            unsafe {
+                let [a, b, c, d] = [0, 1, 2, 3].map(|k| v128_load(four[k][block * BLOCK..].as_ptr().cast()));
+                let (ab, cd) = (i32x4_shuffle::<0, 4, 1, 5>(a, b), i32x4_shuffle::<0, 4, 1, 5>(c, d));
+                let first = f32x4_add(i64x2_shuffle::<0, 2>(ab, cd), i64x2_shuffle::<1, 3>(ab, cd));
+                let (ab, cd) = (i32x4_shuffle::<2, 6, 3, 7>(a, b), i32x4_shuffle::<2, 6, 3, 7>(c, d));
+                let second = f32x4_add(i64x2_shuffle::<0, 2>(ab, cd), i64x2_shuffle::<1, 3>(ab, cd));
+                v128_store(out.as_mut_ptr().cast(), f32x4_add(first, second));
+            }
+        }
+        return out;
+    }
+    #[allow(unreachable_code)]
     for (column, out) in out.chunks_exact_mut(DIRECTIONS).enumerate() {
         for (out, sums) in out.iter_mut().zip(sums) {
             let s: [f32; BLOCK] = std::array::from_fn(|x| sums[column * BLOCK + x]);
@@ -207,7 +227,7 @@ pub(crate) fn add_gradients<const V: u8>(
             multiply_add::<V>(gx, HALF, up),
         ];
         for (sums, along) in sums.iter_mut().zip(along) {
-            sums[x] += along.max(0.0);
+            sums[x] += greater(along, 0.0);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Sums over slices, in 32 fixed lanes folded in halves, so that the order of additions is fixed.
 
-use crate::level::{levels, multiply_add};
+use crate::level::{greater, lesser, levels, multiply_add};
 
 const LANES: usize = 32;
 
@@ -116,7 +116,7 @@ fn presence_body<const V: u8>(v: &[f32], template: &[f32], extra: f32, cap: f32)
     let mut lanes = [0.0; LANES];
     let add = |lane: &mut f32, v: f32, template: f32| {
         let missing = template - v;
-        let e = missing.max(-extra * missing).min(cap);
+        let e = lesser(greater(missing, -extra * missing), cap);
         *lane = multiply_add::<V>(e, e, *lane);
     };
     let ((v, v_rest), (template, template_rest)) = (v.as_chunks::<LANES>(), template.as_chunks::<LANES>());
