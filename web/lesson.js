@@ -173,12 +173,12 @@ function drawLearned() {
 function drawErrors() {
   const canvas = byId('l-graph'), width = canvas.clientWidth, height = canvas.clientHeight, { rows, about } = lesson;
   if (!width) return;
-  const off = about.row.box[2] / 2, most = Math.max(1.3 * off, ...rows.flat().slice(-600)), high = Math.min(most, 4 * off);
+  const off = about.row.box[2] / 2, high = Math.min(4 * off, 2 * Math.ceil(Math.max(2, .55 * Math.max(0, ...rows.flat()))));
   const c = sharp(canvas, width, height), x = i => (i + .5) / about.frames * width, y = e => 2 + (1 - Math.min(1, e / high)) * (height - 4);
   c.clearRect(0, 0, width, height);
   const line = (points, ink, thick, dash = []) => { c.beginPath(); points.forEach((p, i) => i ? c.lineTo(...p) : c.moveTo(...p)); c.setLineDash(dash); c.strokeStyle = ink; c.lineWidth = thick; c.stroke(); c.setLineDash([]); };
   line([[0, height - .5], [width, height - .5]], colour('line'), 1);
-  line([[0, y(off)], [width, y(off)]], colour('soft'), 1, [2, 4]);
+  if (off < high) line([[0, y(off)], [width, y(off)]], colour('soft'), 1, [2, 4]);
   line(rows.map((row, i) => [x(i), y(row[1])]), colour('second'), 1.8, [6, 4]);
   line(rows.map((row, i) => [x(i), y(row[0])]), colour('target'), 1.8);
   byId('l-axis').replaceChildren(...[high, high / 2, 0].map(v => element('span', {}, String(Math.round(v)))));

@@ -114,6 +114,8 @@ function localTracker() {
       return { name: entry.name, path, kind: 'video' };
     },
     size: () => thread('size'),
+    // Frames that were not seen.
+    missed: session => opened.get(session)?.source?.missed || 0,
   };
 }
 // In the place of the tracker behind a server.

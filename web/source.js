@@ -72,10 +72,10 @@ async function elementSource(file) {
   });
   const start = await move(1e-4) ?? 0;
   // The length of a frame: small moves until another one is shown.
-  let long = 0, next = null;
+  let long = 0;
   for (let t = start + 1 / 240; t < Math.min(start + 1, video.duration) && !long; t += 1 / 240) {
-    const shown = await Promise.race([move(t), new Promise(done => setTimeout(() => done(start), 150))]);
-    if (shown !== null && shown > start + 1e-4) { long = shown - start; next = shown; }
+    const shown = await move(t);
+    if (shown !== null && shown > start + 1e-4) long = shown - start;
   }
   long ||= 1 / 30;
   let at = null, total = 0;

@@ -1,6 +1,6 @@
 //! What the processor can do, found once, and the macro that compiles a function for each level.
 
-use std::sync::LazyLock;
+use std::sync::{LazyLock, OnceLock};
 
 /// Vector instructions the kernels are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -24,8 +24,12 @@ pub(crate) const AVX512: u8 = 2;
 /// What it may use where nothing is asked of the processor.
 pub(crate) const BASE: u8 = if cfg!(any(target_arch = "aarch64", target_feature = "fma")) { FUSED } else { 0 };
 
-static BEST: LazyLock<Level> = LazyLock::new(|| {
-    #[cfg(all(target_arch = "x86_64", not(feature = "portable")))]
+static BEST: LazyLock<Level> = LazyLock::new(|| found().min(*MOST.get_or_init(|| Level::Avx512Bf16)));
+/// What is used at most.
+static MOST: OnceLock<Level> = OnceLock::new();
+
+fn found() -> Level {
+    #[cfg(target_arch = "x86_64")]
     {
         use std::is_x86_feature_detected as has;
         let avx2 = has!("avx2") && has!("fma");
@@ -37,12 +41,18 @@ static BEST: LazyLock<Level> = LazyLock::new(|| {
             _ => Level::Portable,
         }
     }
-    #[cfg(not(all(target_arch = "x86_64", not(feature = "portable"))))]
+    #[cfg(not(target_arch = "x86_64"))]
     Level::Portable
-});
+}
 
 impl Level {
-    /// The highest level this processor has.
+    /// Uses no higher level in this process, to compare with other machines; call it before any kernel. `false`, and nothing
+    /// happens, where the level is chosen already.
+    pub fn use_at_most(self) -> bool {
+        MOST.set(self).is_ok()
+    }
+
+    /// The highest level this processor has, or the one that is used at most.
     #[inline]
     pub fn best() -> Self {
         *BEST

@@ -3,7 +3,7 @@
 //! Cell i lies at (x, y) = (cx, cy) + du\[i\] (ux, uy) + dv\[i\] (vx, vy) of the image; the value there is
 //! interpolated between the four samples around it. Outside the plane its border goes on.
 
-use crate::level::{greater, lesser, levels, multiply_add};
+use crate::level::{levels, multiply_add};
 use crate::plane::{CELLS, Plane, padded};
 #[cfg(target_arch = "x86_64")]
 use crate::{level::AVX512, upright::Grid};
@@ -137,6 +137,7 @@ impl Places {
     #[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
     #[inline(always)]
     fn find<const V: u8>(&mut self, plane: &Plane<'_>, map: &[f32; 6], du: &[f32; CELLS], dv: &[f32; CELLS]) {
+        use crate::level::{greater, lesser};
         let &[cx, cy, ux, uy, vx, vy] = map;
         let (cx, cy) = (cx - plane.x0, cy - plane.y0);
         let (right, bottom) = ((plane.width - 1) as f32, (plane.height - 1) as f32);

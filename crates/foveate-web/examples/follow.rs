@@ -1,18 +1,23 @@
 //! The page's tracker as native code, with the same frames and messages as the page has, to compare speeds and boxes with:
-//! `follow CONFIG x,y,w,h FRAMES FILE...` prints a line of JSON. Kernels are portable code alone with the feature `portable`.
+//! `follow [--portable] CONFIG x,y,w,h FRAMES FILE...` prints a line of JSON. With `--portable` before these, by portable code alone.
 #![forbid(unsafe_code)]
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
+use foveate_kernels::Level;
 use foveate_web::{App, Paths};
 use serde_json::{Value, json};
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let mut arguments: Vec<String> = std::env::args().skip(1).collect();
+    if arguments.first().is_some_and(|first| first == "--portable") {
+        arguments.remove(0);
+        assert!(Level::Portable.use_at_most(), "no kernel was used before");
+    }
     let [config, init, frames, files @ ..] = &*arguments else {
-        eprintln!("usage: follow CONFIG x,y,w,h FRAMES FILE...");
+        eprintln!("usage: follow [--portable] CONFIG x,y,w,h FRAMES FILE...");
         std::process::exit(2);
     };
     let (init, frames): (Vec<f64>, usize) =
@@ -58,5 +63,5 @@ fn follow(mut app: App, config: &str, init: &[f64], frames: usize, files: &[Valu
         ask(&mut app, json!({ "op": "close", "session": id }));
         best = f64::min(best, spent);
     }
-    json!({ "boxes": boxes, "frames": most, "tracking": best, "reader": Path::new("native") })
+    json!({ "boxes": boxes, "frames": most, "tracking": best })
 }

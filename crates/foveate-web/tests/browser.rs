@@ -10,7 +10,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use browser::{Browser, CONTRAST};
-use page::{FRAMES, NUMBER, frame, iou, mp4, serve, truth, y4m};
+use page::{FRAMES, NUMBER, iou, mp4, serve, truth, y4m};
 use serde_json::{Value, json};
 
 /// A browser at the page; `None`, with a word about it, where there is none.
@@ -259,6 +259,50 @@ fn a_camera_is_followed() {
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }
 
+/// What our decoder does not know the browser decodes, moved from frame to frame, so that none is left out.
+#[test]
+fn a_video_that_the_browser_decodes_is_seen_frame_by_frame() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let (source, file) = (dir.path().join("a.y4m"), dir.path().join("a.webm"));
+    y4m(&source, 30);
+    let mut ffmpeg = std::process::Command::new("ffmpeg");
+    ffmpeg.args(["-loglevel", "error", "-i"]).arg(&source).args(["-c:v", "libvpx", "-b:v", "2M"]).arg(&file);
+    if !ffmpeg.status().is_ok_and(|status| status.success()) {
+        eprintln!("skipped: no ffmpeg with libvpx");
+        return;
+    }
+    let Some(mut browser) = open(dir.path(), &[]) else { return };
+    give(&mut browser, &[&file]);
+    browser.until("!byId('stage').hidden && shown && shown.frame === 1");
+    assert_eq!(browser.value(&format!("{NUMBER}(shown.picture)")), json!(0));
+    browser.value("byId('config').value = 'natural-fast', true");
+    browser.draw(truth(0));
+    browser.click("#go");
+    // As they come: what was shown, and where.
+    let mut seen = std::collections::BTreeMap::new();
+    let began = Instant::now();
+    while browser.value("page.ended && !page.playing && !page.busy") != true {
+        let now = format!("[...pictures].filter(([f]) => rowOf(f)).map(([f, p]) => [f, {NUMBER}(p), rowOf(f).box])");
+        let now: Vec<(usize, usize, [f64; 4])> = serde_json::from_value(browser.value(&now)).expect("pictures");
+        now.into_iter().for_each(|(frame, number, shown)| {
+            seen.insert(frame, (number, iou(shown, truth(number))));
+        });
+        assert!(began.elapsed() < Duration::from_secs(120), "never at the end");
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let missed = browser.value("tracker.missed(page.video.session)").as_u64().expect("a number");
+    let frames = browser.value("page.rows.length").as_u64().expect("a number");
+    eprintln!("the browser gave {frames} of {FRAMES} frames, and says that {missed} were not seen");
+    assert_eq!(frames + missed, FRAMES as u64, "no frame is left out silently");
+    assert!(missed <= 2, "{missed} frames were left out");
+    let mean = seen.values().map(|(_, iou)| iou).sum::<f64>() / seen.len() as f64;
+    assert!(mean >= 0.7 && seen.len() > 10, "{mean}: {seen:?}");
+    if missed == 0 {
+        assert!(seen.iter().all(|(frame, (number, _))| frame - 1 == *number), "{seen:?}");
+    }
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
 #[test]
 fn a_policy_learns_in_a_scene_of_digits() {
     let dir = tempfile::tempdir().expect("a temporary folder");
@@ -269,7 +313,7 @@ fn a_policy_learns_in_a_scene_of_digits() {
     browser.until("lesson.rows.length > 60");
     assert_eq!(browser.value("!!lesson.now.learning.surface && lesson.gazes.length > 50"), json!(true));
     // Another policy, another scene; noise by keys.
-    for (policy, arms) in [("hedge", 9), ("random", 0), ("pool", 9)] {
+    for (policy, arms) in [("hedge", 9), ("random", 9), ("pool", 9)] {
         browser.value(&format!(
             "byId('l-policy').value = '{policy}', byId('l-policy').dispatchEvent(new Event('change')), true"
         ));
@@ -295,5 +339,4 @@ fn a_policy_learns_in_a_scene_of_digits() {
     pictures(&mut browser, "lesson");
     browser.key("Tab", 0);
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
-    let _ = frame(0);
 }
