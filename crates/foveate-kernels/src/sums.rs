@@ -52,8 +52,30 @@ fn filled<const V: u8>(rest: &[f32]) -> [f32; LANES] {
         }
         return all;
     }
-    all[..rest.len()].copy_from_slice(rest);
-    all
+    #[cfg(target_arch = "wasm32")]
+    {
+        // A copy of a length that is not known is a call, which takes longer than the sum.
+        let mut at = 0;
+        macro_rules! part {
+            ($($n:literal)*) => {$(
+                if rest.len() & $n != 0 {
+                    let (to, from) = (all[at..].first_chunk_mut::<$n>(), rest[at..].first_chunk::<$n>());
+                    if let (Some(to), Some(from)) = (to, from) {
+                        *to = *from;
+                    }
+                    at += $n;
+                }
+            )*};
+        }
+        part!(16 8 4 2 1);
+        let _ = at;
+        return all;
+    }
+    #[allow(unreachable_code)]
+    {
+        all[..rest.len()].copy_from_slice(rest);
+        all
+    }
 }
 
 #[inline(always)]

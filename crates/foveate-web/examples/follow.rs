@@ -35,7 +35,7 @@ fn main() {
 }
 
 fn follow(mut app: App, config: &str, init: &[f64], frames: usize, files: &[Value]) -> Value {
-    let mut ask = |app: &mut App, message: Value| -> Value {
+    let ask = |app: &mut App, message: Value| -> Value {
         let answer: Value = serde_json::from_str(&app.ask(&message.to_string())).expect("JSON");
         assert!(answer["error"].is_null(), "{}", answer["error"]);
         answer
@@ -44,24 +44,24 @@ fn follow(mut app: App, config: &str, init: &[f64], frames: usize, files: &[Valu
     let (session, count) = (opened["session"].as_u64().expect("a number"), opened["frames"].as_u64());
     let most = frames.min(count.expect("a file knows its frames") as usize);
     let pixels: Vec<Vec<u8>> = (1..=most).map(|k| app.picture(session, k).expect("a frame")).collect();
-    let (mut best, mut boxes) = (f64::INFINITY, vec![]);
-    for _ in 0..3 {
+    // Of each frame the best of five rounds: other work on the machine disturbs less.
+    let (mut best, mut boxes) = (vec![f64::INFINITY; most], vec![]);
+    best[0] = 0.0;
+    for _ in 0..5 {
         let live =
             json!({ "op": "live", "name": "pushed", "width": opened["width"], "height": opened["height"], "rate": 30 });
         let id = ask(&mut app, live)["session"].as_u64().expect("a number");
         app.push(id, &pixels[0], 0.0, 0);
         ask(&mut app, json!({ "op": "start", "session": id, "frame": 1, "box": init, "config": config }));
         boxes = vec![json!(init)];
-        let mut spent = 0.0;
         for (k, pixels) in pixels.iter().enumerate().skip(1) {
             app.push(id, pixels, k as f64 / 30.0, 0);
             let began = Instant::now();
             let answer = ask(&mut app, json!({ "op": "step", "session": id, "frames": 1 }));
-            spent += began.elapsed().as_secs_f64();
+            best[k] = best[k].min(began.elapsed().as_secs_f64());
             boxes.push(answer["rows"][0]["box"].clone());
         }
         ask(&mut app, json!({ "op": "close", "session": id }));
-        best = f64::min(best, spent);
     }
-    json!({ "boxes": boxes, "frames": most, "tracking": best })
+    json!({ "boxes": boxes, "frames": most, "tracking": best.iter().sum::<f64>() })
 }

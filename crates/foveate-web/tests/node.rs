@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
 
-use foveate_video::annotation::read_boxes;
 use foveate_kernels::Level;
+use foveate_video::annotation::read_boxes;
 use foveate_web::{App, Paths};
 use serde_json::{Value, json};
 
@@ -32,9 +32,7 @@ fn native(files: &[PathBuf], init: [f64; 4], config: &str) -> Vec<[f64; 4]> {
     ask(json!({ "op": "start", "session": session, "frame": 1, "box": init, "config": config }));
     let answer = ask(json!({ "op": "step", "session": session, "frames": files.len() - 1 }));
     let rows = answer["rows"].as_array().expect("rows").iter();
-    std::iter::once(init)
-        .chain(rows.map(|row| serde_json::from_value(row["box"].clone()).expect("a box")))
-        .collect()
+    std::iter::once(init).chain(rows.map(|row| serde_json::from_value(row["box"].clone()).expect("a box"))).collect()
 }
 
 fn mean_iou(a: &[[f64; 4]], b: &[[f64; 4]]) -> f64 {

@@ -35,7 +35,7 @@ pub fn serve(folder: PathBuf) -> String {
 fn answer(folder: &Path, mut stream: TcpStream) -> Option<()> {
     let mut lines = BufReader::new(stream.try_clone().ok()?).lines();
     let first = lines.next()?.ok()?;
-    while lines.next()?.ok()? != "" {}
+    while !lines.next()?.ok()?.is_empty() {}
     let name = first.split_whitespace().nth(1)?.trim_start_matches('/').split(['?', '#']).next()?.to_owned();
     let name = if name.is_empty() { "index.html" } else { &name };
     let kind = match name.rsplit('.').next() {
@@ -84,7 +84,7 @@ pub fn frame(t: usize) -> Vec<u8> {
         picture[(top + b) * w + left + a] = if (a / 12 + b / 10) % 2 == 0 { 230 } else { 150 - 2 * (b as u8) };
     }
     for bit in 0..6 {
-        let shade = if t % FRAMES >> bit & 1 == 1 { 235 } else { 16 };
+        let shade = if ((t % FRAMES) >> bit) & 1 == 1 { 235 } else { 16 };
         (0..BIT).for_each(|y| picture[y * w + bit * BIT..][..BIT].fill(shade));
     }
     picture
