@@ -52,30 +52,30 @@ fn filled<const V: u8>(rest: &[f32]) -> [f32; LANES] {
         }
         return all;
     }
-    #[cfg(target_arch = "wasm32")]
-    {
-        // A copy of a length that is not known is a call, which takes longer than the sum.
-        let mut at = 0;
-        macro_rules! part {
-            ($($n:literal)*) => {$(
-                if rest.len() & $n != 0 {
-                    let (to, from) = (all[at..].first_chunk_mut::<$n>(), rest[at..].first_chunk::<$n>());
-                    if let (Some(to), Some(from)) = (to, from) {
-                        *to = *from;
-                    }
-                    at += $n;
+    copy_short(rest, &mut all);
+    all
+}
+
+/// Copies fewer than 32 values to the beginning of as many or more.
+#[inline(always)]
+pub(crate) fn copy_short(from: &[f32], to: &mut [f32]) {
+    // In WebAssembly a copy of a length that is not known is a call, which takes longer than a sum.
+    if !cfg!(target_arch = "wasm32") {
+        return to[..from.len()].copy_from_slice(from);
+    }
+    let mut at = 0;
+    macro_rules! part {
+        ($($n:literal)*) => {$(
+            if from.len() & $n != 0 {
+                if let (Some(to), Some(from)) = (to[at..].first_chunk_mut::<$n>(), from[at..].first_chunk()) {
+                    *to = *from;
                 }
-            )*};
-        }
-        part!(16 8 4 2 1);
-        let _ = at;
-        return all;
+                at += $n;
+            }
+        )*};
     }
-    #[allow(unreachable_code)]
-    {
-        all[..rest.len()].copy_from_slice(rest);
-        all
-    }
+    part!(16 8 4 2 1);
+    debug_assert!(at == from.len(), "fewer than 32 values");
 }
 
 #[inline(always)]
@@ -196,6 +196,16 @@ pub(crate) mod tests {
         })
         .take(n)
         .collect()
+    }
+
+    #[test]
+    fn short_copies_are_whole() {
+        let from = values(31, 9);
+        for n in 0..32 {
+            let mut to = [-1.0; 40];
+            copy_short(&from[..n], &mut to);
+            assert!(to[..n] == from[..n] && to[n..].iter().all(|x| *x == -1.0), "{n}");
+        }
     }
 
     #[test]

@@ -5,6 +5,7 @@
 
 use crate::level::{levels, multiply_add};
 use crate::plane::{CELLS, Plane, padded};
+use crate::sums::copy_short;
 #[cfg(target_arch = "x86_64")]
 use crate::{level::AVX512, upright::Grid};
 
@@ -83,14 +84,12 @@ fn scattered<const V: u8>(
     for (part, (du, dv)) in du.chunks(BLOCKS * CELLS).zip(dv.chunks(BLOCKS * CELLS)).enumerate() {
         let blocks = du.len().div_ceil(CELLS);
         let together = BLOCKS / blocks;
+        let whole = du.len() / CELLS * CELLS;
+        let last = (whole < du.len()).then(|| (padded(&du[whole..]), padded(&dv[whole..])));
         for (group, maps) in maps.chunks(together).enumerate() {
             for (map, places) in maps.iter().zip(places.chunks_exact_mut(blocks)) {
-                for ((du, dv), place) in du.chunks(CELLS).zip(dv.chunks(CELLS)).zip(places) {
-                    match (du.first_chunk(), dv.first_chunk()) {
-                        (Some(du), Some(dv)) => place.find::<V>(plane, map, du, dv),
-                        _ => place.find::<V>(plane, map, &padded(du), &padded(dv)),
-                    }
-                }
+                let all = du.as_chunks().0.iter().zip(dv.as_chunks().0).chain(last.iter().map(|(du, dv)| (du, dv)));
+                all.zip(places).for_each(|((du, dv), place)| place.find::<V>(plane, map, du, dv));
             }
             for (r, places) in places.chunks_exact(blocks).take(maps.len()).enumerate() {
                 let row = &mut out[(group * together + r) * stride + part * BLOCKS * CELLS..][..du.len()];
@@ -100,7 +99,7 @@ fn scattered<const V: u8>(
                     } else {
                         let mut values = [0.0; CELLS];
                         place.read::<V>(plane, &mut values);
-                        out.copy_from_slice(&values[..out.len()]);
+                        copy_short(&values[..out.len()], out);
                     }
                 }
             }
