@@ -340,3 +340,30 @@ fn a_policy_learns_in_a_scene_of_digits() {
     browser.key("Tab", 0);
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }
+
+/// A measurement: `cargo test -p foveate-web --test browser -- --ignored --nocapture`.
+#[test]
+#[ignore = "measures"]
+fn frames_a_second() {
+    let data = std::env::var_os("FOVEATE_DATA").map(std::path::PathBuf::from);
+    let Some(folder) = data.map(|data| data.join("tracking/Crossing/img")).filter(|folder| folder.is_dir()) else {
+        eprintln!("skipped: no data");
+        return;
+    };
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let Some(mut browser) = open(dir.path(), &[]) else { return };
+    let entries = std::fs::read_dir(folder).expect("pictures").map(|entry| entry.expect("an entry").path());
+    let files: Vec<_> = entries.collect();
+    give(&mut browser, &files.iter().map(|file| &**file).collect::<Vec<_>>());
+    browser.until("!byId('stage').hidden && shown && shown.frame === 1");
+    for config in ["natural", "natural-fast"] {
+        let timed = format!(
+            "(async () => {{ const session = page.video.session, best = []; for (let round = 0; round < 5; round++) {{ \
+             await tracker.ask({{ op: 'start', session, frame: 1, box: [204, 150, 17, 50], config: '{config}', policy: null, seed: null }}); \
+             for (let k = 2; k <= 120; k++) {{ const now = performance.now(); await tracker.ask({{ op: 'step', session, frames: 1 }}); \
+             best[k - 2] = Math.min(best[k - 2] ?? 1e9, performance.now() - now); }} }} \
+             return 119e3 / best.reduce((a, b) => a + b, 0); }})()"
+        );
+        eprintln!("{config}: {} frames a second, read, decoded and tracked", browser.value(&timed));
+    }
+}
