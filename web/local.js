@@ -70,6 +70,8 @@ function localTracker() {
     },
     async step({ session, frames }) {
       if (!opened.get(session).source) return message({ op: 'step', session, frames });
+      // After a correction of an earlier frame there are frames that were not tracked yet.
+      if (lastTracked() < opened.get(session).count) return message({ op: 'step', session, frames: 1 });
       // A picture goes to the page with the frame: it is shown at once.
       const got = await next(session, true);
       if (!got) return { rows: [], ended: true };

@@ -155,7 +155,7 @@ impl Tracking {
     }
 
     /// A box by hand in a frame (from 0) that was tracked: what was tracked from there on is forgotten, and the target starts anew,
-    /// as with `--reinit`. Where frames do not repeat it must be the last one.
+    /// as with `--reinit`. Where frames do not repeat it must be one of those that are kept.
     ///
     /// # Errors
     /// The frame was not tracked, is gone, or the box does not fit it.
@@ -165,12 +165,8 @@ impl Tracking {
             return Err(Error::Invalid(format!("frames {first} to {last} are tracked; correct one of these")));
         }
         if !self.player.repeats() {
-            if index != self.last() {
-                return Err(Error::Invalid(format!(
-                    "a camera's frames do not come again: correct the last one, {}",
-                    self.last() + 1
-                )));
-            }
+            // Before anything is forgotten: the frame may be gone.
+            self.read(index)?;
             self.cut(index);
         } else if index == self.first {
             self.tracker = self.setup.blueprint.tracker(self.setup.seed)?;
