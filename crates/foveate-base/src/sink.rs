@@ -3,6 +3,7 @@
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::files::temporary;
 use crate::{Error, Result};
@@ -12,7 +13,49 @@ use crate::{Error, Result};
 pub struct Sink {
     path: PathBuf,
     temporary: PathBuf,
-    file: Option<BufWriter<File>>,
+    out: Option<Out>,
+}
+
+#[derive(Debug)]
+enum Out {
+    File(BufWriter<File>),
+    Memory(Memory),
+}
+
+/// Bytes in memory in the place of a file, for where there are no files. Clones share them.
+#[derive(Clone, Debug, Default)]
+pub struct Memory(Arc<Mutex<Vec<u8>>>);
+
+impl Memory {
+    /// What was written since this was called last.
+    pub fn take(&self) -> Vec<u8> {
+        std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+impl Write for Memory {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Write for Out {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        match self {
+            Self::File(file) => file.write(bytes),
+            Self::Memory(memory) => memory.write(bytes),
+        }
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        match self {
+            Self::File(file) => file.flush(),
+            Self::Memory(_) => Ok(()),
+        }
+    }
 }
 
 impl Sink {
@@ -21,7 +64,7 @@ impl Sink {
         let path = path.into();
         let temporary = temporary(&path);
         let file = File::create(&temporary).map_err(Error::io(&path, "cannot write"))?;
-        Ok(Self { path, temporary, file: Some(BufWriter::new(file)) })
+        Ok(Self { path, temporary, out: Some(Out::File(BufWriter::new(file))) })
     }
 
     /// Starts a file that has its name from the beginning and grows with every flush: for runs without an end, whose results are to
@@ -29,29 +72,35 @@ impl Sink {
     pub fn grow(path: impl Into<PathBuf>) -> Result<Self> {
         let path = path.into();
         let file = File::create(&path).map_err(Error::io(&path, "cannot write"))?;
-        Ok(Self { temporary: path.clone(), path, file: Some(BufWriter::new(file)) })
+        Ok(Self { temporary: path.clone(), path, out: Some(Out::File(BufWriter::new(file))) })
+    }
+
+    /// Writes to memory; `name` stands for the file in errors.
+    pub fn memory(name: impl Into<PathBuf>, memory: Memory) -> Self {
+        let path = name.into();
+        Self { temporary: path.clone(), path, out: Some(Out::Memory(memory)) }
     }
 
     /// Adds to the file.
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
-        match &mut self.file {
-            Some(file) => file.write_all(bytes).map_err(Error::io(&self.path, "cannot write")),
+        match &mut self.out {
+            Some(out) => out.write_all(bytes).map_err(Error::io(&self.path, "cannot write")),
             None => Err(Error::Invalid(format!("{}: already finished, nothing can be added", self.path.display()))),
         }
     }
 
     /// Hands what was added to the operating system, so that it outlives this program.
     pub fn flush(&mut self) -> Result<()> {
-        self.file.as_mut().map_or(Ok(()), BufWriter::flush).map_err(Error::io(&self.path, "cannot write"))
+        self.out.as_mut().map_or(Ok(()), Write::flush).map_err(Error::io(&self.path, "cannot write"))
     }
 
     /// Gives the file its name. Finishing twice is finishing once.
     pub fn finish(&mut self) -> Result<()> {
-        let Some(mut file) = self.file.take() else { return Ok(()) };
+        let Some(mut out) = self.out.take() else { return Ok(()) };
         if self.temporary == self.path {
-            return file.flush().map_err(Error::io(&self.path, "cannot write"));
+            return out.flush().map_err(Error::io(&self.path, "cannot write"));
         }
-        let written = file.flush().and_then(|()| std::fs::rename(&self.temporary, &self.path));
+        let written = out.flush().and_then(|()| std::fs::rename(&self.temporary, &self.path));
         if written.is_err() {
             // The file is not whole: the reason below is worth more than a second one.
             let _ = std::fs::remove_file(&self.temporary);
@@ -62,7 +111,7 @@ impl Sink {
 
 impl Drop for Sink {
     fn drop(&mut self) {
-        if self.file.take().is_some() && self.temporary != self.path {
+        if self.out.take().is_some() && self.temporary != self.path {
             let _ = std::fs::remove_file(&self.temporary);
         }
     }
@@ -113,6 +162,18 @@ mod tests {
         sink.finish().expect("finished");
         assert_eq!(std::fs::read_to_string(&path).expect("the new one"), "two\n");
         assert_eq!(names(folder.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn memory_stands_for_a_file() {
+        let memory = Memory::default();
+        let mut sink = Sink::memory("a.txt", memory.clone());
+        sink.write(b"one").expect("bytes");
+        assert_eq!((memory.take(), memory.take()), (b"one".to_vec(), vec![]));
+        sink.write(b"two").expect("bytes");
+        sink.finish().expect("finished");
+        assert!(sink.write(b"more").is_err());
+        assert_eq!(memory.take(), b"two");
     }
 
     #[test]

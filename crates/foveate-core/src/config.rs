@@ -42,8 +42,8 @@ mod set;
 mod shadow;
 
 pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
-pub use builtin::BUILTIN;
-pub use choose::{Configure, Profile};
+pub use builtin::{BUILTIN, about};
+pub use choose::{Configure, POLICIES, Profile};
 pub use encoders::EncoderConfig;
 pub use policies::PolicyConfig;
 use policies::policy;

@@ -2,7 +2,7 @@
 //!
 //! Maps have their channels side by side: value c of place (x, y) is at (y · side + x) · channels + c.
 
-use crate::level::{levels, multiply_add};
+use crate::level::{greater, levels, multiply_add};
 
 /// Filters that are summed side by side: a layer has a multiple of them.
 pub const FILTERS: usize = 16;
@@ -69,7 +69,7 @@ fn convolve_body<const V: u8>(layer: &Layer<'_>, map: &[f32], out: &mut [f32]) {
                     }
                     for (place, sums) in sums.iter().enumerate() {
                         for (mean, sum) in means[place / pool].iter_mut().zip(sums) {
-                            *mean += share * sum.max(0.0);
+                            *mean += share * greater(*sum, 0.0);
                         }
                     }
                 }

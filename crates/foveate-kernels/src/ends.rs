@@ -2,7 +2,7 @@
 //!
 //! Sums y come times -log₂ e, so that a feature is h = 1 / (1 + 2^y); the bias is brought to that scale here.
 
-use crate::level::{multiply_add, reciprocal_root};
+use crate::level::{greater, multiply_add, reciprocal_root};
 use crate::logistic::one_plus_exp2;
 use crate::sums::fold;
 use crate::tile::{BLOCK, TILE};
@@ -173,11 +173,11 @@ impl End for Pooled<'_> {
             let cell = &mut self.pooled[self.cells[first + r] as usize * width..][..width][self.left..];
             if let Some(cell) = cell.first_chunk_mut::<TILE>() {
                 for ((h, sum), t) in cell.iter_mut().zip(sums).zip(&self.tile_thresholds) {
-                    *h += multiply_add::<V>(gain, *sum, -t).max(0.0);
+                    *h += greater(multiply_add::<V>(gain, *sum, -t), 0.0);
                 }
             } else {
                 for ((h, sum), t) in cell.iter_mut().zip(sums).zip(&self.tile_thresholds) {
-                    *h += multiply_add::<V>(gain, *sum, -t).max(0.0);
+                    *h += greater(multiply_add::<V>(gain, *sum, -t), 0.0);
                 }
             }
         }

@@ -1,6 +1,6 @@
 //! What the processor can do, found once, and the macro that compiles a function for each level.
 
-use std::sync::LazyLock;
+use std::sync::{LazyLock, OnceLock};
 
 /// Vector instructions the kernels are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -24,7 +24,11 @@ pub(crate) const AVX512: u8 = 2;
 /// What it may use where nothing is asked of the processor.
 pub(crate) const BASE: u8 = if cfg!(any(target_arch = "aarch64", target_feature = "fma")) { FUSED } else { 0 };
 
-static BEST: LazyLock<Level> = LazyLock::new(|| {
+static BEST: LazyLock<Level> = LazyLock::new(|| found().min(*MOST.get_or_init(|| Level::Avx512Bf16)));
+/// What is used at most.
+static MOST: OnceLock<Level> = OnceLock::new();
+
+fn found() -> Level {
     #[cfg(target_arch = "x86_64")]
     {
         use std::is_x86_feature_detected as has;
@@ -39,10 +43,16 @@ static BEST: LazyLock<Level> = LazyLock::new(|| {
     }
     #[cfg(not(target_arch = "x86_64"))]
     Level::Portable
-});
+}
 
 impl Level {
-    /// The highest level this processor has.
+    /// Uses no higher level in this process, to compare with other machines; call it before any kernel. `false`, and nothing
+    /// happens, where the level is chosen already.
+    pub fn use_at_most(self) -> bool {
+        MOST.set(self).is_ok()
+    }
+
+    /// The highest level this processor has, or the one that is used at most.
     #[inline]
     pub fn best() -> Self {
         *BEST
@@ -65,6 +75,19 @@ pub(crate) fn multiply_add<const V: u8>(a: f32, b: f32, c: f32) -> f32 {
 #[inline(always)]
 pub(crate) fn fused<const V: u8>(a: f64, b: f64, c: f64) -> f64 {
     if V >= FUSED { a.mul_add(b, c) } else { a * b + c }
+}
+
+/// The greater of two; `b` where `a` is not a number. `f32::max` takes several instructions where the processor's own treats what
+/// is not a number otherwise, and in WebAssembly a call.
+#[inline(always)]
+pub(crate) fn greater(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// The lesser of two; `b` where `a` is not a number.
+#[inline(always)]
+pub(crate) fn lesser(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }
 
 /// 1 / √x for x in [1e-37, 3e38], to 2e-7 relative; NaN stays NaN.

@@ -2,7 +2,7 @@
 
 #[cfg(target_arch = "x86_64")]
 use crate::level::AVX512;
-use crate::level::{levels, multiply_add};
+use crate::level::{greater, levels, multiply_add};
 use crate::sums::{dot_body, sum_body};
 
 /// Directions of gradients that are told apart, 45° from one to the next.
@@ -165,6 +165,26 @@ fn across<const V: u8>(sums: &[[f32; WIDTH]; DIRECTIONS]) -> [f32; AT_ONCE * DIR
         }
         return out;
     }
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    {
+        use std::arch::wasm32::*;
+        // Four directions of a block's four columns become four columns of four directions.
+        for (place, out) in out.chunks_exact_mut(DIRECTIONS / 2).enumerate() {
+            let (block, half) = (place / 2, place % 2);
+            let four = &sums[half * (DIRECTIONS / 2)..];
+            // SAFETY: four values of a block's four, and of `out`.
+            unsafe {
+                let [a, b, c, d] = [0, 1, 2, 3].map(|k| v128_load(four[k][block * BLOCK..].as_ptr().cast()));
+                let (ab, cd) = (i32x4_shuffle::<0, 4, 1, 5>(a, b), i32x4_shuffle::<0, 4, 1, 5>(c, d));
+                let first = f32x4_add(i64x2_shuffle::<0, 2>(ab, cd), i64x2_shuffle::<1, 3>(ab, cd));
+                let (ab, cd) = (i32x4_shuffle::<2, 6, 3, 7>(a, b), i32x4_shuffle::<2, 6, 3, 7>(c, d));
+                let second = f32x4_add(i64x2_shuffle::<0, 2>(ab, cd), i64x2_shuffle::<1, 3>(ab, cd));
+                v128_store(out.as_mut_ptr().cast(), f32x4_add(first, second));
+            }
+        }
+        return out;
+    }
+    #[allow(unreachable_code)]
     for (column, out) in out.chunks_exact_mut(DIRECTIONS).enumerate() {
         for (out, sums) in out.iter_mut().zip(sums) {
             let s: [f32; BLOCK] = std::array::from_fn(|x| sums[column * BLOCK + x]);
@@ -183,15 +203,50 @@ fn put<const N: usize>(from: &[f32; N], count: usize, to: &mut [f32]) {
     }
 }
 
+/// cos 45°.
+const HALF: f32 = std::f32::consts::FRAC_1_SQRT_2;
+
 /// Adds max(0, g · eₖ − |g| cos 45°) to the sums of direction k, with g the gradients of the middle one of three rows.
 #[inline(always)]
 pub(crate) fn add_gradients<const V: u8>(
     [above, here, below]: &[&[f32; WIDTH + 2]; 3],
     sums: &mut [[f32; WIDTH]; DIRECTIONS],
 ) {
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    {
+        use std::arch::wasm32::*;
+        let (half, minus) = (f32x4_splat(HALF), f32x4_splat(-HALF));
+        for four in (0..WIDTH).step_by(4) {
+            // SAFETY: rows have two values more than sums.
+            unsafe {
+                let at = |row: &[f32; WIDTH + 2], x: usize| v128_load(row[four + x..].as_ptr().cast());
+                let gx = f32x4_sub(at(here, 2), at(here, 0));
+                let gy = f32x4_sub(at(below, 1), at(above, 1));
+                let less = f32x4_mul(minus, f32x4_sqrt(f32x4_add(f32x4_mul(gx, gx), f32x4_mul(gy, gy))));
+                let down = f32x4_add(f32x4_mul(gy, half), less);
+                let up = f32x4_add(f32x4_mul(gy, minus), less);
+                let (right, left) = (f32x4_mul(gx, half), f32x4_mul(gx, minus));
+                let along = [
+                    f32x4_add(gx, less),
+                    f32x4_add(right, down),
+                    f32x4_add(gy, less),
+                    f32x4_add(left, down),
+                    f32x4_sub(less, gx),
+                    f32x4_add(left, up),
+                    f32x4_sub(less, gy),
+                    f32x4_add(right, up),
+                ];
+                for (sums, along) in sums.iter_mut().zip(along) {
+                    let sums = sums[four..].as_mut_ptr().cast();
+                    v128_store(sums, f32x4_add(v128_load(sums), f32x4_pmax(f32x4_splat(0.0), along)));
+                }
+            }
+        }
+        return;
+    }
+    #[allow(unreachable_code)]
     let gx: [f32; WIDTH] = std::array::from_fn(|x| here[x + 2] - here[x]);
     let gy: [f32; WIDTH] = std::array::from_fn(|x| below[x + 1] - above[x + 1]);
-    const HALF: f32 = std::f32::consts::FRAC_1_SQRT_2;
     for x in 0..WIDTH {
         let (gx, gy) = (gx[x], gy[x]);
         let less = -HALF * multiply_add::<V>(gx, gx, gy * gy).sqrt();
@@ -207,7 +262,7 @@ pub(crate) fn add_gradients<const V: u8>(
             multiply_add::<V>(gx, HALF, up),
         ];
         for (sums, along) in sums.iter_mut().zip(along) {
-            sums[x] += along.max(0.0);
+            sums[x] += greater(along, 0.0);
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Sums over slices, in 32 fixed lanes folded in halves, so that the order of additions is fixed.
 
-use crate::level::{levels, multiply_add};
+use crate::level::{greater, lesser, levels, multiply_add};
 
 const LANES: usize = 32;
 
@@ -52,8 +52,30 @@ fn filled<const V: u8>(rest: &[f32]) -> [f32; LANES] {
         }
         return all;
     }
-    all[..rest.len()].copy_from_slice(rest);
+    copy_short(rest, &mut all);
     all
+}
+
+/// Copies fewer than 32 values to the beginning of as many or more.
+#[inline(always)]
+pub(crate) fn copy_short(from: &[f32], to: &mut [f32]) {
+    // In WebAssembly a copy of a length that is not known is a call, which takes longer than a sum.
+    if !cfg!(target_arch = "wasm32") {
+        return to[..from.len()].copy_from_slice(from);
+    }
+    let mut at = 0;
+    macro_rules! part {
+        ($($n:literal)*) => {$(
+            if from.len() & $n != 0 {
+                if let (Some(to), Some(from)) = (to[at..].first_chunk_mut::<$n>(), from[at..].first_chunk()) {
+                    *to = *from;
+                }
+                at += $n;
+            }
+        )*};
+    }
+    part!(16 8 4 2 1);
+    debug_assert!(at == from.len(), "fewer than 32 values");
 }
 
 #[inline(always)]
@@ -116,7 +138,7 @@ fn presence_body<const V: u8>(v: &[f32], template: &[f32], extra: f32, cap: f32)
     let mut lanes = [0.0; LANES];
     let add = |lane: &mut f32, v: f32, template: f32| {
         let missing = template - v;
-        let e = missing.max(-extra * missing).min(cap);
+        let e = lesser(greater(missing, -extra * missing), cap);
         *lane = multiply_add::<V>(e, e, *lane);
     };
     let ((v, v_rest), (template, template_rest)) = (v.as_chunks::<LANES>(), template.as_chunks::<LANES>());
@@ -174,6 +196,16 @@ pub(crate) mod tests {
         })
         .take(n)
         .collect()
+    }
+
+    #[test]
+    fn short_copies_are_whole() {
+        let from = values(31, 9);
+        for n in 0..32 {
+            let mut to = [-1.0; 40];
+            copy_short(&from[..n], &mut to);
+            assert!(to[..n] == from[..n] && to[n..].iter().all(|x| *x == -1.0), "{n}");
+        }
     }
 
     #[test]

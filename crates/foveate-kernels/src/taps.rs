@@ -5,6 +5,7 @@
 
 use crate::level::{levels, multiply_add};
 use crate::plane::{CELLS, Plane, padded};
+use crate::sums::copy_short;
 #[cfg(target_arch = "x86_64")]
 use crate::{level::AVX512, upright::Grid};
 
@@ -83,14 +84,12 @@ fn scattered<const V: u8>(
     for (part, (du, dv)) in du.chunks(BLOCKS * CELLS).zip(dv.chunks(BLOCKS * CELLS)).enumerate() {
         let blocks = du.len().div_ceil(CELLS);
         let together = BLOCKS / blocks;
+        let whole = du.len() / CELLS * CELLS;
+        let last = (whole < du.len()).then(|| (padded(&du[whole..]), padded(&dv[whole..])));
         for (group, maps) in maps.chunks(together).enumerate() {
             for (map, places) in maps.iter().zip(places.chunks_exact_mut(blocks)) {
-                for ((du, dv), place) in du.chunks(CELLS).zip(dv.chunks(CELLS)).zip(places) {
-                    *place = match (du.first_chunk(), dv.first_chunk()) {
-                        (Some(du), Some(dv)) => Places::of::<V>(plane, map, du, dv),
-                        _ => Places::of::<V>(plane, map, &padded(du), &padded(dv)),
-                    };
-                }
+                let all = du.as_chunks().0.iter().zip(dv.as_chunks().0).chain(last.iter().map(|(du, dv)| (du, dv)));
+                all.zip(places).for_each(|((du, dv), place)| place.find::<V>(plane, map, du, dv));
             }
             for (r, places) in places.chunks_exact(blocks).take(maps.len()).enumerate() {
                 let row = &mut out[(group * together + r) * stride + part * BLOCKS * CELLS..][..du.len()];
@@ -100,7 +99,7 @@ fn scattered<const V: u8>(
                     } else {
                         let mut values = [0.0; CELLS];
                         place.read::<V>(plane, &mut values);
-                        out.copy_from_slice(&values[..out.len()]);
+                        copy_short(&values[..out.len()], out);
                     }
                 }
             }
@@ -134,24 +133,54 @@ struct Places {
 }
 
 impl Places {
+    #[cfg(not(all(target_arch = "wasm32", target_feature = "simd128")))]
     #[inline(always)]
-    fn of<const V: u8>(plane: &Plane<'_>, map: &[f32; 6], du: &[f32; CELLS], dv: &[f32; CELLS]) -> Self {
+    fn find<const V: u8>(&mut self, plane: &Plane<'_>, map: &[f32; 6], du: &[f32; CELLS], dv: &[f32; CELLS]) {
+        use crate::level::{greater, lesser};
         let &[cx, cy, ux, uy, vx, vy] = map;
         let (cx, cy) = (cx - plane.x0, cy - plane.y0);
         let (right, bottom) = ((plane.width - 1) as f32, (plane.height - 1) as f32);
         let (last_x, last_y) = (plane.width.saturating_sub(2) as i32, plane.height.saturating_sub(2) as i32);
         let stride = plane.stride as i32;
-        let (mut at, mut fx, mut fy) = ([0; CELLS], [0.0; CELLS], [0.0; CELLS]);
         for i in 0..CELLS {
-            let x = multiply_add::<V>(ux, du[i], multiply_add::<V>(vx, dv[i], cx)).max(0.0).min(right);
-            let y = multiply_add::<V>(uy, du[i], multiply_add::<V>(vy, dv[i], cy)).max(0.0).min(bottom);
-            // SAFETY: x and y are numbers from 0 to below 2^31: `max` takes the number where the other is none.
+            let x = multiply_add::<V>(ux, du[i], multiply_add::<V>(vx, dv[i], cx));
+            let y = multiply_add::<V>(uy, du[i], multiply_add::<V>(vy, dv[i], cy));
+            let (x, y) = (lesser(greater(x, 0.0), right), lesser(greater(y, 0.0), bottom));
+            // SAFETY: x and y are numbers from 0 to below 2^31: `greater` gives 0 for what is no number.
             let (ix, iy) = unsafe { (x.to_int_unchecked::<i32>(), y.to_int_unchecked::<i32>()) };
             let (ix, iy) = (ix.min(last_x), iy.min(last_y));
-            (fx[i], fy[i]) = (x - ix as f32, y - iy as f32);
-            at[i] = iy * stride + ix;
+            (self.fx[i], self.fy[i]) = (x - ix as f32, y - iy as f32);
+            self.at[i] = iy * stride + ix;
         }
-        Self { at, fx, fy }
+    }
+
+    /// The same in WebAssembly, where the compiler does not find it out by itself.
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    #[inline(always)]
+    fn find<const V: u8>(&mut self, plane: &Plane<'_>, map: &[f32; 6], du: &[f32; CELLS], dv: &[f32; CELLS]) {
+        use std::arch::wasm32::*;
+        let &[cx, cy, ux, uy, vx, vy] = map;
+        let along = |origin: f32, u: f32, v: f32, du, dv, end: f32, last: usize| {
+            let place = f32x4_add(f32x4_mul(f32x4_splat(v), dv), f32x4_splat(origin));
+            let place = f32x4_add(f32x4_mul(f32x4_splat(u), du), place);
+            // `greater` and `lesser`: the second where it is the greater, or the lesser.
+            let place = f32x4_pmin(f32x4_splat(end), f32x4_pmax(f32x4_splat(0.0), place));
+            let before = i32x4_min(i32x4_trunc_sat_f32x4(place), i32x4_splat(last as i32));
+            (before, f32x4_sub(place, f32x4_convert_i32x4(before)))
+        };
+        let (cx, cy) = (cx - plane.x0, cy - plane.y0);
+        let (width, height, stride) = (plane.width, plane.height, i32x4_splat(plane.stride as i32));
+        for four in (0..CELLS).step_by(4) {
+            // SAFETY: all of these have sixteen values.
+            unsafe {
+                let (du, dv) = (v128_load(du[four..].as_ptr().cast()), v128_load(dv[four..].as_ptr().cast()));
+                let (ix, fx) = along(cx, ux, vx, du, dv, (width - 1) as f32, width.saturating_sub(2));
+                let (iy, fy) = along(cy, uy, vy, du, dv, (height - 1) as f32, height.saturating_sub(2));
+                v128_store(self.at[four..].as_mut_ptr().cast(), i32x4_add(i32x4_mul(iy, stride), ix));
+                v128_store(self.fx[four..].as_mut_ptr().cast(), fx);
+                v128_store(self.fy[four..].as_mut_ptr().cast(), fy);
+            }
+        }
     }
 
     /// Interpolates between the samples of the plane.
@@ -208,9 +237,38 @@ impl Places {
         }
     }
 
+    /// The same in WebAssembly.
+    ///
     /// # Safety
     /// The samples at `at`, to the right, below, and both must lie in the plane's data.
-    #[cfg(not(target_arch = "x86_64"))]
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    #[inline(always)]
+    unsafe fn read_corners<const V: u8>(&self, plane: &Plane<'_>, out: &mut [f32; CELLS]) {
+        use std::arch::wasm32::*;
+        for four in (0..CELLS).step_by(4) {
+            // SAFETY: pairs of samples lie in the data by the caller's word, four cells in places and `out`.
+            unsafe {
+                let above = plane.data.as_ptr();
+                let below = above.add(plane.stride);
+                let pairs = |row: *const f32, i: usize| {
+                    let pair = |i: usize| row.add(self.at[four + i] as usize).cast::<u64>();
+                    v128_load64_lane::<1>(v128_load64_zero(pair(i)), pair(i + 1))
+                };
+                let mix = |fraction, from, to| f32x4_add(f32x4_mul(fraction, f32x4_sub(to, from)), from);
+                let fx = v128_load(self.fx[four..].as_ptr().cast());
+                let row = |row: *const f32| {
+                    let (first, second) = (pairs(row, 0), pairs(row, 2));
+                    mix(fx, i32x4_shuffle::<0, 2, 4, 6>(first, second), i32x4_shuffle::<1, 3, 5, 7>(first, second))
+                };
+                let value = mix(v128_load(self.fy[four..].as_ptr().cast()), row(above), row(below));
+                v128_store(out[four..].as_mut_ptr().cast(), value);
+            }
+        }
+    }
+
+    /// # Safety
+    /// The samples at `at`, to the right, below, and both must lie in the plane's data.
+    #[cfg(not(any(target_arch = "x86_64", all(target_arch = "wasm32", target_feature = "simd128"))))]
     #[inline(always)]
     unsafe fn read_corners<const V: u8>(&self, plane: &Plane<'_>, out: &mut [f32; CELLS]) {
         *out = std::array::from_fn(|i| {

@@ -2,12 +2,15 @@
 #![forbid(unsafe_code)]
 
 pub mod crossings;
+#[cfg(feature = "eval")]
 pub mod eval;
+#[cfg(feature = "eval")]
 pub mod hide;
 pub mod idx;
 pub mod spline;
 pub mod strokes;
 pub mod synthetic;
+#[cfg(feature = "eval")]
 pub mod training;
 
 pub use idx::{Digits, Split};

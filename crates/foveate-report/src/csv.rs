@@ -68,6 +68,10 @@ impl Csv {
     pub fn grow(path: impl Into<PathBuf>, columns: &[Column]) -> Result<Self> {
         Ok(Self { file: Sink::grow(path)?, rows: Rows::new(columns.iter().map(|c| c.name)) })
     }
+    /// Rows to a sink.
+    pub fn to(file: Sink, columns: &[Column]) -> Self {
+        Self { file, rows: Rows::new(columns.iter().map(|c| c.name)) }
+    }
     /// Adds rows, one after each [`Rows::end`], and hands them to the operating system.
     pub fn write(&mut self, fill: impl FnOnce(&mut Rows)) -> Result<()> {
         fill(&mut self.rows);

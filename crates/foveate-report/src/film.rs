@@ -96,8 +96,8 @@ impl SideBySide {
 
     /// Both halves under their names; `said` is written at the right end of each name's line.
     fn push(&mut self, [left, right]: [Image; 2], said: [String; 2]) -> Result<()> {
-        let strip = left.height() / 13 & !1;
-        let gap = strip / 4 & !1;
+        // Even, as H.264 has pixels in pairs.
+        let (strip, gap) = (left.height() / 26 * 2, left.height() / 104 * 2);
         let mut page = Drawing::new(left.width() + gap + right.width(), strip + left.height(), [18, 21, 26]);
         let (pad, size) = (0.32 * strip as f64, 0.36 * strip as f64);
         let mut at = 0;

@@ -24,6 +24,7 @@ mod eye;
 mod film;
 mod font;
 pub mod heat;
+pub mod interactive;
 mod json;
 mod limited;
 pub mod multi;

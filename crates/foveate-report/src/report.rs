@@ -49,9 +49,13 @@ impl Report {
     /// # Errors
     /// Its folder cannot be written.
     pub fn create(path: impl Into<PathBuf>, info: RunInfo) -> Result<Self> {
-        let file = Sink::create(path)?;
+        Ok(Self::to(Sink::create(path)?, info))
+    }
+
+    /// Writes there.
+    pub fn to(file: Sink, info: RunInfo) -> Self {
         let (page, log) = (Page::new(&info), RegretLog::new(info.shadow.clone()));
-        Ok(Self { info, file, finished: false, page, keys: Kept::new(MOST_KEYS), log, first: None })
+        Self { info, file, finished: false, page, keys: Kept::new(MOST_KEYS), log, first: None }
     }
 
     /// The template at a gaze, cell by cell; empty where that is not known.

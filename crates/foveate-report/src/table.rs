@@ -35,6 +35,11 @@ impl Boxes {
     pub fn grow(path: impl Into<PathBuf>) -> Result<Self> {
         Ok(Self { file: Sink::grow(path)? })
     }
+
+    /// Writes there.
+    pub fn to(file: Sink) -> Self {
+        Self { file }
+    }
     fn put(&mut self, b: &BBox) -> Result<()> {
         self.file.write(format!("{:.3},{:.3},{:.3},{:.3}\n", b.x + 1.0, b.y + 1.0, b.w, b.h).as_bytes())?;
         self.file.flush()
@@ -74,6 +79,11 @@ impl Table {
     /// Its folder cannot be written.
     pub fn grow(path: impl Into<PathBuf>) -> Result<Self> {
         Ok(Self { file: Csv::grow(path, TRACK)? })
+    }
+
+    /// Writes there; the header with the first row.
+    pub fn to(file: Sink) -> Self {
+        Self { file: Csv::to(file, TRACK) }
     }
 }
 

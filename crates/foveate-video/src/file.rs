@@ -5,7 +5,7 @@
 //! In memory are one frame, the few that wait for their turn, and the index.
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{Read, Seek};
 use std::path::{Path, PathBuf};
 
 use crate::child::{Interrupt, Leash};
@@ -13,7 +13,7 @@ use crate::decoded::{DecodeError, Picture};
 use crate::ffmpeg::Ffmpeg;
 use crate::frame::FFMPEG;
 use crate::options::{Decoder, Options};
-use crate::stream::Mp4;
+use crate::stream::{Bytes, Mp4};
 use crate::{Frame, FrameSource, SourceInfo};
 use foveate_base::{Error, Result};
 
@@ -48,11 +48,25 @@ impl VideoFile {
     /// # Errors
     /// As [`VideoFile::open`], and where the decoder chosen cannot read it.
     pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Self> {
+        let path = path.as_ref();
+        let file = File::open(path).map_err(Error::io(path, "cannot open"))?;
+        let len = file.metadata().map_err(Error::io(path, "cannot open"))?.len();
+        Self::read(path, Box::new(file), len, options)
+    }
+
+    /// Opens H.264 in MP4 that is no file of the system, `len` bytes of it, with our own decoders; `name` stands for it in errors.
+    ///
+    /// # Errors
+    /// Where it cannot be read, is no MP4 file with H.264, or its first frame cannot be decoded.
+    pub fn from_reader(name: impl Into<PathBuf>, file: impl Read + Seek + Send + 'static, len: u64) -> Result<Self> {
+        let options = Options { decoder: Decoder::Builtin, ..Options::default() };
+        Self::read(&name.into(), Box::new(file), len, &options)
+    }
+
+    fn read(path: &Path, mut file: Box<dyn Bytes>, len: u64, options: &Options) -> Result<Self> {
         let info = SourceInfo { width: 0, height: 0, frames: None, rate: 0.0, reader: String::new() };
-        let (path, options, leash) = (path.as_ref().to_owned(), options.clone(), Leash::default());
+        let (path, options, leash) = (path.to_owned(), options.clone(), Leash::default());
         let mut video = Self { path, options, leash, info, reader: None, first: None, next: 0 };
-        let mut file = File::open(&video.path).map_err(Error::io(&video.path, "cannot open"))?;
-        let len = file.metadata().map_err(Error::io(&video.path, "cannot open"))?.len();
         let mut head = [0; 8];
         let opened = match file.read_exact(&mut head) {
             Ok(()) if is_mp4(&head) => Mp4::new(file, len),

@@ -38,8 +38,9 @@ impl Meter {
     pub fn latency(&self) -> Option<Duration> {
         self.0.arrived.lock().unwrap_or_else(PoisonError::into_inner).map(|arrived| arrived.elapsed())
     }
-    fn drop_one(&self) {
-        self.0.dropped.fetch_add(1, Ordering::Relaxed);
+    /// Counts frames that were not handed out.
+    pub fn drop_frames(&self, count: u64) {
+        self.0.dropped.fetch_add(count, Ordering::Relaxed);
     }
 }
 
@@ -102,7 +103,7 @@ fn put(shared: &Shared, frame: (Frame, Instant), wait: bool, meter: &Meter) -> b
         slot = shared.changed.wait_timeout(slot, PATIENCE).unwrap_or_else(PoisonError::into_inner).0;
     }
     if slot.frame.replace(frame).is_some() {
-        meter.drop_one();
+        meter.drop_frames(1);
     }
     shared.changed.notify_all();
     !shared.gone.load(Ordering::Relaxed)
@@ -129,7 +130,7 @@ impl Iterator for Newest {
             if let Some((frame, arrived)) = slot.frame.take() {
                 self.shared.changed.notify_all();
                 if self.pace.max_latency.is_some_and(|most| arrived.elapsed() > most) {
-                    self.meter.drop_one();
+                    self.meter.drop_frames(1);
                     continue;
                 }
                 *self.meter.0.arrived.lock().unwrap_or_else(PoisonError::into_inner) = Some(arrived);

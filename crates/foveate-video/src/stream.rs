@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
+use std::io::{Read, Seek};
 use std::path::Path;
 
 use crate::child::Leash;
@@ -13,12 +14,16 @@ use crate::mp4::Movie;
 use crate::yuv::{Colour, Yuv};
 use foveate_core::scene::Image;
 
+/// Bytes that can be read at any place: a file, or what stands for one.
+pub trait Bytes: Read + Seek + Send {}
+impl<T: Read + Seek + Send> Bytes for T {}
+
 /// How many pictures may wait for one that is shown before them; H.264 allows 16.
 const MAX_WAITING: usize = 32;
 
 /// An MP4 file in mid-stream.
 pub(super) struct Mp4 {
-    file: File,
+    file: Box<dyn Bytes>,
     len: u64,
     movie: Movie,
     setup: Setup,
@@ -43,7 +48,7 @@ const SAVED: [f64; 2] = [3e-9, 15e-9];
 const START: f64 = 0.4;
 
 impl Mp4 {
-    pub fn new(mut file: File, len: u64) -> Decoded<Self> {
+    pub fn new(mut file: Box<dyn Bytes>, len: u64) -> Decoded<Self> {
         let movie = mp4::read(&mut file, len)?;
         let setup = Setup::read(&movie.avcc)?;
         let decoder = match Decoder::fast(&setup) {

@@ -1,11 +1,9 @@
 //! `foveate configs`: the configurations that ship with the program.
 
-use foveate::config::{BUILTIN, Config};
+use foveate::config::{BUILTIN, Config, about};
 use foveate::files::Nowhere;
 use foveate::identity::Retina;
 use foveate::{Error, Result};
-
-use super::configure::policy_kind;
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -34,7 +32,7 @@ fn list() -> Result<()> {
     lines[0].push("for".into());
     for (name, text) in BUILTIN {
         let blueprint = Config::parse(text, name)?.check(&Nowhere)?;
-        let policy = policy_kind(blueprint.config());
+        let policy = blueprint.config().policy_kind();
         lines.push(vec![(*name).into(), policy, rings(&*blueprint.retina()), about(text).into()]);
     }
     let widest = |column: usize| lines.iter().map(|line| line[column].chars().count()).max().unwrap_or(0);
@@ -44,13 +42,6 @@ fn list() -> Result<()> {
         say!("{}  {}  {}  {}", cell(0), cell(1), cell(2), line[3]);
     }
     Ok(())
-}
-
-/// The first sentence of a configuration's first comment.
-pub fn about(text: &str) -> &str {
-    let line = text.lines().find_map(|line| line.strip_prefix('#')).unwrap_or("").trim();
-    let end = line.find(". ").unwrap_or(line.len());
-    line[..end].trim_end_matches(['.', ':', ','])
 }
 
 /// The windows of a retina and the cells in them, as `8/1 16/2 24/4`, in units of its smallest cell; `+` before those that read

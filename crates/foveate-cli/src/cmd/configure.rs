@@ -3,6 +3,8 @@
 use std::path::Path;
 
 use clap::builder::PossibleValuesParser;
+pub use foveate::config::POLICIES;
+
 use foveate::config::Config;
 use foveate::files::Folder;
 use foveate::{Error, Result};
@@ -25,21 +27,6 @@ pub fn config_name(config: Option<&str>, profile: Option<Profile>) -> &str {
     config.unwrap_or(profile.name())
 }
 
-/// What --policy may name.
-pub const POLICIES: [&str; 11] = [
-    "fixed",
-    "random",
-    "circular",
-    "hedge",
-    "pool",
-    "exp3",
-    "exp3-as-printed",
-    "exp3-ix",
-    "exp3-s",
-    "gp-ucb",
-    "anchor",
-];
-
 /// What the command line changes in a configuration.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct Changes {
@@ -59,13 +46,8 @@ impl Changes {
     }
 
     fn make(&self, mut config: Config) -> Result<Config> {
-        if let Some(name) = self.policy.as_ref().filter(|name| **name != policy_kind(&config)) {
-            let setting = match name.as_str() {
-                // The only one with a setting that has no default.
-                "anchor" => r#"policy={ kind = "anchor", policy = { kind = "hedge" } }"#.into(),
-                name => format!("policy.kind={name}"),
-            };
-            config = config.set(&setting)?;
+        if let Some(name) = &self.policy {
+            config = config.with_policy(name)?;
         }
         self.set.iter().try_fold(config, |config, setting| config.set(setting))
     }
@@ -76,12 +58,6 @@ impl Changes {
         let all: Vec<String> = std::iter::once(name.to_owned()).chain(policy).chain(self.set.iter().cloned()).collect();
         all.join(", ")
     }
-}
-
-/// The name of a configuration's policy.
-pub fn policy_kind(config: &Config) -> String {
-    let policy = toml::Table::try_from(&config.policy).unwrap_or_default();
-    policy.get("kind").and_then(|kind| kind.as_str()).unwrap_or_default().to_owned()
 }
 
 /// A configuration by file or by name, with changes; and the folder that its model files are relative to.

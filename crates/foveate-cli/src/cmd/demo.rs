@@ -14,7 +14,7 @@ use foveate::report::{Baseline, Observer, SideBySide, Summary, SurfacePicture};
 use foveate::video::{Frame, FrameSource};
 use foveate::{Error, Result};
 
-use super::configure::{Changes, policy_kind, read};
+use super::configure::{Changes, read};
 use super::results::Results;
 use super::track::outputs::{Outputs, run_info};
 use crate::terminal;
@@ -82,7 +82,7 @@ pub fn run(args: Args) -> Result<()> {
     let config_name = args.config.as_deref().unwrap_or(fitting);
     fits(config_name)?;
     let (config, folder) = read(config_name, &args.changes)?;
-    let policy = policy_kind(&config);
+    let policy = config.policy_kind();
     let centred = if policy == "fixed" { None } else { Some(config.set("policy.kind=fixed")?.check(&folder)?) };
     let blueprint = config.check(&folder)?;
     let video = scene.video(&Digits::drawn(args.seed, 20))?;

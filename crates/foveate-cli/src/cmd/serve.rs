@@ -1,17 +1,13 @@
 //! `foveate serve` and `foveate pick`: a page in the browser to draw a box in, to watch the tracker, and to correct it.
 
 mod app;
-mod command;
 mod guard;
 mod http;
 mod message;
 mod page;
-mod propose;
 mod roots;
-mod row;
 mod save;
 mod server;
-mod tracking;
 mod video;
 
 use std::net::{IpAddr, SocketAddr, TcpListener};

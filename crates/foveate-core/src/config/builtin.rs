@@ -21,6 +21,13 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("natural-learned", include_str!("../../configs/natural-learned.toml")),
 ];
 
+/// What a configuration's text says that it is for: its first sentence.
+pub fn about(text: &str) -> &str {
+    let line = text.lines().find_map(|line| line.strip_prefix('#')).unwrap_or("").trim();
+    let end = line.find(". ").unwrap_or(line.len());
+    line[..end].trim_end_matches(['.', ':', ','])
+}
+
 #[cfg(all(test, feature = "learn"))]
 mod tests {
     use crate::config::Config;

@@ -23,6 +23,42 @@ impl Profile {
     }
 }
 
+/// Policies that [`Config::with_policy`] knows by name.
+pub const POLICIES: [&str; 11] = [
+    "fixed",
+    "random",
+    "circular",
+    "hedge",
+    "pool",
+    "exp3",
+    "exp3-as-printed",
+    "exp3-ix",
+    "exp3-s",
+    "gp-ucb",
+    "anchor",
+];
+
+impl Config {
+    /// The same with another gaze policy, of that one's default settings; as it is where it has that policy.
+    ///
+    /// # Errors
+    /// [`Error::Config`] where no policy has the name.
+    pub fn with_policy(self, name: &str) -> Result<Self> {
+        match name {
+            name if name == self.policy_kind() => Ok(self),
+            // The only one with a setting that has no default.
+            "anchor" => self.set(r#"policy={ kind = "anchor", policy = { kind = "hedge" } }"#),
+            name => self.set(&format!("policy.kind={name}")),
+        }
+    }
+
+    /// The name of its gaze policy.
+    pub fn policy_kind(&self) -> String {
+        let policy = toml::Table::try_from(&self.policy).unwrap_or_default();
+        policy.get("kind").and_then(|kind| kind.as_str()).unwrap_or_default().to_owned()
+    }
+}
+
 /// What stands for a configuration.
 pub trait Configure {
     /// The configuration.

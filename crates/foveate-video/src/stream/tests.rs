@@ -21,7 +21,7 @@ fn without_ffmpeg() -> Options {
 fn open(path: &Path) -> Mp4 {
     let file = File::open(path).expect("a file");
     let len = file.metadata().expect("a file").len();
-    Mp4::new(file, len).expect("an MP4")
+    Mp4::new(Box::new(file), len).expect("an MP4")
 }
 
 fn md5(yuv: Yuv) -> String {

@@ -2,26 +2,22 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use foveate::config::{BUILTIN, Blueprint, Config};
+use foveate::config::{BUILTIN, Blueprint, Config, about};
 use foveate::geometry::BBox;
+use foveate::report::interactive::{Player, Setup, Tracking, cells, command, propose};
 use foveate::{Error, Result};
 use serde_json::{Value, json};
 
-use super::command::command;
 use super::guard::Guard;
 use super::http::{Request, Response};
 use super::message::Message;
 use super::page;
-use super::propose::propose;
 use super::roots::Roots;
-use super::row::cells;
 use super::save::{Saved, Wanted};
-use super::tracking::{Setup, Tracking};
 use super::video::{Stills, Video};
-use crate::cmd::configs::about;
-use crate::cmd::configure::{Changes, POLICIES, policy_kind, read};
+use crate::cmd::configure::{Changes, POLICIES, read};
 use crate::cmd::track::init::check_box;
 
 /// Videos open at a time; the one that was used longest ago makes room.
@@ -287,7 +283,7 @@ impl App {
                 "this configuration is for many targets, the page follows one; choose another".into(),
             ));
         }
-        let kind = policy_kind(&config);
+        let kind = config.policy_kind();
         Ok((config.check(&folder)?, kind))
     }
 }
@@ -306,7 +302,8 @@ impl Session {
         let retina = setup.blueprint.retina();
         self.tracking = None;
         self.saved = None;
-        let tracking = Tracking::start(self.video.clone(), setup, frame.saturating_sub(1), bbox)?;
+        let player = Box::new(Player::new(self.video.clone()));
+        let tracking = Tracking::start(player, Box::new(()), setup, frame.saturating_sub(1), bbox)?;
         let rows = json!(tracking.rows());
         self.tracking = Some(tracking);
         Ok(json!({ "rows": rows, "cells": cells(&*retina), "policy": policy, "ended": false }))
@@ -315,7 +312,8 @@ impl Session {
     fn step(&mut self, frames: usize) -> Result<Value> {
         let tracking = self.tracking.as_mut().ok_or_else(untracked)?;
         let before = tracking.rows().len();
-        tracking.step(frames.clamp(1, MOST_STEPS), LONGEST_STEP)?;
+        let began = Instant::now();
+        tracking.step(frames.clamp(1, MOST_STEPS), || began.elapsed() > LONGEST_STEP)?;
         let rows = &tracking.rows()[before..];
         if !rows.is_empty() {
             self.saved = None;

@@ -33,7 +33,9 @@ fn page() -> &'static (String, String) {
             hash(&script),
             hash(&style)
         );
-        let html = fill(include_str!("page/page.html"), &[("style", style), ("script", script), ("brand", BRAND.into())]);
+        let cards = include_str!("page/cards.html").into();
+        let parts = [("style", style), ("script", script), ("brand", BRAND.into()), ("cards", cards)];
+        let html = fill(include_str!("page/page.html"), &parts);
         (html, policy)
     })
 }

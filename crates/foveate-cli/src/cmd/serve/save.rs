@@ -7,10 +7,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use foveate::geometry::BBox;
 use foveate::report::SurfacePicture;
+use foveate::report::interactive::Setup;
 use foveate::report::run::{SingleRun, Span, follow};
 use foveate::{Error, Result};
 
-use super::tracking::Setup;
 use super::video::Video;
 use crate::cmd::track::outputs::{Outputs, run_info};
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use foveate::geometry::BBox;
+use foveate::report::interactive::{BEFORE, Frames, Player, Reopen};
 use foveate::report::shrunk;
 use foveate::scene::Image;
 use foveate::video::{Frame, FrameSource, ImageFolder, SourceInfo, annotation, encode_jpeg, image_files, open};
@@ -19,8 +20,6 @@ const LONGEST: usize = 1280;
 const QUALITY: u8 = 85;
 /// Bytes of pictures that a session keeps.
 const KEPT: usize = 64 << 20;
-/// Frames before one that was asked for that become pictures, too: for steps back.
-const BEFORE: usize = 16;
 
 /// A video that can be opened at any frame.
 #[derive(Clone, Debug)]
@@ -65,6 +64,15 @@ impl Video {
     }
 }
 
+impl Reopen for Video {
+    fn source(&self, from: usize) -> Result<Box<dyn FrameSource>> {
+        source(&self.place, self.files.as_deref(), from)
+    }
+    fn pictures(&self) -> Option<(usize, f64)> {
+        self.files.as_ref().map(|files| (files.len(), self.info.rate))
+    }
+}
+
 fn source(place: &Place, files: Option<&[PathBuf]>, from: usize) -> Result<Box<dyn FrameSource>> {
     match files {
         Some(files) => Ok(Box::new(ImageFolder::from_files(files[from.min(files.len() - 1)..].to_vec())?)),
@@ -72,62 +80,9 @@ fn source(place: &Place, files: Option<&[PathBuf]>, from: usize) -> Result<Box<d
     }
 }
 
-/// Reads frames; those in a row fast, others by opening the video again.
-pub struct Player {
-    video: Video,
-    source: Option<Box<dyn FrameSource>>,
-    /// The number of the frame that the source gives next.
-    next: usize,
-    last: Option<Arc<Frame>>,
-}
-
-impl Player {
-    pub fn new(video: Video) -> Self {
-        Self { video, source: None, next: 0, last: None }
-    }
-
-    /// The frame that was read last.
-    pub fn last(&self) -> Option<&Arc<Frame>> {
-        self.last.as_ref()
-    }
-
-    /// Frame `index`; `None` where the video ends before. Frames read on the way, but not those that could be left out, come to `passed`.
-    pub fn frame(&mut self, index: usize, mut passed: impl FnMut(&Frame)) -> Result<Option<Arc<Frame>>> {
-        if let Some(frame) = self.last.as_ref().filter(|frame| frame.index == index) {
-            return Ok(Some(Arc::clone(frame)));
-        }
-        let from = index.saturating_sub(BEFORE);
-        let folder = self.video.files.as_ref().map(|files| files.len());
-        if folder.is_some_and(|count| index >= count) {
-            return Ok(None);
-        }
-        // A folder can be opened at any place.
-        if self.source.is_none() || index < self.next || (folder.is_some() && from > self.next) {
-            self.next = if folder.is_some() { from } else { 0 };
-            self.source = Some(source(&self.video.place, self.video.files.as_deref(), self.next)?);
-        }
-        while let Some(source) = &mut self.source {
-            let Some(frame) = source.next().transpose().inspect_err(|_| self.source = None)? else {
-                self.source = None;
-                break;
-            };
-            let rate = self.video.info.rate.max(1.0);
-            let time = if folder.is_some() { self.next as f64 / rate } else { frame.time };
-            let frame = Arc::new(Frame { index: self.next, time, ..frame });
-            self.next += 1;
-            if frame.index == index {
-                self.last = Some(Arc::clone(&frame));
-                return Ok(Some(frame));
-            }
-            passed(&frame);
-        }
-        Ok(None)
-    }
-}
-
 /// Frames as JPEG files, of which the last ones are kept.
 pub struct Stills {
-    player: Player,
+    player: Player<Video>,
     kept: BTreeMap<usize, Arc<[u8]>>,
     order: VecDeque<usize>,
     bytes: usize,
@@ -147,7 +102,7 @@ impl Stills {
             self.keep(frame);
         } else {
             let mut near = vec![];
-            let found = self.player.frame(index, |frame| {
+            let found = self.player.passing(index, |frame| {
                 if frame.index + BEFORE >= index {
                     near.push((frame.index, jpeg(&frame.image)));
                 }
@@ -164,10 +119,10 @@ impl Stills {
     /// The frame before `index` (of the first one the next), and `index` itself, decoded.
     pub fn pair(&mut self, index: usize) -> Result<[Option<Arc<Frame>>; 2]> {
         if index == 0 {
-            let frame = self.player.frame(0, |_| ())?;
-            return Ok([self.player.frame(1, |_| ())?, frame]);
+            let frame = self.player.frame(0)?;
+            return Ok([self.player.frame(1)?, frame]);
         }
-        Ok([self.player.frame(index - 1, |_| ())?, self.player.frame(index, |_| ())?])
+        Ok([self.player.frame(index - 1)?, self.player.frame(index)?])
     }
 
     fn keep(&mut self, frame: &Frame) {
@@ -215,12 +170,12 @@ mod tests {
         let video = Video::open(place).expect("pictures");
         let (mut player, mut stills) = (Player::new(video.clone()), Stills::new(video));
         for index in [0, 1, 30, 3, 39, 38, 0] {
-            let frame = player.frame(index, |_| ()).expect("readable").expect("it is there");
+            let frame = player.frame(index).expect("readable").expect("it is there");
             assert_eq!((frame.index, frame.image.at(0, 3, 3)), (index, 6 * index as u8));
             let jpeg = stills.get(index, None).expect("readable").expect("it is there");
             assert!(decode_image(&jpeg).expect("a picture").at(0, 3, 3).abs_diff(6 * index as u8) < 3);
         }
-        assert!(player.frame(40, |_| ()).expect("readable").is_none());
+        assert!(player.frame(40).expect("readable").is_none());
         assert!(stills.get(usize::MAX, None).expect("readable").is_none());
         assert!(stills.kept.contains_key(&25), "frames before one that was asked for are there, too");
         let [before, at] = stills.pair(7).expect("readable");

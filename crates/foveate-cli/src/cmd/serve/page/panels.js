@@ -17,10 +17,9 @@ function panels() {
 }
 
 // Which cell of the retina is seen where, on a raster of its smallest cells.
-let eye = null;
-function makeEye(flat) {
+function eyeOf(flat) {
   const cells = Array.from({ length: flat.length / 4 }, (_, i) => flat.slice(4 * i, 4 * i + 4));
-  if (!cells.length) { eye = null; return; }
+  if (!cells.length) return null;
   const reach = Math.max(...cells.map(([u, v, half]) => Math.max(Math.abs(u), Math.abs(v)) + half));
   const side = clamp(Math.round(reach / Math.min(...cells.map(cell => cell[2]))), 1, 192);
   const maps = [0, 1, 2].map(() => new Int32Array(side * side).fill(-1));
@@ -28,10 +27,13 @@ function makeEye(flat) {
     const pixel = x => clamp(Math.round((x + reach) / (2 * reach) * side), 0, side);
     for (let y = pixel(v - half); y < pixel(v + half); y++) for (let x = pixel(u - half); x < pixel(u + half); x++) maps[channel][y * side + x] = i;
   });
-  eye = { side, maps };
+  return { side, maps };
 }
-function drawGlimpse(detail) {
-  const canvas = byId('seen'), side = eye ? eye.side : 1, values = detail ? bytes(detail.glimpse) : [];
+let eye = null;
+const makeEye = flat => { eye = eyeOf(flat); };
+const drawGlimpse = detail => paintGlimpse(byId('seen'), eye, detail ? bytes(detail.glimpse) : []);
+function paintGlimpse(canvas, eye, values) {
+  const side = eye ? eye.side : 1;
   canvas.width = canvas.height = side;
   const context = canvas.getContext('2d'), out = context.createImageData(side, side);
   if (eye && values.length) for (let i = 0; i < side * side; i++) {
@@ -44,6 +46,17 @@ function drawGlimpse(detail) {
   context.putImageData(out, 0, 0);
 }
 
+// Gazes and their probabilities, as bars.
+function armRows(arms, gaze) {
+  const reach = Math.max(1, ...arms.map(([u, v]) => Math.max(Math.abs(u), Math.abs(v))));
+  return arms.map(([u, v, p]) => {
+    const now = gaze && Math.hypot(gaze[0] - u, gaze[1] - v) < 1e-9;
+    const mark = drawing(`<svg viewBox="0 0 20 20" aria-hidden="true"><rect x="1" y="1" width="18" height="18" rx="3" fill="none" stroke="currentColor" opacity=".45"/><circle cx="${10 + 8 * u / reach}" cy="${10 + 8 * v / reach}" r="2.6" fill="currentColor"/></svg>`);
+    const bar = element('i');
+    bar.style.width = 100 * p + '%';
+    return element('div', { class: 'arm' + (now ? ' now' : '') }, mark, element('span', { class: 'bar' }, bar), element('span', { class: 'p' }, say(p)));
+  });
+}
 function drawPolicy(row, detail) {
   const arms = detail?.arms || [], surface = detail?.surface, list = byId('arms'), canvas = byId('rewards');
   canvas.hidden = !surface;
@@ -59,14 +72,7 @@ function drawPolicy(row, detail) {
       context.fillRect(place(row.gaze[0]), place(row.gaze[1]), 1, 1);
     }
   }
-  const reach = Math.max(1, ...arms.map(([u, v]) => Math.max(Math.abs(u), Math.abs(v))));
-  list.replaceChildren(...arms.map(([u, v, p]) => {
-    const now = row?.gaze && Math.hypot(row.gaze[0] - u, row.gaze[1] - v) < 1e-9;
-    const mark = drawing(`<svg viewBox="0 0 20 20" aria-hidden="true"><rect x="1" y="1" width="18" height="18" rx="3" fill="none" stroke="currentColor" opacity=".45"/><circle cx="${10 + 8 * u / reach}" cy="${10 + 8 * v / reach}" r="2.6" fill="currentColor"/></svg>`);
-    const bar = element('i');
-    bar.style.width = 100 * p + '%';
-    return element('div', { class: 'arm' + (now ? ' now' : '') }, mark, element('span', { class: 'bar' }, bar), element('span', { class: 'p' }, say(p)));
-  }));
+  list.replaceChildren(...armRows(arms, row?.gaze));
   const learning = arms.length || surface;
   byId('policy-caption').textContent = !page.policy ? '' : arms.length ? `${page.policy}: how likely each gaze is next`
     : surface ? `${page.policy}: reward of each gaze, brighter is more; white, the gaze` : detail && !learning ? `${page.policy}: nothing to learn. Choose hedge or gp-ucb to watch one that learns.` : page.policy;

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use foveate::geometry::BBox;
+use foveate_core::Profile;
+use foveate_core::geometry::BBox;
 
 /// `foveate track` of these boxes: the first one begins, others are given again.
 pub fn command(path: &Path, given: &[(usize, BBox)], config: &str, policy: Option<&str>, seed: Option<u64>) -> String {
@@ -15,7 +16,7 @@ pub fn command(path: &Path, given: &[(usize, BBox)], config: &str, policy: Optio
             _ => format!(" --reinit {}:{}", index + 1, numbers(bbox)),
         };
     }
-    if config != foveate::Profile::Balanced.name() {
+    if config != Profile::Balanced.name() {
         line += &format!(" --config {}", quoted(config));
     }
     policy.into_iter().for_each(|policy| line += &format!(" --policy {policy}"));

@@ -2,15 +2,15 @@
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
-use foveate::config::Blueprint;
-use foveate::geometry::BBox;
-use foveate::video::Frame;
-use foveate::{Error, Result, Tracker};
-
+use super::player::Frames;
 use super::row::{self, Row, Surface};
-use super::video::{Player, Video};
+use foveate_base::{Error, Result};
+use foveate_core::Tracker;
+use foveate_core::config::Blueprint;
+use foveate_core::geometry::BBox;
+use foveate_core::step::Step;
+use foveate_video::Frame;
 
 /// Frames of a track, at most.
 const MOST_ROWS: usize = 100_000;
@@ -23,17 +23,50 @@ const EVERY: usize = 50;
 /// What to track with.
 #[derive(Clone)]
 pub struct Setup {
+    /// The configuration, checked.
     pub blueprint: Blueprint,
+    /// Its name.
     pub config: String,
+    /// The policy in the place of the configuration's own.
     pub policy: Option<String>,
+    /// The seed.
     pub seed: u64,
+}
+
+/// Is told of every frame of a track as it grows.
+pub trait Log: Send {
+    /// A frame whose box was given.
+    ///
+    /// # Errors
+    /// It cannot be written down.
+    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()>;
+    /// A frame that was tracked.
+    ///
+    /// # Errors
+    /// It cannot be written down.
+    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()>;
+    /// All frames from `index` (from 0) on are forgotten.
+    fn cut(&mut self, index: usize);
+}
+
+/// No log.
+impl Log for () {
+    fn start(&mut self, _: &Frame, _: &BBox) -> Result<()> {
+        Ok(())
+    }
+    fn observe(&mut self, _: &Frame, _: &Step<'_>) -> Result<()> {
+        Ok(())
+    }
+    fn cut(&mut self, _: usize) {}
 }
 
 /// A track.
 pub struct Tracking {
+    /// What it is tracked with.
     pub setup: Setup,
     tracker: Tracker,
-    player: Player,
+    player: Box<dyn Frames>,
+    log: Box<dyn Log>,
     /// The frame it began in, from 0.
     first: usize,
     rows: Vec<Row>,
@@ -48,13 +81,17 @@ pub struct Tracking {
 }
 
 impl Tracking {
-    /// Starts on a box.
-    pub fn start(video: Video, setup: Setup, index: usize, bbox: BBox) -> Result<Self> {
+    /// Starts on a box in frame `index` (from 0).
+    ///
+    /// # Errors
+    /// There is no such frame, or the box does not fit it.
+    pub fn start(player: Box<dyn Frames>, log: Box<dyn Log>, setup: Setup, index: usize, bbox: BBox) -> Result<Self> {
         let tracker = setup.blueprint.tracker(setup.seed)?;
         let mut tracking = Self {
             setup,
             tracker,
-            player: Player::new(video),
+            player,
+            log,
             first: index,
             rows: vec![],
             given: BTreeMap::new(),
@@ -67,6 +104,7 @@ impl Tracking {
         Ok(tracking)
     }
 
+    /// A row for each frame, from the first on.
     pub fn rows(&self) -> &[Row] {
         &self.rows
     }
@@ -78,9 +116,11 @@ impl Tracking {
     pub fn last(&self) -> usize {
         self.first + self.rows.len() - 1
     }
+    /// Whether the video has ended.
     pub fn ended(&self) -> bool {
         self.ended
     }
+    /// Boxes given by hand, by frame from 0.
     pub fn given(&self) -> &BTreeMap<usize, BBox> {
         &self.given
     }
@@ -97,11 +137,13 @@ impl Tracking {
         row::surface(self.tracker.parts().gaze.policy().snapshot())
     }
 
-    /// Tracks at most so many frames, and no longer than so.
-    pub fn step(&mut self, most: usize, time: Duration) -> Result<()> {
-        let began = Instant::now();
+    /// Tracks at most so many frames, and none after the first where `enough` says so.
+    ///
+    /// # Errors
+    /// The video breaks, or the track is too long.
+    pub fn step(&mut self, most: usize, enough: impl Fn() -> bool) -> Result<()> {
         for done in 0..most {
-            if self.ended || (done > 0 && began.elapsed() > time) {
+            if self.ended || (done > 0 && enough()) {
                 break;
             }
             if self.rows.len() >= MOST_ROWS {
@@ -112,14 +154,21 @@ impl Tracking {
         Ok(())
     }
 
-    /// A box by hand in a frame that was tracked: what was tracked from there on is forgotten, and the target starts anew, as with
-    /// `--reinit`.
+    /// A box by hand in a frame (from 0) that was tracked: what was tracked from there on is forgotten, and the target starts anew,
+    /// as with `--reinit`. Where frames do not repeat it must be one of those that are kept.
+    ///
+    /// # Errors
+    /// The frame was not tracked, is gone, or the box does not fit it.
     pub fn correct(&mut self, index: usize, bbox: BBox) -> Result<()> {
         if !(self.first..=self.last()).contains(&index) {
             let (first, last) = (self.first + 1, self.last() + 1);
             return Err(Error::Invalid(format!("frames {first} to {last} are tracked; correct one of these")));
         }
-        if index == self.first {
+        if !self.player.repeats() {
+            // Before anything is forgotten: the frame may be gone.
+            self.read(index)?;
+            self.cut(index);
+        } else if index == self.first {
             self.tracker = self.setup.blueprint.tracker(self.setup.seed)?;
             self.cut(index);
         } else {
@@ -156,11 +205,12 @@ impl Tracking {
         self.given.retain(|k, _| *k < index);
         self.details.cut(index);
         self.states.cut(index);
+        self.log.cut(index);
         self.ended = false;
     }
 
     fn read(&mut self, index: usize) -> Result<Option<Arc<Frame>>> {
-        self.player.frame(index, |_| ())
+        self.player.frame(index)
     }
 
     fn give(&mut self, index: usize, bbox: BBox) -> Result<()> {
@@ -169,6 +219,7 @@ impl Tracking {
         self.tracker.init(&frame.image, bbox)?;
         self.given.insert(index, bbox);
         self.rows.push(Row::given(&frame, &bbox));
+        self.log.start(&frame, &bbox)?;
         self.save(index);
         Ok(())
     }
@@ -179,6 +230,7 @@ impl Tracking {
             return Ok(());
         };
         let seen = self.tracker.update(&frame.image)?;
+        self.log.observe(&frame, &seen.step)?;
         self.rows.push(Row::tracked(&frame, &seen.step));
         self.details.put(index, row::detail(index + 1, &seen.step));
         while self.details.bytes > self.details.most {
@@ -192,6 +244,9 @@ impl Tracking {
 
     /// Keeps the tracker as it is after a frame. Where there is no room, every other state goes, and later ones are rarer.
     fn save(&mut self, index: usize) {
+        if !self.player.repeats() {
+            return;
+        }
         self.states.put(index, self.tracker.save().to_string());
         while self.states.bytes > self.states.most && self.states.all.len() > 2 {
             self.every *= 2;
@@ -235,12 +290,20 @@ impl Kept {
 
 #[cfg(test)]
 mod tests {
-    use super::super::roots::Roots;
+    use super::super::player::{Player, Reopen};
     use super::*;
-    use foveate::config::Config;
-    use foveate::files::Nowhere;
-    use foveate::scene::Image;
-    use foveate::video::save_png;
+    use foveate_base::files::Nowhere;
+    use foveate_core::config::Config;
+    use foveate_core::scene::Image;
+    use foveate_video::{FrameSource, ImageFolder, save_png};
+
+    struct Folder(std::path::PathBuf);
+
+    impl Reopen for Folder {
+        fn source(&self, _: usize) -> Result<Box<dyn FrameSource>> {
+            Ok(Box::new(ImageFolder::open(&self.0)?))
+        }
+    }
 
     #[test]
     fn a_correction_gives_what_a_run_with_that_box_gives() {
@@ -251,14 +314,15 @@ mod tests {
             let image = Image::from_grey8(96, 64, &(0..96 * 64).map(pixel).collect::<Vec<_>>()).expect("96 x 64");
             save_png(dir.path().join(format!("{t}.png")), &image).expect("writable");
         }
-        let place = Roots::new(&[dir.path().to_owned()]).and_then(|roots| roots.find("0")).expect("it is there");
-        let video = Video::open(place).expect("pictures");
         let config = Config::builtin("natural-fast").expect("it ships").expect("it is right");
         let blueprint = config.check(&Nowhere).expect("it fits");
         let setup = Setup { blueprint, config: "natural-fast".into(), policy: None, seed: 3 };
         let (a, b) = (BBox::new(20.0, 20.0, 24.0, 24.0), BBox::new(33.0, 18.0, 26.0, 28.0));
-        let start = || Tracking::start(video.clone(), setup.clone(), 0, a).expect("a box in the picture");
-        let forever = Duration::from_secs(1000);
+        let start = || {
+            let player = Box::new(Player::new(Folder(dir.path().to_owned())));
+            Tracking::start(player, Box::new(()), setup.clone(), 0, a).expect("a box in the picture")
+        };
+        let forever = || false;
         let boxes = |t: &Tracking| t.rows().iter().map(|row| row.bbox).collect::<Vec<_>>();
         let mut plain = start();
         plain.step(11, forever).expect("tracked");

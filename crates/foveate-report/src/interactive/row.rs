@@ -2,13 +2,15 @@
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use foveate::gaze::PolicySnapshot;
-use foveate::geometry::{BBox, Extent, Gaze, State};
-use foveate::identity::Retina;
-use foveate::report::{self, heat::Heat};
-use foveate::step::Step;
-use foveate::video::Frame;
 use serde::Serialize;
+
+use crate::heat::Heat;
+use crate::report;
+use foveate_core::gaze::PolicySnapshot;
+use foveate_core::geometry::{BBox, Extent, Gaze, State};
+use foveate_core::identity::Retina;
+use foveate_core::step::Step;
+use foveate_video::Frame;
 
 /// Points along a side of a reward surface.
 const SURFACE: usize = 17;
@@ -16,6 +18,7 @@ const SURFACE: usize = 17;
 /// A frame in figures. Pixels count from 0, frames from 1.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
+    /// Its number, from 1.
     pub frame: usize,
     /// Seconds from the first frame.
     pub time: f64,
@@ -26,16 +29,21 @@ pub struct Row {
     pub corners: [[f64; 2]; 4],
     /// Whether the box was given by hand.
     pub given: bool,
+    /// The probability that the target is lost, 0 to 1.
     pub p_lost: f64,
+    /// What is believed of the track; `given` where the box was.
     pub status: &'static str,
     /// Whether the box means nothing.
     pub out: bool,
     /// The chosen gaze in template units, and where it falls: x, y, and one template unit along u and along v.
     pub gaze: Option<[f64; 2]>,
+    /// See `gaze`.
     pub fixation: Option<[f64; 6]>,
     /// The 90 % region of the centre: x, y, half axes, turn.
     pub region: Option<[f64; 5]>,
+    /// Distance of what was seen to the template.
     pub distance: Option<f64>,
+    /// Effective sample size, 1 to the number of particles.
     pub ess: Option<f64>,
 }
 
@@ -104,7 +112,7 @@ struct Detail {
     arms: Vec<[f64; 3]>,
 }
 
-/// The detail of a frame.
+/// What a frame (from 1) looked like from inside, as JSON text: particles, glimpse, gazes, probabilities of gazes.
 pub fn detail(frame: usize, step: &Step<'_>) -> String {
     let (particles, weights) = report::particles(step);
     let chosen = step.plan.chosen_index();

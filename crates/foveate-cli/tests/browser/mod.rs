@@ -1,0 +1,184 @@
+//! A browser for tests, where one is installed: Chromium without a window, spoken to through two pipes (its DevTools protocol).
+#![allow(dead_code, missing_docs)] // each test takes what it needs
+
+use std::fs::File;
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+
+use serde_json::{Value, json};
+
+/// How long anything may take.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Chromium without a window, spoken to through two pipes (its DevTools protocol).
+pub struct Browser {
+    child: Child,
+    to: File,
+    from: Receiver<Value>,
+    id: u64,
+    session: Option<String>,
+    /// What the page complained of.
+    pub complaints: Vec<String>,
+}
+
+impl Browser {
+    /// `None` where none is installed, or it cannot run here.
+    pub fn start(folder: &Path) -> Option<Self> {
+        Self::start_with(folder, &[])
+    }
+
+    /// The same with further arguments.
+    pub fn start_with(folder: &Path, more: &[&str]) -> Option<Self> {
+        let named = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success());
+        let program = ["chromium", "chromium-browser", "google-chrome", "chrome"].into_iter().find(named)?;
+        let (to, from) = (folder.join("to"), folder.join("from"));
+        if !Command::new("mkfifo").arg(&to).arg(&from).status().ok()?.success() {
+            return None;
+        }
+        let script = r#"exec "$0" --headless=new --no-sandbox --disable-gpu --disable-dev-shm-usage --no-first-run --disable-extensions \
+            --disable-background-networking --user-data-dir="$1" --window-size=1280,900 --remote-debugging-pipe "${@:4}" 3<"$2" 4>"$3""#;
+        let mut command = Command::new("bash");
+        command.args(["-c", script, program]).arg(folder.join("profile")).arg(&to).arg(&from).args(more);
+        let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn().ok()?;
+        let to = File::options().write(true).open(to).ok()?;
+        let mut lines = BufReader::new(File::open(from).ok()?);
+        let (sender, from) = channel();
+        std::thread::spawn(move || {
+            let mut message = vec![];
+            while lines.read_until(0, &mut message).is_ok_and(|n| n > 0) {
+                message.pop();
+                let Ok(value) = serde_json::from_slice(&message) else { break };
+                if sender.send(value).is_err() {
+                    break;
+                }
+                message.clear();
+            }
+        });
+        let mut browser = Self { child, to, from, id: 0, session: None, complaints: vec![] };
+        let target = browser.try_call("Target.createTarget", json!({ "url": "about:blank" }))?;
+        let attach = json!({ "targetId": target["targetId"], "flatten": true });
+        let session =
+            browser.call("Target.attachToTarget", attach)["sessionId"].as_str().expect("a session").to_owned();
+        browser.session = Some(session);
+        for domain in ["Page.enable", "Runtime.enable", "Log.enable"] {
+            browser.call(domain, json!({}));
+        }
+        Some(browser)
+    }
+
+    pub fn try_call(&mut self, method: &str, params: Value) -> Option<Value> {
+        self.id += 1;
+        let mut message = json!({ "id": self.id, "method": method, "params": params });
+        if let Some(session) = &self.session {
+            message["sessionId"] = json!(session);
+        }
+        self.to.write_all(format!("{message}\0").as_bytes()).ok()?;
+        loop {
+            let answer = self.from.recv_timeout(PATIENCE).ok()?;
+            let about = &answer["params"];
+            match answer["method"].as_str() {
+                Some("Runtime.exceptionThrown") => self.complaints.push(about.to_string()),
+                Some("Log.entryAdded") if about["entry"]["level"] == "error" => self.complaints.push(about.to_string()),
+                Some("Runtime.consoleAPICalled") if about["type"] == "error" => self.complaints.push(about.to_string()),
+                _ => {}
+            }
+            if answer["id"] == self.id {
+                assert!(answer["error"].is_null(), "{method}: {}", answer["error"]);
+                return Some(answer["result"].clone());
+            }
+        }
+    }
+
+    pub fn call(&mut self, method: &str, params: Value) -> Value {
+        self.try_call(method, params).unwrap_or_else(|| panic!("{method}: the browser does not answer"))
+    }
+
+    /// The value of an expression in the page.
+    pub fn value(&mut self, expression: &str) -> Value {
+        let params = json!({ "expression": expression, "awaitPromise": true, "returnByValue": true });
+        let answer = self.call("Runtime.evaluate", params);
+        assert!(answer["exceptionDetails"].is_null(), "{expression}: {}", answer["exceptionDetails"]);
+        answer["result"]["value"].clone()
+    }
+
+    /// Waits until an expression is true.
+    pub fn until(&mut self, expression: &str) {
+        let began = Instant::now();
+        while self.value(expression) != true {
+            let message = self.value("document.getElementById('message')?.textContent");
+            assert!(began.elapsed() < PATIENCE, "never: {expression}; the page says {message}; {:?}", self.complaints);
+            std::thread::sleep(Duration::from_millis(30));
+        }
+    }
+
+    pub fn mouse(&mut self, kind: &str, (x, y): (f64, f64)) {
+        let button = json!({ "type": kind, "x": x, "y": y, "button": "left", "buttons": 1, "clickCount": 1 });
+        self.call("Input.dispatchMouseEvent", button);
+    }
+
+    pub fn click(&mut self, selector: &str) {
+        let expression = format!(
+            "(() => {{ const e = document.querySelector('{selector}'); e.scrollIntoView({{ block: 'center' }}); \
+             const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; }})()"
+        );
+        let at: (f64, f64) = serde_json::from_value(self.value(&expression)).expect("it is there");
+        self.mouse("mousePressed", at);
+        self.mouse("mouseReleased", at);
+    }
+
+    /// Draws a box on the frame.
+    pub fn draw(&mut self, [x, y, w, h]: [f64; 4]) {
+        let place = "(() => { const e = document.getElementById('screen'); e.scrollIntoView({ block: 'center' }); \
+                     const b = e.getBoundingClientRect(); return [b.x, b.y, b.width / page.video.width]; })()";
+        let (left, top, k): (f64, f64, f64) = serde_json::from_value(self.value(place)).expect("a stage");
+        let at = |x: f64, y: f64| (left + k * x, top + k * y);
+        self.mouse("mousePressed", at(x, y));
+        self.mouse("mouseMoved", at(x + w / 2.0, y + h / 2.0));
+        self.mouse("mouseMoved", at(x + w, y + h));
+        self.mouse("mouseReleased", at(x + w, y + h));
+        let drawn: [f64; 4] =
+            serde_json::from_value(self.value("[page.draft.x, page.draft.y, page.draft.w, page.draft.h]"))
+                .expect("a box");
+        let off = drawn.iter().zip([x, y, w, h]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off <= 2.0, "{drawn:?} is not {:?}", [x, y, w, h]);
+    }
+
+    pub fn key(&mut self, key: &str, modifiers: u8) {
+        for kind in ["keyDown", "keyUp"] {
+            self.call(
+                "Input.dispatchKeyEvent",
+                json!({ "type": kind, "key": key, "code": key, "modifiers": modifiers }),
+            );
+        }
+    }
+
+    /// A picture of the page, where $FOVEATE_SCREENSHOTS names a folder to put it.
+    pub fn picture(&mut self, name: &str) {
+        use base64::Engine as _;
+        let Some(folder) = std::env::var_os("FOVEATE_SCREENSHOTS") else { return };
+        let shot = self.call("Page.captureScreenshot", json!({ "format": "png", "captureBeyondViewport": true }));
+        let bytes = base64::engine::general_purpose::STANDARD.decode(shot["data"].as_str().expect("a picture"));
+        std::fs::write(Path::new(&folder).join(format!("{name}.png")), bytes.expect("base64"))
+            .expect("a writable folder");
+    }
+}
+
+impl Drop for Browser {
+    fn drop(&mut self) {
+        let _ = self.to.write_all(format!("{}\0", json!({ "id": 0, "method": "Browser.close" })).as_bytes());
+        std::thread::sleep(Duration::from_millis(300));
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+/// Contrast of two colours of the style, as WCAG counts it.
+pub const CONTRAST: &str = r"((a, b) => {
+  const light = name => { const v = colour(name); const rgb = [1, 3, 5].map(i => parseInt(v.slice(i, i + 2), 16) / 255).map(c => c <= .03928 ? c / 12.92 : ((c + .055) / 1.055) ** 2.4);
+    return .2126 * rgb[0] + .7152 * rgb[1] + .0722 * rgb[2]; };
+  const [x, y] = [light(a), light(b)].sort((p, q) => q - p);
+  return (x + .05) / (y + .05);
+})";

@@ -1,0 +1,94 @@
+//! What the page calls. Bytes go through two buffers: the page writes into what [`input`] gives, and reads from what
+//! [`output`] gives. Nothing here is unsafe but the names, which the linker must not change.
+
+use std::io::{Error, ErrorKind, Result};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use crate::{App, Store};
+
+#[link(wasm_import_module = "page")]
+unsafe extern "C" {
+    /// Reads `length` bytes of a file from a place on into memory; answers how many, or −1.
+    safe fn read_file(file: u32, at: f64, to: *mut u8, length: usize) -> i32;
+}
+
+struct Files;
+
+impl Store for Files {
+    fn read(&self, file: u32, at: u64, to: &mut [u8]) -> Result<usize> {
+        let read = read_file(file, at as f64, to.as_mut_ptr(), to.len());
+        usize::try_from(read)
+            .map_err(|_| Error::new(ErrorKind::Other, "the browser cannot read the file; choose it again"))
+    }
+}
+
+#[derive(Default)]
+struct Binding {
+    app: Option<App>,
+    input: Vec<u8>,
+    output: Vec<u8>,
+}
+
+/// A page has one tracker, as it has one memory.
+static BINDING: Mutex<Binding> = Mutex::new(Binding { app: None, input: vec![], output: vec![] });
+
+fn binding() -> MutexGuard<'static, Binding> {
+    BINDING.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn answer(work: impl FnOnce(&mut App, &[u8]) -> Option<Vec<u8>>) -> i32 {
+    let mut binding = binding();
+    let Binding { app, input, output } = &mut *binding;
+    let app = app.get_or_insert_with(|| App::new(Arc::new(Files)));
+    match work(app, input) {
+        Some(bytes) => {
+            *output = bytes;
+            output.len() as i32
+        }
+        None => -1,
+    }
+}
+
+/// A place for so many bytes.
+#[unsafe(no_mangle)]
+pub extern "C" fn input(length: usize) -> *mut u8 {
+    let mut binding = binding();
+    binding.input.clear();
+    binding.input.resize(length, 0);
+    binding.input.as_mut_ptr()
+}
+
+/// Where the last answer lies.
+#[unsafe(no_mangle)]
+pub extern "C" fn output() -> *const u8 {
+    binding().output.as_ptr()
+}
+
+/// Answers the message in the input by so many bytes of output.
+#[unsafe(no_mangle)]
+pub extern "C" fn ask() -> i32 {
+    answer(|app, input| Some(app.ask(&String::from_utf8_lossy(input)).into_bytes()))
+}
+
+/// The pixels of a frame (from 1) as red, green, blue, alpha; −1 where there are none.
+#[unsafe(no_mangle)]
+pub extern "C" fn picture(session: f64, frame: usize) -> i32 {
+    answer(|app, _| app.picture(session as u64, frame))
+}
+
+/// Takes the pixels in the input as the next frame; answers its number from 1, or −1.
+#[unsafe(no_mangle)]
+pub extern "C" fn push(session: f64, time: f64, missed: f64) -> i32 {
+    let mut number = -1;
+    answer(|app, input| {
+        number = app.push(session as u64, input, time, missed as u64).map_or(-1, |frame| frame as i32);
+        None
+    });
+    number
+}
+
+/// A saved file, whose name is in the input.
+#[unsafe(no_mangle)]
+pub extern "C" fn file(session: f64) -> i32 {
+    answer(|app, input| app.file(session as u64, &String::from_utf8_lossy(input)))
+}

@@ -1,0 +1,174 @@
+//! The paper's digit scenes as a lesson: a policy of gaze that learns, and beside it a fixed centre on the same frames.
+
+use foveate_base::files::Nowhere;
+use foveate_base::{Error, Result};
+use foveate_core::Tracker;
+use foveate_core::config::Config;
+use foveate_core::geometry::BBox;
+use foveate_core::scene::Image;
+use foveate_lab::Digits;
+use foveate_lab::synthetic::{Clutter, Drawn, Occlusion};
+use foveate_report::interactive::{Row, cells, detail, surface};
+use foveate_video::Frame;
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use crate::session::rgba;
+
+/// Digits of each class to choose from.
+const PER_CLASS: usize = 20;
+/// Frames of a scene, and how many there are a second.
+const FRAMES: usize = 300;
+const RATE: f64 = 30.0;
+/// Side of the enlarged digit, pixels.
+const CLOSE: usize = 56;
+
+/// Which scene.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+enum Kind {
+    /// A digit among others that stand still (section 6.1).
+    Clutter,
+    /// A digit that passes behind bars, seen through a small window (section 6.2).
+    Bars,
+    /// A digit twice as large, seen through a window of a quarter of its box.
+    CloseUp,
+}
+
+/// Its settings.
+#[derive(Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scene {
+    kind: Kind,
+    /// 0 to 9.
+    digit: u8,
+    /// Share of the pixels that noise hits, 0 to 1.
+    noise: f64,
+    /// Other digits; bars; or the side of a black square on the middle of the digit, in 28ths of its box.
+    hidden: usize,
+    seed: u64,
+}
+
+impl Scene {
+    fn video(&self) -> Result<Box<dyn Drawn>> {
+        let Self { digit, noise, hidden, seed, .. } = *self;
+        let (digits, frames) = (Digits::drawn(seed, PER_CLASS), FRAMES);
+        let most = |most: usize| {
+            if hidden <= most {
+                Ok(())
+            } else {
+                Err(Error::Invalid(format!("expected at most {most}, found {hidden}")))
+            }
+        };
+        Ok(match self.kind {
+            Kind::Clutter => {
+                most(60)?;
+                Box::new(
+                    Clutter { digit, seed, noise, frames, distractors: hidden, ..Clutter::default() }.video(&digits)?,
+                )
+            }
+            Kind::Bars => {
+                most(8)?;
+                Box::new(
+                    Occlusion { digit, seed, noise, frames, bars: hidden, shade: 90, ..Occlusion::default() }
+                        .video(&digits)?,
+                )
+            }
+            Kind::CloseUp => {
+                most(28)?;
+                let scene = Occlusion {
+                    digit,
+                    seed,
+                    noise,
+                    frames,
+                    side: CLOSE,
+                    bars: 0,
+                    patch: hidden,
+                    ..Occlusion::default()
+                };
+                Box::new(scene.video(&digits)?)
+            }
+        })
+    }
+
+    /// The configuration that is made for it.
+    fn config(&self, policy: &str) -> Result<Config> {
+        let name = match (self.kind, policy) {
+            (Kind::Clutter, _) => "digits-hedge",
+            (Kind::Bars, _) => "digits-partial",
+            (Kind::CloseUp, "pool") => "digits-pool",
+            (Kind::CloseUp, _) => "digits-closeup",
+        };
+        let config =
+            Config::builtin(name).ok_or_else(|| Error::Config(format!("no configuration is called {name}")))?;
+        config?.with_policy(policy)
+    }
+}
+
+/// A scene, and two trackers in it.
+pub struct Lesson {
+    video: Box<dyn Drawn>,
+    learning: Tracker,
+    fixed: Tracker,
+    cells: Vec<f64>,
+    policy: String,
+    config: String,
+    /// The frame that was tracked last.
+    frame: Frame,
+}
+
+impl Lesson {
+    pub fn begin(scene: Scene, policy: &str) -> Result<Self> {
+        let video = scene.video()?;
+        let blueprint = scene.config(policy)?.check(&Nowhere)?;
+        let fixed = scene.config("fixed")?.check(&Nowhere)?;
+        let (mut learning, mut fixed) = (blueprint.tracker(scene.seed)?, fixed.tracker(scene.seed)?);
+        let frame = Frame { index: 0, time: 0.0, image: video.render(0) };
+        let first = video.truth()[0];
+        learning.init(&frame.image, first)?;
+        fixed.init(&frame.image, first)?;
+        let (cells, config) = (cells(&*blueprint.retina()), blueprint.config().to_toml());
+        Ok(Self { video, learning, fixed, cells, policy: policy.into(), config, frame })
+    }
+
+    pub fn about(&self) -> Value {
+        let (width, height) = self.video.size();
+        json!({
+            "width": width, "height": height, "frames": self.video.truth().len(), "cells": self.cells, "policy": self.policy,
+            "config": self.config, "row": Row::given(&self.frame, &self.video.truth()[0]),
+        })
+    }
+
+    /// The frame shown.
+    pub fn picture(&self) -> Vec<u8> {
+        rgba(&self.frame.image)
+    }
+
+    /// The next frame; `{"ended": true}` after the last.
+    pub fn step(&mut self) -> Result<Value> {
+        let index = self.frame.index + 1;
+        let Some(truth) = self.video.truth().get(index).copied() else { return Ok(json!({ "ended": true })) };
+        let image: Image = self.video.render(index);
+        self.frame = Frame { index, time: index as f64 / RATE, image };
+        let follow = |tracker: &mut Tracker| -> Result<Value> {
+            let seen = tracker.update(&self.frame.image)?;
+            let detail: Value = serde_json::from_str(&detail(index + 1, &seen.step)).unwrap_or_default();
+            let reward = seen.step.rewards.get(seen.step.plan.chosen_index()).copied().unwrap_or(0.0);
+            let shown = surface(seen.step.snapshot);
+            let row = Row::tracked(&self.frame, &seen.step);
+            Ok(
+                json!({ "row": row, "detail": detail, "reward": reward, "surface": shown, "error": error(&seen.bbox, &truth) }),
+            )
+        };
+        let (learning, fixed) = (follow(&mut self.learning)?, follow(&mut self.fixed)?);
+        Ok(
+            json!({ "ended": false, "truth": [truth.x, truth.y, truth.w, truth.h], "learning": learning, "fixed": fixed }),
+        )
+    }
+}
+
+/// Distance of the centres, pixels.
+fn error(a: &BBox, b: &BBox) -> f64 {
+    let ((ax, ay), (bx, by)) = (a.centre(), b.centre());
+    (ax - bx).hypot(ay - by)
+}

@@ -1,0 +1,42 @@
+// The tracker's WebAssembly behind four functions. Bytes go through two buffers in its memory: see exports.rs.
+// `readFile(id, at, length)` gives bytes of a file of the page, or throws.
+export async function load(bytes, readFile) {
+  let wasm = null;
+  const memory = (at, length) => new Uint8Array(wasm.memory.buffer, at, length);
+  const page = {
+    read_file(id, at, to, length) {
+      try {
+        const read = readFile(id, at, length);
+        memory(to, read.length).set(read);
+        return read.length;
+      } catch { return -1; }
+    },
+  };
+  wasm = (await WebAssembly.instantiate(bytes, { page })).instance.exports;
+  const put = data => memory(wasm.input(data.length), data.length).set(data);
+  const taken = length => length < 0 ? null : memory(wasm.output(), length).slice();
+  const encoder = new TextEncoder(), decoder = new TextDecoder();
+  return {
+    // The answer to a message; what cannot be done is thrown.
+    ask(message) {
+      put(encoder.encode(JSON.stringify(message)));
+      const length = wasm.ask(), answer = JSON.parse(decoder.decode(memory(wasm.output(), length)));
+      if (answer.error) throw new Error(answer.error);
+      return answer;
+    },
+    // Red, green, blue, alpha of a frame (from 1), or null.
+    picture: (session, frame) => taken(wasm.picture(session, frame)),
+    // Takes a frame of a camera; its number from 1, or −1.
+    push(session, pixels, time, missed) {
+      put(pixels);
+      return wasm.push(session, time, missed);
+    },
+    // A saved file, or null.
+    file(session, name) {
+      put(encoder.encode(name));
+      return taken(wasm.file(session));
+    },
+    // Bytes of memory.
+    size: () => wasm.memory.buffer.byteLength,
+  };
+}

@@ -1,0 +1,106 @@
+// Frames that the browser decodes: a camera's newest one, and a video's one after the other. `next()` gives
+// { pixels, time, missed }, or null at the end; `missed` counts the frames before it that were never seen.
+function grabber(video, width, height) {
+  const canvas = new OffscreenCanvas(width, height), context = canvas.getContext('2d', { willReadFrequently: true });
+  return () => {
+    context.drawImage(video, 0, 0, width, height);
+    return context.getImageData(0, 0, width, height);
+  };
+}
+const silent = () => Object.assign(document.createElement('video'), { muted: true, playsInline: true, preload: 'auto' });
+
+async function cameraSource() {
+  if (!navigator.mediaDevices) throw new Error('This page may not use the camera: browsers allow it on https:// and localhost only.');
+  let stream;
+  try {
+    stream = await navigator.mediaDevices.getUserMedia({ audio: false, video: { width: { ideal: 640 }, height: { ideal: 480 }, facingMode: { ideal: 'environment' } } });
+  } catch (error) {
+    throw new Error(error.name === 'NotAllowedError' ? 'The camera was not allowed. Allow it in the address bar, then choose it again.' : `The camera cannot be used: ${error.message}`);
+  }
+  const video = silent();
+  video.srcObject = stream;
+  await video.play();
+  const width = video.videoWidth, height = video.videoHeight, grab = grabber(video, width, height);
+  let waiting = null, closed = false, seen = 0, missed = 0, total = 0, first = null;
+  const source = {
+    width, height, rate: stream.getVideoTracks()[0].getSettings().frameRate || 30, reader: 'the camera', live: true,
+    get missed() { return total; },
+    next: () => new Promise((yes, no) => { closed ? yes(null) : waiting = { yes, no }; }),
+    close() { closed = true; waiting?.yes(null); stream.getTracks().forEach(track => track.stop()); video.srcObject = null; },
+  };
+  stream.getVideoTracks()[0].addEventListener('ended', () => { closed = true; waiting?.yes(null); });
+  const arrived = (now, { presentedFrames, mediaTime }) => {
+    if (closed) return;
+    // Frames that nobody waited for count while it tracks, not while it is paused.
+    if (page.playing || page.busy) missed += Math.max(0, presentedFrames - seen - 1);
+    seen = presentedFrames;
+    if (waiting) {
+      const { yes, no } = waiting;
+      waiting = null;
+      first ??= mediaTime;
+      total += missed;
+      try { yes({ pixels: grab(), time: mediaTime - first, missed }); } catch (error) { no(error); }
+      missed = 0;
+    } else if (page.playing || page.busy) missed++;
+    video.requestVideoFrameCallback(arrived);
+  };
+  video.requestVideoFrameCallback(arrived);
+  return source;
+}
+
+// A video file, frame by frame: it is moved to the middle of the next frame each time, so that none is left out while the browser
+// plays. Where frames are of unequal length some may be: a gap in their times is counted.
+async function elementSource(file) {
+  const video = silent(), url = URL.createObjectURL(file);
+  const until = (event, start) => new Promise((yes, no) => {
+    const end = work => value => { video.removeEventListener(event, good); video.removeEventListener('error', bad); work(value); };
+    const good = end(yes), bad = end(() => no(new Error('the browser cannot decode it')));
+    video.addEventListener(event, good);
+    video.addEventListener('error', bad);
+    start();
+  });
+  const close = () => { video.removeAttribute('src'); video.load(); URL.revokeObjectURL(url); };
+  try { await until('loadeddata', () => { video.src = url; }); } catch (error) { close(); throw error; }
+  const width = video.videoWidth, height = video.videoHeight;
+  if (!width) { close(); throw new Error('no picture'); }
+  const grab = grabber(video, width, height);
+  // The time of the frame that is shown after a move; null where none came.
+  const move = to => new Promise((yes, no) => {
+    const handle = video.requestVideoFrameCallback((now, { mediaTime }) => { clearTimeout(late); yes(mediaTime); });
+    const late = setTimeout(() => { video.cancelVideoFrameCallback(handle); yes(null); }, 2000);
+    video.currentTime = to;
+  });
+  const start = await move(1e-4) ?? 0;
+  // The length of a frame: small moves until another one is shown.
+  let long = 0;
+  for (let t = start + 1 / 240; t < Math.min(start + 1, video.duration) && !long; t += 1 / 240) {
+    const shown = await move(t);
+    if (shown !== null && shown > start + 1e-4) long = shown - start;
+  }
+  long ||= 1 / 30;
+  let at = null, total = 0;
+  return {
+    width, height, rate: 1 / long, frames: Math.max(1, Math.round((video.duration - start) / long)), reader: 'the browser, frame by frame',
+    live: false, get missed() { return total; }, close,
+    async next() {
+      if (at === null) {
+        at = await move(start + long / 2) ?? start;
+        return { pixels: grab(), time: 0, missed: 0 };
+      }
+      const to = at + 1.5 * long;
+      if (to > video.duration + long / 2) return null;
+      const shown = await move(Math.min(to, video.duration));
+      if (shown === null || shown <= at + 1e-4) return null;
+      const missed = Math.max(0, Math.round((shown - at) / long) - 1);
+      total += missed;
+      at = shown;
+      return { pixels: grab(), time: at - start, missed };
+    },
+  };
+}
+
+// How many frames were not seen: said where it is not none.
+function tellMissed({ missed }) {
+  byId('missed').textContent = missed ? `${missed} ${missed === 1 ? 'frame was' : 'frames were'} not seen: the tracker was busy, or the browser left ${missed === 1 ? 'it' : 'them'} out.` : '';
+  byId('missed').hidden = !missed;
+}
