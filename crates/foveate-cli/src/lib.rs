@@ -43,6 +43,8 @@ enum Command {
     Serve(cmd::serve::Args),
     /// Draw a box in a browser, and get the command line that tracks it
     Pick(cmd::serve::PickArgs),
+    /// Cut a video into tiles at several resolutions, for trackers that read regions of large pictures
+    Tiles(cmd::tiles::Args),
     /// Make synthetic scenes
     Synth(cmd::synth::Args),
     /// Train a model
@@ -82,6 +84,7 @@ pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
         Command::Look(args) => cmd::look::run(args),
         Command::Serve(args) => cmd::serve::run(args),
         Command::Pick(args) => cmd::serve::run_pick(args),
+        Command::Tiles(args) => cmd::tiles::run(args),
         Command::Synth(args) => cmd::synth::run(args),
         Command::Train(args) => cmd::train::run(args),
         Command::Eval(args) => cmd::eval::run(args),

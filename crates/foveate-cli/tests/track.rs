@@ -289,3 +289,36 @@ fn a_box_outside_the_picture_is_no_result() {
     let top: f64 = last.split(',').nth(3).expect("the top edge").parse().expect("a number");
     assert!(!(-28.0..250.0).contains(&left) || !(-28.0..200.0).contains(&top), "{left}, {top}");
 }
+
+#[test]
+fn a_video_in_tiles_is_read_by_regions() {
+    let place = Place::new();
+    let run = |args: &[&str]| place.run(args);
+    assert!(run(&["tiles", "video", "--out", "tiles", "--side", "16", "--levels", "3"]).status.success());
+    assert_eq!(place.names("tiles").len(), FRAMES);
+    assert_eq!(place.names("tiles/000001"), ["0", "1", "2"]);
+    let truth = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
+    let first = truth.lines().next().expect("a line").replace('\t', ",");
+    let followed = run(&["track", "tiles", "--init", &first, "--config", "foveated", "--no-report", "-o", "o"]);
+    assert!(followed.status.success(), "{}", errors(&followed));
+    assert_eq!(place.names("o"), ["boxes.txt", "run.json", "track.csv"], "no film of tiles");
+    assert_eq!(place.lines("o/boxes.txt"), FRAMES);
+    let table = String::from_utf8(place.read("o/track.csv")).expect("text");
+    let rows: Vec<Vec<&str>> = table.lines().map(|line| line.split(',').collect()).collect();
+    let read = rows[0].iter().position(|name| *name == "share_read").expect("a column");
+    let shares: Vec<f64> = rows[2..].iter().map(|row| row[read].parse().expect("a number")).collect();
+    assert!(shares.iter().all(|share| *share > 0.0 && *share < 1.0), "{shares:?}");
+    for (args, words) in [
+        (&["--config", "natural"][..], "[sensor]"),
+        (&["--config", "foveated", "--scale", "0.3"], "0.5, 0.25"),
+        (&["--detect", "walkers"], "not tiles"),
+    ] {
+        let mut all = vec!["track", "tiles", "--init", &first, "-o", "p"];
+        all.extend_from_slice(args);
+        let output = run(&all);
+        assert!(!output.status.success() && errors(&output).contains(words), "{args:?}: {}", errors(&output));
+    }
+    assert!(errors(&run(&["tiles", "video", "--out", "tiles"])).contains("exists"));
+    assert!(!run(&["tiles", "nothing.mp4", "--out", "none"]).status.success());
+    assert!(!place.path("none").exists());
+}

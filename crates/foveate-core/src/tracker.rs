@@ -192,13 +192,26 @@ impl Tracker {
     /// A picture before the target is given, or before the first update after [`Tracker::load`]: detector and camera motion
     /// compare pictures, and see it; nothing is tracked.
     pub fn skip(&mut self, image: &Image) {
-        match &mut self.sensor {
-            Some(sensor) => {
-                sensor.begin(image).expect("a picture in memory can be read");
-                self.preprocessor.look(sensor.seen());
-            }
+        match &self.sensor {
+            Some(_) => self.skip_from(image).expect("a picture in memory can be read"),
             None => self.preprocessor.look(image),
         }
+    }
+
+    /// The same from a source that serves regions, for a configuration with `[sensor]`: its overview is read.
+    ///
+    /// # Errors
+    /// Where the configuration has no `[sensor]`, or the source cannot be read.
+    pub fn skip_from(&mut self, source: &dyn Regions) -> Result<()> {
+        let sensor = self.sensor.as_mut().ok_or_else(unsensed)?;
+        sensor.begin(source)?;
+        self.preprocessor.look(sensor.seen());
+        Ok(())
+    }
+
+    /// What was read of the last picture, painted into a picture of its own; `None` without `[sensor]`.
+    pub fn sensed(&self) -> Option<&Image> {
+        self.sensor.as_ref().map(Sensor::seen)
     }
 
     fn prepare(&mut self, image: &Image) -> Result<()> {

@@ -10,7 +10,7 @@ use foveate_base::{Error, Result};
 use foveate_video::{Frame, FrameSource};
 
 pub use multi::{MultiOutcome, MultiRun, follow_many};
-pub use single::{Outcome, SingleRun, follow, is_uncertain, touches, touching};
+pub use single::{Outcome, SingleRun, follow, follow_tiles, is_uncertain, touches, touching};
 
 /// Which frames of a source, and who is told of the time.
 pub struct Span<'a> {
@@ -58,7 +58,7 @@ impl Frames {
 /// What a runner does with frames.
 trait Follower {
     /// A frame before the span.
-    fn skip(&mut self, frame: &Frame);
+    fn skip(&mut self, frame: &Frame) -> Result<()>;
     /// A frame of the span: tracks, calls `spent`, and tells observers, whose time does not count.
     fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut()) -> Result<()>;
 }
@@ -73,7 +73,7 @@ fn each_frame(
     for frame in source {
         let frame = frame?;
         if frame.index < span.from {
-            follower.skip(&frame);
+            follower.skip(&frame)?;
             continue;
         }
         if frame.index > span.until {

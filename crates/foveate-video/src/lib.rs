@@ -44,4 +44,4 @@ pub use newest::{Meter, Pace, newest};
 pub use open::{open, open_with};
 pub use options::{Decoder, Options, Pixels, Raw};
 pub use select::{Selection, select};
-pub use tiles::{TileFolder, write_tiles};
+pub use tiles::{TileFolder, TileFrames, write_tiles};

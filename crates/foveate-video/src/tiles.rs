@@ -9,11 +9,13 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use crate::decode::decode_image;
-use crate::save_png;
+use crate::{Frame, FrameSource, SourceInfo, save_png};
 use foveate_base::{Error, Result, files};
 use foveate_core::scene::Image;
 use foveate_core::scene::sensor::{Regions, Window};
 
+/// Frames a second of a folder, which does not say.
+const RATE: f64 = 30.0;
 /// The most levels that are looked for.
 const LEVELS: usize = 16;
 
@@ -24,6 +26,8 @@ pub struct TileFolder {
     shape: [usize; 3],
     /// Tile sizes of the levels.
     tiles: Vec<(usize, usize)>,
+    /// So many times its sides are halved for those who read it.
+    halvings: usize,
 }
 
 /// One picture, read tile by tile; a tile is decoded once.
@@ -61,7 +65,28 @@ impl TileFolder {
             let tile = load(first, tiles.len(), (0, 0))?;
             tiles.push((tile.width(), tile.height()));
         }
-        Ok(Self { frames, shape, tiles })
+        Ok(Self { frames, shape, tiles, halvings: 0 })
+    }
+    /// The same frames with both sides halved so many times, at most 15: places are those of the smaller pictures, and no pixel
+    /// smaller than theirs is read.
+    pub fn halved(self, times: usize) -> Self {
+        Self { halvings: times.min(LEVELS - 1), ..self }
+    }
+    /// Width, height and planes of the pictures that are read.
+    fn served(&self) -> [usize; 3] {
+        let [width, height, planes] = self.shape;
+        [width.div_ceil(1 << self.halvings), height.div_ceil(1 << self.halvings), planes]
+    }
+    /// Whether this is a folder of frames in tiles.
+    pub fn is_at(path: impl AsRef<Path>) -> bool {
+        let folders = std::fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
+        folders.filter(|path| path.is_dir()).any(|frame| file(&frame, 0, (0, 0)).is_some())
+    }
+    /// Its frames in order, with number and time but pictures of one pixel: what is looked at comes from [`TileFolder::frame`].
+    pub fn frames(&self) -> TileFrames {
+        let [width, height, _] = self.served();
+        let reader = format!("tiles of {} x {} at {} resolutions", self.tiles[0].0, self.tiles[0].1, self.tiles.len());
+        TileFrames { next: 0, info: SourceInfo { width, height, frames: Some(self.len()), rate: RATE, reader } }
     }
     /// How many frames it has.
     pub fn len(&self) -> usize {
@@ -77,13 +102,40 @@ impl TileFolder {
     }
 }
 
+/// What [`TileFolder::frames`] gives.
+#[derive(Clone, Debug)]
+pub struct TileFrames {
+    next: usize,
+    info: SourceInfo,
+}
+
+impl Iterator for TileFrames {
+    type Item = Result<Frame>;
+    fn next(&mut self) -> Option<Self::Item> {
+        let index = self.next;
+        self.info.frames.is_some_and(|n| index < n).then(|| {
+            self.next += 1;
+            Ok(Frame { index, time: index as f64 / RATE, image: Image::grey(1, 1, 0) })
+        })
+    }
+}
+
+impl FrameSource for TileFrames {
+    fn info(&self) -> &SourceInfo {
+        &self.info
+    }
+}
+
 impl Regions for Tiles<'_> {
     fn shape(&self) -> [usize; 3] {
-        self.folder.shape
+        self.folder.served()
     }
     /// From the coarsest level whose pixels are no larger than the bins. All values of a tile that was not decoded before count.
     fn read(&self, window: Window, out: &mut [u8]) -> Result<usize> {
         let [width, height, planes] = self.folder.shape;
+        let halvings = self.folder.halvings;
+        let bin = (window.bin.0 << halvings, window.bin.1 << halvings);
+        let window = Window { x: window.x << halvings, y: window.y << halvings, bin, ..window };
         let (right, bottom) = window.end((width, height));
         let least = window.bin.0.min(window.bin.1);
         let level = (0..self.folder.tiles.len()).rev().find(|l| 1 << l <= least).unwrap_or(0);
@@ -177,6 +229,26 @@ mod tests {
     fn picture(w: usize, h: usize) -> Image {
         let value = |i: usize| (i * 37 + i * i / 1013) as u8;
         Image::new(w, h, 3, (0..w * h * 3).map(value).collect()).expect("three planes")
+    }
+
+    #[test]
+    fn halved_tiles_are_those_of_the_halved_picture() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let image = picture(210, 130);
+        write_tiles(dir.path().join("1"), &image, 32, 3).expect("written");
+        let folder = TileFolder::open(dir.path()).expect("tiles");
+        let halved = folder.clone().halved(1);
+        let (tiles, halved) = (folder.frame(0).expect("a frame"), halved.frame(0).expect("a frame"));
+        assert_eq!(halved.shape(), [105, 65, 3]);
+        foveate_core::conformance::regions(&halved);
+        let read = |of: &Tiles<'_>, x, y, bin| {
+            let mut out = vec![0; 3 * 20 * 11];
+            of.read(Window { x, y, columns: 20, rows: 11, bin: (bin, bin) }, &mut out).expect("read");
+            out
+        };
+        for (x, y, bin) in [(0, 0, 1), (40, 30, 1), (65, 43, 2)] {
+            assert_eq!(read(&halved, x, y, bin), read(&tiles, 2 * x, 2 * y, 2 * bin), "{x}, {y}, {bin}");
+        }
     }
 
     /// Where bins are powers of two and windows lie on their grid, tiles give what the whole picture gives, to half a grey level a

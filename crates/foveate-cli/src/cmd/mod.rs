@@ -12,6 +12,7 @@ pub mod reproduce;
 mod results;
 pub mod serve;
 pub mod synth;
+pub mod tiles;
 pub mod track;
 pub mod train;
 pub mod trax;

@@ -8,7 +8,7 @@ use foveate::files::Folder;
 use foveate::geometry::BBox;
 use foveate::lab::eval::policy_set;
 use foveate::report::SurfacePicture;
-use foveate::report::run::{SingleRun, Span, follow};
+use foveate::report::run::{SingleRun, Span, follow, follow_tiles};
 use foveate::video::Frame;
 use foveate::{Error, Result, files};
 
@@ -49,7 +49,7 @@ status lost.";
 #[derive(clap::Args)]
 #[command(after_long_help = FILES)]
 pub struct Args {
-    /// A video file, or a folder of images; - or a fifo for yuv4mpeg from a pipe; rtsp://, http://, https:// or /dev/video0 for a
+    /// A video file, or a folder of images, or of tiles (foveate tiles); - or a fifo for yuv4mpeg from a pipe; rtsp://, http://, https:// or /dev/video0 for a
     /// stream or camera (through the program ffmpeg). Of several videos each has a folder in --out: finished ones are passed over,
     /// the first box of VIDEO.mp4 is in VIDEO.txt, index.html has the worst first, failures.txt those that failed
     #[arg(required = true, value_name = "SOURCE")]
@@ -212,7 +212,14 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     info.truth = known_truth(&args.source).iter().map(|bbox| args.input.scaled(bbox)).collect();
     info.shadow = shadow;
     let endless = opened.endless;
-    let (video, report) = (!args.no_video && !endless, !args.no_report);
+    let tiles = opened.tiles.clone();
+    if tiles.is_some() && blueprint.config().sensor.is_none() {
+        let source = args.source.display();
+        return Err(Error::Config(format!(
+            "{source}: pictures in tiles are for a configuration with [sensor], such as --config foveated; {config_name} reads whole pictures"
+        )));
+    }
+    let (video, report) = (!args.no_video && !endless && tiles.is_none(), !args.no_report);
     let (trace, regret) = (args.trace, args.regret);
     let surface = report && SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
     let outputs = Outputs { video, report, surface, trace, regret, endless };
@@ -232,7 +239,10 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let (stop, clock) = (&terminal::stopping, info.clock.clone());
     let span = Span { from: frames.from, until: frames.until, stop, clock, endless, progress: Some(&mut progress) };
     let run = SingleRun { init, again: &again, span };
-    let (outcome, result) = follow(&mut *source, &mut tracker, &mut observers, run);
+    let (outcome, result) = match &tiles {
+        Some(tiles) => follow_tiles(tiles, &mut *source, &mut tracker, &mut observers, run),
+        None => follow(&mut *source, &mut tracker, &mut observers, run),
+    };
     bar.finish_and_clear();
     drop(observers);
     // It stops reading, and ends its ffmpeg.

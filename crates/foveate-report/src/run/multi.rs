@@ -70,8 +70,9 @@ pub fn follow_many(
 }
 
 impl Follower for Multi<'_> {
-    fn skip(&mut self, frame: &Frame) {
+    fn skip(&mut self, frame: &Frame) -> Result<()> {
         self.tracker.skip(&frame.image);
+        Ok(())
     }
     fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut()) -> Result<()> {
         let (began, o) = (Instant::now(), &mut self.outcome);

@@ -7,7 +7,7 @@ use foveate_core::control::TrackConfidence;
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 use foveate_core::{Status, Tracker};
-use foveate_video::{Frame, FrameSource};
+use foveate_video::{Frame, FrameSource, TileFolder};
 
 /// What to follow.
 #[derive(Default)]
@@ -79,6 +79,7 @@ pub fn touching(b: &BBox, image: &Image) -> BBox {
 struct Single<'a> {
     tracker: &'a mut Tracker,
     observer: &'a mut dyn Observer,
+    tiles: Option<&'a TileFolder>,
     init: Option<BBox>,
     again: &'a [(usize, BBox)],
     endless: bool,
@@ -92,37 +93,75 @@ pub fn follow(
     source: &mut dyn FrameSource,
     tracker: &mut Tracker,
     observer: &mut dyn Observer,
+    run: SingleRun<'_>,
+) -> (Outcome, Result<()>) {
+    through(source, None, tracker, observer, run)
+}
+
+/// The same through frames in tiles, of which only those are decoded that the tracker looks at; it needs a configuration with
+/// `[sensor]`. `source` are the frames' numbers: [`TileFolder::frames`]. Observers get what was read, painted into a picture of
+/// its own.
+pub fn follow_tiles(
+    tiles: &TileFolder,
+    source: &mut dyn FrameSource,
+    tracker: &mut Tracker,
+    observer: &mut dyn Observer,
+    run: SingleRun<'_>,
+) -> (Outcome, Result<()>) {
+    through(source, Some(tiles), tracker, observer, run)
+}
+
+fn through(
+    source: &mut dyn FrameSource,
+    tiles: Option<&TileFolder>,
+    tracker: &mut Tracker,
+    observer: &mut dyn Observer,
     SingleRun { init, again, span }: SingleRun<'_>,
 ) -> (Outcome, Result<()>) {
     let mut frames = Frames::default();
-    let mut single = Single { tracker, observer, init, again, endless: span.endless, outcome: Outcome::default() };
+    let (endless, outcome) = (span.endless, Outcome::default());
+    let mut single = Single { tracker, observer, tiles, init, again, endless, outcome };
     let result = each_frame(source, &mut single, span, &mut frames);
     let finished = single.observer.finish();
     (Outcome { frames, ..single.outcome }, result.and(finished))
 }
 
 impl Follower for Single<'_> {
-    fn skip(&mut self, frame: &Frame) {
-        self.tracker.skip(&frame.image);
+    fn skip(&mut self, frame: &Frame) -> Result<()> {
+        match self.tiles.and_then(|tiles| tiles.frame(frame.index)) {
+            Some(tiles) => self.tracker.skip_from(&tiles)?,
+            None => self.tracker.skip(&frame.image),
+        }
+        Ok(())
     }
     fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut()) -> Result<()> {
+        let tiles = self.tiles.and_then(|tiles| tiles.frame(frame.index));
         let given = self.again.iter().find(|(at, _)| *at == frame.index).map(|(_, bbox)| *bbox);
         if let Some(bbox) = given.or(self.init.take()) {
-            self.tracker.init(&frame.image, bbox)?;
+            match &tiles {
+                Some(tiles) => self.tracker.init_from(tiles, bbox)?,
+                None => self.tracker.init(&frame.image, bbox)?,
+            }
             spent();
             if !self.endless {
                 self.outcome.boxes.push(bbox);
             }
             self.outcome.last = Some(bbox);
-            return self.observer.start(frame, &bbox);
+            let shown = tiles.and(self.tracker.sensed()).map(|seen| of(frame, seen));
+            return self.observer.start(shown.as_ref().unwrap_or(frame), &bbox);
         }
         if !self.tracker.has_target() {
             return Err(Error::Invalid(
                 "the tracker has no target: give --init, or a state saved after a start".into(),
             ));
         }
-        let seen = self.tracker.update(&frame.image)?;
+        let seen = match &tiles {
+            Some(tiles) => self.tracker.update_from(tiles)?,
+            None => self.tracker.update(&frame.image)?,
+        };
         spent();
+        let shown = tiles.map(|_| of(frame, seen.step.image));
+        let frame = shown.as_ref().unwrap_or(frame);
         if !self.endless {
             self.outcome.boxes.push(touching(&seen.bbox, &frame.image));
         }
@@ -138,6 +177,11 @@ impl Follower for Single<'_> {
         o.class_name = o.class.and_then(|(class, _)| seen.step.class_names.get(class).cloned());
         self.observer.observe(frame, &seen.step)
     }
+}
+
+/// A frame with another picture.
+fn of(frame: &Frame, image: &Image) -> Frame {
+    Frame { index: frame.index, time: frame.time, image: image.clone() }
 }
 
 #[cfg(test)]

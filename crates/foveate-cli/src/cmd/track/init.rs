@@ -4,7 +4,7 @@ use std::path::Path;
 
 use foveate::geometry::BBox;
 use foveate::scene::motion;
-use foveate::video::{SourceInfo, annotation};
+use foveate::video::{SourceInfo, TileFolder, annotation};
 use foveate::{Error, Result};
 
 use super::source::{SourceArgs, is_endless};
@@ -71,6 +71,12 @@ pub fn first_box(source: &Path, init: Option<Init>, input: &SourceArgs) -> Resul
 
 /// The box of what moves between the first two frames.
 fn moving(source: &Path, size: Option<(f64, f64)>, input: &SourceArgs) -> Result<BBox> {
+    if TileFolder::is_at(source) {
+        let source = source.display();
+        return Err(Error::Invalid(format!(
+            "{source}: --init motion needs whole pictures, not tiles; give --init x,y,w,h"
+        )));
+    }
     if is_endless(source) {
         let source = source.display();
         return Err(Error::Invalid(format!(

@@ -100,6 +100,10 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let seed = args.seed.unwrap_or(blueprint.config().seed);
     let mut many = blueprint.multi_tracker(seed)?;
     let opened = args.input.open(&args.source)?;
+    if opened.tiles.is_some() {
+        let source = args.source.display();
+        return Err(Error::Invalid(format!("{source}: many targets and detectors need whole pictures, not tiles")));
+    }
     let (about, endless) = (opened.source.info().clone(), opened.endless);
     let frames = Frames::new(0, args.until, &about)?;
     let given = given(args, &about)?;

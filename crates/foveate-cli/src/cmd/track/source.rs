@@ -8,8 +8,8 @@ use std::time::Duration;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use foveate::geometry::BBox;
 use foveate::video::{
-    Decoder, FrameSource, Live, LiveOptions, Meter, Options, Pace, Pixels, Raw, Selection, SourceInfo, ahead_until,
-    is_live, newest, open_with, select,
+    Decoder, FrameSource, Live, LiveOptions, Meter, Options, Pace, Pixels, Raw, Selection, SourceInfo, TileFolder,
+    ahead_until, is_live, newest, open_with, select,
 };
 use foveate::{Error, Result};
 
@@ -80,6 +80,8 @@ pub struct Opened {
     pub source: Box<dyn FrameSource>,
     /// Whether its end is not known.
     pub endless: bool,
+    /// Where the pictures are in tiles: then the source has their numbers only.
+    pub tiles: Option<TileFolder>,
     pace: Pace,
     reconnected: Option<Arc<AtomicU64>>,
 }
@@ -130,8 +132,16 @@ impl SourceArgs {
         if live && self.raw.is_some() {
             return Err(wrong("--raw is for files and pipes; leave it out"));
         }
+        let tiles = TileFolder::is_at(path).then(|| TileFolder::open(path)).transpose()?;
+        let halvings = -self.scale.log2();
+        if tiles.is_some() && halvings.fract() != 0.0 {
+            return Err(wrong("of tiles --scale may be 0.5, 0.25, 0.125 and so on"));
+        }
+        let tiles = tiles.map(|tiles| tiles.halved(halvings as usize));
         let max_latency = self.max_latency.map(Duration::from_millis);
-        let (source, reconnected): (Box<dyn FrameSource>, _) = if live {
+        let (source, reconnected): (Box<dyn FrameSource>, _) = if let Some(tiles) = &tiles {
+            (Box::new(tiles.frames()), None)
+        } else if live {
             let reconnect = Duration::from_secs(self.reconnect);
             let options = LiveOptions { listen: self.listen, reconnect, ..LiveOptions::default() };
             let source = Live::open(path, options)?;
@@ -141,9 +151,11 @@ impl SourceArgs {
             (open_with(path, &self.options())?, None)
         };
         let pace = Pace { every_frame: self.every_frame || (!live && max_latency.is_none()), max_latency };
-        let source = select(source, self.selection());
+        // Tiles come in their scale.
+        let scale = if tiles.is_some() { 1.0 } else { self.scale };
+        let source = select(source, Selection { scale, ..self.selection() });
         self.check_from(source.info())?;
-        Ok(Opened { source, endless, pace, reconnected })
+        Ok(Opened { source, endless, tiles, pace, reconnected })
     }
 
     fn check_from(&self, about: &SourceInfo) -> Result<()> {
