@@ -27,6 +27,10 @@ struct Cli {
     /// Threads to use, 0 for all processors; results do not depend on it
     #[arg(long, global = true, default_value_t = 0, value_name = "N", hide_default_value = true)]
     threads: usize,
+    /// Memory that pictures, targets and settings may ask for, such as 512M or 6G; more is an error before it is taken. Left out, a
+    /// quarter of the machine's
+    #[arg(long, global = true, value_name = "SIZE", value_parser = foveate::memory::parse)]
+    max_memory: Option<u64>,
     #[command(subcommand)]
     command: Command,
 }
@@ -68,6 +72,7 @@ enum Command {
 pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
     invocation::set(&arguments, program);
     let cli = Cli::parse_from(arguments);
+    foveate::memory::set_limit(cli.max_memory.unwrap_or(0));
     // A decoder's panic is told as an error of its file, once.
     let told = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |info| {

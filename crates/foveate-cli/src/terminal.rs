@@ -2,6 +2,7 @@
 
 use std::io::{ErrorKind, Write};
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -47,11 +48,20 @@ pub fn catch_interrupts() {
     }
 }
 
+/// What is to be told when it is asked to stop.
+static TOLD: Mutex<Vec<Arc<AtomicBool>>> = Mutex::new(Vec::new());
+
+/// Sets a flag when it is asked to stop.
+pub fn tell_stop(flag: Arc<AtomicBool>) {
+    TOLD.lock().unwrap_or_else(PoisonError::into_inner).push(flag);
+}
+
 /// Asked to stop by a signal of this number.
 fn asked(signal: i32) {
     if STOP.swap(128 + signal, Ordering::SeqCst) != 0 {
         std::process::exit(128 + signal);
     }
+    TOLD.lock().unwrap_or_else(PoisonError::into_inner).iter().for_each(|flag| flag.store(true, Ordering::SeqCst));
     note(format_args!("\nfoveate: stopping in good order; press Ctrl-C again to end at once\n"));
 }
 

@@ -7,7 +7,7 @@ use crate::decoded::{DecodeError, Decoded};
 use crate::sps;
 use crate::sps::Sps;
 use crate::yuv::Yuv;
-use foveate_base::quiet;
+use foveate_base::{memory, quiet};
 
 /// What the decoders need to know before the first frame.
 #[derive(Clone, Debug)]
@@ -41,9 +41,17 @@ impl Setup {
         };
         let (parameters, prefix) =
             parse().ok_or_else(|| DecodeError::damaged("its decoder configuration (box \"avcC\") is cut off"))?;
-        let sps = parameters.iter().find(|nal| nal.first().is_some_and(|head| head & 31 == 7));
-        let sps = sps.and_then(|nal| sps::parse(nal));
+        let mut sps = None;
+        for set in parameters.iter().filter(|nal| is_sequence_set(nal)) {
+            let parsed = check_size(set)?;
+            sps = sps.or(Some(parsed));
+        }
         Ok(Self { parameters, prefix, sps })
+    }
+
+    /// Fails where a frame changes the size of pictures to one that is too large.
+    fn check(units: &[&[u8]]) -> Decoded<()> {
+        units.iter().filter(|unit| is_sequence_set(unit)).try_for_each(|set| check_size(set).map(drop))
     }
 
     /// Whether a frame needs no other before it (an IDR picture).
@@ -80,6 +88,21 @@ impl Setup {
         }
         Ok(units)
     }
+}
+
+fn is_sequence_set(nal: &[u8]) -> bool {
+    nal.first().is_some_and(|head| head & 31 == 7)
+}
+
+/// What a sequence parameter set says. Its size may be anything, and the decoders take their memory by it: a picture, and up to
+/// sixteen that others refer to.
+fn check_size(set: &[u8]) -> Decoded<Sps> {
+    let unread = || DecodeError::Unsupported("settings (a sequence parameter set) that cannot be read".into());
+    let sps = sps::parse(set).ok_or_else(unread)?;
+    let what = format!("H.264 video of {} x {} pixels", sps.width, sps.height);
+    memory::check(what, 2 * memory::of_picture(sps.width, sps.height))
+        .map_err(|error| DecodeError::Damaged(error.to_string()))?;
+    Ok(sps)
 }
 
 /// A decoder in mid-stream.
@@ -126,6 +149,7 @@ impl Decoder {
     /// After an error the decoder is of no more use.
     pub fn decode(&mut self, setup: &Setup, frame: &[u8]) -> Decoded<Option<Yuv>> {
         let units = setup.units(frame)?;
+        Setup::check(&units)?;
         let coded = units.iter().any(|unit| matches!(unit[0] & 31, 1..=5));
         let picture = match self {
             Self::Rusty(_) => self.feed(&annex_b(units.into_iter()))?,

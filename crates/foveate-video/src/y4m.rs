@@ -140,6 +140,7 @@ fn parse(line: &[u8]) -> Result<Head, String> {
             text.escape_debug()
         ));
     }
+    foveate_base::memory::check_picture(width, height).map_err(|error| error.to_string())?;
     let unknown = || {
         let known = "420, 422, 444 and mono, of 8 to 16 bits";
         format!("expected colours of the kinds {known}, found \"C{}\"; {TODO}", colour.escape_debug())

@@ -16,6 +16,7 @@ use foveate::{Error, Result};
 use super::configure::{Changes, policy_kind, read};
 use super::results::Results;
 use super::track::outputs::{Outputs, run_info};
+use super::track::spared::Lost;
 use crate::terminal;
 
 /// A centre farther off than this, in pixels, is off the digit: half its side.
@@ -59,7 +60,8 @@ pub fn run(args: Args) -> Result<()> {
     let outputs = Outputs { video: true, report: true, surface, trace: args.trace, regret: false, endless: false };
     terminal::catch_interrupts();
     let results = Results::begin(&args.out, &outputs.names(), &[args.config.as_ref()])?;
-    let mut observers = outputs.observers(results.folder(), &info)?;
+    let lost = Lost::default();
+    let mut observers = outputs.observers(results.folder(), &info, &lost)?;
 
     let began = Instant::now();
     let bar = terminal::progress(source.info().frames, "demo");
@@ -70,7 +72,7 @@ pub fn run(args: Args) -> Result<()> {
     let (outcome, result) = follow(&mut source, &mut tracker, &mut observers, run);
     bar.finish_and_clear();
     drop(observers);
-    result?;
+    result.and(lost.check())?;
     if outcome.tracked == 0 {
         let out = args.out.display();
         return Err(Error::Invalid(format!(

@@ -18,12 +18,14 @@ use crate::terminal;
 use init::{Frames, Init, check_again, check_box, first_box, known_truth, parse_again, parse_init};
 use outputs::{Outputs, Told, tell};
 use source::{SourceArgs, Started, StreamTo, parse_stream};
+use spared::Lost;
 
 mod batch;
 pub mod init;
 mod multi;
 pub mod outputs;
 pub mod source;
+pub mod spared;
 
 pub use outputs::run_info;
 
@@ -217,8 +219,8 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let surface = report && SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
     let outputs = Outputs { video, report, surface, trace, regret, endless };
     terminal::catch_interrupts();
-    let results = args.results(&outputs.names(), endless)?;
-    let mut observers = outputs.observers(results.folder(), &info)?;
+    let (mut results, lost) = (args.results(&outputs.names(), endless)?, Lost::default());
+    let mut observers = outputs.observers(results.folder(), &info, &lost)?;
     let (began, Started { mut source, counts }) = (Instant::now(), opened.start());
     if let Some(stream) = &args.stream {
         observers.insert(0, Box::new(stream.observer(counts.meter.clone())?));
@@ -240,7 +242,8 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     counts.note();
     let whole = result.is_ok() && !outcome.frames.stopped;
     let tracked = outcome.tracked > 0 || (whole && outcome.frames.count > 0);
-    let kept = results.keep_if(tracked);
+    let some = results.leave_out(&lost.names());
+    let kept = results.keep_if(tracked && some).and_then(|kept| lost.check().map(|()| kept));
     let saved = match &args.save_state {
         Some(path) if tracked => SavedState::write(path, &blueprint, seed, next_frame, tracker.save()),
         _ => Ok(()),

@@ -15,11 +15,12 @@ use foveate::report::{
 use foveate::scene::{Cuts, Detection, Detector, Image, StillCamera};
 use foveate::video::mot::{TrackBox, Tracks};
 use foveate::video::{Frame, Selection, SourceInfo, ahead};
-use foveate::{BBox, Error, Result};
+use foveate::{BBox, Error, MultiTracker, Result};
 
 use super::init::{Frames, check_box, first_box};
 use super::outputs::{FIRST, run_info, tell_files};
 use super::source::{SourceArgs, Started, is_endless};
+use super::spared::Lost;
 use super::{Args, Tally, check_written, ended};
 use crate::terminal;
 
@@ -103,13 +104,15 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let (about, endless) = (opened.source.info().clone(), opened.endless);
     let frames = Frames::new(0, args.until, &about)?;
     let given = given(args, &about)?;
+    room(&many, &given, &about)?;
     let mut detections = Detections::of(args, frames, given.is_empty(), detector.needs_still_camera())?;
     check_written(args.many.save_detections.as_deref(), &args.out)?;
     let info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
     terminal::catch_interrupts();
+    terminal::tell_stop(many.stopper());
     detections.warnings = info.warnings.clone();
-    let results = args.results(&names(args, endless), endless)?;
-    let mut observers = observers(args, results.folder(), &info, endless)?;
+    let (mut results, lost) = (args.results(&names(args, endless), endless)?, Lost::default());
+    let mut observers = observers(args, results.folder(), &info, endless, &lost)?;
     let (began, Started { mut source, counts }) = (Instant::now(), opened.start());
     if let Some(stream) = &args.stream {
         observers.insert(0, Box::new(stream.observer(counts.meter.clone())?));
@@ -127,11 +130,15 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     counts.note();
     let whole = result.is_ok() && !outcome.frames.stopped;
     let tracked = outcome.frames.count > 1 || (whole && outcome.frames.count > 0);
-    let kept = results.keep_if(tracked);
+    let some = results.leave_out(&lost.names());
+    let kept = results.keep_if(tracked && some).and_then(|kept| lost.check().map(|()| kept));
     let saved = if tracked { detections.save(&args.many) } else { Ok(()) };
     let files = kept.as_ref().map_or(&[][..], Vec::as_slice);
     let error = [result.as_ref().err(), kept.as_ref().err(), saved.as_ref().err()].into_iter().flatten().next();
     let error = error.map(ToString::to_string);
+    if many.is_full() {
+        info.warnings.add(FULL.into());
+    }
     let (detects, warnings) = (matches!(detector, Source::Ours(..)), info.warnings.all());
     let (detector, total) = (detector.to_string(), began.elapsed());
     tell(args, &outcome, &Told { files, detector, detects, seed, total, warnings, error });
@@ -241,6 +248,15 @@ fn given(args: &Args, about: &SourceInfo) -> Result<Vec<(usize, Option<u64>, BBo
     Ok(given)
 }
 
+/// Fails where so many first boxes take more memory than there may be.
+fn room(many: &MultiTracker, given: &[(usize, Option<u64>, BBox)], about: &SourceInfo) -> Result<()> {
+    if given.is_empty() {
+        return Ok(());
+    }
+    let side = |of: fn(&BBox) -> f64| given.iter().map(|(_, _, bbox)| of(bbox)).sum::<f64>() / given.len() as f64;
+    many.check_room(given.len(), &BBox::new(0.0, 0.0, side(|b| b.w), side(|b| b.h)), (about.width, about.height))
+}
+
 /// What the program itself detects, and what came of it.
 struct Detections {
     kind: Option<DetectorConfig>,
@@ -326,6 +342,10 @@ impl Detections {
 const MOVING: &str = "The camera moves: this detector finds what differs from a background that stands still, so boxes may be of \
                       nobody and targets may be missed. Give a detector's boxes with --detections, or take --detect flow.";
 
+/// What is said where memory kept tracks from being started.
+const FULL: &str =
+    "There were more targets than memory allows: some detections started no track. Allow more with --max-memory.";
+
 type Observers = Vec<Box<dyn MultiObserver>>;
 
 /// The names of the files that a run makes.
@@ -336,20 +356,26 @@ fn names(args: &Args, endless: bool) -> Vec<&'static str> {
 }
 
 /// The observers that write them.
-fn observers(args: &Args, folder: &Path, info: &RunInfo, endless: bool) -> Result<Observers> {
+fn observers(args: &Args, folder: &Path, info: &RunInfo, endless: bool, lost: &Lost) -> Result<Observers> {
     let at = |name: &str| folder.join(name);
     let (file, table) = match endless {
         true => (MotFile::grow(at("tracks.txt"))?, TracksTable::grow(at("tracks.csv"))?),
         false => (MotFile::create(at("tracks.txt"))?, TracksTable::create(at("tracks.csv"))?),
     };
     let targets = TargetsTable::create(at("targets.csv"))?;
-    let mut observers: Observers = vec![Box::new(file), Box::new(table), Box::new(targets)];
+    let mut observers: Observers = vec![
+        Box::new(lost.spare(&["tracks.txt"], file)),
+        Box::new(lost.spare(&["tracks.csv"], table)),
+        Box::new(lost.spare(&["targets.csv"], targets)),
+    ];
     if !args.no_video && !endless {
-        observers.push(Box::new(MultiFilm::create(at("annotated.mp4"), info)?));
+        let film = MultiFilm::create(at("annotated.mp4"), info)?;
+        observers.push(Box::new(lost.spare(&["annotated.mp4"], film)));
     }
     if !args.no_report {
         let report = MultiReport::create(at("report.html"), info.clone())?;
-        observers.push(if endless { Box::new(Limited::new(report, FIRST)) } else { Box::new(report) });
+        let most = if endless { FIRST } else { usize::MAX };
+        observers.push(Box::new(lost.spare(&["report.html"], Limited::new(report, most))));
     }
     Ok(observers)
 }
