@@ -11,6 +11,11 @@ macro_rules! say {
     ($($words:tt)*) => { $crate::terminal::put(format_args!("{}\n", format_args!($($words)*))) };
 }
 
+/// A line on standard error, where that can be written: `eprintln!` panics where it cannot, on a full device.
+macro_rules! note {
+    ($($words:tt)*) => { $crate::terminal::note(format_args!("{}\n", format_args!($($words)*))) };
+}
+
 static OUTPUT_TAKEN: AtomicBool = AtomicBool::new(false);
 
 /// From now on standard output is for the lines of `--stream`; what is said goes to standard error.
@@ -33,7 +38,7 @@ pub fn put(text: std::fmt::Arguments<'_>) {
 }
 
 /// Writes to standard error, where that can be written.
-fn note(text: std::fmt::Arguments<'_>) {
+pub fn note(text: std::fmt::Arguments<'_>) {
     let _ = std::io::stderr().write_fmt(text);
 }
 

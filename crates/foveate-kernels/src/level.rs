@@ -1,6 +1,6 @@
 //! What the processor can do, found once, and the macro that compiles a function for each level.
 
-use std::sync::LazyLock;
+use std::sync::{LazyLock, OnceLock};
 
 /// Vector instructions the kernels are compiled for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -24,7 +24,13 @@ pub(crate) const AVX512: u8 = 2;
 /// What it may use where nothing is asked of the processor.
 pub(crate) const BASE: u8 = if cfg!(any(target_arch = "aarch64", target_feature = "fma")) { FUSED } else { 0 };
 
-static BEST: LazyLock<Level> = LazyLock::new(|| {
+/// The highest level that may be taken, where one was asked for.
+static MOST: OnceLock<Level> = OnceLock::new();
+
+static BEST: LazyLock<Level> = LazyLock::new(|| machine().min(MOST.get().copied().unwrap_or(Level::Avx512Bf16)));
+
+/// What the processor has.
+fn machine() -> Level {
     #[cfg(target_arch = "x86_64")]
     {
         use std::is_x86_feature_detected as has;
@@ -39,10 +45,20 @@ static BEST: LazyLock<Level> = LazyLock::new(|| {
     }
     #[cfg(not(target_arch = "x86_64"))]
     Level::Portable
-});
+}
 
 impl Level {
-    /// The highest level this processor has.
+    /// Those that may be asked for, by name.
+    pub const ALL: [(&'static str, Self); 3] =
+        [("portable", Self::Portable), ("avx2", Self::Avx2), ("avx512", Self::Avx512)];
+
+    /// Takes no higher level than this one in the whole process, from the first kernel on. False where the processor has not even
+    /// this one, or a higher one was taken before.
+    pub fn at_most(self) -> bool {
+        self <= machine() && *MOST.get_or_init(|| self) == self && Self::best() <= self
+    }
+
+    /// The highest level this processor has, or that was asked for.
     #[inline]
     pub fn best() -> Self {
         *BEST

@@ -2,9 +2,12 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
+use foveate::BBox;
+use foveate::config::{Blueprint, Config};
+use foveate::files::Nowhere;
 use foveate::scene::Image;
-use foveate::{BBox, MultiTracker};
 
 static LIVE: AtomicUsize = AtomicUsize::new(0);
 
@@ -34,30 +37,59 @@ fn picture(t: usize) -> Image {
     Image::new(SIZE.0, SIZE.1, 3, (0..3 * SIZE.0 * SIZE.1).map(|k| pixel(k).wrapping_mul(3)).collect()).expect("whole")
 }
 
-/// Bytes of each of `n` targets of 24 × 48 pixels after a few frames.
-fn each(config: &str, n: usize) -> usize {
-    let mut many = MultiTracker::new(config).expect("it ships");
-    let pictures: Vec<Image> = (0..5).map(picture).collect();
+/// Where the i-th target is: all over the picture, or each over each.
+fn place(i: usize, spread: bool) -> BBox {
+    let (x, y) = if spread { ((i * 37 % 610) as f64, (i * 53 % 430) as f64) } else { (300.0, 200.0) };
+    BBox::new(x, y, 24.0, 48.0)
+}
+
+/// Bytes of `n` targets of 24 × 48 pixels after some frames, and the time of a frame; targets that are lost stay.
+fn run(config: &str, n: usize, spread: bool, frames: usize) -> (usize, Duration) {
+    let mut many = blueprint(config).multi_tracker(1).expect("a configuration of many targets");
+    let pictures: Vec<Image> = (0..=frames).map(picture).collect();
     many.update(&pictures[0], &[]).expect("a picture");
     let before = LIVE.load(Ordering::Relaxed);
     for i in 0..n {
-        let (x, y) = ((i % 20) as f64 * 30.0 + 5.0, (i / 20 % 10) as f64 * 40.0 + 3.0);
-        many.add(&pictures[0], None, BBox::new(x, y, 24.0, 48.0)).expect("a box");
+        many.add(&pictures[0], None, place(i, spread)).expect("a box");
     }
-    let began = std::time::Instant::now();
+    let began = Instant::now();
     for picture in &pictures[1..] {
         many.update(picture, &[]).expect("a picture");
     }
-    println!("{config}: {n} targets, {:.1} ms a frame", began.elapsed().as_secs_f64() * 1e3 / 4.0);
-    let left = many.targets().len().max(1);
-    (LIVE.load(Ordering::Relaxed) - before) / left
+    assert!(many.targets().len() == n && !many.is_full());
+    (LIVE.load(Ordering::Relaxed) - before, began.elapsed() / frames as u32)
 }
 
+fn blueprint(config: &str) -> Blueprint {
+    let config = Config::builtin(config).expect("it ships").expect("it is right");
+    let mut settings = config.multi_target.unwrap_or_default();
+    (settings.termination.lost, settings.termination.inside) = (1_000_000, 0.0);
+    Config { multi_target: Some(settings), ..config }.check(&Nowhere).expect("parts that fit")
+}
+
+/// What a target takes is what was told, beside its template of up to 150 kB; and that is little.
 #[test]
-fn a_target_takes_little() {
-    for config in ["multi-boxes", "multi", "multi-motion", "natural"] {
-        for n in [10, 100] {
-            println!("{config} {n}: {} kB each", each(config, n) / 1000);
+fn a_target_takes_what_was_told() {
+    for (config, most) in [("multi", 60_000), ("multi-motion", 250_000), ("multi-boxes", 600_000)] {
+        let told = blueprint(config).memory_of_target() as usize;
+        let each = (run(config, 60, true, 3).0 - run(config, 20, true, 3).0) / 40;
+        println!("{config}: {each} bytes a target, {told} told");
+        assert!(told <= most && each <= told + 150_000 && each >= told / 3, "{config}: {each}, told {told}, {most}");
+    }
+}
+
+/// `cargo test --release -p foveate --features lab --test memory -- --ignored --nocapture`
+#[test]
+#[ignore = "takes minutes"]
+fn cost_of_many_targets() {
+    println!("| configuration | targets | kB a target | ms a frame | ms a frame, each over each |");
+    for config in ["multi", "multi-boxes"] {
+        for n in [10, 100, 1000] {
+            let ((bytes, apart), (_, together)) = (run(config, n, true, 3), run(config, n, false, 3));
+            let ms = |time: Duration| 1e3 * time.as_secs_f64();
+            println!("| `{config}` | {n} | {} | {:.0} | {:.0} |", bytes / n / 1000, ms(apart), ms(together));
         }
     }
+    let (bytes, time) = run("multi", 10_000, true, 100);
+    println!("10,000 targets of `multi` for 100 frames: {} MB, {:.1} s a frame", bytes / 1_000_000, time.as_secs_f64());
 }

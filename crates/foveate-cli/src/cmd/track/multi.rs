@@ -1,6 +1,6 @@
 //! `foveate track` of many targets: with a detector, with detections from a file, or with several first boxes.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -106,7 +106,7 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let given = given(args, &about)?;
     room(&many, &given, &about)?;
     let mut detections = Detections::of(args, frames, given.is_empty(), detector.needs_still_camera())?;
-    check_written(args.many.save_detections.as_deref(), &args.out)?;
+    check_written(args.many.save_detections.as_deref(), &args.out, &names(args, endless))?;
     let info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
     terminal::catch_interrupts();
     terminal::tell_stop(many.stopper());
@@ -120,7 +120,8 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let bar = terminal::progress(frames.total(&about), "tracking");
     let mut progress = |frame: &Frame| bar.set_position(frame.index as u64 + 1);
     let (stop, clock) = (&terminal::stopping, info.clock.clone());
-    let span = Span { until: frames.until, stop, clock, endless, progress: Some(&mut progress), ..Span::default() };
+    let span =
+        Span { until: frames.until, stop, clock, endless: true, progress: Some(&mut progress), ..Span::default() };
     let detect: Detect = &mut |f, cut, found| detections.next(f, cut, found);
     let run = MultiRun { given: &given, detect, cuts: Some(Cuts::default()), span };
     let (outcome, result) = follow_many(&mut *source, &mut many, &mut observers, run);
@@ -129,6 +130,13 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     drop(source);
     counts.note();
     let whole = result.is_ok() && !outcome.frames.stopped;
+    let late = given.iter().filter(|(frame, ..)| whole && *frame >= outcome.frames.count).count();
+    if late > 0 {
+        let end = outcome.frames.count;
+        info.warnings.add(format!(
+            "{late} of the first boxes are of frames after frame {end}, the last one: they were not used."
+        ));
+    }
     let tracked = outcome.frames.count > 1 || (whole && outcome.frames.count > 0);
     let some = results.leave_out(&lost.names());
     let kept = results.keep_if(tracked && some).and_then(|kept| lost.check().map(|()| kept));
@@ -241,6 +249,13 @@ fn given(args: &Args, about: &SourceInfo) -> Result<Vec<(usize, Option<u64>, BBo
         };
         check_box("the box", &s.bbox, about).map_err(|e| wrong(e.to_string()))?;
         given.push((s.frame, id, s.bbox));
+    }
+    let mut seen = BTreeSet::new();
+    if let Some((frame, Some(id), _)) = given.iter().find(|(frame, id, _)| id.is_some() && !seen.insert((*frame, *id)))
+    {
+        let frame = frame + 1;
+        let problem = format!("frame {frame}: two boxes of target {id}; give one, or other ids");
+        return Err(Error::malformed(path, problem));
     }
     if given.is_empty() && args.many.detect.is_none() && args.many.detections.is_none() {
         return Err(Error::malformed(path, "it has no box; give lines frame,id,x,y,w,h"));
