@@ -70,7 +70,7 @@ fn blueprint(config: &str) -> Blueprint {
 /// What a target takes is what was told, beside its template of up to 150 kB; and that is little.
 #[test]
 fn a_target_takes_what_was_told() {
-    for (config, most) in [("multi", 60_000), ("multi-motion", 250_000), ("multi-boxes", 600_000)] {
+    for (config, most) in [("multi", 60_000), ("multi-motion", 300_000), ("multi-boxes", 600_000)] {
         let told = blueprint(config).memory_of_target() as usize;
         let each = (run(config, 60, true, 3).0 - run(config, 20, true, 3).0) / 40;
         println!("{config}: {each} bytes a target, {told} told");

@@ -1,7 +1,14 @@
 //! Which boxes are in each other's way: all pairs, found by a sweep from left to right.
 
-use super::occlusion::meet;
 use crate::geometry::BBox;
+
+/// Share of the smaller box that must be covered for two targets to be in each other's way.
+const MEETING: f64 = 0.1;
+
+/// Whether two boxes are in each other's way.
+fn meet(a: &BBox, b: &BBox) -> bool {
+    a.intersection(b) > MEETING * (a.w * a.h).min(b.w * b.h)
+}
 
 /// The most pairs of a frame. Of 1,400 boxes each over each all are found; beyond that, pairs further to the right are left out, so
 /// that neither time nor memory grow with the square of what a file may list.

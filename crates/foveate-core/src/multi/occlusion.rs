@@ -14,14 +14,6 @@ pub(super) struct Body {
     pub similarity: f64,
 }
 
-/// Share of the smaller box that must be covered for two targets to be in each other's way.
-const MEETING: f64 = 0.1;
-
-/// Whether two boxes are in each other's way.
-pub(super) fn meet(a: &BBox, b: &BBox) -> bool {
-    a.intersection(b) > MEETING * (a.w * a.h).min(b.w * b.h)
-}
-
 /// Cells along each side of a box, to measure what is covered.
 const CELLS: usize = 10;
 

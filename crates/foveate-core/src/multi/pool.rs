@@ -1,9 +1,8 @@
 //! Room to look in, shared by all targets: as many rooms as threads, not as many as targets.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::target::Target;
 use crate::engine::Buffers;
 
 /// Rooms that nobody looks in, and whether looking is to stop.
@@ -14,22 +13,18 @@ pub(super) struct Pool {
 }
 
 impl Pool {
+    /// A room, and to give it back.
+    pub fn take(&self) -> Box<Buffers> {
+        self.free().pop().unwrap_or_default()
+    }
+    pub fn put(&self, room: Box<Buffers>) {
+        self.free().push(room);
+    }
+    fn free(&self) -> MutexGuard<'_, Vec<Box<Buffers>>> {
+        self.free.lock().unwrap_or_else(PoisonError::into_inner)
+    }
     /// Whether somebody asked to stop: then what is done in this frame is of no more use.
     pub fn stops(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
-    }
-}
-
-impl Target {
-    /// Looks at a picture, in a room of the pool. What was there before does not count.
-    pub fn looking<T>(&mut self, pool: &Pool, look: impl FnOnce(&mut Self) -> T) -> T {
-        let rooms = || pool.free.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut room = rooms().pop().unwrap_or_default();
-        self.engine.exchange(&mut room);
-        let seen = look(self);
-        self.engine.exchange(&mut room);
-        self.engine.compact();
-        rooms().push(room);
-        seen
     }
 }

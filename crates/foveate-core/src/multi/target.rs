@@ -58,6 +58,17 @@ impl Target {
         State { x: s.x + s.vx, y: s.y + s.vy, ..s }
     }
 
+    /// Looks at a picture, in a room of the pool. What was there before does not count.
+    pub fn looking<T>(&mut self, pool: &Pool, look: impl FnOnce(&mut Self) -> T) -> T {
+        let mut room = pool.take();
+        self.engine.exchange(&mut room);
+        let seen = look(self);
+        self.engine.exchange(&mut room);
+        self.engine.compact();
+        pool.put(room);
+        seen
+    }
+
     /// How much what is there looks like it, 0 to 1.
     pub fn similarity_ahead(&mut self, image: &Image, pool: &Pool) -> f64 {
         let next = self.next();

@@ -1,6 +1,8 @@
 //! `foveate track` of many targets: with a detector, with detections from a file, or with several first boxes.
 
-use std::collections::{BTreeMap, BTreeSet};
+mod detections;
+
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -10,16 +12,18 @@ use foveate::files::Folder;
 use foveate::report::run::multi::Detect;
 use foveate::report::run::{MultiOutcome, MultiRun, Span, follow_many};
 use foveate::report::{
-    Limited, MotFile, MultiFilm, MultiObserver, MultiReport, RunInfo, Summary, TargetsTable, TracksTable, Warnings,
+    Limited, MotFile, MultiFilm, MultiObserver, MultiReport, RunInfo, Summary, TargetsTable, TracksTable,
 };
-use foveate::scene::{Cuts, Detection, Detector, Image, StillCamera};
-use foveate::video::mot::{TrackBox, Tracks};
-use foveate::video::{Frame, Selection, SourceInfo, ahead};
+use foveate::scene::Cuts;
+use foveate::video::mot::Tracks;
+use foveate::video::{Frame, Selection, SourceInfo};
 use foveate::{BBox, Error, MultiTracker, Result};
+
+use detections::Detections;
 
 use super::init::{Frames, check_box, first_box};
 use super::outputs::{FIRST, run_info, tell_files};
-use super::source::{SourceArgs, Started, is_endless};
+use super::source::{Started, is_endless};
 use super::spared::Lost;
 use super::{Args, Tally, check_written, ended};
 use crate::terminal;
@@ -50,31 +54,6 @@ pub struct ManyArgs {
 fn detectors() -> impl TypedValueParser<Value = DetectorConfig> {
     PossibleValuesParser::new(DetectorConfig::ALL.map(|(name, _)| name))
         .map(|name| DetectorConfig::ALL.into_iter().find(|d| d.0 == name).expect("it is one of them").1)
-}
-
-/// Frames that the background is learned from, and how far into the video they lie.
-const PICTURES: usize = 40;
-const AHEAD: usize = 400;
-
-/// Pictures from all over the beginning of a video, up to its first cut.
-fn background(source: &Path, input: &SourceArgs) -> Result<Vec<Image>> {
-    // What cannot be read twice begins without.
-    if is_endless(source) {
-        return Ok(vec![]);
-    }
-    let frames = input.open(source)?.source;
-    let every = frames.info().frames.map_or(AHEAD, |n| n.min(AHEAD)).div_ceil(PICTURES).max(1);
-    let (mut cuts, mut pictures) = (Cuts::default(), vec![]);
-    // Where the source breaks, tracking will say so when it comes there.
-    for frame in ahead(frames).take(AHEAD).map_while(Result::ok) {
-        if cuts.cut(&frame.image) {
-            break;
-        }
-        if frame.index.is_multiple_of(every) {
-            pictures.push(frame.image);
-        }
-    }
-    Ok(pictures)
 }
 
 impl ManyArgs {
@@ -271,91 +250,6 @@ fn room(many: &MultiTracker, given: &[(usize, Option<u64>, BBox)], about: &Sourc
     let side = |of: fn(&BBox) -> f64| given.iter().map(|(_, _, bbox)| of(bbox)).sum::<f64>() / given.len() as f64;
     many.check_room(given.len(), &BBox::new(0.0, 0.0, side(|b| b.w), side(|b| b.h)), (about.width, about.height))
 }
-
-/// What the program itself detects, and what came of it.
-struct Detections {
-    kind: Option<DetectorConfig>,
-    detector: Option<Box<dyn Detector>>,
-    read: BTreeMap<usize, Vec<Detection>>,
-    kept: Option<Tracks>,
-    /// Watches the camera where the detector needs one that stands still, until it is found to move.
-    still: Option<StillCamera>,
-    warnings: Warnings,
-}
-
-impl Detections {
-    /// Where `needed`, there must be some: nothing else starts a track.
-    fn of(args: &Args, frames: Frames, needed: bool, still: bool) -> Result<Self> {
-        let (source, input, args) = (&args.source, &args.input, &args.many);
-        let mut read: BTreeMap<usize, Vec<Detection>> = BTreeMap::new();
-        if let Some(path) = &args.detections {
-            let tracks = Tracks::read(path)?;
-            let counts = |s: &&TrackBox| {
-                let sized = s.bbox.w >= 1.0 && s.bbox.h >= 1.0;
-                s.confidence >= args.least && sized && frames.check("", s.frame).is_ok()
-            };
-            for s in tracks.sightings.iter().filter(counts) {
-                read.entry(s.frame).or_default().push(Detection { bbox: s.bbox, score: s.confidence });
-            }
-            if needed && read.is_empty() {
-                return Err(Error::malformed(
-                    path,
-                    format!(
-                        "none of its {} boxes counts: expected some of at least 1 x 1 pixel and a confidence of {} or more in the \
-                         frames that are tracked, counted from 1; check the file, --least and --until",
-                        tracks.sightings.len(),
-                        args.least
-                    ),
-                ));
-            }
-        }
-        let kept = args.save_detections.is_some().then(Tracks::default);
-        let pictures = match args.detect {
-            Some(DetectorConfig::Motion | DetectorConfig::Walkers) => background(source, input)?,
-            _ => vec![],
-        };
-        let detector = args.detect.map(|kind| kind.knowing(&pictures));
-        let still = still.then(StillCamera::default);
-        Ok(Self { kind: args.detect, detector, read, kept, still, warnings: Warnings::default() })
-    }
-
-    fn next(&mut self, frame: &Frame, cut: bool, found: &mut Vec<Detection>) -> Result<()> {
-        if let (true, Some(kind)) = (cut, self.kind) {
-            self.detector = Some(kind.knowing(&[]));
-        }
-        if let Some(still) = &mut self.still {
-            still.look(&frame.image, cut);
-            if still.moves().is_some() {
-                self.warnings.add(MOVING.into());
-                self.still = None;
-            }
-        }
-        match &mut self.detector {
-            Some(detector) => detector.detect(&frame.image, found),
-            None => found.extend_from_slice(self.read.get(&frame.index).map_or(&[], Vec::as_slice)),
-        }
-        if let Some(kept) = &mut self.kept {
-            kept.sightings.extend(found.iter().map(|d| TrackBox {
-                frame: frame.index,
-                id: -1,
-                bbox: d.bbox,
-                confidence: d.score,
-            }));
-        }
-        Ok(())
-    }
-
-    fn save(&self, args: &ManyArgs) -> Result<()> {
-        match (&args.save_detections, &self.kept) {
-            (Some(path), Some(kept)) => kept.write(path),
-            _ => Ok(()),
-        }
-    }
-}
-
-/// What is said where the camera moves before a detector that needs it to stand still.
-const MOVING: &str = "The camera moves: this detector finds what differs from a background that stands still, so boxes may be of \
-                      nobody and targets may be missed. Give a detector's boxes with --detections, or take --detect flow.";
 
 /// What is said where memory kept tracks from being started.
 const FULL: &str =
