@@ -57,7 +57,7 @@ fn claims() -> [(&'static str, Vec<u8>); 2] {
     png[20..24].copy_from_slice(&side);
     let sum = checksum(&png[12..29]).to_be_bytes();
     png[29..33].copy_from_slice(&sum);
-    let frame = jpeg.windows(2).position(|mark| matches!(mark, [0xff, 0xc0 | 0xc1 | 0xc2])).expect("a frame header");
+    let frame = jpeg.windows(2).position(|mark| matches!(mark, [0xff, 0xc0..=0xc2])).expect("a frame header");
     jpeg[frame + 5..frame + 9].copy_from_slice(&[0x40, 0, 0x40, 0]);
     [("claims.png", png), ("claims.jpg", jpeg)]
 }

@@ -473,13 +473,13 @@ mod tests {
         let states: Vec<State> = (0..60).map(|k| about(corners[k % 5].0, corners[k % 5].1)).collect();
         let more: Vec<State> = (0..60).map(|k| about(200.0, 150.0 + (k % 3) as f64)).chain(states.clone()).collect();
         it.see(&image, &states, &[GAZE]);
-        assert!(it.views.count() > 2, "corners are not worth the whole picture");
+        assert!(it.buffers.views.count() > 2, "corners are not worth the whole picture");
         let mut together = distances(&mut it, &states, 1);
-        let before = it.views.count();
+        let before = it.buffers.views.count();
         it.see_more(&image, &states, &[GAZE]);
-        assert_eq!(it.views.count(), before, "all is there");
+        assert_eq!(it.buffers.views.count(), before, "all is there");
         it.see_more(&image, &more, &[GAZE]);
-        assert_eq!(it.views.count(), before + 1);
+        assert_eq!(it.buffers.views.count(), before + 1);
         together.extend(distances(&mut it, &more, 2));
         let alone = states.iter().chain(&more).map(|state| {
             it.see(&image, &[*state], &[GAZE]);

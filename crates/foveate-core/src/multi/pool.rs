@@ -8,19 +8,19 @@ use crate::engine::Buffers;
 /// Rooms that nobody looks in, and whether looking is to stop.
 #[derive(Default)]
 pub(super) struct Pool {
-    free: Mutex<Vec<Box<Buffers>>>,
+    free: Mutex<Vec<Buffers>>,
     pub stop: Arc<AtomicBool>,
 }
 
 impl Pool {
     /// A room, and to give it back.
-    pub fn take(&self) -> Box<Buffers> {
+    pub fn take(&self) -> Buffers {
         self.free().pop().unwrap_or_default()
     }
-    pub fn put(&self, room: Box<Buffers>) {
+    pub fn put(&self, room: Buffers) {
         self.free().push(room);
     }
-    fn free(&self) -> MutexGuard<'_, Vec<Box<Buffers>>> {
+    fn free(&self) -> MutexGuard<'_, Vec<Buffers>> {
         self.free.lock().unwrap_or_else(PoisonError::into_inner)
     }
     /// Whether somebody asked to stop: then what is done in this frame is of no more use.

@@ -6,7 +6,6 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use foveate::config::{Config, DetectorConfig};
 use foveate::files::Folder;
 use foveate::report::run::multi::Detect;
@@ -20,6 +19,7 @@ use foveate::video::{Frame, Selection, SourceInfo};
 use foveate::{BBox, Error, MultiTracker, Result};
 
 use detections::Detections;
+pub use detections::ManyArgs;
 
 use super::init::{Frames, check_box, first_box};
 use super::outputs::{FIRST, run_info, tell_files};
@@ -27,50 +27,6 @@ use super::source::{Started, is_endless};
 use super::spared::Lost;
 use super::{Args, Tally, check_written, ended};
 use crate::terminal;
-
-/// What makes it many targets.
-#[derive(clap::Args)]
-pub struct ManyArgs {
-    /// Follow everything that a detector finds, with no box drawn: tracks are started, terminated, and re-identified when their
-    /// targets come back. Without KIND, motion (the camera must stand still). It takes the place of the configuration's detector
-    #[arg(long, value_parser = detectors(), value_name = "KIND", num_args = 0..=1, default_missing_value = "motion", conflicts_with = "detections")]
-    pub detect: Option<DetectorConfig>,
-    /// Follow what another detector found: MOTChallenge's text (frame,id,x,y,w,h,conf,...; counted from 1; ids are not read).
-    /// They take the place of the configuration's detector
-    #[arg(long, value_name = "FILE")]
-    pub detections: Option<PathBuf>,
-    /// Least confidence at which a line of --detections counts
-    #[arg(long, value_name = "CONF", default_value_t = 0.0, requires = "detections", allow_hyphen_values = true)]
-    pub least: f64,
-    /// First boxes of many targets: frame,id,x,y,w,h a line, counted from 1, as in MOTChallenge's text
-    #[arg(long, value_name = "FILE")]
-    pub inits: Option<PathBuf>,
-    /// Write what the detector found, in MOTChallenge's text, for --detections or other trackers
-    #[arg(long, value_name = "FILE")]
-    pub save_detections: Option<PathBuf>,
-}
-
-/// Detectors by name.
-fn detectors() -> impl TypedValueParser<Value = DetectorConfig> {
-    PossibleValuesParser::new(DetectorConfig::ALL.map(|(name, _)| name))
-        .map(|name| DetectorConfig::ALL.into_iter().find(|d| d.0 == name).expect("it is one of them").1)
-}
-
-impl ManyArgs {
-    /// The configuration that ships for this: with what moves, with other detections, or with first boxes alone.
-    pub fn config(&self) -> &'static str {
-        match self.detect {
-            Some(DetectorConfig::Motion | DetectorConfig::Walkers | DetectorConfig::Flow) => "multi-motion",
-            None if self.detections.is_none() => "multi-boxes",
-            _ => "multi",
-        }
-    }
-
-    /// Whether many targets are asked for, apart from several --init.
-    pub fn asked(&self) -> bool {
-        self.detect.is_some() || self.detections.is_some() || self.inits.is_some() || self.save_detections.is_some()
-    }
-}
 
 /// Follows many targets.
 pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) -> Result<Tally> {

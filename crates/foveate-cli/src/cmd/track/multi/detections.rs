@@ -1,8 +1,9 @@
 //! What is detected, by the program or from a file, frame by frame.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use foveate::config::DetectorConfig;
 use foveate::report::Warnings;
 use foveate::scene::{Cuts, Detection, Detector, Image, StillCamera};
@@ -13,7 +14,50 @@ use foveate::{Error, Result};
 use super::super::Args;
 use super::super::init::Frames;
 use super::super::source::{SourceArgs, is_endless};
-use super::ManyArgs;
+
+/// What makes it many targets.
+#[derive(clap::Args)]
+pub struct ManyArgs {
+    /// Follow everything that a detector finds, with no box drawn: tracks are started, terminated, and re-identified when their
+    /// targets come back. Without KIND, motion (the camera must stand still). It takes the place of the configuration's detector
+    #[arg(long, value_parser = detectors(), value_name = "KIND", num_args = 0..=1, default_missing_value = "motion", conflicts_with = "detections")]
+    pub detect: Option<DetectorConfig>,
+    /// Follow what another detector found: MOTChallenge's text (frame,id,x,y,w,h,conf,...; counted from 1; ids are not read).
+    /// They take the place of the configuration's detector
+    #[arg(long, value_name = "FILE")]
+    pub detections: Option<PathBuf>,
+    /// Least confidence at which a line of --detections counts
+    #[arg(long, value_name = "CONF", default_value_t = 0.0, requires = "detections", allow_hyphen_values = true)]
+    pub least: f64,
+    /// First boxes of many targets: frame,id,x,y,w,h a line, counted from 1, as in MOTChallenge's text
+    #[arg(long, value_name = "FILE")]
+    pub inits: Option<PathBuf>,
+    /// Write what the detector found, in MOTChallenge's text, for --detections or other trackers
+    #[arg(long, value_name = "FILE")]
+    pub save_detections: Option<PathBuf>,
+}
+
+/// Detectors by name.
+fn detectors() -> impl TypedValueParser<Value = DetectorConfig> {
+    PossibleValuesParser::new(DetectorConfig::ALL.map(|(name, _)| name))
+        .map(|name| DetectorConfig::ALL.into_iter().find(|d| d.0 == name).expect("it is one of them").1)
+}
+
+impl ManyArgs {
+    /// The configuration that ships for this: with what moves, with other detections, or with first boxes alone.
+    pub fn config(&self) -> &'static str {
+        match self.detect {
+            Some(DetectorConfig::Motion | DetectorConfig::Walkers | DetectorConfig::Flow) => "multi-motion",
+            None if self.detections.is_none() => "multi-boxes",
+            _ => "multi",
+        }
+    }
+
+    /// Whether many targets are asked for, apart from several --init.
+    pub fn asked(&self) -> bool {
+        self.detect.is_some() || self.detections.is_some() || self.inits.is_some() || self.save_detections.is_some()
+    }
+}
 
 /// Frames that the background is learned from, and how far into the video they lie.
 const PICTURES: usize = 40;
