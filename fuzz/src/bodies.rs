@@ -132,7 +132,7 @@ fn small() -> &'static Blueprint {
 const SIDE: usize = 40;
 
 fn picture(t: u8) -> Image {
-    let pixel = |k: usize| ((k % SIDE + usize::from(t)) * 37 % 251 ^ (k / SIDE)) as u8;
+    let pixel = |k: usize| (((k % SIDE + usize::from(t)) * 37 % 251) ^ (k / SIDE)) as u8;
     Image::new(SIDE, SIDE, 3, (0..3 * SIDE * SIDE).map(pixel).collect()).expect("whole")
 }
 
