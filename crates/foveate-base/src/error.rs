@@ -40,6 +40,12 @@ pub enum Error {
     /// A setting is misspelled, missing or out of range.
     #[error("{0}")]
     Config(String),
+    /// More memory would be needed than [`crate::memory::limit`] allows.
+    #[error("{0}")]
+    Memory(String),
+    /// The work was asked to stop before it was done.
+    #[error("asked to stop before it was done")]
+    Stopped,
     /// Two parts do not fit each other, or a value given by a caller is out of range.
     #[error("{0}")]
     Invalid(String),

@@ -1,9 +1,14 @@
 //! Files that are whole or not there: written under a temporary name beside the final one, then renamed.
 
+pub mod faults;
+mod part;
+
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::{Error, Result};
+pub(crate) use part::write as write_some;
+pub use part::{Part, create_dir, rename, sync_folder, temporary};
 
 /// The most bytes of a model.
 pub const MODEL: u64 = 1 << 30;
@@ -12,26 +17,14 @@ pub const PICTURE: u64 = 1 << 28;
 /// The most bytes of a text: boxes, settings, saved states.
 pub const TEXT: u64 = 1 << 28;
 
-/// A name beside `path` that nobody else uses, for a file that becomes `path` when it is whole.
-pub fn temporary(path: &Path) -> PathBuf {
-    static COUNT: AtomicU64 = AtomicU64::new(0);
-    let mut name = std::ffi::OsString::from(".");
-    name.push(path.file_name().unwrap_or_default());
-    name.push(format!(".{}-{}.tmp", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed)));
-    path.with_file_name(name)
-}
-
 /// Writes `bytes` to `path`: afterwards the file has all of them, or is as it was before.
 ///
 /// # Errors
 /// [`Error::Io`] naming `path` where it cannot be written; nothing is left behind then.
 pub fn write(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     let path = path.as_ref();
-    let part = temporary(path);
-    std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, path)).map_err(|error| {
-        let _ = std::fs::remove_file(&part);
-        Error::io(path, "cannot write")(error)
-    })
+    let written = Part::beside(path).and_then(|mut part| part.write_all(bytes).and_then(|()| part.keep(path)));
+    written.map_err(Error::io(path, "cannot write"))
 }
 
 /// The bytes of a regular file of at most `most` bytes: a device, a pipe or a folder is none, and is not waited for.

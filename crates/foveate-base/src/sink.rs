@@ -1,24 +1,26 @@
 //! A file that appears when it is whole: written under a temporary name beside its place, renamed at the end.
 
 use std::fs::File;
-use std::io::{BufWriter, Write};
-use std::path::PathBuf;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::files::temporary;
+use crate::files::faults::{Operation, attempt};
+use crate::files::{Part, write_some};
 use crate::{Error, Result};
 
 /// A text file in the making. Dropped before [`Sink::finish`], it leaves nothing behind.
 #[derive(Debug)]
 pub struct Sink {
     path: PathBuf,
-    temporary: PathBuf,
-    out: Option<Out>,
+    file: Option<BufWriter<Target>>,
 }
 
+/// What is written to.
 #[derive(Debug)]
-enum Out {
-    File(BufWriter<File>),
+enum Target {
+    Part(Part),
+    Growing(File, PathBuf),
     Memory(Memory),
 }
 
@@ -34,25 +36,36 @@ impl Memory {
 }
 
 impl Write for Memory {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
         Ok(bytes.len())
     }
-    fn flush(&mut self) -> std::io::Result<()> {
+    fn flush(&mut self) -> io::Result<()> {
         Ok(())
     }
 }
 
-impl Write for Out {
-    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+impl Write for Target {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         match self {
-            Self::File(file) => file.write(bytes),
+            Self::Part(part) => part.write(bytes),
+            Self::Growing(file, path) => write_some(file, path, bytes),
             Self::Memory(memory) => memory.write(bytes),
         }
     }
-    fn flush(&mut self) -> std::io::Result<()> {
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Target {
+    fn finish(self, path: &Path) -> io::Result<()> {
         match self {
-            Self::File(file) => file.flush(),
+            Self::Part(part) => part.keep(path),
+            Self::Growing(file, _) => {
+                attempt(Operation::Sync, path)?;
+                file.sync_data()
+            }
             Self::Memory(_) => Ok(()),
         }
     }
@@ -62,57 +75,54 @@ impl Sink {
     /// Starts a file that will be `path`. Fails where its folder cannot be written.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
         let path = path.into();
-        let temporary = temporary(&path);
-        let file = File::create(&temporary).map_err(Error::io(&path, "cannot write"))?;
-        Ok(Self { path, temporary, out: Some(Out::File(BufWriter::new(file))) })
+        let part = Part::beside(&path).map_err(Error::io(&path, "cannot write"))?;
+        Ok(Self { path, file: Some(BufWriter::new(Target::Part(part))) })
     }
 
     /// Starts a file that has its name from the beginning and grows with every flush: for runs without an end, whose results are to
     /// be read meanwhile, and after the program was killed. Fails where its folder cannot be written.
     pub fn grow(path: impl Into<PathBuf>) -> Result<Self> {
         let path = path.into();
-        let file = File::create(&path).map_err(Error::io(&path, "cannot write"))?;
-        Ok(Self { temporary: path.clone(), path, out: Some(Out::File(BufWriter::new(file))) })
+        let file = attempt(Operation::Open, &path).and_then(|()| File::create(&path));
+        let file = file.map_err(Error::io(&path, "cannot write"))?;
+        Ok(Self { file: Some(BufWriter::new(Target::Growing(file, path.clone()))), path })
     }
 
     /// Writes to memory; `name` stands for the file in errors.
     pub fn memory(name: impl Into<PathBuf>, memory: Memory) -> Self {
-        let path = name.into();
-        Self { temporary: path.clone(), path, out: Some(Out::Memory(memory)) }
+        Self { path: name.into(), file: Some(BufWriter::new(Target::Memory(memory))) }
     }
 
     /// Adds to the file.
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
-        match &mut self.out {
-            Some(out) => out.write_all(bytes).map_err(Error::io(&self.path, "cannot write")),
+        match &mut self.file {
+            Some(file) => file.write_all(bytes).map_err(Error::io(&self.path, "cannot write")),
             None => Err(Error::Invalid(format!("{}: already finished, nothing can be added", self.path.display()))),
         }
     }
 
     /// Hands what was added to the operating system, so that it outlives this program.
     pub fn flush(&mut self) -> Result<()> {
-        self.out.as_mut().map_or(Ok(()), Write::flush).map_err(Error::io(&self.path, "cannot write"))
+        self.file.as_mut().map_or(Ok(()), BufWriter::flush).map_err(Error::io(&self.path, "cannot write"))
     }
 
     /// Gives the file its name. Finishing twice is finishing once.
     pub fn finish(&mut self) -> Result<()> {
-        let Some(mut out) = self.out.take() else { return Ok(()) };
-        if self.temporary == self.path {
-            return out.flush().map_err(Error::io(&self.path, "cannot write"));
-        }
-        let written = out.flush().and_then(|()| std::fs::rename(&self.temporary, &self.path));
-        if written.is_err() {
-            // The file is not whole: the reason below is worth more than a second one.
-            let _ = std::fs::remove_file(&self.temporary);
-        }
-        written.map_err(Error::io(&self.path, "cannot write"))
+        let Some(file) = self.file.take() else { return Ok(()) };
+        // A part that is not whole is gone when it is dropped.
+        let whole = file.into_inner().map_err(io::IntoInnerError::into_error);
+        whole.and_then(|target| target.finish(&self.path)).map_err(Error::io(&self.path, "cannot write"))
     }
 }
 
 impl Drop for Sink {
     fn drop(&mut self) {
-        if self.out.take().is_some() && self.temporary != self.path {
-            let _ = std::fs::remove_file(&self.temporary);
+        // What waits to be written to a part would be written for nothing.
+        if let Some(file) = self.file.take() {
+            let (target, waiting) = file.into_parts();
+            if let (Target::Growing(mut file, _), Ok(bytes)) = (target, waiting) {
+                let _ = file.write_all(&bytes);
+            }
         }
     }
 }
@@ -136,7 +146,8 @@ mod tests {
         sink.write(b"new").expect("bytes");
         sink.flush().expect("flushed");
         assert_eq!(std::fs::read_to_string(&path).expect("still the old one"), "old");
-        assert_eq!(std::fs::read_to_string(&sink.temporary).expect("what was flushed"), "new");
+        let other = names(folder.path()).into_iter().find(|name| name != "a.txt").expect("a temporary name");
+        assert_eq!(std::fs::read_to_string(folder.path().join(other)).expect("what was flushed"), "new");
         sink.finish().expect("renamed");
         sink.finish().expect("again is nothing");
         assert!(sink.write(b"more").is_err());
@@ -162,18 +173,6 @@ mod tests {
         sink.finish().expect("finished");
         assert_eq!(std::fs::read_to_string(&path).expect("the new one"), "two\n");
         assert_eq!(names(folder.path()), ["a.txt"]);
-    }
-
-    #[test]
-    fn memory_stands_for_a_file() {
-        let memory = Memory::default();
-        let mut sink = Sink::memory("a.txt", memory.clone());
-        sink.write(b"one").expect("bytes");
-        assert_eq!((memory.take(), memory.take()), (b"one".to_vec(), vec![]));
-        sink.write(b"two").expect("bytes");
-        sink.finish().expect("finished");
-        assert!(sink.write(b"more").is_err());
-        assert_eq!(memory.take(), b"two");
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! through the crate `foveate`.
 #![forbid(unsafe_code)]
 // `say!` instead: a reader that has gone is no reason to panic.
-#![deny(clippy::print_stdout)]
+#![deny(clippy::print_stdout, clippy::print_stderr)]
 
 #[macro_use]
 mod terminal;
@@ -25,8 +25,12 @@ use clap::{CommandFactory, Parser, Subcommand};
 )]
 struct Cli {
     /// Threads to use, 0 for all processors; results do not depend on it
-    #[arg(long, global = true, default_value_t = 0, value_name = "N", hide_default_value = true)]
-    threads: usize,
+    #[arg(long, global = true, default_value_t = 0, value_name = "N", hide_default_value = true, value_parser = clap::value_parser!(u16).range(..=1024))]
+    threads: u16,
+    /// Memory that pictures, targets and settings may ask for, such as 512M or 6G; more is an error before it is taken. Left out, a
+    /// quarter of the machine's
+    #[arg(long, global = true, value_name = "SIZE", value_parser = foveate::memory::parse)]
+    max_memory: Option<u64>,
     #[command(subcommand)]
     command: Command,
 }
@@ -65,11 +69,28 @@ enum Command {
     Man(cmd::man::Args),
 }
 
+/// `FOVEATE_KERNELS=portable`, `avx2` or `avx512` takes these vector instructions at most: for comparing what they give.
+fn kernels() -> foveate::Result<()> {
+    let Some(name) = std::env::var_os("FOVEATE_KERNELS") else { return Ok(()) };
+    let level = foveate::KernelLevel::ALL.into_iter().find(|(n, _)| name == **n);
+    let wrong = |what: &str| Err(foveate::Error::Invalid(format!("FOVEATE_KERNELS={}: {what}", name.display())));
+    match level {
+        None => wrong("expected portable, avx2 or avx512"),
+        Some((_, level)) if !level.at_most() => wrong("this processor has none of these instructions; leave it out"),
+        Some(_) => Ok(()),
+    }
+}
+
 /// Runs the program with these arguments, its own name first; `program` is the file that has its code. Answers the exit status:
 /// 0, or 1 after an error that was told on standard error. Wrong arguments, `--help` and a second Ctrl-C end the process.
 pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
     invocation::set(&arguments, program);
     let cli = Cli::parse_from(arguments);
+    foveate::memory::set_limit(cli.max_memory.unwrap_or(0));
+    if let Err(error) = kernels() {
+        note!("foveate: {error}");
+        return 1;
+    }
     // A decoder's panic is told as an error of its file, once.
     let told = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |info| {
@@ -77,7 +98,7 @@ pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
             told(info);
         }
     }));
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(cli.threads).build();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(cli.threads.into()).build();
     let run = || match cli.command {
         Command::Demo(args) => cmd::demo::run(args),
         Command::Track(args) => cmd::track::run(*args),
@@ -104,7 +125,7 @@ pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
     match result {
         Ok(()) => 0,
         Err(error) => {
-            eprintln!("foveate: {error}");
+            note!("foveate: {error}");
             1
         }
     }

@@ -2,12 +2,18 @@
 
 use std::io::{ErrorKind, Write};
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// A line on standard output, as `println!` writes it. Where the reader has gone (`foveate eval | head`) the work goes on without it.
 macro_rules! say {
     ($($words:tt)*) => { $crate::terminal::put(format_args!("{}\n", format_args!($($words)*))) };
+}
+
+/// A line on standard error, where that can be written: `eprintln!` panics where it cannot, on a full device.
+macro_rules! note {
+    ($($words:tt)*) => { $crate::terminal::note(format_args!("{}\n", format_args!($($words)*))) };
 }
 
 static OUTPUT_TAKEN: AtomicBool = AtomicBool::new(false);
@@ -32,7 +38,7 @@ pub fn put(text: std::fmt::Arguments<'_>) {
 }
 
 /// Writes to standard error, where that can be written.
-fn note(text: std::fmt::Arguments<'_>) {
+pub fn note(text: std::fmt::Arguments<'_>) {
     let _ = std::io::stderr().write_fmt(text);
 }
 
@@ -47,11 +53,20 @@ pub fn catch_interrupts() {
     }
 }
 
+/// What is to be told when it is asked to stop.
+static TOLD: Mutex<Vec<Arc<AtomicBool>>> = Mutex::new(Vec::new());
+
+/// Sets a flag when it is asked to stop.
+pub fn tell_stop(flag: Arc<AtomicBool>) {
+    TOLD.lock().unwrap_or_else(PoisonError::into_inner).push(flag);
+}
+
 /// Asked to stop by a signal of this number.
 fn asked(signal: i32) {
     if STOP.swap(128 + signal, Ordering::SeqCst) != 0 {
         std::process::exit(128 + signal);
     }
+    TOLD.lock().unwrap_or_else(PoisonError::into_inner).iter().for_each(|flag| flag.store(true, Ordering::SeqCst));
     note(format_args!("\nfoveate: stopping in good order; press Ctrl-C again to end at once\n"));
 }
 

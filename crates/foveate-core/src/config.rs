@@ -37,6 +37,7 @@ mod recogniser;
 #[path = "config/unlearned.rs"]
 mod recogniser;
 mod renamed;
+mod room;
 mod schema;
 mod set;
 mod shadow;
@@ -124,6 +125,7 @@ impl Config {
         let (retina, encoder) = self.identity(files)?;
         let recogniser = self.recogniser.as_ref().map(|r| r.read(files)).transpose()?;
         let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![], recogniser };
+        blueprint.fits()?;
         blueprint.parts()?;
         Ok(blueprint)
     }

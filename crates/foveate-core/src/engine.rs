@@ -18,7 +18,7 @@ pub use monitor::Monitor;
 use crate::control::{Belief, TrackConfidence};
 use crate::gaze::{Context, Plan};
 use crate::geometry::{Extent, State};
-use crate::identity::{Appearance, Percept};
+use crate::identity::{self, Appearance, Percept};
 use crate::recognition::{Recognition, Recognized};
 use crate::reference::ReferenceLikelihood;
 use crate::scene::{Image, Meter, Scene};
@@ -115,6 +115,13 @@ pub(crate) struct Work {
     /// Pixels of the frame that were used.
     pub meter: Meter,
     pub pixels: usize,
+}
+
+/// What engines need only during a step: as many targets as threads are looked at at a time.
+#[derive(Default)]
+pub(crate) struct Buffers {
+    work: Work,
+    identity: identity::Buffers,
 }
 
 impl Engine {
@@ -244,6 +251,17 @@ impl Engine {
         let (right, bottom) = (image.width() as f64 - 1.0 - at.x, image.height() as f64 - 1.0 - at.y);
         self.work.expected = at;
         self.context.around = [-at.x / w, -at.y / h, right / w, bottom / h].map(|edge: f64| edge.clamp(-1e6, 1e6));
+    }
+
+    /// Exchanges what it needs only during a step with `buffers`, which other engines may use between steps.
+    pub fn exchange(&mut self, buffers: &mut Buffers) {
+        std::mem::swap(&mut self.work, &mut buffers.work);
+        self.parts.appearance.exchange(&mut buffers.identity);
+    }
+
+    /// Frees what is not needed until the next step.
+    pub fn compact(&mut self) {
+        self.parts.appearance.compact();
     }
 
     /// Whether there is a target: it was given, or the state of a tracker that had one was loaded.

@@ -23,6 +23,7 @@ pub use config::{Config, Profile};
 pub use control::Status;
 pub use engine::{Filter, GazeControl, Monitor, Parts};
 pub use foveate_base::{Error, Result};
+pub use foveate_kernels::Level as KernelLevel;
 pub use geometry::BBox;
 pub use multi::MultiTracker;
 pub use scene::{Detection, Image};

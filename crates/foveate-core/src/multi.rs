@@ -13,15 +13,21 @@
 pub mod attention;
 mod edge;
 mod explain;
+mod groups;
 mod initiation;
+mod lifecycle;
+mod meeting;
 mod occlusion;
 mod pairs;
+mod pool;
 mod ranks;
+mod room;
 mod saved;
 pub mod settings;
 mod target;
 mod tracked_target;
 
+pub(crate) use room::Room;
 pub use settings::Settings;
 pub use tracked_target::{Phase, TrackedTarget};
 
@@ -30,11 +36,12 @@ use crate::geometry::BBox;
 use crate::scene::{Detection, Image, Preprocessor};
 
 use attention::Priority;
-use explain::Look;
 use foveate_base::{Error, Result};
 use initiation::TentativeTracks;
+use meeting::Meetings;
 use occlusion::{Body, Fronts};
 use pairs::Expected;
+use pool::Pool;
 use ranks::Ranks;
 use target::Target;
 
@@ -53,6 +60,9 @@ const SAME: f64 = 0.6;
 /// Follows many targets: those that are given, and those that detections start.
 pub struct MultiTracker {
     settings: Settings,
+    room: Room,
+    /// Whether memory kept a track from being started.
+    full: bool,
     make: Make,
     /// Makes a preprocessor that has seen nothing.
     fresh: Fresh,
@@ -74,6 +84,7 @@ pub struct MultiTracker {
     /// Whether there ever was a detection.
     detecting: bool,
     targets: Vec<TrackedTarget>,
+    pool: Pool,
     work: Work,
 }
 
@@ -81,6 +92,7 @@ pub struct MultiTracker {
 #[derive(Default)]
 struct Work {
     expected: Vec<Expected>,
+    meetings: Meetings,
     bodies: Vec<Body>,
     visible: Vec<f64>,
     detections: Vec<Detection>,
@@ -91,9 +103,11 @@ struct Work {
 }
 
 impl MultiTracker {
-    pub(crate) fn of(settings: Settings, make: Make, fresh: Fresh) -> Self {
+    pub(crate) fn of(settings: Settings, room: Room, make: Make, fresh: Fresh) -> Self {
         Self {
             settings,
+            room,
+            full: false,
             make,
             preprocessor: fresh(),
             fresh,
@@ -109,6 +123,7 @@ impl MultiTracker {
             next_id: 1,
             detecting: false,
             targets: vec![],
+            pool: Pool::default(),
             work: Work::default(),
         }
     }
@@ -118,6 +133,7 @@ impl MultiTracker {
     ///
     /// # Errors
     /// [`Error::Invalid`] where the picture has another size than the first one; after [`MultiTracker::cut`] it may.
+    /// [`Error::Stopped`] where it was asked to: see [`MultiTracker::stopper`].
     pub fn update(&mut self, image: &Image, detections: &[Detection]) -> Result<&[TrackedTarget]> {
         let size = (image.width(), image.height());
         if self.size.is_some_and(|first| first != size) {
@@ -135,6 +151,9 @@ impl MultiTracker {
         found.extend_from_slice(self.preprocessor.detections());
         self.step(image, &found);
         self.work.found = found;
+        if self.pool.stops() {
+            return Err(Error::Stopped);
+        }
         Ok(&self.targets)
     }
 
@@ -152,8 +171,13 @@ impl MultiTracker {
         self.occlude(image);
         self.explain(image);
         let (s, detecting) = (&self.settings, self.detecting);
-        let cleared = &self.work.cleared;
-        crate::threads::each(&mut self.active, |i, target| target.step(cleared.get(i).unwrap_or(image), s, detecting));
+        let (cleared, pool) = (&self.work.cleared, &self.pool);
+        crate::threads::each(&mut self.active, |i, target| {
+            if pool.stops() {
+                return;
+            }
+            target.looking(pool, |target| target.step(cleared.get(i).unwrap_or(image), s, detecting));
+        });
         self.terminate(image);
         self.initiate(image);
         self.publish();
@@ -163,14 +187,18 @@ impl MultiTracker {
     /// next free one where none is given.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture.
+    /// [`Error::Invalid`] where the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture; [`Error::Memory`]
+    /// where another target takes more memory than there may be ([`foveate_base::memory`]).
     pub fn add(&mut self, image: &Image, id: Option<u64>, bbox: BBox) -> Result<u64> {
         crate::start::check(image, &bbox)?;
+        if self.pool.stops() {
+            return Err(Error::Stopped);
+        }
         let id = id.unwrap_or(self.next_id);
         match self.active.binary_search_by_key(&id, |t| t.track.id) {
             Ok(at) => {
                 let born = self.active[at].track.born;
-                self.active[at].engine.init(image, bbox)?;
+                self.active[at].looking(&self.pool, |target| target.engine.init(image, bbox))?;
                 self.active[at].begin(born, bbox, Phase::Initiated);
             }
             Err(_) => self.start(image, id, bbox)?,
@@ -213,15 +241,17 @@ impl MultiTracker {
             let (bbox, variance) = (t.shaped(t.next().bbox(t.track.extent)), (c[0][0] + c[2][2], c[1][1] + c[3][3]));
             Expected { bbox, variance, guess: t.unseen > most }
         }));
+        let Work { expected, meetings, .. } = &mut self.work;
+        meetings.find(expected.len(), &|i| expected[i].bbox);
     }
 
     /// Decides who is looked at.
     fn attend(&mut self) {
-        let (attention, Work { expected, order, .. }) = (&self.settings.attention, &mut self.work);
+        let (attention, Work { meetings, order, .. }) = (&self.settings.attention, &mut self.work);
         let all = attention.suffices(self.active.len());
         self.active.iter_mut().for_each(|target| target.looked_at = all);
         if !all {
-            let meeting = |i: usize| attention.policy == Priority::Crossing && expected[i].meets(expected, i);
+            let meeting = |i: usize| attention.policy == Priority::Crossing && meetings.meets(i);
             attention.order(self.active.iter().enumerate().map(|(i, target)| target.candidate(meeting(i))), order);
             order.iter().take(attention.budget).for_each(|(_, i)| self.active[*i].looked_at = true);
         }
@@ -238,12 +268,12 @@ impl MultiTracker {
         }
         // Tentative tracks take part: what is theirs is left to them.
         self.tentative.expect(self.frame, expected);
-        let (active, ranks, s) = (&mut self.active, &self.ranks, &self.settings);
+        let (active, ranks, s, pool) = (&mut self.active, &self.ranks, &self.settings, &self.pool);
         let weak = |d: &Detection| ranks.of(d.score) < s.weak;
         let mut given = pairs::in_stages(expected, left, &weak, s, &mut |i, j| {
-            let engine = &mut active.get_mut(i).filter(|target| target.looked_at)?.engine;
-            let state = engine.state_at(&left[j].bbox);
-            Some(engine.similarity(image, &state))
+            let target = active.get_mut(i).filter(|target| target.looked_at && !pool.stops())?;
+            let state = target.engine.state_at(&left[j].bbox);
+            Some(target.looking(pool, |target| target.engine.similarity(image, &state)))
         });
         given.truncate(self.active.len());
         expected.truncate(self.active.len());
@@ -259,15 +289,16 @@ impl MultiTracker {
 
     /// Tells each engine how much of its target can be seen.
     fn occlude(&mut self, image: &Image) {
-        let Work { expected, bodies, visible, .. } = &mut self.work;
+        let Work { expected, meetings, bodies, visible, .. } = &mut self.work;
+        let (meetings, pool) = (&*meetings, &self.pool);
         bodies.clear();
-        for (i, target) in self.active.iter_mut().enumerate() {
-            let bbox = expected[i].bbox;
-            let looks = target.looked_at && expected[i].meets(expected, i);
-            let similarity = if looks { target.engine.similarity(image, &target.next()) } else { 1.0 };
-            bodies.push(Body { id: target.track.id, bbox, similarity });
-        }
-        occlusion::visible(bodies, &self.settings.occlusion, &mut self.fronts, visible);
+        crate::threads::each(&mut self.active, |i, target| {
+            let looks = target.looked_at && meetings.meets(i) && !pool.stops();
+            target.similarity = if looks { target.similarity_ahead(image, pool) } else { 1.0 };
+        });
+        let body = |(t, e): (&Target, &Expected)| Body { id: t.track.id, bbox: e.bbox, similarity: t.similarity };
+        bodies.extend(self.active.iter().zip(&*expected).map(body));
+        occlusion::visible(bodies, meetings, &self.settings.occlusion, &mut self.fronts, visible);
         for (target, &visible) in self.active.iter_mut().zip(&*visible) {
             target.engine.set_visibility(if self.settings.occlusion.explain > 0.0 { 1.0 } else { visible });
             target.track.visible = visible;
@@ -288,105 +319,11 @@ impl MultiTracker {
                 cleared.plane_mut(p).copy_from_slice(image.plane(p));
             }
             for (_, other) in self.active.iter().enumerate().filter(|(j, t)| *j != i && t.track.sure()) {
-                if let Some((image, state, extent)) = other.engine.parts().appearance.template_source() {
-                    explain::take_off(cleared, Look { image, state, extent }, &other.next(), share);
+                if let Some(source) = other.engine.parts().appearance.template_source() {
+                    explain::take_off(cleared, source, &other.next(), share);
                 }
             }
         }
-    }
-
-    /// Ends the tracks of targets that are gone.
-    fn terminate(&mut self, image: &Image) {
-        let (s, detecting) = (&self.settings.termination, self.detecting);
-        let picture = BBox { x: 0.0, y: 0.0, w: image.width() as f64, h: image.height() as f64 };
-        let gone = |t: &mut Target| {
-            let b = &t.track.bbox;
-            let outside = b.intersection(&picture) < s.inside * b.w * b.h;
-            outside || t.lost >= s.lost || (detecting && t.unseen >= s.unseen)
-        };
-        for mut target in self.active.extract_if(.., gone) {
-            target.terminated = self.frame;
-            self.terminated.push(target);
-        }
-        self.forget();
-    }
-
-    /// Terminated targets are remembered for a while, and not too many.
-    fn forget(&mut self) {
-        let frame = self.frame;
-        self.terminated.retain(|t| frame - t.terminated <= self.settings.reidentification.frames);
-        let excess = self.terminated.len().saturating_sub(MOST_REMEMBERED);
-        self.terminated.drain(..excess);
-    }
-
-    /// Persistent unmatched detections start new tracks, after a re-identification check against terminated ones.
-    fn initiate(&mut self, image: &Image) {
-        let s = self.settings.initiation;
-        let mut left = std::mem::take(&mut self.work.detections);
-        let size @ (width, height) = (image.width() as f64, image.height() as f64);
-        let fits = |b: &BBox| b.w >= s.side && b.h >= s.side && b.w * b.h <= s.most * width * height;
-        left.iter_mut().for_each(|d| d.score = self.ranks.of(d.score));
-        left.retain(|d| fits(&d.bbox) && !self.is_taken(d));
-        for born in self.tentative.grow(self.frame, &left, size, &s) {
-            let bbox = born.bbox;
-            if crate::start::check(image, &bbox).is_err() || self.is_taken(&born) {
-                continue;
-            }
-            match self.reidentify(image, &bbox) {
-                Some(mut target) => {
-                    target.engine.reset_at(&bbox);
-                    let first = target.track.born;
-                    target.begin(first, bbox, Phase::ReIdentified);
-                    self.admit(target);
-                }
-                None => self.start(image, self.next_id, bbox).expect("the box was checked above"),
-            }
-        }
-        self.work.detections = left;
-    }
-
-    /// Whether active targets are where a track would start, from a detection whose score is a rank.
-    fn is_taken(&self, Detection { bbox, score: rank }: &Detection) -> bool {
-        let s = &self.settings.initiation;
-        if *rank >= s.strong {
-            return self.active.iter().any(|t| t.track.bbox.iou(bbox) > SAME);
-        }
-        let area = bbox.w * bbox.h;
-        let covered: f64 = self.active.iter().map(|t| t.track.bbox.intersection(bbox) / area).sum();
-        covered > s.covered || self.active.iter().any(|t| t.track.bbox.iou(bbox) > s.overlap)
-    }
-
-    /// Takes the terminated target out of memory that a box is most similar to, if any is similar enough.
-    fn reidentify(&mut self, image: &Image, bbox: &BBox) -> Option<Target> {
-        let size = self.settings.size.ln();
-        let mut best = (self.settings.reidentification.similarity, None);
-        for (i, target) in self.terminated.iter_mut().enumerate() {
-            let state = target.engine.state_at(bbox);
-            if (state.log_scale - target.track.state.log_scale).abs() > size {
-                continue;
-            }
-            let similarity = target.engine.similarity(image, &state);
-            if similarity >= best.0 {
-                best = (similarity, Some(i));
-            }
-        }
-        best.1.map(|i| self.terminated.remove(i))
-    }
-
-    fn start(&mut self, image: &Image, id: u64, bbox: BBox) -> Result<()> {
-        let mut engine = (self.make)(id);
-        engine.init(image, bbox)?;
-        let mut target = Target::new(engine, TrackedTarget::unknown(id));
-        target.begin(self.frame, bbox, Phase::Initiated);
-        self.next_id = self.next_id.max(id + 1);
-        self.terminated.retain(|t| t.track.id != id);
-        self.admit(target);
-        Ok(())
-    }
-
-    fn admit(&mut self, target: Target) {
-        let at = self.active.partition_point(|t| t.track.id < target.track.id);
-        self.active.insert(at, target);
     }
 
     fn publish(&mut self) {

@@ -9,6 +9,14 @@ pub(crate) fn count() -> usize {
     rayon::current_num_threads()
 }
 
+/// Threads that work is shared by, 1 where there are none.
+pub(crate) fn several() -> usize {
+    #[cfg(feature = "threads")]
+    return count();
+    #[cfg(not(feature = "threads"))]
+    1
+}
+
 /// Runs `f` with so many threads.
 pub(crate) fn with<T: Send>(threads: usize, f: impl FnOnce() -> T + Send) -> T {
     #[cfg(feature = "threads")]

@@ -24,11 +24,13 @@ pub(crate) const AVX512: u8 = 2;
 /// What it may use where nothing is asked of the processor.
 pub(crate) const BASE: u8 = if cfg!(any(target_arch = "aarch64", target_feature = "fma")) { FUSED } else { 0 };
 
-static BEST: LazyLock<Level> = LazyLock::new(|| found().min(*MOST.get_or_init(|| Level::Avx512Bf16)));
-/// What is used at most.
+/// The highest level that may be taken, where one was asked for.
 static MOST: OnceLock<Level> = OnceLock::new();
 
-fn found() -> Level {
+static BEST: LazyLock<Level> = LazyLock::new(|| machine().min(MOST.get().copied().unwrap_or(Level::Avx512Bf16)));
+
+/// What the processor has.
+fn machine() -> Level {
     #[cfg(target_arch = "x86_64")]
     {
         use std::is_x86_feature_detected as has;
@@ -46,13 +48,17 @@ fn found() -> Level {
 }
 
 impl Level {
-    /// Uses no higher level in this process, to compare with other machines; call it before any kernel. `false`, and nothing
-    /// happens, where the level is chosen already.
-    pub fn use_at_most(self) -> bool {
-        MOST.set(self).is_ok()
+    /// Those that may be asked for, by name.
+    pub const ALL: [(&'static str, Self); 3] =
+        [("portable", Self::Portable), ("avx2", Self::Avx2), ("avx512", Self::Avx512)];
+
+    /// Takes no higher level than this one in the whole process, from the first kernel on. False where the processor has not even
+    /// this one, or a higher one was taken before.
+    pub fn at_most(self) -> bool {
+        self <= machine() && *MOST.get_or_init(|| self) == self && Self::best() <= self
     }
 
-    /// The highest level this processor has, or the one that is used at most.
+    /// The highest level this processor has, or that was asked for.
     #[inline]
     pub fn best() -> Self {
         *BEST

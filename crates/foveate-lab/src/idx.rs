@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use flate2::read::MultiGzDecoder;
 
-use foveate_base::{Error, Result};
+use foveate_base::{Error, Result, memory};
 
 /// Side of a digit in pixels.
 pub const SIDE: usize = 28;
@@ -145,6 +145,8 @@ fn parse(mut from: impl Read, path: &Path, shape: &[usize]) -> Result<Vec<u8>> {
         return Err(Error::malformed(path, format!("the header promises {count} items, more than the {MOST} allowed")));
     }
     let length = count * shape.iter().product::<usize>();
+    // What is packed may be a thousand times as long as its file.
+    memory::check(format_args!("{}: {count} items", path.display()), 2 * length as u64)?;
     let mut bytes = Vec::new();
     let read = from.take(length as u64 + 1).read_to_end(&mut bytes);
     read.map_err(|e| Error::malformed(path, format!("damaged after {} of {length} bytes: {e}", bytes.len())))?;

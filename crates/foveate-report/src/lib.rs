@@ -90,6 +90,18 @@ pub trait Observer {
     fn finish(&mut self) -> Result<()>;
 }
 
+impl Observer for Box<dyn Observer> {
+    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
+        (**self).start(frame, bbox)
+    }
+    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
+        (**self).observe(frame, step)
+    }
+    fn finish(&mut self) -> Result<()> {
+        (**self).finish()
+    }
+}
+
 /// Each of them in turn. Where one fails, `finish` still comes to all; the first error is returned.
 impl Observer for Vec<Box<dyn Observer>> {
     fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {

@@ -84,14 +84,20 @@ fn each_frame(
             break;
         }
         let began = Instant::now();
-        follower.track(&frame, &mut || {
+        let tracked = follower.track(&frame, &mut || {
             let time = began.elapsed();
             span.clock.add(time);
             frames.spent += time;
             if !span.endless {
                 frames.seconds.push(time.as_secs_f64());
             }
-        })?;
+        });
+        // Within a frame: it is left out.
+        if matches!(tracked, Err(Error::Stopped)) {
+            frames.stopped = true;
+            break;
+        }
+        tracked?;
         frames.count += 1;
         if let Some(progress) = &mut span.progress {
             progress(&frame);

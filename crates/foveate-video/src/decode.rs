@@ -5,7 +5,7 @@ use std::path::Path;
 
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use foveate_base::{Error, Result, files};
+use foveate_base::{Error, Result, files, memory};
 use foveate_core::scene::Image;
 
 /// The longest side of a picture that is read, in pixels. A header can claim more than memory holds.
@@ -18,7 +18,7 @@ pub const MAX_SIDE: usize = 16384;
 ///
 /// # Errors
 /// What was expected and found, in words, where the bytes are of another kind, damaged, cut off,
-/// or have a side above [`MAX_SIDE`].
+/// have a side above [`MAX_SIDE`], or claim more pixels than [`memory::limit`] allows.
 pub fn decode_image(bytes: &[u8]) -> std::result::Result<Image, String> {
     let kind = image_kind(bytes).ok_or_else(|| match bytes {
         [] => "the file is empty (0 bytes); expected a PNG or JPEG picture".to_owned(),
@@ -38,13 +38,17 @@ pub fn decode_image(bytes: &[u8]) -> std::result::Result<Image, String> {
         limits.max_alloc = Some(1 << 30);
         reader.limits(limits);
         let mut decoder = reader.into_decoder()?;
+        let (width, height) = decoder.dimensions();
+        if let Err(error) = memory::check_picture(width as usize, height as usize) {
+            return Ok(Err(error.to_string()));
+        }
         let orientation = decoder.orientation()?;
         let mut image = DynamicImage::from_decoder(decoder)?;
         image.apply_orientation(orientation);
-        Ok::<_, image::ImageError>(image)
+        Ok::<_, image::ImageError>(Ok(image))
     });
     let image = match decoded {
-        Ok(Ok(image)) => image,
+        Ok(Ok(image)) => image?,
         Ok(Err(error)) => return Err(format!("the {name} data is damaged or unusual ({error}); copy or convert it")),
         Err(panic) => return Err(format!("the {name} data is damaged ({panic}); copy the file again")),
     };

@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 
 use crate::child::{Leash, listen};
 use crate::decoded::Decoded;
-use crate::ffmpeg::{Pixels, missing, passthrough};
+use crate::ffmpeg::{Pixels, missing, most_pixels, passthrough};
 use crate::y4m::Y4m;
 use crate::yuv::Yuv;
 
@@ -33,7 +33,8 @@ impl Feed {
         let mut child = Command::new(program)
             .args(["-hide_banner", "-nostats", "-loglevel", "error", "-protocol_whitelist", "pipe"])
             // Strict: frames are held back until their order is certain. Damage ends it, and is left to our own decoders to name.
-            .args(["-strict", "1", "-err_detect", "explode", "-xerror", "-f", "h264", "-i", "pipe:0"])
+            .args(["-strict", "1", "-err_detect", "explode", "-xerror", "-f", "h264", "-max_pixels", &most_pixels()])
+            .args(["-i", "pipe:0"])
             .args(["-map", "0:v:0"])
             .args(passthrough)
             .args(["-c:v", "wrapped_avframe", "-strict", "-1", "-f", "yuv4mpegpipe", "pipe:1"])

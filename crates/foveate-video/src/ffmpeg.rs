@@ -17,6 +17,7 @@ use crate::child::{Leash, listen};
 use crate::decoded::{DecodeError, Decoded, Picture};
 use crate::y4m::Y4m;
 use crate::yuv::Colour;
+use foveate_base::memory;
 
 /// The pixels as ffmpeg hands them over.
 pub(crate) type Pixels = Y4m<BufReader<ChildStdout>>;
@@ -71,6 +72,11 @@ pub(crate) const KINDS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,m
 pub(crate) const FORMATS: &str = "format=yuv420p|yuvj420p|yuv422p|yuvj422p|yuv444p|yuvj444p|gray|yuv420p10|yuv422p10|yuv444p10|gray10|yuv420p12|\
     yuv422p12|yuv444p12|gray12";
 
+/// The most pixels of a picture that ffmpeg decodes: those that we would take.
+pub(crate) fn most_pixels() -> String {
+    (memory::limit() / memory::PIXEL).to_string()
+}
+
 impl Ffmpeg {
     /// Starts `program` on a file; the first `skip` frames are thrown away.
     ///
@@ -84,7 +90,7 @@ impl Ffmpeg {
         let mut command = Command::new(program);
         command
             .args(["-hide_banner", "-nostdin", "-nostats", "-loglevel", "level+warning"])
-            .args(["-protocol_whitelist", "file", "-format_whitelist", KINDS, "-i"])
+            .args(["-protocol_whitelist", "file", "-format_whitelist", KINDS, "-max_pixels", &most_pixels(), "-i"])
             .arg(&input)
             .args(["-map", "0:v:0", "-an", "-sn", "-dn", "-map_metadata", "-1", "-vf", FORMATS])
             .args(passthrough)

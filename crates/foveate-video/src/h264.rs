@@ -7,7 +7,7 @@ use crate::decoded::{DecodeError, Decoded};
 use crate::sps;
 use crate::sps::Sps;
 use crate::yuv::Yuv;
-use foveate_base::quiet;
+use foveate_base::{memory, quiet};
 
 /// What the decoders need to know before the first frame.
 #[derive(Clone, Debug)]
@@ -41,9 +41,17 @@ impl Setup {
         };
         let (parameters, prefix) =
             parse().ok_or_else(|| DecodeError::damaged("its decoder configuration (box \"avcC\") is cut off"))?;
-        let sps = parameters.iter().find(|nal| nal.first().is_some_and(|head| head & 31 == 7));
-        let sps = sps.and_then(|nal| sps::parse(nal));
+        let mut sps = None;
+        for set in parameters.iter().filter(|nal| is_sequence_set(nal)) {
+            let parsed = check_size(set)?;
+            sps = sps.or(Some(parsed));
+        }
         Ok(Self { parameters, prefix, sps })
+    }
+
+    /// Fails where a frame changes the size of pictures to one that is too large.
+    fn check(units: &[&[u8]]) -> Decoded<()> {
+        units.iter().filter(|unit| is_sequence_set(unit)).try_for_each(|set| check_size(set).map(drop))
     }
 
     /// Whether a frame needs no other before it (an IDR picture).
@@ -80,6 +88,21 @@ impl Setup {
         }
         Ok(units)
     }
+}
+
+fn is_sequence_set(nal: &[u8]) -> bool {
+    nal.first().is_some_and(|head| head & 31 == 7)
+}
+
+/// What a sequence parameter set says. Its size may be anything, and the decoders take their memory by it: a picture, and up to
+/// sixteen that others refer to.
+fn check_size(set: &[u8]) -> Decoded<Sps> {
+    let unread = || DecodeError::Unsupported("settings (a sequence parameter set) that cannot be read".into());
+    let sps = sps::parse(set).ok_or_else(unread)?;
+    let what = format!("H.264 video of {} x {} pixels", sps.width, sps.height);
+    memory::check(what, memory::of_picture(sps.width, sps.height) / 2 * 3)
+        .map_err(|error| DecodeError::Damaged(error.to_string()))?;
+    Ok(sps)
 }
 
 /// A decoder in mid-stream.
@@ -126,6 +149,7 @@ impl Decoder {
     /// After an error the decoder is of no more use.
     pub fn decode(&mut self, setup: &Setup, frame: &[u8]) -> Decoded<Option<Yuv>> {
         let units = setup.units(frame)?;
+        Setup::check(&units)?;
         let coded = units.iter().any(|unit| matches!(unit[0] & 31, 1..=5));
         let picture = match self {
             Self::Rusty(_) => self.feed(&annex_b(units.into_iter()))?,
@@ -192,4 +216,48 @@ fn eight_bits(frame: rust_h264::decoder::Frame) -> Yuv {
         _ => plane.chunks_exact(2).map(|pair| (u16::from_le_bytes([pair[0], pair[1]]) >> shift) as u8).collect(),
     };
     Yuv { width, height, chroma, y: reduce(frame.y), u: reduce(frame.u), v: reduce(frame.v) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A sequence parameter set of the baseline profile, of so many blocks of 16 × 16 pixels.
+    fn set(columns: u32, rows: u32) -> Vec<u8> {
+        let mut bits = vec![];
+        let code = |value: u32, bits: &mut Vec<bool>| {
+            let n = 32 - (value + 1).leading_zeros();
+            bits.extend((0..2 * n - 1).rev().map(|k| k < n && (value + 1) >> k & 1 == 1));
+        };
+        // Set 0, frame numbers of 4 bits, order as decoded, one reference, no gaps.
+        [0, 0, 2, 1].into_iter().for_each(|value| code(value, &mut bits));
+        bits.push(false);
+        [columns - 1, rows - 1].into_iter().for_each(|value| code(value, &mut bits));
+        // Frames only, direct inference, no cropping, no usability, the end.
+        bits.extend([true, true, false, false, true]);
+        let mut bytes = vec![0x67, 66, 0, 30];
+        bytes.extend(
+            bits.chunks(8).map(|byte| byte.iter().enumerate().map(|(k, bit)| u8::from(*bit) << (7 - k)).sum::<u8>()),
+        );
+        bytes
+    }
+
+    fn record(set: &[u8]) -> Vec<u8> {
+        [&[1, 66, 0, 30, 0xff, 0xe1][..], &(set.len() as u16).to_be_bytes(), set, &[0]].concat()
+    }
+
+    #[test]
+    fn a_stream_that_claims_much_is_refused_before_it_is_decoded() {
+        let small = Setup::read(&record(&set(4, 3))).expect("a small picture");
+        assert_eq!(small.sps.map(|sps| (sps.width, sps.height)), Some((64, 48)));
+        let large = set(2000, 2000);
+        let Err(DecodeError::Damaged(said)) = Setup::read(&record(&large)) else { panic!("32000 x 32000 is taken") };
+        assert!(said.contains("32000 x 32000") && said.contains("--max-memory"), "{said}");
+        // In the middle of a stream, too.
+        let frame = [&(large.len() as u32).to_be_bytes()[..], &large].concat();
+        for mut decoder in [Decoder::fast(&small).expect("settings"), Decoder::wide(&small).expect("settings")] {
+            assert!(matches!(decoder.decode(&small, &frame), Err(DecodeError::Damaged(_))));
+        }
+        assert!(matches!(Setup::read(&record(&[0x67, 66])), Err(DecodeError::Unsupported(_))));
+    }
 }

@@ -11,7 +11,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::child::{Interrupt, Leash, listen};
-use crate::ffmpeg::{FORMATS, KINDS, Pixels, missing, passthrough};
+use crate::ffmpeg::{FORMATS, KINDS, Pixels, missing, most_pixels, passthrough};
 use crate::y4m::Y4m;
 use crate::yuv::Colour;
 use crate::{Frame, FrameSource, SourceInfo};
@@ -305,6 +305,8 @@ fn arguments(scheme: &Scheme, address: &Path, listen: bool, size: (usize, usize)
         options.extend(["-format_whitelist", &kinds]);
     }
     options.extend(scheme.listen.filter(|_| listen).unwrap_or_default());
+    let most = most_pixels();
+    options.extend(["-max_pixels", &most]);
     let scale = if size.0 > 0 { format!("scale={}:{},{FORMATS}", size.0, size.1) } else { FORMATS.to_owned() };
     let mut all: Vec<OsString> = options.into_iter().map(OsString::from).collect();
     all.extend(["-i".into(), address.as_os_str().to_owned()]);

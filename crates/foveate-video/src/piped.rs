@@ -9,7 +9,7 @@ use crate::options::{Pixels, Raw};
 use crate::y4m::Y4m;
 use crate::yuv::Colour;
 use crate::{Frame, FrameSource, SourceInfo};
-use foveate_base::{Error, Result};
+use foveate_base::{Error, Result, memory};
 use foveate_core::scene::Image;
 
 type Bytes = Box<dyn Read + Send>;
@@ -56,6 +56,7 @@ impl Piped {
                 format!("expected sides from 1 to {MAX_SIDE} pixels, found {width} x {height}; give another size");
             return Err(Error::malformed(&name, problem));
         }
+        memory::check_picture(width, height)?;
         let info = SourceInfo { width, height, frames: None, rate: RATE, reader: "raw pixels".into() };
         Ok(Self { name, info, kind: Some(Kind::Raw(reader, raw, vec![])), next: 0 })
     }

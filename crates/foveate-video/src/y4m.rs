@@ -140,6 +140,7 @@ fn parse(line: &[u8]) -> Result<Head, String> {
             text.escape_debug()
         ));
     }
+    foveate_base::memory::check_picture(width, height).map_err(|error| error.to_string())?;
     let unknown = || {
         let known = "420, 422, 444 and mono, of 8 to 16 bits";
         format!("expected colours of the kinds {known}, found \"C{}\"; {TODO}", colour.escape_debug())
@@ -234,7 +235,7 @@ mod tests {
             (b"YUV4MPEG2 W3 H2 C4\xc3\xa9\n", "kinds"),
             (b"YUV4MPEG2 W2 H2 Cmono\nFRAME\nabc", "3 of 4 bytes"),
             (b"YUV4MPEG2 W2 H2 Cmono\nFRAME\nabcdFRAMES\nabcd", "FRAMES"),
-            (b"YUV4MPEG2 W16384 H16384 C444\nFRAME\nabc", "3 of 805306368 bytes"),
+            (b"YUV4MPEG2 W2048 H2048 C444\nFRAME\nabc", "3 of 12582912 bytes"),
         ] {
             let found = problem(text);
             assert!(found.contains(word), "{found}");

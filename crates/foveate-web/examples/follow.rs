@@ -14,7 +14,7 @@ fn main() {
     let mut arguments: Vec<String> = std::env::args().skip(1).collect();
     if arguments.first().is_some_and(|first| first == "--portable") {
         arguments.remove(0);
-        assert!(Level::Portable.use_at_most(), "no kernel was used before");
+        assert!(Level::Portable.at_most(), "no kernel was used before");
     }
     let [config, init, frames, files @ ..] = &*arguments else {
         eprintln!("usage: follow [--portable] CONFIG x,y,w,h FRAMES FILE...");

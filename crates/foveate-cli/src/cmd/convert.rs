@@ -104,7 +104,7 @@ pub fn run(args: Args) -> Result<()> {
     boxes.tracks.sort_by_key(|b| (b.frame, b.id));
     write(args.to, &mut boxes, &args.output)?;
     let (count, frames) = (boxes.tracks.len(), boxes.frames);
-    boxes.lost.iter().for_each(|lost| eprintln!("foveate: {}: {lost}", args.input.display()));
+    boxes.lost.iter().for_each(|lost| note!("foveate: {}: {lost}", args.input.display()));
     say!("{}: {count} boxes of {} targets in {frames} frames", args.output.display(), boxes.ids().len());
     Ok(())
 }

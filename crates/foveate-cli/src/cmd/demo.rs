@@ -17,6 +17,7 @@ use foveate::{Error, Result};
 use super::configure::{Changes, read};
 use super::results::Results;
 use super::track::outputs::{Outputs, run_info};
+use super::track::spared::Lost;
 use crate::terminal;
 
 #[derive(clap::Args)]
@@ -118,11 +119,13 @@ pub fn run(args: Args) -> Result<()> {
         names.push("annotated.mp4");
     }
     let results = Results::begin(&args.out, &names, &[config_name.as_ref()])?;
-    let mut observers = outputs.observers(results.folder(), &info)?;
+    let lost = Lost::default();
+    let mut observers = outputs.observers(results.folder(), &info, &lost)?;
     if let Some(centred) = &centred {
         let names = [format!("learned gaze: {policy}"), "fixed centre".into()];
         let path = results.folder().join("annotated.mp4");
-        observers.push(Box::new(SideBySide::create(path, &info, names, centred.tracker(args.seed)?)?));
+        let film = SideBySide::create(path, &info, names, centred.tracker(args.seed)?)?;
+        observers.push(Box::new(lost.spare(&["annotated.mp4"], film)));
     }
 
     let began = Instant::now();
@@ -134,7 +137,7 @@ pub fn run(args: Args) -> Result<()> {
     let (outcome, result) = follow(&mut source, &mut tracker, &mut observers, run);
     bar.finish_and_clear();
     drop(observers);
-    result?;
+    result.and(lost.check())?;
     if outcome.tracked == 0 {
         let out = args.out.display();
         return Err(Error::Invalid(format!(

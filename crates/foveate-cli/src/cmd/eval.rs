@@ -123,9 +123,12 @@ pub fn run(args: Args) -> Result<()> {
 /// One run is done.
 fn told(row: &Row) {
     let (name, score, seed) = (&row.sequence, &row.score, row.seed.unwrap_or_default());
-    eprintln!(
+    note!(
         "{name} (seed {seed}): AUC {:.3}, P@20 {:.3}, failure in {} of {} frames",
-        score.auc, score.p20, score.failures, score.frames
+        score.auc,
+        score.p20,
+        score.failures,
+        score.frames
     );
 }
 

@@ -10,7 +10,6 @@ use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use foveate::files::temporary;
 use foveate::{Error, Result, files};
 use leftovers::{growing, hidden, rescued, sweep};
 use serde::{Deserialize, Serialize};
@@ -63,10 +62,11 @@ impl Results {
         sweep(&parent, &name, &out);
         sweep(&out, &name, &out);
         // Beside the folder; in it, where that is not allowed.
-        let part = match fs::create_dir(parent.join(&part)) {
+        let part = match files::create_dir(&parent.join(&part)) {
             Ok(()) => parent.join(&part),
             Err(_) if out.is_dir() => {
-                fs::create_dir(out.join(&part)).map_err(Error::io(&asked, "cannot write to the folder for results"))?;
+                files::create_dir(&out.join(&part))
+                    .map_err(Error::io(&asked, "cannot write to the folder for results"))?;
                 out.join(&part)
             }
             Err(e) => return Err(Error::io(&asked, "cannot make the folder for results")(e)),
@@ -91,7 +91,7 @@ impl Results {
         self.kept = true;
         if let Err(error) = placed {
             let rescue = self.part.with_file_name(rescued(self.out.file_name().unwrap_or_default()));
-            let at = if fs::rename(&self.part, &rescue).is_ok() { &rescue } else { &self.part };
+            let at = if files::rename(&self.part, &rescue).is_ok() { &rescue } else { &self.part };
             return Err(Error::Invalid(format!(
                 "{error}; {} was left as it was, what was written of this run lies in {}",
                 self.asked.display(),
@@ -99,6 +99,13 @@ impl Results {
             )));
         }
         Ok(self.names.iter().map(|name| self.asked.join(name)).collect())
+    }
+
+    /// Leaves out results that could not be written. False where none is left.
+    pub fn leave_out(&mut self, lost: &[&str]) -> bool {
+        self.names.retain(|name| !lost.contains(&&**name));
+        lost.iter().for_each(|name| drop(fs::remove_file(self.part.join(name))));
+        !self.names.is_empty()
     }
 
     /// Keeps them where there are some to keep; answers the paths of those that were kept.
@@ -114,7 +121,8 @@ impl Results {
     }
 
     fn put(&self) -> Result<()> {
-        if !self.out.exists() && fs::rename(&self.part, &self.out).is_ok() {
+        if !self.out.exists() && files::rename(&self.part, &self.out).is_ok() {
+            files::sync_folder(&self.out);
             return Ok(());
         }
         if self.part.parent() == self.out.parent() && is_ours_alone(&self.out) && !holds_this_process(&self.out) {
@@ -122,6 +130,7 @@ impl Results {
                 let _ = fs::set_permissions(&self.part, of.permissions());
             }
             if let Some(old) = swap(&self.part, &self.out) {
+                files::sync_folder(&self.out);
                 // The results are in place; an earlier run that cannot be removed now is removed by the next one.
                 let _ = fs::remove_dir_all(old);
                 return Ok(());
@@ -244,8 +253,8 @@ fn swap(new: &Path, old: &Path) -> Option<PathBuf> {
     }
     // A run that is killed between these two is put back by the next one: see `sweep`.
     let away = old.with_file_name(hidden(old.file_name()?, "old"));
-    fs::rename(old, &away).ok()?;
-    if fs::rename(new, old).is_err() {
+    files::rename(old, &away).ok()?;
+    if files::rename(new, old).is_err() {
         let _ = fs::rename(&away, old);
         return None;
     }
@@ -255,8 +264,9 @@ fn swap(new: &Path, old: &Path) -> Option<PathBuf> {
 /// Two folders change their places in one step, where the system can.
 #[cfg(any(target_os = "linux", target_os = "macos"))]
 fn exchange(a: &Path, b: &Path) -> bool {
+    use foveate::files::faults::{Operation, attempt};
     use rustix::fs::{CWD, RenameFlags, renameat_with};
-    renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE).is_ok()
+    attempt(Operation::Rename, b).is_ok() && renameat_with(CWD, a, CWD, b, RenameFlags::EXCHANGE).is_ok()
 }
 
 #[cfg(not(any(target_os = "linux", target_os = "macos")))]
@@ -266,11 +276,12 @@ fn exchange(_: &Path, _: &Path) -> bool {
 
 /// Moves a file to another folder, which may be of another file system.
 fn moved(from: &Path, to: &Path) -> std::io::Result<()> {
-    if fs::rename(from, to).is_ok() {
+    if files::rename(from, to).is_ok() {
         return Ok(());
     }
-    let part = temporary(to);
-    fs::copy(from, &part).and_then(|_| fs::rename(&part, to)).inspect_err(|_| drop(fs::remove_file(&part)))
+    let mut part = files::Part::beside(to)?;
+    std::io::copy(&mut fs::File::open(from)?, &mut part)?;
+    part.keep(to)
 }
 
 #[cfg(test)]

@@ -164,7 +164,7 @@ fn announce(bound: &SocketAddr, guard: &Guard, pick: bool) {
     };
     let token = guard.token.as_ref().map_or(String::new(), |token| format!("?token={token}"));
     let what = if pick { "draw a box in a browser at" } else { "open in a browser:" };
-    eprintln!("foveate: {what} http://{host}:{}/{token}  (Ctrl-C ends)", bound.port());
+    note!("foveate: {what} http://{host}:{}/{token}  (Ctrl-C ends)", bound.port());
 }
 
 #[cfg(test)]

@@ -53,7 +53,7 @@ pub fn run(args: Args) -> Result<()> {
         let _ = std::fs::remove_dir_all(&making);
     }
     if terminal::stopping() {
-        eprintln!("foveate: stopped; nothing was written");
+        note!("foveate: stopped; nothing was written");
         std::process::exit(terminal::stop_status());
     }
     let frames = cut?;

@@ -18,12 +18,14 @@ use crate::terminal;
 use init::{Frames, Init, check_again, check_box, first_box, known_truth, parse_again, parse_init};
 use outputs::{Outputs, Told, tell};
 use source::{SourceArgs, Started, StreamTo, parse_stream};
+use spared::Lost;
 
 mod batch;
 pub mod init;
 mod multi;
 pub mod outputs;
 pub mod source;
+pub mod spared;
 
 pub use outputs::run_info;
 
@@ -194,6 +196,10 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let init = match &loaded {
         Some(saved) => {
             tracker.load(&saved.tracker)?;
+            let (then, now) = (&saved.source, video_name(&args.source));
+            if !then.is_empty() && *then != now {
+                note!("foveate: the state was saved in {then:?}, and goes on in {now:?}: is it the same video?");
+            }
             None
         }
         None => {
@@ -207,7 +213,6 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
         let frame = frame + 1;
         return Err(Error::Invalid(format!("--reinit {frame}: --every leaves this frame out; give another frame")));
     }
-    check_written(args.save_state.as_deref(), &args.out)?;
     let mut info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
     info.truth = known_truth(&args.source).iter().map(|bbox| args.input.scaled(bbox)).collect();
     info.shadow = shadow;
@@ -223,9 +228,10 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let (trace, regret) = (args.trace, args.regret);
     let surface = report && SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
     let outputs = Outputs { video, report, surface, trace, regret, endless };
+    check_written(args.save_state.as_deref(), &args.out, &outputs.names())?;
     terminal::catch_interrupts();
-    let results = args.results(&outputs.names(), endless)?;
-    let mut observers = outputs.observers(results.folder(), &info)?;
+    let (mut results, lost) = (args.results(&outputs.names(), endless)?, Lost::default());
+    let mut observers = outputs.observers(results.folder(), &info, &lost)?;
     let (began, Started { mut source, counts }) = (Instant::now(), opened.start());
     if let Some(stream) = &args.stream {
         observers.insert(0, Box::new(stream.observer(counts.meter.clone())?));
@@ -237,7 +243,9 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
         bar.set_position((next_frame - frames.from) as u64);
     };
     let (stop, clock) = (&terminal::stopping, info.clock.clone());
-    let span = Span { from: frames.from, until: frames.until, stop, clock, endless, progress: Some(&mut progress) };
+    // Nobody reads boxes and times of all frames: memory stays flat.
+    let span =
+        Span { from: frames.from, until: frames.until, stop, clock, endless: true, progress: Some(&mut progress) };
     let run = SingleRun { init, again: &again, span };
     let (outcome, result) = match &tiles {
         Some(tiles) => follow_tiles(tiles, &mut *source, &mut tracker, &mut observers, run),
@@ -250,9 +258,10 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     counts.note();
     let whole = result.is_ok() && !outcome.frames.stopped;
     let tracked = outcome.tracked > 0 || (whole && outcome.frames.count > 0);
-    let kept = results.keep_if(tracked);
+    let some = results.leave_out(&lost.names());
+    let kept = results.keep_if(tracked && some).and_then(|kept| lost.check().map(|()| kept));
     let saved = match &args.save_state {
-        Some(path) if tracked => SavedState::write(path, &blueprint, seed, next_frame, tracker.save()),
+        Some(path) if tracked => SavedState::write(path, &args.source, &blueprint, seed, next_frame, tracker.save()),
         _ => Ok(()),
     };
     let files = kept.as_ref().map_or(&[][..], Vec::as_slice);
@@ -268,7 +277,7 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
 /// Says what became of a run that did not go well, and ends the program where it was asked to stop.
 fn ended(out: &Path, tracked: bool, result: Result<()>, stopped: bool) -> Result<()> {
     if !tracked {
-        eprintln!("foveate: nothing was tracked; {} was left as it was", out.display());
+        note!("foveate: nothing was tracked; {} was left as it was", out.display());
     }
     result?;
     if stopped {
@@ -280,16 +289,24 @@ fn ended(out: &Path, tracked: bool, result: Result<()>, stopped: bool) -> Result
 /// Boxes given again in frames that the video turned out not to have: nobody could know before.
 fn note_unreached(again: &[(usize, BBox)], next_frame: usize, whole: bool) {
     for (frame, _) in again.iter().filter(|(frame, _)| whole && *frame >= next_frame) {
-        eprintln!("foveate: --reinit {}: the video ended at frame {next_frame}; this box was not used", frame + 1);
+        note!("foveate: --reinit {}: the video ended at frame {next_frame}; this box was not used", frame + 1);
     }
 }
 
 /// Refuses a file to be written at the end, where its folder is not there; that of the results will be.
-fn check_written(path: Option<&Path>, out: &Path) -> Result<()> {
+fn check_written(path: Option<&Path>, out: &Path, names: &[&str]) -> Result<()> {
     let Some(path) = path else { return Ok(()) };
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if path.is_dir() {
         return Err(Error::malformed(path, "expected a file to write to, found a folder; give another name"));
+    }
+    let result = |name: &&str| path.file_name().is_some_and(|n| n == *name);
+    let same = || {
+        folder == out
+            || std::fs::canonicalize(folder).ok().zip(std::fs::canonicalize(out).ok()).is_some_and(|(a, b)| a == b)
+    };
+    if names.iter().chain(&["run.json"]).any(result) && same() {
+        return Err(Error::malformed(path, "a result of the run has this name; give another name"));
     }
     if folder.is_dir() || folder == out {
         return Ok(());
@@ -303,18 +320,29 @@ struct SavedState {
     next_frame: usize,
     seed: u64,
     config: String,
+    /// The name of the video, without its folder.
+    #[serde(default)]
+    source: String,
     tracker: serde_json::Value,
+}
+
+/// The last part of a path or an address.
+fn video_name(source: &Path) -> String {
+    let whole = std::fs::canonicalize(source);
+    whole.as_deref().unwrap_or(source).file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 impl SavedState {
     fn write(
         path: &Path,
+        source: &Path,
         blueprint: &Blueprint,
         seed: u64,
         next_frame: usize,
         tracker: serde_json::Value,
     ) -> Result<()> {
-        let saved = Self { next_frame, seed, config: blueprint.config().to_toml(), tracker };
+        let saved =
+            Self { next_frame, seed, config: blueprint.config().to_toml(), source: video_name(source), tracker };
         let text = serde_json::to_string(&saved).map_err(|e| Error::Invalid(e.to_string()))?;
         files::write(path, text.as_bytes())
     }

@@ -19,7 +19,7 @@ impl Blueprint {
         let blueprint = self.clone();
         let make = move |id| blueprint.engine(seed, id).expect("one was made with the same parts");
         let (settings, blueprint) = (self.config.multi_target.unwrap_or_default(), self.clone());
-        Ok(MultiTracker::of(settings, Box::new(make), Box::new(move || blueprint.preprocessor())))
+        Ok(MultiTracker::of(settings, self.room(), Box::new(make), Box::new(move || blueprint.preprocessor())))
     }
 }
 

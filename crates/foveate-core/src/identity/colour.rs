@@ -84,11 +84,17 @@ pub struct Colour {
     settings: Settings,
     first: Histograms,
     recent: Histograms,
-    now: Histograms,
     probability: Vec<f32>,
     /// The same as [`Integral`] sums it.
     parts: Vec<u16>,
     contrast: f64,
+    pub(super) counts: Counts,
+}
+
+/// What is counted in one frame.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Counts {
+    now: Histograms,
     bins: Bins,
 }
 
@@ -99,11 +105,10 @@ impl Colour {
             settings,
             first: Histograms::default(),
             recent: Histograms::default(),
-            now: Histograms::default(),
             probability: vec![],
             parts: vec![],
             contrast: LEAST,
-            bins: Bins::default(),
+            counts: Counts::default(),
         }
     }
 
@@ -114,9 +119,10 @@ impl Colour {
 
     /// Learns the target at `state` of the first frame, and forgets all before.
     pub fn init(&mut self, image: &Image, state: &State, extent: Extent) {
-        self.now.count(image, state, extent, &mut self.bins);
-        self.first.clone_from(&self.now);
-        self.recent.clone_from(&self.now);
+        let Self { counts: Counts { now, bins }, first, recent, .. } = self;
+        now.count(image, state, extent, bins);
+        first.clone_from(now);
+        recent.clone_from(now);
         self.judge();
         let mut sums = Integral::default();
         let scale = state.log_scale.exp();
@@ -128,9 +134,9 @@ impl Colour {
 
     /// Learns from the target at `state` of a later frame.
     pub fn adapt(&mut self, image: &Image, state: &State, extent: Extent) {
-        self.now.count(image, state, extent, &mut self.bins);
-        let rate = self.settings.learning_rate as f32;
-        let Self { recent, now, .. } = self;
+        let Self { counts: Counts { now, bins }, settings, recent, .. } = self;
+        now.count(image, state, extent, bins);
+        let rate = settings.learning_rate as f32;
         for (recent, now) in [(&mut recent.target, &now.target), (&mut recent.around, &now.around)] {
             recent.iter_mut().zip(now).for_each(|(r, n)| *r += rate * (n - *r));
         }
@@ -139,7 +145,7 @@ impl Colour {
 
     /// Sums over a region of a frame (left, top, right, bottom; pixels), a sample every so many pixels.
     pub(super) fn sum_up(&mut self, image: &Image, region: [f64; 4], step: usize, sums: &mut Integral) {
-        sums.fill(image, region, step, &self.parts, &mut self.bins);
+        sums.fill(image, region, step, &self.parts, &mut self.counts.bins);
     }
 
     /// What the cue counts: its mixing weight, the less the smaller the contrast of frame 1 is.

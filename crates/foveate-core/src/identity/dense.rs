@@ -25,6 +25,12 @@ pub(super) struct Dense {
     lengths: Lengths,
     /// Side of a cell, template units.
     pitch: f64,
+    pub maps: Maps,
+}
+
+/// The maps of one look.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Maps {
     lattice: Lattice,
     /// Half blocks in a row of the maps.
     columns: usize,
@@ -92,18 +98,7 @@ impl Dense {
             && square(grey, side, pitch, 0)
             && square(first, blocks, wide, 1)
             && square(second, blocks, wide, 2);
-        fits.then(|| Self {
-            blocks,
-            lengths,
-            pitch,
-            lattice: Lattice::default(),
-            columns: 0,
-            cells: vec![],
-            halves: vec![],
-            sums: vec![],
-            grey: vec![],
-            colour: [vec![], vec![]],
-        })
+        fits.then(|| Self { blocks, lengths, pitch, maps: Maps::default() })
     }
 
     /// Looks at states that were seen. Says false, and does nothing, where they are no lattice.
@@ -114,7 +109,8 @@ impl Dense {
         let count = |places: usize, step: usize| (places - 1) * step + 2 * self.blocks;
         let columns = count(lattice.columns, lattice.across).next_multiple_of(HALVES);
         let rows = count(lattice.rows, lattice.down);
-        (self.lattice, self.columns) = (lattice, columns);
+        let maps = &mut self.maps;
+        (maps.lattice, maps.columns) = (lattice, columns);
         let n = columns * rows;
         let at = first.fixate(Gaze::CENTRE, extent);
         // From the middle of the first place to that of its first cell, and of its first block.
@@ -134,29 +130,30 @@ impl Dense {
             }
         };
         let (p, width, height) = (self.pitch, 2 * columns + 2, 2 * rows + 2);
-        read(0, &mut self.cells, width, height, start - 0.5 * p, p);
-        for (level, colour) in self.colour.iter_mut().enumerate() {
+        read(0, &mut maps.cells, width, height, start - 0.5 * p, p);
+        for (level, colour) in maps.colour.iter_mut().enumerate() {
             read(1 + level, colour, columns, rows, start + 2.0 * p, 2.0 * p);
         }
-        for (map, n) in [(&mut self.halves, 8 * n), (&mut self.sums, 8 * n), (&mut self.grey, n)] {
+        for (map, n) in [(&mut maps.halves, 8 * n), (&mut maps.sums, 8 * n), (&mut maps.grey, n)] {
             map.resize(map.len().max(n), 0.0);
         }
         kernels::oriented_halves(
-            &self.cells[..width * height],
+            &maps.cells[..width * height],
             columns,
-            &mut self.halves[..8 * n],
-            &mut self.grey[..n],
+            &mut maps.halves[..8 * n],
+            &mut maps.grey[..n],
         );
-        kernels::oriented_blocks(&self.halves[..8 * n], columns, &mut self.sums[..8 * n]);
+        kernels::oriented_blocks(&maps.halves[..8 * n], columns, &mut maps.sums[..8 * n]);
         true
     }
 
     /// The features of the k-th state that was looked at.
     pub fn features(&self, k: usize, out: &mut [f32]) {
-        let Lattice { columns, across, down, .. } = self.lattice;
-        let first = k / columns * down * self.columns + k % columns * across;
-        let colour = self.colour.each_ref().map(|map| &map[..]);
-        let maps = kernels::Maps { columns: self.columns, blocks: &self.sums, grey: &self.grey, colour };
+        let made = &self.maps;
+        let Lattice { columns, across, down, .. } = made.lattice;
+        let first = k / columns * down * made.columns + k % columns * across;
+        let colour = made.colour.each_ref().map(|map| &map[..]);
+        let maps = kernels::Maps { columns: made.columns, blocks: &made.sums, grey: &made.grey, colour };
         kernels::features_among(&maps, first, self.blocks, &self.lengths, out);
     }
 }

@@ -78,6 +78,8 @@ const RINGS: [f64; 6] = [0.12, 0.2, 0.35, 0.6, 1.0, 1.7];
 const SIZES: [f64; 6] = [-0.2, -0.1, -0.05, 0.05, 0.1, 0.2];
 /// The most distractors that are learned from.
 const DISTRACTORS: usize = 6;
+/// All places of a frame.
+const MOST_PLACES: usize = 1 + RINGS.len() * 8 + SIZES.len() + DISTRACTORS;
 /// Steps of conjugate gradients on the first frame, and on each other.
 const STEPS: (usize, usize) = (30, 4);
 
@@ -95,10 +97,16 @@ pub struct Discriminant {
     first: Sums,
     recent: Sums,
     weights: Vec<f32>,
+    pub(super) learning: Learning,
+}
+
+/// What is learned from, in one frame.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Learning {
     /// Where to look to learn.
-    pub(super) places: Vec<State>,
+    pub places: Vec<State>,
     /// The features there, each followed by a 1.
-    pub(super) rows: Vec<f32>,
+    pub rows: Vec<f32>,
     labels: Vec<f32>,
     system: Sums,
     work: [Vec<f32>; 2],
@@ -107,19 +115,9 @@ pub struct Discriminant {
 impl Discriminant {
     /// Of features of length `n_h`. It knows nothing yet.
     pub fn new(settings: Settings, n_h: usize) -> Self {
-        let (n, most) = (n_h + 1, 1 + RINGS.len() * 8 + SIZES.len() + DISTRACTORS);
+        let n = n_h + 1;
         let zeros = Sums { gram: vec![0.0; n * (n + 1) / 2], cross: vec![0.0; n] };
-        Self {
-            settings,
-            first: zeros.clone(),
-            recent: zeros.clone(),
-            weights: vec![0.0; n],
-            places: Vec::with_capacity(most),
-            rows: Vec::with_capacity(most * n),
-            labels: Vec::with_capacity(most),
-            system: zeros,
-            work: [vec![0.0; n], vec![0.0; n]],
-        }
+        Self { settings, first: zeros.clone(), recent: zeros, weights: vec![0.0; n], learning: Learning::default() }
     }
 
     /// The settings it was made with.
@@ -143,7 +141,7 @@ impl Discriminant {
     pub(super) fn margin(&self, distance: impl Fn(&[f32]) -> f64) -> f64 {
         let first = 1 + RINGS.len() * 8 + SIZES.len();
         let of = |row: &[f32]| distance(&row[..row.len() - 1]);
-        let mut rows = self.rows.chunks_exact(self.weights.len());
+        let mut rows = self.learning.rows.chunks_exact(self.weights.len());
         let n = rows.len().saturating_sub(first);
         let target = rows.next().map_or(0.0, of);
         rows.skip(first - 1).map(|row| of(row) - target).sum::<f64>() / n.max(1) as f64
@@ -151,9 +149,14 @@ impl Discriminant {
 
     /// Chooses `places` for a target at `state`, and their labels.
     pub(super) fn look_around(&mut self, state: &State, extent: Extent, distractors: &[State]) {
-        let Self { places, labels, settings, .. } = self;
+        let Self { learning: Learning { places, labels, rows, .. }, settings, weights, .. } = self;
         let (w, h) = (state.log_scale.exp() * extent.half_w, state.log_scale.exp() * extent.half_h);
+        // Room for all that there may be.
         places.clear();
+        places.reserve(MOST_PLACES);
+        labels.clear();
+        labels.reserve(MOST_PLACES);
+        rows.reserve((MOST_PLACES * weights.len()).saturating_sub(rows.len()));
         places.push(*state);
         for (k, radius) in RINGS.iter().enumerate() {
             for i in 0..8 {
@@ -163,21 +166,25 @@ impl Discriminant {
         }
         places.extend(SIZES.map(|d| State { log_scale: state.log_scale + d, ..*state }));
         places.extend(distractors.iter().take(DISTRACTORS));
-        labels.clear();
         labels.extend(places.iter().map(|place| {
             let (u, v) = ((place.x - state.x) / w / settings.spread, (place.y - state.y) / h / settings.spread);
             let s = (place.log_scale - state.log_scale) / settings.log_scale;
             (-0.5 * (u * u + v * v + s * s)).exp() as f32
         }));
-        self.rows.resize(self.places.len() * self.weights.len(), 0.0);
+        rows.resize(places.len() * weights.len(), 0.0);
     }
 
     /// Learns from `rows` at `places`. On the first frame it forgets all else.
     pub(super) fn learn(&mut self, first: bool) {
-        let Self { settings, first: begun, recent, weights, rows, labels, system, work: [step, image], .. } = self;
+        let Self { settings, first: begun, recent, weights, learning } = self;
+        let Learning { rows, labels, system, work: [step, image], .. } = learning;
         let (keep, share) =
             if first { (0.0, 1.0) } else { (1.0 - settings.learning_rate as f32, settings.learning_rate as f32) };
         let n = weights.len();
+        system.gram.resize(recent.gram.len(), 0.0);
+        system.cross.resize(n, 0.0);
+        step.resize(n, 0.0);
+        image.resize(n, 0.0);
         kernels::add_outer(rows, n, keep, share, &mut recent.gram);
         recent.cross.iter_mut().for_each(|b| *b *= keep);
         for (row, label) in rows.chunks_exact(n).zip(labels) {
@@ -257,8 +264,8 @@ mod tests {
         for frame in 0..frames {
             let mut rng = Streams::new(4, 0).rng(frame);
             it.look_around(&TARGET, EXTENT, &[State { x: 80.0, ..TARGET }]);
-            it.rows.iter_mut().for_each(|h| *h = rng.random::<f32>() - 0.5);
-            it.rows.chunks_exact_mut(N).for_each(|row| row[N - 1] = 1.0);
+            it.learning.rows.iter_mut().for_each(|h| *h = rng.random::<f32>() - 0.5);
+            it.learning.rows.chunks_exact_mut(N).for_each(|row| row[N - 1] = 1.0);
             it.learn(frame == 0);
         }
         it
@@ -274,7 +281,7 @@ mod tests {
                 (1.0 - settings.learning_rate).powi(age) * if frame == 0 { 1.0 } else { settings.learning_rate };
             let weight = (1.0 - settings.first_frame_weight) * recent
                 + if frame == 0 { settings.first_frame_weight } else { 0.0 };
-            for (row, label) in now.rows.chunks_exact(N).zip(&now.labels) {
+            for (row, label) in now.learning.rows.chunks_exact(N).zip(&now.learning.labels) {
                 for i in 0..N {
                     a[i].iter_mut().zip(row).for_each(|(a, h)| *a += weight * f64::from(row[i]) * f64::from(*h));
                     a[i][N] += weight * f64::from(row[i]) * f64::from(*label);
@@ -307,16 +314,16 @@ mod tests {
     #[test]
     fn labels_say_how_near_a_place_is() {
         let it = learned(Settings::default(), 1);
-        assert_eq!((it.places[0], it.labels[0]), (TARGET, 1.0));
+        assert_eq!((it.learning.places[0], it.learning.labels[0]), (TARGET, 1.0));
         let one_deviation = (-0.5f32).exp();
         let (w, h) = (EXTENT.half_w * TARGET.log_scale.exp(), EXTENT.half_h * TARGET.log_scale.exp());
-        for (place, label) in it.places.iter().zip(&it.labels) {
+        for (place, label) in it.learning.places.iter().zip(&it.learning.labels) {
             let (u, v, s) = ((place.x - TARGET.x) / w, (place.y - TARGET.y) / h, place.log_scale - TARGET.log_scale);
             assert!((u.hypot(v) - 0.2).abs() > 1e-9 || (label - one_deviation).abs() < 1e-6);
             assert!((s.abs() - 0.1).abs() > 1e-9 || (label - one_deviation).abs() < 1e-6);
         }
-        assert_eq!(it.places.last().map(|distractor| distractor.x), Some(80.0));
-        assert!(it.labels.last().is_some_and(|label| *label < 1e-9), "a distractor is not the target");
+        assert_eq!(it.learning.places.last().map(|distractor| distractor.x), Some(80.0));
+        assert!(it.learning.labels.last().is_some_and(|label| *label < 1e-9), "a distractor is not the target");
     }
 
     #[test]

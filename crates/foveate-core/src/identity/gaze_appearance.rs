@@ -11,14 +11,14 @@ use std::sync::Arc;
 use self::dim::dim;
 use super::colour::Colour;
 use super::dense::Dense;
-use super::discriminant::Discriminant;
+use super::discriminant::{Discriminant, Learning};
 use super::distance::{Distance, Kind};
 use super::encoder::Encoder;
 use super::fusion::Fusion;
-use super::pyramid::{Pyramid, Region};
+use super::pyramid::Pyramid;
 use super::retina::Retina;
-use super::views::{Apart, Looks, Views};
-use super::{Appearance, Percept, ReferenceLikelihood, calibrate};
+use super::views::Looks;
+use super::{Appearance, Buffers, Percept, ReferenceLikelihood, TemplateSource, calibrate};
 use crate::geometry::{Extent, Fixation, Gaze, State};
 use crate::scene::{Image, Meter};
 use foveate_base::rng::Streams;
@@ -29,13 +29,12 @@ mod apart;
 mod cues;
 mod dim;
 mod saved;
+mod shared;
 
 pub use super::calibrate::Sharpness;
 
 /// Rows encoded at a time: whole blocks of the matrix product, few enough to stay in the second-level cache.
 const CHUNK: usize = 48;
-/// The farthest gaze a template can be read at, in template units.
-const FARTHEST_GAZE: f64 = 1.5;
 
 /// Retina, encoder, distance and a template.
 pub struct GazeAppearance {
@@ -44,11 +43,12 @@ pub struct GazeAppearance {
     distance: Kind,
     setting: Sharpness,
     discounting_background: f32,
-    dimmed: Option<Image>,
     kept: Option<Template>,
-    template: Pyramid,
-    views: Views,
+    /// Of the kept picture, once another gaze than the centre was asked for or until it is compacted.
+    template: Option<Pyramid>,
+    moves: bool,
     scratch: Scratch,
+    buffers: Buffers,
     dense: Option<Dense>,
     discriminant: Option<Discriminant>,
     colour: Option<Colour>,
@@ -60,7 +60,10 @@ pub struct GazeAppearance {
 /// What `init_template` learned.
 #[derive(Clone)]
 struct Template {
+    /// The picture, or a part of it: from which pixel on, of a picture of which size.
     image: Image,
+    origin: (usize, usize),
+    size: (usize, usize),
     state: State,
     extent: Extent,
     sharpness: f64,
@@ -69,13 +72,8 @@ struct Template {
 
 #[derive(Default)]
 struct Scratch {
-    glimpses: Vec<f32>,
-    features: Vec<f32>,
     template_glimpse: Vec<f32>,
     template: Vec<f32>,
-    /// Of places that are learned from.
-    learned: Vec<f32>,
-    apart: Apart,
     /// Of which gaze they are.
     template_gaze: Option<Gaze>,
 }
@@ -104,11 +102,11 @@ impl GazeAppearance {
             distance,
             setting: sharpness,
             discounting_background: 0.0,
-            dimmed: None,
             kept: None,
-            template: Pyramid::default(),
-            views: Views::default(),
+            template: None,
+            moves: false,
             scratch,
+            buffers: Buffers::default(),
             discriminant: None,
             colour: None,
             fusion: None,
@@ -144,10 +142,11 @@ impl GazeAppearance {
         self.template_features(gaze);
         let (retina, encoder) = (&*self.retina, &*self.encoder);
         let (extent, weight) = (self.extent(), self.mixing().0);
-        let (pyramid, distance) = (&self.views.get(view).pyramid, self.distance);
+        let distance = self.distance;
         let discriminant = self.discriminant.as_ref().filter(|_| Discriminant::knows(gaze));
-        let Scratch { glimpses, features, template, .. } = &mut self.scratch;
-        let template = &template[..];
+        let Buffers { views, glimpses, features, .. } = &mut self.buffers;
+        let pyramid = &views.get(view).pyramid;
+        let template = &self.scratch.template[..];
         let judge = |h: &[f32]| {
             let from_template = distance.distance(h, template);
             discriminant.map_or(from_template, |it| (1.0 - weight) * from_template + weight * it.distance(h))
@@ -210,9 +209,11 @@ impl GazeAppearance {
             return;
         }
         self.scratch.template_gaze = Some(gaze);
+        self.moves |= gaze != Gaze::CENTRE;
         let kept = self.kept.as_ref().expect("a template is kept before the first look");
+        let pyramid = self.template.get_or_insert_with(|| kept.pyramid(&*self.retina));
         let Scratch { template_glimpse, template, .. } = &mut self.scratch;
-        self.retina.look(&self.template, kept.state.fixate(gaze, kept.extent), template_glimpse);
+        self.retina.look(pyramid, kept.state.fixate(gaze, kept.extent), template_glimpse);
         self.encoder.condition(template_glimpse);
         let (n_v, n_h) = self.encoder.shape();
         self.encoder.encode(Rows::new(template_glimpse, n_v), RowsMut::new(template, n_h));
@@ -224,17 +225,18 @@ impl GazeAppearance {
         let Some(mut it) = self.discriminant.take() else { return };
         let (extent, (n_v, n_h)) = (self.extent(), self.encoder.shape());
         it.look_around(state, extent, distractors);
+        let Learning { places, rows, .. } = &mut it.learning;
         // After a look around the target for distractors most often all is there.
         let looks = looks(&*self.retina, extent);
-        if first || self.views.whole(&it.places, looks).is_none() {
+        let Buffers { views, dimmed, learned: glimpses, .. } = &mut self.buffers;
+        if first || views.whole(places, looks).is_none() {
             let kept = self.kept.as_ref().expect("a template is kept before the first look");
-            let image = dim(image, &kept.image, self.discounting_background, &mut self.dimmed);
-            self.views.see_whole(image, &it.places, looks, self.colour.as_mut());
+            let image = dim(image, &kept.image, self.discounting_background, dimmed);
+            views.see_whole(image, places, looks, self.colour.as_mut());
         }
-        let view = self.views.whole(&it.places, looks).expect("just seen");
-        let glimpses = &mut self.scratch.learned;
+        let view = views.whole(places, looks).expect("just seen");
         glimpses.resize(CHUNK * n_v, 0.0);
-        for (places, rows) in it.places.chunks(CHUNK).zip(it.rows.chunks_mut(CHUNK * (n_h + 1))) {
+        for (places, rows) in places.chunks(CHUNK).zip(rows.chunks_mut(CHUNK * (n_h + 1))) {
             let mut at = [Fixation::default(); CHUNK];
             at.iter_mut().zip(places).for_each(|(at, place)| *at = place.fixate(Gaze::CENTRE, extent));
             let glimpses = &mut glimpses[..places.len() * n_v];
@@ -255,12 +257,7 @@ impl GazeAppearance {
     }
 
     fn keep(&mut self, kept: Template) {
-        let gazes = [Gaze { u: FARTHEST_GAZE, v: FARTHEST_GAZE, arm: None }];
-        let reach = looks(&*self.retina, kept.extent).reach;
-        let region = Region::covering(&kept.image, &[kept.state], &gazes, kept.extent, reach);
-        let scale = kept.state.log_scale.exp();
-        let unit = (scale * kept.extent.half_w, scale * kept.extent.half_h);
-        self.template.build(&kept.image, region, self.retina.footprints(), unit);
+        self.template = Some(kept.pyramid(&*self.retina));
         self.kept = Some(kept);
         self.scratch.template_gaze = None;
     }
@@ -274,7 +271,17 @@ fn looks(retina: &dyn Retina, extent: Extent) -> Looks<'_> {
 impl Appearance for GazeAppearance {
     fn init_template(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams) {
         let nothing = ReferenceLikelihood { on: 0.0, off: 0.0 };
-        self.keep(Template { image: image.clone(), state: *state, extent, sharpness: 1.0, reference: nothing });
+        let (origin, size) = ((0, 0), (image.width(), image.height()));
+        let image_kept = image.clone();
+        self.keep(Template {
+            image: image_kept,
+            origin,
+            size,
+            state: *state,
+            extent,
+            sharpness: 1.0,
+            reference: nothing,
+        });
         // On the first frame itself everything is familiar.
         self.colour.iter_mut().for_each(|colour| colour.init(image, state, extent));
         let discounting_background = std::mem::take(&mut self.discounting_background);
@@ -298,21 +305,23 @@ impl Appearance for GazeAppearance {
         let gazes = if self.steady { &[Gaze::CENTRE] } else { gazes };
         let looks = looks(&*self.retina, self.extent());
         let kept = self.kept.as_ref().expect("a template is kept before the first look");
-        let image = dim(image, &kept.image, self.discounting_background, &mut self.dimmed);
-        self.views.see(image, states, gazes, looks, self.colour.as_mut());
+        let Buffers { views, dimmed, .. } = &mut self.buffers;
+        let image = dim(image, &kept.image, self.discounting_background, dimmed);
+        views.see(image, states, gazes, looks, self.colour.as_mut());
     }
 
     fn measure(&mut self, meter: &mut Meter) {
-        self.views.measure(meter);
+        self.buffers.views.measure(meter);
     }
 
     fn see_more(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
         let gazes = if self.steady { &[Gaze::CENTRE] } else { gazes };
         let looks = looks(&*self.retina, self.extent());
         // What was dimmed when the frame was seen first is still there.
-        let dimmed = self.dimmed.as_ref().filter(|_| self.discounting_background > 0.0);
+        let Buffers { views, dimmed, .. } = &mut self.buffers;
+        let dimmed = dimmed.as_ref().filter(|_| self.discounting_background > 0.0);
         let image = dimmed.filter(|dimmed| dimmed.bytes().len() == image.bytes().len()).unwrap_or(image);
-        self.views.see_more(image, states, gazes, looks, self.colour.as_mut());
+        views.see_more(image, states, gazes, looks, self.colour.as_mut());
     }
 
     // Deviation: the paper prints exp(−d), without a sharpness; that tracks nothing.
@@ -330,8 +339,9 @@ impl Appearance for GazeAppearance {
         percept.glimpse.resize(n_v, 0.0);
         percept.features.resize(n_h, 0.0);
         let extent = self.extent();
-        let view = self.views.of(state, gaze, looks(&*self.retina, extent), self.colour.is_some());
-        let view = self.views.get(view);
+        let views = &self.buffers.views;
+        let view = views.of(state, gaze, looks(&*self.retina, extent), self.colour.is_some());
+        let view = views.get(view);
         self.retina.look(&view.pyramid, state.fixate(gaze, extent), &mut percept.glimpse);
         let conditioned = &mut self.scratch.template_glimpse;
         conditioned.copy_from_slice(&percept.glimpse);
@@ -357,8 +367,17 @@ impl Appearance for GazeAppearance {
         }
     }
 
-    fn template_source(&self) -> Option<(&Image, &State, Extent)> {
-        self.kept.as_ref().map(|kept| (&kept.image, &kept.state, kept.extent))
+    fn template_source(&self) -> Option<TemplateSource<'_>> {
+        let Template { image, origin, state, extent, .. } = self.kept.as_ref()?;
+        Some(TemplateSource { image, origin: *origin, state, extent: *extent })
+    }
+
+    fn exchange(&mut self, buffers: &mut Buffers) {
+        self.exchange_all(buffers);
+    }
+
+    fn compact(&mut self) {
+        self.free();
     }
 
     fn reference(&self) -> ReferenceLikelihood {
@@ -454,13 +473,13 @@ mod tests {
         let states: Vec<State> = (0..60).map(|k| about(corners[k % 5].0, corners[k % 5].1)).collect();
         let more: Vec<State> = (0..60).map(|k| about(200.0, 150.0 + (k % 3) as f64)).chain(states.clone()).collect();
         it.see(&image, &states, &[GAZE]);
-        assert!(it.views.count() > 2, "corners are not worth the whole picture");
+        assert!(it.buffers.views.count() > 2, "corners are not worth the whole picture");
         let mut together = distances(&mut it, &states, 1);
-        let before = it.views.count();
+        let before = it.buffers.views.count();
         it.see_more(&image, &states, &[GAZE]);
-        assert_eq!(it.views.count(), before, "all is there");
+        assert_eq!(it.buffers.views.count(), before, "all is there");
         it.see_more(&image, &more, &[GAZE]);
-        assert_eq!(it.views.count(), before + 1);
+        assert_eq!(it.buffers.views.count(), before + 1);
         together.extend(distances(&mut it, &more, 2));
         let alone = states.iter().chain(&more).map(|state| {
             it.see(&image, &[*state], &[GAZE]);

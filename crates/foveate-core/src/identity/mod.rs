@@ -5,6 +5,7 @@
 //! (section 3.1 of the paper).
 
 pub mod accumulate;
+mod buffers;
 pub mod calibrate;
 #[cfg(feature = "learn")]
 pub mod classifier;
@@ -33,6 +34,7 @@ pub mod rbm_encoder;
 pub mod retina;
 mod views;
 
+pub use buffers::Buffers;
 #[cfg(feature = "learn")]
 pub use classifier::Classifier;
 pub use distance::Distance;
@@ -68,6 +70,19 @@ pub struct Percept {
     pub colour: f64,
 }
 
+/// A picture of the target, and where in it the target is.
+#[derive(Clone, Copy)]
+pub struct TemplateSource<'a> {
+    /// The picture, or a part of it.
+    pub image: &'a Image,
+    /// Column and row of the whole picture that its first pixel is.
+    pub origin: (usize, usize),
+    /// Where the target was in the whole picture.
+    pub state: &'a State,
+    /// Its box at scale 1.
+    pub extent: Extent,
+}
+
 /// How the target looks, as the control pathway sees it.
 ///
 /// `see` is called once a frame, before any `log_likelihood` or `perceive` of that frame, with every state
@@ -97,10 +112,15 @@ pub trait Appearance: Send + Sync {
     /// the `distractors`. `frame_deficit` is 0 where the evidence is what the target gives, 1 where it is what other places give. What
     /// was seen of the frame is forgotten.
     fn adapt(&mut self, _image: &Image, _state: &State, _distractors: &[State], _frame_deficit: f64) {}
-    /// The picture `init_template` was given, where the target was in it, and its box; none where that is not kept.
-    fn template_source(&self) -> Option<(&Image, &State, Extent)> {
+    /// The picture `init_template` was given, or the part of it that has the target; none where that is not kept.
+    fn template_source(&self) -> Option<TemplateSource<'_>> {
         None
     }
+    /// Exchanges what it needs only while it looks at a frame with `buffers`. Who holds many targets gives each the same buffers for
+    /// as long as it is looked at, and takes them back by a second call. Nothing that is told of a frame may depend on it.
+    fn exchange(&mut self, _buffers: &mut Buffers) {}
+    /// Frees what is not needed until the next look, and can be made again from what is kept.
+    fn compact(&mut self) {}
     /// What the first frame says of evidence to come.
     fn reference(&self) -> ReferenceLikelihood;
     /// Everything `init_template` learned, to resume from.

@@ -186,6 +186,13 @@ impl Pyramid {
         self.coarse = made;
     }
 
+    /// Frees what only building needs.
+    pub(super) fn trim(&mut self) {
+        self.coarse = Default::default();
+        (self.sums, self.channel, self.scratch) = Default::default();
+        self.levels.iter_mut().for_each(|level| level.data.shrink_to_fit());
+    }
+
     fn fill(&mut self, picture: Picture<'_>, region: Region, footprints: &[Footprint], unit: (f64, f64)) {
         self.levels.resize_with(footprints.len(), Level::default);
         for channel in 0..3 {

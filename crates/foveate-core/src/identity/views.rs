@@ -144,6 +144,12 @@ fn cluster(windows: impl Iterator<Item = Region>, found: &mut Vec<Region>) {
 }
 
 impl Views {
+    /// Exchanges everything but what was counted.
+    pub fn exchange(&mut self, other: &mut Self) {
+        std::mem::swap(self, other);
+        std::mem::swap(&mut self.read, &mut other.read);
+    }
+
     /// Takes in what states need of a new frame, and forgets the one before.
     pub fn see(
         &mut self,

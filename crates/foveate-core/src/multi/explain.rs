@@ -5,22 +5,15 @@
 //! things on dark, of which little is hidden where they pass over each other; a target that is lost explains nothing.
 
 use crate::geometry::{BBox, Extent, State};
+use crate::identity::TemplateSource;
 use crate::scene::Image;
 
-/// What a target looked like in its first frame, and where it was.
-#[derive(Clone, Copy)]
-pub(super) struct Look<'a> {
-    pub image: &'a Image,
-    pub state: &'a State,
-    pub extent: Extent,
-}
-
 /// Takes off `image` the share (0 to 1) of its values that a target at `state` shows there.
-pub(super) fn take_off(image: &mut Image, look: Look, state: &State, share: f64) {
+pub(super) fn take_off(image: &mut Image, look: TemplateSource<'_>, state: &State, share: f64) {
     if look.image.planes() != image.planes() {
         return;
     }
-    let Extent { half_w, half_h } = look.extent;
+    let (Extent { half_w, half_h }, (left, top)) = (look.extent, look.origin);
     let unit = state.log_scale.exp();
     let (sin, cos) = state.angle.sin_cos();
     let reach = (half_w * unit).hypot(half_h * unit);
@@ -35,7 +28,8 @@ pub(super) fn take_off(image: &mut Image, look: Look, state: &State, share: f64)
             let (dx, dy) = ((column as f64 - state.x) / unit, (row as f64 - state.y) / unit);
             let (u, v) = (cos * dx + sin * dy, cos * dy - sin * dx);
             if u.abs() <= half_w && v.abs() <= half_h {
-                let shown = share * value(look.image, p, look.state.x + u, look.state.y + v);
+                let (x, y) = (look.state.x + u - left as f64, look.state.y + v - top as f64);
+                let shown = share * value(look.image, p, x, y);
                 let pixel = &mut plane[row * width + column];
                 *pixel = (f64::from(*pixel) - shown).max(0.0) as u8;
             }
@@ -68,7 +62,7 @@ mod tests {
         };
         let first = paint(30, 8..12, false);
         let (was, extent) = (State { x: 9.5, y: 9.5, ..State::default() }, Extent { half_w: 4.0, half_h: 4.0 });
-        let look = Look { image: &first, state: &was, extent };
+        let look = TemplateSource { image: &first, origin: (0, 0), state: &was, extent };
         let now = State { x: 23.5, y: 23.5, log_scale: 2f64.ln(), ..State::default() };
         let mut image = paint(50, 20..28, true);
         take_off(&mut image, look, &now, 1.0);

@@ -1,5 +1,6 @@
 //! Who hides whom: which of two targets that overlap is in front, and what is left to be seen of the other.
 
+use super::meeting::Meetings;
 use super::settings::Occlusion;
 use crate::geometry::BBox;
 
@@ -13,14 +14,6 @@ pub(super) struct Body {
     pub similarity: f64,
 }
 
-/// Share of the smaller box that must be covered for two targets to be in each other's way.
-const MEETING: f64 = 0.1;
-
-/// Whether two boxes are in each other's way.
-pub(super) fn meet(a: &BBox, b: &BBox) -> bool {
-    a.intersection(b) > MEETING * (a.w * a.h).min(b.w * b.h)
-}
-
 /// Cells along each side of a box, to measure what is covered.
 const CELLS: usize = 10;
 
@@ -29,29 +22,38 @@ const CELLS: usize = 10;
 pub(super) struct Fronts {
     pub now: Vec<(u64, u64)>,
     before: Vec<(u64, u64)>,
+    /// The same by index, (behind, front), while a frame is judged.
+    #[serde(skip)]
+    covers: Vec<(usize, usize)>,
 }
 
-/// Fills the share of each body that is in view, 0 to 1.
-pub(super) fn visible(bodies: &[Body], s: &Occlusion, fronts: &mut Fronts, out: &mut Vec<f64>) {
+/// Fills the share of each body that is in view, 0 to 1. Bodies are in the order of `meetings`.
+pub(super) fn visible(bodies: &[Body], meetings: &Meetings, s: &Occlusion, fronts: &mut Fronts, out: &mut Vec<f64>) {
     std::mem::swap(&mut fronts.now, &mut fronts.before);
-    let Fronts { now: fronts, before } = fronts;
+    let Fronts { now: fronts, before, covers } = fronts;
+    before.sort_unstable();
     fronts.clear();
-    for (i, a) in bodies.iter().enumerate() {
-        for b in bodies[i + 1..].iter().filter(|b| meet(&a.bbox, &b.bbox)) {
-            let lower = (a.bbox.y + a.bbox.h - b.bbox.y - b.bbox.h) / (0.5 * (a.bbox.h + b.bbox.h));
-            let mut a_is_before = s.ground * lower + a.similarity - b.similarity;
-            a_is_before += s.habit * f64::from(u8::from(before.contains(&(a.id, b.id))));
-            a_is_before -= s.habit * f64::from(u8::from(before.contains(&(b.id, a.id))));
-            fronts.push(if a_is_before >= 0.0 { (a.id, b.id) } else { (b.id, a.id) });
-        }
+    covers.clear();
+    for (i, j) in meetings.pairs() {
+        let (a, b) = (&bodies[i], &bodies[j]);
+        let lower = (a.bbox.y + a.bbox.h - b.bbox.y - b.bbox.h) / (0.5 * (a.bbox.h + b.bbox.h));
+        let mut a_is_before = s.ground * lower + a.similarity - b.similarity;
+        a_is_before += s.habit * f64::from(u8::from(before.binary_search(&(a.id, b.id)).is_ok()));
+        a_is_before -= s.habit * f64::from(u8::from(before.binary_search(&(b.id, a.id)).is_ok()));
+        let (front, behind) = if a_is_before >= 0.0 { (i, j) } else { (j, i) };
+        fronts.push((bodies[front].id, bodies[behind].id));
+        covers.push((behind, front));
     }
+    covers.sort_unstable();
     out.clear();
-    out.extend(bodies.iter().map(|body| {
-        if fronts.iter().all(|(_, behind)| *behind != body.id) {
-            return 1.0;
+    let mut rest = &covers[..];
+    out.extend(bodies.iter().enumerate().map(|(i, body)| {
+        let (over, others) = rest.split_at(rest.partition_point(|(behind, _)| *behind == i));
+        rest = others;
+        match over {
+            [] => 1.0,
+            _ => share(&body.bbox, &|x, y| over.iter().any(|(_, front)| holds(&bodies[*front].bbox, x, y))),
         }
-        let over = |other: &&Body| fronts.contains(&(other.id, body.id));
-        share(&body.bbox, &|x, y| bodies.iter().filter(over).any(|other| holds(&other.bbox, x, y)))
     }));
 }
 
@@ -75,8 +77,9 @@ mod tests {
     }
 
     fn shares(bodies: &[Body], s: &Occlusion, fronts: &mut Fronts) -> Vec<f64> {
-        let mut out = vec![];
-        visible(bodies, s, fronts, &mut out);
+        let (mut out, mut meetings) = (vec![], Meetings::default());
+        meetings.find(bodies.len(), &|i| bodies[i].bbox);
+        visible(bodies, &meetings, s, fronts, &mut out);
         out
     }
 
@@ -95,7 +98,7 @@ mod tests {
     #[test]
     fn order_is_kept_unless_looks_are_clearly_against_it() {
         let flat = Occlusion { ground: 0.0, ..Occlusion::default() };
-        let mut fronts = Fronts { now: vec![(1, 2)], before: vec![] };
+        let mut fronts = Fronts { now: vec![(1, 2)], ..Fronts::default() };
         let slight = [body(1, 0.0, 0.0, 0.5), body(2, 10.0, 0.0, 0.6)];
         assert_eq!(shares(&slight, &flat, &mut fronts), [1.0, 0.5]);
         let clear = [body(1, 0.0, 0.0, 0.1), body(2, 10.0, 0.0, 0.6)];

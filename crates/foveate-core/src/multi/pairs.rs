@@ -1,8 +1,7 @@
 //! Which detection belongs to which target: overlap, motion and looks, one to one.
 
-use super::occlusion::meet;
+use super::groups::{Fit, best};
 use super::settings::Settings;
-use crate::assignment;
 use crate::geometry::BBox;
 use crate::scene::Detection;
 
@@ -14,13 +13,6 @@ pub(super) struct Expected {
     pub variance: (f64, f64),
     /// Whether it was not seen lately: its place is a guess.
     pub guess: bool,
-}
-
-impl Expected {
-    /// Whether its box, number `i` of all, meets another's.
-    pub fn meets(&self, all: &[Self], i: usize) -> bool {
-        all.iter().enumerate().any(|(j, other)| j != i && meet(&self.bbox, &other.bbox))
-    }
 }
 
 /// Share of its half box, at least, that a detector's centre is off by.
@@ -101,29 +93,20 @@ fn pairs(
     similarity: &mut dyn FnMut(usize, usize) -> Option<f64>,
 ) -> Vec<Option<usize>> {
     let (rows, columns) = (expected.len(), detections.len());
-    let mut scores: Vec<f64> = Vec::with_capacity(rows * columns);
-    for e in expected {
-        scores.extend(detections.iter().map(|d| by_place(e, &d.bbox, s).unwrap_or(0.0)));
+    let by_place = |e: &Expected, d: &Detection| by_place(e, &d.bbox, s).filter(|score| *score > 0.0);
+    let mut fits = vec![];
+    for (i, e) in expected.iter().enumerate() {
+        fits.extend(detections.iter().enumerate().filter_map(|(j, d)| Some(Fit { i, j, score: by_place(e, d)? })));
     }
-    let of_row = |i: usize| (0..columns).filter(|j| scores[i * columns + j] > 0.0).count();
-    let of_column = |j: usize| (0..rows).filter(|i| scores[i * columns + j] > 0.0).count();
-    let (claims, claimed): (Vec<_>, Vec<_>) = ((0..rows).map(of_row).collect(), (0..columns).map(of_column).collect());
-    for (k, score) in scores.iter_mut().enumerate().filter(|(_, score)| **score > 0.0) {
-        let (i, j) = (k / columns, k % columns);
-        if claims[i] > 1 || claimed[j] > 1 {
-            *score += s.looks * similarity(i, j).map_or(0.0, |similarity| similarity - *score);
-        }
-        if *score < s.score {
-            *score = 0.0;
+    let (mut claims, mut claimed) = (vec![0; rows], vec![0; columns]);
+    fits.iter().for_each(|fit| (claims[fit.i], claimed[fit.j]) = (claims[fit.i] + 1, claimed[fit.j] + 1));
+    for Fit { i, j, score } in &mut fits {
+        if claims[*i] > 1 || claimed[*j] > 1 {
+            *score += s.looks * similarity(*i, *j).map_or(0.0, |similarity| similarity - *score);
         }
     }
-    let mut given = vec![None; rows];
-    for (i, j) in assignment::best(&scores, rows, columns) {
-        if scores[i * columns + j] > 0.0 {
-            given[i] = Some(j);
-        }
-    }
-    given
+    fits.retain(|fit| fit.score >= s.score && fit.score > 0.0);
+    best(&fits, rows, columns)
 }
 
 #[cfg(test)]

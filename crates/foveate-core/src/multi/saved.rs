@@ -8,14 +8,15 @@ use super::initiation::TentativeTracks;
 use super::occlusion::Fronts;
 use super::ranks::Ranks;
 use super::target::Target;
+use crate::geometry::BBox;
 use crate::multi::TrackedTarget;
-use foveate_base::{Error, Result};
+use foveate_base::{Error, Result, memory};
 
 /// Frames that a video may have had before: at 1000 a second, 24 days.
 const MOST_FRAMES: usize = 1 << 31;
 
 /// The format number.
-const FORMAT: u32 = 5;
+const FORMAT: u32 = 6;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {
@@ -74,6 +75,8 @@ impl MultiTracker {
             return Err(bad("their ids are not in order".into()));
         }
         saved.check_frames().map_err(bad)?;
+        let (n, size) = (saved.active.len() + saved.terminated.len(), saved.size.unwrap_or_default());
+        memory::check(format_args!("{n} targets"), self.room.with(n, &BBox::new(0.0, 0.0, 0.0, 0.0), size))?;
         let read = |targets: Vec<SavedTarget>| targets.into_iter().map(|t| t.read(self)).collect::<Result<Vec<_>>>();
         let (active, terminated) = (read(saved.active)?, read(saved.terminated)?);
         (self.active, self.terminated) = (active, terminated);

@@ -2,6 +2,7 @@
 
 use super::attention::Candidate;
 use super::edge;
+use super::pool::Pool;
 use super::settings::Settings;
 use super::tracked_target::{Phase, TrackedTarget};
 use crate::engine::Engine;
@@ -24,12 +25,24 @@ pub(super) struct Target {
     /// Whether it is looked at in this frame, and how far looks moved its estimate a frame, template units, on average.
     pub looked_at: bool,
     pub surprise: f64,
+    /// How much what is there looks like it, 0 to 1, where another is in its way.
+    pub similarity: f64,
 }
 
 impl Target {
     /// As yet without a box.
     pub fn new(engine: Engine, track: TrackedTarget) -> Self {
-        Self { engine, track, lost: 0, unseen: 0, terminated: 0, shape: 0.0, looked_at: true, surprise: 1.0 }
+        Self {
+            engine,
+            track,
+            lost: 0,
+            unseen: 0,
+            terminated: 0,
+            shape: 0.0,
+            looked_at: true,
+            surprise: 1.0,
+            similarity: 1.0,
+        }
     }
 
     /// What whom to look at depends on.
@@ -43,6 +56,23 @@ impl Target {
     pub fn next(&self) -> State {
         let s = self.track.state;
         State { x: s.x + s.vx, y: s.y + s.vy, ..s }
+    }
+
+    /// Looks at a picture, in a room of the pool. What was there before does not count.
+    pub fn looking<T>(&mut self, pool: &Pool, look: impl FnOnce(&mut Self) -> T) -> T {
+        let mut room = pool.take();
+        self.engine.exchange(&mut room);
+        let seen = look(self);
+        self.engine.exchange(&mut room);
+        self.engine.compact();
+        pool.put(room);
+        seen
+    }
+
+    /// How much what is there looks like it, 0 to 1.
+    pub fn similarity_ahead(&mut self, image: &Image, pool: &Pool) -> f64 {
+        let next = self.next();
+        self.looking(pool, |target| target.engine.similarity(image, &next))
     }
 
     /// The same box in the target's present shape.

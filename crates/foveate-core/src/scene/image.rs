@@ -1,17 +1,19 @@
 //! A picture of bytes: one grey plane, or three planes red, green, blue.
 
+use std::sync::Arc;
+
 use foveate_kernels as kernels;
 
 use foveate_base::{Error, Result};
 
 /// A picture: planar, row-major, one byte a sample. Pixel centres lie at whole coordinates,
-/// `(0, 0)` is the centre of the top-left pixel.
+/// `(0, 0)` is the centre of the top-left pixel. A clone shares the bytes until one of the two is written to.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Image {
     width: usize,
     height: usize,
     planes: usize,
-    data: Vec<u8>,
+    data: Arc<Vec<u8>>,
 }
 
 /// How the bytes of a pixel follow each other in other people's buffers.
@@ -52,12 +54,12 @@ impl Image {
                 data.len()
             )));
         }
-        Ok(Self { width, height, planes, data })
+        Ok(Self { width, height, planes, data: Arc::new(data) })
     }
     /// A grey picture of one value. Panics if a side is 0.
     pub fn grey(width: usize, height: usize, value: u8) -> Self {
         assert!(width > 0 && height > 0, "an image needs pixels");
-        Self { width, height, planes: 1, data: vec![value; width * height] }
+        Self { width, height, planes: 1, data: Arc::new(vec![value; width * height]) }
     }
     /// From interleaved red, green, blue bytes without gaps between rows.
     ///
@@ -79,7 +81,7 @@ impl Image {
     /// # Errors
     /// [`Error::Invalid`] where a side is 0, the stride is less than a row, or there are too few bytes.
     pub fn from_pixels(pixels: Pixels, size: (usize, usize), stride: usize, bytes: &[u8]) -> Result<Self> {
-        let mut image = Self { width: 0, height: 0, planes: 1, data: vec![] };
+        let mut image = Self { width: 0, height: 0, planes: 1, data: Arc::default() };
         image.refill(pixels, size, stride, bytes)?;
         Ok(image)
     }
@@ -105,8 +107,12 @@ impl Image {
             )));
         }
         let n = width * height;
-        self.data.resize(n * order.len(), 0);
-        for (plane, &byte) in self.data.chunks_exact_mut(n).zip(order) {
+        if Arc::get_mut(&mut self.data).is_none() {
+            self.data = Arc::default();
+        }
+        let data = Arc::make_mut(&mut self.data);
+        data.resize(n * order.len(), 0);
+        for (plane, &byte) in data.chunks_exact_mut(n).zip(order) {
             for (out, row) in plane.chunks_exact_mut(width).zip(bytes.chunks(stride)) {
                 match depth {
                     1 => out.copy_from_slice(&row[..width]),
@@ -136,7 +142,7 @@ impl Image {
     /// The bytes of plane `p`, row-major, to write.
     pub fn plane_mut(&mut self, p: usize) -> &mut [u8] {
         let n = self.width * self.height;
-        &mut self.data[p * n..][..n]
+        &mut Arc::make_mut(&mut self.data)[p * n..][..n]
     }
     /// All bytes, plane after plane.
     pub fn bytes(&self) -> &[u8] {
@@ -145,6 +151,15 @@ impl Image {
     /// The value at a pixel of plane `p`.
     pub fn at(&self, p: usize, x: usize, y: usize) -> u8 {
         self.plane(p)[y * self.width + x]
+    }
+    /// The part of so many columns and rows from a pixel on, which lies inside.
+    pub(crate) fn part(&self, (x, y): (usize, usize), (width, height): (usize, usize)) -> Self {
+        let mut data = Vec::with_capacity(width * height * self.planes);
+        for p in 0..self.planes {
+            let rows = self.plane(p).chunks_exact(self.width).skip(y).take(height);
+            rows.for_each(|row| data.extend_from_slice(&row[x..x + width]));
+        }
+        Self { width, height, planes: self.planes, data: Arc::new(data) }
     }
     /// Interleaved red, green, blue bytes, for encoders; grey is repeated.
     pub fn to_rgb8(&self) -> Vec<u8> {
@@ -159,13 +174,13 @@ impl Image {
         }
         let mut data = vec![0; self.width * self.height];
         kernels::luma([0, 1, 2].map(|p| self.plane(p)), &mut data);
-        Self { width: self.width, height: self.height, planes: 1, data }
+        Self { width: self.width, height: self.height, planes: 1, data: Arc::new(data) }
     }
     /// The same with so many planes, 1 or 3, as the pictures before it had: grey made of colour, or three equal planes of grey.
     pub fn with_planes(self, planes: usize) -> Self {
         match (planes, self.planes) {
             (1, 3) => self.to_grey(),
-            (3, 1) => Self { planes: 3, data: self.data.repeat(3), ..self },
+            (3, 1) => Self { planes: 3, data: Arc::new(self.data.repeat(3)), ..self },
             _ => self,
         }
     }

@@ -157,7 +157,13 @@ pub fn unpack<T: Serialize + DeserializeOwned>(
         if view.dtype() != Dtype::F32 {
             return Err(format!("the tensor {name} holds {:?}, expected F32", view.dtype()));
         }
-        let values = view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let numbers = view.data().chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+        let values: Vec<f32> = numbers.collect();
+        if let Some(x) = values.iter().find(|x| x.is_finite() && x.abs() > LARGEST) {
+            return Err(format!(
+                "the tensor {name} has a number {x:e}, beyond {LARGEST:e}: sums of it would not be numbers"
+            ));
+        }
         tensors.insert(name.to_string(), (view.shape().to_vec(), values));
     }
     let promised = std::mem::take(&mut header.sha256);
@@ -166,6 +172,9 @@ pub fn unpack<T: Serialize + DeserializeOwned>(
     let sealed = if found == promised { Ok(()) } else { Err("its checksum is wrong: the file is damaged".to_string()) };
     Ok((header.about, tensors, sealed))
 }
+
+/// The largest number of a model, either way: products of four, summed up over a million, are numbers still.
+const LARGEST: f32 = 1e8;
 
 /// The model in the bytes of a model file, which `take` makes of its tensors, all of them, and what the file says beside.
 ///

@@ -115,7 +115,7 @@ pub fn run(args: Args) -> Result<()> {
     let peers = peers::read(&args.peer)?;
     let (mut sections, mut missing) = (vec![], 0);
     for (i, experiment) in experiments.iter().enumerate() {
-        eprintln!("{} of {}: {}", i + 1, experiments.len(), experiment.title);
+        note!("{} of {}: {}", i + 1, experiments.len(), experiment.title);
         let content = content(experiment, &setup)?;
         if terminal::stopping() {
             say!("stopped at {}; the same command goes on from there", experiment.name);

@@ -17,6 +17,7 @@ use foveate::lab::synthetic::{Drawn, Synthetic};
 use foveate::{Error, Result, Tracker, files};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
+use sha2::{Digest, Sha256};
 
 use crate::terminal;
 
@@ -150,14 +151,14 @@ impl Store {
                 return Ok(None);
             }
             let (run, text) = make(job)?;
-            files::write(&path, &text)?;
+            files::write(&path, &sealed(&path, &text))?;
             progress.done();
             Ok(Some(run))
         };
         let runs = side_by_side(jobs, &work)?;
         progress.bar.finish_and_clear();
         if !terminal::stopping() {
-            eprintln!("{} runs, {} of them from {}", jobs.len(), resumed.into_inner(), folder.display());
+            note!("{} runs, {} of them from {}", jobs.len(), resumed.into_inner(), folder.display());
         }
         Ok(runs)
     }
@@ -180,8 +181,30 @@ impl Store {
 
 /// A finished run; `None` where there is none, or its file is damaged.
 fn read<R: Finished>(path: &Path, frames: usize) -> Option<R> {
-    let run: R = serde_json::from_slice(&std::fs::read(path).ok()?).ok()?;
+    let bytes = files::read(path, files::TEXT).ok()?;
+    let run: R = serde_json::from_slice(unsealed(path, &bytes)?).ok()?;
     run.is_of(frames).then_some(run)
+}
+
+/// The text of a run with a checksum after it, of its text and of what the run is: neither may be of another one.
+fn sealed(path: &Path, text: &[u8]) -> Vec<u8> {
+    let mut all = text.to_vec();
+    all.extend(format!("\n{}\n", seal(path, text)).bytes());
+    all
+}
+
+/// The text, where its checksum is right.
+fn unsealed<'a>(path: &Path, bytes: &'a [u8]) -> Option<&'a [u8]> {
+    let all = bytes.strip_suffix(b"\n")?;
+    let (text, sum) = all.split_at(all.iter().rposition(|byte| *byte == b'\n')?);
+    (seal(path, text).as_bytes() == &sum[1..]).then_some(text)
+}
+
+fn seal(path: &Path, text: &[u8]) -> String {
+    let mut sum = Sha256::new();
+    sum.update(path.file_name().unwrap_or_default().as_encoded_bytes());
+    sum.update(text);
+    sum.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Does all jobs, as many at a time as there are threads and each one in a single thread; the results stand in the order
@@ -238,7 +261,7 @@ impl Progress {
             *said = Instant::now();
             let (at, all) = (self.bar.position(), self.bar.length().unwrap_or(0));
             let left = self.began.elapsed().as_secs_f64() / done as f64 * all.saturating_sub(at) as f64;
-            eprintln!("{}: {at} of {all} runs, {:.0} min left", self.name, left / 60.0);
+            note!("{}: {at} of {all} runs, {:.0} min left", self.name, left / 60.0);
         }
     }
 }

@@ -13,6 +13,7 @@ use foveate::{Error, Result};
 
 use super::video::Video;
 use crate::cmd::track::outputs::{Outputs, run_info};
+use crate::cmd::track::spared::Lost;
 
 /// A track as it is to be saved.
 pub struct Wanted {
@@ -122,7 +123,8 @@ fn write(wanted: &Wanted, folder: &Path, count: &AtomicUsize, stop: &AtomicBool)
     let surface = wanted.report && SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
     let (film, report) = (wanted.film, wanted.report);
     let outputs = Outputs { video: film, report, surface, trace: false, regret: false, endless: false };
-    let mut observers = outputs.observers(folder, &info)?;
+    let lost = Lost::default();
+    let mut observers = outputs.observers(folder, &info, &lost)?;
     let (halt, clock) = (|| stop.load(Ordering::SeqCst), info.clock.clone());
     let mut progress = |_: &foveate::video::Frame| {
         count.fetch_add(1, Ordering::SeqCst);
@@ -134,5 +136,6 @@ fn write(wanted: &Wanted, folder: &Path, count: &AtomicUsize, stop: &AtomicBool)
         foveate::video::select(video.source()?, foveate::video::Selection { from: *first, ..Default::default() });
     follow(&mut *source, &mut tracker, &mut observers, run).1?;
     drop(observers);
+    lost.check()?;
     Ok(outputs.names().into_iter().filter(|name| folder.join(name).is_file()).collect())
 }

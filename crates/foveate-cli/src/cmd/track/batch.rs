@@ -61,7 +61,7 @@ pub fn run(mut args: Args) -> Result<()> {
             finished += 1;
             continue;
         }
-        eprintln!("{} of {total}: {}", i + 1, source.display());
+        note!("{} of {total}: {}", i + 1, source.display());
         (args.source, args.out) = ((*source).clone(), out);
         // What a damaged video does to one run must not end the others.
         let result = quiet::catch(|| one(&args)).unwrap_or_else(|panic| Err(Error::Invalid(panic)));
@@ -70,7 +70,7 @@ pub fn run(mut args: Args) -> Result<()> {
             Err(error) => (Tally::default(), Some(error.to_string())),
         };
         if let Some(error) = &error {
-            eprintln!("foveate: {error}");
+            note!("foveate: {error}");
         }
         runs.runs.insert(name.clone(), Run { source: (*source).clone(), tally, error });
         runs.write(&root)?;

@@ -1,96 +1,32 @@
 //! `foveate track` of many targets: with a detector, with detections from a file, or with several first boxes.
 
-use std::collections::BTreeMap;
+mod detections;
+
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use foveate::config::{Config, DetectorConfig};
 use foveate::files::Folder;
 use foveate::report::run::multi::Detect;
 use foveate::report::run::{MultiOutcome, MultiRun, Span, follow_many};
 use foveate::report::{
-    Limited, MotFile, MultiFilm, MultiObserver, MultiReport, RunInfo, Summary, TargetsTable, TracksTable, Warnings,
+    Limited, MotFile, MultiFilm, MultiObserver, MultiReport, RunInfo, Summary, TargetsTable, TracksTable,
 };
-use foveate::scene::{Cuts, Detection, Detector, Image, StillCamera};
-use foveate::video::mot::{TrackBox, Tracks};
-use foveate::video::{Frame, Selection, SourceInfo, ahead};
-use foveate::{BBox, Error, Result};
+use foveate::scene::Cuts;
+use foveate::video::mot::Tracks;
+use foveate::video::{Frame, Selection, SourceInfo};
+use foveate::{BBox, Error, MultiTracker, Result};
+
+use detections::Detections;
+pub use detections::ManyArgs;
 
 use super::init::{Frames, check_box, first_box};
 use super::outputs::{FIRST, run_info, tell_files};
-use super::source::{SourceArgs, Started, is_endless};
+use super::source::{Started, is_endless};
+use super::spared::Lost;
 use super::{Args, Tally, check_written, ended};
 use crate::terminal;
-
-/// What makes it many targets.
-#[derive(clap::Args)]
-pub struct ManyArgs {
-    /// Follow everything that a detector finds, with no box drawn: tracks are started, terminated, and re-identified when their
-    /// targets come back. Without KIND, motion (the camera must stand still). It takes the place of the configuration's detector
-    #[arg(long, value_parser = detectors(), value_name = "KIND", num_args = 0..=1, default_missing_value = "motion", conflicts_with = "detections")]
-    pub detect: Option<DetectorConfig>,
-    /// Follow what another detector found: MOTChallenge's text (frame,id,x,y,w,h,conf,...; counted from 1; ids are not read).
-    /// They take the place of the configuration's detector
-    #[arg(long, value_name = "FILE")]
-    pub detections: Option<PathBuf>,
-    /// Least confidence at which a line of --detections counts
-    #[arg(long, value_name = "CONF", default_value_t = 0.0, requires = "detections", allow_hyphen_values = true)]
-    pub least: f64,
-    /// First boxes of many targets: frame,id,x,y,w,h a line, counted from 1, as in MOTChallenge's text
-    #[arg(long, value_name = "FILE")]
-    pub inits: Option<PathBuf>,
-    /// Write what the detector found, in MOTChallenge's text, for --detections or other trackers
-    #[arg(long, value_name = "FILE")]
-    pub save_detections: Option<PathBuf>,
-}
-
-/// Detectors by name.
-fn detectors() -> impl TypedValueParser<Value = DetectorConfig> {
-    PossibleValuesParser::new(DetectorConfig::ALL.map(|(name, _)| name))
-        .map(|name| DetectorConfig::ALL.into_iter().find(|d| d.0 == name).expect("it is one of them").1)
-}
-
-/// Frames that the background is learned from, and how far into the video they lie.
-const PICTURES: usize = 40;
-const AHEAD: usize = 400;
-
-/// Pictures from all over the beginning of a video, up to its first cut.
-fn background(source: &Path, input: &SourceArgs) -> Result<Vec<Image>> {
-    // What cannot be read twice begins without.
-    if is_endless(source) {
-        return Ok(vec![]);
-    }
-    let frames = input.open(source)?.source;
-    let every = frames.info().frames.map_or(AHEAD, |n| n.min(AHEAD)).div_ceil(PICTURES).max(1);
-    let (mut cuts, mut pictures) = (Cuts::default(), vec![]);
-    // Where the source breaks, tracking will say so when it comes there.
-    for frame in ahead(frames).take(AHEAD).map_while(Result::ok) {
-        if cuts.cut(&frame.image) {
-            break;
-        }
-        if frame.index.is_multiple_of(every) {
-            pictures.push(frame.image);
-        }
-    }
-    Ok(pictures)
-}
-
-impl ManyArgs {
-    /// The configuration that ships for this: with what moves, with other detections, or with first boxes alone.
-    pub fn config(&self) -> &'static str {
-        match self.detect {
-            Some(DetectorConfig::Motion | DetectorConfig::Walkers | DetectorConfig::Flow) => "multi-motion",
-            None if self.detections.is_none() => "multi-boxes",
-            _ => "multi",
-        }
-    }
-
-    /// Whether many targets are asked for, apart from several --init.
-    pub fn asked(&self) -> bool {
-        self.detect.is_some() || self.detections.is_some() || self.inits.is_some() || self.save_detections.is_some()
-    }
-}
 
 /// Follows many targets.
 pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) -> Result<Tally> {
@@ -107,13 +43,15 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let (about, endless) = (opened.source.info().clone(), opened.endless);
     let frames = Frames::new(0, args.until, &about)?;
     let given = given(args, &about)?;
+    room(&many, &given, &about)?;
     let mut detections = Detections::of(args, frames, given.is_empty(), detector.needs_still_camera())?;
-    check_written(args.many.save_detections.as_deref(), &args.out)?;
+    check_written(args.many.save_detections.as_deref(), &args.out, &names(args, endless))?;
     let info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
     terminal::catch_interrupts();
+    terminal::tell_stop(many.stopper());
     detections.warnings = info.warnings.clone();
-    let results = args.results(&names(args, endless), endless)?;
-    let mut observers = observers(args, results.folder(), &info, endless)?;
+    let (mut results, lost) = (args.results(&names(args, endless), endless)?, Lost::default());
+    let mut observers = observers(args, results.folder(), &info, endless, &lost)?;
     let (began, Started { mut source, counts }) = (Instant::now(), opened.start());
     if let Some(stream) = &args.stream {
         observers.insert(0, Box::new(stream.observer(counts.meter.clone())?));
@@ -121,7 +59,8 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let bar = terminal::progress(frames.total(&about), "tracking");
     let mut progress = |frame: &Frame| bar.set_position(frame.index as u64 + 1);
     let (stop, clock) = (&terminal::stopping, info.clock.clone());
-    let span = Span { until: frames.until, stop, clock, endless, progress: Some(&mut progress), ..Span::default() };
+    let span =
+        Span { until: frames.until, stop, clock, endless: true, progress: Some(&mut progress), ..Span::default() };
     let detect: Detect = &mut |f, cut, found| detections.next(f, cut, found);
     let run = MultiRun { given: &given, detect, cuts: Some(Cuts::default()), span };
     let (outcome, result) = follow_many(&mut *source, &mut many, &mut observers, run);
@@ -130,12 +69,23 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     drop(source);
     counts.note();
     let whole = result.is_ok() && !outcome.frames.stopped;
+    let late = given.iter().filter(|(frame, ..)| whole && *frame >= outcome.frames.count).count();
+    if late > 0 {
+        let end = outcome.frames.count;
+        info.warnings.add(format!(
+            "{late} of the first boxes are of frames after frame {end}, the last one: they were not used."
+        ));
+    }
     let tracked = outcome.frames.count > 1 || (whole && outcome.frames.count > 0);
-    let kept = results.keep_if(tracked);
+    let some = results.leave_out(&lost.names());
+    let kept = results.keep_if(tracked && some).and_then(|kept| lost.check().map(|()| kept));
     let saved = if tracked { detections.save(&args.many) } else { Ok(()) };
     let files = kept.as_ref().map_or(&[][..], Vec::as_slice);
     let error = [result.as_ref().err(), kept.as_ref().err(), saved.as_ref().err()].into_iter().flatten().next();
     let error = error.map(ToString::to_string);
+    if many.is_full() {
+        info.warnings.add(FULL.into());
+    }
     let (detects, warnings) = (matches!(detector, Source::Ours(..)), info.warnings.all());
     let (detector, total) = (detector.to_string(), began.elapsed());
     tell(args, &outcome, &Told { files, detector, detects, seed, total, warnings, error });
@@ -239,96 +189,31 @@ fn given(args: &Args, about: &SourceInfo) -> Result<Vec<(usize, Option<u64>, BBo
         check_box("the box", &s.bbox, about).map_err(|e| wrong(e.to_string()))?;
         given.push((s.frame, id, s.bbox));
     }
+    let mut seen = BTreeSet::new();
+    if let Some((frame, Some(id), _)) = given.iter().find(|(frame, id, _)| id.is_some() && !seen.insert((*frame, *id)))
+    {
+        let frame = frame + 1;
+        let problem = format!("frame {frame}: two boxes of target {id}; give one, or other ids");
+        return Err(Error::malformed(path, problem));
+    }
     if given.is_empty() && args.many.detect.is_none() && args.many.detections.is_none() {
         return Err(Error::malformed(path, "it has no box; give lines frame,id,x,y,w,h"));
     }
     Ok(given)
 }
 
-/// What the program itself detects, and what came of it.
-struct Detections {
-    kind: Option<DetectorConfig>,
-    detector: Option<Box<dyn Detector>>,
-    read: BTreeMap<usize, Vec<Detection>>,
-    kept: Option<Tracks>,
-    /// Watches the camera where the detector needs one that stands still, until it is found to move.
-    still: Option<StillCamera>,
-    warnings: Warnings,
+/// Fails where so many first boxes take more memory than there may be.
+fn room(many: &MultiTracker, given: &[(usize, Option<u64>, BBox)], about: &SourceInfo) -> Result<()> {
+    if given.is_empty() {
+        return Ok(());
+    }
+    let side = |of: fn(&BBox) -> f64| given.iter().map(|(_, _, bbox)| of(bbox)).sum::<f64>() / given.len() as f64;
+    many.check_room(given.len(), &BBox::new(0.0, 0.0, side(|b| b.w), side(|b| b.h)), (about.width, about.height))
 }
 
-impl Detections {
-    /// Where `needed`, there must be some: nothing else starts a track.
-    fn of(args: &Args, frames: Frames, needed: bool, still: bool) -> Result<Self> {
-        let (source, input, args) = (&args.source, &args.input, &args.many);
-        let mut read: BTreeMap<usize, Vec<Detection>> = BTreeMap::new();
-        if let Some(path) = &args.detections {
-            let tracks = Tracks::read(path)?;
-            let counts = |s: &&TrackBox| {
-                let sized = s.bbox.w >= 1.0 && s.bbox.h >= 1.0;
-                s.confidence >= args.least && sized && frames.check("", s.frame).is_ok()
-            };
-            for s in tracks.sightings.iter().filter(counts) {
-                read.entry(s.frame).or_default().push(Detection { bbox: s.bbox, score: s.confidence });
-            }
-            if needed && read.is_empty() {
-                return Err(Error::malformed(
-                    path,
-                    format!(
-                        "none of its {} boxes counts: expected some of at least 1 x 1 pixel and a confidence of {} or more in the \
-                         frames that are tracked, counted from 1; check the file, --least and --until",
-                        tracks.sightings.len(),
-                        args.least
-                    ),
-                ));
-            }
-        }
-        let kept = args.save_detections.is_some().then(Tracks::default);
-        let pictures = match args.detect {
-            Some(DetectorConfig::Motion | DetectorConfig::Walkers) => background(source, input)?,
-            _ => vec![],
-        };
-        let detector = args.detect.map(|kind| kind.knowing(&pictures));
-        let still = still.then(StillCamera::default);
-        Ok(Self { kind: args.detect, detector, read, kept, still, warnings: Warnings::default() })
-    }
-
-    fn next(&mut self, frame: &Frame, cut: bool, found: &mut Vec<Detection>) -> Result<()> {
-        if let (true, Some(kind)) = (cut, self.kind) {
-            self.detector = Some(kind.knowing(&[]));
-        }
-        if let Some(still) = &mut self.still {
-            still.look(&frame.image, cut);
-            if still.moves().is_some() {
-                self.warnings.add(MOVING.into());
-                self.still = None;
-            }
-        }
-        match &mut self.detector {
-            Some(detector) => detector.detect(&frame.image, found),
-            None => found.extend_from_slice(self.read.get(&frame.index).map_or(&[], Vec::as_slice)),
-        }
-        if let Some(kept) = &mut self.kept {
-            kept.sightings.extend(found.iter().map(|d| TrackBox {
-                frame: frame.index,
-                id: -1,
-                bbox: d.bbox,
-                confidence: d.score,
-            }));
-        }
-        Ok(())
-    }
-
-    fn save(&self, args: &ManyArgs) -> Result<()> {
-        match (&args.save_detections, &self.kept) {
-            (Some(path), Some(kept)) => kept.write(path),
-            _ => Ok(()),
-        }
-    }
-}
-
-/// What is said where the camera moves before a detector that needs it to stand still.
-const MOVING: &str = "The camera moves: this detector finds what differs from a background that stands still, so boxes may be of \
-                      nobody and targets may be missed. Give a detector's boxes with --detections, or take --detect flow.";
+/// What is said where memory kept tracks from being started.
+const FULL: &str =
+    "There were more targets than memory allows: some detections started no track. Allow more with --max-memory.";
 
 type Observers = Vec<Box<dyn MultiObserver>>;
 
@@ -340,20 +225,26 @@ fn names(args: &Args, endless: bool) -> Vec<&'static str> {
 }
 
 /// The observers that write them.
-fn observers(args: &Args, folder: &Path, info: &RunInfo, endless: bool) -> Result<Observers> {
+fn observers(args: &Args, folder: &Path, info: &RunInfo, endless: bool, lost: &Lost) -> Result<Observers> {
     let at = |name: &str| folder.join(name);
     let (file, table) = match endless {
         true => (MotFile::grow(at("tracks.txt"))?, TracksTable::grow(at("tracks.csv"))?),
         false => (MotFile::create(at("tracks.txt"))?, TracksTable::create(at("tracks.csv"))?),
     };
     let targets = TargetsTable::create(at("targets.csv"))?;
-    let mut observers: Observers = vec![Box::new(file), Box::new(table), Box::new(targets)];
+    let mut observers: Observers = vec![
+        Box::new(lost.spare(&["tracks.txt"], file)),
+        Box::new(lost.spare(&["tracks.csv"], table)),
+        Box::new(lost.spare(&["targets.csv"], targets)),
+    ];
     if !args.no_video && !endless {
-        observers.push(Box::new(MultiFilm::create(at("annotated.mp4"), info)?));
+        let film = MultiFilm::create(at("annotated.mp4"), info)?;
+        observers.push(Box::new(lost.spare(&["annotated.mp4"], film)));
     }
     if !args.no_report {
         let report = MultiReport::create(at("report.html"), info.clone())?;
-        observers.push(if endless { Box::new(Limited::new(report, FIRST)) } else { Box::new(report) });
+        let most = if endless { FIRST } else { usize::MAX };
+        observers.push(Box::new(lost.spare(&["report.html"], Limited::new(report, most))));
     }
     Ok(observers)
 }

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use super::spared::Lost;
 use foveate::Result;
 use foveate::config::Blueprint;
 use foveate::lab::eval::regret::RegretFiles;
@@ -29,8 +30,9 @@ pub struct Outputs {
 pub const FIRST: usize = 10_000;
 
 /// All of a run, or the first frames of one without an end.
-fn held<O: Observer + 'static>(observer: O, endless: bool) -> Box<dyn Observer> {
-    if endless { Box::new(Limited::new(observer, FIRST)) } else { Box::new(observer) }
+fn held(files: &'static [&'static str], observer: Box<dyn Observer>, endless: bool, lost: &Lost) -> Box<dyn Observer> {
+    let most = if endless { FIRST } else { usize::MAX };
+    Box::new(lost.spare(files, Limited::new(observer, most)))
 }
 
 impl Outputs {
@@ -48,29 +50,31 @@ impl Outputs {
         names
     }
 
-    /// The observers that write these files into a folder.
-    pub fn observers(self, folder: &Path, info: &RunInfo) -> Result<Vec<Box<dyn Observer>>> {
+    /// The observers that write these files into a folder. Where one fails in mid-run, its files are listed as lost.
+    pub fn observers(self, folder: &Path, info: &RunInfo, lost: &Lost) -> Result<Vec<Box<dyn Observer>>> {
         let at = |name: &str| folder.join(name);
         let (boxes, table) = match self.endless {
             true => (Boxes::grow(at("boxes.txt"))?, Table::grow(at("track.csv"))?),
             false => (Boxes::create(at("boxes.txt"))?, Table::create(at("track.csv"))?),
         };
-        let mut observers: Vec<Box<dyn Observer>> = vec![Box::new(boxes), Box::new(table)];
-        let endless = self.endless;
+        let mut observers: Vec<Box<dyn Observer>> =
+            vec![Box::new(lost.spare(&["boxes.txt"], boxes)), Box::new(lost.spare(&["track.csv"], table))];
+        let held = |files, observer| held(files, observer, self.endless, lost);
         if self.trace {
-            observers.push(held(Trace::create(at("trace.jsonl"))?, endless));
+            observers.push(held(&["trace.jsonl"], Box::new(Trace::create(at("trace.jsonl"))?)));
         }
         if self.video {
-            observers.push(held(Film::create(at("annotated.mp4"), info)?, endless));
+            observers.push(held(&["annotated.mp4"], Box::new(Film::create(at("annotated.mp4"), info)?)));
         }
         if self.report {
-            observers.push(held(Report::create(at("report.html"), info.clone())?, endless));
+            observers.push(held(&["report.html"], Box::new(Report::create(at("report.html"), info.clone())?)));
         }
         if self.surface {
-            observers.push(held(SurfacePicture::create(at("surface.png"), info.clone())?, endless));
+            observers.push(held(&["surface.png"], Box::new(SurfacePicture::create(at("surface.png"), info.clone())?)));
         }
         if self.regret {
-            observers.push(held(RegretFiles::create(folder, info.shadow.clone())?, endless));
+            observers
+                .push(held(&["regret.csv", "regret.svg"], Box::new(RegretFiles::create(folder, info.shadow.clone())?)));
         }
         Ok(observers)
     }

@@ -187,7 +187,7 @@ impl Counts {
         let dropped = self.meter.as_ref().map_or(0, Meter::dropped);
         let again = self.reconnected.as_ref().map_or(0, |n| n.load(Ordering::Relaxed));
         if dropped + again > 0 {
-            eprintln!("foveate: {dropped} frames of the source were dropped; it was opened again {again} times");
+            note!("foveate: {dropped} frames of the source were dropped; it was opened again {again} times");
         }
     }
 }

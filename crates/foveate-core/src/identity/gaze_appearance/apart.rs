@@ -8,15 +8,15 @@ impl GazeAppearance {
     pub(super) fn distances(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
         let Some(first) = states.first() else { return };
         let looks = looks(&*self.retina, self.extent());
-        let of = |state: &State| self.views.of(state, gaze, looks, self.colour.is_some());
+        let of = |state: &State| self.buffers.views.of(state, gaze, looks, self.colour.is_some());
         let first = of(first);
-        if self.views.count() == 1 || states.iter().all(|state| of(state) == first) {
+        if self.buffers.views.count() == 1 || states.iter().all(|state| of(state) == first) {
             return self.distances_in(first, states, gaze, out);
         }
-        let mut apart = std::mem::take(&mut self.scratch.apart);
+        let mut apart = std::mem::take(&mut self.buffers.apart);
         apart.view.clear();
         apart.view.extend(states.iter().map(of));
-        for k in 0..self.views.count() {
+        for k in 0..self.buffers.views.count() {
             apart.which.clear();
             apart.which.extend((0..states.len()).filter(|i| apart.view[*i] == k));
             apart.states.clear();
@@ -27,13 +27,13 @@ impl GazeAppearance {
             }
             apart.which.iter().zip(&apart.distances).for_each(|(i, d)| out[*i] = *d);
         }
-        self.scratch.apart = apart;
+        self.buffers.apart = apart;
     }
 
     /// The same of states that all are in one rectangle of what was seen.
     fn distances_in(&mut self, view: usize, states: &[State], gaze: Gaze, out: &mut [f64]) {
         self.shape_distances(view, states, gaze, out);
-        let (extent, sums) = (self.extent(), &self.views.get(view).sums);
+        let (extent, sums) = (self.extent(), &self.buffers.views.get(view).sums);
         if let Some(colour) = &self.colour {
             let weight = self.mixing().1;
             for (d, state) in out.iter_mut().zip(states) {

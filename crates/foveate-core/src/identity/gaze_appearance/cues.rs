@@ -43,8 +43,8 @@ impl GazeAppearance {
             return 0.0;
         };
         let distance = |place: &State| {
-            let view = self.views.of(place, Gaze::CENTRE, looks, true);
-            colour.distance(&self.views.get(view).sums, place, looks.extent)
+            let view = self.buffers.views.of(place, Gaze::CENTRE, looks, true);
+            colour.distance(&self.buffers.views.get(view).sums, place, looks.extent)
         };
         let all: f64 = distractors.iter().map(distance).sum();
         all / distractors.len() as f64 - distance(state)

@@ -10,7 +10,7 @@ use crate::identity::discriminant::Discriminant;
 use crate::identity::fusion::Fusion;
 use crate::reference::ReferenceLikelihood;
 use crate::scene::Image;
-use foveate_base::{Error, Result};
+use foveate_base::{Error, Result, memory};
 
 impl GazeAppearance {
     pub(super) fn to_saved(&self) -> serde_json::Value {
@@ -19,6 +19,7 @@ impl GazeAppearance {
             width: kept.image.width(),
             height: kept.image.height(),
             planes: kept.image.planes(),
+            part: (kept.size != (kept.image.width(), kept.image.height())).then_some((kept.origin, kept.size)),
             pixels: base64::engine::general_purpose::STANDARD.encode(kept.image.bytes()),
             state: kept.state,
             extent: kept.extent,
@@ -67,8 +68,14 @@ impl GazeAppearance {
                 ));
             }
         }
-        let Saved { state, extent, sharpness, reference, .. } = saved;
-        self.keep(Template { image, state, extent, sharpness, reference });
+        let Saved { state, extent, sharpness, reference, part, .. } = saved;
+        let (origin, size) = part.unwrap_or(((0, 0), (image.width(), image.height())));
+        let holds = |from: usize, n: usize, side: usize| from.checked_add(n).is_some_and(|end| end <= side);
+        if !holds(origin.0, image.width(), size.0) || !holds(origin.1, image.height(), size.1) {
+            return Err(bad("the part of a picture that it has lies outside of the picture".into()));
+        }
+        memory::check_picture(size.0, size.1)?;
+        self.keep(Template { image, origin, size, state, extent, sharpness, reference });
         Ok(())
     }
 }
@@ -78,6 +85,9 @@ struct Saved {
     width: usize,
     height: usize,
     planes: usize,
+    /// From which column and row on, of a picture of which width and height, where it is a part.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    part: Option<((usize, usize), (usize, usize))>,
     pixels: String,
     state: State,
     extent: Extent,

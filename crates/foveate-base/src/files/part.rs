@@ -1,0 +1,207 @@
+//! A file in the making, under a name that nobody can guess, which becomes another file when it is whole.
+
+use std::collections::HashSet;
+use std::fs::File;
+use std::hash::{BuildHasher, RandomState};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, SystemTime};
+
+use super::faults::{Operation, attempt};
+
+/// What another process left that is no more is litter once it is as old as this: one that cannot be seen from here, in another
+/// container, writes more often.
+const ABANDONED: Duration = Duration::from_secs(60);
+/// Bytes of a final name that go into a temporary one.
+const SHOWN: usize = 80;
+
+/// A file under a temporary name. Dropped before [`Part::keep`], it is gone.
+#[derive(Debug)]
+pub struct Part {
+    path: PathBuf,
+    file: Option<File>,
+}
+
+/// A name beside `path` that nobody else uses or can guess, for what becomes `path` when it is whole: `.NAME.PROCESS-RANDOM.tmp`.
+pub fn temporary(path: &Path) -> PathBuf {
+    static COUNT: AtomicU64 = AtomicU64::new(0);
+    let count = COUNT.fetch_add(1, Ordering::Relaxed);
+    let random = RandomState::new().hash_one((count, SystemTime::now()));
+    let mut name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    name.truncate(name.floor_char_boundary(SHOWN));
+    path.with_file_name(format!(".{name}.{}-{random:016x}.tmp", std::process::id()))
+}
+
+impl Part {
+    /// Makes an empty file in the folder of `path`. Links are not followed, and no file that is there is taken.
+    ///
+    /// # Errors
+    /// Where the folder cannot be written.
+    pub fn beside(path: &Path) -> io::Result<Self> {
+        let part = temporary(path);
+        sweep(&part);
+        attempt(Operation::Open, path)?;
+        let file = File::options().write(true).create_new(true).open(&part)?;
+        Ok(Self { path: part, file: Some(file) })
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Makes what was written last, and gives it its name.
+    ///
+    /// # Errors
+    /// Where either fails: then the file of that name is as it was, and this one is gone.
+    pub fn keep(mut self, path: &Path) -> io::Result<()> {
+        attempt(Operation::Sync, path)?;
+        if let Some(file) = &self.file {
+            file.sync_data()?;
+        }
+        rename(&self.path, path)?;
+        self.file = None;
+        sync_folder(path);
+        Ok(())
+    }
+}
+
+impl Write for Part {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let Some(file) = &mut self.file else { return Err(io::ErrorKind::InvalidInput.into()) };
+        write(file, &self.path, bytes)
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        if self.file.take().is_some() {
+            // It is not whole; a later run clears away what cannot be removed now.
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
+}
+
+/// Writes some of `bytes`; where a test asks for a failure, half of them.
+pub(crate) fn write(file: &mut File, path: &Path, bytes: &[u8]) -> io::Result<usize> {
+    if let Err(error) = attempt(Operation::Write, path) {
+        file.write_all(&bytes[..bytes.len() / 2])?;
+        return Err(error);
+    }
+    file.write(bytes)
+}
+
+/// Renames a file or folder.
+///
+/// # Errors
+/// As [`std::fs::rename`].
+pub fn rename(from: &Path, to: &Path) -> io::Result<()> {
+    attempt(Operation::Rename, to)?;
+    std::fs::rename(from, to)
+}
+
+/// Makes a folder, which must not be there.
+///
+/// # Errors
+/// As [`std::fs::create_dir`].
+pub fn create_dir(path: &Path) -> io::Result<()> {
+    attempt(Operation::Open, path)?;
+    std::fs::create_dir(path)
+}
+
+/// Makes the name of `path` last, where the system can: a rename is whole without it, but may be undone by a loss of power.
+pub fn sync_folder(path: &Path) {
+    let parent = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if cfg!(unix) {
+        // Some file systems cannot, and some folders may be written but not read.
+        let _ = File::open(parent).and_then(|folder| folder.sync_all());
+    }
+}
+
+/// Removes what killed processes left in the folder of this file; once for each folder.
+fn sweep(part: &Path) {
+    static SWEPT: Mutex<Option<HashSet<PathBuf>>> = Mutex::new(None);
+    let folder = part.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut swept = SWEPT.lock().unwrap_or_else(PoisonError::into_inner);
+    if !swept.get_or_insert_default().insert(folder.to_owned()) {
+        return;
+    }
+    drop(swept);
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    for entry in entries.flatten() {
+        let name = entry.file_name();
+        if name.to_str().and_then(writer).is_some_and(|process| !is_running(process)) && is_old(&entry) {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// The process that a temporary name has.
+fn writer(name: &str) -> Option<u32> {
+    let (_, rest) = name.strip_prefix('.')?.strip_suffix(".tmp")?.rsplit_once('.')?;
+    let (process, random) = rest.split_once('-')?;
+    (random.len() == 16 && random.bytes().all(|b| b.is_ascii_hexdigit())).then(|| process.parse().ok())?
+}
+
+/// Where nobody can say, everybody runs.
+fn is_running(process: u32) -> bool {
+    !Path::new("/proc/self").exists() || Path::new("/proc").join(process.to_string()).exists()
+}
+
+fn is_old(entry: &std::fs::DirEntry) -> bool {
+    let about = entry.metadata().ok().filter(std::fs::Metadata::is_file);
+    let time = about.and_then(|about| about.modified().ok());
+    time.and_then(|time| SystemTime::now().duration_since(time).ok()).is_some_and(|age| age > ABANDONED)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_is_made_by_nobody_else_and_litter_goes() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let path = dir.path().join("a.txt");
+        // No process has the largest number; one file is old, one is new, one is of this process, one is the user's.
+        let litter = |process: u32| dir.path().join(format!(".b.txt.{process}-0123456789abcdef.tmp"));
+        let (dead, ours, mine) = (u32::MAX - 1, std::process::id(), dir.path().join(".notes.tmp"));
+        let fresh = dir.path().join(format!(".c.txt.{dead}-0123456789abcdef.tmp"));
+        for file in [&litter(dead), &litter(ours), &mine, &fresh] {
+            let file = File::create(file).expect("writable");
+            file.set_modified(SystemTime::now() - 2 * ABANDONED).expect("a time");
+        }
+        File::options().write(true).open(&fresh).expect("there").set_modified(SystemTime::now()).expect("a time");
+        let mut part = Part::beside(&path).expect("writable");
+        assert!(!litter(dead).exists() && litter(ours).exists() && mine.exists() && fresh.exists());
+        part.write_all(b"text").expect("written");
+        let other = Part::beside(&path).expect("writable");
+        assert_ne!(part.path(), other.path());
+        assert!(!path.exists());
+        part.keep(&path).expect("renamed");
+        assert_eq!(std::fs::read(&path).expect("there"), b"text");
+        let gone = other.path().to_owned();
+        drop(other);
+        assert!(!gone.exists());
+        let long = dir.path().join("é".repeat(120));
+        Part::beside(&long).expect("a long name").keep(&long).expect("renamed");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_is_replaced_and_not_followed() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let (precious, link) = (dir.path().join("precious"), dir.path().join("a.txt"));
+        std::fs::write(&precious, "mine").expect("writable");
+        std::os::unix::fs::symlink(&precious, &link).expect("a link");
+        let mut part = Part::beside(&link).expect("writable");
+        part.write_all(b"new").expect("written");
+        part.keep(&link).expect("renamed");
+        assert_eq!(std::fs::read(&precious).expect("there"), b"mine");
+        assert_eq!(std::fs::read(&link).expect("there"), b"new");
+    }
+}

@@ -1,0 +1,125 @@
+//! How much memory this process may take for what files, streams and settings ask for.
+//!
+//! Asked before the memory is: a picture that claims 16384 × 16384 pixels, a million particles or ten thousand targets are
+//! answered by an error, not by the system's killer. The limit is the process's, as memory is; it never changes a result,
+//! only whether there is one. What is counted is an estimate of the largest parts: pictures in all their copies, particles, targets.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::{Error, Result};
+
+/// 0 until it is set or asked for.
+static LIMIT: AtomicU64 = AtomicU64::new(0);
+
+/// Where the machine does not say how much it has.
+const UNKNOWN: u64 = 4 << 30;
+/// The limit of small machines.
+const LEAST: u64 = 1 << 30;
+
+/// Bytes that a pixel of a picture takes in a whole run, in all copies together: as it was decoded, those that wait for their turn,
+/// that of the frame before, box means and sums of colours, the film and its encoder, which has most. docs/robustness.md has it measured.
+pub const PIXEL: u64 = 80;
+
+/// Bytes that may be asked for: those that were set, or a quarter of the machine's memory, 1 GiB at least.
+pub fn limit() -> u64 {
+    match LIMIT.load(Ordering::Relaxed) {
+        0 => {
+            let limit = (machine().unwrap_or(UNKNOWN) / 4).max(LEAST);
+            LIMIT.store(limit, Ordering::Relaxed);
+            limit
+        }
+        limit => limit,
+    }
+}
+
+/// Sets the limit of this process, bytes; 0 takes that of the machine again.
+pub fn set_limit(bytes: u64) {
+    LIMIT.store(bytes, Ordering::Relaxed);
+}
+
+/// Bytes of text such as `512M`, `6G`, `1.5G`.
+///
+/// # Errors
+/// What was expected, in words.
+pub fn parse(text: &str) -> std::result::Result<u64, String> {
+    let wrong = || format!("expected a size such as 512M or 6G, of 16M at least, got \"{}\"", text.escape_debug());
+    let (number, unit) = match text.strip_suffix(['G', 'g']) {
+        Some(number) => (number, 1u64 << 30),
+        None => (text.strip_suffix(['M', 'm']).ok_or_else(wrong)?, 1 << 20),
+    };
+    let bytes = number.parse::<f64>().map_err(|_| wrong())? * unit as f64;
+    if (f64::from(1 << 24)..1e15).contains(&bytes) { Ok(bytes as u64) } else { Err(wrong()) }
+}
+
+/// Fails where `bytes` are more than the limit; `what` asks for them.
+///
+/// # Errors
+/// [`Error::Memory`], which says what asked for how much, how much there may be, and what to do.
+pub fn check(what: impl std::fmt::Display, bytes: u64) -> Result<()> {
+    if bytes <= limit() {
+        return Ok(());
+    }
+    Err(Error::Memory(format!(
+        "{what} would take about {} of memory, more than the {} allowed; make it smaller, or allow more with --max-memory (in the \
+         library: memory::set_limit)",
+        shown(bytes),
+        shown(limit())
+    )))
+}
+
+/// Fails where a run on pictures of this size, whose headers may claim anything, takes more than the limit.
+///
+/// # Errors
+/// As [`check`].
+pub fn check_picture(width: usize, height: usize) -> Result<()> {
+    check(format_args!("a picture of {width} x {height} pixels"), of_picture(width, height))
+}
+
+/// What a run on pictures of this size takes, bytes.
+pub fn of_picture(width: usize, height: usize) -> u64 {
+    (width as u64).saturating_mul(height as u64).saturating_mul(PIXEL)
+}
+
+/// Bytes for people.
+pub fn shown(bytes: u64) -> String {
+    let (mib, gib) = (bytes as f64 / f64::from(1 << 20), bytes as f64 / f64::from(1 << 30));
+    if gib >= 1.0 { format!("{gib:.1} GiB") } else { format!("{mib:.0} MiB") }
+}
+
+/// What the machine has, or the control group (container) that the process is in.
+fn machine() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
+    let total = line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()? << 10;
+    let group = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
+    let groups = group.iter().filter_map(|path| std::fs::read_to_string(path).ok()?.trim().parse().ok());
+    groups.chain([total]).min()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_too_much_is_said_with_figures() {
+        assert!(limit() >= LEAST);
+        set_limit(200 << 20);
+        assert!(check("a little", 200 << 20).is_ok() && check_picture(1920, 1080).is_ok());
+        let said = check_picture(16384, 16384).expect_err("too much").to_string();
+        for part in ["16384 x 16384", "20.0 GiB", "200 MiB", "--max-memory"] {
+            assert!(said.contains(part), "{said}");
+        }
+        assert!(check_picture(usize::MAX, usize::MAX).is_err());
+        set_limit(0);
+        assert!(limit() >= LEAST);
+    }
+
+    #[test]
+    fn sizes_are_read() {
+        assert_eq!(parse("512M"), Ok(512 << 20));
+        assert_eq!(parse("1.5G"), Ok(3 << 29));
+        for bad in ["", "12", "M", "-1G", "1e99G", "nanG", "1M", "infG", "5T"] {
+            assert!(parse(bad).expect_err("no size").contains("512M"), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! What is detected, by the program or from a file, frame by frame.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use foveate::config::DetectorConfig;
+use foveate::report::Warnings;
+use foveate::scene::{Cuts, Detection, Detector, Image, StillCamera};
+use foveate::video::mot::{TrackBox, Tracks};
+use foveate::video::{Frame, ahead};
+use foveate::{Error, Result};
+
+use super::super::Args;
+use super::super::init::Frames;
+use super::super::source::{SourceArgs, is_endless};
+
+/// What makes it many targets.
+#[derive(clap::Args)]
+pub struct ManyArgs {
+    /// Follow everything that a detector finds, with no box drawn: tracks are started, terminated, and re-identified when their
+    /// targets come back. Without KIND, motion (the camera must stand still). It takes the place of the configuration's detector
+    #[arg(long, value_parser = detectors(), value_name = "KIND", num_args = 0..=1, default_missing_value = "motion", conflicts_with = "detections")]
+    pub detect: Option<DetectorConfig>,
+    /// Follow what another detector found: MOTChallenge's text (frame,id,x,y,w,h,conf,...; counted from 1; ids are not read).
+    /// They take the place of the configuration's detector
+    #[arg(long, value_name = "FILE")]
+    pub detections: Option<PathBuf>,
+    /// Least confidence at which a line of --detections counts
+    #[arg(long, value_name = "CONF", default_value_t = 0.0, requires = "detections", allow_hyphen_values = true)]
+    pub least: f64,
+    /// First boxes of many targets: frame,id,x,y,w,h a line, counted from 1, as in MOTChallenge's text
+    #[arg(long, value_name = "FILE")]
+    pub inits: Option<PathBuf>,
+    /// Write what the detector found, in MOTChallenge's text, for --detections or other trackers
+    #[arg(long, value_name = "FILE")]
+    pub save_detections: Option<PathBuf>,
+}
+
+/// Detectors by name.
+fn detectors() -> impl TypedValueParser<Value = DetectorConfig> {
+    PossibleValuesParser::new(DetectorConfig::ALL.map(|(name, _)| name))
+        .map(|name| DetectorConfig::ALL.into_iter().find(|d| d.0 == name).expect("it is one of them").1)
+}
+
+impl ManyArgs {
+    /// The configuration that ships for this: with what moves, with other detections, or with first boxes alone.
+    pub fn config(&self) -> &'static str {
+        match self.detect {
+            Some(DetectorConfig::Motion | DetectorConfig::Walkers | DetectorConfig::Flow) => "multi-motion",
+            None if self.detections.is_none() => "multi-boxes",
+            _ => "multi",
+        }
+    }
+
+    /// Whether many targets are asked for, apart from several --init.
+    pub fn asked(&self) -> bool {
+        self.detect.is_some() || self.detections.is_some() || self.inits.is_some() || self.save_detections.is_some()
+    }
+}
+
+/// Frames that the background is learned from, and how far into the video they lie.
+const PICTURES: usize = 40;
+const AHEAD: usize = 400;
+
+/// Pictures from all over the beginning of a video, up to its first cut.
+fn background(source: &Path, input: &SourceArgs) -> Result<Vec<Image>> {
+    // What cannot be read twice begins without.
+    if is_endless(source) {
+        return Ok(vec![]);
+    }
+    let frames = input.open(source)?.source;
+    let every = frames.info().frames.map_or(AHEAD, |n| n.min(AHEAD)).div_ceil(PICTURES).max(1);
+    let (mut cuts, mut pictures) = (Cuts::default(), vec![]);
+    // Where the source breaks, tracking will say so when it comes there.
+    for frame in ahead(frames).take(AHEAD).map_while(Result::ok) {
+        if cuts.cut(&frame.image) {
+            break;
+        }
+        if frame.index.is_multiple_of(every) {
+            pictures.push(frame.image);
+        }
+    }
+    Ok(pictures)
+}
+
+/// What the program itself detects, and what came of it.
+pub(super) struct Detections {
+    kind: Option<DetectorConfig>,
+    detector: Option<Box<dyn Detector>>,
+    read: BTreeMap<usize, Vec<Detection>>,
+    kept: Option<Tracks>,
+    /// Watches the camera where the detector needs one that stands still, until it is found to move.
+    still: Option<StillCamera>,
+    pub warnings: Warnings,
+}
+
+impl Detections {
+    /// Where `needed`, there must be some: nothing else starts a track.
+    pub fn of(args: &Args, frames: Frames, needed: bool, still: bool) -> Result<Self> {
+        let (source, input, args) = (&args.source, &args.input, &args.many);
+        let mut read: BTreeMap<usize, Vec<Detection>> = BTreeMap::new();
+        if let Some(path) = &args.detections {
+            let tracks = Tracks::read(path)?;
+            let counts = |s: &&TrackBox| {
+                let sized = s.bbox.w >= 1.0 && s.bbox.h >= 1.0;
+                s.confidence >= args.least && sized && frames.check("", s.frame).is_ok()
+            };
+            for s in tracks.sightings.iter().filter(counts) {
+                read.entry(s.frame).or_default().push(Detection { bbox: s.bbox, score: s.confidence });
+            }
+            if needed && read.is_empty() {
+                return Err(Error::malformed(
+                    path,
+                    format!(
+                        "none of its {} boxes counts: expected some of at least 1 x 1 pixel and a confidence of {} or more in the \
+                         frames that are tracked, counted from 1; check the file, --least and --until",
+                        tracks.sightings.len(),
+                        args.least
+                    ),
+                ));
+            }
+        }
+        let kept = args.save_detections.is_some().then(Tracks::default);
+        let pictures = match args.detect {
+            Some(DetectorConfig::Motion | DetectorConfig::Walkers) => background(source, input)?,
+            _ => vec![],
+        };
+        let detector = args.detect.map(|kind| kind.knowing(&pictures));
+        let still = still.then(StillCamera::default);
+        Ok(Self { kind: args.detect, detector, read, kept, still, warnings: Warnings::default() })
+    }
+
+    pub fn next(&mut self, frame: &Frame, cut: bool, found: &mut Vec<Detection>) -> Result<()> {
+        if let (true, Some(kind)) = (cut, self.kind) {
+            self.detector = Some(kind.knowing(&[]));
+        }
+        if let Some(still) = &mut self.still {
+            still.look(&frame.image, cut);
+            if still.moves().is_some() {
+                self.warnings.add(MOVING.into());
+                self.still = None;
+            }
+        }
+        match &mut self.detector {
+            Some(detector) => detector.detect(&frame.image, found),
+            None => found.extend_from_slice(self.read.get(&frame.index).map_or(&[], Vec::as_slice)),
+        }
+        if let Some(kept) = &mut self.kept {
+            kept.sightings.extend(found.iter().map(|d| TrackBox {
+                frame: frame.index,
+                id: -1,
+                bbox: d.bbox,
+                confidence: d.score,
+            }));
+        }
+        Ok(())
+    }
+
+    pub fn save(&self, args: &ManyArgs) -> Result<()> {
+        match (&args.save_detections, &self.kept) {
+            (Some(path), Some(kept)) => kept.write(path),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// What is said where the camera moves before a detector that needs it to stand still.
+const MOVING: &str = "The camera moves: this detector finds what differs from a background that stands still, so boxes may be of \
+                      nobody and targets may be missed. Give a detector's boxes with --detections, or take --detect flow.";

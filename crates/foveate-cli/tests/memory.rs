@@ -1,0 +1,116 @@
+//! What files, settings and streams ask for is refused before it is taken: each in little memory and time.
+#![cfg(target_os = "linux")]
+
+mod place;
+
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+
+use foveate::scene::Image;
+use foveate::video::{encode_jpeg, encode_png};
+use place::Place;
+
+/// The limit given to the program, and what it may take all the same.
+const ALLOWED: &str = "200M";
+const MOST: u64 = 300;
+/// An optimised build takes a tenth of it; tests may run on a busy machine.
+const LONGEST: Duration = Duration::from_secs(8);
+
+/// A run, which must end in time and in little memory; what it said, and whether all went well.
+fn bounded(place: &Place, args: &[&str]) -> (bool, String) {
+    let args = [args, &["--max-memory", ALLOWED]].concat();
+    let began = Instant::now();
+    let mut child = place.command(&args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("it starts");
+    let (status, mut peak) = (format!("/proc/{}/status", child.id()), 0);
+    loop {
+        let text = std::fs::read_to_string(&status).unwrap_or_default();
+        let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let kilobytes = line.and_then(|line| line.trim().trim_end_matches("kB").trim().parse::<u64>().ok());
+        peak = peak.max(kilobytes.unwrap_or(0) >> 10);
+        if peak > MOST || began.elapsed() > LONGEST {
+            let _ = child.kill();
+        }
+        if let Some(status) = child.try_wait().expect("it can be waited for") {
+            let mut said = String::new();
+            let mut errors = child.stderr.take().expect("it was asked for");
+            std::io::Read::read_to_string(&mut errors, &mut said).expect("text");
+            println!("{peak} MiB, {:.2} s: {args:?}", began.elapsed().as_secs_f64());
+            assert!(peak <= MOST && began.elapsed() <= LONGEST, "{args:?}: {peak} MiB, {:?}", began.elapsed());
+            assert!(status.code().is_some_and(|code| code < 2), "{args:?}: {status}, {said}");
+            return (status.success(), said);
+        }
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+fn checksum(bytes: &[u8]) -> u32 {
+    let step = |c: u32, _| if c & 1 == 1 { 0xedb8_8320 ^ c >> 1 } else { c >> 1 };
+    !bytes.iter().fold(!0, |c: u32, b| (0..8).fold(c ^ u32::from(*b), step))
+}
+
+/// Small pictures whose headers claim 16384 × 16384 pixels.
+fn claims() -> [(&'static str, Vec<u8>); 2] {
+    let picture = Image::new(16, 16, 3, vec![90; 768]).expect("whole");
+    let (mut png, mut jpeg) = (encode_png(&picture), encode_jpeg(&picture, 80));
+    let side = 16384u32.to_be_bytes();
+    png[16..20].copy_from_slice(&side);
+    png[20..24].copy_from_slice(&side);
+    let sum = checksum(&png[12..29]).to_be_bytes();
+    png[29..33].copy_from_slice(&sum);
+    let frame = jpeg.windows(2).position(|mark| matches!(mark, [0xff, 0xc0..=0xc2])).expect("a frame header");
+    jpeg[frame + 5..frame + 9].copy_from_slice(&[0x40, 0, 0x40, 0]);
+    [("claims.png", png), ("claims.jpg", jpeg)]
+}
+
+#[test]
+fn nothing_that_is_asked_for_is_taken_first() {
+    let place = Place::new();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(place.path(name), bytes).expect("a writable folder");
+    let refused = |args: &[&str], word: &str| {
+        let (well, said) = bounded(&place, args);
+        assert!(!well && said.contains(word), "{args:?}: {said}");
+    };
+    for (name, bytes) in claims() {
+        write(name, &bytes);
+        refused(&["track", name, "--init", "1,1,9,9"], "20.0 GiB");
+        refused(&["look", name, "--map", "saliency"], "20.0 GiB");
+    }
+    write("claims.y4m", b"YUV4MPEG2 W16384 H16384 F30:1\nFRAME\n");
+    refused(&["track", "claims.y4m", "--init", "1,1,9,9"], "20.0 GiB");
+    write("claims.raw", &[0; 100]);
+    refused(&["track", "claims.raw", "--raw", "16384x16384", "--init", "1,1,9,9"], "20.0 GiB");
+
+    write("det.txt", b"1000000000,-1,10,10,20,20,1\n");
+    refused(&["track", "video", "--detections", "det.txt"], "none of its 1 boxes counts");
+    refused(&["convert", "det.txt", "out.json", "--from", "mot", "--to", "coco"], "1000000000");
+    let boxes: String = (0..10_000).map(|i| format!("1,{},{},{},20,20,1\n", i + 1, 1 + i % 90, 1 + i / 90)).collect();
+    write("inits.txt", boxes.as_bytes());
+    refused(&["track", "video", "--inits", "inits.txt"], "10000 targets");
+    refused(&["track", "video", "--set", "particles=1000000"], "1000000 of them");
+    refused(
+        &["train", "rbm", "--data", ".", "--set", "digits", "--hidden", "1000000000", "--out", "m.safetensors"],
+        "65536",
+    );
+
+    // What is read without end.
+    let zero = "/dev/zero";
+    std::fs::create_dir_all(place.path("zeros/img")).expect("a new folder");
+    std::os::unix::fs::symlink(zero, place.path("zeros/img/1.png")).expect("a link");
+    std::os::unix::fs::symlink(zero, place.path("truth.txt")).expect("a link");
+    let weights = place::CONFIG.replace("kind = \"raw\"", "kind = \"rbm\"\nweights = \"/dev/zero\"");
+    write("weights.toml", weights.as_bytes());
+    refused(&["track", zero, "--init", "1,1,9,9"], "yuv4mpeg");
+    refused(&["track", "zeros", "--init", "1,1,9,9"], "not a regular file");
+    refused(&["track", "video", "-c", "weights.toml"], "not a regular file");
+    for option in ["--detections", "--inits", "--load-state", "--recognise"] {
+        refused(&["track", "video", option, zero], "not a regular file");
+    }
+    std::fs::remove_file(place.path("video/groundtruth_rect.txt")).expect("it was there");
+    std::os::unix::fs::symlink(zero, place.path("video/groundtruth_rect.txt")).expect("a link");
+    refused(&["track", "video"], "no box to start from");
+    refused(&["eval", "--seqs", "video", "--out", "e"], "not a regular file");
+
+    // What does not ask for much is done.
+    let (well, said) = bounded(&place, &["track", "video", "-c", "c.toml", "--init", "50,60,28,28", "-o", "o"]);
+    assert!(well, "{said}");
+}

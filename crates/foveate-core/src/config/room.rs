@@ -1,0 +1,45 @@
+//! What a target takes of the memory that the process may take, told before it is taken.
+
+use super::Blueprint;
+use crate::geometry::State;
+use crate::identity::retina::Retina;
+use crate::multi::Room;
+use foveate_base::{Error, Result, memory};
+
+/// What a target keeps whatever its settings are; the colour model; what looking needs whatever the settings are.
+const FIXED: u64 = 24 << 10;
+const COLOURS: u64 = 128 << 10;
+const VIEWS: u64 = 2 << 20;
+/// Numbers that a particle takes beside its state while it is looked at.
+const NUMBERS: u64 = 12;
+
+impl Blueprint {
+    /// What targets take.
+    pub(crate) fn room(&self) -> Room {
+        let (c, (n_v, n_h)) = (&self.config, self.encoder.shape());
+        let (particles, features) = (c.particles as u64, (n_v + n_h) as u64);
+        let state = std::mem::size_of::<State>() as u64;
+        let sums = c.discriminant.map_or(0, |_| 2 * 4 * (n_h as u64 + 1) * (n_h as u64 + 2) / 2);
+        let colours = if c.colour.is_some() { COLOURS } else { 0 };
+        let kept = FIXED + particles * (state + 8) + sums + colours;
+        let look = VIEWS + particles * (2 * state + 8 * NUMBERS + 4 * features) + sums / 2;
+        let reach = self.retina.footprints().iter().map(|f| f.reach + f.side).fold(0.0, f64::max) + 1.5;
+        Room { kept, look, reach }
+    }
+
+    /// Bytes that one target takes, about, its template left out: that is a part of a picture.
+    pub fn memory_of_target(&self) -> u64 {
+        self.room().kept
+    }
+
+    /// Fails where the settings ask for more memory than there may be, before it is taken.
+    pub(super) fn fits(&self) -> Result<()> {
+        let Room { kept, look, .. } = self.room();
+        let what = format_args!(
+            "particles: {} of them, with {} features each,",
+            self.config.particles,
+            self.encoder.shape().1
+        );
+        memory::check(what, kept.saturating_add(look)).map_err(|error| Error::Config(error.to_string()))
+    }
+}

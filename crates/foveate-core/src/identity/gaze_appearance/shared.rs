@@ -1,0 +1,95 @@
+//! One of many targets: what looking needs is shared with the others, and of the first picture the part is kept that has the
+//! target.
+
+use super::{GazeAppearance, Template, looks};
+use crate::geometry::Gaze;
+use crate::identity::Buffers;
+use crate::identity::pyramid::{Pyramid, Region};
+use crate::identity::retina::Retina;
+use crate::scene::Image;
+
+/// The farthest gaze a template can be read at, in template units.
+const FARTHEST_GAZE: f64 = 1.5;
+/// Pixels about those that a pyramid says it used: a coarse one reads whole blocks of at most so many.
+const BLOCK: usize = 16;
+
+impl GazeAppearance {
+    pub(super) fn exchange_all(&mut self, other: &mut Buffers) {
+        let mine = &mut self.buffers;
+        mine.views.exchange(&mut other.views);
+        for (mine, others) in [
+            (&mut mine.glimpses, &mut other.glimpses),
+            (&mut mine.features, &mut other.features),
+            (&mut mine.learned, &mut other.learned),
+        ] {
+            std::mem::swap(mine, others);
+        }
+        std::mem::swap(&mut mine.apart, &mut other.apart);
+        std::mem::swap(&mut mine.dimmed, &mut other.dimmed);
+        if let Some(dense) = &mut self.dense {
+            std::mem::swap(&mut dense.maps, &mut other.maps);
+        }
+        if let Some(discriminant) = &mut self.discriminant {
+            std::mem::swap(&mut discriminant.learning, &mut other.learning);
+        }
+        if let Some(colour) = &mut self.colour {
+            std::mem::swap(&mut colour.counts, &mut other.counts);
+        }
+    }
+
+    /// Where gazes stay at the centre, one row of features is all that is read of the template. Where the background is not
+    /// discounted, nothing is read of the picture far from the target.
+    pub(super) fn free(&mut self) {
+        let Some(kept) = &mut self.kept else { return };
+        let whole = (kept.image.width(), kept.image.height()) == kept.size;
+        if whole && self.discounting_background <= 0.0 {
+            let used = self.template.get_or_insert_with(|| kept.pyramid(&*self.retina)).used();
+            let (x, y, width, height) = used;
+            let region = Region { x, y, width, height }.padded((BLOCK, BLOCK), kept.size);
+            kept.origin = (region.x, region.y);
+            kept.image = kept.image.part((region.x, region.y), (region.width, region.height));
+        }
+        if !self.moves {
+            self.template_features(Gaze::CENTRE);
+            self.template = None;
+        }
+    }
+}
+
+impl Template {
+    /// The pyramid that gazes at the template read.
+    pub(super) fn pyramid(&self, retina: &dyn Retina) -> Pyramid {
+        if (self.image.width(), self.image.height()) == self.size {
+            return self.build(&self.image, retina);
+        }
+        // The part back in its place: what is about it is not read.
+        self.build(&self.whole(), retina)
+    }
+
+    /// The picture in its size, black where it was not kept.
+    fn whole(&self) -> Image {
+        let planes = self.image.planes();
+        let mut whole = Image::new(self.size.0, self.size.1, planes, vec![0; self.size.0 * self.size.1 * planes])
+            .expect("as large as a picture was");
+        for p in 0..planes {
+            let rows = self.image.plane(p).chunks_exact(self.image.width());
+            let plane = whole.plane_mut(p);
+            for (row, from) in rows.enumerate() {
+                plane[(self.origin.1 + row) * self.size.0 + self.origin.0..][..from.len()].copy_from_slice(from);
+            }
+        }
+        whole
+    }
+
+    fn build(&self, image: &Image, retina: &dyn Retina) -> Pyramid {
+        let gazes = [Gaze { u: FARTHEST_GAZE, v: FARTHEST_GAZE, arm: None }];
+        let reach = looks(retina, self.extent).reach;
+        let region = Region::covering(image, &[self.state], &gazes, self.extent, reach);
+        let scale = self.state.log_scale.exp();
+        let unit = (scale * self.extent.half_w, scale * self.extent.half_h);
+        let mut pyramid = Pyramid::default();
+        pyramid.build(image, region, retina.footprints(), unit);
+        pyramid.trim();
+        pyramid
+    }
+}

@@ -1,0 +1,129 @@
+//! How tracks begin and end: initiation, re-identification, termination, and whether there is memory for another one.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use super::target::Target;
+use super::tracked_target::{Phase, TrackedTarget};
+use super::{MOST_REMEMBERED, MultiTracker, SAME};
+use crate::geometry::BBox;
+use crate::scene::{Detection, Image};
+use foveate_base::{Result, memory};
+
+impl MultiTracker {
+    /// Fails where so many more targets in boxes like this one, in pictures of this size, take more memory than there may be.
+    ///
+    /// # Errors
+    /// [`foveate_base::Error::Memory`], with the number of targets and the bytes.
+    pub fn check_room(&self, more: usize, bbox: &BBox, size: (usize, usize)) -> Result<()> {
+        let n = self.active.len() + self.terminated.len() + more;
+        let bytes = self.room.with(n.saturating_sub(1), bbox, size);
+        memory::check(format_args!("{n} targets"), bytes.saturating_add(memory::of_picture(size.0, size.1)))
+    }
+
+    /// Once this is set, from another thread, an update in progress ends with [`foveate_base::Error::Stopped`] as soon as the targets are
+    /// done that are looked at, and so do all after it: with thousands of targets a frame takes its time.
+    pub fn stopper(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.pool.stop)
+    }
+
+    /// Whether memory ever kept a detection from starting a track: then there are more targets than are followed.
+    pub fn is_full(&self) -> bool {
+        self.full
+    }
+
+    /// Ends the tracks of targets that are gone.
+    pub(super) fn terminate(&mut self, image: &Image) {
+        let (s, detecting) = (&self.settings.termination, self.detecting);
+        let picture = BBox { x: 0.0, y: 0.0, w: image.width() as f64, h: image.height() as f64 };
+        let gone = |t: &mut Target| {
+            let b = &t.track.bbox;
+            let outside = b.intersection(&picture) < s.inside * b.w * b.h;
+            outside || t.lost >= s.lost || (detecting && t.unseen >= s.unseen)
+        };
+        for mut target in self.active.extract_if(.., gone) {
+            target.terminated = self.frame;
+            self.terminated.push(target);
+        }
+        self.forget();
+    }
+
+    /// Terminated targets are remembered for a while, and not too many.
+    pub(super) fn forget(&mut self) {
+        let frame = self.frame;
+        self.terminated.retain(|t| frame - t.terminated <= self.settings.reidentification.frames);
+        let excess = self.terminated.len().saturating_sub(MOST_REMEMBERED);
+        self.terminated.drain(..excess);
+    }
+
+    /// Persistent unmatched detections start new tracks, after a re-identification check against terminated ones.
+    pub(super) fn initiate(&mut self, image: &Image) {
+        let s = self.settings.initiation;
+        let mut left = std::mem::take(&mut self.work.detections);
+        let size @ (width, height) = (image.width() as f64, image.height() as f64);
+        let fits = |b: &BBox| b.w >= s.side && b.h >= s.side && b.w * b.h <= s.most * width * height;
+        left.iter_mut().for_each(|d| d.score = self.ranks.of(d.score));
+        left.retain(|d| fits(&d.bbox) && !self.is_taken(d));
+        for born in self.tentative.grow(self.frame, &left, size, &s) {
+            let bbox = born.bbox;
+            if crate::start::check(image, &bbox).is_err() || self.is_taken(&born) {
+                continue;
+            }
+            match self.reidentify(image, &bbox) {
+                Some(mut target) => {
+                    target.engine.reset_at(&bbox);
+                    let first = target.track.born;
+                    target.begin(first, bbox, Phase::ReIdentified);
+                    self.admit(target);
+                }
+                // The box was checked above: all that can be missing is room.
+                None => self.full |= self.start(image, self.next_id, bbox).is_err(),
+            }
+        }
+        self.work.detections = left;
+    }
+
+    /// Whether active targets are where a track would start, from a detection whose score is a rank.
+    fn is_taken(&self, Detection { bbox, score: rank }: &Detection) -> bool {
+        let s = &self.settings.initiation;
+        if *rank >= s.strong {
+            return self.active.iter().any(|t| t.track.bbox.iou(bbox) > SAME);
+        }
+        let area = bbox.w * bbox.h;
+        let covered: f64 = self.active.iter().map(|t| t.track.bbox.intersection(bbox) / area).sum();
+        covered > s.covered || self.active.iter().any(|t| t.track.bbox.iou(bbox) > s.overlap)
+    }
+
+    /// Takes the terminated target out of memory that a box is most similar to, if any is similar enough.
+    fn reidentify(&mut self, image: &Image, bbox: &BBox) -> Option<Target> {
+        let size = self.settings.size.ln();
+        let mut best = (self.settings.reidentification.similarity, None);
+        for (i, target) in self.terminated.iter_mut().enumerate() {
+            let state = target.engine.state_at(bbox);
+            if (state.log_scale - target.track.state.log_scale).abs() > size {
+                continue;
+            }
+            let similarity = target.looking(&self.pool, |target| target.engine.similarity(image, &state));
+            if similarity >= best.0 {
+                best = (similarity, Some(i));
+            }
+        }
+        best.1.map(|i| self.terminated.remove(i))
+    }
+
+    pub(super) fn start(&mut self, image: &Image, id: u64, bbox: BBox) -> Result<()> {
+        self.check_room(1, &bbox, (image.width(), image.height()))?;
+        let mut target = Target::new((self.make)(id), TrackedTarget::unknown(id));
+        target.looking(&self.pool, |target| target.engine.init(image, bbox))?;
+        target.begin(self.frame, bbox, Phase::Initiated);
+        self.next_id = self.next_id.max(id + 1);
+        self.terminated.retain(|t| t.track.id != id);
+        self.admit(target);
+        Ok(())
+    }
+
+    fn admit(&mut self, target: Target) {
+        let at = self.active.partition_point(|t| t.track.id < target.track.id);
+        self.active.insert(at, target);
+    }
+}

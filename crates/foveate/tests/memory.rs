@@ -1,0 +1,95 @@
+//! How much memory targets take: a counting allocator says so.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use foveate::BBox;
+use foveate::config::{Blueprint, Config};
+use foveate::files::Nowhere;
+use foveate::scene::Image;
+
+static LIVE: AtomicUsize = AtomicUsize::new(0);
+
+struct Counting;
+
+// SAFETY: every call is handed to the system's allocator as it came.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        LIVE.fetch_add(layout.size(), Ordering::Relaxed);
+        // SAFETY: the caller's promise.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
+        LIVE.fetch_sub(layout.size(), Ordering::Relaxed);
+        // SAFETY: the caller's promise.
+        unsafe { System.dealloc(ptr, layout) }
+    }
+}
+
+#[global_allocator]
+static COUNTING: Counting = Counting;
+
+const SIZE: (usize, usize) = (640, 480);
+
+fn picture(t: usize) -> Image {
+    let pixel = |k: usize| ((k % SIZE.0 + 2 * t) * 37 % 251 + (k / SIZE.0) * 91 % 83) as u8;
+    Image::new(SIZE.0, SIZE.1, 3, (0..3 * SIZE.0 * SIZE.1).map(|k| pixel(k).wrapping_mul(3)).collect()).expect("whole")
+}
+
+/// Where the i-th target is: all over the picture, or each over each.
+fn place(i: usize, spread: bool) -> BBox {
+    let (x, y) = if spread { ((i * 37 % 610) as f64, (i * 53 % 430) as f64) } else { (300.0, 200.0) };
+    BBox::new(x, y, 24.0, 48.0)
+}
+
+/// Bytes of `n` targets of 24 × 48 pixels after some frames, and the time of a frame; targets that are lost stay.
+fn run(config: &str, n: usize, spread: bool, frames: usize) -> (usize, Duration) {
+    let mut many = blueprint(config).multi_tracker(1).expect("a configuration of many targets");
+    let pictures: Vec<Image> = (0..=frames).map(picture).collect();
+    many.update(&pictures[0], &[]).expect("a picture");
+    let before = LIVE.load(Ordering::Relaxed);
+    for i in 0..n {
+        many.add(&pictures[0], None, place(i, spread)).expect("a box");
+    }
+    let began = Instant::now();
+    for picture in &pictures[1..] {
+        many.update(picture, &[]).expect("a picture");
+    }
+    assert!(many.targets().len() == n && !many.is_full());
+    (LIVE.load(Ordering::Relaxed) - before, began.elapsed() / frames as u32)
+}
+
+fn blueprint(config: &str) -> Blueprint {
+    let config = Config::builtin(config).expect("it ships").expect("it is right");
+    let mut settings = config.multi_target.unwrap_or_default();
+    (settings.termination.lost, settings.termination.inside) = (1_000_000, 0.0);
+    Config { multi_target: Some(settings), ..config }.check(&Nowhere).expect("parts that fit")
+}
+
+/// What a target takes is what was told, beside its template of up to 150 kB; and that is little.
+#[test]
+fn a_target_takes_what_was_told() {
+    for (config, most) in [("multi", 60_000), ("multi-motion", 300_000), ("multi-boxes", 600_000)] {
+        let told = blueprint(config).memory_of_target() as usize;
+        let each = (run(config, 60, true, 3).0 - run(config, 20, true, 3).0) / 40;
+        println!("{config}: {each} bytes a target, {told} told");
+        assert!(told <= most && each <= told + 150_000 && each >= told / 3, "{config}: {each}, told {told}, {most}");
+    }
+}
+
+/// `cargo test --release -p foveate --features lab --test memory -- --ignored --nocapture`
+#[test]
+#[ignore = "takes minutes"]
+fn cost_of_many_targets() {
+    println!("| configuration | targets | kB a target | ms a frame | ms a frame, each over each |");
+    for config in ["multi", "multi-boxes"] {
+        for n in [10, 100, 1000] {
+            let ((bytes, apart), (_, together)) = (run(config, n, true, 3), run(config, n, false, 3));
+            let ms = |time: Duration| 1e3 * time.as_secs_f64();
+            println!("| `{config}` | {n} | {} | {:.0} | {:.0} |", bytes / n / 1000, ms(apart), ms(together));
+        }
+    }
+    let (bytes, time) = run("multi", 10_000, true, 100);
+    println!("10,000 targets of `multi` for 100 frames: {} MB, {:.1} s a frame", bytes / 1_000_000, time.as_secs_f64());
+}

@@ -1,0 +1,307 @@
+//! What is fuzzed: a function of bytes for each border that hostile bytes can reach. None may panic, and none may take more than a
+//! second or more memory than the limit.
+//!
+//! They are called by `fuzz_targets/` (libFuzzer, nightly) and by `crates/foveate-cli/tests/fuzz.rs` (stable: the stored corpus in every
+//! run of the tests, and mutations of it for as long as one likes).
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use foveate::config::{Blueprint, Config};
+use foveate::files::{Folder, Nowhere};
+use foveate::lab::Digits;
+use foveate::scene::{Detection, Image};
+use foveate::video::mot::Tracks;
+use foveate::video::{Decoder, Options, Pixels, Raw, annotation, decode_image, open_with, vot};
+use foveate::{BBox, MultiTracker, Tracker};
+
+use super::{http, message};
+
+/// A target, by name, and the longest input that is worth trying.
+pub type Body = (&'static str, fn(&[u8]), usize);
+
+/// All of them.
+pub const ALL: [Body; 13] = [
+    ("pictures", pictures, 1 << 16),
+    ("mp4", mp4, 1 << 16),
+    ("raw", raw, 1 << 14),
+    ("toml", toml, 1 << 13),
+    ("models", models, 1 << 16),
+    ("states", states, 1 << 16),
+    ("mot", mot, 1 << 12),
+    ("boxes", boxes, 1 << 12),
+    ("idx", idx, 1 << 14),
+    ("targets", targets, 1 << 10),
+    ("calls", calls, 1 << 8),
+    ("requests", requests, 1 << 12),
+    ("trax", trax, 1 << 12),
+];
+
+/// Frames of a source that are looked at, at most.
+const FRAMES: usize = 8;
+
+/// PNG and JPEG.
+pub fn pictures(bytes: &[u8]) {
+    if let Ok(image) = decode_image(bytes) {
+        assert_eq!(image.bytes().len(), image.width() * image.height() * image.planes());
+    }
+}
+
+/// A file with these bytes, for readers that read files.
+fn with_file(name: &str, bytes: &[u8], read: impl FnOnce(&Path)) {
+    thread_local!(static PLACE: std::path::PathBuf = {
+        // In memory, where there is such a place.
+        let memory = Path::new("/dev/shm");
+        let place = if memory.is_dir() { memory.to_owned() } else { std::env::temp_dir() };
+        let place = place.join(format!("foveate-fuzz-{}-{:?}", std::process::id(), std::thread::current().id()));
+        std::fs::create_dir_all(&place).expect("a folder for one file");
+        place
+    });
+    PLACE.with(|place| {
+        let path = place.join(name);
+        std::fs::write(&path, bytes).expect("room for a small file");
+        read(&path);
+        let _ = std::fs::remove_file(path);
+    });
+}
+
+fn frames(path: &Path, options: &Options) {
+    if let Ok(source) = open_with(path, options) {
+        source.take(FRAMES).for_each(drop);
+    }
+}
+
+/// MP4 and the decoders of H.264 behind it.
+pub fn mp4(bytes: &[u8]) {
+    let options = Options { decoder: Decoder::Builtin, ..Options::default() };
+    with_file("a.mp4", bytes, |path| frames(path, &options));
+}
+
+/// yuv4mpeg, or bare pixels where the first byte is odd.
+pub fn raw(bytes: &[u8]) {
+    let Some((first, rest)) = bytes.split_first() else { return };
+    let raw = (first % 2 == 1).then(|| Raw {
+        width: usize::from(first >> 4) + 1,
+        height: usize::from(first >> 2 & 3) + 1,
+        pixels: Pixels::ALL[usize::from(first >> 1) % 3].1,
+    });
+    let options = Options { raw, decoder: Decoder::Builtin, ..Options::default() };
+    with_file("a.y4m", if raw.is_some() { rest } else { bytes }, |path| frames(path, &options));
+}
+
+/// Configurations, and trackers made from them.
+pub fn toml(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    if let Ok(config) = Config::parse(text, "fuzz") {
+        let again = Config::parse(&config.to_toml(), "written").expect("what is written can be read");
+        assert_eq!(again.to_toml(), config.to_toml());
+        // A tracker of a hundred thousand particles is right, and slow to make.
+        if config.particles <= 1000 {
+            let _ = config.check(&Nowhere);
+        }
+    }
+}
+
+/// Model files of all kinds.
+pub fn models(bytes: &[u8]) {
+    use foveate::learn::{autoencoder::Autoencoder, filters::PatchFilters, network::Network, rbm, softmax::Softmax};
+    let path = Path::new("fuzz.safetensors");
+    drop(rbm::Rbm::from_bytes(bytes, path));
+    drop(rbm::factored::FactoredRbm::from_bytes(bytes, path));
+    drop(rbm::fixations::FixationRbm::from_bytes(bytes, path));
+    drop(Autoencoder::from_bytes(bytes, path));
+    drop(PatchFilters::from_bytes(bytes, path));
+    drop(Network::from_bytes(bytes, path));
+    drop(Softmax::from_bytes(bytes, path));
+    drop(foveate::identity::Classifier::from_bytes(bytes, path));
+}
+
+/// Small and quick, with every part that remembers something.
+const SMALL: &str = "particles = 20\n[dynamics]\nkind = \"autoregressive\"\n[retina]\nkind = \"foveal\"\nside = 8\nrings = [[4, 1], [8, 2]]\n\
+    [encoder]\nkind = \"raw\"\n[likelihood]\ndistance = \"cosine\"\nsharpness = 10\n[policy]\nkind = \"hedge\"\ngamma = 0.5\n[discriminant]\n[colour]\n\
+    [redetection]\n[distractors]\n[multi_target]\n";
+
+fn small() -> &'static Blueprint {
+    static SMALL_ONE: OnceLock<Blueprint> = OnceLock::new();
+    SMALL_ONE.get_or_init(|| {
+        let config = Config::parse(SMALL, "small").expect("a configuration");
+        config.check(&Folder::here()).expect("parts that fit")
+    })
+}
+
+const SIDE: usize = 40;
+
+fn picture(t: u8) -> Image {
+    let pixel = |k: usize| (((k % SIDE + usize::from(t)) * 37 % 251) ^ (k / SIDE)) as u8;
+    Image::new(SIDE, SIDE, 3, (0..3 * SIDE * SIDE).map(pixel).collect()).expect("whole")
+}
+
+/// Saved trackers, of one target and of many, which then go on.
+pub fn states(bytes: &[u8]) {
+    let Ok(state) = serde_json::from_slice::<serde_json::Value>(bytes) else { return };
+    let mut tracker = small().tracker(1).expect("parts that fit");
+    if tracker.load(&state).is_ok() && tracker.update(&picture(1)).is_ok() {
+        let mut again = small().tracker(1).expect("parts that fit");
+        again.load(&tracker.save()).expect("what is saved can be loaded");
+    }
+    let mut many = small().multi_tracker(1).expect("parts that fit");
+    if many.load(&state).is_ok() && many.update(&picture(1), &[]).is_ok() {
+        let mut again = small().multi_tracker(1).expect("parts that fit");
+        again.load(&many.save()).expect("what is saved can be loaded");
+    }
+}
+
+/// States to begin from.
+#[allow(dead_code)]
+pub fn saved() -> [(&'static str, Vec<u8>); 2] {
+    let mut tracker = small().tracker(1).expect("parts that fit");
+    tracker.init(&picture(0), BBox::new(10.0, 12.0, 12.0, 9.0)).expect("a box in the picture");
+    tracker.update(&picture(1)).expect("a picture of the same size");
+    let mut many = small().multi_tracker(1).expect("parts that fit");
+    for t in 0..3 {
+        many.update(&picture(t), &[]).expect("a picture of the same size");
+        let at = 4.0 + 6.0 * f64::from(t);
+        many.add(&picture(t), None, BBox::new(at, at, 8.0, 8.0)).expect("a box in the picture");
+    }
+    let text = |state: serde_json::Value| serde_json::to_vec(&state).expect("plain data is JSON");
+    [("tracker.json", text(tracker.save())), ("many.json", text(many.save()))]
+}
+
+/// MOTChallenge's text.
+pub fn mot(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    if let Ok(tracks) = Tracks::parse(text, Path::new("fuzz.txt")) {
+        Tracks::parse(&tracks.text(), Path::new("written.txt")).expect("what is written can be read");
+    }
+}
+
+/// OTB's and VOT's texts.
+pub fn boxes(bytes: &[u8]) {
+    let Ok(text) = std::str::from_utf8(bytes) else { return };
+    let path = Path::new("fuzz.txt");
+    // At the largest numbers, what is counted from 1 is too large.
+    let sane =
+        |boxes: &[Option<BBox>]| boxes.iter().flatten().all(|b| [b.x, b.y, b.w, b.h].iter().all(|x| x.abs() < 1e6));
+    if let Some(boxes) = annotation::parse_boxes(text, path).ok().filter(|boxes| sane(boxes)) {
+        annotation::parse_boxes(&annotation::format_truth(&boxes), path).expect("what is written can be read");
+    }
+    if let Some(truth) = vot::parse_truth(text, path).ok().filter(|truth| sane(truth)) {
+        vot::parse_truth(&vot::format_truth(&truth), path).expect("what is written can be read");
+    }
+}
+
+/// MNIST's files, packed or not: pictures and labels, split in the middle.
+pub fn idx(bytes: &[u8]) {
+    let (images, labels) = bytes.split_at(bytes.len() - bytes.len() / 4);
+    with_file("images", images, |images| with_file("labels", labels, |labels| drop(Digits::read(images, labels))));
+}
+
+/// Takes bytes off the front; zeros at the end.
+struct Bytes<'a>(&'a [u8]);
+
+impl Bytes<'_> {
+    fn byte(&mut self) -> u8 {
+        let Some((first, rest)) = self.0.split_first() else { return 0 };
+        self.0 = rest;
+        *first
+    }
+    /// A coordinate: most often one in the picture, now and then any number at all.
+    fn number(&mut self) -> f64 {
+        match self.byte() {
+            255 => f64::NAN,
+            254 => f64::INFINITY,
+            253 => -1e300,
+            252 => f64::from_bits(u64::from_le_bytes(std::array::from_fn(|_| self.byte()))),
+            byte => f64::from(byte) / 4.0 - 8.0,
+        }
+    }
+    fn bbox(&mut self) -> BBox {
+        BBox { x: self.number(), y: self.number(), w: self.number(), h: self.number() }
+    }
+    fn detection(&mut self) -> Detection {
+        Detection { bbox: self.bbox(), score: self.number() }
+    }
+}
+
+/// Many targets: boxes and detections of any kind, cuts, states.
+pub fn targets(bytes: &[u8]) {
+    let mut bytes = Bytes(bytes);
+    let mut many = small().multi_tracker(1).expect("parts that fit");
+    for t in 0..12 {
+        if bytes.0.is_empty() {
+            break;
+        }
+        let (image, n) = (picture(t), bytes.byte() % 5);
+        let found: Vec<Detection> = (0..n).map(|_| bytes.detection()).collect();
+        let _ = many.update(&image, &found);
+        match bytes.byte() % 6 {
+            0 | 1 => drop(many.add(&image, None, bytes.bbox())),
+            2 => drop(many.add(&image, Some(u64::from(bytes.byte() % 4)), bytes.bbox())),
+            3 => many.cut(),
+            4 => many = reloaded(&many),
+            _ => many.skip(&image),
+        }
+    }
+}
+
+fn reloaded(many: &MultiTracker) -> MultiTracker {
+    let mut again = small().multi_tracker(1).expect("parts that fit");
+    again.load(&many.save()).expect("what is saved can be loaded");
+    again
+}
+
+/// The calls of the facade in any order.
+pub fn calls(bytes: &[u8]) {
+    let mut bytes = Bytes(bytes);
+    let mut tracker: Tracker = small().tracker(1).expect("parts that fit");
+    for t in 0..16 {
+        if bytes.0.is_empty() {
+            break;
+        }
+        let image = picture(t);
+        match bytes.byte() % 8 {
+            0 => drop(tracker.init(&image, bytes.bbox())),
+            1 | 2 => drop(tracker.update(&image).map(|seen| seen.region(0.9))),
+            3 => drop(tracker.update_with(&image, &[bytes.detection()])),
+            4 => drop(tracker.reset_at(bytes.bbox())),
+            5 => tracker.set_visibility(bytes.number()),
+            6 => tracker.skip(&image),
+            _ => {
+                let mut again = small().tracker(1).expect("parts that fit");
+                again.load(&tracker.save()).expect("what is saved can be loaded");
+                tracker = again;
+            }
+        }
+    }
+}
+
+/// Requests to `foveate serve`.
+pub fn requests(bytes: &[u8]) {
+    struct Sent<'a>(&'a [u8]);
+    impl std::io::Read for Sent<'_> {
+        fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
+            self.0.read(into)
+        }
+    }
+    impl std::io::Write for Sent<'_> {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            Ok(bytes.len())
+        }
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+    let mut connection = http::Connection::new(Sent(bytes));
+    while let Ok(request) = connection.request() {
+        assert!(request.body.len() <= http::MOST_BODY);
+        let _ = (request.query("a"), request.header("host"));
+    }
+}
+
+/// Lines of TraX.
+pub fn trax(bytes: &[u8]) {
+    let mut input = bytes;
+    while let Ok(Some(message)) = message::next(&mut input) {
+        drop(message);
+    }
+}
