@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import foveate.ray
 import pytest
 
 from conftest import FIRST, drawn
