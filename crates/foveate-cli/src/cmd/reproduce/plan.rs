@@ -16,11 +16,12 @@ macro_rules! experiments {
 }
 
 /// Names and texts, in the order of the page.
-pub const EXPERIMENTS: [(&str, &str); 19] = experiments![
+pub const EXPERIMENTS: [(&str, &str); 20] = experiments![
     "table1",
     "table2",
     "table3",
     "closeup",
+    "budget",
     "fig-policy",
     "fig-hedge",
     "fig-multi",
