@@ -3,6 +3,7 @@
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, ExitStatus};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 /// What is asked of a source that blocks: to end now. Its next frame is then an error or the end.
@@ -75,13 +76,16 @@ impl Leash {
 
 /// What a child says on its error channel, line by line, as long as it says something. A line is cut after 2000 bytes, and its
 /// control characters are shown as escapes: what it says may come from a video.
-pub(crate) fn listen(errors: impl Read + Send + 'static, mut told: impl FnMut(String) + Send + 'static) {
+pub(crate) fn listen(
+    errors: impl Read + Send + 'static,
+    mut told: impl FnMut(String) + Send + 'static,
+) -> JoinHandle<()> {
     std::thread::spawn(move || {
         for line in BufReader::new(errors).split(b'\n').map_while(Result::ok) {
             let line = String::from_utf8_lossy(&line[..line.len().min(2000)]).into_owned();
             told(line.trim_end_matches('\r').chars().flat_map(shown).collect());
         }
-    });
+    })
 }
 
 fn shown(c: char) -> Vec<char> {

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::child::{Interrupt, Leash, listen};
@@ -93,6 +94,8 @@ pub struct Live {
     passthrough: [&'static str; 2],
     pixels: Option<Pixels>,
     complaint: Arc<Mutex<Option<String>>>,
+    /// Reads what this ffmpeg complains of.
+    listener: Option<JoinHandle<()>>,
     began: Instant,
     /// Milliseconds from `began` on to the last sign of life.
     alive: Arc<AtomicU64>,
@@ -127,6 +130,7 @@ impl Live {
             passthrough,
             pixels: None,
             complaint,
+            listener: None,
             began,
             alive,
             reconnected,
@@ -153,7 +157,13 @@ impl Live {
         self.reconnected.clone()
     }
 
-    fn said(&self) -> String {
+    /// What the ffmpeg that is given up said last.
+    fn said(&mut self) -> String {
+        self.leash.end();
+        // It may have ended before its words were read.
+        if let Some(listener) = self.listener.take() {
+            let _ = listener.join();
+        }
         let said = self.complaint.lock().unwrap_or_else(PoisonError::into_inner).take();
         said.unwrap_or_else(|| "it gave no reason".into())
     }
@@ -171,11 +181,12 @@ impl Live {
             .map_err(|error| missing(program, &error))?;
         let output = child.stdout.take().expect("it was asked for a pipe");
         let complaint = self.complaint.clone();
-        listen(child.stderr.take().expect("it was asked for a pipe"), move |line| {
+        let errors = child.stderr.take().expect("it was asked for a pipe");
+        self.listener = Some(listen(errors, move |line| {
             if let Some((_, text)) = line.split_once("[error] ").or_else(|| line.split_once("[fatal] ")) {
                 complaint.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(text.trim().to_owned());
             }
-        });
+        }));
         self.show_life(self.options.listen);
         self.leash.hold(child);
         self.pixels = Y4m::new(BufReader::new(output), &[]).ok();
