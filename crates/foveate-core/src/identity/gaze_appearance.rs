@@ -272,9 +272,8 @@ impl Appearance for GazeAppearance {
     fn init_template(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams) {
         let nothing = ReferenceLikelihood { on: 0.0, off: 0.0 };
         let (origin, size) = ((0, 0), (image.width(), image.height()));
-        let image_kept = image.clone();
         self.keep(Template {
-            image: image_kept,
+            image: image.clone(),
             origin,
             size,
             state: *state,
