@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use crate::decode::decode_image;
-use crate::{Frame, FrameSource, SourceInfo, save_png};
+use crate::{Frame, FrameSource, SourceInfo, encode_png};
 use foveate_base::{Error, Result, files};
 use foveate_core::scene::Image;
 use foveate_core::scene::sensor::{Regions, Window};
@@ -216,7 +216,8 @@ pub fn write_tiles(frame: impl AsRef<Path>, image: &Image, side: usize, levels: 
             let mut bytes = vec![0; image.planes() * columns * rows];
             image.read(Window { x, y, columns, rows, bin: (bin, bin) }, &mut bytes)?;
             let tile = Image::new(columns, rows, image.planes(), bytes)?;
-            save_png(folder.join(format!("{}_{}.png", x / span, y / span)), &tile)?;
+            let path = folder.join(format!("{}_{}.png", x / span, y / span));
+            files::put(&path, &encode_png(&tile)).map_err(Error::io(&path, "cannot write"))?;
         }
     }
     Ok(())

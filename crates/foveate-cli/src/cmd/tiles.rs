@@ -34,32 +34,35 @@ pub fn run(args: Args) -> Result<()> {
         let out = args.out.display();
         return Err(Error::Invalid(format!("{out} exists; give --out a folder that does not, or remove it")));
     }
-    // Under another name until it is whole.
-    let making = files::temporary(&args.out);
-    let parent = args.out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(".".as_ref());
+    let parent = files::folder_of(&args.out);
     std::fs::create_dir_all(parent).map_err(Error::io(parent, "cannot create"))?;
-    std::fs::create_dir(&making).map_err(Error::io(&making, "cannot create"))?;
+    let making = Making(files::temporary(&args.out));
+    files::create_dir(&making.0).map_err(Error::io(&making.0, "cannot create"))?;
     terminal::catch_interrupts();
-    let cut = cut(&args, &making);
-    let done = match &cut {
-        Ok(frames) if *frames > 0 && !terminal::stopping() => {
-            std::fs::rename(&making, &args.out).map_err(Error::io(&args.out, "cannot make"))
-        }
-        Ok(_) => Err(Error::Invalid(format!("{}: no frame was cut; nothing was written", args.source.display()))),
-        Err(_) => Ok(()),
-    };
-    if done.is_err() || cut.is_err() {
-        // What went wrong is told; that its rest cannot be removed adds nothing.
-        let _ = std::fs::remove_dir_all(&making);
-    }
+    let frames = cut(&args, &making.0)?;
     if terminal::stopping() {
+        drop(making);
         note!("foveate: stopped; nothing was written");
         std::process::exit(terminal::stop_status());
     }
-    let frames = cut?;
-    done?;
+    if frames == 0 {
+        return Err(Error::Invalid(format!("{}: it has no frame; nothing was written", args.source.display())));
+    }
+    let named = files::settle(&making.0).and_then(|()| files::rename(&making.0, &args.out));
+    named.map_err(Error::io(&args.out, "cannot make"))?;
+    files::sync_folder(&args.out);
     say!("{frames} frames in tiles of {0} x {0}: {1}", args.side, args.out.display());
     Ok(())
+}
+
+/// A folder under another name until it is whole. Dropped before it has its own, it is gone.
+struct Making(PathBuf);
+
+impl Drop for Making {
+    fn drop(&mut self) {
+        // What cannot be removed now has a name that says what it is.
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
 }
 
 /// Cuts the frames into a folder; how many there were.
