@@ -111,12 +111,7 @@ function drawScene() {
   c.imageSmoothingEnabled = false;
   c.drawImage(lesson.picture, 0, 0, width, height);
   c.lineJoin = c.lineCap = 'round';
-  const cased = (path, ink, thick, dash = []) => {
-    c.setLineDash(dash);
-    c.beginPath(); path(); c.strokeStyle = 'rgb(0 0 0 / .6)'; c.lineWidth = thick + 2; c.stroke(); c.strokeStyle = ink; c.lineWidth = thick; c.stroke();
-    c.setLineDash([]);
-  };
-  const outline = corners => () => { c.moveTo(...corners[corners.length - 1]); corners.forEach(p => c.lineTo(...p)); };
+  const { cased, outline, cross } = penOf(c);
   const corners = row => outline(row.corners.map(([x, y]) => at(x, y)));
   if (!now) return cased(corners(lesson.row), '#ffffff', 2, [6, 4]);
   drawCloud(c, now.learning.detail, [about.width, about.height], at, k);
@@ -127,7 +122,6 @@ function drawScene() {
     const place = ([a, b]) => at(x + reach * (a * ux + b * vx), y + reach * (a * uy + b * vy));
     cased(outline([[-1, -1], [1, -1], [1, 1], [-1, 1]].map(place)), i ? 'rgb(255 182 39 / .6)' : '#ffb627', i ? 1 : 1.8);
   });
-  const cross = (px, py, arm, ink) => cased(() => { c.moveTo(px - arm, py); c.lineTo(px + arm, py); c.moveTo(px, py - arm); c.lineTo(px, py + arm); }, ink, 1.8);
   for (const [au, av] of now.learning.detail.also) cross(...at(x + (au - u) * ux + (av - v) * vx, y + (au - u) * uy + (av - v) * vy), 4, '#ffb627');
   cross(...at(x, y), 7, '#ffffff');
 }

@@ -44,3 +44,17 @@ function drawCloud(c, key, [width, height], at, k) {
     c.strokeStyle = `rgb(0 0 0 / ${.15 + .35 * t})`; c.lineWidth = .7; c.stroke();
   }
 }
+// Lines that are seen on any picture: `cased` strokes a path in ink over a dark line, `outline` is the path of a polygon, and `cross`
+// draws one.
+function penOf(c, shade = .6) {
+  const cased = (path, ink, thick, dash = []) => {
+    c.setLineDash(dash);
+    c.beginPath(); path();
+    c.strokeStyle = `rgb(0 0 0 / ${shade})`; c.lineWidth = thick + 2; c.stroke();
+    c.strokeStyle = ink; c.lineWidth = thick; c.stroke();
+    c.setLineDash([]);
+  };
+  const outline = corners => () => { c.moveTo(...corners[corners.length - 1]); corners.forEach(p => c.lineTo(...p)); };
+  const cross = (x, y, arm, ink, thick = 1.8) => cased(() => { c.moveTo(x - arm, y); c.lineTo(x + arm, y); c.moveTo(x, y - arm); c.lineTo(x, y + arm); }, ink, thick);
+  return { cased, outline, cross };
+}

@@ -82,11 +82,7 @@ function drawView(c, key, view, box) {
     c.drawImage(image, box.x - k * view.x, box.y - k * view.y, k * frameWidth, k * frameHeight);
   }
   c.lineJoin = c.lineCap = 'round';
-  const cased = (path, ink, thick) => {
-    c.beginPath(); path();
-    c.strokeStyle = 'rgb(0 0 0 / .55)'; c.lineWidth = thick + 2; c.stroke();
-    c.strokeStyle = ink; c.lineWidth = thick; c.stroke();
-  };
+  const drawn = penOf(c, .55), { cased, outline } = drawn;
   const lost = series.occluded_or_lost[row];
   if (shown.particles && key.particles) drawCloud(c, key, [frameWidth, frameHeight], at, k);
   if (shown.path) {
@@ -98,9 +94,7 @@ function drawView(c, key, view, box) {
   }
   if (shown.truth && series.true_x[row] !== null) {
     const [x, y] = at(series.true_x[row] - series.true_w[row] / 2, series.true_y[row] - series.true_h[row] / 2);
-    c.setLineDash([2, 4]);
-    cased(() => c.rect(x, y, k * series.true_w[row], k * series.true_h[row]), '#3fd19b', 2);
-    c.setLineDash([]);
+    cased(() => c.rect(x, y, k * series.true_w[row], k * series.true_h[row]), '#3fd19b', 2, [2, 4]);
   }
   if (shown.baseline && data.baseline.x[row] !== null) {
     const { x, y, w, h } = data.baseline, [left, top] = at(x[row] - w[row] / 2, y[row] - h[row] / 2);
@@ -108,35 +102,29 @@ function drawView(c, key, view, box) {
   }
   if (shown.box) {
     const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([u, v]) => fixate(row, u, v)).map(f => at(f.x, f.y));
-    c.setLineDash(lost ? [7, 6] : []);
-    cased(() => { c.moveTo(...corners[3]); corners.forEach(p => c.lineTo(...p)); }, lost ? '#ff8a4a' : '#39b6ff', 2);
-    c.setLineDash([]);
+    cased(outline(corners), lost ? '#ff8a4a' : '#39b6ff', 2, lost ? [7, 6] : []);
   }
   if (shown.ellipse && series.cov_xx[row] !== null) {
     const noise = series.localisation_noise[row] ** 2, [a, b, d] = [series.cov_xx[row] + noise, series.cov_xy[row], series.cov_yy[row] + noise];
     const middle = (a + d) / 2, apart = Math.hypot((a - d) / 2, b), turn = .5 * Math.atan2(2 * b, a - d);
     const [r1, r2] = [middle + apart, middle - apart].map(v => Math.sqrt(-2 * Math.log(.1)) * k * Math.sqrt(Math.max(v, 0)));
-    c.setLineDash([3, 4]);
-    cased(() => c.ellipse(...at(series.x[row], series.y[row]), r1, r2, turn, 0, 7), '#ffffff', 1.2);
-    c.setLineDash([]);
+    cased(() => c.ellipse(...at(series.x[row], series.y[row]), r1, r2, turn, 0, 7), '#ffffff', 1.2, [3, 4]);
   }
   if (shown.fixation && series.u[row] !== null) {
-    for (const [u, v] of key.also || []) drawFixation(c, row, u, v, at, cased, false);
-    drawFixation(c, row, series.u[row], series.v[row], at, cased, true);
+    for (const [u, v] of key.also || []) drawFixation(c, row, u, v, at, drawn, false);
+    drawFixation(c, row, series.u[row], series.v[row], at, drawn, true);
   }
 }
 
 // A cross at the gaze; around the chosen one the windows of the retina.
-function drawFixation(c, row, u, v, at, cased, chosen) {
+function drawFixation(c, row, u, v, at, { cased, outline, cross }, chosen) {
   const f = fixate(row, u, v), [x, y] = at(f.x, f.y);
-  const arm = chosen ? 8 : 5;
   if (chosen) windows.forEach((w, i) => {
     const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([a, b]) => at(f.x + w.reach * (a * f.ux + b * f.vx), f.y + w.reach * (a * f.uy + b * f.vy)));
-    const path = () => { c.moveTo(...corners[3]); corners.forEach(p => c.lineTo(...p)); };
-    if (i === 0) cased(path, '#ffb627', 1.8);
-    else { c.beginPath(); path(); c.strokeStyle = `rgb(255 182 39 / ${.75 / i})`; c.lineWidth = 1; c.stroke(); }
+    if (i === 0) cased(outline(corners), '#ffb627', 1.8);
+    else { c.beginPath(); outline(corners)(); c.strokeStyle = `rgb(255 182 39 / ${.75 / i})`; c.lineWidth = 1; c.stroke(); }
   });
-  cased(() => { c.moveTo(x - arm, y); c.lineTo(x + arm, y); c.moveTo(x, y - arm); c.lineTo(x, y + arm); }, chosen ? '#ffffff' : '#ffb627', chosen ? 2 : 1.5);
+  cross(x, y, chosen ? 8 : 5, chosen ? '#ffffff' : '#ffb627', chosen ? 2 : 1.5);
 }
 
 function banner(c, text, width, ground = 'rgb(194 74 0 / .94)') {

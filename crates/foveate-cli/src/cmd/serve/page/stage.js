@@ -53,14 +53,7 @@ function paint(c, width, height, hand) {
     c.drawImage(shown.picture, 0, 0, width, height);
   }
   c.lineJoin = c.lineCap = 'round';
-  const cased = (path, ink, thick, dash = []) => {
-    c.setLineDash(dash);
-    c.beginPath(); path();
-    c.strokeStyle = 'rgb(0 0 0 / .6)'; c.lineWidth = thick + 2; c.stroke();
-    c.strokeStyle = ink; c.lineWidth = thick; c.stroke();
-    c.setLineDash([]);
-  };
-  const outline = corners => () => { c.moveTo(...corners[corners.length - 1]); corners.forEach(p => c.lineTo(...p)); };
+  const { cased, outline, cross } = penOf(c);
   if (detail && shows('particles')) drawCloud(c, detail, [page.video.width, page.video.height], at, k);
   if (shows('path')) for (let f = Math.max(page.first + 1, frame - 60); f <= frame; f++) {
     const [a, b] = [rowOf(f - 1), rowOf(f)];
@@ -83,7 +76,6 @@ function paint(c, width, height, hand) {
       if (i === 0) cased(outline(corners), '#ffb627', 1.8);
       else { c.beginPath(); outline(corners)(); c.strokeStyle = `rgb(255 182 39 / ${.75 / i})`; c.lineWidth = 1; c.stroke(); }
     });
-    const cross = (px, py, arm, ink) => cased(() => { c.moveTo(px - arm, py); c.lineTo(px + arm, py); c.moveTo(px, py - arm); c.lineTo(px, py + arm); }, ink, 1.8);
     const [u, v] = row.gaze;
     for (const [au, av] of detail?.also || []) cross(...at(x + (au - u) * ux + (av - v) * vx, y + (au - u) * uy + (av - v) * vy), 5, '#ffb627');
     cross(...at(x, y), 8, '#ffffff');
