@@ -12,13 +12,10 @@ use browser::{Browser, CONTRAST};
 use serde_json::{Value, json};
 use served::{FRAMES, Server, clip, iou, truth};
 
-/// Tracks to the end as fast as it goes, from wherever it is.
+/// Tracks to the end, and compares with the truth.
 fn track(browser: &mut Browser) {
-    browser.value("byId('pace').value = 200, true");
-    browser.until("!page.busy && (page.ended || page.playing || (byId('play').click(), false))");
-    browser.until("page.ended && !page.playing && !page.busy");
-    assert_eq!(browser.value("page.rows.length"), json!(FRAMES));
-    let boxes: Vec<[f64; 4]> = serde_json::from_value(browser.value("page.rows.map(row => row.box)")).expect("boxes");
+    let boxes = browser.track();
+    assert_eq!(boxes.len(), FRAMES);
     let overlaps: Vec<f64> = boxes.iter().enumerate().map(|(t, b)| iou(*b, truth(t))).collect();
     let (mean, least) = (overlaps.iter().sum::<f64>() / FRAMES as f64, overlaps.iter().copied().fold(1.0, f64::min));
     assert!(mean >= 0.7 && least >= 0.5, "{mean} {least}: {overlaps:?}");
@@ -51,8 +48,7 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     browser.picture("tracked");
 
     // By keys: the frame again from the start, a box in the middle of the picture, moved and sized.
-    browser.value("byId('scrub').value = 1, byId('scrub').dispatchEvent(new Event('input')), true");
-    browser.until("page.frame === 1 && shown.frame === 1");
+    browser.show(1);
     browser.value("byId('screen').focus(), setDraft(fitted({ x: 136, y: 96, w: 48, h: 48 })), true");
     browser.key("Escape", 0);
     assert_eq!(browser.value("page.draft"), Value::Null);
@@ -69,9 +65,7 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     ] {
         (0..times).for_each(|_| browser.key(key, modifiers));
     }
-    let drawn: [f64; 4] =
-        serde_json::from_value(browser.value("[page.draft.x, page.draft.y, page.draft.w, page.draft.h]"))
-            .expect("a box");
+    let drawn = browser.drawn();
     assert!(iou(drawn, truth(0)) > 0.95, "{drawn:?}");
     assert_eq!(browser.value("document.activeElement.id"), "screen");
     browser.key("Enter", 0);
@@ -83,8 +77,7 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     browser.value("document.activeElement.blur(), true");
     (0..3).for_each(|_| browser.key(",", 0));
     browser.until(&format!("page.frame === {} && shown.frame === page.frame", FRAMES - 3));
-    browser.value("byId('scrub').value = 15, byId('scrub').dispatchEvent(new Event('input')), true");
-    browser.until("page.frame === 15 && shown.frame === 15");
+    browser.show(15);
     let [x, y, w, h] = truth(14);
     browser.draw([x - 2.0, y - 1.0, w + 3.0, h + 2.0]);
     assert_eq!(browser.value("byId('go').textContent"), "Correct frame 15");
@@ -99,7 +92,7 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     let (status, bytes) = server.get(&format!("/{}", href.as_str().expect("a link")));
     let text = String::from_utf8(bytes).expect("text");
     assert!(status == 200 && text.lines().count() == FRAMES, "{text}");
-    let boxes: Vec<[f64; 4]> = serde_json::from_value(browser.value("page.rows.map(row => row.box)")).expect("boxes");
+    let boxes = browser.boxes();
     for (line, [x, y, w, h]) in text.lines().zip(boxes) {
         let numbers: Vec<f64> = line.split(',').map(|n| n.parse().expect("a number")).collect();
         assert!(numbers.iter().zip([x + 1.0, y + 1.0, w, h]).all(|(a, b)| (a - b).abs() < 0.01), "{line}");

@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use crate::draw::{Drawing, text_width};
-use crate::{Annotator, MultiAnnotator, MultiObserver, Observer, RunInfo};
+use crate::run::touching;
+use crate::{Annotator, Baseline, MultiAnnotator, MultiObserver, Observer, RunInfo};
+use foveate_base::files::folder_of;
 use foveate_base::{Error, Result};
 use foveate_core::Tracker;
 use foveate_core::geometry::{BBox, State};
@@ -43,8 +45,7 @@ impl Video {
 
 /// Fails where the folder of a file is not there.
 pub(super) fn writable(path: &Path) -> Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(".".as_ref());
-    std::fs::metadata(folder).map(drop).map_err(Error::io(path, "cannot write"))
+    std::fs::metadata(folder_of(path)).map(drop).map_err(Error::io(path, "cannot write"))
 }
 
 /// annotated.mp4 of one target: every frame as [`Annotator`] draws it.
@@ -79,19 +80,27 @@ impl Observer for Film {
 pub struct SideBySide {
     video: Video,
     annotators: [Annotator; 2],
-    names: [String; 2],
+    name: String,
     other: Tracker,
+    baseline: Baseline,
     truth: Vec<BBox>,
 }
 
 impl SideBySide {
-    /// Will write `path`, as [`Film::create`] does; `names` are written above the halves.
+    /// Will write `path`, as [`Film::create`] does. The other's track goes to `baseline`, whose name is written above the right half, as
+    /// `name` is above the left one.
     ///
     /// # Errors
     /// Its folder is not there.
-    pub fn create(path: impl Into<PathBuf>, info: &RunInfo, names: [String; 2], other: Tracker) -> Result<Self> {
-        let annotators = [Annotator::new(info), Annotator::new(info)];
-        Ok(Self { video: Video::create(path.into(), info)?, annotators, names, other, truth: info.truth.clone() })
+    pub fn create(
+        path: impl Into<PathBuf>,
+        info: &RunInfo,
+        name: String,
+        other: Tracker,
+        baseline: Baseline,
+    ) -> Result<Self> {
+        let (video, annotators) = (Video::create(path.into(), info)?, [Annotator::new(info), Annotator::new(info)]);
+        Ok(Self { video, annotators, name, other, baseline, truth: info.truth.clone() })
     }
 
     /// Both halves under their names; `said` is written at the right end of each name's line.
@@ -101,7 +110,7 @@ impl SideBySide {
         let mut page = Drawing::new(left.width() + gap + right.width(), strip + left.height(), [18, 21, 26]);
         let (pad, size) = (0.32 * strip as f64, 0.36 * strip as f64);
         let mut at = 0;
-        for ((half, name), said) in [left, right].iter().zip(&self.names).zip(said) {
+        for ((half, name), said) in [left, right].iter().zip([&*self.name, self.baseline.name()]).zip(said) {
             page.paste(half, at, strip, half.width(), half.height());
             page.text((at as f64 + pad, pad), name, size, [236, 238, 240]);
             let end = (at + half.width()) as f64 - pad;
@@ -121,12 +130,14 @@ impl SideBySide {
 impl Observer for SideBySide {
     fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
         self.other.init(&frame.image, *bbox)?;
+        self.baseline.add(*bbox, 0);
         let halves = self.annotators.each_mut().map(|annotator| annotator.start(frame, bbox));
         self.push(halves, Default::default())
     }
     fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
         let ours = (self.annotators[0].annotate(frame, step), self.error(frame, &step.estimate));
         let seen = self.other.update(&frame.image)?;
+        self.baseline.add(touching(&seen.bbox, &frame.image), seen.step.values);
         let (picture, estimate) = (self.annotators[1].annotate(frame, &seen.step), seen.step.estimate);
         let error = self.error(frame, &estimate);
         self.push([ours.0, picture], [ours.1, error])

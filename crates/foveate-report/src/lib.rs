@@ -62,10 +62,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use foveate_base::Result;
+use foveate_core::config::Blueprint;
 use foveate_core::geometry::{BBox, Gaze};
 use foveate_core::identity::Retina;
 use foveate_core::step::Step;
-use foveate_video::Frame;
+use foveate_video::{Frame, SourceInfo};
 
 /// Observes a run with one target.
 ///
@@ -145,13 +146,35 @@ impl Warnings {
     }
 }
 
-/// Another track of the frames of a run.
+/// Another track of the frames of a run: filled during the run, read by reports. Clones share one track.
 #[derive(Clone, Debug, Default)]
 pub struct Baseline {
-    /// Whose it is, such as "fixed centre".
-    pub name: String,
-    /// Its boxes, one a frame from frame 0 on; may be shorter than the run.
-    pub boxes: Vec<BBox>,
+    name: String,
+    /// A box a frame from frame 0 on, and the values read for it.
+    track: Arc<Mutex<Vec<(BBox, usize)>>>,
+}
+
+impl Baseline {
+    /// Whose it is, such as "fixed centre"; without a frame yet.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), track: Arc::default() }
+    }
+    /// Whose it is.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+    /// Adds the next frame: its box, and how many values were read.
+    pub fn add(&self, bbox: BBox, values: usize) {
+        self.track.lock().unwrap_or_else(PoisonError::into_inner).push((bbox, values));
+    }
+    /// The boxes so far, from frame 0 on.
+    pub fn boxes(&self) -> Vec<BBox> {
+        self.track.lock().unwrap_or_else(PoisonError::into_inner).iter().map(|(bbox, _)| *bbox).collect()
+    }
+    /// The values read so far.
+    pub fn values(&self) -> usize {
+        self.track.lock().unwrap_or_else(PoisonError::into_inner).iter().map(|(_, values)| values).sum()
+    }
 }
 
 /// What a run is, for the readers of its results. Texts may hold anything: they are escaped where they are written.
@@ -185,4 +208,20 @@ pub struct RunInfo {
     pub warnings: Warnings,
     /// Fixed gazes that are scored in every frame to compute the regret; empty for none.
     pub shadow: Vec<Gaze>,
+}
+
+impl RunInfo {
+    /// Of a run on this source with this configuration, whose name is given; what else may be known is left out.
+    pub fn of(source: String, about: &SourceInfo, config_name: String, blueprint: &Blueprint, seed: u64) -> Self {
+        Self {
+            source,
+            reader: about.reader.clone(),
+            rate: about.rate,
+            config_name,
+            config_text: blueprint.config().to_toml(),
+            seed,
+            retina: Some(blueprint.retina()),
+            ..Self::default()
+        }
+    }
 }

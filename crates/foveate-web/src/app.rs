@@ -6,14 +6,14 @@ use std::sync::Arc;
 
 use foveate_base::files::{Nowhere, TEXT};
 use foveate_base::{Error, Result};
-use foveate_core::config::{BUILTIN, Config, POLICIES, about};
-use foveate_report::interactive::Setup;
+use foveate_core::config::{Config, POLICIES};
+use foveate_report::interactive::{Setup, boxed, offered};
 use foveate_video::annotation::parse_boxes;
 use serde_json::{Value, json};
 
 use crate::lesson::Lesson;
 use crate::message::Message;
-use crate::session::{Session, boxed};
+use crate::session::Session;
 use crate::store::{Given, Store, Video};
 
 /// Frames a second that pictures are shown at.
@@ -101,8 +101,8 @@ impl App {
             }
             Message::Propose { session, frame, at } => self.session(session)?.propose(frame, at),
             Message::Start { session, frame, bbox, config, policy, seed } => {
-                let (setup, kind) = setup(&config, policy, seed)?;
-                self.session(session)?.start(setup, frame, boxed(bbox), &kind)
+                let setup = setup(config, policy, seed)?;
+                self.session(session)?.start(setup, frame, boxed(bbox))
             }
             Message::Step { session, frames } => self.session(session)?.step(frames),
             Message::Detail { session, frame } => Ok(self.session(session)?.detail(frame)),
@@ -142,29 +142,19 @@ impl App {
 
 fn hello() -> Value {
     // Those that need learned weights are not in this build.
-    let single = BUILTIN.iter().filter(|(name, text)| {
-        Config::parse(text, name).is_ok_and(|c| c.multi_target.is_none() && c.check(&Nowhere).is_ok())
-    });
-    let configs: Vec<Value> = single.map(|(name, text)| json!({ "name": name, "for": about(text) })).collect();
+    let configs = offered(|config| config.check(&Nowhere).is_ok());
     json!({
         "version": env!("CARGO_PKG_VERSION"), "pick": false, "roots": [], "configs": configs, "policies": POLICIES,
         "config": "natural", "policy": null,
     })
 }
 
-/// What to track with, and the name of its policy.
-fn setup(name: &str, policy: Option<String>, seed: Option<u64>) -> Result<(Setup, String)> {
+/// What to track with.
+fn setup(name: String, policy: Option<String>, seed: Option<u64>) -> Result<Setup> {
     let unknown = || Error::Config(format!("no configuration is called {name}; choose one of the list"));
-    let mut config = Config::builtin(name).ok_or_else(unknown)??;
+    let mut config = Config::builtin(&name).ok_or_else(unknown)??;
     if let Some(policy) = &policy {
         config = config.with_policy(policy)?;
     }
-    let kind = config.policy_kind();
-    if config.multi_target.is_some() {
-        return Err(Error::Config(
-            "this configuration is for many targets, the page follows one; choose another".into(),
-        ));
-    }
-    let seed = seed.unwrap_or(config.seed);
-    Ok((Setup { blueprint: config.check(&Nowhere)?, config: name.into(), policy, seed }, kind))
+    Setup::new(config, &Nowhere, name, policy, seed)
 }

@@ -5,9 +5,8 @@ use std::sync::Arc;
 
 use foveate_base::{Error, Result};
 use foveate_core::geometry::BBox;
-use foveate_report::interactive::Reopen;
-use foveate_report::interactive::{Frames, Player, Setup, Tracking, cells, command, propose};
-use foveate_report::{Clock, RunInfo, Warnings};
+use foveate_report::RunInfo;
+use foveate_report::interactive::{Frames, Player, Reopen, Setup, Track, check_size, described, proposed};
 use foveate_video::SourceInfo;
 use serde_json::{Value, json};
 
@@ -16,10 +15,7 @@ use crate::log::{Lines, Log, NAMES};
 use crate::save::Saving;
 use crate::store::Video;
 
-/// Pixels of a frame, at most.
-const MOST_PIXELS: usize = 1 << 25;
-/// Frames tracked for one message, and frames of a report made for one, at most.
-const MOST_STEPS: usize = 200;
+/// Frames of a report made for one message, at most.
 const REPORTED: usize = 10;
 
 /// Where frames come from.
@@ -45,17 +41,9 @@ pub struct Session {
     truth: Vec<Option<BBox>>,
     /// Frames that are looked at, but not tracked.
     frames: Box<dyn Frames>,
-    tracking: Option<Tracking>,
+    track: Track,
     lines: Lines,
     saving: Option<Saving>,
-}
-
-pub fn boxed([x, y, w, h]: [f64; 4]) -> BBox {
-    BBox { x, y, w, h }
-}
-
-fn untracked() -> Error {
-    Error::Invalid("nothing is tracked yet; draw a box and start".into())
 }
 
 impl Session {
@@ -72,21 +60,13 @@ impl Session {
     }
 
     fn new(name: String, source: Source, info: SourceInfo, truth: Vec<Option<BBox>>) -> Result<Self> {
-        let (w, h) = (info.width, info.height);
-        if w.saturating_mul(h) > MOST_PIXELS {
-            let problem = format!("frames of {w} x {h} are too large for the page; use `foveate track --scale`");
-            return Err(Error::malformed(Path::new(&name), problem));
-        }
+        check_size(&info, Path::new(&name))?;
         let frames = source.frames();
-        Ok(Self { name, source, info, truth, frames, tracking: None, lines: Lines::default(), saving: None })
+        Ok(Self { name, source, info, truth, frames, track: Track::default(), lines: Lines::default(), saving: None })
     }
 
     pub fn about(&self) -> Value {
-        let truth: Vec<_> = self.truth.iter().map(|b| b.map(|b| [b.x, b.y, b.w, b.h])).collect();
-        json!({
-            "width": self.info.width, "height": self.info.height, "frames": self.info.frames,
-            "exact": self.info.frames.is_some(), "rate": self.info.rate, "reader": self.info.reader, "truth": truth,
-        })
+        described(&self.info, self.info.frames.is_some(), &self.truth)
     }
 
     /// Takes the next frame of a camera; its number from 0.
@@ -99,7 +79,7 @@ impl Session {
 
     /// The pixels of a frame (from 0), red, green, blue, alpha; `None` where the video ends before.
     pub fn picture(&mut self, index: usize) -> Result<Option<Vec<u8>>> {
-        let decoded = self.tracking.as_ref().and_then(Tracking::decoded).filter(|frame| frame.index == index);
+        let decoded = self.track.decoded().filter(|frame| frame.index == index);
         let frame = match decoded {
             Some(frame) => Some(Arc::clone(frame)),
             None => self.frames.frame(index)?,
@@ -108,94 +88,57 @@ impl Session {
     }
 
     pub fn propose(&mut self, frame: usize, at: Option<(f64, f64)>) -> Result<Value> {
-        let index = frame.saturating_sub(1);
-        // The frame before, or after the first one; a camera's may be gone.
-        let other = if index > 0 { index - 1 } else { 1 };
-        let other = self.frames.frame(other).ok().flatten();
-        let frame = self.frames.frame(index)?;
-        let frame = frame.ok_or_else(|| Error::Invalid("the video has no such frame; choose an earlier one".into()))?;
-        let at = at.filter(|(x, y)| x.is_finite() && y.is_finite());
-        let (b, from) = propose(other.as_ref().map(|f| &f.image), &frame.image, at);
-        Ok(json!({ "box": [b.x, b.y, b.w, b.h], "from": from }))
+        proposed(&mut *self.frames, frame, at)
     }
 
-    pub fn start(&mut self, setup: Setup, frame: usize, bbox: BBox, policy: &str) -> Result<Value> {
+    pub fn start(&mut self, setup: Setup, frame: usize, bbox: BBox) -> Result<Value> {
         self.check(&bbox)?;
-        let retina = setup.blueprint.retina();
-        (self.tracking, self.saving, self.lines) = (None, None, Lines::default());
+        (self.saving, self.lines) = (None, Lines::default());
         let meter = match &self.source {
             Source::Live(live) => Some(live.meter.clone()),
             Source::Video(_) => None,
         };
         let log = Box::new(Log::new(self.lines.clone(), meter));
-        let tracking = Tracking::start(self.source.frames(), log, setup, frame.saturating_sub(1), bbox)?;
-        let rows = json!(tracking.rows());
-        self.tracking = Some(tracking);
-        Ok(json!({ "rows": rows, "cells": cells(&*retina), "policy": policy, "ended": false }))
+        self.track.start(self.source.frames(), log, setup, frame, bbox)
     }
 
     pub fn step(&mut self, frames: usize) -> Result<Value> {
-        let tracking = self.tracking.as_mut().ok_or_else(untracked)?;
-        let before = tracking.rows().len();
-        tracking.step(frames.clamp(1, MOST_STEPS), || false)?;
-        let rows = &tracking.rows()[before..];
-        if !rows.is_empty() {
+        let before = self.track.frames();
+        let answer = self.track.step(frames, || false)?;
+        if self.track.frames() > before {
             self.saving = None;
         }
-        let (detail, surface) = (parsed(tracking.detail(tracking.last())), tracking.surface());
-        Ok(json!({ "rows": rows, "detail": detail, "surface": surface, "ended": tracking.ended() }))
+        Ok(answer)
     }
 
     pub fn detail(&self, frame: usize) -> Value {
-        let detail = self.tracking.as_ref().and_then(|t| t.detail(frame.saturating_sub(1)));
-        json!({ "detail": parsed(detail) })
+        self.track.detail(frame)
     }
 
     pub fn correct(&mut self, frame: usize, bbox: BBox) -> Result<Value> {
         self.check(&bbox)?;
-        let tracking = self.tracking.as_mut().ok_or_else(untracked)?;
         self.saving = None;
-        tracking.correct(frame.saturating_sub(1), bbox)?;
-        Ok(json!({ "rows": &tracking.rows()[tracking.rows().len() - 1..], "ended": false }))
+        self.track.correct(frame, bbox)
     }
 
     /// The command that gives this track; empty where there is none, as for a camera.
     pub fn command(&self) -> Result<String> {
-        let tracking = self.tracking.as_ref().ok_or_else(untracked)?;
-        if matches!(self.source, Source::Live(_)) {
-            return Ok(String::new());
+        match self.source {
+            Source::Live(_) => self.track.get().map(|_| String::new()),
+            Source::Video(_) => self.track.command(Path::new(&self.name)),
         }
-        let given: Vec<(usize, BBox)> = tracking.given().iter().map(|(k, b)| (*k, *b)).collect();
-        let Setup { config, policy, seed, blueprint } = &tracking.setup;
-        let seed = Some(*seed).filter(|seed| *seed != blueprint.config().seed);
-        let mut line = command(Path::new(&self.name), &given, config, policy.as_deref(), seed);
-        if !tracking.ended() && tracking.last() > tracking.first() {
-            line += &format!(" --until {}", tracking.last() + 1);
-        }
-        Ok(line)
     }
 
     /// Begins to make the files that are not there anyway.
     pub fn save(&mut self, report: bool) -> Result<Value> {
-        let tracking = self.tracking.as_ref().ok_or_else(untracked)?;
+        let tracking = self.track.get()?;
         let (setup, given) = (&tracking.setup, tracking.given().clone());
         self.saving = None;
         if report && matches!(self.source, Source::Video(_)) {
             let info = RunInfo {
-                source: self.name.clone(),
-                reader: self.info.reader.clone(),
-                rate: self.info.rate,
-                bit_rate: None,
-                config_name: setup.config.clone(),
-                config_text: setup.blueprint.config().to_toml(),
-                seed: setup.seed,
                 command: self.command()?,
-                retina: Some(setup.blueprint.retina()),
                 truth: self.truth.iter().map_while(|bbox| *bbox).collect(),
-                baseline: None,
-                clock: Clock::default(),
-                shadow: vec![],
-                warnings: Warnings::default(),
+                ..RunInfo::of(self.name.clone(), &self.info, setup.config.clone(), &setup.blueprint, setup.seed)
             };
             self.saving = Some(Saving::begin(setup, info, self.source.frames(), given, tracking.last())?);
         }
@@ -236,10 +179,6 @@ impl Session {
             b.h
         )))
     }
-}
-
-fn parsed(text: Option<&str>) -> Value {
-    text.and_then(|text| serde_json::from_str(text).ok()).unwrap_or(Value::Null)
 }
 
 /// Red, green, blue and an alpha of 255, pixel by pixel.

@@ -32,26 +32,14 @@ fn give(browser: &mut Browser, files: &[&Path]) {
     browser.call("DOM.setFileInputFiles", json!({ "nodeId": node, "files": files }));
 }
 
-fn boxes(browser: &mut Browser) -> Vec<[f64; 4]> {
-    serde_json::from_value(browser.value("page.rows.map(row => row.box)")).expect("boxes")
-}
-
 /// Tracks to the end, and compares with the truth.
 fn track(browser: &mut Browser, frames: usize) {
-    browser.value("byId('pace').value = 200, true");
-    browser.until("!page.busy && (page.ended || page.playing || (byId('play').click(), false))");
-    browser.until("page.ended && !page.playing && !page.busy");
-    let boxes = boxes(browser);
+    let boxes = browser.track();
     assert_eq!(boxes.len(), frames);
     let overlaps: Vec<f64> = boxes.iter().enumerate().map(|(t, b)| iou(*b, truth(t))).collect();
     let mean = overlaps.iter().sum::<f64>() / frames as f64;
     assert!(mean >= 0.7, "{mean}: {overlaps:?}");
     eprintln!("mean IoU {mean:.3} in {frames} frames");
-}
-
-fn to_frame(browser: &mut Browser, frame: usize) {
-    browser.value(&format!("byId('scrub').value = {frame}, byId('scrub').dispatchEvent(new Event('input')), true"));
-    browser.until(&format!("page.frame === {frame} && shown.frame === {frame}"));
 }
 
 #[test]
@@ -84,12 +72,12 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
 
     // Every frame is the one it should be.
     for frame in [9, 2, 40] {
-        to_frame(&mut browser, frame);
+        browser.show(frame);
         assert_eq!(browser.value(&format!("{NUMBER}(shown.picture)")), json!(frame - 1));
     }
 
     // By keys: a box moved and sized on the first frame, and started.
-    to_frame(&mut browser, 1);
+    browser.show(1);
     browser.value("byId('screen').focus(), true");
     for (key, modifiers, times) in [
         ("ArrowRight", 0, 3),
@@ -101,8 +89,7 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
     ] {
         (0..times).for_each(|_| browser.key(key, modifiers));
     }
-    let drawn = browser.value("[page.draft.x, page.draft.y, page.draft.w, page.draft.h]");
-    let drawn: [f64; 4] = serde_json::from_value(drawn).expect("a box");
+    let drawn = browser.drawn();
     assert!(iou(drawn, truth(0)) > 0.8, "{drawn:?}");
     // By figures: the rest of the way.
     let [x, y, w, h] = truth(0);
@@ -117,7 +104,7 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
     track(&mut browser, FRAMES);
 
     // A correction, and on from there.
-    to_frame(&mut browser, 20);
+    browser.show(20);
     let [x, y, w, h] = truth(19);
     browser.draw([x - 2.0, y - 1.0, w + 2.0, h + 2.0]);
     assert_eq!(browser.value("byId('go').textContent"), "Correct frame 20");
@@ -136,7 +123,7 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
         );
         browser.value(&fetched).as_str().map(str::to_owned)
     };
-    let shown = boxes(&mut browser);
+    let shown = browser.boxes();
     // The policy of the page lets nothing be fetched but its own files: the links are for the person, so the test asks the tracker.
     assert_eq!(text(&mut browser, "boxes.txt"), None);
     browser.complaints.retain(|complaint| !complaint.contains("Content Security Policy"));

@@ -10,7 +10,7 @@ use foveate::lab::Digits;
 use foveate::lab::eval::score_centres;
 use foveate::lab::synthetic::{Clutter, Drawn, Occlusion, Synthetic};
 use foveate::report::run::{SingleRun, Span, follow};
-use foveate::report::{Baseline, Observer, SideBySide, Summary, SurfacePicture};
+use foveate::report::{Baseline, SideBySide, Summary, SurfacePicture};
 use foveate::video::{Frame, FrameSource};
 use foveate::{Error, Result};
 
@@ -88,29 +88,11 @@ pub fn run(args: Args) -> Result<()> {
     let blueprint = config.check(&folder)?;
     let video = scene.video(&Digits::drawn(args.seed, 20))?;
     let truth = video.truth().to_vec();
-    terminal::catch_interrupts();
-
-    // The same tracker with its gaze held at the centre, on the same frames: what the learned gaze is compared with.
-    let mut baseline = None;
-    if let Some(blueprint) = &centred {
-        let mut tracker = blueprint.tracker(args.seed)?;
-        let mut nobody: Vec<Box<dyn Observer>> = vec![];
-        let span = Span { stop: &terminal::stopping, ..Span::default() };
-        let run = SingleRun { init: Some(truth[0]), span, again: &[] };
-        let (outcome, result) =
-            follow(&mut scene.video(&Digits::drawn(args.seed, 20))?.source(), &mut tracker, &mut nobody, run);
-        result?;
-        baseline = Some((
-            outcome.values / outcome.tracked.max(1),
-            Baseline { name: "fixed centre".into(), boxes: outcome.boxes },
-        ));
-    }
-
     let mut source = video.source();
     let mut tracker = blueprint.tracker(args.seed)?;
     let mut info = run_info(&described, source.info(), &args.changes.describe(config_name), &blueprint, args.seed);
     info.truth = truth.clone();
-    info.baseline = baseline.as_ref().map(|(_, baseline)| baseline.clone());
+    info.baseline = centred.as_ref().map(|_| Baseline::new("fixed centre"));
     let surface = SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
     let film = centred.is_none();
     let outputs = Outputs { video: film, report: true, surface, trace: args.trace, regret: false, endless: false };
@@ -118,13 +100,14 @@ pub fn run(args: Args) -> Result<()> {
     if !film {
         names.push("annotated.mp4");
     }
+    terminal::catch_interrupts();
     let results = Results::begin(&args.out, &names, &[config_name.as_ref()])?;
     let lost = Lost::default();
     let mut observers = outputs.observers(results.folder(), &info, &lost)?;
-    if let Some(centred) = &centred {
-        let names = [format!("learned gaze: {policy}"), "fixed centre".into()];
-        let path = results.folder().join("annotated.mp4");
-        let film = SideBySide::create(path, &info, names, centred.tracker(args.seed)?)?;
+    // The same tracker with its gaze held at the centre, on the same frames: what the learned gaze is compared with.
+    if let (Some(centred), Some(baseline)) = (&centred, &info.baseline) {
+        let (path, name) = (results.folder().join("annotated.mp4"), format!("learned gaze: {policy}"));
+        let film = SideBySide::create(path, &info, name, centred.tracker(args.seed)?, baseline.clone())?;
         observers.push(Box::new(lost.spare(&["annotated.mp4"], film)));
     }
 
@@ -148,8 +131,8 @@ pub fn run(args: Args) -> Result<()> {
     let frames = outcome.frames.count;
     say!("Followed {described}, through {frames} frames.");
     tell(&policy, &outcome.boxes, &truth, outcome.values / outcome.tracked)?;
-    if let Some((values, Baseline { name, boxes })) = &baseline {
-        tell(name, boxes, &truth, *values)?;
+    if let Some(baseline) = &info.baseline {
+        tell(baseline.name(), &baseline.boxes(), &truth, baseline.values() / outcome.tracked)?;
     }
     say!("Reported as uncertain in {} frames, as lost in {}.", outcome.uncertain, outcome.lost);
     say!("{}", favourite(tracker.parts().gaze.policy().snapshot(), &policy));

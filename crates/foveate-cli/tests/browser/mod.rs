@@ -139,11 +139,34 @@ impl Browser {
         self.mouse("mouseMoved", at(x + w / 2.0, y + h / 2.0));
         self.mouse("mouseMoved", at(x + w, y + h));
         self.mouse("mouseReleased", at(x + w, y + h));
-        let drawn: [f64; 4] =
-            serde_json::from_value(self.value("[page.draft.x, page.draft.y, page.draft.w, page.draft.h]"))
-                .expect("a box");
+        let drawn = self.drawn();
         let off = drawn.iter().zip([x, y, w, h]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(off <= 2.0, "{drawn:?} is not {:?}", [x, y, w, h]);
+    }
+
+    /// The box that is drawn.
+    pub fn drawn(&mut self) -> [f64; 4] {
+        let drawn = self.value("[page.draft.x, page.draft.y, page.draft.w, page.draft.h]");
+        serde_json::from_value(drawn).expect("a box")
+    }
+
+    /// The boxes of the track.
+    pub fn boxes(&mut self) -> Vec<[f64; 4]> {
+        serde_json::from_value(self.value("page.rows.map(row => row.box)")).expect("boxes")
+    }
+
+    /// Tracks to the end as fast as it goes, from wherever it is; the boxes.
+    pub fn track(&mut self) -> Vec<[f64; 4]> {
+        self.value("byId('pace').value = 200, true");
+        self.until("!page.busy && (page.ended || page.playing || (byId('play').click(), false))");
+        self.until("page.ended && !page.playing && !page.busy");
+        self.boxes()
+    }
+
+    /// Shows a frame.
+    pub fn show(&mut self, frame: usize) {
+        self.value(&format!("byId('scrub').value = {frame}, byId('scrub').dispatchEvent(new Event('input')), true"));
+        self.until(&format!("page.frame === {frame} && shown.frame === {frame}"));
     }
 
     pub fn key(&mut self, key: &str, modifiers: u8) {

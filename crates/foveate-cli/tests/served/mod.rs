@@ -8,6 +8,8 @@ use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use foveate::BBox;
+
 pub struct Server {
     pub child: Child,
     pub port: u16,
@@ -124,7 +126,6 @@ pub fn clip(folder: &Path) {
 }
 
 pub fn iou(a: [f64; 4], b: [f64; 4]) -> f64 {
-    let side = |i: usize| ((a[i] + a[i + 2]).min(b[i] + b[i + 2]) - a[i].max(b[i])).max(0.0);
-    let shared = side(0) * side(1);
-    shared / (a[2] * a[3] + b[2] * b[3] - shared)
+    let [a, b] = [a, b].map(|[x, y, w, h]| BBox::new(x, y, w, h));
+    a.iou(&b)
 }

@@ -17,6 +17,17 @@ pub trait Frames: Send {
     fn frame(&mut self, index: usize) -> Result<Option<Arc<Frame>>>;
     /// The frame that was read last.
     fn last(&self) -> Option<&Arc<Frame>>;
+    /// The frame before `index`, of the first one the next, where it can be had; and `index` itself.
+    ///
+    /// # Errors
+    /// As [`Frames::frame`] of `index`.
+    fn pair(&mut self, index: usize) -> Result<[Option<Arc<Frame>>; 2]> {
+        let Some(before) = index.checked_sub(1) else {
+            let frame = self.frame(index)?;
+            return Ok([self.frame(1).ok().flatten(), frame]);
+        };
+        Ok([self.frame(before).ok().flatten(), self.frame(index)?])
+    }
     /// Whether earlier frames can be had again; a camera's cannot.
     fn repeats(&self) -> bool {
         true

@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use super::player::Frames;
 use super::row::{self, Row, Surface};
+use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 use foveate_core::Tracker;
-use foveate_core::config::Blueprint;
+use foveate_core::config::{Blueprint, Config};
 use foveate_core::geometry::BBox;
 use foveate_core::step::Step;
 use foveate_video::Frame;
@@ -31,6 +32,28 @@ pub struct Setup {
     pub policy: Option<String>,
     /// The seed.
     pub seed: u64,
+}
+
+impl Setup {
+    /// A configuration of this name, in which the policy is in its place already, with its own seed where none is given.
+    ///
+    /// # Errors
+    /// It is for many targets, or a part of it does not fit.
+    pub fn new(
+        config: Config,
+        files: &dyn Files,
+        name: String,
+        policy: Option<String>,
+        seed: Option<u64>,
+    ) -> Result<Self> {
+        if config.multi_target.is_some() {
+            return Err(Error::Config(
+                "this configuration is for many targets, the page follows one; choose another".into(),
+            ));
+        }
+        let seed = seed.unwrap_or(config.seed);
+        Ok(Self { blueprint: config.check(files)?, config: name, policy, seed })
+    }
 }
 
 /// Is told of every frame of a track as it grows.

@@ -244,13 +244,14 @@ impl Page {
 
     /// Name, and centre and size a row, of the track beside it. Null without one.
     fn baseline_columns(&self) -> Value {
-        let Some(Baseline { name, boxes }) = &self.baseline else { return Value::Null };
+        let Some(baseline) = &self.baseline else { return Value::Null };
+        let boxes = baseline.boxes();
         let column = |of: fn(&BBox) -> f64| -> Vec<Value> {
             let boxes = self.rows.iter().map(|row| boxes.get(row[0] as usize - 1));
             boxes.map(|b| short(b.map_or(f64::NAN, of))).collect()
         };
         json!({
-            "name": name, "x": column(|b| b.centre().0), "y": column(|b| b.centre().1), "w": column(|b| b.w), "h": column(|b| b.h),
+            "name": baseline.name(), "x": column(|b| b.centre().0), "y": column(|b| b.centre().1), "w": column(|b| b.w), "h": column(|b| b.h),
         })
     }
 

@@ -5,6 +5,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 
+use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 use foveate_video::Mp4Writer;
 
@@ -117,7 +118,6 @@ pub fn y4m(path: &Path, rate: usize) {
 }
 
 pub fn iou(a: [f64; 4], b: [f64; 4]) -> f64 {
-    let side = |i: usize| ((a[i] + a[i + 2]).min(b[i] + b[i + 2]) - a[i].max(b[i])).max(0.0);
-    let shared = side(0) * side(1);
-    shared / (a[2] * a[3] + b[2] * b[3] - shared)
+    let [a, b] = [a, b].map(|[x, y, w, h]| BBox::new(x, y, w, h));
+    a.iou(&b)
 }

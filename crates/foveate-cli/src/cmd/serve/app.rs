@@ -4,9 +4,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use foveate::config::{BUILTIN, Blueprint, Config, about};
+use foveate::config::{BUILTIN, Config};
 use foveate::geometry::BBox;
-use foveate::report::interactive::{Player, Setup, Tracking, cells, command, propose};
+use foveate::report::interactive::{Player, Setup, Track, boxed, command, described, offered, proposed};
 use foveate::{Error, Result};
 use serde_json::{Value, json};
 
@@ -22,8 +22,7 @@ use crate::cmd::track::init::check_box;
 
 /// Videos open at a time; the one that was used longest ago makes room.
 pub const MOST_SESSIONS: usize = 4;
-/// Frames tracked in one request, at most, and how long one may take.
-const MOST_STEPS: usize = 200;
+/// How long one request to track may take.
 const LONGEST_STEP: Duration = Duration::from_millis(60);
 /// True boxes told, at most.
 const MOST_TRUTH: usize = 20_000;
@@ -58,16 +57,12 @@ pub struct Sessions {
 struct Session {
     video: Video,
     stills: Stills,
-    tracking: Option<Tracking>,
+    track: Track,
     saved: Option<Saved>,
 }
 
 fn unknown() -> Error {
     Error::Invalid("this video is no longer open (at most 4 are): open it again".into())
-}
-
-fn boxed([x, y, w, h]: [f64; 4]) -> BBox {
-    BBox { x, y, w, h }
 }
 
 impl App {
@@ -124,10 +119,7 @@ impl App {
             return Response::error(400, "expected ?session=N&frame=N, frames counted from 1");
         };
         let index = usize::try_from(frame - 1).unwrap_or(usize::MAX);
-        let picture = self.with(id, |session| {
-            let decoded = session.tracking.as_ref().and_then(Tracking::decoded);
-            session.stills.get(index, decoded)
-        });
+        let picture = self.with(id, |session| session.stills.get(index, session.track.decoded()));
         match picture {
             Ok(Some(jpeg)) => Response::new(200, "image/jpeg", &*jpeg),
             Ok(None) => Response::error(404, "the video has no such frame"),
@@ -173,35 +165,23 @@ impl App {
                 self.sessions().open.retain(|(id, _)| *id != session);
                 Ok(json!({}))
             }
-            Message::Propose { session, frame, at } => self.with(session, |s| {
-                let [other, frame] = s.stills.pair(frame.saturating_sub(1))?;
-                let frame =
-                    frame.ok_or_else(|| Error::Invalid("the video has no such frame; choose an earlier one".into()))?;
-                let at = at.filter(|(x, y)| x.is_finite() && y.is_finite());
-                let (b, from) = propose(other.as_ref().map(|f| &f.image), &frame.image, at);
-                Ok(json!({ "box": [b.x, b.y, b.w, b.h], "from": from }))
-            }),
+            Message::Propose { session, frame, at } => {
+                self.with(session, |s| proposed(&mut s.stills.player, frame, at))
+            }
             Message::Start { session, frame, bbox, config, policy, seed } => {
-                let (blueprint, kind) = self.blueprint(&config, policy.as_deref())?;
-                let seed = seed.unwrap_or(blueprint.config().seed);
-                let setup = Setup { blueprint, config, policy, seed };
-                self.with(session, |s| s.start(setup, frame, boxed(bbox), &kind))
+                let setup = self.setup(config, policy, seed)?;
+                self.with(session, |s| s.start(setup, frame, boxed(bbox)))
             }
             Message::Step { session, frames } => self.with(session, |s| s.step(frames)),
-            Message::Detail { session, frame } => self.with(session, |s| {
-                let detail = s.tracking.as_ref().and_then(|t| t.detail(frame.saturating_sub(1)));
-                Ok(json!({ "detail": parsed(detail) }))
-            }),
+            Message::Detail { session, frame } => self.with(session, |s| Ok(s.track.detail(frame))),
             Message::Correct { session, frame, bbox } => self.with(session, |s| {
                 check_box("the box", &boxed(bbox), &s.video.info)?;
-                let tracking = s.tracking.as_mut().ok_or_else(untracked)?;
                 s.saved = None;
-                tracking.correct(frame.saturating_sub(1), boxed(bbox))?;
-                Ok(json!({ "rows": &tracking.rows()[tracking.rows().len() - 1..], "ended": false }))
+                s.track.correct(frame, boxed(bbox))
             }),
             Message::Command { session } => self.with(session, |s| Ok(json!({ "command": s.command()? }))),
             Message::Picked { session, frame, bbox, config, policy } => {
-                self.blueprint(&config, policy.as_deref())?;
+                let Setup { config, policy, .. } = self.setup(config, policy, None)?;
                 let given = [(frame.saturating_sub(1), boxed(bbox))];
                 let line = self.with(session, |s| {
                     check_box("the box", &given[0].1, &s.video.info)?;
@@ -217,7 +197,7 @@ impl App {
             }
             Message::Save { session, film, report } => self.with(session, |s| {
                 let command = s.command()?;
-                let tracking = s.tracking.as_ref().ok_or_else(untracked)?;
+                let tracking = s.track.get()?;
                 let given = tracking.given().iter().map(|(k, b)| (*k, *b)).collect();
                 let (video, setup, last) = (s.video.clone(), tracking.setup.clone(), tracking.last());
                 // The files before go first.
@@ -235,9 +215,7 @@ impl App {
     }
 
     fn hello(&self) -> Result<Value> {
-        let single =
-            BUILTIN.iter().filter(|(name, text)| Config::parse(text, name).is_ok_and(|c| c.multi_target.is_none()));
-        let mut configs: Vec<Value> = single.map(|(name, text)| json!({ "name": name, "for": about(text) })).collect();
+        let mut configs = offered(|_| true);
         if !BUILTIN.iter().any(|(name, _)| *name == self.config) {
             configs.insert(0, json!({ "name": self.config, "for": "the file given to the program" }));
         }
@@ -251,11 +229,11 @@ impl App {
     fn open(&self, path: &str) -> Result<Value> {
         let place = self.roots.find(path)?;
         let video = self.pool.install(|| Video::open(place))?;
-        let mut truth: Vec<_> = video.truth().iter().map(|b| b.map(|b| [b.x, b.y, b.w, b.h])).collect();
+        let mut truth = video.truth();
         truth.truncate(MOST_TRUTH);
-        let info = video.info.clone();
+        let mut about = described(&video.info, video.info.exact_frames().is_some(), &truth);
         let stills = Stills::new(video.clone());
-        let session = Session { video, stills, tracking: None, saved: None };
+        let session = Session { video, stills, track: Track::default(), saved: None };
         let mut sessions = self.sessions();
         if sessions.open.len() >= MOST_SESSIONS {
             sessions.open.remove(0);
@@ -263,75 +241,42 @@ impl App {
         sessions.last += 1;
         let id = sessions.last;
         sessions.open.push((id, Arc::new(Mutex::new(session))));
-        Ok(json!({
-            "session": id, "width": info.width, "height": info.height, "frames": info.frames,
-            "exact": info.exact_frames().is_some(), "rate": info.rate, "reader": info.reader, "truth": truth,
-        }))
+        about["session"] = json!(id);
+        Ok(about)
     }
 
-    /// A configuration that may be asked for, and its policy's name. The page may not name files.
-    fn blueprint(&self, config: &str, policy: Option<&str>) -> Result<(Blueprint, String)> {
-        if config != self.config && !Config::names().contains(&config) {
+    /// What to track with: a configuration that may be asked for. The page may not name files.
+    fn setup(&self, config: String, policy: Option<String>, seed: Option<u64>) -> Result<Setup> {
+        if config != self.config && !Config::names().contains(&&*config) {
             return Err(Error::Config(format!("no configuration is called {config}; choose one of the list")));
         }
-        if let Some(policy) = policy.filter(|policy| !POLICIES.contains(policy)) {
+        if let Some(policy) = policy.as_deref().filter(|policy| !POLICIES.contains(policy)) {
             return Err(Error::Config(format!("no policy is called {policy}; choose one of the list")));
         }
-        let (config, folder) = read(config, &Changes { policy: policy.map(str::to_owned), set: vec![] })?;
-        if config.multi_target.is_some() {
-            return Err(Error::Config(
-                "this configuration is for many targets, the page follows one; choose another".into(),
-            ));
-        }
-        let kind = config.policy_kind();
-        Ok((config.check(&folder)?, kind))
+        let (changed, folder) = read(&config, &Changes { policy: policy.clone(), set: vec![] })?;
+        Setup::new(changed, &folder, config, policy, seed)
     }
-}
-
-fn untracked() -> Error {
-    Error::Invalid("nothing is tracked yet; draw a box and start".into())
-}
-
-fn parsed(text: Option<&str>) -> Value {
-    text.and_then(|text| serde_json::from_str(text).ok()).unwrap_or(Value::Null)
 }
 
 impl Session {
-    fn start(&mut self, setup: Setup, frame: usize, bbox: BBox, policy: &str) -> Result<Value> {
+    fn start(&mut self, setup: Setup, frame: usize, bbox: BBox) -> Result<Value> {
         check_box("the box", &bbox, &self.video.info)?;
-        let retina = setup.blueprint.retina();
-        self.tracking = None;
         self.saved = None;
         let player = Box::new(Player::new(self.video.clone()));
-        let tracking = Tracking::start(player, Box::new(()), setup, frame.saturating_sub(1), bbox)?;
-        let rows = json!(tracking.rows());
-        self.tracking = Some(tracking);
-        Ok(json!({ "rows": rows, "cells": cells(&*retina), "policy": policy, "ended": false }))
+        self.track.start(player, Box::new(()), setup, frame, bbox)
     }
 
     fn step(&mut self, frames: usize) -> Result<Value> {
-        let tracking = self.tracking.as_mut().ok_or_else(untracked)?;
-        let before = tracking.rows().len();
-        let began = Instant::now();
-        tracking.step(frames.clamp(1, MOST_STEPS), || began.elapsed() > LONGEST_STEP)?;
-        let rows = &tracking.rows()[before..];
-        if !rows.is_empty() {
+        let (began, before) = (Instant::now(), self.track.frames());
+        let answer = self.track.step(frames, || began.elapsed() > LONGEST_STEP)?;
+        if self.track.frames() > before {
             self.saved = None;
         }
-        let (detail, surface) = (parsed(tracking.detail(tracking.last())), tracking.surface());
-        Ok(json!({ "rows": rows, "detail": detail, "surface": surface, "ended": tracking.ended() }))
+        Ok(answer)
     }
 
     /// The command that gives this track.
     fn command(&self) -> Result<String> {
-        let tracking = self.tracking.as_ref().ok_or_else(untracked)?;
-        let given: Vec<(usize, BBox)> = tracking.given().iter().map(|(k, b)| (*k, *b)).collect();
-        let Setup { config, policy, seed, blueprint } = &tracking.setup;
-        let seed = Some(*seed).filter(|seed| *seed != blueprint.config().seed);
-        let mut line = command(&self.video.place.shown, &given, config, policy.as_deref(), seed);
-        if !tracking.ended() && tracking.last() > tracking.first() {
-            line += &format!(" --until {}", tracking.last() + 1);
-        }
-        Ok(line)
+        self.track.command(&self.video.place.shown)
     }
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use foveate::geometry::BBox;
-use foveate::report::interactive::{BEFORE, Frames, Player, Reopen};
+use foveate::report::interactive::{BEFORE, Player, Reopen, check_size};
 use foveate::report::shrunk;
 use foveate::scene::Image;
 use foveate::video::{Frame, FrameSource, ImageFolder, SourceInfo, annotation, encode_jpeg, image_files, open};
@@ -13,8 +13,6 @@ use foveate::{Error, Result};
 
 use super::roots::Place;
 
-/// Pixels of a frame, at most: a decoded frame has three bytes for each, and a session holds a few.
-const MOST_PIXELS: usize = 1 << 25;
 /// The longer side of a picture on the page, pixels, at most.
 const LONGEST: usize = 1280;
 const QUALITY: u8 = 85;
@@ -42,12 +40,7 @@ impl Video {
             false => None,
         };
         let info = source(&place, files.as_deref(), 0)?.info().clone();
-        if info.width.saturating_mul(info.height) > MOST_PIXELS {
-            let (w, h) = (info.width, info.height);
-            let problem =
-                format!("frames of {w} x {h} are too large for the page; track it with `foveate track --scale`");
-            return Err(Error::malformed(&place.shown, problem));
-        }
+        check_size(&info, &place.shown)?;
         Ok(Self { place, info, files })
     }
 
@@ -82,7 +75,8 @@ fn source(place: &Place, files: Option<&[PathBuf]>, from: usize) -> Result<Box<d
 
 /// Frames as JPEG files, of which the last ones are kept.
 pub struct Stills {
-    player: Player<Video>,
+    /// Frames as they are.
+    pub player: Player<Video>,
     kept: BTreeMap<usize, Arc<[u8]>>,
     order: VecDeque<usize>,
     bytes: usize,
@@ -114,15 +108,6 @@ impl Stills {
             }
         }
         Ok(self.kept.get(&index).cloned())
-    }
-
-    /// The frame before `index` (of the first one the next), and `index` itself, decoded.
-    pub fn pair(&mut self, index: usize) -> Result<[Option<Arc<Frame>>; 2]> {
-        if index == 0 {
-            let frame = self.player.frame(0)?;
-            return Ok([self.player.frame(1)?, frame]);
-        }
-        Ok([self.player.frame(index - 1)?, self.player.frame(index)?])
     }
 
     fn keep(&mut self, frame: &Frame) {
@@ -158,6 +143,7 @@ fn smaller(image: &Image, k: usize) -> Image {
 mod tests {
     use super::super::roots::Roots;
     use super::*;
+    use foveate::report::interactive::Frames;
     use foveate::video::{decode_image, save_png};
 
     #[test]
@@ -178,9 +164,9 @@ mod tests {
         assert!(player.frame(40).expect("readable").is_none());
         assert!(stills.get(usize::MAX, None).expect("readable").is_none());
         assert!(stills.kept.contains_key(&25), "frames before one that was asked for are there, too");
-        let [before, at] = stills.pair(7).expect("readable");
+        let [before, at] = stills.player.pair(7).expect("readable");
         assert_eq!((before.map(|f| f.index), at.map(|f| f.index)), (Some(6), Some(7)));
-        let [next, first] = stills.pair(0).expect("readable");
+        let [next, first] = stills.player.pair(0).expect("readable");
         assert_eq!((next.map(|f| f.index), first.map(|f| f.index)), (Some(1), Some(0)));
     }
 

@@ -8,9 +8,7 @@ use foveate::Result;
 use foveate::config::Blueprint;
 use foveate::lab::eval::regret::RegretFiles;
 use foveate::report::run::Outcome;
-use foveate::report::{
-    Boxes, Clock, Film, Limited, Observer, Report, RunInfo, Summary, SurfacePicture, Table, Trace, Warnings,
-};
+use foveate::report::{Boxes, Film, Limited, Observer, Report, RunInfo, Summary, SurfacePicture, Table, Trace};
 use foveate::video::SourceInfo;
 
 /// What is written beside boxes.txt and track.csv.
@@ -82,22 +80,8 @@ impl Outputs {
 
 /// What is known of a run before it begins.
 pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &Blueprint, seed: u64) -> RunInfo {
-    RunInfo {
-        source: source.to_owned(),
-        reader: info.reader.clone(),
-        rate: info.rate,
-        bit_rate: bit_rate(Path::new(source), info),
-        config_name: config_name.to_owned(),
-        config_text: blueprint.config().to_toml(),
-        seed,
-        command: crate::invocation::command(),
-        retina: Some(blueprint.retina()),
-        truth: vec![],
-        baseline: None,
-        clock: Clock::default(),
-        shadow: vec![],
-        warnings: Warnings::default(),
-    }
+    let (bit_rate, command) = (bit_rate(Path::new(source), info), crate::invocation::command());
+    RunInfo { bit_rate, command, ..RunInfo::of(source.to_owned(), info, config_name.to_owned(), blueprint, seed) }
 }
 
 /// Bits a second of a video file, its sound included.
