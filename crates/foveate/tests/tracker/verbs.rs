@@ -1,9 +1,7 @@
 //! What no other test would miss: detections weigh particles, what is covered counts for less, and nothing is learned where the
 //! evidence does not fit.
 
-mod common;
-
-use common::{INIT, frame};
+use crate::common::{INIT, frame};
 use foveate::config::Config;
 use foveate::geometry::BBox;
 use foveate::scene::{Detection, Image};

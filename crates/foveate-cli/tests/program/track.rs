@@ -1,10 +1,8 @@
 //! `foveate track` as a user meets it: files in, files out, and what it says where something is wrong.
 
-mod place;
-
 use std::path::Path;
 
-use place::{CONFIG, FRAMES, Place, errors};
+use crate::place::{CONFIG, FRAMES, Place, errors};
 
 #[test]
 fn every_file_is_there_with_a_line_for_each_frame() {

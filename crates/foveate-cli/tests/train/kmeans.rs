@@ -4,11 +4,8 @@ use foveate::files::Folder;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-mod photographs;
-mod training;
-
-use photographs::write_photographs;
-use training::{fails, whole_and_cut};
+use crate::photographs::write_photographs;
+use crate::training::{fails, whole_and_cut};
 
 fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));

@@ -3,8 +3,7 @@
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Stdio};
 
-mod place;
-use place::{FRAMES, Place};
+use crate::place::{FRAMES, Place};
 
 /// The program at the other end of two pipes.
 struct Client {
@@ -43,7 +42,7 @@ impl Client {
     fn end(mut self) -> (bool, String) {
         drop(self.input.take());
         let output = self.child.wait_with_output().expect("it ends");
-        (output.status.success(), place::errors(&output))
+        (output.status.success(), crate::place::errors(&output))
     }
 }
 

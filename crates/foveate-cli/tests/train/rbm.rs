@@ -4,9 +4,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-mod training;
-
-use training::{fails, whole_and_cut};
+use crate::training::{fails, whole_and_cut};
 
 /// A set of digits that are rectangles of many shapes, as IDX files.
 fn write_digits(dir: &Path) {

@@ -3,9 +3,7 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-mod training;
-
-use training::{fails, said, whole_and_cut};
+use crate::training::{fails, said, whole_and_cut};
 
 /// Digits that are bars, level (even) or upright (odd), as IDX files: 120 to learn from, 40 to test with.
 fn write_digits(dir: &Path) {

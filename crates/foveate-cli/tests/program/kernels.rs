@@ -1,9 +1,7 @@
 //! `FOVEATE_KERNELS` takes other vector instructions, and the tracks agree: bit for bit with AVX2 and AVX-512, and closely in portable code,
 //! where multiply-adds round twice. The products of an RBM are summed in other orders by each, and agree closely.
 
-mod place;
-
-use place::{Place, errors};
+use crate::place::{Place, errors};
 
 /// track.csv of a run with these instructions; `None` where the processor lacks them.
 fn track(place: &Place, config: &str, kernels: &str) -> Option<String> {

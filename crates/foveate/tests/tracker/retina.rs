@@ -1,7 +1,5 @@
 //! Glimpses against closed forms and brute force, and the laws of the identity pathway's seams.
 
-mod common;
-
 use std::sync::Arc;
 
 use foveate::conformance;
@@ -218,7 +216,7 @@ fn encoders_keep_the_law() {
     for retina in retinas() {
         let channels = channels(&retina);
         let n = channels.len();
-        let rbm = RbmEncoder::new(common::random_rbm(n, 101), &channels);
+        let rbm = RbmEncoder::new(crate::common::random_rbm(n, 101), &channels);
         for encoder in [&Raw::new(&channels, true) as &dyn Encoder, &Raw::new(&channels, false), &rbm] {
             let mut glimpses: Vec<f32> = (0..66 * n).map(|_| rng.random()).collect();
             glimpses[..n].fill(0.5);
@@ -251,7 +249,8 @@ fn appearances_keep_the_law() {
     for retina in retinas() {
         let (retina, channels) = (Arc::new(retina.clone()), channels(&retina));
         let raw: Arc<dyn Encoder> = Arc::new(Raw::new(&channels, true));
-        let rbm: Arc<dyn Encoder> = Arc::new(RbmEncoder::new(common::random_rbm(channels.len(), 101), &channels));
+        let rbm: Arc<dyn Encoder> =
+            Arc::new(RbmEncoder::new(crate::common::random_rbm(channels.len(), 101), &channels));
         for (encoder, distance) in [(raw, Kind::Cosine), (rbm, Kind::Bhattacharyya)] {
             for sharpness in
                 [Sharpness::Fixed(30.0), Sharpness::Calibrated(Calibration { nats: 12.0, least: 5.0, most: 500.0 })]

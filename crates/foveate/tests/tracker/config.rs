@@ -1,11 +1,9 @@
 //! Configurations, saved trackers and model files that are wrong: each is refused in words, and none panics.
 
-mod common;
-
 use foveate::files::Folder;
 use std::path::Path;
 
-use common::{POLICIES, blueprint, natural, random_rbm};
+use crate::common::{POLICIES, blueprint, natural, random_rbm};
 use foveate::config::{BUILTIN, Config};
 use foveate::geometry::BBox;
 use foveate::learn::rbm::Metadata;

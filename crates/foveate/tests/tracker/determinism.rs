@@ -1,8 +1,6 @@
 //! Nothing but seed, configuration and video changes a track: not threads, observers, other targets, or a pause.
 
-mod common;
-
-use common::{INIT, POLICIES, blueprint, frame, natural, truth};
+use crate::common::{INIT, POLICIES, blueprint, frame, natural, truth};
 use foveate::Tracker;
 use foveate::config::Blueprint;
 use foveate::files::Folder;

@@ -1,7 +1,6 @@
 //! `foveate track` of many videos.
 
-mod place;
-use place::{Place, errors};
+use crate::place::{Place, errors};
 
 /// Three short videos: one with its truth, one without a box, one damaged.
 fn videos(place: &Place) {

@@ -1,8 +1,6 @@
 //! The small commands: the demo, what ships, completions, manual pages.
 
-mod place;
-
-use place::{Place, errors};
+use crate::place::{Place, errors};
 
 fn said(output: &std::process::Output) -> String {
     assert!(output.status.success(), "{}", errors(output));

@@ -1,8 +1,6 @@
 //! Detections in the proposal and in the weights, and particles that move with the picture, in the whole tracker.
 
-mod common;
-
-use common::{INIT, blueprint, frame, truth};
+use crate::common::{INIT, blueprint, frame, truth};
 use foveate::Tracker;
 use foveate::config::{Blueprint, Config};
 use foveate::files::Folder;

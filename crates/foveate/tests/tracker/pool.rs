@@ -1,10 +1,8 @@
 //! Several gazes a frame, weighed by what each was worth, in the whole tracker.
 
-mod common;
-
 use foveate::files::Folder;
 
-use common::{INIT, blueprint, frame, truth};
+use crate::common::{INIT, blueprint, frame, truth};
 use foveate::config::{Blueprint, Config};
 use foveate::control::{Autoregressive, Belief, ConfidenceModel, ConsistencySettings, Prior, VarianceReduction};
 use foveate::gaze::{Context, Grid, Plan, Policy, Pool};

@@ -1,11 +1,9 @@
 //! Recognition stands beside the filter: it says what the target is called, and changes no bit of the track.
 
-mod common;
-
 use foveate::files::Folder;
 use std::path::Path;
 
-use common::{INIT, POLICIES, blueprint, frame, random_recogniser, recognising};
+use crate::common::{INIT, POLICIES, blueprint, frame, random_recogniser, recognising};
 use foveate::Tracker;
 use foveate::config::{Blueprint, Config};
 use foveate::video::Frame;

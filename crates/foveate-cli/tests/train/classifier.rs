@@ -7,9 +7,7 @@ use foveate::video::save_png;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-mod training;
-
-use training::{fails, said, whole_and_cut};
+use crate::training::{fails, said, whole_and_cut};
 
 /// Names of three classes, one of which no table takes as it is.
 const CLASSES: [(u8, &str); 3] = [(0, "zero"), (1, "one, a stroke"), (3, "three")];

@@ -1,12 +1,10 @@
 //! The folder of results: an earlier run is replaced by a whole one or not at all, whatever happens to the program.
 
-mod place;
-
 use std::collections::BTreeMap;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-use place::{FRAMES, Place, errors};
+use crate::place::{FRAMES, Place, errors};
 
 /// All files of a folder.
 fn files(place: &Place, folder: &str) -> BTreeMap<String, Vec<u8>> {

@@ -1,0 +1,14 @@
+//! The program as a user meets it. One program of tests: they run beside each other, and are linked once.
+
+mod batch;
+mod commands;
+mod convert;
+mod facade;
+mod kernels;
+#[path = "../place/mod.rs"]
+mod place;
+mod recognise;
+mod results;
+mod synth_eval;
+mod track;
+mod trax;

@@ -1,0 +1,9 @@
+//! `foveate train` as a user meets it. One program of tests: they run beside each other, and are linked once.
+
+mod classifier;
+mod fixations;
+mod kmeans;
+mod mcrbm;
+mod photographs;
+mod rbm;
+mod training;

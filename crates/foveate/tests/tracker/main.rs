@@ -1,0 +1,20 @@
+//! The tracker through its public interface. One program of tests: they run beside each other, and are linked once.
+
+mod attention;
+#[path = "../common/mod.rs"]
+mod common;
+mod config;
+mod determinism;
+mod kalman;
+mod motion;
+mod multi;
+mod observe;
+mod otb;
+mod pool;
+mod proposals;
+mod recognise;
+mod recovery;
+mod retina;
+mod sensor;
+mod surface;
+mod verbs;
