@@ -7,8 +7,9 @@
 //! Deviation: rewards are standardised over the window ([`Bayes::standardise`]). √βₜ is 4 to 7 in units of the process'
 //! deviation, and as printed, on rewards of 0.01, nothing is ever exploited.
 //! Deviation: the first gazes are drawn near the centre ([`Bayes::start`]), not over the whole square.
-//! Beyond the paper (its future work): [`Bayes::guard`] and [`Bayes::caution`].
+//! Beyond the paper (its future work): [`Bayes::guard`], [`Bayes::caution`] and [`Bayes::saliency`].
 
+use super::prior::Prior;
 use super::{Context, Plan, Policy, PolicySnapshot, Surface, misfit};
 use crate::geometry::Gaze;
 use foveate_base::rng::Rng;
@@ -51,6 +52,9 @@ pub struct Bayes {
     pub guard: Option<f64>,
     /// How much the tracker's deficit holds exploration back, 0 (not at all) to 1: at full deficit √βₜ is 1 − caution of itself.
     pub caution: f64,
+    /// What saliency counts before anything is learned, 0 (nothing) to 10: the process' mean at a gaze whose saliency is one
+    /// deviation above that of the others, in units of the process' deviation. The first gazes are drawn by it.
+    pub saliency: f64,
 }
 
 impl Default for Bayes {
@@ -69,6 +73,7 @@ impl Default for Bayes {
             floor: 0.02,
             guard: None,
             caution: 0.0,
+            saliency: 0.0,
         }
     }
 }
@@ -93,6 +98,7 @@ impl Bayes {
                 wrong("guard", "0 to 100 deviations", b.guard.unwrap_or(f64::NAN))
             }
             b if !(0.0..=1.0).contains(&b.caution) => wrong("caution", "0 to 1", b.caution),
+            b if !(0.0..=10.0).contains(&b.saliency) => wrong("saliency", "0 to 10", b.saliency),
             _ => Ok(()),
         }
     }
@@ -124,6 +130,7 @@ pub struct GpUcb {
     fixations: Vec<Gaze>,
     /// The last reward was poor, by `guard`.
     poor: bool,
+    prior: Prior,
     means: Vec<f64>,
     variances: Vec<f64>,
 }
@@ -141,6 +148,7 @@ impl GpUcb {
             rewards: Vec::with_capacity(window),
             fixations: Vec::with_capacity(window),
             poor: false,
+            prior: Prior::default(),
             means: Vec::with_capacity(settings.evaluations),
             variances: Vec::with_capacity(settings.evaluations),
             settings,
@@ -166,11 +174,18 @@ impl GpUcb {
         let sd = (self.rewards.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / n).sqrt();
         (mean, sd.max(self.settings.floor).max(1e-9))
     }
+    /// The process' mean at a gaze before anything was learned.
+    fn expected(&self, u: f64, v: f64) -> f64 {
+        let s = &self.settings;
+        s.saliency * s.first().signal_variance.sqrt() * self.prior.at(s.reach, u, v)
+    }
     /// The process' targets from the window's rewards.
     fn standardise(&mut self) {
         let (mean, sd) = self.units();
-        self.means.clear();
-        self.means.extend(self.rewards.iter().map(|r| (r - mean) / sd));
+        let mut means = std::mem::take(&mut self.means);
+        means.clear();
+        means.extend(self.rewards.iter().zip(&self.fixations).map(|(r, g)| (r - mean) / sd - self.expected(g.u, g.v)));
+        self.means = means;
         self.process.set_values(&self.means);
     }
 }
@@ -179,19 +194,24 @@ impl Policy for GpUcb {
     fn plan(&mut self, context: &Context, plan: &mut Plan, rng: &mut Rng) {
         let s = &self.settings;
         if self.seen < s.warm_up as u64 {
+            if let Some(gaze) = self.prior.draw(s.reach, s.saliency, rng) {
+                return plan.only(gaze);
+            }
             let [u, v] = std::array::from_fn(|_| s.start * (2.0 * rng.random::<f64>() - 1.0));
             return plan.only(Gaze { u, v, arm: None });
         }
         let (root_beta, evaluations, reach) = (self.exploration(context), s.evaluations, s.reach);
+        let (weight, prior) = (s.saliency * s.first().signal_variance.sqrt(), std::mem::take(&mut self.prior));
         let Self { process, direct, means, variances, .. } = self;
         let ([u, v], _) = direct.maximise_batches([-reach; 2], [reach; 2], evaluations, |gazes, values| {
             means.resize(gazes.len(), 0.0);
             variances.resize(gazes.len(), 0.0);
             process.predict_many(gazes, means, variances);
-            for ((value, mean), variance) in values.iter_mut().zip(&*means).zip(&*variances) {
-                *value = mean + root_beta * variance.sqrt();
+            for (((value, mean), variance), [u, v]) in values.iter_mut().zip(&*means).zip(&*variances).zip(gazes) {
+                *value = mean + weight * prior.at(reach, *u, *v) + root_beta * variance.sqrt();
             }
         });
+        self.prior = prior;
         plan.only(Gaze { u, v, arm: None });
     }
     fn learn(&mut self, plan: &Plan, rewards: &[f64]) {
@@ -216,7 +236,8 @@ impl Policy for GpUcb {
         PolicySnapshot::Surface(self)
     }
     fn save(&self) -> Value {
-        json!({ "seen": self.seen, "poor": self.poor, "rewards": self.rewards, "process": self.process.save() })
+        json!({ "seen": self.seen, "poor": self.poor, "rewards": self.rewards, "process": self.process.save(),
+            "prior": self.prior.values() })
     }
     fn load(&mut self, saved: &Value) -> Result<()> {
         #[derive(Deserialize)]
@@ -226,6 +247,8 @@ impl Policy for GpUcb {
             poor: bool,
             rewards: Vec<f64>,
             process: Saved<2>,
+            #[serde(default)]
+            prior: Vec<f64>,
         }
         let wrong = || misfit(&format!("what gp-ucb learned from {} rewards at most", self.settings.window), saved);
         let memory = Memory::deserialize(saved).map_err(|_| wrong())?;
@@ -237,7 +260,9 @@ impl Policy for GpUcb {
         if !fits {
             return Err(wrong());
         }
+        let prior = Prior::from_values(memory.prior).ok_or_else(wrong)?;
         self.process.restore(&memory.process).map_err(|_| wrong())?;
+        self.prior = prior;
         self.fixations.clear();
         self.fixations.extend(memory.process.points.iter().map(|&[u, v]| Gaze { u, v, arm: None }));
         (self.seen, self.poor) = (memory.seen, memory.poor);
@@ -250,7 +275,12 @@ impl Policy for GpUcb {
         self.process.set_hyper(self.settings.first());
         self.rewards.clear();
         self.fixations.clear();
-        (self.seen, self.poor) = (0, false);
+        (self.seen, self.poor, self.prior) = (0, false, Prior::default());
+    }
+    fn expect(&mut self, saliency: &mut dyn FnMut(Gaze) -> f64) {
+        if self.settings.saliency > 0.0 {
+            self.prior = Prior::of(self.settings.reach, saliency);
+        }
     }
 }
 
@@ -263,7 +293,7 @@ impl Surface for GpUcb {
     }
     fn at(&self, u: f64, v: f64) -> (f64, f64) {
         let ((mean, variance), (centre, unit)) = (self.process.predict(&[u, v]), self.units());
-        (centre + unit * mean, unit * variance.sqrt())
+        (centre + unit * (mean + self.expected(u, v)), unit * variance.sqrt())
     }
     fn fixations(&self) -> &[Gaze] {
         &self.fixations
@@ -271,7 +301,7 @@ impl Surface for GpUcb {
     fn best(&self) -> Option<Gaze> {
         let mut direct = Direct::new(Form::LocallyBiased);
         let reach = self.settings.reach;
-        let mean = |gaze: &[f64; 2]| self.process.predict(gaze).0;
+        let mean = |gaze: &[f64; 2]| self.process.predict(gaze).0 + self.expected(gaze[0], gaze[1]);
         (self.seen >= self.settings.warm_up as u64).then(|| {
             let ([u, v], _) = direct.maximise([-reach; 2], [reach; 2], 300, mean);
             Gaze { u, v, arm: None }
@@ -296,6 +326,11 @@ mod tests {
         conformance::policy(&|| Box::new(policy(printed.clone())));
         let careful = Bayes { kernel: Kernel::Matern52, guard: Some(0.7), caution: 1.0, ..Bayes::default() };
         conformance::policy(&|| Box::new(policy(careful.clone())));
+        conformance::policy(&|| {
+            let mut salient = policy(Bayes { saliency: 1.0, ..Bayes::default() });
+            salient.expect(&mut |gaze| gaze.u);
+            Box::new(salient)
+        });
     }
 
     #[test]
@@ -308,7 +343,8 @@ mod tests {
             (Bayes { refit: 0, ..d.clone() }, "refit"),
             (Bayes { delta: 1.0, ..d.clone() }, "delta"),
             (Bayes { guard: Some(-1.0), ..d.clone() }, "guard"),
-            (Bayes { caution: 1.5, ..d }, "caution"),
+            (Bayes { caution: 1.5, ..d.clone() }, "caution"),
+            (Bayes { saliency: f64::NAN, ..d }, "saliency"),
         ] {
             let problem = GpUcb::new(settings).err().expect(said).to_string();
             assert!(problem.contains(said), "{problem}");

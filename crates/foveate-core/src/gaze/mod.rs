@@ -19,6 +19,9 @@ macro_rules! learned_by {
         fn reset(&mut self) {
             self.$field.reset();
         }
+        fn expect(&mut self, saliency: &mut dyn FnMut($crate::geometry::Gaze) -> f64) {
+            self.$field.expect(saliency);
+        }
     };
 }
 
@@ -31,6 +34,7 @@ mod gp_ucb;
 mod grid;
 mod hedge;
 mod pool;
+mod prior;
 mod schedule;
 mod shadow;
 
@@ -236,6 +240,9 @@ pub trait Policy: Send + Sync {
     }
     /// Forgets all that was learned.
     fn reset(&mut self) {}
+    /// After `reset`, on the picture in which the target is given: `saliency` says how much what a gaze looks at stands out,
+    /// 0 to 1. It costs time when it is first asked. Most policies do not ask.
+    fn expect(&mut self, _saliency: &mut dyn FnMut(Gaze) -> f64) {}
 }
 
 /// A saved state that does not fit.

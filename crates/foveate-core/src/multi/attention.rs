@@ -6,8 +6,10 @@
 //! round-robin   frames since its last look
 //! uncertainty   standard deviation of its place, template units
 //! crossing      the same, four times as much where its box meets another's
-//! surprise      how far a look moved its estimate, on average, times the frames since the last one: a restless bandit's index
+//! surprise      how far a look moved its estimate a frame, on average, times the square of the frames since the last one
 //! ```
+//! *Surprise* is the index of a restless bandit whose cost grows evenly while it waits (Whittle, 1988): looking now saves
+//! `c w`, and waiting has cost `c w / 2` a frame so far, so that the gain of a look is worth `c w²` but for a factor.
 
 use serde::{Deserialize, Serialize};
 
@@ -73,7 +75,7 @@ impl Priority {
             Self::RoundRobin => waited as f64,
             Self::Crossing if meets => MEETING * uncertainty,
             Self::Uncertainty | Self::Crossing => uncertainty,
-            Self::Surprise => surprise * (1 + waited) as f64,
+            Self::Surprise => surprise * ((1 + waited) as f64).powi(2),
         }
     }
 }

@@ -15,6 +15,7 @@ mod proposals;
 mod recognise;
 mod recovery;
 mod retina;
+mod saliency;
 mod sensor;
 mod surface;
 mod verbs;

@@ -84,10 +84,15 @@ pub fn multi(experiment: &Experiment, setup: &Setup) -> Result<Option<Table>> {
     }
     let mut results = Results { multi: lines, ..Results::empty(experiment, setup) };
     results.check(experiment, setup);
-    let pictures = vec![film(experiment, &entries[0].blueprint, &videos[0], setup)?];
+    let pictures = match videos[0].movers().len() <= MANY {
+        true => vec![film(experiment, &entries[0].blueprint, &videos[0], setup)?],
+        false => vec![],
+    };
     Ok(Some(Table { results, speeds, pictures }))
 }
 
+/// More targets than this are not shown: their boxes hide each other.
+const MANY: usize = 50;
 /// Pictures of the film strip, and how many stand in a row.
 const SHOWN: usize = 8;
 const COLUMNS: usize = 4;

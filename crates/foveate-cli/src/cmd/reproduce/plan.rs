@@ -16,12 +16,13 @@ macro_rules! experiments {
 }
 
 /// Names and texts, in the order of the page.
-pub const EXPERIMENTS: [(&str, &str); 20] = experiments![
+pub const EXPERIMENTS: [(&str, &str); 21] = experiments![
     "table1",
     "table2",
     "table3",
     "closeup",
     "budget",
+    "saliency",
     "fig-policy",
     "fig-hedge",
     "fig-multi",

@@ -1,0 +1,122 @@
+//! What a gaze is expected to earn before anything was earned: saliency as a prior of where to look next, which the paper's
+//! last section hopes for.
+
+use crate::geometry::Gaze;
+use foveate_base::rng::Rng;
+use rand::RngExt;
+
+/// Gazes along a side of the square that saliency is asked about.
+const SIDE: usize = 15;
+
+/// Saliency over the square of gazes: mean 0 and deviation 1, or nothing.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Prior {
+    /// Row after row from −reach to reach; empty: 0 everywhere.
+    values: Vec<f64>,
+}
+
+impl Prior {
+    /// Asks about the whole square of half side `reach`. Where all is alike, nothing is expected.
+    pub fn of(reach: f64, saliency: &mut dyn FnMut(Gaze) -> f64) -> Self {
+        let values: Vec<f64> = (0..SIDE * SIDE).map(|i| saliency(gaze(reach, i))).collect();
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let deviation = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
+        // Written so that NaN is none either.
+        match deviation > 1e-6 {
+            true => Self { values: values.iter().map(|v| (v - mean) / deviation).collect() },
+            false => Self::default(),
+        }
+    }
+    /// As it was saved. `None` where it does not fit.
+    pub fn from_values(values: Vec<f64>) -> Option<Self> {
+        let fits = values.is_empty() || values.len() == SIDE * SIDE;
+        (fits && values.iter().all(|v| v.abs() <= SIDE as f64)).then_some(Self { values })
+    }
+    /// To be saved.
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+    /// At (u, v) of a square of half side `reach`, between the gazes asked about.
+    pub fn at(&self, reach: f64, u: f64, v: f64) -> f64 {
+        if self.values.is_empty() {
+            return 0.0;
+        }
+        let last = (SIDE - 1) as f64;
+        let [x, y] = [u, v].map(|c| (0.5 * last * (c / reach + 1.0)).clamp(0.0, last));
+        let [i, j] = [x, y].map(|c| (c as usize).min(SIDE - 2));
+        let (right, below) = (x - i as f64, y - j as f64);
+        let row = |j: usize| {
+            let k = j * SIDE + i;
+            (1.0 - right) * self.values[k] + right * self.values[k + 1]
+        };
+        (1.0 - below) * row(j) + below * row(j + 1)
+    }
+    /// A gaze, each as probable as the exponential of `weight` times what is expected of it. `None` where nothing is.
+    pub fn draw(&self, reach: f64, weight: f64, rng: &mut Rng) -> Option<Gaze> {
+        // The largest power is 0: some deviations are too large to be raised.
+        let largest = self.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let share = |value: &f64| (weight * (value - largest)).exp();
+        let mut left = rng.random::<f64>() * self.values.iter().map(share).sum::<f64>();
+        let drawn = self.values.iter().position(|value| {
+            left -= share(value);
+            left < 0.0
+        });
+        (!self.values.is_empty()).then(|| gaze(reach, drawn.unwrap_or(SIDE * SIDE - 1)))
+    }
+}
+
+/// The gaze at `i`, row after row.
+fn gaze(reach: f64, i: usize) -> Gaze {
+    let along = |k: usize| reach * (2.0 * k as f64 / (SIDE - 1) as f64 - 1.0);
+    Gaze { u: along(i % SIDE), v: along(i / SIDE), arm: None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate_base::rng::{Purpose, Streams};
+
+    #[test]
+    fn it_has_mean_0_and_deviation_1_and_is_linear_between() {
+        let prior = Prior::of(0.5, &mut |gaze| 3.0 + 2.0 * gaze.u - gaze.v);
+        let n = prior.values.len() as f64;
+        assert!(prior.values.iter().sum::<f64>().abs() < 1e-9);
+        assert!((prior.values.iter().map(|v| v * v).sum::<f64>() - n).abs() < 1e-9);
+        // A plane is met exactly: by its slope from the centre, where it is 0.
+        let slope = prior.at(0.5, 0.5, 0.0) / 0.5;
+        for (u, v) in [(0.13, -0.4), (-0.5, 0.5), (0.499, 0.01)] {
+            assert!((prior.at(0.5, u, v) - slope * (u - 0.5 * v)).abs() < 1e-9, "at {u}, {v}");
+        }
+    }
+
+    #[test]
+    fn where_all_is_alike_nothing_is_expected() {
+        for value in [0.3, f64::NAN] {
+            let prior = Prior::of(0.5, &mut |_| value);
+            assert_eq!(prior, Prior::default());
+            assert_eq!(prior.at(0.5, 0.2, 0.1), 0.0);
+            assert_eq!(prior.draw(0.5, 1.0, &mut Streams::new(1, 0).at(0, Purpose::Look).rng(0)), None);
+        }
+    }
+
+    /// 2000 draws with seed 1: of two halves, one with e² times the other's share, 88 % ± 4 standard deviations of 0.7 %.
+    #[test]
+    fn what_stands_out_is_drawn_more_often() {
+        let prior = Prior::of(1.0, &mut |gaze| f64::from(u8::from(gaze.u >= 0.0)));
+        let mut rng = Streams::new(1, 0).at(0, Purpose::Look).rng(0);
+        let right = (0..2000).filter(|_| prior.draw(1.0, 1.0, &mut rng).expect("not all alike").u >= 0.0).count();
+        // 8 of 15 columns, standardised: the halves differ by 1 / √(8·7)/15.
+        let apart = 15.0 / 56f64.sqrt();
+        let expected = 8.0 * apart.exp() / (8.0 * apart.exp() + 7.0);
+        assert!((right as f64 / 2000.0 - expected).abs() < 0.03, "{right} of 2000, expected a share of {expected:.3}");
+    }
+
+    #[test]
+    fn what_is_saved_is_what_it_was() {
+        let prior = Prior::of(0.5, &mut |gaze| gaze.u * gaze.v);
+        assert_eq!(Prior::from_values(prior.values().to_vec()), Some(prior));
+        assert_eq!(Prior::from_values(vec![0.0; 7]), None);
+        assert_eq!(Prior::from_values(vec![f64::NAN; SIDE * SIDE]), None);
+    }
+}
