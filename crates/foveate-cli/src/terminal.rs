@@ -1,5 +1,6 @@
 //! The terminal: results on standard output, progress on standard error, and Ctrl-C as a request to stop in good order.
 
+use std::borrow::Cow;
 use std::io::{ErrorKind, Write};
 use std::sync::atomic::{AtomicBool, AtomicI32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -28,7 +29,7 @@ pub fn put(text: std::fmt::Arguments<'_>) {
     if OUTPUT_TAKEN.load(Ordering::SeqCst) {
         return note(text);
     }
-    match std::io::stdout().write_fmt(text) {
+    match std::io::stdout().write_all(harmless(&text.to_string()).as_bytes()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
             note(format_args!("foveate: cannot write to standard output: {e}\n"));
             std::process::exit(1);
@@ -39,7 +40,16 @@ pub fn put(text: std::fmt::Arguments<'_>) {
 
 /// Writes to standard error, where that can be written.
 pub fn note(text: std::fmt::Arguments<'_>) {
-    let _ = std::io::stderr().write_fmt(text);
+    let _ = std::io::stderr().write_all(harmless(&text.to_string()).as_bytes());
+}
+
+/// The text with its control characters shown: names of files and classes are other people's, and a terminal obeys.
+fn harmless(text: &str) -> Cow<'_, str> {
+    let harms = |c: char| c.is_control() && !matches!(c, '\n' | '\t');
+    match text.contains(harms) {
+        false => text.into(),
+        true => text.chars().map(|c| if harms(c) { c.escape_debug().to_string() } else { c.to_string() }).collect(),
+    }
 }
 
 /// The status to end with once asked to stop; 0 until then.
@@ -107,4 +117,13 @@ pub fn progress(length: Option<usize>, what: &str) -> ProgressBar {
 
 fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).expect("the template is a constant")
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_terminal_is_told_nothing_by_names() {
+        assert_eq!(super::harmless("a\x1b[31mb\u{9b}c\td\n"), "a\\u{1b}[31mb\\u{9b}c\td\n");
+        assert_eq!(super::harmless("über\n"), "über\n");
+    }
 }

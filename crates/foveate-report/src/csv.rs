@@ -36,8 +36,10 @@ impl Rows {
     pub fn put_all<'a>(&mut self, values: impl IntoIterator<Item = &'a f64>) {
         values.into_iter().for_each(|value| self.put(value));
     }
-    /// A cell of text, in quotes where it has to be.
+    /// A cell of text, in quotes where it has to be; behind an apostrophe where a program of tables would take it for a formula.
     pub fn put_text(&mut self, text: &str) {
+        let formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']);
+        let text = &format!("{}{text}", if formula { "'" } else { "" });
         if text.contains([',', '"', '\n', '\r']) {
             self.put(format_args!("\"{}\"", text.replace('"', "\"\"")));
         } else {
@@ -100,6 +102,10 @@ mod tests {
         rows.end();
         rows.put_text("x, \"y\"");
         rows.end();
-        assert_eq!(rows.text, "a,b,c\n1,0.1,-0\n\"x, \"\"y\"\"\",,\n");
+        rows.put_text("=1+1");
+        rows.put_text("@a,b");
+        rows.put_text("a=b");
+        rows.end();
+        assert_eq!(rows.text, "a,b,c\n1,0.1,-0\n\"x, \"\"y\"\"\",,\n'=1+1,\"'@a,b\",a=b\n");
     }
 }

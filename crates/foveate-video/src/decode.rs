@@ -3,8 +3,9 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
+use image::{ColorType, DynamicImage, ImageDecoder, ImageError, ImageFormat, ImageReader, Limits};
 
+use crate::jpeg;
 use foveate_base::{Error, Result, files, memory};
 use foveate_core::scene::Image;
 
@@ -24,34 +25,13 @@ pub fn decode_image(bytes: &[u8]) -> std::result::Result<Image, String> {
         [] => "the file is empty (0 bytes); expected a PNG or JPEG picture".to_owned(),
         _ => "expected a PNG or JPEG picture, found other data; convert it first".to_owned(),
     })?;
-    let name = if kind == ImageFormat::Png { "PNG" } else { "JPEG" };
-    if kind == ImageFormat::Jpeg && !jpeg_is_whole(bytes) {
-        let n = bytes.len();
-        return Err(format!("the JPEG data is cut off after {n} bytes, before its end mark; copy the file again"));
-    }
     // The decoders answer damage with an error; a panic of theirs must not end the program either.
-    let decoded = foveate_base::quiet::catch(|| {
-        let mut reader = ImageReader::with_format(Cursor::new(bytes), kind);
-        let mut limits = Limits::default();
-        limits.max_image_width = Some(MAX_SIDE as u32);
-        limits.max_image_height = Some(MAX_SIDE as u32);
-        limits.max_alloc = Some(1 << 30);
-        reader.limits(limits);
-        let mut decoder = reader.into_decoder()?;
-        let (width, height) = decoder.dimensions();
-        if let Err(error) = memory::check_picture(width as usize, height as usize) {
-            return Ok(Err(error.to_string()));
-        }
-        let orientation = decoder.orientation()?;
-        let mut image = DynamicImage::from_decoder(decoder)?;
-        image.apply_orientation(orientation);
-        Ok::<_, image::ImageError>(Ok(image))
+    let decoded = foveate_base::quiet::catch(|| match kind {
+        ImageFormat::Jpeg => jpeg::decode(bytes, MAX_SIDE),
+        _ => png(bytes),
     });
-    let image = match decoded {
-        Ok(Ok(image)) => image?,
-        Ok(Err(error)) => return Err(format!("the {name} data is damaged or unusual ({error}); copy or convert it")),
-        Err(panic) => return Err(format!("the {name} data is damaged ({panic}); copy the file again")),
-    };
+    let name = if kind == ImageFormat::Png { "PNG" } else { "JPEG" };
+    let image = decoded.map_err(|panic| format!("the {name} data is damaged ({panic}); copy the file again"))??;
     planar(&image).map_err(|error| error.to_string())
 }
 
@@ -87,23 +67,21 @@ fn planar(image: &DynamicImage) -> Result<Image> {
     }
 }
 
-/// Whether the end mark is there. The decoder fills what is missing with grey and says nothing.
-fn jpeg_is_whole(bytes: &[u8]) -> bool {
-    let mut at = 2;
-    while let Some(&[first, mark]) = bytes.get(at..at + 2) {
-        at += match (first, mark) {
-            (0xff, 0xd9) => return true,
-            // Entropy-coded bytes, fill bytes, and marks without a length.
-            (0xff, 0x00 | 0x01 | 0xd0..=0xd8) => 2,
-            (0xff, 0xff) => 1,
-            (0xff, _) => match bytes.get(at + 2..at + 4) {
-                Some(&[high, low]) => 2 + usize::from(high) * 256 + usize::from(low),
-                _ => return false,
-            },
-            _ => 1,
-        };
-    }
-    false
+fn png(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
+    let damaged = |error: ImageError| format!("the PNG data is damaged or unusual ({error}); copy or convert it");
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), ImageFormat::Png);
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE as u32);
+    limits.max_image_height = Some(MAX_SIDE as u32);
+    limits.max_alloc = Some(1 << 30);
+    reader.limits(limits);
+    let mut decoder = reader.into_decoder().map_err(damaged)?;
+    let (width, height) = decoder.dimensions();
+    memory::check_picture(width as usize, height as usize).map_err(|error| error.to_string())?;
+    let orientation = decoder.orientation().map_err(damaged)?;
+    let mut image = DynamicImage::from_decoder(decoder).map_err(damaged)?;
+    image.apply_orientation(orientation);
+    Ok(image)
 }
 
 #[cfg(test)]
@@ -148,6 +126,41 @@ mod tests {
         for bytes in [encode_png(&image), encode_jpeg(&image, 90)] {
             for n in 0..bytes.len() - 12 {
                 assert!(decode_image(&bytes[..n]).is_err(), "{n} of {} bytes are not a picture", bytes.len());
+            }
+        }
+    }
+
+    /// What is missing is told by the data, not by the end mark.
+    #[test]
+    fn a_jpeg_whose_data_ends_early_is_refused() {
+        for (planes, quality) in [(1, 90), (3, 90), (3, 30)] {
+            for image in [noise(61, 45, planes), Image::new(61, 45, planes, vec![40; 61 * 45 * planes]).expect("bytes")]
+            {
+                let bytes = encode_jpeg(&image, quality);
+                assert!(decode_image(&bytes).is_ok());
+                let data = bytes.windows(2).rposition(|mark| mark == [0xff, 0xda]).expect("a scan") + 14;
+                // The last byte or two may be bits that fill it up.
+                for cut in data..bytes.len() - 4 {
+                    let ended = [&bytes[..cut], &[0xff, 0xd9]].concat();
+                    let said = decode_image(&ended).expect_err("cut off");
+                    assert!(said.contains("expected 61 x 45") && said.contains("copy"), "{cut}: {said}");
+                }
+            }
+        }
+    }
+
+    /// In scans after the first: one that is begun is to be whole.
+    #[test]
+    fn a_progressive_jpeg_whose_data_ends_early_is_refused() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/pictures/progressive.jpg");
+        let Ok(bytes) = std::fs::read(path) else { return println!("skipped: not in a clone") };
+        let whole = decode_image(&bytes).expect("a picture");
+        assert_eq!((whole.width(), whole.height(), whole.planes()), (48, 40, 1));
+        let scans = bytes.windows(2).enumerate().filter(|(_, mark)| *mark == [0xff, 0xda]).map(|(at, _)| at);
+        let scans: Vec<usize> = scans.chain([bytes.len() - 2]).collect();
+        for scan in scans.windows(2) {
+            for cut in scan[0] + 10..scan[1] - 2 {
+                assert!(decode_image(&[&bytes[..cut], &[0xff, 0xd9]].concat()).is_err(), "{cut}");
             }
         }
     }

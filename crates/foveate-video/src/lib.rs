@@ -13,6 +13,7 @@ pub mod file;
 pub mod folder;
 pub mod frame;
 mod h264;
+mod jpeg;
 pub mod live;
 pub mod mot;
 mod mp4;

@@ -2,12 +2,13 @@
 
 use super::Blueprint;
 use crate::geometry::State;
+use crate::identity::discriminant::Discriminant;
 use crate::identity::retina::Retina;
 use crate::multi::Room;
 use foveate_base::{Error, Result, memory};
 
 /// What a target keeps whatever its settings are; the colour model; what looking needs whatever the settings are.
-const FIXED: u64 = 24 << 10;
+const FIXED: u64 = 28 << 10;
 const COLOURS: u64 = 128 << 10;
 const VIEWS: u64 = 2 << 20;
 /// Numbers that a particle takes beside its state while it is looked at.
@@ -19,10 +20,12 @@ impl Blueprint {
         let (c, (n_v, n_h)) = (&self.config, self.encoder.shape());
         let (particles, features) = (c.particles as u64, (n_v + n_h) as u64);
         let state = std::mem::size_of::<State>() as u64;
-        let sums = c.discriminant.map_or(0, |_| 2 * 4 * (n_h as u64 + 1) * (n_h as u64 + 2) / 2);
+        // The rows of the first frame and a triangle of sums in 16 bits; where one looks, two whole ones and what they are mixed into.
+        let row = n_h as u64 + 1;
+        let (rows, triangle) = c.discriminant.map_or((0, 0), |_| (Discriminant::FIRST_ROWS * row, row * (row + 1) / 2));
         let colours = if c.colour.is_some() { COLOURS } else { 0 };
-        let kept = FIXED + particles * (state + 8) + sums + colours;
-        let look = VIEWS + particles * (2 * state + 8 * NUMBERS + 4 * features) + sums / 2;
+        let kept = FIXED + particles * (state + 8) + 4 * rows + 2 * triangle + colours;
+        let look = VIEWS + particles * (2 * state + 8 * NUMBERS + 4 * features) + 3 * 4 * triangle;
         let reach = self.retina.footprints().iter().map(|f| f.reach + f.side).fold(0.0, f64::max) + 1.5;
         Room { kept, look, reach }
     }

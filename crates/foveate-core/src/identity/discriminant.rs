@@ -16,6 +16,7 @@ use foveate_kernels as kernels;
 use serde::{Deserialize, Serialize};
 
 use super::numbers::{decode, encode};
+use super::packed::Packed;
 use crate::geometry::{Extent, Gaze, State};
 use foveate_base::error::within;
 use foveate_base::{Error, Result};
@@ -78,8 +79,9 @@ const RINGS: [f64; 6] = [0.12, 0.2, 0.35, 0.6, 1.0, 1.7];
 const SIZES: [f64; 6] = [-0.2, -0.1, -0.05, 0.05, 0.1, 0.2];
 /// The most distractors that are learned from.
 const DISTRACTORS: usize = 6;
-/// All places of a frame.
-const MOST_PLACES: usize = 1 + RINGS.len() * 8 + SIZES.len() + DISTRACTORS;
+/// All places of the first frame, and of any.
+const PLACES: usize = 1 + RINGS.len() * 8 + SIZES.len();
+const MOST_PLACES: usize = PLACES + DISTRACTORS;
 /// Steps of conjugate gradients on the first frame, and on each other.
 const STEPS: (usize, usize) = (30, 4);
 
@@ -94,8 +96,12 @@ struct Sums {
 #[derive(Clone, Debug)]
 pub struct Discriminant {
     settings: Settings,
+    /// What the sums of the first frame are made of: they are larger, and made again where memory is short.
+    first_rows: Vec<f32>,
     first: Sums,
     recent: Sums,
+    /// The triangle of the recent frames where memory is short: then both triangles are empty between frames.
+    packed: Packed,
     weights: Vec<f32>,
     pub(super) learning: Learning,
 }
@@ -110,14 +116,51 @@ pub(super) struct Learning {
     labels: Vec<f32>,
     system: Sums,
     work: [Vec<f32>; 2],
+    /// Room for the triangles of who keeps none.
+    triangles: [Vec<f32>; 2],
 }
 
 impl Discriminant {
+    /// Rows that are kept of the first frame.
+    pub(crate) const FIRST_ROWS: u64 = PLACES as u64;
+
     /// Of features of length `n_h`. It knows nothing yet.
     pub fn new(settings: Settings, n_h: usize) -> Self {
         let n = n_h + 1;
         let zeros = Sums { gram: vec![0.0; n * (n + 1) / 2], cross: vec![0.0; n] };
-        Self { settings, first: zeros.clone(), recent: zeros, weights: vec![0.0; n], learning: Learning::default() }
+        Self {
+            settings,
+            first_rows: vec![],
+            first: zeros.clone(),
+            recent: zeros,
+            packed: Packed::default(),
+            weights: vec![0.0; n],
+            learning: Learning::default(),
+        }
+    }
+
+    /// Keeps no triangle until it learns again, but the rows of the first frame and a packed one; leaves the room to others.
+    pub(super) fn compact(&mut self) {
+        let [first, recent] = &mut self.learning.triangles;
+        if !self.recent.gram.is_empty() {
+            self.packed.pack(self.weights.len(), &self.recent.gram);
+            *recent = std::mem::take(&mut self.recent.gram);
+        }
+        if !self.first.gram.is_empty() {
+            *first = std::mem::take(&mut self.first.gram);
+        }
+    }
+
+    fn unpack(&mut self) {
+        let [first, recent] = &mut self.learning.triangles;
+        if self.recent.gram.is_empty() {
+            self.recent.gram = std::mem::take(recent);
+            self.packed.unpack(&mut self.recent.gram);
+        }
+        if self.first.gram.is_empty() {
+            self.first.gram = std::mem::take(first);
+            outer(&self.first_rows, self.weights.len(), &mut self.first.gram);
+        }
     }
 
     /// The settings it was made with.
@@ -139,12 +182,11 @@ impl Discriminant {
     /// How much farther the distractors among `rows` are than the target, on average, by a distance of features; 0 where there
     /// are none.
     pub(super) fn margin(&self, distance: impl Fn(&[f32]) -> f64) -> f64 {
-        let first = 1 + RINGS.len() * 8 + SIZES.len();
         let of = |row: &[f32]| distance(&row[..row.len() - 1]);
         let mut rows = self.learning.rows.chunks_exact(self.weights.len());
-        let n = rows.len().saturating_sub(first);
+        let n = rows.len().saturating_sub(PLACES);
         let target = rows.next().map_or(0.0, of);
-        rows.skip(first - 1).map(|row| of(row) - target).sum::<f64>() / n.max(1) as f64
+        rows.skip(PLACES - 1).map(|row| of(row) - target).sum::<f64>() / n.max(1) as f64
     }
 
     /// Chooses `places` for a target at `state`, and their labels.
@@ -176,7 +218,8 @@ impl Discriminant {
 
     /// Learns from `rows` at `places`. On the first frame it forgets all else.
     pub(super) fn learn(&mut self, first: bool) {
-        let Self { settings, first: begun, recent, weights, learning } = self;
+        self.unpack();
+        let Self { settings, first_rows, first: begun, recent, weights, learning, .. } = self;
         let Learning { rows, labels, system, work: [step, image], .. } = learning;
         let (keep, share) =
             if first { (0.0, 1.0) } else { (1.0 - settings.learning_rate as f32, settings.learning_rate as f32) };
@@ -185,13 +228,18 @@ impl Discriminant {
         system.cross.resize(n, 0.0);
         step.resize(n, 0.0);
         image.resize(n, 0.0);
-        kernels::add_outer(rows, n, keep, share, &mut recent.gram);
+        match first {
+            true => outer(rows, n, &mut recent.gram),
+            false => kernels::add_outer(rows, n, keep, share, &mut recent.gram),
+        }
         recent.cross.iter_mut().for_each(|b| *b *= keep);
         for (row, label) in rows.chunks_exact(n).zip(labels) {
             recent.cross.iter_mut().zip(row).for_each(|(b, h)| *b += share * *label * h);
         }
         if first {
             begun.clone_from(recent);
+            first_rows.clone_from(rows);
+            first_rows.shrink_to_fit();
             weights.fill(0.0);
         }
         let old = settings.first_frame_weight as f32;
@@ -224,28 +272,48 @@ impl Discriminant {
 
     /// Everything learned, to resume from.
     pub fn save(&self) -> serde_json::Value {
-        let parts = [&self.first.gram, &self.first.cross, &self.recent.gram, &self.recent.cross, &self.weights];
+        let Self { first_rows, first, recent, packed, weights, .. } = self;
+        let mut unpacked = vec![];
+        let gram = match recent.gram.is_empty() {
+            true => {
+                packed.unpack(&mut unpacked);
+                &unpacked
+            }
+            false => &recent.gram,
+        };
+        let parts = [first_rows, &first.cross, gram, &recent.cross, weights];
         serde_json::to_value(parts.map(|values| encode(values))).expect("plain data is JSON")
     }
 
-    /// Takes up what `save` gave. Fails where it does not fit.
+    /// Takes up what `save` gave. Fails, unchanged, where it does not fit.
     pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
         let bad = |what: String| Error::Invalid(format!("the saved discriminant cannot be used: {what}"));
         let saved = <[String; 5]>::deserialize(saved).map_err(|e| bad(e.to_string()))?;
-        let Self { first, recent, weights, .. } = self;
-        let parts = [&mut first.gram, &mut first.cross, &mut recent.gram, &mut recent.cross, weights];
-        for (to, saved) in parts.into_iter().zip(saved) {
-            let values = decode(&saved).ok_or_else(|| bad("it is not base64 of finite numbers".into()))?;
-            if values.len() != to.len() {
-                let (found, expected) = (values.len(), to.len());
+        let n = self.weights.len();
+        let mut parts: [Vec<f32>; 5] = Default::default();
+        for ((part, saved), expected) in parts.iter_mut().zip(saved).zip([PLACES * n, n, n * (n + 1) / 2, n, n]) {
+            *part = decode(&saved).ok_or_else(|| bad("it is not base64 of finite numbers".into()))?;
+            if part.len() != expected {
                 return Err(bad(format!(
-                    "it has {found} numbers where this tracker has {expected}; use the configuration it was saved with"
+                    "it has {} numbers where this tracker has {expected}; use the configuration and version it was saved with",
+                    part.len()
                 )));
             }
-            *to = values;
         }
+        let [first_rows, first_cross, recent, recent_cross, weights] = parts;
+        outer(&first_rows, n, &mut self.first.gram);
+        self.first.cross = first_cross;
+        self.recent = Sums { gram: recent, cross: recent_cross };
+        (self.first_rows, self.weights) = (first_rows, weights);
         Ok(())
     }
+}
+
+/// Σ r rᵀ of rows of `n` values.
+fn outer(rows: &[f32], n: usize, gram: &mut Vec<f32>) {
+    gram.clear();
+    gram.resize(n * (n + 1) / 2, 0.0);
+    kernels::add_outer(rows, n, 0.0, 1.0, gram);
 }
 
 #[cfg(test)]
@@ -263,7 +331,9 @@ mod tests {
         let mut it = Discriminant::new(settings, N - 1);
         for frame in 0..frames {
             let mut rng = Streams::new(4, 0).rng(frame);
-            it.look_around(&TARGET, EXTENT, &[State { x: 80.0, ..TARGET }]);
+            // As a tracker does: of the first frame no distractors are known.
+            let distractors = [State { x: 80.0, ..TARGET }];
+            it.look_around(&TARGET, EXTENT, if frame == 0 { &[] } else { &distractors });
             it.learning.rows.iter_mut().for_each(|h| *h = rng.random::<f32>() - 0.5);
             it.learning.rows.chunks_exact_mut(N).for_each(|row| row[N - 1] = 1.0);
             it.learn(frame == 0);
@@ -313,7 +383,7 @@ mod tests {
 
     #[test]
     fn labels_say_how_near_a_place_is() {
-        let it = learned(Settings::default(), 1);
+        let it = learned(Settings::default(), 2);
         assert_eq!((it.learning.places[0], it.learning.labels[0]), (TARGET, 1.0));
         let one_deviation = (-0.5f32).exp();
         let (w, h) = (EXTENT.half_w * TARGET.log_scale.exp(), EXTENT.half_h * TARGET.log_scale.exp());
@@ -334,8 +404,24 @@ mod tests {
         assert_eq!((&other.weights, &other.recent, &other.first), (&it.weights, &it.recent, &it.first));
         let mut wider = Discriminant::new(Settings::default(), N);
         let said = wider.load(&it.save()).expect_err("another width").to_string();
-        assert!(said.contains("28 numbers where this tracker has 36"), "{said}");
+        assert!(said.contains("385 numbers where this tracker has 440"), "{said}");
         assert!(wider.load(&serde_json::json!([1, 2])).is_err());
+        // Packed between frames it goes on as what was saved of it does, and nearly as what was never packed.
+        let mut packed = it.clone();
+        packed.compact();
+        assert!(packed.first.gram.is_empty() && packed.recent.gram.is_empty());
+        other.load(&packed.save()).expect("it was saved");
+        let mut never = it.clone();
+        for each in [&mut packed, &mut other, &mut never] {
+            each.look_around(&TARGET, EXTENT, &[]);
+            let mut rng = Streams::new(4, 0).rng(9);
+            each.learning.rows.iter_mut().for_each(|h| *h = rng.random::<f32>() - 0.5);
+            each.learn(false);
+        }
+        assert!(packed.weights == other.weights && packed.recent == other.recent && packed.first == other.first);
+        for (a, b) in packed.weights.iter().zip(&never.weights) {
+            assert!((a - b).abs() < 1e-3, "{a} {b}");
+        }
         assert!(wider.load(&serde_json::json!(["?", "", "", "", ""])).is_err());
     }
 

@@ -28,6 +28,7 @@ pub mod multi_fixation;
 pub mod network;
 mod numbers;
 pub mod oriented;
+mod packed;
 pub mod pyramid;
 #[cfg(feature = "learn")]
 pub mod rbm_encoder;
@@ -119,7 +120,8 @@ pub trait Appearance: Send + Sync {
     /// Exchanges what it needs only while it looks at a frame with `buffers`. Who holds many targets gives each the same buffers for
     /// as long as it is looked at, and takes them back by a second call. Nothing that is told of a frame may depend on it.
     fn exchange(&mut self, _buffers: &mut Buffers) {}
-    /// Frees what is not needed until the next look, and can be made again from what is kept.
+    /// Frees what is not needed until the next look, and can be made again from what is kept. It is called before buffers are taken
+    /// back, so that what it frees may be left in them.
     fn compact(&mut self) {}
     /// What the first frame says of evidence to come.
     fn reference(&self) -> ReferenceLikelihood;

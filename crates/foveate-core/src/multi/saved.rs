@@ -16,7 +16,7 @@ use foveate_base::{Error, Result, memory};
 const MOST_FRAMES: usize = 1 << 31;
 
 /// The format number.
-const FORMAT: u32 = 6;
+const FORMAT: u32 = 7;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {
@@ -124,6 +124,8 @@ impl SavedTarget {
             return Err(Error::Invalid(format!("the saved targets cannot be used: {} has no template", self.track.id)));
         }
         let Self { track, lost, unseen, terminated, shape, surprise, .. } = self;
-        Ok(Target { lost, unseen, terminated, shape, surprise, ..Target::new(engine, track) })
+        let mut target = Target { lost, unseen, terminated, shape, surprise, ..Target::new(engine, track) };
+        target.looking(&trackers.pool, |_| ());
+        Ok(target)
     }
 }

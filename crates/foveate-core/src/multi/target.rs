@@ -63,8 +63,9 @@ impl Target {
         let mut room = pool.take();
         self.engine.exchange(&mut room);
         let seen = look(self);
-        self.engine.exchange(&mut room);
+        // First, so that what it frees is left in the room.
         self.engine.compact();
+        self.engine.exchange(&mut room);
         pool.put(room);
         seen
     }

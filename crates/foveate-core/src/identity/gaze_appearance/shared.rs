@@ -4,6 +4,7 @@
 use super::{GazeAppearance, Template, looks};
 use crate::geometry::Gaze;
 use crate::identity::Buffers;
+use crate::identity::discriminant::Discriminant;
 use crate::identity::pyramid::{Pyramid, Region};
 use crate::identity::retina::Retina;
 use crate::scene::Image;
@@ -40,6 +41,7 @@ impl GazeAppearance {
     /// Where gazes stay at the centre, one row of features is all that is read of the template. Where the background is not
     /// discounted, nothing is read of the picture far from the target.
     pub(super) fn free(&mut self) {
+        self.discriminant.iter_mut().for_each(Discriminant::compact);
         let Some(kept) = &mut self.kept else { return };
         let whole = (kept.image.width(), kept.image.height()) == kept.size;
         if whole && self.discounting_background <= 0.0 {
