@@ -1,0 +1,91 @@
+//! The last frames of a source that has each but once: a camera, a stream, or what only the browser can decode.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::player::Frames;
+use foveate_base::{Error, Result};
+use foveate_core::scene::Image;
+use foveate_video::{Frame, Meter};
+
+/// Frames that are kept: for steps back, and corrections.
+pub const RECENT: usize = 8;
+
+/// Frames that came last; clones share them.
+#[derive(Clone)]
+pub struct Recent {
+    shared: Arc<Mutex<Kept>>,
+    size: (usize, usize),
+    /// Counts frames of the source that never came.
+    pub meter: Meter,
+    last: Option<Arc<Frame>>,
+}
+
+#[derive(Default)]
+struct Kept {
+    frames: VecDeque<Arc<Frame>>,
+    count: usize,
+}
+
+impl Recent {
+    /// Of frames of this size.
+    pub fn new(width: usize, height: usize) -> Self {
+        Self { shared: Arc::default(), size: (width, height), meter: Meter::default(), last: None }
+    }
+
+    fn kept(&self) -> MutexGuard<'_, Kept> {
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Width and height in pixels.
+    pub fn size(&self) -> (usize, usize) {
+        self.size
+    }
+
+    /// How many frames came so far.
+    pub fn count(&self) -> usize {
+        self.kept().count
+    }
+
+    /// Takes the next frame; its time in seconds; and how many frames before it never came. Answers its number, from 0.
+    ///
+    /// # Errors
+    /// It has another size than the first.
+    pub fn push(&self, image: Image, time: f64, missed: u64) -> Result<usize> {
+        let ((width, height), (w, h)) = (self.size, (image.width(), image.height()));
+        if (w, h) != (width, height) {
+            let problem = format!("expected a frame of {width} x {height} pixels as the first one, found {w} x {h}");
+            return Err(Error::Invalid(problem + "; open it again"));
+        }
+        self.meter.drop_frames(missed);
+        let mut kept = self.kept();
+        let index = kept.count;
+        kept.count += 1;
+        kept.frames.push_back(Arc::new(Frame { index, time, image }));
+        if kept.frames.len() > RECENT {
+            kept.frames.pop_front();
+        }
+        Ok(index)
+    }
+}
+
+impl Frames for Recent {
+    fn frame(&mut self, index: usize) -> Result<Option<Arc<Frame>>> {
+        let found = {
+            let kept = self.kept();
+            if index >= kept.count {
+                return Ok(None);
+            }
+            kept.frames.iter().find(|frame| frame.index == index).cloned()
+        };
+        let gone = || Error::Invalid(format!("frame {} is gone: a camera's frames do not come again", index + 1));
+        self.last = Some(found.ok_or_else(gone)?);
+        Ok(self.last.clone())
+    }
+    fn last(&self) -> Option<&Arc<Frame>> {
+        self.last.as_ref()
+    }
+    fn repeats(&self) -> bool {
+        false
+    }
+}
