@@ -302,6 +302,15 @@ fn other_addresses_need_a_flag_and_a_token() {
     }
 }
 
+#[test]
+fn pick_is_for_files() {
+    let output =
+        std::process::Command::new(env!("CARGO_BIN_EXE_foveate")).args(["pick", "rtsp://127.0.0.1:9/live"]).output();
+    let output = output.expect("it runs");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && said.contains("foveate serve"), "{said}");
+}
+
 fn open(server: &Server, name: &str) -> Value {
     let (status, opened) = server.ask(&json!({ "op": "open", "path": name }).to_string());
     assert_eq!(status, 200, "{opened}");

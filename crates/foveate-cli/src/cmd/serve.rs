@@ -124,8 +124,9 @@ fn start(
     let (config, folder) = read(&page.config, &Changes { policy: page.policy.clone(), set: vec![] })?;
     config.check(&folder)?;
     let roots = Roots::new(paths)?;
-    if pick.is_some() && roots.list("")?.iter().all(|entry| entry.kind == "folder") {
-        return Err(Error::malformed(&paths[0], "expected a video file or a folder of images"));
+    if pick.is_some() && roots.list("")?.iter().all(|entry| ["folder", "stream"].contains(&entry.kind)) {
+        let problem = "expected a video file or a folder of images; of a stream draw the box in `foveate serve`";
+        return Err(Error::malformed(&paths[0], problem));
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(rayon::current_num_threads()).build();
     let pool = pool.map_err(|e| Error::Invalid(format!("cannot start threads: {e}; give a smaller --threads")))?;

@@ -156,7 +156,7 @@ doing(async () => {
   trail = [{ name: 'all', path: '' }];
   const root = hello.roots.length === 1 && hello.roots[0];
   only = root && root.kind !== 'folder';
-  if (only) await open_(root);
+  if (only) await open_(root).catch(async error => { only = false; await list(''); throw error; });
   else if (root) { trail = []; await enter(root); }
   else await list('');
 })();
