@@ -31,10 +31,15 @@ export async function load(bytes, readFile) {
       put(pixels);
       return wasm.push(session, time, missed);
     },
-    // A saved file, or null.
-    file(session, name) {
+    // Takes the planes of a frame (from 1) that was decoded elsewhere: I420, or NV12. Whether they fit.
+    decoded(session, frame, width, height, nv12, bytes) {
+      put(bytes);
+      return wasm.decoded(session, frame, width, height, nv12 ? 1 : 0) === 1;
+    },
+    // A piece of a saved file, from 0; null after the last one.
+    file(session, name, piece) {
       put(encoder.encode(name));
-      return taken(wasm.file(session));
+      return taken(wasm.file(session, piece));
     },
     // Bytes of memory.
     size: () => wasm.memory.buffer.byteLength,

@@ -20,6 +20,10 @@ function localTracker() {
   const thread = threadOf(), chosen = new Map(), opened = new Map(), links = new Map();
   let fileCount = 0;
   const message = (message, give) => thread('ask', { message, give });
+  const pushed = pushedVideos(message, (session, { pixels, time, missed }) => {
+    const bytes = pixels.data.buffer;
+    return thread('push', { session, pixels: bytes, time, missed }, [bytes]);
+  });
   const forgetLinks = () => { for (const url of links.values()) URL.revokeObjectURL(url); links.clear(); };
 
   async function open(path) {
@@ -39,23 +43,13 @@ function localTracker() {
       return openSource(name, source);
     }
     opened.set(about.session, { ...about, ids: give.map(([id]) => id) });
+    if (files.length === 1 && await thread('decode', { session: about.session, file: give[0][0] })) about.reader = 'H.264 (the browser)';
     return about;
   }
   async function openSource(name, source) {
-    const { width, height, rate } = source;
-    const about = await message({ op: 'live', name, width, height, rate });
-    opened.set(about.session, { ...about, source, count: 0 });
-    return { ...about, reader: source.reader, frames: source.frames || null, exact: false, live: source.live };
-  }
-  // The next frame of a source, to the tracker; and as a picture for the page.
-  async function next(session, wanted) {
-    const video = opened.get(session), frame = await video.source.next();
-    if (!frame) return null;
-    const picture = wanted ? await createImageBitmap(frame.pixels) : null;
-    const pixels = frame.pixels.data.buffer;
-    video.count = await thread('push', { session, pixels, time: frame.time, missed: frame.missed }, [pixels]);
-    tellMissed(video.source);
-    return { picture };
+    const about = await pushed.open(name, source);
+    opened.set(about.session, about);
+    return about;
   }
   const ops = {
     list: async () => ({ entries: [] }),
@@ -64,27 +58,15 @@ function localTracker() {
       const video = opened.get(session);
       opened.delete(session);
       forgetLinks();
-      video?.source?.close();
+      pushed.close(session);
       if (video?.ids) thread('forget', { ids: video.ids });
       return message({ op: 'close', session });
     },
-    async step({ session, frames }) {
-      if (!opened.get(session).source) return message({ op: 'step', session, frames });
-      // After a correction of an earlier frame there are frames that were not tracked yet.
-      if (lastTracked() < opened.get(session).count) return message({ op: 'step', session, frames: 1 });
-      // A picture goes to the page with the frame: it is shown at once.
-      const got = await next(session, true);
-      if (!got) return { rows: [], ended: true };
-      keep(pictures, opened.get(session).count, got.picture, KEPT_PICTURES);
-      return message({ op: 'step', session, frames: 1 });
-    },
-    save: ({ session, report }) => { forgetLinks(); return message({ op: 'save', session, report }); },
+    step: ({ session, frames }) => pushed.has(session) ? pushed.step(session, frames) : message({ op: 'step', session, frames }),
+    save: asked => { forgetLinks(); return message(asked); },
     async saved({ session }) {
       const answer = await message({ op: 'saved', session });
-      for (const name of answer.files || []) {
-        const bytes = await thread('file', { session, name });
-        links.set(name, URL.createObjectURL(new Blob([bytes], { type: 'application/octet-stream' })));
-      }
+      for (const name of answer.files || []) links.set(name, URL.createObjectURL(await thread('file', { session, name })));
       return answer;
     },
   };
@@ -93,22 +75,13 @@ function localTracker() {
     async picture(session, frame) {
       const video = opened.get(session);
       if (!video) throw new Error('the video is closed');
-      if (video.source) {
-        let got = null;
-        while (video.count < frame) {
-          got = await next(session, video.count + 1 === frame);
-          if (!got) throw new Error('the video has no such frame');
-        }
-        if (got?.picture) return got.picture;
-      }
-      return thread('picture', { session, frame, width: video.width, height: video.height });
+      const picture = pushed.has(session) ? await pushed.picture(session, frame) : null;
+      return picture || thread('picture', { session, frame, width: video.width, height: video.height });
     },
     link: (session, name) => links.get(name),
-    // A saved file as text.
-    async text(session, name) {
-      const bytes = await thread('file', { session, name });
-      return bytes && new TextDecoder().decode(bytes);
-    },
+    // A saved file, and one as text.
+    blob: (session, name) => thread('file', { session, name }),
+    text: async (session, name) => (await thread('file', { session, name }))?.text(),
     // Something that was chosen, for `open`.
     offer(entry) {
       const path = String(chosen.size);
@@ -116,8 +89,9 @@ function localTracker() {
       return { name: entry.name, path, kind: 'video' };
     },
     size: () => thread('size'),
-    // Frames that were not seen.
-    missed: session => opened.get(session)?.source?.missed || 0,
+    // Frames that were not seen; those that the browser decoded, and why it does no longer.
+    missed: session => pushed.missed(session),
+    decoded: session => thread('decoded', { session }),
   };
 }
 // In the place of the tracker behind a server.

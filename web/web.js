@@ -28,11 +28,6 @@ tabs.forEach(({ tab }, i) => {
   });
 });
 
-byId('want-film').closest('label').hidden = true;
-byId('want-film').checked = false;
-byId('want-report').closest('label').previousElementSibling.lastChild.textContent = ' boxes.txt, track.csv, track.jsonl';
-byId('state').after(element('p', { id: 'missed', class: 'missed', role: 'status', hidden: '' }));
-
 let described = null;
 function describeVideo() {
   if (!described) return;
@@ -40,17 +35,8 @@ function describeVideo() {
 }
 async function choose(entry) {
   await open_(tracker.offer(entry));
-  const { live } = page.video;
   described = [byId('title').textContent, byId('about').textContent];
-  tellMissed({ missed: 0 });
-  document.body.classList.toggle('live', !!live);
-  // A camera's results cannot be run once more for a report, nor given by a command.
-  const again = live === undefined;
-  byId('want-report').closest('label').hidden = !again;
-  byId('want-report').checked = again;
-  byId('command').closest('details').hidden = !again;
   byId('screen').focus({ preventScroll: true });
-  if (live) doing(play)();
 }
 const collator = new Intl.Collator('en', { numeric: true });
 // Files that were dropped or picked: a video, or pictures with their true boxes perhaps.

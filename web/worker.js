@@ -1,15 +1,61 @@
 // The tracker in a thread of its own: messages in, answers out, one after the other.
 import { load } from './binding.js';
+import { decoderOf } from './codecs.js';
 
-const files = new Map();
+const files = new Map(), decoders = new Map();
 const readFile = (id, at, length) => new Uint8Array(new FileReaderSync().readAsArrayBuffer(files.get(id).slice(at, at + length)));
 const tracker = (async () => load(await (await fetch('foveate.wasm')).arrayBuffer(), readFile))();
+// How long frames are tracked in for one message, milliseconds: so long does a pause take.
+const LONGEST_STEP = 100;
+
+// The browser's decoder of a video, while it does.
+const decoderNow = session => decoders.get(session)?.decoder;
+// Tracks frames; each is decoded by the browser where it can, else by the tracker itself: none is left out.
+async function step(t, { session, frames }) {
+  let all = null;
+  for (const began = performance.now(); frames > 0 && (!all || performance.now() - began < LONGEST_STEP); frames--) {
+    const decoder = decoderNow(session), { next } = t.ask({ op: 'next', session });
+    if (decoder && next && next !== decoders.get(session).given) {
+      try {
+        const { width, height, nv12, bytes } = await decoder.frame(next);
+        if (!t.decoded(session, next, width, height, nv12, bytes)) throw new Error('the frame has another size');
+        decoders.get(session).given = next;
+      } catch (error) {
+        const last = next > decoders.get(session).last;
+        if (!last) {
+          decoder.close();
+          Object.assign(decoders.get(session), { decoder: null, why: error.message });
+        }
+      }
+    }
+    const { targets } = t.ask({ op: 'step', session, frames: 1 });
+    all = all ? all.map((before, i) => ({ ...targets[i], rows: [...before.rows, ...targets[i].rows], detail: targets[i].detail ?? before.detail })) : targets;
+    if (targets.every(target => target.ended)) break;
+  }
+  return { targets: all };
+}
 
 const does = {
-  ask: (t, { message, give = [] }) => {
+  ask: async (t, { message, give = [] }) => {
     for (const [id, file] of give) files.set(id, file);
+    if (message.op === 'step') return [await step(t, message)];
+    if (message.op === 'close') {
+      decoderNow(message.session)?.close();
+      decoders.delete(message.session);
+    }
     return [t.ask(message)];
   },
+  // Lets the browser decode a file, where it can.
+  async decode(t, { session, file }) {
+    try {
+      const list = t.ask({ op: 'coded', session });
+      const decoder = await decoderOf(list, (at, length) => readFile(file, at, length));
+      if (decoder) decoders.set(session, { decoder, counts: decoder.counts, last: list.frames.reduce((most, frame) => Math.max(most, frame), 0) });
+      return [!!decoder];
+    } catch { return [false]; }
+  },
+  // How many frames the browser decoded, and why it does no longer.
+  decoded: (t, { session }) => [{ frames: decoders.get(session)?.counts.decoded ?? 0, why: decoders.get(session)?.why ?? null }],
   forget: (t, { ids }) => { ids.forEach(id => files.delete(id)); return [null]; },
   async picture(t, { session, frame, width, height }) {
     const pixels = t.picture(session, frame);
@@ -22,9 +68,11 @@ const does = {
     if (frame < 0) throw new Error('a frame has another size than the first one; open the video again');
     return [frame];
   },
+  // A saved file, piece by piece: the tracker never has it whole.
   file(t, { session, name }) {
-    const bytes = t.file(session, name);
-    return [bytes && bytes.buffer, ...(bytes ? [bytes.buffer] : [])];
+    const pieces = [];
+    for (let piece; (piece = t.file(session, name, pieces.length)); ) pieces.push(piece);
+    return [pieces.length ? new Blob(pieces, { type: 'application/octet-stream' }) : null];
   },
   size: t => [t.size()],
 };

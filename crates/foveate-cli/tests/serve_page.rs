@@ -108,6 +108,36 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     assert_eq!(browser.value("document.querySelectorAll('.arm').length"), json!(9));
     assert_eq!(browser.value("byId('seen').width > 8"), json!(true));
 
+    // A second target on something else: followed at once, its box beside the first one's, with results of its own.
+    browser.show(5);
+    browser.draw([40.0, 30.0, 50.0, 40.0]);
+    assert_eq!(browser.value("byId('add').hidden"), json!(false));
+    browser.click("#add");
+    browser.until("page.targets.length === 2 && page.target === 1 && page.ended && !page.playing && !page.busy");
+    assert_eq!(
+        browser.value("page.targets.map(target => [target.first, target.rows.length])"),
+        json!([[1, FRAMES], [5, FRAMES - 4]])
+    );
+    assert_eq!(browser.value("byId('targets').hidden || byId('targets').children.length"), json!(3));
+    browser.show(FRAMES);
+    for (scheme, width) in [("light", 1280), ("dark", 400)] {
+        look(&mut browser, scheme, width);
+        browser.picture(&format!("targets-{scheme}-{width}"));
+    }
+    look(&mut browser, "light", 1280);
+    // By keys: the first one again; then the second one is dropped.
+    browser.value("byId('targets').children[0].focus(), true");
+    browser.key("Enter", 0);
+    browser.value("document.activeElement.click(), true");
+    browser.until("page.target === 0 && page.first === 1 && !page.busy && shown.frame === page.frame");
+    browser.click("#save-go");
+    // Of each boxes.txt, track.csv, report.html, and what its policy learned.
+    browser.until("document.querySelectorAll('#files a').length === 8");
+    browser.value("byId('targets').children[1].click(), true");
+    browser.until("page.target === 1");
+    browser.value("byId('targets').children[2].click(), true");
+    browser.until("page.targets.length === 1 && page.target === 0 && byId('targets').hidden && !page.busy");
+
     // A box drawn while it tracks pauses it, and stays where it was drawn.
     browser.value(
         "byId('pace').value = 1, byId('scrub').value = 1, byId('scrub').dispatchEvent(new Event('input')), true",
@@ -135,8 +165,7 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
 
     // Both colour schemes, narrow and wide.
     for scheme in ["light", "dark"] {
-        let media = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
-        browser.call("Emulation.setEmulatedMedia", media);
+        look(&mut browser, scheme, 1280);
         for pair in
             ["'ink','card'", "'soft','card'", "'soft','page'", "'soft','sunken'", "'ink','sunken'", "'target','card'"]
         {
@@ -144,11 +173,7 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
             assert!(contrast >= 4.5, "{scheme}, {pair}: {contrast}");
         }
         for width in [1280, 400] {
-            browser.call(
-                "Emulation.setDeviceMetricsOverride",
-                json!({ "width": width, "height": 900, "deviceScaleFactor": 1, "mobile": false }),
-            );
-            std::thread::sleep(Duration::from_millis(200));
+            look(&mut browser, scheme, width);
             let widest = browser.value("document.documentElement.scrollWidth - innerWidth").as_f64();
             assert!(widest.is_some_and(|more| more <= 0.0), "nothing is wider than the page: {widest:?}");
             browser.picture(&format!("{scheme}-{width}"));
@@ -156,5 +181,77 @@ fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     }
     let unnamed = "[...document.querySelectorAll('button, input, select, canvas')].filter(e => !(e.getAttribute('aria-label') || e.textContent.trim() || e.labels?.length)).map(e => e.outerHTML)";
     assert_eq!(browser.value(unnamed), json!([]), "everything that is used has a name");
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
+/// Sets the colour scheme and the width.
+fn look(browser: &mut Browser, scheme: &str, width: usize) {
+    let media = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
+    browser.call("Emulation.setEmulatedMedia", media);
+    browser.call(
+        "Emulation.setDeviceMetricsOverride",
+        json!({ "width": width, "height": 900, "deviceScaleFactor": 1, "mobile": false }),
+    );
+    std::thread::sleep(Duration::from_millis(200));
+}
+
+/// The browser's own camera, pretended: its frames go to the server, are tracked there, and results are saved.
+#[test]
+fn the_browsers_camera_is_followed_by_the_server() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let camera = dir.path().join("camera.y4m");
+    let (w, h) = served::SIZE;
+    let mut bytes = format!("YUV4MPEG2 W{w} H{h} F15:1 Ip A1:1 C420jpeg\n").into_bytes();
+    for t in (0..FRAMES).chain((0..FRAMES).rev()) {
+        bytes.extend_from_slice(b"FRAME\n");
+        bytes.extend_from_slice(&served::picture(t));
+        bytes.resize(bytes.len() + w * h / 2, 128);
+    }
+    std::fs::write(&camera, bytes).expect("a writable folder");
+    let capture = format!("--use-file-for-fake-video-capture={}", camera.display());
+    let fake = ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream", &capture];
+    let Some(mut browser) = Browser::start_with(dir.path(), &fake) else {
+        eprintln!("skipped: no chromium that runs here");
+        return;
+    };
+    clip(&dir.path().join("seen/clip"));
+    let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural-fast"]);
+    browser.call("Page.navigate", json!({ "url": server.url }));
+    browser.until("document.querySelectorAll('.entries button').length === 1");
+    browser.picture("choose");
+    browser.click("#pick-camera");
+    browser.until("!byId('stage').hidden && shown && page.frame > 3");
+    browser.value("pause(), true");
+    browser.until("!page.playing && shown.frame === page.frame");
+    // Where the target is in the picture shown: the lightest square on a coarse grid, then the nearest frame.
+    let nearest = |jpeg: &[u8]| {
+        let image = foveate::video::decode_image(jpeg).expect("a picture");
+        let apart = |t: &usize| -> u64 {
+            served::picture(*t).iter().zip(image.plane(0)).map(|(a, b)| u64::from(a.abs_diff(*b))).sum()
+        };
+        (0..FRAMES).min_by_key(apart).expect("some")
+    };
+    let at = |browser: &mut Browser| {
+        let place = browser.value("[page.video.session, page.frame]");
+        let (_, jpeg) = server.get(&format!("/frame?session={}&frame={}", place[0], place[1]));
+        nearest(&jpeg)
+    };
+    let first = at(&mut browser);
+    browser.draw(truth(first));
+    browser.click("#go");
+    browser.until("page.rows.length > 40");
+    browser.value("pause(), true");
+    browser.until("!page.playing && !page.busy && shown.frame === page.frame");
+    let now = at(&mut browser);
+    let shown: [f64; 4] = serde_json::from_value(browser.value("lastRow().box")).expect("a box");
+    assert!(iou(shown, truth(now)) >= 0.5, "{shown:?} is not {:?}", truth(now));
+    assert_eq!(browser.value("byId('want-report').closest('label').hidden"), json!(true));
+    let tracked = browser.value("page.targets[0].count").as_u64().expect("a number") as usize;
+    browser.click("#save-go");
+    browser.until("document.querySelectorAll('#files a').length === 3");
+    let href = browser.value("document.querySelectorAll('#files a')[2].getAttribute('href')");
+    let (status, text) = server.get(&format!("/{}", href.as_str().expect("a link")));
+    assert_eq!((status, String::from_utf8_lossy(&text).lines().count()), (200, tracked));
+    browser.picture("camera");
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }

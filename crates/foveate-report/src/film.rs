@@ -6,6 +6,7 @@ use crate::draw::{Drawing, text_width};
 use crate::run::touching;
 use crate::{Annotator, Baseline, MultiAnnotator, MultiObserver, Observer, RunInfo};
 use foveate_base::files::folder_of;
+use foveate_base::sink::{Memory, Sink};
 use foveate_base::{Error, Result};
 use foveate_core::Tracker;
 use foveate_core::geometry::{BBox, State};
@@ -20,6 +21,8 @@ const USUAL_RATE: f64 = 30.0;
 /// A video in the making; its size follows from the first picture.
 struct Video {
     path: PathBuf,
+    /// In the place of a file.
+    memory: Option<Memory>,
     rate: f64,
     bit_rate: Option<f64>,
     writer: Option<Mp4Writer>,
@@ -28,12 +31,22 @@ struct Video {
 impl Video {
     fn create(path: PathBuf, info: &RunInfo) -> Result<Self> {
         writable(&path)?;
+        Ok(Self::of(path, None, info))
+    }
+    fn of(path: PathBuf, memory: Option<Memory>, info: &RunInfo) -> Self {
         let rate = if info.rate.is_finite() && info.rate > 0.0 { info.rate } else { USUAL_RATE };
-        Ok(Self { path, rate, bit_rate: info.bit_rate, writer: None })
+        Self { path, memory, rate, bit_rate: info.bit_rate, writer: None }
     }
     fn push(&mut self, picture: &Image) -> Result<()> {
         if self.writer.is_none() {
-            let writer = Mp4Writer::create(&self.path, picture.width(), picture.height(), self.rate)?;
+            let (width, height, rate) = (picture.width(), picture.height(), self.rate);
+            let writer = match &self.memory {
+                Some(memory) => {
+                    let sink = Sink::memory(&self.path, memory.clone());
+                    Mp4Writer::to(sink, &self.path, width, height, rate)?
+                }
+                None => Mp4Writer::create(&self.path, width, height, rate)?,
+            };
             self.writer = Some(writer.aiming_at(self.bit_rate));
         }
         self.writer.as_mut().expect("made above").push(picture)
@@ -61,6 +74,11 @@ impl Film {
     /// Its folder is not there.
     pub fn create(path: impl Into<PathBuf>, info: &RunInfo) -> Result<Self> {
         Ok(Self { video: Video::create(path.into(), info)?, annotator: Annotator::new(info) })
+    }
+
+    /// The same into memory; `name` stands for the file in errors.
+    pub fn to(memory: Memory, name: impl Into<PathBuf>, info: &RunInfo) -> Self {
+        Self { video: Video::of(name.into(), Some(memory), info), annotator: Annotator::new(info) }
     }
 }
 

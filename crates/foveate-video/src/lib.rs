@@ -4,6 +4,7 @@
 pub mod ahead;
 pub mod annotation;
 mod child;
+pub mod coded;
 pub mod decode;
 mod decoded;
 pub mod encode;
@@ -34,6 +35,7 @@ mod yuv;
 
 pub use ahead::{ahead, ahead_until};
 pub use child::Interrupt;
+pub use coded::{CodedFrame, CodedVideo, Planes};
 pub use decode::{decode_image, read_image};
 pub use encode::{encode_jpeg, encode_png, save_png};
 pub use file::VideoFile;

@@ -12,6 +12,8 @@ use crate::decoded::{DecodeError, Decoded};
 const MAX_INDEX: u64 = 1 << 29;
 const MAX_BOXES: usize = 1 << 20;
 const MAX_FRAMES: u64 = 1 << 24;
+/// Of a fragment's sample flags: it needs others.
+const NOT_A_KEY: u32 = 0x1_0000;
 
 /// What the index says of the first H.264 track.
 #[derive(Debug)]
@@ -39,6 +41,8 @@ pub(super) struct Sample {
     pub time: i64,
     /// False where an edit list cuts the frame away; it is decoded all the same.
     pub shown: bool,
+    /// Whether the index says that it needs no other frame.
+    pub key: bool,
 }
 
 /// Reads the index of a file of `len` bytes.
@@ -185,6 +189,10 @@ fn sample_table(stbl: &[u8], len: u64) -> Decoded<(Vec<Sample>, Option<String>)>
     let chunks = narrow.chain(wide.map(|[high, low]| u64::from(high) << 32 | u64::from(low)));
     let mut layout = child(stbl, b"stsc").into_iter().flat_map(rows::<3>).peekable();
 
+    // Without a list of them every frame is one.
+    let listed = child(stbl, b"stss");
+    let mut keys = listed.into_iter().flat_map(rows::<1>).map(|[number]| number as usize).peekable();
+
     let mut samples = Vec::new();
     let (mut decoded, mut delta, mut per_chunk) = (0, 0, 0);
     for (number, mut offset) in (1..).zip(chunks) {
@@ -194,7 +202,9 @@ fn sample_table(stbl: &[u8], len: u64) -> Decoded<(Vec<Sample>, Option<String>)>
         for _ in 0..per_chunk.min(count - samples.len() as u32) {
             let size = sizes.next().unwrap_or(0);
             let time = decoded + i64::from(shifts.next().unwrap_or(0) as i32);
-            samples.push(Sample { offset, size, time, shown: true });
+            while keys.next_if(|&number| number <= samples.len()).is_some() {}
+            let key = listed.is_none() || keys.peek() == Some(&(samples.len() + 1));
+            samples.push(Sample { offset, size, time, shown: true, key });
             offset = offset.saturating_add(u64::from(size));
             delta = deltas.next().unwrap_or(delta);
             decoded += i64::from(delta);
@@ -216,7 +226,7 @@ fn fragments(
 ) -> Result<(), String> {
     let trex = child(moov, b"mvex").into_iter().flat_map(boxes).filter(|(name, _)| name == b"trex");
     let defaults = trex.map(|(_, trex)| rows_at::<5>(trex, 4)).find_map(|mut rows| rows.next().filter(|r| r[0] == id));
-    let [_, _, default_delta, default_size, _] = defaults.unwrap_or_default();
+    let [_, _, default_delta, default_size, default_flags] = defaults.unwrap_or_default();
     let mut decoded = 0;
     for (start, moof) in moofs {
         let mut end = *start;
@@ -238,6 +248,7 @@ fn fragments(
             let _description = optional(2).ok_or(&what)?;
             let default_delta = optional(8).ok_or(&what)?.unwrap_or(default_delta);
             let default_size = optional(16).ok_or(&what)?.unwrap_or(default_size);
+            let default_flags = optional(32).ok_or(&what)?.unwrap_or(default_flags);
             if let Some(tfdt) = child(traf, b"tfdt") {
                 let long = tfdt.first() == Some(&1);
                 let mut c = Cursor(tfdt.get(4..).ok_or(&what)?);
@@ -250,9 +261,7 @@ fn fragments(
                 if flags & 1 != 0 {
                     end = base.saturating_add_signed(i64::from(c.u32().ok_or(&what)? as i32));
                 }
-                if flags & 4 != 0 {
-                    c.u32().ok_or(&what)?;
-                }
+                let mut first_flags = if flags & 4 != 0 { Some(c.u32().ok_or(&what)?) } else { None };
                 let fields = u64::from((flags >> 8 & 15).count_ones());
                 let room = (c.0.len() as u64).checked_div(4 * fields).unwrap_or(len / 4);
                 if u64::from(count) > room || samples.len() as u64 + u64::from(count) > MAX_FRAMES.min(len / 4) {
@@ -261,9 +270,10 @@ fn fragments(
                 for _ in 0..count {
                     let mut field = |bit, default| if flags & bit == 0 { default } else { c.u32().unwrap_or(default) };
                     let (delta, size) = (field(0x100, default_delta), field(0x200, default_size));
-                    let (_, shift) = (field(0x400, 0), field(0x800, 0) as i32);
+                    let (own, shift) = (field(0x400, default_flags), field(0x800, 0) as i32);
                     let time = decoded.saturating_add(i64::from(shift));
-                    samples.push(Sample { offset: end, size, time, shown: true });
+                    let key = first_flags.take().unwrap_or(own) & NOT_A_KEY == 0;
+                    samples.push(Sample { offset: end, size, time, shown: true, key });
                     end = end.saturating_add(u64::from(size));
                     decoded = decoded.saturating_add(i64::from(delta));
                 }

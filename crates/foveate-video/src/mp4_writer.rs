@@ -38,7 +38,7 @@ pub struct Mp4Writer {
     timescale: u32,
     colour: Colour,
     group: Vec<Yuv>,
-    busy: VecDeque<JoinHandle<Coded>>,
+    busy: VecDeque<Coding>,
     threads: usize,
     track: Track,
     written: u64,
@@ -55,6 +55,12 @@ struct Group {
     bits: Option<f64>,
 }
 
+/// A group that is being coded, or was: where there are no threads it is at once.
+enum Coding {
+    Thread(JoinHandle<Coded>),
+    Done(Coded),
+}
+
 /// Coded frames with start codes, or why there are none.
 type Coded = std::result::Result<Vec<Vec<u8>>, String>;
 
@@ -66,6 +72,21 @@ impl Mp4Writer {
     /// above 0 and below 4 million; [`Error::Io`] where the folder cannot be written.
     pub fn create(path: impl AsRef<Path>, width: usize, height: usize, rate: f64) -> Result<Self> {
         let path = path.as_ref();
+        let timescale = Self::check(path, width, height, rate)?;
+        Self::begin(Sink::create(path)?, width, height, timescale)
+    }
+
+    /// The same into something else than a file of its own; `name` stands for it in errors.
+    ///
+    /// # Errors
+    /// As [`Mp4Writer::create`].
+    pub fn to(sink: Sink, name: impl AsRef<Path>, width: usize, height: usize, rate: f64) -> Result<Self> {
+        let timescale = Self::check(name.as_ref(), width, height, rate)?;
+        Self::begin(sink, width, height, timescale)
+    }
+
+    /// Time units in a second of a video that can be written.
+    fn check(path: &Path, width: usize, height: usize, rate: f64) -> Result<u32> {
         let blocks = width.div_ceil(16).saturating_mul(height.div_ceil(16));
         if blocks == 0 || blocks > MAX_BLOCKS || width.max(height) > 16384 {
             return Err(Error::Invalid(format!(
@@ -80,14 +101,17 @@ impl Mp4Writer {
                 path.display()
             )));
         }
-        let mut sink = Sink::create(path)?;
+        Ok(timescale as u32)
+    }
+
+    fn begin(mut sink: Sink, width: usize, height: usize, timescale: u32) -> Result<Self> {
         let head = file_type();
         sink.write(&head)?;
         Ok(Self {
             sink,
             width,
             height,
-            timescale: timescale as u32,
+            timescale,
             colour: Colour::new(None, false, width, height),
             group: Vec::new(),
             busy: VecDeque::new(),
@@ -160,7 +184,10 @@ impl Mp4Writer {
         }
         let quantiser = self.quantiser(&frames)?;
         self.groups.push(Group { quantiser, frames: frames.len(), bits: None });
-        self.busy.push_back(std::thread::spawn(move || coded(frames, quantiser)));
+        self.busy.push_back(match cfg!(target_family = "wasm") {
+            true => Coding::Done(coded(frames, quantiser)),
+            false => Coding::Thread(std::thread::spawn(move || coded(frames, quantiser))),
+        });
         Ok(())
     }
 
@@ -185,8 +212,12 @@ impl Mp4Writer {
         Ok(wanted.round().clamp(f64::from(FINEST), f64::from(COARSEST)) as u8)
     }
 
-    fn write_group(&mut self, group: JoinHandle<Coded>) -> Result<()> {
-        let frames = group.join().unwrap_or_else(|_| Err("the encoder failed".into())).map_err(refused)?;
+    fn write_group(&mut self, group: Coding) -> Result<()> {
+        let frames = match group {
+            Coding::Thread(thread) => thread.join().unwrap_or_else(|_| Err("the encoder failed".into())),
+            Coding::Done(coded) => coded,
+        };
+        let frames = frames.map_err(refused)?;
         let mut body = Vec::new();
         self.track.keys.push(self.track.sizes.len() as u32 + 1);
         for frame in frames {

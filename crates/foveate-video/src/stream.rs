@@ -10,7 +10,7 @@ use crate::decoded::{DecodeError, Decoded, Picture};
 use crate::feed::Feed;
 use crate::h264::{Decoder, Setup};
 use crate::mp4;
-use crate::mp4::Movie;
+use crate::mp4::{Movie, Sample};
 use crate::yuv::{Colour, Yuv};
 use foveate_core::scene::Image;
 
@@ -160,13 +160,33 @@ impl Mp4 {
             Ok(next) => next,
             Err(trouble) => return Some(Err(trouble)),
         };
+        Some(Ok((self.image(&yuv), time)))
+    }
+
+    /// A picture as it is shown: in the video's colours, turned as it says.
+    pub fn image(&self, yuv: &Yuv) -> Image {
         let sps = self.setup.sps.unwrap_or_default();
         let (matrix, full) = match (sps.matrix, self.movie.colour) {
             (None | Some(2), Some((matrix, full))) => (Some(matrix), full || sps.full_range),
             (matrix, _) => (matrix, sps.full_range),
         };
         let image = yuv.to_rgb(Colour::new(matrix, full, yuv.width, yuv.height));
-        Some(Ok((turned(image, self.movie.turns), time)))
+        turned(image, self.movie.turns)
+    }
+
+    /// The decoder configuration record.
+    pub fn description(&self) -> &[u8] {
+        &self.movie.avcc
+    }
+
+    /// The samples in decoding order, and of each its place in the order of presentation, where it is shown.
+    pub fn samples(&self) -> impl Iterator<Item = (&Sample, Option<u32>)> {
+        self.movie.samples.iter().zip(self.rank.iter().copied())
+    }
+
+    /// Seconds of a place in the order of presentation, from the first frame shown; `None` where there is none.
+    pub fn time_of(&self, place: usize) -> Option<f64> {
+        self.order.get(place).map(|&sample| self.time(sample))
     }
 
     /// The next picture as it was coded.

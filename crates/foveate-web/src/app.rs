@@ -7,12 +7,14 @@ use std::sync::Arc;
 use foveate_base::files::{Nowhere, TEXT};
 use foveate_base::{Error, Result};
 use foveate_core::config::{Config, POLICIES};
-use foveate_report::interactive::{Setup, boxed, offered};
+use foveate_report::interactive::{MOST_TARGETS, Setup, boxed, offered};
+use foveate_video::Planes;
 use foveate_video::annotation::parse_boxes;
 use serde_json::{Value, json};
 
 use crate::lesson::Lesson;
 use crate::message::Message;
+use crate::save::Wanted;
 use crate::session::Session;
 use crate::store::{Given, Store, Video};
 
@@ -60,9 +62,15 @@ impl App {
         self.sessions.get(&session)?.push(rgba, time, missed).ok().map(|index| index + 1)
     }
 
-    /// A saved file; `None` where there is none of that name.
-    pub fn file(&self, session: u64, name: &str) -> Option<Vec<u8>> {
-        self.sessions.get(&session)?.file(name)
+    /// Takes the planes of a frame (from 1) that the browser decoded, its width and height as coded; whether they fit.
+    pub fn decoded(&mut self, session: u64, frame: usize, size: (usize, usize), planes: Planes, bytes: &[u8]) -> bool {
+        let session = self.sessions.get(&session).zip(frame.checked_sub(1));
+        session.is_some_and(|(session, place)| session.decoded(place, size, planes, bytes).is_ok())
+    }
+
+    /// A piece of a saved file, from 0; `None` after the last one, or where there is none of that name.
+    pub fn file(&self, session: u64, name: &str, piece: usize) -> Option<Vec<u8>> {
+        self.sessions.get(&session)?.file(name, piece)
     }
 
     fn session(&mut self, id: u64) -> Result<&mut Session> {
@@ -100,15 +108,20 @@ impl App {
                 Ok(json!({}))
             }
             Message::Propose { session, frame, at } => self.session(session)?.propose(frame, at),
-            Message::Start { session, frame, bbox, config, policy, seed } => {
+            Message::Start { session, target, frame, bbox, config, policy, seed } => {
                 let setup = setup(config, policy, seed)?;
-                self.session(session)?.start(setup, frame, boxed(bbox))
+                self.session(session)?.start(target, setup, frame, boxed(bbox))
             }
+            Message::Next { session } => Ok(json!({ "next": self.session(session)?.next() })),
+            Message::Coded { session } => self.session(session)?.coded(),
+            Message::Remove { session, target } => self.session(session)?.remove(target),
             Message::Step { session, frames } => self.session(session)?.step(frames),
-            Message::Detail { session, frame } => Ok(self.session(session)?.detail(frame)),
-            Message::Correct { session, frame, bbox } => self.session(session)?.correct(frame, boxed(bbox)),
+            Message::Detail { session, target, frame } => Ok(self.session(session)?.detail(target, frame)),
+            Message::Correct { session, target, frame, bbox } => {
+                self.session(session)?.correct(target, frame, boxed(bbox))
+            }
             Message::Command { session } => Ok(json!({ "command": self.session(session)?.command()? })),
-            Message::Save { session, report } => self.session(session)?.save(report),
+            Message::Save { session, report, film } => self.session(session)?.save(Wanted { report, film }),
             Message::Saved { session } => self.session(session)?.saved(),
             Message::Lesson { scene, policy } => {
                 self.lesson = None;
@@ -145,7 +158,7 @@ fn hello() -> Value {
     let configs = offered(|config| config.check(&Nowhere).is_ok());
     json!({
         "version": env!("CARGO_PKG_VERSION"), "pick": false, "roots": [], "configs": configs, "policies": POLICIES,
-        "config": "natural", "policy": null,
+        "config": "natural", "policy": null, "targets": MOST_TARGETS,
     })
 }
 

@@ -4,6 +4,8 @@
 use std::io::{Error, ErrorKind, Result};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use foveate_video::Planes;
+
 use crate::{App, Store};
 
 #[link(wasm_import_module = "page")]
@@ -87,8 +89,19 @@ pub extern "C" fn push(session: f64, time: f64, missed: f64) -> i32 {
     number
 }
 
-/// A saved file, whose name is in the input.
+/// Takes the planes in the input as a frame (from 1) that the browser decoded: I420, or NV12; 1, or 0 where they do not fit.
 #[unsafe(no_mangle)]
-pub extern "C" fn file(session: f64) -> i32 {
-    answer(|app, input| app.file(session as u64, &String::from_utf8_lossy(input)))
+pub extern "C" fn decoded(session: f64, frame: usize, width: usize, height: usize, nv12: i32) -> i32 {
+    let (mut fits, planes) = (false, if nv12 == 0 { Planes::I420 } else { Planes::Nv12 });
+    answer(|app, input| {
+        fits = app.decoded(session as u64, frame, (width, height), planes, input);
+        None
+    });
+    i32::from(fits)
+}
+
+/// A piece, from 0, of a saved file whose name is in the input; −1 after the last one.
+#[unsafe(no_mangle)]
+pub extern "C" fn file(session: f64, piece: usize) -> i32 {
+    answer(|app, input| app.file(session as u64, &String::from_utf8_lossy(input), piece))
 }

@@ -5,13 +5,12 @@
 
 #![deny(unsafe_code)]
 
+mod ahead;
 mod app;
 #[cfg(target_arch = "wasm32")]
 #[allow(unsafe_code)] // for names that the linker must not change; no block of it
 mod exports;
 mod lesson;
-mod live;
-mod log;
 mod message;
 mod save;
 mod session;

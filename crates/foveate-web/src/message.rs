@@ -34,6 +34,9 @@ pub enum Message {
     },
     Start {
         session: u64,
+        /// From 0; one that is not there yet is added.
+        #[serde(default)]
+        target: usize,
         frame: usize,
         #[serde(rename = "box")]
         bbox: [f64; 4],
@@ -45,12 +48,28 @@ pub enum Message {
         session: u64,
         frames: usize,
     },
+    /// The frame that will be tracked next.
+    Next {
+        session: u64,
+    },
+    /// What a decoder of the browser needs.
+    Coded {
+        session: u64,
+    },
+    Remove {
+        session: u64,
+        target: usize,
+    },
     Detail {
         session: u64,
+        #[serde(default)]
+        target: usize,
         frame: usize,
     },
     Correct {
         session: u64,
+        #[serde(default)]
+        target: usize,
         frame: usize,
         #[serde(rename = "box")]
         bbox: [f64; 4],
@@ -61,6 +80,8 @@ pub enum Message {
     Save {
         session: u64,
         report: bool,
+        #[serde(default)]
+        film: bool,
     },
     Saved {
         session: u64,

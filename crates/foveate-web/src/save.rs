@@ -1,4 +1,4 @@
-//! report.html: the track is run once more, some frames at a time, as `foveate track` does it.
+//! report.html and annotated.mp4: the track is run once more, some frames at a time, as `foveate track` does it.
 
 use std::collections::BTreeMap;
 
@@ -7,25 +7,32 @@ use foveate_base::{Error, Result};
 use foveate_core::Tracker;
 use foveate_core::geometry::BBox;
 use foveate_report::interactive::{Frames, Setup};
-use foveate_report::{Observer, Report, RunInfo};
+use foveate_report::{Film, Observer, Report, RunInfo};
 
-/// A report in the making.
+/// What is to be made.
+#[derive(Clone, Copy)]
+pub struct Wanted {
+    pub report: bool,
+    pub film: bool,
+}
+
+/// Files in the making.
 pub struct Saving {
     tracker: Tracker,
     player: Box<dyn Frames>,
-    report: Report,
-    out: Memory,
+    making: Vec<(&'static str, Box<dyn Observer + Send>, Memory)>,
     given: BTreeMap<usize, BBox>,
     next: usize,
     last: usize,
     /// Frames so far.
     pub count: usize,
-    /// The page, once it is whole.
-    pub page: Option<Vec<u8>>,
+    /// Names and bytes, once they are whole.
+    pub files: Option<Vec<(&'static str, Vec<u8>)>>,
 }
 
 impl Saving {
     pub fn begin(
+        wanted: Wanted,
         setup: &Setup,
         info: RunInfo,
         player: Box<dyn Frames>,
@@ -34,31 +41,43 @@ impl Saving {
     ) -> Result<Self> {
         let first = given.keys().next().copied();
         let first = first.ok_or_else(|| Error::Invalid("there is no track yet; start one".into()))?;
-        let (tracker, out) = (setup.blueprint.tracker(setup.seed)?, Memory::default());
-        let report = Report::to(Sink::memory("report.html", out.clone()), info);
-        Ok(Self { tracker, player, report, out, given, next: first, last, count: 0, page: None })
+        let tracker = setup.blueprint.tracker(setup.seed)?;
+        let mut making: Vec<(&'static str, Box<dyn Observer + Send>, Memory)> = vec![];
+        if wanted.film {
+            let (name, out) = ("annotated.mp4", Memory::default());
+            making.push((name, Box::new(Film::to(out.clone(), name, &info)), out));
+        }
+        if wanted.report {
+            let (name, out) = ("report.html", Memory::default());
+            making.push((name, Box::new(Report::to(Sink::memory(name, out.clone()), info)), out));
+        }
+        Ok(Self { tracker, player, making, given, next: first, last, count: 0, files: None })
     }
 
     /// Goes on for at most so many frames.
     pub fn go_on(&mut self, frames: usize) -> Result<()> {
         for _ in 0..frames {
-            if self.page.is_some() {
+            if self.files.is_some() {
                 break;
             }
             let frame = if self.next <= self.last { self.player.frame(self.next)? } else { None };
             let Some(frame) = frame else {
-                self.report.finish()?;
-                self.page = Some(self.out.take());
+                let finished = self.making.drain(..).map(|(name, mut file, out)| {
+                    file.finish()?;
+                    Ok((name, out.take()))
+                });
+                self.files = Some(finished.collect::<Result<_>>()?);
                 break;
             };
+            let mut files = self.making.iter_mut().map(|(_, file, _)| file);
             match self.given.get(&self.next) {
                 Some(bbox) => {
                     self.tracker.init(&frame.image, *bbox)?;
-                    self.report.start(&frame, bbox)?;
+                    files.try_for_each(|file| file.start(&frame, bbox))?;
                 }
                 None => {
                     let seen = self.tracker.update(&frame.image)?;
-                    self.report.observe(&frame, &seen.step)?;
+                    files.try_for_each(|file| file.observe(&frame, &seen.step))?;
                 }
             }
             self.next += 1;

@@ -1,34 +1,37 @@
-//! A video that is open: its frames, its track, its results.
+//! A video that is open: its frames, its tracks, its results.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use foveate_base::{Error, Result};
 use foveate_core::geometry::BBox;
+use foveate_core::scene::{Image, Pixels};
 use foveate_report::RunInfo;
-use foveate_report::interactive::{Frames, Player, Reopen, Setup, Track, check_size, described, proposed};
-use foveate_video::SourceInfo;
+use foveate_report::interactive::{
+    FILES, Frames, Player, Recent, Reopen, Results, Setup, Tracks, check_size, described, named, proposed, target_of,
+};
+use foveate_video::{CodedVideo, Planes, SourceInfo};
 use serde_json::{Value, json};
 
-use crate::live::Live;
-use crate::log::{Lines, Log, NAMES};
-use crate::save::Saving;
+use crate::ahead::{Ahead, Decoded};
+use crate::save::{Saving, Wanted};
 use crate::store::Video;
 
 /// Frames of a report made for one message, at most.
 const REPORTED: usize = 10;
+/// Frames of a video that the browser may decode, at most: nine hours at 30 a second. Their list is one message.
+const MOST_CODED: usize = 1 << 20;
 
 /// Where frames come from.
 #[derive(Clone)]
 pub enum Source {
-    Video(Video),
-    Live(Live),
+    Video(Video, Decoded),
+    Live(Recent),
 }
 
 impl Source {
     fn frames(&self) -> Box<dyn Frames> {
         match self {
-            Self::Video(video) => Box::new(Player::new(video.clone())),
+            Self::Video(video, _) => Box::new(Player::new(video.clone())),
             Self::Live(live) => Box::new(live.clone()),
         }
     }
@@ -41,28 +44,34 @@ pub struct Session {
     truth: Vec<Option<BBox>>,
     /// Frames that are looked at, but not tracked.
     frames: Box<dyn Frames>,
-    track: Track,
-    lines: Lines,
-    saving: Option<Saving>,
+    tracks: Tracks,
+    coded: Option<CodedVideo>,
+    /// Of each target.
+    saving: Vec<Saving>,
 }
 
 impl Session {
     /// A video file or pictures.
     pub fn open(name: String, video: Video, truth: Vec<Option<BBox>>) -> Result<Self> {
         let info = video.source(0)?.info().clone();
-        Self::new(name, Source::Video(video), info, truth)
+        let decoded = Decoded::default();
+        let ahead = Box::new(Ahead::new(decoded.clone(), video.clone()));
+        let tracks = Tracks::new(ahead, Results::Kept(None));
+        Self::new(name, Source::Video(video, decoded), tracks, info, truth)
     }
 
     /// Frames that will be pushed.
     pub fn live(name: String, width: usize, height: usize, rate: f64) -> Result<Self> {
         let info = SourceInfo { width, height, frames: None, rate, reader: "the browser".into() };
-        Self::new(name, Source::Live(Live::new(width, height)), info, vec![])
+        let live = Recent::new(width, height);
+        let tracks = Tracks::new(Box::new(live.clone()), Results::Kept(Some(live.meter.clone())));
+        Self::new(name, Source::Live(live), tracks, info, vec![])
     }
 
-    fn new(name: String, source: Source, info: SourceInfo, truth: Vec<Option<BBox>>) -> Result<Self> {
+    fn new(name: String, source: Source, tracks: Tracks, info: SourceInfo, truth: Vec<Option<BBox>>) -> Result<Self> {
         check_size(&info, Path::new(&name))?;
         let frames = source.frames();
-        Ok(Self { name, source, info, truth, frames, track: Track::default(), lines: Lines::default(), saving: None })
+        Ok(Self { name, source, info, truth, frames, tracks, coded: None, saving: vec![] })
     }
 
     pub fn about(&self) -> Value {
@@ -72,16 +81,53 @@ impl Session {
     /// Takes the next frame of a camera; its number from 0.
     pub fn push(&self, rgba: &[u8], time: f64, missed: u64) -> Result<usize> {
         match &self.source {
-            Source::Live(live) => live.push(rgba, time, missed),
-            Source::Video(_) => Err(Error::Invalid("this video is read, not pushed".into())),
+            Source::Live(live) => {
+                let (width, _) = live.size();
+                live.push(Image::from_pixels(Pixels::Rgba, live.size(), 4 * width, rgba)?, time, missed)
+            }
+            Source::Video(..) => Err(Error::Invalid("this video is read, not pushed".into())),
         }
+    }
+
+    /// The samples of H.264 in MP4, for a decoder of the browser; `{"codec": null}` of other sources.
+    pub fn coded(&mut self) -> Result<Value> {
+        let video = match &self.source {
+            Source::Video(video, _) if video.pictures.is_none() => video,
+            _ => return Ok(json!({ "codec": null })),
+        };
+        let coded = video.coded()?;
+        let frames: Vec<_> = coded.frames().take(MOST_CODED + 1).collect();
+        let avcc = coded.description().to_vec();
+        let Some([profile, constraints, level]) = avcc.get(1..4).filter(|_| frames.len() <= MOST_CODED) else {
+            return Ok(json!({ "codec": null }));
+        };
+        self.coded = Some(coded);
+        Ok(json!({
+            "codec": format!("avc1.{profile:02x}{constraints:02x}{level:02x}"), "description": avcc,
+            "offsets": frames.iter().map(|f| f.offset).collect::<Vec<_>>(),
+            "sizes": frames.iter().map(|f| f.size).collect::<Vec<_>>(),
+            "frames": frames.iter().map(|f| f.place.map_or(0, |place| place + 1)).collect::<Vec<_>>(),
+            "keys": frames.iter().map(|f| u8::from(f.key)).collect::<Vec<_>>(),
+        }))
+    }
+
+    /// Takes the planes of a frame (from 0) that the browser decoded.
+    pub fn decoded(&self, place: usize, size: (usize, usize), planes: Planes, bytes: &[u8]) -> Result<()> {
+        match (&self.source, &self.coded) {
+            (Source::Video(_, decoded), Some(coded)) => decoded.push(coded, place, size, planes, bytes, &self.info),
+            _ => Err(Error::Invalid("this video is not decoded by the browser".into())),
+        }
+    }
+
+    /// The frame (from 1) that will be tracked next.
+    pub fn next(&self) -> Option<usize> {
+        self.tracks.next().map(|index| index + 1)
     }
 
     /// The pixels of a frame (from 0), red, green, blue, alpha; `None` where the video ends before.
     pub fn picture(&mut self, index: usize) -> Result<Option<Vec<u8>>> {
-        let decoded = self.track.decoded().filter(|frame| frame.index == index);
-        let frame = match decoded {
-            Some(frame) => Some(Arc::clone(frame)),
+        let frame = match self.tracks.decoded().filter(|frame| frame.index == index) {
+            Some(frame) => Some(frame),
             None => self.frames.frame(index)?,
         };
         Ok(frame.map(|frame| rgba(&frame.image)))
@@ -91,77 +137,89 @@ impl Session {
         proposed(&mut *self.frames, frame, at)
     }
 
-    pub fn start(&mut self, setup: Setup, frame: usize, bbox: BBox) -> Result<Value> {
+    pub fn start(&mut self, target: usize, setup: Setup, frame: usize, bbox: BBox) -> Result<Value> {
         self.check(&bbox)?;
-        (self.saving, self.lines) = (None, Lines::default());
-        let meter = match &self.source {
-            Source::Live(live) => Some(live.meter.clone()),
-            Source::Video(_) => None,
-        };
-        let log = Box::new(Log::new(self.lines.clone(), meter));
-        self.track.start(self.source.frames(), log, setup, frame, bbox)
+        self.saving.clear();
+        self.tracks.start(target, setup, frame, bbox)
+    }
+
+    pub fn remove(&mut self, target: usize) -> Result<Value> {
+        self.saving.clear();
+        self.tracks.remove(target)
     }
 
     pub fn step(&mut self, frames: usize) -> Result<Value> {
-        let before = self.track.frames();
-        let answer = self.track.step(frames, || false)?;
-        if self.track.frames() > before {
-            self.saving = None;
+        let before = self.tracks.frames();
+        let answer = self.tracks.step(frames, || false)?;
+        if self.tracks.frames() > before {
+            self.saving.clear();
         }
         Ok(answer)
     }
 
-    pub fn detail(&self, frame: usize) -> Value {
-        self.track.detail(frame)
+    pub fn detail(&self, target: usize, frame: usize) -> Value {
+        self.tracks.detail(target, frame)
     }
 
-    pub fn correct(&mut self, frame: usize, bbox: BBox) -> Result<Value> {
+    pub fn correct(&mut self, target: usize, frame: usize, bbox: BBox) -> Result<Value> {
         self.check(&bbox)?;
-        self.saving = None;
-        self.track.correct(frame, bbox)
+        self.saving.clear();
+        self.tracks.correct(target, frame, bbox)
     }
 
-    /// The command that gives this track; empty where there is none, as for a camera.
+    /// The commands that give these tracks; empty where there is none, as for a camera.
     pub fn command(&self) -> Result<String> {
         match self.source {
-            Source::Live(_) => self.track.get().map(|_| String::new()),
-            Source::Video(_) => self.track.command(Path::new(&self.name)),
+            Source::Live(_) => self.tracks.get(0).map(|_| String::new()),
+            Source::Video(..) => self.tracks.command(Path::new(&self.name)),
         }
     }
 
     /// Begins to make the files that are not there anyway.
-    pub fn save(&mut self, report: bool) -> Result<Value> {
-        let tracking = self.track.get()?;
-        let (setup, given) = (&tracking.setup, tracking.given().clone());
-        self.saving = None;
-        if report && matches!(self.source, Source::Video(_)) {
+    pub fn save(&mut self, wanted: Wanted) -> Result<Value> {
+        self.tracks.get(0)?;
+        self.saving.clear();
+        let again = (wanted.report || wanted.film) && matches!(self.source, Source::Video(..));
+        for target in 0..if again { self.tracks.count() } else { 0 } {
+            let tracking = self.tracks.get(target)?;
+            let setup = &tracking.setup;
             let info = RunInfo {
-                command: self.command()?,
+                command: self.tracks.line(target, Path::new(&self.name))?,
                 truth: self.truth.iter().map_while(|bbox| *bbox).collect(),
                 ..RunInfo::of(self.name.clone(), &self.info, setup.config.clone(), &setup.blueprint, setup.seed)
             };
-            self.saving = Some(Saving::begin(setup, info, self.source.frames(), given, tracking.last())?);
+            let (given, frames) = (tracking.given().clone(), self.source.frames());
+            self.saving.push(Saving::begin(wanted, setup, info, frames, given, tracking.last())?);
         }
         Ok(json!({}))
     }
 
     /// How far that is; with the names of the files once they are whole.
     pub fn saved(&mut self) -> Result<Value> {
-        let mut names = NAMES.to_vec();
-        let Some(saving) = &mut self.saving else { return Ok(json!({ "frames": 0, "files": names })) };
-        saving.go_on(REPORTED)?;
-        if saving.page.is_none() {
-            return Ok(json!({ "frames": saving.count, "files": null }));
+        if let Some(saving) = self.saving.iter_mut().find(|saving| saving.files.is_none()) {
+            saving.go_on(REPORTED)?;
         }
-        names.push("report.html");
-        Ok(json!({ "frames": saving.count, "files": names }))
+        let frames: usize = self.saving.iter().map(|saving| saving.count).sum();
+        if self.saving.iter().any(|saving| saving.files.is_none()) {
+            return Ok(json!({ "frames": frames, "files": null }));
+        }
+        let names = |target: usize| {
+            let made = self.saving.get(target).and_then(|saving| saving.files.as_ref()).into_iter().flatten();
+            let names: Vec<&str> = FILES.into_iter().chain(made.map(|(name, _)| *name)).collect();
+            names.into_iter().map(move |name| named(target, name))
+        };
+        let files: Vec<String> = (0..self.tracks.count()).flat_map(names).collect();
+        Ok(json!({ "frames": frames, "files": files }))
     }
 
-    pub fn file(&self, name: &str) -> Option<Vec<u8>> {
-        match name {
-            "report.html" => self.saving.as_ref()?.page.clone(),
-            _ => self.lines.file(name).map(String::into_bytes),
+    /// A piece of a file, from 0.
+    pub fn file(&self, name: &str, piece: usize) -> Option<Vec<u8>> {
+        let (target, name) = target_of(name);
+        if let Some(text) = self.tracks.lines(target)?.piece(name, piece) {
+            return Some(text.into_bytes());
         }
+        let made = self.saving.get(target)?.files.as_ref()?;
+        made.iter().find(|(known, _)| *known == name && piece == 0).map(|(_, bytes)| bytes.clone())
     }
 
     fn check(&self, b: &BBox) -> Result<()> {

@@ -8,7 +8,7 @@ use foveate_base::Error as Problem;
 use foveate_base::files::PICTURE;
 use foveate_core::scene::Image;
 use foveate_report::interactive::Reopen;
-use foveate_video::{Frame, FrameSource, SourceInfo, VideoFile, decode_image};
+use foveate_video::{CodedVideo, Frame, FrameSource, SourceInfo, VideoFile, decode_image};
 use serde::Deserialize;
 
 /// Where the bytes of files are.
@@ -83,17 +83,28 @@ pub struct Video {
     pub pictures: Option<f64>,
 }
 
+impl Video {
+    fn open(&self, file: &Given) -> Open {
+        Open { store: Arc::clone(&self.store), file: file.clone(), at: 0 }
+    }
+
+    /// The file as it is coded, where it is H.264 in MP4.
+    pub fn coded(&self) -> foveate_base::Result<CodedVideo> {
+        let file = self.files.first().ok_or_else(|| Problem::Invalid("expected a video file".into()))?;
+        CodedVideo::open(&file.name, self.open(file), file.size)
+    }
+}
+
 impl Reopen for Video {
     fn source(&self, from: usize) -> foveate_base::Result<Box<dyn FrameSource>> {
-        let open = |file: &Given| Open { store: Arc::clone(&self.store), file: file.clone(), at: 0 };
         if let Some(rate) = self.pictures {
-            let files: Vec<Open> = self.files.iter().map(open).collect();
+            let files: Vec<Open> = self.files.iter().map(|file| self.open(file)).collect();
             return Ok(Box::new(Pictures::new(files, from, rate)?));
         }
         let [file] = &*self.files else {
             return Err(Problem::Invalid("expected one video file, or pictures (PNG or JPEG)".into()));
         };
-        Ok(Box::new(VideoFile::from_reader(&file.name, open(file), file.size)?))
+        Ok(Box::new(VideoFile::from_reader(&file.name, self.open(file), file.size)?))
     }
 
     fn pictures(&self) -> Option<(usize, f64)> {

@@ -6,7 +6,7 @@
 mod browser;
 mod page;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use browser::{Browser, CONTRAST};
@@ -15,7 +15,10 @@ use serde_json::{Value, json};
 
 /// A browser at the page; `None`, with a word about it, where there is none.
 fn open(folder: &Path, more: &[&str]) -> Option<Browser> {
-    let page = page::folder()?;
+    open_at(page::folder()?, folder, more)
+}
+
+fn open_at(page: PathBuf, folder: &Path, more: &[&str]) -> Option<Browser> {
     let Some(mut browser) = Browser::start_with(folder, more) else {
         eprintln!("skipped: no chromium that runs here");
         return None;
@@ -114,8 +117,9 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
     browser.until("byId('command').textContent.includes('--reinit 20:')");
 
     // Saved: what the page shows.
+    browser.click("#want-film");
     browser.click("#save-go");
-    browser.until("document.querySelectorAll('#files a').length === 4");
+    browser.until("document.querySelectorAll('#files a').length === 5");
     let text = |browser: &mut Browser, name: &str| {
         let fetched = format!(
             "new Promise(done => {{ const r = new XMLHttpRequest(); r.onload = () => done(r.responseText); \
@@ -141,7 +145,32 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
     let report = browser.value("tracker.text(page.video.session, 'report.html')");
     assert!(report.as_str().is_some_and(|text| text.contains("<!doctype html>") && text.len() > 50_000));
 
+    browser.value(
+        "(async () => { film = new File([await tracker.blob(page.video.session, 'annotated.mp4')], 'annotated.mp4', { type: 'video/mp4' }); return film.size; })()",
+    );
     pictures(&mut browser, "track");
+    // A second target, on the first one's heels; each has its results.
+    browser.show(10);
+    browser.draw(truth(9));
+    browser.click("#add");
+    browser.until("page.targets.length === 2 && page.target === 1 && page.targets.every(t => t.ended) && !page.playing && !page.busy");
+    let boxes = "page.targets.map(({ rows }) => rows.slice(-50).map(row => row.box))";
+    let [first, second]: [Vec<[f64; 4]>; 2] = serde_json::from_value(browser.value(boxes)).expect("two tracks");
+    let mean = first.iter().zip(&second).map(|(a, b)| iou(*a, *b)).sum::<f64>() / 50.0;
+    assert!(mean > 0.7, "both are on the target: {mean}");
+    browser.picture("targets");
+    browser.value("byId('want-film').checked = false, byId('want-report').checked = false, true");
+    browser.click("#save-go");
+    browser.until("document.querySelectorAll('#files a').length === 6");
+    let lines = browser.value(
+        "(async () => (await tracker.text(page.video.session, 'target-2-boxes.txt')).split('\\n').length - 1)()",
+    );
+    assert_eq!(lines, json!(FRAMES - 9));
+    // The film is a video that the page itself can follow something in.
+    browser.value("(async () => { await choose({ name: 'annotated.mp4', files: [film] }); return true; })()");
+    browser.until("page.video.name === 'annotated.mp4' && shown && shown.frame === 1");
+    assert_eq!(browser.value("page.ends"), json!(FRAMES));
+    browser.picture("film");
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }
 
@@ -207,7 +236,7 @@ fn a_camera_is_followed() {
         if began.elapsed().as_secs() / 5 > reported {
             reported = began.elapsed().as_secs() / 5;
             browser.call("HeapProfiler.collectGarbage", json!({}));
-            let size = "(async () => [page.rows.length, performance.memory.usedJSHeapSize, await tracker.size(), details.size])()";
+            let size = "(async () => [page.targets[0].count, performance.memory.usedJSHeapSize, await tracker.size(), page.details.size])()";
             memory.push(serde_json::from_value(browser.value(size)).expect("figures"));
         }
         std::thread::sleep(Duration::from_millis(150));
@@ -218,7 +247,7 @@ fn a_camera_is_followed() {
     let missed = browser.value("byId('missed').textContent");
     eprintln!(
         "camera: {} frames tracked, {} compared, mean IoU {mean:.3}; {missed}",
-        browser.value("page.rows.length"),
+        browser.value("page.targets[0].count"),
         overlaps.len()
     );
     eprintln!("rows, bytes of the page, of the tracker, details kept: {memory:?}");
@@ -234,7 +263,7 @@ fn a_camera_is_followed() {
     browser.draw(truth(number));
     browser.click("#go");
     browser.until("lastRow().given");
-    let length = browser.value("page.rows.length").as_u64().expect("a number") as usize;
+    let length = browser.value("page.targets[0].count").as_u64().expect("a number") as usize;
     browser.click("#save-go");
     browser.until("document.querySelectorAll('#files a').length === 3");
     let text = browser.value("tracker.text(page.video.session, 'track.jsonl')");
@@ -326,6 +355,165 @@ fn a_policy_learns_in_a_scene_of_digits() {
     pictures(&mut browser, "lesson");
     browser.key("Tab", 0);
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
+/// What grows while a camera is followed: a source that gives frames as fast as they are taken stands for it, and memory after a
+/// third of them is compared with that at the end.
+#[test]
+fn a_camera_takes_no_more_memory_the_longer_it_runs() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let Some(mut browser) = open(dir.path(), &["--js-flags=--expose-gc"]) else { return };
+    let frames: usize = std::env::var("FOVEATE_WEB_FRAMES").ok().and_then(|n| n.parse().ok()).unwrap_or(6000);
+    let pictures: Vec<Value> = (0..FRAMES)
+        .map(|t| {
+            use base64::Engine as _;
+            json!(base64::engine::general_purpose::STANDARD.encode(page::frame(t)))
+        })
+        .collect();
+    let (w, h) = page::SIZE;
+    let source = format!(
+        "(() => {{ const all = {}.map(text => Uint8Array.from(atob(text), c => c.charCodeAt(0))); let at = 0; \
+         cameraSource = async () => ({{ width: {w}, height: {h}, rate: 30, reader: 'a test', live: true, missed: 0, close() {{}}, \
+         async next() {{ const grey = all[at % all.length], out = new ImageData({w}, {h}); \
+         for (let i = 0; i < grey.length; i++) out.data.set([grey[i], grey[i], grey[i], 255], 4 * i); \
+         return {{ pixels: out, time: at++ / 30, missed: 0 }}; }} }}); return true; }})()",
+        json!(pictures)
+    );
+    browser.value(&source);
+    browser.click("#pick-camera");
+    browser.until("!byId('stage').hidden && shown && page.frame > 2");
+    browser.value("pause(), true");
+    browser.until("!page.playing && shown.frame === page.frame");
+    let number = browser.value(&format!("{NUMBER}(shown.picture)")).as_u64().expect("a number") as usize;
+    browser.value("byId('config').value = 'natural-fast', byId('pace').value = 200, true");
+    browser.draw(truth(number));
+    browser.click("#go");
+    let measure = |browser: &mut Browser, at: usize| -> [f64; 3] {
+        let began = Instant::now();
+        while browser.value("page.targets[0]?.count ?? 0").as_u64().is_some_and(|count| (count as usize) < at) {
+            assert!(began.elapsed() < Duration::from_secs(3600), "{at} frames do not come");
+            std::thread::sleep(Duration::from_millis(200));
+        }
+        browser.call("HeapProfiler.collectGarbage", json!({}));
+        let size = "(async () => [page.targets[0].count, performance.memory.usedJSHeapSize, await tracker.size()])()";
+        serde_json::from_value(browser.value(size)).expect("figures")
+    };
+    // The page keeps rows of the last frames: the first third must be past that.
+    let all: Vec<[f64; 3]> = (1..=6).map(|k| measure(&mut browser, k * frames / 6)).collect();
+    eprintln!("frames, bytes of the page, of the tracker: {all:?}");
+    let [third, .., last] = &all[1..] else { unreachable!("six were taken") };
+    let grown = last[0] - third[0];
+    // Results are kept to be saved, half a kilobyte a frame.
+    assert!(last[2] - third[2] <= 600.0 * grown + f64::from(1 << 20), "the tracker's memory grows: {all:?}");
+    let page = if frames >= 12_000 { 1e6 } else { 1e6 + 800.0 * grown };
+    assert!(last[1] - third[1] <= page, "the page's memory grows: {all:?}");
+    // Saved whole.
+    browser.value("pause(), true");
+    browser.until("!page.playing && !page.busy");
+    browser.click("#save-go");
+    browser.until("document.querySelectorAll('#files a').length === 3");
+    let lines =
+        browser.value("(async () => (await tracker.text(page.video.session, 'boxes.txt')).split('\\n').length - 1)()");
+    assert_eq!(lines, browser.value("page.targets[0].count"));
+    assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
+}
+
+/// A track of a file in the page: frames, boxes, what the browser decoded, seconds.
+type Followed = (Vec<usize>, Vec<[f64; 4]>, Value, f64);
+
+fn followed(browser: &mut Browser, file: &Path, init: [f64; 4], most: usize) -> Followed {
+    give(browser, &[file]);
+    let name = file.file_name().expect("a file").to_string_lossy();
+    browser.until(&format!("!byId('stage').hidden && page.video?.name === '{name}' && shown && shown.frame === 1"));
+    browser.value(&format!(
+        "tracker.ask({{ op: 'start', session: page.video.session, frame: 1, box: {init:?}, config: 'natural-fast', policy: null, seed: null }})"
+    ));
+    let step = "(async () => { const began = performance.now(), session = page.video.session; \
+         const { targets: [{ rows, ended }] } = await tracker.ask({ op: 'step', session, frames: 50 }); \
+         return [rows.map(row => row.frame), rows.map(row => row.box), ended, (performance.now() - began) / 1e3]; })()";
+    let (mut frames, mut boxes, mut seconds) = (vec![], vec![], 0.0);
+    loop {
+        let (more, at, ended, took): (Vec<usize>, Vec<[f64; 4]>, bool, f64) =
+            serde_json::from_value(browser.value(step)).expect("rows");
+        frames.extend(more);
+        boxes.extend(at);
+        seconds += took;
+        if ended || frames.len() + 1 >= most {
+            break;
+        }
+    }
+    (frames, boxes, browser.value("tracker.decoded(page.video.session)"), seconds)
+}
+
+/// The browser's decoder and ours give the same frames, each once, and so the same boxes. Without WebCodecs ours goes on alone.
+#[test]
+fn what_the_browser_decodes_is_what_our_decoder_gives() {
+    let data = std::env::var_os("FOVEATE_DATA").map_or_else(|| Path::new("../../data").to_owned(), Into::into);
+    if !data.join("clips").is_dir() {
+        eprintln!("skipped: no data");
+        return;
+    }
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let Some(page) = page::folder() else { return };
+    // The page as in a browser without WebCodecs, and in one whose decoder breaks off: its scripts are changed for that.
+    let changed = |name: &str, from: &str, to: &str| {
+        let copy = dir.path().join(name);
+        std::fs::create_dir_all(copy.join("profile")).expect("a writable folder");
+        for file in std::fs::read_dir(&page).expect("a folder").flatten() {
+            std::fs::copy(file.path(), copy.join(file.file_name())).expect("a copy");
+        }
+        let codecs = std::fs::read_to_string(page.join("codecs.js")).expect("text");
+        assert!(codecs.contains(from));
+        std::fs::write(copy.join("codecs.js"), codecs.replacen(from, to, 1)).expect("written");
+        let profile = copy.join("profile");
+        open_at(copy, &profile, &[])
+    };
+    let none = "if (typeof VideoDecoder === 'undefined'";
+    let Some(mut with) = changed("with", none, none) else { return };
+    let Some(mut without) = changed("without", none, "if (true") else { return };
+    let call = "async frame(number) {";
+    let Some(mut breaks) = changed("breaks", call, &format!("{call} if (number === 50) throw new Error('broken');"))
+    else {
+        return;
+    };
+    // One without and one with frames that are decoded before they are shown; the whole of one.
+    let clips =
+        [("car-detection", [340.0, 150.0, 90.0, 60.0], 377), ("bottle-detection", [250.0, 90.0, 60.0, 120.0], 400)];
+    for (name, init, most) in clips {
+        let file = data.join("clips").join(name).with_extension("mp4");
+        let (frames, boxes, decoded, seconds) = followed(&mut with, &file, init, most);
+        if with.value("page.video.reader") != "H.264 (the browser)" {
+            eprintln!("skipped: this browser has no decoder of H.264");
+            return;
+        }
+        assert_eq!(frames, (2..frames.len() + 2).collect::<Vec<_>>(), "each frame once, in order");
+        assert!(frames.len() >= most - 1, "{} frames of {name}", frames.len());
+        assert_eq!(decoded, json!({ "frames": frames.len(), "why": null }), "the browser decoded them");
+        let (_, ours, none, longer) = followed(&mut without, &file, init, frames.len() + 1);
+        assert_eq!(
+            (none, without.value("page.video.reader") == "H.264 (the browser)"),
+            (json!({ "frames": 0, "why": null }), false)
+        );
+        let same = boxes.iter().zip(&ours).filter(|(a, b)| a.iter().zip(*b).all(|(a, b)| (a - b).abs() < 1e-6)).count();
+        let rate = |boxes: &[[f64; 4]], seconds: f64| boxes.len() as f64 / seconds;
+        eprintln!(
+            "{name}: {same} boxes of {} are the same; {:.0} frames a second decoded by the browser and tracked, {:.0} by our decoder",
+            boxes.len(),
+            rate(&boxes, seconds),
+            rate(&ours, longer)
+        );
+        assert_eq!(same, boxes.len(), "{name}");
+        // Where the browser's decoder breaks off, ours goes on with the next frame.
+        let (more, halves, told, _) = followed(&mut breaks, &file, init, 90);
+        assert_eq!((&*more, &*halves), (&frames[..more.len()], &boxes[..more.len()]));
+        assert_eq!(told, json!({ "frames": 48, "why": "broken" }));
+    }
+    assert!(
+        with.complaints.is_empty() && without.complaints.is_empty(),
+        "{:?} {:?}",
+        with.complaints,
+        without.complaints
+    );
 }
 
 /// A measurement: `cargo test -p foveate-web --test browser -- --ignored --nocapture`.

@@ -30,7 +30,7 @@ for (let round = 0; round < 5; round++) {
   all.length = 0;
   for (let k = 1; k < most; k++) {
     const now = performance.now();
-    all.push(...tracker.ask({ op: 'step', session, frames: 1 }).rows);
+    all.push(...tracker.ask({ op: 'step', session, frames: 1 }).targets[0].rows);
     wholes[k] = Math.min(wholes[k], (performance.now() - now) / 1e3);
   }
 }
@@ -47,7 +47,7 @@ for (let round = 0; round < 5; round++) {
   for (let k = 1; k < most; k++) {
     tracker.push(id, pixels[k], k / 30, 0);
     const now = performance.now();
-    pushed.push(...tracker.ask({ op: 'step', session: id, frames: 1 }).rows);
+    pushed.push(...tracker.ask({ op: 'step', session: id, frames: 1 }).targets[0].rows);
     best[k] = Math.min(best[k], (performance.now() - now) / 1e3);
   }
   tracker.ask({ op: 'close', session: id });

@@ -31,7 +31,7 @@ fn native(files: &[PathBuf], init: [f64; 4], config: &str) -> Vec<[f64; 4]> {
     let session = ask(json!({ "op": "open", "name": "pictures", "files": given, "truth": null }))["session"].clone();
     ask(json!({ "op": "start", "session": session, "frame": 1, "box": init, "config": config }));
     let answer = ask(json!({ "op": "step", "session": session, "frames": files.len() - 1 }));
-    let rows = answer["rows"].as_array().expect("rows").iter();
+    let rows = answer["targets"][0]["rows"].as_array().expect("rows").iter();
     std::iter::once(init).chain(rows.map(|row| serde_json::from_value(row["box"].clone()).expect("a box"))).collect()
 }
 

@@ -3,11 +3,13 @@
 mod app;
 mod guard;
 mod http;
+mod live;
 mod message;
 mod page;
 mod roots;
 mod save;
 mod server;
+mod session;
 mod video;
 
 use std::net::{IpAddr, SocketAddr, TcpListener};
@@ -31,12 +33,13 @@ const WHO: &str = "\
 The page is for the programs of this machine alone, unless --allow-remote says otherwise. Other users of this machine can open it, too: \
 give --token where there are some. Nothing is encrypted: beyond this machine use a network that you trust, or a tunnel.
 
-The page sees the folders and videos given, and what is below them; nothing that a link leads out of them to.";
+The page sees the folders and videos given, and what is below them; nothing that a link leads out of them to. Streams and cameras are \
+opened by the addresses given here, and no others.";
 
 #[derive(clap::Args)]
 #[command(after_long_help = WHO)]
 pub struct Args {
-    /// Folders and videos that the page may open; this folder if left out
+    /// Folders, videos, streams (rtsp://, http://) and cameras (/dev/video0) that the page may open; this folder if left out
     #[arg(value_name = "PATH", default_value = ".")]
     paths: Vec<PathBuf>,
     /// Where to listen; port 0 takes a free one
@@ -121,8 +124,9 @@ fn start(
     let (config, folder) = read(&page.config, &Changes { policy: page.policy.clone(), set: vec![] })?;
     config.check(&folder)?;
     let roots = Roots::new(paths)?;
-    if pick.is_some() && roots.list("")?.iter().all(|entry| entry.kind == "folder") {
-        return Err(Error::malformed(&paths[0], "expected a video file or a folder of images"));
+    if pick.is_some() && roots.list("")?.iter().all(|entry| ["folder", "stream"].contains(&entry.kind)) {
+        let problem = "expected a video file or a folder of images; of a stream draw the box in `foveate serve`";
+        return Err(Error::malformed(&paths[0], problem));
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(rayon::current_num_threads()).build();
     let pool = pool.map_err(|e| Error::Invalid(format!("cannot start threads: {e}; give a smaller --threads")))?;
@@ -147,7 +151,9 @@ fn start(
         Arc::new(move || terminal::stopping() || done.load(Ordering::SeqCst));
     let answering = Arc::clone(&app);
     let answer: Arc<server::Answer> = Arc::new(move |request| answering.answer(request));
-    let served = server::serve(&listener, &answer, &stop);
+    let trusting = Arc::clone(&app);
+    let trusted: Arc<server::Trusted> = Arc::new(move |request| trusting.guard.check(request).is_ok());
+    let served = server::serve(&listener, &answer, &trusted, &stop);
     // What was said last is on its way.
     std::thread::sleep(std::time::Duration::from_millis(100));
     app.close();

@@ -98,29 +98,34 @@ pub fn truth(t: usize) -> [f64; 4] {
     [100.0 + 3.0 * t as f64, 90.0 + t as f64, 48.0, 48.0]
 }
 
-/// Pictures of a textured square that moves over noise, and its true boxes.
-pub fn clip(folder: &Path) {
-    std::fs::create_dir_all(folder).expect("a writable folder");
+/// Frame `t`: a textured square over noise, in grey.
+pub fn picture(t: usize) -> Vec<u8> {
     let (w, h) = SIZE;
     let mut x = 1u32;
-    let noise: Vec<u8> = (0..w * h)
+    let mut picture: Vec<u8> = (0..w * h)
         .map(|_| {
             x = x.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             60 + (x >> 27) as u8
         })
         .collect();
+    let [left, top, side, _] = truth(t).map(|v| v as usize);
+    for i in 0..side * side {
+        let (a, b) = (i % side, i / side);
+        picture[(top + b) * w + left + a] = if (a / 12 + b / 12) % 2 == 0 { 230 } else { 150 - 2 * (b as u8) };
+    }
+    picture
+}
+
+/// Pictures of a textured square that moves over noise, and its true boxes.
+pub fn clip(folder: &Path) {
+    std::fs::create_dir_all(folder).expect("a writable folder");
+    let (w, h) = SIZE;
     let mut boxes = String::new();
     for t in 0..FRAMES {
         let [left, top, side, _] = truth(t);
-        let (left, top, side) = (left as usize, top as usize, side as usize);
-        let mut picture = noise.clone();
-        for i in 0..side * side {
-            let (a, b) = (i % side, i / side);
-            picture[(top + b) * w + left + a] = if (a / 12 + b / 12) % 2 == 0 { 230 } else { 150 - 2 * (b as u8) };
-        }
         let file = folder.join(format!("{t:03}.png"));
-        image::save_buffer(&file, &picture, w as u32, h as u32, image::ExtendedColorType::L8).expect("a picture");
-        boxes += &format!("{},{},{side},{side}\n", left + 1, top + 1);
+        image::save_buffer(&file, &picture(t), w as u32, h as u32, image::ExtendedColorType::L8).expect("a picture");
+        boxes += &format!("{},{},{side},{side}\n", left + 1.0, top + 1.0);
     }
     std::fs::write(folder.join("groundtruth_rect.txt"), boxes).expect("a writable folder");
 }

@@ -1,6 +1,6 @@
 //! Frames of a video in any order.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use foveate_base::Result;
 use foveate_video::{Frame, FrameSource};
@@ -31,6 +31,41 @@ pub trait Frames: Send {
     /// Whether earlier frames can be had again; a camera's cannot.
     fn repeats(&self) -> bool {
         true
+    }
+}
+
+/// Frames that several read; what one of them reads the others find read.
+#[derive(Clone)]
+pub struct Shared {
+    inner: Arc<Mutex<Box<dyn Frames>>>,
+    last: Option<Arc<Frame>>,
+}
+
+impl Shared {
+    /// Of these frames.
+    pub fn new(frames: Box<dyn Frames>) -> Self {
+        Self { inner: Arc::new(Mutex::new(frames)), last: None }
+    }
+    fn inner(&self) -> MutexGuard<'_, Box<dyn Frames>> {
+        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+    /// The frame that any of them read last.
+    pub fn newest(&self) -> Option<Arc<Frame>> {
+        self.inner().last().cloned()
+    }
+}
+
+impl Frames for Shared {
+    fn frame(&mut self, index: usize) -> Result<Option<Arc<Frame>>> {
+        let frame = self.inner().frame(index)?;
+        self.last.clone_from(&frame);
+        Ok(frame)
+    }
+    fn last(&self) -> Option<&Arc<Frame>> {
+        self.last.as_ref()
+    }
+    fn repeats(&self) -> bool {
+        self.inner().repeats()
     }
 }
 

@@ -4,100 +4,167 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::command::command;
-use super::player::Frames;
+use super::lines::{LineLog, Lines};
+use super::player::{Frames, Shared};
 use super::propose::propose;
 use super::row::cells;
-use super::tracking::{Log, Setup, Tracking};
+use super::tracking::{Log, MOST_FRAMES, Setup, Tracking};
 use foveate_base::{Error, Result};
 use foveate_core::config::{BUILTIN, Config, about};
 use foveate_core::geometry::BBox;
-use foveate_video::{Frame, SourceInfo};
+use foveate_video::{Frame, Meter, SourceInfo};
 use serde_json::{Value, json};
 
 /// Pixels of a frame, at most: a decoded one has three bytes for each, and a page holds a few.
 const MOST_PIXELS: usize = 1 << 25;
+/// Targets of a video, at most: each takes time.
+pub const MOST_TARGETS: usize = 8;
 /// Frames tracked for one message, at most.
 const MOST_STEPS: usize = 200;
 
-/// The track of a video, once there is one.
-#[derive(Default)]
-pub struct Track(Option<Tracking>);
+/// What becomes of the results of targets as they are tracked.
+#[derive(Clone)]
+pub enum Results {
+    /// They are not kept: who wants them runs the track once more.
+    Again,
+    /// They are kept as text; of a source without an end those of the last frames, with what its meter counts.
+    Kept(Option<Meter>),
+}
 
-impl Track {
-    /// The track.
+/// The tracks of a video: one for each target, all on the same frames.
+pub struct Tracks {
+    frames: Shared,
+    results: Results,
+    all: Vec<(Tracking, Lines)>,
+}
+
+impl Tracks {
+    /// Of no target yet.
+    pub fn new(frames: Box<dyn Frames>, results: Results) -> Self {
+        Self { frames: Shared::new(frames), results, all: vec![] }
+    }
+
+    /// The track of a target, from 0.
     ///
     /// # Errors
     /// There is none yet.
-    pub fn get(&self) -> Result<&Tracking> {
-        self.0.as_ref().ok_or_else(untracked)
+    pub fn get(&self, target: usize) -> Result<&Tracking> {
+        self.all.get(target).map(|(tracking, _)| tracking).ok_or_else(|| untracked(target))
     }
-    fn get_mut(&mut self) -> Result<&mut Tracking> {
-        self.0.as_mut().ok_or_else(untracked)
+    fn get_mut(&mut self, target: usize) -> Result<&mut Tracking> {
+        self.all.get_mut(target).map(|(tracking, _)| tracking).ok_or_else(|| untracked(target))
     }
-    /// How many frames it has.
+    /// How many targets there are.
+    pub fn count(&self) -> usize {
+        self.all.len()
+    }
+    /// What was kept of a target's results.
+    pub fn lines(&self, target: usize) -> Option<&Lines> {
+        self.all.get(target).map(|(_, lines)| lines)
+    }
+    /// How many frames all of them have together.
     pub fn frames(&self) -> usize {
-        self.0.as_ref().map_or(0, |tracking| tracking.rows().len())
+        self.all.iter().map(|(tracking, _)| tracking.frames()).sum()
     }
-    /// The frame that was decoded last for it.
-    pub fn decoded(&self) -> Option<&Arc<Frame>> {
-        self.0.as_ref().and_then(Tracking::decoded)
+    /// The frame (from 0) that is tracked next: of the target that is farthest behind. `None` where there is none.
+    pub fn next(&self) -> Option<usize> {
+        self.all.iter().filter(|(t, _)| !t.ended()).map(|(t, _)| t.last() + 1).min()
+    }
+    /// The frame that was decoded last for them.
+    pub fn decoded(&self) -> Option<Arc<Frame>> {
+        self.frames.newest()
     }
 
-    /// Starts on a box in a frame; any track before is forgotten.
+    /// Starts a target on a box in a frame. One that is there is forgotten; one that is not there must be the next.
     ///
     /// # Errors
-    /// As [`Tracking::start`].
-    pub fn start(
-        &mut self,
-        frames: Box<dyn Frames>,
-        log: Box<dyn Log>,
-        setup: Setup,
-        frame: usize,
-        bbox: BBox,
-    ) -> Result<Value> {
-        self.0 = None;
+    /// There are targets enough, or as [`Tracking::start`].
+    pub fn start(&mut self, target: usize, setup: Setup, frame: usize, bbox: BBox) -> Result<Value> {
+        if target > self.all.len() || target >= MOST_TARGETS {
+            let there = self.all.len();
+            let problem =
+                format!("{there} targets are followed, {MOST_TARGETS} at most, and each is added after the others");
+            return Err(Error::Invalid(problem + "; remove one, or start one of these anew"));
+        }
         let (cells, policy) = (cells(&*setup.blueprint.retina()), setup.blueprint.config().policy_kind());
-        let tracking = Tracking::start(frames, log, setup, frame.saturating_sub(1), bbox)?;
-        let rows = json!(tracking.rows());
-        self.0 = Some(tracking);
+        let (lines, log): (Lines, Box<dyn Log>) = match &self.results {
+            Results::Again => (Lines::default(), Box::new(())),
+            Results::Kept(meter) => {
+                let lines = if self.frames.repeats() { Lines::default() } else { Lines::of_last(MOST_FRAMES) };
+                (lines.clone(), Box::new(LineLog::new(lines, meter.clone())))
+            }
+        };
+        let player = Box::new(self.frames.clone());
+        let mut tracking = Tracking::start(player, log, setup, frame.saturating_sub(1), bbox)?;
+        let rows = tracking.take_rows();
+        match self.all.get_mut(target) {
+            Some(place) => *place = (tracking, lines),
+            None => self.all.push((tracking, lines)),
+        }
         Ok(json!({ "rows": rows, "cells": cells, "policy": policy, "ended": false }))
     }
 
-    /// Tracks some frames; none after the first where `enough` says so.
+    /// Forgets a target; those after it move up.
     ///
     /// # Errors
-    /// There is no track, or as [`Tracking::step`].
+    /// There is no such target.
+    pub fn remove(&mut self, target: usize) -> Result<Value> {
+        self.get(target)?;
+        self.all.remove(target);
+        Ok(json!({}))
+    }
+
+    /// Tracks some frames; none after the first where `enough` says so. Targets that are behind catch up first, so that all see a
+    /// frame while it is there.
+    ///
+    /// # Errors
+    /// There is no target, or as [`Tracking::step`].
     pub fn step(&mut self, frames: usize, enough: impl Fn() -> bool) -> Result<Value> {
-        let tracking = self.get_mut()?;
-        let before = tracking.rows().len();
-        tracking.step(frames.clamp(1, MOST_STEPS), enough)?;
-        let rows = &tracking.rows()[before..];
-        let (detail, surface) = (parsed(tracking.detail(tracking.last())), tracking.surface());
-        Ok(json!({ "rows": rows, "detail": detail, "surface": surface, "ended": tracking.ended() }))
+        self.get(0)?;
+        for done in 0..frames.clamp(1, MOST_STEPS) {
+            let Some(next) = self.next().filter(|_| done == 0 || !enough()) else { break };
+            let due = self.all.iter_mut().filter(|(t, _)| !t.ended() && t.last() + 1 == next);
+            due.map(|(tracking, _)| tracking).try_for_each(Tracking::step)?;
+        }
+        let answer = |(tracking, _): &mut (Tracking, Lines)| {
+            let rows = tracking.take_rows();
+            let detail = parsed(tracking.detail(tracking.last()).filter(|_| !rows.is_empty()));
+            json!({ "rows": rows, "detail": detail, "surface": tracking.surface(), "ended": tracking.ended() })
+        };
+        Ok(json!({ "targets": self.all.iter_mut().map(answer).collect::<Vec<_>>() }))
     }
 
     /// What is known of a frame beside its row.
-    pub fn detail(&self, frame: usize) -> Value {
-        let detail = self.0.as_ref().and_then(|tracking| tracking.detail(frame.saturating_sub(1)));
+    pub fn detail(&self, target: usize, frame: usize) -> Value {
+        let detail = self.get(target).ok().and_then(|tracking| tracking.detail(frame.saturating_sub(1)));
         json!({ "detail": parsed(detail) })
     }
 
     /// A box by hand in a frame that was tracked.
     ///
     /// # Errors
-    /// There is no track, or as [`Tracking::correct`].
-    pub fn correct(&mut self, frame: usize, bbox: BBox) -> Result<Value> {
-        let tracking = self.get_mut()?;
+    /// There is no such target, or as [`Tracking::correct`].
+    pub fn correct(&mut self, target: usize, frame: usize, bbox: BBox) -> Result<Value> {
+        let tracking = self.get_mut(target)?;
         tracking.correct(frame.saturating_sub(1), bbox)?;
-        Ok(json!({ "rows": &tracking.rows()[tracking.rows().len() - 1..], "ended": false }))
+        Ok(json!({ "rows": tracking.take_rows().pop().into_iter().collect::<Vec<_>>(), "ended": false }))
     }
 
-    /// The command that gives this track of a video.
+    /// The commands that give these tracks of a video, a line a target.
     ///
     /// # Errors
-    /// There is no track.
+    /// There is no target.
     pub fn command(&self, video: &Path) -> Result<String> {
-        let tracking = self.get()?;
+        self.get(0)?;
+        Ok((0..self.all.len()).filter_map(|target| self.line(target, video).ok()).collect::<Vec<_>>().join("\n"))
+    }
+
+    /// The command that gives one target's track.
+    ///
+    /// # Errors
+    /// There is no such target.
+    pub fn line(&self, target: usize, video: &Path) -> Result<String> {
+        let tracking = self.get(target)?;
         let given: Vec<(usize, BBox)> = tracking.given().iter().map(|(k, b)| (*k, *b)).collect();
         let Setup { config, policy, seed, blueprint } = &tracking.setup;
         let seed = Some(*seed).filter(|seed| *seed != blueprint.config().seed);
@@ -109,8 +176,11 @@ impl Track {
     }
 }
 
-fn untracked() -> Error {
-    Error::Invalid("nothing is tracked yet; draw a box and start".into())
+fn untracked(target: usize) -> Error {
+    Error::Invalid(match target {
+        0 => "nothing is tracked yet; draw a box and start".into(),
+        _ => format!("there is no target {}; add it first", target + 1),
+    })
 }
 
 fn parsed(text: Option<&str>) -> Value {

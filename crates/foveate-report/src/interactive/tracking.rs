@@ -13,11 +13,12 @@ use foveate_core::geometry::BBox;
 use foveate_core::step::Step;
 use foveate_video::Frame;
 
-/// Frames of a track, at most.
-const MOST_ROWS: usize = 100_000;
-/// Bytes of details, and of saved states, that a track keeps.
+/// Frames of a track, at most; of a source without an end, of which results are kept.
+pub const MOST_FRAMES: usize = 100_000;
+/// Bytes of details, and of saved states, that a track keeps; and of details where frames do not repeat.
 const DETAILS: usize = 32 << 20;
 const STATES: usize = 32 << 20;
+const RECENT_DETAILS: usize = 1 << 18;
 /// Frames from one saved state to the next.
 const EVERY: usize = 50;
 
@@ -92,6 +93,9 @@ pub struct Tracking {
     log: Box<dyn Log>,
     /// The frame it began in, from 0.
     first: usize,
+    /// How many it has.
+    count: usize,
+    /// Rows that nobody took yet.
     rows: Vec<Row>,
     /// Boxes given by hand, by frame from 0.
     given: BTreeMap<usize, BBox>,
@@ -110,15 +114,17 @@ impl Tracking {
     /// There is no such frame, or the box does not fit it.
     pub fn start(player: Box<dyn Frames>, log: Box<dyn Log>, setup: Setup, index: usize, bbox: BBox) -> Result<Self> {
         let tracker = setup.blueprint.tracker(setup.seed)?;
+        let details = if player.repeats() { DETAILS } else { RECENT_DETAILS };
         let mut tracking = Self {
             setup,
             tracker,
             player,
             log,
             first: index,
+            count: 0,
             rows: vec![],
             given: BTreeMap::new(),
-            details: Kept::new(DETAILS),
+            details: Kept::new(details),
             states: Kept::new(STATES),
             every: EVERY,
             ended: false,
@@ -127,9 +133,13 @@ impl Tracking {
         Ok(tracking)
     }
 
-    /// A row for each frame, from the first on.
-    pub fn rows(&self) -> &[Row] {
-        &self.rows
+    /// A row for each frame that was tracked since this was called last. A track keeps none: who shows it has them.
+    pub fn take_rows(&mut self) -> Vec<Row> {
+        std::mem::take(&mut self.rows)
+    }
+    /// How many frames it has.
+    pub fn frames(&self) -> usize {
+        self.count
     }
     /// The first frame, from 0.
     pub fn first(&self) -> usize {
@@ -137,7 +147,7 @@ impl Tracking {
     }
     /// The last frame tracked, from 0.
     pub fn last(&self) -> usize {
-        self.first + self.rows.len() - 1
+        self.first + self.count - 1
     }
     /// Whether the video has ended.
     pub fn ended(&self) -> bool {
@@ -146,10 +156,6 @@ impl Tracking {
     /// Boxes given by hand, by frame from 0.
     pub fn given(&self) -> &BTreeMap<usize, BBox> {
         &self.given
-    }
-    /// The frame that was decoded last.
-    pub fn decoded(&self) -> Option<&Arc<Frame>> {
-        self.player.last()
     }
     /// The detail of a frame (from 0), as JSON; `None` where it was not kept.
     pub fn detail(&self, index: usize) -> Option<&str> {
@@ -160,21 +166,18 @@ impl Tracking {
         row::surface(self.tracker.parts().gaze.policy().snapshot())
     }
 
-    /// Tracks at most so many frames, and none after the first where `enough` says so.
+    /// Tracks the next frame, where the video has one.
     ///
     /// # Errors
     /// The video breaks, or the track is too long.
-    pub fn step(&mut self, most: usize, enough: impl Fn() -> bool) -> Result<()> {
-        for done in 0..most {
-            if self.ended || (done > 0 && enough()) {
-                break;
-            }
-            if self.rows.len() >= MOST_ROWS {
-                return Err(Error::Invalid(format!("the page tracks {MOST_ROWS} frames at most; use foveate track")));
-            }
-            self.go_on(self.last() + 1)?;
+    pub fn step(&mut self) -> Result<()> {
+        if self.ended {
+            return Ok(());
         }
-        Ok(())
+        if self.count >= MOST_FRAMES && self.player.repeats() {
+            return Err(Error::Invalid(format!("the page tracks {MOST_FRAMES} frames at most; use foveate track")));
+        }
+        self.go_on(self.last() + 1)
     }
 
     /// A box by hand in a frame (from 0) that was tracked: what was tracked from there on is forgotten, and the target starts anew,
@@ -224,7 +227,8 @@ impl Tracking {
 
     /// Forgets all from frame `index` on.
     fn cut(&mut self, index: usize) {
-        self.rows.truncate(index - self.first);
+        self.count = index - self.first;
+        self.rows.retain(|row| row.frame <= index);
         self.given.retain(|k, _| *k < index);
         self.details.cut(index);
         self.states.cut(index);
@@ -241,6 +245,7 @@ impl Tracking {
         let frame = self.read(index)?.ok_or_else(missing)?;
         self.tracker.init(&frame.image, bbox)?;
         self.given.insert(index, bbox);
+        self.count += 1;
         self.rows.push(Row::given(&frame, &bbox));
         self.log.start(&frame, &bbox)?;
         self.save(index);
@@ -254,6 +259,7 @@ impl Tracking {
         };
         let seen = self.tracker.update(&frame.image)?;
         self.log.observe(&frame, &seen.step)?;
+        self.count += 1;
         self.rows.push(Row::tracked(&frame, &seen.step));
         self.details.put(index, row::detail(index + 1, &seen.step));
         while self.details.bytes > self.details.most {
@@ -345,24 +351,28 @@ mod tests {
             let player = Box::new(Player::new(Folder(dir.path().to_owned())));
             Tracking::start(player, Box::new(()), setup.clone(), 0, a).expect("a box in the picture")
         };
-        let forever = || false;
-        let boxes = |t: &Tracking| t.rows().iter().map(|row| row.bbox).collect::<Vec<_>>();
+        let step = |t: &mut Tracking, frames: usize| (0..frames).for_each(|_| t.step().expect("tracked"));
+        let boxes = |rows: &[Row]| rows.iter().map(|row| row.bbox).collect::<Vec<_>>();
         let mut plain = start();
-        plain.step(11, forever).expect("tracked");
+        step(&mut plain, 11);
         plain.correct(11, b).expect("it was tracked");
-        plain.step(1000, forever).expect("tracked");
-        assert!(plain.ended() && plain.rows().len() == 30 && plain.rows()[11].given);
+        step(&mut plain, 1000);
+        assert!(plain.ended() && plain.frames() == 30);
+        let rows = plain.take_rows();
+        assert!(rows.len() == 30 && rows[11].given && plain.take_rows().is_empty());
         // Further on, then back; by a state in between, and by one at the start.
         for every in [4, 50] {
             let mut back = start();
             back.every = every;
-            back.step(1000, forever).expect("tracked");
-            assert_ne!(boxes(&back)[12..], boxes(&plain)[12..], "the correction matters");
+            step(&mut back, 1000);
+            let before = back.take_rows();
+            assert_ne!(boxes(&before)[12..], boxes(&rows)[12..], "the correction matters");
             back.correct(20, a).expect("it was tracked");
             back.correct(11, b).expect("it was tracked");
-            assert_eq!(back.rows().len(), 12);
-            back.step(1000, forever).expect("tracked");
-            assert_eq!(boxes(&back), boxes(&plain));
+            assert_eq!(back.frames(), 12);
+            step(&mut back, 1000);
+            let after = back.take_rows();
+            assert_eq!(boxes(&after[after.len() - 19..]), boxes(&rows[11..]));
             assert_eq!(back.given().len(), 2);
         }
         assert!(plain.correct(30, b).expect_err("not tracked").to_string().contains("1 to 30"));

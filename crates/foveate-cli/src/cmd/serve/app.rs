@@ -2,28 +2,26 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
 
 use foveate::config::{BUILTIN, Config};
 use foveate::geometry::BBox;
-use foveate::report::interactive::{Player, Setup, Track, boxed, command, described, offered, proposed};
+use foveate::report::interactive::{MOST_TARGETS, Setup, boxed, command, described, offered};
 use foveate::{Error, Result};
 use serde_json::{Value, json};
 
 use super::guard::Guard;
 use super::http::{Request, Response};
+use super::live::Live;
 use super::message::Message;
 use super::page;
 use super::roots::Roots;
-use super::save::{Saved, Wanted};
-use super::video::{Stills, Video};
+use super::session::Session;
+use super::video::Video;
 use crate::cmd::configure::{Changes, POLICIES, read};
 use crate::cmd::track::init::check_box;
 
 /// Videos open at a time; the one that was used longest ago makes room.
 pub const MOST_SESSIONS: usize = 4;
-/// How long one request to track may take.
-const LONGEST_STEP: Duration = Duration::from_millis(60);
 /// True boxes told, at most.
 const MOST_TRUTH: usize = 20_000;
 
@@ -54,13 +52,6 @@ pub struct Sessions {
     last: u64,
 }
 
-struct Session {
-    video: Video,
-    stills: Stills,
-    track: Track,
-    saved: Option<Saved>,
-}
-
 fn unknown() -> Error {
     Error::Invalid("this video is no longer open (at most 4 are): open it again".into())
 }
@@ -76,7 +67,8 @@ impl App {
             ("GET", "/frame") => self.frame(request),
             ("GET", "/file") => self.file(request),
             ("POST", "/api") => self.message(request),
-            (_, "/" | "/frame" | "/file" | "/api") => Response::error(405, "another method is needed here"),
+            ("POST", "/push") => self.push(request),
+            (_, "/" | "/frame" | "/file" | "/api" | "/push") => Response::error(405, "another method is needed here"),
             _ => Response::error(404, "there is nothing here; the page is at /"),
         }
     }
@@ -113,13 +105,19 @@ impl App {
         self.pool.install(|| work(session))
     }
 
+    /// Waits for a frame of a stream, where it is to come; not in the pool, where others would wait with it.
+    fn wait(&self, id: u64, index: Option<usize>) -> Result<()> {
+        let session = self.session(id).ok_or_else(unknown)?;
+        session.lock().map_err(|_| unknown())?.wait(index)
+    }
+
     fn frame(&self, request: &Request) -> Response {
         let number = |name: &str| request.query(name).and_then(|text| text.parse::<u64>().ok());
         let (Some(id), Some(frame)) = (number("session"), number("frame").filter(|n| *n > 0)) else {
             return Response::error(400, "expected ?session=N&frame=N, frames counted from 1");
         };
         let index = usize::try_from(frame - 1).unwrap_or(usize::MAX);
-        let picture = self.with(id, |session| session.stills.get(index, session.track.decoded()));
+        let picture = self.wait(id, Some(index)).and_then(|()| self.with(id, |session| session.picture(index)));
         match picture {
             Ok(Some(jpeg)) => Response::new(200, "image/jpeg", &*jpeg),
             Ok(None) => Response::error(404, "the video has no such frame"),
@@ -130,15 +128,29 @@ impl App {
     fn file(&self, request: &Request) -> Response {
         let id = request.query("session").and_then(|text| text.parse().ok()).unwrap_or(0);
         let name = request.query("name").unwrap_or_default();
-        match self.with(id, |session| Ok(session.saved.as_ref().and_then(|saved| saved.file(name)))) {
-            Ok(Some((file, length, kind))) => {
-                let mut response = Response::new(200, kind, vec![]);
-                response.file = Some((file, length));
+        match self.with(id, |session| Ok(session.file(name))) {
+            Ok(Some(mut response)) => {
                 response.headers.push(("Content-Disposition", "attachment".into()));
                 response.headers.push(("Content-Security-Policy", "sandbox; default-src 'none'".into()));
                 response
             }
             _ => Response::error(404, "there is no such file; save the results first"),
+        }
+    }
+
+    /// A frame of the browser's camera.
+    fn push(&self, request: &Request) -> Response {
+        let number = |name: &str| request.query(name).unwrap_or_default();
+        let about = (number("session").parse(), number("time").parse(), number("missed").parse());
+        let (Ok(id), Ok(time), Ok(missed)) = about else {
+            return Response::error(400, "expected ?session=N&time=SECONDS&missed=N");
+        };
+        if request.header("content-type") != Some("image/jpeg") {
+            return Response::error(415, "expected a body of image/jpeg");
+        }
+        match self.with(id, |session| session.push(&request.body, time, missed)) {
+            Ok(frame) => Response::new(200, "application/json", json!({ "frame": frame }).to_string()),
+            Err(error) => Response::error(400, &error.to_string()),
         }
     }
 
@@ -165,27 +177,31 @@ impl App {
                 self.sessions().open.retain(|(id, _)| *id != session);
                 Ok(json!({}))
             }
-            Message::Propose { session, frame, at } => {
-                self.with(session, |s| proposed(&mut s.stills.player, frame, at))
+            Message::Live { name, width, height, rate } => {
+                let (live, info) = Live::pushed(width, height, rate)?;
+                Ok(self.add(Session::of_live(live, info, name.into()), &[]))
             }
-            Message::Start { session, frame, bbox, config, policy, seed } => {
+            Message::Propose { session, frame, at } => self.with(session, |s| s.propose(frame, at)),
+            Message::Start { session, target, frame, bbox, config, policy, seed } => {
                 let setup = self.setup(config, policy, seed)?;
-                self.with(session, |s| s.start(setup, frame, boxed(bbox)))
+                self.with(session, |s| s.start(target, setup, frame, boxed(bbox)))
             }
-            Message::Step { session, frames } => self.with(session, |s| s.step(frames)),
-            Message::Detail { session, frame } => self.with(session, |s| Ok(s.track.detail(frame))),
-            Message::Correct { session, frame, bbox } => self.with(session, |s| {
-                check_box("the box", &boxed(bbox), &s.video.info)?;
-                s.saved = None;
-                s.track.correct(frame, boxed(bbox))
-            }),
+            Message::Remove { session, target } => self.with(session, |s| s.remove(target)),
+            Message::Step { session, frames } => {
+                self.wait(session, None)?;
+                self.with(session, |s| s.step(frames))
+            }
+            Message::Detail { session, target, frame } => self.with(session, |s| Ok(s.tracks.detail(target, frame))),
+            Message::Correct { session, target, frame, bbox } => {
+                self.with(session, |s| s.correct(target, frame, boxed(bbox)))
+            }
             Message::Command { session } => self.with(session, |s| Ok(json!({ "command": s.command()? }))),
             Message::Picked { session, frame, bbox, config, policy } => {
                 let Setup { config, policy, .. } = self.setup(config, policy, None)?;
                 let given = [(frame.saturating_sub(1), boxed(bbox))];
                 let line = self.with(session, |s| {
-                    check_box("the box", &given[0].1, &s.video.info)?;
-                    Ok(command(&s.video.place.shown, &given, &config, policy.as_deref(), None))
+                    check_box("the box", &given[0].1, &s.info)?;
+                    Ok(command(&s.shown, &given, &config, policy.as_deref(), None))
                 })?;
                 if let Some(pick) = &self.pick {
                     say!("{line}");
@@ -195,22 +211,8 @@ impl App {
                 }
                 Ok(json!({ "command": line, "ends": self.pick.as_ref().is_some_and(|pick| !pick.keep) }))
             }
-            Message::Save { session, film, report } => self.with(session, |s| {
-                let command = s.command()?;
-                let tracking = s.track.get()?;
-                let given = tracking.given().iter().map(|(k, b)| (*k, *b)).collect();
-                let (video, setup, last) = (s.video.clone(), tracking.setup.clone(), tracking.last());
-                // The files before go first.
-                s.saved = None;
-                s.saved = Some(Saved::begin(Wanted { video, setup, given, last, command, film, report }, &self.pool)?);
-                Ok(json!({}))
-            }),
-            Message::Saved { session } => self.with(session, |s| match s.saved.as_ref().map(Saved::progress) {
-                None => Err(Error::Invalid("nothing is being saved; save the results first".into())),
-                Some((_, Some(Err(error)))) => Err(Error::Invalid(error)),
-                Some((frames, Some(Ok(files)))) => Ok(json!({ "frames": frames, "files": files })),
-                Some((frames, None)) => Ok(json!({ "frames": frames, "files": null })),
-            }),
+            Message::Save { session, film, report } => self.with(session, |s| s.save(film, report, &self.pool)),
+            Message::Saved { session } => self.with(session, |s| s.saved()),
         }
     }
 
@@ -222,18 +224,28 @@ impl App {
         let entries = self.roots.list("")?;
         Ok(json!({
             "version": env!("CARGO_PKG_VERSION"), "pick": self.pick.is_some(), "roots": entries, "configs": configs,
-            "policies": POLICIES, "config": self.config, "policy": self.policy,
+            "policies": POLICIES, "config": self.config, "policy": self.policy, "targets": MOST_TARGETS,
         }))
     }
 
     fn open(&self, path: &str) -> Result<Value> {
+        if let Some(address) = self.roots.stream(path) {
+            let (live, info) = Live::open(address)?;
+            return Ok(self.add(Session::of_live(live, info, address.to_owned()), &[]));
+        }
         let place = self.roots.find(path)?;
         let video = self.pool.install(|| Video::open(place))?;
         let mut truth = video.truth();
         truth.truncate(MOST_TRUTH);
-        let mut about = described(&video.info, video.info.exact_frames().is_some(), &truth);
-        let stills = Stills::new(video.clone());
-        let session = Session { video, stills, track: Track::default(), saved: None };
+        Ok(self.add(Session::of_video(video), &truth))
+    }
+
+    /// Keeps a session; what the page is told of it.
+    fn add(&self, session: Session, truth: &[Option<BBox>]) -> Value {
+        let mut about = described(&session.info, session.info.exact_frames().is_some(), truth);
+        if session.is_live() {
+            about["live"] = json!(true);
+        }
         let mut sessions = self.sessions();
         if sessions.open.len() >= MOST_SESSIONS {
             sessions.open.remove(0);
@@ -242,7 +254,7 @@ impl App {
         let id = sessions.last;
         sessions.open.push((id, Arc::new(Mutex::new(session))));
         about["session"] = json!(id);
-        Ok(about)
+        about
     }
 
     /// What to track with: a configuration that may be asked for. The page may not name files.
@@ -255,28 +267,5 @@ impl App {
         }
         let (changed, folder) = read(&config, &Changes { policy: policy.clone(), set: vec![] })?;
         Setup::new(changed, &folder, config, policy, seed)
-    }
-}
-
-impl Session {
-    fn start(&mut self, setup: Setup, frame: usize, bbox: BBox) -> Result<Value> {
-        check_box("the box", &bbox, &self.video.info)?;
-        self.saved = None;
-        let player = Box::new(Player::new(self.video.clone()));
-        self.track.start(player, Box::new(()), setup, frame, bbox)
-    }
-
-    fn step(&mut self, frames: usize) -> Result<Value> {
-        let (began, before) = (Instant::now(), self.track.frames());
-        let answer = self.track.step(frames, || began.elapsed() > LONGEST_STEP)?;
-        if self.track.frames() > before {
-            self.saved = None;
-        }
-        Ok(answer)
-    }
-
-    /// The command that gives this track.
-    fn command(&self) -> Result<String> {
-        self.track.command(&self.video.place.shown)
     }
 }

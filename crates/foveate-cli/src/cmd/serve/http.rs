@@ -10,6 +10,8 @@ pub const MOST_HEAD: usize = 16 << 10;
 const MOST_HEADERS: usize = 64;
 /// Bytes of a request's body, at most.
 pub const MOST_BODY: usize = 64 << 10;
+/// Bytes of a picture that the page pushes, at most; taken of the page alone.
+pub const MOST_PICTURE: usize = 2 << 20;
 /// How long a request may take to come, from its first byte.
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -87,8 +89,8 @@ impl<S: Read + Write> Connection<S> {
         Self { stream, buffer: vec![] }
     }
 
-    /// The next request.
-    pub fn request(&mut self) -> Result<Request, Ended> {
+    /// The next request. `trusted` says, by its head, whether a body as large as a picture is taken.
+    pub fn request(&mut self, trusted: &dyn Fn(&Request) -> bool) -> Result<Request, Ended> {
         let mut began: Option<Instant> = (!self.buffer.is_empty()).then(Instant::now);
         let (mut request, head, length) = loop {
             if let Some(parsed) = head(&self.buffer)? {
@@ -99,6 +101,9 @@ impl<S: Read + Write> Connection<S> {
             }
             self.more(&mut began)?;
         };
+        if length > MOST_BODY && !(request.path == "/push" && length <= MOST_PICTURE && trusted(&request)) {
+            return Err(Ended::Refused(413, "the request's body is too large"));
+        }
         while self.buffer.len() < head + length {
             self.more(&mut began)?;
         }
@@ -111,7 +116,7 @@ impl<S: Read + Write> Connection<S> {
         if began.is_some_and(|began| began.elapsed() > PATIENCE) {
             return Err(Ended::Refused(408, "the request took too long to come"));
         }
-        let mut bytes = [0; 4096];
+        let mut bytes = [0; 16384];
         match self.stream.read(&mut bytes) {
             Ok(n) if n > 0 => {
                 began.get_or_insert_with(Instant::now);
@@ -190,9 +195,6 @@ fn head(bytes: &[u8]) -> Result<Option<(Request, usize, usize)>, Ended> {
         None if !request.has("content-length") => 0,
         _ => return Err(Ended::Refused(400, "Content-Length is one number")),
     };
-    if length > MOST_BODY {
-        return Err(Ended::Refused(413, "the request's body is too large"));
-    }
     let close = request.header("connection").is_some_and(|c| c.eq_ignore_ascii_case("close"));
     Ok(Some((Request { keep: request.keep && !close, ..request }, size, length)))
 }
@@ -242,7 +244,7 @@ mod tests {
 
     fn read(text: &str, step: usize) -> (Result<Request, Ended>, usize) {
         let mut connection = Connection::new(Slow(text.as_bytes().to_vec(), step));
-        let request = connection.request();
+        let request = connection.request(&|request| request.header("host") == Some("trusted"));
         (request, connection.buffer.len() + connection.stream.0.len())
     }
 
@@ -271,6 +273,14 @@ mod tests {
         assert_eq!(with(&"A: b\r\n".repeat(70)), 431);
         assert_eq!(status(&"G".repeat(2 * MOST_HEAD)), 431);
         assert_eq!(with("Content-Length: 65537"), 413);
+        let push = |host: &str, length: usize| {
+            let body = "x".repeat(length);
+            status(&format!("POST /push?a=1 HTTP/1.1\r\nHost: {host}\r\nContent-Length: {length}\r\n\r\n{body}"))
+        };
+        assert_eq!(
+            [push("trusted", MOST_PICTURE), push("trusted", MOST_PICTURE + 1), push("else", MOST_BODY + 1)],
+            [200, 413, 413]
+        );
         assert_eq!(with("Content-Length: 99999999999999999999"), 400);
         assert_eq!(with("Content-Length: -1"), 400);
         assert_eq!(with("Content-Length: 1\r\nContent-Length: 2"), 400);

@@ -21,8 +21,18 @@ pub enum Message {
         frame: usize,
         at: Option<(f64, f64)>,
     },
+    /// Frames of the browser's camera will be pushed.
+    Live {
+        name: String,
+        width: usize,
+        height: usize,
+        rate: f64,
+    },
     Start {
         session: u64,
+        /// From 0; one that is not there yet is added.
+        #[serde(default)]
+        target: usize,
         frame: usize,
         #[serde(rename = "box")]
         bbox: [f64; 4],
@@ -34,12 +44,20 @@ pub enum Message {
         session: u64,
         frames: usize,
     },
+    Remove {
+        session: u64,
+        target: usize,
+    },
     Detail {
         session: u64,
+        #[serde(default)]
+        target: usize,
         frame: usize,
     },
     Correct {
         session: u64,
+        #[serde(default)]
+        target: usize,
         frame: usize,
         #[serde(rename = "box")]
         bbox: [f64; 4],

@@ -11,12 +11,14 @@ use super::http::Response;
 
 /// The scripts, in order, after what every page shares.
 const OWN: &str = concat!(
+    include_str!("page/camera.js"),
     include_str!("page/tracker.js"),
     include_str!("page/common.js"),
     include_str!("page/state.js"),
     include_str!("page/stage.js"),
     include_str!("page/box.js"),
     include_str!("page/panels.js"),
+    include_str!("page/targets.js"),
     include_str!("page/files.js"),
     include_str!("page/main.js"),
 );

@@ -4,7 +4,7 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use foveate::video::image_files;
+use foveate::video::{image_files, is_live};
 use foveate::{Error, Result};
 use serde::Serialize;
 
@@ -22,8 +22,9 @@ pub struct Roots(Vec<Root>);
 struct Root {
     /// As it was given.
     given: PathBuf,
-    /// As the system calls it.
+    /// As the system calls it; of a stream or a camera its address.
     real: PathBuf,
+    live: bool,
 }
 
 /// A place that was found.
@@ -49,7 +50,7 @@ impl Place {
 pub struct Entry {
     pub name: String,
     pub path: String,
-    /// folder, images, video
+    /// folder, images, video, stream
     pub kind: &'static str,
 }
 
@@ -57,6 +58,9 @@ impl Roots {
     /// Fails where one is not there, or neither a folder nor a regular file.
     pub fn new(paths: &[PathBuf]) -> Result<Self> {
         let root = |given: &PathBuf| {
+            if is_live(given) {
+                return Ok(Root { given: given.clone(), real: given.clone(), live: true });
+            }
             let cannot = "cannot serve it; give folders or video files that are there";
             let real = given.canonicalize().map_err(Error::io(given, cannot))?;
             if !real.is_dir() && !real.is_file() {
@@ -65,7 +69,7 @@ impl Roots {
                     "neither a folder nor a regular file; give folders or video files",
                 ));
             }
-            Ok(Root { given: given.clone(), real })
+            Ok(Root { given: given.clone(), real, live: false })
         };
         paths.iter().map(root).collect::<Result<_>>().map(Self)
     }
@@ -74,7 +78,8 @@ impl Roots {
     pub fn find(&self, name: &str) -> Result<Place> {
         let nothing = || Error::Invalid(format!("there is no {name:?} here; choose from the list"));
         let (root, rest) = name.split_once('/').unwrap_or((name, ""));
-        let root = root.parse().ok().and_then(|k: usize| self.0.get(k)).ok_or_else(nothing)?;
+        let root = root.parse().ok().and_then(|k: usize| self.0.get(k)).filter(|root| !root.live);
+        let root = root.ok_or_else(nothing)?;
         let below = Path::new(rest);
         let plain = |part: &Component<'_>| matches!(part, Component::Normal(_));
         if rest.contains(['\0', '\\']) || !below.components().all(|part| plain(&part)) {
@@ -88,11 +93,20 @@ impl Roots {
         Ok(Place { shown: join(&root.given), real, root: root.real.clone() })
     }
 
+    /// The address of a stream or a camera that was given.
+    pub fn stream(&self, name: &str) -> Option<&Path> {
+        let root = name.parse().ok().and_then(|k: usize| self.0.get(k))?;
+        root.live.then_some(&*root.real)
+    }
+
     /// What there is to choose in a place; of no name, the roots.
     pub fn list(&self, name: &str) -> Result<Vec<Entry>> {
         if name.is_empty() {
             let entry = |(k, root): (usize, &Root)| {
                 let name = root.given.to_string_lossy().into_owned();
+                if root.live {
+                    return Some(Entry { name: without_secrets(&name), path: k.to_string(), kind: "stream" });
+                }
                 kind(&root.real).map(|kind| Entry { name, path: k.to_string(), kind })
             };
             return Ok(self.0.iter().enumerate().filter_map(entry).collect());
@@ -114,6 +128,14 @@ impl Roots {
         found.truncate(MOST);
         Ok(found)
     }
+}
+
+/// An address without the name and the word that may stand before its host.
+fn without_secrets(address: &str) -> String {
+    let Some((scheme, rest)) = address.split_once("://") else { return address.to_owned() };
+    let host = rest.find(['/', '?', '#']).unwrap_or(rest.len());
+    let from = rest[..host].rfind('@').map_or(0, |at| at + 1);
+    format!("{scheme}://{}", &rest[from..])
 }
 
 /// What a place is to the page; `None` for what it cannot show.
@@ -173,6 +195,12 @@ mod tests {
             assert!(roots.find(name).is_err(), "{name}");
             assert!(name.is_empty() || roots.list(name).is_err(), "{name}");
         }
+        let address = PathBuf::from("rtsp://me:secret@host:554/live?user=a@b");
+        let roots = Roots::new(&[at("in"), address.clone()]).expect("an address is not looked for");
+        assert_eq!((roots.stream("1"), roots.stream("0"), roots.stream("rtsp://h/")), (Some(&*address), None, None));
+        assert!(roots.find("1").is_err() && roots.list("1").is_err() && roots.find("1/live").is_err());
+        let entry = roots.list("").expect("roots").remove(1);
+        assert_eq!((&*entry.name, entry.kind), ("rtsp://host:554/live?user=a@b", "stream"));
         assert!(Roots::new(&[at("nowhere")]).expect_err("it is not there").to_string().contains("nowhere"));
     }
 }

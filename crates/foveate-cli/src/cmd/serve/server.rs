@@ -18,10 +18,14 @@ const POLL: Duration = Duration::from_millis(100);
 /// Answers requests.
 pub type Answer = dyn Fn(&Request) -> Response + Send + Sync;
 
+/// Says whose large bodies are taken, by the head of the request.
+pub type Trusted = dyn Fn(&Request) -> bool + Send + Sync;
+
 /// Answers until `stop` says so.
 pub fn serve(
     listener: &TcpListener,
     answer: &Arc<Answer>,
+    trusted: &Arc<Trusted>,
     stop: &Arc<dyn Fn() -> bool + Send + Sync>,
 ) -> std::io::Result<()> {
     wake(listener.local_addr()?, Arc::clone(stop));
@@ -39,9 +43,9 @@ pub fn serve(
             count.fetch_sub(1, Ordering::SeqCst);
             continue;
         }
-        let (answer, taken) = (Arc::clone(answer), Arc::clone(&count));
+        let (answer, trusted, taken) = (Arc::clone(answer), Arc::clone(trusted), Arc::clone(&count));
         let started = std::thread::Builder::new().spawn(move || {
-            let _ = catch_unwind(AssertUnwindSafe(|| converse(stream, &*answer)));
+            let _ = catch_unwind(AssertUnwindSafe(|| converse(stream, &*answer, &*trusted)));
             taken.fetch_sub(1, Ordering::SeqCst);
         });
         if started.is_err() {
@@ -64,14 +68,14 @@ fn wake(mut address: SocketAddr, stop: Arc<dyn Fn() -> bool + Send + Sync>) {
     });
 }
 
-fn converse(stream: TcpStream, answer: &Answer) {
+fn converse(stream: TcpStream, answer: &Answer, trusted: &Trusted) {
     let timed = stream.set_read_timeout(Some(SILENCE)).and(stream.set_write_timeout(Some(SILENCE)));
     if timed.and(stream.set_nodelay(true)).is_err() {
         return;
     }
     let mut connection = Connection::new(stream);
     loop {
-        let (response, keep) = match connection.request() {
+        let (response, keep) = match connection.request(trusted) {
             Ok(request) => {
                 let answered = catch_unwind(AssertUnwindSafe(|| answer(&request)));
                 let response =

@@ -129,7 +129,7 @@ impl Stills {
 }
 
 /// A frame as the page shows it: one that is large is made smaller by a whole factor.
-fn jpeg(image: &Image) -> Vec<u8> {
+pub fn jpeg(image: &Image) -> Vec<u8> {
     let k = image.width().max(image.height()).div_ceil(LONGEST);
     if k <= 1 { encode_jpeg(image, QUALITY) } else { encode_jpeg(&smaller(image, k), QUALITY) }
 }

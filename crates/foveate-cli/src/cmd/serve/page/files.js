@@ -1,5 +1,5 @@
 // Choosing a video, and saving results.
-const KINDS = { folder: 'folder', images: 'pictures', video: 'video' };
+const KINDS = { folder: 'folder', images: 'pictures', video: 'video', stream: 'stream' };
 let trail = [];
 async function list(path) {
   const { entries } = await tracker.ask({ op: 'list', path });
@@ -22,20 +22,30 @@ async function enter(entry) {
 async function open_(entry) {
   pause();
   await idle();
+  const close = () => page.video && tracker.ask({ op: 'close', session: page.video.session }).catch(() => {});
+  // A camera can be open once.
+  if (page.video?.live) await close();
   const opened = await tracker.ask({ op: 'open', path: entry.path }), name = entry.name.split(/[\\/]/).filter(Boolean).pop() || entry.name;
-  if (page.video) tracker.ask({ op: 'close', session: page.video.session }).catch(() => {});
+  if (page.video && !page.video.live) close();
   for (const picture of pictures.values()) picture.close?.();
   pictures.clear();
-  details.clear();
   shown = null;
-  Object.assign(page, { video: { ...opened, name }, frame: 1, ends: opened.frames || Infinity, rows: [], first: 0, cells: [], policy: '', ended: false, draft: null });
+  Object.assign(page, { video: { ...opened, name }, frame: 1, ends: opened.frames || Infinity, targets: [], target: 0, draft: null });
   layers.find(layer => layer.name === 'truth').holder.hidden = !opened.truth.some(Boolean);
   byId('title').textContent = name;
   byId('about').textContent = `${opened.width} × ${opened.height}, ${opened.frames ? `${opened.exact ? '' : 'about '}${opened.frames} frames` : 'length unknown'}, ${say(opened.rate, 0)} a second, read by ${opened.reader}`;
   arrange();
   setDraft(null);
   forgetSaved();
+  // What comes but once cannot be run once more for a report or a film, nor by a command.
+  const { live } = opened, again = live === undefined;
+  tellMissed({ missed: 0 });
+  document.body.classList.toggle('live', !!live);
+  for (const id of ['want-report', 'want-film']) byId(id).closest('label').hidden = !again;
+  byId('want-text').textContent = again && !tracker.offer ? 'boxes.txt, track.csv' : 'boxes.txt, track.csv, track.jsonl';
+  byId('command').closest('details').hidden = !again;
   await show(1);
+  if (live) doing(play)();
 }
 // Which cards are there.
 function arrange() {
@@ -49,6 +59,9 @@ byId('choose').addEventListener('click', doing(async () => {
   if (!byId('picker').hidden) byId('entries').querySelector('button')?.focus();
 }));
 
+// A page with another tracker has its own way to the camera.
+byId('pick-camera').addEventListener('click', doing(() => tracker.offer ? null : open_({ name: 'camera', path: CAMERA })));
+
 let saving = 0;
 function forgetSaved() {
   saving++;
@@ -60,10 +73,11 @@ byId('save-go').addEventListener('click', doing(async () => {
   pause();
   await idle();
   forgetSaved();
-  const mine = saving, session = page.video.session, state = byId('save-state'), total = page.rows.length;
+  const mine = saving, session = page.video.session, state = byId('save-state');
+  const again = page.video.live === undefined, total = page.targets.reduce((sum, { count }) => sum + count, 0);
   byId('save-go').disabled = true;
   try {
-    await tracker.ask({ op: 'save', session, film: byId('want-film').checked, report: byId('want-report').checked });
+    await tracker.ask({ op: 'save', session, film: again && byId('want-film').checked, report: again && byId('want-report').checked });
     for (;;) {
       const { frames, files } = await tracker.ask({ op: 'saved', session });
       if (mine !== saving) return;

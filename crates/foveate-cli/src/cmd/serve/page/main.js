@@ -1,5 +1,5 @@
 // Playing, starting, correcting, and the page's beginning.
-let hello = { pick: false }, only = false;
+let hello = { pick: false, targets: 1 }, only = false;
 const icons = { play: '<svg viewBox="0 0 16 16"><path d="M4 2.5v11l9.5-5.5z"/></svg>', pause: '<svg viewBox="0 0 16 16"><path d="M3.5 2.5h3.2v11H3.5zM9.3 2.5h3.2v11H9.3z"/></svg>' };
 function transport() {
   byId('scrub').max = Number.isFinite(page.ends) ? page.ends : Math.max(page.frame + 100, lastTracked());
@@ -18,7 +18,9 @@ function actions() {
   const tracked = !!rowOf(page.frame), box = !!page.draft;
   byId('go').textContent = hello.pick ? 'Use this box' : tracked ? `Correct frame ${page.frame}` : 'Start tracking';
   byId('again').hidden = hello.pick || !tracked;
-  for (const id of ['go', 'again']) byId(id).disabled = !box || page.busy;
+  byId('add').hidden = hello.pick || !page.targets.length || page.targets.length >= hello.targets;
+  for (const id of ['go', 'again', 'add']) byId(id).disabled = !box || page.busy;
+  drawTargets();
 }
 function pause() {
   if (page.playing) { page.playing = false; transport(); command(); }
@@ -36,9 +38,12 @@ async function trackOn(frames, asked) {
   if (page.busy) return;
   page.busy = true;
   try {
-    const video = page.video, answer = await tracker.ask({ op: 'step', session: video.session, frames });
+    // Targets that are behind catch up first.
+    const behind = Math.max(0, ...page.targets.filter(({ ended }) => !ended).map(target => lastTracked() - lastTracked(target)));
+    const video = page.video, answer = await tracker.ask({ op: 'step', session: video.session, frames: frames + behind });
     if (video !== page.video) return;
-    takeIn(answer);
+    answer.targets.forEach((told, i) => takeIn(page.targets[i], told));
+    if (answer.missed !== undefined) tellMissed(answer);
     if (asked || page.playing) await show(lastTracked());
     else panels();
   } finally { page.busy = false; actions(); }
@@ -53,7 +58,7 @@ async function play() {
     while (page.playing && video === page.video) {
       const began = performance.now(), pace = +byId('pace').value, end = page.rows.length ? lastTracked() : page.ends;
       if (page.rows.length && page.frame >= lastTracked()) {
-        if (page.ended) break;
+        if (page.targets.every(({ ended }) => ended)) break;
         await trackOn(pace, false);
       } else if (page.frame < end) await show(page.frame + 1);
       else break;
@@ -74,16 +79,15 @@ async function stepTo(frame) {
   if (page.rows.length && frame === lastTracked() + 1 && page.frame === lastTracked() && !page.ended) { await trackOn(1, true); command(); }
   else await show(frame);
 }
-async function start() {
+async function start(target) {
   const { x, y, w, h } = page.draft, frame = page.frame, seed = byId('seed').value;
-  const message = { op: 'start', session: page.video.session, frame, box: [x, y, w, h], config: byId('config').value, policy: byId('policy').value || null, seed: seed === '' ? null : +seed };
+  const message = { op: 'start', session: page.video.session, target, frame, box: [x, y, w, h], config: byId('config').value, policy: byId('policy').value || null, seed: seed === '' ? null : +seed };
   page.busy = true;
   try {
     const answer = await tracker.ask(message);
-    details.clear();
-    Object.assign(page, { first: frame, rows: [], cells: answer.cells, policy: answer.policy });
-    makeEye(answer.cells);
-    takeIn(answer);
+    page.targets[target] = newTarget(frame, answer.cells, answer.policy);
+    page.target = target;
+    takeIn(page.targets[target], answer);
   } finally { page.busy = false; }
   setDraft(null);
   arrange();
@@ -94,7 +98,7 @@ async function correct() {
   const { x, y, w, h } = page.draft, frame = page.frame;
   page.busy = true;
   try {
-    takeIn(await tracker.ask({ op: 'correct', session: page.video.session, frame, box: [x, y, w, h] }));
+    takeIn(active(), await tracker.ask({ op: 'correct', session: page.video.session, target: page.target, frame, box: [x, y, w, h] }));
   } finally { page.busy = false; }
   setDraft(null);
   await show(frame);
@@ -115,9 +119,11 @@ byId('boxes').addEventListener('submit', doing(async event => {
   pause();
   await idle();
   if (!page.draft) return;
+  const how = event.submitter?.value;
   if (hello.pick) await picked();
-  else if (event.submitter?.value !== 'again' && rowOf(page.frame)) await correct();
-  else await start();
+  else if (how === 'add') await start(page.targets.length);
+  else if (how !== 'again' && rowOf(page.frame)) await correct();
+  else await start(page.target);
 }));
 byId('copy').addEventListener('click', doing(() => navigator.clipboard.writeText(byId('line').textContent)));
 byId('play').addEventListener('click', doing(() => page.playing ? pause() : play()));
@@ -144,12 +150,13 @@ doing(async () => {
   byId('config').dispatchEvent(new Event('change'));
   byId('policy').append(element('option', { value: '' }, "the configuration's"), ...hello.policies.map(name => element('option', { value: name }, name)));
   byId('policy').value = hello.policy || '';
+  byId('pick-camera').hidden = hello.pick;
   byId('seed').hidden = document.querySelector('[for=seed]').hidden = hello.pick;
   if (hello.pick) byId('about').textContent = 'Draw a box: the command line that tracks it is printed where foveate was started.';
   trail = [{ name: 'all', path: '' }];
   const root = hello.roots.length === 1 && hello.roots[0];
   only = root && root.kind !== 'folder';
-  if (only) await open_(root);
+  if (only) await open_(root).catch(async error => { only = false; await list(''); throw error; });
   else if (root) { trail = []; await enter(root); }
   else await list('');
 })();

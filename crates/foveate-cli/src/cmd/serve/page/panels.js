@@ -1,6 +1,6 @@
 // What stands beside the frame: status, glimpse, policy, P(lost).
 function panels() {
-  const row = rowOf(page.frame), detail = details.get(page.frame);
+  const row = rowOf(page.frame), detail = page.details.get(page.frame);
   const badge = byId('badge');
   badge.textContent = row ? (row.given ? 'box given' : row.status) : page.rows.length ? 'not tracked yet' : 'no box yet';
   badge.className = 'badge' + (row ? row.out ? ' off' : ' on' : '');
@@ -29,9 +29,7 @@ function eyeOf(flat) {
   });
   return { side, maps };
 }
-let eye = null;
-const makeEye = flat => { eye = eyeOf(flat); };
-const drawGlimpse = detail => paintGlimpse(byId('seen'), eye, detail ? bytes(detail.glimpse) : []);
+const drawGlimpse = detail => paintGlimpse(byId('seen'), active().eye, detail ? bytes(detail.glimpse) : []);
 function paintGlimpse(canvas, eye, values) {
   const side = eye ? eye.side : 1;
   canvas.width = canvas.height = side;

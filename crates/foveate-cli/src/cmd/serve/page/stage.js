@@ -42,7 +42,7 @@ function drawStage() {
 
 // The frame shown, `width` by `height`; with the box in hand where `hand` says so.
 function paint(c, width, height, hand) {
-  const k = width / page.video.width, frame = shown ? shown.frame : page.frame, row = rowOf(frame), detail = details.get(frame);
+  const k = width / page.video.width, frame = shown ? shown.frame : page.frame, row = rowOf(frame), detail = page.details.get(frame);
   // Pixel centres lie at whole coordinates: the picture starts half a pixel earlier.
   const at = (x, y) => [k * (x + .5), k * (y + .5)], edge = (x, y) => [k * x, k * y];
   c.fillStyle = '#08090b';
@@ -64,6 +64,16 @@ function paint(c, width, height, hand) {
   }
   const truth = page.video.truth[frame - 1];
   if (truth && shows('truth')) cased(() => c.rect(...edge(truth[0], truth[1]), k * truth[2], k * truth[3]), '#3fd19b', 2, [2, 4]);
+  if (shows('box')) page.targets.forEach((target, i) => {
+    const other = rowOf(frame, target), ink = i === page.target ? '#39b6ff' : '#c9a6ff';
+    if (!other || page.targets.length < 2) return;
+    if (i !== page.target) cased(outline(other.corners.map(([x, y]) => at(x, y))), ink, 1.6, other.out ? [7, 6] : []);
+    const [x, y] = edge(other.box[0], other.box[1]), size = Math.max(11, Math.min(16, width / 45));
+    c.font = `700 ${size}px system-ui, sans-serif`;
+    c.lineWidth = 3; c.strokeStyle = 'rgb(8 9 11 / .8)'; c.fillStyle = ink;
+    c.strokeText(String(i + 1), x + 1, Math.max(size, y - 4));
+    c.fillText(String(i + 1), x + 1, Math.max(size, y - 4));
+  });
   if (row && shows('box')) cased(outline(row.corners.map(([x, y]) => at(x, y))), row.out ? '#ff8a4a' : '#39b6ff', 2, row.out ? [7, 6] : []);
   if (row?.region && shows('region')) {
     const [x, y, a, b, turn] = row.region;

@@ -1,19 +1,19 @@
-//! Frames that the page hands over: of a camera, or of a video that only the browser can decode.
+//! The last frames of a source that has each but once: a camera, a stream, or what only the browser can decode.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use super::player::Frames;
 use foveate_base::{Error, Result};
-use foveate_core::scene::{Image, Pixels};
-use foveate_report::interactive::Frames;
+use foveate_core::scene::Image;
 use foveate_video::{Frame, Meter};
 
-/// Frames that are kept.
-const KEPT: usize = 8;
+/// Frames that are kept: for steps back, and corrections.
+pub const RECENT: usize = 8;
 
 /// Frames that came last; clones share them.
 #[derive(Clone)]
-pub struct Live {
+pub struct Recent {
     shared: Arc<Mutex<Kept>>,
     size: (usize, usize),
     /// Counts frames of the source that never came.
@@ -27,7 +27,8 @@ struct Kept {
     count: usize,
 }
 
-impl Live {
+impl Recent {
+    /// Of frames of this size.
     pub fn new(width: usize, height: usize) -> Self {
         Self { shared: Arc::default(), size: (width, height), meter: Meter::default(), last: None }
     }
@@ -36,23 +37,39 @@ impl Live {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Takes the next frame: red, green, blue and a byte of no meaning, pixel by pixel; its time in seconds; and how many
-    /// frames before it never came. Answers its number, from 0.
-    pub fn push(&self, rgba: &[u8], time: f64, missed: u64) -> Result<usize> {
-        let image = Image::from_pixels(Pixels::Rgba, self.size, 4 * self.size.0, rgba)?;
+    /// Width and height in pixels.
+    pub fn size(&self) -> (usize, usize) {
+        self.size
+    }
+
+    /// How many frames came so far.
+    pub fn count(&self) -> usize {
+        self.kept().count
+    }
+
+    /// Takes the next frame; its time in seconds; and how many frames before it never came. Answers its number, from 0.
+    ///
+    /// # Errors
+    /// It has another size than the first.
+    pub fn push(&self, image: Image, time: f64, missed: u64) -> Result<usize> {
+        let ((width, height), (w, h)) = (self.size, (image.width(), image.height()));
+        if (w, h) != (width, height) {
+            let problem = format!("expected a frame of {width} x {height} pixels as the first one, found {w} x {h}");
+            return Err(Error::Invalid(problem + "; open it again"));
+        }
         self.meter.drop_frames(missed);
         let mut kept = self.kept();
         let index = kept.count;
         kept.count += 1;
         kept.frames.push_back(Arc::new(Frame { index, time, image }));
-        if kept.frames.len() > KEPT {
+        if kept.frames.len() > RECENT {
             kept.frames.pop_front();
         }
         Ok(index)
     }
 }
 
-impl Frames for Live {
+impl Frames for Recent {
     fn frame(&mut self, index: usize) -> Result<Option<Arc<Frame>>> {
         let found = {
             let kept = self.kept();

@@ -1,0 +1,244 @@
+//! boxes.txt, track.csv and track.jsonl as a track grows: a line of each a frame, so that a correction can take lines back. What
+//! lies further back is compressed, a few hundred bytes a frame become less than two hundred.
+
+use std::collections::VecDeque;
+use std::io::{Read, Write};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use flate2::Compression;
+use flate2::read::DeflateDecoder;
+use flate2::write::DeflateEncoder;
+
+use super::tracking;
+use crate::stream::Format;
+use crate::{Boxes, Observer, Stream, Table};
+use foveate_base::Result;
+use foveate_base::sink::{Memory, Sink};
+use foveate_core::geometry::BBox;
+use foveate_core::step::Step;
+use foveate_video::{Frame, Meter};
+
+/// The files.
+pub const FILES: [&str; 3] = ["boxes.txt", "track.csv", "track.jsonl"];
+/// Frames that are compressed together.
+const CHUNK: usize = 256;
+
+/// What a target's file is called: the first one's as it is, `target-2-boxes.txt` of the second.
+pub fn named(target: usize, file: &str) -> String {
+    if target == 0 { file.to_owned() } else { format!("target-{}-{file}", target + 1) }
+}
+
+/// The target, from 0, and the file that are called so.
+pub fn target_of(name: &str) -> (usize, &str) {
+    let parts = name.strip_prefix("target-").and_then(|rest| rest.split_once('-'));
+    let found = parts.and_then(|(number, file)| Some((number.parse::<usize>().ok().filter(|n| *n > 1)? - 1, file)));
+    found.unwrap_or((0, name))
+}
+
+/// Lines of the three files; clones share them.
+#[derive(Clone, Default)]
+pub struct Lines(Arc<Mutex<Kept>>);
+
+#[derive(Default)]
+struct Kept {
+    /// The first frame, from 0, of those that are kept.
+    first: usize,
+    /// The first line of track.csv.
+    header: String,
+    /// Chunks of lines, compressed.
+    packed: VecDeque<Vec<u8>>,
+    /// Lines that came last, three a frame, and their frames.
+    tail: String,
+    frames: usize,
+    /// Frames at most, where older ones give way to newer ones.
+    most: Option<usize>,
+}
+
+impl Kept {
+    fn push(&mut self, index: usize, lines: [String; 3]) {
+        if self.packed.is_empty() && self.frames == 0 {
+            self.first = index;
+        }
+        lines.iter().for_each(|line| self.tail += line);
+        self.frames += 1;
+        if self.frames == CHUNK {
+            self.packed.push_back(pack(&self.tail));
+            self.tail.clear();
+            self.frames = 0;
+        }
+        if self.most.is_some_and(|most| (self.packed.len() - 1.min(self.packed.len())) * CHUNK >= most) {
+            self.packed.pop_front();
+            self.first += CHUNK;
+        }
+    }
+
+    fn cut(&mut self, index: usize) {
+        let left = index.saturating_sub(self.first);
+        while left < self.packed.len() * CHUNK
+            && let Some(chunk) = self.packed.pop_back()
+        {
+            (self.tail, self.frames) = (unpack(&chunk), CHUNK);
+        }
+        let frames = left - self.packed.len() * CHUNK;
+        if frames < self.frames {
+            let end = self.tail.split_inclusive('\n').take(3 * frames).map(str::len).sum();
+            self.tail.truncate(end);
+            self.frames = frames;
+        }
+    }
+}
+
+/// Text is never refused, and memory never full of it: both ways hold for what was made here.
+fn pack(text: &str) -> Vec<u8> {
+    let mut encoder = DeflateEncoder::new(vec![], Compression::default());
+    let mut bytes = encoder.write_all(text.as_bytes()).and_then(|()| encoder.finish()).expect("memory takes it");
+    bytes.shrink_to_fit();
+    bytes
+}
+
+fn unpack(bytes: &[u8]) -> String {
+    let mut text = String::new();
+    DeflateDecoder::new(bytes).read_to_string(&mut text).expect("it was packed here");
+    text
+}
+
+impl Lines {
+    /// Lines of so many of the last frames, or somewhat more; for sources without an end.
+    pub fn of_last(frames: usize) -> Self {
+        Self(Arc::new(Mutex::new(Kept { most: Some(frames), ..Kept::default() })))
+    }
+
+    fn kept(&self) -> MutexGuard<'_, Kept> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The first frame that is kept, from 0.
+    pub fn first(&self) -> usize {
+        self.kept().first
+    }
+
+    /// A piece of a file, from 0; `None` after the last one, or where there is no file of that name.
+    pub fn piece(&self, name: &str, piece: usize) -> Option<String> {
+        let which = FILES.iter().position(|known| *known == name)?;
+        let kept = self.kept();
+        let chunk = match kept.packed.get(piece) {
+            Some(packed) => unpack(packed),
+            None if piece == kept.packed.len() => kept.tail.clone(),
+            None => return None,
+        };
+        let header = if piece == 0 && name == "track.csv" { &*kept.header } else { "" };
+        let lines = chunk.split_inclusive('\n').skip(which).step_by(3);
+        Some(std::iter::once(header).chain(lines).collect())
+    }
+
+    /// A whole file.
+    pub fn file(&self, name: &str) -> Option<String> {
+        let first = self.piece(name, 0)?;
+        Some((1..).map_while(|k| self.piece(name, k)).fold(first, |text, piece| text + &piece))
+    }
+
+    /// Bytes of memory that they take, or nearly.
+    pub fn bytes(&self) -> usize {
+        let kept = self.kept();
+        kept.tail.capacity() + kept.packed.iter().map(Vec::capacity).sum::<usize>()
+    }
+}
+
+/// Writes them.
+pub struct LineLog {
+    lines: Lines,
+    observers: [Box<dyn Observer + Send>; 3],
+    out: [Memory; 3],
+}
+
+impl LineLog {
+    /// Into these lines; `meter` is of a source that drops frames.
+    pub fn new(lines: Lines, meter: Option<Meter>) -> Self {
+        let out: [Memory; 3] = Default::default();
+        let sink = |i: usize| Sink::memory(FILES[i], out[i].clone());
+        let observers: [Box<dyn Observer + Send>; 3] = [
+            Box::new(Boxes::to(sink(0))),
+            Box::new(Table::to(sink(1))),
+            Box::new(Stream::new(out[2].clone(), Format::Json, meter)),
+        ];
+        Self { lines, observers, out }
+    }
+
+    fn take(&self, index: usize) {
+        let [boxes, mut table, json] = self.out.each_ref().map(|out| String::from_utf8_lossy(&out.take()).into_owned());
+        let mut kept = self.lines.kept();
+        // The header comes with the first line.
+        if kept.header.is_empty()
+            && let Some(end) = table.find('\n')
+        {
+            let line = table.split_off(end + 1);
+            kept.header = std::mem::replace(&mut table, line);
+        }
+        kept.push(index, [boxes, table, json]);
+    }
+}
+
+impl tracking::Log for LineLog {
+    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
+        self.observers.iter_mut().try_for_each(|o| o.start(frame, bbox))?;
+        self.take(frame.index);
+        Ok(())
+    }
+    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
+        self.observers.iter_mut().try_for_each(|o| o.observe(frame, step))?;
+        self.take(frame.index);
+        Ok(())
+    }
+    fn cut(&mut self, index: usize) {
+        self.lines.kept().cut(index);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(k: usize) -> [String; 3] {
+        ["box", "row", "json"].map(|kind| format!("{kind} {k}\n"))
+    }
+
+    #[test]
+    fn lines_come_back_as_they_were_and_can_be_taken_back() {
+        let lines = Lines::default();
+        let put = |from: usize, to: usize| (from..to).for_each(|k| lines.kept().push(k, line(k)));
+        lines.kept().header = "columns\n".into();
+        let whole =
+            |from: usize, to: usize, which: usize| (from..to).map(|k| line(k)[which].clone()).collect::<String>();
+        put(7, 2000);
+        for cut in [1999, 1500, 7 + 3 * CHUNK, 7 + 2 * CHUNK + 1, 300, 8, 7] {
+            lines.kept().cut(cut);
+            assert_eq!(lines.file("boxes.txt").expect("a file"), whole(7, cut, 0), "{cut}");
+            assert_eq!(lines.file("track.csv").expect("a file"), "columns\n".to_owned() + &whole(7, cut, 1));
+            put(cut, 2000);
+            assert_eq!(lines.file("track.jsonl").expect("a file"), whole(7, 2000, 2));
+        }
+        assert_eq!(lines.file("else"), None);
+    }
+
+    #[test]
+    fn files_of_further_targets_have_names_of_their_own() {
+        for target in 0..3 {
+            assert_eq!(target_of(&named(target, "boxes.txt")), (target, "boxes.txt"));
+        }
+        assert_eq!(target_of("target-1-boxes.txt"), (0, "target-1-boxes.txt"));
+        assert_eq!(target_of("target-x"), (0, "target-x"));
+    }
+
+    #[test]
+    fn without_an_end_the_oldest_lines_go() {
+        let lines = Lines::of_last(1000);
+        (0..10_000).for_each(|k| lines.kept().push(k, line(k)));
+        let text = lines.file("boxes.txt").expect("a file");
+        let frames = text.lines().count();
+        assert!((1000..=1000 + 2 * CHUNK).contains(&frames) && text.ends_with("box 9999\n"), "{frames}");
+        assert_eq!(lines.first(), 10_000 - frames);
+        assert!(text.starts_with(&format!("box {}\n", lines.first())));
+        lines.kept().cut(9990);
+        assert!(lines.file("boxes.txt").expect("a file").ends_with("box 9989\n"));
+    }
+}
