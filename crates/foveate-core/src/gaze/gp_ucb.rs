@@ -107,6 +107,10 @@ impl Bayes {
         let signal_variance = if self.standardise { 1.0 } else { 0.01 };
         Hyper { length_scales: [0.5 * self.reach; 2], signal_variance, noise_variance: 0.25 * signal_variance }
     }
+    /// What a deviation of saliency counts, in units of the process.
+    fn salient(&self) -> f64 {
+        self.saliency * self.first().signal_variance.sqrt()
+    }
     /// Student-t on each length scale about half the square's half side, uniform on the two variances (section 4.4; the
     /// paper prints no numbers).
     fn priors(&self) -> Result<Priors<2>> {
@@ -176,17 +180,16 @@ impl GpUcb {
     }
     /// The process' mean at a gaze before anything was learned.
     fn expected(&self, u: f64, v: f64) -> f64 {
-        let s = &self.settings;
-        s.saliency * s.first().signal_variance.sqrt() * self.prior.at(s.reach, u, v)
+        self.settings.salient() * self.prior.at(self.settings.reach, u, v)
     }
     /// The process' targets from the window's rewards.
     fn standardise(&mut self) {
         let (mean, sd) = self.units();
-        let mut means = std::mem::take(&mut self.means);
+        let Self { settings, process, rewards, fixations, prior, means, .. } = self;
+        let (weight, reach) = (settings.salient(), settings.reach);
         means.clear();
-        means.extend(self.rewards.iter().zip(&self.fixations).map(|(r, g)| (r - mean) / sd - self.expected(g.u, g.v)));
-        self.means = means;
-        self.process.set_values(&self.means);
+        means.extend(rewards.iter().zip(fixations).map(|(r, g)| (r - mean) / sd - weight * prior.at(reach, g.u, g.v)));
+        process.set_values(means);
     }
 }
 
@@ -201,8 +204,8 @@ impl Policy for GpUcb {
             return plan.only(Gaze { u, v, arm: None });
         }
         let (root_beta, evaluations, reach) = (self.exploration(context), s.evaluations, s.reach);
-        let (weight, prior) = (s.saliency * s.first().signal_variance.sqrt(), std::mem::take(&mut self.prior));
-        let Self { process, direct, means, variances, .. } = self;
+        let weight = s.salient();
+        let Self { process, direct, prior, means, variances, .. } = self;
         let ([u, v], _) = direct.maximise_batches([-reach; 2], [reach; 2], evaluations, |gazes, values| {
             means.resize(gazes.len(), 0.0);
             variances.resize(gazes.len(), 0.0);
@@ -211,7 +214,6 @@ impl Policy for GpUcb {
                 *value = mean + weight * prior.at(reach, *u, *v) + root_beta * variance.sqrt();
             }
         });
-        self.prior = prior;
         plan.only(Gaze { u, v, arm: None });
     }
     fn learn(&mut self, plan: &Plan, rewards: &[f64]) {
@@ -328,6 +330,15 @@ mod tests {
         conformance::policy(&|| Box::new(policy(careful.clone())));
         let salient = Bayes { saliency: 1.0, ..Bayes::default() };
         conformance::policy(&|| Box::new(policy(salient.clone())));
+    }
+
+    #[test]
+    fn without_saliency_the_first_gaze_is_the_first_two_numbers_drawn() {
+        let (stream, mut plan) = (|| Streams::new(3, 0).at(0, Purpose::Look).rng(0), Plan::new());
+        policy(Bayes::default()).plan(&Context::default(), &mut plan, &mut stream());
+        let mut rng = stream();
+        let [u, v] = std::array::from_fn(|_| Bayes::default().start * (2.0 * rng.random::<f64>() - 1.0));
+        assert_eq!((plan.chosen().u, plan.chosen().v), (u, v));
     }
 
     #[test]

@@ -52,8 +52,12 @@ impl Prior {
         };
         (1.0 - below) * row(j) + below * row(j + 1)
     }
-    /// A gaze, each as probable as the exponential of `weight` times what is expected of it. `None` where nothing is.
+    /// A gaze, each as probable as the exponential of `weight` times what is expected of it. `None` where nothing is: then no random
+    /// number is drawn, and what is drawn next is what it was without a prior.
     pub fn draw(&self, reach: f64, weight: f64, rng: &mut Rng) -> Option<Gaze> {
+        if self.values.is_empty() {
+            return None;
+        }
         // The largest power is 0: some deviations are too large to be raised.
         let largest = self.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let share = |value: &f64| (weight * (value - largest)).exp();
@@ -62,7 +66,7 @@ impl Prior {
             left -= share(value);
             left < 0.0
         });
-        (!self.values.is_empty()).then(|| gaze(reach, drawn.unwrap_or(SIDE * SIDE - 1)))
+        Some(gaze(reach, drawn.unwrap_or(SIDE * SIDE - 1)))
     }
 }
 
