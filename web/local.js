@@ -1,5 +1,5 @@
 // The tracker in this page, in the place of a server: a worker with the WebAssembly. Videos that it cannot decode, and cameras,
-// give their frames through `source.js`.
+// give their frames through `element.js` and the page's camera.js.
 function threadOf() {
   const worker = new Worker('worker.js', { type: 'module' }), waiting = new Map();
   let last = 0;

@@ -8,24 +8,21 @@ const tracker = (async () => load(await (await fetch('foveate.wasm')).arrayBuffe
 // How long frames are tracked in for one message, milliseconds: so long does a pause take.
 const LONGEST_STEP = 100;
 
-// The browser's decoder of a video, while it does.
-const decoderNow = session => decoders.get(session)?.decoder;
 // Tracks frames; each is decoded by the browser where it can, else by the tracker itself: none is left out.
 async function step(t, { session, frames }) {
   let all = null;
+  const held = decoders.get(session);
   for (const began = performance.now(); frames > 0 && (!all || performance.now() - began < LONGEST_STEP); frames--) {
-    const decoder = decoderNow(session), { next } = t.ask({ op: 'next', session });
-    if (decoder && next && next !== decoders.get(session).given) {
+    // Behind its last frame the tracker finds the end by itself.
+    const { next } = held?.decoder ? t.ask({ op: 'next', session }) : {};
+    if (next && next !== held.given && next <= held.last) {
       try {
-        const { width, height, nv12, bytes } = await decoder.frame(next);
+        const { width, height, nv12, bytes } = await held.decoder.frame(next);
         if (!t.decoded(session, next, width, height, nv12, bytes)) throw new Error('the frame has another size');
-        decoders.get(session).given = next;
+        held.given = next;
       } catch (error) {
-        const last = next > decoders.get(session).last;
-        if (!last) {
-          decoder.close();
-          Object.assign(decoders.get(session), { decoder: null, why: error.message });
-        }
+        held.decoder.close();
+        Object.assign(held, { decoder: null, why: error.message });
       }
     }
     const { targets } = t.ask({ op: 'step', session, frames: 1 });
@@ -40,7 +37,7 @@ const does = {
     for (const [id, file] of give) files.set(id, file);
     if (message.op === 'step') return [await step(t, message)];
     if (message.op === 'close') {
-      decoderNow(message.session)?.close();
+      decoders.get(message.session)?.decoder?.close();
       decoders.delete(message.session);
     }
     return [t.ask(message)];

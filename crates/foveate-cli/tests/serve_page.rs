@@ -6,11 +6,12 @@ mod browser;
 #[path = "served/mod.rs"]
 mod served;
 
+use std::path::Path;
 use std::time::Duration;
 
 use browser::{Browser, CONTRAST};
 use serde_json::{Value, json};
-use served::{FRAMES, Server, clip, iou, truth};
+use served::{FRAMES, Server, clip, iou, nearest, truth};
 
 /// Tracks to the end, and compares with the truth.
 fn track(browser: &mut Browser) {
@@ -21,17 +22,23 @@ fn track(browser: &mut Browser) {
     assert!(mean >= 0.7 && least >= 0.5, "{mean} {least}: {overlaps:?}");
 }
 
+/// The page at its list of videos, in a browser with these options, and its server. `None`, and said, without a browser.
+fn open(dir: &Path, options: &[&str]) -> Option<(Browser, Server)> {
+    let Some(mut browser) = Browser::start(dir, options) else {
+        eprintln!("skipped: no chromium that runs here");
+        return None;
+    };
+    clip(&dir.join("seen/clip"));
+    let server = Server::start(dir, &["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural-fast"]);
+    browser.call("Page.navigate", json!({ "url": server.url }));
+    browser.until("document.querySelectorAll('.entries button').length === 1");
+    Some((browser, server))
+}
+
 #[test]
 fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let Some(mut browser) = Browser::start(dir.path()) else {
-        eprintln!("skipped: no chromium that runs here");
-        return;
-    };
-    clip(&dir.path().join("seen/clip"));
-    let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural-fast"]);
-    browser.call("Page.navigate", json!({ "url": server.url }));
-    browser.until("document.querySelectorAll('.entries button').length === 1");
+    let Some((mut browser, server)) = open(dir.path(), &[]) else { return };
     browser.click(".entries button");
     browser.until("!byId('stage').hidden && shown && shown.frame === 1");
 
@@ -210,27 +217,13 @@ fn the_browsers_camera_is_followed_by_the_server() {
     std::fs::write(&camera, bytes).expect("a writable folder");
     let capture = format!("--use-file-for-fake-video-capture={}", camera.display());
     let fake = ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream", &capture];
-    let Some(mut browser) = Browser::start_with(dir.path(), &fake) else {
-        eprintln!("skipped: no chromium that runs here");
-        return;
-    };
-    clip(&dir.path().join("seen/clip"));
-    let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural-fast"]);
-    browser.call("Page.navigate", json!({ "url": server.url }));
-    browser.until("document.querySelectorAll('.entries button').length === 1");
+    let Some((mut browser, server)) = open(dir.path(), &fake) else { return };
     browser.picture("choose");
     browser.click("#pick-camera");
     browser.until("!byId('stage').hidden && shown && page.frame > 3");
     browser.value("pause(), true");
     browser.until("!page.playing && shown.frame === page.frame");
-    // Where the target is in the picture shown: the lightest square on a coarse grid, then the nearest frame.
-    let nearest = |jpeg: &[u8]| {
-        let image = foveate::video::decode_image(jpeg).expect("a picture");
-        let apart = |t: &usize| -> u64 {
-            served::picture(*t).iter().zip(image.plane(0)).map(|(a, b)| u64::from(a.abs_diff(*b))).sum()
-        };
-        (0..FRAMES).min_by_key(apart).expect("some")
-    };
+    // Which frame of the clip is shown.
     let at = |browser: &mut Browser| {
         let place = browser.value("[page.video.session, page.frame]");
         let (_, jpeg) = server.get(&format!("/frame?session={}&frame={}", place[0], place[1]));

@@ -67,7 +67,4 @@ impl Frames for Ahead {
         }
         Ok(frame)
     }
-    fn last(&self) -> Option<&Arc<Frame>> {
-        self.last.as_ref()
-    }
 }

@@ -19,7 +19,7 @@ fn open(folder: &Path, more: &[&str]) -> Option<Browser> {
 }
 
 fn open_at(page: PathBuf, folder: &Path, more: &[&str]) -> Option<Browser> {
-    let Some(mut browser) = Browser::start_with(folder, more) else {
+    let Some(mut browser) = Browser::start(folder, more) else {
         eprintln!("skipped: no chromium that runs here");
         return None;
     };
@@ -204,6 +204,13 @@ fn pictures(browser: &mut Browser, name: &str) {
     assert_eq!(browser.value(unnamed), json!([]), "everything that is used has a name");
 }
 
+/// Pauses a camera; which frame of the test's own is shown.
+fn held(browser: &mut Browser) -> usize {
+    browser.value("pause(), true");
+    browser.until("!page.playing && shown.frame === page.frame");
+    browser.value(&format!("{NUMBER}(shown.picture)")).as_u64().expect("a number") as usize
+}
+
 #[test]
 fn a_camera_is_followed() {
     let dir = tempfile::tempdir().expect("a temporary folder");
@@ -215,9 +222,7 @@ fn a_camera_is_followed() {
     browser.click("#pick-camera");
     browser.until("!byId('stage').hidden && shown && page.frame > 3");
     // What is shown waits while a box is drawn on it; where it is, its number tells.
-    browser.value("pause(), true");
-    browser.until("!page.playing && shown.frame === page.frame");
-    let number = browser.value(&format!("{NUMBER}(shown.picture)")).as_u64().expect("a number") as usize;
+    let number = held(&mut browser);
     browser.value("byId('config').value = 'natural-fast', true");
     browser.draw(truth(number));
     browser.click("#go");
@@ -382,9 +387,7 @@ fn a_camera_takes_no_more_memory_the_longer_it_runs() {
     browser.value(&source);
     browser.click("#pick-camera");
     browser.until("!byId('stage').hidden && shown && page.frame > 2");
-    browser.value("pause(), true");
-    browser.until("!page.playing && shown.frame === page.frame");
-    let number = browser.value(&format!("{NUMBER}(shown.picture)")).as_u64().expect("a number") as usize;
+    let number = held(&mut browser);
     browser.value("byId('config').value = 'natural-fast', byId('pace').value = 200, true");
     browser.draw(truth(number));
     browser.click("#go");

@@ -26,12 +26,7 @@ pub struct Browser {
 
 impl Browser {
     /// `None` where none is installed, or it cannot run here.
-    pub fn start(folder: &Path) -> Option<Self> {
-        Self::start_with(folder, &[])
-    }
-
-    /// The same with further arguments.
-    pub fn start_with(folder: &Path, more: &[&str]) -> Option<Self> {
+    pub fn start(folder: &Path, more: &[&str]) -> Option<Self> {
         let named = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success());
         let program = ["chromium", "chromium-browser", "google-chrome", "chrome"].into_iter().find(named)?;
         let (to, from) = (folder.join("to"), folder.join("from"));

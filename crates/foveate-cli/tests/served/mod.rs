@@ -134,3 +134,11 @@ pub fn iou(a: [f64; 4], b: [f64; 4]) -> f64 {
     let [a, b] = [a, b].map(|[x, y, w, h]| BBox::new(x, y, w, h));
     a.iou(&b)
 }
+
+/// The frame of the clip that is nearest to a picture.
+pub fn nearest(jpeg: &[u8]) -> usize {
+    let image = foveate::video::decode_image(jpeg).expect("a picture");
+    let apart =
+        |t: &usize| -> u64 { picture(*t).iter().zip(image.plane(0)).map(|(a, b)| u64::from(a.abs_diff(*b))).sum() };
+    (0..FRAMES).min_by_key(apart).expect("some")
+}

@@ -1,9 +1,9 @@
 //! `foveate train fixations` as a user meets it: it trains, it survives being killed, it says what is wrong.
 
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
-use crate::training::{fails, said, whole_and_cut};
+use crate::training::{fails, said, train, whole_and_cut};
 
 /// Digits that are bars, level (even) or upright (odd), as IDX files: 120 to learn from, 40 to test with.
 fn write_digits(dir: &Path) {
@@ -24,11 +24,8 @@ fn write_digits(dir: &Path) {
 }
 
 fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
-    command.args(["train", "fixations", "--hidden", "24", "--factors", "16", "--batch", "20", "--rate", "0.02"]);
-    command.args(["--threads", "2", "--data"]).arg(dir).arg("--out").arg(dir.join(out)).args(extra);
-    command.stdout(Stdio::piped()).stderr(Stdio::piped());
-    command
+    let args = ["fixations", "--hidden", "24", "--factors", "16", "--batch", "20", "--rate", "0.02"];
+    train(dir, out, &args, extra)
 }
 
 #[test]

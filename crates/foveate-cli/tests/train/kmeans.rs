@@ -5,25 +5,11 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use crate::photographs::write_photographs;
-use crate::training::{fails, whole_and_cut};
+use crate::training::{fails, train, whole_and_cut};
 
 fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
-    command.args([
-        "train",
-        "kmeans",
-        "--glimpses",
-        "1500",
-        "--held-out",
-        "100",
-        "--rings",
-        "8/1,16/2",
-        "--threads",
-        "2",
-    ]);
-    command.arg("--data").arg(dir).arg("--out").arg(dir.join(out)).args(extra);
-    command.stdout(Stdio::piped()).stderr(Stdio::piped());
-    command
+    let args = ["kmeans", "--glimpses", "1500", "--held-out", "100", "--rings", "8/1,16/2"];
+    train(dir, out, &args, extra)
 }
 
 #[test]

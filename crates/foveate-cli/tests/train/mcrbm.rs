@@ -2,29 +2,15 @@
 
 use foveate::files::Folder;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use crate::photographs::write_photographs;
-use crate::training::{fails, whole_and_cut};
+use crate::training::{fails, train, whole_and_cut};
 
 fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
-    command.args(["train", "mcrbm", "--means", "9", "--held-out", "100"]);
-    command.args([
-        "--rings",
-        "8/1,16/2",
-        "--pooling",
-        "grid",
-        "--batch",
-        "50",
-        "--leapfrog-steps",
-        "5",
-        "--learn-pooling",
-        "3",
-    ]);
-    command.args(["--threads", "2", "--data"]).arg(dir).arg("--out").arg(dir.join(out)).args(extra);
-    command.stdout(Stdio::piped()).stderr(Stdio::piped());
-    command
+    let data = ["mcrbm", "--means", "9", "--held-out", "100", "--rings", "8/1,16/2"];
+    let settings = ["--pooling", "grid", "--batch", "50", "--leapfrog-steps", "5", "--learn-pooling", "3"];
+    train(dir, out, &[&data[..], &settings].concat(), extra)
 }
 
 #[test]

@@ -2,9 +2,9 @@
 
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
-use crate::training::{fails, whole_and_cut};
+use crate::training::{fails, train, whole_and_cut};
 
 /// A set of digits that are rectangles of many shapes, as IDX files.
 fn write_digits(dir: &Path) {
@@ -22,12 +22,8 @@ fn write_digits(dir: &Path) {
 }
 
 fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
-    command.args(["train", "rbm", "--set", "digits", "--hidden", "40", "--glimpses", "3000", "--held-out", "100"]);
-    command.args(["--rings", "8/1,16/2", "--method", "sml", "--threads", "2", "--data"]).arg(dir);
-    command.arg("--out").arg(dir.join(out)).args(extra);
-    command.stdout(Stdio::piped()).stderr(Stdio::piped());
-    command
+    let data = ["rbm", "--set", "digits", "--hidden", "40", "--glimpses", "3000", "--held-out", "100"];
+    train(dir, out, &[&data[..], &["--rings", "8/1,16/2", "--method", "sml"]].concat(), extra)
 }
 
 #[test]

@@ -2,7 +2,16 @@
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
+
+/// `foveate train` with these arguments, on the data in a folder, to a model in the same folder.
+pub fn train(dir: &Path, out: &str, args: &[&str], extra: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
+    command.arg("train").args(args).args(["--threads", "2", "--data"]).arg(dir);
+    command.arg("--out").arg(dir.join(out)).args(extra);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
 
 /// What a command says that does what it is told.
 pub fn said(mut command: Command) -> String {

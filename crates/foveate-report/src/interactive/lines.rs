@@ -66,7 +66,7 @@ impl Kept {
             self.tail.clear();
             self.frames = 0;
         }
-        if self.most.is_some_and(|most| (self.packed.len() - 1.min(self.packed.len())) * CHUNK >= most) {
+        if self.most.is_some_and(|most| self.packed.len().saturating_sub(1) * CHUNK >= most) {
             self.packed.pop_front();
             self.first += CHUNK;
         }

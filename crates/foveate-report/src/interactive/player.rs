@@ -15,8 +15,6 @@ pub trait Frames: Send {
     /// # Errors
     /// It cannot be read, or is gone.
     fn frame(&mut self, index: usize) -> Result<Option<Arc<Frame>>>;
-    /// The frame that was read last.
-    fn last(&self) -> Option<&Arc<Frame>>;
     /// The frame before `index`, of the first one the next, where it can be had; and `index` itself.
     ///
     /// # Errors
@@ -36,36 +34,38 @@ pub trait Frames: Send {
 
 /// Frames that several read; what one of them reads the others find read.
 #[derive(Clone)]
-pub struct Shared {
-    inner: Arc<Mutex<Box<dyn Frames>>>,
-    last: Option<Arc<Frame>>,
+pub struct Shared(Arc<Mutex<Reading>>);
+
+struct Reading {
+    frames: Box<dyn Frames>,
+    newest: Option<Arc<Frame>>,
 }
 
 impl Shared {
     /// Of these frames.
     pub fn new(frames: Box<dyn Frames>) -> Self {
-        Self { inner: Arc::new(Mutex::new(frames)), last: None }
+        Self(Arc::new(Mutex::new(Reading { frames, newest: None })))
     }
-    fn inner(&self) -> MutexGuard<'_, Box<dyn Frames>> {
-        self.inner.lock().unwrap_or_else(PoisonError::into_inner)
+    fn reading(&self) -> MutexGuard<'_, Reading> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
     /// The frame that any of them read last.
     pub fn newest(&self) -> Option<Arc<Frame>> {
-        self.inner().last().cloned()
+        self.reading().newest.clone()
     }
 }
 
 impl Frames for Shared {
     fn frame(&mut self, index: usize) -> Result<Option<Arc<Frame>>> {
-        let frame = self.inner().frame(index)?;
-        self.last.clone_from(&frame);
+        let mut reading = self.reading();
+        let frame = reading.frames.frame(index)?;
+        if frame.is_some() {
+            reading.newest.clone_from(&frame);
+        }
         Ok(frame)
     }
-    fn last(&self) -> Option<&Arc<Frame>> {
-        self.last.as_ref()
-    }
     fn repeats(&self) -> bool {
-        self.inner().repeats()
+        self.reading().frames.repeats()
     }
 }
 
@@ -134,8 +134,5 @@ impl<V: Reopen> Player<V> {
 impl<V: Reopen> Frames for Player<V> {
     fn frame(&mut self, index: usize) -> Result<Option<Arc<Frame>>> {
         self.passing(index, |_| ())
-    }
-    fn last(&self) -> Option<&Arc<Frame>> {
-        self.last.as_ref()
     }
 }

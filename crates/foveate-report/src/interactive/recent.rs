@@ -18,7 +18,6 @@ pub struct Recent {
     size: (usize, usize),
     /// Counts frames of the source that never came.
     pub meter: Meter,
-    last: Option<Arc<Frame>>,
 }
 
 #[derive(Default)]
@@ -30,7 +29,7 @@ struct Kept {
 impl Recent {
     /// Of frames of this size.
     pub fn new(width: usize, height: usize) -> Self {
-        Self { shared: Arc::default(), size: (width, height), meter: Meter::default(), last: None }
+        Self { shared: Arc::default(), size: (width, height), meter: Meter::default() }
     }
 
     fn kept(&self) -> MutexGuard<'_, Kept> {
@@ -71,19 +70,13 @@ impl Recent {
 
 impl Frames for Recent {
     fn frame(&mut self, index: usize) -> Result<Option<Arc<Frame>>> {
-        let found = {
-            let kept = self.kept();
-            if index >= kept.count {
-                return Ok(None);
-            }
-            kept.frames.iter().find(|frame| frame.index == index).cloned()
-        };
+        let kept = self.kept();
+        if index >= kept.count {
+            return Ok(None);
+        }
         let gone = || Error::Invalid(format!("frame {} is gone: a camera's frames do not come again", index + 1));
-        self.last = Some(found.ok_or_else(gone)?);
-        Ok(self.last.clone())
-    }
-    fn last(&self) -> Option<&Arc<Frame>> {
-        self.last.as_ref()
+        let found = kept.frames.iter().find(|frame| frame.index == index).ok_or_else(gone)?;
+        Ok(Some(Arc::clone(found)))
     }
     fn repeats(&self) -> bool {
         false

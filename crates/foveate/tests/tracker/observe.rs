@@ -4,6 +4,7 @@ use foveate::files::Folder;
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::common::shown;
 use foveate::config::Config;
 use foveate::geometry::BBox;
 use foveate::identity::retina::FovealConfig;
@@ -186,18 +187,7 @@ fn the_report_needs_no_network_and_no_trust() {
 fn the_report_runs_in_a_browser() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     report(folder.path());
-    let profile = format!("--user-data-dir={}", folder.path().join("profile").display());
-    let address = format!("file://{}#frame=5", folder.path().join("report.html").display());
-    let ask =
-        ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=4000", "--dump-dom", &profile, &address];
-    let Ok(answer) = std::process::Command::new("chromium").args(ask).output() else {
-        return println!("skipped: no chromium");
-    };
-    let shown = String::from_utf8_lossy(&answer.stdout);
-    let Some((_, body)) = shown.split_once("<body>") else {
-        return println!("skipped: chromium is there but shows no page here");
-    };
-    let markup: String = body.split("<script").next().expect("the page above its scripts").into();
+    let Some(markup) = shown(&folder.path().join("report.html"), "frame=5") else { return };
     assert!(
         markup.contains("frame <b>5</b> of 12"),
         "the replay stands at frame 5: {}",

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::common::shown;
 use foveate::control::{Autoregressive, ConfidenceModel, ConsistencySettings, Prior, VarianceReduction};
 use foveate::gaze::{Context, Plan, Policy, PolicySnapshot, Surface};
 use foveate::geometry::{BBox, Gaze};
@@ -159,19 +160,7 @@ fn the_report_has_a_surface_for_each_picture_and_draws_it() {
         assert_eq!(key["surface"]["mean"].as_str().map(str::len), Some((21 * 21usize).div_ceil(3) * 4));
         assert_eq!(key["surface"]["best"], serde_json::json!([0.5, -0.25]));
     }
-    let profile = tempfile::tempdir().expect("a temporary folder");
-    let profile = format!("--user-data-dir={}", profile.path().display());
-    let address = format!("file://{}#frame=30", path.display());
-    let ask =
-        ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=4000", "--dump-dom", &profile, &address];
-    let Ok(answer) = std::process::Command::new("chromium").args(ask).output() else {
-        return println!("skipped: no chromium");
-    };
-    let shown = String::from_utf8_lossy(&answer.stdout);
-    let Some((_, body)) = shown.split_once("<body>") else {
-        return println!("skipped: chromium is there but shows no page here");
-    };
-    let markup: String = body.split("<script").next().expect("the page above its scripts").into();
+    let Some(markup) = shown(&path, "frame=30") else { return };
     assert!(
         markup.contains("mean reward") && markup.contains("standard deviation") && !markup.contains("script failed")
     );

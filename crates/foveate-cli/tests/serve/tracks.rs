@@ -1,0 +1,210 @@
+//! Tracks through messages: corrections, several targets, files; and `foveate pick`.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use crate::served::{FRAMES, Server, iou, truth};
+use crate::{boxes_of, open, place};
+
+fn tracked(server: &Server, session: &Value) -> Vec<[f64; 4]> {
+    let mut boxes = vec![];
+    loop {
+        let (status, answer) = server.ask(&json!({ "op": "step", "session": session, "frames": 200 }).to_string());
+        assert_eq!(status, 200, "{answer}");
+        let target = &answer["targets"][0];
+        boxes.extend(boxes_of(target));
+        if target["ended"] == true {
+            return boxes;
+        }
+    }
+}
+
+#[test]
+fn messages_track_correct_and_save() {
+    let dir = place();
+    let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural-fast"]);
+    let opened = open(&server, "0/clip");
+    assert_eq!((&opened["width"], &opened["frames"], &opened["truth"][3][0]), (&json!(320), &json!(36), &json!(109.0)));
+    let session = &opened["session"];
+    let (status, jpeg) = server.get(&format!("/frame?session={session}&frame=36"));
+    assert!(status == 200 && jpeg.starts_with(b"\xff\xd8"));
+    assert_eq!(server.get(&format!("/frame?session={session}&frame=37")).0, 404);
+    // A click on the target proposes its box, in the first frame as in others.
+    for frame in [1, 5] {
+        let [x, y, w, h] = truth(frame - 1);
+        let message = json!({ "op": "propose", "session": session, "frame": frame, "at": [x + w / 2.0, y + h / 2.0] });
+        let (_, answer) = server.ask(&message.to_string());
+        let bbox: [f64; 4] = serde_json::from_value(answer["box"].clone()).expect("a box");
+        assert!(iou(bbox, truth(frame - 1)) > 0.3, "frame {frame}: {answer}");
+    }
+    let start = |config: &str, bbox: [f64; 4]| {
+        server.ask(&json!({ "op": "start", "session": session, "frame": 1, "box": bbox, "config": config, "policy": null, "seed": 4 }).to_string())
+    };
+    for config in ["/etc/passwd", "../secret.mp4", "multi", "nothing"] {
+        assert_eq!(start(config, truth(0)).0, 400, "{config}");
+    }
+    assert!(start("natural-fast", [0.0, 0.0, 1e9, 5.0]).1["error"].as_str().is_some_and(|e| e.contains("320 x 240")));
+    assert_eq!(start("natural-fast", truth(0)).0, 200);
+    let boxes = tracked(&server, session);
+    assert_eq!(boxes.len(), FRAMES - 1);
+    let mean = boxes.iter().enumerate().map(|(t, b)| iou(*b, truth(t + 1))).sum::<f64>() / boxes.len() as f64;
+    assert!(mean >= 0.7, "{mean}");
+    let [x, y, w, h] = truth(19);
+    let correction = json!({ "op": "correct", "session": session, "frame": 20, "box": [x + 3.0, y, w - 3.0, h] });
+    assert_eq!(server.ask(&correction.to_string()).0, 200);
+    let rest = tracked(&server, session);
+    assert_eq!(rest.len(), FRAMES - 20);
+    // What is saved is what `foveate track` gives by the command that is told, and what the page showed.
+    let (_, command) = server.ask(&json!({ "op": "command", "session": session }).to_string());
+    let command = command["command"].as_str().expect("a line").to_owned();
+    assert_eq!(
+        command,
+        "foveate track seen/clip --init 101,91,48,48 --reinit 20:161,110,45,48 --config natural-fast --seed 4"
+    );
+    assert_eq!(
+        server.ask(&json!({ "op": "save", "session": session, "film": true, "report": true }).to_string()).0,
+        200
+    );
+    let files = loop {
+        let (status, answer) = server.ask(&json!({ "op": "saved", "session": session }).to_string());
+        assert_eq!(status, 200, "{answer}");
+        if let Some(files) = answer["files"].as_array() {
+            break files.clone();
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    };
+    assert_eq!(files, ["boxes.txt", "track.csv", "annotated.mp4", "report.html"]);
+    let saved = |name: &str| server.get(&format!("/file?session={session}&name={name}"));
+    assert_eq!(saved("run.json").0, 404);
+    let words: Vec<&str> = command.split(' ').skip(1).collect();
+    let output = std::process::Command::new(env!("CARGO_BIN_EXE_foveate"))
+        .current_dir(dir.path())
+        .args(words)
+        .args(["--out", "out"])
+        .output();
+    assert!(output.as_ref().is_ok_and(|o| o.status.success()), "{output:?}");
+    for name in ["boxes.txt", "annotated.mp4"] {
+        let (status, bytes) = saved(name);
+        assert!(status == 200 && bytes == std::fs::read(dir.path().join("out").join(name)).expect("written"), "{name}");
+    }
+    let text = String::from_utf8(saved("boxes.txt").1).expect("text");
+    let shown: Vec<[f64; 4]> = std::iter::once(truth(0))
+        .chain(boxes[..18].iter().copied())
+        .chain([[x + 3.0, y, w - 3.0, h]])
+        .chain(rest)
+        .collect();
+    assert_eq!(text.lines().count(), FRAMES);
+    for (line, [x, y, w, h]) in text.lines().zip(shown) {
+        let numbers: Vec<f64> = line.split(',').map(|n| n.parse().expect("a number")).collect();
+        assert!(
+            numbers.iter().zip([x + 1.0, y + 1.0, w, h]).all(|(a, b)| (a - b).abs() < 0.01),
+            "{line}: {x},{y},{w},{h}"
+        );
+    }
+    // Four videos are open at most, and none leaves anything behind.
+    (0..4).for_each(|_| drop(open(&server, "0/clip")));
+    assert_eq!(server.ask(&json!({ "op": "step", "session": session, "frames": 1 }).to_string()).0, 400);
+    assert!(leftovers(dir.path()).is_empty(), "{:?}", leftovers(dir.path()));
+}
+
+/// Two boxes in the same frames: each gives what it gives alone, and has results of its own.
+#[test]
+fn several_targets_are_followed_at_once() {
+    let dir = place();
+    let server = Server::start(dir.path(), &["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural-fast"]);
+    let session = open(&server, "0/clip")["session"].clone();
+    let ask = |message: Value| {
+        let (status, answer) = server.ask(&message.to_string());
+        assert_eq!(status, 200, "{message}: {answer}");
+        answer
+    };
+    let start = |target: usize, frame: usize, bbox: [f64; 4]| json!({ "op": "start", "session": session, "target": target, "frame": frame, "box": bbox, "config": "natural-fast", "policy": null, "seed": 4 });
+    assert_eq!(server.ask(&start(1, 1, truth(0)).to_string()).0, 400, "the first one comes first");
+    ask(start(0, 1, truth(0)));
+    let alone = tracked(&server, &session);
+    ask(start(0, 1, truth(0)));
+    // As many as there is time for.
+    let some = ask(json!({ "op": "step", "session": session, "frames": 12 }));
+    // Another one, later, on something else; it catches up, and both go on together.
+    let second = [40.0, 30.0, 50.0, 40.0];
+    ask(start(1, 5, second));
+    let mut all = [boxes_of(&some["targets"][0]), vec![]];
+    for _ in 0..FRAMES {
+        let answer = ask(json!({ "op": "step", "session": session, "frames": 3 }));
+        (0..2).for_each(|k| all[k].extend(boxes_of(&answer["targets"][k])));
+        if answer["targets"].as_array().expect("two").iter().all(|target| target["ended"] == true) {
+            break;
+        }
+    }
+    assert_eq!(all[0], alone, "another target changes nothing");
+    assert_eq!(all[1].len(), FRAMES - 5);
+    let correction = json!({ "op": "correct", "session": session, "target": 1, "frame": 20, "box": second });
+    assert_eq!(ask(correction)["rows"][0]["frame"], 20);
+    let mut rest = [0, 0];
+    while rest[1] < FRAMES - 20 {
+        let answer = ask(json!({ "op": "step", "session": session, "frames": 100 }));
+        (0..2).for_each(|k| rest[k] += boxes_of(&answer["targets"][k]).len());
+    }
+    assert_eq!(rest, [0, FRAMES - 20]);
+    ask(json!({ "op": "step", "session": session, "frames": 1 }));
+    // The commands, and the files of each.
+    let command = ask(json!({ "op": "command", "session": session }))["command"].as_str().expect("lines").to_owned();
+    let lines: Vec<&str> = command.lines().collect();
+    assert!(lines.len() == 2 && lines[1].contains("--from 5 --init 41,31,50,40 --reinit 20:41,31,50,40"), "{command}");
+    ask(json!({ "op": "save", "session": session, "film": false, "report": true }));
+    let files = loop {
+        if let Some(files) = ask(json!({ "op": "saved", "session": session }))["files"].as_array() {
+            break files.clone();
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    };
+    let names =
+        ["boxes.txt", "track.csv", "report.html", "target-2-boxes.txt", "target-2-track.csv", "target-2-report.html"];
+    assert_eq!(files, names);
+    for (name, lines) in [("boxes.txt", FRAMES), ("target-2-boxes.txt", FRAMES - 4)] {
+        let (status, bytes) = server.get(&format!("/file?session={session}&name={name}"));
+        assert_eq!((status, String::from_utf8_lossy(&bytes).lines().count()), (200, lines), "{name}");
+    }
+    assert_eq!(server.get(&format!("/file?session={session}&name=target-3-boxes.txt")).0, 404);
+    ask(json!({ "op": "remove", "session": session, "target": 0 }));
+    assert_eq!(
+        ask(json!({ "op": "command", "session": session }))["command"].as_str().map(|c| c.lines().count()),
+        Some(1)
+    );
+    (1..8).for_each(|target| drop(ask(start(target, 1, truth(0)))));
+    assert_eq!(server.ask(&start(8, 1, truth(0)).to_string()).0, 400, "eight at most");
+}
+
+/// Folders of results that were not removed.
+fn leftovers(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).expect("readable").flatten();
+    entries
+        .map(|e| e.file_name().to_string_lossy().into_owned())
+        .filter(|name| name.starts_with("foveate-serve"))
+        .collect()
+}
+
+#[test]
+fn pick_prints_the_command_and_ends() {
+    let dir = place();
+    let mut server = Server::start(dir.path(), &["pick", "seen/clip"]);
+    let session = open(&server, "0")["session"].clone();
+    let message = json!({ "op": "picked", "session": session, "frame": 4, "box": truth(3), "config": "natural", "policy": "hedge" });
+    let (status, answer) = server.ask(&message.to_string());
+    let line = "foveate track seen/clip --from 4 --init 110,94,48,48 --policy hedge";
+    assert_eq!((status, answer["command"].as_str()), (200, Some(line)));
+    let mut printed = String::new();
+    std::io::Read::read_to_string(&mut server.child.stdout.take().expect("a pipe"), &mut printed).expect("text");
+    assert_eq!(printed.trim_end(), line);
+    assert!(server.child.wait().expect("it ends").success());
+}
+
+#[test]
+fn pick_is_for_files() {
+    let output =
+        std::process::Command::new(env!("CARGO_BIN_EXE_foveate")).args(["pick", "rtsp://127.0.0.1:9/live"]).output();
+    let output = output.expect("it runs");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && said.contains("foveate serve"), "{said}");
+}
