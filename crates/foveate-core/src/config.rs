@@ -111,6 +111,12 @@ impl Config {
                     .into(),
             ));
         }
+        #[cfg(feature = "learn")]
+        if self.online_training.is_some() && !matches!(self.encoder, EncoderConfig::Rbm { .. }) {
+            return Err(Error::Config(
+                "online_training: it trains an RBM; set encoder.kind to \"rbm\", or leave [online_training] out".into(),
+            ));
+        }
         if self.sensor.is_some() && (self.detector.is_some() || self.multi_target.is_some()) {
             return Err(Error::Config(
                 "sensor: detectors and many targets need whole pictures; leave out [detector] and [multi_target], or [sensor]".into(),
@@ -168,6 +174,8 @@ impl Blueprint {
             Some(settings) => appearance.discriminating(settings),
             None => appearance,
         };
+        #[cfg(feature = "learn")]
+        let appearance = appearance.training(c.online_training)?;
         let filter = Filter::new(proposals::proposal(&c.proposal, *dynamics, c.clamp_to_frame), c.particles)?
             .resampling(c.resampling)
             .starting(c.start)

@@ -69,3 +69,5 @@ checked!(
     fusion::Settings,
     multi::Settings,
 );
+#[cfg(feature = "learn")]
+checked!(crate::identity::online::Settings);

@@ -24,10 +24,21 @@ impl Blueprint {
         let row = n_h as u64 + 1;
         let (rows, triangle) = c.discriminant.map_or((0, 0), |_| (Discriminant::FIRST_ROWS * row, row * (row + 1) / 2));
         let colours = if c.colour.is_some() { COLOURS } else { 0 };
-        let kept = FIXED + particles * (state + 8) + 4 * rows + 2 * triangle + colours;
+        let kept =
+            FIXED + particles * (state + 8) + 4 * rows + 2 * triangle + colours + self.trained(n_v as u64, n_h as u64);
         let look = VIEWS + particles * (2 * state + 8 * NUMBERS + 4 * features) + 3 * 4 * triangle;
         let reach = self.retina.footprints().iter().map(|f| f.reach + f.side).fold(0.0, f64::max) + 1.5;
         Room { kept, look, reach }
+    }
+
+    /// Bytes of RBMs that a target has for itself: those that are trained while it tracks, with their encoder and the pretrained one.
+    fn trained(&self, n_v: u64, n_h: u64) -> u64 {
+        #[cfg(feature = "learn")]
+        if let Some(settings) = self.config.online_training {
+            return 4 * (settings.particles as u64 + 4) * (n_v + 1) * (n_h + 1);
+        }
+        let _ = (n_v, n_h);
+        0
     }
 
     /// Bytes that one target takes, about, its template left out: that is a part of a picture.

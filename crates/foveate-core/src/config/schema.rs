@@ -70,6 +70,10 @@ pub struct Config {
     /// Which of template, discriminant and colour to trust, learned while tracking; as they are mixed unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub fusion: Option<fusion::Settings>,
+    /// How the first layer, an RBM, is trained while tracking; not at all unless given.
+    #[cfg(feature = "learn")]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub online_training: Option<crate::identity::online::Settings>,
     /// Where it looks for what the target could be mistaken for; among the particles only unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub distractors: Option<DistractorSettings>,
@@ -187,6 +191,8 @@ impl Ranges for Config {
         self.discriminant.ranges()?;
         self.colour.ranges()?;
         self.fusion.ranges()?;
+        #[cfg(feature = "learn")]
+        self.online_training.ranges()?;
         self.distractors.ranges()?;
         self.sensor.ranges()?;
         self.redetection.ranges()?;

@@ -22,6 +22,11 @@ pub trait Encoder: Send + Sync {
     fn overlaps(&self, _glimpses: Rows<'_>, _root: &[f32], _totals: &mut [f32], _overlaps: &mut [f32]) -> bool {
         false
     }
+    /// The encoder by an RBM that this is; one that can be trained while it tracks.
+    #[cfg(feature = "learn")]
+    fn rbm(&self) -> Option<&super::RbmEncoder> {
+        None
+    }
     /// Blocks along a side, and lengths of the parts, where its features are those of `kernels::oriented_features`: places of
     /// a lattice then share their gradients.
     fn oriented(&self) -> Option<(usize, kernels::Lengths)> {

@@ -15,6 +15,8 @@ use super::discriminant::{Discriminant, Learning};
 use super::distance::{Distance, Kind};
 use super::encoder::Encoder;
 use super::fusion::Fusion;
+#[cfg(feature = "learn")]
+use super::online::Training;
 use super::pyramid::Pyramid;
 use super::retina::Retina;
 use super::views::Looks;
@@ -30,6 +32,8 @@ mod cues;
 mod dim;
 mod saved;
 mod shared;
+#[cfg(feature = "learn")]
+mod training;
 
 pub use super::calibrate::Sharpness;
 
@@ -53,6 +57,8 @@ pub struct GazeAppearance {
     discriminant: Option<Discriminant>,
     colour: Option<Colour>,
     fusion: Option<Fusion>,
+    #[cfg(feature = "learn")]
+    training: Option<Training>,
     /// Gazes move what a sensor reads, and the retina stays at the centre.
     steady: bool,
 }
@@ -110,6 +116,8 @@ impl GazeAppearance {
             discriminant: None,
             colour: None,
             fusion: None,
+            #[cfg(feature = "learn")]
+            training: None,
             steady: false,
         })
     }
@@ -270,6 +278,10 @@ fn looks(retina: &dyn Retina, extent: Extent) -> Looks<'_> {
 
 impl Appearance for GazeAppearance {
     fn init_template(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams) {
+        #[cfg(feature = "learn")]
+        if let Some(training) = &mut self.training {
+            self.encoder = training.reset(streams);
+        }
         let nothing = ReferenceLikelihood { on: 0.0, off: 0.0 };
         let (origin, size) = ((0, 0), (image.width(), image.height()));
         self.keep(Template {
@@ -352,6 +364,10 @@ impl Appearance for GazeAppearance {
     }
 
     fn adapts(&self) -> bool {
+        #[cfg(feature = "learn")]
+        if self.training.is_some() {
+            return true;
+        }
         self.discriminant.is_some() || self.colour.is_some()
     }
 
@@ -364,6 +380,8 @@ impl Appearance for GazeAppearance {
             self.template_features(Gaze::CENTRE);
             self.discriminate(image, state, distractors, false, margin);
         }
+        #[cfg(feature = "learn")]
+        self.train(image, state, frame_deficit);
     }
 
     fn template_source(&self) -> Option<TemplateSource<'_>> {

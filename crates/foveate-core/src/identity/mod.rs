@@ -27,6 +27,8 @@ pub mod multi_fixation;
 #[cfg(feature = "learn")]
 pub mod network;
 mod numbers;
+#[cfg(feature = "learn")]
+pub mod online;
 pub mod oriented;
 mod packed;
 pub mod pyramid;

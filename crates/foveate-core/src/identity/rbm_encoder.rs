@@ -21,6 +21,7 @@ pub enum Precision {
 }
 
 /// The activation probabilities of an RBM's hidden units.
+#[derive(Clone)]
 pub struct RbmEncoder {
     rbm: Rbm,
     packed: kernels::PackedWeights,
@@ -34,6 +35,20 @@ impl RbmEncoder {
         let (n_v, n_h) = rbm.shape();
         let packed = kernels::PackedWeights::f32(n_v, n_h, rbm.weights().data());
         Self { rbm, packed, groups: groups(channels) }
+    }
+
+    /// The machine.
+    pub fn rbm(&self) -> &Rbm {
+        &self.rbm
+    }
+
+    /// The same encoder, with another machine of the same shape.
+    pub fn with(&self, rbm: Rbm) -> Self {
+        let precision = match self.packed.precision() {
+            kernels::Precision::F32 => Precision::F32,
+            kernels::Precision::Bf16 => Precision::Bf16,
+        };
+        Self { rbm, ..self.clone() }.rounded(precision)
     }
 
     /// The same encoder at this precision.
@@ -62,5 +77,8 @@ impl Encoder for RbmEncoder {
     fn overlaps(&self, glimpses: Rows<'_>, root: &[f32], totals: &mut [f32], overlaps: &mut [f32]) -> bool {
         self.packed.overlaps(glimpses.data(), self.rbm.hidden_bias(), root, totals, overlaps);
         true
+    }
+    fn rbm(&self) -> Option<&RbmEncoder> {
+        Some(self)
     }
 }

@@ -10,6 +10,7 @@ mod hmc;
 pub mod io;
 pub mod likelihood;
 pub mod monitor;
+pub mod online;
 #[cfg(test)]
 mod oracle_tests;
 pub mod product;
@@ -23,6 +24,7 @@ mod visible;
 mod whiten;
 
 pub use self::io::Metadata;
+pub use self::online::OnlineRbm;
 pub use self::product::warm;
 pub use self::rbm::Rbm;
 pub use self::recipe::{Negative, Recipe, Sparsity};

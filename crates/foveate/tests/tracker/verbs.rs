@@ -83,3 +83,39 @@ fn the_fusion_of_cues_learns_and_goes_on_from_what_was_saved() {
     let error = none.load(&saved).expect_err("a state with fusion").to_string();
     assert!(error.contains("fuses cues"), "{error}");
 }
+
+#[test]
+fn the_first_layer_is_trained_and_goes_on_from_what_was_saved() {
+    let learned = |settings: &[&str]| {
+        let config = Config::builtin("natural-learned").expect("it ships").expect("it is right");
+        let set = |config: Config, setting: &&str| config.set(setting);
+        let config = ["particles=100"].iter().chain(settings).try_fold(config, set).expect("settings that are right");
+        let mut tracker = Tracker::new(&config).expect("parts that fit");
+        tracker.init(&target(), INIT).expect("a box in the picture");
+        tracker
+    };
+    let boxes = |tracker: &mut Tracker, frames: std::ops::Range<usize>| -> Vec<BBox> {
+        frames.map(|t| tracker.update(&frame(t, 1).image).expect("a picture of the first size").bbox).collect()
+    };
+    let mut frozen = learned(&[]);
+    let first = boxes(&mut frozen, 1..8);
+    assert_eq!(boxes(&mut learned(&["online_training.learning_rate=0.0"]), 1..8), first, "at rate 0 nothing changes");
+    for particles in ["online_training.particles=1", "online_training.particles=3"] {
+        let settings = ["online_training.learning_rate=0.01", particles];
+        let mut on = learned(&settings);
+        assert_ne!(boxes(&mut on, 1..8), first, "{particles}");
+        let saved = on.save();
+        let mut resumed = learned(&settings);
+        resumed.load(&saved).expect("its own state");
+        resumed.skip(&frame(7, 1).image);
+        assert_eq!(boxes(&mut resumed, 8..12), boxes(&mut on, 8..12), "{particles}");
+        let error = frozen.load(&saved).expect_err("a state with training").to_string();
+        assert!(error.contains("trains its first layer"), "{error}");
+        let error = learned(&["online_training.particles=2"]).load(&saved).expect_err("another number").to_string();
+        assert!(error.contains("trained online"), "{error}");
+    }
+    let natural = Config::builtin("natural").expect("it ships").expect("it is right");
+    let trained = natural.set("online_training.particles=1").expect("a setting");
+    let error = Tracker::new(&trained).err().expect("gradients are not trained").to_string();
+    assert!(error.contains("encoder.kind"), "{error}");
+}

@@ -16,13 +16,14 @@ macro_rules! experiments {
 }
 
 /// Names and texts, in the order of the page.
-pub const EXPERIMENTS: [(&str, &str); 21] = experiments![
+pub const EXPERIMENTS: [(&str, &str); 22] = experiments![
     "table1",
     "table2",
     "table3",
     "closeup",
     "budget",
     "saliency",
+    "online-rbm",
     "fig-policy",
     "fig-hedge",
     "fig-multi",

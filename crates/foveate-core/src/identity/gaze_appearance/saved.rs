@@ -28,6 +28,7 @@ impl GazeAppearance {
             discriminant: self.discriminant.as_ref().map(Discriminant::save),
             colour: self.colour.as_ref().map(Colour::save),
             fusion: self.fusion.as_ref().map(Fusion::save),
+            training: self.saved_training(),
         };
         serde_json::to_value(saved).expect("plain data is JSON")
     }
@@ -68,6 +69,7 @@ impl GazeAppearance {
                 ));
             }
         }
+        self.take_up_training(saved.training.as_ref())?;
         let Saved { state, extent, sharpness, reference, part, .. } = saved;
         let (origin, size) = part.unwrap_or(((0, 0), (image.width(), image.height())));
         let holds = |from: usize, n: usize, side: usize| from.checked_add(n).is_some_and(|end| end <= side);
@@ -79,6 +81,36 @@ impl GazeAppearance {
         Ok(())
     }
 }
+
+#[cfg(feature = "learn")]
+impl GazeAppearance {
+    fn saved_training(&self) -> Option<serde_json::Value> {
+        self.training.as_ref().map(super::Training::save)
+    }
+
+    fn take_up_training(&mut self, saved: Option<&serde_json::Value>) -> Result<()> {
+        match (&mut self.training, saved) {
+            (Some(training), Some(saved)) => self.encoder = training.load(saved)?,
+            (None, None) => (),
+            _ => return Err(Error::Invalid(ONE_TRAINED.into())),
+        }
+        Ok(())
+    }
+}
+
+#[cfg(not(feature = "learn"))]
+impl GazeAppearance {
+    fn saved_training(&self) -> Option<serde_json::Value> {
+        None
+    }
+
+    fn take_up_training(&mut self, saved: Option<&serde_json::Value>) -> Result<()> {
+        saved.map_or(Ok(()), |_| Err(Error::Invalid(ONE_TRAINED.into())))
+    }
+}
+
+const ONE_TRAINED: &str = "the saved appearance cannot be used: only one of it and this tracker trains its first layer; use the \
+                           configuration it was saved with";
 
 #[derive(Serialize, Deserialize)]
 struct Saved {
@@ -99,4 +131,7 @@ struct Saved {
     colour: Option<serde_json::Value>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     fusion: Option<[f64; 3]>,
+    /// The first layer as it was trained while tracking.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    training: Option<serde_json::Value>,
 }

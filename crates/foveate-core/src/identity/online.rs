@@ -1,0 +1,158 @@
+//! The first layer goes on being trained while it tracks (section 7, future work): settings, and the machine with its encoder.
+//!
+//! Rows are looks at the target: nine in the newest frame, at the estimate and about it, and the same nine in the first frame, so that
+//! what the template shows is not forgotten. Eight looks at places beside the target are what several particles are compared by.
+
+use std::sync::Arc;
+
+use foveate_base::error::within;
+use foveate_base::rng::{Purpose, Streams};
+use foveate_base::rows::Rows;
+use foveate_base::{Error, Result};
+use foveate_learn::rbm::online::{self, Particle};
+use foveate_learn::rbm::{OnlineRbm, Rbm};
+use rand::RngExt;
+use serde::{Deserialize, Serialize};
+
+use super::encoder::Encoder;
+use super::numbers::{decode, encode};
+use super::rbm_encoder::RbmEncoder;
+
+/// Settings of training while tracking. It needs an RBM as the first layer.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// How many RBMs there are, 1 to 64: 1 follows the stochastic gradient, several are particles of a filter over its parameters.
+    pub particles: usize,
+    /// Learning rate: step along the mean gradient of a frame's looks, 0 to 1.
+    pub learning_rate: f32,
+    /// Standard deviation of the noise on the hidden biases in a frame, where there are several particles; 0 to 1.
+    pub noise: f32,
+    /// How far from the estimate looks at the target are, template units; 0 to 1.
+    pub reach: f64,
+    /// Gate: nothing is learned from a frame whose evidence deficit is above this, 0 to 2.
+    pub gate: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { particles: 1, learning_rate: 0.001, noise: 0.01, reach: 0.1, gate: 0.5 }
+    }
+}
+
+impl Settings {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        within("online_training.particles", self.particles as f64, 1.0, 64.0)?;
+        within("online_training.learning_rate", f64::from(self.learning_rate), 0.0, 1.0)?;
+        within("online_training.noise", f64::from(self.noise), 0.0, 1.0)?;
+        within("online_training.reach", self.reach, 0.0, 1.0)?;
+        within("online_training.gate", self.gate, 0.0, 2.0)
+    }
+}
+
+/// Places about the target, in halves of `reach`: those at it; and eight beside it.
+const ABOUT: [f64; 3] = [-1.0, 0.0, 1.0];
+/// Looks at the target in a frame.
+pub(super) const LOOKS: usize = 9;
+/// How far looks beside the target are from it, template units.
+const BESIDE: f64 = 1.5;
+
+/// An RBM that is trained while it tracks.
+pub(super) struct Training {
+    settings: Settings,
+    pretrained: RbmEncoder,
+    /// Names its random numbers.
+    seed: u64,
+    rbm: OnlineRbm,
+    /// Looks at the target, now and in the first frame, and looks beside it.
+    pub looks: Vec<f32>,
+}
+
+impl Training {
+    /// Begins with an encoder as it was pretrained.
+    pub fn new(settings: Settings, pretrained: &RbmEncoder) -> Self {
+        Self { settings, pretrained: pretrained.clone(), seed: 0, rbm: begin(settings, pretrained, 0), looks: vec![] }
+    }
+
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Offsets of looks from the target, template units: nine at it, then eight beside it.
+    pub fn places(&self) -> impl Iterator<Item = (f64, f64)> + use<> {
+        let grid = |step: f64| ABOUT.into_iter().flat_map(move |v| ABOUT.map(|u| (step * u, step * v)));
+        grid(self.settings.reach).chain(grid(BESIDE).filter(|at| *at != (0.0, 0.0)))
+    }
+
+    /// Forgets what it learned.
+    pub fn reset(&mut self, streams: Streams) -> Arc<dyn Encoder> {
+        self.seed = streams.at(0, Purpose::Train).rng(0).random();
+        self.rbm = begin(self.settings, &self.pretrained, self.seed);
+        Arc::new(self.pretrained.clone())
+    }
+
+    /// One step along the looks.
+    pub fn learn(&mut self) -> Arc<dyn Encoder> {
+        let (n_v, _) = self.pretrained.shape();
+        let (target, beside) = self.looks.split_at(2 * LOOKS * n_v);
+        self.rbm.learn(Rows::new(target, n_v), Rows::new(beside, n_v));
+        self.encoder()
+    }
+
+    fn encoder(&self) -> Arc<dyn Encoder> {
+        Arc::new(self.pretrained.with(self.rbm.mean()))
+    }
+
+    /// What it learned.
+    pub fn save(&self) -> serde_json::Value {
+        let (steps, particles) = self.rbm.particles();
+        let particles = particles.iter().map(|Particle { rbm, log_weight }| SavedParticle {
+            weights: encode(rbm.weights().data()),
+            visible_bias: encode(rbm.visible_bias()),
+            hidden_bias: encode(rbm.hidden_bias()),
+            log_weight: *log_weight,
+        });
+        let saved = Saved { seed: self.seed, steps, particles: particles.collect() };
+        serde_json::to_value(saved).expect("plain data is JSON")
+    }
+
+    /// Takes up what `save` gave.
+    pub fn load(&mut self, saved: &serde_json::Value) -> Result<Arc<dyn Encoder>> {
+        let bad = |what: &str| Error::Invalid(format!("the saved online training cannot be used: {what}"));
+        let saved = Saved::deserialize(saved).map_err(|e| bad(&e.to_string()))?;
+        let particle = |it: &SavedParticle| -> Result<Particle> {
+            let values =
+                |text: &str| decode(text).ok_or_else(|| bad("its numbers are not finite, or not base64 of them"));
+            let (w, b, c) = (values(&it.weights)?, values(&it.visible_bias)?, values(&it.hidden_bias)?);
+            let rbm = Rbm::new(self.pretrained.rbm().visible(), w, b, c)?;
+            Ok(Particle { rbm, log_weight: it.log_weight })
+        };
+        let particles = saved.particles.iter().map(particle).collect::<Result<Vec<_>>>()?;
+        let mut rbm = begin(self.settings, &self.pretrained, saved.seed);
+        rbm.resume(saved.steps, particles)?;
+        (self.seed, self.rbm) = (saved.seed, rbm);
+        Ok(self.encoder())
+    }
+}
+
+fn begin(settings: Settings, pretrained: &RbmEncoder, seed: u64) -> OnlineRbm {
+    let Settings { particles, learning_rate, noise, .. } = settings;
+    let settings = online::Settings { particles, learning_rate, noise };
+    OnlineRbm::new(pretrained.rbm().clone(), settings, Streams::new(seed, 0))
+}
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    seed: u64,
+    steps: u64,
+    particles: Vec<SavedParticle>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct SavedParticle {
+    weights: String,
+    visible_bias: String,
+    hidden_bias: String,
+    log_weight: f64,
+}
