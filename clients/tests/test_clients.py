@@ -63,8 +63,9 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "seqs"
 
 
+@pytest.mark.parametrize("shape", ["polygon", "mask"])
 @pytest.mark.parametrize("several", [False, True])
-def test_trax(program: str, folder: Path, several: bool) -> None:
+def test_trax(program: str, folder: Path, several: bool, shape: str) -> None:
     trax, client_of = need("trax", "trax.client")
     command = [program, "trax", "--profile", "fast"] + ["--objects"] * several
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0) as process:
@@ -73,8 +74,14 @@ def test_trax(program: str, folder: Path, several: bool) -> None:
         picture = lambda t: {"color": trax.FileImage.create(str(folder / "a" / "img" / f"{t + 1:04d}.png"))}
         x, y, w, h = FIRST
         square = trax.Polygon.create([(x, y), (x + w, y), (x + w, y + h), (x, y + h)])
+        if shape == "mask":
+            # Its corners are no pixels of the target; the box about it is the same.
+            pixels = np.pad(np.ones((int(h), int(w)), np.uint8), 2)
+            pixels[2, 2] = pixels[-3, -3] = 0
+            square = trax.Mask.create(pixels, int(x) - 2, int(y) - 2)
         objects = [(square, {})] + [(trax.Rectangle.create(5, 70, 20, 20), {})] * several
         answers, _ = client.initialize(picture(0), objects, {})
+        assert answers[0][0].bounds() == FIRST
         for t in range(1, 10):
             answers, _ = client.frame(picture(t), {}, [])
             assert len(answers) == len(objects)
