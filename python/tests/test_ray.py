@@ -1,9 +1,12 @@
-"""Many videos on Ray: the boxes of the program, failures listed, a second call that has nothing to do."""
+"""Many videos, evaluations and experiments on Ray: the results of the program, killed workers, a second call that has nothing to do."""
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import foveate.ray
@@ -49,4 +52,83 @@ def test_without_ray_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(SystemExit, match="pip install ray"):
         foveate.ray.run({}, tmp_path / "runs", [], 1, None)
+    with pytest.raises(SystemExit, match="pip install ray"):
+        foveate.ray.main(["reproduce", "table3", "--out", str(tmp_path / "runs"), "--", "--quick"])
     assert not (tmp_path / "runs").exists()
+
+
+def tasks(process: int, name: bytes) -> list[int]:
+    """Ray's workers that do a task of this name, of those that a process has started."""
+    parents: dict[int, int] = {}
+    found = []
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdigit():
+            try:
+                parents[int(folder.name)] = int((folder / "stat").read_text().rsplit(")", 1)[1].split()[1])
+                if (folder / "cmdline").read_bytes().startswith(b"ray::" + name):
+                    found.append(int(folder.name))
+            except OSError:
+                continue
+
+    def descends(one: int) -> bool:
+        while one > 1 and one != process:
+            one = parents.get(one, 0)
+        return one == process
+
+    return [one for one in found if descends(one)]
+
+
+def on_ray(folder: Path, arguments: list[str], kill: int) -> str:
+    """Calls `python -m foveate.ray`, and kills so many of its workers that are at work; answers what it prints."""
+    command = [sys.executable, "-m", "foveate.ray", *arguments]
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
+        killed: set[int] = set()
+        while process.poll() is None and len(killed) < kill:
+            for worker in set(tasks(process.pid, b"part")) - killed:
+                time.sleep(0.3)
+                os.kill(worker, signal.SIGKILL)
+                killed.add(worker)
+                break
+            time.sleep(0.05)
+        printed, _ = process.communicate(timeout=240)
+    assert process.returncode == 0, printed
+    assert len(killed) == kill, "it ended before its workers were killed"
+    return printed
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="skipped: no /proc")
+def test_evaluation_and_experiments_on_ray(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("ray", reason="skipped: no package ray")
+
+    def program(*arguments: str) -> None:
+        command = [sys.executable, "-m", "foveate", *arguments]
+        subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, timeout=240)
+
+    for digit in ("3", "7"):
+        program("synth", "clutter", "--digit", digit, "--frames", "60", "--out", f"seqs/video-{digit}")
+    options = ["--seqs", "seqs", "--config", "digits", "--seeds", "4"]
+    program("eval", "--out", "alone", *options)
+    on_ray(tmp_path, ["eval", "--out", "shared", "--workers", "2", "--parts", "3", "--", *options], kill=2)
+    for name in ("confidence.json", "reliability.svg", "foveate/seed-4/video-7.txt"):
+        assert (tmp_path / "shared" / name).read_bytes() == (tmp_path / "alone" / name).read_bytes(), name
+
+    # The digits are drawn where there are no data.
+    monkeypatch.setenv("FOVEATE_DATA", str(tmp_path))
+    options = ["--quick"]
+    program("reproduce", "table3", "--out", "one", *options)
+    again = ["reproduce", "table3", "--out", "many", "--workers", "2"]
+    on_ray(tmp_path, [*again, "--parts", "3", "--", *options], kill=2)
+    for name in ("table3.json", "table3.csv"):
+        assert (tmp_path / "many" / name).read_bytes() == (tmp_path / "one" / name).read_bytes(), name
+    # Again: nothing is left to do, in any number of parts.
+    before = sorted((path.name, path.stat().st_mtime_ns) for path in (tmp_path / "many/runs").iterdir())
+    on_ray(tmp_path, [*again, "--parts", "2", "--", *options], kill=0)
+    assert sorted((path.name, path.stat().st_mtime_ns) for path in (tmp_path / "many/runs").iterdir()) == before
+
+
+def test_what_the_program_refuses_is_told_once(tmp_path: Path) -> None:
+    pytest.importorskip("ray", reason="skipped: no package ray")
+    command = [sys.executable, "-m", "foveate.ray", "eval", "--out", "out", "--workers", "1", "--parts", "2", "--", "--seqs", "none"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=240)
+    assert done.returncode == 1 and "part 1/2, 2/2: " in done.stderr and "none" in done.stderr, done.stderr
+    assert "Traceback" not in done.stderr and not (tmp_path / "out").exists()
