@@ -27,7 +27,6 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 FRAMES = 25
 PROGRAM = [sys.executable, "-m", "foveate"]
@@ -138,9 +137,9 @@ def differing(clips: list[Path], one: Path, other: Path) -> list[str]:
     """Clips whose folders do not have the same files, byte for byte."""
     found = []
     for clip in clips:
-        folders: Any = [(root / clip.stem) for root in (one, other)]
-        names = [sorted(p.name for p in folder.iterdir()) if folder.is_dir() else None for folder in folders]
-        if names[0] != names[1] or (names[0] and filecmp.cmpfiles(*folders, names[0], shallow=False)[0] != names[0]):
+        here, there = one / clip.stem, other / clip.stem
+        names = [sorted(p.name for p in folder.iterdir()) if folder.is_dir() else [] for folder in (here, there)]
+        if names[0] != names[1] or filecmp.cmpfiles(here, there, names[0], shallow=False)[0] != names[0]:
             found.append(clip.stem)
     return found
 
