@@ -10,12 +10,13 @@ Videos: a task each. Each video has a folder ``OUT/NAME`` with the files of ``fo
 which appears when everything is whole: a second call passes over videos that have one. ``OUT/failures.txt`` lists videos that
 failed, with their errors; the exit status is 1 then. The first box of ``NAME.mp4`` is the first line of ``NAME.txt`` beside it,
 where ``--init`` is not given. A video that ``foveate track`` refuses is not tried again, for it would be refused again.
+``'s3://bucket/*.mp4'`` and other addresses that the package fsspec knows work, too: each task copies its video.
 
 ``reproduce`` and ``eval``: a task for each of ``--parts`` parts of the runs (``--shard``), which keep them in ``OUT/runs``; then the
 program itself makes tables and page of them, here. A second call does only the runs that are not there yet.
 
-What a worker that dies was doing is tried again, ``--retries`` times. On a cluster ``--videos``, ``--out``, this folder and all paths
-in what follows ``--`` must be shared by all machines.
+What a worker that dies was doing is tried again, ``--retries`` times. On a cluster all paths, this folder among them, must be shared by
+all machines.
 """
 
 from __future__ import annotations
@@ -27,8 +28,10 @@ import importlib
 import json
 import os
 import signal
+import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -61,13 +64,49 @@ def _called(arguments: Sequence[str], folder: str) -> tuple[str, str]:
 
 def track(video: str, out: str, options: Sequence[str], folder: str = ".") -> str:
     """Tracks through a video with the program, and keeps its summary beside its folder; answers the error."""
-    printed, error = _called(["track", video, "--out", out, "--json", *options], folder)
+    if "://" in video:
+        with tempfile.TemporaryDirectory() as near:
+            return _tracked(_fetched(video, near), video, out, options, folder)
+    return _tracked(video, video, out, options, folder)
+
+
+def _tracked(path: str, video: str, out: str, options: Sequence[str], folder: str) -> str:
+    """Tracks through the video at a path, that is called otherwise where it is a copy."""
+    printed, error = _called(["track", path, "--out", out, "--json", *options], folder)
     if not error:
         summary = Path(f"{out}.json")
         part = summary.with_name(f".{summary.name}.{os.getpid()}")
-        part.write_text(json.dumps(json.loads(printed), indent=2) + "\n")
+        part.write_text(json.dumps({**json.loads(printed), "source": video}, indent=2) + "\n")
         os.replace(part, summary)
     return error
+
+
+def _files(address: str) -> Any:
+    """The file system of an address, and its path there."""
+    try:
+        fsspec: Any = importlib.import_module("fsspec")
+        return fsspec.url_to_fs(address)
+    except (ImportError, ValueError) as error:
+        raise SystemExit(f"{address} needs the package fsspec, and one for this kind of address, such as s3fs: {error}") from None
+
+
+def _fetched(video: str, folder: str) -> str:
+    """A copy of the video and of the file of its first box, if there is one, in a folder; answers its path."""
+    files, path = _files(video)
+    first = f"{path.rsplit('.', 1)[0]}.txt"
+    for name in (path, first):
+        if name == path or files.exists(name):
+            with files.open(name, "rb") as source, open(os.path.join(folder, os.path.basename(name)), "wb") as copy:
+                shutil.copyfileobj(source, copy)
+    return os.path.join(folder, os.path.basename(path))
+
+
+def _matching(pattern: str) -> list[str]:
+    """The videos that a pattern names; in an address as addresses."""
+    if "://" not in pattern:
+        return glob.glob(pattern)
+    files, path = _files(pattern)
+    return [files.unstrip_protocol(found) for found in files.glob(path)]
 
 
 def part(command: Sequence[str], out: str, which: str, options: Sequence[str], folder: str = ".") -> str:
@@ -78,7 +117,7 @@ def part(command: Sequence[str], out: str, which: str, options: Sequence[str], f
 def videos(patterns: Sequence[str]) -> dict[str, str]:
     """The videos that match, by the names of their results."""
     found: dict[str, str] = {}
-    for path in sorted({path for pattern in patterns for path in glob.glob(pattern)}):
+    for path in sorted({path for pattern in patterns for path in _matching(pattern)}):
         name = Path(path).name if os.path.isdir(path) else Path(path).stem
         if name in found:
             raise SystemExit(f"{path}: its results would be in {name}, as those of {found[name]}; rename one")
@@ -120,6 +159,8 @@ def spread(ray: Any, work: Callable[..., str], jobs: Mapping[str, tuple[Any, ...
             done += 1
             try:
                 error = ray.get(reference)
+            except ray.exceptions.RayTaskError as failed:
+                error = f"{type(failed.cause).__name__}: {failed.cause}".splitlines()[0]
             except ray.exceptions.RayError as dead:
                 error = f"its worker died {retries + 1} times: {str(dead).splitlines()[0]}"
             if error:
@@ -138,7 +179,8 @@ def run(found: Mapping[str, str], out: Path, options: Sequence[str], retries: in
     left = {name: video for name, video in found.items() if not (out / f"{name}.json").exists()}
     print(f"{len(found)} videos, {len(found) - len(left)} finished before", file=sys.stderr)
     began, folder = time.monotonic(), os.getcwd()
-    jobs = {name: (os.path.abspath(video), str((out / name).absolute()), list(options), folder) for name, video in left.items()}
+    places = {name: video if "://" in video else os.path.abspath(video) for name, video in left.items()}
+    jobs = {name: (place, str((out / name).absolute()), list(options), folder) for name, place in places.items()}
     failures = {found[name]: error for name, error in spread(ray, track, jobs, retries).items()}
     listed = out / "failures.txt"
     listed.unlink(missing_ok=True)
@@ -178,7 +220,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m foveate.ray" + f" {command}" * bool(command), description=about)
     parser.epilog = f"After -- options of foveate {command or 'track'}. In place of --videos: reproduce NAME ..., or eval."
     if command is None:
-        parser.add_argument("--videos", nargs="+", required=True, metavar="GLOB", help="video files or folders of images")
+        parser.add_argument("--videos", nargs="+", required=True, metavar="GLOB", help="video files, folders of images, addresses")
     if command == "reproduce":
         parser.add_argument("names", nargs="*", metavar="NAME", help="experiments, as foveate reproduce has them")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")

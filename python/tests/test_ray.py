@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -46,6 +47,31 @@ def test_folders_on_ray(tmp_path: Path) -> None:
     done = call()
     assert done.returncode == 0 and "1 tracked" in done.stdout, done.stderr
     assert not (tmp_path / "runs/failures.txt").exists()
+
+
+def test_addresses_on_ray(tmp_path: Path) -> None:
+    """Addresses of files: those of buckets go the same way."""
+    pytest.importorskip("ray", reason="skipped: no package ray")
+    pytest.importorskip("fsspec", reason="skipped: no package fsspec")
+    x, y, w, h = FIRST
+    (tmp_path / "clips").mkdir()
+    for name in ("a", "bad"):
+        frames = b"".join(b"FRAME\n" + drawn(t)[:, :, 1].tobytes() for t in range(6))
+        head = b"YUV4MPEG2 W160 H120 F25:1 Ip A1:1 Cmono\n"
+        (tmp_path / f"clips/{name}.y4m").write_bytes(head + frames if name == "a" else b"no video")
+        (tmp_path / f"clips/{name}.txt").write_text(f"{x + 1},{y + 1},{w},{h}\n")
+    options = ["--profile", "fast", "--no-video", "--no-report"]
+    address = f"file://{tmp_path}/clips/"
+    command = [sys.executable, "-m", "foveate.ray", "--videos", f"{address}*.y4m", "--out", "runs", "--workers", "1", "--", *options]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=240)
+    assert done.returncode == 1 and "2 tracked" in done.stdout, done.stderr
+    assert (tmp_path / "runs/failures.txt").read_text().startswith(f"{address}bad.y4m\t")
+    assert json.loads((tmp_path / "runs/a.json").read_text())["source"] == f"{address}a.y4m"
+    alone = [sys.executable, "-m", "foveate", "track", "clips/a.y4m", "--out", "alone", *options]
+    subprocess.run(alone, cwd=tmp_path, check=True, capture_output=True)
+    assert (tmp_path / "runs/a/boxes.txt").read_bytes() == (tmp_path / "alone/boxes.txt").read_bytes()
+    with pytest.raises(SystemExit, match="needs the package fsspec"):
+        foveate.ray.videos(["nobody-knows-this://a/*.mp4"])
 
 
 def test_without_ray_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
