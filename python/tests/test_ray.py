@@ -83,25 +83,30 @@ def test_without_ray_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest
     assert not (tmp_path / "runs").exists()
 
 
-def tasks(process: int, name: bytes) -> list[int]:
-    """Ray's workers that do a task of this name, of those that a process has started."""
-    parents: dict[int, int] = {}
-    found = []
+def running() -> dict[int, tuple[int, bytes]]:
+    """Processes, each with its parent and its command line; those that are dead and wait for their parent are left out."""
+    found = {}
     for folder in Path("/proc").iterdir():
         if folder.name.isdigit():
             try:
-                parents[int(folder.name)] = int((folder / "stat").read_text().rsplit(")", 1)[1].split()[1])
-                if (folder / "cmdline").read_bytes().startswith(b"ray::" + name):
-                    found.append(int(folder.name))
+                state, parent = (folder / "stat").read_text().rsplit(")", 1)[1].split()[:2]
+                if state != "Z":
+                    found[int(folder.name)] = (int(parent), (folder / "cmdline").read_bytes())
             except OSError:
                 continue
+    return found
+
+
+def tasks(process: int, name: bytes) -> list[int]:
+    """Ray's workers that do a task of this name, of those that a process has started."""
+    processes = running()
 
     def descends(one: int) -> bool:
         while one > 1 and one != process:
-            one = parents.get(one, 0)
+            one = processes[one][0] if one in processes else 0
         return one == process
 
-    return [one for one in found if descends(one)]
+    return [one for one, (_, words) in processes.items() if words.startswith(b"ray::" + name) and descends(one)]
 
 
 def on_ray(folder: Path, arguments: list[str], kill: int) -> str:
@@ -112,8 +117,12 @@ def on_ray(folder: Path, arguments: list[str], kill: int) -> str:
         while process.poll() is None and len(killed) < kill:
             for worker in set(tasks(process.pid, b"part")) - killed:
                 time.sleep(0.3)
+                programs = [one for one, (parent, _) in running().items() if parent == worker]
                 os.kill(worker, signal.SIGKILL)
                 killed.add(worker)
+                time.sleep(0.5)
+                left = running()
+                assert not any(one in left for one in programs), "its program goes on"
                 break
             time.sleep(0.05)
         printed, _ = process.communicate(timeout=240)
