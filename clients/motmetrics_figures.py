@@ -9,19 +9,12 @@ import sys
 
 import motmetrics as mm
 import numpy as np
-
-
-def rows(path: str) -> np.ndarray:
-    """frame, id, x, y, w, h of the rows that count (conf is not 0)."""
-    table = np.loadtxt(path, delimiter=",", ndmin=2, usecols=range(7))
-    return table[table[:, 6] != 0][:, :6]
+from mot_text import overlaps, rows
 
 
 def distances(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """1 - IoU of each box x, y, w, h with each; NaN where they cannot be a match."""
-    left, right = np.maximum(a[:, None, :2], b[:, :2]), np.minimum((a[:, :2] + a[:, 2:])[:, None], b[:, :2] + b[:, 2:])
-    inside = np.prod(np.maximum(right - left, 0), axis=-1)
-    iou = inside / (np.prod(a[:, None, 2:], axis=-1) + np.prod(b[:, 2:], axis=-1) - inside)
+    iou = overlaps(a, b)
     return np.where(iou >= 0.5, 1 - iou, np.nan)
 
 

@@ -63,8 +63,9 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "seqs"
 
 
+@pytest.mark.parametrize("shape", ["polygon", "mask"])
 @pytest.mark.parametrize("several", [False, True])
-def test_trax(program: str, folder: Path, several: bool) -> None:
+def test_trax(program: str, folder: Path, several: bool, shape: str) -> None:
     trax, client_of = need("trax", "trax.client")
     command = [program, "trax", "--profile", "fast"] + ["--objects"] * several
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0) as process:
@@ -73,8 +74,14 @@ def test_trax(program: str, folder: Path, several: bool) -> None:
         picture = lambda t: {"color": trax.FileImage.create(str(folder / "a" / "img" / f"{t + 1:04d}.png"))}
         x, y, w, h = FIRST
         square = trax.Polygon.create([(x, y), (x + w, y), (x + w, y + h), (x, y + h)])
+        if shape == "mask":
+            # Its corners are no pixels of the target; the box about it is the same.
+            pixels = np.pad(np.ones((int(h), int(w)), np.uint8), 2)
+            pixels[2, 2] = pixels[-3, -3] = 0
+            square = trax.Mask.create(pixels, int(x) - 2, int(y) - 2)
         objects = [(square, {})] + [(trax.Rectangle.create(5, 70, 20, 20), {})] * several
         answers, _ = client.initialize(picture(0), objects, {})
+        assert answers[0][0].bounds() == FIRST
         for t in range(1, 10):
             answers, _ = client.frame(picture(t), {}, [])
             assert len(answers) == len(objects)
@@ -169,10 +176,8 @@ def test_rerun(tmp_path: Path) -> None:
     assert (tmp_path / "out.rrd").stat().st_size > 50_000
 
 
-def test_motmetrics_agrees_with_eval(program: str, tmp_path: Path) -> None:
-    need("motmetrics")
-    import motmetrics_figures
-
+def of_eval(program: str, folder: Path) -> dict:
+    """The figures of `foveate eval --mot` for drawn tracks, in gt.txt and tracks.txt."""
     rng = np.random.default_rng(3)
     true, found = [], []
     for frame in range(1, 41):
@@ -183,11 +188,21 @@ def test_motmetrics_agrees_with_eval(program: str, tmp_path: Path) -> None:
             name = {1: 2, 2: 1}.get(target, target) if frame > 20 else target
             if rng.random() > 0.1:
                 found.append(f"{frame},{name},{x + rng.integers(0, 9)},{y},20,40,1,-1,-1,-1\n")
-    (tmp_path / "gt.txt").write_text("".join(true))
-    (tmp_path / "tracks.txt").write_text("".join(found))
-    theirs = motmetrics_figures.figures(str(tmp_path / "gt.txt"), str(tmp_path / "tracks.txt"))
+    (folder / "gt.txt").write_text("".join(true))
+    (folder / "tracks.txt").write_text("".join(found))
     command = [program, "eval", "--mot", "--json", "--truth", "gt.txt", "--results", "tracks.txt", "--out", "out"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    ours = json.loads(done.stdout)["trackers"][0]["pooled"]
-    assert abs(ours["idf1"] - theirs["idf1"]) < 1e-9 and abs(ours["mota"] - theirs["mota"]) < 1e-9, (ours, theirs)
+    return json.loads(done.stdout)["trackers"][0]["pooled"]
+
+
+@pytest.mark.parametrize("package", ["motmetrics", "trackeval"])
+def test_figures_of_many_targets_are_those_of_eval(program: str, tmp_path: Path, package: str) -> None:
+    need(package)
+    figures = __import__(f"{package}_figures").figures
+    ours = of_eval(program, tmp_path)
+    theirs = figures(str(tmp_path / "gt.txt"), str(tmp_path / "tracks.txt"))
+    shared = {"motmetrics": ["mota", "idf1"], "trackeval": ["mota", "idf1", "hota", "det_a", "ass_a"]}[package]
+    for name in shared:
+        assert abs(ours[name] - theirs[name]) < 1e-9, (name, ours, theirs)
+    assert theirs["num_switches"] > 0

@@ -32,11 +32,14 @@ assert search.best is not None and abs(search.best[0] - 0.4) < 0.1
 # A pendulum's angle from the sine of it.
 def transition(x: Floats, rng: np.random.Generator) -> Floats:
     angle, speed = x.T
-    return np.column_stack([angle + 0.05 * speed, speed - 0.05 * 9.81 * np.sin(angle)]) + rng.normal(0, 0.02, x.shape)
+    moved: Floats = np.column_stack([angle + 0.05 * speed, speed - 0.05 * 9.81 * np.sin(angle)])
+    moved += rng.normal(0, 0.02, x.shape)
+    return moved
 
 
 def log_likelihood(x: Floats, y: float) -> Floats:
-    return -0.5 * ((y - np.sin(x[:, 0])) / 0.1) ** 2
+    squares: Floats = -0.5 * ((y - np.sin(x[:, 0])) / 0.1) ** 2
+    return squares
 
 
 pendulum = ParticleFilter(lambda n, rng: rng.normal((0.9, 0.0), 0.3, (n, 2)), transition, log_likelihood, particles=2000)

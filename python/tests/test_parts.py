@@ -118,6 +118,33 @@ def test_the_particle_filter_is_kalmans_on_a_linear_gaussian_model(scheme: Any) 
     np.testing.assert_allclose(seen.ess, 1 / (pf.weights**2).sum())
 
 
+def test_the_particle_filter_is_that_of_particles() -> None:
+    """Stochastic volatility, whose filter has no closed form, against Chopin's package `particles`: 20,000 particles and one seed
+    each; means within 0.1, variances within 20 %, log evidence within 0.15: 4 standard errors of the difference, by 25 seeds."""
+    particles = pytest.importorskip("particles", reason="skipped: no package particles")
+    models, collectors = pytest.importorskip("particles.state_space_models"), pytest.importorskip("particles.collectors")
+    mu, rho, sigma = -1.0, 0.9, 0.4
+    rng, x, observations = np.random.default_rng(5), mu, []
+    for _ in range(50):
+        x = mu + rho * (x - mu) + rng.normal(0, sigma)
+        observations.append(rng.normal(0, math.exp(x / 2)))
+    np.random.seed(3)
+    model = models.Bootstrap(ssm=models.StochVol(mu=mu, rho=rho, sigma=sigma), data=observations)
+    theirs = particles.SMC(fk=model, N=20_000, collect=[collectors.Moments()])
+    theirs.run()
+    pf = filter.ParticleFilter(
+        start=lambda n, rng: rng.normal(mu, sigma / math.sqrt(1 - rho**2), (n, 1)),
+        transition=lambda x, rng: mu + rho * (x - mu) + rng.normal(0, sigma, x.shape),
+        log_likelihood=lambda x, y: -0.5 * (math.log(2 * math.pi) + x[:, 0] + y**2 * np.exp(-x[:, 0])),
+        particles=20_000,
+    )
+    seen = [pf.update(y) for y in observations]
+    for ours, other in zip(seen, theirs.summaries.moments, strict=True):
+        assert abs(ours.mean[0] - float(np.squeeze(other["mean"]))) < 0.1
+        assert abs(ours.covariance[0, 0] / float(np.squeeze(other["var"])) - 1) < 0.2
+    assert abs(pf.log_evidence - theirs.logLt) < 0.15
+
+
 def test_the_particle_filter_says_what_is_wrong() -> None:
     def make(**changed: Any) -> filter.ParticleFilter:
         settings: dict[str, Any] = {

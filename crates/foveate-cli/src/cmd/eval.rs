@@ -2,6 +2,7 @@
 
 mod choose;
 mod grid;
+mod kept;
 mod one_pass;
 
 use std::cell::RefCell;
@@ -17,6 +18,8 @@ use foveate::{Error, Result, files};
 use one_pass::one_pass;
 
 use super::configure::{Changes, Profile, config_name, read};
+use super::reproduce::runner::{self, Store};
+use crate::terminal;
 
 /// Scores trackers on sequences whose true boxes are known (one-pass evaluation, as OTB does it).
 ///
@@ -69,6 +72,13 @@ pub struct Args {
     /// Number of seeds to run, counting up from --seed; mean and spread over them are reported
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000), conflicts_with = "results")]
     pub seeds: u64,
+    /// Do only part I of N of the runs, and no scores: for several machines, whose folders are put together by --merge. A run is
+    /// a sequence with a seed (with --choose also a candidate), in one thread, kept in runs/ of --out
+    #[arg(long, value_name = "I/N", value_parser = runner::parse_shard, conflicts_with_all = ["results", "mot"])]
+    pub shard: Option<(u32, u32)>,
+    /// Take finished runs from these folders of other --out (or this one), and do those that they lack; may be repeated
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["results", "mot"])]
+    pub merge: Vec<PathBuf>,
     /// Folder for table.txt, scores.json, curves.svg (not with --mot); where the tracker is run, the tracks in foveate/, confidence.txt, confidence.json,
     /// reliability.svg and report.html: where the first seed won and lost, with pictures. With --choose: cross.txt, cross.json,
     /// the tracks of each candidate in candidates/, and table.txt, scores.json, curves.svg of the cross-validated tracks
@@ -96,17 +106,27 @@ pub fn run(args: Args) -> Result<()> {
         // Results of others say nothing about being lost.
         return compare(&args, &sequences, &others, "").map(|_| ());
     }
+    let store = Store::shared(&args.out, &args.merge, args.shard)?;
     if !args.choose.is_empty() {
         let plan = choose::Plan::of(&config, &folder, &args.choose, &sequences)?;
-        let Some((choice, cross)) = plan.run(&sequences, &seeds, &args.out)? else {
-            return Err(Error::Invalid(format!("stopped; the same command goes on with {}", args.out.display())));
+        let Some((choice, cross)) = plan.run(&sequences, &seeds, &store, &args.out)? else {
+            return undone(&args);
         };
         let text = choose::keep(&choice, &changes.describe(name), &seeds, &args.out)?;
         return compare(&args, &sequences, &[vec![cross], others].concat(), &(text + "\n")).map(|_| ());
     }
+    let kept = if store.shard.is_some() || !store.others.is_empty() {
+        let Some(kept) = kept::runs(blueprint.clone(), &sequences, &seeds, &store)? else { return undone(&args) };
+        kept
+    } else {
+        vec![]
+    };
     let runs: RefCell<Vec<Case>> = RefCell::new(vec![]);
     let run_tracker = |sequence: &Sequence, seed| {
-        let (run, judged) = one_pass(&blueprint, sequence, seed)?;
+        let (run, judged) = match kept.iter().find(|run| run.sequence == sequence.name && run.seed == seed) {
+            Some(kept) => kept.clone().apart(),
+            None => one_pass(&blueprint, sequence, seed)?,
+        };
         runs.borrow_mut().push(Case { sequence: sequence.clone(), seed, boxes: run.boxes.clone(), judged });
         Ok(run)
     };
@@ -118,6 +138,15 @@ pub fn run(args: Args) -> Result<()> {
     files::write(args.out.join("report.html"), cases::page(&first, &others, groups)?.as_bytes())?;
     let tracks: Vec<&[Judged]> = runs.iter().map(|run| run.judged.as_slice()).collect();
     trusted(&args, &ConfidenceScore::of(&tracks, blueprint.config().confidence.localisation_noise))
+}
+
+/// Only a part of the runs was to be done, or it was asked to stop.
+fn undone(args: &Args) -> Result<()> {
+    if terminal::stopping() {
+        return Err(Error::Invalid(format!("stopped; the same command goes on with {}", args.out.display())));
+    }
+    runner::part_is_done(&args.out);
+    Ok(())
 }
 
 /// One run is done.

@@ -19,8 +19,8 @@ const MOST: usize = 256;
 
 /// Track for a client of the TraX protocol, on standard input and output.
 ///
-/// Images are paths of PNG or JPEG files (`file://...`), regions are rectangles or polygons, pixels counted from 0. Answers are
-/// rectangles with the property `confidence`, 1 - P(lost). A polygon becomes the axis-aligned box about it.
+/// Images are paths of PNG or JPEG files (`file://...`), regions are rectangles, polygons or masks, pixels counted from 0. Answers
+/// are rectangles with the property `confidence`, 1 - P(lost). Polygons and masks become the axis-aligned box about them.
 ///
 /// Version 3 of the protocol has one object. With --objects it is version 4: several objects, each with a tracker of its own.
 #[derive(clap::Args)]
@@ -80,7 +80,7 @@ impl Session {
             ("trax.name", "foveate"),
             ("trax.description", concat!("foveate ", env!("CARGO_PKG_VERSION"))),
             ("trax.image", "path;"),
-            ("trax.region", "rectangle;polygon;"),
+            ("trax.region", "rectangle;polygon;mask;"),
             ("trax.channels", "color;"),
         ];
         if self.several {

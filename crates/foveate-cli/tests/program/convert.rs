@@ -88,6 +88,9 @@ fn what_is_lost_is_told() {
         place.convert("polygons.txt", "vot", "a.txt", "otb", &[]).contains("1 polygons became the boxes about them")
     );
     assert_eq!(place.read("a.txt"), "1,1,20,20\nNaN,NaN,NaN,NaN\n2,3,3,4\n");
+    place.write("masks.txt", "m5,7,4,3,1,2,1,4,2,1\nm0,0,0,0,0\n");
+    assert!(place.convert("masks.txt", "vot", "a.txt", "otb", &[]).contains("2 masks became the boxes about them"));
+    assert_eq!(place.read("a.txt"), "6,8,4,3\nNaN,NaN,NaN,NaN\n");
     place.write("found.txt", "1,1,1,1,5,5,0.5\n");
     assert!(place.convert("found.txt", "mot", "a.txt", "otb", &[]).contains("1 confidences other than 1"));
     place.write(

@@ -200,3 +200,66 @@ fn settings_are_chosen_on_one_half_and_judged_on_the_other() {
     let printed = String::from_utf8_lossy(&first.stdout).into_owned();
     assert!(printed.starts_with("Chosen by mean AUC.") && printed.contains("occlusion"), "{printed}");
 }
+
+/// Parts in folders of their own, put together, are the run in one: all figures but the times.
+#[test]
+fn parts_of_an_evaluation_are_put_together() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
+    for (name, digit) in [("Coke", "3"), ("Couple", "7")] {
+        let video = path(&format!("seqs/{name}"));
+        let made = foveate(&["synth", "clutter", "--digit", digit, "--frames", "15", "--noise", "--out", &video]);
+        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    }
+    let (seqs, read) = (path("seqs"), |name: &str| std::fs::read(path(name)).expect(name));
+    let with = |out: &str, more: &[&str]| {
+        let args = ["eval", "--seqs", &seqs, "--config", "digits", "--set", "particles=50", "--seeds", "3", "--out"];
+        let output = foveate(&[&args[..], &[&path(out)], more].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8_lossy(&output.stderr).into_owned()
+    };
+    let without_times = |out: &str| {
+        let mut scores: serde_json::Value = serde_json::from_slice(&read(&format!("{out}/scores.json"))).expect("JSON");
+        let tracker = &mut scores["trackers"][0];
+        assert!(tracker["mean"]["fps"].take().is_number());
+        tracker["sequences"].as_array_mut().expect("rows").iter_mut().for_each(|row| row["fps"] = 0.into());
+        let files = ["foveate/seed-2/Coke.txt", "confidence.json", "reliability.svg"];
+        (scores, files.map(|name| read(&format!("{out}/{name}"))))
+    };
+    for choose in [&[][..], &["--choose", "likelihood.sharpness=1,40"]] {
+        let name = |part: &str| format!("{part}-{}", choose.len());
+        let runs = |out: &str| std::fs::read_dir(path(&format!("{out}/runs"))).map_or(0, Iterator::count);
+        with(&name("whole"), choose);
+        for part in ["1/2", "2/2"] {
+            let out = name(&part[..1]);
+            with(&out, &[choose, &["--shard", part]].concat());
+            assert!(!dir.path().join(&out).join("scores.json").exists(), "a part has no scores");
+        }
+        let (first, second, all) = (path(&name("1")), path(&name("2")), if choose.is_empty() { 6 } else { 12 });
+        assert_eq!(runs(&name("1")) + runs(&name("2")), all);
+        let merge = [choose, &["--merge", &first, "--merge", &second, "--threads", "1"]].concat();
+        let told = with(&name("merged"), &merge);
+        assert!(told.contains(&format!("{all} runs, {all} of them from")), "{told}");
+        if choose.is_empty() {
+            assert_eq!(without_times(&name("merged")), without_times(&name("whole")));
+            // What is missing is done, in the folder of a part as well.
+            let told = with(&name("1"), &["--merge", &first]);
+            assert!(told.contains(&format!("6 runs, {} of them from", 6 - runs(&name("2")))), "{told}");
+            assert_eq!(without_times(&name("1")), without_times(&name("whole")));
+        } else {
+            for file in ["cross.json", "cross.txt"] {
+                assert_eq!(read(&format!("{}/{file}", name("merged"))), read(&format!("{}/{file}", name("whole"))));
+            }
+        }
+    }
+    for (wrong, said) in [
+        (&["--shard", "3/2"][..], "1/4"),
+        (&["--merge", "nowhere"], "no finished runs here"),
+        (&["--shard", "1/2", "--results", &seqs], "cannot be used with"),
+    ] {
+        let refused = foveate(&[&["eval", "--seqs", &seqs, "--out", &path("wrong")], wrong].concat());
+        let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(!refused.status.success() && told.contains(said), "{wrong:?}: {told}");
+    }
+    assert!(!dir.path().join("wrong").exists());
+}

@@ -70,11 +70,13 @@ fn a_client_sees_the_boxes_of_track() {
         boxes.lines().map(|line| line.split(',').map(|n| n.parse().expect("a number")).collect()).collect();
     let [x, y, w, h] = first(&place);
     let polygon = format!("\"{x},{y},{},{y},{},{},{x},{}\"", x + w, x + w, y + h, y + h);
-    for region in [rectangle([x, y, w, h]), polygon] {
+    assert!([x, y, w, h].iter().all(|n| n.fract() == 0.0), "a mask has whole pixels");
+    let mask = format!("\"mask:{x},{y},{w},{h},0,{}\"", w * h);
+    for region in [rectangle([x, y, w, h]), polygon, mask] {
         let mut client = Client::new(&place, &[]);
         let hello = client.line();
         for part in
-            ["@@TRAX:hello ", "\"trax.version=3\"", "\"trax.region=rectangle;polygon;\"", "\"trax.image=path;\""]
+            ["@@TRAX:hello ", "\"trax.version=3\"", "\"trax.region=rectangle;polygon;mask;\"", "\"trax.image=path;\""]
         {
             assert!(hello.contains(part), "{hello}");
         }
@@ -137,10 +139,11 @@ fn damage_is_told_and_ends_the_session() {
         (&[][..], "@@TRAX:frame \"a.png\"\n".to_owned(), "a frame before any object"),
         (&[], format!("@@TRAX:initialize {good}\n"), "expected initialize IMAGE REGION, frame IMAGE or quit"),
         (&[], "@@TRAX:dance\n".into(), "found \"dance\" with 0 arguments"),
-        (&[], format!("@@TRAX:initialize {good} \"1,2,3\"\n"), "expected a rectangle x,y,w,h or a polygon"),
+        (&[], format!("@@TRAX:initialize {good} \"1,2,3\"\n"), "expected a rectangle x,y,w,h, a polygon"),
         (&[], format!("@@TRAX:initialize {good} \"nan,2,3,4\"\n"), "is no box"),
         (&[], format!("@@TRAX:initialize {good} \"9000,2,30,40\"\n"), "9000"),
-        (&[], format!("@@TRAX:initialize {good} \"m0,0,9,9,81\"\n"), "masks are not read"),
+        (&[], format!("@@TRAX:initialize {good} \"mask:0,0,9,9,82\"\n"), "run 1 (82) goes beyond"),
+        (&[], format!("@@TRAX:initialize {good} \"mask:0,0,9,9,81\"\n"), "is no box"),
         (&[], format!("@@TRAX:initialize \"http://a/1.jpg\" {own}\n"), "an image as http:"),
         (&[], format!("{begin}@@TRAX:frame \"file:///none.png\"\n"), "none.png: cannot read"),
         (&[], format!("{begin}@@TRAX:frame \"{}\"\n", place.path("c.toml").display()), "expected a PNG or JPEG"),

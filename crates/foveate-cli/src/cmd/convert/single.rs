@@ -15,7 +15,9 @@ pub fn read(format: Format, path: &Path) -> Result<Boxes> {
     let mut boxes = Boxes::default();
     let mut truth = match format {
         Format::Vot => {
-            boxes.lose(polygons(path)?, "polygons became the boxes about them");
+            let [polygons, masks] = shapes(path)?;
+            boxes.lose(polygons, "polygons became the boxes about them");
+            boxes.lose(masks, "masks became the boxes about them");
             vot::read_truth(path)?
         }
         _ => annotation::read_boxes(path)?,
@@ -35,10 +37,11 @@ pub fn read(format: Format, path: &Path) -> Result<Boxes> {
     Ok(boxes)
 }
 
-/// Lines that are polygons.
-fn polygons(path: &Path) -> Result<usize> {
+/// Lines that are polygons, and those that are masks.
+fn shapes(path: &Path) -> Result<[usize; 2]> {
     let text = files::read_text(path, files::TEXT)?;
-    Ok(text.lines().filter(|line| line.split(',').count() > 4).count())
+    let (masks, others): (Vec<&str>, Vec<&str>) = text.lines().partition(|line| line.trim_start().starts_with('m'));
+    Ok([others.iter().filter(|line| line.split(',').count() > 4).count(), masks.len()])
 }
 
 pub fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {

@@ -14,6 +14,7 @@ use foveate::{BBox, Error, Result, files};
 use serde::{Deserialize, Serialize};
 
 use super::grid::{Candidate, candidates};
+use super::kept::{pictures, program};
 use super::one_pass::one_pass;
 use crate::cmd::reproduce::runner::{Entry, Finished, Store};
 
@@ -72,9 +73,15 @@ impl Plan {
         Ok(Self { candidates, entries, present })
     }
 
-    /// Runs what is not kept in `out` yet; answers the choice, and the cross-validated tracker. `None` where it was asked to
-    /// stop.
-    pub fn run(&self, sequences: &[Sequence], seeds: &[u64], out: &Path) -> Result<Option<(Choice, Evaluation)>> {
+    /// Runs what is not kept in `store` yet; answers the choice, and the cross-validated tracker. `None` where it was asked to
+    /// stop, or to do a part only.
+    pub fn run(
+        &self,
+        sequences: &[Sequence],
+        seeds: &[u64],
+        store: &Store,
+        out: &Path,
+    ) -> Result<Option<(Choice, Evaluation)>> {
         let pictures: Vec<String> = sequences.iter().map(pictures).collect::<Result<_>>()?;
         let jobs: Vec<Job> = (0..self.candidates.len())
             .flat_map(|c| seeds.iter().flat_map(move |seed| (0..sequences.len()).map(move |s| (c, *seed, s))))
@@ -99,9 +106,8 @@ impl Plan {
             Ok((track, text))
         };
         let frames = |job: &Job| sequences[job.sequence].truth.len();
-        let tracks: Option<Vec<Track>> =
-            Store::of(out).finished("choose", &jobs, &frames, &key, &make)?.into_iter().collect();
-        let Some(tracks) = tracks else { return Ok(None) };
+        let tracks: Option<Vec<Track>> = store.finished("choose", &jobs, &frames, &key, &make)?.into_iter().collect();
+        let Some(tracks) = tracks.filter(|_| store.shard.is_none()) else { return Ok(None) };
         let evaluations: Vec<Evaluation> = self.score(sequences, seeds, out, &tracks)?;
         let choice = Choice::of(&evaluations, self.present).expect("both halves have sequences");
         let cross = choice.cross_validated("foveate, cross-validated", &evaluations);
@@ -146,26 +152,6 @@ fn folder_name(name: &str) -> String {
     } else {
         format!("{short}-{}", &experiment::digest(&[name.as_bytes()])[..8])
     }
-}
-
-/// A name for the program itself: a rebuilt one may track otherwise.
-fn program() -> Result<String> {
-    let path = crate::invocation::program();
-    Ok(experiment::digest(&[&std::fs::read(path).map_err(Error::io(path, "cannot read"))?]))
-}
-
-/// A name for the pictures and the truth of a sequence: its true boxes, and the pictures' names and sizes.
-fn pictures(sequence: &Sequence) -> Result<String> {
-    let folder = &sequence.images;
-    let cannot = || Error::io(folder, "cannot read this folder");
-    let mut all = vec![];
-    for entry in std::fs::read_dir(folder).map_err(cannot())? {
-        let entry = entry.map_err(cannot())?;
-        all.push(format!("{} {}", entry.file_name().to_string_lossy(), entry.metadata().map_err(cannot())?.len()));
-    }
-    all.sort();
-    let truth = format!("{:?}", sequence.truth);
-    Ok(experiment::digest(&[truth.as_bytes(), all.join("\n").as_bytes()]))
 }
 
 #[cfg(test)]

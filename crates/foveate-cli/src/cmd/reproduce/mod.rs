@@ -61,7 +61,7 @@ pub struct Args {
     #[arg(long)]
     quick: bool,
     /// Do only part I of N of the runs, and no page: for several machines, whose folders are put together by --merge
-    #[arg(long, value_name = "I/N", value_parser = parse_shard)]
+    #[arg(long, value_name = "I/N", value_parser = runner::parse_shard)]
     shard: Option<(u32, u32)>,
     /// Take finished runs from these folders of other --out too; may be repeated
     #[arg(long, value_name = "DIR")]
@@ -72,14 +72,6 @@ pub struct Args {
     /// Put the tables into a checkout of the project: experiments/results, docs and README.md
     #[arg(long, value_name = "CHECKOUT", conflicts_with_all = ["quick", "shard", "set"])]
     write_docs: Option<PathBuf>,
-}
-
-fn parse_shard(text: &str) -> std::result::Result<(u32, u32), String> {
-    let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse::<u32>().ok()?, n.parse::<u32>().ok()?)));
-    match parts {
-        Some((i, n)) if (1..=n).contains(&i) => Ok((i - 1, n)),
-        _ => Err(format!("expected a part and the number of parts, such as 1/4, got {text}")),
-    }
 }
 
 /// The experiments that are asked for, each once: those of the program in the order of the page, then files.
@@ -108,8 +100,7 @@ pub fn run(args: Args) -> Result<()> {
         }
         experiment.seeds = args.seeds.unwrap_or(experiment.seeds);
     }
-    let others = args.merge.iter().map(|dir| dir.join("runs")).collect();
-    let store = Store { others, shard: args.shard, ..Store::of(&args.out) };
+    let store = Store::shared(&args.out, &args.merge, args.shard)?;
     let setup = Setup::of(args.data, store, args.out)?;
     let setup = Setup { settings: args.set, quick: args.quick, ..setup };
     let peers = peers::read(&args.peer)?;
@@ -135,11 +126,7 @@ pub fn run(args: Args) -> Result<()> {
         sections.push(section);
     }
     if setup.store.shard.is_some() {
-        say!(
-            "{}: this part is done. Put all parts together by the same command without --shard and with",
-            setup.out.display()
-        );
-        say!("--merge DIR for each part's folder.");
+        runner::part_is_done(&setup.out);
         return Ok(());
     }
     if missing > 0 {

@@ -77,6 +77,21 @@ impl Finished for Run {
     }
 }
 
+/// A part of the runs as `--shard` has it: `1/4` is (0, 4).
+pub fn parse_shard(text: &str) -> std::result::Result<(u32, u32), String> {
+    let parts = text.split_once('/').and_then(|(i, n)| Some((i.parse::<u32>().ok()?, n.parse::<u32>().ok()?)));
+    match parts {
+        Some((i, n)) if (1..=n).contains(&i) => Ok((i - 1, n)),
+        _ => Err(format!("expected a part and the number of parts, such as 1/4, got {text}")),
+    }
+}
+
+/// Says what to do with a part of the runs.
+pub fn part_is_done(out: &Path) {
+    say!("{}: this part is done. Put all parts together by the same command without --shard and with", out.display());
+    say!("--merge DIR for each part's folder.");
+}
+
 /// Where finished runs are kept.
 #[derive(Clone, Debug, Default)]
 pub struct Store {
@@ -92,6 +107,21 @@ impl Store {
     /// The folder `runs` in `out`.
     pub fn of(out: &Path) -> Self {
         Self { folder: out.join("runs"), ..Self::default() }
+    }
+
+    /// That of `out`, which also takes runs from others' folders `merge`, and does a part only.
+    ///
+    /// # Errors
+    /// One of `merge` has no finished runs.
+    pub fn shared(out: &Path, merge: &[PathBuf], shard: Option<(u32, u32)>) -> Result<Self> {
+        let others: Vec<PathBuf> = merge.iter().map(|dir| dir.join("runs")).collect();
+        match others.iter().find(|folder| !folder.is_dir()) {
+            Some(absent) => {
+                let absent = absent.display();
+                Err(Error::Invalid(format!("{absent}: no finished runs here; --merge takes what was given as --out")))
+            }
+            None => Ok(Self { others, shard, ..Self::of(out) }),
+        }
     }
 
     /// The runs of trackers on videos: those of all jobs, in their order, done by `follow` where they are not kept yet. With

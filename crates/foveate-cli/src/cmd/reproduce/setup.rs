@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use foveate::Result;
 use foveate::lab::{Digits, Split};
-use foveate::{Error, Result};
 
 use super::runner::{Entry, Finished, Following, Job, Store};
 
@@ -41,12 +41,6 @@ impl Setup {
                 (Digits::drawn(1, DRAWN), note, false)
             }
         };
-        if let Some(absent) = store.others.iter().find(|folder| !folder.is_dir()) {
-            return Err(Error::Invalid(format!(
-                "{}: no finished runs here; --merge takes what was given as --out",
-                absent.display()
-            )));
-        }
         Ok(Self { digits, from: from.into(), mnist, data, store, out, settings: vec![], quick: false })
     }
 

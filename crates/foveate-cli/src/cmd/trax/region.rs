@@ -3,7 +3,7 @@
 use foveate::video::vot;
 use foveate::{BBox, Error, Result};
 
-/// The box of a rectangle or polygon; a region without one is an error.
+/// The box of a rectangle, polygon or mask; a region without one is an error.
 pub fn parse(text: &str) -> Result<BBox> {
     let parsed =
         vot::parse_region(text).and_then(|region| region.ok_or_else(|| format!("the region \"{text:.40}\" is no box")));
@@ -22,8 +22,9 @@ mod tests {
     #[test]
     fn regions_are_boxes() {
         assert_eq!(parse("10,0,20,10,10,20,0,10").expect("a polygon"), BBox::new(0.0, 0.0, 20.0, 20.0));
+        assert_eq!(parse("mask:5,7,4,3,1,2,1,4,2,1").expect("a mask"), BBox::new(5.0, 7.0, 4.0, 3.0));
         assert_eq!(format(&BBox::new(1.0, -2.5, 3.0, 4.0)), "1.0000,-2.5000,3.0000,4.0000");
-        for text in ["nan,1,2,3", "0", "1,2"] {
+        for text in ["nan,1,2,3", "0", "1,2", "mask:1,1,2,2", "mask:1,1,2,2,0,5"] {
             assert!(parse(text).expect_err(text).to_string().starts_with("initialize: "), "{text}");
         }
     }
