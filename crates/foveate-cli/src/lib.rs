@@ -126,7 +126,8 @@ pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
         Ok(()) => 0,
         Err(error) => {
             note!("foveate: {error}");
-            1
+            // After a signal the status says which.
+            if terminal::stopping() { terminal::stop_status() as u8 } else { 1 }
         }
     }
 }

@@ -15,8 +15,6 @@ use foveate::lab::eval::{
 };
 use foveate::{Error, Result, files};
 
-use one_pass::one_pass;
-
 use super::configure::{Changes, Profile, config_name, read};
 use super::reproduce::runner::{self, Store};
 use crate::terminal;
@@ -115,18 +113,19 @@ pub fn run(args: Args) -> Result<()> {
         let text = choose::keep(&choice, &changes.describe(name), &seeds, &args.out)?;
         return compare(&args, &sequences, &[vec![cross], others].concat(), &(text + "\n")).map(|_| ());
     }
-    let kept = if store.shard.is_some() || !store.others.is_empty() {
-        let Some(kept) = kept::runs(blueprint.clone(), &sequences, &seeds, &store)? else { return undone(&args) };
-        kept
-    } else {
-        vec![]
-    };
+    let kept = kept::Runs::new(blueprint.clone(), &sequences, &store)?;
+    // In parts, runs are made side by side; else one after another, so that their times are those of a tracker alone.
+    let in_parts = store.shard.is_some() || !store.others.is_empty();
+    if in_parts && kept.all(&seeds)?.is_none() {
+        return undone(&args);
+    }
+    terminal::catch_interrupts();
     let runs: RefCell<Vec<Case>> = RefCell::new(vec![]);
     let run_tracker = |sequence: &Sequence, seed| {
-        let (run, judged) = match kept.iter().find(|run| run.sequence == sequence.name && run.seed == seed) {
-            Some(kept) => kept.clone().apart(),
-            None => one_pass(&blueprint, sequence, seed)?,
-        };
+        if terminal::stopping() {
+            return Err(stopped(&args));
+        }
+        let (run, judged) = kept.one(sequence, seed)?.apart();
         runs.borrow_mut().push(Case { sequence: sequence.clone(), seed, boxes: run.boxes.clone(), judged });
         Ok(run)
     };
@@ -137,13 +136,19 @@ pub fn run(args: Args) -> Result<()> {
     let first: Vec<Case> = runs.iter().filter(|run| run.seed == args.seed).cloned().collect();
     files::write(args.out.join("report.html"), cases::page(&first, &others, groups)?.as_bytes())?;
     let tracks: Vec<&[Judged]> = runs.iter().map(|run| run.judged.as_slice()).collect();
-    trusted(&args, &ConfidenceScore::of(&tracks, blueprint.config().confidence.localisation_noise))
+    trusted(&args, &ConfidenceScore::of(&tracks, blueprint.config().confidence.localisation_noise))?;
+    // What is finished begins anew the next time; parts are kept, to be merged.
+    if in_parts { Ok(()) } else { kept.forget(&seeds) }
+}
+
+fn stopped(args: &Args) -> Error {
+    Error::Invalid(format!("stopped; the same command goes on with {}", args.out.display()))
 }
 
 /// Only a part of the runs was to be done, or it was asked to stop.
 fn undone(args: &Args) -> Result<()> {
     if terminal::stopping() {
-        return Err(Error::Invalid(format!("stopped; the same command goes on with {}", args.out.display())));
+        return Err(stopped(args));
     }
     runner::part_is_done(&args.out);
     Ok(())

@@ -1,6 +1,7 @@
 //! The commands themselves: make a video, score its own truth on it.
 
 use std::process::{Command, Output, Stdio};
+use std::time::{Duration, Instant};
 
 fn foveate(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_foveate")).args(args).output().expect("the program starts")
@@ -230,6 +231,9 @@ fn parts_of_an_evaluation_are_put_together() {
         let name = |part: &str| format!("{part}-{}", choose.len());
         let runs = |out: &str| std::fs::read_dir(path(&format!("{out}/runs"))).map_or(0, Iterator::count);
         with(&name("whole"), choose);
+        if choose.is_empty() {
+            assert_eq!(runs(&name("whole")), 0, "a finished evaluation begins anew");
+        }
         for part in ["1/2", "2/2"] {
             let out = name(&part[..1]);
             with(&out, &[choose, &["--shard", part]].concat());
@@ -262,4 +266,43 @@ fn parts_of_an_evaluation_are_put_together() {
         assert!(!refused.status.success() && told.contains(said), "{wrong:?}: {told}");
     }
     assert!(!dir.path().join("wrong").exists());
+}
+
+/// Asked to stop, an evaluation ends after the run it is at, and the same command goes on from there.
+#[cfg(unix)]
+#[test]
+fn a_stopped_evaluation_goes_on() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
+    let made = foveate(&["synth", "clutter", "--digit", "3", "--frames", "40", "--noise", "--out", &path("seqs/Coke")]);
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    let args = ["eval", "--seqs", &path("seqs"), "--config", "digits", "--seeds", "8", "--out", &path("stopped")];
+    let runs = || std::fs::read_dir(path("stopped/runs")).map_or(0, |files| files.flatten().count());
+    let mut child = Command::new(env!("CARGO_BIN_EXE_foveate"))
+        .args(args)
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let began = Instant::now();
+    while runs() < 2 {
+        assert!(began.elapsed() < Duration::from_secs(60) && child.try_wait().expect("a child").is_none());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().expect("kill").success());
+    let ended = child.wait_with_output().expect("a child");
+    let told = String::from_utf8_lossy(&ended.stderr).into_owned();
+    assert_eq!(ended.status.code(), Some(143), "{told}");
+    assert!(told.contains("the same command goes on"), "{told}");
+    let kept = runs();
+    assert!((2..8).contains(&kept) && !dir.path().join("stopped/scores.json").exists(), "{kept} runs are kept");
+    let on = foveate(&args);
+    assert!(on.status.success(), "{}", String::from_utf8_lossy(&on.stderr));
+    let whole = foveate(&[&args[..8], &[&path("whole")]].concat());
+    assert!(whole.status.success(), "{}", String::from_utf8_lossy(&whole.stderr));
+    for file in ["confidence.json", "foveate/seed-1/Coke.txt", "foveate/seed-8/Coke.txt"] {
+        let read = |out: &str| std::fs::read(path(&format!("{out}/{file}"))).expect(file);
+        assert_eq!(read("stopped"), read("whole"), "{file}");
+    }
+    assert_eq!(runs(), 0);
 }

@@ -1,4 +1,5 @@
-//! Runs of `foveate eval` that are kept in files, so that several processes or machines may share them out (`--shard`, `--merge`).
+//! Runs of `foveate eval` that are kept in files: an evaluation that was stopped goes on, and several processes or machines may
+//! share one out (`--shard`, `--merge`).
 
 use foveate::config::Blueprint;
 use foveate::lab::eval::confidence::Judged;
@@ -33,28 +34,64 @@ impl Finished for Kept {
     }
 }
 
-/// The run of each sequence with each seed; those that are not kept yet are made, each in one thread. `None` where it was asked
-/// to stop, or to do a part only.
-pub fn runs(blueprint: Blueprint, sequences: &[Sequence], seeds: &[u64], store: &Store) -> Result<Option<Vec<Kept>>> {
-    sequences.iter().try_for_each(|sequence| sequence.init().map(|_| ()))?;
-    let entry = Entry::of(blueprint, &program()?)?;
-    let digests: Vec<String> = sequences.iter().map(pictures).collect::<Result<_>>()?;
-    let jobs: Vec<(u64, usize)> =
-        seeds.iter().flat_map(|seed| (0..sequences.len()).map(move |sequence| (*seed, sequence))).collect();
-    let key = |(seed, i): &(u64, usize)| {
-        let parts = ["eval", &entry.key, &sequences[*i].name, &digests[*i], &seed.to_string()];
+/// A configuration on sequences.
+pub struct Runs<'a> {
+    entry: Entry,
+    sequences: &'a [Sequence],
+    digests: Vec<String>,
+    store: &'a Store,
+}
+
+impl<'a> Runs<'a> {
+    /// Those that are kept in `store`, or will be.
+    pub fn new(blueprint: Blueprint, sequences: &'a [Sequence], store: &'a Store) -> Result<Self> {
+        sequences.iter().try_for_each(|sequence| sequence.init().map(|_| ()))?;
+        let digests = sequences.iter().map(pictures).collect::<Result<_>>()?;
+        std::fs::create_dir_all(&store.folder).map_err(Error::io(&store.folder, "cannot create"))?;
+        Ok(Self { entry: Entry::of(blueprint, &program()?)?, sequences, digests, store })
+    }
+
+    /// The run of a sequence with a seed, kept or made.
+    pub fn one(&self, sequence: &Sequence, seed: u64) -> Result<Kept> {
+        let i = self.sequences.iter().position(|it| it.name == sequence.name).expect("one of the sequences");
+        self.store.one(&self.key(seed, i), sequence.truth.len(), || self.make(seed, i))
+    }
+
+    /// The run of each sequence with each seed; those that are not kept yet are made side by side, each in one thread. `None` where
+    /// it was asked to stop, or to do a part only.
+    pub fn all(&self, seeds: &[u64]) -> Result<Option<Vec<Kept>>> {
+        let jobs: Vec<(u64, usize)> =
+            seeds.iter().flat_map(|seed| (0..self.sequences.len()).map(move |sequence| (*seed, sequence))).collect();
+        let key = |(seed, i): &(u64, usize)| self.key(*seed, *i);
+        let make = |(seed, i): &(u64, usize)| self.make(*seed, *i);
+        let frames = |(_, i): &(u64, usize)| self.sequences[*i].truth.len();
+        let kept: Option<Vec<Kept>> = self.store.finished("eval", &jobs, &frames, &key, &make)?.into_iter().collect();
+        Ok(kept.filter(|_| self.store.shard.is_none()))
+    }
+
+    /// Removes the files of these runs, and their folder where nothing else is in it.
+    pub fn forget(&self, seeds: &[u64]) -> Result<()> {
+        for (seed, i) in seeds.iter().flat_map(|seed| (0..self.sequences.len()).map(move |i| (*seed, i))) {
+            let path = self.store.path(&self.key(seed, i));
+            std::fs::remove_file(&path).map_err(Error::io(&path, "cannot remove"))?;
+        }
+        // It may hold others' runs.
+        let _ = std::fs::remove_dir(&self.store.folder);
+        Ok(())
+    }
+
+    fn key(&self, seed: u64, i: usize) -> String {
+        let parts = ["eval", &self.entry.key, &self.sequences[i].name, &self.digests[i], &seed.to_string()];
         experiment::digest(&parts.map(str::as_bytes))
-    };
-    let make = |(seed, i): &(u64, usize)| {
-        let (run, judged) = one_pass(&entry.blueprint, &sequences[*i], *seed)?;
+    }
+
+    fn make(&self, seed: u64, i: usize) -> Result<(Kept, Vec<u8>)> {
+        let (run, judged) = one_pass(&self.entry.blueprint, &self.sequences[i], seed)?;
         let TrackRun { boxes, seconds, read } = run;
-        let kept = Kept { sequence: sequences[*i].name.clone(), seed: *seed, boxes, seconds, read, judged };
+        let kept = Kept { sequence: self.sequences[i].name.clone(), seed, boxes, seconds, read, judged };
         let text = serde_json::to_vec(&kept).map_err(|e| Error::Invalid(e.to_string()))?;
         Ok((kept, text))
-    };
-    let frames = |(_, i): &(u64, usize)| sequences[*i].truth.len();
-    let kept: Option<Vec<Kept>> = store.finished("eval", &jobs, &frames, &key, &make)?.into_iter().collect();
-    Ok(kept.filter(|_| store.shard.is_none()))
+    }
 }
 
 /// A name for the program itself: a rebuilt one may track otherwise.

@@ -169,7 +169,7 @@ impl Store {
         let resumed = AtomicUsize::new(0);
         let work = |job: &J| {
             let key = key(job);
-            let path = folder.join(format!("{key}.json"));
+            let path = self.path(&key);
             if let Some(run) = self.find(&path, frames(job))? {
                 resumed.fetch_add(1, Ordering::Relaxed);
                 progress.found();
@@ -181,7 +181,7 @@ impl Store {
                 return Ok(None);
             }
             let (run, text) = make(job)?;
-            files::write(&path, &sealed(&path, &text))?;
+            put(&path, &text)?;
             progress.done();
             Ok(Some(run))
         };
@@ -191,6 +191,22 @@ impl Store {
             note!("{} runs, {} of them from {}", jobs.len(), resumed.into_inner(), folder.display());
         }
         Ok(runs)
+    }
+
+    /// One run, of so many frames: that of the file which `key` names, or else the one that is made and put there.
+    pub fn one<R: Finished>(&self, key: &str, frames: usize, make: impl FnOnce() -> Result<(R, Vec<u8>)>) -> Result<R> {
+        let path = self.path(key);
+        if let Some(run) = self.find(&path, frames)? {
+            return Ok(run);
+        }
+        let (run, text) = make()?;
+        put(&path, &text)?;
+        Ok(run)
+    }
+
+    /// The file of a run.
+    pub fn path(&self, key: &str) -> PathBuf {
+        self.folder.join(format!("{key}.json"))
     }
 
     /// A finished run, here or in another store; what is found elsewhere is put here.
@@ -214,6 +230,10 @@ fn read<R: Finished>(path: &Path, frames: usize) -> Option<R> {
     let bytes = files::read(path, files::TEXT).ok()?;
     let run: R = serde_json::from_slice(unsealed(path, &bytes)?).ok()?;
     run.is_of(frames).then_some(run)
+}
+
+fn put(path: &Path, text: &[u8]) -> Result<()> {
+    files::write(path, &sealed(path, text))
 }
 
 /// The text of a run with a checksum after it, of its text and of what the run is: neither may be of another one.
