@@ -11,7 +11,7 @@ use std::sync::Arc;
 use self::dim::dim;
 use super::colour::Colour;
 use super::dense::Dense;
-use super::discriminant::{Discriminant, Learning};
+use super::discriminant::Discriminant;
 use super::distance::{Distance, Kind};
 use super::encoder::Encoder;
 use super::fusion::Fusion;
@@ -226,42 +226,6 @@ impl GazeAppearance {
         let (n_v, n_h) = self.encoder.shape();
         self.encoder.encode(Rows::new(template_glimpse, n_v), RowsMut::new(template, n_h));
         self.distance.keep(template);
-    }
-
-    /// Looks at the target and around it, and learns the difference.
-    fn discriminate(&mut self, image: &Image, state: &State, distractors: &[State], first: bool, colour: f64) {
-        let Some(mut it) = self.discriminant.take() else { return };
-        let (extent, (n_v, n_h)) = (self.extent(), self.encoder.shape());
-        it.look_around(state, extent, distractors);
-        let Learning { places, rows, .. } = &mut it.learning;
-        // After a look around the target for distractors most often all is there.
-        let looks = looks(&*self.retina, extent);
-        let Buffers { views, dimmed, learned: glimpses, .. } = &mut self.buffers;
-        if first || views.whole(places, looks).is_none() {
-            let kept = self.kept.as_ref().expect("a template is kept before the first look");
-            let image = dim(image, &kept.image, self.discounting_background, dimmed);
-            views.see_whole(image, places, looks, self.colour.as_mut());
-        }
-        let view = views.whole(places, looks).expect("just seen");
-        glimpses.resize(CHUNK * n_v, 0.0);
-        for (places, rows) in places.chunks(CHUNK).zip(rows.chunks_mut(CHUNK * (n_h + 1))) {
-            let mut at = [Fixation::default(); CHUNK];
-            at.iter_mut().zip(places).for_each(|(at, place)| *at = place.fixate(Gaze::CENTRE, extent));
-            let glimpses = &mut glimpses[..places.len() * n_v];
-            self.retina.look_each(&view.pyramid, &at[..places.len()], RowsMut::new(glimpses, n_v));
-            for (glimpse, row) in glimpses.chunks_exact_mut(n_v).zip(rows.chunks_exact_mut(n_h + 1)) {
-                let (features, one) = row.split_at_mut(n_h);
-                self.encoder.condition(glimpse);
-                self.encoder.encode(Rows::new(glimpse, n_v), RowsMut::new(features, n_h));
-                one[0] = 1.0;
-            }
-        }
-        if let Some(fusion) = self.fusion.as_mut().filter(|_| !distractors.is_empty()) {
-            let template = it.margin(|h| self.distance.distance(h, &self.scratch.template));
-            fusion.learn([template, it.margin(|h| it.distance(h)), colour]);
-        }
-        it.learn(first);
-        self.discriminant = Some(it);
     }
 
     fn keep(&mut self, kept: Template) {

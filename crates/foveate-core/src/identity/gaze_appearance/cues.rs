@@ -1,10 +1,14 @@
 //! Template, discriminant and colour: which of them there are, how they are mixed, and what colour is worth.
 
-use super::{GazeAppearance, looks};
-use crate::geometry::{Gaze, State};
+use super::{CHUNK, GazeAppearance, dim, looks};
+use crate::geometry::{Fixation, Gaze, State};
+use crate::identity::Buffers;
 use crate::identity::colour::{self, Colour};
-use crate::identity::discriminant::{self, Discriminant};
+use crate::identity::discriminant::{self, Discriminant, Learning};
+use crate::identity::distance::Distance;
 use crate::identity::fusion::{self, Fusion};
+use crate::scene::Image;
+use foveate_base::rows::{Rows, RowsMut};
 
 impl GazeAppearance {
     /// Learns while tracking what tells the target from what is around it, by these settings.
@@ -26,6 +30,49 @@ impl GazeAppearance {
     /// The whole box is looked at under every gaze: gazes say where a sensor reads sharply.
     pub fn steady(self, steady: bool) -> Self {
         Self { steady, ..self }
+    }
+
+    /// Looks at the target and around it, and learns the difference.
+    pub(super) fn discriminate(
+        &mut self,
+        image: &Image,
+        state: &State,
+        distractors: &[State],
+        first: bool,
+        colour: f64,
+    ) {
+        let Some(mut it) = self.discriminant.take() else { return };
+        let (extent, (n_v, n_h)) = (self.extent(), self.encoder.shape());
+        it.look_around(state, extent, distractors);
+        let Learning { places, rows, .. } = &mut it.learning;
+        // After a look around the target for distractors most often all is there.
+        let looks = looks(&*self.retina, extent);
+        let Buffers { views, dimmed, learned: glimpses, .. } = &mut self.buffers;
+        if first || views.whole(places, looks).is_none() {
+            let kept = self.kept.as_ref().expect("a template is kept before the first look");
+            let image = dim(image, &kept.image, self.discounting_background, dimmed);
+            views.see_whole(image, places, looks, self.colour.as_mut());
+        }
+        let view = views.whole(places, looks).expect("just seen");
+        glimpses.resize(CHUNK * n_v, 0.0);
+        for (places, rows) in places.chunks(CHUNK).zip(rows.chunks_mut(CHUNK * (n_h + 1))) {
+            let mut at = [Fixation::default(); CHUNK];
+            at.iter_mut().zip(places).for_each(|(at, place)| *at = place.fixate(Gaze::CENTRE, extent));
+            let glimpses = &mut glimpses[..places.len() * n_v];
+            self.retina.look_each(&view.pyramid, &at[..places.len()], RowsMut::new(glimpses, n_v));
+            for (glimpse, row) in glimpses.chunks_exact_mut(n_v).zip(rows.chunks_exact_mut(n_h + 1)) {
+                let (features, one) = row.split_at_mut(n_h);
+                self.encoder.condition(glimpse);
+                self.encoder.encode(Rows::new(glimpse, n_v), RowsMut::new(features, n_h));
+                one[0] = 1.0;
+            }
+        }
+        if let Some(fusion) = self.fusion.as_mut().filter(|_| !distractors.is_empty()) {
+            let template = it.margin(|h| self.distance.distance(h, &self.scratch.template));
+            fusion.learn([template, it.margin(|h| it.distance(h)), colour]);
+        }
+        it.learn(first);
+        self.discriminant = Some(it);
     }
 
     /// Mixing weights of the discriminant beside the template, and of colour beside both.
