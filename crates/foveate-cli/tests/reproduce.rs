@@ -4,10 +4,10 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Table 3 and the figure of digits, small, on digits drawn by a pen: 36 runs.
+/// Table 3 and the figure of digits, small, of few particles, on digits drawn by a pen: 36 runs.
 fn reproduce(dir: &Path, out: &str, more: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
-    command.args(["reproduce", "table3", "fig-digits", "--quick", "--out", out]).args(more);
+    command.args(["reproduce", "table3", "fig-digits", "--quick", "--set", "particles=150", "--out", out]).args(more);
     command.env("FOVEATE_DATA", dir).current_dir(dir).stdout(Stdio::null()).stderr(Stdio::null());
     command
 }
@@ -88,7 +88,8 @@ fn many_targets_in_parts() {
     let dir = dir.path();
     let multi = |out: &str, more: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
-        command.args(["reproduce", "fig-multi", "--quick", "--seeds", "7..=7", "--out", out]).args(more);
+        command.args(["reproduce", "fig-multi", "--quick", "--seeds", "7..=7", "--set", "particles=100", "--out", out]);
+        command.args(more);
         command.env("FOVEATE_DATA", dir).current_dir(dir).stdout(Stdio::null()).stderr(Stdio::null());
         succeeds(command);
         let files = ["fig-multi.json", "fig-multi.csv", "fig-multi-strip.png"];
