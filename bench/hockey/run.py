@@ -19,6 +19,7 @@ import collections
 import csv
 import json
 import os
+import shutil
 import statistics
 import subprocess
 import sys
@@ -289,6 +290,8 @@ def main():
     parser.add_argument("--out", default="out-hockey", help="folder of the results")
     parser.add_argument("--seeds", type=int, default=10, help="seeds of each of foveate's rows, from 1 on")
     args = parser.parse_args()
+    if not shutil.which(args.foveate):
+        sys.exit(f"{args.foveate}: no such program; build it by cargo build --release")
     bench = Bench(args)
     bench.followed()
     bench.teams()
