@@ -20,7 +20,7 @@ const SIDE: u32 = 128;
 /// The most classes.
 const MOST: usize = 256;
 
-/// Grey pictures with a class each, in the order of classes, then of file names.
+/// Pictures with a class each, grey or in colour, in the order of classes, then of file names.
 #[derive(Clone, Debug)]
 pub struct Pictures {
     images: Vec<Image>,
@@ -31,10 +31,10 @@ pub struct Pictures {
 
 impl Pictures {
     /// Reads every JPEG and PNG file of every folder in `dir`; a folder's name is its class. Folders and files whose names
-    /// begin with a dot do not count.
+    /// begin with a dot do not count. Colours become grey unless `colours`, for a retina that reads colour.
     ///
     /// Fails where there are not two to 256 such folders, one has fewer than two pictures, or a picture cannot be read.
-    pub fn load(dir: &Path) -> Result<Self> {
+    pub fn load(dir: &Path, colours: bool) -> Result<Self> {
         let folders: Vec<PathBuf> = sorted(dir)?.into_iter().filter(|p| p.is_dir()).collect();
         if !(2..=MOST).contains(&folders.len()) {
             return Err(Error::malformed(
@@ -67,7 +67,7 @@ impl Pictures {
         let read = |(path, _): &(PathBuf, u8)| {
             let bytes = files::read(path, files::PICTURE)?;
             let sha: [u8; 32] = Sha256::digest(&bytes).into();
-            Ok((small(&bytes).map_err(|problem| Error::malformed(path, problem))?, sha))
+            Ok((small(&bytes, colours).map_err(|problem| Error::malformed(path, problem))?, sha))
         };
         let read: Vec<(Image, [u8; 32])> = files.par_iter().map(read).collect::<Result<_>>()?;
         let mut sha = Sha256::new_with_prefix(names.join("\n"));
@@ -133,8 +133,8 @@ fn sorted(dir: &Path) -> Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// A picture from the bytes of its file, grey, at most [`SIDE`] pixels along a side.
-fn small(bytes: &[u8]) -> std::result::Result<Image, String> {
+/// A picture from the bytes of its file, grey or in colour, at most [`SIDE`] pixels along a side.
+fn small(bytes: &[u8], colours: bool) -> std::result::Result<Image, String> {
     let picture =
         foveate_base::quiet::catch(|| image::load_from_memory(bytes).map_err(|e| e.to_string())).and_then(|r| r);
     let mut picture =
@@ -142,8 +142,12 @@ fn small(bytes: &[u8]) -> std::result::Result<Image, String> {
     if picture.width().max(picture.height()) > SIDE {
         picture = picture.resize(SIDE, SIDE, image::imageops::FilterType::Triangle);
     }
-    let grey = picture.to_luma8();
-    Image::new(grey.width() as usize, grey.height() as usize, 1, grey.into_raw()).map_err(|e| e.to_string())
+    let (width, height) = (picture.width() as usize, picture.height() as usize);
+    let image = match colours {
+        true => Image::from_rgb8(width, height, &picture.to_rgb8()),
+        false => Image::new(width, height, 1, picture.to_luma8().into_raw()),
+    };
+    image.map_err(|e| e.to_string())
 }
 
 /// How far what is shown departs from the picture as it is.
@@ -210,7 +214,9 @@ impl FeatureExtractor {
         let size = log_scale.exp();
         pyramid.build(image, region, self.retina.footprints(), (size * half.0, size * half.1));
         self.retina.look(pyramid, state.fixate(Gaze::CENTRE, extent), glimpse);
-        for x in glimpse.iter_mut() {
+        for (x, cell) in glimpse.iter_mut().zip(self.retina.cells()) {
+            // More light makes nothing redder.
+            let light = if cell.channel == 0 { light } else { 0.0 };
             *x = (0.5 + gain * (*x - 0.5) + light + (v.noise * normal()) as f32).clamp(0.0, 1.0);
         }
     }
@@ -249,18 +255,18 @@ mod tests {
     #[test]
     fn folders_are_classes_and_the_last_fifth_is_held_out() {
         let dir = folder();
-        let all = Pictures::load(dir.path()).expect("two classes");
+        let all = Pictures::load(dir.path(), false).expect("two classes");
         assert_eq!((all.names(), all.len()), (&["left".to_string(), "top".to_string()][..], 15));
         let (learn, held) = all.split();
         assert_eq!((learn.len(), held.len()), (12, 3));
         assert_eq!(held.labels(), [0, 0, 1]);
-        assert_eq!(Pictures::load(dir.path()).expect("two classes").sha256(), all.sha256());
+        assert_eq!(Pictures::load(dir.path(), false).expect("two classes").sha256(), all.sha256());
     }
 
     #[test]
     fn what_is_seen_is_the_picture_whatever_its_size_and_the_threads() {
         let dir = folder();
-        let all = Pictures::load(dir.path()).expect("two classes");
+        let all = Pictures::load(dir.path(), false).expect("two classes");
         let rows = extractor(Variation::default()).look(&all, 0);
         for (row, &label) in rows.chunks_exact(196).zip(all.labels()) {
             for (i, x) in row.iter().enumerate() {
@@ -281,8 +287,41 @@ mod tests {
     }
 
     #[test]
+    fn colours_are_read_where_they_are_asked_for_and_light_leaves_them() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        for (name, colour) in [("blue", [60, 60, 200]), ("red", [200, 60, 60])] {
+            std::fs::create_dir(dir.path().join(name)).expect("a writable folder");
+            for i in 0..2 {
+                let picture = image::RgbImage::from_pixel(30, 40, image::Rgb(colour));
+                picture.save(dir.path().join(name).join(format!("{i}.png"))).expect("a writable folder");
+            }
+        }
+        let retina = Foveal::new(FovealConfig { side: 28.0, rings: vec![[28, 14]], colour: vec![[28, 14]] });
+        let mut extractor = FeatureExtractor {
+            encoder: Arc::new(Raw::new(&[0; 12], false)),
+            retina: retina.expect("whole cells"),
+            variation: Variation::default(),
+            seed: 1,
+        };
+        // Four cells each of grey, red less green, blue less yellow.
+        let rows = |extractor: &FeatureExtractor, colours| {
+            extractor.look(&Pictures::load(dir.path(), colours).expect("two classes"), 0)
+        };
+        let (none, some) = (rows(&extractor, false), rows(&extractor, true));
+        let near = |x: f32, to: f32| (x - to).abs() < 0.01;
+        assert!(none.chunks_exact(12).all(|row| row[4..].iter().all(|x| near(*x, 0.5))), "{none:?}");
+        let (blue, red) = (&some[..12], &some[24..36]);
+        assert!(near(blue[4], 0.5) && blue[8] > 0.6, "{blue:?}");
+        assert!(red[4] > 0.6 && red[8] < 0.5, "{red:?}");
+        extractor.variation = Variation { contrast: 0.4, ..Variation::default() };
+        for (i, row) in rows(&extractor, false).chunks_exact(12).enumerate() {
+            assert!(!near(row[0], none[12 * i]) && row[4..].iter().all(|x| near(*x, 0.5)), "{row:?}");
+        }
+    }
+
+    #[test]
     fn bad_folders_are_named() {
-        let why = |dir: &Path| Pictures::load(dir).expect_err("refused").to_string();
+        let why = |dir: &Path| Pictures::load(dir, false).expect_err("refused").to_string();
         let dir = folder();
         let (top, broken) = (dir.path().join("top"), dir.path().join("top/00.png"));
         assert!(why(&dir.path().join("none")).contains("none"));

@@ -22,9 +22,10 @@ const MOST: usize = 20;
 
 /// Learn a recogniser of your own classes: DIR has a folder of pictures for each, whose name is the class.
 ///
-/// Pictures are JPEG or PNG of any size, cut to the thing they show. The last fifth of each folder, by name, is held out to
-/// judge the recogniser by. `foveate track VIDEO --recognise FILE` uses it. Progress is kept in FILE.checkpoint: after an
-/// interruption (Ctrl-C, kill) the same command goes on from there and ends with the same bits.
+/// Pictures are JPEG or PNG of any size, cut to the thing they show; colours become grey, unless the retina of --config reads
+/// colour. The last fifth of each folder, by name, is held out to judge the recogniser by. `foveate track VIDEO --recognise FILE`
+/// uses it. Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and ends
+/// with the same bits.
 #[derive(clap::Args)]
 pub struct Args {
     /// Folder with a folder of pictures for each class.
@@ -100,7 +101,7 @@ pub fn run(args: &Args) -> Result<()> {
     let (retina, encoder) = config.identity(&folder)?;
     let geometry = serde_json::to_string(retina.config()).expect("a retina's geometry becomes JSON");
     let first_layer = serde_json::to_string(&config.encoder).expect("a configuration becomes JSON");
-    let all = Pictures::load(&args.data)?;
+    let all = Pictures::load(&args.data, !retina.config().colour.is_empty())?;
     let (learn, held) = all.split();
     let recipe = args.recipe(all.names().len());
     recipe.check()?;
