@@ -10,8 +10,8 @@ use foveate_core::geometry::BBox;
 const WIDEST: u64 = 65_535;
 
 /// The box of a region: a rectangle `x,y,w,h`, the axis-aligned box about a polygon `x,y,x,y,x,y,...`, as vot-toolkit converts it
-/// (from the least to the largest coordinate), or the box about the pixels of a mask (`m` in files, `mask:` in TraX, see
-/// `mask.rs`). `None` for a code (one number), where a number is NaN, and for a mask without a pixel: no box there.
+/// (from the least to the largest coordinate), or the box about the pixels of a mask (`m` in files, `mask:` in TraX).
+/// `None` for a code (one number), where a number is NaN, and for a mask without a pixel: no box there.
 ///
 /// # Errors
 /// In words, where it is none of these.
