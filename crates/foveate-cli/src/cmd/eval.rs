@@ -116,16 +116,16 @@ pub fn run(args: Args) -> Result<()> {
     let kept = kept::Runs::new(blueprint.clone(), &sequences, &store)?;
     // In parts, runs are made side by side; else one after another, so that their times are those of a tracker alone.
     let in_parts = store.shard.is_some() || !store.others.is_empty();
-    if in_parts && kept.all(&seeds)?.is_none() {
-        return undone(&args);
-    }
+    let Some(made) = (if in_parts { kept.all(&seeds)? } else { Some(vec![]) }) else { return undone(&args) };
+    let made = RefCell::new(made.into_iter());
     terminal::catch_interrupts();
     let runs: RefCell<Vec<Case>> = RefCell::new(vec![]);
     let run_tracker = |sequence: &Sequence, seed| {
         if terminal::stopping() {
             return Err(stopped(&args));
         }
-        let (run, judged) = kept.one(sequence, seed)?.apart();
+        let next = made.borrow_mut().next();
+        let (run, judged) = next.map_or_else(|| kept.one(sequence, seed), Ok)?.apart();
         runs.borrow_mut().push(Case { sequence: sequence.clone(), seed, boxes: run.boxes.clone(), judged });
         Ok(run)
     };

@@ -7,6 +7,12 @@ fn foveate(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_foveate")).args(args).output().expect("the program starts")
 }
 
+/// A noisy video of a digit among digits.
+fn scene(out: &str, digit: &str, frames: &str) {
+    let made = foveate(&["synth", "clutter", "--digit", digit, "--frames", frames, "--noise", "--out", out]);
+    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+}
+
 #[test]
 fn the_truth_of_a_made_video_scores_best() {
     let dir = tempfile::tempdir().expect("a temporary folder");
@@ -150,11 +156,9 @@ fn settings_are_chosen_on_one_half_and_judged_on_the_other() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let path = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
     // By the list Coke is of half a, Couple of half b.
-    for (name, digit) in [("Coke", "3"), ("Couple", "7")] {
-        let video = path(&format!("seqs/{name}"));
-        let made = foveate(&["synth", "clutter", "--digit", digit, "--frames", "15", "--noise", "--out", &video]);
-        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
-    }
+    [("Coke", "3"), ("Couple", "7")]
+        .into_iter()
+        .for_each(|(name, digit)| scene(&path(&format!("seqs/{name}")), digit, "15"));
     let (seqs, out, one) = (path("seqs"), path("out"), path("seqs/Coke"));
     let args = ["eval", "--seqs", &seqs, "--config", "digits", "--out", &out, "--seeds", "2", "--choose"];
     let with = |choose: &[&str]| foveate(&[&args[..], choose].concat());
@@ -207,11 +211,9 @@ fn settings_are_chosen_on_one_half_and_judged_on_the_other() {
 fn parts_of_an_evaluation_are_put_together() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let path = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
-    for (name, digit) in [("Coke", "3"), ("Couple", "7")] {
-        let video = path(&format!("seqs/{name}"));
-        let made = foveate(&["synth", "clutter", "--digit", digit, "--frames", "15", "--noise", "--out", &video]);
-        assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
-    }
+    [("Coke", "3"), ("Couple", "7")]
+        .into_iter()
+        .for_each(|(name, digit)| scene(&path(&format!("seqs/{name}")), digit, "15"));
     let (seqs, read) = (path("seqs"), |name: &str| std::fs::read(path(name)).expect(name));
     let with = |out: &str, more: &[&str]| {
         let args = ["eval", "--seqs", &seqs, "--config", "digits", "--set", "particles=50", "--seeds", "3", "--out"];
@@ -274,8 +276,7 @@ fn parts_of_an_evaluation_are_put_together() {
 fn a_stopped_evaluation_goes_on() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let path = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
-    let made = foveate(&["synth", "clutter", "--digit", "3", "--frames", "40", "--noise", "--out", &path("seqs/Coke")]);
-    assert!(made.status.success(), "{}", String::from_utf8_lossy(&made.stderr));
+    scene(&path("seqs/Coke"), "3", "40");
     let args = ["eval", "--seqs", &path("seqs"), "--config", "digits", "--seeds", "8", "--out", &path("stopped")];
     let runs = || std::fs::read_dir(path("stopped/runs")).map_or(0, |files| files.flatten().count());
     let mut child = Command::new(env!("CARGO_BIN_EXE_foveate"))

@@ -41,7 +41,7 @@ fn binary_conditionals_and_free_energies_are_those_of_the_joint() {
     let p_v = |v: usize| (0..1 << n_h).map(|h| p(v, h)).sum::<f64>();
     let p_h = |h: usize| (0..1 << n_v).map(|v| p(v, h)).sum::<f64>();
     let z: f64 = (0..1 << n_v).map(p_v).sum();
-    close(exact_log_z(&rbm).unwrap(), z.ln(), 1e-9);
+    close(exact_log_z(&rbm).expect("few units"), z.ln(), 1e-9);
     let mut sum = 0.0;
     for v in 0..1 << n_v {
         close(rbm.free_energy(&bits(v, n_v)), -p_v(v).ln(), 1e-9);
@@ -51,7 +51,7 @@ fn binary_conditionals_and_free_energies_are_those_of_the_joint() {
         }
         let row = bits(v, n_v);
         let pseudo: f64 = (0..n_v).map(|i| (p_v(v) / (p_v(v) + p_v(v ^ 1 << i))).ln()).sum();
-        close(pseudo_log_likelihood(&rbm, Rows::new(&row, n_v)).unwrap(), pseudo, 1e-5);
+        close(pseudo_log_likelihood(&rbm, Rows::new(&row, n_v)).expect("binary units"), pseudo, 1e-5);
         close(mean_free_energy(&rbm, Rows::new(&row, n_v)), -p_v(v).ln(), 1e-5);
         sum += mean_log_likelihood(&rbm, Rows::new(&row, n_v), z.ln()).exp();
     }
@@ -80,7 +80,7 @@ fn soft_pseudo_likelihood_is_its_definition() {
             f64::from(v[i]) * p.ln() + (1.0 - f64::from(v[i])) * (1.0 - p).ln()
         })
         .sum();
-    close(pseudo_log_likelihood(&rbm, Rows::new(&v, 4)).unwrap(), expected, 1e-5);
+    close(pseudo_log_likelihood(&rbm, Rows::new(&v, 4)).expect("binary units"), expected, 1e-5);
 }
 
 #[test]
@@ -103,7 +103,7 @@ fn gaussian_conditionals_free_energies_and_partition() {
     // With one visible unit, Z is an integral over a line.
     let line = small(Visible::Gaussian, 1, 4, 1.5);
     let sum: f64 = (-2000..2000).map(|i| (-line.free_energy(&[i as f32 * 0.01])).exp() * 0.01).sum();
-    close(exact_log_z(&line).unwrap(), sum.ln(), 1e-5);
+    close(exact_log_z(&line).expect("few units"), sum.ln(), 1e-5);
 }
 
 /// Data for learning: rows near two prototypes.
@@ -140,7 +140,7 @@ fn exact_gradient(rbm: &Rbm, rows: Rows<'_>) -> Vec<f64> {
     let (n_v, n_h) = rbm.shape();
     let mut g = vec![0.0; n_v * n_h + n_v + n_h];
     rows.iter().for_each(|v| add_statistics(&mut g, 1.0 / rows.len() as f64, v, &h_from_v(rbm, v)));
-    let log_z = exact_log_z(rbm).unwrap();
+    let log_z = exact_log_z(rbm).expect("few units");
     for h in (0..1 << n_h).map(|h| bits(h, n_h)) {
         match rbm.visible() {
             Visible::Bernoulli => (0..1 << n_v).map(|v| bits(v, n_v)).for_each(|v| {
@@ -176,7 +176,7 @@ fn the_gradient_is_the_slope_of_the_exact_log_likelihood() {
     for visible in [Visible::Bernoulli, Visible::Gaussian] {
         let (rbm, data) = (small(visible, 5, 3, 0.7), data(visible, 5, 10));
         let rows = Rows::new(&data, 5);
-        let at = |rbm: &Rbm| mean_log_likelihood(rbm, rows, exact_log_z(rbm).unwrap());
+        let at = |rbm: &Rbm| mean_log_likelihood(rbm, rows, exact_log_z(rbm).expect("few units"));
         for (k, slope) in exact_gradient(&rbm, rows).into_iter().enumerate() {
             let (up, down) = (with_parameter(&rbm, k, 0.004), with_parameter(&rbm, k, -0.004));
             close((at(&up) - at(&down)) / 0.008, slope, 2e-4);
@@ -198,7 +198,7 @@ fn mean_step(rbm: &Rbm, rows: Rows<'_>, negative: Negative, trials: u64) -> Vec<
             seed,
             ..Recipe::new(rbm.visible(), rbm.shape().1)
         };
-        let mut trainer = Trainer::from_rbm(recipe, rbm.clone(), rows).unwrap();
+        let mut trainer = Trainer::from_rbm(recipe, rbm.clone(), rows).expect("a recipe in range");
         trainer.step(rows);
         for ((s, after), before) in sums.iter_mut().zip(flat(&trainer.learned())).zip(&before) {
             *s = (s.0 + (after - before), s.1 + (after - before).powi(2));
@@ -250,9 +250,9 @@ fn sml_has_the_expectation_of_the_gradient() {
 fn ais_finds_the_exact_partition_function() {
     for visible in [Visible::Bernoulli, Visible::Gaussian] {
         let rbm = small(visible, 30, 10, 0.6);
-        let exact = exact_log_z(&rbm).unwrap();
+        let exact = exact_log_z(&rbm).expect("few units");
         let base = vec![0.1; 30];
-        let found = ais(&rbm, &base, 200, 400, 3).unwrap();
+        let found = ais(&rbm, &base, 200, 400, 3).expect("binary units");
         assert!(found.effective_chains > 60.0 && found.standard_error < 0.1, "{found:?}");
         assert!((found.log_z - exact).abs() < 5.0 * found.standard_error, "{found:?} is not {exact}");
     }
@@ -279,9 +279,9 @@ fn learning_raises_the_exact_log_likelihood_and_does_not_depend_on_threads() {
             ..Recipe::new(visible, 8)
         };
         let train = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
             pool.install(|| {
-                let mut trainer = Trainer::new(recipe.clone(), rows).unwrap();
+                let mut trainer = Trainer::new(recipe.clone(), rows).expect("a recipe in range");
                 let begun = trainer.learned();
                 while !trainer.is_done() {
                     trainer.epoch(rows);
@@ -290,7 +290,7 @@ fn learning_raises_the_exact_log_likelihood_and_does_not_depend_on_threads() {
             })
         };
         let (begun, learned) = train(1);
-        let at = |rbm: &Rbm| mean_log_likelihood(rbm, rows, exact_log_z(rbm).unwrap());
+        let at = |rbm: &Rbm| mean_log_likelihood(rbm, rows, exact_log_z(rbm).expect("few units"));
         assert!(at(&learned) > at(&begun) + 0.3, "{visible:?} {negative:?}: from {} to {}", at(&begun), at(&learned));
         assert_eq!(learned, train(2).1);
         assert_eq!(learned, train(8).1);
@@ -303,7 +303,7 @@ fn sparsity_brings_activity_to_its_target() {
     let rows = Rows::new(&data, 12);
     let sparsity = Some(Sparsity { target: 0.1, cost: 3.0 });
     let recipe = Recipe { epochs: 30, batch: 20, rate: 0.05, sparsity, ..Recipe::new(Visible::Gaussian, 8) };
-    let mut trainer = Trainer::new(recipe, rows).unwrap();
+    let mut trainer = Trainer::new(recipe, rows).expect("a recipe in range");
     while !trainer.is_done() {
         trainer.epoch(rows);
     }

@@ -10,29 +10,11 @@ use foveate::files::Folder;
 use foveate::lab::eval::choice::by_half;
 use foveate::lab::eval::choice_table::{self, Choice};
 use foveate::lab::eval::{Evaluation, Sequence, TrackRun, experiment, run_all};
-use foveate::{BBox, Error, Result, files};
-use serde::{Deserialize, Serialize};
+use foveate::{Error, Result, files};
 
 use super::grid::{Candidate, candidates};
-use super::kept::{pictures, program};
-use super::one_pass::one_pass;
-use crate::cmd::reproduce::runner::{Entry, Finished, Store};
-
-/// A finished run, as its file has it.
-#[derive(Clone, Serialize, Deserialize)]
-struct Track {
-    candidate: String,
-    sequence: String,
-    seed: u64,
-    boxes: Vec<BBox>,
-    seconds: Vec<f64>,
-}
-
-impl Finished for Track {
-    fn is_of(&self, frames: usize) -> bool {
-        self.boxes.len() == frames
-    }
-}
+use super::kept::{self, Kept, pictures, program};
+use crate::cmd::reproduce::runner::{Entry, Store};
 
 /// Which run: indices of candidate and sequence, and the seed.
 struct Job {
@@ -88,25 +70,12 @@ impl Plan {
             .map(|(candidate, seed, sequence)| Job { candidate, sequence, seed })
             .collect();
         let key = |job: &Job| {
-            let (entry, name) = (&self.entries[job.candidate].key, &sequences[job.sequence].name);
-            let parts = [entry, name, &pictures[job.sequence], &job.seed.to_string()];
-            experiment::digest(&parts.map(|part| part.as_bytes()))
+            let (entry, sequence) = (&self.entries[job.candidate], &sequences[job.sequence]);
+            kept::key("choose", entry, sequence, &pictures[job.sequence], job.seed)
         };
-        let make = |job: &Job| {
-            let sequence = &sequences[job.sequence];
-            let (run, _) = one_pass(&self.entries[job.candidate].blueprint, sequence, job.seed)?;
-            let track = Track {
-                candidate: self.candidates[job.candidate].name.clone(),
-                sequence: sequence.name.clone(),
-                seed: job.seed,
-                boxes: run.boxes,
-                seconds: run.seconds,
-            };
-            let text = serde_json::to_vec(&track).map_err(|e| Error::Invalid(e.to_string()))?;
-            Ok((track, text))
-        };
+        let make = |job: &Job| kept::make(&self.entries[job.candidate], &sequences[job.sequence], job.seed);
         let frames = |job: &Job| sequences[job.sequence].truth.len();
-        let tracks: Option<Vec<Track>> = store.finished("choose", &jobs, &frames, &key, &make)?.into_iter().collect();
+        let tracks: Option<Vec<Kept>> = store.finished("choose", &jobs, &frames, &key, &make)?.into_iter().collect();
         let Some(tracks) = tracks.filter(|_| store.shard.is_none()) else { return Ok(None) };
         let evaluations: Vec<Evaluation> = self.score(sequences, seeds, out, &tracks)?;
         let choice = Choice::of(&evaluations, self.present).expect("both halves have sequences");
@@ -115,15 +84,15 @@ impl Plan {
     }
 
     /// Puts the tracks of each candidate into a folder of its own, and scores them.
-    fn score(&self, sequences: &[Sequence], seeds: &[u64], out: &Path, tracks: &[Track]) -> Result<Vec<Evaluation>> {
-        let one = |(c, tracks): (&Candidate, &[Track])| {
+    fn score(&self, sequences: &[Sequence], seeds: &[u64], out: &Path, tracks: &[Kept]) -> Result<Vec<Evaluation>> {
+        let one = |(c, tracks): (&Candidate, &[Kept])| {
             let folder = out.join("candidates").join(folder_name(&c.name));
             std::fs::create_dir_all(&folder).map_err(Error::io(&folder, "cannot create"))?;
             files::write(folder.join("config.toml"), c.config.to_toml().as_bytes())?;
             let again = |sequence: &Sequence, seed: u64| {
-                let same = |t: &&Track| t.sequence == sequence.name && t.seed == seed;
+                let same = |t: &&Kept| t.sequence == sequence.name && t.seed == seed;
                 let track = tracks.iter().find(same).expect("every job is done");
-                Ok(TrackRun { boxes: track.boxes.clone(), seconds: track.seconds.clone(), read: None })
+                Ok(TrackRun { read: None, ..track.clone().apart().0 })
             };
             run_all(&c.name, sequences, seeds, Some(&folder), &again, &mut |_| ())
         };

@@ -1,5 +1,5 @@
-//! Runs of `foveate eval` that are kept in files: an evaluation that was stopped goes on, and several processes or machines may
-//! share one out (`--shard`, `--merge`).
+//! Runs of `foveate eval` that are kept in files: an evaluation that was stopped goes on, one with `--choose` as well, and several
+//! processes or machines may share one out (`--shard`, `--merge`).
 
 use foveate::config::Blueprint;
 use foveate::lab::eval::confidence::Judged;
@@ -54,16 +54,16 @@ impl<'a> Runs<'a> {
     /// The run of a sequence with a seed, kept or made.
     pub fn one(&self, sequence: &Sequence, seed: u64) -> Result<Kept> {
         let i = self.sequences.iter().position(|it| it.name == sequence.name).expect("one of the sequences");
-        self.store.one(&self.key(seed, i), sequence.truth.len(), || self.make(seed, i))
+        self.store.one(&self.key(seed, i), sequence.truth.len(), || make(&self.entry, sequence, seed))
     }
 
-    /// The run of each sequence with each seed; those that are not kept yet are made side by side, each in one thread. `None` where
-    /// it was asked to stop, or to do a part only.
+    /// The runs of each seed with each sequence, in this order; those that are not kept yet are made side by side, each in one
+    /// thread. `None` where it was asked to stop, or to do a part only.
     pub fn all(&self, seeds: &[u64]) -> Result<Option<Vec<Kept>>> {
         let jobs: Vec<(u64, usize)> =
             seeds.iter().flat_map(|seed| (0..self.sequences.len()).map(move |sequence| (*seed, sequence))).collect();
         let key = |(seed, i): &(u64, usize)| self.key(*seed, *i);
-        let make = |(seed, i): &(u64, usize)| self.make(*seed, *i);
+        let make = |(seed, i): &(u64, usize)| make(&self.entry, &self.sequences[*i], *seed);
         let frames = |(_, i): &(u64, usize)| self.sequences[*i].truth.len();
         let kept: Option<Vec<Kept>> = self.store.finished("eval", &jobs, &frames, &key, &make)?.into_iter().collect();
         Ok(kept.filter(|_| self.store.shard.is_none()))
@@ -81,17 +81,21 @@ impl<'a> Runs<'a> {
     }
 
     fn key(&self, seed: u64, i: usize) -> String {
-        let parts = ["eval", &self.entry.key, &self.sequences[i].name, &self.digests[i], &seed.to_string()];
-        experiment::digest(&parts.map(str::as_bytes))
+        key("eval", &self.entry, &self.sequences[i], &self.digests[i], seed)
     }
+}
 
-    fn make(&self, seed: u64, i: usize) -> Result<(Kept, Vec<u8>)> {
-        let (run, judged) = one_pass(&self.entry.blueprint, &self.sequences[i], seed)?;
-        let TrackRun { boxes, seconds, read } = run;
-        let kept = Kept { sequence: self.sequences[i].name.clone(), seed, boxes, seconds, read, judged };
-        let text = serde_json::to_vec(&kept).map_err(|e| Error::Invalid(e.to_string()))?;
-        Ok((kept, text))
-    }
+/// What names the file of a run: what it is done for, and all that it depends on, `pictures` of the sequence among it.
+pub fn key(purpose: &str, entry: &Entry, sequence: &Sequence, pictures: &str, seed: u64) -> String {
+    experiment::digest(&[purpose, &entry.key, &sequence.name, pictures, &seed.to_string()].map(str::as_bytes))
+}
+
+/// A run, and the text of its file.
+pub fn make(entry: &Entry, sequence: &Sequence, seed: u64) -> Result<(Kept, Vec<u8>)> {
+    let (TrackRun { boxes, seconds, read }, judged) = one_pass(&entry.blueprint, sequence, seed)?;
+    let kept = Kept { sequence: sequence.name.clone(), seed, boxes, seconds, read, judged };
+    let text = serde_json::to_vec(&kept).map_err(|e| Error::Invalid(e.to_string()))?;
+    Ok((kept, text))
 }
 
 /// A name for the program itself: a rebuilt one may track otherwise.
