@@ -51,7 +51,7 @@ impl Settings {
     }
 }
 
-/// Places about the target, in halves of `reach`: those at it; and eight beside it.
+/// Offsets along a side of a grid of looks, in steps: of `reach` at the target, of [`BESIDE`] about it.
 const ABOUT: [f64; 3] = [-1.0, 0.0, 1.0];
 /// Looks at the target in a frame.
 pub(super) const LOOKS: usize = 9;
@@ -80,7 +80,7 @@ impl Training {
     }
 
     /// Offsets of looks from the target, template units: nine at it, then eight beside it.
-    pub fn places(&self) -> impl Iterator<Item = (f64, f64)> + use<> {
+    pub fn offsets(&self) -> impl Iterator<Item = (f64, f64)> {
         let grid = |step: f64| ABOUT.into_iter().flat_map(move |v| ABOUT.map(|u| (step * u, step * v)));
         grid(self.settings.reach).chain(grid(BESIDE).filter(|at| *at != (0.0, 0.0)))
     }

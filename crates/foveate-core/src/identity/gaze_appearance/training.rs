@@ -30,9 +30,10 @@ impl GazeAppearance {
                 y: state.y + v * scale * extent.half_h,
                 ..*state
             };
-            let places: Vec<State> = training.places().map(at).collect();
+            let offsets: Vec<(f64, f64)> = training.offsets().collect();
+            let places: Vec<State> = offsets.iter().copied().map(at).collect();
             self.see_more(image, &places, &[Gaze::CENTRE]);
-            let mut rows = std::mem::take(&mut training.looks);
+            let rows = &mut training.looks;
             rows.resize((places.len() + LOOKS) * n_v, 0.0);
             let (target, rest) = rows.split_at_mut(LOOKS * n_v);
             let (first, beside) = rest.split_at_mut(LOOKS * n_v);
@@ -43,11 +44,10 @@ impl GazeAppearance {
             }
             let kept = self.kept.as_ref().expect("a template is kept before the first look");
             let pyramid = self.template.get_or_insert_with(|| kept.pyramid(&*self.retina));
-            for ((u, v), row) in training.places().zip(first.chunks_exact_mut(n_v)) {
-                self.retina.look(pyramid, kept.state.fixate(Gaze { u, v, arm: None }, extent), row);
+            for ((u, v), row) in offsets.iter().zip(first.chunks_exact_mut(n_v)) {
+                self.retina.look(pyramid, kept.state.fixate(Gaze { u: *u, v: *v, arm: None }, extent), row);
             }
             rows.chunks_exact_mut(n_v).for_each(|row| self.encoder.condition(row));
-            training.looks = rows;
             self.encoder = training.learn();
             self.scratch.template_gaze = None;
         }
