@@ -27,7 +27,7 @@ pub const ALL: [Body; 13] = [
     ("raw", raw, 1 << 14),
     ("toml", toml, 1 << 13),
     ("models", models, 1 << 16),
-    ("states", states, 1 << 16),
+    ("states", states, 1 << 19),
     ("mot", mot, 1 << 12),
     ("boxes", boxes, 1 << 12),
     ("idx", idx, 1 << 14),
@@ -138,17 +138,25 @@ fn picture(t: u8) -> Image {
 
 /// Saved trackers, of one target and of many, which then go on.
 pub fn states(bytes: &[u8]) {
-    let Ok(state) = serde_json::from_slice::<serde_json::Value>(bytes) else { return };
+    goes_on(bytes);
+}
+
+/// Whether it is a saved tracker, or many: then it goes on.
+pub fn goes_on(bytes: &[u8]) -> bool {
+    let Ok(state) = serde_json::from_slice::<serde_json::Value>(bytes) else { return false };
     let mut tracker = small().tracker(1).expect("parts that fit");
-    if tracker.load(&state).is_ok() && tracker.update(&picture(1)).is_ok() {
+    let one = tracker.load(&state).is_ok();
+    if one && tracker.update(&picture(1)).is_ok() {
         let mut again = small().tracker(1).expect("parts that fit");
         again.load(&tracker.save()).expect("what is saved can be loaded");
     }
     let mut many = small().multi_tracker(1).expect("parts that fit");
-    if many.load(&state).is_ok() && many.update(&picture(1), &[]).is_ok() {
+    let several = many.load(&state).is_ok();
+    if several && many.update(&picture(1), &[]).is_ok() {
         let mut again = small().multi_tracker(1).expect("parts that fit");
         again.load(&many.save()).expect("what is saved can be loaded");
     }
+    one || several
 }
 
 /// States to begin from.

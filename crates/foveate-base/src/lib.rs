@@ -8,5 +8,6 @@ pub mod quiet;
 pub mod rng;
 pub mod rows;
 pub mod sink;
+pub mod thread;
 
 pub use error::{Error, Result};

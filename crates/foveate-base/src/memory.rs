@@ -3,6 +3,7 @@
 //! Asked before the memory is: a picture that claims 16384 × 16384 pixels, a million particles or ten thousand targets are
 //! answered by an error, not by the system's killer. The limit is the process's, as memory is; it never changes a result,
 //! only whether there is one. What is counted is an estimate of the largest parts: pictures in all their copies, particles, targets.
+//! Then the system is asked whether it has so much, for a failed allocation later on would end the program.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -51,11 +52,31 @@ pub fn parse(text: &str) -> std::result::Result<u64, String> {
     if (f64::from(1 << 24)..1e15).contains(&bytes) { Ok(bytes as u64) } else { Err(wrong()) }
 }
 
-/// Fails where `bytes` are more than the limit; `what` asks for them.
+/// Bytes that a pixel takes where it is decoded: the picture twice, in three planes.
+const DECODED: u64 = 6;
+
+/// Fails where `bytes` are more than the limit, or more than the system gives at once; `what` asks for them.
 ///
 /// # Errors
 /// [`Error::Memory`], which says what asked for how much, how much there may be, and what to do.
 pub fn check(what: impl std::fmt::Display, bytes: u64) -> Result<()> {
+    allowed(&what, bytes)?;
+    given(&what, bytes)
+}
+
+/// Fails where the system does not give `bytes` at once: a process may have less than the machine (`ulimit -v`). They are not touched.
+fn given(what: &impl std::fmt::Display, bytes: u64) -> Result<()> {
+    let room = usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
+    let problem = || {
+        let shown = shown(bytes);
+        format!(
+            "{what} would take about {shown} of memory, which the system does not give; make it smaller, or allow this process more"
+        )
+    };
+    if room { Ok(()) } else { Err(Error::Memory(problem())) }
+}
+
+fn allowed(what: &impl std::fmt::Display, bytes: u64) -> Result<()> {
     if bytes <= limit() {
         return Ok(());
     }
@@ -67,12 +88,15 @@ pub fn check(what: impl std::fmt::Display, bytes: u64) -> Result<()> {
     )))
 }
 
-/// Fails where a run on pictures of this size, whose headers may claim anything, takes more than the limit.
+/// Fails where a run on pictures of this size, whose headers may claim anything, takes more than the limit, or decoding one more than the
+/// system gives.
 ///
 /// # Errors
 /// As [`check`].
 pub fn check_picture(width: usize, height: usize) -> Result<()> {
-    check(format_args!("a picture of {width} x {height} pixels"), of_picture(width, height))
+    let (what, pixels) = (format_args!("a picture of {width} x {height} pixels"), of_picture(width, height) / PIXEL);
+    allowed(&what, of_picture(width, height))?;
+    given(&what, pixels * DECODED)
 }
 
 /// What a run on pictures of this size takes, bytes.

@@ -84,8 +84,16 @@ fn asked(signal: i32) {
 fn catch() {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
     // Where they cannot be caught they end the program, as ever.
-    if let Ok(mut signals) = signal_hook::iterator::Signals::new([SIGHUP, SIGINT, SIGTERM]) {
-        std::thread::spawn(move || signals.forever().for_each(asked));
+    let (caught, ready) = std::sync::mpsc::sync_channel(1);
+    let wait = move || {
+        let signals = signal_hook::iterator::Signals::new([SIGHUP, SIGINT, SIGTERM]);
+        drop(caught);
+        if let Ok(mut signals) = signals {
+            signals.forever().for_each(asked);
+        }
+    };
+    if foveate::thread::start("catching signals", wait).is_ok() {
+        let _: Result<(), _> = ready.recv();
     }
 }
 

@@ -103,6 +103,20 @@ fn the_corpus_is_taken_without_a_panic() {
     }
 }
 
+/// What no reader takes shows nothing of what comes after reading.
+#[test]
+fn the_states_of_the_corpus_are_states() {
+    let ours = ["many.json", "tracker.json"].map(std::ffi::OsStr::new);
+    for (path, bytes) in corpus("states").iter().filter(|(path, _)| path.file_name().is_some_and(|n| ours.contains(&n)))
+    {
+        assert!(
+            bodies::goes_on(bytes),
+            "{}: cargo test -p foveate-cli --test fuzz -- --ignored write_states",
+            path.display()
+        );
+    }
+}
+
 /// Writes the states of the corpus anew, after a change of their format.
 #[test]
 #[ignore = "writes into the tree"]
@@ -150,6 +164,7 @@ fn kept() {
 
 fn fuzz(name: &str, body: fn(&[u8]), longest: usize, count: u64, seed: u64) -> usize {
     let corpus: Vec<Vec<u8>> = corpus(name).into_iter().map(|(_, bytes)| bytes).collect();
+    assert!(corpus.iter().all(|bytes| bytes.len() <= longest), "{name}: a file of the corpus would always be cut off");
     let mut mutator = Mutator::new(seed);
     let (mut slowest, mut most, mut panics) = (Duration::ZERO, 0, 0);
     let crashes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/crashes").join(name);

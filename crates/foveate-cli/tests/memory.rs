@@ -114,3 +114,32 @@ fn nothing_that_is_asked_for_is_taken_first() {
     let (well, said) = bounded(&place, &["track", "video", "-c", "c.toml", "--init", "50,60,28,28", "-o", "o"]);
     assert!(well, "{said}");
 }
+
+/// With little address space threads and allocations are refused at any place. The program may end there, but it does not panic, wait
+/// for ever, or give half a result a final name.
+#[test]
+fn threads_and_memory_that_are_not_given_are_no_panic() {
+    let place = Place::new();
+    let program = place.command(&[]).get_program().to_owned();
+    let shell = "ulimit -v $0 && exec timeout 30 \"$@\"";
+    let (mut done, mut refused) = (0, 0);
+    for kilobytes in (40_000..=120_000u64).step_by(4_000).chain([2_000_000]) {
+        let _ = std::fs::remove_dir_all(place.path("o"));
+        let limit = kilobytes.to_string();
+        let mut command = std::process::Command::new("bash");
+        command.current_dir(place.path("")).env("RUST_BACKTRACE", "0").args(["-c", shell, &limit]).arg(&program);
+        command.args(["track", "video", "-c", "c.toml", "--init", "50,60,28,28", "-o", "o", "--threads", "3"]);
+        let output = command.output().expect("bash");
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!said.contains("panicked"), "{kilobytes} kB: {said}");
+        assert!(![Some(101), Some(124)].contains(&output.status.code()), "{kilobytes} kB: {}, {said}", output.status);
+        let lines = std::fs::read_to_string(place.path("o/boxes.txt")).map_or(0, |text| text.lines().count());
+        match output.status.success() {
+            true => done += 1,
+            false => refused += 1,
+        }
+        let whole = std::fs::read_dir(place.path("video/img")).expect("a folder").count();
+        assert!(lines == whole || !output.status.success() && lines == 0, "{kilobytes} kB: {lines} lines: {said}");
+    }
+    assert!(done > 0 && refused > 0, "{done} done, {refused} refused");
+}

@@ -17,10 +17,13 @@ pub(crate) fn several() -> usize {
     1
 }
 
-/// Runs `f` with so many threads.
+/// Runs `f` with so many threads, or with those of the caller where the system gives no more.
 pub(crate) fn with<T: Send>(threads: usize, f: impl FnOnce() -> T + Send) -> T {
     #[cfg(feature = "threads")]
-    return rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a few threads").install(f);
+    return match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+        Ok(pool) => pool.install(f),
+        Err(_) => f(),
+    };
     #[cfg(not(feature = "threads"))]
     return (f(), threads).0;
 }

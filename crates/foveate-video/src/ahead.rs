@@ -4,7 +4,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::Duration;
 
 use crate::{Frame, FrameSource, Interrupt, SourceInfo};
-use foveate_base::{Error, Result, quiet};
+use foveate_base::{Error, Result, quiet, thread};
 
 /// How many frames wait at most.
 const DEPTH: usize = 4;
@@ -22,12 +22,17 @@ const PATIENCE: Duration = Duration::from_millis(50);
 pub fn ahead_until(mut source: Box<dyn FrameSource>, stop: impl Fn() -> bool + Send + 'static) -> Box<dyn FrameSource> {
     let (info, interrupt) = (source.info().clone(), source.interrupt());
     let (send, frames) = sync_channel(DEPTH);
-    std::thread::spawn(move || {
+    let refused = send.clone();
+    let read = move || {
         // The thread ends with the source, or at the first frame that nobody waits for.
         if let Err(panic) = quiet::catch(|| source.try_for_each(|frame| send.send(frame))) {
             let _ = send.send(Err(Error::Invalid(format!("reading the frames failed: {panic}"))));
         }
-    });
+    };
+    if let Err(error) = thread::start("reading frames ahead", read) {
+        let _ = refused.send(Err(error));
+    }
+    drop(refused);
     Box::new(Ahead { info, frames, interrupt, stop: Box::new(stop) })
 }
 

@@ -6,6 +6,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use foveate_base::thread;
+
 /// What is asked of a source that blocks: to end now. Its next frame is then an error or the end.
 pub type Interrupt = Arc<dyn Fn() + Send + Sync>;
 
@@ -79,13 +81,14 @@ impl Leash {
 pub(crate) fn listen(
     errors: impl Read + Send + 'static,
     mut told: impl FnMut(String) + Send + 'static,
-) -> JoinHandle<()> {
-    std::thread::spawn(move || {
+) -> Result<JoinHandle<()>, String> {
+    let work = move || {
         for line in BufReader::new(errors).split(b'\n').map_while(Result::ok) {
             let line = String::from_utf8_lossy(&line[..line.len().min(2000)]).into_owned();
             told(line.trim_end_matches('\r').chars().flat_map(shown).collect());
         }
-    })
+    };
+    thread::start("listening to ffmpeg", work).map_err(|error| error.to_string())
 }
 
 fn shown(c: char) -> Vec<char> {

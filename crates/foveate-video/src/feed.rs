@@ -11,6 +11,7 @@ use crate::decoded::Decoded;
 use crate::ffmpeg::{Pixels, missing, most_pixels, passthrough};
 use crate::y4m::Y4m;
 use crate::yuv::Yuv;
+use foveate_base::thread;
 
 /// A running decoder. Dropped, it ends.
 pub(super) struct Feed {
@@ -45,16 +46,18 @@ impl Feed {
             .map_err(|error| missing(program, &error))?;
         let mut input = child.stdin.take().expect("it was asked for a pipe");
         let output = child.stdout.take();
-        listen(child.stderr.take().expect("it was asked for a pipe"), |_| ());
+        let errors = child.stderr.take().expect("it was asked for a pipe");
         leash.hold(child);
-        std::thread::spawn(move || {
+        listen(errors, |_| ())?;
+        let write = move || {
             // It ends with the last frame, or with the program.
             while let Some(frame) = next() {
                 if input.write_all(&frame).is_err() {
                     break;
                 }
             }
-        });
+        };
+        thread::start("feeding ffmpeg", write).map_err(|error| error.to_string())?;
         Ok(Self { leash: leash.clone(), output, pixels: None })
     }
 

@@ -17,7 +17,7 @@ use crate::child::{Leash, listen};
 use crate::decoded::{DecodeError, Decoded, Picture};
 use crate::y4m::Y4m;
 use crate::yuv::Colour;
-use foveate_base::memory;
+use foveate_base::{memory, thread};
 
 /// The pixels as ffmpeg hands them over.
 pub(crate) type Pixels = Y4m<BufReader<ChildStdout>>;
@@ -107,8 +107,8 @@ impl Ffmpeg {
         let errors = child.stderr.take().expect("it was asked for a pipe");
         leash.hold(child);
         let said = Arc::new(Mutex::new(Said::default()));
-        hear(errors, said.clone());
-        let times = read_times(times, said.clone());
+        hear(errors, said.clone())?;
+        let times = read_times(times, said.clone())?;
         let facts = Facts::ask(program, &input);
         let (leash, pixels, origin) = (leash.clone(), None, None);
         let mut ffmpeg = Self { leash, output, pixels, times, said, facts, origin, frames: 0 };
@@ -180,8 +180,8 @@ impl Drop for Ffmpeg {
 }
 
 /// Listens to what it says.
-fn hear(errors: impl Read + Send + 'static, said: Arc<Mutex<Said>>) {
-    listen(errors, move |line| said.lock().unwrap_or_else(PoisonError::into_inner).hear(&line));
+fn hear(errors: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Result<(), String> {
+    listen(errors, move |line| said.lock().unwrap_or_else(PoisonError::into_inner).hear(&line)).map(drop)
 }
 
 impl Said {
@@ -200,9 +200,9 @@ impl Said {
 }
 
 /// The times of the frames in seconds, as they come: lines of numbers under a head that states the unit.
-fn read_times(lines: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Receiver<f64> {
+fn read_times(lines: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Result<Receiver<f64>, String> {
     let (send, times) = sync_channel(1 << 10);
-    std::thread::spawn(move || {
+    let read = move || {
         let mut unit = None;
         for line in BufReader::new(lines).lines().map_while(Result::ok) {
             if let Some(stated) = line.strip_prefix("#tb 0: ") {
@@ -218,8 +218,9 @@ fn read_times(lines: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Rece
                 break;
             }
         }
-    });
-    times
+    };
+    thread::start("reading times from ffmpeg", read).map_err(|error| error.to_string())?;
+    Ok(times)
 }
 
 impl Facts {

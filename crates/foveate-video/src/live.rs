@@ -16,7 +16,7 @@ use crate::ffmpeg::{FORMATS, KINDS, Pixels, missing, most_pixels, passthrough};
 use crate::y4m::Y4m;
 use crate::yuv::Colour;
 use crate::{Frame, FrameSource, SourceInfo};
-use foveate_base::{Error, Result};
+use foveate_base::{Error, Result, thread};
 
 /// How a stream is to be opened.
 #[derive(Clone, Debug)]
@@ -138,7 +138,7 @@ impl Live {
             next: 0,
         };
         live.connect().map_err(|problem| Error::malformed(&live.address, problem))?;
-        live.watch();
+        live.watch()?;
         let Some(frame) = live.frame() else {
             let said = live.said();
             let problem =
@@ -182,13 +182,13 @@ impl Live {
         let output = child.stdout.take().expect("it was asked for a pipe");
         let complaint = self.complaint.clone();
         let errors = child.stderr.take().expect("it was asked for a pipe");
+        self.leash.hold(child);
         self.listener = Some(listen(errors, move |line| {
             if let Some((_, text)) = line.split_once("[error] ").or_else(|| line.split_once("[fatal] ")) {
                 complaint.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(text.trim().to_owned());
             }
-        }));
+        })?);
         self.show_life(self.options.listen);
-        self.leash.hold(child);
         self.pixels = Y4m::new(BufReader::new(output), &[]).ok();
         Ok(())
     }
@@ -200,9 +200,9 @@ impl Live {
     }
 
     /// Ends an ffmpeg that gives nothing: then it is started again.
-    fn watch(&self) {
+    fn watch(&self) -> Result<()> {
         let (leash, alive, began) = (self.leash.clone(), self.alive.clone(), self.began);
-        std::thread::spawn(move || {
+        let watch = move || {
             while !leash.is_over() {
                 std::thread::sleep(Duration::from_millis(500));
                 let last = alive.load(Ordering::Relaxed);
@@ -210,7 +210,8 @@ impl Live {
                     leash.end();
                 }
             }
-        });
+        };
+        thread::start("watching ffmpeg", watch).map(drop)
     }
 
     /// The next frame of this connection.

@@ -12,7 +12,7 @@ use rusty_h264::{Encoder, EncoderConfig, YuvFrame};
 use crate::mux::{Track, UNITS, bx, file_type};
 use crate::yuv::{Colour, Yuv};
 use foveate_base::sink::Sink;
-use foveate_base::{Error, Result, quiet};
+use foveate_base::{Error, Result, quiet, thread};
 use foveate_core::scene::Image;
 
 /// Frames in a group: a second of video, so that a player finds any place fast.
@@ -186,7 +186,7 @@ impl Mp4Writer {
         self.groups.push(Group { quantiser, frames: frames.len(), bits: None });
         self.busy.push_back(match cfg!(target_family = "wasm") {
             true => Coding::Done(coded(frames, quantiser)),
-            false => Coding::Thread(std::thread::spawn(move || coded(frames, quantiser))),
+            false => Coding::Thread(thread::start("coding the film", move || coded(frames, quantiser))?),
         });
         Ok(())
     }

@@ -5,7 +5,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::{Frame, FrameSource, Interrupt, SourceInfo};
-use foveate_base::{Error, Result, quiet};
+use foveate_base::{Error, Result, quiet, thread};
 
 /// How often it is asked whether to stop while no frame comes.
 const PATIENCE: Duration = Duration::from_millis(50);
@@ -74,7 +74,7 @@ pub fn newest(
     let (info, interrupt) = (source.info().clone(), source.interrupt());
     let (shared, meter) = (Arc::new(Shared::default()), Meter::default());
     let (slot, counter) = (shared.clone(), meter.clone());
-    std::thread::spawn(move || {
+    let work = move || {
         let read = quiet::catch(|| {
             for frame in &mut source {
                 let frame = frame?;
@@ -91,7 +91,10 @@ pub fn newest(
         };
         slot.slot().end = Some(error);
         slot.changed.notify_all();
-    });
+    };
+    if let Err(error) = thread::start("reading the newest frame", work) {
+        shared.slot().end = Some(Some(error));
+    }
     let newest = Newest { info, shared, pace, meter: meter.clone(), interrupt, stop: Box::new(stop) };
     (Box::new(newest), meter)
 }

@@ -1,5 +1,7 @@
 //! Mutations of a corpus: bits, numbers, parts doubled, left out, moved and crossed. They know nothing of what they cover.
 
+use serde_json::Value;
+
 /// Draws them.
 pub struct Mutator(u64);
 
@@ -43,14 +45,71 @@ impl Mutator {
         (self.0 >> 11) as usize % n.max(1)
     }
 
-    /// A mutation of one of the corpus.
+    /// A mutation of one of the corpus. Of one that is JSON mostly JSON: what is not ends in its parser.
     pub fn next(&mut self, corpus: &[Vec<u8>], longest: usize) -> Vec<u8> {
-        let mut bytes = corpus[self.below(corpus.len())].clone();
+        let seed = &corpus[self.below(corpus.len())];
+        if seed.starts_with(b"{\"") && self.below(4) > 0 {
+            let mut value = serde_json::from_slice(seed).expect("JSON");
+            (0..1 + self.below(4)).for_each(|_| self.change_json(&mut value));
+            return value.to_string().into_bytes();
+        }
+        let mut bytes = seed.clone();
         for _ in 0..1 + self.below(6) {
             self.change(&mut bytes, corpus);
         }
         bytes.truncate(longest);
         bytes
+    }
+
+    /// Another number, word or type somewhere; an entry left out, doubled or taken from beside it; other bits in numbers kept as base64.
+    fn change_json(&mut self, value: &mut Value) {
+        let odd = ODD[self.below(ODD.len())];
+        match value {
+            Value::Object(map) if !map.is_empty() && self.below(20) > 0 => {
+                let key = map.keys().nth(self.below(map.len())).expect("it is there").clone();
+                match self.below(40) {
+                    0 => drop(map.remove(&key)),
+                    1 => {
+                        let other = map.values().nth(self.below(map.len())).expect("it is there").clone();
+                        map.insert(key, other);
+                    }
+                    _ => self.change_json(&mut map[&key]),
+                }
+            }
+            Value::Array(list) if !list.is_empty() && self.below(20) > 0 => {
+                let at = self.below(list.len());
+                match self.below(20) {
+                    0 => drop(list.remove(at)),
+                    1 => list.insert(at, list[at].clone()),
+                    _ => self.change_json(&mut list[at]),
+                }
+            }
+            Value::String(text) if !text.is_empty() && self.below(10) > 0 => {
+                const DIGITS: &[u8] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+                let mut bytes = std::mem::take(text).into_bytes();
+                for _ in 0..1 + self.below(8) {
+                    let at = self.below(bytes.len());
+                    bytes[at] = DIGITS[self.below(64)];
+                }
+                *text = String::from_utf8_lossy(&bytes).into_owned();
+            }
+            Value::Number(number) if self.below(2) == 0 => {
+                let near = number.as_f64().unwrap_or(0.0) + [-1.0, 1.0, 0.5, 1e-9, 1e3, -1e6][self.below(6)];
+                *value = if self.below(2) == 0 { near.into() } else { (near as i64).into() };
+            }
+            _ => {
+                *value = match self.below(8) {
+                    0 => Value::Null,
+                    1 => true.into(),
+                    2 => odd.into(),
+                    3 => (-(odd as i64)).into(),
+                    4 => f64::from_bits(odd << 40).into(),
+                    5 => [1e308, -1e308, 1e-320, 1e20, 0.1][self.below(5)].into(),
+                    6 => Value::Array(vec![odd.into()]),
+                    _ => "x".into(),
+                };
+            }
+        }
     }
 
     fn change(&mut self, bytes: &mut Vec<u8>, corpus: &[Vec<u8>]) {

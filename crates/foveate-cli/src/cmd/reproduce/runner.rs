@@ -279,7 +279,11 @@ fn side_by_side<J: Sync, R: Finished>(
         Ok(())
     };
     std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..rayon::current_num_threads()).map(|_| scope.spawn(worker)).collect();
+        let more = 1..rayon::current_num_threads();
+        // Those that the system gives; this one works in any case.
+        let workers: Vec<_> =
+            more.map_while(|_| std::thread::Builder::new().spawn_scoped(scope, worker).ok()).collect();
+        worker()?;
         workers.into_iter().try_for_each(|w| w.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
     })?;
     Ok(runs.into_inner().expect("all threads have ended"))

@@ -28,7 +28,7 @@ pub fn serve(
     trusted: &Arc<Trusted>,
     stop: &Arc<dyn Fn() -> bool + Send + Sync>,
 ) -> std::io::Result<()> {
-    wake(listener.local_addr()?, Arc::clone(stop));
+    wake(listener.local_addr()?, Arc::clone(stop))?;
     let count = Arc::new(AtomicUsize::new(0));
     for stream in listener.incoming() {
         if stop() {
@@ -56,16 +56,17 @@ pub fn serve(
 }
 
 /// Comes to the door once it is to be closed, for a listener waits for somebody to come.
-fn wake(mut address: SocketAddr, stop: Arc<dyn Fn() -> bool + Send + Sync>) {
+fn wake(mut address: SocketAddr, stop: Arc<dyn Fn() -> bool + Send + Sync>) -> std::io::Result<()> {
     if address.ip().is_unspecified() {
         address.set_ip(if address.is_ipv4() { [127, 0, 0, 1].into() } else { std::net::Ipv6Addr::LOCALHOST.into() });
     }
-    std::thread::spawn(move || {
+    let wait = move || {
         while !stop() {
             std::thread::sleep(POLL);
         }
         let _ = TcpStream::connect_timeout(&address, SILENCE);
-    });
+    };
+    std::thread::Builder::new().spawn(wait).map(drop)
 }
 
 fn converse(stream: TcpStream, answer: &Answer, trusted: &Trusted) {
