@@ -33,14 +33,20 @@ impl BBox {
     pub const fn from_corners(left: f64, top: f64, right: f64, bottom: f64) -> Self {
         Self { x: left, y: top, w: right - left, h: bottom - top }
     }
-    /// Fails where a number is not finite, or the box has no area.
+    /// Whether it may be of a picture: a size of 0.001 to 10⁷ pixels a side, and nowhere beyond 10⁹.
+    pub(crate) fn is_sane(&self) -> bool {
+        let side = |side: f64| (1e-3..=1e7).contains(&side);
+        self.x.abs() <= 1e9 && self.y.abs() <= 1e9 && side(self.w) && side(self.h)
+    }
+    /// Fails where it cannot be of any picture: a side is not from 0.001 to 10⁷ pixels, or a corner is beyond 10⁹.
     pub fn check(&self) -> Result<()> {
         let Self { x, y, w, h } = *self;
-        if [x, y, w, h].iter().all(|v| v.is_finite()) && w > 0.0 && h > 0.0 {
+        if self.is_sane() {
             return Ok(());
         }
         Err(Error::Invalid(format!(
-            "a box is four finite numbers with a width and height above 0; it is x={x}, y={y}, w={w}, h={h}"
+            "a box is four numbers, with a width and height from 0.001 to 10000000 and a corner within 1000000000; it is x={x}, y={y}, \
+             w={w}, h={h}"
         )))
     }
     /// The centre in image coordinates: x + (w − 1) / 2, as OTB's and GOT-10k's toolkits have it.
@@ -67,11 +73,31 @@ impl BBox {
 
 /// Half the size of the target's box at `log_scale` 0, in pixels per template unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Halves")]
 pub struct Extent {
     /// Pixels per unit of u: half the box's width.
     pub half_w: f64,
     /// Pixels per unit of v: half the box's height.
     pub half_h: f64,
+}
+
+/// An extent as it was saved.
+#[derive(Deserialize)]
+struct Halves {
+    half_w: f64,
+    half_h: f64,
+}
+
+impl TryFrom<Halves> for Extent {
+    type Error = String;
+
+    fn try_from(Halves { half_w, half_h }: Halves) -> std::result::Result<Self, String> {
+        let sane = |half: f64| (1e-3..=1e6).contains(&half);
+        match sane(half_w) && sane(half_h) {
+            true => Ok(Self { half_w, half_h }),
+            false => Err(format!("half a box is from 0.001 to 1000000 pixels; it is {half_w} x {half_h}")),
+        }
+    }
 }
 
 impl Extent {
@@ -87,6 +113,7 @@ impl Extent {
 
 /// xₜ: what a particle believes of the target (section 3.1).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Believed")]
 pub struct State {
     /// Centre, pixels.
     pub x: f64,
@@ -100,6 +127,31 @@ pub struct State {
     pub log_scale: f64,
     /// Turn relative to the first frame, radians, positive from x towards y (clockwise on the screen).
     pub angle: f64,
+}
+
+/// A state as it was saved.
+#[derive(Deserialize)]
+struct Believed {
+    x: f64,
+    y: f64,
+    vx: f64,
+    vy: f64,
+    log_scale: f64,
+    angle: f64,
+}
+
+impl TryFrom<Believed> for State {
+    type Error = String;
+
+    fn try_from(saved: Believed) -> std::result::Result<Self, String> {
+        let Believed { x, y, vx, vy, log_scale, angle } = saved;
+        if [x, y, vx, vy, angle].iter().any(|v| v.abs() > 1e12) || log_scale.abs() > 64.0 {
+            return Err(format!(
+                "a state is six numbers up to 1e12, the logarithm of its scale up to 64; one is {x}, {y}, {vx}, {vy}, {log_scale}, {angle}"
+            ));
+        }
+        Ok(Self { x, y, vx, vy, log_scale, angle })
+    }
 }
 
 impl State {

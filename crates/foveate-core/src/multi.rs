@@ -142,6 +142,9 @@ impl MultiTracker {
                 size.0, size.1, self.size
             )));
         }
+        if self.next >= saved::MOST_FRAMES {
+            return Err(Error::Invalid(format!("a video has at most {} frames", saved::MOST_FRAMES)));
+        }
         self.size = Some(size);
         (self.frame, self.next, self.resumed) = (self.next, self.next + 1, false);
         self.preprocessor.look(image);

@@ -174,10 +174,9 @@ impl Mixture {
         let near = || {
             detections.iter().filter_map(|d| {
                 let (x, y) = d.bbox.centre();
-                let sane = d.bbox.w > 0.0 && d.bbox.h > 0.0 && (d.bbox.w * d.bbox.h).is_finite();
                 let log_scale =
                     if size > 0.0 { 0.5 * (d.bbox.w * d.bbox.h).ln() - (2.0 * self.unit).ln() } else { 0.0 };
-                let counts = sane && (x - mean[0]).hypot(y - mean[1]) <= gate * unit;
+                let counts = d.bbox.is_sane() && (x - mean[0]).hypot(y - mean[1]) <= gate * unit;
                 let toward = |k: usize, to: f64, pull: f64| mean[k] + pull * (to - mean[k]);
                 let mean = [toward(0, x, pull[0]), toward(1, y, pull[0]), toward(2, log_scale, pull[1])];
                 counts.then_some(Law { mean, ..start })

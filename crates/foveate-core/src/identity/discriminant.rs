@@ -268,6 +268,10 @@ impl Discriminant {
             let before = std::mem::replace(&mut left, kernels::dot(rest, rest));
             step.iter_mut().zip(&*rest).for_each(|(step, rest)| *step = rest + left / before * *step);
         }
+        // Of sums from a damaged state: then it tells nothing.
+        if !kernels::dot(weights, weights).is_finite() {
+            weights.fill(0.0);
+        }
     }
 
     /// Everything learned, to resume from.

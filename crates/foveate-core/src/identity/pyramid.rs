@@ -99,7 +99,10 @@ impl Region {
 
     pub(super) fn padded(&self, (dx, dy): (usize, usize), size: (usize, usize)) -> Self {
         let (x, y) = (self.x.saturating_sub(dx), self.y.saturating_sub(dy));
-        let (right, bottom) = ((self.x + self.width + dx).min(size.0), (self.y + self.height + dy).min(size.1));
+        let (right, bottom) = (
+            (self.x + self.width).saturating_add(dx).min(size.0),
+            (self.y + self.height).saturating_add(dy).min(size.1),
+        );
         Self { x, y, width: right - x, height: bottom - y }
     }
 

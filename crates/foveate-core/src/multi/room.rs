@@ -17,8 +17,8 @@ impl Room {
     /// What `n` targets and another one in this box take, with those threads that look, in pictures of three planes.
     pub fn with(&self, n: usize, bbox: &BBox, size: (usize, usize)) -> u64 {
         let area = 3.0 * bbox.w * bbox.h * (self.reach * self.reach);
-        let template = (area as u64).min(3 * (size.0 as u64).saturating_mul(size.1 as u64));
+        let template = (area as u64).min(3u64.saturating_mul(size.0 as u64).saturating_mul(size.1 as u64));
         let threads = crate::threads::several() as u64;
-        ((self.kept + template).saturating_mul(n as u64 + 1)).saturating_add(threads * self.look)
+        (self.kept.saturating_add(template).saturating_mul(n as u64 + 1)).saturating_add(threads * self.look)
     }
 }

@@ -7,13 +7,13 @@ use super::MultiTracker;
 use super::initiation::TentativeTracks;
 use super::occlusion::Fronts;
 use super::ranks::Ranks;
-use super::target::Target;
+use super::target::{SHAPE, Target};
 use crate::geometry::BBox;
 use crate::multi::TrackedTarget;
 use foveate_base::{Error, Result, memory};
 
 /// Frames that a video may have had before: at 1000 a second, 24 days.
-const MOST_FRAMES: usize = 1 << 31;
+pub(super) const MOST_FRAMES: usize = 1 << 31;
 
 /// The format number.
 const FORMAT: u32 = 7;
@@ -124,6 +124,10 @@ impl SavedTarget {
             return Err(Error::Invalid(format!("the saved targets cannot be used: {} has no template", self.track.id)));
         }
         let Self { track, lost, unseen, terminated, shape, surprise, .. } = self;
+        if shape.abs() > SHAPE {
+            let expected = format!("expected a logarithm from -{SHAPE} to {SHAPE}, found {shape}");
+            return Err(Error::Invalid(format!("the saved targets cannot be used: shape of {}: {expected}", track.id)));
+        }
         let mut target = Target { lost, unseen, terminated, shape, surprise, ..Target::new(engine, track) };
         target.looking(&trackers.pool, |_| ());
         Ok(target)

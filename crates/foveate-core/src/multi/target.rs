@@ -12,6 +12,9 @@ use crate::scene::{Detection, Image, Scene};
 /// Weight of the newest look in the mean surprise.
 const NEWEST: f64 = 0.3;
 
+/// [`Target::shape`] is from minus this to this.
+pub(super) const SHAPE: f64 = 20.0;
+
 /// One target.
 pub(super) struct Target {
     pub engine: Engine,
@@ -88,7 +91,7 @@ impl Target {
         let state = self.engine.state_at(&bbox);
         let TrackedTarget { id, gaze, class, .. } = self.track;
         self.track = TrackedTarget { born, phase, bbox, state, extent, gaze, class, ..TrackedTarget::unknown(id) };
-        (self.lost, self.unseen, self.shape) = (0, 0, (bbox.w / bbox.h / extent.half_w * extent.half_h).ln());
+        (self.lost, self.unseen, self.shape) = (0, 0, shape(&bbox, extent));
     }
 
     pub fn step(&mut self, image: &Image, s: &Settings, detecting: bool) {
@@ -115,7 +118,7 @@ impl Target {
         self.surprise += NEWEST * (moved - self.surprise);
         self.track = TrackedTarget { phase, state: estimate, covariance, extent, gaze, deficit, class, ..self.track };
         if let Some(Detection { bbox: b, .. }) = self.track.detection {
-            self.shape += s.shape * ((b.w / b.h / extent.half_w * extent.half_h).ln() - self.shape);
+            self.shape += s.shape * (shape(&b, extent) - self.shape);
         }
         self.track.bbox = self.shaped(bbox);
         if let Some(Detection { bbox: b, .. }) = self.track.detection {
@@ -153,6 +156,11 @@ impl Target {
             (self.track.state.log_scale, self.shape, self.track.deficit) = (0.0, 0.0, 0.0);
         }
     }
+}
+
+/// The shape of a box, against that of a template.
+fn shape(b: &BBox, extent: Extent) -> f64 {
+    (b.w / b.h / extent.half_w * extent.half_h).ln().clamp(-SHAPE, SHAPE)
 }
 
 /// The longer half of a target's box, pixels.
