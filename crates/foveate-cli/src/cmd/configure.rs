@@ -45,7 +45,17 @@ impl Changes {
         Self { policy: None, set: set.to_vec() }
     }
 
-    fn make(&self, mut config: Config) -> Result<Config> {
+    /// Those of one section, and all others.
+    pub fn apart(&self, section: &str) -> (Self, Self) {
+        let of =
+            |setting: &&String| setting.trim_start().strip_prefix(section).is_some_and(|rest| rest.starts_with('.'));
+        let (ours, others): (Vec<&String>, Vec<_>) = self.set.iter().partition(of);
+        let some = |set: Vec<&String>| set.into_iter().cloned().collect();
+        (Self { policy: None, set: some(ours) }, Self { policy: self.policy.clone(), set: some(others) })
+    }
+
+    /// The configuration, changed.
+    pub fn make(&self, mut config: Config) -> Result<Config> {
         if let Some(name) = &self.policy {
             config = config.with_policy(name)?;
         }

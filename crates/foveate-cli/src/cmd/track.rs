@@ -29,6 +29,9 @@ pub mod spared;
 
 pub use outputs::run_info;
 
+/// Its section of a configuration.
+const RECOGNISER: &str = "recogniser";
+
 /// The recogniser that ships with the program.
 pub const DIGITS: &str = "builtin:digits";
 
@@ -109,7 +112,7 @@ pub struct Args {
     regret: bool,
     /// Say what the target is, by a model of `foveate train classifier` or `train fixations`; without MODEL, which digit it is. Its class stands
     /// in track.csv, trace.jsonl, video and report; the track stays the same. It takes the place of the configuration's
-    /// recogniser
+    /// recogniser; --set recogniser.KEY=VALUE changes its settings
     #[arg(long, visible_alias = "recognize", value_name = "MODEL", num_args = 0..=1, default_missing_value = DIGITS)]
     recognise: Option<String>,
     /// Write trace.jsonl too: every intermediate quantity of every frame, particles included; some 100 kB a frame
@@ -143,10 +146,11 @@ impl Args {
 
     fn blueprint(&self, config: Config, folder: &Folder) -> Result<Blueprint> {
         let blueprint = config.check(folder)?;
-        match &self.recognise {
-            Some(model) => blueprint.recognising(RecogniserConfig::of_model(model, &Folder::here()), &Folder::here()),
-            None => Ok(blueprint),
-        }
+        let Some(model) = &self.recognise else { return Ok(blueprint) };
+        let usual = RecogniserConfig::of_model(model, &Folder::here());
+        let changed = Config { recogniser: Some(usual), ..blueprint.config().clone() };
+        let changed = self.changes.apart(RECOGNISER).0.make(changed)?;
+        blueprint.recognising(changed.recogniser.expect("it was put there"), &Folder::here())
     }
 }
 
@@ -173,7 +177,9 @@ fn one(args: &Args) -> Result<Tally> {
         (None, None) if asked => args.many.config(),
         (config, profile) => config_name(config.as_deref(), profile),
     };
-    let (config, folder) = read(name, &args.changes)?;
+    // Its settings are those of --recognise, where that takes its place.
+    let others = args.recognise.as_ref().map(|_| args.changes.apart(RECOGNISER).1);
+    let (config, folder) = read(name, others.as_ref().unwrap_or(&args.changes))?;
     let described = args.changes.describe(name);
     // A configuration of many targets with a detector of its own needs nothing else to begin with.
     let begins = config.multi_target.is_some() && config.detector.is_some();

@@ -48,6 +48,13 @@ fn a_track_says_what_it_follows_and_an_experiment_counts() {
     let json: serde_json::Value = serde_json::from_str(&json).expect("JSON alone");
     assert_eq!(Some(json["class"][0].to_string()), last);
 
+    // Settings of what takes the configuration's place.
+    track("count", &["--recognise", "m.safetensors", "--set", "recogniser.accumulate=count", "--set", "particles=100"]);
+    assert_ne!(read("count/track.csv"), read("named/track.csv"), "each frame is one vote");
+    let wrong = ["track", "video", "-c", "digits", "--recognise", "m.safetensors", "--set", "recogniser.none=1"];
+    let told = String::from_utf8_lossy(&foveate(dir, &wrong).stderr).into_owned();
+    assert!(told.contains("recogniser.none=1") && told.contains("unknown field"), "{told}");
+
     let experiment = r#"
         title = "mine"
         about = ""
