@@ -66,10 +66,10 @@ impl Softmax {
         }
         Ok(Self { weights, bias, temperature })
     }
-    /// Fits rows and their labels (0 to `classes` − 1).
+    /// Fits rows and their labels (0 to `classes` − 1); with the steps that it took.
     ///
     /// Fails with fewer than two classes, without rows, or where labels do not fit or a value is not finite.
-    pub fn fit(rows: Rows<'_>, labels: &[u8], classes: usize, fit: Fit) -> Result<Self> {
+    pub fn fit(rows: Rows<'_>, labels: &[u8], classes: usize, fit: Fit) -> Result<(Self, usize)> {
         check(rows, labels, classes)?;
         let n_in = rows.width();
         let mut parameters = vec![0.0; (n_in + 1) * classes];
@@ -78,9 +78,9 @@ impl Softmax {
             let model = Self { weights: narrow(w), bias: narrow(b), temperature: 1.0 };
             model.cost(rows, labels, fit.l2, gradient)
         };
-        minimize(&mut objective, &mut parameters, fit.steps, fit.tolerance);
+        let steps = minimize(&mut objective, &mut parameters, fit.steps, fit.tolerance);
         let (w, b) = parameters.split_at(n_in * classes);
-        Ok(Self { weights: narrow(w), bias: narrow(b), temperature: 1.0 })
+        Ok((Self { weights: narrow(w), bias: narrow(b), temperature: 1.0 }, steps))
     }
     /// n_in.
     pub fn width(&self) -> usize {
@@ -365,7 +365,8 @@ mod tests {
         // 20,000 rows, seed 2: standard errors of differences of weights are about 0.03; 5 of them.
         let (rows, labels, truth) = drawn(20_000, 2);
         let fit = Fit { l2: 0.0, steps: 100, tolerance: 1e-6 };
-        let model = Softmax::fit(Rows::new(&rows, 4), &labels, 3, fit).expect("good data");
+        let (model, steps) = Softmax::fit(Rows::new(&rows, 4), &labels, 3, fit).expect("good data");
+        assert!((3..100).contains(&steps), "{steps}");
         for i in 0..4 {
             for l in 1..3 {
                 let found = f64::from(model.weights[i * 3 + l] - model.weights[i * 3]);
@@ -393,7 +394,7 @@ mod tests {
     #[test]
     fn classifiers_come_back_from_files_and_damaged_ones_are_refused() {
         let (rows, labels, _) = drawn(100, 3);
-        let mut model = Softmax::fit(Rows::new(&rows, 4), &labels, 3, Fit::default()).expect("good data");
+        let (mut model, _) = Softmax::fit(Rows::new(&rows, 4), &labels, 3, Fit::default()).expect("good data");
         model.calibrate(Rows::new(&rows, 4), &labels).expect("good data");
         let dir = tempfile::tempdir().expect("a temporary folder");
         let path = dir.path().join("c.safetensors");

@@ -123,7 +123,7 @@ mod tests {
     fn classifier() -> Classifier {
         let rows: Vec<f32> = (0..120).map(|i| ((i * i) as f32).sin()).collect();
         let labels: Vec<u8> = (0..30).map(|i| i % 3).collect();
-        let softmax = Softmax::fit(Rows::new(&rows, 4), &labels, 3, Fit::default()).expect("they fit");
+        let (softmax, _) = Softmax::fit(Rows::new(&rows, 4), &labels, 3, Fit::default()).expect("they fit");
         Classifier::new(softmax, names()).expect("three names")
     }
 

@@ -18,12 +18,14 @@ use super::retina::Cell;
 use foveate_base::rng::Streams;
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
-use foveate_learn::filters::{MOST, Method, PatchFilters};
+use foveate_learn::filters::{Method, PatchFilters};
 use foveate_learn::rbm::product::rows_times;
 use rand::RngExt;
 
 /// The most pixels that all images have together.
 const PIXELS: usize = 8100;
+/// The most values of a patch, and the most filters.
+const MOST: (usize, usize) = (64, 400);
 /// Patches that meet the filters at a time.
 const TOGETHER: usize = 48;
 /// Pixels along a side of the widest image.
@@ -189,13 +191,18 @@ impl ConvolutionEncoder {
     ///
     /// Fails where a ring is too small for the patches, or the threshold is not a number.
     pub fn new(model: &PatchFilters, cells: &[Cell], pool: usize, threshold: f32) -> Result<Self> {
-        let (n_p, n_x, _) = model.shape();
+        let (n_p, n_x, k) = model.shape();
         let side = n_p.isqrt();
-        if side * side != n_p || !threshold.is_finite() {
+        let softening = model.softening().filter(|_| side * side == n_p && n_p <= MOST.0 && k <= MOST.1);
+        let Some(softening) = softening.filter(|_| threshold.is_finite()) else {
             return Err(Error::Config(format!(
-                "convolution needs square patches and a finite threshold, got patches of {n_p} values and {threshold}"
+                "convolution needs square patches of at most {} values, a softening, at most {} filters and a finite threshold, got patches of \
+                 {n_p} values, softening {:?}, {k} filters and {threshold}",
+                MOST.0,
+                MOST.1,
+                model.softening()
             )));
-        }
+        };
         let (patches, whitening) = (Patches::new(cells, side, pool)?, model.whitening());
         // A patch p with gain g is whitened to (g (p − its mean) − m) A, and filters D say that times D: one product with
         // what is left of A D when the mean of each column is taken out.
@@ -221,7 +228,7 @@ impl ConvolutionEncoder {
         Ok(Self {
             packed: kernels::PackedWeights::f32(n_p, k, &said),
             thresholds,
-            softening: model.softening(),
+            softening,
             shares: counts.iter().map(|n| 1.0 / (n * (n_x as f32).sqrt())).collect(),
             cells: patches.places.iter().map(|p| p.cell as u32).collect(),
             groups: groups(&channels),
@@ -368,7 +375,9 @@ mod tests {
                     let mut p: Vec<f64> = (0..25).map(|i| image(top + i / 5, left + i % 5)).collect();
                     let m = p.iter().sum::<f64>() / 25.0;
                     p.iter_mut().for_each(|x| *x -= m);
-                    let gain = (p.iter().map(|x| x * x).sum::<f64>() / 25.0 + f64::from(model.softening())).sqrt();
+                    let gain = (p.iter().map(|x| x * x).sum::<f64>() / 25.0
+                        + f64::from(model.softening().expect("patches lose their mean")))
+                    .sqrt();
                     p.iter_mut().for_each(|x| *x /= gain);
                     let x: Vec<f64> = (0..n_x)
                         .map(|j| (0..25).map(|i| (p[i] - f64::from(mean[i])) * f64::from(matrix.row(i)[j])).sum())

@@ -181,7 +181,7 @@ mod tests {
         let (own, x, ..) = learned(Cost::HybridSequential, 2);
         let (bare, rows, z, y) = learned(Cost::Generative, 0);
         let hidden = bare.hidden_probabilities(Rows::new(&rows, 4), &z, 2);
-        let classifier = Softmax::fit(Rows::new(&hidden, 8), &y, 2, Fit::default()).expect("they fit");
+        let (classifier, _) = Softmax::fit(Rows::new(&hidden, 8), &y, 2, Fit::default()).expect("they fit");
         assert!(MultiFixation::new(bare.clone(), None, 1.0).is_err());
         let dir = tempfile::tempdir().expect("a temporary folder");
         let path = dir.path().join("m.safetensors");

@@ -83,7 +83,7 @@ pub fn fit(tracks: &[&Judgement], confidence: &ConfidenceModel) -> Result<Confid
         )));
     }
     let settings = Fit { l2: L2, steps: 500, tolerance: 1e-6 };
-    let model = Softmax::fit(Rows::new(&rows, CUES), &labels, 2, settings)?;
+    let (model, _) = Softmax::fit(Rows::new(&rows, CUES), &labels, 2, settings)?;
     // The model is linear in the log-odds: they are read off at 0 and at each cue's 1.
     let log_odds = |at: usize| {
         let (mut row, mut log_p) = ([0f32; CUES], [0.0; 2]);

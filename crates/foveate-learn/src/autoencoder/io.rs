@@ -1,9 +1,9 @@
 //! Model files and checkpoints of autoencoders.
 
 use super::{Autoencoder, Recipe, Trainer};
-use crate::rbm::Metadata;
 use crate::rbm::io::{About, Tensor, Tensors, open, pack, read};
 use crate::rbm::progress::{Checkpoint, save};
+use crate::rbm::{Metadata, Rbm, Visible};
 use foveate_base::rows::Rows;
 use foveate_base::{Result, files};
 use std::path::Path;
@@ -11,35 +11,24 @@ use std::path::Path;
 const KIND: &str = "autoencoder";
 const CHECKPOINT: &str = "autoencoder-checkpoint";
 
-fn tensors(model: &Autoencoder) -> Vec<Tensor<'_>> {
-    let (n_v, n_h) = model.layer.shape();
-    vec![
-        ("weights", vec![n_v, n_h], &model.layer.weights),
-        ("visible_bias", vec![n_v], &model.layer.visible_bias),
-        ("hidden_bias", vec![n_h], &model.layer.hidden_bias),
-    ]
-}
-
-/// The autoencoder in `tensors`, which are used up to what does not belong to one; problems in words.
-fn model(tensors: &mut Tensors) -> std::result::Result<Autoencoder, String> {
-    let mut take = |name: &str| tensors.remove(name).ok_or_else(|| format!("the tensor {name} is missing"));
-    let (w, b, c) = (take("weights")?, take("visible_bias")?, take("hidden_bias")?);
-    if w.0 != [b.1.len(), c.1.len()] || b.0 != [b.1.len()] || c.0 != [c.1.len()] {
-        return Err(format!("weights are {:?}, visible_bias {:?}, hidden_bias {:?}", w.0, b.0, c.0));
-    }
-    Autoencoder::new(w.1, b.1, c.1).map_err(|e| e.to_string())
-}
-
 impl Autoencoder {
+    /// W, b and c, as model files have them.
+    pub fn tensors(&self) -> Vec<Tensor<'_>> {
+        self.layer.tensors()
+    }
+    /// From the tensors of a model file, which are used up to what does not belong to one; problems in words.
+    pub fn of_tensors(tensors: &mut Tensors) -> std::result::Result<Self, String> {
+        Ok(Self { layer: Rbm::of_tensors(Visible::Gaussian, tensors)? })
+    }
     /// Writes a model file; it is whole or not there.
     pub fn save(&self, path: &Path, metadata: &Metadata) -> Result<()> {
-        files::write(path, &pack(KIND, About { metadata: metadata.clone() }, &tensors(self)))
+        files::write(path, &pack(KIND, About { metadata: metadata.clone() }, &self.tensors()))
     }
     /// Reads a model from the bytes of a file; `path` stands for it in errors.
     ///
     /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
-        let (found, about) = open(bytes, path, KIND, |_: &About, tensors| model(tensors))?;
+        let (found, about) = open(bytes, path, KIND, |_: &About, tensors| Self::of_tensors(tensors))?;
         Ok((found, about.metadata))
     }
     /// Reads a model file; see [`Autoencoder::from_bytes`].
@@ -54,7 +43,7 @@ impl Trainer {
     /// Fails if the training has diverged, or the file cannot be written.
     pub fn save(&self, path: &Path, data_sha256: &str) -> Result<()> {
         self.check()?;
-        let mut all = tensors(&self.model);
+        let mut all = self.model.tensors();
         all.push(("velocity", vec![self.velocity.len()], &self.velocity));
         save(path, CHECKPOINT, (&self.recipe, self.progress(), data_sha256), &all)
     }
@@ -64,7 +53,7 @@ impl Trainer {
     pub fn resume(path: &Path, recipe: Recipe, rows: Rows<'_>, data_sha256: &str) -> Result<Self> {
         let as_long = |begun| Recipe { epochs: recipe.epochs, ..begun };
         let mut checkpoint = Checkpoint::open(path, CHECKPOINT, &recipe, as_long, ("data", data_sha256))?;
-        let found = model(&mut checkpoint.tensors).map_err(|p| checkpoint.refuse(&p))?;
+        let found = Autoencoder::of_tensors(&mut checkpoint.tensors).map_err(|p| checkpoint.refuse(&p))?;
         let mut fresh = Self::new(recipe, rows)?;
         fresh.velocity = checkpoint.take("velocity", fresh.velocity.len())?;
         if found.layer.shape() != fresh.model.layer.shape() {

@@ -15,6 +15,9 @@ use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+/// The most hidden units, and rows of a batch.
+const MOST: usize = 1 << 16;
+
 /// How to learn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -50,6 +53,8 @@ impl Recipe {
         let positive = |x: f32| x.is_finite() && x >= 0.0;
         let problem = if self.hidden == 0 || self.batch == 0 {
             "hidden units and rows of a batch must be at least 1"
+        } else if self.hidden.max(self.batch) > MOST {
+            "hidden units and rows of a batch must be at most 65536"
         } else if !(0.0..1.0).contains(&self.momentum) || !(0.0..1.0).contains(&self.mask) {
             "momentum and the masked share must be at least 0 and under 1"
         } else if ![self.rate, self.noise, self.l2].into_iter().all(positive) {
@@ -272,6 +277,7 @@ mod tests {
         let good = Recipe { batch: 10, ..Recipe::new(4) };
         for wrong in [
             Recipe { hidden: 0, ..good.clone() },
+            Recipe { hidden: usize::MAX, ..good.clone() },
             Recipe { batch: 31, ..good.clone() },
             Recipe { mask: 1.0, ..good.clone() },
             Recipe { rate: f32::NAN, ..good.clone() },

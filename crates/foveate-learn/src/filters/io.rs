@@ -1,7 +1,7 @@
 //! Model files and checkpoints of filters. A file's kind is its method.
 
 use super::{Method, PatchFilters, Recipe, Trainer};
-use crate::rbm::io::{Tensors, kind, open, pack, read};
+use crate::rbm::io::{Tensor, Tensors, kind, open, pack, read};
 use crate::rbm::progress::{Checkpoint, save};
 use crate::rbm::{Metadata, Whitening};
 use foveate_base::rows::Rows;
@@ -17,7 +17,9 @@ struct About {
     /// Absent in files of k-means.
     #[serde(default, skip_serializing_if = "is_kmeans")]
     method: Method,
-    softening: f32,
+    /// Absent in files of filters of rows as they are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    softening: Option<f32>,
     metadata: Metadata,
 }
 
@@ -25,37 +27,44 @@ fn is_kmeans(method: &Method) -> bool {
     *method == Method::Kmeans
 }
 
-/// The model in `tensors`; problems in words.
-fn model(about: &About, tensors: &mut Tensors) -> std::result::Result<PatchFilters, String> {
-    let mut take = |name: &str| tensors.remove(name).ok_or_else(|| format!("the tensor {name} is missing"));
-    let (mean, matrix, filters) = (take("mean")?, take("whitening")?, take("filters")?);
-    let white = matrix.0.get(1).copied().unwrap_or(0);
-    let n_p = mean.1.len();
-    if mean.0 != [n_p] || matrix.0 != [n_p, white] || filters.0.len() != 2 || filters.0[0] != white || white == 0 {
-        return Err(format!("mean is {:?}, whitening {:?}, filters {:?}", mean.0, matrix.0, filters.0));
-    }
-    let whitening = Whitening::new(mean.1, matrix.1).map_err(|e| e.to_string())?;
-    PatchFilters::new(about.method, whitening, filters.1, about.softening).map_err(|e| e.to_string())
-}
-
 impl PatchFilters {
     /// Writes a model file; it is whole or not there.
     pub fn save(&self, path: &Path, metadata: &Metadata) -> Result<()> {
         let about = About { method: self.method, softening: self.softening, metadata: metadata.clone() };
+        files::write(path, &pack(self.method.name(), about, &self.tensors()))
+    }
+    /// The whitening and D, as model files have them.
+    pub fn tensors(&self) -> Vec<Tensor<'_>> {
         let (n_p, n_x, k) = self.shape();
-        let tensors = [
+        vec![
             ("mean", vec![n_p], self.whitening.mean()),
             ("whitening", vec![n_p, n_x], self.whitening.matrix().data()),
             ("filters", vec![n_x, k], &*self.filters),
-        ];
-        files::write(path, &pack(self.method.name(), about, &tensors))
+        ]
+    }
+    /// From the tensors of a model file, which are used up to what does not belong to filters; problems in words.
+    pub fn of_tensors(
+        method: Method,
+        softening: Option<f32>,
+        tensors: &mut Tensors,
+    ) -> std::result::Result<Self, String> {
+        let mut take = |name: &str| tensors.remove(name).ok_or_else(|| format!("the tensor {name} is missing"));
+        let (mean, matrix, filters) = (take("mean")?, take("whitening")?, take("filters")?);
+        let white = matrix.0.get(1).copied().unwrap_or(0);
+        let n_p = mean.1.len();
+        if mean.0 != [n_p] || matrix.0 != [n_p, white] || filters.0.len() != 2 || filters.0[0] != white || white == 0 {
+            return Err(format!("mean is {:?}, whitening {:?}, filters {:?}", mean.0, matrix.0, filters.0));
+        }
+        let whitening = Whitening::new(mean.1, matrix.1).map_err(|e| e.to_string())?;
+        Self::new(method, whitening, filters.1, softening).map_err(|e| e.to_string())
     }
     /// Reads a model from the bytes of a file; `path` stands for it in errors.
     ///
     /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
         let kind = kind(bytes).filter(|kind| ["sparse", "ica"].contains(&kind.as_str()));
-        let (found, about) = open(bytes, path, kind.as_deref().unwrap_or("kmeans"), model)?;
+        let take = |about: &About, tensors: &mut Tensors| Self::of_tensors(about.method, about.softening, tensors);
+        let (found, about) = open(bytes, path, kind.as_deref().unwrap_or("kmeans"), take)?;
         Ok((found, about.metadata))
     }
     /// Reads a model file; see [`PatchFilters::from_bytes`].

@@ -4,12 +4,9 @@
 //! brought to length 1. To the sum the filter itself is added (Coates & Ng 2012), so that no filter jumps; neither step
 //! can raise the cost. A filter that no patch takes becomes some patch, which cannot raise it either.
 
-use super::{Sums, place};
+use super::{Sums, TOGETHER, place};
 use crate::rbm::product::rows_times;
 use foveate_base::rows::Rows;
-
-/// Rows of one product.
-const TOGETHER: usize = 256;
 
 /// Σ s x of each filter (n_x × K), how many patches took it, and Σ ‖x − s d‖².
 pub(super) fn sums(white: Rows<'_>, filters: &[f32]) -> Sums {

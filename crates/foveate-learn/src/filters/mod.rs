@@ -1,7 +1,7 @@
 //! Filters of whitened patches: a convolutional first layer, learned in one of three ways.
 //!
-//! A patch of n_p values loses its mean, is divided by √(variance + softening), and is whitened to n_x numbers x. The filters
-//! d₁ … d_K are the columns of D (n_x × K). A patch is a row here; this module knows no pictures.
+//! A patch of n_p values loses its mean, is divided by √(variance + softening) (both only where a softening is given), and is whitened
+//! to n_x numbers x. The filters d₁ … d_K are the columns of D (n_x × K). A patch is a row here; this module knows no pictures.
 //!
 //! | [`Method`] | what is made small, the mean over patches of | filters |
 //! | --- | --- | --- |
@@ -25,12 +25,16 @@ mod train;
 pub use self::train::{Recipe, Trainer};
 
 use crate::rbm::Whitening;
+use crate::rbm::product::rows_times;
 use foveate_base::rows::Rows;
 use foveate_base::{Error, Result};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+/// Rows of one product.
+const TOGETHER: usize = 256;
 /// The most values of a patch, and the most filters.
-pub const MOST: (usize, usize) = (64, 400);
+pub const MOST: (usize, usize) = (1024, 4096);
 
 /// How filters are learned.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -58,7 +62,7 @@ pub struct PatchFilters {
     whitening: Whitening,
     /// n_x × K: a filter a column.
     filters: Vec<f32>,
-    softening: f32,
+    softening: Option<f32>,
 }
 
 /// What a part of the patches says of filters: the cost, and what their next step is made of.
@@ -106,20 +110,20 @@ impl Method {
 }
 
 impl PatchFilters {
-    /// From a whitening of patches, filters (n_x × K, row-major) and the softening of contrasts (above 0).
+    /// From a whitening of patches, filters (n_x × K, row-major) and the softening of contrasts (above 0), if patches lose their mean.
     ///
     /// Fails if they do not fit, are more than [`MOST`], are no whole subspaces, or a number is not finite.
-    pub fn new(method: Method, whitening: Whitening, filters: Vec<f32>, softening: f32) -> Result<Self> {
+    pub fn new(method: Method, whitening: Whitening, filters: Vec<f32>, softening: Option<f32>) -> Result<Self> {
         method.check()?;
         let (n_p, n_x) = whitening.shape();
         let k = filters.len() / n_x;
         let whole = if let Method::Ica { size } = method { k.is_multiple_of(size) } else { true };
         let fits = n_p <= MOST.0 && (1..=MOST.1).contains(&k) && filters.len() == n_x * k && whole;
-        let finite = filters.iter().all(|x| x.is_finite()) && softening.is_finite();
-        if !(fits && finite && softening > 0.0) {
+        let softened = softening.is_none_or(|s| s > 0.0 && s.is_finite());
+        if !(fits && softened && filters.iter().all(|x| x.is_finite())) {
             return Err(Error::Invalid(format!(
-                "filters have patches of at most {} values, are 1 to {} (whole subspaces) of {n_x} finite numbers, with a softening above 0; \
-                 got patches of {n_p}, {} numbers, softening {softening}",
+                "filters have patches of at most {} values, are 1 to {} (whole subspaces) of {n_x} finite numbers, with a softening above 0 or none; \
+                 got patches of {n_p}, {} numbers, softening {softening:?}",
                 MOST.0,
                 MOST.1,
                 filters.len()
@@ -136,8 +140,8 @@ impl PatchFilters {
         let (n_p, n_x) = self.whitening.shape();
         (n_p, n_x, self.filters.len() / n_x)
     }
-    /// What is added to a patch's variance.
-    pub fn softening(&self) -> f32 {
+    /// What is added to a patch's variance, if patches lose their mean.
+    pub fn softening(&self) -> Option<f32> {
         self.softening
     }
     /// The whitening.
@@ -152,6 +156,24 @@ impl PatchFilters {
     pub fn pictures(&self) -> Vec<f32> {
         self.whitening.unwhiten(self.filters())
     }
+    /// What the filters say of patches as they are (m × n_p), m × K: dⱼ·x; by sparse coding, the best s. A row's result depends on that
+    /// row alone, bit for bit.
+    pub fn codes(&self, patches: Rows<'_>) -> Vec<f32> {
+        let (_, n_x, k) = self.shape();
+        let white = whiten(&self.whitening, self.softening, patches);
+        let mut codes = vec![0.0; patches.len() * k];
+        let gram = if let Method::Sparse { .. } = self.method { sparse::gram(&self.filters, k) } else { vec![] };
+        white.par_chunks(TOGETHER * n_x).zip(codes.par_chunks_mut(TOGETHER * k)).for_each(|(x, codes)| {
+            let x = Rows::new(x, n_x);
+            match self.method {
+                Method::Sparse { penalty } => {
+                    sparse::codes(x, (&self.filters, &gram), penalty, sparse::LAST_TURNS, codes);
+                }
+                _ => rows_times(x, &self.filters, codes),
+            }
+        });
+        codes
+    }
     /// What the method makes small, the mean over patches as they are (not yet normalised), divided by n_x.
     pub fn cost(&self, patches: Rows<'_>) -> f64 {
         let white = whiten(&self.whitening, self.softening, patches);
@@ -160,20 +182,23 @@ impl PatchFilters {
     }
 }
 
-/// Takes the mean out of a patch and divides it by √(variance + softening).
-pub fn normalise(patch: &mut [f32], softening: f32) {
-    let n = patch.len() as f32;
-    let mean = patch.iter().sum::<f32>() / n;
-    patch.iter_mut().for_each(|x| *x -= mean);
-    let variance = patch.iter().map(|x| x * x).sum::<f32>() / n;
-    let gain = 1.0 / (variance + softening).sqrt();
-    patch.iter_mut().for_each(|x| *x *= gain);
+/// Patches, each less its mean and divided by √(variance + softening), where there is a softening.
+fn normalised(patches: Rows<'_>, softening: Option<f32>) -> Vec<f32> {
+    let (mut all, n) = (patches.data().to_vec(), patches.width() as f32);
+    for patch in all.chunks_exact_mut(patches.width()) {
+        let Some(softening) = softening else { break };
+        let mean = patch.iter().sum::<f32>() / n;
+        patch.iter_mut().for_each(|x| *x -= mean);
+        let variance = patch.iter().map(|x| x * x).sum::<f32>() / n;
+        let gain = 1.0 / (variance + softening).sqrt();
+        patch.iter_mut().for_each(|x| *x *= gain);
+    }
+    all
 }
 
 /// x of every patch.
-fn whiten(whitening: &Whitening, softening: f32, patches: Rows<'_>) -> Vec<f32> {
-    let mut normal = patches.data().to_vec();
-    normal.chunks_exact_mut(patches.width()).for_each(|patch| normalise(patch, softening));
+fn whiten(whitening: &Whitening, softening: Option<f32>, patches: Rows<'_>) -> Vec<f32> {
+    let normal = normalised(patches, softening);
     let mut centred = vec![0.0; normal.len()];
     let mut white = vec![0.0; patches.len() * whitening.shape().1];
     whitening.whiten(Rows::new(&normal, patches.width()), &mut centred, &mut white);

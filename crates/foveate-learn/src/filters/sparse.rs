@@ -4,15 +4,14 @@
 //! (Li & Osher 2009), until none moves. Given the codes, each filter in turn becomes the best of length 1 at most while the others
 //! stand (Mairal, Bach, Ponce & Sapiro 2009). A filter that no patch uses becomes some patch.
 
-use super::{Sums, place};
+use super::{Sums, TOGETHER, place};
 use crate::rbm::product::{rows_times, rows_times_transposed};
 use foveate_base::rows::Rows;
 
-/// The most turns of all codes of a patch; fewer where none moves by more than [`STILL`].
+/// The most turns of all codes of a patch, while learning and after; fewer where none moves by more than [`STILL`].
 const TURNS: usize = 100;
+pub(super) const LAST_TURNS: usize = 10_000;
 const STILL: f32 = 1e-4;
-/// Rows of one product.
-const TOGETHER: usize = 256;
 
 /// Σ x sᵀ (n_x × K), Σ s sᵀ (K × K), and Σ ½ ‖x − D s‖² + penalty Σ |s|.
 pub(super) fn sums(white: Rows<'_>, filters: &[f32], penalty: f32) -> Sums {
@@ -20,15 +19,11 @@ pub(super) fn sums(white: Rows<'_>, filters: &[f32], penalty: f32) -> Sums {
     let k = filters.len() / n_x;
     let gram = gram(filters, k);
     let (mut with_x, mut among, mut cost) = (vec![0.0; n_x * k], vec![0.0; k * k], 0.0);
-    let (mut scores, mut codes, mut used) = (vec![0.0; TOGETHER * k], vec![0.0; TOGETHER * k], vec![]);
-    let mut drawn = vec![0.0; TOGETHER * n_x];
+    let (mut codes, mut drawn, mut used) = (vec![0.0; TOGETHER * k], vec![0.0; TOGETHER * n_x], vec![]);
     for rows in white.data().chunks(TOGETHER * n_x) {
         let n = rows.len() / n_x;
-        let (scores, codes, drawn) = (&mut scores[..n * k], &mut codes[..n * k], &mut drawn[..n * n_x]);
-        rows_times(Rows::new(rows, n_x), filters, scores);
-        for (left, s) in scores.chunks_exact_mut(k).zip(codes.chunks_exact_mut(k)) {
-            code(&gram, left, penalty, s);
-        }
+        let (codes, drawn) = (&mut codes[..n * k], &mut drawn[..n * n_x]);
+        self::codes(Rows::new(rows, n_x), (filters, &gram), penalty, TURNS, codes);
         rows_times_transposed(Rows::new(codes, k), filters, drawn);
         for ((x, s), drawn) in rows.chunks_exact(n_x).zip(codes.chunks_exact(k)).zip(drawn.chunks_exact(n_x)) {
             let error: f64 = x.iter().zip(drawn).map(|(x, d)| f64::from(x - d).powi(2)).sum();
@@ -44,11 +39,20 @@ pub(super) fn sums(white: Rows<'_>, filters: &[f32], penalty: f32) -> Sums {
     Sums { cost, parts: [with_x, among] }
 }
 
+/// The codes of rows (m × n_x), m × K, by filters and their products with each other.
+pub(super) fn codes(white: Rows<'_>, (filters, gram): (&[f32], &[f32]), penalty: f32, turns: usize, codes: &mut [f32]) {
+    let (k, mut scores) = (codes.len() / white.len(), vec![0.0; codes.len()]);
+    rows_times(white, filters, &mut scores);
+    for (left, s) in scores.chunks_exact_mut(k).zip(codes.chunks_exact_mut(k)) {
+        code(gram, left, penalty, turns, s);
+    }
+}
+
 /// Codes of a patch, from its products with the filters (`left`, which become those of what the codes leave of it).
-fn code(gram: &[f32], left: &mut [f32], penalty: f32, s: &mut [f32]) {
+fn code(gram: &[f32], left: &mut [f32], penalty: f32, turns: usize, s: &mut [f32]) {
     let k = s.len();
     s.fill(0.0);
-    for _ in 0..TURNS {
+    for _ in 0..turns {
         let mut moved = 0.0f32;
         for j in 0..k {
             let own = gram[j * k + j];
@@ -71,7 +75,7 @@ fn code(gram: &[f32], left: &mut [f32], penalty: f32, s: &mut [f32]) {
 }
 
 /// DᵀD, K × K.
-fn gram(filters: &[f32], k: usize) -> Vec<f32> {
+pub(super) fn gram(filters: &[f32], k: usize) -> Vec<f32> {
     let mut sums = vec![0.0f64; k * k];
     for row in filters.chunks_exact(k) {
         for (j, a) in row.iter().enumerate() {
@@ -123,7 +127,7 @@ mod tests {
             let product = |v: &[f32], j: usize| (0..n_x).map(|i| v[i] * filters[i * k + j]).sum::<f32>();
             let mut left: Vec<f32> = (0..k).map(|j| product(&x, j)).collect();
             let mut s = vec![0.0; k];
-            code(&gram, &mut left, penalty, &mut s);
+            code(&gram, &mut left, penalty, TURNS, &mut s);
             let rest: Vec<f32> =
                 (0..n_x).map(|i| x[i] - (0..k).map(|j| filters[i * k + j] * s[j]).sum::<f32>()).collect();
             for (j, s) in s.iter().enumerate() {

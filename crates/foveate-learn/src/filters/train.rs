@@ -1,11 +1,11 @@
 //! Learning filters: passes over all patches, each of which turns every filter.
 
-use super::{MOST, Method, PatchFilters, Sums, normalise, place, subspaces, whiten};
+use super::{MOST, Method, PatchFilters, Sums, normalised, place, subspaces, whiten};
 use crate::rbm::Whitening;
 use crate::rbm::epoch_state::EpochState;
 use foveate_base::rng::{Purpose, Streams};
 use foveate_base::rows::Rows;
-use foveate_base::{Error, Result};
+use foveate_base::{Error, Result, memory};
 use rand::RngExt;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -25,8 +25,8 @@ pub struct Recipe {
     pub epochs: usize,
     /// Share of the variance of normalised patches that whitening keeps, above 0, at most 1.
     pub keep: f64,
-    /// What is added to a patch's variance before it is divided by its root.
-    pub softening: f32,
+    /// What is added to a patch's variance before it is divided by its root; none leaves patches as they are, means and all.
+    pub softening: Option<f32>,
     /// Names all random numbers.
     pub seed: u64,
 }
@@ -34,15 +34,15 @@ pub struct Recipe {
 impl Recipe {
     /// The usual settings, to be changed field by field.
     pub fn new(method: Method, filters: usize) -> Self {
-        Self { method, filters, epochs: 30, keep: 0.99, softening: 1.0, seed: 1 }
+        Self { method, filters, epochs: 30, keep: 0.99, softening: Some(1.0), seed: 1 }
     }
     /// Fails, with the reason, if a number is out of its range.
     pub fn check(&self) -> Result<()> {
         self.method.check()?;
         let problem = if !(1..=MOST.1).contains(&self.filters) {
             format!("filters are 1 to {}, got {}", MOST.1, self.filters)
-        } else if !(self.softening > 0.0 && self.softening.is_finite()) {
-            format!("the softening is above 0, got {}", self.softening)
+        } else if let Some(softening) = self.softening.filter(|s| !(*s > 0.0 && s.is_finite())) {
+            format!("the softening is above 0, got {softening}")
         } else if !(self.keep > 0.0 && self.keep <= 1.0) {
             format!("the share of variance to keep is above 0 and at most 1, got {}", self.keep)
         } else {
@@ -69,19 +69,18 @@ impl Trainer {
     /// Fails if the recipe is out of range, a value is not finite, the patches do not vary, or there are fewer than filters.
     pub fn new(recipe: Recipe, patches: Rows<'_>) -> Result<Self> {
         recipe.check()?;
-        if patches.len() < recipe.filters || patches.width() > MOST.0 {
+        // ICA has no more filters than whitened numbers, and these are fewer than patches.
+        let least = if let Method::Ica { .. } = recipe.method { 1 } else { recipe.filters };
+        if patches.len() < least || patches.width() > MOST.0 {
             return Err(Error::Invalid(format!(
-                "{} filters need as many patches, of at most {} values; got {} of {}",
-                recipe.filters,
+                "{least} filters need as many patches, of at most {} values; got {} of {}",
                 MOST.0,
                 patches.len(),
                 patches.width()
             )));
         }
-        let mut normal = patches.data().to_vec();
-        normal.chunks_exact_mut(patches.width()).for_each(|patch| normalise(patch, recipe.softening));
-        let whitening = Whitening::fit(Rows::new(&normal, patches.width()), recipe.keep)?;
-        drop(normal);
+        let whitening =
+            Whitening::fit(Rows::new(&normalised(patches, recipe.softening), patches.width()), recipe.keep)?;
         let white = whiten(&whitening, recipe.softening, patches);
         let n_x = whitening.shape().1;
         let k = match recipe.method {
@@ -90,10 +89,21 @@ impl Trainer {
         };
         if k == 0 {
             return Err(Error::Invalid(format!(
-                "patches of {n_x} whitened numbers have no subspace of {:?}",
-                recipe.method
+                "{} filters of patches of {n_x} whitened numbers have no subspace of {:?}; ask for more filters or smaller subspaces",
+                recipe.filters, recipe.method
             )));
         }
+        // What one task sums, times the tasks.
+        let sums = match recipe.method {
+            Method::Kmeans => n_x * k,
+            Method::Sparse { .. } => (n_x + k) * k,
+            Method::Ica { size } => k / size * n_x * n_x,
+        };
+        let bytes = size_of::<f64>() * sums * patches.len().div_ceil(CHUNK);
+        memory::check(
+            format_args!("learning {k} filters of {n_x} whitened numbers from {} rows", patches.len()),
+            bytes as u64,
+        )?;
         let mut filters = vec![0.0; n_x * k];
         let mut rng = Streams::new(recipe.seed, 0).at(0, Purpose::Train).rng(0);
         (0..k).for_each(|j| place(&mut filters, j, &some(&white, n_x, &mut rng)));
@@ -182,7 +192,7 @@ mod tests {
         [Method::Kmeans, Method::Sparse { penalty: 0.3 }, Method::Ica { size: 1 }, Method::Ica { size: 4 }];
 
     fn trainer(method: Method, data: &[f32], filters: usize, keep: f64) -> Trainer {
-        let recipe = Recipe { softening: 1e-3, keep, ..Recipe::new(method, filters) };
+        let recipe = Recipe { softening: Some(1e-3), keep, ..Recipe::new(method, filters) };
         Trainer::new(recipe, Rows::new(data, 9)).expect("patches that vary")
     }
 
@@ -228,7 +238,7 @@ mod tests {
             });
             row.copy_from_slice(&[s[0] + 0.5 * s[1], s[1] - 0.6 * s[2], s[2] + 0.3 * s[0], -s[0] - 0.2 * s[1]]);
         }
-        let recipe = Recipe { softening: 1e6, keep: 1.0, ..Recipe::new(Method::Ica { size: 1 }, 3) };
+        let recipe = Recipe { softening: Some(1e6), keep: 1.0, ..Recipe::new(Method::Ica { size: 1 }, 3) };
         let mut trainer = Trainer::new(recipe, Rows::new(&data, 4)).expect("patches that vary");
         (0..300).for_each(|_| trainer.step());
         // What a filter says of patches of one source alone: of its own it says most by far.
@@ -237,10 +247,10 @@ mod tests {
             vec![s[0] + 0.5 * s[1], s[1] - 0.6 * s[2], s[2] + 0.3 * s[0], -s[0] - 0.2 * s[1]]
         };
         let (model, mut found) = (trainer.learned(), [false; 3]);
-        let origin = whiten(model.whitening(), 1e6, Rows::new(&[0.0; 4], 4));
+        let origin = whiten(model.whitening(), Some(1e6), Rows::new(&[0.0; 4], 4));
         let said: Vec<Vec<f32>> = (0..3)
             .map(|source| {
-                let x = whiten(model.whitening(), 1e6, Rows::new(&alone(source), 4));
+                let x = whiten(model.whitening(), Some(1e6), Rows::new(&alone(source), 4));
                 (0..3)
                     .map(|j| (0..3).map(|i| (x[i] - origin[i]) * model.filters().row(i)[j]).sum::<f32>().abs())
                     .collect()
@@ -282,11 +292,32 @@ mod tests {
             let (_, n_x, k) = trainer.learned().shape();
             let filters = trainer.learned().filters();
             let clean = patches(200, 0.0);
-            let white = whiten(trainer.learned().whitening(), 1e-3, Rows::new(&clean, 9));
+            let white = whiten(trainer.learned().whitening(), Some(1e-3), Rows::new(&clean, 9));
             for x in white.chunks_exact(n_x) {
                 let length = x.iter().map(|x| x * x).sum::<f32>().sqrt();
                 let best = (0..k).map(|j| (0..n_x).map(|i| x[i] * filters.row(i)[j]).sum::<f32>() / length);
                 assert!(best.fold(0.0, f32::max) > 0.95, "a filter is along each pattern");
+            }
+        }
+    }
+
+    #[test]
+    fn codes_are_of_a_row_alone_and_rows_may_keep_their_means() {
+        let data = patches(700, 0.5);
+        for method in METHODS {
+            let recipe = Recipe { softening: None, keep: 1.0, ..Recipe::new(method, 12) };
+            let mut trainer = Trainer::new(recipe, Rows::new(&data, 9)).expect("patches that vary");
+            (0..3).for_each(|_| trainer.step());
+            let model = trainer.learned();
+            let (_, n_x, k) = model.shape();
+            assert_eq!(n_x, 9, "no direction is lost");
+            let codes = model.codes(Rows::new(&data, 9));
+            for row in [0, 255, 256, 699] {
+                assert_eq!(
+                    model.codes(Rows::new(&data[9 * row..][..9], 9)),
+                    codes[k * row..][..k],
+                    "{method:?}: {row}"
+                );
             }
         }
     }
@@ -299,7 +330,7 @@ mod tests {
             |recipe: Recipe, data: &[f32]| Trainer::new(recipe, Rows::new(data, 9)).expect_err("refused").to_string();
         assert!(why(kmeans(21), &data).contains("21 filters need as many patches"));
         assert!(why(kmeans(0), &data).contains("filters are 1 to"));
-        assert!(why(Recipe { softening: 0.0, ..kmeans(3) }, &data).contains("softening"));
+        assert!(why(Recipe { softening: Some(0.0), ..kmeans(3) }, &data).contains("softening"));
         assert!(why(Recipe { keep: 1.5, ..kmeans(3) }, &data).contains("share of variance"));
         let of = |method| Recipe::new(method, 3);
         assert!(why(of(Method::Sparse { penalty: 0.0 }), &data).contains("penalty"));

@@ -68,14 +68,30 @@ struct AboutRbm {
 impl Rbm {
     /// The bytes of a model file.
     pub fn to_bytes(&self, metadata: &Metadata) -> Vec<u8> {
-        let (n_v, n_h) = self.shape();
         let about = AboutRbm { visible: self.visible(), metadata: metadata.clone() };
-        let tensors = [
+        pack("rbm", about, &self.tensors())
+    }
+    /// W, b and c, as model files have them.
+    pub fn tensors(&self) -> Vec<Tensor<'_>> {
+        let (n_v, n_h) = self.shape();
+        vec![
             ("weights", vec![n_v, n_h], &*self.weights),
             ("visible_bias", vec![n_v], &*self.visible_bias),
             ("hidden_bias", vec![n_h], &*self.hidden_bias),
-        ];
-        pack("rbm", about, &tensors)
+        ]
+    }
+    /// From the tensors of a model file, which are used up to what does not belong to a machine; problems in words.
+    pub fn of_tensors(visible: Visible, tensors: &mut Tensors) -> std::result::Result<Self, String> {
+        let mut take = |name: &str| tensors.remove(name).ok_or_else(|| format!("the tensor {name} is missing"));
+        let (weights, visible_bias, hidden_bias) = (take("weights")?, take("visible_bias")?, take("hidden_bias")?);
+        let (n_v, n_h) = (visible_bias.1.len(), hidden_bias.1.len());
+        if weights.0 != [n_v, n_h] || visible_bias.0 != [n_v] || hidden_bias.0 != [n_h] {
+            return Err(format!(
+                "weights are {:?}, visible_bias {:?}, hidden_bias {:?}; expected [n_v, n_h], [n_v], [n_h]",
+                weights.0, visible_bias.0, hidden_bias.0
+            ));
+        }
+        Self::new(visible, weights.1, visible_bias.1, hidden_bias.1).map_err(|e| e.to_string())
     }
     /// Writes a model file; it is whole or not there.
     pub fn save(&self, path: &Path, metadata: &Metadata) -> Result<()> {
@@ -85,18 +101,8 @@ impl Rbm {
     ///
     /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
-        let (rbm, about) = open(bytes, path, "rbm", |about: &AboutRbm, tensors| {
-            let mut take = |name: &str| tensors.remove(name).ok_or_else(|| format!("the tensor {name} is missing"));
-            let (weights, visible_bias, hidden_bias) = (take("weights")?, take("visible_bias")?, take("hidden_bias")?);
-            let (n_v, n_h) = (visible_bias.1.len(), hidden_bias.1.len());
-            if weights.0 != [n_v, n_h] || visible_bias.0 != [n_v] || hidden_bias.0 != [n_h] {
-                return Err(format!(
-                    "weights are {:?}, visible_bias {:?}, hidden_bias {:?}; expected [n_v, n_h], [n_v], [n_h]",
-                    weights.0, visible_bias.0, hidden_bias.0
-                ));
-            }
-            Self::new(about.visible, weights.1, visible_bias.1, hidden_bias.1).map_err(|e| e.to_string())
-        })?;
+        let (rbm, about) =
+            open(bytes, path, "rbm", |about: &AboutRbm, tensors| Self::of_tensors(about.visible, tensors))?;
         Ok((rbm, about.metadata))
     }
     /// Reads a model file; see [`Rbm::from_bytes`].

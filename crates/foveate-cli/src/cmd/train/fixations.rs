@@ -318,7 +318,7 @@ fn classifier(
         hidden.extend(rbm.hidden_probabilities(s.glimpses(), s.codes(), s.window()));
         labels.extend_from_slice(s.labels());
     }
-    let mut classifier = Softmax::fit(Rows::new(&hidden, rbm.hidden()), &labels, 10, Fit::default())?;
+    let (mut classifier, _) = Softmax::fit(Rows::new(&hidden, rbm.hidden()), &labels, 10, Fit::default())?;
     let s = held.sequences();
     let hidden = rbm.hidden_probabilities(s.glimpses(), s.codes(), s.window());
     classifier.calibrate(Rows::new(&hidden, rbm.hidden()), s.labels())?;

@@ -52,8 +52,8 @@ struct Args {
     #[command(flatten)]
     natural: Natural,
     /// Filters; ica has as many as whitened numbers at most, in whole subspaces.
-    #[arg(long, default_value_t = 100)]
-    units: usize,
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..=400))]
+    units: u16,
     /// Cells along a side of a patch, 2 to 8.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(2..=8))]
     patch: u8,
@@ -97,9 +97,9 @@ impl Args {
         Recipe {
             epochs: self.epochs,
             keep: self.keep,
-            softening: self.softening,
+            softening: Some(self.softening),
             seed: self.natural.seed,
-            ..Recipe::new(method, self.units)
+            ..Recipe::new(method, self.units.into())
         }
     }
     /// The command that makes the same model: every setting said, folders left open.

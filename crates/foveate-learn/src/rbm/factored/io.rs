@@ -27,33 +27,36 @@ fn tensors<'a>(whitening: &'a Whitening, parameters: &'a Parameters) -> Vec<Tens
     all
 }
 
-/// The machine in `tensors`, which are used up to what does not belong to one; problems in words.
-fn machine(tensors: &mut Tensors) -> std::result::Result<FactoredRbm, String> {
-    let mut shapes = vec![];
-    let mut take = |name: &str| {
-        let (shape, values) = tensors.remove(name).ok_or_else(|| format!("the tensor {name} is missing"))?;
-        shapes.push((name.to_string(), shape));
-        Ok::<_, String>(values)
-    };
-    let (mean, matrix) = (take("whitening.mean")?, take("whitening.matrix")?);
-    let mut parameters = Parameters::default();
-    for (name, part) in parameters.parts_mut() {
-        *part = take(name)?;
-    }
-    let whitening = Whitening::new(mean, matrix).map_err(|e| e.to_string())?;
-    let found = FactoredRbm::new(whitening, parameters).map_err(|e| e.to_string())?;
-    for ((name, shape), (_, expected, _)) in shapes.iter().zip(self::tensors(&found.whitening, &found.parameters)) {
-        if *shape != expected {
-            return Err(format!("{name} is {shape:?}, expected {expected:?}"));
-        }
-    }
-    Ok(found)
-}
-
 impl FactoredRbm {
     /// The bytes of a model file.
     pub fn to_bytes(&self, metadata: &Metadata) -> Vec<u8> {
-        pack(KIND, About { metadata: metadata.clone() }, &tensors(&self.whitening, &self.parameters))
+        pack(KIND, About { metadata: metadata.clone() }, &self.tensors())
+    }
+    /// The whitening, C, P, W and the biases, as model files have them.
+    pub fn tensors(&self) -> Vec<Tensor<'_>> {
+        tensors(&self.whitening, &self.parameters)
+    }
+    /// From the tensors of a model file, which are used up to what does not belong to a machine; problems in words.
+    pub fn of_tensors(tensors: &mut Tensors) -> std::result::Result<Self, String> {
+        let mut shapes = vec![];
+        let mut take = |name: &str| {
+            let (shape, values) = tensors.remove(name).ok_or_else(|| format!("the tensor {name} is missing"))?;
+            shapes.push((name.to_string(), shape));
+            Ok::<_, String>(values)
+        };
+        let (mean, matrix) = (take("whitening.mean")?, take("whitening.matrix")?);
+        let mut parameters = Parameters::default();
+        for (name, part) in parameters.parts_mut() {
+            *part = take(name)?;
+        }
+        let whitening = Whitening::new(mean, matrix).map_err(|e| e.to_string())?;
+        let found = Self::new(whitening, parameters).map_err(|e| e.to_string())?;
+        for ((name, shape), (_, expected, _)) in shapes.iter().zip(found.tensors()) {
+            if *shape != expected {
+                return Err(format!("{name} is {shape:?}, expected {expected:?}"));
+            }
+        }
+        Ok(found)
     }
     /// Writes a model file; it is whole or not there.
     pub fn save(&self, path: &Path, metadata: &Metadata) -> Result<()> {
@@ -63,7 +66,7 @@ impl FactoredRbm {
     ///
     /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
-        let (found, about) = open(bytes, path, KIND, |_: &About, tensors| machine(tensors))?;
+        let (found, about) = open(bytes, path, KIND, |_: &About, tensors| Self::of_tensors(tensors))?;
         Ok((found, about.metadata))
     }
     /// Reads a model file; see [`FactoredRbm::from_bytes`].
@@ -91,7 +94,7 @@ impl Trainer {
     pub fn resume(path: &Path, recipe: Recipe, rows: Rows<'_>, data_sha256: &str) -> Result<Self> {
         let as_long = |begun| Recipe { epochs: recipe.epochs, ..begun };
         let mut checkpoint = Checkpoint::open(path, CHECKPOINT, &recipe, as_long, ("data", data_sha256))?;
-        let found = machine(&mut checkpoint.tensors).map_err(|p| checkpoint.refuse(&p))?;
+        let found = FactoredRbm::of_tensors(&mut checkpoint.tensors).map_err(|p| checkpoint.refuse(&p))?;
         let mut fresh = Self::new(recipe, rows)?;
         let mut take = |name: &str, len: usize| match checkpoint.take(name, len)? {
             values if values.iter().all(|x| x.is_finite()) => Ok(values),
