@@ -25,7 +25,7 @@ pub fn input(py: Python<'_>, text: impl Into<String>) -> PyErr {
 pub fn of(py: Python<'_>, error: &Error) -> PyErr {
     let class = match error {
         Error::Config(_) => "ConfigError",
-        Error::Invalid(_) => "InputError",
+        Error::Invalid(_) | Error::Memory(_) => "InputError",
         _ => "FileError",
     };
     raise(py, class, error.to_string())

@@ -7,6 +7,7 @@
 mod bandits;
 mod errors;
 mod held;
+mod learn;
 mod making;
 mod multi;
 mod named;
@@ -27,9 +28,11 @@ mod _foveate {
     #[pymodule_export]
     use crate::bandits::PyPolicy;
     #[pymodule_export]
+    use crate::learn::{learn_codes, learn_fit, learn_scores, softmax_fit, softmax_log_probabilities};
+    #[pymodule_export]
     use crate::multi::{_restore_multi, PyMultiTracker};
     #[pymodule_export]
-    use crate::parts::{rbm_fit, rbm_free_energy, rbm_hidden, score_mot, score_ope, select};
+    use crate::parts::{score_mot, score_ope, select};
     #[pymodule_export]
     use crate::result::TrackResult;
     #[pymodule_export]

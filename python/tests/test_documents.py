@@ -83,6 +83,11 @@ def test_mypy_accepts_the_examples() -> None:
     check("mypy", "--strict", "--explicit-package-bases", "--cache-dir", os.devnull, *examples)
 
 
+def test_mypy_accepts_the_package() -> None:
+    pytest.importorskip("mypy", reason="skipped: no mypy")
+    check("mypy", "--strict", "--cache-dir", os.devnull, str(ROOT / "python/foveate"))
+
+
 def test_the_stubs_are_what_the_module_has() -> None:
     pytest.importorskip("mypy", reason="skipped: no mypy")
     check("mypy.stubtest", "foveate._foveate", "--ignore-missing-stub", "--ignore-disjoint-bases")

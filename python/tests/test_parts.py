@@ -206,32 +206,3 @@ def test_mot_figures_of_a_swap() -> None:
     for wrong in ([(0.5, 0, 1, 1, 1, 1)], [(0, -1, 1, 1, 1, 1)], [(0, 0, 1)], [(0, 0, math.nan, 1, 1, 1)]):
         with pytest.raises(foveate.InputError):
             metrics.mot(wrong, truth)
-
-
-def test_the_rbm_is_a_good_estimator() -> None:
-    pytest.importorskip("sklearn", reason="skipped: no scikit-learn")
-    from sklearn.utils.estimator_checks import check_estimator
-
-    from foveate.learn import RBM
-
-    check_estimator(RBM(n_components=3, n_iter=2))
-
-
-def test_free_energies_sum_to_the_partition_function() -> None:
-    """score_samples is log p(v) up to a constant: by enumeration of all v and h."""
-    pytest.importorskip("sklearn", reason="skipped: no scikit-learn")
-    from foveate.learn import RBM
-
-    rows = np.random.default_rng(0).integers(0, 2, (100, 4)).astype(np.float32)
-    rbm = RBM(n_components=3, visible="bernoulli", n_iter=5, learning_rate=0.5, random_state=1).fit(rows)
-    visible = np.array(list(itertools.product([0, 1], repeat=4)), np.float32)
-    hidden = np.array(list(itertools.product([0, 1], repeat=3)), np.float32)
-    joint = visible @ rbm.components_.T @ hidden.T
-    joint += (visible @ rbm.intercept_visible_)[:, None] + hidden @ rbm.intercept_hidden_
-    np.testing.assert_allclose(rbm.score_samples(visible), np.log(np.exp(joint).sum(axis=1)), rtol=1e-5)
-    posterior = np.exp(joint) / np.exp(joint).sum(axis=1, keepdims=True)
-    np.testing.assert_allclose(rbm.transform(visible), posterior @ hidden, rtol=1e-4)
-    again = RBM(n_components=3, visible="bernoulli", n_iter=5, learning_rate=0.5, random_state=1).fit(rows)
-    np.testing.assert_array_equal(again.components_, rbm.components_)
-    with pytest.raises(foveate.InputError):
-        RBM(visible="bernoulli").fit(rows - 3)

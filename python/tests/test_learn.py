@@ -1,0 +1,232 @@
+"""Learners with scikit-learn's protocol: its own checks, and oracles."""
+
+from __future__ import annotations
+
+import itertools
+import pickle
+import threading
+import time
+from typing import Any
+
+import foveate
+import numpy as np
+import pytest
+
+pytest.importorskip("sklearn", reason="skipped: no scikit-learn")
+
+from foveate.learn import ISA, RBM, Autoencoder, FactoredRBM, SoftmaxRegression, SparseCoding, SphericalKMeans
+from sklearn.base import clone
+from sklearn.cluster import KMeans
+from sklearn.datasets import load_digits, load_iris
+from sklearn.decomposition import sparse_encode
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.linear_model import LogisticRegression
+from sklearn.metrics import adjusted_rand_score
+from sklearn.preprocessing import StandardScaler
+from sklearn.utils.estimator_checks import check_estimator
+
+SMALL: list[Any] = [
+    RBM(3, n_iter=2),
+    FactoredRBM(4, 3, n_iter=2),
+    FactoredRBM(16, 3, n_iter=2, pooling="grid", persistent=False, pool_from=0),
+    Autoencoder(3, n_iter=2),
+    SphericalKMeans(3, n_iter=2),
+    SphericalKMeans(3, n_iter=2, softening=1.0),
+    SparseCoding(3, n_iter=2),
+    ISA(2, n_iter=2),
+]
+EVERY = [*SMALL, SoftmaxRegression()]
+
+
+@pytest.mark.parametrize("estimator", EVERY, ids=str)
+def test_they_are_good_estimators(estimator: Any) -> None:
+    """What scikit-learn skips needs pandas or scipy's array API."""
+    check_estimator(estimator, on_skip=None)
+
+
+@pytest.mark.parametrize("estimator", EVERY, ids=str)
+def test_the_same_seed_learns_the_same_and_what_is_wrong_is_said(estimator: Any) -> None:
+    rng = np.random.default_rng(4)
+    rows, labels = rng.normal(size=(60, 5)), rng.integers(0, 3, 60)
+    first = clone(estimator)
+    if "random_state" in first.get_params():
+        first.set_params(random_state=7)
+    makes = "predict_proba" if isinstance(first, SoftmaxRegression) else "transform"
+    made = getattr(first.fit(rows, labels), makes)(rows)
+    foveate.set_threads(1)
+    try:
+        again = getattr(clone(first).fit(rows, labels), makes)(rows)
+    finally:
+        foveate.set_threads(0)
+    np.testing.assert_array_equal(again, made)
+    np.testing.assert_array_equal(getattr(pickle.loads(pickle.dumps(first)), makes)(rows), made)
+    for wrong, said in [
+        (np.full((60, 5), np.nan), "NaN"),
+        (np.zeros((0, 5)), "0 sample"),
+        (rows[0], "Expected 2D array"),
+        (rows * 1e300, "scale it"),
+    ]:
+        with pytest.raises(ValueError, match=said):
+            clone(first).fit(wrong, labels[: len(wrong)])
+    with pytest.raises(ValueError, match="expecting 5 features"):
+        getattr(first, makes)(rows[:, :3])
+    for name, value in first.get_params().items():
+        if isinstance(value, int | float) and not isinstance(value, bool) and name not in ("random_state", "C", "tol"):
+            for bad in (float("nan"), "many", True):
+                with pytest.raises(foveate.ConfigError, match=name):
+                    clone(first).set_params(**{name: bad}).fit(rows, labels).transform(rows)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (SphericalKMeans(61), "61 filters need as many"),
+        (SphericalKMeans(0), "filters are 1 to"),
+        (SphericalKMeans(3, explained_variance=1.5), "share of variance"),
+        (SphericalKMeans(3, softening=0.0), "softening"),
+        (SparseCoding(3, alpha=0.0), "penalty"),
+        (ISA(2, subspace_size=3), "1, 2, 4 or 8"),
+        (ISA(2, subspace_size=8), "minimum of 8"),
+        (Autoencoder(10**30), "training"),
+        (Autoencoder(10**12), "65536"),
+        (Autoencoder(3, mask=1.0), "mask"),
+        (RBM(3, visible="grey"), "visible|variant"),  # type: ignore[arg-type]
+        (FactoredRBM(17, 3, pooling="grid"), "square"),
+        (FactoredRBM(4, 3, rejection_rate=0.0), "rejected"),
+        (SoftmaxRegression(C=0.0), "C is above 0"),
+        (SoftmaxRegression(max_iter=0), "max_iter"),
+    ],
+    ids=str,
+)
+def test_parameters_out_of_range_are_told(wrong: Any, said: str) -> None:
+    rng = np.random.default_rng(4)
+    with pytest.raises(ValueError, match=said):
+        wrong.fit(rng.normal(size=(60, 5)), rng.integers(0, 3, 60))
+
+
+def test_the_interpreter_goes_on_while_they_learn() -> None:
+    rows, ticks = np.random.default_rng(0).normal(size=(2000, 60)), 0
+    learner = threading.Thread(target=SparseCoding(100, n_iter=3).fit, args=(rows,))
+    learner.start()
+    while learner.is_alive():
+        time.sleep(0.01)
+        ticks += 1
+    assert ticks > 5
+
+
+def test_free_energies_sum_to_the_partition_function() -> None:
+    """score_samples is log p(v) up to a constant: by enumeration of all v and h."""
+    rows = np.random.default_rng(0).integers(0, 2, (100, 4)).astype(np.float32)
+    rbm = RBM(n_components=3, visible="bernoulli", n_iter=5, learning_rate=0.5, random_state=1).fit(rows)
+    visible = np.array(list(itertools.product([0, 1], repeat=4)), np.float32)
+    hidden = np.array(list(itertools.product([0, 1], repeat=3)), np.float32)
+    joint = visible @ rbm.components_.T @ hidden.T
+    joint += (visible @ rbm.intercept_visible_)[:, None] + hidden @ rbm.intercept_hidden_
+    np.testing.assert_allclose(rbm.score_samples(visible), np.log(np.exp(joint).sum(axis=1)), rtol=1e-5)
+    posterior = np.exp(joint) / np.exp(joint).sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(rbm.transform(visible), posterior @ hidden, rtol=1e-4)
+    again = RBM(n_components=3, visible="bernoulli", n_iter=5, learning_rate=0.5, random_state=1).fit(rows)
+    np.testing.assert_array_equal(again.components_, rbm.components_)
+    with pytest.raises(foveate.InputError):
+        RBM(visible="bernoulli").fit(rows - 3)
+
+
+def test_a_factored_rbm_knows_what_is_loud_together() -> None:
+    """Two pairs of numbers without correlation, loud or silent together: that is all there is to know of them."""
+    rng = np.random.default_rng(0)
+    volume = rng.exponential(size=(4000, 2))
+    rows = np.repeat(volume, 2, axis=1) * rng.normal(size=(4000, 4))
+    machine = FactoredRBM(n_factors=8, n_means=2, n_iter=20, random_state=0).fit(rows[:2000])
+    alone = rng.permuted(rows[2000:], axis=0)
+    assert machine.score_samples(rows[2000:]).mean() > machine.score_samples(alone).mean() + 0.05
+    assert machine.pooling_.shape == (8, 8) and (machine.pooling_ >= 0).all()
+
+
+def test_an_autoencoder_takes_noise_away() -> None:
+    """Ten values of which two are free: what it makes of noisy rows is nearer to the clean ones than they are."""
+    rng = np.random.default_rng(0)
+    clean = rng.normal(size=(3000, 2)) @ rng.normal(size=(2, 10))
+    coder = Autoencoder(20, mask=0.0, noise=0.5, n_iter=60, l2=0.0, random_state=0).fit(clean[:2000])
+    noisy = clean[2000:] + 0.5 * rng.normal(size=(1000, 10))
+    made = coder.inverse_transform(coder.transform(noisy))
+    assert ((made - clean[2000:]) ** 2).mean() < 0.4 * ((noisy - clean[2000:]) ** 2).mean()
+    hidden = 1 / (1 + np.exp(-(noisy @ coder.components_.T + coder.intercept_hidden_)))
+    np.testing.assert_allclose(coder.transform(noisy), hidden, atol=1e-5)
+
+
+def test_separated_clusters_are_those_of_scikit_learn() -> None:
+    """Six directions, of any length: the same parts as KMeans of the whitened rows at length 1."""
+    rng = np.random.default_rng(3)
+    labels = rng.integers(0, 6, 1200)
+    rows = rng.normal(size=(6, 10))[labels] * rng.uniform(3, 9, (1200, 1)) + 0.3 * rng.normal(size=(1200, 10))
+    model = SphericalKMeans(6, random_state=0).fit(rows)
+    found = model.transform(rows).argmax(axis=1)
+    white = (rows - model.mean_) @ model.whitening_.T
+    theirs = KMeans(6, n_init=10, random_state=0).fit_predict(white / np.linalg.norm(white, axis=1, keepdims=True))
+    assert adjusted_rand_score(found, theirs) == adjusted_rand_score(found, labels) == 1
+    np.testing.assert_allclose(np.linalg.norm(model.filters_, axis=1), 1, atol=1e-5)
+    np.testing.assert_allclose(model.components_ @ model.whitening_.T, model.filters_, atol=1e-4)
+    products = np.maximum(white @ model.filters_.T - 0.5, 0)
+    np.testing.assert_allclose(clone(model).set_params(threshold=0.5).fit(rows).transform(rows), products, atol=1e-4)
+
+
+def test_sparse_codes_are_those_of_scikit_learn() -> None:
+    """Each row's cost is that of its lasso, within 1e-4; with the noise left out the rows come back."""
+    rng = np.random.default_rng(0)
+    rows = (rng.random((1000, 12)) < 0.1) * rng.normal(size=(1000, 12)) @ rng.normal(size=(12, 8))
+    coder = SparseCoding(12, alpha=0.1, random_state=0).fit(rows)
+    codes = coder.transform(rows)
+    white, filters = ((rows - coder.mean_) @ coder.whitening_.T).astype(float), coder.filters_.astype(float)
+
+    def cost(s: Any) -> Any:
+        return 0.5 * ((white - s @ filters) ** 2).sum(axis=1) + 0.1 * np.abs(s).sum(axis=1)
+
+    theirs = sparse_encode(white, filters, algorithm="lasso_lars", alpha=0.1)
+    np.testing.assert_allclose(cost(codes), cost(theirs), atol=1e-4)
+    assert (codes != 0).mean() < 0.3
+    assert ((coder.inverse_transform(codes) - rows) ** 2).mean() < 0.01 * rows.var()
+
+
+def test_independent_sources_and_subspaces_are_found() -> None:
+    rng = np.random.default_rng(0)
+    sources = rng.laplace(size=(5000, 3))
+    mixed = sources @ rng.normal(size=(3, 3))
+    ica = ISA(3, subspace_size=1, random_state=0).fit(mixed)
+    match = np.abs(np.corrcoef(sources.T, ica.sources(mixed).T)[:3, 3:])
+    assert (match.max(axis=1) > 0.99).all() and sorted(match.argmax(axis=1)) == [0, 1, 2]
+    np.testing.assert_allclose(ica.transform(mixed), np.abs(ica.sources(mixed)), rtol=1e-6)
+
+    # Pairs that are loud together. Most starts end with pairs that are mixed up; the least cost says which did not.
+    pairs = np.repeat(rng.exponential(size=(10_000, 2)), 2, axis=1) * rng.normal(size=(10_000, 4))
+    mixing = rng.normal(size=(4, 4))
+    best = ISA(2, n_iter=30, n_init=10, random_state=0).fit(pairs @ mixing.T)
+    np.testing.assert_allclose(best.transform(pairs @ mixing.T).sum(axis=1).mean() / 4, best.cost_, rtol=1e-2)
+    shares = ((best.filters_ @ best.whitening_ @ mixing) ** 2).reshape(2, 2, 2, 2).sum(axis=(1, 3))
+    assert ((shares / shares.sum(axis=1, keepdims=True)).max(axis=1) > 0.99).all()
+
+
+@pytest.mark.parametrize("C", [0.1, 1.0, 10.0])
+def test_softmax_regression_is_scikit_learns(C: float) -> None:
+    """Three classes: weights within 2e-3, probabilities within 1e-3. Two classes: half the penalty."""
+    X, y = load_iris(return_X_y=True)
+    X = StandardScaler().fit_transform(X)
+    ours = SoftmaxRegression(C=C, tol=1e-6).fit(X, y)
+    theirs = LogisticRegression(C=C, tol=1e-8, max_iter=1000).fit(X, y)
+    np.testing.assert_allclose(ours.coef_, theirs.coef_, atol=2e-3)
+    np.testing.assert_allclose(ours.predict_proba(X), theirs.predict_proba(X), atol=1e-3)
+    names = np.array(["setosa", "versicolor", "virginica"])[y]
+    assert ours.score(X, y) == SoftmaxRegression(C=C, tol=1e-6).fit(X, names).score(X, names) == theirs.score(X, y)
+    two = y < 2
+    ours = SoftmaxRegression(C=C, tol=1e-6).fit(X[two], y[two])
+    theirs = LogisticRegression(C=2 * C, tol=1e-8, max_iter=1000).fit(X[two], y[two])
+    np.testing.assert_allclose(ours.predict_proba(X), theirs.predict_proba(X), atol=1e-3)
+
+
+def test_softmax_regression_says_what_is_wrong() -> None:
+    X, y = load_digits(return_X_y=True)
+    with pytest.warns(ConvergenceWarning, match="after 5 steps"):
+        model = SoftmaxRegression(max_iter=5).fit(X, y)
+    assert model.n_iter_ == 5
+    for labels, said in [(np.zeros(len(y)), "has 1 class"), (np.arange(len(y)), "2 to 256 classes"), (y + 0.5, "Unknown label type")]:
+        with pytest.raises(ValueError, match=said):
+            SoftmaxRegression().fit(X, labels)
