@@ -7,10 +7,12 @@
 What follows ``--`` goes to ``foveate track``, ``foveate reproduce`` or ``foveate eval``.
 
 Videos: a task each. Each video has a folder ``OUT/NAME`` with the files of ``foveate track``, and a summary ``OUT/NAME.json``,
-which appears when everything is whole: a second call passes over videos that have one. ``OUT/failures.txt`` lists videos that
-failed, with their errors; the exit status is 1 then. The first box of ``NAME.mp4`` is the first line of ``NAME.txt`` beside it,
+which appears when everything is whole: a second call passes over videos that have one. ``OUT/index.html`` has all, the worst first;
+``OUT/failures.txt`` lists videos that failed, with their errors; the exit status is 1 then. The first box of ``NAME.mp4`` is the first line of ``NAME.txt`` beside it,
 where ``--init`` is not given. A video that ``foveate track`` refuses is not tried again, for it would be refused again.
-``'s3://bucket/*.mp4'`` and other addresses that the package fsspec knows work, too: each task copies its video.
+
+``'s3://bucket/*.mp4'`` and other addresses that the package fsspec knows work, too, for videos and for ``--out``: each task copies its
+video to its machine, and its results from there when they are whole, the summary last.
 
 ``reproduce`` and ``eval``: a task for each of ``--parts`` parts of the runs (``--shard``), which keep them in ``OUT/runs``; then the
 program itself makes tables and page of them, here. A second call does only the runs that are not there yet.
@@ -23,21 +25,23 @@ from __future__ import annotations
 
 import argparse
 import ctypes
-import glob
+import html
 import importlib
 import json
 import os
 import signal
-import shutil
 import subprocess
 import sys
 import tempfile
 import time
+import urllib.parse
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from . import __main__ as program
+from . import _places
+from .errors import FileError
 
 PARTS = 4
 """Parts of the runs for each processor."""
@@ -63,61 +67,31 @@ def _called(arguments: Sequence[str], folder: str) -> tuple[str, str]:
 
 
 def track(video: str, out: str, options: Sequence[str], folder: str = ".") -> str:
-    """Tracks through a video with the program, and keeps its summary beside its folder; answers the error."""
-    if "://" in video:
-        with tempfile.TemporaryDirectory() as near:
-            return _tracked(_fetched(video, near), video, out, options, folder)
-    return _tracked(video, video, out, options, folder)
-
-
-def _tracked(path: str, video: str, out: str, options: Sequence[str], folder: str) -> str:
-    """Tracks through the video at a path, that is called otherwise where it is a copy."""
-    printed, error = _called(["track", path, "--out", out, "--json", *options], folder)
-    if not error:
-        summary = Path(f"{out}.json")
-        part = summary.with_name(f".{summary.name}.{os.getpid()}")
-        part.write_text(json.dumps({**json.loads(printed), "source": video}, indent=2) + "\n")
-        os.replace(part, summary)
-    return error
-
-
-def _files(address: str) -> Any:
-    """The file system of an address, and its path there."""
-    try:
-        fsspec: Any = importlib.import_module("fsspec")
-        return fsspec.url_to_fs(address)
-    except (ImportError, ValueError) as error:
-        raise SystemExit(f"{address} needs the package fsspec, and one for this kind of address, such as s3fs: {error}") from None
-
-
-def _fetched(video: str, folder: str) -> str:
-    """A copy of the video and of the file of its first box, if there is one, in a folder; answers its path."""
-    files, path = _files(video)
-    first = f"{path.rsplit('.', 1)[0]}.txt"
-    for name in (path, first):
-        if name == path or files.exists(name):
-            with files.open(name, "rb") as source, open(os.path.join(folder, os.path.basename(name)), "wb") as copy:
-                shutil.copyfileobj(source, copy)
-    return os.path.join(folder, os.path.basename(path))
-
-
-def _matching(pattern: str) -> list[str]:
-    """The videos that a pattern names; in an address as addresses."""
-    if "://" not in pattern:
-        return glob.glob(pattern)
-    files, path = _files(pattern)
-    return [files.unstrip_protocol(found) for found in files.glob(path)]
+    """Tracks through a video with the program; its results are a folder OUT, its summary OUT.json, written last. Answers the error."""
+    with tempfile.TemporaryDirectory() as near:
+        path = _places.fetch(video, near) if _places.is_address(video) else video
+        here = os.path.join(near, "results") if _places.is_address(out) else out
+        printed, error = _called(["track", path, "--out", here, "--json", *options], folder)
+        if error:
+            return error
+        if here != out:
+            _places.upload(here, out)
+        summary = json.loads(printed)
+        outputs = [output.replace(here, out, 1) for output in summary["outputs"]]
+        _places.write(f"{out}.json", json.dumps({**summary, "source": video, "outputs": outputs}, indent=2) + "\n")
+    return ""
 
 
 def part(command: Sequence[str], out: str, which: str, options: Sequence[str], folder: str = ".") -> str:
     """Does a part of the runs of ``foveate reproduce`` or ``eval``, such as ``"1/4"``; answers the error."""
-    return _called([*command, "--out", out, "--shard", which, *options], folder)[1]
+    with _places.nearby(out) as here:
+        return _called([*command, "--out", here, "--shard", which, *options], folder)[1]
 
 
 def videos(patterns: Sequence[str]) -> dict[str, str]:
     """The videos that match, by the names of their results."""
     found: dict[str, str] = {}
-    for path in sorted({path for pattern in patterns for path in _matching(pattern)}):
+    for path in sorted({path for pattern in patterns for path in _places.matching(pattern)}):
         name = Path(path).name if os.path.isdir(path) else Path(path).stem
         if name in found:
             raise SystemExit(f"{path}: its results would be in {name}, as those of {found[name]}; rename one")
@@ -172,31 +146,59 @@ def spread(ray: Any, work: Callable[..., str], jobs: Mapping[str, tuple[Any, ...
     return failures
 
 
-def run(found: Mapping[str, str], out: Path, options: Sequence[str], retries: int, workers: int | None) -> int:
+def page(summaries: Mapping[str, Mapping[str, Any]], failures: Mapping[str, str]) -> str:
+    """A table of videos: failures, then those with the largest share of frames whose box is doubtful or whose target is lost."""
+
+    def share(name: str) -> float:
+        tally = summaries[name]
+        return int(tally["uncertain_frames"] + tally["lost_frames"]) / max(1, int(tally["frames"]))
+
+    rows = [f"<tr><td>{html.escape(name)}<td><td><td><td><td>{html.escape(error)}" for name, error in sorted(failures.items())]
+    for name in sorted(summaries, key=lambda name: (-share(name), name)):
+        report = "report.html" if any(output.endswith("/report.html") for output in summaries[name]["outputs"]) else ""
+        counts = "".join(f"<td>{summaries[name][key]}" for key in ("frames", "uncertain_frames", "lost_frames"))
+        link = f'<a href="{urllib.parse.quote(name)}/{report}">{html.escape(name)}</a>'
+        rows.append(f"<tr><td>{link}{counts}<td>{100 * share(name):.1f}<td>")
+    heads = "".join(f"<th>{head}" for head in ("video", "frames", "uncertain", "lost", "uncertain or lost, %", "error"))
+    style = "body{font:15px sans-serif;margin:2em}td,th{padding:.2em .8em;text-align:right}td:first-child,td:last-child{text-align:left}"
+    return (
+        f'<!doctype html><meta charset="utf-8"><title>Runs</title>\n<style>{style}</style>\n'
+        f"<h1>{len(rows)} videos, the worst first</h1>\n<table><tr>{heads}\n" + "\n".join(rows) + "\n</table>\n"
+    )
+
+
+def run(found: Mapping[str, str], out: str, options: Sequence[str], retries: int, workers: int | None) -> int:
     """Tracks through all videos that have no summary yet; answers how many failed."""
+    root = _places.absolute(out)
+    finished = _places.names(root, ".json")
     ray = started(workers)
-    out.mkdir(parents=True, exist_ok=True)
-    left = {name: video for name, video in found.items() if not (out / f"{name}.json").exists()}
+    if not _places.is_address(out):
+        os.makedirs(root, exist_ok=True)
+    left = {name: video for name, video in found.items() if name not in finished}
     print(f"{len(found)} videos, {len(found) - len(left)} finished before", file=sys.stderr)
     began, folder = time.monotonic(), os.getcwd()
-    places = {name: video if "://" in video else os.path.abspath(video) for name, video in left.items()}
-    jobs = {name: (place, str((out / name).absolute()), list(options), folder) for name, place in places.items()}
-    failures = {found[name]: error for name, error in spread(ray, track, jobs, retries).items()}
-    listed = out / "failures.txt"
-    listed.unlink(missing_ok=True)
-    if failures:
-        listed.write_text("".join(f"{video}\t{error}\n" for video, error in sorted(failures.items())))
-    print(f"{len(left)} tracked in {time.monotonic() - began:.1f} s, {len(failures)} failed")
+    jobs = {name: (_places.absolute(video), f"{root}/{name}", list(options), folder) for name, video in left.items()}
+    failures = spread(ray, track, jobs, retries)
+    lines = [f"{found[name]}\t{error}\n" for name, error in failures.items()]
+    if lines:
+        _places.write(f"{root}/failures.txt", "".join(sorted(lines)))
+    else:
+        _places.remove(f"{root}/failures.txt")
+    whole = [name for name in found if name not in failures]
+    texts = _places.texts(root, [f"{name}.json" for name in whole])
+    summaries = {name: json.loads(text) for name, text in zip(whole, texts, strict=True)}
+    _places.write(f"{root}/index.html", page(summaries, failures))
+    print(f"{len(left)} tracked in {time.monotonic() - began:.1f} s, {len(failures)} failed; {out}/index.html")
     return len(failures)
 
 
 def run_parts(
-    command: Sequence[str], out: Path, options: Sequence[str], parts: int | None, retries: int, workers: int | None
+    command: Sequence[str], out: str, options: Sequence[str], parts: int | None, retries: int, workers: int | None
 ) -> int:
     """Does the runs of ``foveate reproduce`` or ``eval`` in parts, then the command itself; answers the exit status."""
     ray = started(workers)
     count = parts or PARTS * processors(ray)
-    began, folder, whole = time.monotonic(), os.getcwd(), str(out.absolute())
+    began, folder, whole = time.monotonic(), os.getcwd(), _places.absolute(out)
     names = [f"{i}/{count}" for i in range(1, count + 1)]
     failures = spread(ray, part, {name: (list(command), whole, name, list(options), folder) for name in names}, retries)
     for error in sorted(set(failures.values())):
@@ -205,13 +207,24 @@ def run_parts(
         print(f"{len(failures)} of {count} parts failed; the same command goes on from there", file=sys.stderr)
         return 1
     print(f"{count} parts in {time.monotonic() - began:.1f} s", file=sys.stderr)
-    merge = ["--merge", whole] if command[0] == "eval" else []
     sys.stdout.flush()
-    return subprocess.run([sys.executable, "-c", _HERE, *command, "--out", whole, *merge, *options]).returncode
+    with _places.nearby(whole) as here:
+        merge = ["--merge", here] if command[0] == "eval" else []
+        status = subprocess.run([sys.executable, "-c", _HERE, *command, "--out", here, *merge, *options]).returncode
+    if here != whole:
+        print(f"{here} is kept as {out}")
+    return status
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; answers the exit status."""
+    try:
+        return _main(arguments)
+    except FileError as error:
+        raise SystemExit(str(error)) from None
+
+
+def _main(arguments: Sequence[str] | None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     end = given.index("--") if "--" in given else len(given)
     own, options = given[:end], given[end + 1 :]
@@ -223,7 +236,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.add_argument("--videos", nargs="+", required=True, metavar="GLOB", help="video files, folders of images, addresses")
     if command == "reproduce":
         parser.add_argument("names", nargs="*", metavar="NAME", help="experiments, as foveate reproduce has them")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the results")
+    parser.add_argument("--out", required=True, metavar="DIR", help="folder or address for the results")
     parser.add_argument("--retries", type=int, default=3, metavar="N", help="tries after a worker died (3)")
     parser.add_argument("--workers", type=int, default=None, metavar="N", help="processes at a time (all processors)")
     if command is None:

@@ -1,14 +1,19 @@
-"""Many videos, evaluations and experiments on Ray: the results of the program, killed workers, a second call that has nothing to do."""
+"""Many videos, evaluations and experiments on Ray: the results of the program, killed workers, addresses, second calls."""
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import foveate.ray
 import pytest
@@ -49,35 +54,157 @@ def test_folders_on_ray(tmp_path: Path) -> None:
     assert not (tmp_path / "runs/failures.txt").exists()
 
 
-def test_addresses_on_ray(tmp_path: Path) -> None:
+OPTIONS = ["--profile", "fast", "--no-video", "--no-report"]
+
+
+def clip(folder: Path, name: str, first: int = 0) -> None:
+    """A video of six frames, and its first box."""
+    folder.mkdir(exist_ok=True)
+    frames = b"".join(b"FRAME\n" + drawn(first + t)[:, :, 1].tobytes() for t in range(6))
+    (folder / f"{name}.y4m").write_bytes(b"YUV4MPEG2 W160 H120 F25:1 Ip A1:1 Cmono\n" + frames)
+    x, y, w, h = FIRST
+    (folder / f"{name}.txt").write_text(f"{x + 3 * first + 1},{y + first + 1},{w},{h}\n")
+
+
+def program(folder: Path, *arguments: str) -> None:
+    subprocess.run([sys.executable, "-m", "foveate", *arguments], cwd=folder, check=True, capture_output=True, timeout=240)
+
+
+@pytest.mark.parametrize("kind", ["folder", "address"])
+def test_addresses_on_ray(tmp_path: Path, kind: str) -> None:
     """Addresses of files: those of buckets go the same way."""
     pytest.importorskip("ray", reason="skipped: no package ray")
     pytest.importorskip("fsspec", reason="skipped: no package fsspec")
-    x, y, w, h = FIRST
-    (tmp_path / "clips").mkdir()
-    for name in ("a", "bad"):
-        frames = b"".join(b"FRAME\n" + drawn(t)[:, :, 1].tobytes() for t in range(6))
-        head = b"YUV4MPEG2 W160 H120 F25:1 Ip A1:1 Cmono\n"
-        (tmp_path / f"clips/{name}.y4m").write_bytes(head + frames if name == "a" else b"no video")
-        (tmp_path / f"clips/{name}.txt").write_text(f"{x + 1},{y + 1},{w},{h}\n")
-    options = ["--profile", "fast", "--no-video", "--no-report"]
-    address = f"file://{tmp_path}/clips/"
-    command = [sys.executable, "-m", "foveate.ray", "--videos", f"{address}*.y4m", "--out", "runs", "--workers", "1", "--", *options]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=240)
+    clip(tmp_path / "clips", "a")
+    clip(tmp_path / "clips", "bad")
+    (tmp_path / "clips/bad.y4m").write_bytes(b"no video")
+    address, out = f"file://{tmp_path}/clips/", {"folder": "runs", "address": f"file://{tmp_path}/runs/"}[kind]
+    command = [sys.executable, "-m", "foveate.ray", "--videos", f"{address}*.y4m", "--out", out, "--workers", "1", "--", *OPTIONS]
+
+    def call() -> subprocess.CompletedProcess[str]:
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=240)
+
+    done = call()
     assert done.returncode == 1 and "2 tracked" in done.stdout, done.stderr
     assert (tmp_path / "runs/failures.txt").read_text().startswith(f"{address}bad.y4m\t")
-    assert json.loads((tmp_path / "runs/a.json").read_text())["source"] == f"{address}a.y4m"
-    alone = [sys.executable, "-m", "foveate", "track", "clips/a.y4m", "--out", "alone", *options]
-    subprocess.run(alone, cwd=tmp_path, check=True, capture_output=True)
+    summary = json.loads((tmp_path / "runs/a.json").read_text())
+    assert summary["source"] == f"{address}a.y4m" and summary["outputs"][0].endswith("runs/a/boxes.txt")
+    assert [path.name for path in (tmp_path / "runs").glob(".*")] == []
+    index = (tmp_path / "runs/index.html").read_text()
+    assert index.index("<td>bad<td>") < index.index('<a href="a/">a</a><td>6<td>0<td>0')
+    program(tmp_path, "track", "clips/a.y4m", "--out", "alone", *OPTIONS)
     assert (tmp_path / "runs/a/boxes.txt").read_bytes() == (tmp_path / "alone/boxes.txt").read_bytes()
-    with pytest.raises(SystemExit, match="needs the package fsspec"):
-        foveate.ray.videos(["nobody-knows-this://a/*.mp4"])
+    clip(tmp_path / "clips", "bad")
+    done = call()
+    assert done.returncode == 0 and "1 finished before" in done.stderr and "1 tracked" in done.stdout, done.stderr
+    assert not (tmp_path / "runs/failures.txt").exists() and (tmp_path / "runs/bad.json").is_file()
+    assert "2 videos" in (tmp_path / "runs/index.html").read_text()
+
+
+def test_an_upload_that_ends_early_leaves_no_mark(tmp_path: Path) -> None:
+    """Whatever was the last thing that was done: only what is whole has a summary, and another try makes it whole."""
+    fsspec = pytest.importorskip("fsspec", reason="skipped: no package fsspec")
+    from fsspec.implementations.local import LocalFileSystem  # noqa: PLC0415: may be absent
+
+    left = 0
+
+    class Shaky(LocalFileSystem):  # type: ignore[misc]
+        """Changes `left` files, no more."""
+
+        protocol = "shaky"
+
+        @classmethod
+        def _strip_protocol(cls, path: str) -> str:
+            return str(super()._strip_protocol(path.removeprefix("shaky://")))
+
+        def change(self, change: str, *arguments: str) -> None:
+            nonlocal left
+            left -= 1
+            if left < 0:
+                raise OSError("the connection is lost")
+            getattr(super(), change)(*arguments)
+
+        def put_file(self, *arguments: str) -> None:
+            self.change("put_file", *arguments)
+
+        def pipe_file(self, *arguments: str) -> None:
+            self.change("pipe_file", *arguments)
+
+        def mv(self, *arguments: str) -> None:
+            self.change("mv", *arguments)
+
+        def rm_file(self, *arguments: str) -> None:
+            self.change("rm_file", *arguments)
+
+    fsspec.register_implementation("shaky", Shaky, clobber=True)
+    clip(tmp_path, "a")
+    stale = tmp_path / "runs/a/stale.txt"
+    stale.parent.mkdir(parents=True)
+    results = {"boxes.txt", "run.json", "track.csv"}
+    for changes in range(20):
+        stale.write_text("of a call with other options")
+        left = changes
+        try:
+            error = foveate.ray.track(str(tmp_path / "a.y4m"), f"shaky://{tmp_path}/runs/a", OPTIONS)
+        except foveate.FileError as lost:
+            assert "shaky://" in str(lost) and "the connection is lost" in str(lost)
+            assert not (tmp_path / "runs/a.json").exists()
+            continue
+        assert error == "" and {path.name for path in stale.parent.iterdir()} == results
+        break
+    assert changes == len(results) + 3, "three files, one that goes, and the summary in two steps"
+    assert json.loads((tmp_path / "runs/a.json").read_text())["frames"] == 6
+
+
+@pytest.fixture
+def bucket(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """The address of a bucket of a server with S3's interface on this machine, and its file system."""
+    for package in ("ray", "s3fs", "moto.server"):
+        pytest.importorskip(package, reason=f"skipped: no package {package}")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    for name, value in (("ACCESS_KEY_ID", "a"), ("SECRET_ACCESS_KEY", "b"), ("DEFAULT_REGION", "us-east-1")):
+        monkeypatch.setenv(f"AWS_{name}", value)
+    monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{port}")
+    command = [sys.executable, "-c", "import sys, moto.server; moto.server.main(sys.argv[1:])", "-p", str(port)]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as server:
+        for _ in range(200):
+            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port)):
+                break
+            time.sleep(0.1)
+        files = importlib.import_module("s3fs").S3FileSystem(skip_instance_cache=True)
+        files.mkdir("videos")
+        yield files
+        server.terminate()
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="skipped: no /proc")
+def test_a_bucket_on_ray(tmp_path: Path, bucket: Any) -> None:
+    """Videos in a bucket, results to a bucket, workers that are killed."""
+    names = [f"clip-{i}" for i in range(8)]
+    for i, name in enumerate(names):
+        clip(tmp_path / "clips", name, i)
+    bucket.put(str(tmp_path / "clips") + "/", "videos/clips/", recursive=True)
+    again = ["--videos", "s3://videos/clips/*.y4m", "--out", "s3://videos/runs", "--workers", "2", "--", *OPTIONS]
+    assert "8 tracked" in on_ray(tmp_path, again, kill=2, task=b"track")
+    bucket.invalidate_cache()
+    assert {path for path in bucket.ls("videos/runs", detail=False) if "." in path} == {
+        "videos/runs/index.html",
+        *(f"videos/runs/{name}.json" for name in names),
+    }
+    for name in names:
+        program(tmp_path, "track", f"clips/{name}.y4m", "--out", f"alone/{name}", *OPTIONS)
+        for file in ("boxes.txt", "track.csv"):
+            assert bucket.cat_file(f"videos/runs/{name}/{file}") == (tmp_path / "alone" / name / file).read_bytes()
+    bucket.rm_file("videos/runs/clip-3.json")
+    assert "7 finished before" in on_ray(tmp_path, again, kill=0)
 
 
 def test_without_ray_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(SystemExit, match="pip install ray"):
-        foveate.ray.run({}, tmp_path / "runs", [], 1, None)
+        foveate.ray.run({}, str(tmp_path / "runs"), [], 1, None)
     with pytest.raises(SystemExit, match="pip install ray"):
         foveate.ray.main(["reproduce", "table3", "--out", str(tmp_path / "runs"), "--", "--quick"])
     assert not (tmp_path / "runs").exists()
@@ -109,13 +236,13 @@ def tasks(process: int, name: bytes) -> list[int]:
     return [one for one, (_, words) in processes.items() if words.startswith(b"ray::" + name) and descends(one)]
 
 
-def on_ray(folder: Path, arguments: list[str], kill: int) -> str:
+def on_ray(folder: Path, arguments: list[str], kill: int, task: bytes = b"part") -> str:
     """Calls `python -m foveate.ray`, and kills so many of its workers that are at work; answers what it prints."""
     command = [sys.executable, "-m", "foveate.ray", *arguments]
     with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as process:
         killed: set[int] = set()
         while process.poll() is None and len(killed) < kill:
-            for worker in set(tasks(process.pid, b"part")) - killed:
+            for worker in set(tasks(process.pid, task)) - killed:
                 time.sleep(0.3)
                 programs = [one for one, (parent, _) in running().items() if parent == worker]
                 os.kill(worker, signal.SIGKILL)
@@ -135,22 +262,23 @@ def on_ray(folder: Path, arguments: list[str], kill: int) -> str:
 def test_evaluation_and_experiments_on_ray(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("ray", reason="skipped: no package ray")
 
-    def program(*arguments: str) -> None:
-        command = [sys.executable, "-m", "foveate", *arguments]
-        subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, timeout=240)
-
     for digit in ("3", "7"):
-        program("synth", "clutter", "--digit", digit, "--frames", "60", "--out", f"seqs/video-{digit}")
+        program(tmp_path, "synth", "clutter", "--digit", digit, "--frames", "60", "--out", f"seqs/video-{digit}")
     options = ["--seqs", "seqs", "--config", "digits", "--seeds", "4"]
-    program("eval", "--out", "alone", *options)
+    program(tmp_path, "eval", "--out", "alone", *options)
     on_ray(tmp_path, ["eval", "--out", "shared", "--workers", "2", "--parts", "3", "--", *options], kill=2)
     for name in ("confidence.json", "reliability.svg", "foveate/seed-4/video-7.txt"):
         assert (tmp_path / "shared" / name).read_bytes() == (tmp_path / "alone" / name).read_bytes(), name
+    if importlib.util.find_spec("fsspec"):
+        address = f"file://{tmp_path}/far"
+        on_ray(tmp_path, ["eval", "--out", address, "--workers", "2", "--parts", "3", "--", *options], kill=1)
+        for name in ("confidence.json", "reliability.svg", "foveate/seed-4/video-7.txt"):
+            assert (tmp_path / "far" / name).read_bytes() == (tmp_path / "alone" / name).read_bytes(), name
 
     # The digits are drawn where there are no data.
     monkeypatch.setenv("FOVEATE_DATA", str(tmp_path))
     options = ["--quick"]
-    program("reproduce", "table3", "--out", "one", *options)
+    program(tmp_path, "reproduce", "table3", "--out", "one", *options)
     again = ["reproduce", "table3", "--out", "many", "--workers", "2"]
     on_ray(tmp_path, [*again, "--parts", "3", "--", *options], kill=2)
     for name in ("table3.json", "table3.csv"):
