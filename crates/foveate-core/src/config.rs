@@ -23,6 +23,11 @@ mod identity;
 #[cfg(feature = "learn")]
 mod learned;
 mod multi;
+#[cfg(feature = "onnx")]
+mod onnx;
+#[cfg(not(feature = "onnx"))]
+#[path = "config/no_onnx.rs"]
+mod onnx;
 mod policies;
 mod proposals;
 mod ranges;
@@ -48,7 +53,7 @@ pub use choose::{Configure, POLICIES, Profile};
 pub use encoders::EncoderConfig;
 pub use policies::PolicyConfig;
 use policies::policy;
-pub use proposals::{DetectorConfig, ProposalConfig};
+pub use proposals::{DetectorConfig, DetectorParts, ProposalConfig};
 use ranges::Ranges;
 #[cfg(feature = "learn")]
 pub use reading::RECOGNISERS;
@@ -130,7 +135,9 @@ impl Config {
         }
         let (retina, encoder) = self.identity(files)?;
         let recogniser = self.recogniser.as_ref().map(|r| r.read(files)).transpose()?;
-        let blueprint = Blueprint { config: self, retina: Arc::new(retina), encoder, shadow: vec![], recogniser };
+        let detector = self.detector.as_ref().map(|d| d.read(files)).transpose()?;
+        let (retina, shadow) = (Arc::new(retina), vec![]);
+        let blueprint = Blueprint { config: self, retina, encoder, shadow, detector, recogniser };
         blueprint.fits()?;
         blueprint.parts()?;
         Ok(blueprint)
@@ -149,6 +156,7 @@ pub struct Blueprint {
     retina: Arc<Foveal>,
     encoder: Arc<dyn Encoder>,
     shadow: Vec<crate::geometry::Gaze>,
+    detector: Option<DetectorParts>,
     recogniser: Option<reading::Recogniser>,
 }
 

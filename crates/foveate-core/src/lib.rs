@@ -11,6 +11,8 @@ pub mod gaze;
 pub mod geometry;
 pub mod identity;
 pub mod multi;
+#[cfg(feature = "onnx")]
+mod onnx;
 pub mod recognition;
 pub mod reference;
 pub mod scene;

@@ -51,7 +51,7 @@
 //! | the full algorithm (section 5) | [`Tracker`]; everything that a frame computed: [`step::Step`] |
 //! | xₜ, aₜ, and where a gaze falls | [`geometry::State`], [`geometry::Gaze`], [`geometry::Fixation`] |
 //! | vₜ, the foveated glimpse | [`identity::Retina`]: [`identity::Foveal`], on a [`identity::Pyramid`] |
-//! | hₜ, first-layer features | [`identity::Encoder`]: [`identity::encoder::Raw`], [`identity::oriented::Oriented`]; with the feature `learn` RBMs and others |
+//! | hₜ, first-layer features | [`identity::Encoder`]: [`identity::encoder::Raw`], [`identity::oriented::Oriented`]; with the feature `learn` RBMs and others, with `onnx` networks from ONNX files |
 //! | the RBM and its training; h⁽²⁾ₜ, the multi-fixation RBM (section 2.2) | `learn::rbm`; what they learn from, `lab::training` |
 //! | p(cₜ \| h⁽²⁾ₜ) | [`identity::Recognizer`], `learn::softmax` |
 //! | d(h, τ) | [`identity::Distance`]: [`identity::distance::Kind`] |
@@ -75,6 +75,7 @@
 //! | `video` | yes | `video`: image folders, MP4, the ffmpeg program, annotation files |
 //! | `report` | yes | `report`: tables, annotated video, the report page, runs from a source to observers |
 //! | `learn` | no | `learn`: RBMs, autoencoder, k-means, softmax; learned encoders and recognisers, and the models that ship |
+//! | `onnx` | no | encoders and object detectors from ONNX files (`encoder.kind`, `detector.kind`: `onnx`); its build takes minutes |
 //! | `lab` | no | `lab`: evaluation, training runs, synthetic scenes, experiments |
 #![forbid(unsafe_code)]
 

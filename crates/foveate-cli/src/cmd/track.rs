@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use foveate::config::{Blueprint, Config, RecogniserConfig};
+use foveate::config::{Blueprint, Config, DetectorConfig, RecogniserConfig};
 use foveate::files::Folder;
 use foveate::geometry::BBox;
 use foveate::lab::eval::policy_set;
@@ -130,7 +130,11 @@ impl Args {
     /// What the run reads, for its results must not replace that.
     fn inputs(&self) -> Vec<&Path> {
         let files = [&self.load_state, &self.many.detections, &self.many.inits];
-        let model = self.recognise.iter().map(Path::new);
+        let network = match &self.many.detect {
+            Some(DetectorConfig::Onnx(settings)) => Some(Path::new(&settings.model)),
+            _ => None,
+        };
+        let model = self.recognise.iter().map(Path::new).chain(network);
         let config = self.config.iter().map(Path::new);
         files.into_iter().flatten().map(PathBuf::as_path).chain(model).chain(config).chain([&*self.source]).collect()
     }

@@ -163,6 +163,22 @@ fn mistakes_are_told_in_words() {
     assert!(error.contains("nothing") && error.contains("natural") && error.contains("digits"), "{error}");
 }
 
+/// Who asks for a network in a build without it is told how to get one.
+#[cfg(not(feature = "onnx"))]
+#[test]
+fn a_build_without_onnx_says_so() {
+    let place = Place::new();
+    for args in [
+        &["video", "--detect", "onnx:a.onnx"][..],
+        &["video", "--set", "encoder={ kind = \"onnx\", model = \"a.onnx\" }"],
+        &["video", "--set", "detector={ kind = \"onnx\", model = \"a.onnx\" }"],
+    ] {
+        let error = place.failure(args);
+        let words = ["a.onnx", "has no ONNX", "cargo build --release --features onnx"];
+        assert!(words.iter().all(|word| error.contains(word)), "{args:?}: {error}");
+    }
+}
+
 /// The sixth picture is cut: five frames were tracked, and are kept.
 #[test]
 fn a_source_that_breaks_half_way_keeps_what_was_tracked() {

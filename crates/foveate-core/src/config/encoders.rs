@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::identity::onnx::Planes;
 use crate::identity::oriented;
 #[cfg(feature = "learn")]
 use crate::identity::rbm_encoder::Precision;
@@ -90,6 +91,21 @@ pub enum EncoderConfig {
         /// Share of its features that are hand-made gradients, as the oriented encoder has them: 0, none of them, to 1.
         #[serde(default)]
         gradients: f32,
+    },
+    /// A network from an ONNX file, its first output row by row: deep features. It needs a build with ONNX (`--features onnx`) and a
+    /// retina: of one window for an input of (N, planes, side, side), any for (N, values).
+    Onnx {
+        /// The ONNX file, relative to the configuration.
+        model: String,
+        /// What a network of three planes is fed.
+        #[serde(default)]
+        planes: Planes,
+        /// Taken off the values, 0 to 1, that it is fed: none, one number, or one a plane.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        mean: Vec<f32>,
+        /// What they are divided by then: none, one number, or one a plane.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        std: Vec<f32>,
     },
     /// Gradients in eight directions, grey and colour of a retina of one ring.
     Oriented {

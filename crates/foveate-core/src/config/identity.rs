@@ -27,9 +27,10 @@ pub(super) fn first_layer(
     given: Option<FovealConfig>,
     places: Places<'_>,
 ) -> Result<(Foveal, Arc<dyn Encoder>)> {
-    #[cfg(not(feature = "learn"))]
-    let _ = places;
     match encoder {
+        EncoderConfig::Onnx { model, planes, mean, std } => {
+            super::onnx::first_layer(model, *planes, (mean, std), given, places)
+        }
         EncoderConfig::Oriented { weights } => {
             let config = given.ok_or_else(|| {
                 Error::Config("an oriented encoder needs a retina; for example [retina] kind = \"foveal\", side = 16, rings = [[18, 1]], colour = [[16, 4]]".into())

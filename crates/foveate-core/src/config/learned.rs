@@ -58,7 +58,9 @@ pub(super) fn first_layer(
             let encoder = NetworkEncoder::new(model, retina.cells(), *gradients)?;
             Ok((retina, Arc::new(encoder)))
         }
-        EncoderConfig::Oriented { .. } | EncoderConfig::Raw { .. } => unreachable!("these have no learned weights"),
+        EncoderConfig::Onnx { .. } | EncoderConfig::Oriented { .. } | EncoderConfig::Raw { .. } => {
+            unreachable!("these were made before the learned ones")
+        }
     }
 }
 

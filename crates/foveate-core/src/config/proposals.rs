@@ -5,10 +5,12 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::Blueprint;
+use super::onnx::Network;
 use super::ranges::Ranges;
 use crate::control::{Autoregressive, Mixing, Mixture, Prior, Proposal};
-use crate::scene::{Detector, Flow, Image, Motion, Preprocessor, Saliency, Walkers};
+use crate::scene::{Detector, Flow, Image, Motion, Preprocessor, Saliency, Walkers, object_detector};
 use foveate_base::Result;
+use foveate_base::files::Files;
 
 /// The proposals there are.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -21,8 +23,8 @@ pub enum ProposalConfig {
     Mixture(Mixing),
 }
 
-/// The detectors there are; none needs a model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+/// The detectors there are; all but `onnx` need no model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum DetectorConfig {
     /// What differs from the background learned so far; for a camera that stands still.
@@ -33,38 +35,76 @@ pub enum DetectorConfig {
     Saliency,
     /// What moves otherwise than the camera.
     Flow,
+    /// Objects of known classes, by a network from an ONNX file. It needs a build with ONNX (`--features onnx`).
+    Onnx(object_detector::Settings),
 }
 
 impl DetectorConfig {
-    /// All of them, by name.
+    /// Those that need no model, by name.
     pub const ALL: [(&str, Self); 4] =
         [("motion", Self::Motion), ("walkers", Self::Walkers), ("saliency", Self::Saliency), ("flow", Self::Flow)];
 
-    /// A detector that has seen nothing yet.
-    pub fn detector(self) -> Box<dyn Detector> {
+    /// Its name in a configuration.
+    pub fn name(&self) -> &'static str {
         match self {
-            Self::Motion => Box::<Motion>::default(),
-            Self::Walkers => Box::<Walkers>::default(),
-            Self::Saliency => Box::<Saliency>::default(),
-            Self::Flow => Box::<Flow>::default(),
+            Self::Motion => "motion",
+            Self::Walkers => "walkers",
+            Self::Saliency => "saliency",
+            Self::Flow => "flow",
+            Self::Onnx(_) => "onnx",
+        }
+    }
+
+    /// What detectors are made of, once a model that it needs is read from `files`.
+    ///
+    /// # Errors
+    /// Where its model cannot be read, is no detector, or needs a feature that this build is without.
+    pub fn read(&self, files: &dyn Files) -> Result<DetectorParts> {
+        self.ranges()?;
+        let network = match self {
+            Self::Onnx(settings) => Some(super::onnx::detector(settings, files)?),
+            _ => None,
+        };
+        Ok(DetectorParts { config: self.clone(), network })
+    }
+}
+
+/// A detector whose model is read: as many as there are videos can be made of it.
+#[derive(Clone)]
+pub struct DetectorParts {
+    config: DetectorConfig,
+    network: Option<Network>,
+}
+
+impl DetectorParts {
+    /// A detector that has seen nothing yet.
+    pub fn detector(&self) -> Box<dyn Detector> {
+        match (&self.config, &self.network) {
+            (DetectorConfig::Motion, _) => Box::<Motion>::default(),
+            (DetectorConfig::Walkers, _) => Box::<Walkers>::default(),
+            (DetectorConfig::Saliency, _) => Box::<Saliency>::default(),
+            (DetectorConfig::Flow, _) => Box::<Flow>::default(),
+            (DetectorConfig::Onnx(_), network) => {
+                super::onnx::boxed(network.as_ref().expect("it is read where the parts are made"))
+            }
         }
     }
     /// A detector that has seen these pictures of the background, and keeps what it learned from them for long; those that
     /// need no background have seen nothing yet.
-    pub fn knowing(self, background: &[Image]) -> Box<dyn Detector> {
-        match self {
-            Self::Motion => {
+    pub fn knowing(&self, background: &[Image]) -> Box<dyn Detector> {
+        match self.config {
+            DetectorConfig::Motion => {
                 let mut motion = Motion::default();
                 motion.patience = u8::MAX;
                 motion.learn_background(background);
                 Box::new(motion)
             }
-            Self::Walkers => {
+            DetectorConfig::Walkers => {
                 let mut walkers = Walkers::default();
                 walkers.learn_background(background);
                 Box::new(walkers)
             }
-            Self::Saliency | Self::Flow => self.detector(),
+            DetectorConfig::Saliency | DetectorConfig::Flow | DetectorConfig::Onnx(_) => self.detector(),
         }
     }
 }
@@ -72,9 +112,17 @@ impl DetectorConfig {
 impl Blueprint {
     /// What looks at every picture beside the trackers, as the configuration has it.
     pub fn preprocessor(&self) -> Preprocessor {
-        let config = self.config();
-        let detector = config.detector.map(DetectorConfig::detector);
-        Preprocessor::new(detector, config.camera_motion.map(|camera_motion| camera_motion.finest()))
+        let detector = self.detector.as_ref().map(DetectorParts::detector);
+        Preprocessor::new(detector, self.config().camera_motion.map(|camera_motion| camera_motion.finest()))
+    }
+}
+
+impl Ranges for DetectorConfig {
+    fn ranges(&self) -> Result<()> {
+        match self {
+            Self::Onnx(settings) => settings.check(),
+            Self::Motion | Self::Walkers | Self::Saliency | Self::Flow => Ok(()),
+        }
     }
 }
 

@@ -48,7 +48,7 @@ pub struct Config {
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub camera_motion: Option<CameraMotion>,
     /// What looks for candidates in every frame, for the proposal and the detection likelihood; left out, nothing does.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub detector: Option<DetectorConfig>,
     /// p(x₀).
     #[serde(default, deserialize_with = "in_range")]
@@ -180,6 +180,7 @@ impl Ranges for Config {
         self.proposal.ranges()?;
         self.detection_likelihood.ranges()?;
         self.camera_motion.ranges()?;
+        self.detector.ranges()?;
         self.start.ranges()?;
         self.retina.ranges()?;
         self.likelihood.ranges()?;

@@ -29,6 +29,7 @@ pub mod network;
 mod numbers;
 #[cfg(feature = "learn")]
 pub mod online;
+pub mod onnx;
 pub mod oriented;
 mod packed;
 pub mod pyramid;

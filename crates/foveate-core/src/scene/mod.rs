@@ -10,6 +10,7 @@ pub mod map;
 pub mod meter;
 mod morphology;
 pub mod motion;
+pub mod object_detector;
 pub mod preprocessor;
 pub mod saliency;
 pub mod sensor;
@@ -23,6 +24,8 @@ pub use self::image::{Image, Pixels};
 pub use self::map::Map;
 pub use self::meter::Meter;
 pub use self::motion::Motion;
+#[cfg(feature = "onnx")]
+pub use self::object_detector::ObjectDetector;
 pub use self::preprocessor::{Preprocessor, Scene};
 pub use self::saliency::Saliency;
 pub use self::sensor::{Regions, Sensor, SensorSettings};

@@ -35,8 +35,8 @@ const INTRODUCTIONS: [(&str, &str); 21] = [
     ),
     (
         "detector",
-        "A detector that is built in and runs once a frame. It feeds `[proposal]` and `[detection_likelihood]`, and starts the tracks of \
-         many targets. Detections of your own take its place.",
+        "A detector that is built in, or a network in an ONNX file ([onnx.md](onnx.md)), runs once a frame. It feeds `[proposal]` and \
+         `[detection_likelihood]`, and starts the tracks of many targets. Detections of your own take its place.",
     ),
     ("start", "The spread of the first particles about the given box, p(x₀)."),
     (
@@ -46,7 +46,8 @@ const INTRODUCTIONS: [(&str, &str); 21] = [
     ),
     (
         "encoder",
-        "The features of a glimpse. `oriented` is for real video, `raw` for digits; the others have learned weights.",
+        "The features of a glimpse. `oriented` is for real video, `raw` for digits; the others have learned weights, `onnx` those of a network \
+         of yours ([onnx.md](onnx.md)).",
     ),
     (
         "likelihood",
@@ -138,6 +139,7 @@ fn policy(config: &PolicyConfig) -> String {
 
 fn encoder(config: &EncoderConfig) -> &'static str {
     match config {
+        EncoderConfig::Onnx { .. } => "network in an ONNX file (`onnx`)",
         EncoderConfig::Oriented { .. } => "gradients (`oriented`)",
         EncoderConfig::Raw { standardise: true } => "standardised pixels (`raw`)",
         EncoderConfig::Raw { .. } => "pixels (`raw`)",
@@ -288,6 +290,8 @@ impl Part<'_> {
             ("String", _) => "text".into(),
             ("Schedule", _) => "number, `\"anytime\"` or `{ frames = 300 }`".into(),
             ("[f64; CUES]", _) => "9 numbers".into(),
+            ("Vec<f32>", _) => "list of numbers".into(),
+            ("Vec<usize>", _) => "list of integers".into(),
             ("Patch", _) => "`[reach, values]`".into(),
             ("Vec<Patch>", _) => "list of `[reach, values]`".into(),
             ("Vec<[usize; 2]>", _) => "list of `[window, cell]`".into(),

@@ -106,10 +106,10 @@ enum Source {
 impl Source {
     /// What is asked for comes first; then the configuration's detector does not run.
     fn choose(args: &ManyArgs, config: &mut Config) -> Result<Self> {
-        let chosen = match (args.detect, &args.detections) {
+        let chosen = match (args.detector()?, &args.detections) {
             (Some(kind), _) => Self::Ours(kind, config.detector.take()),
             (None, Some(path)) => Self::File(path.clone(), config.detector.take()),
-            (None, None) => config.detector.map_or(Self::Nothing, Self::Configured),
+            (None, None) => config.detector.clone().map_or(Self::Nothing, Self::Configured),
         };
         match chosen {
             Self::Nothing | Self::Configured(_) if args.save_detections.is_some() => Err(Error::Invalid(
@@ -130,15 +130,18 @@ impl Source {
 
 impl std::fmt::Display for Source {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let name = |kind: DetectorConfig| DetectorConfig::ALL.into_iter().find(|d| d.1 == kind).map_or("", |d| d.0);
+        let name = |detector: &DetectorConfig| match detector {
+            DetectorConfig::Onnx(settings) => format!("onnx:{}", settings.model),
+            detector => detector.name().to_owned(),
+        };
         let replaced = match self {
             Self::Nothing => return write!(f, "none, given boxes alone"),
-            Self::Configured(kind) => return write!(f, "{}, the configuration's", name(*kind)),
-            Self::Ours(kind, replaced) => write!(f, "{} (--detect)", name(*kind)).map(|()| replaced)?,
+            Self::Configured(kind) => return write!(f, "{}, the configuration's", name(kind)),
+            Self::Ours(kind, replaced) => write!(f, "{} (--detect)", name(kind)).map(|()| replaced)?,
             Self::File(path, replaced) => write!(f, "{}", path.display()).map(|()| replaced)?,
         };
         match replaced {
-            Some(kind) => write!(f, ", in the place of the configuration's {}", name(*kind)),
+            Some(kind) => write!(f, ", in the place of the configuration's {}", name(kind)),
             None => Ok(()),
         }
     }

@@ -52,7 +52,9 @@ pub struct SourceArgs {
 }
 
 /// A value by its name.
-pub fn named<T: Copy + Send + Sync + 'static>(all: [(&'static str, T); 3]) -> impl TypedValueParser<Value = T> {
+pub fn named<T: Copy + Send + Sync + 'static, const N: usize>(
+    all: [(&'static str, T); N],
+) -> impl TypedValueParser<Value = T> {
     let find = move |name: String| all.into_iter().find(|(n, _)| *n == name).expect("it is one of them").1;
     PossibleValuesParser::new(all.map(|(name, _)| name)).map(find)
 }

@@ -1,11 +1,14 @@
 //! What is detected, by the program or from a file, frame by frame.
 
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use clap::builder::{PossibleValuesParser, TypedValueParser};
-use foveate::config::DetectorConfig;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use foveate::config::{DetectorConfig, DetectorParts};
+use foveate::files::Folder;
 use foveate::report::Warnings;
+use foveate::scene::object_detector::{Layout, Settings};
 use foveate::scene::{Cuts, Detection, Detector, Image, StillCamera};
 use foveate::video::mot::{TrackBox, Tracks};
 use foveate::video::{Frame, ahead};
@@ -13,22 +16,29 @@ use foveate::{Error, Result};
 
 use super::super::Args;
 use super::super::init::Frames;
-use super::super::source::{SourceArgs, is_endless};
+use super::super::source::{SourceArgs, is_endless, named};
 
 /// What makes it many targets.
 #[derive(clap::Args)]
 pub struct ManyArgs {
     /// Follow everything that a detector finds, with no box drawn: tracks are started, terminated, and re-identified when their
-    /// targets come back. Without KIND, motion (the camera must stand still). It takes the place of the configuration's detector
-    #[arg(long, value_parser = detectors(), value_name = "KIND", num_args = 0..=1, default_missing_value = "motion", conflicts_with = "detections")]
+    /// targets come back. Without KIND, motion (the camera must stand still); onnx:MODEL is a network in an ONNX file, such as YOLO's.
+    /// It takes the place of the configuration's detector
+    #[arg(long, value_parser = Detectors, value_name = "KIND", num_args = 0..=1, default_missing_value = "motion", conflicts_with = "detections")]
     pub detect: Option<DetectorConfig>,
     /// Follow what another detector found: MOTChallenge's text (frame,id,x,y,w,h,conf,...; counted from 1; ids are not read).
     /// They take the place of the configuration's detector
     #[arg(long, value_name = "FILE")]
     pub detections: Option<PathBuf>,
-    /// Least confidence at which a line of --detections counts
-    #[arg(long, value_name = "CONF", default_value_t = 0.0, requires = "detections", allow_hyphen_values = true)]
-    pub least: f64,
+    /// Least confidence at which a line of --detections counts, 0 if left out, or a box of --detect onnx:MODEL, 0.25 if left out
+    #[arg(long, value_name = "CONF", allow_hyphen_values = true)]
+    pub least: Option<f64>,
+    /// Classes of --detect onnx:MODEL that count, by their numbers from 0; all if left out
+    #[arg(long, value_name = "N,N", value_delimiter = ',')]
+    pub classes: Vec<usize>,
+    /// How the output of --detect onnx:MODEL is laid out; by its sides if left out
+    #[arg(long, value_name = "NAME", value_parser = named(LAYOUTS))]
+    pub layout: Option<Layout>,
     /// First boxes of many targets: frame,id,x,y,w,h a line, counted from 1, as in MOTChallenge's text
     #[arg(long, value_name = "FILE")]
     pub inits: Option<PathBuf>,
@@ -37,10 +47,41 @@ pub struct ManyArgs {
     pub save_detections: Option<PathBuf>,
 }
 
-/// Detectors by name.
-fn detectors() -> impl TypedValueParser<Value = DetectorConfig> {
-    PossibleValuesParser::new(DetectorConfig::ALL.map(|(name, _)| name))
-        .map(|name| DetectorConfig::ALL.into_iter().find(|d| d.0 == name).expect("it is one of them").1)
+/// Layouts by name.
+const LAYOUTS: [(&str, Layout); 4] =
+    [("auto", Layout::Auto), ("yolov8", Layout::Yolov8), ("yolov5", Layout::Yolov5), ("end-to-end", Layout::EndToEnd)];
+
+/// Detectors by name, or `onnx:` and a file.
+#[derive(Clone)]
+struct Detectors;
+
+const ONNX: &str = "onnx:MODEL";
+
+impl TypedValueParser for Detectors {
+    type Value = DetectorConfig;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        argument: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> std::result::Result<Self::Value, clap::Error> {
+        if let Some(model) =
+            value.to_str().and_then(|value| value.strip_prefix("onnx:")).filter(|model| !model.is_empty())
+        {
+            return Ok(DetectorConfig::Onnx(Settings::of(model)));
+        }
+        let names = PossibleValuesParser::new(DetectorConfig::ALL.iter().map(|(name, _)| *name).chain([ONNX]));
+        let name = names.parse_ref(command, argument, value)?;
+        let known = DetectorConfig::ALL.into_iter().find(|(known, _)| *known == name);
+        // Who writes `onnx:MODEL` means a file of that name.
+        Ok(known.map_or_else(|| DetectorConfig::Onnx(Settings::of("MODEL")), |(_, config)| config))
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        let names = DetectorConfig::ALL.into_iter().map(|(name, _)| name).chain([ONNX]);
+        Some(Box::new(names.map(PossibleValue::new)))
+    }
 }
 
 impl ManyArgs {
@@ -53,9 +94,41 @@ impl ManyArgs {
         }
     }
 
+    /// The program's detector, with what is said of it beside its name.
+    ///
+    /// # Errors
+    /// Where something is said that this one, or a file of detections, does not have.
+    pub fn detector(&self) -> Result<Option<DetectorConfig>> {
+        let network = matches!(self.detect, Some(DetectorConfig::Onnx(_)));
+        for (given, name, applies, of) in [
+            (
+                self.least.is_some(),
+                "--least",
+                network || self.detections.is_some(),
+                "--detections FILE or --detect onnx:MODEL",
+            ),
+            (!self.classes.is_empty(), "--classes", network, "--detect onnx:MODEL"),
+            (self.layout.is_some(), "--layout", network, "--detect onnx:MODEL"),
+        ] {
+            if given && !applies {
+                return Err(Error::Invalid(format!("{name} is for {of}; give that too, or leave it out")));
+            }
+        }
+        let mut detector = self.detect.clone();
+        if let Some(DetectorConfig::Onnx(settings)) = &mut detector {
+            settings.confidence = self.least.unwrap_or(settings.confidence);
+            settings.classes.clone_from(&self.classes);
+            settings.layout = self.layout.unwrap_or(settings.layout);
+        }
+        Ok(detector)
+    }
+
     /// Whether many targets are asked for, apart from several --init.
     pub fn asked(&self) -> bool {
-        self.detect.is_some() || self.detections.is_some() || self.inits.is_some() || self.save_detections.is_some()
+        // What belongs to a detector is refused there where there is none.
+        let told = self.least.is_some() || !self.classes.is_empty() || self.layout.is_some();
+        let files = self.detections.is_some() || self.inits.is_some() || self.save_detections.is_some();
+        self.detect.is_some() || files || told
     }
 }
 
@@ -86,7 +159,7 @@ fn background(source: &Path, input: &SourceArgs) -> Result<Vec<Image>> {
 
 /// What the program itself detects, and what came of it.
 pub(super) struct Detections {
-    kind: Option<DetectorConfig>,
+    parts: Option<DetectorParts>,
     detector: Option<Box<dyn Detector>>,
     read: BTreeMap<usize, Vec<Detection>>,
     kept: Option<Tracks>,
@@ -99,12 +172,14 @@ impl Detections {
     /// Where `needed`, there must be some: nothing else starts a track.
     pub fn of(args: &Args, frames: Frames, needed: bool, still: bool) -> Result<Self> {
         let (source, input, args) = (&args.source, &args.input, &args.many);
+        let parts = args.detector()?.map(|config| config.read(&Folder::here())).transpose()?;
+        let least = args.least.unwrap_or(0.0);
         let mut read: BTreeMap<usize, Vec<Detection>> = BTreeMap::new();
         if let Some(path) = &args.detections {
             let tracks = Tracks::read(path)?;
             let counts = |s: &&TrackBox| {
                 let sized = s.bbox.w >= 1.0 && s.bbox.h >= 1.0;
-                s.confidence >= args.least && sized && frames.check("", s.frame).is_ok()
+                s.confidence >= least && sized && frames.check("", s.frame).is_ok()
             };
             for s in tracks.sightings.iter().filter(counts) {
                 read.entry(s.frame).or_default().push(Detection { bbox: s.bbox, score: s.confidence });
@@ -116,7 +191,7 @@ impl Detections {
                         "none of its {} boxes counts: expected some of at least 1 x 1 pixel and a confidence of {} or more in the \
                          frames that are tracked, counted from 1; check the file, --least and --until",
                         tracks.sightings.len(),
-                        args.least
+                        least
                     ),
                 ));
             }
@@ -126,14 +201,14 @@ impl Detections {
             Some(DetectorConfig::Motion | DetectorConfig::Walkers) => background(source, input)?,
             _ => vec![],
         };
-        let detector = args.detect.map(|kind| kind.knowing(&pictures));
+        let detector = parts.as_ref().map(|parts| parts.knowing(&pictures));
         let still = still.then(StillCamera::default);
-        Ok(Self { kind: args.detect, detector, read, kept, still, warnings: Warnings::default() })
+        Ok(Self { parts, detector, read, kept, still, warnings: Warnings::default() })
     }
 
     pub fn next(&mut self, frame: &Frame, cut: bool, found: &mut Vec<Detection>) -> Result<()> {
-        if let (true, Some(kind)) = (cut, self.kind) {
-            self.detector = Some(kind.knowing(&[]));
+        if let (true, Some(parts)) = (cut, &self.parts) {
+            self.detector = Some(parts.knowing(&[]));
         }
         if let Some(still) = &mut self.still {
             still.look(&frame.image, cut);

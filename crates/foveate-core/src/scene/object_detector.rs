@@ -1,0 +1,103 @@
+//! Objects of known classes, found by a network from an ONNX file.
+//!
+//! The picture is scaled to fit the network's input, its sides kept in proportion, and padded with grey (letterbox). Of the boxes
+//! that the network gives those count whose class is asked for and whose score is high enough; of boxes that overlap the best stays
+//! (non-maximum suppression, whatever the classes: what is tracked is one thing, not one thing a class).
+
+use serde::{Deserialize, Serialize};
+
+#[cfg(feature = "onnx")]
+mod boxes;
+#[cfg(feature = "onnx")]
+mod letterbox;
+#[cfg(feature = "onnx")]
+mod network;
+#[cfg(feature = "onnx")]
+pub use network::ObjectDetector;
+
+use foveate_base::error::within;
+use foveate_base::{Error, Result};
+
+/// Which network, and which of its boxes count.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// The ONNX file, relative to the configuration.
+    pub model: String,
+    /// Least score of a box, 0 to 1.
+    #[serde(default = "confidence")]
+    pub confidence: f64,
+    /// Of two boxes with a larger intersection over union than this the better one counts, 0 to 1; 1 keeps all.
+    #[serde(default = "overlap")]
+    pub overlap: f64,
+    /// Classes that count, by their numbers from 0; empty, all do.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub classes: Vec<usize>,
+    /// Boxes a picture, at most: the best.
+    #[serde(default = "most")]
+    pub most: usize,
+    /// How the output is laid out.
+    #[serde(default)]
+    pub layout: Layout,
+    /// Side of the square picture that the network is fed, pixels, where its file leaves it open.
+    #[serde(default = "side")]
+    pub side: usize,
+}
+
+/// Layouts of a detector's output. Boxes are in pixels of the input.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Layout {
+    /// `yolov8` or `yolov5`, by which of the two sides is longer: there are more boxes than numbers a box. Where a box has six numbers,
+    /// it may be `yolov5` of one class or `end-to-end`, and must be said.
+    #[default]
+    Auto,
+    /// (1, 4 + classes, boxes): centre x, centre y, width, height, a score for each class; YOLOv8, YOLO11.
+    Yolov8,
+    /// (1, boxes, 5 + classes): centre x, centre y, width, height, a score that there is an object, one for each class; YOLOv5.
+    Yolov5,
+    /// (1, boxes, 6): left, top, right, bottom, score, class; YOLOv10, YOLO26, and exports with non-maximum suppression in them.
+    EndToEnd,
+}
+
+fn confidence() -> f64 {
+    0.25
+}
+
+fn overlap() -> f64 {
+    0.45
+}
+
+fn most() -> usize {
+    300
+}
+
+fn side() -> usize {
+    640
+}
+
+impl Settings {
+    /// The defaults, for this file.
+    pub fn of(model: impl Into<String>) -> Self {
+        Self {
+            model: model.into(),
+            confidence: confidence(),
+            overlap: overlap(),
+            classes: vec![],
+            most: most(),
+            layout: Layout::Auto,
+            side: side(),
+        }
+    }
+
+    /// Fails naming the key where a number is out of range.
+    pub fn check(&self) -> Result<()> {
+        if self.model.is_empty() {
+            return Err(Error::Config("detector.model is empty: give the path of an ONNX file".into()));
+        }
+        within("detector.confidence", self.confidence, 0.0, 1.0)?;
+        within("detector.overlap", self.overlap, 0.0, 1.0)?;
+        within("detector.most", self.most as f64, 1.0, 1e5)?;
+        within("detector.side", self.side as f64, 32.0, 8192.0)
+    }
+}
