@@ -96,7 +96,7 @@ fn mistakes_are_told_before_the_work() {
     let says = |extra: &[&str], words: &str| fails(command(dir.path(), "m.safetensors", extra), words);
     says(&[], "no photographs here");
     write_photographs(dir.path());
-    says(&["--units", "0"], "filters are 1 to");
+    says(&["--units", "401"], "401 is not in 1..=400");
     says(&["--patch", "9"], "9 is not in 2..=8");
     says(&["--softening", "0"], "softening is above 0");
     says(&["--patches", "10"], "need as many patches");
