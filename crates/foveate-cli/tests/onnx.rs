@@ -43,7 +43,8 @@ fn a_network_detects() {
     let middle = BBox { x: w / 2.0 - 8.0 * unit, y: h / 2.0 - 8.0 * unit, w: 16.0 * unit, h: 16.0 * unit };
     let left = BBox { x: w / 2.0 - 24.0 * unit, y: h / 2.0 - 6.0 * unit, w: 8.0 * unit, h: 12.0 * unit };
     for (k, sighting) in found.iter().enumerate() {
-        assert!(sighting.bbox.iou([&middle, &left][k % 2]) > 0.99, "{sighting:?}");
+        // Padding is whole rows: half a row of the input is two of the picture.
+        assert!(sighting.bbox.iou([&middle, &left][k % 2]) > 0.9, "{sighting:?}");
     }
     assert_eq!(told(&["--classes", "1"]).1.len(), FRAMES);
     assert_eq!(told(&["--classes", "0,1"]).1.len(), 2 * FRAMES);
