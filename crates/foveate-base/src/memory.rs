@@ -5,6 +5,7 @@
 //! only whether there is one. What is counted is an estimate of the largest parts: pictures in all their copies, particles, targets.
 //! Then the system is asked whether it has so much, for a failed allocation later on would end the program.
 
+use std::hint::black_box;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::{Error, Result};
@@ -66,14 +67,17 @@ pub fn check(what: impl std::fmt::Display, bytes: u64) -> Result<()> {
 
 /// Fails where the system does not give `bytes` at once: a process may have less than the machine (`ulimit -v`). They are not touched.
 fn given(what: &impl std::fmt::Display, bytes: u64) -> Result<()> {
-    let room = usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
-    let problem = || {
-        let shown = shown(bytes);
-        format!(
-            "{what} would take about {shown} of memory, which the system does not give; make it smaller, or allow this process more"
-        )
-    };
-    if room { Ok(()) } else { Err(Error::Memory(problem())) }
+    let mut room = Vec::<u8>::new();
+    let taken = usize::try_from(bytes).is_ok_and(|bytes| room.try_reserve_exact(bytes).is_ok());
+    // The compiler may leave out memory that nobody sees.
+    black_box(&room);
+    if taken {
+        return Ok(());
+    }
+    let shown = shown(bytes);
+    Err(Error::Memory(format!(
+        "{what} would take about {shown} of memory, which the system does not give; make it smaller, or allow this process more"
+    )))
 }
 
 fn allowed(what: &impl std::fmt::Display, bytes: u64) -> Result<()> {
@@ -94,9 +98,9 @@ fn allowed(what: &impl std::fmt::Display, bytes: u64) -> Result<()> {
 /// # Errors
 /// As [`check`].
 pub fn check_picture(width: usize, height: usize) -> Result<()> {
-    let (what, pixels) = (format_args!("a picture of {width} x {height} pixels"), of_picture(width, height) / PIXEL);
-    allowed(&what, of_picture(width, height))?;
-    given(&what, pixels * DECODED)
+    let (what, run) = (format_args!("a picture of {width} x {height} pixels"), of_picture(width, height));
+    allowed(&what, run)?;
+    given(&what, run / PIXEL * DECODED)
 }
 
 /// What a run on pictures of this size takes, bytes.

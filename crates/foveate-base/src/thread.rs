@@ -13,7 +13,7 @@ pub fn start<T: Send + 'static>(what: &str, work: impl FnOnce() -> T + Send + 's
 }
 
 /// The error of a thread that was not given.
-pub fn refused(what: &str, error: &std::io::Error) -> Error {
+fn refused(what: &str, error: &std::io::Error) -> Error {
     Error::Memory(format!("{what}: cannot start a thread: {error}; allow this process more threads or more memory"))
 }
 

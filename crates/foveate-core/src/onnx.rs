@@ -83,7 +83,7 @@ impl Graph {
     /// Where they do not fit, an operator is not known, sides of the output depend on what is seen, or it takes more memory
     /// than there may be.
     pub fn network(&self, sides: &[usize]) -> Result<Network> {
-        let shown = shape(&sides.iter().map(|side| Some(*side)).collect::<Vec<_>>());
+        let shown = fixed(sides);
         let cannot = |e: String| self.error(format!("it cannot be run with an input of {shown} ({e})"));
         let typed = caught(|| {
             let mut model = self.model.clone();
@@ -106,7 +106,7 @@ impl Graph {
             ));
         };
         if kind != f32::datum_type() || output.iter().product::<usize>() == 0 {
-            let found = shape(&output.iter().map(|side| Some(*side)).collect::<Vec<_>>());
+            let found = fixed(&output);
             return Err(
                 self.error(format!("its output is {found} of type {kind:?}, expected 32-bit floats, one at least"))
             );
@@ -145,6 +145,11 @@ impl Network {
 pub(crate) fn shape(sides: &[Option<usize>]) -> String {
     let side = |side: &Option<usize>| side.map_or("N".to_owned(), |side| side.to_string());
     format!("({})", sides.iter().map(side).collect::<Vec<_>>().join(", "))
+}
+
+/// Sides of which none is open, in words.
+pub(crate) fn fixed(sides: &[usize]) -> String {
+    shape(&sides.iter().map(|side| Some(*side)).collect::<Vec<_>>())
 }
 
 /// Errors and panics of tract in one short line.

@@ -17,11 +17,15 @@ class _Filters(FeatureLearner):
     _KIND = "filters"
     _ATTRIBUTES = {"mean": "mean_", "whitening": "whitening_", "filters": "filters_"}
 
-    n_components: int
-    n_iter: int
-    n_init: int
-    explained_variance: float
-    softening: float | None
+    def __init__(
+        self, n_components: int, n_iter: int, n_init: int, explained_variance: float, softening: float | None, random_state: Any
+    ) -> None:
+        self.n_components = n_components
+        self.n_iter = n_iter
+        self.n_init = n_init
+        self.explained_variance = explained_variance
+        self.softening = softening
+        self.random_state = random_state
 
     def _recipe(self) -> dict[str, Any]:
         return {
@@ -116,13 +120,8 @@ class SphericalKMeans(_Filters):
         softening: float | None = None,
         random_state: Any = None,
     ) -> None:
-        self.n_components = n_components
+        super().__init__(n_components, n_iter, n_init, explained_variance, softening, random_state)
         self.threshold = threshold
-        self.n_iter = n_iter
-        self.n_init = n_init
-        self.explained_variance = explained_variance
-        self.softening = softening
-        self.random_state = random_state
 
     def _method(self) -> dict[str, Any]:
         return {"kind": "kmeans"}
@@ -176,13 +175,8 @@ class SparseCoding(_Filters):
         softening: float | None = None,
         random_state: Any = None,
     ) -> None:
-        self.n_components = n_components
+        super().__init__(n_components, n_iter, n_init, explained_variance, softening, random_state)
         self.alpha = alpha
-        self.n_iter = n_iter
-        self.n_init = n_init
-        self.explained_variance = explained_variance
-        self.softening = softening
-        self.random_state = random_state
 
     def inverse_transform(self, X: npt.ArrayLike) -> npt.NDArray[Any]:
         """The rows that codes stand for, shape (n_samples, n_features); without their means and contrasts where there is a softening."""
@@ -238,13 +232,8 @@ class ISA(_Filters):
         softening: float | None = None,
         random_state: Any = None,
     ) -> None:
-        self.n_components = n_components
+        super().__init__(n_components, n_iter, n_init, explained_variance, softening, random_state)
         self.subspace_size = subspace_size
-        self.n_iter = n_iter
-        self.n_init = n_init
-        self.explained_variance = explained_variance
-        self.softening = softening
-        self.random_state = random_state
 
     def sources(self, X: npt.ArrayLike) -> npt.NDArray[Any]:
         """What each filter says of each row of X, the first layer: shape (n_samples, n_filters), of X's type of floats."""

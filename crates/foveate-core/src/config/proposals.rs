@@ -46,13 +46,7 @@ impl DetectorConfig {
 
     /// Its name in a configuration.
     pub fn name(&self) -> &'static str {
-        match self {
-            Self::Motion => "motion",
-            Self::Walkers => "walkers",
-            Self::Saliency => "saliency",
-            Self::Flow => "flow",
-            Self::Onnx(_) => "onnx",
-        }
+        Self::ALL.into_iter().find(|(_, one)| one == self).map_or("onnx", |(name, _)| name)
     }
 
     /// What detectors are made of, once a model that it needs is read from `files`.

@@ -3,7 +3,7 @@
 use super::{Planes, check_normalisation};
 use crate::identity::encoder::Encoder;
 use crate::identity::retina::{Foveal, Retina};
-use crate::onnx::{Graph, Network, shape};
+use crate::onnx::{Graph, Network, fixed, shape};
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
 
@@ -59,7 +59,7 @@ impl OnnxEncoder {
                 let (mean, gain) = (mean.clone(), gain.clone());
                 let made = Self { network, batch, glimpse: n, input: size, features, planes: count, rgb, mean, gain };
                 if rows != Some(batch) {
-                    let found = shape(&made.network.output().iter().map(|side| Some(*side)).collect::<Vec<_>>());
+                    let found = fixed(made.network.output());
                     return Err(graph.error(format!(
                         "its output is {found} for {batch} glimpses, expected one row of features for each: ({batch}, ...)"
                     )));

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::Settings;
 use super::boxes::{Reading, suppress};
 use super::letterbox::Letterbox;
-use crate::onnx::{Graph, Network, shape};
+use crate::onnx::{Graph, Network, fixed, shape};
 use crate::scene::{Detection, Detector, Image, Map};
 use foveate_base::{Error, Result};
 
@@ -46,7 +46,7 @@ impl ObjectDetector {
         let network = graph.network(&[1, planes, height, width])?;
         let sides = network.output().to_vec();
         let reading = Reading::new(settings.layout, &sides).map_err(|expected| {
-            let found = shape(&sides.iter().map(|side| Some(*side)).collect::<Vec<_>>());
+            let found = fixed(&sides);
             graph.error(format!("its output is {found}, no known layout of boxes: {expected}"))
         })?;
         if let Some((classes, class)) =
@@ -101,16 +101,10 @@ impl Detector for ObjectDetector {
         });
         suppress(found, self.settings.overlap, self.settings.most);
         let columns = self.map.width();
+        let cells = |from: f64, length: f64| from as usize / CELL..((from + length) as usize).div_ceil(CELL);
         for Detection { bbox, score } in found.iter() {
-            let cells = |from: f64, length: f64| from as usize / CELL..((from + length) as usize).div_ceil(CELL);
-            for row in self
-                .map
-                .values_mut()
-                .chunks_exact_mut(columns)
-                .take(cells(bbox.y, bbox.h).end)
-                .skip(cells(bbox.y, bbox.h).start)
-            {
-                let across = cells(bbox.x, bbox.w);
+            let (across, down) = (cells(bbox.x, bbox.w), cells(bbox.y, bbox.h));
+            for row in self.map.values_mut().chunks_exact_mut(columns).take(down.end).skip(down.start) {
                 row[across.start..across.end.min(columns)].iter_mut().for_each(|cell| *cell = cell.max(*score as f32));
             }
         }

@@ -55,7 +55,11 @@ const LAYOUTS: [(&str, Layout); 4] =
 #[derive(Clone)]
 struct Detectors;
 
-const ONNX: &str = "onnx:MODEL";
+impl Detectors {
+    fn names() -> impl Iterator<Item = &'static str> {
+        DetectorConfig::ALL.into_iter().map(|(name, _)| name).chain(["onnx:MODEL"])
+    }
+}
 
 impl TypedValueParser for Detectors {
     type Value = DetectorConfig;
@@ -71,16 +75,14 @@ impl TypedValueParser for Detectors {
         {
             return Ok(DetectorConfig::Onnx(Settings::of(model)));
         }
-        let names = PossibleValuesParser::new(DetectorConfig::ALL.iter().map(|(name, _)| *name).chain([ONNX]));
-        let name = names.parse_ref(command, argument, value)?;
+        let name = PossibleValuesParser::new(Self::names()).parse_ref(command, argument, value)?;
         let known = DetectorConfig::ALL.into_iter().find(|(known, _)| *known == name);
         // Who writes `onnx:MODEL` means a file of that name.
         Ok(known.map_or_else(|| DetectorConfig::Onnx(Settings::of("MODEL")), |(_, config)| config))
     }
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        let names = DetectorConfig::ALL.into_iter().map(|(name, _)| name).chain([ONNX]);
-        Some(Box::new(names.map(PossibleValue::new)))
+        Some(Box::new(Self::names().map(PossibleValue::new)))
     }
 }
 
