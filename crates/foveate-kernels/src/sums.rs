@@ -98,6 +98,12 @@ pub(crate) fn dot_body<const V: u8>(a: &[f32], b: &[f32]) -> f32 {
 }
 
 #[inline(always)]
+fn dots_body<const V: u8>(a: &[f32], others: [&[f32]; 2]) -> [f32; 3] {
+    let [b, c] = others;
+    [dot_body::<V>(a, a), dot_body::<V>(a, b), dot_body::<V>(a, c)]
+}
+
+#[inline(always)]
 fn squared_distance_body<const V: u8>(a: &[f32], b: &[f32]) -> f32 {
     assert_eq!(a.len(), b.len(), "a and b must be equally long");
     let mut lanes = [0.0; LANES];
@@ -167,6 +173,11 @@ levels! {
 }
 
 levels! {
+    /// Σ a a, Σ a b, Σ a c: the bits of three calls of [`dot`].
+    pub fn dots / dots_at (a: &[f32], others: [&[f32]; 2]) -> [f32; 3] = dots_body
+}
+
+levels! {
     /// Σ (a - b)².
     pub fn squared_distance / squared_distance_at (a: &[f32], b: &[f32]) -> f32 = squared_distance_body
 }
@@ -219,6 +230,8 @@ pub(crate) mod tests {
                 };
                 near(sum_at(level, &a), over(|a, _| a));
                 near(dot_at(level, &a, &b), over(|a, b| a * b));
+                let all = [(&a, &a), (&a, &b), (&a, &a)].map(|(a, b)| dot_at(level, a, b));
+                assert_eq!(dots_at(level, &a, [&b, &a]), all, "{level:?}, {n} values");
                 near(squared_distance_at(level, &a, &b), over(|a, b| (a - b) * (a - b)));
                 let (total, overlap) = root_overlap_at(level, &a, &b);
                 near(total, over(|a, _| a));

@@ -241,16 +241,20 @@ impl Redetection {
             let places = || (a.state.y.total_cmp(&b.state.y)).then(a.state.x.total_cmp(&b.state.x));
             b.log_likelihood.total_cmp(&a.log_likelihood).then_with(places)
         };
-        self.found.sort_unstable_by(order);
+        let apart_from =
+            |kept: &[Found], it: &Found| kept.iter().all(|f| apart(&f.state, &it.state, self.half) >= NEAR);
         let mut kept = 0;
-        for i in 0..self.found.len() {
-            let it = self.found[i];
-            if kept < self.settings.places
-                && self.found[..kept].iter().all(|f| apart(&f.state, &it.state, self.half) >= NEAR)
-            {
-                self.found[kept] = it;
-                kept += 1;
-            }
+        // Few are kept of many: looking for each is faster than to sort all.
+        while kept < self.settings.places {
+            let (chosen, rest) = self.found.split_at(kept);
+            let better = |best: Option<usize>, i: usize| match best {
+                Some(best) if order(&rest[i], &rest[best]).is_ge() => Some(best),
+                _ if apart_from(chosen, &rest[i]) => Some(i),
+                best => best,
+            };
+            let Some(best) = (0..rest.len()).fold(None, better) else { break };
+            self.found.swap(kept, kept + best);
+            kept += 1;
         }
         self.found.truncate(kept);
     }

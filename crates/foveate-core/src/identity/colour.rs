@@ -96,6 +96,7 @@ pub struct Colour {
 pub(super) struct Counts {
     now: Histograms,
     bins: Bins,
+    parts: Vec<Part>,
 }
 
 impl Colour {
@@ -119,8 +120,8 @@ impl Colour {
 
     /// Learns the target at `state` of the first frame, and forgets all before.
     pub fn init(&mut self, image: &Image, state: &State, extent: Extent) {
-        let Self { counts: Counts { now, bins }, first, recent, .. } = self;
-        now.count(image, state, extent, bins);
+        let Self { counts: Counts { now, bins, parts }, first, recent, .. } = self;
+        now.count(image, state, extent, (bins, parts));
         first.clone_from(now);
         recent.clone_from(now);
         self.judge();
@@ -134,8 +135,8 @@ impl Colour {
 
     /// Learns from the target at `state` of a later frame.
     pub fn adapt(&mut self, image: &Image, state: &State, extent: Extent) {
-        let Self { counts: Counts { now, bins }, settings, recent, .. } = self;
-        now.count(image, state, extent, bins);
+        let Self { counts: Counts { now, bins, parts }, settings, recent, .. } = self;
+        now.count(image, state, extent, (bins, parts));
         let rate = settings.learning_rate as f32;
         for (recent, now) in [(&mut recent.target, &now.target), (&mut recent.around, &now.around)] {
             recent.iter_mut().zip(now).for_each(|(r, n)| *r += rate * (n - *r));
@@ -227,7 +228,7 @@ fn pixels(from: f64, to: f64, side: usize) -> std::ops::Range<usize> {
 
 impl Histograms {
     /// Counts the pixels of a target at `state`, and those around it: every so many of a large one.
-    fn count(&mut self, image: &Image, state: &State, extent: Extent, bins: &mut Bins) {
+    fn count(&mut self, image: &Image, state: &State, extent: Extent, (bins, parts): (&mut Bins, &mut Vec<Part>)) {
         let n = if image.planes() == 1 { GREY } else { COLOUR };
         for h in [&mut self.target, &mut self.around] {
             h.clear();
@@ -237,20 +238,48 @@ impl Histograms {
         let (w, h) = (extent.half_w * scale, extent.half_h * scale);
         let (far, step) = (AROUND.1, step(w.min(h)));
         let columns = pixels(state.x - far * w, state.x + far * w, image.width());
-        for y in pixels(state.y - far * h, state.y + far * h, image.height()).step_by(step) {
-            let v = (y as f64 - state.y).abs() / h;
+        let rows = pixels(state.y - far * h, state.y + far * h, image.height()).step_by(step);
+        let across = columns.clone().step_by(step).map(|x| Part::of((x as f64 - state.x).abs() / w));
+        parts.clear();
+        // As many as there can ever be.
+        parts.reserve(image.width());
+        parts.extend(across);
+        let mut counts = [0u32; 2];
+        for y in rows {
+            let down = Part::of((y as f64 - state.y).abs() / h);
             let row = bins.of(image, y, columns.clone());
-            for (x, bin) in columns.clone().zip(row).step_by(step) {
-                match v.max((x as f64 - state.x).abs() / w) {
-                    off if off <= INSIDE => self.target[usize::from(*bin)] += 1.0,
-                    off if off >= AROUND.0 => self.around[usize::from(*bin)] += 1.0,
-                    _ => (),
-                }
+            for (across, bin) in parts.iter().zip(row.iter().step_by(step)) {
+                let (histogram, count) = match down.max(*across) {
+                    Part::Inside => (&mut self.target, &mut counts[0]),
+                    Part::Between => continue,
+                    Part::Around => (&mut self.around, &mut counts[1]),
+                };
+                histogram[usize::from(*bin)] += 1.0;
+                *count += 1;
             }
         }
-        for h in [&mut self.target, &mut self.around] {
-            let share = 1.0 / h.iter().sum::<f32>().max(1.0);
+        for (h, count) in [&mut self.target, &mut self.around].into_iter().zip(counts) {
+            let share = 1.0 / count.max(1) as f32;
             h.iter_mut().for_each(|v| *v *= share);
+        }
+    }
+}
+
+/// Where a row or column lies; where a pixel does, is the farther of both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Part {
+    Inside,
+    Between,
+    Around,
+}
+
+impl Part {
+    /// So many half boxes off the centre.
+    fn of(off: f64) -> Self {
+        match off {
+            off if off <= INSIDE => Self::Inside,
+            off if off >= AROUND.0 => Self::Around,
+            _ => Self::Between,
         }
     }
 }

@@ -15,6 +15,7 @@
 use foveate_kernels as kernels;
 use serde::{Deserialize, Serialize};
 
+use super::distance::{self, Distance, Kind};
 use super::numbers::{decode, encode};
 use super::packed::Packed;
 use crate::geometry::{Extent, Gaze, State};
@@ -177,6 +178,18 @@ impl Discriminant {
     pub fn distance(&self, features: &[f32]) -> f64 {
         let (bias, weights) = self.weights.split_last().expect("at least a bias");
         1.0 - f64::from(kernels::dot(features, weights) + bias)
+    }
+
+    /// A distance of features to a kept template, and this one: of all features once, for the cosine.
+    pub(super) fn distances(&self, features: &[f32], to: Kind, template: &[f32]) -> (f64, f64) {
+        let (bias, weights) = self.weights.split_last().expect("at least a bias");
+        match to {
+            Kind::Cosine => {
+                let [square, along, score] = kernels::dots(features, [template, weights]);
+                (distance::cosine(square, along), 1.0 - f64::from(score + bias))
+            }
+            _ => (to.distance(features, template), self.distance(features)),
+        }
     }
 
     /// How much farther the distractors among `rows` are than the target, on average, by a distance of features; 0 where there

@@ -64,10 +64,7 @@ impl Distance for Kind {
             Self::Bhattacharyya => overlap_gap(features, kept).sqrt(),
             Self::BhattacharyyaSquared => overlap_gap(features, kept),
             Self::Bernoulli => bernoulli(features, kept),
-            Self::Cosine => {
-                let norm = f64::from(kernels::dot(features, features)).sqrt();
-                if norm > 0.0 { (1.0 - f64::from(kernels::dot(features, kept)) / norm).max(0.0) } else { 1.0 }
-            }
+            Self::Cosine => cosine(kernels::dot(features, features), kernels::dot(features, kept)),
             Self::Presence { extra, cap } => {
                 f64::from(kernels::presence(features, kept, *extra, *cap)) / f64::from(cap * cap) / kept.len() as f64
             }
@@ -86,6 +83,12 @@ impl Kind {
             _ => None,
         }
     }
+}
+
+/// 1 − the cosine of features whose square length is `square`, and `along` a kept template.
+pub(super) fn cosine(square: f32, along: f32) -> f64 {
+    let norm = f64::from(square).sqrt();
+    if norm > 0.0 { (1.0 - f64::from(along) / norm).max(0.0) } else { 1.0 }
 }
 
 fn overlap_gap(a: &[f32], kept: &[f32]) -> f64 {

@@ -155,9 +155,12 @@ impl GazeAppearance {
         let Buffers { views, glimpses, features, .. } = &mut self.buffers;
         let pyramid = &views.get(view).pyramid;
         let template = &self.scratch.template[..];
-        let judge = |h: &[f32]| {
-            let from_template = distance.distance(h, template);
-            discriminant.map_or(from_template, |it| (1.0 - weight) * from_template + weight * it.distance(h))
+        let judge = |h: &[f32]| match discriminant {
+            Some(it) => {
+                let (from_template, from_discriminant) = it.distances(h, distance, template);
+                (1.0 - weight) * from_template + weight * from_discriminant
+            }
+            None => distance.distance(h, template),
         };
         if let Some(dense) = self.dense.as_mut().filter(|_| gaze == Gaze::CENTRE)
             && dense.look(pyramid, states, extent)

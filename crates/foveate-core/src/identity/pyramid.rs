@@ -82,8 +82,10 @@ impl Region {
     pub(super) fn around(size: (usize, usize), s: &State, (dx, dy): (f64, f64)) -> Self {
         let cut = |(low, high): (f64, f64), n: usize| {
             let last = (n - 1) as f64;
-            let (low, high) = (low.floor().clamp(0.0, last), high.ceil().clamp(0.0, last));
-            (low as usize, (high - low) as usize + 1)
+            // Down to a whole number, and up to one.
+            let (low, high) = (low.clamp(0.0, last), high.clamp(0.0, last));
+            let (first, end) = (low as usize, high as usize);
+            (first, end + usize::from(high > end as f64) - first + 1)
         };
         let ((x, width), (y, height)) = (cut((s.x - dx, s.x + dx), size.0), cut((s.y - dy, s.y + dy), size.1));
         Self { x, y, width, height }

@@ -75,7 +75,7 @@ impl Looks<'_> {
             margin = (margin.0.max(RING * w - dx), margin.1.max(RING * h - dy));
             Region::around(size, s, reach)
         });
-        cluster(windows, found);
+        cluster(windows, size, found);
         let scale = (sum / states.len() as f64).exp();
         Wanted { unit: (scale * self.extent.half_w, scale * self.extent.half_h), margin, step: step(least) }
     }
@@ -107,8 +107,11 @@ impl Region {
 }
 
 /// Fills `found` with rectangles around the windows of states: one, or several where that leaves out half of it.
-fn cluster(windows: impl Iterator<Item = Region>, found: &mut Vec<Region>) {
+fn cluster(windows: impl Iterator<Item = Region>, size: (usize, usize), found: &mut Vec<Region>) {
     found.clear();
+    if size.0 * size.1 < LARGE {
+        return found.extend(windows.reduce(|all, window| all.union(&window)));
+    }
     let mut all: Option<Region> = None;
     for window in windows {
         all = Some(all.map_or(window, |all| all.union(&window)));

@@ -15,7 +15,7 @@ use crate::scene::detect::{Blobs, Detector, Score};
 use crate::scene::{Detection, Image, Map};
 
 /// Side of a patch, and distance between two, in pixels of a level.
-const PATCH: usize = 8;
+const PATCH: usize = kernels::PATCH;
 const STRIDE: usize = 4;
 const PIXELS: usize = PATCH * PATCH;
 /// Gauss-Newton steps of a patch at one level, at most.
@@ -200,48 +200,23 @@ fn around(cu: &Map, cv: &Map, x: usize, y: usize) -> (f32, f32) {
     (2.0 * cu.between(middle(x), middle(y)), 2.0 * cv.between(middle(x), middle(y)))
 }
 
-/// A patch of the first picture: pixels, gradients, and what a Gauss-Newton step needs of them. Past the edges of a small
-/// picture the edge's pixels are repeated.
+/// A patch of the first picture, and what a Gauss-Newton step needs of it. Past the edges of a picture the edge's pixels are
+/// repeated.
 struct Patch {
     x: usize,
     y: usize,
-    pixels: [f32; PIXELS],
-    gx: [f32; PIXELS],
-    gy: [f32; PIXELS],
+    made: kernels::Patch,
     /// The inverse of Σ g gᵀ with the gradients' means taken off, as xx, xy, yy; `None` where there is too little texture.
     inverse: Option<[f32; 3]>,
 }
 
 impl Patch {
     fn cut(from: &Map, x: usize, y: usize) -> Self {
-        let (w, h) = (from.width(), from.height());
-        let at = |x: usize, y: usize| from.at(x.min(w - 1), y.min(h - 1));
-        let mut patch = Self { x, y, pixels: [0.0; PIXELS], gx: [0.0; PIXELS], gy: [0.0; PIXELS], inverse: None };
-        let inside = x > 0 && y > 0 && x + PATCH < w && y + PATCH < h;
-        for j in 0..PATCH {
-            let line = |y: usize| -> [f32; PATCH + 2] {
-                if inside {
-                    *from.values()[y * w + x - 1..].first_chunk().expect("inside")
-                } else {
-                    std::array::from_fn(|i| at((x + i).saturating_sub(1), y))
-                }
-            };
-            let y = y + j;
-            let (above, here, below) = (line(y.saturating_sub(1)), line(y), line(y + 1));
-            for i in 0..PATCH {
-                let k = j * PATCH + i;
-                patch.pixels[k] = here[i + 1];
-                patch.gx[k] = 0.5 * (here[i + 2] - here[i]);
-                patch.gy[k] = 0.5 * (below[i + 1] - above[i + 1]);
-            }
-        }
-        // A constant change of brightness drops out where pixels and gradients have no mean.
-        for values in [&mut patch.pixels, &mut patch.gx, &mut patch.gy] {
-            let mean = kernels::sum(values) / PIXELS as f32;
-            values.iter_mut().for_each(|v| *v -= mean);
-        }
-        let Self { gx, gy, .. } = &patch;
-        let (xx, xy, yy) = (kernels::dot(gx, gx), kernels::dot(gx, gy), kernels::dot(gy, gy));
+        let mut made = kernels::Patch::default();
+        let [xx, xy, yy] = window::<{ PATCH + 2 }, _>(from, x as f32 - 1.0, y as f32 - 1.0, |values, stride| {
+            kernels::cut_patch(values, stride, &mut made)
+        });
+        let mut patch = Self { x, y, made, inverse: None };
         let least = 0.5 * (xx + yy) - (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
         if least > TEXTURE * PIXELS as f32 {
             let det = xx * yy - xy * xy;
@@ -255,12 +230,8 @@ impl Patch {
         let (mut best, mut least, mut flow) = (start, f32::INFINITY, start);
         let limit = (before.width() as f32, before.height() as f32);
         for _ in 0..STEPS {
-            let mut residual = [0.0_f32; PIXELS];
-            sample(now, self.x as f32 + flow.0, self.y as f32 + flow.1, &mut residual);
-            let mean = kernels::sum(&residual) / PIXELS as f32;
-            residual.iter_mut().zip(&self.pixels).for_each(|(r, pixel)| *r = *r - mean - pixel);
-            let error = kernels::dot(&residual, &residual);
-            let (bx, by) = (kernels::dot(&residual, &self.gx), kernels::dot(&residual, &self.gy));
+            let [error, bx, by] =
+                self.moved(now, flow, |values, stride, part| kernels::patch_residual(values, stride, part, &self.made));
             if error >= least {
                 break;
             }
@@ -277,11 +248,17 @@ impl Patch {
         }
         best
     }
+    /// What `of` makes of the values where the patch was moved to, of how many there are in a row, and of how far the patch lies
+    /// between them.
+    fn moved<T>(&self, now: &Map, flow: (f32, f32), of: impl FnOnce(&[f32], usize, (f32, f32)) -> T) -> T {
+        let (x, y) = (self.x as f32 + flow.0, self.y as f32 + flow.1);
+        let (left, top) = (x.floor(), y.floor());
+        window::<{ PATCH + 1 }, _>(now, left, top, |values, stride| of(values, stride, (x - left, y - top)))
+    }
     /// Adds the patch's flow to its pixels, each as far as it explains the pixel: weight 1 / max(error, 2 grey levels).
     fn spread(&self, before: &Map, now: &Map, flow: (f32, f32), (u, v): (&mut Map, &mut Map), weight: &mut [f32]) {
         let (w, h) = (before.width(), before.height());
-        let mut moved = [0.0_f32; PIXELS];
-        sample(now, self.x as f32 + flow.0, self.y as f32 + flow.1, &mut moved);
+        let moved = self.moved(now, flow, kernels::patch_between);
         let width = PATCH.min(w - self.x);
         for (y, moved) in (self.y..h).zip(moved.chunks_exact(PATCH)) {
             let line = y * w + self.x..y * w + self.x + width;
@@ -297,32 +274,20 @@ impl Patch {
     }
 }
 
-/// A patch of a picture with its first pixel at `(x, y)`, bilinear: one pair of weights serves all its pixels.
-/// Outside, the edge's pixels are repeated.
-fn sample(from: &Map, x: f32, y: f32, out: &mut [f32; PIXELS]) {
+/// What `of` makes of `SIDE` × `SIDE` values of a map, of which the first is at a column and row (whole numbers), and of how many
+/// there are in a row.
+fn window<const SIDE: usize, T>(from: &Map, left: f32, top: f32, of: impl FnOnce(&[f32], usize) -> T) -> T {
     let (w, h) = (from.width(), from.height());
-    let (left, top) = (x.floor(), y.floor());
-    let (fx, fy) = (x - left, y - top);
-    let inside = left >= 0.0 && top >= 0.0 && left as usize + PATCH < w && top as usize + PATCH < h;
-    const WIDE: usize = PATCH + 1;
-    let mut room = [0.0; WIDE * WIDE];
-    let (values, stride) = if inside {
-        (&from.values()[top as usize * w + left as usize..], w)
-    } else {
-        let column: [usize; WIDE] = std::array::from_fn(|i| (left + i as f32).clamp(0.0, (w - 1) as f32) as usize);
-        for (j, row) in room.chunks_exact_mut(WIDE).enumerate() {
-            let line = &from.values()[(top + j as f32).clamp(0.0, (h - 1) as f32) as usize * w..][..w];
-            row.iter_mut().zip(column).for_each(|(value, x)| *value = line[x]);
-        }
-        (&room[..], WIDE)
-    };
-    for (j, row) in out.chunks_exact_mut(PATCH).enumerate() {
-        let (a, b) = (&values[j * stride..][..WIDE], &values[(j + 1) * stride..][..WIDE]);
-        for i in 0..PATCH {
-            let (upper, lower) = (a[i] + fx * (a[i + 1] - a[i]), b[i] + fx * (b[i + 1] - b[i]));
-            row[i] = upper + fy * (lower - upper);
-        }
+    if left >= 0.0 && top >= 0.0 && left as usize + SIDE <= w && top as usize + SIDE <= h {
+        return of(&from.values()[top as usize * w + left as usize..], w);
     }
+    let mut room = [[0.0; SIDE]; SIDE];
+    let column: [usize; SIDE] = std::array::from_fn(|i| (left + i as f32).clamp(0.0, (w - 1) as f32) as usize);
+    for (j, row) in room.iter_mut().enumerate() {
+        let line = &from.values()[(top + j as f32).clamp(0.0, (h - 1) as f32) as usize * w..][..w];
+        row.iter_mut().zip(column).for_each(|(value, x)| *value = line[x]);
+    }
+    of(room.as_flattened(), SIDE)
 }
 
 #[cfg(test)]
