@@ -234,7 +234,7 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
             "{source}: pictures in tiles are for a configuration with [sensor], such as --config foveated; {config_name} reads whole pictures"
         )));
     }
-    let (video, report) = (!args.no_video && !endless && tiles.is_none(), !args.no_report);
+    let (video, report) = (!args.no_video && !endless, !args.no_report);
     let (trace, regret) = (args.trace, args.regret);
     let surface = report && SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
     let outputs = Outputs { video, report, surface, trace, regret, endless };

@@ -315,7 +315,8 @@ fn a_video_in_tiles_is_read_by_regions() {
     let first = truth.lines().next().expect("a line").replace('\t', ",");
     let followed = run(&["track", "tiles", "--init", &first, "--config", "foveated", "--no-report", "-o", "o"]);
     assert!(followed.status.success(), "{}", errors(&followed));
-    assert_eq!(place.names("o"), ["boxes.txt", "run.json", "track.csv"], "no film of tiles");
+    assert_eq!(place.names("o"), ["annotated.mp4", "boxes.txt", "run.json", "track.csv"]);
+    assert_eq!(&place.read("o/annotated.mp4")[4..8], b"ftyp", "a film of what was read");
     assert_eq!(place.lines("o/boxes.txt"), FRAMES);
     let table = String::from_utf8(place.read("o/track.csv")).expect("text");
     let rows: Vec<Vec<&str>> = table.lines().map(|line| line.split(',').collect()).collect();
