@@ -38,6 +38,8 @@ pub struct ConsistencySettings {
     /// Frames after the start, believed to be on the target, whose mean evidence lowers what the first frame promised: it
     /// compares the template with itself and so knows of no noise. 0 to 1000.
     pub settle: usize,
+    /// Discriminant and colour model learn from the first ten frames, and then from every so many: 1 to 1000.
+    pub every: u64,
 }
 
 /// Watches evidence and tempered weights over time.
@@ -57,12 +59,15 @@ struct Past {
     shortfall: f64,
 }
 
+/// Frames all of which are learned from, whatever `every` is.
+const FIRST: u64 = 10;
+
 /// Share of the way from on to off that settling may go at most: beyond it, on and off could not be told apart.
 const MOST_SHORTFALL: f64 = 0.7;
 
 impl Default for ConsistencySettings {
     fn default() -> Self {
-        Self { memory: 0.3, threshold: 0.6, temperature: 0.25, flat: 0.9, settle: 10 }
+        Self { memory: 0.3, threshold: 0.6, temperature: 0.25, flat: 0.9, settle: 10, every: 1 }
     }
 }
 
@@ -76,6 +81,9 @@ impl ConsistencySettings {
             ("flat", self.flat, 1.0),
         ] {
             within(&format!("consistency.{name}"), value, 0.0, most)?;
+        }
+        if !(1..=1000).contains(&self.every) {
+            return Err(Error::Config(format!("consistency.every is 1 to 1000 frames; it is {}", self.every)));
         }
         if self.settle > 1000 {
             return Err(Error::Config(format!("consistency.settle is 0 to 1000 frames; it is {}", self.settle)));
@@ -114,6 +122,11 @@ impl ConsistencyMonitor {
         m.consistency.tempered_ess = tempered_ess;
         m.consistency.holds = m.consistency.deficit <= self.settings.threshold;
         m.consistency
+    }
+
+    /// Whether the frame of this number, from 1, is one to learn from, by its number alone.
+    pub fn is_turn(&self, frame: u64) -> bool {
+        frame <= FIRST || frame.is_multiple_of(self.settings.every)
     }
 
     /// The last verdict.

@@ -97,7 +97,8 @@ impl Engine {
         let (judged, extent) = (self.is_judged(), self.target().extent);
         let (parts, w) = (&mut self.parts, &mut self.work);
         let consistency = parts.monitor.consistency.last();
-        if !(judged && consistency.holds && parts.appearance.adapts()) {
+        let learns = parts.monitor.consistency.is_turn(self.frame) && parts.appearance.adapts();
+        if !(judged && consistency.holds && learns) {
             return;
         }
         if parts.monitor.distractors.is_none() {
