@@ -107,7 +107,7 @@ fn multi(tracker: &mut MultiTracker, targets: usize, frames: usize) -> Result<Fr
 }
 
 /// A target of `side` px goes to and fro in the middle of a picture in colour, or is there in the first frames alone: then only
-/// frames count before which it was believed lost. Times of a frame, means of two in a row of `frames`, milliseconds of CPU.
+/// frames count before which it was believed lost. Times of `frames` frames, each with the next one, milliseconds of CPU a frame.
 fn one(name: &str, (width, height): (usize, usize), side: usize, lost: bool, frames: usize) -> Result<FrameTime> {
     const TURN: usize = 12;
     let mut tracker = Tracker::new(name)?;
@@ -134,6 +134,8 @@ fn one(name: &str, (width, height): (usize, usize), side: usize, lost: bool, fra
     let pictures = (0..=TURN).map(|t| picture(Some(t))).collect::<Result<Vec<_>>>()?;
     let empty = picture(None)?;
     tracker.init(&pictures[0], bbox(0))?;
+    // A configuration may learn in every second frame: two in a row count together.
+    let count = frames.max(1) + 1;
     let (mut times, mut was_lost) = (vec![], false);
     for index in 1..10 * frames + 100 {
         let t = index % (2 * TURN);
@@ -141,15 +143,14 @@ fn one(name: &str, (width, height): (usize, usize), side: usize, lost: bool, fra
         let image = if lost && index > TURN { empty.clone() } else { pictures[t.min(2 * TURN - t)].clone() };
         let begin = now();
         let now_lost = std::hint::black_box(tracker.update(&image)?).is_lost();
-        if index > TURN && was_lost == lost && times.len() < frames.max(1) {
+        if index > TURN && was_lost == lost && times.len() < count {
             times.push(1e3 * (now() - begin));
         }
         was_lost = now_lost;
-        if times.len() == frames.max(1) {
+        if times.len() == count {
             break;
         }
     }
-    // A configuration may learn in every second frame.
     let mut times: Vec<f64> = times.windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).collect();
     times.sort_by(f64::total_cmp);
     let median = times.get(times.len() / 2).copied().unwrap_or(f64::NAN);

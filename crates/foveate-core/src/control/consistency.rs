@@ -38,7 +38,7 @@ pub struct ConsistencySettings {
     /// Frames after the start, believed to be on the target, whose mean evidence lowers what the first frame promised: it
     /// compares the template with itself and so knows of no noise. 0 to 1000.
     pub settle: usize,
-    /// Discriminant and colour model learn from the first ten frames, and then from every so many: 1 to 1000.
+    /// Discriminant and colour model learn from every frame while the reference settles, and then from every so many: 1 to 1000.
     pub every: u64,
 }
 
@@ -58,9 +58,6 @@ struct Past {
     settled: usize,
     shortfall: f64,
 }
-
-/// Frames all of which are learned from, whatever `every` is.
-const FIRST: u64 = 10;
 
 /// Share of the way from on to off that settling may go at most: beyond it, on and off could not be told apart.
 const MOST_SHORTFALL: f64 = 0.7;
@@ -124,9 +121,9 @@ impl ConsistencyMonitor {
         m.consistency
     }
 
-    /// Whether the frame of this number, from 1, is one to learn from, by its number alone.
+    /// Whether the frame of this number, judged last, is one to learn from, whatever the verdict was.
     pub fn is_turn(&self, frame: u64) -> bool {
-        frame <= FIRST || frame.is_multiple_of(self.settings.every)
+        self.past.settled < self.settings.settle || frame.is_multiple_of(self.settings.every)
     }
 
     /// The last verdict.

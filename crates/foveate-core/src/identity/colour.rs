@@ -96,7 +96,8 @@ pub struct Colour {
 pub(super) struct Counts {
     now: Histograms,
     bins: Bins,
-    parts: Vec<Part>,
+    /// Of the columns.
+    zones: Vec<Zone>,
 }
 
 impl Colour {
@@ -120,10 +121,9 @@ impl Colour {
 
     /// Learns the target at `state` of the first frame, and forgets all before.
     pub fn init(&mut self, image: &Image, state: &State, extent: Extent) {
-        let Self { counts: Counts { now, bins, parts }, first, recent, .. } = self;
-        now.count(image, state, extent, (bins, parts));
-        first.clone_from(now);
-        recent.clone_from(now);
+        self.counts.count(image, state, extent);
+        self.first.clone_from(&self.counts.now);
+        self.recent.clone_from(&self.counts.now);
         self.judge();
         let mut sums = Integral::default();
         let scale = state.log_scale.exp();
@@ -135,8 +135,9 @@ impl Colour {
 
     /// Learns from the target at `state` of a later frame.
     pub fn adapt(&mut self, image: &Image, state: &State, extent: Extent) {
-        let Self { counts: Counts { now, bins, parts }, settings, recent, .. } = self;
-        now.count(image, state, extent, (bins, parts));
+        let Self { counts, settings, recent, .. } = self;
+        counts.count(image, state, extent);
+        let now = &counts.now;
         let rate = settings.learning_rate as f32;
         for (recent, now) in [(&mut recent.target, &now.target), (&mut recent.around, &now.around)] {
             recent.iter_mut().zip(now).for_each(|(r, n)| *r += rate * (n - *r));
@@ -226,11 +227,12 @@ fn pixels(from: f64, to: f64, side: usize) -> std::ops::Range<usize> {
     from.clamp(0.0, last) as usize..to.clamp(0.0, last) as usize + 1
 }
 
-impl Histograms {
+impl Counts {
     /// Counts the pixels of a target at `state`, and those around it: every so many of a large one.
-    fn count(&mut self, image: &Image, state: &State, extent: Extent, (bins, parts): (&mut Bins, &mut Vec<Part>)) {
+    fn count(&mut self, image: &Image, state: &State, extent: Extent) {
+        let Self { now: Histograms { target, around }, bins, zones } = self;
         let n = if image.planes() == 1 { GREY } else { COLOUR };
-        for h in [&mut self.target, &mut self.around] {
+        for h in [&mut *target, &mut *around] {
             h.clear();
             h.resize(n, 0.0);
         }
@@ -239,26 +241,25 @@ impl Histograms {
         let (far, step) = (AROUND.1, step(w.min(h)));
         let columns = pixels(state.x - far * w, state.x + far * w, image.width());
         let rows = pixels(state.y - far * h, state.y + far * h, image.height()).step_by(step);
-        let across = columns.clone().step_by(step).map(|x| Part::of((x as f64 - state.x).abs() / w));
-        parts.clear();
+        zones.clear();
         // As many as there can ever be.
-        parts.reserve(image.width());
-        parts.extend(across);
+        zones.reserve(image.width());
+        zones.extend(columns.clone().step_by(step).map(|x| Zone::of((x as f64 - state.x).abs() / w)));
         let mut counts = [0u32; 2];
         for y in rows {
-            let down = Part::of((y as f64 - state.y).abs() / h);
+            let down = Zone::of((y as f64 - state.y).abs() / h);
             let row = bins.of(image, y, columns.clone());
-            for (across, bin) in parts.iter().zip(row.iter().step_by(step)) {
+            for (across, bin) in zones.iter().zip(row.iter().step_by(step)) {
                 let (histogram, count) = match down.max(*across) {
-                    Part::Inside => (&mut self.target, &mut counts[0]),
-                    Part::Between => continue,
-                    Part::Around => (&mut self.around, &mut counts[1]),
+                    Zone::Inside => (&mut *target, &mut counts[0]),
+                    Zone::Between => continue,
+                    Zone::Around => (&mut *around, &mut counts[1]),
                 };
                 histogram[usize::from(*bin)] += 1.0;
                 *count += 1;
             }
         }
-        for (h, count) in [&mut self.target, &mut self.around].into_iter().zip(counts) {
+        for (h, count) in [target, around].into_iter().zip(counts) {
             let share = 1.0 / count.max(1) as f32;
             h.iter_mut().for_each(|v| *v *= share);
         }
@@ -267,13 +268,13 @@ impl Histograms {
 
 /// Where a row or column lies; where a pixel does, is the farther of both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Part {
+enum Zone {
     Inside,
     Between,
     Around,
 }
 
-impl Part {
+impl Zone {
     /// So many half boxes off the centre.
     fn of(off: f64) -> Self {
         match off {

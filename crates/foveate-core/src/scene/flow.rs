@@ -7,22 +7,19 @@
 //!
 //! Flow is in pixels a frame: what is at `(x, y)` in the first picture is at `(x + u, y + v)` in the second.
 
-use foveate_kernels as kernels;
+use foveate_kernels::PATCH;
 
 use crate::geometry::BBox;
 use crate::scene::camera::Affine;
 use crate::scene::detect::{Blobs, Detector, Score};
 use crate::scene::{Detection, Image, Map};
 
-/// Side of a patch, and distance between two, in pixels of a level.
-const PATCH: usize = kernels::PATCH;
+mod patch;
+
+use self::patch::Patch;
+
+/// Distance between two patches, in pixels of a level.
 const STRIDE: usize = 4;
-const PIXELS: usize = PATCH * PATCH;
-/// Gauss-Newton steps of a patch at one level, at most.
-const STEPS: usize = 12;
-/// Least eigenvalue of a patch's mean squared gradient, of grey 0 to 1 a pixel: below it nothing can be told along some
-/// direction, and the patch stays where the coarser level put it.
-const TEXTURE: f32 = 2e-5;
 /// Levels are halved while both sides have this many pixels.
 const COARSEST: usize = 12;
 /// Level from which on the flow is the camera's alone, and pixels of the shorter side that are too many for that.
@@ -198,96 +195,6 @@ fn starts(side: usize) -> impl Iterator<Item = usize> {
 fn around(cu: &Map, cv: &Map, x: usize, y: usize) -> (f32, f32) {
     let middle = |start: usize| (start as f32 + PATCH as f32 / 2.0) / 2.0 - 0.5;
     (2.0 * cu.between(middle(x), middle(y)), 2.0 * cv.between(middle(x), middle(y)))
-}
-
-/// A patch of the first picture, and what a Gauss-Newton step needs of it. Past the edges of a picture the edge's pixels are
-/// repeated.
-struct Patch {
-    x: usize,
-    y: usize,
-    made: kernels::Patch,
-    /// The inverse of Σ g gᵀ with the gradients' means taken off, as xx, xy, yy; `None` where there is too little texture.
-    inverse: Option<[f32; 3]>,
-}
-
-impl Patch {
-    fn cut(from: &Map, x: usize, y: usize) -> Self {
-        let mut made = kernels::Patch::default();
-        let [xx, xy, yy] = window::<{ PATCH + 2 }, _>(from, x as f32 - 1.0, y as f32 - 1.0, |values, stride| {
-            kernels::cut_patch(values, stride, &mut made)
-        });
-        let mut patch = Self { x, y, made, inverse: None };
-        let least = 0.5 * (xx + yy) - (0.25 * (xx - yy).powi(2) + xy * xy).sqrt();
-        if least > TEXTURE * PIXELS as f32 {
-            let det = xx * yy - xy * xy;
-            patch.inverse = Some([yy / det, -xy / det, xx / det]);
-        }
-        patch
-    }
-    /// Where the patch went: steps from `start` while they lessen the error; back to `start` where they lead too far.
-    fn search(&self, before: &Map, now: &Map, start: (f32, f32)) -> (f32, f32) {
-        let Some([xx, xy, yy]) = self.inverse else { return start };
-        let (mut best, mut least, mut flow) = (start, f32::INFINITY, start);
-        let limit = (before.width() as f32, before.height() as f32);
-        for _ in 0..STEPS {
-            let [error, bx, by] =
-                self.moved(now, flow, |values, stride, part| kernels::patch_residual(values, stride, part, &self.made));
-            if error >= least {
-                break;
-            }
-            (best, least) = (flow, error);
-            let step = (xx * bx + xy * by, xy * bx + yy * by);
-            flow = (flow.0 - step.0, flow.1 - step.1);
-            let far = (flow.0 - start.0).hypot(flow.1 - start.1) > PATCH as f32;
-            if far || flow.0.abs() > limit.0 || flow.1.abs() > limit.1 {
-                return start;
-            }
-            if step.0.hypot(step.1) < 0.01 {
-                break;
-            }
-        }
-        best
-    }
-    /// What `of` makes of the values where the patch was moved to, of how many there are in a row, and of how far the patch lies
-    /// between them.
-    fn moved<T>(&self, now: &Map, flow: (f32, f32), of: impl FnOnce(&[f32], usize, (f32, f32)) -> T) -> T {
-        let (x, y) = (self.x as f32 + flow.0, self.y as f32 + flow.1);
-        let (left, top) = (x.floor(), y.floor());
-        window::<{ PATCH + 1 }, _>(now, left, top, |values, stride| of(values, stride, (x - left, y - top)))
-    }
-    /// Adds the patch's flow to its pixels, each as far as it explains the pixel: weight 1 / max(error, 2 grey levels).
-    fn spread(&self, before: &Map, now: &Map, flow: (f32, f32), (u, v): (&mut Map, &mut Map), weight: &mut [f32]) {
-        let (w, h) = (before.width(), before.height());
-        let moved = self.moved(now, flow, kernels::patch_between);
-        let width = PATCH.min(w - self.x);
-        for (y, moved) in (self.y..h).zip(moved.chunks_exact(PATCH)) {
-            let line = y * w + self.x..y * w + self.x + width;
-            let (u, v) = (&mut u.values_mut()[line.clone()], &mut v.values_mut()[line.clone()]);
-            let sums = u.iter_mut().zip(v).zip(&mut weight[line.clone()]);
-            for (((u, v), weight), (pixel, moved)) in sums.zip(before.values()[line].iter().zip(moved)) {
-                let share = 1.0 / (pixel - moved).abs().max(2.0 / 255.0);
-                *u += share * flow.0;
-                *v += share * flow.1;
-                *weight += share;
-            }
-        }
-    }
-}
-
-/// What `of` makes of `SIDE` × `SIDE` values of a map, of which the first is at a column and row (whole numbers), and of how many
-/// there are in a row.
-fn window<const SIDE: usize, T>(from: &Map, left: f32, top: f32, of: impl FnOnce(&[f32], usize) -> T) -> T {
-    let (w, h) = (from.width(), from.height());
-    if left >= 0.0 && top >= 0.0 && left as usize + SIDE <= w && top as usize + SIDE <= h {
-        return of(&from.values()[top as usize * w + left as usize..], w);
-    }
-    let mut room = [[0.0; SIDE]; SIDE];
-    let column: [usize; SIDE] = std::array::from_fn(|i| (left + i as f32).clamp(0.0, (w - 1) as f32) as usize);
-    for (j, row) in room.iter_mut().enumerate() {
-        let line = &from.values()[(top + j as f32).clamp(0.0, (h - 1) as f32) as usize * w..][..w];
-        row.iter_mut().zip(column).for_each(|(value, x)| *value = line[x]);
-    }
-    of(room.as_flattened(), SIDE)
 }
 
 #[cfg(test)]

@@ -1,0 +1,56 @@
+//! Settings of the search for a lost target, and their ranges.
+
+use foveate_base::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+use super::MOST;
+
+/// Settings of the search; lengths are in template units (1 = half the target's box).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct RedetectionSettings {
+    /// Frames between two searches, at least 1.
+    pub every: u64,
+    /// Distance of neighbouring places, above 0 to 10; it grows where there would be more than 16,000.
+    pub step: f64,
+    /// Places scored in a frame, about, 64 to 16,000. A picture that has more of them is searched in parts, over several
+    /// frames; 16,000 for the whole picture in every frame.
+    pub budget: usize,
+    /// Share of the particles that start again, 0 to 1.
+    pub share: f64,
+    /// Places they start from, 1 to 1000.
+    pub places: usize,
+    /// A place counts only if its log-likelihood lies at most this share below what the first frame promised on the
+    /// target, towards what it promised elsewhere; 0 to 2.
+    pub fit: f64,
+    /// Standard deviation about a place, above 0 to 10.
+    pub spread: f64,
+    /// Prior probability that a lost target is anywhere at all, and not where it was expected; above 0 to 1.
+    pub chance: f64,
+}
+
+impl Default for RedetectionSettings {
+    fn default() -> Self {
+        Self { every: 4, step: 0.3, budget: MOST as usize, share: 0.3, places: 8, fit: 0.2, spread: 0.15, chance: 0.5 }
+    }
+}
+
+impl RedetectionSettings {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        let wrong = |name: &str, expected: &str, found: f64| {
+            Err(Error::Config(format!("redetection.{name} is {expected}; it is {found}")))
+        };
+        match self {
+            s if !(1..=1_000_000).contains(&s.every) => wrong("every", "1 to 1000000 frames", s.every as f64),
+            s if !(s.step > 0.0 && s.step <= 10.0) => wrong("step", "above 0 to 10 template units", s.step),
+            s if !(64..=MOST as usize).contains(&s.budget) => wrong("budget", "64 to 16000 places", s.budget as f64),
+            s if !(0.0..=1.0).contains(&s.share) => wrong("share", "0 to 1", s.share),
+            s if !(1..=1000).contains(&s.places) => wrong("places", "1 to 1000", s.places as f64),
+            s if !(0.0..=2.0).contains(&s.fit) => wrong("fit", "0 to 2", s.fit),
+            s if !(s.spread > 0.0 && s.spread <= 10.0) => wrong("spread", "above 0 to 10 template units", s.spread),
+            s if !(s.chance > 0.0 && s.chance <= 1.0) => wrong("chance", "above 0 to 1", s.chance),
+            _ => Ok(()),
+        }
+    }
+}

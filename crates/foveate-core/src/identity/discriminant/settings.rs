@@ -1,0 +1,57 @@
+//! Settings of the discriminant, and their ranges.
+
+use foveate_base::Result;
+use foveate_base::error::within;
+use serde::{Deserialize, Serialize};
+
+/// Settings of the discriminant. It needs a gaze at the centre; other gazes are compared with the template alone.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// Mixing weight of its score in the distance; the template has the rest. 0 to 1.
+    pub mixing_weight: f64,
+    /// Learning rate: weight of the newest frame among those since the first, 0 to 1.
+    pub learning_rate: f64,
+    /// Weight of the first frame, 0 to 1.
+    pub first_frame_weight: f64,
+    /// What is added to the diagonal, 1e-6 to 1e3; features have a length of about 1.
+    pub ridge: f64,
+    /// Standard deviation of the labels along u and v, template units, 0.01 to 10.
+    pub spread: f64,
+    /// Standard deviation of the labels in the logarithm of scale, 0.01 to 10.
+    pub log_scale: f64,
+    /// Gate: nothing is learned from a frame whose evidence deficit is above this, 0 to 2.
+    pub gate: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            mixing_weight: 0.5,
+            learning_rate: 0.1,
+            first_frame_weight: 0.5,
+            ridge: 0.003,
+            spread: 0.2,
+            log_scale: 0.1,
+            gate: 0.5,
+        }
+    }
+}
+
+impl Settings {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        for (name, value, least, most) in [
+            ("mixing_weight", self.mixing_weight, 0.0, 1.0),
+            ("learning_rate", self.learning_rate, 0.0, 1.0),
+            ("first_frame_weight", self.first_frame_weight, 0.0, 1.0),
+            ("ridge", self.ridge, 1e-6, 1e3),
+            ("spread", self.spread, 0.01, 10.0),
+            ("log_scale", self.log_scale, 0.01, 10.0),
+            ("gate", self.gate, 0.0, 2.0),
+        ] {
+            within(&format!("discriminant.{name}"), value, least, most)?;
+        }
+        Ok(())
+    }
+}
