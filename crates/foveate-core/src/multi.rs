@@ -147,7 +147,7 @@ impl MultiTracker {
         }
         self.size = Some(size);
         (self.frame, self.next, self.resumed) = (self.next, self.next + 1, false);
-        self.preprocessor.look(image);
+        self.preprocessor.look_or_watch(image, self.frame.is_multiple_of(self.settings.every));
         let mut found = std::mem::take(&mut self.work.found);
         found.clear();
         found.extend_from_slice(detections);
@@ -237,12 +237,12 @@ impl MultiTracker {
     }
 
     fn expect(&mut self) {
-        let most = self.settings.termination.guess;
+        let (s, most) = (&self.settings, self.settings.termination.guess);
         self.work.expected.clear();
         self.work.expected.extend(self.active.iter().map(|t| {
             let c = &t.track.covariance;
             let (bbox, variance) = (t.shaped(t.next().bbox(t.track.extent)), (c[0][0] + c[2][2], c[1][1] + c[3][3]));
-            Expected { bbox, variance, guess: t.unseen > most }
+            Expected { bbox, variance, guess: s.asked(t.unseen) > most }
         }));
         let Work { expected, meetings, .. } = &mut self.work;
         meetings.find(expected.len(), &|i| expected[i].bbox);
@@ -270,7 +270,7 @@ impl MultiTracker {
             return self.active.iter_mut().for_each(|target| target.track.detection = None);
         }
         // Tentative tracks take part: what is theirs is left to them.
-        self.tentative.expect(self.frame, expected);
+        self.tentative.expect(self.frame, &self.settings, expected);
         let (active, ranks, s, pool) = (&mut self.active, &self.ranks, &self.settings, &self.pool);
         let weak = |d: &Detection| ranks.of(d.score) < s.weak;
         let mut given = pairs::in_stages(expected, left, &weak, s, &mut |i, j| {

@@ -2,7 +2,7 @@
 
 use super::edge;
 use super::pairs::Expected;
-use super::settings::Initiation;
+use super::settings::Settings;
 use crate::assignment;
 use crate::geometry::BBox;
 use crate::scene::Detection;
@@ -30,7 +30,7 @@ pub(super) struct TentativeTracks {
 
 /// Least intersection over union of a detection with where a candidate is expected.
 const LEAST_OVERLAP: f64 = 0.2;
-/// Frames a candidate may miss.
+/// Detections a candidate may miss.
 const MOST_MISSED: usize = 2;
 /// Pixels by which the edges of what stands still may move.
 const JITTER: f64 = 3.0;
@@ -44,10 +44,11 @@ impl TentativeTracks {
         frame: usize,
         detections: &[Detection],
         picture: (f64, f64),
-        s: &Initiation,
+        settings: &Settings,
     ) -> Vec<Detection> {
-        let waits = |c: &Candidate| c.hits >= s.hits || frame - c.first < s.within.max(1);
-        self.candidates.retain(|c| frame - c.last <= MOST_MISSED + 1 && waits(c));
+        let s = &settings.initiation;
+        let waits = |c: &Candidate| c.hits >= s.hits || settings.asked(frame - c.first) < s.within.max(1);
+        self.candidates.retain(|c| settings.asked(frame - c.last) <= MOST_MISSED + 1 && waits(c));
         let (rows, columns) = (self.candidates.len(), detections.len());
         let overlap = |k: usize| {
             let iou = self.candidates[k / columns].expected(frame).iou(&detections[k % columns].bbox);
@@ -90,8 +91,8 @@ impl TentativeTracks {
     }
 
     /// Adds where the candidates are expected in a frame.
-    pub fn expect(&self, frame: usize, out: &mut Vec<Expected>) {
-        let waits = |c: &&Candidate| frame - c.last <= MOST_MISSED + 1;
+    pub fn expect(&self, frame: usize, s: &Settings, out: &mut Vec<Expected>) {
+        let waits = |c: &&Candidate| s.asked(frame - c.last) <= MOST_MISSED + 1;
         let place = |c: &Candidate| Expected { bbox: c.expected(frame), variance: (0.0, 0.0), guess: false };
         out.extend(self.candidates.iter().filter(waits).map(place));
     }
@@ -145,7 +146,12 @@ impl Candidate {
 
 #[cfg(test)]
 mod tests {
+    use super::super::settings::Initiation;
     use super::*;
+
+    fn with(initiation: Initiation) -> Settings {
+        Settings { initiation, ..Settings::default() }
+    }
 
     fn found(x: f64) -> Detection {
         Detection { bbox: BBox { x, y: 5.0, w: 20.0, h: 30.0 }, score: 1.0 }
@@ -153,7 +159,7 @@ mod tests {
 
     #[test]
     fn three_in_a_row_are_a_target_and_stray_ones_are_not() {
-        let (mut tentative, s) = (TentativeTracks::default(), Initiation::default());
+        let (mut tentative, s) = (TentativeTracks::default(), Settings::default());
         for frame in 0..40 {
             // One moves on by 8 px a frame from frame 10 on and is missed in frame 12; others come and go.
             let mut detections = vec![found(300.0 + 40.0 * (frame % 7) as f64)];
@@ -166,13 +172,28 @@ mod tests {
                 _ => assert!(born.is_empty(), "frame {frame}: {born:?}"),
             }
         }
-        let at_once = Initiation { hits: 1, within: 1, ..s };
+        let at_once = with(Initiation { hits: 1, within: 1, ..s.initiation });
         assert_eq!(tentative.grow(41, &[found(1.0)], (400.0, 300.0), &at_once).len(), 1);
     }
 
     #[test]
+    fn frames_in_which_the_detector_is_not_asked_do_not_count() {
+        let s = Settings { every: 5, ..Settings::default() };
+        let born = |s: &Settings| {
+            let mut tentative = TentativeTracks::default();
+            let mut born = (0..40).filter(|frame| {
+                // Seen in frames 5, 10, 20 (15 is missed), at 2 px a frame.
+                let seen = [5, 10, 20].contains(frame).then(|| found(2.0 * *frame as f64));
+                !tentative.grow(*frame, seen.as_slice(), (400.0, 300.0), s).is_empty()
+            });
+            born.next()
+        };
+        assert_eq!((born(&s), born(&Settings::default())), (Some(20), None));
+    }
+
+    #[test]
     fn a_weak_one_waits_for_stronger_ones() {
-        let (mut tentative, s) = (TentativeTracks::default(), Initiation { rank: 0.5, ..Initiation::default() });
+        let (mut tentative, s) = (TentativeTracks::default(), with(Initiation { rank: 0.5, ..Initiation::default() }));
         // Ranks 0.2, 0.2, 0.5, 0.9, 0.9: their mean is 0.54 with the fifth.
         for (frame, rank) in [0.2, 0.2, 0.5, 0.9, 0.9].into_iter().enumerate() {
             let seen = Detection { score: rank, ..found(4.0 * frame as f64) };
@@ -186,7 +207,7 @@ mod tests {
 
     #[test]
     fn candidates_move_with_the_camera() {
-        let (mut tentative, s) = (TentativeTracks::default(), Initiation::default());
+        let (mut tentative, s) = (TentativeTracks::default(), Settings::default());
         // The camera turns by 100 px a frame, more than a box's width: what stands before it is found again.
         for frame in 0..3 {
             tentative.shift(&|_, _| (100.0, 0.0));
@@ -197,7 +218,7 @@ mod tests {
 
     #[test]
     fn what_stands_still_is_not_born_and_what_comes_in_is() {
-        let s = Initiation { moved: 0.1, ..Initiation::default() };
+        let s = with(Initiation { moved: 0.1, ..Initiation::default() });
         let (mut tentative, mut born) = (TentativeTracks::default(), vec![]);
         for frame in 0..30 {
             let jitter = f64::from(frame as u32 % 3);

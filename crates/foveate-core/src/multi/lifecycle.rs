@@ -34,12 +34,12 @@ impl MultiTracker {
 
     /// Ends the tracks of targets that are gone.
     pub(super) fn terminate(&mut self, image: &Image) {
-        let (s, detecting) = (&self.settings.termination, self.detecting);
+        let (rules, s, detecting) = (&self.settings, &self.settings.termination, self.detecting);
         let picture = BBox { x: 0.0, y: 0.0, w: image.width() as f64, h: image.height() as f64 };
         let gone = |t: &mut Target| {
             let b = &t.track.bbox;
             let outside = b.intersection(&picture) < s.inside * b.w * b.h;
-            outside || t.lost >= s.lost || (detecting && t.unseen >= s.unseen)
+            outside || t.lost >= s.lost || (detecting && rules.asked(t.unseen) >= s.unseen)
         };
         for mut target in self.active.extract_if(.., gone) {
             target.terminated = self.frame;
@@ -64,7 +64,7 @@ impl MultiTracker {
         let fits = |b: &BBox| b.w >= s.side && b.h >= s.side && b.w * b.h <= s.most * width * height;
         left.iter_mut().for_each(|d| d.score = self.ranks.of(d.score));
         left.retain(|d| fits(&d.bbox) && !self.is_taken(d));
-        for born in self.tentative.grow(self.frame, &left, size, &s) {
+        for born in self.tentative.grow(self.frame, &left, size, &self.settings) {
             let bbox = born.bbox;
             if crate::start::check(image, &bbox).is_err() || self.is_taken(&born) {
                 continue;

@@ -25,6 +25,9 @@ pub struct Settings {
     /// Rank of a detection's score among the recent ones, 0 to 1, below which it is weak: it is given to a target only after
     /// the others (two-stage association). 0: none is weak.
     pub weak: f64,
+    /// The detector is asked in one of so many frames, 1 to 1000, and the others do not count as frames without a detection. Detections
+    /// of your own may come in any frame.
+    pub every: usize,
     /// Whether the detector may put several targets into one box, as one of motion does: then a box that holds most of two
     /// or more is given to none.
     pub merges: bool,
@@ -46,7 +49,7 @@ pub struct Settings {
 pub struct Initiation {
     /// Detections it takes, 1 to 1000.
     pub hits: usize,
-    /// Frames they may be spread over, at least `hits`, to 1000.
+    /// Frames in which the detector is asked that they may be spread over, at least `hits`, to 1000.
     pub within: usize,
     /// How far they must have moved since the first of them, 0 to 100: what never moves is a change of the ground.
     pub moved: f64,
@@ -71,7 +74,7 @@ pub struct Initiation {
 pub struct Termination {
     /// Frames in a row it may be believed lost, 1 to 1,000,000.
     pub lost: usize,
-    /// Frames in a row without a detection of its own, where there is a detector, 1 to 1,000,000.
+    /// Frames in a row without a detection of its own, of those in which the detector is asked, 1 to 1,000,000.
     pub unseen: usize,
     /// Of these, the frames after which its box counts as a guess, 0 to 1,000,000. Until then it goes on, whatever it looks
     /// like; without a detector looks alone decide.
@@ -118,6 +121,7 @@ impl Default for Settings {
             renew: 0.4,
             shape: 0.3,
             weak: 0.0,
+            every: 1,
             merges: true,
             attention: Attention::default(),
             initiation,
@@ -163,6 +167,11 @@ impl Default for Occlusion {
 }
 
 impl Settings {
+    /// Of so many frames, those in which the detector was asked.
+    pub(super) fn asked(&self, frames: usize) -> usize {
+        frames / self.every
+    }
+
     /// Fails where a number is out of range, naming it.
     pub fn check(&self) -> Result<()> {
         let Self { attention, initiation, termination, reidentification, occlusion, .. } = self;
@@ -174,6 +183,7 @@ impl Settings {
             ("renew", self.renew, 0.0, 3.0),
             ("shape", self.shape, 0.0, 1.0),
             ("weak", self.weak, 0.0, 1.0),
+            ("every", self.every as f64, 1.0, 1000.0),
             ("attention.budget", attention.budget as f64, 0.0, 1e6),
             ("initiation.hits", initiation.hits as f64, 1.0, 1000.0),
             ("initiation.within", initiation.within as f64, initiation.hits as f64, 1000.0),

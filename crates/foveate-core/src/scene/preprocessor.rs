@@ -27,7 +27,12 @@ impl Preprocessor {
     }
     /// Looks at the next picture. Detectors and flow compare pictures, so that it has to see each.
     pub fn look(&mut self, image: &Image) {
-        if let Some(detector) = &mut self.detector {
+        self.look_or_watch(image, true);
+    }
+    /// The same; the detector is asked only where it `asks`: else nothing is found, and it has not seen this picture.
+    pub fn look_or_watch(&mut self, image: &Image, asks: bool) {
+        self.found.clear();
+        if let Some(detector) = self.detector.as_mut().filter(|_| asks) {
             detector.detect(image, &mut self.found);
         }
         if let Some(flow) = &mut self.flow {

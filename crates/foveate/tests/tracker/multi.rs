@@ -287,3 +287,24 @@ fn pictures_shown_again_after_loading_are_not_counted_twice() {
     (0..5).for_each(|t| late.skip(&picture(&visits(t).0)));
     assert_eq!(run(&mut late, 5..8).last().map(|target| target.born), Some(7));
 }
+
+/// Boxes in every fifth frame: a track starts from the third, is followed by its looks in between, and ends when these find nothing for
+/// ten frames.
+#[test]
+fn frames_without_a_detector_are_bridged() {
+    let base = || Config::builtin("multi").expect("it ships with the library").expect("it is right");
+    let config = ["particles=300", "multi_target.every=5"];
+    let config = config.iter().fold(base(), |config, setting| config.set(setting).expect("a key"));
+    let mut tracker = config.check(&Folder::here()).expect("parts that fit").multi_tracker(1).expect("trackers");
+    let place = |t: usize| at(20.0 + 2.0 * t as f64, 40.0);
+    for t in 0..60 {
+        let image = picture(&[(1, place(t))][..usize::from(t <= 30)]);
+        let detections = if t <= 30 && t % 5 == 0 { vec![found(place(t))] } else { vec![] };
+        let targets = tracker.update(&image, &detections).expect("a picture of the first size");
+        assert_eq!(targets.len(), usize::from((10..40).contains(&t)), "frame {t}");
+        if (10..=30).contains(&t) {
+            assert!(off(&targets[0], &place(t)) < 2.0, "frame {t}: {:?}", targets[0].bbox);
+            assert!(t == 10 || targets[0].phase == Phase::Tracked, "frame {t}: {:?}", targets[0].phase);
+        }
+    }
+}
