@@ -39,6 +39,20 @@ levels! {
     pub fn product / product_at (x: &[f32], y: &[f32], out: &mut [f32]) = product_body
 }
 
+#[inline(always)]
+fn blend_body<const V: u8>(above: &[f32], below: &[f32], part: f32, out: &mut [u8]) {
+    /// 2²³: the last bits of a number plus this are the number, rounded to the nearest, a half to the even one.
+    const WHOLE: f32 = 8_388_608.0;
+    for ((o, &a), &b) in out.iter_mut().zip(above).zip(below) {
+        *o = (a + part * (b - a) + WHOLE).to_bits() as u8;
+    }
+}
+
+levels! {
+    /// `out` = `above` + `part` · (`below` − `above`), rounded, as far as all go; `part` and both rows are such that it is 0 to 255.
+    pub fn blend / blend_at (above: &[f32], below: &[f32], part: f32, out: &mut [u8]) = blend_body
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -54,7 +68,10 @@ mod tests {
                 add_scaled_at(level, 0.3, &x, &mut a);
                 add_product_at(level, 0.3, &x, &y, &mut b);
                 product_at(level, &x, &y, &mut c);
+                let (bright, mut bytes): (Vec<f32>, _) = (y.iter().map(|y| 130.0 + 40.0 * y).collect(), vec![0; n]);
+                blend_at(level, &bright, &x, 0.3, &mut bytes);
                 for i in 0..n {
+                    assert_eq!(bytes[i], (bright[i] + 0.3 * (x[i] - bright[i])).round_ties_even() as u8);
                     assert_eq!([a[i], b[i], c[i]], [y[i] + 0.3 * x[i], x[i] + 0.3 * x[i] * y[i], x[i] * y[i]]);
                 }
             }

@@ -161,8 +161,12 @@ impl Regions for Tiles<'_> {
                 free.insert(tile);
             }
         }
+        let (first, columns) = ((window.x >> level) / tw, ((right - 1) >> level) / tw + 1 - (window.x >> level) / tw);
+        let (top, rows) = ((window.y >> level) / th, ((bottom - 1) >> level) / th + 1 - (window.y >> level) / th);
+        let tiles = (0..columns * rows).map(|k| &decoded[&(level, first + k % columns, top + k / columns)]);
+        let tiles: Vec<&Image> = tiles.collect();
         let at = |p: usize, x: usize, y: usize| {
-            let tile = &decoded[&(level, x / tw, y / th)];
+            let tile = tiles[(y / th - top) * columns + x / tw - first];
             u32::from(tile.at(p, (x % tw).min(tile.width() - 1), (y % th).min(tile.height() - 1)))
         };
         let n = window.columns * window.rows;

@@ -56,6 +56,9 @@ const SIZES: [f64; 2] = [-0.15, 0.15];
 /// The most places that are scored at once.
 const MOST: f64 = 16_000.0;
 
+/// Places farther apart than this, template units, count as more, up to two: what lies between them is read, too.
+const WIDEST: f64 = 0.5;
+
 /// Places nearer to each other than this, in template units, are one.
 const NEAR: f64 = 0.5;
 
@@ -114,8 +117,8 @@ impl Redetection {
     }
     /// Columns and rows of the part of the lattice that this search is about.
     fn part(&mut self, columns: usize, rows: usize, seen: &State) -> [Range<usize>; 2] {
-        let count =
-            if self.settings.budget >= MOST as usize { 1 } else { (columns * rows).div_ceil(self.settings.budget) };
+        let places = ((self.area / (WIDEST * WIDEST)) as usize).clamp(columns * rows, 2 * columns * rows);
+        let count = if self.settings.budget >= MOST as usize { 1 } else { places.div_ceil(self.settings.budget) };
         if count == 1 {
             self.remembered.clear();
             return [0..columns, 0..rows];

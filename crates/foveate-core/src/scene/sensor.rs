@@ -13,6 +13,7 @@ use super::Image;
 use crate::geometry::{Extent, Gaze, State};
 use foveate_base::Result;
 use foveate_base::error::within;
+use foveate_kernels::blend;
 
 /// What unread places look like: neither bright nor dark.
 const UNREAD: u8 = 128;
@@ -123,7 +124,8 @@ pub struct Sensor {
     /// Where it was painted since it was last wiped.
     painted: Vec<Window>,
     bytes: Vec<u8>,
-    line: Vec<f32>,
+    /// Two rows of bins, drawn out to pixels.
+    lines: [Vec<f32>; 2],
     taps: Vec<(usize, f32)>,
     values: usize,
 }
@@ -131,8 +133,8 @@ pub struct Sensor {
 impl Sensor {
     /// With checked settings; it has read nothing.
     pub fn new(settings: SensorSettings) -> Self {
-        let (bytes, line, taps) = (vec![], vec![], vec![]);
-        Self { settings, seen: Image::grey(1, 1, UNREAD), painted: vec![], bytes, line, taps, values: 0 }
+        let seen = Image::grey(1, 1, UNREAD);
+        Self { settings, seen, painted: vec![], bytes: vec![], lines: Default::default(), taps: vec![], values: 0 }
     }
     /// What was read of the frame, in the place it has in the picture; grey where nothing was.
     pub fn seen(&self) -> &Image {
@@ -237,23 +239,31 @@ impl Sensor {
         let (right, bottom) = window.end((width, self.seen.height()));
         self.taps.clear();
         self.taps.extend((window.x..right).map(|x| tap(x - window.x, window.bin.0, window.columns)));
-        self.line.resize(self.line.len().max(window.columns), 0.0);
-        let line = &mut self.line[..window.columns];
+        for line in &mut self.lines {
+            line.resize(line.len().max(self.taps.len()), 0.0);
+        }
+        let [above, below] = &mut self.lines;
         for p in 0..planes {
             let bins = &self.bytes[p * n..][..n];
+            let draw = |j: usize, line: &mut [f32]| {
+                let bins = &bins[j.min(window.rows - 1) * window.columns..][..window.columns];
+                for (out, (i, f)) in line.iter_mut().zip(&self.taps) {
+                    let (a, b) = (f32::from(bins[*i]), f32::from(bins[(*i + 1).min(window.columns - 1)]));
+                    *out = a + f * (b - a);
+                }
+            };
             let plane = self.seen.plane_mut(p);
+            draw(0, above);
+            draw(1, below);
+            let mut drawn = 0;
             for y in window.y..bottom {
                 let (j, f) = tap(y - window.y, window.bin.1, window.rows);
-                let (above, below) =
-                    (&bins[j * window.columns..], &bins[(j + 1).min(window.rows - 1) * window.columns..]);
-                line.iter_mut().zip(above).zip(below).for_each(|((l, a), b)| {
-                    *l = f32::from(*a) + f * (f32::from(*b) - f32::from(*a)) + 0.5;
-                });
-                let row = &mut plane[y * width..][window.x..right];
-                for (out, (i, f)) in row.iter_mut().zip(&self.taps) {
-                    let (a, b) = (line[*i], line[(*i + 1).min(window.columns - 1)]);
-                    *out = (a + f * (b - a)) as u8;
+                if j > drawn {
+                    std::mem::swap(above, below);
+                    draw(j + 1, below);
+                    drawn = j;
                 }
+                blend(above, below, f, &mut plane[y * width..][window.x..right]);
             }
         }
         Ok(())
