@@ -3,14 +3,16 @@
 //! Each panics with the broken law. Random checks state how often they would fail a correct implementation.
 
 mod detector;
+mod dynamics;
 mod proposal;
 mod regions;
 
 pub use self::detector::detector;
+pub use self::dynamics::dynamics;
 pub use self::proposal::{proposal, proposal_weights};
 pub use self::regions::regions;
 
-use crate::control::{Dynamics, Resampling, Reward};
+use crate::control::{Resampling, Reward};
 use crate::gaze::{Context, Plan, Policy, PolicySnapshot};
 use crate::geometry::{Extent, Gaze, State};
 use crate::identity::pyramid::Region;
@@ -40,95 +42,6 @@ fn assert_mean(values: &[f64], exact: f64, what: &str) {
     let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
     let allowed = 5.0 * (variance / n).sqrt() + 1e-9;
     assert!((mean - exact).abs() < allowed, "{what}: {mean} is not {exact} ± {allowed}");
-}
-
-/// `sample` and `sample_each` draw from the density that `log_density` evaluates, about `expected` in place and velocity, and
-/// places as far from it as `spread` says.
-///
-/// If p is the density of the draws, any density g that lies within p's reach has the mean of g/p equal to 1.
-/// Here g is a narrower normal density at the draws' mean, then moved to each side; 20,000 draws, 38 checks.
-pub fn dynamics(dynamics: &dyn Dynamics, from: &State) {
-    const DRAWS: usize = 20_000;
-    let one_by_one = |stream| -> Vec<State> {
-        let mut rng = checks().rng(stream);
-        (0..DRAWS).map(|_| dynamics.sample(from, &mut rng)).collect()
-    };
-    let together = |stream, n: usize| -> Vec<State> {
-        let mut states = vec![State::default(); n];
-        dynamics.sample_each(&vec![*from; n], &mut states, &mut checks().rng(stream));
-        states
-    };
-    assert!(together(1, 100)[..] == together(1, DRAWS)[..100], "fewer draws must be the first of more");
-    let g = Normal::fit(&one_by_one(1));
-    for fresh in [one_by_one(2), together(3, DRAWS)] {
-        for (dim, side) in (0..=g.rows.len()).flat_map(|dim| [(dim, -0.5), (dim, 0.5)]) {
-            let ratio = |next: &State| {
-                let log_p = dynamics.log_density(next, from);
-                assert!(log_p.is_finite(), "log_density must be finite where sample leads: {log_p} at {next:?}");
-                (g.log_density(next, dim, side) - log_p).exp()
-            };
-            let ratios: Vec<f64> = fresh.iter().map(ratio).collect();
-            assert_mean(&ratios, 1.0, "log_density must be the density of sample's draws; the mean of g/p");
-        }
-        let expected = dynamics.expected(from);
-        let off: Vec<[f64; 4]> = fresh
-            .iter()
-            .map(|s| [s.x - expected.x, s.y - expected.y, s.vx - expected.vx, s.vy - expected.vy])
-            .collect();
-        for k in 0..4 {
-            let off: Vec<f64> = off.iter().map(|o| o[k]).collect();
-            assert_mean(&off, 0.0, "draws must lie about what is expected; their distance from it");
-        }
-        let squares: Vec<f64> = off.iter().map(|o| 0.5 * (o[0] * o[0] + o[1] * o[1])).collect();
-        assert_mean(&squares, dynamics.spread().powi(2), "the mean square of the place's noise");
-    }
-}
-
-/// A normal density over those components of a state that do not follow from others, 0.7 times as wide as draws.
-struct Normal {
-    mean: [f64; 6],
-    /// Each free component with its row of the lower Cholesky factor over the free ones up to it.
-    rows: Vec<(usize, Vec<f64>)>,
-}
-
-impl Normal {
-    /// Velocities first, so that places which follow from them do not count.
-    const ORDER: [usize; 6] = [2, 3, 0, 1, 4, 5];
-
-    fn fit(states: &[State]) -> Self {
-        let n = states.len() as f64;
-        let about = |i: usize, j: usize, mean: &[f64; 6]| {
-            states.iter().map(|s| (s.to_array()[i] - mean[i]) * (s.to_array()[j] - mean[j])).sum::<f64>() / n
-        };
-        let mean = std::array::from_fn(|i| states.iter().map(|s| s.to_array()[i]).sum::<f64>() / n);
-        let mut rows: Vec<(usize, Vec<f64>)> = Vec::new();
-        for i in Self::ORDER {
-            let mut row: Vec<f64> = Vec::new();
-            for (j, other) in &rows {
-                let inner: f64 = row.iter().zip(other).map(|(a, b)| a * b).sum();
-                row.push((0.49 * about(i, *j, &mean) - inner) / other[other.len() - 1]);
-            }
-            let variance = 0.49 * about(i, i, &mean);
-            let pivot = variance - row.iter().map(|r| r * r).sum::<f64>();
-            if pivot > 1e-9 * variance && variance > 1e-18 {
-                row.push(pivot.sqrt());
-                rows.push((i, row));
-            }
-        }
-        Self { mean, rows }
-    }
-    /// log g, moved by `shift` of its deviations along free component `dim` (not at all past the last).
-    fn log_density(&self, state: &State, dim: usize, shift: f64) -> f64 {
-        let (state, mut z, mut log_g) = (state.to_array(), Vec::new(), 0.0);
-        for (k, (i, row)) in self.rows.iter().enumerate() {
-            let inner: f64 = row.iter().zip(&z).map(|(a, b)| a * b).sum();
-            let sd = row[k];
-            z.push((state[*i] - self.mean[*i] - inner) / sd);
-            let moved = z[k] - if k == dim { shift } else { 0.0 };
-            log_g -= 0.5 * (moved * moved + std::f64::consts::TAU.ln()) + sd.ln();
-        }
-        log_g
-    }
 }
 
 /// An empty scene, for proposals and others that do not look at it.

@@ -179,7 +179,11 @@ impl MultiTracker {
             if pool.stops() {
                 return;
             }
-            target.looking(pool, |target| target.step(cleared.get(i).unwrap_or(image), s, detecting));
+            let image = cleared.get(i).unwrap_or(image);
+            if !target.looked_at && target.engine.waits(target.track.detection.is_some()) {
+                return target.step(image, s, detecting); // It needs no room.
+            }
+            target.looking(pool, |target| target.step(image, s, detecting));
         });
         self.terminate(image);
         self.initiate(image);

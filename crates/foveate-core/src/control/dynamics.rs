@@ -1,5 +1,6 @@
 //! p(xₜ | xₜ₋₁): how the target is expected to move (section 3.1).
 
+use super::leap::{Leap, Pace};
 use crate::geometry::State;
 use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
@@ -25,6 +26,10 @@ pub trait Dynamics: Send + Sync {
     fn spread(&self) -> f64;
     /// The same motion for a target of which one template unit is `unit` pixels.
     fn sized(&self, unit: f64) -> Arc<dyn Dynamics>;
+    /// The law of so many frames at once, where it has a closed form; else a target that waits moves frame by frame.
+    fn over(&self, _frames: usize) -> Option<Leap> {
+        None
+    }
     /// One draw for each state, in one virtual call; not the bits that calls of `sample` give, but of the same law.
     /// The draws for fewer states are the first ones of those for more.
     fn sample_each(&self, previous: &[State], next: &mut [State], rng: &mut Rng) {
@@ -168,6 +173,12 @@ impl Dynamics for Autoregressive {
 
     fn sized(&self, unit: f64) -> Arc<dyn Dynamics> {
         Arc::new(self.scaled(unit))
+    }
+
+    fn over(&self, frames: usize) -> Option<Leap> {
+        let &Self { damping, velocity, position, .. } = self;
+        let (pull, shape) = ([self.scale_pull, self.angle_pull], [self.log_scale, self.angle]);
+        (self.tail_probability <= 0.0).then(|| Leap::of(Pace { damping, velocity, position, pull, shape }, frames))
     }
 
     fn sample(&self, previous: &State, rng: &mut Rng) -> State {

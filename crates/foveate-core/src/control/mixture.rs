@@ -29,7 +29,7 @@ use std::sync::Arc;
 
 use super::law::Law;
 use super::proposal::confine;
-use super::{Autoregressive, CHUNK, Prior, Proposal};
+use super::{Autoregressive, CHUNK, Leap, Prior, Proposal};
 use crate::geometry::State;
 use crate::scene::{Detection, Scene};
 use foveate_base::Result;
@@ -123,6 +123,10 @@ impl Proposal for Mixture {
     fn size(&mut self, unit: f64) {
         (self.unit, self.motion) = (unit, self.given.scaled(unit));
         self.prior.size(unit);
+    }
+
+    fn over(&self, frames: usize) -> Option<Leap> {
+        if self.clamp_to_frame { None } else { self.prior.over(frames) }
     }
 
     fn propose(

@@ -11,6 +11,7 @@ mod detection_likelihood;
 mod distractors;
 mod dynamics;
 mod law;
+mod leap;
 mod mixture;
 mod proposal;
 mod redetection;
@@ -24,6 +25,7 @@ pub use self::consistency::{Consistency, ConsistencyMonitor, ConsistencySettings
 pub use self::detection_likelihood::DetectionLikelihood;
 pub use self::distractors::{DistractorSearch, DistractorSettings, distractors};
 pub use self::dynamics::{Autoregressive, Dynamics};
+pub use self::leap::Leap;
 pub use self::mixture::{Mixing, Mixture};
 pub use self::proposal::{CHUNK, Prior, Proposal};
 pub use self::redetection::{REFINEMENTS, Redetection, RedetectionSettings};

@@ -1,6 +1,6 @@
 //! q(xₜ | xₜ₋₁, scene): where the next particles are put (Algorithm 1, "predict the next state").
 
-use super::Dynamics;
+use super::{Dynamics, Leap};
 use crate::geometry::State;
 use crate::scene::Scene;
 use foveate_base::rng::Streams;
@@ -14,6 +14,10 @@ use std::sync::Arc;
 pub trait Proposal: Send + Sync {
     /// Told at the start: one template unit is `unit` pixels.
     fn size(&mut self, unit: f64);
+    /// The law of so many frames without detections at once, whatever the picture shows; `None` where it has no closed form.
+    fn over(&self, _frames: usize) -> Option<Leap> {
+        None
+    }
     /// Fills `children` and `log_ratio`.
     fn propose(
         &mut self,
@@ -63,6 +67,10 @@ pub(super) fn confine(state: &mut State, width: usize, height: usize) {
 impl Proposal for Prior {
     fn size(&mut self, unit: f64) {
         self.dynamics = self.given.sized(unit);
+    }
+
+    fn over(&self, frames: usize) -> Option<Leap> {
+        if self.clamp_to_frame { None } else { self.dynamics.over(frames) }
     }
 
     // One thread: six normal draws a particle cost less than waking another thread for some thousands of them.

@@ -1,13 +1,14 @@
 //! WHERE is it? `predict` and `select`: the particle filter around the looks.
 
 use super::{Engine, Estimate};
-use crate::control::{CameraMotion, DetectionLikelihood, Proposal, Redetection, Resampling, normalize};
+use crate::control::{Belief, CHUNK, CameraMotion, DetectionLikelihood, Proposal, Redetection, Resampling, normalize};
 use crate::geometry::{Extent, State};
 use crate::scene::{Flow, Scene};
 use crate::start::StartSpread;
 use foveate_base::rng::Purpose::{Predict, Select};
 use foveate_base::rng::Streams;
 use foveate_base::{Error, Result};
+use serde::{Deserialize, Serialize};
 
 /// The particles, and how they are predicted, weighed by detections, selected and drawn again.
 pub struct Filter {
@@ -23,6 +24,16 @@ pub struct Filter {
     /// xₜ⁽ⁱ⁾ and log wₜ⁽ⁱ⁾, between frames.
     pub(super) particles: Vec<State>,
     pub(super) log_weights: Vec<f64>,
+    /// Where nobody looks, they stay behind until somebody does.
+    pub(super) waiting: Option<Waiting>,
+}
+
+/// Frames that the particles are behind, and what is believed meanwhile.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct Waiting {
+    pub frames: usize,
+    mean: State,
+    covariance: [[f64; 6]; 6],
 }
 
 impl Filter {
@@ -42,6 +53,7 @@ impl Filter {
             redetection: None,
             particles: vec![State::default(); n],
             log_weights: vec![-(n as f64).ln(); n],
+            waiting: None,
         })
     }
     /// The same, selecting by this rule.
@@ -67,6 +79,7 @@ impl Filter {
 
     /// Draws all particles anew, about a state.
     pub(super) fn spread(&mut self, state: &State, extent: Extent, streams: Streams) {
+        self.waiting = None;
         self.start.draw(state, extent, &mut self.particles, streams);
         let even = -(self.particles.len() as f64).ln();
         self.log_weights.fill(even);
@@ -86,6 +99,7 @@ impl Engine {
 
     /// x̃ ~ q(x | x'), and log wₜ₋₁ p/q, which the weights owe for not sampling from p, times what detections say.
     pub(super) fn predict(&mut self, scene: Scene<'_>) {
+        self.catch_up();
         let extent = self.target().extent;
         let (f, w) = (&mut self.parts.filter, &mut self.work);
         let n = f.particles.len();
@@ -99,9 +113,46 @@ impl Engine {
         }
     }
 
+    /// Whether a frame without a look needs none of the particles, and so no buffers: nothing is detected, the camera does not move
+    /// them, and the motion of many frames has a closed form.
+    pub fn waits(&self, detected: bool) -> bool {
+        let filter = &self.parts.filter;
+        !detected && filter.camera_motion.is_none() && filter.proposal.over(0).is_some()
+    }
+
+    /// Such a frame. Mean and covariance.
+    fn wait(&mut self) -> (State, [[f64; 6]; 6]) {
+        let filter = &mut self.parts.filter;
+        let leap = filter.proposal.over(1).expect("it is asked for where there is one");
+        let mut waiting = filter.waiting.unwrap_or_else(|| {
+            let weights: Vec<f64> = filter.log_weights.iter().map(|w| w.exp()).collect();
+            let belief = Belief { states: &filter.particles, weights: &weights };
+            Waiting { frames: 0, mean: belief.mean(), covariance: belief.covariance() }
+        });
+        waiting.frames += 1;
+        leap.spread(&mut waiting.mean, &mut waiting.covariance);
+        filter.waiting = Some(waiting);
+        (waiting.mean, waiting.covariance)
+    }
+
+    /// Moves particles that waited to where they are before this frame.
+    fn catch_up(&mut self) {
+        let filter = &mut self.parts.filter;
+        let Some(waiting) = filter.waiting.take() else { return };
+        let leap = filter.proposal.over(waiting.frames).expect("it had one when they began to wait");
+        // Nothing was drawn in the frame before: they waited.
+        let streams = self.streams.at(self.frame - 1, Predict);
+        for (i, particles) in filter.particles.chunks_mut(CHUNK).enumerate() {
+            leap.draw(particles, &mut streams.rng(i as u64));
+        }
+    }
+
     /// A frame without a look: the belief is predicted, detections weigh it, and it is selected from. Mean and covariance.
     pub fn coast(&mut self, scene: Scene<'_>) -> (State, [[f64; 6]; 6]) {
         self.frame += 1;
+        if self.waits(!scene.detections.is_empty()) {
+            return self.wait();
+        }
         self.predict(scene);
         let w = &mut self.work;
         w.weights.resize(w.log_prior.len(), 0.0);

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::filter::Waiting;
 use super::{Engine, Target};
 use crate::control::Redetection;
 use crate::gaze::Context;
@@ -19,6 +20,9 @@ struct Saved {
     particles: Vec<State>,
     /// JSON has no −∞: a particle without weight has none.
     log_weights: Vec<Option<f64>>,
+    /// Where nobody looked at it lately.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    waiting: Option<Waiting>,
     visible: f64,
     policy: serde_json::Value,
     appearance: serde_json::Value,
@@ -40,6 +44,7 @@ impl Engine {
             target: self.target,
             particles: self.parts.filter.particles.clone(),
             log_weights: self.parts.filter.log_weights.iter().map(|w| w.is_finite().then_some(*w)).collect(),
+            waiting: self.parts.filter.waiting,
             visible: self.visible,
             policy: self.parts.gaze.policy.save(),
             appearance: self.parts.appearance.save(),
@@ -68,6 +73,15 @@ impl Engine {
         if saved.frame > MOST_FRAMES || saved.target.is_some() == saved.appearance.is_null() {
             return Err(bad("its frame number is absurd, or it has a target without a template".into()));
         }
+        if saved.waiting.is_some_and(|waiting| waiting.frames as u64 > saved.frame) {
+            return Err(bad("it was waited for longer than there were frames".into()));
+        }
+        if saved.waiting.is_some() && !self.waits(false) {
+            return Err(bad(
+                "nobody looked at it lately, which this configuration cannot take up; use that it was saved with"
+                    .into(),
+            ));
+        }
         if let Some(Target { extent, unit, .. }) = &saved.target {
             let sane = |half: f64| (0.3..=1e6).contains(&half);
             if !(sane(extent.half_w) && sane(extent.half_h) && sane(*unit)) {
@@ -94,6 +108,7 @@ impl Engine {
         self.context = saved.context;
         self.visible = saved.visible.clamp(0.0, 1.0);
         self.parts.filter.particles = saved.particles;
+        self.parts.filter.waiting = saved.waiting;
         self.parts.filter.log_weights = saved.log_weights.iter().map(|w| w.unwrap_or(f64::NEG_INFINITY)).collect();
         Ok(())
     }

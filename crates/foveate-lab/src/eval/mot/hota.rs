@@ -144,7 +144,8 @@ impl Counter {
             let (overlaps, columns) = (frame_table.overlaps(), frame_table.found.len());
             let ids =
                 frame_table.truth.iter().flat_map(|&(t, _)| frame_table.found.iter().map(move |&(id, _)| (t, id)));
-            let scores: Vec<f64> = ids.zip(&overlaps).map(|((t, id), overlap)| aligned(t, id) * overlap).collect();
+            let score = |(t, id), overlap| if overlap > 0.0 { aligned(t, id) * overlap } else { 0.0 };
+            let scores: Vec<f64> = ids.zip(&overlaps).map(|(ids, overlap)| score(ids, *overlap)).collect();
             for (i, j) in assignment::best(&scores, frame_table.truth.len(), columns) {
                 pairs
                     .entry((frame_table.truth[i].0, frame_table.found[j].0))
