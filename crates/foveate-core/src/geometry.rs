@@ -20,6 +20,23 @@ pub struct BBox {
     pub h: f64,
 }
 
+/// All pairs of `n` boxes that share a column, by index, each once, by a sweep from left to right. `order` is a buffer.
+pub fn sharing_columns<'a>(
+    n: usize,
+    at: &'a dyn Fn(usize) -> BBox,
+    order: &'a mut Vec<u32>,
+) -> impl Iterator<Item = (usize, usize)> + 'a {
+    order.clear();
+    order.extend(0..n as u32);
+    order.sort_unstable_by(|a, b| at(*a as usize).x.total_cmp(&at(*b as usize).x).then(a.cmp(b)));
+    let order = &order[..];
+    order.iter().enumerate().flat_map(move |(k, &i)| {
+        let BBox { x, w, .. } = at(i as usize);
+        let beside = order[k + 1..].iter().take_while(move |j| at(**j as usize).x < x + w);
+        beside.map(move |&j| (i as usize, j as usize))
+    })
+}
+
 impl BBox {
     /// A box by its left and top edge, counted from 0, and its width and height, pixels.
     pub const fn new(x: f64, y: f64, w: f64, h: f64) -> Self {

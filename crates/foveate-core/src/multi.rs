@@ -241,12 +241,11 @@ impl MultiTracker {
     }
 
     fn expect(&mut self) {
-        let (s, most) = (&self.settings, self.settings.termination.guess);
         self.work.expected.clear();
         self.work.expected.extend(self.active.iter().map(|t| {
             let c = &t.track.covariance;
             let (bbox, variance) = (t.shaped(t.next().bbox(t.track.extent)), (c[0][0] + c[2][2], c[1][1] + c[3][3]));
-            Expected { bbox, variance, guess: s.asked(t.unseen) > most }
+            Expected { bbox, variance, guess: self.settings.guesses(t.unseen) }
         }));
         let Work { expected, meetings, .. } = &mut self.work;
         meetings.find(expected.len(), &|i| expected[i].bbox);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use foveate_core::geometry::BBox;
+use foveate_core::geometry::{BBox, sharing_columns};
 use foveate_video::mot::Tracks;
 
 /// A crossing covers at least this share of the smaller box.
@@ -26,17 +26,16 @@ pub fn crossings(tracks: &Tracks) -> Vec<Crossing> {
         frames.entry(s.frame).or_default().push((s.id, s.bbox));
     }
     let mut met: BTreeMap<(i64, i64), Vec<(usize, usize)>> = BTreeMap::new();
-    for (&frame, boxes) in &mut frames {
-        boxes.sort_by(|(_, a), (_, b)| a.x.total_cmp(&b.x));
-        for (i, (a, box_a)) in boxes.iter().enumerate() {
-            for (b, box_b) in boxes[i + 1..].iter().take_while(|(_, b)| b.x <= box_a.x + box_a.w) {
-                let smaller = (box_a.w * box_a.h).min(box_b.w * box_b.h);
-                if smaller > 0.0 && box_a.intersection(box_b) >= COVERED * smaller {
-                    let stretches = met.entry((*a.min(b), *a.max(b))).or_default();
-                    match stretches.last_mut() {
-                        Some((_, last)) if frame - *last <= PAUSE => *last = frame,
-                        _ => stretches.push((frame, frame)),
-                    }
+    let mut order = vec![];
+    for (&frame, boxes) in &frames {
+        for (i, j) in sharing_columns(boxes.len(), &|i| boxes[i].1, &mut order) {
+            let ((a, box_a), (b, box_b)) = (&boxes[i], &boxes[j]);
+            let smaller = (box_a.w * box_a.h).min(box_b.w * box_b.h);
+            if smaller > 0.0 && box_a.intersection(box_b) >= COVERED * smaller {
+                let stretches = met.entry((*a.min(b), *a.max(b))).or_default();
+                match stretches.last_mut() {
+                    Some((_, last)) if frame - *last <= PAUSE => *last = frame,
+                    _ => stretches.push((frame, frame)),
                 }
             }
         }

@@ -142,15 +142,12 @@ impl Regions for Tiles<'_> {
         let (tw, th) = self.folder.tiles[level];
         let mut decoded = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
         let mut values = 0;
-        for (row, column) in
-            (window.y >> level..=(bottom - 1) >> level).step_by(th).chain([(bottom - 1) >> level]).flat_map(|y| {
-                (window.x >> level..=(right - 1) >> level)
-                    .step_by(tw)
-                    .chain([(right - 1) >> level])
-                    .map(move |x| (y / th, x / tw))
-            })
-        {
-            if let std::collections::hash_map::Entry::Vacant(free) = decoded.entry((level, column, row)) {
+        // The tiles that the window touches.
+        let (left, top) = ((window.x >> level) / tw, (window.y >> level) / th);
+        let (columns, rows) = (((right - 1) >> level) / tw + 1 - left, ((bottom - 1) >> level) / th + 1 - top);
+        let touched = (0..columns * rows).map(|k| (level, left + k % columns, top + k / columns));
+        for key @ (_, column, row) in touched.clone() {
+            if let std::collections::hash_map::Entry::Vacant(free) = decoded.entry(key) {
                 let tile = load(self.path, level, (column, row))?;
                 if tile.planes() != planes {
                     let problem =
@@ -161,12 +158,9 @@ impl Regions for Tiles<'_> {
                 free.insert(tile);
             }
         }
-        let (first, columns) = ((window.x >> level) / tw, ((right - 1) >> level) / tw + 1 - (window.x >> level) / tw);
-        let (top, rows) = ((window.y >> level) / th, ((bottom - 1) >> level) / th + 1 - (window.y >> level) / th);
-        let tiles = (0..columns * rows).map(|k| &decoded[&(level, first + k % columns, top + k / columns)]);
-        let tiles: Vec<&Image> = tiles.collect();
+        let tiles: Vec<&Image> = touched.map(|key| &decoded[&key]).collect();
         let at = |p: usize, x: usize, y: usize| {
-            let tile = tiles[(y / th - top) * columns + x / tw - first];
+            let tile = tiles[(y / th - top) * columns + x / tw - left];
             u32::from(tile.at(p, (x % tw).min(tile.width() - 1), (y % th).min(tile.height() - 1)))
         };
         let n = window.columns * window.rows;

@@ -14,7 +14,7 @@ use foveate::{MultiTracker, Result};
 
 /// Milliseconds of a frame, the median of `frames`.
 fn time(targets: usize, budget: usize, frames: usize) -> Result<f64> {
-    let side = |share: f64| (share * (targets as f64 / 1000.0).sqrt()).max(120.0) as usize;
+    let side = |of_1000: f64| (of_1000 * (targets as f64 / 1000.0).sqrt()).max(120.0) as usize;
     let settings = Multi {
         targets,
         frames: frames + 1,

@@ -1,7 +1,9 @@
 //! WHERE is it? `predict` and `select`: the particle filter around the looks.
 
 use super::{Engine, Estimate};
-use crate::control::{Belief, CHUNK, CameraMotion, DetectionLikelihood, Proposal, Redetection, Resampling, normalize};
+use crate::control::{
+    Belief, CHUNK, CameraMotion, DetectionLikelihood, Leap, Proposal, Redetection, Resampling, normalize,
+};
 use crate::geometry::{Extent, State};
 use crate::scene::{Flow, Scene};
 use crate::start::StartSpread;
@@ -116,14 +118,18 @@ impl Engine {
     /// Whether a frame without a look needs none of the particles, and so no buffers: nothing is detected, the camera does not move
     /// them, and the motion of many frames has a closed form.
     pub fn waits(&self, detected: bool) -> bool {
-        let filter = &self.parts.filter;
-        !detected && filter.camera_motion.is_none() && filter.proposal.over(0).is_some()
+        self.leap(detected).is_some()
     }
 
-    /// Such a frame. Mean and covariance.
-    fn wait(&mut self) -> (State, [[f64; 6]; 6]) {
+    /// The motion of such a frame.
+    fn leap(&self, detected: bool) -> Option<Leap> {
+        let filter = &self.parts.filter;
+        filter.proposal.over(1).filter(|_| !detected && filter.camera_motion.is_none())
+    }
+
+    /// Mean and covariance after a frame of this motion; the particles stay behind.
+    fn wait(&mut self, leap: &Leap) -> (State, [[f64; 6]; 6]) {
         let filter = &mut self.parts.filter;
-        let leap = filter.proposal.over(1).expect("it is asked for where there is one");
         let mut waiting = filter.waiting.unwrap_or_else(|| {
             let weights: Vec<f64> = filter.log_weights.iter().map(|w| w.exp()).collect();
             let belief = Belief { states: &filter.particles, weights: &weights };
@@ -150,8 +156,8 @@ impl Engine {
     /// A frame without a look: the belief is predicted, detections weigh it, and it is selected from. Mean and covariance.
     pub fn coast(&mut self, scene: Scene<'_>) -> (State, [[f64; 6]; 6]) {
         self.frame += 1;
-        if self.waits(!scene.detections.is_empty()) {
-            return self.wait();
+        if let Some(leap) = self.leap(!scene.detections.is_empty()) {
+            return self.wait(&leap);
         }
         self.predict(scene);
         let w = &mut self.work;

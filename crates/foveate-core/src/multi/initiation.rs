@@ -48,7 +48,7 @@ impl TentativeTracks {
     ) -> Vec<Detection> {
         let s = &settings.initiation;
         let waits = |c: &Candidate| c.hits >= s.hits || settings.asked(frame - c.first) < s.within.max(1);
-        self.candidates.retain(|c| settings.asked(frame - c.last) <= MOST_MISSED + 1 && waits(c));
+        self.candidates.retain(|c| c.may_return(frame, settings) && waits(c));
         let (rows, columns) = (self.candidates.len(), detections.len());
         let overlap = |k: usize| {
             let iou = self.candidates[k / columns].expected(frame).iou(&detections[k % columns].bbox);
@@ -92,9 +92,8 @@ impl TentativeTracks {
 
     /// Adds where the candidates are expected in a frame.
     pub fn expect(&self, frame: usize, s: &Settings, out: &mut Vec<Expected>) {
-        let waits = |c: &&Candidate| s.asked(frame - c.last) <= MOST_MISSED + 1;
         let place = |c: &Candidate| Expected { bbox: c.expected(frame), variance: (0.0, 0.0), guess: false };
-        out.extend(self.candidates.iter().filter(waits).map(place));
+        out.extend(self.candidates.iter().filter(|c| c.may_return(frame, s)).map(place));
     }
 
     /// Says what is wrong with numbers that were saved before frame `next`.
@@ -122,6 +121,10 @@ impl Candidate {
     /// Mean rank of its detections' scores, 0 to 1.
     fn rank(&self) -> f64 {
         self.ranks / self.hits as f64
+    }
+    /// Whether it has not missed too many detections.
+    fn may_return(&self, frame: usize, s: &Settings) -> bool {
+        s.asked(frame - self.last) <= MOST_MISSED + 1
     }
     fn expected(&self, frame: usize) -> BBox {
         let frames = (frame - self.last) as f64;

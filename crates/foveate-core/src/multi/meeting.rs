@@ -1,6 +1,6 @@
-//! Which boxes are in each other's way: all pairs, found by a sweep from left to right.
+//! Which boxes are in each other's way: all pairs.
 
-use crate::geometry::BBox;
+use crate::geometry::{BBox, sharing_columns};
 
 /// Share of the smaller box that must be covered for two targets to be in each other's way.
 const MEETING: f64 = 0.1;
@@ -26,27 +26,12 @@ impl Meetings {
     /// Finds all pairs of these boxes.
     pub fn find(&mut self, n: usize, at: &dyn Fn(usize) -> BBox) {
         let Self { order, pairs, meets } = self;
-        order.clear();
-        order.extend(0..n as u32);
-        order.sort_unstable_by(|a, b| at(*a as usize).x.total_cmp(&at(*b as usize).x).then(a.cmp(b)));
         pairs.clear();
         meets.clear();
         meets.resize(n, false);
-        'all: for (k, &i) in order.iter().enumerate() {
-            let a = at(i as usize);
-            for &j in &order[k + 1..] {
-                let b = at(j as usize);
-                if b.x >= a.x + a.w {
-                    break;
-                }
-                if meet(&a, &b) {
-                    pairs.push((i.min(j), i.max(j)));
-                    (meets[i as usize], meets[j as usize]) = (true, true);
-                    if pairs.len() == MOST {
-                        break 'all;
-                    }
-                }
-            }
+        for (i, j) in sharing_columns(n, at, order).filter(|(i, j)| meet(&at(*i), &at(*j))).take(MOST) {
+            pairs.push((i.min(j) as u32, i.max(j) as u32));
+            (meets[i], meets[j]) = (true, true);
         }
         pairs.sort_unstable();
     }

@@ -172,6 +172,11 @@ impl Settings {
         frames / self.every
     }
 
+    /// Whether a box counts as a guess after so many frames without a detection.
+    pub(super) fn guesses(&self, unseen: usize) -> bool {
+        self.asked(unseen) > self.termination.guess
+    }
+
     /// Fails where a number is out of range, naming it.
     pub fn check(&self) -> Result<()> {
         let Self { attention, initiation, termination, reidentification, occlusion, .. } = self;

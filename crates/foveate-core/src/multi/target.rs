@@ -106,7 +106,7 @@ impl Target {
         let (gaze, bbox, lost) = (step.plan.chosen(), step.bbox(), step.is_lost() && detections.is_empty());
         self.unseen = if detections.is_empty() { self.unseen + 1 } else { 0 };
         self.lost = if lost { self.lost + 1 } else { 0 };
-        let guessed = if detecting { s.asked(self.unseen) > s.termination.guess } else { lost };
+        let guessed = if detecting { s.guesses(self.unseen) } else { lost };
         let phase = match guessed {
             true => Phase::Lost,
             false if self.track.visible < s.occlusion.hidden => Phase::Occluded,
@@ -139,7 +139,7 @@ impl Target {
         self.unseen = if detections.is_empty() { self.unseen + 1 } else { 0 };
         let phase = match self.track.phase {
             _ if !detections.is_empty() => Phase::Tracked,
-            _ if detecting && s.asked(self.unseen) > s.termination.guess => Phase::Lost,
+            _ if detecting && s.guesses(self.unseen) => Phase::Lost,
             Phase::Initiated | Phase::ReIdentified => Phase::Tracked,
             phase => phase,
         };
