@@ -112,6 +112,8 @@ pub(crate) struct Work {
     pub drawn: Vec<State>,
     pub scores: Vec<f64>,
     pub distractors: Vec<State>,
+    /// Of places, to be remembered or compared with those that are.
+    pub features: Vec<f32>,
     /// Pixels of the frame that were used.
     pub meter: Meter,
     pub pixels: usize,

@@ -59,7 +59,7 @@ pub use oriented::{BLOCK, DIRECTIONS, Lengths, oriented, oriented_features};
 pub use packed::{PackedWeights, Precision};
 pub use patch::{PATCH, Patch, cut_patch, patch_between, patch_residual};
 pub use plane::Plane;
-pub use rows::{add_product, add_scaled, blend, product};
+pub use rows::{add_product, add_scaled, blend, byte_products, product};
 pub use sums::{dot, dots, presence, root_overlap, squared_distance, sum};
 pub use taps::{taps, taps_rows};
 pub use triangle::{SQUARE, extend, factor, invert, solve, solve_back};

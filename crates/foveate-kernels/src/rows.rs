@@ -1,5 +1,4 @@
-//! Sums and products of rows, entry by entry. Nothing is fused: the bits are the same at every level, and as plain loops
-//! have them.
+//! Sums and products of rows. Nothing is fused: the bits are the same at every level, and as plain loops have them.
 
 use crate::level::levels;
 
@@ -53,10 +52,37 @@ levels! {
     pub fn blend / blend_at (above: &[f32], below: &[f32], part: f32, out: &mut [u8]) = blend_body
 }
 
+#[inline(always)]
+fn byte_products_body<const V: u8>(rows: &[i8], x: &[i8], out: &mut [i32]) {
+    for (o, row) in out.iter_mut().zip(rows.chunks_exact(x.len().max(1))) {
+        *o = row.iter().zip(x).map(|(&a, &b)| i32::from(i16::from(a) * i16::from(b))).sum();
+    }
+}
+
+levels! {
+    /// `out`ₖ = the k-th of `rows`, each as long as `x`, times `x`; values from −127 to 127, at most 2¹⁷ in a row.
+    pub fn byte_products / byte_products_at (rows: &[i8], x: &[i8], out: &mut [i32]) = byte_products_body
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::Level;
+
+    #[test]
+    fn products_of_bytes_are_exact() {
+        for (n, rows) in [(1, 3), (17, 2), (224, 9)] {
+            let x: Vec<i8> = (0..n).map(|i| (i * 37 % 255 - 127) as i8).collect();
+            let all: Vec<i8> = (0..n * rows).map(|i| (i * 53 % 255 - 127) as i8).collect();
+            let plain = |row: &[i8]| row.iter().zip(&x).map(|(a, b)| i32::from(*a) * i32::from(*b)).sum::<i32>();
+            let right: Vec<i32> = all.chunks_exact(x.len()).map(plain).collect();
+            for level in Level::all() {
+                let mut out = vec![0; rows as usize];
+                byte_products_at(level, &all, &x, &mut out);
+                assert_eq!(out, right, "{level:?}, {n} values");
+            }
+        }
+    }
 
     #[test]
     fn every_level_has_the_bits_of_plain_loops() {

@@ -24,9 +24,17 @@ impl Blueprint {
         let row = n_h as u64 + 1;
         let (rows, triangle) = c.discriminant.map_or((0, 0), |_| (Discriminant::FIRST_ROWS * row, row * (row + 1) / 2));
         let colours = if c.colour.is_some() { COLOURS } else { 0 };
-        let kept =
-            FIXED + particles * (state + 8) + 4 * rows + 2 * triangle + colours + self.trained(n_v as u64, n_h as u64);
-        let look = VIEWS + particles * (2 * state + 8 * NUMBERS + 4 * features) + 3 * 4 * triangle;
+        // Remembered places as bytes, each with its length; those of one frame as they are.
+        let remembered = c.distractors.as_ref().filter(|settings| settings.remembered > 0);
+        let (frames, places) =
+            remembered.map_or((0, 0), |settings| (settings.remembered as u64, settings.count() as u64));
+        let surroundings = frames.saturating_mul(places).saturating_mul(n_h as u64 + 4);
+        let kept = (FIXED + particles * (state + 8) + 4 * rows + 2 * triangle + colours)
+            .saturating_add(self.trained(n_v as u64, n_h as u64))
+            .saturating_add(surroundings);
+        let look = places.saturating_mul(4 * n_h as u64).saturating_add(VIEWS)
+            + particles * (2 * state + 8 * NUMBERS + 4 * features)
+            + 3 * 4 * triangle;
         let reach = self.retina.footprints().iter().map(|f| f.reach + f.side).fold(0.0, f64::max) + 1.5;
         Room { kept, look, reach }
     }
@@ -50,10 +58,29 @@ impl Blueprint {
     pub(super) fn fits(&self) -> Result<()> {
         let Room { kept, look, .. } = self.room();
         let what = format_args!(
-            "particles: {} of them, with {} features each,",
+            "particles: {} of them, with {} features each, and {} remembered frames,",
             self.config.particles,
-            self.encoder.shape().1
+            self.encoder.shape().1,
+            self.config.distractors.as_ref().map_or(0, |settings| settings.remembered)
         );
         memory::check(what, kept.saturating_add(look)).map_err(|error| Error::Config(error.to_string()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::config::Config;
+    use foveate_base::files::Nowhere;
+
+    #[test]
+    fn more_is_remembered_than_there_is_memory() {
+        let natural = Config::builtin("natural").expect("it ships with the library").expect("it is right");
+        let kept =
+            |setting: &str| natural.set(setting).expect("a section").check(&Nowhere).map(|it| it.memory_of_target());
+        let without = kept("distractors.remembered=0").expect("parts that fit");
+        let with = kept("distractors.remembered=16").expect("parts that fit");
+        assert_eq!(with - without, 16 * 15 * 15 * (224 + 4));
+        let error = kept("distractors={ reach = 50.0, step = 0.1, remembered = 1000 }").expect_err("200 TB");
+        assert!(error.to_string().contains("1000 remembered frames"), "{error}");
     }
 }

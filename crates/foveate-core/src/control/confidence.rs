@@ -13,10 +13,10 @@ use crate::reference::ReferenceLikelihood;
 use foveate_base::{Error, Result};
 
 /// Number of cues.
-pub const CUES: usize = 9;
+pub const CUES: usize = 10;
 /// Their names, in order.
 pub const CUE_NAMES: [&str; CUES] =
-    ["deficit", "frame_deficit", "drop", "lasting", "flat", "spread", "distance", "margin", "colour"];
+    ["deficit", "frame_deficit", "drop", "lasting", "flat", "spread", "distance", "margin", "colour", "elsewhere"];
 
 /// What one frame tells about being lost:
 /// *deficit* and *frame_deficit* as [`Consistency`] has them, 0 to 2;
@@ -27,7 +27,9 @@ pub const CUE_NAMES: [&str; CUES] =
 /// *distance*: ln of the distance to the template at the estimate, relative to the usual one, −3 to 3;
 /// *margin*: how far the evidence lies above the best distractor's, as a share of what was promised between on and off, −1 to 1;
 /// 0 where distractors are not searched for;
-/// *colour*: how far the colours at the estimate are from the target's, −0.2 to 1.2; 0 without a colour model.
+/// *colour*: how far the colours at the estimate are from the target's, −0.2 to 1.2; 0 without a colour model;
+/// *elsewhere*: how much more the estimate looks like what was around the target in remembered frames than like the target in them,
+/// smoothed over two or three frames, −1 to 1; 0 where nothing is remembered (`[distractors] remembered`).
 pub type Cues = [f64; CUES];
 
 /// The verdict on one frame.
@@ -58,6 +60,8 @@ pub struct FrameEvidence {
     pub distance: f64,
     /// How far the colours at the estimate are from the target's; 0 without a colour model.
     pub colour: f64,
+    /// How much more it looks like what was around the target in remembered frames than like the target; 0 where none is.
+    pub elsewhere: f64,
     /// Mean of the belief.
     pub estimate: State,
     /// Pixels per template unit there.
@@ -112,6 +116,9 @@ struct Past {
     best_place: Option<State>,
     /// Smoothed drop.
     lasting: f64,
+    /// Smoothed likeness to what was elsewhere.
+    #[serde(default)]
+    elsewhere: f64,
     /// The last verdict.
     status: Status,
     p_lost: f64,
@@ -125,13 +132,15 @@ struct Past {
 const NEWEST: f64 = 0.05;
 /// Share of the newest frame in the smoothed drop.
 const SMOOTH: f64 = 0.2;
+/// The same, in the likeness to what was elsewhere: a target that returns has to be seen soon.
+const SHARPER: f64 = 0.4;
 /// The least deviation of the evidence, as a share of what was promised between on and off.
 const LEAST_DEVIATION: f64 = 0.02;
 
 impl Default for ConfidenceModel {
     fn default() -> Self {
         Self {
-            weights: [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0, 0.0],
+            weights: [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0, 0.0, 0.0],
             bias: -4.0,
             enter: 0.5,
             leave: 0.3,
@@ -225,6 +234,7 @@ impl LossMonitor {
             distance = ((s.distance + least) / (m.distance + least)).ln();
         }
         m.lasting += SMOOTH * (drop - m.lasting);
+        m.elsewhere += if m.frames == 0 { 1.0 } else { SHARPER } * (s.elsewhere - m.elsewhere);
         let spread = ((s.spread + 0.02).ln()).clamp(-4.0, 4.0);
         let distance = if distance.is_finite() { distance.clamp(-3.0, 3.0) } else { 3.0 };
         let margin = s.distractor.map_or(0.0, |distractor| (s.evidence - distractor) / gap);
@@ -239,6 +249,7 @@ impl LossMonitor {
             distance,
             margin,
             s.colour,
+            m.elsewhere,
         ]
     }
 
@@ -327,6 +338,7 @@ mod tests {
             spread: 0.1,
             distance: 0.1 - 0.02 * evidence,
             colour: 0.0,
+            elsewhere: 0.0,
             estimate,
             unit: 10.0,
             alarm: 0.0,

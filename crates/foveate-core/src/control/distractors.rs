@@ -17,15 +17,22 @@ pub struct DistractorSettings {
     pub reach: f64,
     /// Distance of neighbouring places, 0.1 to 10.
     pub step: f64,
+    /// Frames in which the target was certain whose places are remembered, so that what is at the estimate later is known to have been
+    /// elsewhere then: a cue of P(lost). 0, no cue, to 1000.
+    pub remembered: usize,
 }
 
 impl Default for DistractorSettings {
     fn default() -> Self {
-        Self { reach: 6.0, step: 0.8 }
+        Self { reach: 6.0, step: 0.8, remembered: 0 }
     }
 }
 
 impl DistractorSettings {
+    /// Places of a lattice that is not cut by the border of the picture.
+    pub fn count(&self) -> usize {
+        (2 * (self.reach / self.step) as usize + 1).pow(2)
+    }
     /// Fails where a number is out of range, naming it.
     pub fn check(&self) -> Result<()> {
         for (name, value, least, most) in [("reach", self.reach, 1.0, 50.0), ("step", self.step, 0.1, 10.0)] {
@@ -34,6 +41,12 @@ impl DistractorSettings {
                     "distractors.{name} is {least} to {most} template units; it is {value}"
                 )));
             }
+        }
+        if self.remembered > 1000 {
+            return Err(Error::Config(format!(
+                "distractors.remembered is 0 to 1000 frames; it is {}",
+                self.remembered
+            )));
         }
         Ok(())
     }
@@ -63,6 +76,10 @@ impl DistractorSearch {
             let row = (-count..=count).map(|i| estimate.x + f64::from(i) * dx).filter(|x| inside(*x, size.0));
             self.places.extend(row.map(|x| State { x, y, ..*estimate }));
         }
+        &self.places
+    }
+    /// The places that were looked at last.
+    pub fn last(&self) -> &[State] {
         &self.places
     }
     /// Adds places to states so that those about an estimate will lie between them, if it is near the middle of these states and
@@ -130,7 +147,7 @@ mod tests {
 
     #[test]
     fn places_lie_around_the_target_and_in_the_picture() {
-        let mut around = DistractorSearch::new(DistractorSettings { reach: 2.0, step: 0.5 });
+        let mut around = DistractorSearch::new(DistractorSettings { reach: 2.0, step: 0.5, remembered: 0 });
         let at = State { x: 30.0, y: 50.0, log_scale: 0.5f64.ln(), angle: 0.3, ..State::default() };
         let places = around.places((100, 60), &at, EXTENT).to_vec();
         assert!(places.contains(&at));

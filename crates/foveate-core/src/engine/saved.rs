@@ -7,6 +7,7 @@ use super::{Engine, Target};
 use crate::control::Redetection;
 use crate::gaze::Context;
 use crate::geometry::State;
+use crate::identity::surroundings::Surroundings;
 use crate::recognition::Recognition;
 use foveate_base::{Error, Result};
 
@@ -28,6 +29,9 @@ struct Saved {
     appearance: serde_json::Value,
     consistency: serde_json::Value,
     confidence: serde_json::Value,
+    /// What was around the target; none where nothing is remembered.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    surroundings: Option<serde_json::Value>,
     context: Context,
     /// What the search for a lost target remembers; none without such a search.
     redetection: Option<serde_json::Value>,
@@ -50,6 +54,7 @@ impl Engine {
             appearance: self.parts.appearance.save(),
             consistency: self.parts.monitor.consistency.save(),
             confidence: self.parts.monitor.loss.save(),
+            surroundings: self.parts.monitor.surroundings.as_ref().map(Surroundings::save),
             context: self.context,
             redetection: self.parts.filter.redetection.as_ref().map(Redetection::save),
             recognizer: self.parts.recognition.as_ref().map(Recognition::save),
@@ -92,6 +97,9 @@ impl Engine {
         self.parts.appearance.load(&saved.appearance)?;
         self.parts.monitor.consistency.load(&saved.consistency)?;
         self.parts.monitor.loss.load(&saved.confidence)?;
+        if let (Some(it), Some(saved)) = (&mut self.parts.monitor.surroundings, &saved.surroundings) {
+            it.load(saved, self.parts.appearance.width())?;
+        }
         if let (Some(search), Some(saved)) = (&mut self.parts.filter.redetection, &saved.redetection) {
             search.load(saved)?;
         }

@@ -282,6 +282,7 @@ impl Appearance for GazeAppearance {
     fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
         let gazes = if self.steady { &[Gaze::CENTRE] } else { gazes };
         let looks = looks(&*self.retina, self.extent());
+        self.dense.iter_mut().for_each(|dense| dense.of = None);
         let kept = self.kept.as_ref().expect("a template is kept before the first look");
         let Buffers { views, dimmed, .. } = &mut self.buffers;
         let image = dim(image, &kept.image, self.discounting_background, dimmed);
@@ -328,6 +329,14 @@ impl Appearance for GazeAppearance {
         percept.distance = self.distance.distance(&percept.features, &self.scratch.template);
         let colour = |colour: &Colour| colour.trust() * colour.distance(&view.sums, state, extent);
         percept.colour = self.colour.as_ref().map_or(0.0, colour);
+    }
+
+    fn width(&self) -> usize {
+        self.encoder.shape().1
+    }
+
+    fn features(&mut self, states: &[State], rows: &mut Vec<f32>) {
+        self.look_at_each(states, rows);
     }
 
     fn adapts(&self) -> bool {

@@ -36,6 +36,7 @@ pub mod pyramid;
 #[cfg(feature = "learn")]
 pub mod rbm_encoder;
 pub mod retina;
+pub(crate) mod surroundings;
 mod views;
 
 pub use buffers::Buffers;
@@ -108,6 +109,15 @@ pub trait Appearance: Send + Sync {
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]);
     /// Looks once and keeps what was seen.
     fn perceive(&mut self, state: &State, gaze: Gaze, percept: &mut Percept);
+    /// Length of its features; 0 where it has none.
+    fn width(&self) -> usize {
+        0
+    }
+    /// Fills `rows` with the features of states of the frame that was seen last, under the centre gaze, row by row;
+    /// no rows where it has none.
+    fn features(&mut self, _states: &[State], rows: &mut Vec<f32>) {
+        rows.clear();
+    }
     /// Whether [`Appearance::adapt`] does anything.
     fn adapts(&self) -> bool {
         false

@@ -10,11 +10,12 @@ use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 use foveate_learn::softmax::{Fit, Softmax};
 
-/// The pull of the weights towards 0.
-const L2: f64 = 1e-3;
+/// The pull of the weights towards 0, in standard deviations of the cues. Weaker ones fit the tracks they are fitted on better; a
+/// tracker that searches by them then loses more.
+const L2: f64 = 0.03;
 
 /// Of videos with an inserted occlusion, only one frame in so many counts.
-const RARER: usize = 3;
+const RARER: usize = 5;
 
 /// One tracker on one video, and which video that was.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,7 +59,7 @@ pub fn follow(
 }
 
 /// Weights, bias and localisation noise fitted on these tracks; all else as it was. Videos without an inserted occlusion count
-/// about three times as much as those with one, however many frames there are of each: few videos have a loss at all, and a
+/// about five times as much as those with one, however many frames there are of each: few videos have a loss at all, and a
 /// table fitted on many says too often that the target is lost.
 ///
 /// # Errors
@@ -82,6 +83,10 @@ pub fn fit(tracks: &[&Judgement], confidence: &ConfidenceModel) -> Result<Confid
             labels.len()
         )));
     }
+    // Each cue in its standard deviations, so that the pull is the same on all.
+    let scales = deviations(&rows);
+    let rows: Vec<f32> =
+        rows.iter().zip(scales.iter().cycle()).map(|(c, scale)| (f64::from(*c) / scale) as f32).collect();
     let settings = Fit { l2: L2, steps: 500, tolerance: 1e-6 };
     let (model, _) = Softmax::fit(Rows::new(&rows, CUES), &labels, 2, settings)?;
     // The model is linear in the log-odds: they are read off at 0 and at each cue's 1.
@@ -92,10 +97,21 @@ pub fn fit(tracks: &[&Judgement], confidence: &ConfidenceModel) -> Result<Confid
         log_p[1] - log_p[0]
     };
     let bias = log_odds(CUES);
-    let weights: Cues = std::array::from_fn(|k| log_odds(k) - bias);
+    let weights: Cues = std::array::from_fn(|k| (log_odds(k) - bias) / scales[k]);
     let such: Vec<&[Judged]> = tracks.iter().map(|t| &t.frames[..]).collect();
     let localisation_noise = ConfidenceScore::of(&such, 0.0).best_noise.unwrap_or(confidence.localisation_noise);
     let mut table = confidence.clone();
     (table.weights, table.bias, table.localisation_noise) = (weights, bias, localisation_noise);
     Ok(table)
+}
+
+/// Standard deviation of each cue; 1 of one that is always the same.
+fn deviations(rows: &[f32]) -> Cues {
+    let n = (rows.len() / CUES).max(1) as f64;
+    std::array::from_fn(|k| {
+        let values = || rows.iter().skip(k).step_by(CUES).map(|c| f64::from(*c));
+        let mean = values().sum::<f64>() / n;
+        let deviation = (values().map(|c| (c - mean).powi(2)).sum::<f64>() / n).sqrt();
+        if deviation > 1e-6 { deviation } else { 1.0 }
+    })
 }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
+use foveate::config::Blueprint;
 use foveate::control::{CUE_NAMES, ConfidenceModel};
 use foveate::lab::eval::choice::{by_half, by_source};
 use foveate::lab::eval::confidence::{ConfidenceScore, Judged};
@@ -21,6 +22,8 @@ use crate::terminal;
 
 /// Fit the probability of being lost, on sequences or drawn scenes with truth.
 ///
+/// What P(lost) says decides when a lost target is searched, so that another model makes other tracks: `--rounds 2` tracks once
+/// more with the new model, and fits on both. The figures are those of the last round's tracks.
 /// The tracker runs on each video as it is, and with inserted occlusions (`--occlusions` for each way to hide a target).
 /// Printed are the figures of the configuration's own model, and those of new ones by cross-validation: leave one source video
 /// out, and fitted on one half of the videos, judged on the other (the halves of foveate eval --choose).
@@ -57,6 +60,9 @@ pub struct Args {
     /// Inserted occlusions for each video, seed and way
     #[arg(long, value_name = "N", default_value_t = 1)]
     occlusions: u64,
+    /// Track so often, each time with the model fitted on all tracks before: a better P(lost) makes other tracks
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=10))]
+    rounds: u64,
     /// The section to write
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -81,8 +87,22 @@ struct Section<'a> {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     terminal::catch_interrupts();
-    let (config, folder) = configure::read(&args.config, &args.changes)?;
-    let blueprint = config.check(&folder)?;
+    let (mut config, folder) = configure::read(&args.config, &args.changes)?;
+    let mut tracks: Vec<Judgement> = vec![];
+    let mut before = 0;
+    for round in 1..=args.rounds {
+        before = tracks.len();
+        let blueprint = config.clone().check(&folder)?;
+        tracks.extend(follow_all(args, &blueprint, &format!("confidence, round {round}"))?);
+        if round < args.rounds {
+            config.confidence = fit(&tracks.iter().collect::<Vec<_>>(), &config.confidence)?;
+        }
+    }
+    judge(args, &tracks, before, &config.confidence)
+}
+
+/// Tracks of all videos, as they are and with inserted occlusions.
+fn follow_all(args: &Args, blueprint: &Blueprint, label: &str) -> Result<Vec<Judgement>> {
     let mut tracks: Vec<Judgement> = vec![];
     let digits = match &args.data {
         Some(dir) => Digits::load(dir, Split::Test)?,
@@ -115,7 +135,7 @@ pub fn run(args: &Args) -> Result<()> {
     match args.scene {
         None => {
             let sequences = find_sequences(&args.seqs)?;
-            let bar = terminal::progress(Some(sequences.len()), "confidence");
+            let bar = terminal::progress(Some(sequences.len()), label);
             for sequence in &sequences {
                 let video = of_sequence(sequence)?;
                 each(&video, &WAYS)?;
@@ -128,7 +148,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
         // The camera of the scenes stands still.
         Some(name) => {
-            let bar = terminal::progress(Some(10), "confidence");
+            let bar = terminal::progress(Some(10), label);
             for digit in 0..10 {
                 let scene = match name {
                     SceneName::Clutter => {
@@ -145,25 +165,31 @@ pub fn run(args: &Args) -> Result<()> {
             bar.finish_and_clear();
         }
     }
-    let confidence = &blueprint.config().confidence;
+    Ok(tracks)
+}
+
+/// Prints the figures of the tracks from `from` on, and writes the model fitted on all.
+fn judge(args: &Args, tracks: &[Judgement], from: usize, confidence: &ConfidenceModel) -> Result<()> {
     let slices =
         |tracks: &[Vec<Judged>]| ConfidenceScore::of(&tracks.iter().map(Vec::as_slice).collect::<Vec<_>>(), 0.0);
-    let now: Vec<Vec<Judged>> = tracks.iter().map(|t| t.frames.clone()).collect();
-    say!("The configuration's own model:\n{}", confidence::text(&slices(&now)));
+    let last = &tracks[from..];
+    let now: Vec<Vec<Judged>> = last.iter().map(|t| t.frames.clone()).collect();
+    say!("The model that the tracks were made with:\n{}", confidence::text(&slices(&now)));
     if let Some(path) = &args.cues {
-        files::write(path, csv(&tracks).as_bytes())?;
+        files::write(path, csv(tracks).as_bytes())?;
     }
-    let unseen = cross_fit(&tracks, confidence, by_source)?;
-    say!("New models, leave one source video out (boxes and searches are those of the configuration's own model):");
+    let unseen = cross_fit(tracks, confidence, by_source)?.split_off(from);
+    say!("New models, leave one source video out (boxes and searches are those of the model before):");
     say!("{}", confidence::text(&slices(&unseen)));
-    let (plain, occluded): (Vec<usize>, Vec<usize>) = (0..tracks.len()).partition(|i| !tracks[*i].occluded);
+    let (plain, occluded): (Vec<usize>, Vec<usize>) = (0..last.len()).partition(|i| !last[*i].occluded);
     for (name, such) in [("without", plain), ("with", occluded)] {
         let of: Vec<Vec<Judged>> = such.iter().map(|i| unseen[*i].clone()).collect();
         say!("Of these, videos {name} an inserted occlusion:\n{}", confidence::text(&slices(&of)));
     }
-    match cross_fit(&tracks, confidence, by_half) {
+    match cross_fit(tracks, confidence, by_half) {
         Ok(halves) => {
-            judged_on_halves(&tracks, &[("the configuration's own", &now), ("all other sources", &unseen)], &halves)
+            let others = [("the model before", &now), ("all other sources", &unseen)];
+            judged_on_halves(last, &others, &halves[from..])
         }
         Err(e) => say!("Not judged by halves: {e}"),
     }

@@ -75,6 +75,30 @@ impl GazeAppearance {
         self.discriminant = Some(it);
     }
 
+    /// Features of states that were seen, under the centre gaze, row by row.
+    pub(super) fn look_at_each(&mut self, states: &[State], rows: &mut Vec<f32>) {
+        let (extent, (n_v, n_h)) = (self.extent(), self.encoder.shape());
+        rows.resize(states.len() * n_h, 0.0);
+        let looks = looks(&*self.retina, extent);
+        let Buffers { views, learned: glimpse, .. } = &mut self.buffers;
+        let colours = self.colour.is_some();
+        let view = |state: &State| views.of(state, Gaze::CENTRE, looks, colours);
+        let first = states.first().map_or(0, view);
+        if let Some(dense) = self.dense.as_mut().filter(|_| states.iter().all(|state| view(state) == first))
+            && dense.look(&views.get(first).pyramid, states, extent)
+        {
+            rows.chunks_exact_mut(n_h).enumerate().for_each(|(k, row)| dense.features(k, row));
+            return;
+        }
+        glimpse.resize(glimpse.len().max(n_v), 0.0);
+        for (state, row) in states.iter().zip(rows.chunks_exact_mut(n_h)) {
+            let glimpse = &mut glimpse[..n_v];
+            self.retina.look(&views.get(view(state)).pyramid, state.fixate(Gaze::CENTRE, extent), glimpse);
+            self.encoder.condition(glimpse);
+            self.encoder.encode(Rows::new(glimpse, n_v), RowsMut::new(row, n_h));
+        }
+    }
+
     /// Mixing weights of the discriminant beside the template, and of colour beside both.
     pub(super) fn mixing(&self) -> (f64, f64) {
         let discriminant = self.discriminant.as_ref().map_or(0.0, |it| it.settings().mixing_weight);

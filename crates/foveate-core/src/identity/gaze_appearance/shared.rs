@@ -29,6 +29,7 @@ impl GazeAppearance {
         std::mem::swap(&mut mine.dimmed, &mut other.dimmed);
         if let Some(dense) = &mut self.dense {
             std::mem::swap(&mut dense.maps, &mut other.maps);
+            dense.of = None;
         }
         if let Some(discriminant) = &mut self.discriminant {
             std::mem::swap(&mut discriminant.learning, &mut other.learning);

@@ -1,0 +1,256 @@
+//! What was around the target while it was certain, remembered: an alibi for what is at the estimate later.
+//!
+//! A thing is at one place at a time. If what is at the estimate now could be seen beside the target some frames ago, it is not the
+//! target, however well it fits what was learned since. Of a remembered frame a with the features of places at the target, Tₐ, and
+//! around it, Sₐ, features h of the estimate get
+//! ```text
+//! max cos(h, s) over s in Sₐ − max cos(h, t) over t in Tₐ
+//! ```
+//! Deviation: the paper judges by the first frame alone. Kalal, Mikolajczyk and Matas (2010) track back in time to the same end; a
+//! look back at places that were seen in any case costs next to nothing.
+
+use base64::Engine as _;
+use foveate_base::{Error, Result};
+use foveate_kernels as kernels;
+use serde::{Deserialize, Serialize};
+
+use crate::geometry::{Extent, State};
+
+/// Places nearer to the target than this, across and down, count as at it; template units.
+const AT_TARGET: f64 = 1.1;
+/// Features are kept as so many steps on either side of 0.
+const STEPS: f32 = 127.0;
+
+/// Remembered frames; the newest take the place of the oldest.
+#[derive(Clone, Debug)]
+pub(crate) struct Surroundings {
+    most: usize,
+    /// Places of a frame, at most.
+    places: usize,
+    frames: Vec<Remembered>,
+    /// The frame to be forgotten next.
+    oldest: usize,
+    query: Vec<i8>,
+    products: Vec<i32>,
+}
+
+/// The places of one frame: their features as bytes, row by row, those at the target first, and one over each row's length.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Remembered {
+    at_target: usize,
+    codes: Vec<i8>,
+    lengths: Vec<f32>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Saved {
+    oldest: usize,
+    /// Of each frame the places at the target, all places, and the bytes of their features in base64.
+    frames: Vec<(usize, usize, String)>,
+}
+
+impl Surroundings {
+    /// A memory of so many frames with so many places each, at most; empty.
+    pub fn new(most: usize, places: usize) -> Self {
+        Self { most, places, frames: vec![], oldest: 0, query: vec![], products: vec![] }
+    }
+
+    /// Places of a frame, at most.
+    pub fn places(&self) -> usize {
+        self.places
+    }
+
+    /// Forgets all frames.
+    pub fn clear(&mut self) {
+        self.oldest = 0;
+        self.frames.iter_mut().for_each(|frame| frame.lengths.clear());
+    }
+
+    /// Remembers the features (`rows`, one a place) of places around a target at `state`. Nothing happens where they are not both at
+    /// the target and around it.
+    pub fn remember(&mut self, state: &State, extent: Extent, places: &[State], rows: &[f32]) {
+        let scale = state.log_scale.exp();
+        let (w, h) = (AT_TARGET * scale * extent.half_w, AT_TARGET * scale * extent.half_h);
+        let at_target = |place: &State| (place.x - state.x).abs() <= w && (place.y - state.y).abs() <= h;
+        let count = places.iter().filter(|place| at_target(place)).count();
+        if self.most == 0 || count == 0 || count == places.len() {
+            return;
+        }
+        let width = rows.len() / places.len();
+        if self.frames.is_empty() {
+            // Room for all there may be: a step allocates nothing later.
+            let room = || Remembered {
+                at_target: 0,
+                codes: Vec::with_capacity(self.places * width),
+                lengths: Vec::with_capacity(self.places),
+            };
+            self.frames = (0..self.most).map(|_| room()).collect();
+            self.products.reserve(self.places);
+        }
+        let frame = &mut self.frames[self.oldest];
+        self.oldest = (self.oldest + 1) % self.most;
+        frame.at_target = count;
+        frame.codes.clear();
+        frame.lengths.clear();
+        for which in [true, false] {
+            let such = places.iter().zip(rows.chunks_exact(width)).filter(|(place, _)| at_target(place) == which);
+            such.for_each(|(_, row)| frame.lengths.push(pack(row, &mut frame.codes)));
+        }
+    }
+
+    /// How much more an estimate with these features is like what was around the target in remembered frames than like the target in
+    /// them, the mean over them: −2 to 2. 0 where nothing is remembered.
+    pub fn elsewhere(&mut self, features: &[f32]) -> f64 {
+        let Self { frames, query, products, .. } = self;
+        query.clear();
+        let length = pack(features, query);
+        let (mut sum, mut compared) = (0.0, 0);
+        for frame in frames.iter().filter(|frame| !frame.lengths.is_empty()) {
+            compared += 1;
+            products.resize(frame.lengths.len(), 0);
+            kernels::byte_products(&frame.codes, query, products);
+            let cosine = |(product, of): (&i32, &f32)| *product as f32 * of * length;
+            let best = |part: std::ops::Range<usize>| {
+                let such = products[part.clone()].iter().zip(&frame.lengths[part]);
+                such.map(cosine).fold(-1.0, f32::max)
+            };
+            sum += f64::from(best(frame.at_target..frame.lengths.len()) - best(0..frame.at_target));
+        }
+        sum / f64::from(compared.max(1))
+    }
+
+    /// The state to resume from.
+    pub fn save(&self) -> serde_json::Value {
+        let text = |frame: &Remembered| {
+            let bytes: Vec<u8> = frame.codes.iter().map(|code| code.cast_unsigned()).collect();
+            (frame.at_target, frame.lengths.len(), base64::engine::general_purpose::STANDARD.encode(bytes))
+        };
+        let frames = self.frames.iter().filter(|frame| !frame.lengths.is_empty()).map(text).collect();
+        let saved = Saved { oldest: self.oldest, frames };
+        serde_json::to_value(saved).expect("plain data is JSON")
+    }
+
+    /// Takes up what `save` gave, of features of this length. Fails, unchanged, where it does not fit.
+    pub fn load(&mut self, saved: &serde_json::Value, width: usize) -> Result<()> {
+        let bad = |what: String| Error::Invalid(format!("the saved surroundings cannot be used: {what}"));
+        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
+        let n = saved.frames.len();
+        if n > self.most || saved.oldest >= self.most.max(1) {
+            return Err(bad(format!("they are of {n} frames, this tracker remembers {}", self.most)));
+        }
+        let mut frames = Vec::with_capacity(self.most);
+        for (at_target, places, text) in &saved.frames {
+            let bytes = base64::engine::general_purpose::STANDARD.decode(text).map_err(|e| bad(e.to_string()))?;
+            if width == 0 || places.checked_mul(width) != Some(bytes.len()) || !(1..*places).contains(at_target) {
+                return Err(bad(format!("{} bytes are not {places} places of {width} features", bytes.len())));
+            }
+            let codes: Vec<i8> = bytes.iter().map(|byte| byte.cast_signed().max(-127)).collect();
+            let lengths = codes.chunks_exact(width).map(length).collect();
+            frames.push(Remembered { at_target: *at_target, codes, lengths });
+        }
+        if !frames.is_empty() {
+            frames.resize_with(self.most, Remembered::default);
+        }
+        (self.frames, self.oldest) = (frames, saved.oldest);
+        Ok(())
+    }
+}
+
+/// Adds features as bytes, the largest of them as 127; one over their length.
+fn pack(features: &[f32], codes: &mut Vec<i8>) -> f32 {
+    let largest = features.iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+    let scale = if largest > 0.0 && largest.is_finite() { STEPS / largest } else { 0.0 };
+    let from = codes.len();
+    codes.extend(features.iter().map(|x| (x * scale).round_ties_even() as i8));
+    length(&codes[from..])
+}
+
+/// One over the length of a row; 0 of one without any.
+fn length(codes: &[i8]) -> f32 {
+    let square: i32 = codes.iter().map(|code| i32::from(*code) * i32::from(*code)).sum();
+    if square > 0 { 1.0 / (square as f32).sqrt() } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const EXTENT: Extent = Extent { half_w: 10.0, half_h: 20.0 };
+
+    /// A row of places 8 px apart, the target at the second; each looks like one axis.
+    fn places() -> (Vec<State>, Vec<f32>) {
+        let places = (0..4).map(|i| State { x: 100.0 + 16.0 * f64::from(i), y: 50.0, ..State::default() }).collect();
+        let rows = (0..4 * 6).map(|k| if k / 6 == k % 6 { 0.5 } else { 0.0 }).collect();
+        (places, rows)
+    }
+
+    fn axis(k: usize) -> Vec<f32> {
+        (0..6).map(|i| f32::from(u8::from(i == k))).collect()
+    }
+
+    #[test]
+    fn what_was_beside_the_target_is_not_the_target() {
+        let (places, rows) = places();
+        let mut memory = Surroundings::new(3, 4);
+        assert_eq!(memory.elsewhere(&axis(0)), 0.0, "nothing is remembered");
+        memory.remember(&places[1], EXTENT, &places, &rows);
+        assert_eq!(memory.elsewhere(&axis(1)), -1.0, "the target");
+        assert_eq!(memory.elsewhere(&axis(2)), 1.0, "what was beside it");
+        assert_eq!(memory.elsewhere(&axis(5)), 0.0, "what was not there");
+        assert_eq!(memory.elsewhere(&[0.0; 6]), 0.0);
+        assert_eq!(memory.elsewhere(&[f32::NAN; 6]), 0.0);
+        // Cosines: lengths do not count, and half of each is neither.
+        let both: Vec<f32> = axis(1).iter().zip(axis(2)).map(|(a, b)| 7.0 * (a + b)).collect();
+        assert!(memory.elsewhere(&both).abs() < 1e-6);
+        memory.clear();
+        assert_eq!(memory.elsewhere(&axis(2)), 0.0, "forgotten");
+    }
+
+    #[test]
+    fn all_frames_are_compared_and_the_oldest_is_forgotten() {
+        let (places, rows) = places();
+        let mut memory = Surroundings::new(3, 4);
+        memory.remember(&places[1], EXTENT, &places, &rows);
+        for _ in 0..2 {
+            memory.remember(&places[2], EXTENT, &places, &rows);
+        }
+        // Of three, one says +1 and two say -1.
+        assert!((memory.elsewhere(&axis(2)) + 1.0 / 3.0).abs() < 1e-12);
+        memory.remember(&places[2], EXTENT, &places, &rows);
+        assert_eq!(memory.elsewhere(&axis(2)), -1.0, "the first frame is forgotten");
+        // Alone at the target, or nothing of it: nothing to compare.
+        memory.clear();
+        memory.remember(&places[1], EXTENT, &places[1..2], &rows[6..12]);
+        memory.remember(&State { x: 500.0, ..places[1] }, EXTENT, &places, &rows);
+        assert_eq!(memory.elsewhere(&axis(2)), 0.0);
+    }
+
+    #[test]
+    fn it_goes_on_where_it_was_saved_and_refuses_what_does_not_fit() {
+        let (places, rows) = places();
+        let mut memory = Surroundings::new(3, 4);
+        for at in [1, 2] {
+            memory.remember(&places[at], EXTENT, &places, &rows);
+        }
+        let saved = memory.save();
+        let mut again = Surroundings::new(3, 4);
+        again.load(&saved, 6).expect("the same settings");
+        for step in 0..8 {
+            let at = step % 4;
+            assert_eq!(memory.elsewhere(&axis(at)), again.elsewhere(&axis(at)));
+            for it in [&mut memory, &mut again] {
+                it.remember(&places[at], EXTENT, &places, &rows);
+            }
+        }
+        assert!(again.load(&saved, 5).is_err() && again.load(&saved, 0).is_err());
+        assert!(Surroundings::new(1, 4).load(&saved, 6).is_err(), "too many frames");
+        for damage in ["{\"oldest\":9,\"frames\":[]}", "{\"oldest\":0,\"frames\":[[1,2,\"?\"]]}", "[]"] {
+            let damaged = serde_json::from_str(damage).expect("JSON");
+            assert!(again.load(&damaged, 6).is_err(), "{damage}");
+        }
+        let empty = Surroundings::new(3, 4).save();
+        again.load(&empty, 6).expect("nothing remembered");
+        assert_eq!(again.elsewhere(&axis(2)), 0.0);
+    }
+}
