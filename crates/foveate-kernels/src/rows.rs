@@ -1,5 +1,7 @@
 //! Sums and products of rows. Nothing is fused: the bits are the same at every level, and as plain loops have them.
 
+#[cfg(target_arch = "x86_64")]
+use crate::level::AVX512;
 use crate::level::levels;
 
 #[inline(always)]
@@ -52,10 +54,39 @@ levels! {
     pub fn blend / blend_at (above: &[f32], below: &[f32], part: f32, out: &mut [u8]) = blend_body
 }
 
+/// Rows of which products are summed at a time, and entries of a step.
+const ROWS: usize = 4;
+const ENTRIES: usize = 32;
+
 #[inline(always)]
 fn byte_products_body<const V: u8>(rows: &[i8], x: &[i8], out: &mut [i32]) {
-    for (o, row) in out.iter_mut().zip(rows.chunks_exact(x.len().max(1))) {
-        *o = row.iter().zip(x).map(|(&a, &b)| i32::from(i16::from(a) * i16::from(b))).sum();
+    let n = x.len().max(1);
+    for (out, rows) in out.chunks_mut(ROWS).zip(rows.chunks(ROWS * n)) {
+        #[cfg(target_arch = "x86_64")]
+        if V >= AVX512 && n.is_multiple_of(ENTRIES) && rows.len() == ROWS * n && out.len() == ROWS {
+            use std::arch::x86_64::*;
+            // SAFETY: `V` says that the caller is compiled for AVX-512, and runs only where it is there.
+            let mut sums = [unsafe { _mm512_setzero_si512() }; ROWS];
+            for (k, x) in x.as_chunks::<ENTRIES>().0.iter().enumerate() {
+                // SAFETY: as above; each read is of 32 bytes of a slice.
+                unsafe {
+                    let x = _mm512_cvtepi8_epi16(_mm256_loadu_si256(x.as_ptr().cast()));
+                    for (sum, row) in sums.iter_mut().zip(rows.chunks_exact(n)) {
+                        let row = &row[k * ENTRIES..][..ENTRIES];
+                        let row = _mm512_cvtepi8_epi16(_mm256_loadu_si256(row.as_ptr().cast()));
+                        *sum = _mm512_add_epi32(*sum, _mm512_madd_epi16(row, x));
+                    }
+                }
+            }
+            for (o, sum) in out.iter_mut().zip(sums) {
+                // SAFETY: as above.
+                *o = unsafe { _mm512_reduce_add_epi32(sum) };
+            }
+            continue;
+        }
+        for (o, row) in out.iter_mut().zip(rows.chunks_exact(n)) {
+            *o = row.iter().zip(x).map(|(&a, &b)| i32::from(a) * i32::from(b)).sum();
+        }
     }
 }
 

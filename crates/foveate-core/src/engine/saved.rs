@@ -97,8 +97,10 @@ impl Engine {
         self.parts.appearance.load(&saved.appearance)?;
         self.parts.monitor.consistency.load(&saved.consistency)?;
         self.parts.monitor.loss.load(&saved.confidence)?;
-        if let (Some(it), Some(saved)) = (&mut self.parts.monitor.surroundings, &saved.surroundings) {
-            it.load(saved, self.parts.appearance.width())?;
+        match (&mut self.parts.monitor.surroundings, &saved.surroundings) {
+            (Some(it), Some(saved)) => it.load(saved, self.parts.appearance.width())?,
+            (Some(it), None) => it.clear(),
+            (None, _) => (),
         }
         if let (Some(search), Some(saved)) = (&mut self.parts.filter.redetection, &saved.redetection) {
             search.load(saved)?;
