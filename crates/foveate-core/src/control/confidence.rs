@@ -117,7 +117,6 @@ struct Past {
     /// Smoothed drop.
     lasting: f64,
     /// Smoothed likeness to what was elsewhere.
-    #[serde(default)]
     elsewhere: f64,
     /// The last verdict.
     status: Status,

@@ -31,7 +31,11 @@ impl Default for DistractorSettings {
 impl DistractorSettings {
     /// Places of a lattice that is not cut by the border of the picture.
     pub fn count(&self) -> usize {
-        (2 * (self.reach / self.step) as usize + 1).pow(2)
+        (2 * self.steps() as usize + 1).pow(2)
+    }
+    /// Places on each side of the target, across and down.
+    fn steps(&self) -> i32 {
+        (self.reach / self.step) as i32
     }
     /// Fails where a number is out of range, naming it.
     pub fn check(&self) -> Result<()> {
@@ -69,7 +73,7 @@ impl DistractorSearch {
     pub fn places(&mut self, size: (usize, usize), estimate: &State, extent: Extent) -> &[State] {
         let scale = estimate.log_scale.exp();
         let (dx, dy) = (self.settings.step * extent.half_w * scale, self.settings.step * extent.half_h * scale);
-        let count = (self.settings.reach / self.settings.step) as i32;
+        let count = self.settings.steps();
         let inside = |v: f64, side: usize| (0.0..side as f64).contains(&v);
         self.places.clear();
         for y in (-count..=count).map(|i| estimate.y + f64::from(i) * dy).filter(|y| inside(*y, size.1)) {

@@ -51,7 +51,7 @@ struct Saved {
 }
 
 impl Surroundings {
-    /// A memory of so many frames with so many places each, at most; empty.
+    /// A memory of so many frames, at least one, with so many places each, at most; empty.
     pub fn new(most: usize, places: usize) -> Self {
         Self { most, places, frames: vec![], oldest: 0, query: vec![], products: vec![] }
     }
@@ -74,7 +74,7 @@ impl Surroundings {
         let (w, h) = (AT_TARGET * scale * extent.half_w, AT_TARGET * scale * extent.half_h);
         let at_target = |place: &State| (place.x - state.x).abs() <= w && (place.y - state.y).abs() <= h;
         let count = places.iter().filter(|place| at_target(place)).count();
-        if self.most == 0 || count == 0 || count == places.len() {
+        if count == 0 || count == places.len() {
             return;
         }
         let width = rows.len() / places.len();
@@ -136,7 +136,7 @@ impl Surroundings {
         let bad = |what: String| Error::Invalid(format!("the saved surroundings cannot be used: {what}"));
         let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
         let n = saved.frames.len();
-        if n > self.most || saved.oldest >= self.most.max(1) {
+        if n > self.most || saved.oldest >= self.most {
             return Err(bad(format!("they are of {n} frames, this tracker remembers {}", self.most)));
         }
         let mut frames = Vec::with_capacity(self.most);

@@ -22,13 +22,13 @@ use crate::terminal;
 
 /// Fit the probability of being lost, on sequences or drawn scenes with truth.
 ///
-/// What P(lost) says decides when a lost target is searched, so that another model makes other tracks: `--rounds 2` tracks once
-/// more with the new model, and fits on both. The figures are those of the last round's tracks.
 /// The tracker runs on each video as it is, and with inserted occlusions (`--occlusions` for each way to hide a target).
 /// Printed are the figures of the configuration's own model, and those of new ones by cross-validation: leave one source video
 /// out, and fitted on one half of the videos, judged on the other (the halves of foveate eval --choose).
 /// The new model, fitted on all videos, is written as the section `[confidence]` of a configuration, to be put there in place
 /// of the old one.
+/// What P(lost) says decides when a lost target is searched, so that another model makes other tracks: `--rounds 2` tracks once
+/// more with the new model, and fits on both. The figures are those of the last round's tracks.
 #[derive(clap::Args)]
 pub struct Args {
     /// The tracker: a configuration file, or the name of one that ships with the program
