@@ -360,6 +360,7 @@ pub fn dictionary() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use foveate_core::control::CUE_NAMES;
 
     #[test]
     fn names_are_unique_and_the_dictionary_has_them_all() {
@@ -374,6 +375,12 @@ mod tests {
         let rows = text.lines().filter(|line| line.starts_with("| `")).count();
         assert_eq!(rows, FILES.iter().map(|file| file.columns.len()).sum::<usize>());
         assert_eq!(text.matches("## `").count(), FILES.len());
+    }
+
+    #[test]
+    fn all_cues_are_named_in_their_order() {
+        let cues = TRACE.iter().find(|c| c.name == "confidence.cues").expect("it is there");
+        assert!(cues.meaning.ends_with(&format!(": {}.", CUE_NAMES.join(", "))), "{}", cues.meaning);
     }
 
     #[test]
