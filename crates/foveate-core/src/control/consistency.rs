@@ -19,7 +19,7 @@ pub struct Consistency {
     pub frame_deficit: f64,
     /// Effective sample size of the softened weights, as a share of N, 0 to 1.
     pub tempered_ess: f64,
-    /// Whether the smoothed deficit is below the threshold: the frame may be learned from.
+    /// Whether the smoothed deficit is below the threshold: the frame may be learned from, as far as `while_lost` allows.
     pub holds: bool,
 }
 
@@ -31,6 +31,8 @@ pub struct ConsistencySettings {
     pub memory: f64,
     /// Smoothed deficit above which a frame is not learned from.
     pub threshold: f64,
+    /// The same while the target is reported as occluded or lost, where it is less: what is in the box may be something else.
+    pub while_lost: f64,
     /// Power the weights are softened with.
     pub temperature: f64,
     /// Share of N above which the softened weights say that nothing fits; counts as deficit.
@@ -64,7 +66,7 @@ const MOST_SHORTFALL: f64 = 0.7;
 
 impl Default for ConsistencySettings {
     fn default() -> Self {
-        Self { memory: 0.3, threshold: 0.6, temperature: 0.25, flat: 0.9, settle: 10, every: 1 }
+        Self { memory: 0.3, threshold: 0.6, while_lost: 100.0, temperature: 0.25, flat: 0.9, settle: 10, every: 1 }
     }
 }
 
@@ -74,6 +76,7 @@ impl ConsistencySettings {
         for (name, value, most) in [
             ("memory", self.memory, 1.0),
             ("threshold", self.threshold, 100.0),
+            ("while_lost", self.while_lost, 100.0),
             ("temperature", self.temperature, 1.0),
             ("flat", self.flat, 1.0),
         ] {
@@ -126,6 +129,12 @@ impl ConsistencyMonitor {
         self.past.settled < self.settings.settle || frame.is_multiple_of(self.settings.every)
     }
 
+    /// Whether the frame judged last may be learned from, with the target reported as `lost` (or occluded) or not.
+    pub fn trusts(&self, lost: bool) -> bool {
+        let Consistency { holds, deficit, .. } = self.past.consistency;
+        holds && !(lost && deficit > self.settings.while_lost)
+    }
+
     /// The last verdict.
     pub fn last(&self) -> Consistency {
         self.past.consistency
@@ -173,6 +182,18 @@ mod tests {
         }
         let verdicts: Vec<bool> = (0..10).map(|_| !v.judge(-12.0, &peaked, REFERENCE).holds).collect();
         assert!(!verdicts[0] && verdicts[9], "one bad frame is not a loss, ten are: {verdicts:?}");
+    }
+
+    #[test]
+    fn while_it_is_lost_less_is_learned_from() {
+        let mut v = ConsistencyMonitor::new(ConsistencySettings { while_lost: 0.3, ..Default::default() });
+        let peaked = [0.0, -50.0, -50.0, -50.0];
+        (0..20).for_each(|_| _ = v.judge(-2.0, &peaked, REFERENCE));
+        assert!(v.trusts(false) && v.trusts(true));
+        (0..20).for_each(|_| _ = v.judge(-7.0, &peaked, REFERENCE));
+        assert!(v.trusts(false) && !v.trusts(true), "half of what was promised is missing");
+        (0..20).for_each(|_| _ = v.judge(-12.0, &peaked, REFERENCE));
+        assert!(!v.trusts(false) && !v.trusts(true));
     }
 
     /// Noise takes half of what was promised, as it does from frame 2 on: usual after some frames, and a loss is still one.

@@ -153,8 +153,9 @@ impl Engine {
         let (judged, extent) = (self.is_judged(), self.target().extent);
         let (parts, w) = (&mut self.parts, &mut self.work);
         let consistency = parts.monitor.consistency.last();
+        let trusted = parts.monitor.consistency.trusts(self.context.lost);
         let learns = parts.monitor.consistency.is_turn(self.frame) && parts.appearance.adapts();
-        if !(judged && consistency.holds && learns) {
+        if !(judged && trusted && learns) {
             return;
         }
         if parts.monitor.distractors.is_none() {
