@@ -19,7 +19,7 @@ pub struct Consistency {
     pub frame_deficit: f64,
     /// Effective sample size of the softened weights, as a share of N, 0 to 1.
     pub tempered_ess: f64,
-    /// Whether the smoothed deficit is below the threshold: the frame may be learned from, as far as `while_lost` allows.
+    /// Whether the smoothed deficit is below the threshold; [`ConsistencyMonitor::learns`] says whether the frame is learned from.
     pub holds: bool,
 }
 
@@ -124,15 +124,11 @@ impl ConsistencyMonitor {
         m.consistency
     }
 
-    /// Whether the frame of this number, judged last, is one to learn from, whatever the verdict was.
-    pub fn is_turn(&self, frame: u64) -> bool {
-        self.past.settled < self.settings.settle || frame.is_multiple_of(self.settings.every)
-    }
-
-    /// Whether the frame judged last may be learned from, with the target reported as `lost` (or occluded) or not.
-    pub fn trusts(&self, lost: bool) -> bool {
+    /// Whether the frame of this number, judged last, is one to learn from, with the target reported as `lost` (or occluded) or not.
+    pub fn learns(&self, frame: u64, lost: bool) -> bool {
         let Consistency { holds, deficit, .. } = self.past.consistency;
-        holds && !(lost && deficit > self.settings.while_lost)
+        let turn = self.past.settled < self.settings.settle || frame.is_multiple_of(self.settings.every);
+        turn && holds && !(lost && deficit > self.settings.while_lost)
     }
 
     /// The last verdict.
@@ -189,11 +185,11 @@ mod tests {
         let mut v = ConsistencyMonitor::new(ConsistencySettings { while_lost: 0.3, ..Default::default() });
         let peaked = [0.0, -50.0, -50.0, -50.0];
         (0..20).for_each(|_| _ = v.judge(-2.0, &peaked, REFERENCE));
-        assert!(v.trusts(false) && v.trusts(true));
+        assert!(v.learns(0, false) && v.learns(0, true));
         (0..20).for_each(|_| _ = v.judge(-7.0, &peaked, REFERENCE));
-        assert!(v.trusts(false) && !v.trusts(true), "half of what was promised is missing");
+        assert!(v.learns(0, false) && !v.learns(0, true), "half of what was promised is missing");
         (0..20).for_each(|_| _ = v.judge(-12.0, &peaked, REFERENCE));
-        assert!(!v.trusts(false) && !v.trusts(true));
+        assert!(!v.learns(0, false) && !v.learns(0, true));
     }
 
     /// Noise takes half of what was promised, as it does from frame 2 on: usual after some frames, and a loss is still one.

@@ -153,9 +153,8 @@ impl Engine {
         let (judged, extent) = (self.is_judged(), self.target().extent);
         let (parts, w) = (&mut self.parts, &mut self.work);
         let consistency = parts.monitor.consistency.last();
-        let trusted = parts.monitor.consistency.trusts(self.context.lost);
-        let learns = parts.monitor.consistency.is_turn(self.frame) && parts.appearance.adapts();
-        if !(judged && trusted && learns) {
+        let learns = parts.monitor.consistency.learns(self.frame, self.context.lost);
+        if !(judged && learns && parts.appearance.adapts()) {
             return;
         }
         if parts.monitor.distractors.is_none() {
