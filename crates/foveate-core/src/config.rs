@@ -133,6 +133,12 @@ impl Config {
                     .into(),
             ));
         }
+        if self.sensor.is_some() && self.policy.rehearses() {
+            return Err(Error::Config(
+                "policy.rehearsal: behind a sensor a gaze tells nothing before it was read; use policy.saliency, or leave [sensor] out"
+                    .into(),
+            ));
+        }
         let (retina, encoder) = self.identity(files)?;
         let recogniser = self.recogniser.as_ref().map(|r| r.read(files)).transpose()?;
         let detector = self.detector.as_ref().map(|d| d.read(files)).transpose()?;

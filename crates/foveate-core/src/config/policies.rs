@@ -115,6 +115,10 @@ impl PolicyConfig {
     pub(super) fn looks_often(&self) -> bool {
         matches!(self, Self::Hedge { .. } | Self::Pool { .. } | Self::Anchor { .. })
     }
+    /// Whether it wants to know what gazes would have earned in the first picture.
+    pub(super) fn rehearses(&self) -> bool {
+        matches!(self, Self::GpUcb(settings) if settings.rehearsal > 0.0)
+    }
 }
 
 impl Ranges for PolicyConfig {

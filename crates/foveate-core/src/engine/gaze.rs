@@ -1,11 +1,17 @@
-//! WHERE TO LOOK? `choose`, `weigh`, `learn`, and `record` for observers.
+//! WHERE TO LOOK? `foretell` before the first look; `choose`, `weigh`, `learn`, and `record` for observers.
 
 use super::Engine;
 use super::template::attenuate;
 use crate::control::{Reward, normalize};
-use crate::gaze::Policy;
-use crate::scene::Image;
+use crate::gaze::{Expectation, Policy};
+use crate::geometry::State;
+use crate::scene::{Detector, Image, Saliency};
 use foveate_base::rng::Purpose::Look;
+
+/// How uncertain the target's place is in a rehearsal, template units, and places along a side of the square of ± two such
+/// deviations that it could be at.
+const REHEARSED: f64 = 0.2;
+const PLACES: usize = 9;
 
 /// The policy, and the reward that it learns from.
 pub struct GazeControl {
@@ -27,6 +33,46 @@ impl GazeControl {
 }
 
 impl Engine {
+    /// Tells the policy what it wants to know of gazes before the first look.
+    pub(super) fn foretell(&mut self, image: &Image) {
+        match self.parts.gaze.policy.expects() {
+            Some(Expectation::Saliency) => self.expect_salient(image),
+            Some(Expectation::Rehearsal) => self.rehearse(image),
+            None => {}
+        }
+    }
+
+    /// How much what a gaze looks at stands out.
+    fn expect_salient(&mut self, image: &Image) {
+        let (at, extent) = (self.target().state, self.target().extent);
+        let mut saliency = Saliency::default();
+        saliency.look(image);
+        self.parts.gaze.policy.expect(&mut |gaze| {
+            let (x, y) = (at.x + gaze.u * extent.half_w, at.y + gaze.v * extent.half_h);
+            f64::from(saliency.map().at_pixel(x as f32, y as f32))
+        });
+    }
+
+    /// What a gaze would have earned on this picture, had the target been anywhere near its place. Beyond the paper.
+    fn rehearse(&mut self, image: &Image) {
+        let (at, extent) = (self.target().state, self.target().extent);
+        let off = |k: usize| 4.0 * (k as f64 / (PLACES - 1) as f64 - 0.5);
+        let deviations = (0..PLACES * PLACES).map(|k| (off(k % PLACES), off(k / PLACES)));
+        let place = |(a, b): (f64, f64)| {
+            let (x, y) = (at.x + REHEARSED * a * extent.half_w, at.y + REHEARSED * b * extent.half_h);
+            (State { x, y, ..at }, -0.5 * (a * a + b * b))
+        };
+        let (states, log_prior): (Vec<State>, Vec<f64>) = deviations.map(place).unzip();
+        let mut log_likelihood = vec![0.0; states.len()];
+        let appearance = &mut self.parts.appearance;
+        let GazeControl { policy, reward } = &mut self.parts.gaze;
+        policy.expect(&mut |gaze| {
+            appearance.see(image, &states, &[gaze]);
+            appearance.log_likelihood(&states, gaze, &mut log_likelihood);
+            reward.reward(&states, &log_prior, &log_likelihood)
+        });
+    }
+
     /// The policy plans: some ask about every gaze, some about one.
     pub(super) fn choose(&mut self) {
         let (w, rng) = (&mut self.work, &mut self.streams.at(self.frame, Look).rng(0));

@@ -4,7 +4,7 @@ use super::{Engine, Target};
 use crate::gaze::Context;
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::recognition::Recognition;
-use crate::scene::{Detector, Image, Saliency};
+use crate::scene::Image;
 use foveate_base::Result;
 use foveate_base::rng::Purpose;
 
@@ -26,26 +26,11 @@ impl Engine {
     pub fn init(&mut self, image: &Image, bbox: BBox) -> Result<()> {
         self.set_template(image, &bbox, (0.0, 0.0))?;
         self.parts.gaze.policy.reset();
-        self.expect_salient(image);
+        self.foretell(image);
         self.parts.recognition.iter_mut().for_each(Recognition::reset);
         self.context = Context::default();
         self.parts.monitor.reset();
         Ok(())
-    }
-
-    /// The policy may ask what stands out on the target.
-    fn expect_salient(&mut self, image: &Image) {
-        let (at, extent) = (self.target().state, self.target().extent);
-        let mut saliency = None;
-        self.parts.gaze.policy.expect(&mut |gaze| {
-            let seen = saliency.get_or_insert_with(|| {
-                let mut saliency = Saliency::default();
-                saliency.look(image);
-                saliency
-            });
-            let (x, y) = (at.x + gaze.u * extent.half_w, at.y + gaze.v * extent.half_h);
-            f64::from(seen.map().at_pixel(x as f32, y as f32))
-        });
     }
 
     /// Takes what is in this box for what the target looks like from now on. It moves on as it did, and what policy and

@@ -7,10 +7,10 @@
 //! Deviation: rewards are standardised over the window ([`Bayes::standardise`]). √βₜ is 4 to 7 in units of the process'
 //! deviation, and as printed, on rewards of 0.01, nothing is ever exploited.
 //! Deviation: the first gazes are drawn near the centre ([`Bayes::start`]), not over the whole square.
-//! Beyond the paper (its future work): [`Bayes::guard`], [`Bayes::caution`] and [`Bayes::saliency`].
+//! Beyond the paper (its future work): [`Bayes::guard`], [`Bayes::caution`], [`Bayes::saliency`] and [`Bayes::rehearsal`].
 
 use super::prior::Prior;
-use super::{Context, Plan, Policy, PolicySnapshot, Surface, misfit};
+use super::{Context, Expectation, Plan, Policy, PolicySnapshot, Surface, misfit};
 use crate::geometry::Gaze;
 use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
@@ -55,6 +55,9 @@ pub struct Bayes {
     /// What saliency counts before anything is learned, 0 (nothing) to 10: the process' mean at a gaze whose saliency is one
     /// deviation above that of the others, in units of the process' deviation. The first gazes are drawn by it.
     pub saliency: f64,
+    /// The same in the place of saliency for the reward that a gaze has on the first picture itself, the target's place uncertain by a
+    /// tenth of its box: how much it tells of place. Not behind a sensor; 0 to 10.
+    pub rehearsal: f64,
 }
 
 impl Default for Bayes {
@@ -74,6 +77,7 @@ impl Default for Bayes {
             guard: None,
             caution: 0.0,
             saliency: 0.0,
+            rehearsal: 0.0,
         }
     }
 }
@@ -99,6 +103,8 @@ impl Bayes {
             }
             b if !(0.0..=1.0).contains(&b.caution) => wrong("caution", "0 to 1", b.caution),
             b if !(0.0..=10.0).contains(&b.saliency) => wrong("saliency", "0 to 10", b.saliency),
+            b if !(0.0..=10.0).contains(&b.rehearsal) => wrong("rehearsal", "0 to 10", b.rehearsal),
+            b if b.saliency > 0.0 && b.rehearsal > 0.0 => wrong("rehearsal", "0 beside saliency", b.rehearsal),
             _ => Ok(()),
         }
     }
@@ -107,9 +113,13 @@ impl Bayes {
         let signal_variance = if self.standardise { 1.0 } else { 0.01 };
         Hyper { length_scales: [0.5 * self.reach; 2], signal_variance, noise_variance: 0.25 * signal_variance }
     }
-    /// What a deviation of saliency counts, in units of the process.
-    fn salient(&self) -> f64 {
-        self.saliency * self.first().signal_variance.sqrt()
+    /// What counts before anything is learned: saliency or rehearsal.
+    fn prior(&self) -> f64 {
+        self.saliency.max(self.rehearsal)
+    }
+    /// What a deviation of it counts, in units of the process.
+    fn prior_weight(&self) -> f64 {
+        self.prior() * self.first().signal_variance.sqrt()
     }
     /// Student-t on each length scale about half the square's half side, uniform on the two variances (section 4.4; the
     /// paper prints no numbers).
@@ -180,13 +190,13 @@ impl GpUcb {
     }
     /// The process' mean at a gaze before anything was learned.
     fn expected(&self, u: f64, v: f64) -> f64 {
-        self.settings.salient() * self.prior.at(self.settings.reach, u, v)
+        self.settings.prior_weight() * self.prior.at(self.settings.reach, u, v)
     }
     /// The process' targets from the window's rewards.
     fn standardise(&mut self) {
         let (mean, sd) = self.units();
         let Self { settings, process, rewards, fixations, prior, means, .. } = self;
-        let (weight, reach) = (settings.salient(), settings.reach);
+        let (weight, reach) = (settings.prior_weight(), settings.reach);
         means.clear();
         means.extend(rewards.iter().zip(fixations).map(|(r, g)| (r - mean) / sd - weight * prior.at(reach, g.u, g.v)));
         process.set_values(means);
@@ -197,14 +207,14 @@ impl Policy for GpUcb {
     fn plan(&mut self, context: &Context, plan: &mut Plan, rng: &mut Rng) {
         let s = &self.settings;
         if self.seen < s.warm_up as u64 {
-            if let Some(gaze) = self.prior.draw(s.reach, s.saliency, rng) {
+            if let Some(gaze) = self.prior.draw(s.reach, s.prior(), rng) {
                 return plan.only(gaze);
             }
             let [u, v] = std::array::from_fn(|_| s.start * (2.0 * rng.random::<f64>() - 1.0));
             return plan.only(Gaze { u, v, arm: None });
         }
         let (root_beta, evaluations, reach) = (self.exploration(context), s.evaluations, s.reach);
-        let weight = s.salient();
+        let weight = s.prior_weight();
         let Self { process, direct, prior, means, variances, .. } = self;
         let ([u, v], _) = direct.maximise_batches([-reach; 2], [reach; 2], evaluations, |gazes, values| {
             means.resize(gazes.len(), 0.0);
@@ -279,10 +289,15 @@ impl Policy for GpUcb {
         self.fixations.clear();
         (self.seen, self.poor, self.prior) = (0, false, Prior::default());
     }
-    fn expect(&mut self, saliency: &mut dyn FnMut(Gaze) -> f64) {
-        if self.settings.saliency > 0.0 {
-            self.prior = Prior::of(self.settings.reach, saliency);
+    fn expects(&self) -> Option<Expectation> {
+        match &self.settings {
+            s if s.saliency > 0.0 => Some(Expectation::Saliency),
+            s if s.rehearsal > 0.0 => Some(Expectation::Rehearsal),
+            _ => None,
         }
+    }
+    fn expect(&mut self, worth: &mut dyn FnMut(Gaze) -> f64) {
+        self.prior = Prior::of(self.settings.reach, worth);
     }
 }
 
@@ -352,7 +367,9 @@ mod tests {
             (Bayes { delta: 1.0, ..d.clone() }, "delta"),
             (Bayes { guard: Some(-1.0), ..d.clone() }, "guard"),
             (Bayes { caution: 1.5, ..d.clone() }, "caution"),
-            (Bayes { saliency: f64::NAN, ..d }, "saliency"),
+            (Bayes { saliency: f64::NAN, ..d.clone() }, "saliency"),
+            (Bayes { rehearsal: 11.0, ..d.clone() }, "rehearsal"),
+            (Bayes { saliency: 1.0, rehearsal: 1.0, ..d }, "rehearsal"),
         ] {
             let problem = GpUcb::new(settings).err().expect(said).to_string();
             assert!(problem.contains(said), "{problem}");

@@ -19,8 +19,11 @@ macro_rules! learned_by {
         fn reset(&mut self) {
             self.$field.reset();
         }
-        fn expect(&mut self, saliency: &mut dyn FnMut($crate::geometry::Gaze) -> f64) {
-            self.$field.expect(saliency);
+        fn expects(&self) -> Option<$crate::gaze::Expectation> {
+            self.$field.expects()
+        }
+        fn expect(&mut self, worth: &mut dyn FnMut($crate::geometry::Gaze) -> f64) {
+            self.$field.expect(worth);
         }
     };
 }
@@ -216,6 +219,15 @@ pub enum PolicySnapshot<'a> {
     Surface(&'a dyn Surface),
 }
 
+/// What a policy wants to know of a gaze before the first look, from the picture in which the target is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Expectation {
+    /// How much what it looks at stands out (Itti, Koch and Niebur).
+    Saliency,
+    /// Its reward on that picture itself, had the target's place been uncertain: how much it tells of place.
+    Rehearsal,
+}
+
 /// Chooses gazes, and learns from what they were worth.
 ///
 /// One call of `plan`, then one of `learn` with that plan, each frame. `plan` must use one gaze at least and
@@ -240,9 +252,13 @@ pub trait Policy: Send + Sync {
     }
     /// Forgets all that was learned.
     fn reset(&mut self) {}
-    /// After `reset`, on the picture in which the target is given: `saliency` says how much what a gaze looks at stands out,
-    /// 0 to 1. It costs time when it is first asked. Most policies do not ask.
-    fn expect(&mut self, _saliency: &mut dyn FnMut(Gaze) -> f64) {}
+    /// What [`Policy::expect`] is to be told. Most policies want to know nothing.
+    fn expects(&self) -> Option<Expectation> {
+        None
+    }
+    /// After `reset`, on the picture in which the target is given: `worth` says of a gaze what [`Policy::expects`] asked for,
+    /// 0 to 1. It costs time.
+    fn expect(&mut self, _worth: &mut dyn FnMut(Gaze) -> f64) {}
 }
 
 /// A saved state that does not fit.

@@ -1,14 +1,14 @@
 //! What a gaze is expected to earn before anything was earned: saliency as a prior of where to look next, which the paper's
-//! last section hopes for.
+//! last section hopes for, or a rehearsal on the first picture.
 
 use crate::geometry::Gaze;
 use foveate_base::rng::Rng;
 use rand::RngExt;
 
-/// Gazes along a side of the square that saliency is asked about.
+/// Gazes along a side of the square that are asked about.
 const SIDE: usize = 15;
 
-/// Saliency over the square of gazes: mean 0 and deviation 1, or nothing.
+/// Saliency or rehearsal over the square of gazes: mean 0 and deviation 1, or nothing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Prior {
     /// Row after row from −reach to reach; empty: 0 everywhere.
@@ -17,8 +17,8 @@ pub(super) struct Prior {
 
 impl Prior {
     /// Asks about the whole square of half side `reach`. Where all is alike, nothing is expected.
-    pub fn of(reach: f64, saliency: &mut dyn FnMut(Gaze) -> f64) -> Self {
-        let values: Vec<f64> = (0..SIDE * SIDE).map(|i| saliency(gaze(reach, i))).collect();
+    pub fn of(reach: f64, worth: &mut dyn FnMut(Gaze) -> f64) -> Self {
+        let values: Vec<f64> = (0..SIDE * SIDE).map(|i| worth(gaze(reach, i))).collect();
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
         let deviation = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();

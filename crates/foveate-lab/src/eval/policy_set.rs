@@ -10,12 +10,14 @@ pub const FIXED: PolicyConfig = PolicyConfig::Fixed { u: 0.0, v: 0.0 };
 /// look at the centre too.
 ///
 /// All look within the reach of `own`: grids are 3 × 3 over it. Hedge has the rate of `own`, and GP-UCB its settings; where
-/// it has none, γ = 5 (the theory's rate for 300 frames, 0.24, learns too late) and the usual settings.
+/// it has none, γ = 5 (the theory's rate for 300 frames, 0.24, learns too late), the usual settings, and a guard of 0.7.
 pub fn policies(own: &PolicyConfig) -> Vec<PolicyConfig> {
     let grid = Grid { n: 3, reach: reach_of(own).unwrap_or(Grid::default().reach) };
     let gamma = gamma_of(own).unwrap_or(Schedule::Fixed(5.0));
     let usual = Bayes { reach: grid.reach, start: 0.4 * grid.reach, ..Bayes::default() };
-    let bayes = Bayes { guard: None, caution: 0.0, ..bayes_of(own).unwrap_or(usual) };
+    let bayes = bayes_of(own).unwrap_or(usual);
+    let guard = bayes.guard.or(Some(0.7));
+    let bayes = Bayes { guard: None, caution: 0.0, ..bayes };
     let (random, hedge, gp_ucb) =
         (PolicyConfig::Random { grid }, PolicyConfig::Hedge { grid, gamma }, PolicyConfig::GpUcb(bayes.clone()));
     let anchor = |policy: &PolicyConfig| PolicyConfig::Anchor { policy: Box::new(policy.clone()) };
@@ -30,7 +32,7 @@ pub fn policies(own: &PolicyConfig) -> Vec<PolicyConfig> {
         PolicyConfig::Exp3S(Exp3SConfig { grid, ..Exp3SConfig::default() }),
         PolicyConfig::Exp3AsPrinted(Exp3AsPrintedConfig { grid, ..Exp3AsPrintedConfig::default() }),
         gp_ucb,
-        PolicyConfig::GpUcb(Bayes { guard: Some(0.7), ..bayes.clone() }),
+        PolicyConfig::GpUcb(Bayes { guard, ..bayes.clone() }),
         PolicyConfig::GpUcb(Bayes { caution: 1.0, ..bayes }),
     ];
     own_looks.into_iter().chain(anchored).collect()
@@ -107,5 +109,6 @@ mod tests {
         assert_eq!(policies(&FIXED)[3], PolicyConfig::Hedge { grid: Grid::default(), gamma });
         let own = PolicyConfig::GpUcb(Bayes { window: 300, guard: Some(1.0), ..Bayes::default() });
         assert!(policies(&own).contains(&PolicyConfig::GpUcb(Bayes { window: 300, ..Bayes::default() })));
+        assert!(policies(&own).contains(&own), "its own guard");
     }
 }

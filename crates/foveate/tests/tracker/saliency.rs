@@ -1,4 +1,5 @@
-//! Saliency as a prior of where to look: what stands out on the target is looked at first, and a saved tracker remembers it.
+//! Priors of where to look: what stands out on the target, or would have told most of its place, is looked at first, and a saved
+//! tracker remembers it.
 
 use crate::common::blueprint;
 use foveate::geometry::{BBox, Gaze};
@@ -19,8 +20,8 @@ fn frame(index: usize) -> Frame {
     Frame { index, time: index as f64 / 30.0, image: Image::new(w, h, 1, data).expect("160 x 120") }
 }
 
-fn tracker(saliency: f64) -> foveate::Tracker {
-    let policy = format!("{{ kind = \"gp-ucb\", saliency = {saliency:?} }}");
+fn tracker(prior: &str, weight: f64) -> foveate::Tracker {
+    let policy = format!("{{ kind = \"gp-ucb\", {prior} = {weight:?} }}");
     blueprint(&policy, false, 0.5, false, 50).tracker(1).expect("a tracker")
 }
 
@@ -29,24 +30,29 @@ fn looks(tracker: &mut foveate::Tracker, frames: std::ops::Range<usize>) -> Vec<
 }
 
 #[test]
-fn what_stands_out_is_looked_at_first() {
-    let first = |saliency| {
-        let mut tracker = tracker(saliency);
+fn what_stands_out_or_tells_is_looked_at_first() {
+    let first = |prior, weight| {
+        let mut tracker = tracker(prior, weight);
         tracker.init(&frame(0).image, INIT).expect("a box");
         looks(&mut tracker, 1..11)
     };
     let there = |gazes: Vec<Gaze>| gazes.iter().filter(|g| g.u > 0.1 && g.v > 0.1).count();
-    assert_eq!(there(first(10.0)), 10, "all of the first ten");
-    assert!(there(first(0.0)) < 6, "about the centre, in any direction");
+    // A gaze a little away from the square still has its edges in view, and tells as much.
+    for (prior, least) in [("saliency", 10), ("rehearsal", 8)] {
+        assert!(there(first(prior, 10.0)) >= least, "{prior}: {least} of the first ten");
+        assert!(there(first(prior, 0.0)) < 6, "about the centre, in any direction");
+    }
 }
 
 #[test]
-fn a_saved_tracker_remembers_what_stood_out() {
-    let mut whole = tracker(1.0);
-    whole.init(&frame(0).image, INIT).expect("a box");
-    looks(&mut whole, 1..4);
-    let saved = whole.save();
-    let mut loaded = tracker(1.0);
-    loaded.load(&saved).expect("the same settings");
-    assert_eq!(looks(&mut loaded, 4..20), looks(&mut whole, 4..20));
+fn a_saved_tracker_remembers_its_prior() {
+    for prior in ["saliency", "rehearsal"] {
+        let mut whole = tracker(prior, 1.0);
+        whole.init(&frame(0).image, INIT).expect("a box");
+        looks(&mut whole, 1..4);
+        let saved = whole.save();
+        let mut loaded = tracker(prior, 1.0);
+        loaded.load(&saved).expect("the same settings");
+        assert_eq!(looks(&mut loaded, 4..20), looks(&mut whole, 4..20), "{prior}");
+    }
 }

@@ -116,6 +116,17 @@ fn a_tracker_behind_a_sensor_goes_on_from_its_saved_state() {
 }
 
 #[test]
+fn behind_a_sensor_no_policy_looks_twice_or_rehearses() {
+    let foveated = || Config::builtin("foveated").expect("it ships").expect("it is right");
+    for (policy, said) in [("kind = 'hedge'", "one gaze a frame"), ("kind = 'gp-ucb', rehearsal = 1.0", "saliency")] {
+        let problem = foveated().set(&format!("policy={{ {policy} }}")).and_then(Tracker::new).err().expect(said);
+        assert!(problem.to_string().contains(said), "{problem}");
+    }
+    let allowed = foveated().set("policy={ kind = 'gp-ucb', saliency = 1.0 }").and_then(Tracker::new);
+    assert!(allowed.is_ok());
+}
+
+#[test]
 fn who_reads_whole_pictures_serves_no_regions() {
     let mut whole = Tracker::new(Config::builtin("natural").expect("it ships").expect("it is right")).expect("it fits");
     let said = whole.init_from(&picture(0), BOX).expect_err("no sensor").to_string();

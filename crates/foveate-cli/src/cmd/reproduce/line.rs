@@ -49,7 +49,10 @@ pub struct LineSpec {
     pub group: Group,
     /// The paper's row that it stands beside.
     pub row: Option<String>,
-    /// One that ships with the program, or a file.
+    /// An earlier line: configuration, policy and changes are those of that one where they are not given, and changes are laid over its.
+    pub like: Option<String>,
+    /// One that ships with the program, or a file; left out where `like` says it.
+    #[serde(default)]
     pub config: String,
     /// One of `policy_set::policies` by its name; the configuration's own if left out.
     pub policy: Option<String>,
@@ -85,6 +88,18 @@ impl LineSpec {
     /// Whether it is run on a scene.
     pub fn is_run_on(&self, scene: &str) -> bool {
         self.scenes.as_ref().is_none_or(|names| names.iter().any(|n| n == scene))
+    }
+
+    /// Takes what it leaves out from the line it is like.
+    pub fn follow(&mut self, other: &Self) {
+        if self.config.is_empty() {
+            self.config.clone_from(&other.config);
+        }
+        if self.policy.is_none() {
+            self.policy.clone_from(&other.policy);
+        }
+        let own = std::mem::replace(&mut self.change, other.change.clone());
+        lay(&mut self.change, &own);
     }
 
     /// What is run, with `settings` as [`Config::set`] takes them in the place of its own.

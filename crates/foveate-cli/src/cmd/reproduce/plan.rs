@@ -228,8 +228,9 @@ impl Experiment {
 
     fn parse(name: &str, text: &str, file: &str) -> Result<Self> {
         let wrong = |what: String| Error::Config(format!("{file}: {what}"));
-        let all: Self = toml::from_str(text).map_err(|e| wrong(e.to_string()))?;
-        let all = Self { name: name.into(), ..all };
+        let mut all: Self = toml::from_str(text).map_err(|e| wrong(e.to_string()))?;
+        all.name = name.into();
+        all.complete().map_err(wrong)?;
         let (least, most) = all.occluded;
         if !(1..=most).contains(&least) || most > 100_000 {
             return Err(wrong("occluded: expected two numbers of frames from 1 to 100000, the less first".into()));
@@ -256,6 +257,25 @@ impl Experiment {
             Some(e) => Err(wrong(format!("a figure of a line {} is expected, which is not there", e.line))),
             None => Ok(all),
         }
+    }
+
+    /// Gives each line what it leaves out. Fails with what is wrong.
+    fn complete(&mut self) -> std::result::Result<(), String> {
+        for i in 0..self.lines.len() {
+            let (earlier, line) = self.lines.split_at_mut(i);
+            let line = &mut line[0];
+            match line.like.clone() {
+                Some(like) => match earlier.iter().find(|other| other.name == like) {
+                    Some(other) => line.follow(other),
+                    None => return Err(format!("line {} is like {like}, which is not a line before it", line.name)),
+                },
+                None if line.config.is_empty() => {
+                    return Err(format!("line {}: expected a `config`, or the line it is `like`", line.name));
+                }
+                None => {}
+            }
+        }
+        Ok(())
     }
 
     /// Its first scene.
@@ -308,6 +328,23 @@ mod tests {
             }
         }
         assert!(Experiment::named("table9").is_err_and(|e| e.to_string().contains("table1")));
+    }
+
+    #[test]
+    fn a_line_takes_what_it_leaves_out_from_the_one_it_is_like() {
+        let lines = |second: &str| {
+            let text = "title = 't'\nabout = 'a'\nseeds = 1\n[[line]]\nname = 'a'\nconfig = 'digits'\npolicy = 'fixed'\n\
+                change = { particles = 7, likelihood = { sharpness = 3 } }\n[[line]]\nname = 'b'\n";
+            Experiment::parse("t", &(text.to_owned() + second), "t.toml").map(|e| e.lines)
+        };
+        let b = &lines("like = 'a'\nchange = { likelihood = { sharpness = 5 } }").expect("two lines")[1];
+        let changes = toml::from_str("particles = 7\n[likelihood]\nsharpness = 5").expect("TOML");
+        assert_eq!((&b.config[..], b.policy.as_deref(), &b.change), ("digits", Some("fixed"), &changes));
+        let b = &lines("like = 'a'\npolicy = 'random'\nconfig = 'digits-hedge'").expect("two lines")[1];
+        assert_eq!((&b.config[..], b.policy.as_deref()), ("digits-hedge", Some("random")));
+        for (second, said) in [("like = 'c'", "is like c"), ("like = 'b'", "not a line before it"), ("", "`config`")] {
+            assert!(lines(second).is_err_and(|e| e.to_string().contains(said)), "{second}");
+        }
     }
 
     #[test]
