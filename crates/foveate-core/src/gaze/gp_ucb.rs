@@ -104,7 +104,9 @@ impl Bayes {
             b if !(0.0..=1.0).contains(&b.caution) => wrong("caution", "0 to 1", b.caution),
             b if !(0.0..=10.0).contains(&b.saliency) => wrong("saliency", "0 to 10", b.saliency),
             b if !(0.0..=10.0).contains(&b.rehearsal) => wrong("rehearsal", "0 to 10", b.rehearsal),
-            b if b.saliency > 0.0 && b.rehearsal > 0.0 => wrong("rehearsal", "0 beside saliency", b.rehearsal),
+            b if b.saliency > 0.0 && b.rehearsal > 0.0 => {
+                wrong("rehearsal", "0 where saliency is given, one of the two being the prior", b.rehearsal)
+            }
             _ => Ok(()),
         }
     }
