@@ -4,7 +4,7 @@ use super::Engine;
 use super::template::attenuate;
 use crate::control::{Reward, normalize};
 use crate::gaze::{Expectation, Policy};
-use crate::geometry::State;
+use crate::geometry::{Gaze, State};
 use crate::scene::{Detector, Image, Saliency};
 use foveate_base::rng::Purpose::Look;
 
@@ -48,8 +48,8 @@ impl Engine {
         let mut saliency = Saliency::default();
         saliency.look(image);
         self.parts.gaze.policy.expect(&mut |gaze| {
-            let (x, y) = (at.x + gaze.u * extent.half_w, at.y + gaze.v * extent.half_h);
-            f64::from(saliency.map().at_pixel(x as f32, y as f32))
+            let looked_at = at.fixate(gaze, extent);
+            f64::from(saliency.map().at_pixel(looked_at.x as f32, looked_at.y as f32))
         });
     }
 
@@ -57,12 +57,12 @@ impl Engine {
     fn rehearse(&mut self, image: &Image) {
         let (at, extent) = (self.target().state, self.target().extent);
         let off = |k: usize| 4.0 * (k as f64 / (PLACES - 1) as f64 - 0.5);
-        let deviations = (0..PLACES * PLACES).map(|k| (off(k % PLACES), off(k / PLACES)));
-        let place = |(a, b): (f64, f64)| {
-            let (x, y) = (at.x + REHEARSED * a * extent.half_w, at.y + REHEARSED * b * extent.half_h);
-            (State { x, y, ..at }, -0.5 * (a * a + b * b))
+        let place = |k: usize| {
+            let (a, b) = (off(k % PLACES), off(k / PLACES));
+            let there = at.fixate(Gaze { u: REHEARSED * a, v: REHEARSED * b, arm: None }, extent);
+            (State { x: there.x, y: there.y, ..at }, -0.5 * (a * a + b * b))
         };
-        let (states, log_prior): (Vec<State>, Vec<f64>) = deviations.map(place).unzip();
+        let (states, log_prior): (Vec<State>, Vec<f64>) = (0..PLACES * PLACES).map(place).unzip();
         let mut log_likelihood = vec![0.0; states.len()];
         let appearance = &mut self.parts.appearance;
         let GazeControl { policy, reward } = &mut self.parts.gaze;

@@ -30,6 +30,7 @@ macro_rules! learned_by {
 
 mod anchor;
 mod baseline;
+mod bayes;
 mod contextual;
 mod exp3;
 mod gains;
@@ -43,9 +44,10 @@ mod shadow;
 
 pub use self::anchor::Anchor;
 pub use self::baseline::{Circular, Fixed, Random};
+pub use self::bayes::Bayes;
 pub use self::contextual::{Contextual, Forager};
 pub use self::exp3::{Exp3, Variant};
-pub use self::gp_ucb::{Bayes, GpUcb};
+pub use self::gp_ucb::GpUcb;
 pub use self::grid::Grid;
 pub use self::hedge::Hedge;
 pub use self::pool::Pool;

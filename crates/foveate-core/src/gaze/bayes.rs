@@ -1,0 +1,152 @@
+//! Settings of Bayesian optimisation of the gaze, and what follows from them before anything is learned.
+
+use super::Expectation;
+use foveate_base::{Error, Result};
+use foveate_gp::{Hyper, Kernel, Priors, StudentT};
+use serde::{Deserialize, Serialize};
+
+/// Settings of [`GpUcb`](super::GpUcb); lengths are in template units (1 = half the target's box).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Bayes {
+    /// Half the side of the square of gazes, above 0 to 10.
+    pub reach: f64,
+    /// How alike the rewards of two gazes are.
+    pub kernel: Kernel,
+    /// Rewards remembered, 2 to 1000; all of a short video's if large enough.
+    pub window: usize,
+    /// Gazes drawn at random before anything is believed; the paper's 10.
+    pub warm_up: usize,
+    /// Half the side of the square they are drawn from, 0 to `reach`.
+    pub start: f64,
+    /// Frames between two adjustments of the hyper-parameters, at least 1; the paper's is 1.
+    pub refit: usize,
+    /// Evaluations of the posterior that DIRECT may make, 1 to 100,000.
+    pub evaluations: usize,
+    /// δ of βₜ, above 0 to below 1.
+    pub delta: f64,
+    /// What √βₜ is multiplied with, 0 to 10; the paper's is 1, 0 never explores.
+    pub exploration: f64,
+    /// Whether the window's rewards are brought to mean 0 and deviation 1.
+    pub standardise: bool,
+    /// They are divided by this at least, so that equal rewards are not blown up to noise; 0 to 1.
+    pub floor: f64,
+    /// After a reward this many deviations below the window's mean, exploit (no exploration) in the next frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub guard: Option<f64>,
+    /// How much the tracker's deficit holds exploration back, 0 (not at all) to 1: at full deficit √βₜ is 1 − caution of itself.
+    pub caution: f64,
+    /// What saliency counts before anything is learned, 0 (nothing) to 10: the process' mean at a gaze whose saliency is one
+    /// deviation above that of the others, in units of the process' deviation. The first gazes are drawn by it.
+    pub saliency: f64,
+    /// The same in the place of saliency for the reward that a gaze has on the first picture itself, the target's place uncertain by a
+    /// tenth of its box: how much it tells of place. Not behind a sensor; 0 to 10.
+    pub rehearsal: f64,
+}
+
+impl Default for Bayes {
+    fn default() -> Self {
+        Self {
+            reach: 0.5,
+            kernel: Kernel::SquaredExponential,
+            window: 100,
+            warm_up: 10,
+            start: 0.2,
+            refit: 5,
+            evaluations: 150,
+            delta: 0.001,
+            exploration: 1.0,
+            standardise: true,
+            floor: 0.02,
+            guard: None,
+            caution: 0.0,
+            saliency: 0.0,
+            rehearsal: 0.0,
+        }
+    }
+}
+
+impl Bayes {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        let wrong = |name: &str, expected: &str, found: f64| {
+            Err(Error::Config(format!("gp-ucb: {name} is {expected}; it is {found}")))
+        };
+        match self {
+            b if !(b.reach > 0.0 && b.reach <= 10.0) => wrong("reach", "above 0 to 10 template units", b.reach),
+            b if !(2..=1000).contains(&b.window) => wrong("window", "2 to 1000 rewards", b.window as f64),
+            b if !(1..=1_000_000).contains(&b.warm_up) => wrong("warm_up", "1 to 1000000 frames", b.warm_up as f64),
+            b if !(0.0..=b.reach).contains(&b.start) => wrong("start", "0 to reach", b.start),
+            b if !(1..=1_000_000).contains(&b.refit) => wrong("refit", "1 to 1000000 frames", b.refit as f64),
+            b if !(1..=100_000).contains(&b.evaluations) => wrong("evaluations", "1 to 100000", b.evaluations as f64),
+            b if !(b.delta > 0.0 && b.delta < 1.0) => wrong("delta", "above 0 to below 1", b.delta),
+            b if !(0.0..=10.0).contains(&b.exploration) => wrong("exploration", "0 to 10", b.exploration),
+            b if !(0.0..=1.0).contains(&b.floor) => wrong("floor", "0 to 1", b.floor),
+            b if b.guard.is_some_and(|g| !(0.0..=100.0).contains(&g)) => {
+                wrong("guard", "0 to 100 deviations", b.guard.unwrap_or(f64::NAN))
+            }
+            b if !(0.0..=1.0).contains(&b.caution) => wrong("caution", "0 to 1", b.caution),
+            b if !(0.0..=10.0).contains(&b.saliency) => wrong("saliency", "0 to 10", b.saliency),
+            b if !(0.0..=10.0).contains(&b.rehearsal) => wrong("rehearsal", "0 to 10", b.rehearsal),
+            b if b.saliency > 0.0 && b.rehearsal > 0.0 => {
+                wrong("rehearsal", "0 where saliency is given, one of the two being the prior", b.rehearsal)
+            }
+            _ => Ok(()),
+        }
+    }
+    /// Where hyper-parameters start. Rewards have variance 1 where they are standardised; raw ones are small.
+    pub(super) fn first(&self) -> Hyper<2> {
+        let signal_variance = if self.standardise { 1.0 } else { 0.01 };
+        Hyper { length_scales: [0.5 * self.reach; 2], signal_variance, noise_variance: 0.25 * signal_variance }
+    }
+    /// What counts before anything is learned: saliency or rehearsal.
+    pub(super) fn prior(&self) -> f64 {
+        self.saliency.max(self.rehearsal)
+    }
+    /// What a deviation of it counts, in units of the process.
+    pub(super) fn prior_weight(&self) -> f64 {
+        self.prior() * self.first().signal_variance.sqrt()
+    }
+    /// What it wants to know of a gaze before the first look.
+    pub(super) fn expects(&self) -> Option<Expectation> {
+        match self {
+            s if s.saliency > 0.0 => Some(Expectation::Saliency),
+            s if s.rehearsal > 0.0 => Some(Expectation::Rehearsal),
+            _ => None,
+        }
+    }
+    /// Student-t on each length scale about half the square's half side, uniform on the two variances (section 4.4; the
+    /// paper prints no numbers).
+    pub(super) fn priors(&self) -> Result<Priors<2>> {
+        let location = 0.5 * self.reach;
+        let length_scale = StudentT::new(4.0, location, location / 3.0, (0.2 * location, 5.0 * location))?;
+        let variances = if self.standardise { (4e-4, 25.0) } else { (1e-8, 25.0) };
+        Priors::new([length_scale; 2], variances, variances)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gaze::GpUcb;
+
+    #[test]
+    fn settings_out_of_range_are_named() {
+        let d = Bayes::default();
+        for (settings, said) in [
+            (Bayes { reach: f64::NAN, ..d.clone() }, "reach"),
+            (Bayes { window: 1, ..d.clone() }, "window"),
+            (Bayes { start: 0.6, ..d.clone() }, "start"),
+            (Bayes { refit: 0, ..d.clone() }, "refit"),
+            (Bayes { delta: 1.0, ..d.clone() }, "delta"),
+            (Bayes { guard: Some(-1.0), ..d.clone() }, "guard"),
+            (Bayes { caution: 1.5, ..d.clone() }, "caution"),
+            (Bayes { saliency: f64::NAN, ..d.clone() }, "saliency"),
+            (Bayes { rehearsal: 11.0, ..d.clone() }, "rehearsal"),
+            (Bayes { saliency: 1.0, rehearsal: 1.0, ..d }, "rehearsal"),
+        ] {
+            let problem = GpUcb::new(settings).err().expect(said).to_string();
+            assert!(problem.contains(said), "{problem}");
+        }
+    }
+}
