@@ -110,6 +110,12 @@ impl Config {
                     .into(),
             ));
         }
+        if self.short_term.is_some() && self.discriminant.is_none() {
+            return Err(Error::Config(
+                "short_term: it is the discriminant that learns for now; add [discriminant], or leave [short_term] out"
+                    .into(),
+            ));
+        }
         if self.fusion.is_some() && self.discriminant.is_none() {
             return Err(Error::Config(
                 "fusion: cues are judged where the discriminant learns; add [discriminant], or leave [fusion] out"
@@ -185,7 +191,7 @@ impl Blueprint {
             .colouring(c.colour)
             .fusing(c.fusion);
         let appearance = match c.discriminant {
-            Some(settings) => appearance.discriminating(settings),
+            Some(settings) => appearance.discriminating(settings).remembering(c.short_term.is_some()),
             None => appearance,
         };
         #[cfg(feature = "learn")]
@@ -197,7 +203,9 @@ impl Blueprint {
             .weighing(c.detection_likelihood)
             .redetecting(c.redetection.clone().map(Redetection::new));
         let gaze = GazeControl::new(self.shadowed(policy(&c.policy)?), c.reward.reward()?);
-        let monitor = Monitor::new(c.consistency.clone(), c.confidence.clone()).searching(c.distractors.clone());
+        let monitor = Monitor::new(c.consistency.clone(), c.confidence.clone())
+            .remembering(&c.consistency, c.short_term.map(|it| (it.threshold, it.gate)))
+            .searching(c.distractors.clone());
         let recognition = self.recogniser.as_ref().map(reading::Recogniser::recognition).transpose()?;
         Ok(Parts::new(filter, gaze, Box::new(appearance), monitor).recognising(recognition))
     }

@@ -66,6 +66,7 @@ checked!(
     StartSpread,
     colour::Settings,
     discriminant::Settings,
+    discriminant::ShortTerm,
     fusion::Settings,
     multi::Settings,
 );

@@ -64,6 +64,9 @@ pub struct Config {
     /// What tells the target from what is around it, learned while tracking; not at all unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub discriminant: Option<discriminant::Settings>,
+    /// What it learns for now, from frames that are not consistent enough to be learned from for good; nothing unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub short_term: Option<discriminant::ShortTerm>,
     /// The colours of the target against those of its surroundings, learned while tracking; not at all unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub colour: Option<colour::Settings>,
@@ -190,6 +193,7 @@ impl Ranges for Config {
         self.confidence.ranges()?;
         self.recogniser.ranges()?;
         self.discriminant.ranges()?;
+        self.short_term.ranges()?;
         self.colour.ranges()?;
         self.fusion.ranges()?;
         #[cfg(feature = "learn")]

@@ -124,6 +124,12 @@ impl ConsistencyMonitor {
         m.consistency
     }
 
+    /// Judged what `other` judged, by its own threshold.
+    pub fn follow(&mut self, other: &Self) {
+        self.past = other.past.clone();
+        self.past.consistency.holds = self.past.consistency.deficit <= self.settings.threshold;
+    }
+
     /// Whether the frame of this number, judged last, is one to learn from, with the target reported as `lost` (or occluded) or not.
     pub fn learns(&self, frame: u64, lost: bool) -> bool {
         let Consistency { holds, deficit, .. } = self.past.consistency;

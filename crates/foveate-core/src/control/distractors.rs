@@ -20,11 +20,13 @@ pub struct DistractorSettings {
     /// Frames in which the target was certain whose places are remembered, so that what is at the estimate later is known to have been
     /// elsewhere then: a cue of P(lost). 0, no cue, to 1000.
     pub remembered: usize,
+    /// Whether the discriminant learns those of frame 1, too, and never forgets them: hard negatives.
+    pub first_frame: bool,
 }
 
 impl Default for DistractorSettings {
     fn default() -> Self {
-        Self { reach: 6.0, step: 0.8, remembered: 0 }
+        Self { reach: 6.0, step: 0.8, remembered: 0, first_frame: false }
     }
 }
 
@@ -81,6 +83,10 @@ impl DistractorSearch {
             self.places.extend(row.map(|x| State { x, y, ..*estimate }));
         }
         &self.places
+    }
+    /// Whether those of frame 1 are learned.
+    pub fn starts_at_once(&self) -> bool {
+        self.settings.first_frame
     }
     /// The places that were looked at last.
     pub fn last(&self) -> &[State] {
@@ -151,7 +157,7 @@ mod tests {
 
     #[test]
     fn places_lie_around_the_target_and_in_the_picture() {
-        let mut around = DistractorSearch::new(DistractorSettings { reach: 2.0, step: 0.5, remembered: 0 });
+        let mut around = DistractorSearch::new(DistractorSettings { reach: 2.0, step: 0.5, ..Default::default() });
         let at = State { x: 30.0, y: 50.0, log_scale: 0.5f64.ln(), angle: 0.3, ..State::default() };
         let places = around.places((100, 60), &at, EXTENT).to_vec();
         assert!(places.contains(&at));

@@ -7,6 +7,7 @@ use crate::control::{
 };
 use crate::gaze::Context;
 use crate::geometry::{Gaze, State};
+use crate::identity::Lesson;
 use crate::identity::surroundings::Surroundings;
 use crate::recognition::Recognition;
 use crate::scene::Image;
@@ -21,6 +22,8 @@ const REMEMBERED_EVERY: u64 = 8;
 pub struct Monitor {
     /// Compares the evidence with the reference.
     pub(super) consistency: ConsistencyMonitor,
+    /// The same for what is learned for now, by the evidence as it is with that; `None` without a short-term memory.
+    pub(super) for_now: Option<ForNow>,
     /// P(lost) and the status.
     pub(super) loss: LossMonitor,
     /// Looks for what the target could be mistaken for; `None` for among the particles only.
@@ -29,11 +32,19 @@ pub struct Monitor {
     pub(super) surroundings: Option<Surroundings>,
 }
 
+/// From which frames a short-term memory learns.
+pub(super) struct ForNow {
+    pub consistency: ConsistencyMonitor,
+    /// The most that a frame's evidence may fall short.
+    gate: f64,
+}
+
 impl Monitor {
     /// A monitor with these settings, which has seen nothing yet.
     pub fn new(consistency: ConsistencySettings, model: ConfidenceModel) -> Self {
         Self {
             consistency: ConsistencyMonitor::new(consistency),
+            for_now: None,
             loss: LossMonitor::new(model),
             distractors: None,
             surroundings: None,
@@ -45,6 +56,15 @@ impl Monitor {
         let surroundings = remembering.map(|settings| Surroundings::new(settings.remembered, settings.count()));
         Self { distractors: settings.map(DistractorSearch::new), surroundings, ..self }
     }
+    /// The same, for an appearance that learns for now from frames of larger deficits: `threshold` of the smoothed one, `gate` of one
+    /// frame's.
+    pub fn remembering(self, settings: &ConsistencySettings, short_term: Option<(f64, f64)>) -> Self {
+        let for_now = short_term.map(|(threshold, gate)| {
+            let settings = ConsistencySettings { threshold, ..settings.clone() };
+            ForNow { consistency: ConsistencyMonitor::new(settings), gate }
+        });
+        Self { for_now, ..self }
+    }
     /// The fitted model of P(lost).
     pub fn model(&self) -> &ConfidenceModel {
         self.loss.model()
@@ -55,6 +75,7 @@ impl Monitor {
     }
     pub(super) fn reset(&mut self) {
         self.consistency.reset();
+        self.for_now.iter_mut().for_each(|it| it.consistency.reset());
         self.loss.reset();
     }
 }
@@ -66,16 +87,17 @@ impl Engine {
         let unit = self.target().unit * estimate.mean.log_scale.exp();
         let w = &mut self.work;
         let evidence = w.log_evidence / w.plan.looks();
-        let consistency = match judged {
-            true => self.parts.monitor.consistency.judge(evidence, &w.log_posterior, reference),
-            false => self.parts.monitor.consistency.last(),
-        };
         let chosen = w.plan.chosen();
         // The mean of states that are scattered lies where none of them is.
         self.parts.appearance.see_more(image, &[estimate.mean], &[chosen]);
         self.parts.appearance.perceive(&estimate.mean, chosen, &mut w.percept);
         let (distance, colour) = (w.percept.distance, w.percept.colour);
         let distractor = if judged { self.look_around(image, estimate) } else { None };
+        let (evidence, distractor) = self.in_the_long_term(estimate, evidence, distractor);
+        let consistency = match judged {
+            true => self.parts.monitor.consistency.judge(evidence, &self.work.log_posterior, reference),
+            false => self.parts.monitor.consistency.last(),
+        };
         let elsewhere = if judged { self.was_elsewhere(estimate) } else { 0.0 };
         let spread = spread(&estimate.covariance, unit);
         let alarm = self.parts.recognition.as_ref().map_or(0.0, Recognition::alarm);
@@ -105,10 +127,35 @@ impl Engine {
             lost: confidence.status.is_occluded_or_lost(),
             ..self.context
         };
+        if self.context.lost {
+            self.parts.appearance.forget_short_term();
+        }
         if judged && confidence.p_lost < CERTAIN && !self.context.lost && self.frame.is_multiple_of(REMEMBERED_EVERY) {
             self.remember(&estimate.mean);
         }
         confidence
+    }
+
+    /// Evidence and the likelihood of the best distractor, without what was learned for now: that may not vouch for itself.
+    fn in_the_long_term(&mut self, estimate: &Estimate, evidence: f64, distractor: Option<f64>) -> (f64, Option<f64>) {
+        let (judged, reference, visible) = (self.is_judged(), self.reference(), self.visible);
+        let (parts, w) = (&mut self.parts, &mut self.work);
+        let Some(for_now) = parts.monitor.for_now.as_mut().filter(|_| judged) else { return (evidence, distractor) };
+        w.drawn.clear();
+        w.drawn.push(estimate.mean);
+        if distractor.is_some() {
+            w.drawn.extend(&w.distractors);
+        }
+        w.scores.resize(w.drawn.len(), 0.0);
+        if !parts.appearance.long_term_log_likelihood(&w.drawn, &mut w.scores) {
+            for_now.consistency.follow(&parts.monitor.consistency);
+            return (evidence, distractor);
+        }
+        for_now.consistency.judge(evidence, &w.log_posterior, reference);
+        let mut here = [0.0];
+        parts.appearance.log_likelihood(&[estimate.mean], Gaze::CENTRE, &mut here);
+        let best = w.scores[1..].iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        (evidence + visible * (w.scores[0] - here[0]), distractor.map(|_| best))
     }
 
     /// How much more the estimate looks like what was around the target in remembered frames than like the target.
@@ -152,15 +199,21 @@ impl Engine {
     pub(super) fn adapt(&mut self, image: &Image, estimate: &Estimate) {
         let (judged, extent) = (self.is_judged(), self.target().extent);
         let (parts, w) = (&mut self.parts, &mut self.work);
-        let consistency = parts.monitor.consistency.last();
-        let learns = parts.monitor.consistency.learns(self.frame, self.context.lost);
-        if !(judged && learns && parts.appearance.adapts()) {
+        let (monitor, lost) = (&parts.monitor, self.context.lost);
+        let learns = monitor.consistency.learns(self.frame, lost);
+        let for_now =
+            |it: &ForNow| it.consistency.learns(self.frame, lost) && it.consistency.last().frame_deficit <= it.gate;
+        let lesson = Lesson {
+            deficit: learns.then(|| monitor.consistency.last().frame_deficit),
+            for_now: !lost && monitor.for_now.as_ref().is_some_and(for_now),
+        };
+        if !(judged && (learns || lesson.for_now) && parts.appearance.adapts()) {
             return;
         }
         if parts.monitor.distractors.is_none() {
             distractors(&w.predicted, &w.log_posterior, &estimate.mean, extent, &mut w.distractors);
         }
-        parts.appearance.adapt(image, &estimate.mean, &w.distractors, consistency.frame_deficit);
+        parts.appearance.adapt(image, &estimate.mean, &w.distractors, lesson);
     }
 
     /// Whether enough of the target is in view for its evidence to say that it is lost.

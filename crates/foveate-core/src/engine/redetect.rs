@@ -70,6 +70,21 @@ impl Engine {
         score(&mut *parts.appearance, places, Gaze::CENTRE, &mut w.scores);
         Some(distractors(places, &w.scores, &estimate.mean, extent, &mut w.distractors))
     }
+
+    /// Learns what in the first frame looks most like the target, at `state`, and is not, where the settings ask for that.
+    pub(super) fn learn_hard_negatives(&mut self, image: &Image, state: &State) {
+        let extent = self.target().extent;
+        let (parts, w) = (&mut self.parts, &mut self.work);
+        let around = parts.monitor.distractors.as_mut().filter(|around| around.starts_at_once());
+        let places = around.map_or(&[][..], |around| around.places((image.width(), image.height()), state, extent));
+        if places.is_empty() {
+            return;
+        }
+        parts.appearance.see(image, places, &[Gaze::CENTRE]);
+        score(&mut *parts.appearance, places, Gaze::CENTRE, &mut w.scores);
+        distractors(places, &w.scores, state, extent, &mut w.distractors);
+        parts.appearance.init_distractors(image, state, &w.distractors);
+    }
 }
 
 /// Log-likelihoods of states whose surroundings were seen, as many as there are states.

@@ -28,6 +28,9 @@ struct Saved {
     policy: serde_json::Value,
     appearance: serde_json::Value,
     consistency: serde_json::Value,
+    /// The same with what was learned for now; none without a short-term memory.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    for_now: Option<serde_json::Value>,
     confidence: serde_json::Value,
     /// What was around the target; none where nothing is remembered.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -53,6 +56,7 @@ impl Engine {
             policy: self.parts.gaze.policy.save(),
             appearance: self.parts.appearance.save(),
             consistency: self.parts.monitor.consistency.save(),
+            for_now: self.parts.monitor.for_now.as_ref().map(|it| it.consistency.save()),
             confidence: self.parts.monitor.loss.save(),
             surroundings: self.parts.monitor.surroundings.as_ref().map(Surroundings::save),
             context: self.context,
@@ -96,6 +100,11 @@ impl Engine {
         self.parts.gaze.policy.load(&saved.policy)?;
         self.parts.appearance.load(&saved.appearance)?;
         self.parts.monitor.consistency.load(&saved.consistency)?;
+        match (&mut self.parts.monitor.for_now, &saved.for_now) {
+            (Some(it), Some(saved)) => it.consistency.load(saved)?,
+            (Some(it), None) => it.consistency.reset(),
+            (None, _) => (),
+        }
         self.parts.monitor.loss.load(&saved.confidence)?;
         match (&mut self.parts.monitor.surroundings, &saved.surroundings) {
             (Some(it), Some(saved)) => it.load(saved, self.parts.appearance.width())?,

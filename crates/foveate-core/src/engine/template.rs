@@ -41,6 +41,7 @@ impl Engine {
         assert!(self.target.is_some(), "a target is given before its template is updated");
         self.set_template(image, bbox, velocity)?;
         self.parts.monitor.consistency.reset();
+        self.parts.monitor.for_now.iter_mut().for_each(|it| it.consistency.reset());
         Ok(())
     }
 
@@ -49,6 +50,7 @@ impl Engine {
         let (state, extent) = (State { vx, vy, ..State::of(bbox) }, Extent::of(bbox));
         self.target = Some(Target { state, extent, unit: extent.mean() });
         self.parts.appearance.init_template(image, &state, extent, self.streams);
+        self.learn_hard_negatives(image, &state);
         self.remember_first(image, &state);
         self.parts.filter.proposal.size(extent.mean());
         self.parts.filter.spread(&state, extent, self.streams.at(self.frame, Purpose::Start));
@@ -61,6 +63,7 @@ impl Engine {
         let (scale, extent) = (state.log_scale.exp(), self.target().extent);
         let scaled = Extent { half_w: extent.half_w * scale, half_h: extent.half_h * scale };
         self.parts.monitor.consistency.reset();
+        self.parts.monitor.for_now.iter_mut().for_each(|it| it.consistency.reset());
         self.parts.filter.spread(&state, scaled, self.streams.at(self.frame, Purpose::Start));
         self.visible = 1.0;
     }

@@ -13,17 +13,18 @@
 //! once (Henriques et al., 2015); glimpses, foveated and turned, are no shifts of each other.
 
 use foveate_kernels as kernels;
-use serde::Deserialize;
 
 use super::distance::{self, Distance, Kind};
-use super::numbers::{decode, encode};
 use super::packed::Packed;
 use crate::geometry::{Extent, Gaze, State};
-use foveate_base::{Error, Result};
 
+mod saved;
 mod settings;
+mod short_term;
 
 pub use self::settings::Settings;
+use self::short_term::Recent;
+pub use self::short_term::ShortTerm;
 
 /// Radii of the rings of places around the target, template units; eight places on each.
 const RINGS: [f64; 6] = [0.12, 0.2, 0.35, 0.6, 1.0, 1.7];
@@ -55,6 +56,8 @@ pub struct Discriminant {
     /// The triangle of the recent frames where memory is short: then both triangles are empty between frames.
     packed: Packed,
     weights: Vec<f32>,
+    /// What was learned for now, too, where there is a short-term memory.
+    short_term: Option<Recent>,
     pub(super) learning: Learning,
 }
 
@@ -73,8 +76,8 @@ pub(super) struct Learning {
 }
 
 impl Discriminant {
-    /// Rows that are kept of the first frame.
-    pub(crate) const FIRST_ROWS: u64 = PLACES as u64;
+    /// Rows that are kept of the first frame, at most.
+    pub(crate) const FIRST_ROWS: u64 = MOST_PLACES as u64;
 
     /// Of features of length `n_h`. It knows nothing yet.
     pub fn new(settings: Settings, n_h: usize) -> Self {
@@ -87,8 +90,15 @@ impl Discriminant {
             recent: zeros,
             packed: Packed::default(),
             weights: vec![0.0; n],
+            short_term: None,
             learning: Learning::default(),
         }
+    }
+
+    /// The same, with a short-term memory.
+    pub fn remembering(self) -> Self {
+        let short_term = Some(Recent::new(&self.recent, &self.weights));
+        Self { short_term, ..self }
     }
 
     /// Keeps no triangle until it learns again, but the rows of the first frame and a packed one; leaves the room to others.
@@ -127,13 +137,13 @@ impl Discriminant {
 
     /// Its distance: 0 at the target, about 1 elsewhere.
     pub fn distance(&self, features: &[f32]) -> f64 {
-        let (bias, weights) = self.weights.split_last().expect("at least a bias");
+        let (bias, weights) = self.in_use().split_last().expect("at least a bias");
         1.0 - f64::from(kernels::dot(features, weights) + bias)
     }
 
     /// A distance of features to a kept template, and this one: of all features once, for the cosine.
     pub(super) fn distances(&self, features: &[f32], to: Kind, template: &[f32]) -> (f64, f64) {
-        let (bias, weights) = self.weights.split_last().expect("at least a bias");
+        let (bias, weights) = self.in_use().split_last().expect("at least a bias");
         match to {
             Kind::Cosine => {
                 let [square, along, score] = kernels::dots(features, [template, weights]);
@@ -183,97 +193,80 @@ impl Discriminant {
     /// Learns from `rows` at `places`. On the first frame it forgets all else.
     pub(super) fn learn(&mut self, first: bool) {
         self.unpack();
-        let Self { settings, first_rows, first: begun, recent, weights, learning, .. } = self;
-        let Learning { rows, labels, system, work: [step, image], .. } = learning;
-        let (keep, share) =
-            if first { (0.0, 1.0) } else { (1.0 - settings.learning_rate as f32, settings.learning_rate as f32) };
+        let Self { settings, first_rows, first: begun, recent, weights, short_term, learning, .. } = self;
         let n = weights.len();
-        system.gram.resize(recent.gram.len(), 0.0);
-        system.cross.resize(n, 0.0);
-        step.resize(n, 0.0);
-        image.resize(n, 0.0);
-        match first {
-            true => outer(rows, n, &mut recent.gram),
-            false => kernels::add_outer(rows, n, keep, share, &mut recent.gram),
-        }
-        recent.cross.iter_mut().for_each(|b| *b *= keep);
-        for (row, label) in rows.chunks_exact(n).zip(labels) {
-            recent.cross.iter_mut().zip(row).for_each(|(b, h)| *b += share * *label * h);
-        }
         if first {
+            recent.learn(learning, n, (0.0, 1.0));
             begun.clone_from(recent);
-            first_rows.clone_from(rows);
+            first_rows.clone_from(&learning.rows);
             first_rows.shrink_to_fit();
             weights.fill(0.0);
+            short_term.iter_mut().for_each(Recent::forget);
+            return solve(settings, begun, recent, weights, learning, STEPS.0);
         }
-        let old = settings.first_frame_weight as f32;
-        let mix = |out: &mut [f32], a: &[f32], b: &[f32]| {
-            out.iter_mut().zip(a).zip(b).for_each(|((out, a), b)| *out = old * a + (1.0 - old) * b);
-        };
-        mix(&mut system.gram, &begun.gram, &recent.gram);
-        mix(&mut system.cross, &begun.cross, &recent.cross);
-        for i in 0..n {
-            system.gram[i * (i + 3) / 2] += settings.ridge as f32;
+        recent.learn(learning, n, settings.fading());
+        solve(settings, begun, recent, weights, learning, STEPS.1);
+        short_term.iter_mut().for_each(|it| it.learn_too(settings, begun, learning));
+    }
+}
+
+impl Sums {
+    /// Fades, and adds a share of what `rows` at `places` are.
+    fn learn(&mut self, Learning { rows, labels, .. }: &Learning, n: usize, (keep, share): (f32, f32)) {
+        match keep > 0.0 {
+            true => kernels::add_outer(rows, n, keep, share, &mut self.gram),
+            false => outer(rows, n, &mut self.gram),
         }
-        // Conjugate gradients; `cross` becomes what is left of the right-hand side.
-        let rest = &mut system.cross;
-        kernels::symmetric_times(&system.gram, weights, image);
-        rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= image);
-        step.copy_from_slice(rest);
-        let mut left = kernels::dot(rest, rest);
-        for _ in 0..if first { STEPS.0 } else { STEPS.1 } {
-            if left < 1e-12 {
-                break;
-            }
-            kernels::symmetric_times(&system.gram, step, image);
-            let length = left / kernels::dot(step, image);
-            weights.iter_mut().zip(&*step).for_each(|(w, step)| *w += length * step);
-            rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= length * image);
-            let before = std::mem::replace(&mut left, kernels::dot(rest, rest));
-            step.iter_mut().zip(&*rest).for_each(|(step, rest)| *step = rest + left / before * *step);
-        }
-        // Of sums from a damaged state: then it tells nothing.
-        if !kernels::dot(weights, weights).is_finite() {
-            weights.fill(0.0);
+        self.cross.iter_mut().for_each(|b| *b *= keep);
+        for (row, label) in rows.chunks_exact(n).zip(labels) {
+            self.cross.iter_mut().zip(row).for_each(|(b, h)| *b += share * *label * h);
         }
     }
+}
 
-    /// Everything learned, to resume from.
-    pub fn save(&self) -> serde_json::Value {
-        let Self { first_rows, first, recent, packed, weights, .. } = self;
-        let mut unpacked = vec![];
-        let gram = match recent.gram.is_empty() {
-            true => {
-                packed.unpack(&mut unpacked);
-                &unpacked
-            }
-            false => &recent.gram,
-        };
-        let parts = [first_rows, &first.cross, gram, &recent.cross, weights];
-        serde_json::to_value(parts.map(|values| encode(values))).expect("plain data is JSON")
+/// Conjugate gradients from `weights` on: so many steps towards the ridge regression of both sums.
+fn solve(
+    settings: &Settings,
+    begun: &Sums,
+    recent: &Sums,
+    weights: &mut [f32],
+    Learning { system, work: [step, image], .. }: &mut Learning,
+    steps: usize,
+) {
+    let n = weights.len();
+    system.gram.resize(recent.gram.len(), 0.0);
+    system.cross.resize(n, 0.0);
+    step.resize(n, 0.0);
+    image.resize(n, 0.0);
+    let old = settings.first_frame_weight as f32;
+    let mix = |out: &mut [f32], a: &[f32], b: &[f32]| {
+        out.iter_mut().zip(a).zip(b).for_each(|((out, a), b)| *out = old * a + (1.0 - old) * b);
+    };
+    mix(&mut system.gram, &begun.gram, &recent.gram);
+    mix(&mut system.cross, &begun.cross, &recent.cross);
+    for i in 0..n {
+        system.gram[i * (i + 3) / 2] += settings.ridge as f32;
     }
-
-    /// Takes up what `save` gave. Fails, unchanged, where it does not fit.
-    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
-        let bad = |what: String| Error::Invalid(format!("the saved discriminant cannot be used: {what}"));
-        let saved = <[String; 5]>::deserialize(saved).map_err(|e| bad(e.to_string()))?;
-        let n = self.weights.len();
-        let mut parts: [Vec<f32>; 5] = Default::default();
-        for ((part, saved), expected) in parts.iter_mut().zip(saved).zip([PLACES * n, n, n * (n + 1) / 2, n, n]) {
-            *part = decode(&saved).ok_or_else(|| bad("it is not base64 of finite numbers".into()))?;
-            if part.len() != expected {
-                return Err(bad(format!(
-                    "it has {} numbers where this tracker has {expected}; use the configuration and version it was saved with",
-                    part.len()
-                )));
-            }
+    // `cross` becomes what is left of the right-hand side.
+    let rest = &mut system.cross;
+    kernels::symmetric_times(&system.gram, weights, image);
+    rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= image);
+    step.copy_from_slice(rest);
+    let mut left = kernels::dot(rest, rest);
+    for _ in 0..steps {
+        if left < 1e-12 {
+            break;
         }
-        let [first_rows, first_cross, recent, recent_cross, weights] = parts;
-        outer(&first_rows, n, &mut self.first.gram);
-        self.first.cross = first_cross;
-        self.recent = Sums { gram: recent, cross: recent_cross };
-        (self.first_rows, self.weights) = (first_rows, weights);
-        Ok(())
+        kernels::symmetric_times(&system.gram, step, image);
+        let length = left / kernels::dot(step, image);
+        weights.iter_mut().zip(&*step).for_each(|(w, step)| *w += length * step);
+        rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= length * image);
+        let before = std::mem::replace(&mut left, kernels::dot(rest, rest));
+        step.iter_mut().zip(&*rest).for_each(|(step, rest)| *step = rest + left / before * *step);
+    }
+    // Of sums from a damaged state: then it tells nothing.
+    if !kernels::dot(weights, weights).is_finite() {
+        weights.fill(0.0);
     }
 }
 
@@ -391,6 +384,30 @@ mod tests {
             assert!((a - b).abs() < 1e-3, "{a} {b}");
         }
         assert!(wider.load(&serde_json::json!(["?", "", "", "", ""])).is_err());
+    }
+
+    /// What looks much like the target in frame 1 looks less so once it is known; as many rows are taken up again as were saved.
+    #[test]
+    fn hard_negatives_of_the_first_frame_are_learned() {
+        let distractor = State { x: 80.0, ..TARGET };
+        let (mut rng, mut it) = (Streams::new(4, 0).rng(0), Discriminant::new(Settings::default(), N - 1));
+        let [target, like] = [[1.0f32, 0.0, 0.0, 0.3, 0.0, 0.0], [1.0, 0.0, 0.0, -0.3, 0.0, 0.0]];
+        let distances = [&[][..], &[distractor]].map(|distractors| {
+            it.look_around(&TARGET, EXTENT, distractors);
+            for (k, row) in it.learning.rows.chunks_exact_mut(N).enumerate() {
+                row.iter_mut().for_each(|h| *h = 0.2 * (rng.random::<f32>() - 0.5));
+                row[N - 1] = 1.0;
+                if k == 0 || k == PLACES {
+                    row[..N - 1].copy_from_slice(if k == 0 { &target } else { &like });
+                }
+            }
+            it.learn(true);
+            it.distance(&like) - it.distance(&target)
+        });
+        assert!(distances[1] > distances[0] + 0.2, "{distances:?}");
+        let mut other = Discriminant::new(Settings::default(), N - 1);
+        other.load(&it.save()).expect("it was saved");
+        assert_eq!((other.first_rows.len(), &other.first), ((PLACES + 1) * N, &it.first));
     }
 
     #[test]

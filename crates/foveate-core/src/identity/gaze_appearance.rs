@@ -8,6 +8,7 @@
 use rayon::prelude::*;
 use std::sync::Arc;
 
+use self::cues::Learned;
 use self::dim::dim;
 use super::colour::Colour;
 use super::dense::Dense;
@@ -20,7 +21,7 @@ use super::online::Training;
 use super::pyramid::Pyramid;
 use super::retina::Retina;
 use super::views::Looks;
-use super::{Appearance, Buffers, Percept, ReferenceLikelihood, TemplateSource, calibrate};
+use super::{Appearance, Buffers, Lesson, Percept, ReferenceLikelihood, TemplateSource, calibrate};
 use crate::geometry::{Extent, Fixation, Gaze, State};
 use crate::scene::{Image, Meter};
 use foveate_base::rng::Streams;
@@ -264,7 +265,7 @@ impl Appearance for GazeAppearance {
         self.colour.iter_mut().for_each(|colour| colour.init(image, state, extent));
         let discounting_background = std::mem::take(&mut self.discounting_background);
         self.fusion.iter_mut().for_each(Fusion::reset);
-        self.discriminate(image, state, &[], true, 0.0);
+        self.discriminate(image, state, &[], Learned::First);
         let found = calibrate::calibrate(image, state, extent, streams, &mut |states, out| {
             self.see(image, states, &[Gaze::CENTRE]);
             self.distances(states, Gaze::CENTRE, out);
@@ -347,17 +348,41 @@ impl Appearance for GazeAppearance {
         self.discriminant.is_some() || self.colour.is_some()
     }
 
-    fn adapt(&mut self, image: &Image, state: &State, distractors: &[State], frame_deficit: f64) {
+    fn adapt(&mut self, image: &Image, state: &State, distractors: &[State], lesson: Lesson) {
         let (extent, margin) = (self.extent(), self.colour_margin(state, distractors));
-        if let Some(colour) = self.colour.as_mut().filter(|colour| frame_deficit <= colour.settings().gate) {
+        let within = |gate: f64| lesson.deficit.is_some_and(|deficit| deficit <= gate);
+        if let Some(colour) = self.colour.as_mut().filter(|colour| within(colour.settings().gate)) {
             colour.adapt(image, state, extent);
         }
-        if self.discriminant.as_ref().is_some_and(|it| frame_deficit <= it.settings().gate) {
+        let learned = match &self.discriminant {
+            Some(it) if within(it.settings().gate) => Some(Learned::ForGood(margin)),
+            Some(it) if lesson.for_now && it.has_short_term() => Some(Learned::ForNow),
+            _ => None,
+        };
+        if let Some(learned) = learned {
             self.template_features(Gaze::CENTRE);
-            self.discriminate(image, state, distractors, false, margin);
+            self.discriminate(image, state, distractors, learned);
         }
         #[cfg(feature = "learn")]
-        self.train(image, state, frame_deficit);
+        if let Some(deficit) = lesson.deficit {
+            self.train(image, state, deficit);
+        }
+    }
+
+    fn long_term_log_likelihood(&mut self, states: &[State], out: &mut [f64]) -> bool {
+        let Some(it) = self.discriminant.as_mut().filter(|it| it.is_apart()) else { return false };
+        it.set_aside(true);
+        self.log_likelihood(states, Gaze::CENTRE, out);
+        self.discriminant.iter_mut().for_each(|it| it.set_aside(false));
+        true
+    }
+
+    fn forget_short_term(&mut self) {
+        self.discriminant.iter_mut().for_each(Discriminant::forget);
+    }
+
+    fn init_distractors(&mut self, image: &Image, state: &State, distractors: &[State]) {
+        self.discriminate(image, state, distractors, Learned::First);
     }
 
     fn template_source(&self) -> Option<TemplateSource<'_>> {

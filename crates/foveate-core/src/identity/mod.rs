@@ -75,6 +75,16 @@ pub struct Percept {
     pub colour: f64,
 }
 
+/// What may be learned from a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lesson {
+    /// Its evidence deficit: 0 where the evidence is what the target gives, 1 where it is what other places give. `None` where nothing
+    /// is to be learned for good.
+    pub deficit: Option<f64>,
+    /// Where nothing is learned for good, whether something is for now: by a short-term memory, if there is one.
+    pub for_now: bool,
+}
+
 /// A picture of the target, and where in it the target is.
 #[derive(Clone, Copy)]
 pub struct TemplateSource<'a> {
@@ -123,9 +133,15 @@ pub trait Appearance: Send + Sync {
         false
     }
     /// Learns from the target, believed to be at `state` of this frame, which must be the one that was seen last, and not at
-    /// the `distractors`. `frame_deficit` is 0 where the evidence is what the target gives, 1 where it is what other places give. What
-    /// was seen of the frame is forgotten.
-    fn adapt(&mut self, _image: &Image, _state: &State, _distractors: &[State], _frame_deficit: f64) {}
+    /// the `distractors`, as much as the `lesson` says. What was seen of the frame is forgotten.
+    fn adapt(&mut self, _image: &Image, _state: &State, _distractors: &[State], _lesson: Lesson) {}
+    /// Log-likelihoods as [`Appearance::log_likelihood`] has them at the centre gaze, but without what was learned for now; `false`,
+    /// with `out` as it was, where nothing was.
+    fn long_term_log_likelihood(&mut self, _states: &[State], _out: &mut [f64]) -> bool {
+        false
+    }
+    /// Forgets what was learned for now.
+    fn forget_short_term(&mut self) {}
     /// The picture `init_template` was given, or the part of it that has the target; none where that is not kept.
     fn template_source(&self) -> Option<TemplateSource<'_>> {
         None
@@ -136,6 +152,9 @@ pub trait Appearance: Send + Sync {
     /// Frees what is not needed until the next look, and can be made again from what is kept. It is called before buffers are taken
     /// back, so that what it frees may be left in them.
     fn compact(&mut self) {}
+    /// Learns the first frame once more, with what looks like the target there and is not: hard negatives, which are not forgotten.
+    /// To be called after [`Appearance::init_template`], with the same picture and state.
+    fn init_distractors(&mut self, _image: &Image, _state: &State, _distractors: &[State]) {}
     /// What the first frame says of evidence to come.
     fn reference(&self) -> ReferenceLikelihood;
     /// Everything `init_template` learned, to resume from.

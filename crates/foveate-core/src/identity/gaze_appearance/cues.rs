@@ -10,11 +10,28 @@ use crate::identity::fusion::{self, Fusion};
 use crate::scene::Image;
 use foveate_base::rows::{Rows, RowsMut};
 
+/// How a look around the target is learned from.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum Learned {
+    /// As the first frame: all else is forgotten.
+    First,
+    /// As a frame in which distractors are so much farther than the target by their colours.
+    ForGood(f64),
+    /// By the short-term memory alone.
+    ForNow,
+}
+
 impl GazeAppearance {
     /// Learns while tracking what tells the target from what is around it, by these settings.
     pub fn discriminating(self, settings: discriminant::Settings) -> Self {
         let (_, n_h) = self.encoder.shape();
         Self { discriminant: Some(Discriminant::new(settings, n_h)), ..self }
+    }
+
+    /// With a short-term memory, it learns from frames, too, that are not consistent enough to be learned from for good.
+    pub fn remembering(self, short_term: bool) -> Self {
+        let remembering = |it: Discriminant| if short_term { it.remembering() } else { it };
+        Self { discriminant: self.discriminant.map(remembering), ..self }
     }
 
     /// Learns while tracking the colours of the target and of its surroundings, by these settings.
@@ -33,14 +50,7 @@ impl GazeAppearance {
     }
 
     /// Looks at the target and around it, and learns the difference.
-    pub(super) fn discriminate(
-        &mut self,
-        image: &Image,
-        state: &State,
-        distractors: &[State],
-        first: bool,
-        colour: f64,
-    ) {
+    pub(super) fn discriminate(&mut self, image: &Image, state: &State, distractors: &[State], learned: Learned) {
         let Some(mut it) = self.discriminant.take() else { return };
         let (extent, (n_v, n_h)) = (self.extent(), self.encoder.shape());
         it.look_around(state, extent, distractors);
@@ -48,7 +58,7 @@ impl GazeAppearance {
         // After a look around the target for distractors most often all is there.
         let looks = looks(&*self.retina, extent);
         let Buffers { views, dimmed, learned: glimpses, .. } = &mut self.buffers;
-        if first || views.whole(places, looks).is_none() {
+        if learned == Learned::First || views.whole(places, looks).is_none() {
             let kept = self.kept.as_ref().expect("a template is kept before the first look");
             let image = dim(image, &kept.image, self.discounting_background, dimmed);
             views.see_whole(image, places, looks, self.colour.as_mut());
@@ -67,11 +77,16 @@ impl GazeAppearance {
                 one[0] = 1.0;
             }
         }
-        if let Some(fusion) = self.fusion.as_mut().filter(|_| !distractors.is_empty()) {
+        if let (Learned::ForGood(colour), Some(fusion)) = (learned, &mut self.fusion)
+            && !distractors.is_empty()
+        {
             let template = it.margin(|h| self.distance.distance(h, &self.scratch.template));
             fusion.learn([template, it.margin(|h| it.distance(h)), colour]);
         }
-        it.learn(first);
+        match learned {
+            Learned::ForNow => it.learn_for_now(),
+            _ => it.learn(learned == Learned::First),
+        }
         self.discriminant = Some(it);
     }
 
