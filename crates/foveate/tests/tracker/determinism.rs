@@ -1,6 +1,6 @@
 //! Nothing but seed, configuration and video changes a track: not threads, observers, other targets, or a pause.
 
-use crate::common::{INIT, POLICIES, blueprint, frame, natural, truth};
+use crate::common::{INIT, POLICIES, blueprint, frame, learning_for_now, natural, truth};
 use foveate::Tracker;
 use foveate::config::Blueprint;
 use foveate::files::Folder;
@@ -58,6 +58,7 @@ fn each(check: impl Fn(&str, &Blueprint)) {
         }
     }
     check("natural", &natural(PARTICLES));
+    check("natural, learning for now", &learning_for_now(PARTICLES));
 }
 
 #[test]
@@ -146,6 +147,18 @@ fn a_saved_tracker_goes_on_bit_for_bit() {
             assert!(go(&mut fresh, &frames[pause..]) == whole[pause - 1..], "{name}, paused before frame {pause}");
         }
     });
+}
+
+/// What is learned for now changes the track, and is in what is saved.
+#[test]
+fn there_is_something_to_save_of_what_is_learned_for_now() {
+    let (frames, blueprint) = (frames(), learning_for_now(PARTICLES));
+    let mut tracker = started(&blueprint, 0, &frames);
+    let with = go(&mut tracker, &frames[1..]);
+    assert!(tracker.save().to_string().contains("\"short_term\""), "nothing was learned for now");
+    let config = blueprint.config().clone().set("short_term.threshold=0").and_then(|c| c.set("short_term.gate=0"));
+    let without = config.and_then(|c| c.check(&Folder::here())).expect("a good configuration");
+    assert!(with != alone(&without, &frames), "it moves the box");
 }
 
 /// Weights that resampling does not even out may reach −∞ and must come back from JSON.
