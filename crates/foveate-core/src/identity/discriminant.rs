@@ -18,10 +18,14 @@ use super::distance::{self, Distance, Kind};
 use super::packed::Packed;
 use crate::geometry::{Extent, Gaze, State};
 
+mod ridge;
 mod saved;
 mod settings;
 mod short_term;
+mod two;
 
+pub(super) use self::ridge::Learning;
+use self::ridge::{STEPS, Sums, outer, solve};
 pub use self::settings::Settings;
 use self::short_term::Recent;
 pub use self::short_term::ShortTerm;
@@ -35,16 +39,6 @@ const DISTRACTORS: usize = 6;
 /// All places of the first frame, and of any.
 const PLACES: usize = 1 + RINGS.len() * 8 + SIZES.len();
 const MOST_PLACES: usize = PLACES + DISTRACTORS;
-/// Steps of conjugate gradients on the first frame, and on each other.
-const STEPS: (usize, usize) = (30, 4);
-
-/// Σ h hᵀ (its lower triangle) and Σ label · h.
-#[derive(Clone, Debug, Default, PartialEq)]
-struct Sums {
-    gram: Vec<f32>,
-    cross: Vec<f32>,
-}
-
 /// A score of features, learned online.
 #[derive(Clone, Debug)]
 pub struct Discriminant {
@@ -59,20 +53,6 @@ pub struct Discriminant {
     /// What was learned for now, too, where there is a short-term memory.
     short_term: Option<Recent>,
     pub(super) learning: Learning,
-}
-
-/// What is learned from, in one frame.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Learning {
-    /// Where to look to learn.
-    pub places: Vec<State>,
-    /// The features there, each followed by a 1.
-    pub rows: Vec<f32>,
-    labels: Vec<f32>,
-    system: Sums,
-    work: [Vec<f32>; 2],
-    /// Room for the triangles of who keeps none.
-    triangles: [Vec<f32>; 2],
 }
 
 impl Discriminant {
@@ -208,73 +188,6 @@ impl Discriminant {
         solve(settings, begun, recent, weights, learning, STEPS.1);
         short_term.iter_mut().for_each(|it| it.learn_too(settings, begun, learning));
     }
-}
-
-impl Sums {
-    /// Fades, and adds a share of what `rows` at `places` are.
-    fn learn(&mut self, Learning { rows, labels, .. }: &Learning, n: usize, (keep, share): (f32, f32)) {
-        match keep > 0.0 {
-            true => kernels::add_outer(rows, n, keep, share, &mut self.gram),
-            false => outer(rows, n, &mut self.gram),
-        }
-        self.cross.iter_mut().for_each(|b| *b *= keep);
-        for (row, label) in rows.chunks_exact(n).zip(labels) {
-            self.cross.iter_mut().zip(row).for_each(|(b, h)| *b += share * *label * h);
-        }
-    }
-}
-
-/// Conjugate gradients from `weights` on: so many steps towards the ridge regression of both sums.
-fn solve(
-    settings: &Settings,
-    begun: &Sums,
-    recent: &Sums,
-    weights: &mut [f32],
-    Learning { system, work: [step, image], .. }: &mut Learning,
-    steps: usize,
-) {
-    let n = weights.len();
-    system.gram.resize(recent.gram.len(), 0.0);
-    system.cross.resize(n, 0.0);
-    step.resize(n, 0.0);
-    image.resize(n, 0.0);
-    let old = settings.first_frame_weight as f32;
-    let mix = |out: &mut [f32], a: &[f32], b: &[f32]| {
-        out.iter_mut().zip(a).zip(b).for_each(|((out, a), b)| *out = old * a + (1.0 - old) * b);
-    };
-    mix(&mut system.gram, &begun.gram, &recent.gram);
-    mix(&mut system.cross, &begun.cross, &recent.cross);
-    for i in 0..n {
-        system.gram[i * (i + 3) / 2] += settings.ridge as f32;
-    }
-    // `cross` becomes what is left of the right-hand side.
-    let rest = &mut system.cross;
-    kernels::symmetric_times(&system.gram, weights, image);
-    rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= image);
-    step.copy_from_slice(rest);
-    let mut left = kernels::dot(rest, rest);
-    for _ in 0..steps {
-        if left < 1e-12 {
-            break;
-        }
-        kernels::symmetric_times(&system.gram, step, image);
-        let length = left / kernels::dot(step, image);
-        weights.iter_mut().zip(&*step).for_each(|(w, step)| *w += length * step);
-        rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= length * image);
-        let before = std::mem::replace(&mut left, kernels::dot(rest, rest));
-        step.iter_mut().zip(&*rest).for_each(|(step, rest)| *step = rest + left / before * *step);
-    }
-    // Of sums from a damaged state: then it tells nothing.
-    if !kernels::dot(weights, weights).is_finite() {
-        weights.fill(0.0);
-    }
-}
-
-/// Σ r rᵀ of rows of `n` values.
-fn outer(rows: &[f32], n: usize, gram: &mut Vec<f32>) {
-    gram.clear();
-    gram.resize(n * (n + 1) / 2, 0.0);
-    kernels::add_outer(rows, n, 0.0, 1.0, gram);
 }
 
 #[cfg(test)]

@@ -8,7 +8,6 @@
 use rayon::prelude::*;
 use std::sync::Arc;
 
-use self::cues::Learned;
 use self::dim::dim;
 use super::colour::Colour;
 use super::dense::Dense;
@@ -265,7 +264,7 @@ impl Appearance for GazeAppearance {
         self.colour.iter_mut().for_each(|colour| colour.init(image, state, extent));
         let discounting_background = std::mem::take(&mut self.discounting_background);
         self.fusion.iter_mut().for_each(Fusion::reset);
-        self.discriminate(image, state, &[], Learned::First);
+        self.learn_first(image, state, &[]);
         let found = calibrate::calibrate(image, state, extent, streams, &mut |states, out| {
             self.see(image, states, &[Gaze::CENTRE]);
             self.distances(states, Gaze::CENTRE, out);
@@ -349,24 +348,7 @@ impl Appearance for GazeAppearance {
     }
 
     fn adapt(&mut self, image: &Image, state: &State, distractors: &[State], lesson: Lesson) {
-        let (extent, margin) = (self.extent(), self.colour_margin(state, distractors));
-        let within = |gate: f64| lesson.deficit.is_some_and(|deficit| deficit <= gate);
-        if let Some(colour) = self.colour.as_mut().filter(|colour| within(colour.settings().gate)) {
-            colour.adapt(image, state, extent);
-        }
-        let learned = match &self.discriminant {
-            Some(it) if within(it.settings().gate) => Some(Learned::ForGood(margin)),
-            Some(it) if lesson.for_now && it.has_short_term() => Some(Learned::ForNow),
-            _ => None,
-        };
-        if let Some(learned) = learned {
-            self.template_features(Gaze::CENTRE);
-            self.discriminate(image, state, distractors, learned);
-        }
-        #[cfg(feature = "learn")]
-        if let Some(deficit) = lesson.deficit {
-            self.train(image, state, deficit);
-        }
+        self.take(image, state, distractors, lesson);
     }
 
     fn long_term_log_likelihood(&mut self, states: &[State], out: &mut [f64]) -> bool {
@@ -382,7 +364,7 @@ impl Appearance for GazeAppearance {
     }
 
     fn init_distractors(&mut self, image: &Image, state: &State, distractors: &[State]) {
-        self.discriminate(image, state, distractors, Learned::First);
+        self.learn_first(image, state, distractors);
     }
 
     fn template_source(&self) -> Option<TemplateSource<'_>> {

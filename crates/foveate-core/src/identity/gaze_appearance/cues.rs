@@ -2,17 +2,17 @@
 
 use super::{CHUNK, GazeAppearance, dim, looks};
 use crate::geometry::{Fixation, Gaze, State};
-use crate::identity::Buffers;
 use crate::identity::colour::{self, Colour};
 use crate::identity::discriminant::{self, Discriminant, Learning};
 use crate::identity::distance::Distance;
 use crate::identity::fusion::{self, Fusion};
+use crate::identity::{Buffers, Lesson};
 use crate::scene::Image;
 use foveate_base::rows::{Rows, RowsMut};
 
 /// How a look around the target is learned from.
 #[derive(Clone, Copy, PartialEq)]
-pub(super) enum Learned {
+enum Learned {
     /// As the first frame: all else is forgotten.
     First,
     /// As a frame in which distractors are so much farther than the target by their colours.
@@ -49,8 +49,35 @@ impl GazeAppearance {
         Self { steady, ..self }
     }
 
+    /// Learns the first frame, and what looks like the target there and is not.
+    pub(super) fn learn_first(&mut self, image: &Image, state: &State, distractors: &[State]) {
+        self.discriminate(image, state, distractors, Learned::First);
+    }
+
+    /// Learns as much as a lesson says.
+    pub(super) fn take(&mut self, image: &Image, state: &State, distractors: &[State], lesson: Lesson) {
+        let (extent, margin) = (self.extent(), self.colour_margin(state, distractors));
+        let within = |gate: f64| lesson.deficit.is_some_and(|deficit| deficit <= gate);
+        if let Some(colour) = self.colour.as_mut().filter(|colour| within(colour.settings().gate)) {
+            colour.adapt(image, state, extent);
+        }
+        let learned = match &self.discriminant {
+            Some(it) if within(it.settings().gate) => Some(Learned::ForGood(margin)),
+            Some(it) if lesson.for_now && it.has_short_term() => Some(Learned::ForNow),
+            _ => None,
+        };
+        if let Some(learned) = learned {
+            self.template_features(Gaze::CENTRE);
+            self.discriminate(image, state, distractors, learned);
+        }
+        #[cfg(feature = "learn")]
+        if let Some(deficit) = lesson.deficit {
+            self.train(image, state, deficit);
+        }
+    }
+
     /// Looks at the target and around it, and learns the difference.
-    pub(super) fn discriminate(&mut self, image: &Image, state: &State, distractors: &[State], learned: Learned) {
+    fn discriminate(&mut self, image: &Image, state: &State, distractors: &[State], learned: Learned) {
         let Some(mut it) = self.discriminant.take() else { return };
         let (extent, (n_v, n_h)) = (self.extent(), self.encoder.shape());
         it.look_around(state, extent, distractors);
