@@ -74,9 +74,13 @@ impl Monitor {
         self.consistency.last()
     }
     pub(super) fn reset(&mut self) {
+        self.reset_consistency();
+        self.loss.reset();
+    }
+    /// Forgets how evidence was: what it is compared with has changed.
+    pub(super) fn reset_consistency(&mut self) {
         self.consistency.reset();
         self.for_now.iter_mut().for_each(|it| it.consistency.reset());
-        self.loss.reset();
     }
 }
 
@@ -202,7 +206,7 @@ impl Engine {
         let (monitor, lost) = (&parts.monitor, self.context.lost);
         let learns = monitor.consistency.learns(self.frame, lost);
         let for_now =
-            |it: &ForNow| it.consistency.learns(self.frame, lost) && it.consistency.last().frame_deficit <= it.gate;
+            |it: &ForNow| it.consistency.learns(self.frame, false) && it.consistency.last().frame_deficit <= it.gate;
         let lesson = Lesson {
             deficit: learns.then(|| monitor.consistency.last().frame_deficit),
             for_now: !lost && monitor.for_now.as_ref().is_some_and(for_now),

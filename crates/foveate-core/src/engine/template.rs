@@ -40,8 +40,7 @@ impl Engine {
     pub fn update_template(&mut self, image: &Image, bbox: &BBox, velocity: (f64, f64)) -> Result<()> {
         assert!(self.target.is_some(), "a target is given before its template is updated");
         self.set_template(image, bbox, velocity)?;
-        self.parts.monitor.consistency.reset();
-        self.parts.monitor.for_now.iter_mut().for_each(|it| it.consistency.reset());
+        self.parts.monitor.reset_consistency();
         Ok(())
     }
 
@@ -62,8 +61,7 @@ impl Engine {
         let state = self.state_at(bbox);
         let (scale, extent) = (state.log_scale.exp(), self.target().extent);
         let scaled = Extent { half_w: extent.half_w * scale, half_h: extent.half_h * scale };
-        self.parts.monitor.consistency.reset();
-        self.parts.monitor.for_now.iter_mut().for_each(|it| it.consistency.reset());
+        self.parts.monitor.reset_consistency();
         self.parts.filter.spread(&state, scaled, self.streams.at(self.frame, Purpose::Start));
         self.visible = 1.0;
     }
