@@ -86,6 +86,9 @@ pub struct ConfidenceModel {
     pub notice: usize,
     /// Frames in a row below `leave` until it is found, 1 to 1000.
     pub confirm: usize,
+    /// The most that one of them counts, 1 to 10: ln((1 − P) / P) relative to that at `leave`, so that a frame that is surer counts for
+    /// more. 1: all count alike.
+    pub surest: f64,
     /// Frames that it may be out until it is lost and no longer hidden, 0 to 100,000.
     pub patience: usize,
     /// Standard deviation, in template units, of what the belief does not know of: how the box of the first frame sits on
@@ -110,7 +113,8 @@ struct Past {
     evidence: f64,
     deviation: f64,
     distance: f64,
-    /// Where it was seen last.
+    /// The last estimate, and where it was seen last.
+    estimate: State,
     seen: State,
     /// What fitted best in the whole picture, by the last search since it went out.
     best_place: Option<State>,
@@ -122,8 +126,8 @@ struct Past {
     status: Status,
     p_lost: f64,
     cues: Cues,
-    /// Frames in a row that spoke against the status, and frames since the target went out.
-    against: usize,
+    /// Frames in a row that spoke against the status, by what they count, and frames since the target went out.
+    against: f64,
     out: usize,
 }
 
@@ -145,6 +149,7 @@ impl Default for ConfidenceModel {
             leave: 0.3,
             notice: 2,
             confirm: 3,
+            surest: 1.0,
             patience: 15,
             localisation_noise: 0.1,
         }
@@ -165,6 +170,7 @@ impl ConfidenceModel {
             s if !(0.0..=s.enter).contains(&s.leave) => wrong("leave", "0 to confidence.enter", s.leave),
             s if !(1..=1000).contains(&s.notice) => wrong("notice", "1 to 1000 frames", s.notice as f64),
             s if !(1..=1000).contains(&s.confirm) => wrong("confirm", "1 to 1000 frames", s.confirm as f64),
+            s if !(1.0..=10.0).contains(&s.surest) => wrong("surest", "1 to 10", s.surest),
             s if s.patience > 100_000 => wrong("patience", "0 to 100000 frames", s.patience as f64),
             s if !(0.0..=10.0).contains(&s.localisation_noise) => {
                 wrong("localisation_noise", "0 to 10 template units", s.localisation_noise)
@@ -194,9 +200,9 @@ impl LossMonitor {
     pub fn judge(&mut self, shown: &FrameEvidence) -> TrackConfidence {
         let cues = self.cues(shown);
         let p_lost = self.probability(&cues).max(shown.alarm);
-        let apart = |place: &State| (place.x - shown.estimate.x).abs().max((place.y - shown.estimate.y).abs());
-        let elsewhere = self.past.best_place.is_some_and(|place| apart(&place) > shown.unit);
+        let elsewhere = self.past.best_place.is_some_and(|place| apart(&place, shown));
         self.stand(p_lost, elsewhere);
+        self.past.estimate = shown.estimate;
         if self.past.frames < (1.0 / NEWEST) as usize / 2 || p_lost < self.model.leave {
             self.learn(shown);
         }
@@ -232,8 +238,10 @@ impl LossMonitor {
             let least = 0.1 * m.distance + 1e-9;
             distance = ((s.distance + least) / (m.distance + least)).ln();
         }
-        m.lasting += SMOOTH * (drop - m.lasting);
-        m.elsewhere += if m.frames == 0 { 1.0 } else { SHARPER } * (s.elsewhere - m.elsewhere);
+        // How it looked where it was searched before says nothing of another place.
+        let anew = m.status.is_occluded_or_lost() && apart(&m.estimate, s);
+        m.lasting += if anew { 1.0 } else { SMOOTH } * (drop - m.lasting);
+        m.elsewhere += if anew || m.frames == 0 { 1.0 } else { SHARPER } * (s.elsewhere - m.elsewhere);
         let spread = ((s.spread + 0.02).ln()).clamp(-4.0, 4.0);
         let distance = if distance.is_finite() { distance.clamp(-3.0, 3.0) } else { 3.0 };
         let margin = s.distractor.map_or(0.0, |distractor| (s.evidence - distractor) / gap);
@@ -275,28 +283,32 @@ impl LossMonitor {
     }
 
     fn stand(&mut self, p_lost: f64, elsewhere: bool) {
-        let m = &mut self.past;
-        let speaks = if m.status.is_occluded_or_lost() {
-            p_lost < self.model.leave && !elsewhere
+        let (m, model) = (&mut self.past, &self.model);
+        let counts = if m.status.is_occluded_or_lost() {
+            if p_lost < model.leave && !elsewhere {
+                (odds(p_lost) / odds(model.leave)).clamp(1.0, model.surest)
+            } else {
+                0.0
+            }
         } else {
-            p_lost > self.model.enter
+            f64::from(p_lost > model.enter)
         };
-        m.against = if speaks { m.against + 1 } else { 0 };
+        m.against = if counts > 0.0 { m.against + counts } else { 0.0 };
         if m.status.is_occluded_or_lost() {
             m.out += 1;
-            if m.against >= self.model.confirm {
+            if m.against >= model.confirm as f64 {
                 // Hidden for a moment only, it was never away.
                 m.status = if m.status == Status::Lost { Status::Reacquired } else { Status::Tracking };
-                (m.against, m.out, m.best_place) = (0, 0, None);
-            } else if m.out > self.model.patience {
+                (m.against, m.out, m.best_place) = (0.0, 0, None);
+            } else if m.out > model.patience {
                 m.status = Status::Lost;
             }
-        } else if m.against >= self.model.notice {
+        } else if m.against >= model.notice as f64 {
             m.status = if m.status == Status::Reacquired { Status::Lost } else { Status::Occluded };
-            m.against = 0;
+            m.against = 0.0;
         } else if m.status == Status::Reacquired {
             m.out += 1;
-            if m.out > self.model.patience {
+            if m.out > model.patience {
                 (m.status, m.out) = (Status::Tracking, 0);
             }
         }
@@ -318,6 +330,16 @@ impl LossMonitor {
             .map_err(|e| Error::Invalid(format!("the saved confidence cannot be used: {e}")))?;
         Ok(())
     }
+}
+
+/// Whether a place is more than a template unit from what a frame shows.
+fn apart(place: &State, shown: &FrameEvidence) -> bool {
+    (place.x - shown.estimate.x).abs().max((place.y - shown.estimate.y).abs()) > shown.unit
+}
+
+/// ln((1 − P) / P), finite.
+fn odds(p: f64) -> f64 {
+    ((1.0 - p).max(1e-12) / p.max(1e-12)).ln()
 }
 
 #[cfg(test)]
@@ -379,6 +401,47 @@ mod tests {
         }
     }
 
+    /// Found at `leave` = 0.2, P = 0.2 − ε counts 1 and P → 0 counts `surest`: after ⌈4 / 2⌉ sure frames, or four hardly sure ones.
+    #[test]
+    fn frames_that_are_surer_count_for_more() {
+        let found_after = |p: f64, surest: f64| {
+            let model = ConfidenceModel { leave: 0.2, confirm: 4, surest, ..ConfidenceModel::default() };
+            let mut c = LossMonitor::new(model);
+            c.past.status = Status::Lost;
+            (1..10).find(|_| {
+                c.stand(p, false);
+                c.past.status == Status::Reacquired
+            })
+        };
+        assert_eq!([0.199, 0.1, 1e-6, 0.0].map(|p| found_after(p, 1.0)), [Some(4); 4]);
+        // ln 9 / ln 4 = 1.58: three.
+        assert_eq!([0.199, 0.1, 1e-6, 0.0].map(|p| found_after(p, 2.0)), [Some(4), Some(3), Some(2), Some(2)]);
+        assert_eq!(found_after(0.2, 2.0), None);
+    }
+
+    /// The smoothed cues of a lost target start anew where the estimate leaps, and only there.
+    #[test]
+    fn what_was_seen_elsewhere_does_not_last_after_a_leap() {
+        let cues_after = |moved: f64| {
+            let mut c = LossMonitor::new(ConfidenceModel::default());
+            for _ in 0..30 {
+                c.judge(&shown(-3.0, 0.0));
+            }
+            for _ in 0..20 {
+                c.judge(&FrameEvidence { elsewhere: 0.5, ..shown(-12.0, 1.0) });
+            }
+            assert!(c.last().status.is_occluded_or_lost());
+            let mut back = shown(-3.0, 0.5);
+            back.estimate.x += moved * back.unit;
+            let cues = c.judge(&back).cues;
+            (cues[3], cues[9])
+        };
+        let (lasting, elsewhere) = cues_after(0.9);
+        assert!(lasting > 1.0 && elsewhere > 0.2, "{lasting} {elsewhere}");
+        let (lasting, elsewhere) = cues_after(1.1);
+        assert!(lasting < 0.1 && elsewhere == 0.0, "{lasting} {elsewhere}");
+    }
+
     #[test]
     fn it_goes_on_from_what_was_saved() {
         let frames: Vec<_> = (0..50).map(|t| shown(-3.0 - (t % 7) as f64, 0.02 * t as f64)).collect();
@@ -412,6 +475,7 @@ mod tests {
             (ConfidenceModel { enter: 2.0, ..ConfidenceModel::default() }, "enter"),
             (ConfidenceModel { leave: 0.7, ..ConfidenceModel::default() }, "leave"),
             (ConfidenceModel { confirm: 0, ..ConfidenceModel::default() }, "confirm"),
+            (ConfidenceModel { surest: 0.5, ..ConfidenceModel::default() }, "surest"),
             (ConfidenceModel { localisation_noise: -1.0, ..ConfidenceModel::default() }, "localisation_noise"),
         ] {
             assert!(c.check().expect_err(said).to_string().contains(said));

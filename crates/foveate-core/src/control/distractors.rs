@@ -85,7 +85,7 @@ impl DistractorSearch {
         &self.places
     }
     /// Whether those of frame 1 are learned.
-    pub fn starts_at_once(&self) -> bool {
+    pub fn first_frame(&self) -> bool {
         self.settings.first_frame
     }
     /// The places that were looked at last.

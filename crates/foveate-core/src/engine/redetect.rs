@@ -75,7 +75,7 @@ impl Engine {
     pub(super) fn learn_hard_negatives(&mut self, image: &Image, state: &State) {
         let extent = self.target().extent;
         let (parts, w) = (&mut self.parts, &mut self.work);
-        let around = parts.monitor.distractors.as_mut().filter(|around| around.starts_at_once());
+        let around = parts.monitor.distractors.as_mut().filter(|around| around.first_frame());
         let places = around.map_or(&[][..], |around| around.places((image.width(), image.height()), state, extent));
         if places.is_empty() {
             return;

@@ -148,6 +148,19 @@ fn mistakes_are_told_with_place_and_valid_names() {
     assert!(missing.is_empty(), "{}", missing.join("\n"));
 }
 
+/// What is learned by a discriminant says so where there is none.
+#[test]
+fn parts_of_a_discriminant_ask_for_one() {
+    let without = GOOD.split("[discriminant]").next().expect("what is before it");
+    for section in ["[distractors]", "[short_term]", "[fusion]"] {
+        let said = check(&format!("{without}{section}\n")).expect_err("it has no discriminant").to_string();
+        let name = section.trim_matches(['[', ']']);
+        for word in [name, "add [discriminant]", &format!("leave {section} out")] {
+            assert!(said.contains(word), "{section}: \"{word}\" is missing in: {said}");
+        }
+    }
+}
+
 /// TOML can write nan and inf: every number there is refuses both.
 #[test]
 fn every_number_refuses_nan_and_infinity() {
