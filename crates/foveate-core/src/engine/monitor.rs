@@ -174,7 +174,7 @@ impl Engine {
     }
 
     /// Remembers what is at the places that were searched for distractors, with the target at `state`.
-    fn remember(&mut self, state: &State) {
+    pub(super) fn remember(&mut self, state: &State) {
         let extent = self.target().extent;
         let (monitor, features) = (&mut self.parts.monitor, &mut self.work.features);
         if let (Some(surroundings), Some(around)) = (&mut monitor.surroundings, &monitor.distractors)
@@ -182,20 +182,6 @@ impl Engine {
         {
             self.parts.appearance.features(around.last(), features);
             surroundings.remember(state, extent, around.last(), features);
-        }
-    }
-
-    /// Forgets what was around the target before, and remembers what is there in its first frame.
-    pub(super) fn remember_first(&mut self, image: &Image, state: &State) {
-        let extent = self.target().extent;
-        let monitor = &mut self.parts.monitor;
-        let (Some(surroundings), Some(around)) = (&mut monitor.surroundings, &mut monitor.distractors) else { return };
-        surroundings.clear();
-        self.work.features.reserve(surroundings.places() * self.parts.appearance.width());
-        let places = around.places((image.width(), image.height()), state, extent);
-        if !places.is_empty() {
-            self.parts.appearance.see(image, places, &[Gaze::CENTRE]);
-            self.remember(state);
         }
     }
 

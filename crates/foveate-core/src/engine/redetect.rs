@@ -71,19 +71,33 @@ impl Engine {
         Some(distractors(places, &w.scores, &estimate.mean, extent, &mut w.distractors))
     }
 
-    /// Learns what in the first frame looks most like the target, at `state`, and is not, where the settings ask for that.
-    pub(super) fn learn_hard_negatives(&mut self, image: &Image, state: &State) {
+    /// Looks around the target, at `state`, in its first frame: remembers what is there, and learns what looks most like the target
+    /// and is not, each where the settings ask for it. What was remembered before is forgotten.
+    pub(super) fn look_around_first(&mut self, image: &Image, state: &State) {
         let extent = self.target().extent;
         let (parts, w) = (&mut self.parts, &mut self.work);
-        let around = parts.monitor.distractors.as_mut().filter(|around| around.first_frame());
-        let places = around.map_or(&[][..], |around| around.places((image.width(), image.height()), state, extent));
+        let Some(around) = &mut parts.monitor.distractors else { return };
+        let (first_frame, surroundings) = (around.first_frame(), &mut parts.monitor.surroundings);
+        if let Some(surroundings) = surroundings {
+            surroundings.clear();
+            w.features.reserve(surroundings.places() * parts.appearance.width());
+        }
+        if !first_frame && surroundings.is_none() {
+            return;
+        }
+        let places = around.places((image.width(), image.height()), state, extent);
         if places.is_empty() {
             return;
         }
         parts.appearance.see(image, places, &[Gaze::CENTRE]);
-        score(&mut *parts.appearance, places, Gaze::CENTRE, &mut w.scores);
-        distractors(places, &w.scores, state, extent, &mut w.distractors);
-        parts.appearance.init_distractors(image, state, &w.distractors);
+        if first_frame {
+            score(&mut *parts.appearance, places, Gaze::CENTRE, &mut w.scores);
+            distractors(places, &w.scores, state, extent, &mut w.distractors);
+        }
+        self.remember(state);
+        if first_frame {
+            self.parts.appearance.init_distractors(image, state, &self.work.distractors);
+        }
     }
 }
 

@@ -1,0 +1,129 @@
+//! The table of P(lost): its cues, their weights, and the rules of the status.
+
+use serde::{Deserialize, Serialize};
+
+use foveate_base::{Error, Result};
+
+/// Number of cues.
+pub const CUES: usize = 10;
+/// Their names, in order.
+pub const CUE_NAMES: [&str; CUES] =
+    ["deficit", "frame_deficit", "drop", "lasting", "flat", "spread", "distance", "margin", "colour", "elsewhere"];
+
+/// What one frame tells about being lost:
+/// *deficit* and *frame_deficit* as [`Consistency`](super::super::Consistency) has them, 0 to 2;
+/// *drop*: ln(1 + z), where the frame's evidence lies z mean deviations below the usual one, 0 to 5;
+/// *lasting*: the same, smoothed over about five frames;
+/// *flat*: the tempered effective sample size, 0 to 1;
+/// *spread*: ln of the belief's standard deviation about place in template units, from 1/50 of one, −4 to 4;
+/// *distance*: ln of the distance to the template at the estimate, relative to the usual one, −3 to 3;
+/// *margin*: how far the evidence lies above the best distractor's, as a share of what was promised between on and off, −1 to 1;
+/// 0 where distractors are not searched for;
+/// *colour*: how far the colours at the estimate are from the target's, −0.2 to 1.2; 0 without a colour model;
+/// *elsewhere*: how much more the estimate looks like what was around the target in remembered frames than like the target in them,
+/// smoothed over two or three frames, −1 to 1; 0 where nothing is remembered (`[distractors] remembered`).
+pub type Cues = [f64; CUES];
+
+/// The model, and the rules of the states.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ConfidenceModel {
+    /// wₖ, one a cue.
+    pub weights: [f64; CUES],
+    /// b.
+    pub bias: f64,
+    /// P(lost) above which a frame speaks for being lost, 0 to 1.
+    pub enter: f64,
+    /// P(lost) below which it speaks for having the target, 0 to `enter`.
+    pub leave: f64,
+    /// Frames in a row above `enter` until the target is out, 1 to 1000.
+    pub notice: usize,
+    /// Frames in a row below `leave` until it is found, 1 to 1000.
+    pub confirm: usize,
+    /// The most that one of them counts, 1 to 10: ln((1 − P) / P) relative to that at `leave`, so that a frame that is surer counts for
+    /// more. 1: all count alike.
+    pub surest: f64,
+    /// Frames that it may be out until it is lost and no longer hidden, 0 to 100,000.
+    pub patience: usize,
+    /// Standard deviation, in template units, of what the belief does not know of: how the box of the first frame sits on
+    /// the target, and how the target changes. Credible regions are wider by it. 0 to 10.
+    pub localisation_noise: f64,
+}
+
+impl Default for ConfidenceModel {
+    fn default() -> Self {
+        Self {
+            weights: [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0, 0.0, 0.0],
+            bias: -4.0,
+            enter: 0.5,
+            leave: 0.3,
+            notice: 2,
+            confirm: 3,
+            surest: 1.0,
+            patience: 15,
+            localisation_noise: 0.1,
+        }
+    }
+}
+
+impl ConfidenceModel {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        let wrong = |name: &str, expected: &str, found: f64| {
+            Err(Error::Config(format!("confidence.{name} is {expected}; it is {found}")))
+        };
+        if let Some(weight) = self.weights.iter().chain([&self.bias]).find(|w| w.is_nan() || w.abs() > 1e3) {
+            return wrong("weights and confidence.bias", "from -1000 to 1000", *weight);
+        }
+        match self {
+            s if !(0.0..=1.0).contains(&s.enter) => wrong("enter", "0 to 1", s.enter),
+            s if !(0.0..=s.enter).contains(&s.leave) => wrong("leave", "0 to confidence.enter", s.leave),
+            s if !(1..=1000).contains(&s.notice) => wrong("notice", "1 to 1000 frames", s.notice as f64),
+            s if !(1..=1000).contains(&s.confirm) => wrong("confirm", "1 to 1000 frames", s.confirm as f64),
+            s if !(1.0..=10.0).contains(&s.surest) => wrong("surest", "1 to 10", s.surest),
+            s if s.patience > 100_000 => wrong("patience", "0 to 100000 frames", s.patience as f64),
+            s if !(0.0..=10.0).contains(&s.localisation_noise) => {
+                wrong("localisation_noise", "0 to 10 template units", s.localisation_noise)
+            }
+            _ => Ok(()),
+        }
+    }
+    /// P(lost) of a frame with these cues.
+    pub(super) fn probability(&self, cues: &Cues) -> f64 {
+        let z: f64 = self.bias + self.weights.iter().zip(cues).map(|(w, c)| w * c).sum::<f64>();
+        1.0 / (1.0 + (-z).exp())
+    }
+
+    /// What a frame counts for a target that is out to be found, or one that is not to be lost; 0 where it speaks for neither.
+    pub(super) fn counts(&self, out: bool, p_lost: f64) -> f64 {
+        match out {
+            true if p_lost < self.leave => (odds(p_lost) / odds(self.leave)).clamp(1.0, self.surest),
+            false if p_lost > self.enter => 1.0,
+            _ => 0.0,
+        }
+    }
+}
+
+/// ln((1 − P) / P), finite.
+fn odds(p: f64) -> f64 {
+    ((1.0 - p).max(1e-12) / p.max(1e-12)).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wrong_settings_are_named() {
+        for (c, said) in [
+            (ConfidenceModel { bias: f64::NAN, ..ConfidenceModel::default() }, "bias"),
+            (ConfidenceModel { enter: 2.0, ..ConfidenceModel::default() }, "enter"),
+            (ConfidenceModel { leave: 0.7, ..ConfidenceModel::default() }, "leave"),
+            (ConfidenceModel { confirm: 0, ..ConfidenceModel::default() }, "confirm"),
+            (ConfidenceModel { surest: 0.5, ..ConfidenceModel::default() }, "surest"),
+            (ConfidenceModel { localisation_noise: -1.0, ..ConfidenceModel::default() }, "localisation_noise"),
+        ] {
+            assert!(c.check().expect_err(said).to_string().contains(said));
+        }
+    }
+}
