@@ -165,6 +165,17 @@ fn main() {
     report("halve, 640 x 480", pixels.len() as f64, "pixels", None, || {
         halve(black_box(&grey), 640, &mut across, &mut half);
     });
+    for depth in [3, 4] {
+        let (interleaved, mut planes) = (pixels.repeat(depth), vec![0; 3 * pixels.len()]);
+        report(&format!("planes of {depth} bytes a pixel, 640 x 480"), pixels.len() as f64, "pixels", None, || {
+            let (red, rest) = planes.split_at_mut(pixels.len());
+            let (green, blue) = rest.split_at_mut(pixels.len());
+            match depth {
+                3 => planes_of_three(black_box(&interleaved), [red, green, blue]),
+                _ => planes_of_four(black_box(&interleaved), [red, green, blue]),
+            }
+        });
+    }
     let mut sums = vec![0; 640];
     report("half_intensity, 640 x 480", pixels.len() as f64, "pixels", None, || {
         half_intensity([black_box(&pixels), &pixels, &pixels], 640, &mut sums, &mut half);

@@ -1,7 +1,18 @@
-//! From red, green and blue to grey and two opponent channels.
+//! Pixels taken apart into planes, and from red, green and blue to grey and two opponent channels.
 
 use crate::level::levels;
 
+levels! {
+    /// `planes` ← the first, second and third bytes of pixels of three bytes each.
+    ///
+    /// # Panics
+    /// If a plane has not as many values as there are pixels.
+    pub fn planes_of_three / planes_of_three_at (pixels: &[u8], planes: [&mut [u8]; 3]) = planes_of_three_body
+}
+levels! {
+    /// The same of pixels of four bytes each, the last of which is not read.
+    pub fn planes_of_four / planes_of_four_at (pixels: &[u8], planes: [&mut [u8]; 3]) = planes_of_four_body
+}
 levels! {
     /// `out` ← BT.601 luma, rounded.
     ///
@@ -20,6 +31,25 @@ levels! {
 
 pub(crate) fn assert_one_size(planes: [&[u8]; 3], size: usize) {
     assert!(planes.iter().all(|plane| plane.len() == size), "planes of one size");
+}
+
+#[inline(always)]
+fn planes_of_three_body<const V: u8>(pixels: &[u8], planes: [&mut [u8]; 3]) {
+    take_apart::<3>(pixels, planes);
+}
+
+#[inline(always)]
+fn planes_of_four_body<const V: u8>(pixels: &[u8], planes: [&mut [u8]; 3]) {
+    take_apart::<4>(pixels, planes);
+}
+
+#[inline(always)]
+fn take_apart<const DEPTH: usize>(pixels: &[u8], [a, b, c]: [&mut [u8]; 3]) {
+    let (pixels, rest) = pixels.as_chunks::<DEPTH>();
+    assert!(rest.is_empty() && [&a, &b, &c].iter().all(|plane| plane.len() == pixels.len()), "a value a pixel");
+    for (((a, b), c), pixel) in a.iter_mut().zip(b).zip(c).zip(pixels) {
+        (*a, *b, *c) = (pixel[0], pixel[1], pixel[2]);
+    }
 }
 
 #[inline(always)]
@@ -50,6 +80,24 @@ fn blue_yellow_body<const V: u8>([r, g, b]: [&[u8]; 3], out: &mut [u8]) {
 mod tests {
     use super::*;
     use crate::Level;
+
+    #[test]
+    fn pixels_are_taken_apart() {
+        for n in [0, 1, 15, 64, 333] {
+            for (depth, level) in [3, 4].into_iter().flat_map(|depth| Level::all().map(move |level| (depth, level))) {
+                let pixels: Vec<u8> = (0..n * depth).map(|i| (i * 7 + i / 256) as u8).collect();
+                let mut planes = [vec![0; n], vec![0; n], vec![0; n]];
+                let out = planes.each_mut().map(|plane| &mut plane[..]);
+                match depth {
+                    3 => planes_of_three_at(level, &pixels, out),
+                    _ => planes_of_four_at(level, &pixels, out),
+                }
+                for (byte, plane) in planes.iter().enumerate() {
+                    assert!(plane.iter().enumerate().all(|(i, v)| *v == pixels[depth * i + byte]), "{level:?} {depth}");
+                }
+            }
+        }
+    }
 
     /// Of every fifth red and green and every third blue, extremes among them.
     #[test]

@@ -1,7 +1,11 @@
 //! The features of [`oriented_features`](crate::oriented_features) at all places of a lattice, whose glimpses share cells: gradients
 //! are taken once, of all cells, and summed up once a block.
 
+#[cfg(target_arch = "x86_64")]
+use crate::level::FUSED;
 use crate::level::levels;
+#[cfg(target_arch = "x86_64")]
+use crate::oriented::avx;
 use crate::oriented::{AT_ONCE, BLOCK, DIRECTIONS, Lengths, WIDTH, add_gradients, bring_to_length};
 
 /// Half blocks, 2 × 2 cells, that a strip of [`oriented_halves`] has; rows are whole strips.
@@ -63,6 +67,20 @@ fn oriented_halves_body<const V: u8>(cells: &[f32], columns: usize, gradients: &
     {
         let strips = gradients.as_chunks_mut::<{ HALVES * DIRECTIONS }>().0.iter_mut();
         for (strip, (gradients, grey)) in strips.zip(grey.as_chunks_mut::<HALVES>().0).enumerate() {
+            #[cfg(target_arch = "x86_64")]
+            if V == FUSED {
+                use std::arch::x86_64::_mm_storeu_ps;
+                for (k, gradients) in gradients.as_chunks_mut().0.iter_mut().enumerate() {
+                    let corner = 2 * j * width + strip * WIDTH + k * avx::COLUMNS;
+                    let cells = avx::Cells::new::<2>(&cells[corner..], width);
+                    // SAFETY: `V` says that the caller is compiled for AVX and FMA, and runs only where they are there.
+                    unsafe {
+                        avx::half_blocks(&cells.gradients::<2>(), gradients);
+                        _mm_storeu_ps(grey[4 * k..][..4].as_mut_ptr(), cells.squares(0));
+                    }
+                }
+                continue;
+            }
             let (mut sums, mut pairs) = ([[0.0; WIDTH]; DIRECTIONS], [0.0; WIDTH]);
             for row in 0..2 {
                 let rows: [&[f32; WIDTH + 2]; 3] = std::array::from_fn(|i| {

@@ -1,7 +1,10 @@
 //! Histograms of gradient orientations over blocks of a square patch (Dalal & Triggs 2005), of one sign each.
 
 #[cfg(target_arch = "x86_64")]
-use crate::level::AVX512;
+pub(crate) mod avx;
+
+#[cfg(target_arch = "x86_64")]
+use crate::level::{AVX512, FUSED};
 use crate::level::{greater, levels, multiply_add};
 use crate::sums::{dot_body, sum_body};
 
@@ -113,7 +116,30 @@ const WIDEST: usize = MOST_BLOCKS * BLOCK + 2;
 fn histograms<const V: u8>(patch: &[f32], stride: usize, blocks: usize, out: &mut [f32]) {
     let (histograms, sums_of_four) = out.split_at_mut(DIRECTIONS * blocks * blocks);
     for (block, first) in (0..blocks).flat_map(|block| (0..blocks).step_by(AT_ONCE).map(move |first| (block, first))) {
-        let (mut sums, mut fours) = ([[0.0; WIDTH]; DIRECTIONS], [[0.0; WIDTH / 2]; 2]);
+        let count = AT_ONCE.min(blocks - first);
+        let mut fours = [[0.0; WIDTH / 2]; 2];
+        #[cfg(target_arch = "x86_64")]
+        if V == FUSED {
+            use std::arch::x86_64::_mm_storeu_ps;
+            let mut strip = [0.0; AT_ONCE * DIRECTIONS];
+            for (k, strip) in strip.as_chunks_mut().0.iter_mut().enumerate() {
+                let corner = block * BLOCK * stride + first * BLOCK + k * avx::COLUMNS;
+                let cells = avx::Cells::new::<BLOCK>(&patch[corner..], stride);
+                // SAFETY: `V` says that the caller is compiled for AVX and FMA, and runs only where they are there.
+                unsafe {
+                    avx::blocks(&cells.gradients::<BLOCK>(), strip);
+                    for (half, fours) in fours.iter_mut().enumerate() {
+                        _mm_storeu_ps(fours[4 * k..][..4].as_mut_ptr(), cells.squares(half * (BLOCK / 2)));
+                    }
+                }
+            }
+            put(&strip, count, &mut histograms[(block * blocks + first) * DIRECTIONS..]);
+            for (row, fours) in fours.iter().enumerate() {
+                put(fours, count, &mut sums_of_four[(2 * block + row) * 2 * blocks + 2 * first..]);
+            }
+            continue;
+        }
+        let mut sums = [[0.0; WIDTH]; DIRECTIONS];
         for (half, fours) in fours.iter_mut().enumerate() {
             let mut pairs = [0.0; WIDTH];
             for row in 0..BLOCK / 2 {
@@ -128,7 +154,6 @@ fn histograms<const V: u8>(patch: &[f32], stride: usize, blocks: usize, out: &mu
             }
             *fours = std::array::from_fn(|x| pairs[2 * x]);
         }
-        let count = AT_ONCE.min(blocks - first);
         let strip = across::<V>(&sums);
         put(&strip, count, &mut histograms[(block * blocks + first) * DIRECTIONS..]);
         for (row, fours) in fours.iter().enumerate() {

@@ -52,6 +52,22 @@ fn filled<const V: u8>(rest: &[f32]) -> [f32; LANES] {
         }
         return all;
     }
+    #[cfg(target_arch = "x86_64")]
+    if V == crate::level::FUSED {
+        use std::arch::x86_64::*;
+        // A copy of a length that is not known is a call.
+        // SAFETY: `V` says that the caller is compiled for AVX, and runs only where it is there; of a vector those values are read
+        // that there are.
+        unsafe {
+            let place = _mm256_setr_ps(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0);
+            for (k, all) in all.as_chunks_mut::<8>().0.iter_mut().enumerate() {
+                let there = _mm256_set1_ps(rest.len() as f32 - (8 * k) as f32);
+                let mask = _mm256_castps_si256(_mm256_cmp_ps::<_CMP_LT_OQ>(place, there));
+                _mm256_storeu_ps(all.as_mut_ptr(), _mm256_maskload_ps(rest.as_ptr().wrapping_add(8 * k), mask));
+            }
+        }
+        return all;
+    }
     copy_short(rest, &mut all);
     all
 }

@@ -32,14 +32,12 @@ pub enum Pixels {
 }
 
 impl Pixels {
-    /// Bytes a pixel, and which of them goes into each plane.
-    fn layout(self) -> (usize, &'static [usize]) {
+    /// Bytes a pixel, and planes.
+    fn layout(self) -> (usize, usize) {
         match self {
-            Self::Grey => (1, &[0]),
-            Self::Rgb => (3, &[0, 1, 2]),
-            Self::Bgr => (3, &[2, 1, 0]),
-            Self::Rgba => (4, &[0, 1, 2]),
-            Self::Bgra => (4, &[2, 1, 0]),
+            Self::Grey => (1, 1),
+            Self::Rgb | Self::Bgr => (3, 3),
+            Self::Rgba | Self::Bgra => (4, 3),
         }
     }
 }
@@ -96,7 +94,7 @@ impl Image {
         stride: usize,
         bytes: &[u8],
     ) -> Result<()> {
-        let (depth, order) = pixels.layout();
+        let (depth, planes) = pixels.layout();
         let row = width.saturating_mul(depth);
         let needed = stride.saturating_mul(height.saturating_sub(1)).saturating_add(row);
         if width == 0 || height == 0 || stride < row || bytes.len() < needed {
@@ -111,16 +109,25 @@ impl Image {
             self.data = Arc::default();
         }
         let data = Arc::make_mut(&mut self.data);
-        data.resize(n * order.len(), 0);
-        for (plane, &byte) in data.chunks_exact_mut(n).zip(order) {
-            for (out, row) in plane.chunks_exact_mut(width).zip(bytes.chunks(stride)) {
+        data.resize(n * planes, 0);
+        let rows = bytes.chunks(stride).take(height).map(|bytes| &bytes[..row]);
+        if depth == 1 {
+            data.chunks_exact_mut(width).zip(rows).for_each(|(out, row)| out.copy_from_slice(row));
+        } else {
+            let (red, rest) = data.split_at_mut(n);
+            let (green, blue) = rest.split_at_mut(n);
+            for (y, row) in rows.enumerate() {
+                let mut planes = [&mut *red, &mut *green, &mut *blue].map(|plane| &mut plane[y * width..][..width]);
+                if matches!(pixels, Pixels::Bgr | Pixels::Bgra) {
+                    planes.reverse();
+                }
                 match depth {
-                    1 => out.copy_from_slice(&row[..width]),
-                    _ => out.iter_mut().zip(row[..depth * width].chunks_exact(depth)).for_each(|(o, p)| *o = p[byte]),
+                    3 => kernels::planes_of_three(row, planes),
+                    _ => kernels::planes_of_four(row, planes),
                 }
             }
         }
-        (self.width, self.height, self.planes) = (width, height, order.len());
+        (self.width, self.height, self.planes) = (width, height, planes);
         Ok(())
     }
     /// Width in pixels.
