@@ -170,10 +170,7 @@ fn main() {
         report(&format!("planes of {depth} bytes a pixel, 640 x 480"), pixels.len() as f64, "pixels", None, || {
             let (red, rest) = planes.split_at_mut(pixels.len());
             let (green, blue) = rest.split_at_mut(pixels.len());
-            match depth {
-                3 => planes_of_three(black_box(&interleaved), [red, green, blue]),
-                _ => planes_of_four(black_box(&interleaved), [red, green, blue]),
-            }
+            take_apart(black_box(&interleaved), depth, [red, green, blue]);
         });
     }
     let mut sums = vec![0; 640];

@@ -3,15 +3,11 @@
 use crate::level::levels;
 
 levels! {
-    /// `planes` ← the first, second and third bytes of pixels of three bytes each.
+    /// `planes` ← the first, second and third bytes of pixels of `depth` bytes each, 3 or 4.
     ///
     /// # Panics
-    /// If a plane has not as many values as there are pixels.
-    pub fn planes_of_three / planes_of_three_at (pixels: &[u8], planes: [&mut [u8]; 3]) = planes_of_three_body
-}
-levels! {
-    /// The same of pixels of four bytes each, the last of which is not read.
-    pub fn planes_of_four / planes_of_four_at (pixels: &[u8], planes: [&mut [u8]; 3]) = planes_of_four_body
+    /// If the depth is another, or a plane has not as many values as there are pixels.
+    pub fn take_apart / take_apart_at (pixels: &[u8], depth: usize, planes: [&mut [u8]; 3]) = take_apart_body
 }
 levels! {
     /// `out` ← BT.601 luma, rounded.
@@ -34,17 +30,16 @@ pub(crate) fn assert_one_size(planes: [&[u8]; 3], size: usize) {
 }
 
 #[inline(always)]
-fn planes_of_three_body<const V: u8>(pixels: &[u8], planes: [&mut [u8]; 3]) {
-    take_apart::<3>(pixels, planes);
+fn take_apart_body<const V: u8>(pixels: &[u8], depth: usize, planes: [&mut [u8]; 3]) {
+    match depth {
+        3 => of_depth::<3>(pixels, planes),
+        4 => of_depth::<4>(pixels, planes),
+        _ => panic!("pixels of 3 or 4 bytes, not {depth}"),
+    }
 }
 
 #[inline(always)]
-fn planes_of_four_body<const V: u8>(pixels: &[u8], planes: [&mut [u8]; 3]) {
-    take_apart::<4>(pixels, planes);
-}
-
-#[inline(always)]
-fn take_apart<const DEPTH: usize>(pixels: &[u8], [a, b, c]: [&mut [u8]; 3]) {
+fn of_depth<const DEPTH: usize>(pixels: &[u8], [a, b, c]: [&mut [u8]; 3]) {
     let (pixels, rest) = pixels.as_chunks::<DEPTH>();
     assert!(rest.is_empty() && [&a, &b, &c].iter().all(|plane| plane.len() == pixels.len()), "a value a pixel");
     for (((a, b), c), pixel) in a.iter_mut().zip(b).zip(c).zip(pixels) {
@@ -88,10 +83,7 @@ mod tests {
                 let pixels: Vec<u8> = (0..n * depth).map(|i| (i * 7 + i / 256) as u8).collect();
                 let mut planes = [vec![0; n], vec![0; n], vec![0; n]];
                 let out = planes.each_mut().map(|plane| &mut plane[..]);
-                match depth {
-                    3 => planes_of_three_at(level, &pixels, out),
-                    _ => planes_of_four_at(level, &pixels, out),
-                }
+                take_apart_at(level, &pixels, depth, out);
                 for (byte, plane) in planes.iter().enumerate() {
                     assert!(plane.iter().enumerate().all(|(i, v)| *v == pixels[depth * i + byte]), "{level:?} {depth}");
                 }

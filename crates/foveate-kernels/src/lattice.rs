@@ -69,14 +69,13 @@ fn oriented_halves_body<const V: u8>(cells: &[f32], columns: usize, gradients: &
         for (strip, (gradients, grey)) in strips.zip(grey.as_chunks_mut::<HALVES>().0).enumerate() {
             #[cfg(target_arch = "x86_64")]
             if V == FUSED {
-                use std::arch::x86_64::_mm_storeu_ps;
                 for (k, gradients) in gradients.as_chunks_mut().0.iter_mut().enumerate() {
                     let corner = 2 * j * width + strip * WIDTH + k * avx::COLUMNS;
                     let cells = avx::Cells::new::<2>(&cells[corner..], width);
                     // SAFETY: `V` says that the caller is compiled for AVX and FMA, and runs only where they are there.
                     unsafe {
                         avx::half_blocks(&cells.gradients::<2>(), gradients);
-                        _mm_storeu_ps(grey[4 * k..][..4].as_mut_ptr(), cells.squares(0));
+                        cells.squares(0, &mut grey.as_chunks_mut().0[k]);
                     }
                 }
                 continue;

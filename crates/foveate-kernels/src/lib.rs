@@ -42,7 +42,7 @@ mod wide;
 pub use adam::{Adam, adam};
 pub use boxes::{BoxScratch, Pixels, Region, box_means};
 pub use classes::{add_to_both, softplus_sum};
-pub use colour::{blue_yellow, luma, planes_of_four, planes_of_three, red_green};
+pub use colour::{blue_yellow, luma, red_green, take_apart};
 pub use convolve::{FILTERS, Layer, convolve};
 pub use covariance::{
     Covariance, Points, Posterior, covariances, covariances_with, likelihood_gradient, predict, slopes_times,

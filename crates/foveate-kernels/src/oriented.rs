@@ -117,49 +117,52 @@ fn histograms<const V: u8>(patch: &[f32], stride: usize, blocks: usize, out: &mu
     let (histograms, sums_of_four) = out.split_at_mut(DIRECTIONS * blocks * blocks);
     for (block, first) in (0..blocks).flat_map(|block| (0..blocks).step_by(AT_ONCE).map(move |first| (block, first))) {
         let count = AT_ONCE.min(blocks - first);
-        let mut fours = [[0.0; WIDTH / 2]; 2];
-        #[cfg(target_arch = "x86_64")]
-        if V == FUSED {
-            use std::arch::x86_64::_mm_storeu_ps;
-            let mut strip = [0.0; AT_ONCE * DIRECTIONS];
-            for (k, strip) in strip.as_chunks_mut().0.iter_mut().enumerate() {
-                let corner = block * BLOCK * stride + first * BLOCK + k * avx::COLUMNS;
-                let cells = avx::Cells::new::<BLOCK>(&patch[corner..], stride);
-                // SAFETY: `V` says that the caller is compiled for AVX and FMA, and runs only where they are there.
-                unsafe {
-                    avx::blocks(&cells.gradients::<BLOCK>(), strip);
-                    for (half, fours) in fours.iter_mut().enumerate() {
-                        _mm_storeu_ps(fours[4 * k..][..4].as_mut_ptr(), cells.squares(half * (BLOCK / 2)));
-                    }
-                }
-            }
-            put(&strip, count, &mut histograms[(block * blocks + first) * DIRECTIONS..]);
-            for (row, fours) in fours.iter().enumerate() {
-                put(fours, count, &mut sums_of_four[(2 * block + row) * 2 * blocks + 2 * first..]);
-            }
-            continue;
-        }
-        let mut sums = [[0.0; WIDTH]; DIRECTIONS];
-        for (half, fours) in fours.iter_mut().enumerate() {
-            let mut pairs = [0.0; WIDTH];
-            for row in 0..BLOCK / 2 {
-                let top = block * BLOCK + half * (BLOCK / 2) + row;
-                let rows: [&[f32; WIDTH + 2]; 3] = std::array::from_fn(|i| {
-                    patch[(top + i) * stride + first * BLOCK..].first_chunk().expect("as wide as whole strips")
-                });
-                add_gradients::<V>(&rows, &mut sums);
-                for (x, pair) in pairs.iter_mut().enumerate() {
-                    *pair += rows[1][x + 1] + rows[1][x + 2];
-                }
-            }
-            *fours = std::array::from_fn(|x| pairs[2 * x]);
-        }
-        let strip = across::<V>(&sums);
+        let (mut strip, mut fours) = ([0.0; AT_ONCE * DIRECTIONS], [[0.0; WIDTH / 2]; 2]);
+        sum_strip::<V>(&patch[block * BLOCK * stride + first * BLOCK..], stride, &mut strip, &mut fours);
         put(&strip, count, &mut histograms[(block * blocks + first) * DIRECTIONS..]);
         for (row, fours) in fours.iter().enumerate() {
             put(fours, count, &mut sums_of_four[(2 * block + row) * 2 * blocks + 2 * first..]);
         }
     }
+}
+
+/// Of a strip of blocks, whose border begins with the first value, the directions, block after block, and two rows of sums of four.
+#[inline(always)]
+fn sum_strip<const V: u8>(
+    patch: &[f32],
+    stride: usize,
+    strip: &mut [f32; AT_ONCE * DIRECTIONS],
+    fours: &mut [[f32; WIDTH / 2]; 2],
+) {
+    #[cfg(target_arch = "x86_64")]
+    if V == FUSED {
+        for (k, strip) in strip.as_chunks_mut().0.iter_mut().enumerate() {
+            let cells = avx::Cells::new::<BLOCK>(&patch[k * avx::COLUMNS..], stride);
+            // SAFETY: `V` says that the caller is compiled for AVX and FMA, and runs only where they are there.
+            unsafe {
+                avx::blocks(&cells.gradients::<BLOCK>(), strip);
+                for (half, fours) in fours.iter_mut().enumerate() {
+                    cells.squares(half * (BLOCK / 2), &mut fours.as_chunks_mut().0[k]);
+                }
+            }
+        }
+        return;
+    }
+    let mut sums = [[0.0; WIDTH]; DIRECTIONS];
+    for (half, fours) in fours.iter_mut().enumerate() {
+        let mut pairs = [0.0; WIDTH];
+        for row in 0..BLOCK / 2 {
+            let top = half * (BLOCK / 2) + row;
+            let rows: [&[f32; WIDTH + 2]; 3] =
+                std::array::from_fn(|i| patch[(top + i) * stride..].first_chunk().expect("as wide as whole strips"));
+            add_gradients::<V>(&rows, &mut sums);
+            for (x, pair) in pairs.iter_mut().enumerate() {
+                *pair += rows[1][x + 1] + rows[1][x + 2];
+            }
+        }
+        *fours = std::array::from_fn(|x| pairs[2 * x]);
+    }
+    *strip = across::<V>(&sums);
 }
 
 /// Sums over each block's columns, (0 + 1) + (2 + 3): the directions of one block after those of another.

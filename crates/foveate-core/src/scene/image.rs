@@ -121,10 +121,7 @@ impl Image {
                 if matches!(pixels, Pixels::Bgr | Pixels::Bgra) {
                     planes.reverse();
                 }
-                match depth {
-                    3 => kernels::planes_of_three(row, planes),
-                    _ => kernels::planes_of_four(row, planes),
-                }
+                kernels::take_apart(row, depth, planes);
             }
         }
         (self.width, self.height, self.planes) = (width, height, planes);

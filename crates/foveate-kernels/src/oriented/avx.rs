@@ -66,18 +66,18 @@ impl<'a> Cells<'a> {
         }
     }
 
-    /// Sums over two rows of each 2 × 2 cells, from this row on: four of them.
+    /// `out` ← the sums of each 2 × 2 cells of two rows, from this one on.
     ///
     /// # Safety
     /// The processor has AVX, and there are so many rows.
     #[inline(always)]
-    pub unsafe fn squares(&self, row: usize) -> __m128 {
-        // SAFETY: the caller's word.
+    pub unsafe fn squares(&self, row: usize, out: &mut [f32; COLUMNS / 2]) {
+        // SAFETY: the caller's word, and `out` has room for all.
         unsafe {
             let pairs = |row: usize| _mm256_add_ps(self.row(row, 1), self.row(row, 2));
             let sums = _mm256_add_ps(pairs(row + 1), pairs(row + 2));
             let (low, high) = (_mm256_castps256_ps128(sums), _mm256_extractf128_ps::<1>(sums));
-            _mm_shuffle_ps::<0b10_00_10_00>(low, high)
+            _mm_storeu_ps(out.as_mut_ptr(), _mm_shuffle_ps::<0b10_00_10_00>(low, high));
         }
     }
 }
