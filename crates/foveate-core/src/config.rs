@@ -135,7 +135,7 @@ impl Config {
         }
         if self.sensor.is_some() && self.policy.looks_often() {
             return Err(Error::Config(
-                "sensor: its fovea is at one gaze a frame; policy.kind may be contextual, fixed, random, circular, exp3 or gp-ucb"
+                "sensor: its fovea is at one gaze a frame; policy.kind may be contextual, explore-then-commit, fixed, random, circular, exp3 or gp-ucb"
                     .into(),
             ));
         }

@@ -75,17 +75,22 @@ pub fn resampling(resampling: &Resampling, weights: &[f64], places: usize) {
 /// In [0, 1]; blind to the particles' order and to constants added to logarithms; the same for the same weights.
 pub fn reward(reward: &mut dyn Reward) {
     let mut rng = checks().rng(4);
+    let (believed, extent) = (State { x: 3.0, ..State::default() }, Extent { half_w: 20.0, half_h: 15.0 });
     for (n, sharpness) in [(1, 1.0), (2, 0.0), (2, 5.0), (50, 0.1), (50, 3.0), (1000, 1.0), (1000, 300.0)] {
         let mut states: Vec<State> =
             (0..n).map(|_| State::from_array(std::array::from_fn(|_| 10.0 * normal(&mut rng)))).collect();
         let mut prior: Vec<f64> = (0..n).map(|_| normal(&mut rng)).collect();
         let mut likelihood: Vec<f64> = (0..n).map(|_| sharpness * normal(&mut rng)).collect();
-        let first = reward.reward(&states, &prior, &likelihood);
+        let first = reward.reward(&states, &prior, &likelihood, (&believed, extent));
         assert!((0.0..=1.0).contains(&first), "a reward is from 0 to 1, not {first} (n = {n})");
-        assert_eq!(first, reward.reward(&states, &prior, &likelihood), "a reward must not remember");
+        assert_eq!(
+            first,
+            reward.reward(&states, &prior, &likelihood, (&believed, extent)),
+            "a reward must not remember"
+        );
 
         let mut agrees = |what: &str, s: &[State], p: &[f64], l: &[f64]| {
-            let second = reward.reward(s, p, l);
+            let second = reward.reward(s, p, l, (&believed, extent));
             assert!((first - second).abs() < 1e-9, "a reward must not depend on {what}: {first}, {second}");
         };
         let shifted = |values: &[f64], by: f64| -> Vec<f64> { values.iter().map(|v| v + by).collect() };
@@ -97,9 +102,9 @@ pub fn reward(reward: &mut dyn Reward) {
         agrees("the particles' order", &states, &prior, &likelihood);
 
         likelihood[0] = f64::NEG_INFINITY;
-        let one_out = reward.reward(&states, &prior, &likelihood);
+        let one_out = reward.reward(&states, &prior, &likelihood, (&believed, extent));
         likelihood.fill(f64::NEG_INFINITY);
-        let all_out = reward.reward(&states, &prior, &likelihood);
+        let all_out = reward.reward(&states, &prior, &likelihood, (&believed, extent));
         for r in [one_out, all_out] {
             assert!((0.0..=1.0).contains(&r), "a reward is from 0 to 1, not {r}, where particles explain nothing");
         }

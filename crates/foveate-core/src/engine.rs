@@ -1,7 +1,7 @@
 //! Algorithm 1 of Denil et al. (2012): particle filtering with gaze control, one frame at a time.
 //!
 //! [`Engine::step`] is the paper's loop. Each verb of it is one function: `predict` and `select` in `engine/filter.rs`,
-//! `choose`, `weigh`, `learn` and `record` in `engine/gaze.rs`, `redetect` in `engine/redetect.rs`, `monitor` and `adapt` in
+//! `choose`, `weigh`, `learn`, `record` and `settle` in `engine/gaze.rs`, `redetect` in `engine/redetect.rs`, `monitor` and `adapt` in
 //! `engine/monitor.rs`. What belongs together is kept together: [`Filter`], [`GazeControl`], [`Monitor`].
 
 mod filter;
@@ -17,7 +17,7 @@ pub use monitor::Monitor;
 
 use crate::control::{Belief, TrackConfidence};
 use crate::gaze::{Context, Plan};
-use crate::geometry::{Extent, State};
+use crate::geometry::{Extent, Gaze, State};
 use crate::identity::{self, Appearance, Percept};
 use crate::recognition::{Recognition, Recognized};
 use crate::reference::ReferenceLikelihood;
@@ -60,6 +60,8 @@ pub(crate) struct Engine {
     target: Option<Target>,
     /// Steps since the tracker was made.
     frame: u64,
+    /// The gaze that the appearance has settled on; the centre before.
+    home: Gaze,
     /// What the policy is told: how the last frame ended.
     context: Context,
     /// Share of the target that nothing else covers, 0 to 1.
@@ -98,6 +100,8 @@ pub(crate) struct Work {
     /// log wₜ₋₁ p/q and the detection likelihood.
     pub log_prior: Vec<f64>,
     pub plan: Plan,
+    /// Its gazes as the appearance has them: from the one it has settled on.
+    pub gazes: Vec<Gaze>,
     /// A row of N a gaze of the plan.
     pub log_likelihood: Vec<f64>,
     pub log_posterior: Vec<f64>,
@@ -134,6 +138,7 @@ impl Engine {
             streams: Streams::new(seed, target),
             target: None,
             frame: 0,
+            home: Gaze::CENTRE,
             context: Context::default(),
             visible: 1.0,
             work: Work::default(),
@@ -168,6 +173,7 @@ impl Engine {
         self.select(&estimate);
         self.measure();
         self.record(image);
+        self.settle();
         self.report(scene, estimate, confidence)
     }
 

@@ -223,6 +223,14 @@ pub struct Gaze {
 }
 
 impl Gaze {
+    /// As a retina has it that has settled on another gaze, which is its centre. Of the centre nothing changes.
+    pub(crate) fn from(self, home: Self) -> Self {
+        match ((home.u, home.v) == (0.0, 0.0), (self.u, self.v) == (home.u, home.v)) {
+            (true, _) => self,
+            (false, true) => Self::CENTRE,
+            (false, false) => Self { u: self.u - home.u, v: self.v - home.v, ..self },
+        }
+    }
     /// The middle of the template.
     pub const CENTRE: Self = Self { u: 0.0, v: 0.0, arm: None };
 }

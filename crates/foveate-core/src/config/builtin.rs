@@ -17,6 +17,7 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("multi-boxes", include_str!("../../configs/multi-boxes.toml")),
     ("natural-fast", include_str!("../../configs/natural-fast.toml")),
     ("foveated", include_str!("../../configs/foveated.toml")),
+    ("narrow", include_str!("../../configs/narrow.toml")),
     ("natural-raw", include_str!("../../configs/natural-raw.toml")),
     ("natural-learned", include_str!("../../configs/natural-learned.toml")),
 ];

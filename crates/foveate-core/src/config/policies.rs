@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use super::bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 use super::ranges::Ranges;
 use crate::gaze::{
-    Anchor, Bayes, Circular, Contextual, Fixed, Forager, GpUcb, Grid, Hedge, Policy, Pool, Random, Schedule,
+    Anchor, Bayes, Circular, Contextual, ExploreThenCommit, Fixed, Forager, GpUcb, Grid, Hedge, Policy, Pool, Random,
+    Schedule,
 };
 use crate::geometry::Gaze;
 use foveate_base::Result;
@@ -61,6 +62,19 @@ pub enum PolicyConfig {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         looks: Option<f64>,
     },
+    /// All the grid's gazes for so many frames, then the one that earned most, which is then the place that is learned of; for a retina
+    /// that sees a part of the target. A sensor reads all that they see while all are looked at.
+    ExploreThenCommit {
+        /// The gazes.
+        #[serde(default)]
+        grid: Grid,
+        /// Frames of exploring, 0 to 1000000.
+        #[serde(default = "exploring")]
+        frames: u64,
+        /// Every so many-th frame explores again, 0 to 1000000; 0: none.
+        #[serde(default)]
+        every: u64,
+    },
     /// EXP3, with the reward of one gaze a frame (section 4.3) and Auer et al.'s unbiased estimate.
     Exp3(Exp3Config),
     /// EXP3 exactly as the paper prints it, which divides by another probability than it drew with.
@@ -84,6 +98,10 @@ fn anytime() -> Schedule {
     Schedule::Anytime
 }
 
+fn exploring() -> u64 {
+    30
+}
+
 fn fading() -> f64 {
     0.05
 }
@@ -99,6 +117,9 @@ pub(super) fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
             let gazes = grid.gazes();
             let looks = looks.unwrap_or(gazes.len() as f64);
             Box::new(Pool::new(gazes, *gamma, *forget, looks)?)
+        }
+        PolicyConfig::ExploreThenCommit { grid, frames, every } => {
+            Box::new(ExploreThenCommit::new(grid.gazes(), *frames, *every)?)
         }
         PolicyConfig::Exp3(c) => c.build()?,
         PolicyConfig::Exp3AsPrinted(c) => c.build()?,
@@ -137,6 +158,11 @@ impl Ranges for PolicyConfig {
                 gamma.check("policy.gamma", 1e9)?;
                 within("policy.forget", *forget, 0.0, 1.0)?;
                 within("policy.looks", looks.unwrap_or(1.0), 1e-3, 1e3)?;
+                grid.check()
+            }
+            Self::ExploreThenCommit { grid, frames, every } => {
+                within("policy.every", *every as f64, 0.0, 1e6)?;
+                within("policy.frames", *frames as f64, 0.0, 1e6)?;
                 grid.check()
             }
             Self::Exp3(c) => c.ranges(),

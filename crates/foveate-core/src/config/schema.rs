@@ -8,7 +8,7 @@ use super::proposals::{DetectorConfig, ProposalConfig};
 use super::ranges::{Ranges, in_range, particles};
 use super::recogniser::RecogniserConfig;
 use crate::control::{
-    Autoregressive, CameraMotion, Concentration, ConfidenceModel, ConsistencySettings, DetectionLikelihood,
+    Agreement, Autoregressive, CameraMotion, Concentration, ConfidenceModel, ConsistencySettings, DetectionLikelihood,
     DistractorSettings, LogConcentration, RedetectionSettings, Resampling, Reward, VarianceReduction,
 };
 use crate::identity::calibrate::Calibration;
@@ -155,6 +155,12 @@ pub enum RewardConfig {
         #[serde(default = "one")]
         temperature: f64,
     },
+    /// How much the boxes that the look alone would believe in overlap that of all looks of the frame: for policies that ask for many.
+    Agreement {
+        /// 0 to 1.
+        #[serde(default = "one")]
+        temperature: f64,
+    },
     /// The share of the uncertainty about place that the look removed.
     VarianceReduction {
         /// 0 to 1.
@@ -267,6 +273,7 @@ impl RewardConfig {
     /// The reward of this name.
     pub(super) fn reward(&self) -> Result<Box<dyn Reward>> {
         Ok(match *self {
+            Self::Agreement { temperature } => Box::new(Agreement::new(temperature)?),
             Self::Concentration { temperature } => Box::new(Concentration::new(temperature)?),
             Self::LogConcentration { temperature } => Box::new(LogConcentration::new(temperature)?),
             Self::VarianceReduction { temperature } => Box::new(VarianceReduction::new(temperature)?),

@@ -30,7 +30,7 @@ pub use self::mixture::{Mixing, Mixture};
 pub use self::proposal::{CHUNK, Prior, Proposal};
 pub use self::redetection::{REFINEMENTS, Redetection, RedetectionSettings};
 pub use self::resampling::{Resampling, Scheme};
-pub use self::reward::{Concentration, LogConcentration, Reward, VarianceReduction};
+pub use self::reward::{Agreement, Concentration, LogConcentration, Reward, VarianceReduction};
 pub use self::status::Status;
 
 /// A share (0 to 1) of the numbers 0 to n − 1, spread evenly over them.

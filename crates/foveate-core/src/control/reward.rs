@@ -5,7 +5,7 @@
 //! All are in [0, 1], see weights only, and do not change when the particles change places.
 
 use super::{deviation, normalize};
-use crate::geometry::State;
+use crate::geometry::{Extent, State};
 use foveate_base::{Error, Result};
 
 /// What a look was worth.
@@ -14,8 +14,15 @@ use foveate_base::{Error, Result};
 /// not change when a constant is added to either list of logarithms.
 pub trait Reward: Send + Sync {
     /// The reward of a gaze. `log_prior` is log wₜ₋₁ + log p/q of each particle, `log_likelihood` that of what the
-    /// gaze saw there, in nats; as many as states, at least one.
-    fn reward(&mut self, states: &[State], log_prior: &[f64], log_likelihood: &[f64]) -> f64;
+    /// gaze saw there, in nats; as many as states, at least one. `believed` is where the target is believed to be after all looks of
+    /// the frame, and half its size at scale 1.
+    fn reward(
+        &mut self,
+        states: &[State],
+        log_prior: &[f64],
+        log_likelihood: &[f64],
+        believed: (&State, Extent),
+    ) -> f64;
 }
 
 // Deviation: the paper's reward sees the filter's own weights. At the sharpness that tracks best they have collapsed, and
@@ -60,7 +67,7 @@ impl Concentration {
 }
 
 impl Reward for Concentration {
-    fn reward(&mut self, _: &[State], log_prior: &[f64], log_likelihood: &[f64]) -> f64 {
+    fn reward(&mut self, _: &[State], log_prior: &[f64], log_likelihood: &[f64], _: (&State, Extent)) -> f64 {
         let nothing = 1.0 / log_prior.len() as f64;
         self.0.weigh(log_prior, log_likelihood).map_or(nothing, concentration)
     }
@@ -78,7 +85,7 @@ impl LogConcentration {
 }
 
 impl Reward for LogConcentration {
-    fn reward(&mut self, _: &[State], log_prior: &[f64], log_likelihood: &[f64]) -> f64 {
+    fn reward(&mut self, _: &[State], log_prior: &[f64], log_likelihood: &[f64], _: (&State, Extent)) -> f64 {
         let n = log_prior.len() as f64;
         let Some(weights) = self.0.weigh(log_prior, log_likelihood) else { return 0.0 };
         if n == 1.0 { 0.0 } else { ((n * concentration(weights)).ln() / n.ln()).clamp(0.0, 1.0) }
@@ -103,7 +110,7 @@ impl VarianceReduction {
 }
 
 impl Reward for VarianceReduction {
-    fn reward(&mut self, states: &[State], log_prior: &[f64], log_likelihood: &[f64]) -> f64 {
+    fn reward(&mut self, states: &[State], log_prior: &[f64], log_likelihood: &[f64], _: (&State, Extent)) -> f64 {
         let Some(weights) = self.0.weigh(log_prior, log_likelihood) else { return 0.0 };
         let after = spread(states, weights);
         normalize(log_prior, &mut self.0.weights);
@@ -111,6 +118,36 @@ impl Reward for VarianceReduction {
         // Places beyond all measure have no spread to compare.
         let finite = before.is_finite() && after.is_finite();
         if before > 0.0 && finite { (1.0 - after / before).clamp(0.0, 1.0) } else { 0.0 }
+    }
+}
+
+// Deviation: the paper's reward says how sure a look is, not whether it is right.
+/// How much the boxes that a look alone would believe in overlap the one that all looks of the frame believe in, on average: IoU.
+/// What is sure of the wrong place earns nothing. With one look a frame it only says how sure the look is.
+#[derive(Clone, Debug)]
+pub struct Agreement(Tempered);
+
+impl Agreement {
+    /// With the likelihood raised to `temperature`, in (0, 1].
+    pub fn new(temperature: f64) -> Result<Self> {
+        Tempered::new(temperature).map(Self)
+    }
+}
+
+impl Reward for Agreement {
+    fn reward(
+        &mut self,
+        states: &[State],
+        log_prior: &[f64],
+        log_likelihood: &[f64],
+        (believed, extent): (&State, Extent),
+    ) -> f64 {
+        let Some(weights) = self.0.weigh(log_prior, log_likelihood) else { return 0.0 };
+        let there = believed.bbox(extent);
+        let overlap = |(state, w): (&State, &f64)| w * state.bbox(extent).iou(&there);
+        let mean: f64 = states.iter().zip(weights).filter(|(_, w)| **w > 0.0).map(overlap).sum();
+        // Places beyond all measure overlap nothing.
+        if mean.is_finite() { mean.clamp(0.0, 1.0) } else { 0.0 }
     }
 }
 
@@ -134,6 +171,10 @@ mod tests {
     use super::*;
     use crate::conformance;
 
+    /// Where the target is believed to be, for rewards that do not mind.
+    const ANYWHERE: (&State, Extent) =
+        (&State { x: 0.0, y: 0.0, vx: 0.0, vy: 0.0, log_scale: 0.0, angle: 0.0 }, Extent { half_w: 1.0, half_h: 1.0 });
+
     fn all(temperature: f64) -> [Box<dyn Reward>; 3] {
         let ok = "a temperature within range";
         [
@@ -147,6 +188,7 @@ mod tests {
     fn every_reward_keeps_the_law() {
         for temperature in [1.0, 0.3, 1e-3] {
             all(temperature).iter_mut().for_each(|reward| conformance::reward(&mut **reward));
+            conformance::reward(&mut Agreement::new(temperature).expect("a temperature within range"));
         }
         for wrong in [0.0, -1.0, 1.5, f64::NAN] {
             assert!(Concentration::new(wrong).is_err() && VarianceReduction::new(wrong).is_err());
@@ -157,7 +199,7 @@ mod tests {
     fn places_beyond_all_measure_earn_nothing() {
         let states = [-1e200, 1e200, 1e300].map(|x| State { x, ..State::default() });
         let mut reward = VarianceReduction::new(1.0).expect("a temperature");
-        assert_eq!(reward.reward(&states, &[0.0; 3], &[0.0, -1.0, -2.0]), 0.0);
+        assert_eq!(reward.reward(&states, &[0.0; 3], &[0.0, -1.0, -2.0], ANYWHERE), 0.0);
     }
 
     /// Four particles, one on each corner of a 2 × 2 square; likelihoods 1, 1, 4, 4 leave w = .1, .1, .4, .4.
@@ -171,26 +213,42 @@ mod tests {
         let exact = [0.34, (4.0f64 * 0.34).ln() / 4.0f64.ln(), 0.18];
         for (temperature, right) in [(1.0, 4.0), (0.5, 16.0)] {
             for (reward, exact) in all(temperature).iter_mut().zip(exact) {
-                let r = reward.reward(&states, &[0.0; 4], &sides(right));
+                let r = reward.reward(&states, &[0.0; 4], &sides(right), ANYWHERE);
                 assert!((r - exact).abs() < 1e-12, "{r} is not {exact} at temperature {temperature}");
             }
         }
         // The temperature softens the look, not what was known before: the same weights from the prior.
         let exact = [0.34, exact[1], 0.0];
         for (reward, exact) in all(0.5).iter_mut().zip(exact) {
-            let r = reward.reward(&states, &sides(4.0), &[-3.0; 4]);
+            let r = reward.reward(&states, &sides(4.0), &[-3.0; 4], ANYWHERE);
             assert!((r - exact).abs() < 1e-12, "{r} is not {exact} where only the prior knows");
         }
         // A look that flattens the weights again adds uncertainty: no variance was removed.
-        assert_eq!(all(1.0)[2].reward(&states, &sides(4.0), &sides(0.25)), 0.0);
+        assert_eq!(all(1.0)[2].reward(&states, &sides(4.0), &sides(0.25), ANYWHERE), 0.0);
         // One particle left; none left; all in one place.
         let out = f64::NEG_INFINITY;
         for (reward, exact) in all(1.0).iter_mut().zip([1.0, 1.0, 1.0]) {
-            assert_eq!(reward.reward(&states, &[0.0; 4], &[out, 0.0, out, out]), exact);
+            assert_eq!(reward.reward(&states, &[0.0; 4], &[out, 0.0, out, out], ANYWHERE), exact);
         }
         for (reward, exact) in all(1.0).iter_mut().zip([0.25, 0.0, 0.0]) {
-            assert_eq!(reward.reward(&states, &[0.0; 4], &[out; 4]), exact);
+            assert_eq!(reward.reward(&states, &[0.0; 4], &[out; 4], ANYWHERE), exact);
         }
-        assert_eq!(all(1.0)[2].reward(&[State::default(); 4], &[0.0; 4], &sides(4.0)), 0.0);
+        assert_eq!(all(1.0)[2].reward(&[State::default(); 4], &[0.0; 4], &sides(4.0), ANYWHERE), 0.0);
+    }
+
+    /// Two boxes of 4 × 2, one where the target is believed to be and one beside it by a quarter of its width: IoU 1 and 0.6. A look
+    /// that believes in the second with three quarters earns 0.25 + 0.75 · 0.6; one that is sure of a place far away earns nothing.
+    #[test]
+    fn agreement_is_the_mean_overlap() {
+        let extent = Extent { half_w: 2.0, half_h: 1.0 };
+        let states = [0.0, 1.0, 50.0].map(|x| State { x, ..State::default() });
+        let mut reward = Agreement::new(1.0).expect("a temperature");
+        let out = f64::NEG_INFINITY;
+        for (likelihood, exact) in
+            [([0.0, 3.0f64.ln(), out], 0.7), ([out, out, 0.0], 0.0), ([0.0, out, out], 1.0), ([out; 3], 0.0)]
+        {
+            let r = reward.reward(&states, &[0.0; 3], &likelihood, (&states[0], extent));
+            assert!((r - exact).abs() < 1e-12, "{r} is not {exact}");
+        }
     }
 }

@@ -1,8 +1,8 @@
-//! WHERE TO LOOK? `foretell` before the first look; `choose`, `weigh`, `learn`, and `record` for observers.
+//! WHERE TO LOOK? `foretell` before the first look; `choose`, `weigh`, `learn`; `record` for observers, and `settle`.
 
 use super::Engine;
 use super::template::attenuate;
-use crate::control::{Reward, normalize};
+use crate::control::{Belief, Reward, normalize};
 use crate::gaze::{Expectation, Policy};
 use crate::geometry::{Gaze, State};
 use crate::scene::{Detector, Image, Saliency};
@@ -69,7 +69,7 @@ impl Engine {
         policy.expect(&mut |gaze| {
             appearance.see(image, &states, &[gaze]);
             appearance.log_likelihood(&states, gaze, &mut log_likelihood);
-            reward.reward(&states, &log_prior, &log_likelihood)
+            reward.reward(&states, &log_prior, &log_likelihood, (&at, extent))
         });
     }
 
@@ -77,6 +77,8 @@ impl Engine {
     pub(super) fn choose(&mut self) {
         let (w, rng) = (&mut self.work, &mut self.streams.at(self.frame, Look).rng(0));
         self.parts.gaze.policy.plan(&self.context, &mut w.plan, rng);
+        w.gazes.clear();
+        w.gazes.extend(w.plan.gazes().iter().map(|gaze| gaze.from(self.home)));
     }
 
     /// What the plan needs of the picture is taken in, and with it what the search for distractors will most probably need.
@@ -89,7 +91,7 @@ impl Engine {
         if let Some(around) = &self.parts.monitor.distractors {
             around.surround(&mut w.predicted, extent);
         }
-        self.parts.appearance.see(image, &w.predicted, w.plan.gazes());
+        self.parts.appearance.see(image, &w.predicted, &w.gazes);
         w.predicted.truncate(n);
     }
 
@@ -97,24 +99,27 @@ impl Engine {
     /// used; their log-likelihoods add, as much of each as it weighs.
     // Deviation: where the paper samples anew for each action, all gazes of a frame weigh the same particles.
     pub(super) fn weigh(&mut self) {
+        let extent = self.target().extent;
         let (parts, w) = (&mut self.parts, &mut self.work);
         let n = w.predicted.len();
-        w.log_likelihood.resize(w.plan.gazes().len() * n, 0.0);
+        w.log_likelihood.resize(w.gazes.len() * n, 0.0);
         w.weights.resize(n, 0.0);
         w.gaze_evidence.clear();
         w.rewards.clear();
-        for (&gaze, log_likelihood) in w.plan.gazes().iter().zip(w.log_likelihood.chunks_exact_mut(n)) {
+        for (&gaze, log_likelihood) in w.gazes.iter().zip(w.log_likelihood.chunks_exact_mut(n)) {
             parts.appearance.log_likelihood(&w.predicted, gaze, log_likelihood);
             attenuate(log_likelihood, self.visible);
             w.log_posterior.clone_from(&w.log_prior);
             add(&mut w.log_posterior, 1.0, log_likelihood);
             w.gaze_evidence.push(normalize(&w.log_posterior, &mut w.weights));
-            w.rewards.push(parts.gaze.reward.reward(&w.predicted, &w.log_prior, log_likelihood));
         }
         w.log_posterior.clone_from(&w.log_prior);
         let used = w.plan.weights().iter().zip(w.log_likelihood.chunks_exact(n)).filter(|(weight, _)| **weight > 0.0);
         used.for_each(|(weight, log_likelihood)| add(&mut w.log_posterior, *weight, log_likelihood));
         w.log_evidence = normalize(&w.log_posterior, &mut w.weights);
+        let believed = (&Belief { states: &w.predicted, weights: &w.weights }.mean(), extent);
+        let reward = |l: &[f64]| parts.gaze.reward.reward(&w.predicted, &w.log_prior, l, believed);
+        w.rewards.extend(w.log_likelihood.chunks_exact(n).map(reward));
     }
 
     /// The policy learns where to look next.
@@ -122,17 +127,38 @@ impl Engine {
         self.parts.gaze.policy.learn(&self.work.plan, &self.work.rewards);
     }
 
+    /// Where the policy looks at one place from now on, everything is learned of that place, from the first picture on.
+    pub(super) fn settle(&mut self) {
+        let Some(gaze) = self.parts.gaze.policy.settles().filter(|gaze| (gaze.u, gaze.v) != (self.home.u, self.home.v))
+        else {
+            return;
+        };
+        if !self.parts.appearance.settle(gaze, self.streams) {
+            return;
+        }
+        self.home = gaze;
+        self.parts.monitor.reset_consistency();
+        let source = self.parts.appearance.template_source().map(|it| (it.image.clone(), *it.state, it.origin));
+        if let Some((image, state, (x, y))) = source {
+            self.look_around_first(&image, &State { x: state.x - x as f64, y: state.y - y as f64, ..state });
+        }
+    }
+
     /// What other gazes would have earned. It comes last, so that nothing depends on it.
     pub(super) fn record(&mut self, image: &Image) {
+        let extent = self.target().extent;
         let (parts, w) = (&mut self.parts, &mut self.work);
         w.recorded.clear();
         if w.plan.recorded().is_empty() {
             return;
         }
-        parts.appearance.see(image, &w.predicted, w.plan.recorded());
-        for &gaze in w.plan.recorded() {
+        let believed = (&Belief { states: &w.predicted, weights: &w.weights }.mean(), extent);
+        w.gazes.clear();
+        w.gazes.extend(w.plan.recorded().iter().map(|gaze| gaze.from(self.home)));
+        parts.appearance.see(image, &w.predicted, &w.gazes);
+        for &gaze in &w.gazes {
             parts.appearance.log_likelihood(&w.predicted, gaze, &mut w.log_posterior);
-            w.recorded.push(parts.gaze.reward.reward(&w.predicted, &w.log_prior, &w.log_posterior));
+            w.recorded.push(parts.gaze.reward.reward(&w.predicted, &w.log_prior, &w.log_posterior, believed));
         }
     }
 }

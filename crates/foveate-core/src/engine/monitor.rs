@@ -93,8 +93,9 @@ impl Engine {
         let evidence = w.log_evidence / w.plan.looks();
         let chosen = w.plan.chosen();
         // The mean of states that are scattered lies where none of them is.
-        self.parts.appearance.see_more(image, &[estimate.mean], &[chosen]);
-        self.parts.appearance.perceive(&estimate.mean, chosen, &mut w.percept);
+        let seen = chosen.from(self.home);
+        self.parts.appearance.see_more(image, &[estimate.mean], &[seen]);
+        self.parts.appearance.perceive(&estimate.mean, seen, &mut w.percept);
         let (distance, colour) = (w.percept.distance, w.percept.colour);
         let distractor = if judged { self.look_around(image, estimate) } else { None };
         let (evidence, distractor) = self.in_the_long_term(estimate, evidence, distractor);
@@ -103,6 +104,7 @@ impl Engine {
             false => self.parts.monitor.consistency.last(),
         };
         let elsewhere = if judged { self.was_elsewhere(estimate) } else { 0.0 };
+        self.work.percept.gaze = chosen;
         let spread = spread(&estimate.covariance, unit);
         let alarm = self.parts.recognition.as_ref().map_or(0.0, Recognition::alarm);
         let estimated = estimate.mean;

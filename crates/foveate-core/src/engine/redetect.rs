@@ -35,12 +35,12 @@ impl Engine {
         let streams = self.streams.at(self.frame, Purpose::Redetection);
         search.draw(&w.scores, least, &mut w.predicted, &mut w.log_prior, &mut w.redetected, streams);
         parts.monitor.loss.searched(search.best());
-        appearance.see_more(image, &w.predicted, w.plan.gazes());
+        appearance.see_more(image, &w.predicted, &w.gazes);
         w.drawn.clear();
         w.drawn.extend(w.redetected.iter().map(|i| w.predicted[*i]));
         w.redetected.iter().for_each(|i| w.log_posterior[*i] = w.log_prior[*i]);
         let n = w.predicted.len();
-        let gazes = w.plan.gazes().iter().zip(w.plan.weights()).enumerate();
+        let gazes = w.gazes.iter().zip(w.plan.weights()).enumerate();
         for (k, (gaze, weight)) in gazes.filter(|(_, (_, weight))| **weight > 0.0) {
             score(appearance, &w.drawn, *gaze, &mut w.scores);
             attenuate(&mut w.scores, self.visible);

@@ -7,7 +7,7 @@ use foveate_base::rng::Rng;
 use rand::RngExt;
 use serde_json::{Value, json};
 
-/// Always the same gaze. The paper has no such baseline; it is a strong one.
+/// Always the same gaze. The paper has no such baseline; it is a strong one. What is learned of the target is learned of that place.
 #[derive(Clone, Debug)]
 pub struct Fixed {
     gaze: Gaze,
@@ -25,6 +25,9 @@ impl Policy for Fixed {
         plan.only(self.gaze);
     }
     fn learn(&mut self, _: &Plan, _: &[f64]) {}
+    fn settles(&self) -> Option<Gaze> {
+        Some(self.gaze)
+    }
     fn snapshot(&self) -> PolicySnapshot<'_> {
         PolicySnapshot::Arms { gazes: std::slice::from_ref(&self.gaze), probabilities: &[1.0] }
     }

@@ -31,6 +31,7 @@ macro_rules! learned_by {
 mod anchor;
 mod baseline;
 mod bayes;
+mod commit;
 mod contextual;
 mod exp3;
 mod gains;
@@ -45,6 +46,7 @@ mod shadow;
 pub use self::anchor::Anchor;
 pub use self::baseline::{Circular, Fixed, Random};
 pub use self::bayes::Bayes;
+pub use self::commit::ExploreThenCommit;
 pub use self::contextual::{Contextual, Forager};
 pub use self::exp3::{Exp3, Variant};
 pub use self::gp_ucb::GpUcb;
@@ -240,6 +242,10 @@ pub trait Policy: Send + Sync {
     fn plan(&mut self, context: &Context, plan: &mut Plan, rng: &mut Rng);
     /// Learns from rewards in [0, 1]; `rewards[k]` belongs to `plan.gazes()[k]`.
     fn learn(&mut self, plan: &Plan, rewards: &[f64]);
+    /// The gaze that it looks at from now on, if it will look at no other: then what is learned of the target is learned of that place.
+    fn settles(&self) -> Option<Gaze> {
+        None
+    }
     /// What was learned, for observers only.
     fn snapshot(&self) -> PolicySnapshot<'_> {
         PolicySnapshot::Blank

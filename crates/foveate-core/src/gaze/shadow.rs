@@ -35,6 +35,9 @@ impl Policy for Shadow {
     fn learn(&mut self, plan: &Plan, rewards: &[f64]) {
         self.inner.learn(plan, rewards);
     }
+    fn settles(&self) -> Option<Gaze> {
+        self.inner.settles()
+    }
     learned_by!(inner);
 }
 

@@ -25,6 +25,8 @@ pub(super) struct Dense {
     lengths: Lengths,
     /// Side of a cell, template units.
     pitch: f64,
+    /// The middle of the cells.
+    middle: Gaze,
     pub maps: Maps,
     /// The first state that the maps are of, and how many; none once another picture may have been seen.
     pub of: Option<(State, usize)>,
@@ -85,10 +87,13 @@ impl Dense {
         let (blocks, lengths) = encoder.oriented()?;
         let (side, cells) = (kernels::BLOCK * blocks + 2, retina.cells());
         let pitch = 2.0 * cells.first()?.half;
+        let corners = [cells.first()?, cells.get(side * side - 1)?];
+        let between = |of: fn(&Cell) -> f64| 0.5 * (of(corners[0]) + of(corners[1]));
+        let middle = Gaze { u: between(|c| c.u), v: between(|c| c.v), arm: None };
         let square = |cells: &[Cell], side: usize, pitch: f64, channel: usize| {
             let at = |i: usize| (i as f64 - (side as f64 - 1.0) / 2.0) * pitch;
             cells.iter().enumerate().all(|(k, c)| {
-                let off = (c.u - at(k % side)).abs().max((c.v - at(k / side)).abs());
+                let off = (c.u - middle.u - at(k % side)).abs().max((c.v - middle.v - at(k / side)).abs());
                 off < 1e-9 && c.channel == channel && (2.0 * c.half - pitch).abs() < 1e-9
             })
         };
@@ -100,7 +105,7 @@ impl Dense {
             && square(grey, side, pitch, 0)
             && square(first, blocks, wide, 1)
             && square(second, blocks, wide, 2);
-        fits.then(|| Self { blocks, lengths, pitch, maps: Maps::default(), of: None })
+        fits.then(|| Self { blocks, lengths, pitch, middle, maps: Maps::default(), of: None })
     }
 
     /// Looks at states that were seen. Says false, and does nothing, where they are no lattice.
@@ -117,7 +122,7 @@ impl Dense {
         let maps = &mut self.maps;
         (maps.lattice, maps.columns) = (lattice, columns);
         let n = columns * rows;
-        let at = first.fixate(Gaze::CENTRE, extent);
+        let at = first.fixate(self.middle, extent);
         // From the middle of the first place to that of its first cell, and of its first block.
         let start = -0.5 * (kernels::BLOCK * self.blocks) as f64 * self.pitch;
         let read = |level: usize, out: &mut Vec<f32>, width: usize, height: usize, from: f64, step: f64| {
@@ -197,13 +202,17 @@ mod tests {
     fn places_have_the_features_of_looks() {
         let bytes: Vec<u8> = (0..160 * 120 * 3).map(|i: usize| (i * 7 + i * i / 1013) as u8).collect();
         let image = Image::from_rgb8(160, 120, &bytes).expect("enough bytes");
-        let retina = foveal(16.0, 18);
-        let encoder = encoder(&retina);
-        let mut dense = Dense::new(&retina, &encoder).expect("cells as it needs them");
+        let centred = foveal(16.0, 18);
+        let encoder = encoder(&centred);
         let mut pyramid = Pyramid::default();
-        for (n, m, step) in [(9, 5, 0.5), (20, 8, 0.25), (7, 6, 0.75)] {
+        let aside = Gaze { u: 0.5, v: -0.3, arm: None };
+        for (n, m, step, gaze) in
+            [(9, 5, 0.5, Gaze::CENTRE), (20, 8, 0.25, Gaze::CENTRE), (7, 6, 0.75, Gaze::CENTRE), (9, 5, 0.5, aside)]
+        {
             let places = places(n, m, step);
-            let region = Region::covering(&image, &places, &[Gaze::CENTRE], EXTENT, 1.1);
+            let retina = centred.about(gaze);
+            let mut dense = Dense::new(&*retina, &encoder).expect("cells as it needs them");
+            let region = Region::covering(&image, &places, &[gaze], EXTENT, 1.1);
             pyramid.build(&image, region, retina.footprints(), (0.9 * EXTENT.half_w, 0.9 * EXTENT.half_h));
             assert!(dense.look(&pyramid, &places, EXTENT));
             let (n_v, n_h) = encoder.shape();

@@ -42,7 +42,11 @@ const CHUNK: usize = 48;
 
 /// Retina, encoder, distance and a template.
 pub struct GazeAppearance {
+    /// About the usual gaze, and as it was given.
     retina: Arc<dyn Retina>,
+    centred: Arc<dyn Retina>,
+    /// The usual gaze: the centre, until it settles on another.
+    home: Gaze,
     encoder: Arc<dyn Encoder>,
     distance: Kind,
     setting: Sharpness,
@@ -103,6 +107,8 @@ impl GazeAppearance {
         let scratch = Scratch { template_glimpse: vec![0.0; n_v], template: vec![0.0; n_h], ..Scratch::default() };
         Ok(Self {
             dense: Dense::new(&*retina, &*encoder),
+            centred: retina.clone(),
+            home: Gaze::CENTRE,
             retina,
             encoder,
             distance,
@@ -214,6 +220,36 @@ impl GazeAppearance {
         }
     }
 
+    /// Learns the first frame by the usual gaze, and what evidence to expect of it.
+    fn imprint(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams) {
+        // On the first frame itself everything is familiar.
+        let discounting_background = std::mem::take(&mut self.discounting_background);
+        self.fusion.iter_mut().for_each(Fusion::reset);
+        self.learn_first(image, state, &[]);
+        let found = calibrate::calibrate(image, state, extent, streams, &mut |states, out| {
+            self.see(image, states, &[Gaze::CENTRE]);
+            self.distances(states, Gaze::CENTRE, out);
+        });
+        self.discounting_background = discounting_background;
+        let sharpness = match self.setting {
+            Sharpness::Fixed(sharpness) => sharpness,
+            Sharpness::Calibrated(rule) => rule.sharpness(&found),
+        };
+        let kept = self.kept.as_mut().expect("a template is kept before it is imprinted");
+        kept.sharpness = sharpness;
+        kept.reference = ReferenceLikelihood { on: -sharpness * found.on, off: -sharpness * found.off };
+    }
+
+    /// Turns the retina to another usual gaze; what was learned is of the last one.
+    fn turn(&mut self, home: Gaze) {
+        if (home.u, home.v) != (self.home.u, self.home.v) {
+            self.retina = self.centred.about(home);
+            self.dense = Dense::new(&*self.retina, &*self.encoder);
+            (self.template, self.scratch.template_gaze) = (None, None);
+        }
+        self.home = home;
+    }
+
     /// τ(a): encodes the template at a gaze into the scratch, unless it is there.
     fn template_features(&mut self, gaze: Gaze) {
         if self.scratch.template_gaze == Some(gaze) {
@@ -249,6 +285,7 @@ impl Appearance for GazeAppearance {
         if let Some(training) = &mut self.training {
             self.encoder = training.reset(streams);
         }
+        self.turn(Gaze::CENTRE);
         let nothing = ReferenceLikelihood { on: 0.0, off: 0.0 };
         let (origin, size) = ((0, 0), (image.width(), image.height()));
         self.keep(Template {
@@ -260,23 +297,8 @@ impl Appearance for GazeAppearance {
             sharpness: 1.0,
             reference: nothing,
         });
-        // On the first frame itself everything is familiar.
         self.colour.iter_mut().for_each(|colour| colour.init(image, state, extent));
-        let discounting_background = std::mem::take(&mut self.discounting_background);
-        self.fusion.iter_mut().for_each(Fusion::reset);
-        self.learn_first(image, state, &[]);
-        let found = calibrate::calibrate(image, state, extent, streams, &mut |states, out| {
-            self.see(image, states, &[Gaze::CENTRE]);
-            self.distances(states, Gaze::CENTRE, out);
-        });
-        self.discounting_background = discounting_background;
-        let sharpness = match self.setting {
-            Sharpness::Fixed(sharpness) => sharpness,
-            Sharpness::Calibrated(rule) => rule.sharpness(&found),
-        };
-        let kept = self.kept.as_mut().expect("kept two lines above");
-        kept.sharpness = sharpness;
-        kept.reference = ReferenceLikelihood { on: -sharpness * found.on, off: -sharpness * found.off };
+        self.imprint(image, state, extent, streams);
     }
 
     fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
@@ -337,6 +359,17 @@ impl Appearance for GazeAppearance {
 
     fn features(&mut self, states: &[State], rows: &mut Vec<f32>) {
         self.look_at_each(states, rows);
+    }
+
+    fn settle(&mut self, gaze: Gaze, streams: Streams) -> bool {
+        if self.steady {
+            return false;
+        }
+        let Some(Template { state, extent, .. }) = self.kept else { return false };
+        let image = self.kept().whole();
+        self.turn(gaze);
+        self.imprint(&image, &state, extent, streams);
+        true
     }
 
     fn adapts(&self) -> bool {
@@ -519,5 +552,57 @@ mod tests {
         it.init_template(&image, &there, EXTENT, Streams::new(3, 0));
         it.see(&image, &[there], &[GAZE]);
         assert_eq!(distances(&mut it, &[there], 1), [0.0]);
+    }
+
+    /// Settled on a gaze it is, to the bit, what an appearance with its retina there has been from the first frame on; gazes are counted
+    /// from there; and a new target is looked at from the centre again.
+    #[test]
+    fn settled_it_is_as_if_it_had_always_looked_there() {
+        use crate::identity::discriminant;
+        use crate::identity::oriented::{Oriented, Weights};
+        let mut rng = Streams::new(5, 0).rng(0);
+        let image = Image::new(90, 80, 3, (0..90 * 80 * 3).map(|_| rng.random()).collect()).expect("one byte a pixel");
+        let config = FovealConfig { side: 16.0, rings: vec![[10, 1]], colour: vec![[8, 4]] };
+        let retina = Foveal::new(config).expect("whole cells");
+        let channels: Vec<usize> = retina.cells().iter().map(|c| c.channel).collect();
+        let encoder = Arc::new(Oriented::new(&channels, Weights::default()).expect("a square of cells"));
+        let make = |retina: Arc<dyn Retina>| {
+            GazeAppearance::new(retina, encoder.clone(), Kind::Cosine, Sharpness::Fixed(60.0))
+                .expect("parts that fit")
+                .discriminating(discriminant::Settings::default())
+        };
+        let (at, streams) = (State { x: 40.0, y: 40.0, ..State::default() }, Streams::new(3, 0));
+        let judge = |it: &mut GazeAppearance, gaze: Gaze| {
+            let mut out = vec![0.0; N];
+            it.see(&image, &states(), &[gaze]);
+            it.log_likelihood(&states(), gaze, &mut out);
+            out
+        };
+        let home = Gaze { u: -0.5, v: 0.5, arm: Some(2) };
+        let mut always = make(retina.about(home));
+        always.init_template(&image, &at, EXTENT, streams);
+        let mut settled = make(Arc::new(retina));
+        settled.init_template(&image, &at, EXTENT, streams);
+        let centred = judge(&mut settled, Gaze::CENTRE);
+        assert!(settled.settle(home, streams));
+        assert_eq!(judge(&mut settled, Gaze::CENTRE), judge(&mut always, Gaze::CENTRE));
+        assert_eq!(judge(&mut settled, GAZE.from(home)), judge(&mut always, GAZE.from(home)));
+        assert_eq!(settled.reference(), always.reference());
+        let mut other = make(settled.centred.clone());
+        other.load(&settled.save()).expect("it was saved");
+        assert_eq!(judge(&mut other, Gaze::CENTRE), judge(&mut settled, Gaze::CENTRE));
+        let mut saved = settled.save();
+        saved["home"]["u"] = serde_json::json!(1e9);
+        assert!(other.load(&saved).is_err(), "a gaze far from the template");
+        settled.init_template(&image, &at, EXTENT, streams);
+        assert_eq!(judge(&mut settled, Gaze::CENTRE), centred);
+        assert!(
+            !make(retina_of(&settled)).steady(true).settle(home, streams),
+            "before a target, or where the gaze moves a sensor"
+        );
+    }
+
+    fn retina_of(it: &GazeAppearance) -> Arc<dyn Retina> {
+        it.centred.clone()
     }
 }

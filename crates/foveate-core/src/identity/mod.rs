@@ -128,6 +128,11 @@ pub trait Appearance: Send + Sync {
     fn features(&mut self, _states: &[State], rows: &mut Vec<f32>) {
         rows.clear();
     }
+    /// Makes this gaze the centre, from which all gazes it is told of later are counted: what was learned of another is learned anew
+    /// from the first frame. Says false, and does nothing, where it cannot.
+    fn settle(&mut self, _gaze: Gaze, _streams: Streams) -> bool {
+        false
+    }
     /// Whether [`Appearance::adapt`] does anything.
     fn adapts(&self) -> bool {
         false

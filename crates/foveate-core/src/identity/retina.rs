@@ -6,10 +6,11 @@
 //! The authors' geometry is `side = 28`, windows of 8, 16, 24 in cells of 1, 2, 4: 64 + 48 + 20 = 132 values.
 
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 use super::footprint::Footprint;
 use super::pyramid::Pyramid;
-use crate::geometry::Fixation;
+use crate::geometry::{Fixation, Gaze};
 use foveate_base::rows::RowsMut;
 use foveate_base::{Error, Result};
 
@@ -37,6 +38,8 @@ pub trait Retina: Send + Sync {
     /// The footprints a pyramid must hold for this retina, in template units (sides of cells), one for each level,
     /// and the channel each level averages.
     fn footprints(&self) -> &[Footprint];
+    /// The same cells about another gaze: what this one sees at a fixation of that gaze, that one sees at the centre's.
+    fn about(&self, gaze: Gaze) -> Arc<dyn Retina>;
     /// Reads a glimpse at each fixation, one a row.
     fn look_each(&self, pyramid: &Pyramid, at: &[Fixation], glimpses: RowsMut<'_>);
     /// Reads one glimpse.
@@ -103,9 +106,13 @@ impl Foveal {
                 inner = window;
             }
         }
-        retina.du = retina.cells.iter().map(|c| c.u as f32).collect();
-        retina.dv = retina.cells.iter().map(|c| c.v as f32).collect();
+        retina.lay();
         Ok(retina)
+    }
+
+    fn lay(&mut self) {
+        self.du = self.cells.iter().map(|c| c.u as f32).collect();
+        self.dv = self.cells.iter().map(|c| c.v as f32).collect();
     }
 
     /// The geometry it was made from.
@@ -152,11 +159,48 @@ impl Retina for Foveal {
     fn footprints(&self) -> &[Footprint] {
         &self.footprints
     }
+    fn about(&self, gaze: Gaze) -> Arc<dyn Retina> {
+        let mut moved = self.clone();
+        moved.cells.iter_mut().for_each(|cell| (cell.u, cell.v) = (cell.u + gaze.u, cell.v + gaze.v));
+        moved.footprints.iter_mut().for_each(|it| it.reach += gaze.u.abs().max(gaze.v.abs()));
+        moved.lay();
+        Arc::new(moved)
+    }
     fn look_each(&self, pyramid: &Pyramid, at: &[Fixation], mut glimpses: RowsMut<'_>) {
         let stride = glimpses.width();
         for (level, range) in self.ranges.iter().enumerate() {
             let (du, dv) = (&self.du[range.clone()], &self.dv[range.clone()]);
             pyramid.read(level, at, du, dv, &mut glimpses.data()[range.start..], stride);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::{Extent, State};
+    use crate::identity::pyramid::Region;
+    use crate::scene::Image;
+
+    /// About another gaze it sees there what it saw under that gaze.
+    #[test]
+    fn a_retina_about_a_gaze_sees_what_that_gaze_sees() {
+        let bytes = (0..120 * 100 * 3).map(|i: usize| (i * 7 + i * i / 1013) as u8).collect();
+        let image = Image::new(120, 100, 3, bytes).expect("enough bytes");
+        let config = FovealConfig { side: 16.0, rings: vec![[10, 1], [18, 2]], colour: vec![[8, 4]] };
+        let retina = Foveal::new(config).expect("whole cells");
+        let (extent, gaze) = (Extent { half_w: 17.0, half_h: 12.0 }, Gaze { u: -0.5, v: 0.25, arm: Some(3) });
+        let moved = retina.about(gaze);
+        assert!(moved.footprints().iter().zip(retina.footprints()).all(|(m, r)| m.reach == r.reach + 0.5));
+        let mut pyramid = Pyramid::default();
+        let state = State { x: 60.0, y: 50.0, log_scale: 0.2, angle: 0.3, ..State::default() };
+        let region = Region::covering(&image, &[state], &[gaze], extent, 2.0);
+        pyramid.build(&image, region, retina.footprints(), (extent.half_w, extent.half_h));
+        let (mut one, mut other) = (vec![0.0; retina.glimpse_len()], vec![0.0; moved.glimpse_len()]);
+        retina.look(&pyramid, state.fixate(gaze, extent), &mut one);
+        moved.look(&pyramid, state.fixate(Gaze::CENTRE, extent), &mut other);
+        for (one, other) in one.iter().zip(&other) {
+            assert!((one - other).abs() < 1e-3, "{one} is not {other}");
         }
     }
 }

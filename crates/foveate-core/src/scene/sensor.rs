@@ -92,7 +92,7 @@ pub struct SensorSettings {
     /// Windows about the place where the target is expected, the widest first.
     #[serde(default)]
     pub windows: Vec<Patch>,
-    /// What is read at the gaze. Where a policy asks for many gazes a frame, they share its values.
+    /// What is read at the gaze. Where a policy asks for many gazes a frame, all that they see is read, as sharply.
     #[serde(default = "two_boxes")]
     pub fovea: Patch,
 }
@@ -169,8 +169,8 @@ impl Sensor {
         Ok(())
     }
 
-    /// Reads the windows about the place where the target is expected, then the fovea at each gaze, so many times as wide as its
-    /// settings say.
+    /// Reads the windows about the place where the target is expected, then the fovea at the gaze, so many times as wide as its
+    /// settings say; of many gazes all that they see, as sharply.
     ///
     /// # Errors
     /// Where the source cannot be read.
@@ -185,8 +185,11 @@ impl Sensor {
             self.patch(source, at, extent, Gaze::CENTRE, self.settings.windows[k])?;
         }
         let [reach, side] = self.settings.fovea;
-        let side = (side / (gazes.len() as f64).sqrt()).max(1.0);
-        gazes.iter().try_for_each(|gaze| self.patch(source, at, extent, *gaze, [reach * wider, side]))
+        if let [gaze] = gazes {
+            return self.patch(source, at, extent, *gaze, [reach * wider, side]);
+        }
+        let far = gazes.iter().map(|gaze| gaze.u.abs().max(gaze.v.abs())).fold(0.0, f64::max);
+        self.patch(source, at, extent, Gaze::CENTRE, [reach + far, side * (reach + far) / reach])
     }
 
     /// The first look at a target, in the frame it was given in: the widest window, and as sharp as the sharpest.
@@ -329,17 +332,17 @@ mod tests {
         }
     }
 
-    /// However large the target and however wide the look, it reads no more than its settings say; many gazes share a fovea.
+    /// However large the target and however wide the look, it reads no more than its settings say; of many gazes all that they see.
     #[test]
     fn it_reads_no_more_than_it_may() {
         let image = picture(1);
         let mut sensor = sensor(6, vec![[3.0, 8.0]], [0.5, 12.0]);
-        let nine = [Gaze::CENTRE; 9];
+        let nine: [Gaze; 9] = std::array::from_fn(|k| Gaze { u: 0.25 * ((k / 3) as f64 - 1.0), v: 0.0, arm: None });
         for (scale, wider) in [(-2.0, 1.0), (0.0, 1.0), (0.0, 7.0), (1.5, 1.0), (6.0, 3.0)] {
-            for gazes in [&nine[..1], &nine] {
+            for (gazes, fovea) in [(&nine[..1], 144), (&nine, 18 * 18)] {
                 sensor.begin(&image).expect("memory");
                 sensor.look(&image, &State { log_scale: scale, ..AT }, EXTENT, (gazes, wider)).expect("memory");
-                assert!(sensor.values() <= 6 * 9 + 64 + 144, "{} values at scale {scale}", sensor.values());
+                assert!(sensor.values() <= 6 * 9 + 64 + fovea, "{} values at scale {scale}", sensor.values());
             }
         }
     }

@@ -48,7 +48,8 @@ fn reach_of(policy: &PolicyConfig) -> Option<f64> {
         PolicyConfig::Random { grid }
         | PolicyConfig::Circular { grid }
         | PolicyConfig::Hedge { grid, .. }
-        | PolicyConfig::Pool { grid, .. } => Some(grid.reach),
+        | PolicyConfig::Pool { grid, .. }
+        | PolicyConfig::ExploreThenCommit { grid, .. } => Some(grid.reach),
         PolicyConfig::Exp3(c) => Some(c.grid.reach),
         PolicyConfig::Exp3AsPrinted(c) => Some(c.grid.reach),
         PolicyConfig::Exp3Ix(c) => Some(c.grid.reach),

@@ -130,6 +130,7 @@ fn policy(config: &PolicyConfig) -> String {
         PolicyConfig::Circular { grid } => format!("circular, {}", gazes(grid.n)),
         PolicyConfig::Hedge { grid, .. } => format!("**Hedge**, {}", gazes(grid.n)),
         PolicyConfig::Pool { grid, .. } => format!("**pool**, {}", gazes(grid.n)),
+        PolicyConfig::ExploreThenCommit { grid, .. } => format!("**explore, then commit**, {}", gazes(grid.n)),
         PolicyConfig::GpUcb(_) => "**GP-UCB**, any gaze".into(),
         PolicyConfig::Contextual(_) => "**contextual**, any gaze".into(),
         PolicyConfig::Anchor { policy: inner } => format!("centre and {}", policy(inner)),

@@ -65,8 +65,8 @@ impl Regions for Watched {
     }
 }
 
-fn tracker() -> Tracker {
-    let config = Config::builtin("foveated").expect("it ships").expect("it is right");
+fn tracker(name: &str) -> Tracker {
+    let config = Config::builtin(name).expect("it ships").expect("it is right");
     Tracker::new(config).expect("it fits")
 }
 
@@ -75,7 +75,7 @@ type Seen = (BBox, u64, usize);
 
 #[test]
 fn what_is_not_read_cannot_be_seen() {
-    let mut watching = tracker();
+    let mut watching = tracker("foveated");
     let mut frames = vec![Watched::new(picture(0))];
     watching.init_from(&frames[0], BOX).expect("a box in the picture");
     let mut seen: Vec<Seen> = vec![];
@@ -88,7 +88,7 @@ fn what_is_not_read_cannot_be_seen() {
     let truth = BBox::new(60.0 + 22.0, 40.0 + 11.0, 40.0, 30.0);
     assert!(seen[10].0.iou(&truth) > 0.5, "it follows: {:?}", seen[10].0);
     let values = |frame: &Watched| frame.windows().iter().map(|w| 3 * w.columns * w.rows).sum::<usize>();
-    let mut blind = tracker();
+    let mut blind = tracker("foveated");
     let (first, poisoned) = frames[0].poisoned();
     assert!(poisoned > 0, "a first look does not take in everything");
     blind.init(&first, BOX).expect("a box in the picture");
@@ -104,7 +104,7 @@ fn what_is_not_read_cannot_be_seen() {
 
 #[test]
 fn a_tracker_behind_a_sensor_goes_on_from_its_saved_state() {
-    let (mut one, mut other) = (tracker(), tracker());
+    let (mut one, mut other) = (tracker("foveated"), tracker("foveated"));
     one.init(&picture(0), BOX).expect("a box in the picture");
     (1..5).for_each(|t| assert!(one.update(&picture(t)).expect("a picture").bbox.w > 0.0));
     other.load(&one.save()).expect("it was saved");
@@ -113,6 +113,36 @@ fn a_tracker_behind_a_sensor_goes_on_from_its_saved_state() {
         let (image, expected) = (picture(t), one.update(&picture(t)).expect("a picture").bbox);
         assert_eq!(other.update(&image).expect("a picture").bbox, expected);
     }
+}
+
+/// While it explores all nine parts of the target are seen, then one; and what it has settled on is saved.
+#[test]
+fn through_a_narrow_window_it_settles_on_a_part() {
+    let config =
+        Config::builtin("narrow").expect("it ships").and_then(|c| c.set("policy.frames=6")).expect("it is right");
+    let make = || Tracker::new(config.clone()).expect("it fits");
+    let (mut one, mut other) = (make(), make());
+    one.init(&picture(0), BOX).expect("a box in the picture");
+    let mut values = vec![];
+    for t in 1..9 {
+        let image = picture(t);
+        let output = one.update(&image).expect("a picture");
+        assert_eq!(output.step.plan.gazes().len(), if t <= 6 { 9 } else { 1 });
+        assert_eq!(output.step.percept.gaze, output.step.plan.chosen());
+        values.push(output.step.values);
+    }
+    assert!(values[7] * 2 < values[0], "a part is fewer values than all: {values:?}");
+    other.load(&one.save()).expect("it was saved");
+    other.skip(&picture(8));
+    for t in 9..16 {
+        let image = picture(t);
+        let expected = one.update(&image).expect("a picture");
+        let (bbox, chosen) = (expected.bbox, expected.step.plan.chosen());
+        let output = other.update(&image).expect("a picture");
+        assert_eq!((output.bbox, output.step.plan.chosen()), (bbox, chosen));
+    }
+    let truth = BBox::new(60.0 + 30.0, 40.0 + 15.0, 40.0, 30.0);
+    assert!(one.update(&picture(15)).expect("a picture").bbox.iou(&truth) > 0.5, "it follows");
 }
 
 #[test]
@@ -151,7 +181,7 @@ fn a_4k_picture_is_followed_by_its_tiles() {
     };
     (0..3).for_each(|t| write_tiles(dir.path().join(format!("{t}")), &picture(t), 64, 7).expect("written"));
     let video = TileFolder::open(dir.path()).expect("tiles");
-    let mut tracker = tracker();
+    let mut tracker = tracker("foveated");
     conformance_of_a_corner(&video);
     let frame = |t| video.frame(t).expect("three frames");
     tracker.init_from(&frame(0), BBox::new(1600.0, 800.0, 480.0, 360.0)).expect("a box in the picture");

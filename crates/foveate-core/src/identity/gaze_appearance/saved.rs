@@ -4,13 +4,16 @@ use base64::Engine as _;
 use serde::{Deserialize, Serialize};
 
 use super::{GazeAppearance, Template};
-use crate::geometry::{Extent, State};
+use crate::geometry::{Extent, Gaze, State};
 use crate::identity::colour::Colour;
 use crate::identity::discriminant::Discriminant;
 use crate::identity::fusion::Fusion;
 use crate::reference::ReferenceLikelihood;
 use crate::scene::Image;
 use foveate_base::{Error, Result, memory};
+
+/// The farthest gaze that a policy may have, template units.
+const FARTHEST: f64 = 10.0;
 
 impl GazeAppearance {
     pub(super) fn to_saved(&self) -> serde_json::Value {
@@ -28,6 +31,7 @@ impl GazeAppearance {
             discriminant: self.discriminant.as_ref().map(Discriminant::save),
             colour: self.colour.as_ref().map(Colour::save),
             fusion: self.fusion.as_ref().map(Fusion::save),
+            home: (self.home != Gaze::CENTRE).then_some(self.home),
             training: self.saved_training(),
         };
         serde_json::to_value(saved).expect("plain data is JSON")
@@ -70,6 +74,11 @@ impl GazeAppearance {
             }
         }
         self.take_up_training(saved.training.as_ref())?;
+        let home = saved.home.unwrap_or(Gaze::CENTRE);
+        if ![home.u, home.v].iter().all(|place| place.abs() <= FARTHEST) {
+            return Err(bad("its usual gaze is no place of the template".into()));
+        }
+        self.turn(home);
         let Saved { state, extent, sharpness, reference, part, .. } = saved;
         let (origin, size) = part.unwrap_or(((0, 0), (image.width(), image.height())));
         let holds = |from: usize, n: usize, side: usize| from.checked_add(n).is_some_and(|end| end <= side);
@@ -131,6 +140,9 @@ struct Saved {
     colour: Option<serde_json::Value>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     fusion: Option<[f64; 3]>,
+    /// The usual gaze, where it is not the centre.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    home: Option<Gaze>,
     /// The first layer as it was trained while tracking.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     training: Option<serde_json::Value>,

@@ -70,7 +70,10 @@ impl Template {
     }
 
     /// The picture in its size, black where it was not kept.
-    fn whole(&self) -> Image {
+    pub(super) fn whole(&self) -> Image {
+        if (self.image.width(), self.image.height()) == self.size {
+            return self.image.clone();
+        }
         let planes = self.image.planes();
         let mut whole = Image::new(self.size.0, self.size.1, planes, vec![0; self.size.0 * self.size.1 * planes])
             .expect("as large as a picture was");

@@ -1,0 +1,161 @@
+//! Explore, then commit (Perchet et al., 2016; Garivier et al., 2016): all gazes for so many frames, then the best of them.
+//!
+//! While it explores it looks at all gazes of a frame, each counting for an equal share, and adds up what they earn. Then it
+//! looks at the one that has earned most, and everything that is learned of the target is learned anew of that place, from the first
+//! frame on ([`Policy::settles`]). Now and then it explores for a frame again, and may change its mind. For a sensor that sees a part of
+//! the target only: to look at all of it costs much, and is worth it for as long as it takes to learn where to look.
+//!
+//! Deviation: the paper's policies choose anew in every frame. What tells the target from its surroundings is learned of one place of
+//! the template, and a gaze that moves does without ([`Discriminant`](crate::identity::Discriminant)).
+
+use super::gains::Gains;
+use super::{Context, Plan, Policy, PolicySnapshot, Schedule, misfit};
+use crate::geometry::Gaze;
+use foveate_base::rng::Rng;
+use foveate_base::{Error, Result};
+use serde_json::{Value, json};
+
+/// Looks at all gazes for so many frames, then at the best of them, and at all of them again in every so many-th frame.
+#[derive(Clone, Debug)]
+pub struct ExploreThenCommit {
+    gains: Gains,
+    frames: u64,
+    /// 0: it never explores again.
+    every: u64,
+    /// Frames so far.
+    t: u64,
+}
+
+impl ExploreThenCommit {
+    /// Over these gazes (one at least), exploring for `frames` frames, and in every `every`-th later one; 0: in none.
+    pub fn new(gazes: Vec<Gaze>, frames: u64, every: u64) -> Result<Self> {
+        if gazes.is_empty() {
+            return Err(Error::Config("explore-then-commit needs one gaze at least to choose from".into()));
+        }
+        Ok(Self { gains: Gains::new(gazes, Schedule::Anytime), frames, every, t: 0 })
+    }
+    fn explores(&self) -> bool {
+        self.t < self.frames || self.every > 0 && self.t.is_multiple_of(self.every)
+    }
+    /// The gaze that earned most; of equal ones that nearest to the centre.
+    fn best(&self) -> usize {
+        let Gains { gazes, gain, .. } = &self.gains;
+        let better =
+            |a: &usize, b: &usize| gain[*a].total_cmp(&gain[*b]).then(far(&gazes[*b]).total_cmp(&far(&gazes[*a])));
+        (0..gazes.len()).max_by(better).expect("one gaze at least")
+    }
+    /// All alike while it explores; then the best one.
+    fn weigh(&mut self) {
+        let n = self.gains.gazes.len();
+        let best = (self.t >= self.frames).then(|| self.best());
+        let share = |k: usize| best.map_or(1.0 / n as f64, |best| f64::from(u8::from(k == best)));
+        self.gains.p.iter_mut().enumerate().for_each(|(k, p)| *p = share(k));
+    }
+}
+
+fn far(gaze: &Gaze) -> f64 {
+    gaze.u.hypot(gaze.v)
+}
+
+impl Policy for ExploreThenCommit {
+    fn plan(&mut self, _: &Context, plan: &mut Plan, _: &mut Rng) {
+        let gazes = &self.gains.gazes;
+        if !self.explores() {
+            return plan.only(gazes[self.best()]);
+        }
+        plan.clear();
+        gazes.iter().for_each(|gaze| plan.weigh(*gaze, 1.0 / gazes.len() as f64));
+        let nearest = (0..gazes.len()).min_by(|a, b| far(&gazes[*a]).total_cmp(&far(&gazes[*b])));
+        plan.mark(nearest.expect("one gaze at least"));
+    }
+    fn learn(&mut self, _: &Plan, rewards: &[f64]) {
+        let explored = self.explores();
+        self.t = self.t.saturating_add(1);
+        if explored {
+            let gain = &mut self.gains.gain;
+            assert_eq!(rewards.len(), gain.len(), "one reward for each gaze");
+            gain.iter_mut().zip(rewards).for_each(|(gain, reward)| *gain += reward);
+            self.gains.count();
+        }
+        self.weigh();
+    }
+    fn settles(&self) -> Option<Gaze> {
+        (self.t >= self.frames).then(|| self.gains.gazes[self.best()])
+    }
+    fn snapshot(&self) -> PolicySnapshot<'_> {
+        PolicySnapshot::Arms { gazes: &self.gains.gazes, probabilities: &self.gains.p }
+    }
+    fn save(&self) -> Value {
+        json!({ "gains": self.gains.save(), "t": self.t })
+    }
+    fn load(&mut self, saved: &Value) -> Result<()> {
+        let t = saved["t"].as_u64().ok_or_else(|| misfit("gains and a number of frames", saved))?;
+        self.gains.load(&saved["gains"])?;
+        self.t = t;
+        self.weigh();
+        Ok(())
+    }
+    fn reset(&mut self) {
+        self.gains.reset();
+        self.t = 0;
+        self.weigh();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conformance;
+    use crate::gaze::Grid;
+    use foveate_base::rng::{Purpose, Streams};
+
+    fn policy(frames: u64, every: u64) -> ExploreThenCommit {
+        ExploreThenCommit::new(Grid::default().gazes(), frames, every).expect("nine gazes")
+    }
+
+    #[test]
+    fn it_keeps_the_law() {
+        conformance::policy(&|| Box::new(policy(10, 0)));
+        conformance::policy(&|| Box::new(policy(10, 7)));
+        conformance::policy(&|| Box::new(policy(1000, 1)));
+        assert!(ExploreThenCommit::new(vec![], 10, 0).is_err());
+    }
+
+    /// All nine for ten frames and in every fifth one later, else the best; where all earn the same, or nothing was explored, the centre.
+    #[test]
+    fn it_looks_at_all_and_then_at_the_best() {
+        let (mut plan, mut rng) = (Plan::new(), Streams::new(1, 0).at(0, Purpose::Look).rng(0));
+        for (frames, every, best) in [(10, 0, Some(7)), (10, 5, Some(7)), (10, 0, None), (0, 0, None)] {
+            let mut it = policy(frames, every);
+            for t in 0..20 {
+                it.plan(&Context::default(), &mut plan, &mut rng);
+                let explores = t < frames || every > 0 && t % every == 0;
+                assert_eq!(plan.gazes().len(), if explores { 9 } else { 1 });
+                assert!((plan.looks() - 1.0).abs() < 1e-12, "as many looks as one");
+                assert_eq!(it.settles().is_some(), t >= frames);
+                let arm = if explores { 4 } else { best.unwrap_or(4) };
+                assert_eq!(plan.chosen().arm, Some(arm));
+                let reward = |gaze: &Gaze| if gaze.arm == best && explores { 0.6 } else { 0.5 };
+                let rewards: Vec<f64> = plan.gazes().iter().map(reward).collect();
+                it.learn(&plan, &rewards);
+            }
+        }
+    }
+
+    /// What earns more later is chosen later.
+    #[test]
+    fn it_changes_its_mind() {
+        let (mut plan, mut rng) = (Plan::new(), Streams::new(1, 0).at(0, Purpose::Look).rng(0));
+        let mut it = policy(4, 2);
+        let mut chosen = vec![];
+        for t in 0..40 {
+            it.plan(&Context::default(), &mut plan, &mut rng);
+            let good = if t < 8 { 1 } else { 6 };
+            let rewards: Vec<f64> = plan.gazes().iter().map(|g| if g.arm == Some(good) { 0.9 } else { 0.1 }).collect();
+            it.learn(&plan, &rewards);
+            chosen.extend(it.settles().and_then(|gaze| gaze.arm));
+        }
+        chosen.dedup();
+        assert_eq!(chosen, [1, 6]);
+    }
+}
