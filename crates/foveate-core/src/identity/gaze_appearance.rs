@@ -20,7 +20,7 @@ use super::online::Training;
 use super::pyramid::Pyramid;
 use super::retina::Retina;
 use super::views::Looks;
-use super::{Appearance, Buffers, Lesson, Percept, ReferenceLikelihood, TemplateSource, calibrate};
+use super::{Appearance, Buffers, Lesson, Percept, ReferenceLikelihood, TemplateSource};
 use crate::geometry::{Extent, Fixation, Gaze, State};
 use crate::scene::{Image, Meter};
 use foveate_base::rng::Streams;
@@ -30,6 +30,7 @@ use foveate_base::{Error, Result};
 mod apart;
 mod cues;
 mod dim;
+mod imprint;
 mod saved;
 mod shared;
 #[cfg(feature = "learn")]
@@ -220,36 +221,6 @@ impl GazeAppearance {
         }
     }
 
-    /// Learns the first frame by the usual gaze, and what evidence to expect of it.
-    fn imprint(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams) {
-        // On the first frame itself everything is familiar.
-        let discounting_background = std::mem::take(&mut self.discounting_background);
-        self.fusion.iter_mut().for_each(Fusion::reset);
-        self.learn_first(image, state, &[]);
-        let found = calibrate::calibrate(image, state, extent, streams, &mut |states, out| {
-            self.see(image, states, &[Gaze::CENTRE]);
-            self.distances(states, Gaze::CENTRE, out);
-        });
-        self.discounting_background = discounting_background;
-        let sharpness = match self.setting {
-            Sharpness::Fixed(sharpness) => sharpness,
-            Sharpness::Calibrated(rule) => rule.sharpness(&found),
-        };
-        let kept = self.kept.as_mut().expect("a template is kept before it is imprinted");
-        kept.sharpness = sharpness;
-        kept.reference = ReferenceLikelihood { on: -sharpness * found.on, off: -sharpness * found.off };
-    }
-
-    /// Turns the retina to another usual gaze; what was learned is of the last one.
-    fn turn(&mut self, home: Gaze) {
-        if (home.u, home.v) != (self.home.u, self.home.v) {
-            self.retina = self.centred.about(home);
-            self.dense = Dense::new(&*self.retina, &*self.encoder);
-            (self.template, self.scratch.template_gaze) = (None, None);
-        }
-        self.home = home;
-    }
-
     /// τ(a): encodes the template at a gaze into the scratch, unless it is there.
     fn template_features(&mut self, gaze: Gaze) {
         if self.scratch.template_gaze == Some(gaze) {
@@ -362,14 +333,7 @@ impl Appearance for GazeAppearance {
     }
 
     fn settle(&mut self, gaze: Gaze, streams: Streams) -> bool {
-        if self.steady {
-            return false;
-        }
-        let Some(Template { state, extent, .. }) = self.kept else { return false };
-        let image = self.kept().whole();
-        self.turn(gaze);
-        self.imprint(&image, &state, extent, streams);
-        true
+        self.settle_on(gaze, streams)
     }
 
     fn adapts(&self) -> bool {

@@ -1,0 +1,51 @@
+//! The usual gaze: what is learned of the first frame is learned of the place it looks at.
+
+use super::{GazeAppearance, Sharpness};
+use crate::geometry::{Extent, Gaze, State};
+use crate::identity::dense::Dense;
+use crate::identity::fusion::Fusion;
+use crate::identity::{Appearance, calibrate};
+use crate::reference::ReferenceLikelihood;
+use crate::scene::Image;
+use foveate_base::rng::Streams;
+
+impl GazeAppearance {
+    /// Learns the first frame by the usual gaze, and what evidence to expect of it.
+    pub(super) fn imprint(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams) {
+        // On the first frame itself everything is familiar.
+        let discounting_background = std::mem::take(&mut self.discounting_background);
+        self.fusion.iter_mut().for_each(Fusion::reset);
+        self.learn_first(image, state, &[]);
+        let found = calibrate::calibrate(image, state, extent, streams, &mut |states, out| {
+            self.see(image, states, &[Gaze::CENTRE]);
+            self.distances(states, Gaze::CENTRE, out);
+        });
+        self.discounting_background = discounting_background;
+        let sharpness = match self.setting {
+            Sharpness::Fixed(sharpness) => sharpness,
+            Sharpness::Calibrated(rule) => rule.sharpness(&found),
+        };
+        let kept = self.kept.as_mut().expect("a template is kept before it is imprinted");
+        kept.sharpness = sharpness;
+        kept.reference = ReferenceLikelihood { on: -sharpness * found.on, off: -sharpness * found.off };
+    }
+
+    /// Turns the retina to another usual gaze; what was learned is of the last one.
+    pub(super) fn turn(&mut self, home: Gaze) {
+        if (home.u, home.v) != (self.home.u, self.home.v) {
+            self.retina = self.centred.about(home);
+            self.dense = Dense::new(&*self.retina, &*self.encoder);
+            (self.template, self.scratch.template_gaze) = (None, None);
+        }
+        self.home = home;
+    }
+
+    /// Learns everything anew of another usual gaze. Says false where there is nothing yet, or gazes move a sensor.
+    pub(super) fn settle_on(&mut self, gaze: Gaze, streams: Streams) -> bool {
+        let Some(kept) = self.kept.as_ref().filter(|_| !self.steady) else { return false };
+        let (image, state, extent) = (kept.whole(), kept.state, kept.extent);
+        self.turn(gaze);
+        self.imprint(&image, &state, extent, streams);
+        true
+    }
+}
