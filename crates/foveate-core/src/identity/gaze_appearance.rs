@@ -560,13 +560,7 @@ mod tests {
         assert!(other.load(&saved).is_err(), "a gaze far from the template");
         settled.init_template(&image, &at, EXTENT, streams);
         assert_eq!(judge(&mut settled, Gaze::CENTRE), centred);
-        assert!(
-            !make(retina_of(&settled)).steady(true).settle(home, streams),
-            "before a target, or where the gaze moves a sensor"
-        );
-    }
-
-    fn retina_of(it: &GazeAppearance) -> Arc<dyn Retina> {
-        it.centred.clone()
+        assert!(!settled.steady(true).settle(home, streams), "there the gaze moves a sensor");
+        assert!(!make(always.centred.clone()).settle(home, streams), "before there is a target");
     }
 }
