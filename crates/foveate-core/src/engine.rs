@@ -60,8 +60,6 @@ pub(crate) struct Engine {
     target: Option<Target>,
     /// Steps since the tracker was made.
     frame: u64,
-    /// The gaze that the appearance has settled on; the centre before.
-    home: Gaze,
     /// What the policy is told: how the last frame ended.
     context: Context,
     /// Share of the target that nothing else covers, 0 to 1.
@@ -138,7 +136,6 @@ impl Engine {
             streams: Streams::new(seed, target),
             target: None,
             frame: 0,
-            home: Gaze::CENTRE,
             context: Context::default(),
             visible: 1.0,
             work: Work::default(),

@@ -224,7 +224,7 @@ pub struct Gaze {
 
 impl Gaze {
     /// As a retina has it that has settled on another gaze, which is its centre. Of the centre nothing changes.
-    pub(crate) fn from(self, home: Self) -> Self {
+    pub(crate) fn relative_to(self, home: Self) -> Self {
         match ((home.u, home.v) == (0.0, 0.0), (self.u, self.v) == (home.u, home.v)) {
             (true, _) => self,
             (false, true) => Self::CENTRE,

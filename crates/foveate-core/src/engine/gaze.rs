@@ -77,8 +77,9 @@ impl Engine {
     pub(super) fn choose(&mut self) {
         let (w, rng) = (&mut self.work, &mut self.streams.at(self.frame, Look).rng(0));
         self.parts.gaze.policy.plan(&self.context, &mut w.plan, rng);
+        let home = self.parts.appearance.home();
         w.gazes.clear();
-        w.gazes.extend(w.plan.gazes().iter().map(|gaze| gaze.from(self.home)));
+        w.gazes.extend(w.plan.gazes().iter().map(|gaze| gaze.relative_to(home)));
     }
 
     /// What the plan needs of the picture is taken in, and with it what the search for distractors will most probably need.
@@ -129,14 +130,11 @@ impl Engine {
 
     /// Where the policy looks at one place from now on, everything is learned of that place, from the first picture on.
     pub(super) fn settle(&mut self) {
-        let Some(gaze) = self.parts.gaze.policy.settles().filter(|gaze| (gaze.u, gaze.v) != (self.home.u, self.home.v))
-        else {
-            return;
-        };
-        if !self.parts.appearance.settle(gaze, self.streams) {
+        let Some(gaze) = self.parts.gaze.policy.settles() else { return };
+        let home = self.parts.appearance.home();
+        if (gaze.u, gaze.v) == (home.u, home.v) || !self.parts.appearance.settle(gaze, self.streams) {
             return;
         }
-        self.home = gaze;
         self.parts.monitor.reset_consistency();
         let source = self.parts.appearance.template_source().map(|it| (it.image.clone(), *it.state, it.origin));
         if let Some((image, state, (x, y))) = source {
@@ -144,7 +142,7 @@ impl Engine {
         }
     }
 
-    /// What other gazes would have earned. It comes last, so that nothing depends on it.
+    /// What other gazes would have earned. No later look at the frame depends on it.
     pub(super) fn record(&mut self, image: &Image) {
         let extent = self.target().extent;
         let (parts, w) = (&mut self.parts, &mut self.work);
@@ -154,7 +152,8 @@ impl Engine {
         }
         let believed = (&Belief { states: &w.predicted, weights: &w.weights }.mean(), extent);
         w.gazes.clear();
-        w.gazes.extend(w.plan.recorded().iter().map(|gaze| gaze.from(self.home)));
+        let home = parts.appearance.home();
+        w.gazes.extend(w.plan.recorded().iter().map(|gaze| gaze.relative_to(home)));
         parts.appearance.see(image, &w.predicted, &w.gazes);
         for &gaze in &w.gazes {
             parts.appearance.log_likelihood(&w.predicted, gaze, &mut w.log_posterior);

@@ -93,7 +93,7 @@ impl Engine {
         let evidence = w.log_evidence / w.plan.looks();
         let chosen = w.plan.chosen();
         // The mean of states that are scattered lies where none of them is.
-        let seen = chosen.from(self.home);
+        let seen = chosen.relative_to(self.parts.appearance.home());
         self.parts.appearance.see_more(image, &[estimate.mean], &[seen]);
         self.parts.appearance.perceive(&estimate.mean, seen, &mut w.percept);
         let (distance, colour) = (w.percept.distance, w.percept.colour);

@@ -6,7 +6,7 @@ use super::filter::Waiting;
 use super::{Engine, Target};
 use crate::control::Redetection;
 use crate::gaze::Context;
-use crate::geometry::{Gaze, State};
+use crate::geometry::State;
 use crate::identity::surroundings::Surroundings;
 use crate::recognition::Recognition;
 use foveate_base::{Error, Result};
@@ -18,9 +18,6 @@ const MOST_FRAMES: u64 = 1 << 48;
 struct Saved {
     frame: u64,
     target: Option<Target>,
-    /// Where the appearance has settled; none at the centre.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    home: Option<Gaze>,
     particles: Vec<State>,
     /// JSON has no −∞: a particle without weight has none.
     log_weights: Vec<Option<f64>>,
@@ -52,7 +49,6 @@ impl Engine {
         let saved = Saved {
             frame: self.frame,
             target: self.target,
-            home: (self.home != Gaze::CENTRE).then_some(self.home),
             particles: self.parts.filter.particles.clone(),
             log_weights: self.parts.filter.log_weights.iter().map(|w| w.is_finite().then_some(*w)).collect(),
             waiting: self.parts.filter.waiting,
@@ -128,7 +124,6 @@ impl Engine {
         }
         self.frame = saved.frame;
         self.target = saved.target;
-        self.home = saved.home.unwrap_or(Gaze::CENTRE);
         self.context = saved.context;
         self.visible = saved.visible.clamp(0.0, 1.0);
         self.parts.filter.particles = saved.particles;

@@ -47,7 +47,6 @@ impl Engine {
     fn set_template(&mut self, image: &Image, bbox: &BBox, (vx, vy): (f64, f64)) -> Result<()> {
         crate::start::check(image, bbox)?;
         let (state, extent) = (State { vx, vy, ..State::of(bbox) }, Extent::of(bbox));
-        self.home = Gaze::CENTRE;
         self.target = Some(Target { state, extent, unit: extent.mean() });
         self.parts.appearance.init_template(image, &state, extent, self.streams);
         self.look_around_first(image, &state);

@@ -332,6 +332,10 @@ impl Appearance for GazeAppearance {
         self.look_at_each(states, rows);
     }
 
+    fn home(&self) -> Gaze {
+        self.home
+    }
+
     fn settle(&mut self, gaze: Gaze, streams: Streams) -> bool {
         self.settle_on(gaze, streams)
     }
@@ -550,7 +554,7 @@ mod tests {
         let centred = judge(&mut settled, Gaze::CENTRE);
         assert!(settled.settle(home, streams));
         assert_eq!(judge(&mut settled, Gaze::CENTRE), judge(&mut always, Gaze::CENTRE));
-        assert_eq!(judge(&mut settled, GAZE.from(home)), judge(&mut always, GAZE.from(home)));
+        assert_eq!(judge(&mut settled, GAZE.relative_to(home)), judge(&mut always, GAZE.relative_to(home)));
         assert_eq!(settled.reference(), always.reference());
         let mut other = make(settled.centred.clone());
         other.load(&settled.save()).expect("it was saved");

@@ -128,6 +128,10 @@ pub trait Appearance: Send + Sync {
     fn features(&mut self, _states: &[State], rows: &mut Vec<f32>) {
         rows.clear();
     }
+    /// The gaze that it has settled on: its centre, from which the gazes it is told of are counted.
+    fn home(&self) -> Gaze {
+        Gaze::CENTRE
+    }
     /// Makes this gaze the centre, from which all gazes it is told of later are counted: what was learned of another is learned anew
     /// from the first frame. Says false, and does nothing, where it cannot.
     fn settle(&mut self, _gaze: Gaze, _streams: Streams) -> bool {

@@ -185,11 +185,16 @@ impl Sensor {
             self.patch(source, at, extent, Gaze::CENTRE, self.settings.windows[k])?;
         }
         let [reach, side] = self.settings.fovea;
-        if let [gaze] = gazes {
-            return self.patch(source, at, extent, *gaze, [reach * wider, side]);
-        }
-        let far = gazes.iter().map(|gaze| gaze.u.abs().max(gaze.v.abs())).fold(0.0, f64::max);
-        self.patch(source, at, extent, Gaze::CENTRE, [reach + far, side * (reach + far) / reach])
+        let ends = |of: fn(&Gaze) -> f64| {
+            let ends = |(low, high): (f64, f64), place: f64| (low.min(place), high.max(place));
+            gazes.iter().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), ends)
+        };
+        let ((left, right), (top, bottom)) = (ends(|gaze| gaze.u), ends(|gaze| gaze.v));
+        let (middle, far) = (
+            Gaze { u: 0.5 * (left + right), v: 0.5 * (top + bottom), arm: None },
+            0.5 * (right - left).max(bottom - top),
+        );
+        self.patch(source, at, extent, middle, [reach * wider + far, side * (1.0 + far / reach)])
     }
 
     /// The first look at a target, in the frame it was given in: the widest window, and as sharp as the sharpest.

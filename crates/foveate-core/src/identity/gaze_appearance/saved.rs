@@ -22,7 +22,7 @@ impl GazeAppearance {
             width: kept.image.width(),
             height: kept.image.height(),
             planes: kept.image.planes(),
-            part: (kept.size != (kept.image.width(), kept.image.height())).then_some((kept.origin, kept.size)),
+            part: (!kept.is_whole()).then_some((kept.origin, kept.size)),
             pixels: base64::engine::general_purpose::STANDARD.encode(kept.image.bytes()),
             state: kept.state,
             extent: kept.extent,

@@ -44,8 +44,7 @@ impl GazeAppearance {
     pub(super) fn free(&mut self) {
         self.discriminant.iter_mut().for_each(Discriminant::compact);
         let Some(kept) = &mut self.kept else { return };
-        let whole = (kept.image.width(), kept.image.height()) == kept.size;
-        if whole && self.discounting_background <= 0.0 {
+        if kept.is_whole() && self.discounting_background <= 0.0 {
             let used = self.template.get_or_insert_with(|| kept.pyramid(&*self.retina)).used();
             let (x, y, width, height) = used;
             let region = Region { x, y, width, height }.padded((BLOCK, BLOCK), kept.size);
@@ -60,9 +59,13 @@ impl GazeAppearance {
 }
 
 impl Template {
+    pub(super) fn is_whole(&self) -> bool {
+        (self.image.width(), self.image.height()) == self.size
+    }
+
     /// The pyramid that gazes at the template read.
     pub(super) fn pyramid(&self, retina: &dyn Retina) -> Pyramid {
-        if (self.image.width(), self.image.height()) == self.size {
+        if self.is_whole() {
             return self.build(&self.image, retina);
         }
         // The part back in its place: what is about it is not read.
@@ -71,7 +74,7 @@ impl Template {
 
     /// The picture in its size, black where it was not kept.
     pub(super) fn whole(&self) -> Image {
-        if (self.image.width(), self.image.height()) == self.size {
+        if self.is_whole() {
             return self.image.clone();
         }
         let planes = self.image.planes();
