@@ -222,13 +222,17 @@ fn main() {
             oriented(black_box(patch), 4, out);
         }
     });
-    let (glimpses, mut features) = (values(48 * 356, 10), vec![0.0; 48 * 224]);
-    let lengths = Lengths { length: [0.8, 0.4, 0.3], flat: [0.05, 0.1, 0.03], neither: 0.5 };
-    report("oriented_features, 48 x 4 blocks", 48.0, "glimpses", None, || {
-        for (glimpse, out) in glimpses.chunks_exact(356).zip(features.chunks_exact_mut(224)) {
-            oriented_features(black_box(glimpse), 4, &lengths, out);
-        }
-    });
+    let (glimpses, mut features) = (values(48 * 356, 10), vec![0.0; 48 * 280]);
+    let lengths = |middle: f32| Lengths { length: [0.8, 0.4, 0.3], flat: [0.05, 0.1, 0.03], neither: 0.5, middle };
+    for (name, lengths) in [("", lengths(0.0)), (" and their middle", lengths(0.5))] {
+        let n = lengths.features(4, 32);
+        report(&format!("oriented_features, 48 x 4 blocks{name}"), 48.0, "glimpses", None, || {
+            for (glimpse, out) in glimpses.chunks_exact(356).zip(features.chunks_exact_mut(n)) {
+                oriented_features(black_box(glimpse), 4, &lengths, out);
+            }
+        });
+    }
+    let lengths = lengths(0.0);
     // The lattice of 9 × 9 places two blocks apart.
     let (columns, halves) = (40, 40 * 40);
     let (cells, colour) = (values(82 * 82, 14), values(halves, 15));

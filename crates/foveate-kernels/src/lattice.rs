@@ -6,7 +6,7 @@ use crate::level::FUSED;
 use crate::level::levels;
 #[cfg(target_arch = "x86_64")]
 use crate::oriented::avx;
-use crate::oriented::{AT_ONCE, BLOCK, DIRECTIONS, Lengths, WIDTH, add_gradients, bring_to_length};
+use crate::oriented::{AT_ONCE, BLOCK, DIRECTIONS, Lengths, WIDTH, add_gradients, parts_to_length};
 
 /// Half blocks, 2 × 2 cells, that a strip of [`oriented_halves`] has; rows are whole strips.
 pub const HALVES: usize = WIDTH / 2;
@@ -50,7 +50,7 @@ levels! {
     /// order of its sums.
     ///
     /// # Panics
-    /// If the glimpse reaches past the maps, or `out` is not 14 values a block.
+    /// If the glimpse reaches past the maps, or `out` is not as long as [`Lengths::features`] says with two values of colour a block.
     pub fn features_among / features_among_at (
         maps: &Maps<'_>, first: usize, blocks: usize, lengths: &Lengths, out: &mut [f32]
     ) = features_among_body
@@ -126,7 +126,7 @@ fn features_among_body<const V: u8>(maps: &Maps<'_>, first: usize, blocks: usize
 fn gather<const V: u8>(maps: &Maps<'_>, first: usize, blocks: usize, lengths: &Lengths, out: &mut [f32]) {
     const { assert!(BLOCK == 4) };
     let Maps { columns, .. } = *maps;
-    assert!(out.len() == 14 * blocks * blocks, "14 values a block");
+    assert!(out.len() == lengths.features(blocks, 2 * blocks * blocks), "14 values a block, and those of the middle");
     let (gradients, rest) = out.split_at_mut(DIRECTIONS * blocks * blocks);
     let (grey, colour) = rest.split_at_mut(4 * blocks * blocks);
     for (y, row) in gradients.chunks_exact_mut(DIRECTIONS * blocks).enumerate() {
@@ -144,7 +144,7 @@ fn gather<const V: u8>(maps: &Maps<'_>, first: usize, blocks: usize, lengths: &L
             row.iter_mut().zip(from.iter().step_by(2)).for_each(|(to, from)| *to = from - lengths.neither);
         }
     }
-    bring_to_length::<V>(gradients, grey, colour, lengths);
+    parts_to_length::<V>(out, blocks, blocks, lengths);
 }
 
 #[cfg(test)]
@@ -157,8 +157,11 @@ mod tests {
     /// Every place of a lattice against its own glimpse.
     #[test]
     fn places_have_the_features_of_their_glimpses() {
-        let lengths = Lengths { length: [0.8, 0.5, 0.3], flat: [0.05, 0.1, 0.03], neither: 0.4 };
-        for (blocks, columns, rows) in [(4, 16, 11), (3, 8, 6), (1, 8, 2)] {
+        let lengths = |middle: f32| Lengths { length: [0.8, 0.5, 0.3], flat: [0.05, 0.1, 0.03], neither: 0.4, middle };
+        for (blocks, columns, rows, middle) in
+            [(4, 16, 11, 0.0), (4, 16, 11, 0.6), (8, 24, 17, 0.6), (3, 8, 6, 0.0), (1, 8, 2, 0.0)]
+        {
+            let lengths = lengths(middle);
             let width = 2 * columns + 2;
             let cells = values(width * (2 * rows + 2), 1);
             let colour = [values(columns * rows, 2), values(columns * rows, 3)];
@@ -176,7 +179,7 @@ mod tests {
                         let at = |k: usize| map[(j + 2 * (k / blocks)) * columns + i + 2 * (k % blocks)];
                         glimpse.extend((0..blocks * blocks).map(at));
                     }
-                    let mut exact = vec![0.0; 14 * blocks * blocks];
+                    let mut exact = vec![0.0; lengths.features(blocks, 2 * blocks * blocks)];
                     oriented_features(&glimpse, blocks, &lengths, &mut exact);
                     let mut out = vec![f32::NAN; exact.len()];
                     features_among_at(level, &maps, j * columns + i, blocks, &lengths, &mut out);

@@ -35,14 +35,26 @@ pub struct Lengths {
     pub flat: [f32; 3],
     /// The value of a colour channel where there is no colour.
     pub neither: f32,
+    /// How long the parts of the middle quarter become that is added once more, relative to `length`; 0: it is not added.
+    pub middle: f32,
+}
+
+impl Lengths {
+    /// How many features [`oriented_features`] makes of so many blocks a side, and of so many values of colour.
+    pub fn features(&self, blocks: usize, colour: usize) -> usize {
+        let whole = (DIRECTIONS + 4) * blocks * blocks + colour;
+        if self.middle > 0.0 { whole + whole / 4 } else { whole }
+    }
 }
 
 levels! {
     /// `out` ← what [`oriented`] finds in the grey cells of a glimpse, of gradients the square roots, both with their means taken off
-    /// and brought to their lengths; then its two colour channels, less `neither`, brought to theirs.
+    /// and brought to their lengths; then its two colour channels, less `neither`, brought to theirs. With a `middle` the same of the
+    /// middle quarter follows, as if a glimpse ended there.
     ///
     /// # Panics
-    /// If `glimpse` is not `(4 blocks + 2)²` values and those of two channels, or `out` not `12 blocks²` and as many.
+    /// If `glimpse` is not `(4 blocks + 2)²` values and those of two channels, or `out` not as long as [`Lengths::features`]; with a
+    /// `middle`, if sides of blocks and of colour are not multiples of 4.
     pub fn oriented_features / oriented_features_at (
         glimpse: &[f32], blocks: usize, lengths: &Lengths, out: &mut [f32]
     ) = oriented_features_body
@@ -51,31 +63,64 @@ levels! {
 #[inline(always)]
 fn oriented_features_body<const V: u8>(glimpse: &[f32], blocks: usize, lengths: &Lengths, out: &mut [f32]) {
     let (patch, colour) = glimpse.split_at((BLOCK * blocks + 2).pow(2));
+    assert!(colour.len().is_multiple_of(2), "two channels of colour");
+    assert!(out.len() == lengths.features(blocks, colour.len()), "as many features as blocks and colour have");
     let (shape, rest) = out.split_at_mut((DIRECTIONS + 4) * blocks * blocks);
-    assert!(rest.len() == colour.len() && colour.len().is_multiple_of(2), "two channels of colour in and out");
     oriented_body::<V>(patch, blocks, shape);
-    let (gradients, grey) = shape.split_at_mut(DIRECTIONS * blocks * blocks);
-    gradients.iter_mut().for_each(|x| *x = x.sqrt());
+    shape[..DIRECTIONS * blocks * blocks].iter_mut().for_each(|x| *x = x.sqrt());
     rest.iter_mut().zip(colour).for_each(|(out, value)| *out = value - lengths.neither);
-    bring_to_length::<V>(gradients, grey, rest, lengths);
+    if blocks == AT_ONCE && colour.len() == 2 * AT_ONCE * AT_ONCE {
+        return parts_to_length::<V>(out, AT_ONCE, AT_ONCE, lengths); // with numbers that are known
+    }
+    parts_to_length::<V>(out, blocks, (colour.len() / 2).isqrt(), lengths);
 }
 
-/// Takes the means off gradients and grey, and brings them and both channels of colour to their lengths.
+/// Brings the parts of features to their lengths: of so many blocks a side, and of colour with so many values a side. Those of the middle
+/// are copied from them first, where there is one.
 #[inline(always)]
-pub(crate) fn bring_to_length<const V: u8>(
-    gradients: &mut [f32],
-    grey: &mut [f32],
-    colour: &mut [f32],
-    lengths: &Lengths,
-) {
+pub(crate) fn parts_to_length<const V: u8>(out: &mut [f32], blocks: usize, side: usize, lengths: &Lengths) {
+    if lengths.middle > 0.0 {
+        let (whole, middle) = out.split_at_mut(out.len() / 5 * 4);
+        assert!(blocks.is_multiple_of(4) && side.is_multiple_of(4), "a middle needs sides of four");
+        let (shape, colour) = whole.split_at((DIRECTIONS + 4) * blocks * blocks);
+        let (gradients, grey) = shape.split_at(DIRECTIONS * blocks * blocks);
+        let (to_gradients, rest) = middle.split_at_mut(gradients.len() / 4);
+        let (to_grey, to_colour) = rest.split_at_mut(grey.len() / 4);
+        copy_middle(gradients, blocks, DIRECTIONS, to_gradients);
+        copy_middle(grey, 2 * blocks, 1, to_grey);
+        if side > 0 {
+            let channels = colour.chunks_exact(side * side).zip(to_colour.chunks_exact_mut(side * side / 4));
+            channels.for_each(|(channel, to)| copy_middle(channel, side, 1, to));
+        }
+        bring_to_length::<V>(middle, blocks / 2, lengths, lengths.middle);
+        return bring_to_length::<V>(whole, blocks, lengths, 1.0);
+    }
+    bring_to_length::<V>(out, blocks, lengths, 1.0);
+}
+
+/// Copies the middle quarter of a square of so many places a side, of `each` values.
+#[inline(always)]
+fn copy_middle(from: &[f32], side: usize, each: usize, to: &mut [f32]) {
+    let first = side / 4 * each;
+    for (row, to) in to.chunks_exact_mut(side / 2 * each).enumerate() {
+        to.copy_from_slice(&from[(side / 4 + row) * side * each + first..][..to.len()]);
+    }
+}
+
+/// Takes the means off gradients and grey of so many blocks a side, and brings them and both channels of colour to their lengths, times
+/// `gain`.
+#[inline(always)]
+fn bring_to_length<const V: u8>(out: &mut [f32], blocks: usize, lengths: &Lengths, gain: f32) {
+    let (shape, colour) = out.split_at_mut((DIRECTIONS + 4) * blocks * blocks);
+    let (gradients, grey) = shape.split_at_mut(DIRECTIONS * blocks * blocks);
     for (k, part) in [gradients, grey].into_iter().enumerate() {
         let mean = sum_body::<V>(part) / part.len() as f32;
         part.iter_mut().for_each(|x| *x -= mean);
-        stretch::<V>(part, lengths.flat[k], lengths.length[k]);
+        stretch::<V>(part, lengths.flat[k], gain * lengths.length[k]);
     }
     let (first, second) = colour.split_at_mut(colour.len() / 2);
-    stretch::<V>(first, lengths.flat[2], lengths.length[2]);
-    stretch::<V>(second, lengths.flat[2], lengths.length[2]);
+    stretch::<V>(first, lengths.flat[2], gain * lengths.length[2]);
+    stretch::<V>(second, lengths.flat[2], gain * lengths.length[2]);
 }
 
 /// Brings the length to `length`; that of a part of little contrast stays short.
@@ -329,7 +374,7 @@ mod tests {
 
     #[test]
     fn features_agree_with_the_twin() {
-        let lengths = Lengths { length: [0.8, 0.5, 0.3], flat: [0.05, 0.1, 0.03], neither: 0.4 };
+        let lengths = Lengths { length: [0.8, 0.5, 0.3], flat: [0.05, 0.1, 0.03], neither: 0.4, middle: 0.0 };
         for (blocks, colour) in [(1, 0), (3, 2), (4, 32), (5, 18), (8, 200)] {
             let glimpse = values((4 * blocks + 2usize).pow(2) + colour, 2);
             let (patch, cells) = glimpse.split_at(glimpse.len() - colour);
@@ -357,6 +402,38 @@ mod tests {
                 oriented_features_at(level, &glimpse, blocks, &lengths, &mut out);
                 for (out, exact) in out.iter().zip(&exact) {
                     assert!((f64::from(*out) - exact).abs() < 2e-5, "{level:?}, {blocks} blocks: {out} is not {exact}");
+                }
+            }
+        }
+    }
+
+    /// The middle has the features of a glimpse that ends there, to the length that it is given.
+    #[test]
+    fn the_middle_is_a_glimpse_of_its_own() {
+        let half = Lengths { length: [0.8, 0.5, 0.3], flat: [0.05, 0.1, 0.03], neither: 0.4, middle: 0.0 };
+        for (blocks, side, middle) in [(4, 4, 0.7), (8, 8, 0.2), (4, 0, 0.7), (4, 8, 1.5)] {
+            let glimpse = values((4 * blocks + 2usize).pow(2) + 2 * side * side, 3);
+            let centre = |from: &[f32], side: usize, first: usize| -> Vec<f32> {
+                from.chunks(side.max(1))
+                    .skip(first)
+                    .take(side - 2 * first)
+                    .flat_map(|row| row[first..side - first].to_vec())
+                    .collect()
+            };
+            let (patch, colour) = glimpse.split_at(glimpse.len() - 2 * side * side);
+            let mut inner = centre(patch, 4 * blocks + 2, blocks);
+            colour.chunks(side.pow(2).max(1)).for_each(|channel| inner.extend(centre(channel, side, side / 4)));
+            for level in Level::all() {
+                let lengths = Lengths { middle, ..half };
+                let mut out = vec![f32::NAN; lengths.features(blocks, 2 * side * side)];
+                oriented_features_at(level, &glimpse, blocks, &lengths, &mut out);
+                let mut whole = vec![f32::NAN; half.features(blocks, 2 * side * side)];
+                oriented_features_at(level, &glimpse, blocks, &half, &mut whole);
+                assert_eq!(out[..whole.len()], whole, "{level:?}: the whole is what it is without a middle");
+                let mut alone = vec![f32::NAN; whole.len() / 4];
+                oriented_features_at(level, &inner, blocks / 2, &half, &mut alone);
+                for (out, alone) in out[whole.len()..].iter().zip(&alone) {
+                    assert!((out - middle * alone).abs() < 2e-5, "{level:?}, {blocks} blocks: {out} is not {alone}");
                 }
             }
         }

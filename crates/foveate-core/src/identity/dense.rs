@@ -187,7 +187,8 @@ mod tests {
 
     fn encoder(retina: &Foveal) -> Oriented {
         let channels: Vec<usize> = retina.cells().iter().map(|c| c.channel).collect();
-        Oriented::new(&channels, Weights::default()).expect("a square of cells")
+        let weights = Weights { middle: 0.3, ..Weights::default() };
+        Oriented::new(&channels, weights).expect("a square of cells")
     }
 
     /// `n` × `m` places, so many template units apart.
