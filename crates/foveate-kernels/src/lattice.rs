@@ -144,7 +144,7 @@ fn gather<const V: u8>(maps: &Maps<'_>, first: usize, blocks: usize, lengths: &L
             row.iter_mut().zip(from.iter().step_by(2)).for_each(|(to, from)| *to = from - lengths.neither);
         }
     }
-    parts_to_length::<V>(out, blocks, blocks, lengths);
+    parts_to_length::<V>(out, blocks, 2 * blocks * blocks, lengths);
 }
 
 #[cfg(test)]

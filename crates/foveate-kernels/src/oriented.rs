@@ -70,39 +70,46 @@ fn oriented_features_body<const V: u8>(glimpse: &[f32], blocks: usize, lengths: 
     shape[..DIRECTIONS * blocks * blocks].iter_mut().for_each(|x| *x = x.sqrt());
     rest.iter_mut().zip(colour).for_each(|(out, value)| *out = value - lengths.neither);
     if blocks == AT_ONCE && colour.len() == 2 * AT_ONCE * AT_ONCE {
-        return parts_to_length::<V>(out, AT_ONCE, AT_ONCE, lengths); // with numbers that are known
+        return parts_to_length::<V>(out, AT_ONCE, 2 * AT_ONCE * AT_ONCE, lengths); // with numbers that are known
     }
-    parts_to_length::<V>(out, blocks, (colour.len() / 2).isqrt(), lengths);
+    parts_to_length::<V>(out, blocks, colour.len(), lengths);
 }
 
-/// Brings the parts of features to their lengths: of so many blocks a side, and of colour with so many values a side. Those of the middle
-/// are copied from them first, where there is one.
+/// Brings the parts of features to their lengths: of so many blocks a side, and of so many values of colour. Those of the middle are
+/// copied from them first, where there is one.
 #[inline(always)]
-pub(crate) fn parts_to_length<const V: u8>(out: &mut [f32], blocks: usize, side: usize, lengths: &Lengths) {
+pub(crate) fn parts_to_length<const V: u8>(out: &mut [f32], blocks: usize, colour: usize, lengths: &Lengths) {
+    let (whole, middle) = out.split_at_mut((DIRECTIONS + 4) * blocks * blocks + colour);
     if lengths.middle > 0.0 {
-        let (whole, middle) = out.split_at_mut(out.len() / 5 * 4);
-        assert!(blocks.is_multiple_of(4) && side.is_multiple_of(4), "a middle needs sides of four");
-        let (shape, colour) = whole.split_at((DIRECTIONS + 4) * blocks * blocks);
-        let (gradients, grey) = shape.split_at(DIRECTIONS * blocks * blocks);
-        let (to_gradients, rest) = middle.split_at_mut(gradients.len() / 4);
-        let (to_grey, to_colour) = rest.split_at_mut(grey.len() / 4);
-        copy_middle(gradients, blocks, DIRECTIONS, to_gradients);
-        copy_middle(grey, 2 * blocks, 1, to_grey);
-        if side > 0 {
-            let channels = colour.chunks_exact(side * side).zip(to_colour.chunks_exact_mut(side * side / 4));
-            channels.for_each(|(channel, to)| copy_middle(channel, side, 1, to));
-        }
+        copy_middles(whole, blocks, middle);
         bring_to_length::<V>(middle, blocks / 2, lengths, lengths.middle);
-        return bring_to_length::<V>(whole, blocks, lengths, 1.0);
     }
-    bring_to_length::<V>(out, blocks, lengths, 1.0);
+    bring_to_length::<V>(whole, blocks, lengths, 1.0);
+}
+
+/// Copies the middle quarters of gradients, grey, and both channels of colour.
+#[inline(always)]
+fn copy_middles(whole: &[f32], blocks: usize, middle: &mut [f32]) {
+    let (shape, colour) = whole.split_at((DIRECTIONS + 4) * blocks * blocks);
+    let (gradients, grey) = shape.split_at(DIRECTIONS * blocks * blocks);
+    let (first, second) = colour.split_at(colour.len() / 2);
+    let side = first.len().isqrt();
+    assert!(blocks.is_multiple_of(4) && side.is_multiple_of(4), "a middle needs sides of four");
+    let mut rest = middle;
+    for (part, side, each) in
+        [(gradients, blocks, DIRECTIONS), (grey, 2 * blocks, 1), (first, side, 1), (second, side, 1)]
+    {
+        let (to, next) = rest.split_at_mut(part.len() / 4);
+        copy_middle(part, side, each, to);
+        rest = next;
+    }
 }
 
 /// Copies the middle quarter of a square of so many places a side, of `each` values.
 #[inline(always)]
 fn copy_middle(from: &[f32], side: usize, each: usize, to: &mut [f32]) {
     let first = side / 4 * each;
-    for (row, to) in to.chunks_exact_mut(side / 2 * each).enumerate() {
+    for (row, to) in to.chunks_exact_mut((side / 2 * each).max(1)).enumerate() {
         to.copy_from_slice(&from[(side / 4 + row) * side * each + first..][..to.len()]);
     }
 }

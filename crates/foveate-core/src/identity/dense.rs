@@ -185,10 +185,9 @@ mod tests {
         Foveal::new(config).expect("whole cells")
     }
 
-    fn encoder(retina: &Foveal) -> Oriented {
+    fn encoder(retina: &Foveal, middle: f32) -> Oriented {
         let channels: Vec<usize> = retina.cells().iter().map(|c| c.channel).collect();
-        let weights = Weights { middle: 0.3, ..Weights::default() };
-        Oriented::new(&channels, weights).expect("a square of cells")
+        Oriented::new(&channels, Weights { middle, ..Weights::default() }).expect("a square of cells")
     }
 
     /// `n` × `m` places, so many template units apart.
@@ -204,15 +203,17 @@ mod tests {
         let bytes: Vec<u8> = (0..160 * 120 * 3).map(|i: usize| (i * 7 + i * i / 1013) as u8).collect();
         let image = Image::from_rgb8(160, 120, &bytes).expect("enough bytes");
         let centred = foveal(16.0, 18);
-        let encoder = encoder(&centred);
         let mut pyramid = Pyramid::default();
         let aside = Gaze { u: 0.5, v: -0.3, arm: None };
-        for (n, m, step, gaze) in
-            [(9, 5, 0.5, Gaze::CENTRE), (20, 8, 0.25, Gaze::CENTRE), (7, 6, 0.75, Gaze::CENTRE), (9, 5, 0.5, aside)]
+        for (encoder, (n, m, step, gaze)) in
+            [encoder(&centred, 0.0), encoder(&centred, 0.3)].iter().flat_map(|encoder| {
+                [(9, 5, 0.5, Gaze::CENTRE), (20, 8, 0.25, Gaze::CENTRE), (7, 6, 0.75, Gaze::CENTRE), (9, 5, 0.5, aside)]
+                    .map(|lattice| (encoder, lattice))
+            })
         {
             let places = places(n, m, step);
             let retina = centred.about(gaze);
-            let mut dense = Dense::new(&*retina, &encoder).expect("cells as it needs them");
+            let mut dense = Dense::new(&*retina, encoder).expect("cells as it needs them");
             let region = Region::covering(&image, &places, &[gaze], EXTENT, 1.1);
             pyramid.build(&image, region, retina.footprints(), (0.9 * EXTENT.half_w, 0.9 * EXTENT.half_h));
             assert!(dense.look(&pyramid, &places, EXTENT));
@@ -232,7 +233,7 @@ mod tests {
     #[test]
     fn what_is_no_lattice_is_left_alone() {
         let retina = foveal(16.0, 18);
-        let encoder = encoder(&retina);
+        let encoder = encoder(&retina, 0.0);
         let mut dense = Dense::new(&retina, &encoder).expect("cells as it needs them");
         let mut refuses = |places: &[State]| !dense.look(&Pyramid::default(), places, EXTENT);
         assert!(refuses(&[]) && refuses(&places(5, 5, 0.5)), "too few");
