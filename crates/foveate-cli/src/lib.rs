@@ -81,6 +81,13 @@ fn kernels() -> foveate::Result<()> {
     }
 }
 
+/// A pool of so many threads; 0: as many as there are cores.
+fn threads(number: usize) -> foveate::Result<rayon::ThreadPool> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(number);
+    let pool = pool.spawn_handler(|worker| foveate::thread::started(|| worker.run())).build();
+    pool.map_err(|error| foveate::Error::Memory(format!("{error}, or give a smaller --threads")))
+}
+
 /// Runs the program with these arguments, its own name first; `program` is the file that has its code. Answers the exit status:
 /// 0, or 1 after an error that was told on standard error. Wrong arguments, `--help` and a second Ctrl-C end the process.
 pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
@@ -98,7 +105,7 @@ pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
             told(info);
         }
     }));
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(cli.threads.into()).build();
+    let pool = threads(cli.threads.into());
     let run = || match cli.command {
         Command::Demo(args) => cmd::demo::run(args),
         Command::Track(args) => cmd::track::run(*args),
@@ -118,9 +125,7 @@ pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
     };
     let result = match pool {
         Ok(pool) => pool.install(run),
-        Err(e) => {
-            Err(foveate::Error::Invalid(format!("cannot start {} threads: {e}; give a smaller --threads", cli.threads)))
-        }
+        Err(error) => Err(error),
     };
     match result {
         Ok(()) => 0,

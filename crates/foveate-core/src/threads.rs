@@ -1,7 +1,7 @@
 //! Threads, where there are any: with the feature `threads`. The results never depend on them.
 
 #[cfg(feature = "threads")]
-use rayon::prelude::*;
+use {foveate_base::thread::started, rayon::prelude::*};
 
 /// Threads that work is shared by.
 #[cfg(feature = "threads")]
@@ -20,7 +20,11 @@ pub(crate) fn several() -> usize {
 /// Runs `f` with so many threads, or with those of the caller where the system gives no more.
 pub(crate) fn with<T: Send>(threads: usize, f: impl FnOnce() -> T + Send) -> T {
     #[cfg(feature = "threads")]
-    return match rayon::ThreadPoolBuilder::new().num_threads(threads).build() {
+    return match rayon::ThreadPoolBuilder::new()
+        .num_threads(threads)
+        .spawn_handler(|worker| started(|| worker.run()))
+        .build()
+    {
         Ok(pool) => pool.install(f),
         Err(_) => f(),
     };

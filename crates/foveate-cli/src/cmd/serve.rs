@@ -128,8 +128,7 @@ fn start(
         let problem = "expected a video file or a folder of images; of a stream draw the box in `foveate serve`";
         return Err(Error::malformed(&paths[0], problem));
     }
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(rayon::current_num_threads()).build();
-    let pool = pool.map_err(|e| Error::Invalid(format!("cannot start threads: {e}; give a smaller --threads")))?;
+    let pool = crate::threads(rayon::current_num_threads())?;
     let name = address.to_string();
     let listener =
         TcpListener::bind(address).map_err(Error::io(&name, "cannot listen there; give another --address"))?;

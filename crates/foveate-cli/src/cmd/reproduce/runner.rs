@@ -267,8 +267,7 @@ fn side_by_side<J: Sync, R: Finished>(
     let runs = Mutex::new(vec![None; jobs.len()]);
     // A pool of one thread: what the tracker shares out stays in its own job, or times would be those of several.
     let worker = || -> Result<()> {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build();
-        let pool = pool.map_err(|e| Error::Invalid(format!("cannot start a thread: {e}; give a smaller --threads")))?;
+        let pool = crate::threads(1)?;
         while !terminal::stopping() && !failed.load(Ordering::Relaxed) {
             let i = next.fetch_add(1, Ordering::Relaxed);
             let Some(job) = jobs.get(i) else { break };

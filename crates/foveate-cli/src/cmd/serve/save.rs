@@ -55,7 +55,7 @@ impl Saved {
                 let _ = std::fs::remove_dir_all(&folder);
             }
         };
-        std::thread::Builder::new().spawn(work).map_err(Error::io(&saved.folder, "cannot start a thread to write"))?;
+        foveate::thread::start("writing what was tracked", work)?;
         Ok(saved)
     }
 

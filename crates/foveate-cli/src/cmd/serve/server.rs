@@ -44,7 +44,7 @@ pub fn serve(
             continue;
         }
         let (answer, trusted, taken) = (Arc::clone(answer), Arc::clone(trusted), Arc::clone(&count));
-        let started = std::thread::Builder::new().spawn(move || {
+        let started = foveate::thread::started(move || {
             let _ = catch_unwind(AssertUnwindSafe(|| converse(stream, &*answer, &*trusted)));
             taken.fetch_sub(1, Ordering::SeqCst);
         });
@@ -66,7 +66,7 @@ fn wake(mut address: SocketAddr, stop: Arc<dyn Fn() -> bool + Send + Sync>) -> s
         }
         let _ = TcpStream::connect_timeout(&address, SILENCE);
     };
-    std::thread::Builder::new().spawn(wait).map(drop)
+    foveate::thread::started(wait)
 }
 
 fn converse(stream: TcpStream, answer: &Answer, trusted: &Trusted) {
