@@ -5,7 +5,7 @@ Usage:
   bench/variants.py --data data --out out-variants
   foveate eval --seqs out-variants/backwards --seeds 3      # also: later, walkers
 
-Input: DATA/tracking (OTB layout) and DATA/mot (MOTChallenge layout). Output, in OTB layout, with links to the images:
+Input: DATA/tracking and DATA/tracking-wide (OTB layout), and DATA/mot (MOTChallenge layout). Output, in OTB layout, with links to the images:
   backwards  each sequence from its last frame to its first
   later      each sequence from its first quarter on, and from its middle on: another first frame, another template
   walkers    every target of DATA/mot that is annotated for 50 frames in a row, one sequence each
@@ -35,10 +35,10 @@ def longest_run(frames):
 
 def main():
     args = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    args.add_argument("--data", default="data", help="folder with tracking/ and mot/")
+    args.add_argument("--data", default="data", help="folder with tracking/, tracking-wide/ and mot/; what is not there is left out")
     args.add_argument("--out", default="out-variants", help="folder for the variants")
     args = args.parse_args()
-    for truth in sorted(glob.glob(f"{args.data}/tracking/*/groundtruth_rect*.txt")):
+    for truth in sorted(glob.glob(f"{args.data}/tracking*/*/groundtruth_rect*.txt")):
         folder = os.path.dirname(truth)
         name = os.path.basename(folder) + os.path.basename(truth)[len("groundtruth_rect"):-len(".txt")].replace(".", "-")
         pictures = sorted(glob.glob(f"{folder}/img/*"))
