@@ -116,12 +116,16 @@ pub fn shown(bytes: u64) -> String {
 
 /// What the machine has, or the control group (container) that the process is in.
 fn machine() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
-    let total = line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()? << 10;
+    let total = listed("MemTotal:", &std::fs::read_to_string("/proc/meminfo").ok()?)?;
     let group = ["/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"];
     let groups = group.iter().filter_map(|path| std::fs::read_to_string(path).ok()?.trim().parse().ok());
     groups.chain([total]).min()
+}
+
+/// Bytes of a line that Linux lists so many kB in, by its first word.
+pub(crate) fn listed(name: &str, text: &str) -> Option<u64> {
+    let line = text.lines().find_map(|line| line.strip_prefix(name))?;
+    Some(line.trim().trim_end_matches("kB").trim().parse::<u64>().ok()? << 10)
 }
 
 #[cfg(test)]

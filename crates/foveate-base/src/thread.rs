@@ -3,7 +3,7 @@
 use std::sync::{OnceLock, mpsc};
 use std::thread::{Builder, JoinHandle};
 
-use crate::memory::shown;
+use crate::memory::{listed, shown};
 use crate::{Error, Result};
 
 /// Address space that a new thread takes before its work begins: its stack of 2 MiB, guard pages and signal stack, and what its first
@@ -17,7 +17,7 @@ const ROOM: u64 = 3 << 20;
 /// # Errors
 /// [`Error::Memory`], which says what the thread is for: `what`, as in "reading frames ahead".
 pub fn start<T: Send + 'static>(what: &str, work: impl FnOnce() -> T + Send + 'static) -> Result<JoinHandle<T>> {
-    let Some(limit) = *address_space() else {
+    let Some(limit) = address_space() else {
         return Builder::new().spawn(work).map_err(|error| refused(what, &error));
     };
     has_room(limit, taken()).map_err(|problem| refused(what, &problem))?;
@@ -57,9 +57,9 @@ fn has_room(limit: u64, taken: Option<u64>) -> std::result::Result<(), String> {
 }
 
 /// Bytes of address space that this process may have; none where there is no limit, or no telling.
-fn address_space() -> &'static Option<u64> {
+fn address_space() -> Option<u64> {
     static LIMIT: OnceLock<Option<u64>> = OnceLock::new();
-    LIMIT.get_or_init(|| limit_in(&std::fs::read_to_string("/proc/self/limits").ok()?))
+    *LIMIT.get_or_init(|| limit_in(&std::fs::read_to_string("/proc/self/limits").ok()?))
 }
 
 fn limit_in(limits: &str) -> Option<u64> {
@@ -68,12 +68,7 @@ fn limit_in(limits: &str) -> Option<u64> {
 
 /// Bytes of address space that this process has.
 fn taken() -> Option<u64> {
-    size_in(&std::fs::read_to_string("/proc/self/status").ok()?)
-}
-
-fn size_in(status: &str) -> Option<u64> {
-    let size = status.lines().find_map(|line| line.strip_prefix("VmSize:"))?;
-    Some(size.split_whitespace().next()?.parse::<u64>().ok()? << 10)
+    listed("VmSize:", &std::fs::read_to_string("/proc/self/status").ok()?)
 }
 
 #[cfg(test)]
@@ -112,8 +107,8 @@ mod tests {
                       Max address space         49152000             unlimited            bytes     \n";
         assert_eq!(limit_in(limits), Some(49_152_000));
         assert_eq!(limit_in(&limits.replace("49152000 ", "unlimited")), None);
-        assert_eq!(size_in("Name:\tfoveate\nVmPeak:\t  9000 kB\nVmSize:\t    8192 kB\n"), Some(8 << 20));
-        assert_eq!((limit_in(""), size_in("VmSize:")), (None, None));
+        assert_eq!(listed("VmSize:", "Name:\tfoveate\nVmPeak:\t  9000 kB\nVmSize:\t    8192 kB\n"), Some(8 << 20));
+        assert_eq!((limit_in(""), listed("VmSize:", "VmSize:")), (None, None));
         if cfg!(target_os = "linux") {
             assert!(taken().is_some_and(|bytes| bytes > 1 << 20));
         }

@@ -105,7 +105,6 @@ pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
             told(info);
         }
     }));
-    let pool = threads(cli.threads.into());
     let run = || match cli.command {
         Command::Demo(args) => cmd::demo::run(args),
         Command::Track(args) => cmd::track::run(*args),
@@ -123,11 +122,7 @@ pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
         Command::Completions(args) => cmd::completions::run(args, Cli::command()),
         Command::Man(args) => cmd::man::run(args, Cli::command()),
     };
-    let result = match pool {
-        Ok(pool) => pool.install(run),
-        Err(error) => Err(error),
-    };
-    match result {
+    match threads(cli.threads.into()).and_then(|pool| pool.install(run)) {
         Ok(()) => 0,
         Err(error) => {
             note!("foveate: {error}");
