@@ -8,7 +8,8 @@ Usage:
 Input: DATA/tracking and DATA/tracking-wide (OTB layout), and DATA/mot (MOTChallenge layout). Output, in OTB layout, with links to the images:
   backwards  each sequence from its last frame to its first
   later      each sequence from its first quarter on, and from its middle on: another first frame, another template
-  walkers    every target of DATA/mot that is annotated for 50 frames in a row, one sequence each
+  walkers    every target of DATA/mot, one sequence each, from the first frame on in which nobody else's box overlaps a quarter of it, nor
+             in the four frames after: a first box that shows somebody else names nobody. Forty frames or more of its longest run
 """
 import argparse
 import glob
@@ -33,6 +34,22 @@ def longest_run(frames):
     return best
 
 
+def overlapped(box, others):
+    """The largest share of a box that another one overlaps."""
+    x, y, w, h = box
+    shares = [max(min(x + w, a + c) - max(x, a), 0) * max(min(y + h, b + d) - max(y, b), 0) for a, b, c, d in others]
+    return max(shares, default=0) / (w * h)
+
+
+def from_where_it_is_alone(run, boxes, targets):
+    """The frames of a run from the first of five on in which nobody else's box overlaps a quarter of the target's."""
+    def alone(frame):
+        others = [other[frame] for other in targets.values() if other is not boxes and frame in other]
+        return overlapped(boxes[frame], others) < 0.25
+    clear = [alone(frame) for frame in run]
+    return next((run[i:] for i in range(len(run) - 4) if all(clear[i:i + 5])), [])
+
+
 def main():
     args = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     args.add_argument("--data", default="data", help="folder with tracking/, tracking-wide/ and mot/; what is not there is left out")
@@ -53,12 +70,13 @@ def main():
         pictures = sorted(glob.glob(f"{folder}/img1/*"))
         targets = {}
         for row in (line.split(",") for line in open(truth) if line.strip()):
-            targets.setdefault(int(row[1]), {})[int(row[0])] = ",".join(row[2:6])
+            targets.setdefault(int(row[1]), {})[int(row[0])] = [float(v) for v in row[2:6]]
         for target, boxes in targets.items():
             run = [frame for frame in longest_run(boxes) if frame <= len(pictures)]
-            if len(run) >= 50:
+            run = from_where_it_is_alone(run, boxes, targets)
+            if len(run) >= 40:
                 name = f"{os.path.basename(folder)}-{target}"
-                write(f"{args.out}/walkers/{name}", [pictures[f - 1] for f in run], [boxes[f] for f in run])
+                write(f"{args.out}/walkers/{name}", [pictures[f - 1] for f in run], [",".join(f"{v:g}" for v in boxes[f]) for f in run])
 
 
 if __name__ == "__main__":
