@@ -181,11 +181,13 @@ fn context(rng: &mut Rng) -> Context {
     Context { ess, deficit, frame_deficit, spread, lost: deficit > 0.6, around }
 }
 
-/// Every feature is finite and depends on its own row alone, bit for bit, however many rows are encoded at once.
+/// Every feature is finite and depends on its own row alone, bit for bit, however many rows are encoded at once; its parts are all of
+/// them.
 ///
 /// `glimpses` are conditioned rows, three at least.
 pub fn encoder(encoder: &dyn Encoder, glimpses: &[f32]) {
     let (n_v, n_h) = encoder.shape();
+    assert_eq!(encoder.parts().iter().sum::<usize>(), n_h, "the parts of a feature vector are all of it");
     let encode = |glimpses: &[f32]| {
         let mut features = vec![f32::NAN; glimpses.len() / n_v * n_h];
         encoder.encode(Rows::new(glimpses, n_v), RowsMut::new(&mut features, n_h));

@@ -7,7 +7,9 @@
 //! A = first_frame_weight · A₁ + (1 − first_frame_weight) · Aₜ + ridge · I,   A w = b,
 //! Aₜ = (1 − learning_rate) · Aₜ₋₁ + learning_rate · Σ h hᵀ
 //! ```
-//! and a few steps of conjugate gradients a frame, from the last w on, follow its solution.
+//! and the weights are also those that do best where each part of the features (gradients, grey, colour) is left out with a
+//! probability of its own (`dropout`), in expectation (van der Maaten et al., 2013), so that no part leans on another. A few steps of
+//! conjugate gradients a frame, from the last w on, follow its solution.
 //!
 //! Deviation: the paper's template is the first frame for ever. Correlation filters learn the same from all shifts at
 //! once (Henriques et al., 2015); glimpses, foveated and turned, are no shifts of each other.
@@ -25,7 +27,7 @@ mod short_term;
 mod two;
 
 pub(super) use self::ridge::Learning;
-use self::ridge::{STEPS, Sums, outer, solve};
+use self::ridge::{Regression, STEPS, Sums, outer};
 pub use self::settings::Settings;
 use self::short_term::Recent;
 pub use self::short_term::ShortTerm;
@@ -42,7 +44,7 @@ const MOST_PLACES: usize = PLACES + DISTRACTORS;
 /// A score of features, learned online.
 #[derive(Clone, Debug)]
 pub struct Discriminant {
-    settings: Settings,
+    regression: Regression,
     /// What the sums of the first frame are made of: they are larger, and made again where memory is short.
     first_rows: Vec<f32>,
     first: Sums,
@@ -59,12 +61,12 @@ impl Discriminant {
     /// Rows that are kept of the first frame, at most.
     pub(crate) const FIRST_ROWS: u64 = MOST_PLACES as u64;
 
-    /// Of features of length `n_h`. It knows nothing yet.
-    pub fn new(settings: Settings, n_h: usize) -> Self {
-        let n = n_h + 1;
+    /// Of features with parts of these lengths. It knows nothing yet.
+    pub fn new(settings: Settings, parts: Vec<usize>) -> Self {
+        let n = parts.iter().sum::<usize>() + 1;
         let zeros = Sums { gram: vec![0.0; n * (n + 1) / 2], cross: vec![0.0; n] };
         Self {
-            settings,
+            regression: Regression { settings, parts },
             first_rows: vec![],
             first: zeros.clone(),
             recent: zeros,
@@ -107,7 +109,7 @@ impl Discriminant {
 
     /// The settings it was made with.
     pub fn settings(&self) -> &Settings {
-        &self.settings
+        &self.regression.settings
     }
 
     /// Whether it has learned to judge what is seen at a gaze: the centre only.
@@ -145,7 +147,8 @@ impl Discriminant {
 
     /// Chooses `places` for a target at `state`, and their labels.
     pub(super) fn look_around(&mut self, state: &State, extent: Extent, distractors: &[State]) {
-        let Self { learning: Learning { places, labels, rows, .. }, settings, weights, .. } = self;
+        let Self { learning: Learning { places, labels, rows, .. }, regression, weights, .. } = self;
+        let settings = &regression.settings;
         let (w, h) = (state.log_scale.exp() * extent.half_w, state.log_scale.exp() * extent.half_h);
         // Room for all that there may be.
         places.clear();
@@ -173,7 +176,7 @@ impl Discriminant {
     /// Learns from `rows` at `places`. On the first frame it forgets all else.
     pub(super) fn learn(&mut self, first: bool) {
         self.unpack();
-        let Self { settings, first_rows, first: begun, recent, weights, short_term, learning, .. } = self;
+        let Self { regression, first_rows, first: begun, recent, weights, short_term, learning, .. } = self;
         let n = weights.len();
         if first {
             recent.learn(learning, n, (0.0, 1.0));
@@ -182,11 +185,11 @@ impl Discriminant {
             first_rows.shrink_to_fit();
             weights.fill(0.0);
             short_term.iter_mut().for_each(Recent::forget);
-            return solve(settings, begun, recent, weights, learning, STEPS.0);
+            return regression.solve(begun, recent, weights, learning, STEPS.0);
         }
-        recent.learn(learning, n, settings.fading());
-        solve(settings, begun, recent, weights, learning, STEPS.1);
-        short_term.iter_mut().for_each(|it| it.learn_too(settings, begun, learning));
+        recent.learn(learning, n, regression.settings.fading());
+        regression.solve(begun, recent, weights, learning, STEPS.1);
+        short_term.iter_mut().for_each(|it| it.learn_too(regression, begun, learning));
     }
 }
 
@@ -197,12 +200,13 @@ mod tests {
     use rand::RngExt;
 
     const N: usize = 7;
+    const PARTS: [usize; 2] = [4, 2];
     const EXTENT: Extent = Extent { half_w: 10.0, half_h: 20.0 };
     const TARGET: State = State { x: 50.0, y: 40.0, vx: 0.0, vy: 0.0, log_scale: 0.1, angle: 0.0 };
 
     /// Of random features at the places around the target, learned on so many frames.
     fn learned(settings: Settings, frames: u64) -> Discriminant {
-        let mut it = Discriminant::new(settings, N - 1);
+        let mut it = Discriminant::new(settings, PARTS.to_vec());
         for frame in 0..frames {
             let mut rng = Streams::new(4, 0).rng(frame);
             // As a tracker does: of the first frame no distractors are known.
@@ -232,6 +236,14 @@ mod tests {
                 }
             }
         }
+        let part = |i: usize| i / PARTS[0];
+        for (i, row) in a[..N - 1].iter_mut().enumerate() {
+            row[..N - 1]
+                .iter_mut()
+                .enumerate()
+                .filter(|(j, _)| part(i) == part(*j))
+                .for_each(|(_, a)| *a /= 1.0 - settings.dropout);
+        }
         (0..N).for_each(|i| a[i][i] += settings.ridge);
         for i in 0..N {
             let pivot = a[i];
@@ -247,7 +259,8 @@ mod tests {
     #[test]
     fn it_is_ridge_regression() {
         let settings = Settings { ridge: 0.5, learning_rate: 0.3, first_frame_weight: 0.4, ..Settings::default() };
-        for (frames, within) in [(1, 1e-4), (4, 0.02)] {
+        for (frames, within, dropout) in [(1, 1e-4, 0.0), (4, 0.02, 0.0), (1, 1e-4, 0.4), (4, 0.02, 0.4)] {
+            let settings = Settings { dropout, ..settings };
             let it = learned(settings, frames);
             for (w, exact) in it.weights.iter().zip(exact(settings, frames)) {
                 assert!((f64::from(*w) - exact).abs() < within, "{frames} frames: {w} is not {exact}");
@@ -273,10 +286,10 @@ mod tests {
     #[test]
     fn what_was_learned_is_kept() {
         let it = learned(Settings::default(), 3);
-        let mut other = Discriminant::new(Settings::default(), N - 1);
+        let mut other = Discriminant::new(Settings::default(), vec![N - 1]);
         other.load(&it.save()).expect("it was saved");
         assert_eq!((&other.weights, &other.recent, &other.first), (&it.weights, &it.recent, &it.first));
-        let mut wider = Discriminant::new(Settings::default(), N);
+        let mut wider = Discriminant::new(Settings::default(), vec![N]);
         let said = wider.load(&it.save()).expect_err("another width").to_string();
         assert!(said.contains("385 numbers where this tracker has 440"), "{said}");
         assert!(wider.load(&serde_json::json!([1, 2])).is_err());
@@ -303,7 +316,7 @@ mod tests {
     #[test]
     fn hard_negatives_of_the_first_frame_are_learned() {
         let distractor = State { x: 80.0, ..TARGET };
-        let (mut rng, mut it) = (Streams::new(4, 0).rng(0), Discriminant::new(Settings::default(), N - 1));
+        let (mut rng, mut it) = (Streams::new(4, 0).rng(0), Discriminant::new(Settings::default(), vec![N - 1]));
         let [target, like] = [[1.0f32, 0.0, 0.0, 0.3, 0.0, 0.0], [1.0, 0.0, 0.0, -0.3, 0.0, 0.0]];
         let distances = [&[][..], &[distractor]].map(|distractors| {
             it.look_around(&TARGET, EXTENT, distractors);
@@ -318,7 +331,7 @@ mod tests {
             it.distance(&like) - it.distance(&target)
         });
         assert!(distances[1] > distances[0] + 0.2, "{distances:?}");
-        let mut other = Discriminant::new(Settings::default(), N - 1);
+        let mut other = Discriminant::new(Settings::default(), vec![N - 1]);
         other.load(&it.save()).expect("it was saved");
         assert_eq!((other.first_rows.len(), &other.first), ((PLACES + 1) * N, &it.first));
     }

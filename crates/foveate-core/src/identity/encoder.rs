@@ -22,6 +22,11 @@ pub trait Encoder: Send + Sync {
     fn overlaps(&self, _glimpses: Rows<'_>, _root: &[f32], _totals: &mut [f32], _overlaps: &mut [f32]) -> bool {
         false
     }
+    /// Lengths of the parts of a feature vector, in their order: each tells something of its own, as gradients and colours do. One
+    /// part unless told otherwise.
+    fn parts(&self) -> Vec<usize> {
+        vec![self.shape().1]
+    }
     /// The encoder by an RBM that this is; one that can be trained while it tracks.
     #[cfg(feature = "learn")]
     fn rbm(&self) -> Option<&super::RbmEncoder> {

@@ -102,6 +102,16 @@ impl Encoder for Oriented {
         Some((self.blocks, self.lengths))
     }
 
+    fn parts(&self) -> Vec<usize> {
+        let n = self.blocks * self.blocks;
+        let mut parts = vec![kernels::DIRECTIONS * n, 4 * n, self.colour];
+        if self.lengths.middle > 0.0 {
+            parts.extend_from_within(..);
+            parts[3..].iter_mut().for_each(|part| *part /= 4);
+        }
+        parts
+    }
+
     fn encode(&self, glimpses: Rows<'_>, mut features: RowsMut<'_>) {
         let (n_v, n_h) = self.shape();
         for (v, h) in glimpses.data().chunks_exact(n_v).zip(features.data().chunks_exact_mut(n_h)) {

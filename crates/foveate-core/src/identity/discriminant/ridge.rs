@@ -43,49 +43,76 @@ impl Sums {
     }
 }
 
-/// Conjugate gradients from `weights` on: so many steps towards the ridge regression of both sums.
-pub(super) fn solve(
-    settings: &Settings,
-    begun: &Sums,
-    recent: &Sums,
-    weights: &mut [f32],
-    Learning { system, work: [step, image], .. }: &mut Learning,
-    steps: usize,
-) {
-    let n = weights.len();
-    system.gram.resize(recent.gram.len(), 0.0);
-    system.cross.resize(n, 0.0);
-    step.resize(n, 0.0);
-    image.resize(n, 0.0);
-    let old = settings.first_frame_weight as f32;
-    let mix = |out: &mut [f32], a: &[f32], b: &[f32]| {
-        out.iter_mut().zip(a).zip(b).for_each(|((out, a), b)| *out = old * a + (1.0 - old) * b);
-    };
-    mix(&mut system.gram, &begun.gram, &recent.gram);
-    mix(&mut system.cross, &begun.cross, &recent.cross);
-    for i in 0..n {
-        system.gram[i * (i + 3) / 2] += settings.ridge as f32;
-    }
-    // `cross` becomes what is left of the right-hand side.
-    let rest = &mut system.cross;
-    kernels::symmetric_times(&system.gram, weights, image);
-    rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= image);
-    step.copy_from_slice(rest);
-    let mut left = kernels::dot(rest, rest);
-    for _ in 0..steps {
-        if left < 1e-12 {
-            break;
+/// What is fitted: by which settings, and of features with parts of which lengths.
+#[derive(Clone, Debug)]
+pub(super) struct Regression {
+    pub settings: Settings,
+    pub parts: Vec<usize>,
+}
+
+impl Regression {
+    /// Conjugate gradients from `weights` on: so many steps towards the ridge regression of both sums.
+    pub fn solve(
+        &self,
+        begun: &Sums,
+        recent: &Sums,
+        weights: &mut [f32],
+        Learning { system, work: [step, image], .. }: &mut Learning,
+        steps: usize,
+    ) {
+        let (settings, n) = (&self.settings, weights.len());
+        system.gram.resize(recent.gram.len(), 0.0);
+        system.cross.resize(n, 0.0);
+        step.resize(n, 0.0);
+        image.resize(n, 0.0);
+        let old = settings.first_frame_weight as f32;
+        let mix = |out: &mut [f32], a: &[f32], b: &[f32]| {
+            out.iter_mut().zip(a).zip(b).for_each(|((out, a), b)| *out = old * a + (1.0 - old) * b);
+        };
+        mix(&mut system.gram, &begun.gram, &recent.gram);
+        mix(&mut system.cross, &begun.cross, &recent.cross);
+        self.leave_out(&mut system.gram);
+        for i in 0..n {
+            system.gram[i * (i + 3) / 2] += settings.ridge as f32;
         }
-        kernels::symmetric_times(&system.gram, step, image);
-        let length = left / kernels::dot(step, image);
-        weights.iter_mut().zip(&*step).for_each(|(w, step)| *w += length * step);
-        rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= length * image);
-        let before = std::mem::replace(&mut left, kernels::dot(rest, rest));
-        step.iter_mut().zip(&*rest).for_each(|(step, rest)| *step = rest + left / before * *step);
+        // `cross` becomes what is left of the right-hand side.
+        let rest = &mut system.cross;
+        kernels::symmetric_times(&system.gram, weights, image);
+        rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= image);
+        step.copy_from_slice(rest);
+        let mut left = kernels::dot(rest, rest);
+        for _ in 0..steps {
+            if left < 1e-12 {
+                break;
+            }
+            kernels::symmetric_times(&system.gram, step, image);
+            let length = left / kernels::dot(step, image);
+            weights.iter_mut().zip(&*step).for_each(|(w, step)| *w += length * step);
+            rest.iter_mut().zip(&*image).for_each(|(rest, image)| *rest -= length * image);
+            let before = std::mem::replace(&mut left, kernels::dot(rest, rest));
+            step.iter_mut().zip(&*rest).for_each(|(step, rest)| *step = rest + left / before * *step);
+        }
+        // Of sums from a damaged state: then it tells nothing.
+        if !kernels::dot(weights, weights).is_finite() {
+            weights.fill(0.0);
+        }
     }
-    // Of sums from a damaged state: then it tells nothing.
-    if !kernels::dot(weights, weights).is_finite() {
-        weights.fill(0.0);
+
+    /// Σ h hᵀ, in expectation, of features whose parts are left out at random and are larger by as much where they are not: what is
+    /// of one part grows. One part alone cannot be left out.
+    fn leave_out(&self, gram: &mut [f32]) {
+        let more = 1.0 / (1.0 - self.settings.dropout as f32);
+        if more == 1.0 || self.parts.len() < 2 {
+            return;
+        }
+        let mut start = 0;
+        for part in &self.parts {
+            for i in start..start + part {
+                let row = i * (i + 1) / 2;
+                gram[row + start..=row + i].iter_mut().for_each(|sum| *sum *= more);
+            }
+            start += part;
+        }
     }
 }
 

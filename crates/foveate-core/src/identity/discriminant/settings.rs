@@ -16,6 +16,9 @@ pub struct Settings {
     pub first_frame_weight: f64,
     /// What is added to the diagonal, 1e-6 to 1e3; features have a length of about 1.
     pub ridge: f64,
+    /// Probability, 0 to 0.9, with which each part of the features is left out of what is learned, in expectation: gradients, grey and
+    /// colour of the oriented encoder. Of features without parts nothing is left out.
+    pub dropout: f64,
     /// Standard deviation of the labels along u and v, template units, 0.01 to 10.
     pub spread: f64,
     /// Standard deviation of the labels in the logarithm of scale, 0.01 to 10.
@@ -31,6 +34,7 @@ impl Default for Settings {
             learning_rate: 0.1,
             first_frame_weight: 0.5,
             ridge: 0.003,
+            dropout: 0.0,
             spread: 0.2,
             log_scale: 0.1,
             gate: 0.5,
@@ -50,6 +54,7 @@ impl Settings {
             ("learning_rate", self.learning_rate, 0.0, 1.0),
             ("first_frame_weight", self.first_frame_weight, 0.0, 1.0),
             ("ridge", self.ridge, 1e-6, 1e3),
+            ("dropout", self.dropout, 0.0, 0.9),
             ("spread", self.spread, 0.01, 10.0),
             ("log_scale", self.log_scale, 0.01, 10.0),
             ("gate", self.gate, 0.0, 2.0),

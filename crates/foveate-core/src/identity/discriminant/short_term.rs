@@ -11,8 +11,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::ridge::{Learning, STEPS, Sums, solve};
-use super::settings::Settings;
+use super::ridge::{Learning, Regression, STEPS, Sums};
 use foveate_base::Result;
 use foveate_base::error::within;
 
@@ -65,16 +64,16 @@ impl Recent {
     }
 
     /// Learns what the other one just learned.
-    pub fn learn_too(&mut self, settings: &Settings, begun: &Sums, learning: &mut Learning) {
+    pub fn learn_too(&mut self, regression: &Regression, begun: &Sums, learning: &mut Learning) {
         let Some(apart) = self.apart else { return };
-        self.learn(settings, begun, learning);
-        let left = apart * (1.0 - settings.learning_rate);
+        self.learn(regression, begun, learning);
+        let left = apart * (1.0 - regression.settings.learning_rate);
         self.apart = (left > SAME).then_some(left);
     }
 
-    pub fn learn(&mut self, settings: &Settings, begun: &Sums, learning: &mut Learning) {
-        self.sums.learn(learning, self.weights.len(), settings.fading());
-        solve(settings, begun, &self.sums, &mut self.weights, learning, STEPS.1);
+    pub fn learn(&mut self, regression: &Regression, begun: &Sums, learning: &mut Learning) {
+        self.sums.learn(learning, self.weights.len(), regression.settings.fading());
+        regression.solve(begun, &self.sums, &mut self.weights, learning, STEPS.1);
     }
 }
 

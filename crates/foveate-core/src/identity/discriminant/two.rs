@@ -35,7 +35,7 @@ impl Discriminant {
     /// Learns from `rows` at `places` for now; nothing without a short-term memory.
     pub(in crate::identity) fn learn_for_now(&mut self) {
         self.unpack();
-        let Self { settings, first, recent, weights, short_term, learning, .. } = self;
+        let Self { regression, first, recent, weights, short_term, learning, .. } = self;
         let Some(it) = short_term else { return };
         if it.apart.is_none() {
             it.sums.gram.clone_from(&recent.gram);
@@ -43,7 +43,7 @@ impl Discriminant {
             it.weights.clone_from(weights);
         }
         it.apart = Some(1.0);
-        it.learn(settings, first, learning);
+        it.learn(regression, first, learning);
     }
 }
 
@@ -58,7 +58,7 @@ mod tests {
     const EXTENT: Extent = Extent { half_w: 10.0, half_h: 20.0 };
 
     fn fresh() -> Discriminant {
-        Discriminant::new(Settings { learning_rate: 0.3, ..Settings::default() }, N - 1)
+        Discriminant::new(Settings { learning_rate: 0.3, ..Settings::default() }, vec![N - 1])
     }
 
     /// Looks around the target in a frame of random features.

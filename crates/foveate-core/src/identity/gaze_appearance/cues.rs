@@ -24,8 +24,7 @@ enum Learned {
 impl GazeAppearance {
     /// Learns while tracking what tells the target from what is around it, by these settings.
     pub fn discriminating(self, settings: discriminant::Settings) -> Self {
-        let (_, n_h) = self.encoder.shape();
-        Self { discriminant: Some(Discriminant::new(settings, n_h)), ..self }
+        Self { discriminant: Some(Discriminant::new(settings, self.encoder.parts())), ..self }
     }
 
     /// With a short-term memory, it learns from frames, too, that are not consistent enough to be learned from for good.
