@@ -7,9 +7,9 @@
 //! A = first_frame_weight · A₁ + (1 − first_frame_weight) · Aₜ + ridge · I,   A w = b,
 //! Aₜ = (1 − learning_rate) · Aₜ₋₁ + learning_rate · Σ h hᵀ
 //! ```
-//! and the weights are also those that do best where each part of the features (gradients, grey, colour) is left out with a
-//! probability of its own (`dropout`), in expectation (van der Maaten et al., 2013), so that no part leans on another. A few steps of
-//! conjugate gradients a frame, from the last w on, follow its solution.
+//! and a few steps of conjugate gradients a frame, from the last w on, follow its solution. With `dropout`, sums of two features of one
+//! part (gradients, grey, colour) are divided by 1 − dropout: w is then what fits best in expectation where each part is left out with
+//! that probability, and larger by as much where it is not (van der Maaten et al., 2013), so that no part leans on another.
 //!
 //! Deviation: the paper's template is the first frame for ever. Correlation filters learn the same from all shifts at
 //! once (Henriques et al., 2015); glimpses, foveated and turned, are no shifts of each other.

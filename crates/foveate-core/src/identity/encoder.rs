@@ -23,7 +23,8 @@ pub trait Encoder: Send + Sync {
         false
     }
     /// Lengths of the parts of a feature vector, in their order: each tells something of its own, as gradients and colours do. One
-    /// part unless told otherwise.
+    /// part unless told otherwise. They add up to n_h: if not, what is learned while tracking has the wrong width and the tracker
+    /// panics, and `conformance::encoder` fails.
     fn parts(&self) -> Vec<usize> {
         vec![self.shape().1]
     }

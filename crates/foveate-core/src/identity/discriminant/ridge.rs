@@ -98,8 +98,7 @@ impl Regression {
         }
     }
 
-    /// Σ h hᵀ, in expectation, of features whose parts are left out at random and are larger by as much where they are not: what is
-    /// of one part grows. One part alone cannot be left out.
+    /// Divides sums of two features of one part by 1 − dropout: Σ h hᵀ in expectation. One part alone cannot be left out.
     fn leave_out(&self, gram: &mut [f32]) {
         let more = 1.0 / (1.0 - self.settings.dropout as f32);
         if more == 1.0 || self.parts.len() < 2 {
