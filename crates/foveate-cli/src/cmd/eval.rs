@@ -2,7 +2,7 @@
 
 mod choose;
 mod grid;
-mod kept;
+pub mod kept;
 mod one_pass;
 
 use std::cell::RefCell;

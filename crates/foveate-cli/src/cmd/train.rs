@@ -16,6 +16,7 @@ mod autoencoder;
 mod classifier;
 mod common;
 mod confidence;
+mod confidence_tracks;
 mod fixations;
 mod mcrbm;
 mod patch_filters;

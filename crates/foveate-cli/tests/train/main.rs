@@ -1,6 +1,7 @@
 //! `foveate train` as a user meets it. One program of tests: they run beside each other, and are linked once.
 
 mod classifier;
+mod confidence;
 mod fixations;
 mod kmeans;
 mod mcrbm;

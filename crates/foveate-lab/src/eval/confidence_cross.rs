@@ -6,6 +6,7 @@ use super::confidence_fit::{Judgement, fit};
 use super::table::aligned;
 use foveate_base::Result;
 use foveate_core::control::ConfidenceModel;
+use rayon::prelude::*;
 
 /// The tracks, in their order, as reported by a model that was fitted without the videos of their group. Boxes and searches
 /// are those of the model that they were tracked with.
@@ -17,9 +18,10 @@ pub fn cross_fit(tracks: &[Judgement], confidence: &ConfidenceModel, group: Grou
     groups.sort();
     groups.dedup();
     let mut judged = vec![vec![]; tracks.len()];
-    for left_out in groups {
-        let others: Vec<&Judgement> = tracks.iter().filter(|t| group(&t.video) != left_out).collect();
-        let model = fit(&others, confidence)?;
+    let without =
+        |left_out: &&str| fit(&tracks.iter().filter(|t| group(&t.video) != *left_out).collect::<Vec<_>>(), confidence);
+    let models = groups.par_iter().map(without).collect::<Result<Vec<_>>>()?;
+    for (left_out, model) in groups.into_iter().zip(models) {
         for (track, judged) in tracks.iter().zip(&mut judged).filter(|(t, _)| group(&t.video) == left_out) {
             *judged = ConfidenceScore::rejudged(&track.frames, &model);
         }

@@ -9,6 +9,7 @@ use foveate_core::control::{CUES, ConfidenceModel, Cues};
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 use foveate_learn::softmax::{Fit, Softmax};
+use serde::{Deserialize, Serialize};
 
 /// The pull of the weights towards 0, in standard deviations of the cues. Weaker ones fit the tracks they are fitted on better; a
 /// tracker that searches by them then loses more.
@@ -18,7 +19,7 @@ const L2: f64 = 0.03;
 const RARER: usize = 5;
 
 /// One tracker on one video, and which video that was.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Judgement {
     /// Its name: tracks of one video, or of videos of one source, are left out together.
     pub video: String,

@@ -71,13 +71,8 @@ impl<'a> Runs<'a> {
 
     /// Removes the files of these runs, and their folder where nothing else is in it.
     pub fn forget(&self, seeds: &[u64]) -> Result<()> {
-        for (seed, i) in seeds.iter().flat_map(|seed| (0..self.sequences.len()).map(move |i| (*seed, i))) {
-            let path = self.store.path(&self.key(seed, i));
-            std::fs::remove_file(&path).map_err(Error::io(&path, "cannot remove"))?;
-        }
-        // It may hold others' runs.
-        let _ = std::fs::remove_dir(&self.store.folder);
-        Ok(())
+        let all = |seed: &u64| (0..self.sequences.len()).map(|i| self.key(*seed, i)).collect::<Vec<_>>();
+        self.store.forget(seeds.iter().flat_map(all))
     }
 
     fn key(&self, seed: u64, i: usize) -> String {

@@ -204,8 +204,18 @@ impl Store {
         Ok(run)
     }
 
+    /// Removes the files that these keys name, and their folder where nothing else is in it.
+    pub fn forget(&self, keys: impl IntoIterator<Item = String>) -> Result<()> {
+        for path in keys.into_iter().map(|key| self.path(&key)) {
+            std::fs::remove_file(&path).map_err(Error::io(&path, "cannot remove"))?;
+        }
+        // It may hold others' runs.
+        let _ = std::fs::remove_dir(&self.folder);
+        Ok(())
+    }
+
     /// The file of a run.
-    pub fn path(&self, key: &str) -> PathBuf {
+    fn path(&self, key: &str) -> PathBuf {
         self.folder.join(format!("{key}.json"))
     }
 

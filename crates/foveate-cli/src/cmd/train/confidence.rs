@@ -3,21 +3,18 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
-use foveate::config::Blueprint;
 use foveate::control::{CUE_NAMES, ConfidenceModel};
 use foveate::lab::eval::choice::{by_half, by_source};
 use foveate::lab::eval::confidence::{ConfidenceScore, Judged};
 use foveate::lab::eval::confidence_cross::{self, cross_fit};
-use foveate::lab::eval::confidence_fit::{Judgement, fit, follow};
-use foveate::lab::eval::{confidence, confidence_plot, find_sequences};
-use foveate::lab::hide::{Hide, WAYS, Way};
-use foveate::lab::synthetic::{Clutter, NOISE, Occlusion, Synthetic};
-use foveate::lab::{Digits, Split};
+use foveate::lab::eval::confidence_fit::{Judgement, fit};
+use foveate::lab::eval::{confidence, confidence_plot};
 use foveate::{Error, Result, files};
 use serde::Serialize;
 
+use super::confidence_tracks::Videos;
 use crate::cmd::configure::{self, Changes};
-use crate::cmd::videos::{Video, of_scene, of_sequence};
+use crate::cmd::reproduce::runner::Store;
 use crate::terminal;
 
 /// Fit the probability of being lost, on sequences or drawn scenes with truth.
@@ -29,6 +26,7 @@ use crate::terminal;
 /// of the old one.
 /// What P(lost) says decides when a lost target is searched, so that another model makes other tracks: `--rounds 2` tracks once
 /// more with the new model, and fits on both. The figures are those of the last round's tracks.
+/// After Ctrl-C or a kill the same command goes on.
 #[derive(clap::Args)]
 pub struct Args {
     /// The tracker: a configuration file, or the name of one that ships with the program
@@ -38,28 +36,28 @@ pub struct Args {
     changes: Changes,
     /// Sequences in OTB layout, or folders that hold them
     #[arg(long, value_name = "DIR", num_args = 1.., required_unless_present = "scene")]
-    seqs: Vec<PathBuf>,
+    pub seqs: Vec<PathBuf>,
     /// Each sequence from its end to its beginning, too: the same target with another first frame
     #[arg(long, conflicts_with = "scene")]
-    backwards: bool,
+    pub backwards: bool,
     /// Drawn scenes instead: ten digits, 300 frames, 30 % noise
     #[arg(long, value_enum, conflicts_with = "seqs")]
-    scene: Option<SceneName>,
+    pub scene: Option<SceneName>,
     /// Side of the digit in the partial scene, pixels
     #[arg(long, default_value_t = 28)]
-    side: usize,
+    pub side: usize,
     /// Folder with MNIST's test files, for scenes; without it the digits are drawn by a pen
     #[arg(long, value_name = "DIR")]
-    data: Option<PathBuf>,
+    pub data: Option<PathBuf>,
     /// Seeds of the tracker, counting up from --seed
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
-    seeds: u64,
+    pub seeds: u64,
     /// The first seed
     #[arg(long, default_value_t = 101)]
-    seed: u64,
+    pub seed: u64,
     /// Inserted occlusions for each video, seed and way
     #[arg(long, value_name = "N", default_value_t = 1)]
-    occlusions: u64,
+    pub occlusions: u64,
     /// Track so often, each time with the model fitted on all tracks before: a better P(lost) makes other tracks
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=10))]
     rounds: u64,
@@ -72,7 +70,7 @@ pub struct Args {
 }
 
 #[derive(Clone, Copy, ValueEnum)]
-enum SceneName {
+pub enum SceneName {
     /// A digit among static ones
     Clutter,
     /// A digit on black that passes behind bars
@@ -88,84 +86,25 @@ struct Section<'a> {
 pub fn run(args: &Args) -> Result<()> {
     terminal::catch_interrupts();
     let (mut config, folder) = configure::read(&args.config, &args.changes)?;
+    let (videos, store) = (Videos::of(args)?, Store { folder: args.out.with_extension("runs"), ..Store::default() });
     let mut tracks: Vec<Judgement> = vec![];
-    let mut before = 0;
+    let (mut before, mut kept) = (0, vec![]);
     for round in 1..=args.rounds {
         before = tracks.len();
         let blueprint = config.clone().check(&folder)?;
-        tracks.extend(follow_all(args, &blueprint, &format!("confidence, round {round}"))?);
+        let jobs = videos.jobs(args, blueprint)?;
+        kept.extend(jobs.keys());
+        let Some(made) = jobs.tracks(&store, &format!("confidence, round {round}"))? else {
+            return Err(Error::Invalid(format!("stopped; the same command goes on with {}", store.folder.display())));
+        };
+        tracks.extend(made);
         if round < args.rounds {
             config.confidence = fit(&tracks.iter().collect::<Vec<_>>(), &config.confidence)?;
         }
     }
-    judge(args, &tracks, before, &config.confidence)
-}
-
-/// Tracks of all videos, as they are and with inserted occlusions.
-fn follow_all(args: &Args, blueprint: &Blueprint, label: &str) -> Result<Vec<Judgement>> {
-    let mut tracks: Vec<Judgement> = vec![];
-    let digits = match &args.data {
-        Some(dir) => Digits::load(dir, Split::Test)?,
-        None => Digits::drawn(1, 20),
-    };
-    let mut each = |video: &Video<'_>, ways: &[Way]| -> Result<()> {
-        for seed in (0..args.seeds).map(|i| args.seed.wrapping_add(i)) {
-            let clips = ways
-                .iter()
-                .flat_map(|way| (0..args.occlusions).map(move |k| (*way, seed.wrapping_mul(1000).wrapping_add(k))));
-            // Videos too short to hide anything in are tracked as they are.
-            let hidden =
-                clips.filter_map(|(way, seed)| Hide::choose(way, &video.truth, video.size, (30, 90), seed).ok());
-            for hide in std::iter::once(None).chain(hidden.map(Some)) {
-                if terminal::stopping() {
-                    return Err(Error::Invalid("stopped; nothing was written".into()));
-                }
-                let frames = follow(
-                    &video.truth,
-                    video.truth.len(),
-                    hide.as_ref(),
-                    &*video.picture,
-                    &mut blueprint.tracker(seed)?,
-                )?;
-                tracks.push(Judgement { video: video.name.clone(), occluded: hide.is_some(), frames });
-            }
-        }
-        Ok(())
-    };
-    match args.scene {
-        None => {
-            let sequences = find_sequences(&args.seqs)?;
-            let bar = terminal::progress(Some(sequences.len()), label);
-            for sequence in &sequences {
-                let video = of_sequence(sequence)?;
-                each(&video, &WAYS)?;
-                if args.backwards {
-                    each(&video.backwards(), &WAYS)?;
-                }
-                bar.inc(1);
-            }
-            bar.finish_and_clear();
-        }
-        // The camera of the scenes stands still.
-        Some(name) => {
-            let bar = terminal::progress(Some(10), label);
-            for digit in 0..10 {
-                let scene = match name {
-                    SceneName::Clutter => {
-                        Synthetic::Clutter(Clutter { digit, seed: args.seed, noise: NOISE, ..Clutter::default() })
-                    }
-                    SceneName::Partial => {
-                        let side = args.side;
-                        Synthetic::Occlusion(Occlusion { digit, side, seed: args.seed, ..Occlusion::default() })
-                    }
-                };
-                each(&of_scene(&scene, &digits)?, &[Way::Behind])?;
-                bar.inc(1);
-            }
-            bar.finish_and_clear();
-        }
-    }
-    Ok(tracks)
+    judge(args, &tracks, before, &config.confidence)?;
+    // What is finished begins anew the next time.
+    store.forget(kept)
 }
 
 /// Prints the figures of the tracks from `from` on, and writes the model fitted on all.

@@ -1,0 +1,154 @@
+//! The tracks that P(lost) is fitted on: made side by side, and each video's kept in a file until the fit is done, so that one that
+//! was stopped goes on.
+
+use foveate::config::Blueprint;
+use foveate::lab::eval::confidence_fit::{Judgement, follow};
+use foveate::lab::eval::{Sequence, experiment, find_sequences};
+use foveate::lab::hide::{Hide, WAYS, Way};
+use foveate::lab::synthetic::{Clutter, NOISE, Occlusion, Synthetic};
+use foveate::lab::{Digits, Split};
+use foveate::{Error, Result};
+
+use super::confidence::{Args, SceneName};
+use crate::cmd::eval::kept::{pictures, program};
+use crate::cmd::reproduce::runner::{Entry, Finished, Store};
+use crate::cmd::videos::{Video, of_scene, of_sequence};
+
+impl Finished for Vec<Judgement> {
+    fn is_of(&self, frames: usize) -> bool {
+        self.iter().all(|track| track.frames.len() + 1 == frames)
+    }
+}
+
+/// What is tracked.
+pub enum Videos {
+    /// Sequences, each with a name for its pictures; the second time each from its end to its beginning.
+    Sequences(Vec<(Sequence, String)>),
+    /// Drawn scenes. Their camera stands still.
+    Scenes(Vec<Synthetic>, Digits),
+}
+
+/// One video with one seed of the tracker: as it is, and with inserted occlusions.
+struct Job {
+    video: usize,
+    backwards: bool,
+    seed: u64,
+}
+
+impl Videos {
+    /// Those that the arguments ask for.
+    pub fn of(args: &Args) -> Result<Self> {
+        let Some(name) = args.scene else {
+            let named = |sequence: Sequence| pictures(&sequence).map(|name| (sequence, name));
+            return Ok(Self::Sequences(find_sequences(&args.seqs)?.into_iter().map(named).collect::<Result<_>>()?));
+        };
+        let digits = match &args.data {
+            Some(dir) => Digits::load(dir, Split::Test)?,
+            None => Digits::drawn(1, 20),
+        };
+        let (seed, side) = (args.seed, args.side);
+        let scene = |digit| match name {
+            SceneName::Clutter => Synthetic::Clutter(Clutter { digit, seed, noise: NOISE, ..Clutter::default() }),
+            SceneName::Partial => Synthetic::Occlusion(Occlusion { digit, side, seed, ..Occlusion::default() }),
+        };
+        Ok(Self::Scenes((0..10).map(scene).collect(), digits))
+    }
+
+    /// A tracker on all of them: each video with each seed, and each backwards after it was forwards.
+    pub fn jobs(&self, args: &Args, blueprint: Blueprint) -> Result<Jobs<'_>> {
+        let seeds = || (0..args.seeds).map(|i| args.seed.wrapping_add(i));
+        let ways = if args.backwards { &[false, true][..] } else { &[false] };
+        let all = (0..self.len())
+            .flat_map(|video| ways.iter().map(move |backwards| (video, *backwards)))
+            .flat_map(|(video, backwards)| seeds().map(move |seed| Job { video, backwards, seed }))
+            .collect();
+        Ok(Jobs { videos: self, entry: Entry::of(blueprint, &program()?)?, occlusions: args.occlusions, all })
+    }
+
+    fn len(&self) -> usize {
+        match self {
+            Self::Sequences(all) => all.len(),
+            Self::Scenes(all, _) => all.len(),
+        }
+    }
+
+    fn frames(&self, video: usize) -> usize {
+        match self {
+            Self::Sequences(all) => all[video].0.truth.len(),
+            Self::Scenes(all, _) => all[video].frames(),
+        }
+    }
+
+    /// A name for all that a video depends on.
+    fn name(&self, video: usize) -> String {
+        match self {
+            Self::Sequences(all) => format!("{} {}", all[video].0.name, all[video].1),
+            Self::Scenes(all, digits) => {
+                format!("{:?} {}", all[video], experiment::digest(&[&digits.images, &digits.labels]))
+            }
+        }
+    }
+}
+
+/// What is to be tracked.
+pub struct Jobs<'a> {
+    videos: &'a Videos,
+    entry: Entry,
+    occlusions: u64,
+    all: Vec<Job>,
+}
+
+impl Jobs<'_> {
+    /// Names of the files.
+    pub fn keys(&self) -> Vec<String> {
+        self.all.iter().map(|job| self.key(job)).collect()
+    }
+
+    /// All tracks, in the order of the videos; `None` where it was asked to stop.
+    pub fn tracks(&self, store: &Store, label: &str) -> Result<Option<Vec<Judgement>>> {
+        let make = |job: &Job| {
+            let tracks = self.made(job)?;
+            let text = serde_json::to_vec(&tracks).map_err(|e| Error::Invalid(e.to_string()))?;
+            Ok((tracks, text))
+        };
+        let frames = |job: &Job| self.videos.frames(job.video);
+        let runs: Vec<Option<Vec<Judgement>>> =
+            store.finished(label, &self.all, &frames, &|job| self.key(job), &make)?;
+        Ok(runs.into_iter().collect::<Option<Vec<_>>>().map(|runs| runs.concat()))
+    }
+
+    fn key(&self, job: &Job) -> String {
+        let Job { video, backwards, seed } = job;
+        let how = format!("confidence {} {backwards} {seed} {}", self.videos.name(*video), self.occlusions);
+        experiment::digest(&[self.entry.key.as_bytes(), how.as_bytes()])
+    }
+
+    fn made(&self, job: &Job) -> Result<Vec<Judgement>> {
+        match self.videos {
+            Videos::Sequences(all) => {
+                let video = of_sequence(&all[job.video].0)?;
+                if job.backwards {
+                    self.followed(&video.backwards(), &WAYS, job.seed)
+                } else {
+                    self.followed(&video, &WAYS, job.seed)
+                }
+            }
+            Videos::Scenes(all, digits) => self.followed(&of_scene(&all[job.video], digits)?, &[Way::Behind], job.seed),
+        }
+    }
+
+    /// As it is, and with inserted occlusions, where it is long enough for them.
+    fn followed(&self, video: &Video<'_>, ways: &[Way], seed: u64) -> Result<Vec<Judgement>> {
+        let clips = ways
+            .iter()
+            .flat_map(|way| (0..self.occlusions).map(move |k| (*way, seed.wrapping_mul(1000).wrapping_add(k))));
+        let hidden = clips.filter_map(|(way, seed)| Hide::choose(way, &video.truth, video.size, (30, 90), seed).ok());
+        let all = std::iter::once(None).chain(hidden.map(Some));
+        all.map(|hide| {
+            let (picture, mut tracker) = (&*video.picture, self.entry.blueprint.tracker(seed)?);
+            let frames = follow(&video.truth, video.truth.len(), hide.as_ref(), picture, &mut tracker)?;
+            Ok(Judgement { video: video.name.clone(), occluded: hide.is_some(), frames })
+        })
+        .collect()
+    }
+}

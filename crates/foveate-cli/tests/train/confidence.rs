@@ -1,0 +1,67 @@
+//! `foveate train confidence`.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use super::training::said;
+
+fn fit(dir: &Path, out: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
+    command.args([
+        "train",
+        "confidence",
+        "--config",
+        "digits",
+        "--seeds",
+        "4",
+        "--rounds",
+        "2",
+        "--threads",
+        "2",
+        "--seqs",
+    ]);
+    command.arg(dir.join("seqs")).arg("--out").arg(dir.join(out)).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command
+}
+
+/// Killed in the midst of its tracks, a fit goes on with those that are kept, to the same table; what is done is removed, and nothing
+/// else that lies there.
+#[test]
+fn a_fit_that_was_killed_goes_on() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    for digit in ["3", "7"] {
+        let mut synth = Command::new(env!("CARGO_BIN_EXE_foveate"));
+        synth.args(["synth", "clutter", "--digit", digit, "--frames", "120", "--out"]);
+        synth.arg(dir.path().join("seqs").join(digit));
+        said(synth);
+    }
+    let table = |out: &str| {
+        let text = std::fs::read_to_string(dir.path().join(out)).expect("a table");
+        text.split_once('\n').expect("the command, and the table").1.to_owned()
+    };
+    let whole = said(fit(dir.path(), "whole.toml"));
+    assert!(!dir.path().join("whole.runs").exists(), "what is finished begins anew");
+
+    // Not what is being written under another name.
+    let kept = |file: &std::fs::DirEntry| file.path().extension().is_some_and(|end| end == "json");
+    let runs = || std::fs::read_dir(dir.path().join("cut.runs")).map_or(0, |all| all.flatten().filter(kept).count());
+    let mut child = fit(dir.path(), "cut.toml").spawn().expect("it runs");
+    let began = Instant::now();
+    while runs() < 2 {
+        assert!(began.elapsed() < Duration::from_secs(60) && child.try_wait().expect("a child").is_none());
+        std::thread::sleep(Duration::from_millis(2));
+    }
+    child.kill().expect("it still runs");
+    child.wait().expect("it ends");
+    assert!(runs() >= 2 && !dir.path().join("cut.toml").exists());
+    let other = dir.path().join("cut.runs/note.txt");
+    std::fs::write(&other, "mine").expect("it can be written");
+    let last = fit(dir.path(), "cut.toml").output().expect("it runs");
+    let told = String::from_utf8_lossy(&last.stderr);
+    let (first, _) = told.split_once(" of them from ").expect("how many runs were kept");
+    assert!(last.status.success() && !first.ends_with(" 0"), "{told}");
+    assert_eq!(table("cut.toml"), table("whole.toml"));
+    assert_eq!(String::from_utf8_lossy(&last.stdout).replace("cut.", "whole."), whole);
+    assert!(other.exists() && runs() == 0, "{} are left", runs());
+}
