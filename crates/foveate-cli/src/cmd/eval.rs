@@ -70,6 +70,10 @@ pub struct Args {
     /// Number of seeds to run, counting up from --seed; mean and spread over them are reported
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000), conflicts_with = "results")]
     pub seeds: u64,
+    /// Make the runs side by side, each in one thread, instead of one after another in all threads: the same boxes sooner. Frames
+    /// a second are then those of a busy machine
+    #[arg(long, conflicts_with_all = ["results", "mot"])]
+    pub side_by_side: bool,
     /// Do only part I of N of the runs, and no scores: for several machines, whose folders are put together by --merge. A run is
     /// a sequence with a seed (with --choose also a candidate), in one thread, kept in runs/ of --out
     #[arg(long, value_name = "I/N", value_parser = runner::parse_shard, conflicts_with_all = ["results", "mot"])]
@@ -116,7 +120,9 @@ pub fn run(args: Args) -> Result<()> {
     let kept = kept::Runs::new(blueprint.clone(), &sequences, &store)?;
     // In parts, runs are made side by side; else one after another, so that their times are those of a tracker alone.
     let in_parts = store.shard.is_some() || !store.others.is_empty();
-    let Some(made) = (if in_parts { kept.all(&seeds)? } else { Some(vec![]) }) else { return undone(&args) };
+    let Some(made) = (if in_parts || args.side_by_side { kept.all(&seeds)? } else { Some(vec![]) }) else {
+        return undone(&args);
+    };
     let made = RefCell::new(made.into_iter());
     terminal::catch_interrupts();
     let runs: RefCell<Vec<Case>> = RefCell::new(vec![]);

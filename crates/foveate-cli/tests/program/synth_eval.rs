@@ -235,6 +235,9 @@ fn parts_of_an_evaluation_are_put_together() {
         with(&name("whole"), choose);
         if choose.is_empty() {
             assert_eq!(runs(&name("whole")), 0, "a finished evaluation begins anew");
+            let told = with(&name("side"), &["--side-by-side", "--threads", "2"]);
+            assert!(told.contains("6 runs, 0 of them from") && runs(&name("side")) == 0, "{told}");
+            assert_eq!(without_times(&name("side")), without_times(&name("whole")));
         }
         for part in ["1/2", "2/2"] {
             let out = name(&part[..1]);
