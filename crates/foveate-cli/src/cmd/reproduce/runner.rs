@@ -207,7 +207,10 @@ impl Store {
     /// Removes the files that these keys name, and their folder where nothing else is in it.
     pub fn forget(&self, keys: impl IntoIterator<Item = String>) -> Result<()> {
         for path in keys.into_iter().map(|key| self.path(&key)) {
-            std::fs::remove_file(&path).map_err(Error::io(&path, "cannot remove"))?;
+            match std::fs::remove_file(&path) {
+                Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::io(&path, "cannot remove")(e)),
+                _ => {}
+            }
         }
         // It may hold others' runs.
         let _ = std::fs::remove_dir(&self.folder);

@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
 use foveate::control::{CUE_NAMES, ConfidenceModel};
 use foveate::lab::eval::choice::{by_half, by_source};
 use foveate::lab::eval::confidence::{ConfidenceScore, Judged};
@@ -12,7 +11,7 @@ use foveate::lab::eval::{confidence, confidence_plot};
 use foveate::{Error, Result, files};
 use serde::Serialize;
 
-use super::confidence_tracks::Videos;
+use super::confidence_tracks::{Tracked, Videos};
 use crate::cmd::configure::{self, Changes};
 use crate::cmd::reproduce::runner::Store;
 use crate::terminal;
@@ -34,30 +33,8 @@ pub struct Args {
     config: String,
     #[command(flatten)]
     changes: Changes,
-    /// Sequences in OTB layout, or folders that hold them
-    #[arg(long, value_name = "DIR", num_args = 1.., required_unless_present = "scene")]
-    pub seqs: Vec<PathBuf>,
-    /// Each sequence from its end to its beginning, too: the same target with another first frame
-    #[arg(long, conflicts_with = "scene")]
-    pub backwards: bool,
-    /// Drawn scenes instead: ten digits, 300 frames, 30 % noise
-    #[arg(long, value_enum, conflicts_with = "seqs")]
-    pub scene: Option<SceneName>,
-    /// Side of the digit in the partial scene, pixels
-    #[arg(long, default_value_t = 28)]
-    pub side: usize,
-    /// Folder with MNIST's test files, for scenes; without it the digits are drawn by a pen
-    #[arg(long, value_name = "DIR")]
-    pub data: Option<PathBuf>,
-    /// Seeds of the tracker, counting up from --seed
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
-    pub seeds: u64,
-    /// The first seed
-    #[arg(long, default_value_t = 101)]
-    pub seed: u64,
-    /// Inserted occlusions for each video, seed and way
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub occlusions: u64,
+    #[command(flatten)]
+    tracked: Tracked,
     /// Track so often, each time with the model fitted on all tracks before: a better P(lost) makes other tracks
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=10))]
     rounds: u64,
@@ -69,14 +46,6 @@ pub struct Args {
     cues: Option<PathBuf>,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-pub enum SceneName {
-    /// A digit among static ones
-    Clutter,
-    /// A digit on black that passes behind bars
-    Partial,
-}
-
 #[derive(Serialize)]
 struct Section<'a> {
     confidence: &'a ConfidenceModel,
@@ -86,13 +55,14 @@ struct Section<'a> {
 pub fn run(args: &Args) -> Result<()> {
     terminal::catch_interrupts();
     let (mut config, folder) = configure::read(&args.config, &args.changes)?;
-    let (videos, store) = (Videos::of(args)?, Store { folder: args.out.with_extension("runs"), ..Store::default() });
+    let (videos, store) =
+        (Videos::of(&args.tracked)?, Store { folder: args.out.with_extension("runs"), ..Store::default() });
     let mut tracks: Vec<Judgement> = vec![];
     let (mut before, mut kept) = (0, vec![]);
     for round in 1..=args.rounds {
         before = tracks.len();
         let blueprint = config.clone().check(&folder)?;
-        let jobs = videos.jobs(args, blueprint)?;
+        let jobs = videos.jobs(&args.tracked, blueprint)?;
         kept.extend(jobs.keys());
         let Some(made) = jobs.tracks(&store, &format!("confidence, round {round}"))? else {
             return Err(Error::Invalid(format!("stopped; the same command goes on with {}", store.folder.display())));

@@ -1,6 +1,9 @@
 //! The tracks that P(lost) is fitted on: made side by side, and each video's kept in a file until the fit is done, so that one that
 //! was stopped goes on.
 
+use std::path::PathBuf;
+
+use clap::ValueEnum;
 use foveate::config::Blueprint;
 use foveate::lab::eval::confidence_fit::{Judgement, follow};
 use foveate::lab::eval::{Sequence, experiment, find_sequences};
@@ -9,10 +12,46 @@ use foveate::lab::synthetic::{Clutter, NOISE, Occlusion, Synthetic};
 use foveate::lab::{Digits, Split};
 use foveate::{Error, Result};
 
-use super::confidence::{Args, SceneName};
 use crate::cmd::eval::kept::{pictures, program};
 use crate::cmd::reproduce::runner::{Entry, Finished, Store};
 use crate::cmd::videos::{Video, of_scene, of_sequence};
+
+/// What is to be tracked.
+#[derive(clap::Args)]
+pub struct Tracked {
+    /// Sequences in OTB layout, or folders that hold them
+    #[arg(long, value_name = "DIR", num_args = 1.., required_unless_present = "scene")]
+    seqs: Vec<PathBuf>,
+    /// Each sequence from its end to its beginning, too: the same target with another first frame
+    #[arg(long, conflicts_with = "scene")]
+    backwards: bool,
+    /// Drawn scenes instead: ten digits, 300 frames, 30 % noise
+    #[arg(long, value_enum, conflicts_with = "seqs")]
+    scene: Option<SceneName>,
+    /// Side of the digit in the partial scene, pixels
+    #[arg(long, default_value_t = 28)]
+    side: usize,
+    /// Folder with MNIST's test files, for scenes; without it the digits are drawn by a pen
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
+    /// Seeds of the tracker, counting up from --seed
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    seeds: u64,
+    /// The first seed
+    #[arg(long, default_value_t = 101)]
+    seed: u64,
+    /// Inserted occlusions for each video, seed and way
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    occlusions: u64,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum SceneName {
+    /// A digit among static ones
+    Clutter,
+    /// A digit on black that passes behind bars
+    Partial,
+}
 
 impl Finished for Vec<Judgement> {
     fn is_of(&self, frames: usize) -> bool {
@@ -20,7 +59,7 @@ impl Finished for Vec<Judgement> {
     }
 }
 
-/// What is tracked.
+/// The videos.
 pub enum Videos {
     /// Sequences, each with a name for its pictures; the second time each from its end to its beginning.
     Sequences(Vec<(Sequence, String)>),
@@ -37,7 +76,7 @@ struct Job {
 
 impl Videos {
     /// Those that the arguments ask for.
-    pub fn of(args: &Args) -> Result<Self> {
+    pub fn of(args: &Tracked) -> Result<Self> {
         let Some(name) = args.scene else {
             let named = |sequence: Sequence| pictures(&sequence).map(|name| (sequence, name));
             return Ok(Self::Sequences(find_sequences(&args.seqs)?.into_iter().map(named).collect::<Result<_>>()?));
@@ -55,7 +94,7 @@ impl Videos {
     }
 
     /// A tracker on all of them: each video with each seed, and each backwards after it was forwards.
-    pub fn jobs(&self, args: &Args, blueprint: Blueprint) -> Result<Jobs<'_>> {
+    pub fn jobs(&self, args: &Tracked, blueprint: Blueprint) -> Result<Jobs<'_>> {
         let seeds = || (0..args.seeds).map(|i| args.seed.wrapping_add(i));
         let ways = if args.backwards { &[false, true][..] } else { &[false] };
         let all = (0..self.len())
@@ -90,7 +129,7 @@ impl Videos {
     }
 }
 
-/// What is to be tracked.
+/// A tracker on all of them.
 pub struct Jobs<'a> {
     videos: &'a Videos,
     entry: Entry,
