@@ -71,7 +71,7 @@ pub struct Args {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000), conflicts_with = "results")]
     pub seeds: u64,
     /// Make the runs side by side, each in one thread, instead of one after another in all threads: the same boxes sooner. Frames
-    /// a second are then those of a busy machine
+    /// a second are then those of a busy machine. With --choose, --shard and --merge it is always so
     #[arg(long, conflicts_with_all = ["results", "mot"])]
     pub side_by_side: bool,
     /// Do only part I of N of the runs, and no scores: for several machines, whose folders are put together by --merge. A run is

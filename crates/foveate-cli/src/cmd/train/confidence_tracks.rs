@@ -55,13 +55,13 @@ enum SceneName {
 
 impl Finished for Vec<Judgement> {
     fn is_of(&self, frames: usize) -> bool {
-        self.iter().all(|track| track.frames.len() + 1 == frames)
+        !self.is_empty() && self.iter().all(|track| track.frames.len() + 1 == frames)
     }
 }
 
 /// The videos.
 pub enum Videos {
-    /// Sequences, each with a name for its pictures; the second time each from its end to its beginning.
+    /// Sequences, each with a name for its pictures and truth.
     Sequences(Vec<(Sequence, String)>),
     /// Drawn scenes. Their camera stands still.
     Scenes(Vec<Synthetic>, Digits),
