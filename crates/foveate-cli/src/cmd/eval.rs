@@ -128,7 +128,7 @@ pub fn run(args: Args) -> Result<()> {
     let runs: RefCell<Vec<Case>> = RefCell::new(vec![]);
     let run_tracker = |sequence: &Sequence, seed| {
         if terminal::stopping() {
-            return Err(stopped(&args));
+            return Err(runner::stopped(&args.out));
         }
         let next = made.borrow_mut().next();
         let (run, judged) = next.map_or_else(|| kept.one(sequence, seed), Ok)?.apart();
@@ -147,14 +147,10 @@ pub fn run(args: Args) -> Result<()> {
     if in_parts { Ok(()) } else { kept.forget(&seeds) }
 }
 
-fn stopped(args: &Args) -> Error {
-    Error::Invalid(format!("stopped; the same command goes on with {}", args.out.display()))
-}
-
 /// Only a part of the runs was to be done, or it was asked to stop.
 fn undone(args: &Args) -> Result<()> {
     if terminal::stopping() {
-        return Err(stopped(args));
+        return Err(runner::stopped(&args.out));
     }
     runner::part_is_done(&args.out);
     Ok(())

@@ -8,7 +8,7 @@ use foveate::{BBox, Error, Result};
 use serde::{Deserialize, Serialize};
 
 use super::one_pass::one_pass;
-use crate::cmd::reproduce::runner::{Entry, Finished, Store};
+use crate::cmd::reproduce::runner::{self, Entry, Finished, Store};
 
 /// A finished run, as its file has it.
 #[derive(Clone, Serialize, Deserialize)]
@@ -89,7 +89,7 @@ pub fn key(purpose: &str, entry: &Entry, sequence: &Sequence, pictures: &str, se
 pub fn make(entry: &Entry, sequence: &Sequence, seed: u64) -> Result<(Kept, Vec<u8>)> {
     let (TrackRun { boxes, seconds, read }, judged) = one_pass(&entry.blueprint, sequence, seed)?;
     let kept = Kept { sequence: sequence.name.clone(), seed, boxes, seconds, read, judged };
-    let text = serde_json::to_vec(&kept).map_err(|e| Error::Invalid(e.to_string()))?;
+    let text = runner::text(&kept)?;
     Ok((kept, text))
 }
 

@@ -13,7 +13,7 @@ use super::line::LineSpec;
 use super::output::{Picture, Table};
 use super::plan::Experiment;
 use super::results::Results;
-use super::runner::{Entry, Finished};
+use super::runner::{self, Entry, Finished};
 use super::setup::Setup;
 use crate::cmd::track::DIGITS;
 
@@ -57,7 +57,7 @@ pub fn multi(experiment: &Experiment, setup: &Setup) -> Result<Option<Table>> {
 
     let jobs: Vec<(usize, usize)> =
         (0..entries.len()).flat_map(|entry| (0..videos.len()).map(move |video| (entry, video))).collect();
-    let pixels = digest(&[&setup.digits.images, &setup.digits.labels]);
+    let pixels = runner::pixels(&setup.digits);
     let key = |&(entry, video): &(usize, usize)| {
         let scene = serde_json::to_vec(&settings[video]).expect("settings are plain data");
         digest(&[entries[entry].key.as_bytes(), &scene, pixels.as_bytes()])
@@ -70,7 +70,7 @@ pub fn multi(experiment: &Experiment, setup: &Setup) -> Result<Option<Table>> {
             "configuration": blueprint.config(), "video": scene, "digits": setup.from,
             "frames": run.frames, "found": run.found, "seconds": run.seconds,
         });
-        let text = serde_json::to_vec(&stored).map_err(|e| Error::Invalid(e.to_string()))?;
+        let text = runner::text(&stored)?;
         Ok((run, text))
     };
     let runs = setup.store.finished(&experiment.name, &jobs, &|_| experiment.frames, &key, &make)?;

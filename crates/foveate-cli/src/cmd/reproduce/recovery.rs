@@ -1,17 +1,17 @@
 //! Re-detection after occlusions inserted into real sequences.
 
+use foveate::Result;
 use foveate::config::Blueprint;
 use foveate::lab::eval::confidence_fit::follow;
 use foveate::lab::eval::experiment::digest;
 use foveate::lab::eval::recovery::{AFTER, Case, lines, text};
 use foveate::lab::eval::{Sequence, find_sequences};
 use foveate::lab::hide::{Hide, WAYS};
-use foveate::{Error, Result};
 use serde_json::json;
 
 use super::output::Figure;
 use super::plan::Experiment;
-use super::runner::Finished;
+use super::runner::{self, Finished};
 use super::setup::Setup;
 use crate::cmd::videos::of_sequence;
 
@@ -43,7 +43,7 @@ pub fn recovery(experiment: &Experiment, setup: &Setup) -> Result<Option<Figure>
         };
         let make = |sequence: &Sequence| {
             let cases = cases(experiment, &entry.blueprint, sequence)?;
-            let text = serde_json::to_vec(&cases).map_err(|e| Error::Invalid(e.to_string()))?;
+            let text = runner::text(&cases)?;
             Ok((cases, text))
         };
         let runs = setup.store.finished(&experiment.name, &sequences, &|s| s.truth.len(), &key, &make)?;

@@ -92,6 +92,21 @@ pub fn part_is_done(out: &Path) {
     say!("--merge DIR for each part's folder.");
 }
 
+/// It was asked to stop: what is finished is kept there.
+pub fn stopped(kept: &Path) -> Error {
+    Error::Invalid(format!("stopped; the same command goes on with {}", kept.display()))
+}
+
+/// A name for these digits.
+pub fn pixels(digits: &Digits) -> String {
+    experiment::digest(&[&digits.images, &digits.labels])
+}
+
+/// The text of a run's file.
+pub fn text(run: &impl Serialize) -> Result<Vec<u8>> {
+    serde_json::to_vec(run).map_err(|e| Error::Invalid(e.to_string()))
+}
+
 /// Where finished runs are kept.
 #[derive(Clone, Debug, Default)]
 pub struct Store {
@@ -134,7 +149,7 @@ impl Store {
         (digits, from): (&Digits, &str),
         follow: &Following<R>,
     ) -> Result<Vec<Option<R>>> {
-        let pixels = experiment::digest(&[&digits.images, &digits.labels]);
+        let pixels = pixels(digits);
         let key = |job: &Job| {
             let scene = serde_json::to_vec(&job.video).expect("settings are plain data");
             let seed = job.seed.to_le_bytes();
@@ -146,7 +161,7 @@ impl Store {
             let run = follow(&*job.video.video(digits)?, &mut tracker)?;
             let (configuration, video, seed) = (blueprint.config(), &job.video, job.seed);
             let stored = Stored { configuration, video, seed, digits: from, run: &run };
-            let text = serde_json::to_vec(&stored).map_err(|e| Error::Invalid(e.to_string()))?;
+            let text = text(&stored)?;
             Ok((run, text))
         };
         self.finished(name, jobs, &|job| job.video.frames(), &key, &make)

@@ -4,16 +4,16 @@
 use std::path::PathBuf;
 
 use clap::ValueEnum;
+use foveate::Result;
 use foveate::config::Blueprint;
 use foveate::lab::eval::confidence_fit::{Judgement, follow};
 use foveate::lab::eval::{Sequence, experiment, find_sequences};
 use foveate::lab::hide::{Hide, WAYS, Way};
 use foveate::lab::synthetic::{Clutter, NOISE, Occlusion, Synthetic};
 use foveate::lab::{Digits, Split};
-use foveate::{Error, Result};
 
 use crate::cmd::eval::kept::{pictures, program};
-use crate::cmd::reproduce::runner::{Entry, Finished, Store};
+use crate::cmd::reproduce::runner::{self, Entry, Finished, Store};
 use crate::cmd::videos::{Video, of_scene, of_sequence};
 
 /// What is to be tracked.
@@ -63,8 +63,8 @@ impl Finished for Vec<Judgement> {
 pub enum Videos {
     /// Sequences, each with a name for its pictures and truth.
     Sequences(Vec<(Sequence, String)>),
-    /// Drawn scenes. Their camera stands still.
-    Scenes(Vec<Synthetic>, Digits),
+    /// Drawn scenes, their digits, and a name for those. Their camera stands still.
+    Scenes(Vec<Synthetic>, Digits, String),
 }
 
 /// One video with one seed of the tracker: as it is, and with inserted occlusions.
@@ -90,7 +90,8 @@ impl Videos {
             SceneName::Clutter => Synthetic::Clutter(Clutter { digit, seed, noise: NOISE, ..Clutter::default() }),
             SceneName::Partial => Synthetic::Occlusion(Occlusion { digit, side, seed, ..Occlusion::default() }),
         };
-        Ok(Self::Scenes((0..10).map(scene).collect(), digits))
+        let pixels = runner::pixels(&digits);
+        Ok(Self::Scenes((0..10).map(scene).collect(), digits, pixels))
     }
 
     /// A tracker on all of them: each video with each seed, and each backwards after it was forwards.
@@ -107,14 +108,14 @@ impl Videos {
     fn len(&self) -> usize {
         match self {
             Self::Sequences(all) => all.len(),
-            Self::Scenes(all, _) => all.len(),
+            Self::Scenes(all, ..) => all.len(),
         }
     }
 
     fn frames(&self, video: usize) -> usize {
         match self {
             Self::Sequences(all) => all[video].0.truth.len(),
-            Self::Scenes(all, _) => all[video].frames(),
+            Self::Scenes(all, ..) => all[video].frames(),
         }
     }
 
@@ -122,9 +123,7 @@ impl Videos {
     fn name(&self, video: usize) -> String {
         match self {
             Self::Sequences(all) => format!("{} {}", all[video].0.name, all[video].1),
-            Self::Scenes(all, digits) => {
-                format!("{:?} {}", all[video], experiment::digest(&[&digits.images, &digits.labels]))
-            }
+            Self::Scenes(all, _, pixels) => format!("{:?} {pixels}", all[video]),
         }
     }
 }
@@ -147,7 +146,7 @@ impl Jobs<'_> {
     pub fn tracks(&self, store: &Store, label: &str) -> Result<Option<Vec<Judgement>>> {
         let make = |job: &Job| {
             let tracks = self.made(job)?;
-            let text = serde_json::to_vec(&tracks).map_err(|e| Error::Invalid(e.to_string()))?;
+            let text = runner::text(&tracks)?;
             Ok((tracks, text))
         };
         let frames = |job: &Job| self.videos.frames(job.video);
@@ -172,7 +171,9 @@ impl Jobs<'_> {
                     self.followed(&video, &WAYS, job.seed)
                 }
             }
-            Videos::Scenes(all, digits) => self.followed(&of_scene(&all[job.video], digits)?, &[Way::Behind], job.seed),
+            Videos::Scenes(all, digits, _) => {
+                self.followed(&of_scene(&all[job.video], digits)?, &[Way::Behind], job.seed)
+            }
         }
     }
 
