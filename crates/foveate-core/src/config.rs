@@ -44,6 +44,7 @@ mod recogniser;
 mod renamed;
 mod room;
 mod schema;
+mod second;
 mod set;
 mod shadow;
 
@@ -148,8 +149,9 @@ impl Config {
         let (retina, encoder) = self.identity(files)?;
         let recogniser = self.recogniser.as_ref().map(|r| r.read(files)).transpose()?;
         let detector = self.detector.as_ref().map(|d| d.read(files)).transpose()?;
+        let second = self.second(files)?.map(Box::new);
         let (retina, shadow) = (Arc::new(retina), vec![]);
-        let blueprint = Blueprint { config: self, retina, encoder, shadow, detector, recogniser };
+        let blueprint = Blueprint { config: self, retina, encoder, shadow, detector, recogniser, second };
         blueprint.fits()?;
         blueprint.parts()?;
         Ok(blueprint)
@@ -170,6 +172,8 @@ pub struct Blueprint {
     shadow: Vec<crate::geometry::Gaze>,
     detector: Option<DetectorParts>,
     recogniser: Option<reading::Recogniser>,
+    /// Of the second opinion.
+    second: Option<Box<Blueprint>>,
 }
 
 impl Blueprint {
@@ -207,7 +211,8 @@ impl Blueprint {
             .remembering(&c.consistency, c.short_term.map(|it| (it.threshold, it.gate)))
             .searching(c.distractors.clone());
         let recognition = self.recogniser.as_ref().map(reading::Recogniser::recognition).transpose()?;
-        Ok(Parts::new(filter, gaze, Box::new(appearance), monitor).recognising(recognition))
+        let second = self.second.as_ref().map(|second| second.parts()).transpose()?;
+        Ok(Parts::new(filter, gaze, Box::new(appearance), monitor).recognising(recognition).seconded(second))
     }
     /// The same, with another retina and encoder.
     pub fn with(&self, retina: Arc<Foveal>, encoder: Arc<dyn Encoder>) -> Self {

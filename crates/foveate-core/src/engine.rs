@@ -9,6 +9,7 @@ mod gaze;
 mod monitor;
 mod redetect;
 mod saved;
+mod second_opinion;
 mod template;
 
 pub use filter::Filter;
@@ -40,22 +41,33 @@ pub struct Parts {
     pub monitor: Monitor,
     /// p(cₜ | all looks at the estimate): what the target is called. It never changes the track, unless it has an alarm.
     pub recognition: Option<Recognition>,
+    /// A tracker whose box is compared with this one's.
+    pub second_opinion: Option<Box<Parts>>,
 }
 
 impl Parts {
-    /// These parts, without a recogniser.
+    /// These parts, without a recogniser and a second opinion.
     pub fn new(filter: Filter, gaze: GazeControl, appearance: Box<dyn Appearance>, monitor: Monitor) -> Self {
-        Self { filter, gaze, appearance, monitor, recognition: None }
+        Self { filter, gaze, appearance, monitor, recognition: None, second_opinion: None }
     }
     /// The same, with a recogniser.
     pub fn recognising(self, recognition: Option<Recognition>) -> Self {
         Self { recognition, ..self }
     }
+    /// The same, with a tracker of these parts beside it, whose box is compared with this one's.
+    pub fn seconded(self, second_opinion: Option<Self>) -> Self {
+        Self { second_opinion: second_opinion.map(Box::new), ..self }
+    }
 }
+
+/// What the number of a target is changed by for its second opinion, which shares no draw with it.
+const SECOND: u64 = 1 << 63;
 
 /// One target being followed.
 pub(crate) struct Engine {
     parts: Parts,
+    /// Of the second opinion's parts.
+    second: Option<Box<Engine>>,
     streams: Streams,
     target: Option<Target>,
     /// Steps since the tracker was made.
@@ -130,8 +142,10 @@ pub(crate) struct Buffers {
 
 impl Engine {
     /// An engine of these parts, with its own streams of randomness named by `seed` and `target`.
-    pub fn new(parts: Parts, seed: u64, target: u64) -> Self {
+    pub fn new(mut parts: Parts, seed: u64, target: u64) -> Self {
+        let second = parts.second_opinion.take();
         Self {
+            second: second.map(|parts| Box::new(Self::new(*parts, seed, target ^ SECOND))),
             parts,
             streams: Streams::new(seed, target),
             target: None,
@@ -194,6 +208,7 @@ impl Engine {
         w.meter.clear();
         parts.appearance.measure(&mut w.meter);
         parts.recognition.iter().for_each(|recognition| recognition.measure(&mut w.meter));
+        self.second.iter_mut().for_each(|second| second.parts.appearance.measure(&mut w.meter));
         w.pixels = w.meter.pixels();
     }
 
@@ -267,6 +282,7 @@ impl Engine {
     /// Frees what is not needed until the next step.
     pub fn compact(&mut self) {
         self.parts.appearance.compact();
+        self.second.iter_mut().for_each(|second| second.compact());
     }
 
     /// Whether there is a target: it was given, or the state of a tracker that had one was loaded.

@@ -297,7 +297,7 @@ pub const TRACE: &[Column] = &[
     Column::new(
         "confidence.cues",
         "",
-        "What P(lost) was computed from: deficit, frame_deficit, drop, lasting, flat, spread, distance, margin, colour, elsewhere.",
+        "What P(lost) was computed from: deficit, frame_deficit, drop, lasting, flat, spread, distance, margin, colour, elsewhere, agreement.",
     ),
     Column::new("extent.half_w", "px", "Half the width of the box at scale 1."),
     Column::new("extent.half_h", "px", "Half the height of the box at scale 1."),

@@ -38,7 +38,11 @@ impl Blueprint {
             + particles * (2 * state + 8 * NUMBERS + 4 * features)
             + 3 * 4 * triangle;
         let reach = self.retina.footprints().iter().map(|f| f.reach + f.side).fold(0.0, f64::max) + 1.5;
-        Room { kept, look, reach }
+        let second = self.second.as_ref().map_or(0, |second| {
+            let Room { kept, look, .. } = second.room();
+            kept.saturating_add(look)
+        });
+        Room { kept: kept.saturating_add(second), look, reach }
     }
 
     /// Bytes of RBMs that a target has for itself: those that are trained while it tracks, with their encoder and the pretrained one.

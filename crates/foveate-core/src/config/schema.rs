@@ -95,6 +95,10 @@ pub struct Config {
     /// How probable it is that the target is lost.
     #[serde(default, deserialize_with = "in_range")]
     pub confidence: ConfidenceModel,
+    /// A configuration file, or `builtin:` and the name of one that ships with the program: a tracker of the same target whose box is
+    /// compared with this one's, for P(lost). None unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second_opinion: Option<String>,
     /// The recogniser; left out, nothing is recognised.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub recogniser: Option<RecogniserConfig>,

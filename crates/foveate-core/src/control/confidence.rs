@@ -46,6 +46,8 @@ pub struct FrameEvidence {
     pub colour: f64,
     /// How much more it looks like what was around the target in remembered frames than like the target; 0 where none is.
     pub elsewhere: f64,
+    /// Overlap with the box of a second opinion; 0 without one.
+    pub agreement: f64,
     /// Mean of the belief.
     pub estimate: State,
     /// Pixels per template unit there.
@@ -80,6 +82,8 @@ struct Past {
     lasting: f64,
     /// Smoothed likeness to what was elsewhere.
     elsewhere: f64,
+    /// Smoothed agreement with a second opinion.
+    agreement: f64,
     /// The last verdict.
     status: Status,
     p_lost: f64,
@@ -112,6 +116,12 @@ impl LossMonitor {
     /// Forgets the past: the target was just given.
     pub fn reset(&mut self) {
         self.past = Past::default();
+    }
+
+    /// The target was put somewhere: it is not out until frames say so; what is usual on it stays.
+    pub fn find(&mut self) {
+        let m = &mut self.past;
+        (m.status, m.against, m.out, m.best_place, m.lasting) = (Status::Tracking, 0.0, 0, None, 0.0);
     }
 
     /// Judges a frame.
@@ -154,6 +164,8 @@ impl LossMonitor {
         let anew = m.status.is_occluded_or_lost() && apart(&m.estimate, s);
         m.lasting += if anew { 1.0 } else { SMOOTH } * (drop - m.lasting);
         m.elsewhere += if anew || m.frames == 0 { 1.0 } else { SHARPER } * (s.elsewhere - m.elsewhere);
+        let agreement = if s.agreement.is_finite() { s.agreement } else { 0.0 };
+        m.agreement += if anew || m.frames == 0 { 1.0 } else { SMOOTH } * (agreement - m.agreement);
         let spread = ((s.spread + 0.02).ln()).clamp(-4.0, 4.0);
         let distance = if distance.is_finite() { distance.clamp(-3.0, 3.0) } else { 3.0 };
         let margin = s.distractor.map_or(0.0, |distractor| (s.evidence - distractor) / gap);
@@ -169,6 +181,7 @@ impl LossMonitor {
             margin,
             s.colour,
             m.elsewhere,
+            m.agreement,
         ]
     }
 
@@ -260,6 +273,7 @@ mod tests {
             distance: 0.1 - 0.02 * evidence,
             colour: 0.0,
             elsewhere: 0.0,
+            agreement: 0.0,
             estimate,
             unit: 10.0,
             alarm: 0.0,

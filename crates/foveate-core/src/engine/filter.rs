@@ -97,6 +97,7 @@ impl Engine {
             camera_motion.shift(flow, &mut filter.particles);
             camera_motion.shift(flow, std::slice::from_mut(also));
         }
+        self.second.iter_mut().for_each(|second| second.compensate(flow, &mut State::default()));
     }
 
     /// x̃ ~ q(x | x'), and log wₜ₋₁ p/q, which the weights owe for not sampling from p, times what detections say.

@@ -105,6 +105,7 @@ impl Engine {
         };
         let elsewhere = if judged { self.was_elsewhere(estimate) } else { 0.0 };
         self.work.percept.gaze = chosen;
+        let agreement = self.agreement(image, estimate);
         let spread = spread(&estimate.covariance, unit);
         let alarm = self.parts.recognition.as_ref().map_or(0.0, Recognition::alarm);
         let estimated = estimate.mean;
@@ -119,6 +120,7 @@ impl Engine {
                 distance,
                 colour,
                 elsewhere,
+                agreement,
                 estimate: estimated,
                 unit,
                 alarm,
@@ -136,7 +138,11 @@ impl Engine {
         if self.context.lost {
             self.parts.appearance.forget_short_term();
         }
-        if judged && confidence.p_lost < CERTAIN && !self.context.lost && self.frame.is_multiple_of(REMEMBERED_EVERY) {
+        let certain = confidence.p_lost < CERTAIN && !self.context.lost;
+        if certain {
+            self.advise(estimate);
+        }
+        if judged && certain && self.frame.is_multiple_of(REMEMBERED_EVERY) {
             self.remember(&estimate.mean);
         }
         confidence

@@ -41,6 +41,9 @@ struct Saved {
     /// None of a tracker that did not recognise; one that does begins then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     recognizer: Option<serde_json::Value>,
+    /// None without a second opinion.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    second: Option<serde_json::Value>,
 }
 
 impl Engine {
@@ -62,6 +65,7 @@ impl Engine {
             context: self.context,
             redetection: self.parts.filter.redetection.as_ref().map(Redetection::save),
             recognizer: self.parts.recognition.as_ref().map(Recognition::save),
+            second: self.second.as_ref().map(|second| second.save()),
         };
         serde_json::to_value(saved).expect("plain data is JSON")
     }
@@ -117,6 +121,13 @@ impl Engine {
         match (&mut self.parts.recognition, &saved.recognizer) {
             (Some(recognizer), Some(saved)) => recognizer.load(saved)?,
             (Some(recognizer), None) => recognizer.reset(),
+            (None, _) => (),
+        }
+        match (&mut self.second, &saved.second) {
+            (Some(second), Some(saved)) => second.load(saved)?,
+            (Some(_), None) => {
+                return Err(bad("it has no second opinion; use the configuration it was saved with".into()));
+            }
             (None, _) => (),
         }
         if let Some(target) = &saved.target {

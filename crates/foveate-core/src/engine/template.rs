@@ -30,7 +30,7 @@ impl Engine {
         self.parts.recognition.iter_mut().for_each(Recognition::reset);
         self.context = Context::default();
         self.parts.monitor.reset();
-        Ok(())
+        self.second.as_mut().map_or(Ok(()), |second| second.init(image, bbox))
     }
 
     /// Takes what is in this box for what the target looks like from now on. It moves on as it did, and what policy and
@@ -41,7 +41,7 @@ impl Engine {
         assert!(self.target.is_some(), "a target is given before its template is updated");
         self.set_template(image, bbox, velocity)?;
         self.parts.monitor.reset_consistency();
-        Ok(())
+        self.second.as_mut().map_or(Ok(()), |second| second.update_template(image, bbox, velocity))
     }
 
     fn set_template(&mut self, image: &Image, bbox: &BBox, (vx, vy): (f64, f64)) -> Result<()> {
@@ -63,12 +63,14 @@ impl Engine {
         self.parts.monitor.reset_consistency();
         self.parts.filter.spread(&state, scaled, self.streams.at(self.frame, Purpose::Start));
         self.visible = 1.0;
+        self.second.iter_mut().for_each(|second| second.reset_at(bbox));
     }
 
     /// Says which share of the target the next frames can show, 0 to 1, because something else covers it. Its looks count for
     /// as much less, and below one half they cannot make it lost. 1 until told otherwise: then nothing changes.
     pub fn set_visibility(&mut self, visible: f64) {
         self.visible = if visible.is_finite() { visible.clamp(0.0, 1.0) } else { 1.0 };
+        self.second.iter_mut().for_each(|second| second.set_visibility(visible));
     }
 
     /// The state that has this box, upright and at rest, at this target's size. Panics before [`Engine::init`].

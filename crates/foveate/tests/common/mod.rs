@@ -81,7 +81,13 @@ pub fn natural(particles: usize) -> Blueprint {
     Config { particles, ..config }.check(&Folder::here()).expect("a good configuration")
 }
 
-/// The same, learning for now alone, where the evidence is worse than frame 1 promised.
+/// The same with a second opinion.
+pub fn careful(particles: usize) -> Blueprint {
+    let config = Config::builtin("natural-careful").expect("it ships").expect("it is right");
+    Config { particles, ..config }.check(&Folder::here()).expect("a good configuration")
+}
+
+/// `natural`, learning for now alone, where the evidence is worse than frame 1 promised.
 pub fn learning_for_now(particles: usize) -> Blueprint {
     let config = natural(particles).config().clone();
     let config = ["consistency.threshold=0", "discriminant.gate=0", "short_term.threshold=2"]

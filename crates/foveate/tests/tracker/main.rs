@@ -16,6 +16,7 @@ mod recognise;
 mod recovery;
 mod retina;
 mod saliency;
+mod second_opinion;
 mod sensor;
 mod surface;
 mod verbs;

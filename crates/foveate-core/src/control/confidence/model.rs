@@ -5,10 +5,21 @@ use serde::{Deserialize, Serialize};
 use foveate_base::{Error, Result};
 
 /// Number of cues.
-pub const CUES: usize = 10;
+pub const CUES: usize = 11;
 /// Their names, in order.
-pub const CUE_NAMES: [&str; CUES] =
-    ["deficit", "frame_deficit", "drop", "lasting", "flat", "spread", "distance", "margin", "colour", "elsewhere"];
+pub const CUE_NAMES: [&str; CUES] = [
+    "deficit",
+    "frame_deficit",
+    "drop",
+    "lasting",
+    "flat",
+    "spread",
+    "distance",
+    "margin",
+    "colour",
+    "elsewhere",
+    "agreement",
+];
 
 /// What one frame tells about being lost:
 /// *deficit* and *frame_deficit* as [`Consistency`](super::super::Consistency) has them, 0 to 2;
@@ -21,14 +32,17 @@ pub const CUE_NAMES: [&str; CUES] =
 /// 0 where distractors are not searched for;
 /// *colour*: how far the colours at the estimate are from the target's, −0.2 to 1.2; 0 without a colour model;
 /// *elsewhere*: how much more the estimate looks like what was around the target in remembered frames than like the target in them,
-/// smoothed over two or three frames, −1 to 1; 0 where nothing is remembered (`[distractors] remembered`).
+/// smoothed over two or three frames, −1 to 1; 0 where nothing is remembered (`[distractors] remembered`);
+/// *agreement*: the overlap (IoU) with the box of the second opinion, smoothed over about five frames, 0 to 1; 0 without one
+/// (`second_opinion`).
 pub type Cues = [f64; CUES];
 
 /// The model, and the rules of the states.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ConfidenceModel {
-    /// wₖ, one a cue.
+    /// wₖ, one a cue; those of the last cues may be left out, and are 0.
+    #[serde(deserialize_with = "padded")]
     pub weights: [f64; CUES],
     /// b.
     pub bias: f64,
@@ -53,7 +67,7 @@ pub struct ConfidenceModel {
 impl Default for ConfidenceModel {
     fn default() -> Self {
         Self {
-            weights: [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0, 0.0, 0.0],
+            weights: [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0, 0.0, 0.0, 0.0],
             bias: -4.0,
             enter: 0.5,
             leave: 0.3,
@@ -104,6 +118,17 @@ impl ConfidenceModel {
     }
 }
 
+/// Weights of all cues, from those of the first so many.
+fn padded<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<[f64; CUES], D::Error> {
+    let given = Vec::<f64>::deserialize(from)?;
+    let mut weights = [0.0; CUES];
+    match weights.get_mut(..given.len()) {
+        Some(first) => first.copy_from_slice(&given),
+        None => return Err(serde::de::Error::invalid_length(given.len(), &"a weight a cue, at most eleven")),
+    }
+    Ok(weights)
+}
+
 /// ln((1 − P) / P), finite.
 fn odds(p: f64) -> f64 {
     ((1.0 - p).max(1e-12) / p.max(1e-12)).ln()
@@ -112,6 +137,15 @@ fn odds(p: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn weights_of_the_last_cues_may_be_left_out() {
+        let read = |weights: &str| toml::from_str::<ConfidenceModel>(&format!("weights = [{weights}]"));
+        let few = read("0.5, -1.0").expect("two weights");
+        assert_eq!((few.weights[..2].to_vec(), few.weights[2..].to_vec()), (vec![0.5, -1.0], vec![0.0; CUES - 2]));
+        let said = read(&["1.0"; CUES + 1].join(", ")).expect_err("a weight too many").to_string();
+        assert!(said.contains("at most eleven"), "{said}");
+    }
 
     #[test]
     fn wrong_settings_are_named() {

@@ -1,0 +1,64 @@
+//! The configuration of a second opinion: one target in whole pictures, as the first is followed.
+
+use std::path::Path;
+
+use super::{Blueprint, Config};
+use foveate_base::files::Files;
+use foveate_base::{Error, Result};
+
+impl Config {
+    /// The second opinion that the configuration names; none where it names none.
+    pub(super) fn second(&self, files: &dyn Files) -> Result<Option<Blueprint>> {
+        let Some(named) = &self.second_opinion else { return Ok(None) };
+        let wrong = |why: String| Error::Config(format!("second_opinion: {named}: {why}"));
+        if self.sensor.is_some() || self.multi_target.is_some() {
+            return Err(wrong(
+                "a second opinion is of one target in whole pictures; leave it out, or [sensor] and [multi_target]"
+                    .into(),
+            ));
+        }
+        let config = match named.strip_prefix("builtin:") {
+            Some(name) => Self::builtin(name).ok_or_else(|| {
+                wrong(format!("there is none of this name; there are {}", Self::names().join(", ")))
+            })??,
+            None => Self::read(files, Path::new(named))?,
+        };
+        let without = [
+            ("second_opinion", config.second_opinion.is_some()),
+            ("[sensor]", config.sensor.is_some()),
+            ("[multi_target]", config.multi_target.is_some()),
+            ("[detector]", config.detector.is_some()),
+            ("[recogniser]", config.recogniser.is_some()),
+        ];
+        if let Some((section, _)) = without.iter().find(|(_, has)| *has) {
+            return Err(wrong(format!("it has {section}, which a second opinion may not have; leave it out")));
+        }
+        config.check(files).map(Some)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate_base::files::Nowhere;
+
+    #[test]
+    fn a_second_opinion_that_cannot_be_is_refused_by_name() {
+        let natural = Config::builtin("natural").expect("it ships").expect("it is right");
+        for (settings, said) in [
+            (&["second_opinion=builtin:natrual"][..], "natural-middle"),
+            (&["second_opinion=builtin:natural-careful"], "it has second_opinion"),
+            (&["second_opinion=builtin:multi"], "it has [multi_target]"),
+            (&["second_opinion=builtin:foveated"], "it has [sensor]"),
+            (&["second_opinion=nowhere.toml"], "nowhere.toml"),
+            (
+                &["second_opinion=builtin:natural-middle", "sensor={ fovea = [3.0, 24.0] }"],
+                "one target in whole pictures",
+            ),
+        ] {
+            let config = settings.iter().try_fold(natural.clone(), |config, setting| config.set(setting));
+            let error = config.and_then(|config| config.check(&Nowhere)).map(|_| ()).expect_err(said).to_string();
+            assert!(error.contains(said), "{error}");
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! A second opinion is heard, and moves nothing by itself.
+
+use crate::common::{INIT, careful, frame};
+use foveate::Tracker;
+use foveate::config::Config;
+use foveate::control::CUE_NAMES;
+use foveate::files::Folder;
+use foveate::geometry::BBox;
+
+const FRAMES: usize = 24;
+const SEED: u64 = 5;
+
+/// Boxes, P(lost), and what it heard of a second opinion.
+fn track(mut tracker: Tracker) -> Vec<(BBox, f64, f64)> {
+    let heard = CUE_NAMES.iter().position(|name| *name == "agreement").expect("it is a cue");
+    tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
+    (1..FRAMES)
+        .map(|i| {
+            let frame = frame(i, 3);
+            let seen = tracker.update(&frame.image).expect("a picture of the first size");
+            (seen.bbox, seen.p_lost, seen.step.confidence.cues[heard])
+        })
+        .collect()
+}
+
+/// The configuration of a pair of few particles.
+fn pair() -> Config {
+    careful(300).config().clone()
+}
+
+fn tracker(config: Config) -> Tracker {
+    config.check(&Folder::here()).and_then(|blueprint| blueprint.tracker(SEED)).expect("parts that fit")
+}
+
+/// Tracked alone with its own randomness, the second answers the same boxes; their overlap with the first's, smoothed, is the cue.
+#[test]
+fn it_says_what_it_would_say_alone() {
+    let first = pair();
+    let name = first.second_opinion.clone().expect("it has one");
+    let name = name.strip_prefix("builtin:").expect("it ships").to_owned();
+    let second = Config::builtin(&name).expect("it ships").and_then(|c| c.check(&Folder::here())).expect("it is right");
+    let said = track(tracker(first));
+    let alone = track(second.tracker_of(SEED, 1 << 63).expect("parts that fit"));
+    let mut smoothed = said[0].0.iou(&alone[0].0);
+    for ((a, _, heard), (b, _, silent)) in said.iter().zip(&alone) {
+        smoothed += 0.2 * (a.iou(b) - smoothed);
+        assert!((smoothed - heard).abs() < 1e-12, "{a:?} {b:?}: {smoothed} {heard}");
+        assert_eq!(*silent, 0.0, "without a second opinion nothing is heard");
+    }
+    assert!(smoothed > 0.6, "both are on the target: {smoothed}");
+}
+
+#[test]
+fn where_p_lost_does_not_hear_it_nothing_changes() {
+    let mut config = pair();
+    *config.confidence.weights.last_mut().expect("agreement is the last") = 0.0;
+    let tracked =
+        |config| track(tracker(config)).into_iter().map(|(bbox, p_lost, _)| (bbox, p_lost)).collect::<Vec<_>>();
+    let alone = Config { second_opinion: None, ..config.clone() };
+    assert_eq!(tracked(config), tracked(alone));
+}
+
+/// A pair cannot go on from one tracker; determinism.rs has that it goes on bit for bit.
+#[test]
+fn half_of_a_pair_is_refused() {
+    let mut alone = tracker(Config { second_opinion: None, ..pair() });
+    alone.init(&frame(0, 3).image, INIT).expect("a box in the picture");
+    let error = tracker(pair()).load(&alone.save()).expect_err("one of two is missing").to_string();
+    assert!(error.contains("no second opinion"), "{error}");
+}
