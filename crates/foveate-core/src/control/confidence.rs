@@ -119,7 +119,7 @@ impl LossMonitor {
     }
 
     /// The target was put somewhere: it is not out until frames say so; what is usual on it stays.
-    pub fn find(&mut self) {
+    pub(crate) fn begin_again(&mut self) {
         let m = &mut self.past;
         (m.status, m.against, m.out, m.best_place, m.lasting) = (Status::Tracking, 0.0, 0, None, 0.0);
     }

@@ -60,6 +60,26 @@ fn where_p_lost_does_not_hear_it_nothing_changes() {
     assert_eq!(tracked(config), tracked(alone));
 }
 
+/// What either reads of a picture is counted, once.
+#[test]
+fn what_it_reads_is_counted() {
+    let reads = |settings: &[&str]| {
+        let config = Config::builtin("natural-middle").expect("it ships");
+        let config = settings.iter().fold(config, |config, setting| config.and_then(|config| config.set(setting)));
+        let mut tracker = tracker(config.expect("keys"));
+        tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
+        let frame = frame(1, 3);
+        tracker.update(&frame.image).expect("a picture of the first size").step.values
+    };
+    let (small, large) = (reads(&[]), reads(&["dynamics.position=0.5"]));
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let file = folder.path().join("large.toml");
+    let config = Config::builtin("natural-middle").expect("it ships").and_then(|c| c.set("dynamics.position=0.5"));
+    std::fs::write(&file, config.expect("a key").to_toml()).expect("room on the disk");
+    let pair = reads(&[&format!("second_opinion={}", file.display())]);
+    assert!(small < pair && pair < small + large, "{small} and {large} apart, {pair} together");
+}
+
 /// A pair cannot go on from one tracker; determinism.rs has that it goes on bit for bit.
 #[test]
 fn half_of_a_pair_is_refused() {
