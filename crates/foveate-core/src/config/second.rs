@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Blueprint, Config};
+use super::{Blueprint, Config, Configure};
 use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 
@@ -18,9 +18,7 @@ impl Config {
             ));
         }
         let config = match named.strip_prefix("builtin:") {
-            Some(name) => Self::builtin(name).ok_or_else(|| {
-                wrong(format!("there is none of this name; there are {}", Self::names().join(", ")))
-            })??,
+            Some(name) => name.config().map_err(|error| wrong(error.to_string()))?,
             None => Self::read(files, Path::new(named))?,
         };
         let without = [
@@ -41,6 +39,14 @@ impl Config {
 mod tests {
     use super::*;
     use foveate_base::files::Nowhere;
+
+    /// Its file repeats that of `natural`, and may differ in nothing else.
+    #[test]
+    fn careful_is_natural_with_a_second_opinion() {
+        let [natural, careful] = ["natural", "natural-careful"].map(|name| name.config().expect("it ships"));
+        let Config { particles, second_opinion, confidence, .. } = careful.clone();
+        assert_eq!(Config { particles, second_opinion, confidence, ..natural }, careful);
+    }
 
     #[test]
     fn a_second_opinion_that_cannot_be_is_refused_by_name() {
