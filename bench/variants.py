@@ -3,10 +3,11 @@
 
 Usage:
   bench/variants.py --data data --out out-variants
-  foveate eval --seqs out-variants/backwards --seeds 3      # also: later, walkers
+  foveate eval --seqs out-variants/backwards --seeds 3      # also: every2, every3, later, walkers
 
 Input: DATA/tracking and DATA/tracking-wide (OTB layout), and DATA/mot (MOTChallenge layout). Output, in OTB layout, with links to the images:
   backwards  each sequence from its last frame to its first
+  every2     every second frame of each sequence: everything moves twice as fast; every3 every third
   later      each sequence from its first quarter on, and from its middle on: another first frame, another template
   walkers    every target of DATA/mot, one sequence each, from the first frame on in which nobody else's box overlaps a quarter of it, nor
              in the four frames after: a first box that shows somebody else names nobody. Forty frames or more of its longest run
@@ -62,6 +63,8 @@ def main():
         boxes = [line.strip() for line in open(truth) if line.strip()]
         n = min(len(pictures), len(boxes))
         write(f"{args.out}/backwards/{name}", pictures[:n][::-1], boxes[:n][::-1])
+        for step in (2, 3):
+            write(f"{args.out}/every{step}/{name}", pictures[:n:step], boxes[:n:step])
         for quarters in (1, 2):
             start = n * quarters // 4
             write(f"{args.out}/later/{name}-from-{start + 1}", pictures[start:n], boxes[start:n])

@@ -32,6 +32,8 @@ pub enum Purpose {
     Train = 8,
     /// Where a lost target's particles start again.
     Redetection = 9,
+    /// Where the particles of a target that has leapt start again.
+    LocalSearch = 10,
 }
 
 /// A family of independent random streams with one name.

@@ -7,7 +7,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::control::Redetection;
+use crate::control::{LocalSearch, Redetection};
 use crate::engine::{Engine, Filter, GazeControl, Monitor, Parts};
 use crate::identity::encoder::Encoder;
 use crate::identity::gaze_appearance::GazeAppearance;
@@ -111,6 +111,12 @@ impl Config {
                     .into(),
             ));
         }
+        if self.local_search.is_some() && self.distractors.is_none() {
+            return Err(Error::Config(
+                "local_search: it looks at distractors more closely; add [distractors], or leave [local_search] out"
+                    .into(),
+            ));
+        }
         if self.short_term.is_some() && self.discriminant.is_none() {
             return Err(Error::Config(
                 "short_term: it is the discriminant that learns for now; add [discriminant], or leave [short_term] out"
@@ -205,7 +211,8 @@ impl Blueprint {
             .starting(c.start)
             .compensating(c.camera_motion)
             .weighing(c.detection_likelihood)
-            .redetecting(c.redetection.clone().map(Redetection::new));
+            .redetecting(c.redetection.clone().map(Redetection::new))
+            .searching_around(c.local_search.map(LocalSearch::new));
         let gaze = GazeControl::new(self.shadowed(policy(&c.policy)?), c.reward.reward()?);
         let monitor = Monitor::new(c.consistency.clone(), c.confidence.clone())
             .remembering(&c.consistency, c.short_term.map(|it| (it.threshold, it.gate)))

@@ -1,7 +1,7 @@
 //! Algorithm 1 of Denil et al. (2012): particle filtering with gaze control, one frame at a time.
 //!
 //! [`Engine::step`] is the paper's loop. Each verb of it is one function: `predict` and `select` in `engine/filter.rs`,
-//! `choose`, `weigh`, `learn`, `record` and `settle` in `engine/gaze.rs`, `redetect` in `engine/redetect.rs`, `monitor` and `adapt` in
+//! `choose`, `weigh`, `learn`, `record` and `settle` in `engine/gaze.rs`, `redetect` and `search_around` in `engine/redetect.rs`, `monitor` and `adapt` in
 //! `engine/monitor.rs`. What belongs together is kept together: [`Filter`], [`GazeControl`], [`Monitor`].
 
 mod filter;
@@ -126,6 +126,8 @@ pub(crate) struct Work {
     pub drawn: Vec<State>,
     pub scores: Vec<f64>,
     pub distractors: Vec<State>,
+    /// Where it was looked for distractors in this frame, and the log-likelihood of the best.
+    pub around: Option<(State, f64)>,
     /// Of places, to be remembered or compared with those that are.
     pub features: Vec<f32>,
     /// Pixels of the frame that were used.
@@ -165,6 +167,7 @@ impl Engine {
     /// The first half of a step: where the target is expected, and where to look. Of the picture it needs the size alone.
     pub fn aim(&mut self, scene: Scene<'_>) {
         self.frame += 1;
+        self.work.around = None;
         self.predict(scene);
         self.expect(scene.image);
         self.choose();
@@ -177,6 +180,7 @@ impl Engine {
         self.weigh();
         self.learn();
         self.redetect(image);
+        self.search_around(image);
         let estimate = self.estimate();
         let confidence = self.monitor(image, &estimate);
         self.recognise(image, &estimate);

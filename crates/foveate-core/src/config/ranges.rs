@@ -3,8 +3,8 @@
 use serde::{Deserialize, Deserializer};
 
 use crate::control::{
-    CameraMotion, ConfidenceModel, ConsistencySettings, DetectionLikelihood, DistractorSettings, RedetectionSettings,
-    Resampling,
+    CameraMotion, ConfidenceModel, ConsistencySettings, DetectionLikelihood, DistractorSettings, LocalSearchSettings,
+    RedetectionSettings, Resampling,
 };
 use crate::identity::{colour, discriminant, fusion};
 use crate::multi;
@@ -61,6 +61,7 @@ checked!(
     DetectionLikelihood,
     DistractorSettings,
     SensorSettings,
+    LocalSearchSettings,
     RedetectionSettings,
     Resampling,
     StartSpread,

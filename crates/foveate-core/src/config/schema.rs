@@ -9,7 +9,8 @@ use super::ranges::{Ranges, in_range, particles};
 use super::recogniser::RecogniserConfig;
 use crate::control::{
     Agreement, Autoregressive, CameraMotion, Concentration, ConfidenceModel, ConsistencySettings, DetectionLikelihood,
-    DistractorSettings, LogConcentration, RedetectionSettings, Resampling, Reward, VarianceReduction,
+    DistractorSettings, LocalSearchSettings, LogConcentration, RedetectionSettings, Resampling, Reward,
+    VarianceReduction,
 };
 use crate::identity::calibrate::Calibration;
 use crate::identity::gaze_appearance::Sharpness;
@@ -105,6 +106,9 @@ pub struct Config {
     /// How a lost target is looked for; not at all unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub redetection: Option<RedetectionSettings>,
+    /// How a target that has leapt is looked for around the estimate; not at all unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub local_search: Option<LocalSearchSettings>,
     /// What happens between targets, where many are followed.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub multi_target: Option<crate::multi::Settings>,
@@ -211,6 +215,7 @@ impl Ranges for Config {
         self.distractors.ranges()?;
         self.sensor.ranges()?;
         self.redetection.ranges()?;
+        self.local_search.ranges()?;
         self.multi_target.ranges()
     }
 }

@@ -88,6 +88,10 @@ impl DistractorSearch {
     pub fn first_frame(&self) -> bool {
         self.settings.first_frame
     }
+    /// Distance of neighbouring places and of the farthest, template units.
+    pub fn lattice(&self) -> (f64, f64) {
+        (self.settings.step, self.settings.reach)
+    }
     /// The places that were looked at last.
     pub fn last(&self) -> &[State] {
         &self.places

@@ -5,6 +5,7 @@
 //! log wₜ = log wₜ₋₁ + log p/q + log p(h | x, a), up to its own logarithm of a sum, the evidence.
 
 mod camera_motion;
+mod candidates;
 mod confidence;
 mod consistency;
 mod detection_likelihood;
@@ -12,6 +13,7 @@ mod distractors;
 mod dynamics;
 mod law;
 mod leap;
+mod local_search;
 mod mixture;
 mod proposal;
 mod redetection;
@@ -26,6 +28,7 @@ pub use self::detection_likelihood::DetectionLikelihood;
 pub use self::distractors::{DistractorSearch, DistractorSettings, distractors};
 pub use self::dynamics::{Autoregressive, Dynamics};
 pub use self::leap::Leap;
+pub use self::local_search::{CLOSER, LocalSearch, LocalSearchSettings, WORTH};
 pub use self::mixture::{Mixing, Mixture};
 pub use self::proposal::{CHUNK, Prior, Proposal};
 pub use self::redetection::{REFINEMENTS, Redetection, RedetectionSettings};

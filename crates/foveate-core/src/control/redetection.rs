@@ -3,16 +3,13 @@
 //! Every few frames while the target is lost, places all over the picture are scored, and a share of the predicted
 //! particles is drawn again from the places that fit best. Where the picture has more places than the `budget` of a frame,
 //! it is searched in parts, one a search, that where the target was seen last first and the farthest last; the best places of
-//! all parts are remembered, and scored again in every search. It is a proposal: with q a mixture of normals about those places
-//! and p a `chance` spread evenly over the whole picture, these particles owe log p/q. They win or lose against the others by
-//! that and the likelihood, frame by frame: a place that fitted once by chance does not last.
+//! all parts are remembered, and scored again in every search. It is a proposal (`candidates.rs`), with p/q of a target that may be
+//! anywhere in the picture.
 
-use rand::RngExt;
-use rand_distr::StandardNormal;
 use serde::Deserialize;
 use std::ops::Range;
 
-use super::evenly;
+use super::candidates::{Candidates, Draw};
 use crate::geometry::{Extent, State};
 use foveate_base::rng::Streams;
 use foveate_base::{Error, Result};
@@ -25,50 +22,22 @@ pub use self::settings::RedetectionSettings;
 #[derive(Clone, Debug, Default)]
 pub struct Redetection {
     settings: RedetectionSettings,
-    states: Vec<State>,
-    found: Vec<Found>,
-    best: Option<State>,
+    candidates: Candidates,
     /// Searches since the target was lost, and the best places of the parts before.
     searches: u64,
     remembered: Vec<State>,
     /// Parts of the picture: distances from where the target was seen, and which they are.
     parts: Vec<(f64, usize)>,
-    /// Distances of neighbouring places, and halves of the box, across and down, pixels.
-    apart: (f64, f64),
-    half: (f64, f64),
-    /// The picture's, template units².
-    area: f64,
-}
-
-/// One of the best places, and its log-likelihood.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Found {
-    state: State,
-    log_likelihood: f64,
 }
 
 /// How often the best places are made finer, by a third each time.
 pub const REFINEMENTS: usize = 2;
-
-/// Other sizes that are tried at the best places: differences of log scale.
-const SIZES: [f64; 2] = [-0.15, 0.15];
 
 /// The most places that are scored at once.
 const MOST: f64 = 16_000.0;
 
 /// Places farther apart than this, template units, count as more, up to two: what lies between them is read, too.
 const WIDEST: f64 = 0.5;
-
-/// Places nearer to each other than this, in template units, are one.
-const NEAR: f64 = 0.5;
-
-/// Power of the likelihoods by which places are drawn: the second best gets some, too.
-const SOFT: f64 = 0.25;
-
-/// How far two places are apart, across or down, in template units.
-fn apart(a: &State, b: &State, half: (f64, f64)) -> f64 {
-    ((a.x - b.x).abs() / half.0).max((a.y - b.y).abs() / half.1)
-}
 
 impl Redetection {
     /// With these settings; nothing was looked for yet.
@@ -83,7 +52,7 @@ impl Redetection {
     pub fn is_due(&mut self, lost: bool, frame: u64) -> bool {
         if !lost {
             self.searches = 0;
-            self.found.clear();
+            self.candidates.resume([]);
         }
         lost && self.settings.share > 0.0 && frame.is_multiple_of(self.settings.every)
     }
@@ -92,39 +61,42 @@ impl Redetection {
     pub fn places(&mut self, size: (usize, usize), seen: &State, extent: Extent) -> &[State] {
         let (width, height) = (size.0 as f64, size.1 as f64);
         let scale = seen.log_scale.exp();
-        self.half = (extent.half_w * scale, extent.half_h * scale);
-        self.area = width * height / (self.half.0 * self.half.1);
+        let half = (extent.half_w * scale, extent.half_h * scale);
+        self.candidates.half = half;
+        self.candidates.area = width * height / (half.0 * half.1);
         // Whole numbers of steps: places of a lattice of some steps share what they are made of.
-        let (dx, dy) = (self.settings.step * self.half.0, self.settings.step * self.half.1);
+        let (dx, dy) = (self.settings.step * half.0, self.settings.step * half.1);
         let count = |(i, j): (f64, f64)| width * height / (dx * i * dy * j);
         let least = (count((1.0, 1.0)) / MOST).sqrt().floor().max((1.0 / dx.min(dy)).ceil()).max(1.0);
         let next = least + 1.0;
         let few = [(least, least), (next, least)].into_iter().find(|steps| count(*steps) <= MOST);
         let (i, j) = few.unwrap_or((next, next));
-        self.apart = (dx * i, dy * j);
-        let (dx, dy) = self.apart;
+        let (dx, dy) = (dx * i, dy * j);
+        self.candidates.apart = (dx, dy);
         let (columns, rows) = ((width / dx).ceil() as usize, (height / dy).ceil() as usize);
         self.remembered.clear();
-        self.remembered.extend(self.found.drain(..).map(|found| found.state));
+        self.remembered.extend(self.candidates.take());
         let [columns, rows] = self.part(columns, rows, seen);
         self.searches += 1;
-        self.states.clear();
+        let states = &mut self.candidates.states;
+        states.clear();
         for (row, column) in rows.flat_map(|row| columns.clone().map(move |column| (row, column))) {
             let place = State { x: (column as f64 + 0.5) * dx, y: (row as f64 + 0.5) * dy, vx: 0.0, vy: 0.0, ..*seen };
-            self.states.push(place);
+            states.push(place);
         }
-        &self.states
+        states
     }
     /// Columns and rows of the part of the lattice that this search is about.
     fn part(&mut self, columns: usize, rows: usize, seen: &State) -> [Range<usize>; 2] {
-        let places = ((self.area / (WIDEST * WIDEST)) as usize).clamp(columns * rows, 2 * columns * rows);
+        let places = ((self.candidates.area / (WIDEST * WIDEST)) as usize).clamp(columns * rows, 2 * columns * rows);
         let count = if self.settings.budget >= MOST as usize { 1 } else { places.div_ceil(self.settings.budget) };
         if count == 1 {
             self.remembered.clear();
             return [0..columns, 0..rows];
         }
         // As square as may be.
-        let (width, height) = (columns as f64 * self.apart.0, rows as f64 * self.apart.1);
+        let apart = self.candidates.apart;
+        let (width, height) = (columns as f64 * apart.0, rows as f64 * apart.1);
         let down = ((count as f64 * height / width).sqrt().round() as usize).clamp(1, count.min(rows));
         let across = count.div_ceil(down).min(columns);
         let cut = |k: usize, parts: usize, n: usize| k * n / parts..(k + 1) * n / parts;
@@ -136,7 +108,7 @@ impl Redetection {
         self.parts.clear();
         self.parts.extend((0..across * down).map(|k| {
             let [columns, rows] = of(k);
-            (off(&columns, self.apart.0, seen.x) + off(&rows, self.apart.1, seen.y), k)
+            (off(&columns, apart.0, seen.x) + off(&rows, apart.1, seen.y), k)
         }));
         self.parts.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         of(self.parts[(self.searches % (across * down) as u64) as usize].1)
@@ -144,17 +116,17 @@ impl Redetection {
     /// Keeps the best of the places scored last, and gives those that are remembered from other parts, and places about
     /// them: they may have moved. None where the whole picture was searched. To be scored, before [`Redetection::refine`].
     pub fn recall(&mut self, log_likelihood: &[f64]) -> &[State] {
-        self.keep_best(log_likelihood);
-        self.states.clear();
-        let about = (0..9).map(|k| (f64::from(k % 3 - 1) * self.apart.0, f64::from(k / 3 - 1) * self.apart.1));
+        self.candidates.keep_best(log_likelihood, self.settings.places);
+        let (apart, states) = (self.candidates.apart, &mut self.candidates.states);
+        let about = (0..9).map(|k| (f64::from(k % 3 - 1) * apart.0, f64::from(k / 3 - 1) * apart.1));
         for (place, (dx, dy)) in self.remembered.iter().flat_map(|place| about.clone().map(move |d| (place, d))) {
-            self.states.push(State { x: place.x + dx, y: place.y + dy, ..*place });
+            states.push(State { x: place.x + dx, y: place.y + dy, ..*place });
         }
-        &self.states
+        states
     }
     /// What is remembered between frames, to resume from.
     pub fn save(&self) -> serde_json::Value {
-        let found: Vec<State> = self.found.iter().map(|found| found.state).collect();
+        let found: Vec<State> = self.candidates.found().collect();
         serde_json::json!({ "searches": self.searches, "found": found })
     }
     /// Takes up what `save` gave. Fails, unchanged, where it is none.
@@ -170,54 +142,18 @@ impl Redetection {
             return Err(bad("it has more places than this tracker keeps, or more searches than frames"));
         }
         self.searches = saved.searches;
-        self.found.clear();
-        self.found.extend(saved.found.into_iter().map(|state| Found { state, log_likelihood: f64::NEG_INFINITY }));
+        self.candidates.resume(saved.found);
         Ok(())
     }
     /// Keeps the best of the places scored last, and gives places about these, three times as close to each other, and these
     /// in other sizes. To be called [`REFINEMENTS`] times, each followed by scoring, before [`Redetection::draw`].
     pub fn refine(&mut self, log_likelihood: &[f64]) -> &[State] {
-        self.keep_best(log_likelihood);
-        self.apart = (self.apart.0 / 3.0, self.apart.1 / 3.0);
-        self.states.clear();
-        for found in &self.found {
-            for (row, column) in [(-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)] {
-                let (dx, dy) = (f64::from(column) * self.apart.0, f64::from(row) * self.apart.1);
-                self.states.push(State { x: found.state.x + dx, y: found.state.y + dy, ..found.state });
-            }
-            let log_scale = found.state.log_scale;
-            self.states.extend(SIZES.map(|d| State { log_scale: log_scale + d, ..found.state }));
-        }
-        &self.states
-    }
-    /// The best of what was found and scored, none of which is near a better one.
-    fn keep_best(&mut self, log_likelihood: &[f64]) {
-        let scored = self.states.iter().zip(log_likelihood).filter(|(_, l)| l.is_finite());
-        self.found.extend(scored.map(|(&state, &log_likelihood)| Found { state, log_likelihood }));
-        let order = |a: &Found, b: &Found| {
-            let places = || (a.state.y.total_cmp(&b.state.y)).then(a.state.x.total_cmp(&b.state.x));
-            b.log_likelihood.total_cmp(&a.log_likelihood).then_with(places)
-        };
-        let apart_from =
-            |kept: &[Found], it: &Found| kept.iter().all(|f| apart(&f.state, &it.state, self.half) >= NEAR);
-        let mut kept = 0;
-        // Few are kept of many: looking for each is faster than to sort all.
-        while kept < self.settings.places {
-            let (chosen, rest) = self.found.split_at(kept);
-            let better = |best: Option<usize>, i: usize| match best {
-                Some(best) if order(&rest[i], &rest[best]).is_ge() => Some(best),
-                _ if apart_from(chosen, &rest[i]) => Some(i),
-                best => best,
-            };
-            let Some(best) = (0..rest.len()).fold(None, better) else { break };
-            self.found.swap(kept, kept + best);
-            kept += 1;
-        }
-        self.found.truncate(kept);
+        self.candidates.keep_best(log_likelihood, self.settings.places);
+        self.candidates.refine()
     }
     /// The place that fits best of all that were scored, however well; after [`Redetection::draw`].
     pub fn best(&self) -> Option<&State> {
-        self.best.as_ref()
+        self.candidates.best()
     }
     /// Draws a share of `states`, every so many, again from the best places whose log-likelihood is at least `least`, each
     /// from a stream of its own. `which` gets their indices, none where nothing fits, and `log_prior` the log p/q of these.
@@ -231,36 +167,9 @@ impl Redetection {
         which: &mut Vec<usize>,
         streams: Streams,
     ) {
-        self.keep_best(log_likelihood);
-        self.best = self.found.first().map(|found| found.state);
-        self.found.retain(|found| found.log_likelihood >= least);
-        which.clear();
-        let Some(best) = self.found.first().copied() else { return };
-        which.extend(evenly(states.len(), self.settings.share));
-        let weight = |found: &Found| (SOFT * (found.log_likelihood - best.log_likelihood)).exp();
-        let total: f64 = self.found.iter().map(weight).sum();
-        let p = self.settings.chance / self.area / which.len() as f64;
-        for &i in &*which {
-            let mut rng = streams.rng(i as u64);
-            let mut left = total * rng.random::<f64>();
-            let drawn = self.found.iter().find(|found| {
-                left -= weight(found);
-                left < 0.0
-            });
-            let place = drawn.unwrap_or(&best).state;
-            let [dx, dy] = std::array::from_fn(|_| self.settings.spread * rng.sample::<f64, _>(StandardNormal));
-            let (x, y) = (place.x + dx * self.half.0, place.y + dy * self.half.1);
-            let state = State { x, y, log_scale: place.log_scale, ..states[i] };
-            let q: f64 =
-                self.found.iter().map(|found| weight(found) / total * self.density(&state, &found.state)).sum();
-            (states[i], log_prior[i]) = (state, (p / q).ln());
-        }
-    }
-    /// Of a normal about a place, per template unit².
-    fn density(&self, at: &State, place: &State) -> f64 {
-        let (u, v) = ((at.x - place.x) / self.half.0, (at.y - place.y) / self.half.1);
-        let variance = self.settings.spread * self.settings.spread;
-        (-0.5 * (u * u + v * v) / variance).exp() / (std::f64::consts::TAU * variance)
+        let &RedetectionSettings { share, spread, chance, places, .. } = &self.settings;
+        self.candidates.keep_best(log_likelihood, places);
+        self.candidates.draw(&Draw { share, spread, chance }, least, states, log_prior, which, streams);
     }
 }
 
@@ -337,7 +246,7 @@ mod tests {
         resumed.load(&search.save()).expect("it was saved");
         for search in [&mut search, &mut resumed] {
             let n = search.places((200, 100), &seen, EXTENT).len();
-            assert!(!search.states.contains(&best), "another part");
+            assert!(!search.candidates.states.contains(&best), "another part");
             assert!(search.recall(&vec![-20.0; n]).contains(&best));
         }
         assert!(!search.is_due(false, 8), "what was found is forgotten");
@@ -350,7 +259,7 @@ mod tests {
     fn a_share_is_drawn_again_where_it_fits() {
         let mut search = Redetection::new(RedetectionSettings { places: 2, ..RedetectionSettings::default() });
         let n = search.places((100, 60), &State::default(), EXTENT).len();
-        let at = search.states[7];
+        let at = search.candidates.states[7];
         let fresh = search.clone();
         let streams = Streams::new(1, 0).at(8, Purpose::Redetection);
         let (mut states, mut log_prior) = (vec![State { x: -1.0, vx: 2.0, ..State::default() }; 10], vec![-1.0; 10]);
@@ -381,7 +290,7 @@ mod tests {
             ..RedetectionSettings::default()
         });
         let n = search.places((200, 100), &State::default(), EXTENT).len();
-        let at = search.states[150];
+        let at = search.candidates.states[150];
         let mut log_likelihood = vec![-50.0; n];
         (log_likelihood[150], log_likelihood[160]) = (-2.0, -4.0);
         let (mut states, mut log_prior, mut which) = (vec![State::default(); 20_000], vec![0.0; 20_000], vec![]);

@@ -2,7 +2,7 @@
 
 use super::{Engine, Estimate};
 use crate::control::{
-    Belief, CHUNK, CameraMotion, DetectionLikelihood, Leap, Proposal, Redetection, Resampling, normalize,
+    Belief, CHUNK, CameraMotion, DetectionLikelihood, Leap, LocalSearch, Proposal, Redetection, Resampling, normalize,
 };
 use crate::geometry::{Extent, State};
 use crate::scene::{Flow, Scene};
@@ -23,6 +23,7 @@ pub struct Filter {
     pub(super) camera_motion: Option<CameraMotion>,
     pub(super) detection_likelihood: Option<DetectionLikelihood>,
     pub(super) redetection: Option<Redetection>,
+    pub(super) local_search: Option<LocalSearch>,
     /// xₜ⁽ⁱ⁾ and log wₜ⁽ⁱ⁾, between frames.
     pub(super) particles: Vec<State>,
     pub(super) log_weights: Vec<f64>,
@@ -53,6 +54,7 @@ impl Filter {
             camera_motion: None,
             detection_likelihood: None,
             redetection: None,
+            local_search: None,
             particles: vec![State::default(); n],
             log_weights: vec![-(n as f64).ln(); n],
             waiting: None,
@@ -77,6 +79,11 @@ impl Filter {
     /// The same; a lost target is looked for all over the picture.
     pub fn redetecting(self, redetection: Option<Redetection>) -> Self {
         Self { redetection, ..self }
+    }
+
+    /// The same; a target that has leapt is looked for around the estimate.
+    pub fn searching_around(self, local_search: Option<LocalSearch>) -> Self {
+        Self { local_search, ..self }
     }
 
     /// Draws all particles anew, about a state.

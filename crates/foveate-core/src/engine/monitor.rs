@@ -7,8 +7,8 @@ use crate::control::{
 };
 use crate::gaze::Context;
 use crate::geometry::{Gaze, State};
-use crate::identity::Lesson;
 use crate::identity::surroundings::Surroundings;
+use crate::identity::{Appearance, Lesson};
 use crate::recognition::Recognition;
 use crate::scene::Image;
 
@@ -73,6 +73,18 @@ impl Monitor {
     pub(crate) fn consistency(&self) -> Consistency {
         self.consistency.last()
     }
+    /// Whether the first of two places looks more like what was around the target in remembered frames than the second does.
+    pub(super) fn was_beside(
+        &mut self,
+        appearance: &mut dyn Appearance,
+        places: [State; 2],
+        features: &mut Vec<f32>,
+    ) -> bool {
+        let Some(surroundings) = &mut self.surroundings else { return false };
+        appearance.features(&places, features);
+        let (first, second) = features.split_at(features.len() / 2);
+        surroundings.elsewhere(first) > surroundings.elsewhere(second)
+    }
     pub(super) fn reset(&mut self) {
         self.reset_consistency();
         self.loss.reset();
@@ -97,7 +109,7 @@ impl Engine {
         self.parts.appearance.see_more(image, &[estimate.mean], &[seen]);
         self.parts.appearance.perceive(&estimate.mean, seen, &mut w.percept);
         let (distance, colour) = (w.percept.distance, w.percept.colour);
-        let distractor = if judged { self.look_around(image, estimate) } else { None };
+        let distractor = if judged { self.look_around(image, &estimate.mean) } else { None };
         let (evidence, distractor) = self.in_the_long_term(estimate, evidence, distractor);
         let consistency = match judged {
             true => self.parts.monitor.consistency.judge(evidence, &self.work.log_posterior, reference),
@@ -215,7 +227,7 @@ impl Engine {
     }
 
     /// Whether enough of the target is in view for its evidence to say that it is lost.
-    fn is_judged(&self) -> bool {
+    pub(super) fn is_judged(&self) -> bool {
         self.visible >= LEAST_JUDGED
     }
 }

@@ -1,9 +1,9 @@
 //! `redetect`: a lost target may be anywhere, so some particles are drawn from where the picture looks most like it.
-//! Distractors, too, are looked for beyond the particles.
+//! Distractors, too, are looked for beyond the particles, and one of them may be the target that has leapt.
 
+use super::Engine;
 use super::template::attenuate;
-use super::{Engine, Estimate};
-use crate::control::{Belief, REFINEMENTS, distractors, normalize};
+use crate::control::{Belief, CLOSER, REFINEMENTS, WORTH, distractors, normalize};
 use crate::geometry::{Gaze, State};
 use crate::identity::Appearance;
 use crate::scene::Image;
@@ -22,19 +22,56 @@ impl Engine {
         let predicted = || Belief { states: &w.predicted, weights: &w.weights }.mean();
         let seen = parts.monitor.loss.seen().copied().unwrap_or_else(predicted);
         let appearance = &mut *parts.appearance;
-        let look = |appearance: &mut dyn Appearance, states: &[State], scores: &mut Vec<f64>| {
-            appearance.see_more(image, states, &[Gaze::CENTRE]);
-            score(appearance, states, Gaze::CENTRE, scores);
-        };
-        look(appearance, search.places((image.width(), image.height()), &seen, target.extent), &mut w.scores);
-        look(appearance, search.recall(&w.scores), &mut w.scores);
+        look(appearance, image, search.places((image.width(), image.height()), &seen, target.extent), &mut w.scores);
+        look(appearance, image, search.recall(&w.scores), &mut w.scores);
         for _ in 0..REFINEMENTS {
-            look(appearance, search.refine(&w.scores), &mut w.scores);
+            look(appearance, image, search.refine(&w.scores), &mut w.scores);
         }
         let least = reference.on - search.settings().fit * (reference.on - reference.off);
         let streams = self.streams.at(self.frame, Purpose::Redetection);
         search.draw(&w.scores, least, &mut w.predicted, &mut w.log_prior, &mut w.redetected, streams);
         parts.monitor.loss.searched(search.best());
+        self.weigh_drawn(image);
+    }
+
+    /// While the target is not lost: where a place around it, looked at closely, fits better than the estimate does, and well, and was not
+    /// beside the target before, some of the predicted states are drawn again from there.
+    pub(super) fn search_around(&mut self, image: &Image) {
+        if self.parts.filter.local_search.is_none() || self.context.lost || !self.is_judged() {
+            return;
+        }
+        let (reference, extent) = (self.reference(), self.target().extent);
+        let estimate = Belief { states: &self.work.predicted, weights: &self.work.weights }.mean();
+        let Some(best) = self.look_around(image, &estimate) else { return };
+        let (parts, w) = (&mut self.parts, &mut self.work);
+        let (Some(search), Some(around)) = (&mut parts.filter.local_search, &parts.monitor.distractors) else { return };
+        let appearance = &mut *parts.appearance;
+        look(appearance, image, &[estimate], &mut w.scores);
+        let here = w.scores[0];
+        if best < here - WORTH {
+            return;
+        }
+        look(appearance, image, search.begin(&w.distractors, &estimate, extent, around.lattice()), &mut w.scores);
+        for _ in 0..CLOSER {
+            look(appearance, image, search.refine(&w.scores), &mut w.scores);
+        }
+        let least = here.max(reference.on - search.settings().fit * (reference.on - reference.off));
+        let Some((place, fit)) = search.best(&w.scores) else { return };
+        if fit < least || parts.monitor.was_beside(appearance, [place, estimate], &mut w.features) {
+            return;
+        }
+        let streams = self.streams.at(self.frame, Purpose::LocalSearch);
+        search.draw(least, &mut w.predicted, &mut w.log_prior, &mut w.redetected, streams);
+        self.weigh_drawn(image);
+    }
+
+    /// Looks at the predicted states that were drawn again, `work.redetected`: log posterior and weights are those of all states again.
+    fn weigh_drawn(&mut self, image: &Image) {
+        let (parts, w) = (&mut self.parts, &mut self.work);
+        if w.redetected.is_empty() {
+            return;
+        }
+        let appearance = &mut *parts.appearance;
         appearance.see_more(image, &w.predicted, &w.gazes);
         w.drawn.clear();
         w.drawn.extend(w.redetected.iter().map(|i| w.predicted[*i]));
@@ -49,26 +86,28 @@ impl Engine {
                 w.log_posterior[*i] += weight * l;
             }
         }
-        if !w.redetected.is_empty() {
-            w.log_evidence = normalize(&w.log_posterior, &mut w.weights);
-        }
+        w.log_evidence = normalize(&w.log_posterior, &mut w.weights);
     }
 
     /// Fills `work.distractors` with the places around the estimate that look most like the target. The log-likelihood of the
     /// best; `None` where they are not looked for.
-    pub(super) fn look_around(&mut self, image: &Image, estimate: &Estimate) -> Option<f64> {
+    pub(super) fn look_around(&mut self, image: &Image, estimate: &State) -> Option<f64> {
         let extent = self.target().extent;
         let (parts, w) = (&mut self.parts, &mut self.work);
         let around = parts.monitor.distractors.as_mut()?;
-        let places = around.places((image.width(), image.height()), &estimate.mean, extent);
+        if let Some((_, best)) = w.around.filter(|(at, _)| at == estimate) {
+            return Some(best);
+        }
+        let places = around.places((image.width(), image.height()), estimate, extent);
         // An estimate that has left the picture has nothing around it.
         if places.is_empty() {
             w.distractors.clear();
             return Some(f64::NEG_INFINITY);
         }
-        parts.appearance.see_more(image, places, &[Gaze::CENTRE]);
-        score(&mut *parts.appearance, places, Gaze::CENTRE, &mut w.scores);
-        Some(distractors(places, &w.scores, &estimate.mean, extent, &mut w.distractors))
+        look(&mut *parts.appearance, image, places, &mut w.scores);
+        let best = distractors(places, &w.scores, estimate, extent, &mut w.distractors);
+        w.around = Some((*estimate, best));
+        Some(best)
     }
 
     /// Looks around the target, at `state`, in its first frame: remembers what is there, and learns what looks most like the target
@@ -99,6 +138,12 @@ impl Engine {
             self.parts.appearance.init_distractors(image, state, &self.work.distractors);
         }
     }
+}
+
+/// Looks at more states, and has their log-likelihoods.
+fn look(appearance: &mut dyn Appearance, image: &Image, states: &[State], out: &mut Vec<f64>) {
+    appearance.see_more(image, states, &[Gaze::CENTRE]);
+    score(appearance, states, Gaze::CENTRE, out);
 }
 
 /// Log-likelihoods of states whose surroundings were seen, as many as there are states.

@@ -17,7 +17,7 @@ policy = { kind = "fixed" }
 "#;
 
 /// What a section is for and when to change it: the first words of its reference.
-const INTRODUCTIONS: [(&str, &str); 21] = [
+const INTRODUCTIONS: [(&str, &str); 22] = [
     ("resampling", "The selection step of the particle filter. Change it to compare schemes."),
     (
         "dynamics",
@@ -88,6 +88,12 @@ const INTRODUCTIONS: [(&str, &str); 21] = [
     ),
     ("recogniser", "Says which class the target is. It changes no track, unless `alarm` is set."),
     ("redetection", "Global re-detection of a target that is believed lost. Lengths are in template units."),
+    (
+        "local_search",
+        "A target that leaps farther than the particles reach, in videos of few frames a second: in the same frame, the places around the \
+         estimate that look most like it are looked at more closely, and some particles start where one fits better than the estimate. It \
+         needs `[distractors]`. Lengths are in template units.",
+    ),
     ("multi_target", "Data association, initiation, termination, re-identification and occlusion of many targets."),
 ];
 

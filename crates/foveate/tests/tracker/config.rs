@@ -86,6 +86,12 @@ gate = 1.0
 [distractors]
 step = 0.5
 reach = 4.0
+[local_search]
+fit = 0.5
+chance = 0.02
+share = 0.2
+places = 3
+spread = 0.15
 "#;
 
 fn check(text: &str) -> foveate::Result<()> {
@@ -137,6 +143,7 @@ fn mistakes_are_told_with_place_and_valid_names() {
         ("[redetection]", "chance = 0.01", "chance = 0", &["line 60, column 1", "redetection.chance", "it is 0"]),
         ("[discriminant]", "gate", "gait", &["line 72, column 1", "gait", "`gate`"]),
         ("[distractors]", "4.0", "0.5", &["line 73, column 1", "distractors.reach", "1 to 50", "it is 0.5"]),
+        ("[local_search]", "places = 3", "places = 0", &["line 76, column 1", "local_search.places", "it is 0"]),
     ] {
         let error = error(section, from, to);
         for word in ["my.toml"].iter().chain(words) {
@@ -159,6 +166,14 @@ fn parts_of_a_discriminant_ask_for_one() {
             assert!(said.contains(word), "{section}: \"{word}\" is missing in: {said}");
         }
     }
+}
+
+#[test]
+fn local_search_asks_for_distractors() {
+    let (before, after) = GOOD.split_once("[distractors]").expect("it has them");
+    let without = format!("{before}{}", &after[after.find("[local_search]").expect("it has it")..]);
+    let said = check(&without).expect_err("there is nothing to look at").to_string();
+    assert!(said.contains("local_search") && said.contains("add [distractors]"), "{said}");
 }
 
 /// TOML can write nan and inf: every number there is refuses both.

@@ -6,6 +6,7 @@ mod common;
 mod config;
 mod determinism;
 mod kalman;
+mod leap;
 mod motion;
 mod multi;
 mod observe;

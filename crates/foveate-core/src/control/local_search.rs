@@ -1,0 +1,176 @@
+//! Looking around a target that may have leapt farther than the particles reach.
+//!
+//! The places around the estimate that look most like the target are its distractors (`distractors.rs`), or it is one of them. The
+//! best of them are looked at more closely; where one fits better than the estimate does, and well enough, a share of the
+//! predicted particles is drawn again from there, in the same frame. It is a proposal (`candidates.rs`), with p/q of a target that leaps
+//! anywhere in this neighbourhood by a small `chance`: no leap without better evidence than staying, and none onto what could be seen
+//! beside the target before, where that is remembered (`[distractors] remembered`).
+//!
+//! Deviation: the paper's proposal is blind to the picture but for a detector's boxes (section 5.1).
+
+use serde::{Deserialize, Serialize};
+
+use super::candidates::{Candidates, Draw};
+use crate::geometry::{Extent, State};
+use foveate_base::error::within;
+use foveate_base::rng::Streams;
+use foveate_base::{Error, Result};
+
+/// Settings of the search for a target that has leapt.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct LocalSearchSettings {
+    /// A place counts only if its log-likelihood lies at most this share below what the first frame promised on the target,
+    /// towards what it promised elsewhere; 0 to 2.
+    pub fit: f64,
+    /// Prior probability of a leap to anywhere in the neighbourhood, above 0 to 1.
+    pub chance: f64,
+    /// Share of the particles that start again, above 0 to 1.
+    pub share: f64,
+    /// Places they start from, 1 to 6.
+    pub places: usize,
+    /// Standard deviation about a place, template units, above 0 to 10.
+    pub spread: f64,
+}
+
+impl Default for LocalSearchSettings {
+    fn default() -> Self {
+        Self { fit: 0.5, chance: 0.02, share: 0.2, places: 3, spread: 0.15 }
+    }
+}
+
+impl LocalSearchSettings {
+    /// Fails where a number is out of range, naming it.
+    pub fn check(&self) -> Result<()> {
+        within("local_search.fit", self.fit, 0.0, 2.0)?;
+        within("local_search.chance", self.chance, 1e-9, 1.0)?;
+        within("local_search.share", self.share, 1e-3, 1.0)?;
+        within("local_search.spread", self.spread, 1e-3, 10.0)?;
+        match self.places {
+            1..=6 => Ok(()),
+            n => Err(Error::Config(format!("local_search.places is 1 to 6; it is {n}"))),
+        }
+    }
+}
+
+/// How often places are made finer, by a third each time.
+pub const CLOSER: usize = 3;
+
+/// Nats that the best of places this coarse may be behind the estimate, to be worth a closer look.
+pub const WORTH: f64 = 5.0;
+
+/// Looks around a target that may have leapt.
+#[derive(Clone, Debug, Default)]
+pub struct LocalSearch {
+    settings: LocalSearchSettings,
+    candidates: Candidates,
+}
+
+impl LocalSearch {
+    /// With these settings.
+    pub fn new(settings: LocalSearchSettings) -> Self {
+        Self { settings, ..Self::default() }
+    }
+    /// The settings it was made with.
+    pub fn settings(&self) -> &LocalSearchSettings {
+        &self.settings
+    }
+    /// Begins with these places about an estimate, of a lattice: distance of neighbouring places and of the farthest, template units. To
+    /// be scored.
+    pub fn begin(&mut self, places: &[State], estimate: &State, extent: Extent, lattice: (f64, f64)) -> &[State] {
+        let (step, reach) = lattice;
+        let scale = estimate.log_scale.exp();
+        let half = (scale * extent.half_w, scale * extent.half_h);
+        let it = &mut self.candidates;
+        (it.half, it.apart, it.area) = (half, (step * half.0, step * half.1), (2.0 * reach).powi(2));
+        it.resume([]);
+        it.states.clear();
+        it.states.extend_from_slice(places);
+        &it.states
+    }
+    /// Keeps the best of the places scored last, and gives places about these, three times as close to each other, and these in
+    /// other sizes. To be called [`CLOSER`] times, each followed by scoring, before [`LocalSearch::draw`].
+    pub fn refine(&mut self, log_likelihood: &[f64]) -> &[State] {
+        self.candidates.keep_best(log_likelihood, self.settings.places);
+        self.candidates.refine()
+    }
+    /// The best place of all that were scored, and its log-likelihood.
+    pub fn best(&mut self, log_likelihood: &[f64]) -> Option<(State, f64)> {
+        self.candidates.keep_best(log_likelihood, self.settings.places);
+        self.candidates.first()
+    }
+    /// After [`LocalSearch::best`]: draws a share of `states` again, as [`Redetection::draw`](super::Redetection::draw) does, from the best
+    /// places whose log-likelihood is at least `least`.
+    pub fn draw(
+        &mut self,
+        least: f64,
+        states: &mut [State],
+        log_prior: &mut [f64],
+        which: &mut Vec<usize>,
+        streams: Streams,
+    ) {
+        let LocalSearchSettings { share, spread, chance, .. } = self.settings;
+        self.candidates.draw(&Draw { share, spread, chance }, least, states, log_prior, which, streams);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate_base::rng::Purpose;
+
+    const EXTENT: Extent = Extent { half_w: 10.0, half_h: 20.0 };
+
+    /// A peak of width 0.3 template units between the places of a lattice of 0.8 is found to a fiftieth of a unit.
+    #[test]
+    fn a_leap_between_places_is_found() {
+        let estimate = State { x: 100.0, y: 100.0, log_scale: 2f64.ln(), ..State::default() };
+        let peak = State { x: 150.0, y: 61.0, ..estimate };
+        let score = |places: &[State]| -> Vec<f64> {
+            let off = |p: &State| ((p.x - peak.x) / 20.0).hypot((p.y - peak.y) / 40.0);
+            places
+                .iter()
+                .map(|p| -2.0 - 0.5 * (off(p) / 0.3).powi(2) - 30.0 * (p.log_scale - peak.log_scale).abs())
+                .collect()
+        };
+        let lattice = [(-1, 0), (1, 0), (2, -1), (3, -1), (0, 1)];
+        let places = lattice.map(|(i, j)| State {
+            x: estimate.x + 0.8 * 20.0 * f64::from(i),
+            y: estimate.y + 0.8 * 40.0 * f64::from(j),
+            ..estimate
+        });
+        let mut search = LocalSearch::new(LocalSearchSettings { share: 0.5, spread: 0.001, ..Default::default() });
+        let mut scores = score(search.begin(&places, &estimate, EXTENT, (0.8, 6.0)));
+        for _ in 0..CLOSER {
+            scores = score(search.refine(&scores));
+        }
+        let (mut states, mut log_prior, mut which) = (vec![estimate; 10], vec![-3.0; 10], vec![]);
+        let streams = Streams::new(1, 0).at(1, Purpose::LocalSearch);
+        let (best, fit) = search.best(&scores).expect("a place");
+        assert!((best.x - peak.x).abs() < 0.6 && fit > -2.02, "{best:?}: {fit}");
+        let mut none = search.clone();
+        search.draw(-2.2, &mut states, &mut log_prior, &mut which, streams);
+        assert_eq!(which, [1, 3, 5, 7, 9]);
+        for (i, state) in states.iter().enumerate() {
+            let off = ((state.x - peak.x) / 20.0).hypot((state.y - peak.y) / 40.0);
+            assert!(if which.contains(&i) { off < 0.03 } else { *state == estimate && log_prior[i] == -3.0 }, "{off}");
+        }
+        none.draw(-1.9, &mut states, &mut log_prior, &mut which, streams);
+        assert!(which.is_empty(), "nothing fits as well as the estimate");
+    }
+
+    #[test]
+    fn settings_are_checked() {
+        let usual = LocalSearchSettings::default();
+        assert!(usual.check().is_ok());
+        for (bad, said) in [
+            (LocalSearchSettings { fit: -1.0, ..usual }, "fit"),
+            (LocalSearchSettings { chance: 0.0, ..usual }, "chance"),
+            (LocalSearchSettings { share: f64::NAN, ..usual }, "share"),
+            (LocalSearchSettings { places: 0, ..usual }, "places"),
+            (LocalSearchSettings { spread: 11.0, ..usual }, "spread"),
+        ] {
+            assert!(bad.check().expect_err(said).to_string().contains(said));
+        }
+    }
+}
