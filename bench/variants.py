@@ -9,12 +9,15 @@ Input: DATA/tracking and DATA/tracking-wide (OTB layout), and DATA/mot (MOTChall
   backwards  each sequence from its last frame to its first
   every2     every second frame of each sequence: everything moves twice as fast; every3 every third
   later      each sequence from its first quarter on, and from its middle on: another first frame, another template
+  larger     (with --redrawn, needs OpenCV) each sequence three times as large, twice where it would be more than 1100 pixels high
+  noisy      (with --redrawn) each half as bright, with noise of 10 grey levels, as JPEG of quality 60
   walkers    every target of DATA/mot, one sequence each, from the first frame on in which nobody else's box overlaps a quarter of it, nor
              in the four frames after: a first box that shows somebody else names nobody. Forty frames or more of its longest run
 """
 import argparse
 import glob
 import os
+import re
 
 
 def write(folder, pictures, boxes):
@@ -25,6 +28,33 @@ def write(folder, pictures, boxes):
             os.symlink(os.path.abspath(picture), link)
     with open(os.path.join(folder, "groundtruth_rect.txt"), "w") as file:
         file.write("\n".join(boxes) + "\n")
+
+
+def write_noisy(folder, pictures, boxes, random):
+    import cv2
+    os.makedirs(os.path.join(folder, "img"), exist_ok=True)
+    for i, picture in enumerate(pictures, 1):
+        image = cv2.imread(picture)
+        image = (0.5 * image + random.normal(0, 10, image.shape)).clip(0, 255).astype("uint8")
+        cv2.imwrite(os.path.join(folder, "img", f"{i:04d}.jpg"), image, [cv2.IMWRITE_JPEG_QUALITY, 60])
+    with open(os.path.join(folder, "groundtruth_rect.txt"), "w") as file:
+        file.write("\n".join(boxes) + "\n")
+
+
+def write_larger(folder, pictures, boxes):
+    import cv2
+    height = cv2.imread(pictures[0]).shape[0]
+    factor = 3 if 3 * height <= 1100 else 2
+    os.makedirs(os.path.join(folder, "img"), exist_ok=True)
+    for i, picture in enumerate(pictures, 1):
+        image = cv2.resize(cv2.imread(picture), None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
+        cv2.imwrite(os.path.join(folder, "img", f"{i:04d}.jpg"), image, [cv2.IMWRITE_JPEG_QUALITY, 92])
+    with open(os.path.join(folder, "groundtruth_rect.txt"), "w") as file:
+        for box in boxes:
+            x, y, w, h = (float(v) for v in re.split(r"[,\s]+", box))
+            # Counted from 1; the middle of a pixel stays the middle of its pixels.
+            left, top = (factor * (v - 0.5) + 0.5 for v in (x, y))
+            file.write(f"{left:g},{top:g},{factor * w:g},{factor * h:g}\n")
 
 
 def longest_run(frames):
@@ -55,6 +85,7 @@ def main():
     args = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     args.add_argument("--data", default="data", help="folder with tracking/, tracking-wide/ and mot/; what is not there is left out")
     args.add_argument("--out", default="out-variants", help="folder for the variants")
+    args.add_argument("--redrawn", action="store_true", help="make larger/ and noisy/, too: 1.2 GB")
     args = args.parse_args()
     for truth in sorted(glob.glob(f"{args.data}/tracking*/*/groundtruth_rect*.txt")):
         folder = os.path.dirname(truth)
@@ -63,6 +94,10 @@ def main():
         boxes = [line.strip() for line in open(truth) if line.strip()]
         n = min(len(pictures), len(boxes))
         write(f"{args.out}/backwards/{name}", pictures[:n][::-1], boxes[:n][::-1])
+        if args.redrawn:
+            import numpy
+            write_larger(f"{args.out}/larger/{name}", pictures[:n], boxes[:n])
+            write_noisy(f"{args.out}/noisy/{name}", pictures[:n], boxes[:n], numpy.random.default_rng(1))
         for step in (2, 3):
             write(f"{args.out}/every{step}/{name}", pictures[:n:step], boxes[:n:step])
         for quarters in (1, 2):
