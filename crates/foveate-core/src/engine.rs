@@ -167,7 +167,6 @@ impl Engine {
     /// The first half of a step: where the target is expected, and where to look. Of the picture it needs the size alone.
     pub fn aim(&mut self, scene: Scene<'_>) {
         self.frame += 1;
-        self.work.around = None;
         self.predict(scene);
         self.expect(scene.image);
         self.choose();
@@ -176,6 +175,7 @@ impl Engine {
     /// The second half, after [`Engine::aim`], with the picture: what was seen, and what follows.
     pub fn look<'a>(&'a mut self, scene: Scene<'a>) -> Step<'a> {
         let image = scene.image;
+        self.work.around = None;
         self.see(image);
         self.weigh();
         self.learn();

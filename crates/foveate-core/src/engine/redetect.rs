@@ -1,5 +1,5 @@
 //! `redetect`: a lost target may be anywhere, so some particles are drawn from where the picture looks most like it.
-//! Distractors, too, are looked for beyond the particles, and one of them may be the target that has leapt.
+//! `search_around`: distractors, too, are looked for beyond the particles, and one of them may be the target, which has leapt.
 
 use super::Engine;
 use super::template::attenuate;
