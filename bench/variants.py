@@ -20,41 +20,47 @@ import os
 import re
 
 
-def write(folder, pictures, boxes):
+def link(picture, stem):
+    to = stem + os.path.splitext(picture)[1]
+    if not os.path.lexists(to):
+        os.symlink(os.path.abspath(picture), to)
+
+
+def write(folder, pictures, boxes, make=link):
+    """A sequence of these pictures, each put by make(picture, path without extension)."""
     os.makedirs(os.path.join(folder, "img"), exist_ok=True)
     for i, picture in enumerate(pictures, 1):
-        link = os.path.join(folder, "img", f"{i:04d}{os.path.splitext(picture)[1]}")
-        if not os.path.lexists(link):
-            os.symlink(os.path.abspath(picture), link)
+        make(picture, os.path.join(folder, "img", f"{i:04d}"))
     with open(os.path.join(folder, "groundtruth_rect.txt"), "w") as file:
         file.write("\n".join(boxes) + "\n")
 
 
-def write_noisy(folder, pictures, boxes, random):
+def write_noisy(folder, pictures, boxes):
     import cv2
-    os.makedirs(os.path.join(folder, "img"), exist_ok=True)
-    for i, picture in enumerate(pictures, 1):
+    import numpy
+    random = numpy.random.default_rng(1)
+
+    def make(picture, stem):
         image = cv2.imread(picture)
         image = (0.5 * image + random.normal(0, 10, image.shape)).clip(0, 255).astype("uint8")
-        cv2.imwrite(os.path.join(folder, "img", f"{i:04d}.jpg"), image, [cv2.IMWRITE_JPEG_QUALITY, 60])
-    with open(os.path.join(folder, "groundtruth_rect.txt"), "w") as file:
-        file.write("\n".join(boxes) + "\n")
+        cv2.imwrite(stem + ".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 60])
+    write(folder, pictures, boxes, make)
 
 
 def write_larger(folder, pictures, boxes):
     import cv2
-    height = cv2.imread(pictures[0]).shape[0]
-    factor = 3 if 3 * height <= 1100 else 2
-    os.makedirs(os.path.join(folder, "img"), exist_ok=True)
-    for i, picture in enumerate(pictures, 1):
+    factor = 3 if 3 * cv2.imread(pictures[0]).shape[0] <= 1100 else 2
+
+    def make(picture, stem):
         image = cv2.resize(cv2.imread(picture), None, fx=factor, fy=factor, interpolation=cv2.INTER_CUBIC)
-        cv2.imwrite(os.path.join(folder, "img", f"{i:04d}.jpg"), image, [cv2.IMWRITE_JPEG_QUALITY, 92])
-    with open(os.path.join(folder, "groundtruth_rect.txt"), "w") as file:
-        for box in boxes:
-            x, y, w, h = (float(v) for v in re.split(r"[,\s]+", box))
-            # Counted from 1; the middle of a pixel stays the middle of its pixels.
-            left, top = (factor * (v - 0.5) + 0.5 for v in (x, y))
-            file.write(f"{left:g},{top:g},{factor * w:g},{factor * h:g}\n")
+        cv2.imwrite(stem + ".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 92])
+
+    def larger(box):
+        x, y, w, h = (float(v) for v in re.split(r"[,\s]+", box))
+        # Counted from 1; the middle of a pixel stays the middle of its pixels.
+        left, top = (factor * (v - 0.5) + 0.5 for v in (x, y))
+        return f"{left:g},{top:g},{factor * w:g},{factor * h:g}"
+    write(folder, pictures, [larger(box) for box in boxes], make)
 
 
 def longest_run(frames):
@@ -95,9 +101,8 @@ def main():
         n = min(len(pictures), len(boxes))
         write(f"{args.out}/backwards/{name}", pictures[:n][::-1], boxes[:n][::-1])
         if args.redrawn:
-            import numpy
             write_larger(f"{args.out}/larger/{name}", pictures[:n], boxes[:n])
-            write_noisy(f"{args.out}/noisy/{name}", pictures[:n], boxes[:n], numpy.random.default_rng(1))
+            write_noisy(f"{args.out}/noisy/{name}", pictures[:n], boxes[:n])
         for step in (2, 3):
             write(f"{args.out}/every{step}/{name}", pictures[:n:step], boxes[:n:step])
         for quarters in (1, 2):

@@ -20,9 +20,11 @@ const NEAR: f64 = 0.5;
 /// Power of the likelihoods by which places are drawn: the second best gets some, too.
 const SOFT: f64 = 0.25;
 
-/// What is drawn from candidates, and how.
-#[derive(Clone, Copy, Debug)]
+/// How many candidates there are, and what is drawn from them.
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Draw {
+    /// How many of the best places are kept.
+    pub places: usize,
     /// Share of the particles that start again, 0 to 1.
     pub share: f64,
     /// Standard deviation about a place, template units.
@@ -33,16 +35,16 @@ pub(super) struct Draw {
 
 /// The places to be scored next, and the best of those that were.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Candidates {
+pub(crate) struct Candidates {
+    draw: Draw,
     /// To be scored.
-    pub states: Vec<State>,
+    pub(super) states: Vec<State>,
     found: Vec<Found>,
-    best: Option<State>,
     /// Distances of neighbouring places, and halves of the box, across and down, pixels.
-    pub apart: (f64, f64),
-    pub half: (f64, f64),
+    pub(super) apart: (f64, f64),
+    pub(super) half: (f64, f64),
     /// What was searched, template units².
-    pub area: f64,
+    pub(super) area: f64,
 }
 
 /// One of the best places, and its log-likelihood.
@@ -58,26 +60,26 @@ fn apart(a: &State, b: &State, half: (f64, f64)) -> f64 {
 }
 
 impl Candidates {
+    /// None yet.
+    pub(super) fn new(draw: Draw) -> Self {
+        Self { draw, ..Self::default() }
+    }
     /// The best places so far.
-    pub fn found(&self) -> impl Iterator<Item = State> {
+    pub(super) fn found(&self) -> impl Iterator<Item = State> {
         self.found.iter().map(|found| found.state)
     }
-    /// The best of them, and its log-likelihood.
-    pub fn first(&self) -> Option<(State, f64)> {
-        self.found.first().map(|found| (found.state, found.log_likelihood))
-    }
     /// Takes places for the best so far; they will have to be scored again to be drawn from.
-    pub fn resume(&mut self, states: impl IntoIterator<Item = State>) {
+    pub(super) fn resume(&mut self, states: impl IntoIterator<Item = State>) {
         self.found.clear();
         self.found.extend(states.into_iter().map(|state| Found { state, log_likelihood: f64::NEG_INFINITY }));
     }
     /// Takes the best places so far out.
-    pub fn take(&mut self) -> impl Iterator<Item = State> {
+    pub(super) fn take(&mut self) -> impl Iterator<Item = State> {
         self.found.drain(..).map(|found| found.state)
     }
-    /// Of the places found and of those that were to be scored, and have these log-likelihoods, keeps the best `count`, none of which
-    /// is near a better one.
-    pub fn keep_best(&mut self, log_likelihood: &[f64], count: usize) {
+    /// Of the places found and of those that were to be scored, and have these log-likelihoods, keeps the best, none of which is near a
+    /// better one.
+    pub(super) fn keep_best(&mut self, log_likelihood: &[f64]) {
         let scored = self.states.iter().zip(log_likelihood).filter(|(_, l)| l.is_finite());
         self.found.extend(scored.map(|(&state, &log_likelihood)| Found { state, log_likelihood }));
         let order = |a: &Found, b: &Found| {
@@ -88,7 +90,7 @@ impl Candidates {
             |kept: &[Found], it: &Found| kept.iter().all(|f| apart(&f.state, &it.state, self.half) >= NEAR);
         let mut kept = 0;
         // Few are kept of many: looking for each is faster than to sort all.
-        while kept < count {
+        while kept < self.draw.places {
             let (chosen, rest) = self.found.split_at(kept);
             let better = |best: Option<usize>, i: usize| match best {
                 Some(best) if order(&rest[i], &rest[best]).is_ge() => Some(best),
@@ -102,8 +104,10 @@ impl Candidates {
         self.found.truncate(kept);
         self.states.clear();
     }
-    /// Places about the best, three times as close to each other as those before, and the best in other sizes. To be scored.
-    pub fn refine(&mut self) -> &[State] {
+    /// Keeps the best of the places scored last, and gives places about these, three times as close to each other, and these in other
+    /// sizes. To be scored.
+    pub fn refine(&mut self, log_likelihood: &[f64]) -> &[State] {
+        self.keep_best(log_likelihood);
         self.apart = (self.apart.0 / 3.0, self.apart.1 / 3.0);
         self.states.clear();
         for found in &self.found {
@@ -116,23 +120,23 @@ impl Candidates {
         }
         &self.states
     }
-    /// The place that fits best of all that were scored, however well; after [`Candidates::draw`].
-    pub fn best(&self) -> Option<&State> {
-        self.best.as_ref()
+    /// The place that fits best of all that were scored, however well, and its log-likelihood.
+    pub fn best(&mut self, log_likelihood: &[f64]) -> Option<(State, f64)> {
+        self.keep_best(log_likelihood);
+        self.found.first().map(|found| (found.state, found.log_likelihood))
     }
-    /// Draws a share of `states`, every so many, again from the best places whose log-likelihood is at least `least`, each
+    /// After [`Candidates::best`]: draws a share of `states`, every so many, again from the best places whose log-likelihood is at least `least`, each
     /// from a stream of its own. `which` gets their indices, none where nothing fits, and `log_prior` the log p/q of these.
     /// Speed and angle of a state stay what they were; its size is the place's.
     pub fn draw(
         &mut self,
-        how: &Draw,
         least: f64,
         states: &mut [State],
         log_prior: &mut [f64],
         which: &mut Vec<usize>,
         streams: Streams,
     ) {
-        self.best = self.found.first().map(|found| found.state);
+        let how = self.draw;
         self.found.retain(|found| found.log_likelihood >= least);
         which.clear();
         let Some(best) = self.found.first().copied() else { return };

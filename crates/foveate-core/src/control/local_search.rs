@@ -13,7 +13,6 @@ use serde::{Deserialize, Serialize};
 use super::candidates::{Candidates, Draw};
 use crate::geometry::{Extent, State};
 use foveate_base::error::within;
-use foveate_base::rng::Streams;
 use foveate_base::{Error, Result};
 
 /// Settings of the search for a target that has leapt.
@@ -60,16 +59,17 @@ pub const CLOSER: usize = 3;
 pub const WORTH: f64 = 5.0;
 
 /// Looks around a target that may have leapt.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct LocalSearch {
     settings: LocalSearchSettings,
-    candidates: Candidates,
+    pub(crate) candidates: Candidates,
 }
 
 impl LocalSearch {
     /// With these settings.
     pub fn new(settings: LocalSearchSettings) -> Self {
-        Self { settings, ..Self::default() }
+        let LocalSearchSettings { places, share, spread, chance, .. } = settings;
+        Self { settings, candidates: Candidates::new(Draw { places, share, spread, chance }) }
     }
     /// The settings it was made with.
     pub fn settings(&self) -> &LocalSearchSettings {
@@ -88,36 +88,12 @@ impl LocalSearch {
         it.states.extend_from_slice(places);
         &it.states
     }
-    /// Keeps the best of the places scored last, and gives places about these, three times as close to each other, and these in
-    /// other sizes. To be called [`CLOSER`] times, each followed by scoring, before [`LocalSearch::draw`].
-    pub fn refine(&mut self, log_likelihood: &[f64]) -> &[State] {
-        self.candidates.keep_best(log_likelihood, self.settings.places);
-        self.candidates.refine()
-    }
-    /// The best place of all that were scored, and its log-likelihood.
-    pub fn best(&mut self, log_likelihood: &[f64]) -> Option<(State, f64)> {
-        self.candidates.keep_best(log_likelihood, self.settings.places);
-        self.candidates.first()
-    }
-    /// After [`LocalSearch::best`]: draws a share of `states` again, as [`Redetection::draw`](super::Redetection::draw) does, from the best
-    /// places whose log-likelihood is at least `least`.
-    pub fn draw(
-        &mut self,
-        least: f64,
-        states: &mut [State],
-        log_prior: &mut [f64],
-        which: &mut Vec<usize>,
-        streams: Streams,
-    ) {
-        let LocalSearchSettings { share, spread, chance, .. } = self.settings;
-        self.candidates.draw(&Draw { share, spread, chance }, least, states, log_prior, which, streams);
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use foveate_base::rng::Purpose;
+    use foveate_base::rng::{Purpose, Streams};
 
     const EXTENT: Extent = Extent { half_w: 10.0, half_h: 20.0 };
 
@@ -142,20 +118,20 @@ mod tests {
         let mut search = LocalSearch::new(LocalSearchSettings { share: 0.5, spread: 0.001, ..Default::default() });
         let mut scores = score(search.begin(&places, &estimate, EXTENT, (0.8, 6.0)));
         for _ in 0..CLOSER {
-            scores = score(search.refine(&scores));
+            scores = score(search.candidates.refine(&scores));
         }
         let (mut states, mut log_prior, mut which) = (vec![estimate; 10], vec![-3.0; 10], vec![]);
         let streams = Streams::new(1, 0).at(1, Purpose::LocalSearch);
-        let (best, fit) = search.best(&scores).expect("a place");
+        let (best, fit) = search.candidates.best(&scores).expect("a place");
         assert!((best.x - peak.x).abs() < 0.6 && fit > -2.02, "{best:?}: {fit}");
         let mut none = search.clone();
-        search.draw(-2.2, &mut states, &mut log_prior, &mut which, streams);
+        search.candidates.draw(-2.2, &mut states, &mut log_prior, &mut which, streams);
         assert_eq!(which, [1, 3, 5, 7, 9]);
         for (i, state) in states.iter().enumerate() {
             let off = ((state.x - peak.x) / 20.0).hypot((state.y - peak.y) / 40.0);
             assert!(if which.contains(&i) { off < 0.03 } else { *state == estimate && log_prior[i] == -3.0 }, "{off}");
         }
-        none.draw(-1.9, &mut states, &mut log_prior, &mut which, streams);
+        none.candidates.draw(-1.9, &mut states, &mut log_prior, &mut which, streams);
         assert!(which.is_empty(), "nothing fits as well as the estimate");
     }
 

@@ -11,7 +11,6 @@ use std::ops::Range;
 
 use super::candidates::{Candidates, Draw};
 use crate::geometry::{Extent, State};
-use foveate_base::rng::Streams;
 use foveate_base::{Error, Result};
 
 mod settings;
@@ -19,15 +18,21 @@ mod settings;
 pub use self::settings::RedetectionSettings;
 
 /// Looks all over the picture for a target believed lost.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Redetection {
     settings: RedetectionSettings,
-    candidates: Candidates,
+    pub(crate) candidates: Candidates,
     /// Searches since the target was lost, and the best places of the parts before.
     searches: u64,
     remembered: Vec<State>,
     /// Parts of the picture: distances from where the target was seen, and which they are.
     parts: Vec<(f64, usize)>,
+}
+
+impl Default for Redetection {
+    fn default() -> Self {
+        Self::new(RedetectionSettings::default())
+    }
 }
 
 /// How often the best places are made finer, by a third each time.
@@ -42,7 +47,9 @@ const WIDEST: f64 = 0.5;
 impl Redetection {
     /// With these settings; nothing was looked for yet.
     pub fn new(settings: RedetectionSettings) -> Self {
-        Self { settings, ..Self::default() }
+        let RedetectionSettings { places, share, spread, chance, .. } = settings;
+        let candidates = Candidates::new(Draw { places, share, spread, chance });
+        Self { settings, candidates, searches: 0, remembered: vec![], parts: vec![] }
     }
     /// The settings it was made with.
     pub fn settings(&self) -> &RedetectionSettings {
@@ -114,9 +121,9 @@ impl Redetection {
         of(self.parts[(self.searches % (across * down) as u64) as usize].1)
     }
     /// Keeps the best of the places scored last, and gives those that are remembered from other parts, and places about
-    /// them: they may have moved. None where the whole picture was searched. To be scored, before [`Redetection::refine`].
+    /// them: they may have moved. None where the whole picture was searched. To be scored, before the candidates are made finer.
     pub fn recall(&mut self, log_likelihood: &[f64]) -> &[State] {
-        self.candidates.keep_best(log_likelihood, self.settings.places);
+        self.candidates.keep_best(log_likelihood);
         let (apart, states) = (self.candidates.apart, &mut self.candidates.states);
         let about = (0..9).map(|k| (f64::from(k % 3 - 1) * apart.0, f64::from(k / 3 - 1) * apart.1));
         for (place, (dx, dy)) in self.remembered.iter().flat_map(|place| about.clone().map(move |d| (place, d))) {
@@ -145,38 +152,12 @@ impl Redetection {
         self.candidates.resume(saved.found);
         Ok(())
     }
-    /// Keeps the best of the places scored last, and gives places about these, three times as close to each other, and these
-    /// in other sizes. To be called [`REFINEMENTS`] times, each followed by scoring, before [`Redetection::draw`].
-    pub fn refine(&mut self, log_likelihood: &[f64]) -> &[State] {
-        self.candidates.keep_best(log_likelihood, self.settings.places);
-        self.candidates.refine()
-    }
-    /// The place that fits best of all that were scored, however well; after [`Redetection::draw`].
-    pub fn best(&self) -> Option<&State> {
-        self.candidates.best()
-    }
-    /// Draws a share of `states`, every so many, again from the best places whose log-likelihood is at least `least`, each
-    /// from a stream of its own. `which` gets their indices, none where nothing fits, and `log_prior` the log p/q of these.
-    /// Speed and angle of a state stay what they were; its size is the place's.
-    pub fn draw(
-        &mut self,
-        log_likelihood: &[f64],
-        least: f64,
-        states: &mut [State],
-        log_prior: &mut [f64],
-        which: &mut Vec<usize>,
-        streams: Streams,
-    ) {
-        let &RedetectionSettings { share, spread, chance, places, .. } = &self.settings;
-        self.candidates.keep_best(log_likelihood, places);
-        self.candidates.draw(&Draw { share, spread, chance }, least, states, log_prior, which, streams);
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use foveate_base::rng::Purpose;
+    use foveate_base::rng::{Purpose, Streams};
 
     const EXTENT: Extent = Extent { half_w: 10.0, half_h: 10.0 };
 
@@ -237,11 +218,12 @@ mod tests {
         assert!(search.recall(&scores).is_empty(), "nothing was found before");
         let mut scores = vec![];
         for _ in 0..REFINEMENTS {
-            let n = search.refine(&scores).len();
+            let n = search.candidates.refine(&scores).len();
             scores = vec![-30.0; n];
         }
-        search.draw(&scores, -4.0, &mut states, &mut log_prior, &mut which, Streams::new(1, 0));
-        assert_eq!(search.best(), Some(&best));
+        search.candidates.best(&scores);
+        search.candidates.draw(-4.0, &mut states, &mut log_prior, &mut which, Streams::new(1, 0));
+        assert_eq!(search.candidates.best(&[]).map(|(place, _)| place), Some(best));
         let mut resumed = Redetection::new(search.settings().clone());
         resumed.load(&search.save()).expect("it was saved");
         for search in [&mut search, &mut resumed] {
@@ -264,12 +246,14 @@ mod tests {
         let streams = Streams::new(1, 0).at(8, Purpose::Redetection);
         let (mut states, mut log_prior) = (vec![State { x: -1.0, vx: 2.0, ..State::default() }; 10], vec![-1.0; 10]);
         let (mut log_likelihood, mut which) = (vec![-11.0; n], vec![]);
-        search.draw(&log_likelihood, -4.0, &mut states, &mut log_prior, &mut which, streams);
+        search.candidates.best(&log_likelihood);
+        search.candidates.draw(-4.0, &mut states, &mut log_prior, &mut which, streams);
         assert!(states.iter().all(|s| s.x == -1.0) && which.is_empty(), "nothing fits, nothing is drawn");
         search = fresh;
         log_likelihood[7] = -2.5;
         log_likelihood[8] = f64::NAN;
-        search.draw(&log_likelihood, -4.0, &mut states, &mut log_prior, &mut which, streams);
+        search.candidates.best(&log_likelihood);
+        search.candidates.draw(-4.0, &mut states, &mut log_prior, &mut which, streams);
         assert_eq!(which, [3, 6, 9], "a share of 0.3 of ten, evenly");
         for (i, state) in states.iter().enumerate() {
             // 1.5 px of spread: three draws beyond 5 deviations have a probability below 1e-5, and the seed is fixed.
@@ -294,7 +278,8 @@ mod tests {
         let mut log_likelihood = vec![-50.0; n];
         (log_likelihood[150], log_likelihood[160]) = (-2.0, -4.0);
         let (mut states, mut log_prior, mut which) = (vec![State::default(); 20_000], vec![0.0; 20_000], vec![]);
-        search.draw(&log_likelihood, -10.0, &mut states, &mut log_prior, &mut which, Streams::new(2, 0));
+        search.candidates.best(&log_likelihood);
+        search.candidates.draw(-10.0, &mut states, &mut log_prior, &mut which, Streams::new(2, 0));
         // Within half a unit of the better place: a square of one unit².
         let inside = |s: &State| (s.x - at.x).abs() < 5.0 && (s.y - at.y).abs() < 5.0;
         let mass: f64 = states.iter().zip(&log_prior).filter(|(s, _)| inside(s)).map(|(_, l)| l.exp()).sum();

@@ -25,12 +25,12 @@ impl Engine {
         look(appearance, image, search.places((image.width(), image.height()), &seen, target.extent), &mut w.scores);
         look(appearance, image, search.recall(&w.scores), &mut w.scores);
         for _ in 0..REFINEMENTS {
-            look(appearance, image, search.refine(&w.scores), &mut w.scores);
+            look(appearance, image, search.candidates.refine(&w.scores), &mut w.scores);
         }
         let least = reference.on - search.settings().fit * (reference.on - reference.off);
         let streams = self.streams.at(self.frame, Purpose::Redetection);
-        search.draw(&w.scores, least, &mut w.predicted, &mut w.log_prior, &mut w.redetected, streams);
-        parts.monitor.loss.searched(search.best());
+        parts.monitor.loss.searched(search.candidates.best(&w.scores).map(|(place, _)| place).as_ref());
+        search.candidates.draw(least, &mut w.predicted, &mut w.log_prior, &mut w.redetected, streams);
         self.weigh_drawn(image);
     }
 
@@ -53,15 +53,15 @@ impl Engine {
         }
         look(appearance, image, search.begin(&w.distractors, &estimate, extent, around.lattice()), &mut w.scores);
         for _ in 0..CLOSER {
-            look(appearance, image, search.refine(&w.scores), &mut w.scores);
+            look(appearance, image, search.candidates.refine(&w.scores), &mut w.scores);
         }
         let least = here.max(reference.on - search.settings().fit * (reference.on - reference.off));
-        let Some((place, fit)) = search.best(&w.scores) else { return };
+        let Some((place, fit)) = search.candidates.best(&w.scores) else { return };
         if fit < least || parts.monitor.was_beside(appearance, [place, estimate], &mut w.features) {
             return;
         }
         let streams = self.streams.at(self.frame, Purpose::LocalSearch);
-        search.draw(least, &mut w.predicted, &mut w.log_prior, &mut w.redetected, streams);
+        search.candidates.draw(least, &mut w.predicted, &mut w.log_prior, &mut w.redetected, streams);
         self.weigh_drawn(image);
     }
 
