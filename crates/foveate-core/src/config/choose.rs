@@ -24,17 +24,19 @@ impl Profile {
 }
 
 /// Policies that [`Config::with_policy`] knows by name.
-pub const POLICIES: [&str; 11] = [
+pub const POLICIES: [&str; 13] = [
     "fixed",
     "random",
     "circular",
     "hedge",
     "pool",
+    "explore-then-commit",
     "exp3",
     "exp3-as-printed",
     "exp3-ix",
     "exp3-s",
     "gp-ucb",
+    "contextual",
     "anchor",
 ];
 

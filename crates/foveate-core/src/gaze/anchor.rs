@@ -31,9 +31,8 @@ impl Policy for Anchor {
     fn plan(&mut self, context: &Context, plan: &mut Plan, rng: &mut Rng) {
         self.inner.plan(context, &mut self.own, rng);
         plan.clear();
-        for (&gaze, &used) in self.own.gazes().iter().zip(self.own.used()) {
-            plan.push(gaze, used);
-        }
+        self.own.gazes().iter().zip(self.own.weights()).for_each(|(&gaze, &weight)| plan.weigh(gaze, weight));
+        plan.widen(self.own.wider());
         plan.mark(self.own.chosen_index());
         match self.own.gazes().iter().position(|g| (g.u, g.v) == (self.gaze.u, self.gaze.v)) {
             Some(k) => plan.use_also(k),
@@ -52,7 +51,7 @@ impl Policy for Anchor {
 mod tests {
     use super::*;
     use crate::conformance;
-    use crate::gaze::{Circular, Fixed, Grid, Hedge, Random};
+    use crate::gaze::{Circular, Fixed, Grid, Hedge, Pool, Random};
     use foveate_base::rng::{Purpose, Streams};
 
     fn hedge() -> Box<dyn Policy> {
@@ -87,6 +86,20 @@ mod tests {
             assert!(plan.used()[4] && plan.used()[plan.chosen_index()]);
             assert_eq!(plan.used().iter().filter(|&&used| used).count(), if plan.chosen_index() == 4 { 1 } else { 2 });
             full.learn(&plan, &[0.5; 9]);
+        }
+    }
+
+    /// What a pool weighs counts for as much beside the centre, which counts for one look at least.
+    #[test]
+    fn the_inner_policy_weighs_its_own_gazes() {
+        let mut rng = Streams::new(3, 0).at(0, Purpose::Look).rng(0);
+        let (mut plan, mut bare) = (Plan::new(), Plan::new());
+        let pool = || Box::new(Pool::new(Grid::default().gazes(), 1.0, 0.1, 2.0).expect("nine gazes"));
+        pool().plan(&Context::default(), &mut bare, &mut rng);
+        Anchor::centre(pool()).plan(&Context::default(), &mut plan, &mut rng);
+        assert_eq!(plan.gazes(), bare.gazes());
+        for (k, (weight, own)) in plan.weights().iter().zip(bare.weights()).enumerate() {
+            assert_eq!(*weight, if k == 4 { 1.0 } else { *own }, "gaze {k}");
         }
     }
 

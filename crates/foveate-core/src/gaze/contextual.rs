@@ -2,7 +2,7 @@
 //!
 //! While the target is held it looks at the middle of it, the wider the less sure its place is:
 //! ```text
-//! widening = clamp(1 + zoom · (spread − calm), 1, widest)
+//! widening = clamp(1 + zoom · (spread − calm)₊ + roam · frames since it was lost / covers, 1, widest)
 //! ```
 //! so that as many values cover what the target may have moved to. Once it is lost, every other look is a saccade to the place
 //! of the picture with the largest
@@ -32,7 +32,7 @@ const SIDE: usize = 16;
 pub struct Contextual {
     /// Where it looks on the target, in turn: cells that fall between those of the last look make the picture finer over time.
     pub grid: Grid,
-    /// Widening per template unit of spread, 0 to 100; 0: always 1.
+    /// Widening per template unit of spread, 0 to 100; 0: only while it is lost, by `roam`.
     pub zoom: f64,
     /// Spread up to which nothing is widened, template units, 0 to 10.
     pub calm: f64,

@@ -69,15 +69,19 @@ impl GpUcb {
         let held = 1.0 - self.settings.caution * context.frame_deficit.max(context.deficit).min(1.0);
         self.settings.exploration * held * beta.max(0.0).sqrt()
     }
-    /// Mean and divisor that standardise the window's rewards.
-    fn units(&self) -> (f64, f64) {
-        if !self.settings.standardise || self.rewards.is_empty() {
+    /// Mean and standard deviation of the window's rewards.
+    fn moments(&self) -> (f64, f64) {
+        if self.rewards.is_empty() {
             return (0.0, 1.0);
         }
         let n = self.rewards.len() as f64;
         let mean = self.rewards.iter().sum::<f64>() / n;
         let sd = (self.rewards.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / n).sqrt();
         (mean, sd.max(self.settings.floor).max(1e-9))
+    }
+    /// Mean and divisor that standardise the window's rewards.
+    fn units(&self) -> (f64, f64) {
+        if self.settings.standardise { self.moments() } else { (0.0, 1.0) }
     }
     /// The process' mean at a gaze before anything was learned.
     fn expected(&self, u: f64, v: f64) -> f64 {
@@ -119,7 +123,7 @@ impl Policy for GpUcb {
     }
     fn learn(&mut self, plan: &Plan, rewards: &[f64]) {
         let (gaze, reward) = (plan.chosen(), rewards[plan.chosen_index()]);
-        let (mean, sd) = self.units();
+        let (mean, sd) = self.moments();
         self.poor = self.settings.guard.is_some_and(|guard| (reward - mean) / sd < -guard);
         if self.rewards.len() == self.settings.window {
             self.rewards.remove(0);
@@ -267,7 +271,13 @@ mod tests {
 
     #[test]
     fn guard_and_caution_hold_exploration_back() {
-        let mut gp = policy(Bayes { guard: Some(1.0), caution: 0.5, ..Bayes::default() });
+        // The guard's deviations are the window's, whatever the process sees.
+        for standardise in [true, false] {
+            guarded(policy(Bayes { guard: Some(1.0), caution: 0.5, standardise, ..Bayes::default() }));
+        }
+    }
+
+    fn guarded(mut gp: GpUcb) {
         let mut plan = Plan::new();
         let mut rng = Streams::new(3, 0).at(0, Purpose::Look).rng(0);
         let doubtful = Context { deficit: 1.0, ..Context::default() };

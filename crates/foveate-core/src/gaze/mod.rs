@@ -125,9 +125,9 @@ impl Plan {
         self.used.push(weight > 0.0);
         self.weights.push(weight);
     }
-    /// Uses the gaze at `k` too.
+    /// Uses the gaze at `k` too, for one look at least.
     pub fn use_also(&mut self, k: usize) {
-        (self.used[k], self.weights[k]) = (true, 1.0);
+        (self.used[k], self.weights[k]) = (true, self.weights[k].max(1.0));
     }
     /// Says which of the used gazes is the policy's own choice; otherwise it is the first used one.
     pub fn mark(&mut self, k: usize) {
