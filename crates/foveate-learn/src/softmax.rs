@@ -278,15 +278,16 @@ fn minimize(objective: Objective<'_>, x: &mut [f64], steps: usize, tolerance: f6
         // The step along it.
         let slope = dot(&d, &gradient);
         let (mut low, mut high, mut t) = (0.0, f64::INFINITY, 1.0);
-        let mut found = None;
+        let (mut found, mut is_last) = (None, false);
         for _ in 0..30 {
             next.iter_mut().zip(&*x).zip(&d).for_each(|((n, x), d)| *n = x + t * d);
             let there = objective(&next, &mut tried);
             if there.is_nan() || there > value + 1e-4 * t * slope {
                 high = t;
             } else {
-                found = Some(there);
-                if dot(&d, &tried) >= 0.9 * slope {
+                found = Some((t, there));
+                is_last = dot(&d, &tried) >= 0.9 * slope;
+                if is_last {
                     break;
                 }
                 low = t;
@@ -294,7 +295,11 @@ fn minimize(objective: Objective<'_>, x: &mut [f64], steps: usize, tolerance: f6
             t = if high.is_finite() { 0.5 * (low + high) } else { 2.0 * t };
         }
         // No step goes down: the numbers' precision is reached.
-        let Some(there) = found.filter(|&there| there < value) else { return step };
+        let Some((accepted, there)) = found.filter(|&(_, there)| there < value) else { return step };
+        if !is_last {
+            next.iter_mut().zip(&*x).zip(&d).for_each(|((n, x), d)| *n = x + accepted * d);
+            objective(&next, &mut tried);
+        }
         let s: Vec<f64> = next.iter().zip(&*x).map(|(n, x)| n - x).collect();
         let y: Vec<f64> = tried.iter().zip(&gradient).map(|(n, g)| n - g).collect();
         let sy = dot(&s, &y);

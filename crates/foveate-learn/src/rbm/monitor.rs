@@ -12,8 +12,8 @@ use rayon::prelude::*;
 
 /// Rows done at a time by one thread.
 const CHUNK: usize = 100;
-/// Weights up to here may be multiplied eight at a time, as e^w, without overflow.
-const TAME: f32 = 50.0;
+/// Weights up to here may be multiplied eight at a time, as e^w − 1: single precision still knows 1 + h (e^−w − 1) from 0.
+const TAME: f32 = 8.0;
 
 /// Means over some rows.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]

@@ -38,6 +38,9 @@ pub struct Particle {
     pub log_weight: f64,
 }
 
+/// Log evidence of a machine by which the rows have none: its numbers are beyond all bounds.
+const NOTHING: f64 = -1e6;
+
 /// An RBM that goes on learning.
 #[derive(Clone, Debug)]
 pub struct OnlineRbm {
@@ -87,13 +90,16 @@ impl OnlineRbm {
         for (i, particle) in self.particles.iter_mut().enumerate() {
             let mut rng = draws.rng(i as u64);
             let data = if several { bootstrap(rows, &mut rng, &mut sampled) } else { rows };
-            let Some(mut moved) = step(&particle.rbm, data, learning_rate, rng.random()) else { continue };
-            if several {
-                let mut normal = || -> f32 { StandardNormal.sample(&mut rng) };
-                moved.hidden_bias.iter_mut().for_each(|c| *c += noise * normal());
-                particle.log_weight += evidence(&moved, rows, others);
+            if let Some(mut moved) = step(&particle.rbm, data, learning_rate, rng.random()) {
+                if several {
+                    let mut normal = || -> f32 { StandardNormal.sample(&mut rng) };
+                    moved.hidden_bias.iter_mut().for_each(|c| *c += noise * normal());
+                }
+                particle.rbm = moved;
             }
-            particle.rbm = moved;
+            if several {
+                particle.log_weight += evidence(&particle.rbm, rows, others);
+            }
         }
         if several {
             self.resample(draws.rng(u64::MAX).random());
@@ -172,7 +178,7 @@ fn step(rbm: &Rbm, rows: Rows<'_>, rate: f32, seed: u64) -> Option<Rbm> {
     Some(trainer.learned())
 }
 
-/// Σ log σ(F̄ − F(v)) over the rows, F̄ the mean over the others; 0 where there are none.
+/// Σ log σ(F̄ − F(v)) over the rows, F̄ the mean over the others; 0 where there are none, [`NOTHING`] where it is no number.
 fn evidence(rbm: &Rbm, rows: Rows<'_>, others: Rows<'_>) -> f64 {
     if others.is_empty() {
         return 0.0;
@@ -180,7 +186,7 @@ fn evidence(rbm: &Rbm, rows: Rows<'_>, others: Rows<'_>) -> f64 {
     let (mean, each) = (free_energies(rbm, others), free_energies(rbm, rows));
     let mean = mean.iter().sum::<f64>() / mean.len() as f64;
     let evidence: f64 = each.iter().map(|f| -softplus(f - mean)).sum();
-    if evidence.is_finite() { evidence } else { 0.0 }
+    if evidence.is_finite() { evidence } else { NOTHING }
 }
 
 /// F(v) of every row, nats; as [`Rbm::free_energy`], by one product.
@@ -277,6 +283,19 @@ mod tests {
         let best = it.particles[2].rbm.clone();
         it.resample(0.3);
         assert!(it.particles.iter().all(|p| p.rbm == best && p.log_weight == 0.0));
+    }
+
+    /// A particle that cannot move is judged as all others are: one that explains nothing does not stay for that.
+    #[test]
+    fn what_cannot_move_is_weighed_too() {
+        let mut it = learned(2, 1);
+        let streams = Streams::new(1, 0);
+        let (v, others) = (rows(true, 9, &mut streams.rng(0)), rows(false, 9, &mut streams.rng(1)));
+        it.particles.iter_mut().for_each(|p| p.log_weight = 0.0);
+        it.particles[1].rbm.weights[0] = f32::INFINITY;
+        it.learn(Rows::new(&v, N_V), Rows::new(&others, N_V));
+        let [good, stuck] = &it.particles[..] else { unreachable!("two particles") };
+        assert!(good.log_weight > -100.0 && stuck.log_weight == NOTHING, "{} {}", good.log_weight, stuck.log_weight);
     }
 
     /// A rate that makes numbers overflow moves nothing.
