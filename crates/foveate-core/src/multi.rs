@@ -54,6 +54,9 @@ pub(crate) type Fresh = Box<dyn Fn() -> Preprocessor + Send + Sync>;
 /// The terminated targets that are remembered at most: each keeps its first frame.
 const MOST_REMEMBERED: usize = 50;
 
+/// Ids of targets are below this: the last bit names the randomness of a second opinion.
+const MOST_ID: u64 = 1 << 63;
+
 /// Intersection over union from which on two boxes are of the same target.
 const SAME: f64 = 0.6;
 
@@ -194,7 +197,8 @@ impl MultiTracker {
     /// next free one where none is given.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture; [`Error::Memory`]
+    /// [`Error::Invalid`] where the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture, or the id is 2⁶³ or
+    /// more; [`Error::Memory`]
     /// where another target takes more memory than there may be ([`foveate_base::memory`]).
     pub fn add(&mut self, image: &Image, id: Option<u64>, bbox: BBox) -> Result<u64> {
         crate::start::check(image, &bbox)?;
@@ -202,6 +206,9 @@ impl MultiTracker {
             return Err(Error::Stopped);
         }
         let id = id.unwrap_or(self.next_id);
+        if id >= MOST_ID {
+            return Err(Error::Invalid(format!("a target's id is below {MOST_ID}; this one is {id}")));
+        }
         match self.active.binary_search_by_key(&id, |t| t.track.id) {
             Ok(at) => {
                 let born = self.active[at].track.born;
@@ -244,8 +251,10 @@ impl MultiTracker {
         self.work.expected.clear();
         self.work.expected.extend(self.active.iter().map(|t| {
             let c = &t.track.covariance;
-            let (bbox, variance) = (t.shaped(t.next().bbox(t.track.extent)), (c[0][0] + c[2][2], c[1][1] + c[3][3]));
-            Expected { bbox, variance, guess: self.settings.guesses(t.unseen) }
+            // Of place and velocity together.
+            let variance = [0, 1].map(|k| c[k][k] + 2.0 * c[k][k + 2] + c[k + 2][k + 2]);
+            let (bbox, guess) = (t.shaped(t.next().bbox(t.track.extent)), self.settings.guesses(t.unseen));
+            Expected { bbox, variance: (variance[0], variance[1]), guess }
         }));
         let Work { expected, meetings, .. } = &mut self.work;
         meetings.find(expected.len(), &|i| expected[i].bbox);

@@ -10,10 +10,17 @@ impl Blueprint {
     /// named by the seed and i.
     ///
     /// # Errors
-    /// [`Error::Config`] where it has `[sensor]`, which serves one target.
+    /// [`Error::Config`] where it has `[sensor]`, which serves one target, or a policy that settles beside the centre.
     pub fn multi_tracker(&self, seed: u64) -> Result<MultiTracker> {
         if self.config.sensor.is_some() {
             return Err(Error::Config("sensor: it serves one target; leave it out to follow many".into()));
+        }
+        if self.config.policy.settles_elsewhere() {
+            return Err(Error::Config(
+                "policy: to learn anew of another place than the centre takes the whole first picture, which many targets do not keep; \
+                 set policy.kind = \"fixed\" with u and v 0, or another kind than explore-then-commit"
+                    .into(),
+            ));
         }
         self.parts()?;
         let blueprint = self.clone();

@@ -136,6 +136,33 @@ impl PolicyConfig {
     pub(super) fn looks_often(&self) -> bool {
         matches!(self, Self::Hedge { .. } | Self::Pool { .. } | Self::Anchor { .. })
     }
+    /// Whether it may look at one place for good that is not the centre, so that all is learned anew of that place.
+    pub(super) fn settles_elsewhere(&self) -> bool {
+        match self {
+            Self::Fixed { u, v } => (*u, *v) != (0.0, 0.0),
+            _ => matches!(self, Self::ExploreThenCommit { .. }),
+        }
+    }
+    /// Whether it asks for more than rewards: the first picture, or a sensor's width.
+    #[cfg(feature = "learn")]
+    fn asks_for_more(&self) -> bool {
+        match self {
+            Self::GpUcb(settings) => settings.saliency > 0.0 || settings.rehearsal > 0.0,
+            _ => matches!(self, Self::Contextual(_)),
+        }
+    }
+    /// Fails where a recogniser cannot give it what it asks for.
+    #[cfg(feature = "learn")]
+    pub(super) fn recognises(&self) -> Result<()> {
+        if !self.asks_for_more() {
+            return Ok(());
+        }
+        Err(foveate_base::Error::Config(
+            "recogniser.policy: a recogniser has neither a first picture to foretell rewards from nor a sensor; leave out saliency and \
+             rehearsal, and take another kind than contextual"
+                .into(),
+        ))
+    }
     /// Whether it wants to know what gazes would have earned in the first picture.
     pub(super) fn rehearses(&self) -> bool {
         matches!(self, Self::GpUcb(settings) if settings.rehearsal > 0.0)

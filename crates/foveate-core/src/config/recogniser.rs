@@ -70,6 +70,7 @@ impl Ranges for RecogniserConfig {
         match self {
             Self::MultiFixation { accumulate, policy, .. } => {
                 accumulate.check()?;
+                policy.as_ref().map_or(Ok(()), PolicyConfig::recognises)?;
                 policy.ranges()
             }
             Self::Classifier { accumulate, .. } => accumulate.check(),

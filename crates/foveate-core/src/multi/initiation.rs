@@ -1,9 +1,9 @@
 //! Track initiation: persistent unmatched detections become a target.
 
 use super::edge;
+use super::groups::{Fit, best};
 use super::pairs::Expected;
 use super::settings::Settings;
-use crate::assignment;
 use crate::geometry::BBox;
 use crate::scene::Detection;
 
@@ -49,18 +49,17 @@ impl TentativeTracks {
         let s = &settings.initiation;
         let waits = |c: &Candidate| c.hits >= s.hits || settings.asked(frame - c.first) < s.within.max(1);
         self.candidates.retain(|c| c.may_return(frame, settings) && waits(c));
-        let (rows, columns) = (self.candidates.len(), detections.len());
-        let overlap = |k: usize| {
-            let iou = self.candidates[k / columns].expected(frame).iou(&detections[k % columns].bbox);
-            if iou >= LEAST_OVERLAP { iou } else { 0.0 }
-        };
-        let scores: Vec<f64> = (0..rows * columns).map(overlap).collect();
-        let mut taken = vec![false; columns];
-        for (i, j) in assignment::best(&scores, rows, columns) {
-            if scores[i * columns + j] > 0.0 {
-                taken[j] = true;
-                self.candidates[i].hit(frame, &detections[j]);
-            }
+        let mut fits = vec![];
+        for (i, candidate) in self.candidates.iter().enumerate() {
+            let expected = candidate.expected(frame);
+            let overlaps = detections.iter().map(|d| expected.iou(&d.bbox)).enumerate();
+            fits.extend(overlaps.filter(|(_, score)| *score >= LEAST_OVERLAP).map(|(j, score)| Fit { i, j, score }));
+        }
+        let (given, mut taken) = (best(&fits, self.candidates.len(), detections.len()), vec![false; detections.len()]);
+        for (candidate, j) in self.candidates.iter_mut().zip(given) {
+            let Some(j) = j else { continue };
+            taken[j] = true;
+            candidate.hit(frame, &detections[j]);
         }
         let fresh = detections.iter().zip(&taken).filter(|(_, taken)| !**taken);
         self.candidates.extend(fresh.map(|(d, _)| Candidate {

@@ -3,11 +3,11 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::MultiTracker;
 use super::initiation::TentativeTracks;
 use super::occlusion::Fronts;
 use super::ranks::Ranks;
 use super::target::{SHAPE, Target};
+use super::{MOST_ID, MultiTracker};
 use crate::geometry::BBox;
 use crate::multi::TrackedTarget;
 use foveate_base::{Error, Result, memory};
@@ -71,7 +71,8 @@ impl MultiTracker {
             return Err(bad(format!("their format is {}, this program writes and reads {FORMAT}", saved.format)));
         }
         let ordered = saved.active.is_sorted_by(|a, b| a.track.id < b.track.id);
-        if !ordered || saved.active.iter().chain(&saved.terminated).any(|t| t.track.id >= saved.next_id) {
+        let ids = ordered && saved.next_id <= MOST_ID;
+        if !ids || saved.active.iter().chain(&saved.terminated).any(|t| t.track.id >= saved.next_id) {
             return Err(bad("their ids are not in order".into()));
         }
         saved.check_frames().map_err(bad)?;

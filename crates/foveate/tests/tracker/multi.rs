@@ -121,6 +121,21 @@ fn who_comes_is_initiated_who_leaves_is_terminated_and_who_returns_is_reidentifi
     assert_eq!(phases, [(7, 1, Phase::Initiated), (62, 1, Phase::ReIdentified)]);
 }
 
+/// An id has room for what is derived from it, and a policy that needs the whole first picture is one target's.
+#[test]
+fn what_many_targets_cannot_have_is_refused() {
+    let picture = picture(&[]);
+    let mut tracker = tracker(1);
+    let said = tracker.add(&picture, Some(u64::MAX), at(20.0, 20.0)).expect_err("too large").to_string();
+    assert!(said.contains("9223372036854775808"), "{said}");
+    assert_eq!(tracker.add(&picture, Some(7), at(20.0, 20.0)).expect("a box in the picture"), 7);
+    for policy in ["policy.kind=explore-then-commit", "policy={ kind = \"fixed\", u = 0.3 }"] {
+        let config = Config::builtin("multi").expect("it ships").and_then(|config| config.set(policy)).expect("fits");
+        let said = MultiTracker::new(&config).err().expect("it settles elsewhere").to_string();
+        assert!(said.contains("policy") && said.contains("whole first picture"), "{said}");
+    }
+}
+
 #[test]
 fn a_cut_is_the_end_and_boxes_that_are_none_are_refused() {
     let mut tracker = tracker(1);
