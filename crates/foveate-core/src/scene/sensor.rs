@@ -67,9 +67,9 @@ impl Regions for Image {
                 let lines = y + j * bin.1..(y + (j + 1) * bin.1).min(bottom);
                 for (i, out) in out.iter_mut().enumerate() {
                     let across = x + i * bin.0..(x + (i + 1) * bin.0).min(right);
-                    let n = (lines.len() * across.len()) as u32;
+                    let n = (lines.len() * across.len()) as u64;
                     let rows = lines.clone().map(|y| &plane[y * self.width()..][across.clone()]);
-                    let sum: u32 = rows.map(|row| row.iter().map(|b| u32::from(*b)).sum::<u32>()).sum();
+                    let sum: u64 = rows.map(|row| row.iter().map(|b| u64::from(*b)).sum::<u64>()).sum();
                     *out = ((sum + n / 2) / n) as u8;
                 }
             }
@@ -156,9 +156,9 @@ impl Sensor {
             self.seen = Image::new(width, height, planes, vec![UNREAD; width * height * planes])?;
             self.painted.clear();
         }
-        for window in std::mem::take(&mut self.painted) {
-            self.wipe(window);
-        }
+        let mut painted = std::mem::take(&mut self.painted);
+        painted.drain(..).for_each(|window| self.wipe(window));
+        self.painted = painted;
         if self.settings.overview > 0 {
             let bin = width.min(height).div_ceil(self.settings.overview);
             self.read(

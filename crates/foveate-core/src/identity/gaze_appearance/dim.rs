@@ -2,12 +2,13 @@
 
 use crate::scene::Image;
 
-/// `image` less a share of what it has in common with `first`; itself where the share is 0 or the sizes differ.
+/// `image` less a share of what it has in common with `first`; itself where the share is 0, or the sizes differ, or it is the first one:
+/// there everything is familiar.
 pub(super) fn dim<'a>(image: &'a Image, first: &Image, share: f32, out: &'a mut Option<Image>) -> &'a Image {
     let like = |other: &Image| {
         (other.width(), other.height(), other.planes()) == (image.width(), image.height(), image.planes())
     };
-    if share <= 0.0 || !like(first) {
+    if share <= 0.0 || !like(first) || image.bytes() == first.bytes() {
         return image;
     }
     if !out.as_ref().is_some_and(like) {
@@ -21,4 +22,20 @@ pub(super) fn dim<'a>(image: &'a Image, first: &Image, share: f32, out: &'a mut 
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_new_stays_and_the_first_picture_is_all_familiar() {
+        let first = Image::new(2, 1, 1, vec![100, 40]).expect("a byte a pixel");
+        let later = Image::new(2, 1, 1, vec![100, 200]).expect("a byte a pixel");
+        let mut out = None;
+        assert_eq!(dim(&later, &first, 1.0, &mut out).bytes(), [0, 160]);
+        assert_eq!(dim(&later, &first, 0.5, &mut out).bytes(), [50, 180]);
+        assert_eq!(dim(&later, &first, 0.0, &mut out).bytes(), later.bytes());
+        assert_eq!(dim(&first.clone(), &first, 1.0, &mut out).bytes(), first.bytes());
+    }
 }
