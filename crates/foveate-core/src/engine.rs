@@ -107,8 +107,9 @@ pub(crate) struct Work {
     pub predicted: Vec<State>,
     /// Their mean.
     pub expected: State,
-    /// log wₜ₋₁ p/q and the detection likelihood.
+    /// log wₜ₋₁ p/q and the detection likelihood, and what was added to it for the sum of the weights to stay.
     pub log_prior: Vec<f64>,
+    pub detected: f64,
     pub plan: Plan,
     /// Its gazes as the appearance has them: from the one it has settled on.
     pub gazes: Vec<Gaze>,
@@ -179,8 +180,8 @@ impl Engine {
         self.see(image);
         self.weigh();
         self.learn();
-        self.redetect(image);
-        self.search_around(image);
+        self.redetect(scene);
+        self.search_around(scene);
         let estimate = self.estimate();
         let confidence = self.monitor(image, &estimate);
         self.recognise(image, &estimate);

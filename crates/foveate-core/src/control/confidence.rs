@@ -124,6 +124,12 @@ impl LossMonitor {
         (m.status, m.against, m.out, m.best_place, m.lasting) = (Status::Tracking, 0.0, 0, None, 0.0);
     }
 
+    /// Forgets what is usual on the target: looks are compared with something else from now on.
+    pub(crate) fn forget_usual(&mut self) {
+        let m = &mut self.past;
+        (m.frames, m.evidence, m.deviation, m.distance, m.lasting) = (0, 0.0, 0.0, 0.0, 0.0);
+    }
+
     /// Judges a frame.
     pub fn judge(&mut self, shown: &FrameEvidence) -> TrackConfidence {
         let cues = self.cues(shown);
@@ -300,6 +306,21 @@ mod tests {
         let order = [Status::Tracking, Status::Occluded, Status::Lost, Status::Reacquired].map(first);
         assert!(order.is_sorted() && order[3] >= 70 + 3 - 1 && order[3] < 80, "{order:?}");
         assert_eq!(long.last(), Some(&Status::Tracking));
+    }
+
+    /// Put somewhere it is not out; compared with something else, what was usual is none.
+    #[test]
+    fn what_is_given_again_begins_again() {
+        let mut c = LossMonitor::new(ConfidenceModel::default());
+        (0..30).for_each(|_| _ = c.judge(&shown(-3.0, 0.0)));
+        (0..20).for_each(|_| _ = c.judge(&shown(-12.0, 1.0)));
+        assert!(c.last().status.is_occluded_or_lost());
+        c.begin_again();
+        assert_eq!(c.judge(&shown(-3.0, 0.0)).status, Status::Tracking);
+        let drop = |c: &mut LossMonitor| c.judge(&shown(-6.0, 0.0)).cues[2];
+        assert!(drop(&mut c.clone()) > 0.5, "less than usual");
+        c.forget_usual();
+        assert_eq!(drop(&mut c), 0.0, "nothing is usual yet");
     }
 
     #[test]

@@ -66,14 +66,14 @@ impl DetectionLikelihood {
     }
 
     /// Adds it to the log weights of states. Their sum stays what it was, so that the evidence remains that of the looks,
-    /// which `ConsistencyMonitor` compares with what the first frame promised.
-    pub fn weigh(&self, detections: &[Detection], states: &[State], extent: Extent, log_weights: &mut [f64]) {
+    /// which `ConsistencyMonitor` compares with what the first frame promised. Answers what was added to each for that.
+    pub fn weigh(&self, detections: &[Detection], states: &[State], extent: Extent, log_weights: &mut [f64]) -> f64 {
         if detections.is_empty() {
-            return;
+            return 0.0;
         }
         let most = log_weights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         if !most.is_finite() {
-            return;
+            return 0.0;
         }
         let (mut before, mut after) = (0.0, 0.0);
         for (state, log_w) in states.iter().zip(log_weights.iter_mut()) {
@@ -83,6 +83,7 @@ impl DetectionLikelihood {
         }
         let same = (before / after).ln();
         log_weights.iter_mut().for_each(|log_w| *log_w += same);
+        same
     }
 }
 

@@ -102,7 +102,8 @@ impl Engine {
         let filter = &mut self.parts.filter;
         if let Some(camera_motion) = &filter.camera_motion {
             camera_motion.shift(flow, &mut filter.particles);
-            camera_motion.shift(flow, std::slice::from_mut(also));
+            // It is one state: there is no share of it.
+            CameraMotion { share: 1.0, ..*camera_motion }.shift(flow, std::slice::from_mut(also));
         }
         self.second.iter_mut().for_each(|second| second.compensate(flow, &mut State::default()));
     }
@@ -118,9 +119,8 @@ impl Engine {
         let streams = self.streams.at(self.frame, Predict);
         f.proposal.propose(scene, &f.particles, &mut w.predicted, &mut w.log_prior, streams);
         w.log_prior.iter_mut().zip(&f.log_weights).for_each(|(prior, carried)| *prior += carried);
-        if let Some(likelihood) = &f.detection_likelihood {
-            likelihood.weigh(scene.detections, &w.predicted, extent, &mut w.log_prior);
-        }
+        let weigh = |it: &DetectionLikelihood| it.weigh(scene.detections, &w.predicted, extent, &mut w.log_prior);
+        w.detected = f.detection_likelihood.as_ref().map_or(0.0, weigh);
     }
 
     /// Whether a frame without a look needs none of the particles, and so no buffers: nothing is detected, the camera does not move

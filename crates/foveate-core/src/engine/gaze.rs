@@ -135,14 +135,15 @@ impl Engine {
         if (gaze.u, gaze.v) == (home.u, home.v) || !self.parts.appearance.settle(gaze, self.streams) {
             return;
         }
-        self.parts.monitor.reset_consistency();
+        self.parts.monitor.forget_evidence();
         let source = self.parts.appearance.template_source().map(|it| (it.image.clone(), *it.state, it.origin));
         if let Some((image, state, (x, y))) = source {
             self.look_around_first(&image, &State { x: state.x - x as f64, y: state.y - y as f64, ..state });
         }
     }
 
-    /// What other gazes would have earned. No later look at the frame depends on it.
+    /// What other gazes would have earned, by the belief at the end of the frame: where particles were drawn again, not that by which the
+    /// planned ones were scored. No later look at the frame depends on it.
     pub(super) fn record(&mut self, image: &Image) {
         let extent = self.target().extent;
         let (parts, w) = (&mut self.parts, &mut self.work);
@@ -157,6 +158,7 @@ impl Engine {
         parts.appearance.see(image, &w.predicted, &w.gazes);
         for &gaze in &w.gazes {
             parts.appearance.log_likelihood(&w.predicted, gaze, &mut w.log_posterior);
+            attenuate(&mut w.log_posterior, self.visible);
             w.recorded.push(parts.gaze.reward.reward(&w.predicted, &w.log_prior, &w.log_posterior, believed));
         }
     }

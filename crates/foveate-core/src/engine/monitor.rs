@@ -89,7 +89,12 @@ impl Monitor {
         self.reset_consistency();
         self.loss.reset();
     }
-    /// Forgets how evidence was: what it is compared with has changed.
+    /// Forgets how evidence was, and what was usual: what it is compared with has changed.
+    pub(super) fn forget_evidence(&mut self) {
+        self.reset_consistency();
+        self.loss.forget_usual();
+    }
+    /// Forgets how evidence was in the last frames.
     pub(super) fn reset_consistency(&mut self) {
         self.consistency.reset();
         self.for_now.iter_mut().for_each(|it| it.consistency.reset());
@@ -111,6 +116,8 @@ impl Engine {
         let (distance, colour) = (w.percept.distance, w.percept.colour);
         let distractor = if judged { self.look_around(image, &estimate.mean) } else { None };
         let (evidence, distractor) = self.in_the_long_term(estimate, evidence, distractor);
+        // As much as looks at the target count for.
+        let distractor = distractor.map(|fit| self.visible * fit);
         let consistency = match judged {
             true => self.parts.monitor.consistency.judge(evidence, &self.work.log_posterior, reference),
             false => self.parts.monitor.consistency.last(),

@@ -6,13 +6,14 @@ use super::template::attenuate;
 use crate::control::{Belief, CLOSER, REFINEMENTS, WORTH, distractors, normalize};
 use crate::geometry::{Gaze, State};
 use crate::identity::Appearance;
-use crate::scene::Image;
+use crate::scene::{Image, Scene};
 use foveate_base::rng::Purpose;
 
 impl Engine {
     /// While the target is believed lost: scores places all over the picture, draws some of the predicted states again from
     /// the best, and looks at these, so that log prior, log posterior and weights are those of all states again.
-    pub(super) fn redetect(&mut self, image: &Image) {
+    pub(super) fn redetect(&mut self, scene: Scene<'_>) {
+        let image = scene.image;
         let (reference, target) = (self.reference(), *self.target());
         let (parts, w) = (&mut self.parts, &mut self.work);
         let Some(search) = &mut parts.filter.redetection else { return };
@@ -31,12 +32,13 @@ impl Engine {
         let streams = self.streams.at(self.frame, Purpose::Redetection);
         parts.monitor.loss.searched(search.candidates.best(&w.scores).map(|(place, _)| place).as_ref());
         search.candidates.draw(least, &mut w.predicted, &mut w.log_prior, &mut w.redetected, streams);
-        self.weigh_drawn(image);
+        self.weigh_drawn(scene);
     }
 
     /// While the target is not lost: where a place around it, looked at closely, fits better than the estimate does, and well, and was not
     /// beside the target before, some of the predicted states are drawn again from there.
-    pub(super) fn search_around(&mut self, image: &Image) {
+    pub(super) fn search_around(&mut self, scene: Scene<'_>) {
+        let image = scene.image;
         if self.parts.filter.local_search.is_none() || self.context.lost || !self.is_judged() {
             return;
         }
@@ -62,14 +64,20 @@ impl Engine {
         }
         let streams = self.streams.at(self.frame, Purpose::LocalSearch);
         search.candidates.draw(least, &mut w.predicted, &mut w.log_prior, &mut w.redetected, streams);
-        self.weigh_drawn(image);
+        self.weigh_drawn(scene);
     }
 
-    /// Looks at the predicted states that were drawn again, `work.redetected`: log posterior and weights are those of all states again.
-    fn weigh_drawn(&mut self, image: &Image) {
+    /// Looks at the predicted states that were drawn again, `work.redetected`, and asks the detections of them: log prior, log posterior
+    /// and weights are those of all states again.
+    fn weigh_drawn(&mut self, Scene { image, detections }: Scene<'_>) {
+        let extent = self.target().extent;
         let (parts, w) = (&mut self.parts, &mut self.work);
         if w.redetected.is_empty() {
             return;
+        }
+        if let Some(likelihood) = &parts.filter.detection_likelihood {
+            let told = |state: &State| likelihood.log_likelihood(detections, state, extent) + w.detected;
+            w.redetected.iter().for_each(|i| w.log_prior[*i] += told(&w.predicted[*i]));
         }
         let appearance = &mut *parts.appearance;
         appearance.see_more(image, &w.predicted, &w.gazes);

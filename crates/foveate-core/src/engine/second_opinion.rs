@@ -21,7 +21,7 @@ impl Engine {
         let here = estimate.mean.bbox(self.target().extent);
         if let Some(second) = self.second.as_mut().filter(|second| second.context.lost) {
             second.reset_at(&here);
-            second.parts.monitor.loss.begin_again();
+            second.set_visibility(self.visible);
         }
     }
 }

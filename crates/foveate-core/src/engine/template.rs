@@ -28,7 +28,7 @@ impl Engine {
         self.parts.gaze.policy.reset();
         self.foretell(image);
         self.parts.recognition.iter_mut().for_each(Recognition::reset);
-        self.context = Context::default();
+        (self.context, self.visible) = (Context::default(), 1.0);
         self.parts.monitor.reset();
         self.second.as_mut().map_or(Ok(()), |second| second.init(image, bbox))
     }
@@ -40,7 +40,7 @@ impl Engine {
     pub fn update_template(&mut self, image: &Image, bbox: &BBox, velocity: (f64, f64)) -> Result<()> {
         assert!(self.target.is_some(), "a target is given before its template is updated");
         self.set_template(image, bbox, velocity)?;
-        self.parts.monitor.reset_consistency();
+        self.parts.monitor.forget_evidence();
         self.second.as_mut().map_or(Ok(()), |second| second.update_template(image, bbox, velocity))
     }
 
@@ -55,14 +55,16 @@ impl Engine {
         Ok(())
     }
 
-    /// Puts the target into this box: particles start about it, its template stays. Panics before [`Engine::init`].
+    /// Puts the target into this box: particles start about it, its template stays, and it is not lost until frames say so. Panics
+    /// before [`Engine::init`].
     pub fn reset_at(&mut self, bbox: &BBox) {
         let state = self.state_at(bbox);
         let (scale, extent) = (state.log_scale.exp(), self.target().extent);
         let scaled = Extent { half_w: extent.half_w * scale, half_h: extent.half_h * scale };
         self.parts.monitor.reset_consistency();
+        self.parts.monitor.loss.begin_again();
         self.parts.filter.spread(&state, scaled, self.streams.at(self.frame, Purpose::Start));
-        self.visible = 1.0;
+        (self.context.lost, self.visible) = (false, 1.0);
         self.second.iter_mut().for_each(|second| second.reset_at(bbox));
     }
 

@@ -3,6 +3,7 @@
 
 use crate::common::{INIT, frame};
 use foveate::config::Config;
+use foveate::control::Status;
 use foveate::geometry::BBox;
 use foveate::scene::{Detection, Image};
 use foveate::{Output, Tracker};
@@ -41,6 +42,49 @@ fn what_is_covered_counts_for_less() {
         tracker.update(&image).expect("a picture of the first size").covariance[0][0]
     };
     assert!(spread(0.05) > 2.0 * spread(1.0), "{} and {}", spread(0.05), spread(1.0));
+}
+
+/// A person who puts a lost target right is believed, until frames say otherwise; a target that is given anew is seen whole.
+#[test]
+fn what_is_put_right_is_not_lost() {
+    let (there, gone) = (target(), Image::new(120, 90, 1, vec![90; 120 * 90]).expect("a byte a pixel"));
+    let mut tracker = tracker(&[]);
+    let update =
+        |tracker: &mut Tracker, image: &Image| tracker.update(image).expect("a picture of the first size").status;
+    (0..10).for_each(|_| _ = update(&mut tracker, &there));
+    (0..30).for_each(|_| _ = update(&mut tracker, &gone));
+    assert!(update(&mut tracker, &gone).is_occluded_or_lost());
+    tracker.reset_at(INIT).expect("a box in the picture");
+    assert_eq!(update(&mut tracker, &there), Status::Tracking);
+    let given = |visible: f64| {
+        let mut tracker = self::tracker(&[]);
+        tracker.set_visibility(visible);
+        tracker.init(&there, INIT).expect("a box in the picture");
+        tracker.update(&there).expect("a picture of the first size").covariance
+    };
+    assert_eq!(given(0.05), given(1.0));
+}
+
+/// Particles that are drawn again owe what detections say, as all others do.
+#[test]
+fn detections_weigh_particles_that_are_drawn_again() {
+    let (there, gone) = (target(), Image::new(120, 90, 1, vec![90; 120 * 90]).expect("a byte a pixel"));
+    let settings = [
+        "detection_likelihood={ place = 0.1, outlier = 1e-9 }",
+        "likelihood={ distance = \"cosine\", sharpness = 15 }",
+    ];
+    let off = |detection: Option<f64>| {
+        let mut tracker = tracker(&settings);
+        (0..5).for_each(|_| _ = tracker.update(&there));
+        (0..20).for_each(|_| _ = tracker.update(&gone));
+        let at = |x: f64| Detection { bbox: BBox { x, ..INIT }, score: 1.0 };
+        let found = detection.map(at);
+        let seen = tracker.update_with(&there, found.as_slice()).expect("a picture of the first size");
+        (seen.bbox.x - INIT.x, seen.status)
+    };
+    let (beside, status) = off(Some(INIT.x + 20.0));
+    assert!(status.is_occluded_or_lost(), "it is searched for");
+    assert!(beside > 15.0, "{beside} px from where it looks best, {:?} without a detection", off(None));
 }
 
 #[test]

@@ -32,7 +32,7 @@ pub const CUE_NAMES: [&str; CUES] = [
 /// 0 where distractors are not searched for;
 /// *colour*: how far the colours at the estimate are from the target's, −0.2 to 1.2; 0 without a colour model;
 /// *elsewhere*: how much more the estimate looks like what was around the target in remembered frames than like the target in them,
-/// smoothed over two or three frames, −1 to 1; 0 where nothing is remembered (`[distractors] remembered`);
+/// smoothed over two or three frames, −2 to 2; 0 where nothing is remembered (`[distractors] remembered`);
 /// *agreement*: the overlap (IoU) with the box of the second opinion, smoothed over about five frames, 0 to 1; 0 without one
 /// (`second_opinion`).
 pub type Cues = [f64; CUES];
