@@ -60,8 +60,8 @@
 //! | p(detections \| xₜ), which the paper does not have | [`control::DetectionLikelihood`] |
 //! | bₜ | [`control::Belief`] |
 //! | selection | [`control::Resampling`] |
-//! | rₜ | [`control::Reward`]: [`control::Concentration`] (the paper's), [`control::LogConcentration`], [`control::VarianceReduction`] |
-//! | πₜ | [`gaze::Policy`]: [`gaze::Fixed`], [`gaze::Random`], [`gaze::Circular`], [`gaze::Hedge`], [`gaze::Exp3`], [`gaze::GpUcb`], [`gaze::Pool`], [`gaze::Anchor`] |
+//! | rₜ | [`control::Reward`]: [`control::Concentration`] (the paper's), [`control::LogConcentration`], [`control::VarianceReduction`], [`control::Agreement`] |
+//! | πₜ | [`gaze::Policy`]: [`gaze::Fixed`], [`gaze::Random`], [`gaze::Circular`], [`gaze::Hedge`], [`gaze::Exp3`], [`gaze::GpUcb`], [`gaze::Pool`], [`gaze::ExploreThenCommit`], [`gaze::Contextual`], [`gaze::Anchor`] |
 //! | the digit videos (sections 6.1, 6.2) | `lab::synthetic` |
 //!
 //! Configurations choose the parts by name ([`config`]). Every part is a trait with one to three methods that matter, and every trait has its
