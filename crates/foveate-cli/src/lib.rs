@@ -1,4 +1,4 @@
-//! The `foveate` command: follow an object through video, and recognise it, by learning where to look.
+//! The `foveate` command: follow one target or many through video, on a CPU.
 //!
 //! [`main`] is the whole program: the binary calls it, and so does the Python package. What it calls is for programs to use
 //! through the crate `foveate`.
@@ -20,7 +20,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 #[command(
     name = "foveate",
     version,
-    about = "Follow an object through video by learning where to look",
+    about = "Follow one target or many through video, on a CPU",
     max_term_width = 100
 )]
 struct Cli {
@@ -37,7 +37,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Try it: follow a drawn digit among others, and write a report
+    /// Try it: a learned gaze and a fixed one on a drawn digit whose middle is hidden
     Demo(cmd::demo::Args),
     /// Follow a target through a video file or a folder of images
     Track(Box<cmd::track::Args>),

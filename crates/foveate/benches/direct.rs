@@ -1,6 +1,7 @@
 //! DIRECT to 10⁻⁴ of a known optimum, one thread: evaluations, time, and what an evaluation costs beside the objective.
 //!
-//! `cargo bench --bench direct -- [rounds]`. One JSON line a figure. Problems: Branin, Hartmann's in six dimensions,
+//! `cargo bench -p foveate --features lab --bench direct -- [rounds]`.
+//! One JSON line a figure. Problems: Branin, Hartmann's in six dimensions,
 //! and an upper confidence bound of a Gaussian process on 50 rewards. `gpucb.csv` has in its first line the signal's
 //! variance, two length scales, the noise's variance, √β and the known optimum, then places (u, v) and rewards.
 //! `overhead_us` is the time of the search less that of the objective alone at the same points, an evaluation.

@@ -1,7 +1,8 @@
 //! A bootstrap filter's step and systematic resampling, one thread: the model, the data's law and the figures of
 //! a common peer benchmark (position and velocity on two axes, full process covariance, positions observed).
 //!
-//! `cargo bench --bench filter -- [rounds]`. One JSON line a figure. `error` is the estimate's distance from the exact
+//! `cargo bench -p foveate --features lab --bench filter -- [rounds]`.
+//! One JSON line a figure. `error` is the estimate's distance from the exact
 //! (Kalman) mean in posterior deviations, root mean square over the run, mean of eight sets of data.
 
 use foveate::conformance::blank_image;

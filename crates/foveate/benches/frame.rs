@@ -5,7 +5,8 @@
 //! in velocity, 0.01 in log scale and 0.02 in angle. Every timed frame starts alike, all particles on the target; it is a
 //! whole `Tracker::update`, the look at the estimate included.
 //!
-//! `cargo bench --bench frame -- [frames]`; one JSON line a figure. Then 1 to 20 targets with detections, configuration
+//! `cargo bench -p foveate --features lab --bench frame -- [frames]`;
+//! one JSON line a figure. Then 1 to 20 targets with detections, configuration
 //! `multi`. Last `natural` and `natural-fast`, one target, by sizes of picture and target, and while the target is lost.
 
 use std::sync::Arc;

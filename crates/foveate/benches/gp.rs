@@ -2,7 +2,8 @@
 //! peer benchmark. A step takes one more observation, fits the hyper-parameters from where the last step left them, and
 //! maximises the upper confidence bound by DIRECT with 500 evaluations.
 //!
-//! `cargo bench --bench gp -- [rounds]`. One JSON line a figure: the mean over four sets of data, of each the median of the
+//! `cargo bench -p foveate --features lab --bench gp -- [rounds]`.
+//! One JSON line a figure: the mean over four sets of data, of each the median of the
 //! rounds. `singly`: one point at a time rather than all of a sweep together. Then 100,000 steps through a window of 100:
 //! time a step in the first and the last tenth.
 

@@ -1,7 +1,8 @@
 //! A training step of the factored RBM beside a large matrix product, one thread: 160 values before whitening, 256 factors, 256
 //! covariance and 100 mean units, batch 128, 20 leapfrog steps.
 //!
-//! `cargo bench --bench mcrbm -- [rounds]`. One JSON line a round: operations of the products alone (two for each
+//! `cargo bench -p foveate --features lab --bench mcrbm -- [rounds]`.
+//! One JSON line a round: operations of the products alone (two for each
 //! multiplication) over all the time of a step, the rate of one large product in the same seconds, and their ratio.
 
 use faer::linalg::matmul::matmul;

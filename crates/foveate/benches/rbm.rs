@@ -1,6 +1,7 @@
 //! Training an RBM and using it, one thread: 784 → 500, batch 100, CD-1, the figures of one epoch of 60,000 binary rows.
 //!
-//! `cargo bench --bench rbm -- [rounds]`, with MNIST under $FOVEATE_DATA/mnist or data/mnist; without it, random bits (a
+//! `cargo bench -p foveate --features lab --bench rbm -- [rounds]`,
+//! with MNIST under $FOVEATE_DATA/mnist or data/mnist; without it, random bits (a
 //! time, but nothing to learn). One JSON line a figure; seconds are those of the CPU where the system tells them.
 
 use foveate::learn::rbm::{Negative, Recipe, Trainer, Visible, monitor};

@@ -1,6 +1,6 @@
 //! The whole loop on the paper's first experiment: a digit moves among static ones, and Hedge learns where to look.
 //!
-//! `cargo run --release -p foveate --example 03_track_a_digit`
+//! `cargo run --release -p foveate --features lab --example 03_track_a_digit`
 
 use foveate::config::Config;
 use foveate::files::Folder;

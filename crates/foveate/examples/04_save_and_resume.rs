@@ -1,7 +1,7 @@
 //! A tracker saved in mid-video goes on as if nothing had happened, to the last bit.
 //!
 //! One tracker runs through; another is saved as JSON text after frame 20, thrown away, and loaded into a new one.
-//! `cargo run --release -p foveate --example 04_save_and_resume`
+//! `cargo run --release -p foveate --features lab --example 04_save_and_resume`
 
 use foveate::Tracker;
 use foveate::config::Config;

@@ -1,6 +1,6 @@
 //! Cuts the targets of tracking sequences out into folders, one for each class, for `foveate train classifier`.
 //!
-//! cargo run --release --example 08_cut_crops -- OUT [NAME:SEQUENCE,SEQUENCE ...] [STEP]
+//! cargo run --release -p foveate --features lab --example 08_cut_crops -- OUT [NAME:SEQUENCE,SEQUENCE ...] [STEP]
 //!
 //! A sequence is a folder in OTB layout (img/, groundtruth_rect.txt). Of its frames every STEP-th (5) gives one picture, of the
 //! true box. Without arguments a drawn scene is cut, so that it runs anywhere.

@@ -31,10 +31,9 @@ fn files(folder: &Path, ending: &str) -> Vec<PathBuf> {
 
 /// All documents by name, relative to the root.
 fn documents() -> Vec<(String, String)> {
-    let mut paths: Vec<PathBuf> =
-        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "crates/foveate-core/models/README.md"]
-            .map(|name| root().join(name))
-            .into();
+    let front = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md"];
+    let beside = ["crates/foveate-core/models/README.md", "bench/hockey/README.md"];
+    let mut paths: Vec<PathBuf> = front.iter().chain(&beside).map(|name| root().join(name)).collect();
     paths.extend(files(&root().join("docs"), "md"));
     let crates = std::fs::read_dir(root().join("crates")).expect("crates").map(|e| e.expect("readable").path());
     paths.extend(crates.map(|folder| folder.join("README.md")).filter(|path| path.is_file()));
