@@ -9,8 +9,13 @@ Input: DATA/tracking and DATA/tracking-wide (OTB layout), and DATA/mot (MOTChall
   backwards  each sequence from its last frame to its first
   every2     every second frame of each sequence: everything moves twice as fast; every3 every third
   later      each sequence from its first quarter on, and from its middle on: another first frame, another template
-  larger     (with --redrawn, needs OpenCV) each sequence three times as large, twice where it would be more than 1100 pixels high
+  sloppy     (with --redrawn) each with a first box as a hand may draw it: shifted by 8 % and of other sides by 10 % (standard deviations)
+  larger     (with --redrawn) each sequence three times as large, twice where it would be more than 1100 pixels high
   noisy      (with --redrawn) each half as bright, with noise of 10 grey levels, as JPEG of quality 60
+  grey       (with --redrawn) each without colour
+  shaken     (with --redrawn) each through a window that shakes: 2 % of the shorter side, at most 8 %
+  covered    (with --redrawn) each with half of the target hidden for 25 of every 75 frames, from one side after the other, by another
+             part of the picture
   walkers    every target of DATA/mot, one sequence each, from the first frame on in which nobody else's box overlaps a quarter of it, nor
              in the four frames after: a first box that shows somebody else names nobody. Forty frames or more of its longest run
 """
@@ -56,11 +61,94 @@ def write_larger(folder, pictures, boxes):
         cv2.imwrite(stem + ".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 92])
 
     def larger(box):
-        x, y, w, h = (float(v) for v in re.split(r"[,\s]+", box))
+        x, y, w, h = numbers(box)
         # Counted from 1; the middle of a pixel stays the middle of its pixels.
         left, top = (factor * (v - 0.5) + 0.5 for v in (x, y))
-        return f"{left:g},{top:g},{factor * w:g},{factor * h:g}"
+        return text((left, top, factor * w, factor * h))
     write(folder, pictures, [larger(box) for box in boxes], make)
+
+
+def numbers(box):
+    return [float(v) for v in re.split(r"[,\s]+", box)]
+
+
+def text(box):
+    return ",".join(f"{v:g}" for v in box)
+
+
+def write_sloppy(folder, pictures, boxes):
+    import cv2
+    import numpy
+    random = numpy.random.default_rng(len(pictures))
+    (x, y, w, h), (height, width) = numbers(boxes[0]), cv2.imread(pictures[0]).shape[:2]
+    cx, cy = (x + w / 2 + w * random.normal(0, 0.08), y + h / 2 + h * random.normal(0, 0.08))
+    w, h = (side * numpy.exp(random.normal(0, 0.1)) for side in (w, h))
+    left, top = max(cx - w / 2, 1), max(cy - h / 2, 1)
+    first = left, top, min(w, width + 1 - left), min(h, height + 1 - top)
+    write(folder, pictures, [text(round(v, 1) for v in first)] + boxes[1:])
+
+
+def write_grey(folder, pictures, boxes):
+    import cv2
+    write(folder, pictures, boxes, lambda picture, stem: jpeg(stem, cv2.imread(picture, cv2.IMREAD_GRAYSCALE)))
+
+
+def write_shaken(folder, pictures, boxes):
+    import cv2
+    import numpy
+    random, side = numpy.random.default_rng(len(pictures)), min(cv2.imread(pictures[0]).shape[:2])
+    most, shake, shifts = int(0.08 * side), numpy.zeros(2), []
+    for i in range(len(pictures)):
+        shifts.append(numpy.clip(numpy.round(shake), -most, most).astype(int))
+        shake = 0.7 * shake + random.normal(0, 0.015 * side, 2)
+
+    def make(picture, stem):
+        (dx, dy), image = shifts[int(os.path.basename(stem)) - 1], cv2.imread(picture)
+        jpeg(stem, image[most + dy:len(image) - most + dy, most + dx:image.shape[1] - most + dx])
+
+    def shifted(box, shift):
+        x, y, w, h = numbers(box)
+        return text((x - most - shift[0], y - most - shift[1], w, h))
+    write(folder, pictures, [shifted(box, shift) for box, shift in zip(boxes, shifts)], make)
+
+
+def write_covered(folder, pictures, boxes):
+    import cv2
+    import numpy
+    random, patch = numpy.random.default_rng(len(pictures)), None
+
+    def make(picture, stem):
+        nonlocal patch
+        image = cv2.imread(picture)
+        i = int(os.path.basename(stem)) - 1
+        turn, since = divmod(i - 29, 75)
+        x, y, w, h = numbers(boxes[i])
+        if i >= 29 and since < 25 and numpy.isfinite((x, y, w, h)).all():
+            (height, width), (tall, wide) = image.shape[:2], (max(int(1.3 * h), 2), max(int(1.3 * w), 2))
+            if since == 0 or patch is None:
+                top, left = random.integers(0, max(height - tall, 1)), random.integers(0, max(width - wide, 1))
+                patch = image[top:top + tall, left:left + wide].copy()
+            # Half of the box after eight frames, and a seventh of it beyond its other edges.
+            share = 0.5 * min(1, (since + 1) / 8, (25 - since) / 8)
+            left, top, right, bottom = x - 1 - 0.15 * w, y - 1 - 0.15 * h, x - 1 + 1.15 * w, y - 1 + 1.15 * h
+            left, top, right, bottom = [
+                (left, top, x - 1 + share * w, bottom), (left, y - 1 + (1 - share) * h, right, bottom),
+                (x - 1 + (1 - share) * w, top, right, bottom), (left, top, right, y - 1 + share * h),
+            ][turn % 4]
+            left, top = max(round(left), 0), max(round(top), 0)
+            right, bottom = min(round(right), width), min(round(bottom), height)
+            if right > left and bottom > top:
+                image[top:bottom, left:right] = cv2.resize(patch, (right - left, bottom - top))
+        jpeg(stem, image)
+    write(folder, pictures, boxes, make)
+
+
+def jpeg(stem, image):
+    import cv2
+    cv2.imwrite(stem + ".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, 95])
+
+
+REDRAWN = {"larger": write_larger, "noisy": write_noisy, "sloppy": write_sloppy, "grey": write_grey, "shaken": write_shaken, "covered": write_covered}
 
 
 def longest_run(frames):
@@ -91,7 +179,7 @@ def main():
     args = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     args.add_argument("--data", default="data", help="folder with tracking/, tracking-wide/ and mot/; what is not there is left out")
     args.add_argument("--out", default="out-variants", help="folder for the variants")
-    args.add_argument("--redrawn", action="store_true", help="make larger/ and noisy/, too: 1.2 GB")
+    args.add_argument("--redrawn", action="store_true", help="make those marked so, too, which needs OpenCV: 2.2 GB")
     args = args.parse_args()
     for truth in sorted(glob.glob(f"{args.data}/tracking*/*/groundtruth_rect*.txt")):
         folder = os.path.dirname(truth)
@@ -100,9 +188,8 @@ def main():
         boxes = [line.strip() for line in open(truth) if line.strip()]
         n = min(len(pictures), len(boxes))
         write(f"{args.out}/backwards/{name}", pictures[:n][::-1], boxes[:n][::-1])
-        if args.redrawn:
-            write_larger(f"{args.out}/larger/{name}", pictures[:n], boxes[:n])
-            write_noisy(f"{args.out}/noisy/{name}", pictures[:n], boxes[:n])
+        for kind, make in REDRAWN.items() if args.redrawn else ():
+            make(f"{args.out}/{kind}/{name}", pictures[:n], boxes[:n])
         for step in (2, 3):
             write(f"{args.out}/every{step}/{name}", pictures[:n:step], boxes[:n:step])
         for quarters in (1, 2):
@@ -119,7 +206,7 @@ def main():
             run = from_where_it_is_alone(run, boxes, targets)
             if len(run) >= 40:
                 name = f"{os.path.basename(folder)}-{target}"
-                write(f"{args.out}/walkers/{name}", [pictures[f - 1] for f in run], [",".join(f"{v:g}" for v in boxes[f]) for f in run])
+                write(f"{args.out}/walkers/{name}", [pictures[f - 1] for f in run], [text(boxes[f]) for f in run])
 
 
 if __name__ == "__main__":
