@@ -19,6 +19,7 @@ use foveate_core::identity::pyramid::{Pyramid, Region};
 use foveate_core::identity::retina::{Foveal, FovealConfig, Retina};
 use foveate_core::scene::Image;
 use foveate_learn::rbm::Visible;
+use foveate_video::decode_image;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -182,20 +183,18 @@ fn photographs(dir: &Path) -> Result<(Vec<Image>, String)> {
         return Err(Error::malformed(dir, "no photographs here: give a folder of JPEG or PNG files with --data"));
     }
     paths.sort();
-    let mut sha = Sha256::new();
-    let mut files = Vec::new();
-    for path in paths {
-        let bytes = files::read(&path, files::PICTURE)?;
-        sha.update(&bytes);
-        files.push((path, bytes));
+    let (mut images, mut sha) = (Vec::new(), Sha256::new());
+    // As many files at a time as are decoded side by side.
+    for paths in paths.chunks(rayon::current_num_threads()) {
+        let files = paths.iter().map(|path| files::read(path, files::PICTURE)).collect::<Result<Vec<_>>>()?;
+        files.iter().for_each(|bytes| sha.update(bytes));
+        let decode = |(path, bytes): (&std::path::PathBuf, &Vec<u8>)| {
+            let image = decode_image(bytes).map_err(|problem| Error::malformed(path, problem))?;
+            Ok(image.with_planes(3))
+        };
+        images.extend(paths.par_iter().zip(&files).map(decode).collect::<Result<Vec<_>>>()?);
     }
-    let decode = |(path, bytes): &(std::path::PathBuf, Vec<u8>)| {
-        let picture =
-            image::load_from_memory(bytes).map_err(|e| Error::malformed(path, format!("cannot decode: {e}")))?;
-        let rgb = picture.to_rgb8();
-        Image::from_rgb8(rgb.width() as usize, rgb.height() as usize, &rgb)
-    };
-    Ok((files.par_iter().map(decode).collect::<Result<_>>()?, hex(sha)))
+    Ok((images, hex(sha)))
 }
 
 /// The retina of a configuration file, of which nothing but the table `[retina]` is looked at.
@@ -242,6 +241,29 @@ mod tests {
         assert!(rows.iter().all(|x| (0.0..=1.0).contains(x)));
         let mean = rows.iter().sum::<f32>() / rows.len() as f32;
         assert!((0.1..0.6).contains(&mean), "{mean}");
+    }
+
+    /// A picture of 4 x 2 pixels that a camera held upright wrote: an orientation mark turns it.
+    pub(super) fn lying() -> Vec<u8> {
+        let jpeg = foveate_video::encode_jpeg(&Image::grey(4, 2, 90), 90);
+        let mark = b"\xff\xe1\0\x22Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0";
+        [&jpeg[..2], mark, &jpeg[2..]].concat()
+    }
+
+    #[test]
+    fn photographs_are_read_as_a_tracker_reads_them() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let write = |name: &str, bytes: &[u8]| std::fs::write(dir.path().join(name), bytes).expect("written");
+        for i in 0..9 {
+            write(&format!("{i}.jpg"), &lying());
+        }
+        let (images, sha256) = photographs(dir.path()).expect("nine pictures");
+        let size = |image: &Image| (image.width(), image.height(), image.planes());
+        assert!(images.len() == 9 && images.iter().all(|image| size(image) == (2, 4, 3)), "{images:?}");
+        assert_eq!(sha256, hex(Sha256::new_with_prefix(lying().repeat(9))));
+        write("9.jpg", &lying()[..lying().len() - 2]);
+        let said = photographs(dir.path()).expect_err("cut off").to_string();
+        assert!(said.contains("9.jpg") && said.contains("cut off"), "{said}");
     }
 
     #[test]
