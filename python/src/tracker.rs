@@ -191,9 +191,9 @@ impl PyTracker {
         this.0.pickled(py, "_restore_tracker", this.save(py)?)
     }
 
-    fn __repr__(&self) -> String {
+    fn __repr__(&self, py: Python<'_>) -> String {
         let Making { seed, channels, .. } = &self.0.making;
-        let target = if self.0.working().tracker.has_target() { "" } else { ", no target yet" };
+        let target = if self.has_target(py) { "" } else { ", no target yet" };
         format!("<foveate.Tracker seed={seed} channels={}{target}>", channels.name)
     }
 }
