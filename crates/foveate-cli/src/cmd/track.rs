@@ -201,8 +201,11 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let opened = args.input.open(&args.source)?;
     let about = opened.source.info().clone();
     let loaded = args.load_state.as_deref().map(|path| SavedState::read(path, &blueprint, seed)).transpose()?;
-    let frames =
-        Frames::new(loaded.as_ref().map_or(args.input.selection().from, |saved| saved.next_frame), args.until, &about)?;
+    let (from, start) = match &loaded {
+        Some(saved) => (saved.next_frame, "the saved state goes on"),
+        None => (args.input.selection().from, "--from begins"),
+    };
+    let frames = Frames::new(from, start, args.until, &about)?;
     let init = match &loaded {
         Some(saved) => {
             tracker.load(&saved.tracker)?;

@@ -132,8 +132,8 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// From a frame (from 0) until one (from 1).
-    pub fn new(from: usize, until: Option<u64>, info: &SourceInfo) -> Result<Self> {
+    /// From a frame (from 0) until one (from 1); `start` says why from there, as in "the saved state goes on".
+    pub fn new(from: usize, start: &str, until: Option<u64>, info: &SourceInfo) -> Result<Self> {
         let until = until.map_or(usize::MAX, |until| usize::try_from(until).unwrap_or(usize::MAX) - 1);
         let count = info.exact_frames();
         if let Some(n) = count.filter(|n| until != usize::MAX && until >= *n) {
@@ -144,13 +144,13 @@ impl Frames {
         }
         if let Some(n) = count.filter(|n| from >= *n) {
             return Err(Error::Invalid(format!(
-                "the saved state goes on at frame {}, the video has {n} frames: nothing is left to track",
+                "{start} at frame {}, the video has {n} frames: nothing is left to track",
                 from + 1
             )));
         }
         if until < from {
             return Err(Error::Invalid(format!(
-                "--until {}: the saved state goes on at frame {}; give at least that",
+                "--until {}: {start} at frame {}; give at least that",
                 until + 1,
                 from + 1
             )));

@@ -41,7 +41,7 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
         return Err(Error::Invalid(format!("{source}: many targets and detectors need whole pictures, not tiles")));
     }
     let (about, endless) = (opened.source.info().clone(), opened.endless);
-    let frames = Frames::new(0, args.until, &about)?;
+    let frames = Frames::new(0, "the video begins", args.until, &about)?;
     let given = given(args, &about)?;
     room(&many, &given, &about)?;
     let mut detections = Detections::of(args, frames, given.is_empty(), detector.needs_still_camera())?;
