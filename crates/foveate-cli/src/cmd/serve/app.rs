@@ -34,7 +34,9 @@ pub struct App {
     /// What the page begins with.
     pub config: String,
     pub policy: Option<String>,
-    pub pool: Arc<rayon::ThreadPool>,
+    /// What answers the page, and what writes results meanwhile.
+    pub pool: rayon::ThreadPool,
+    pub saving: Arc<rayon::ThreadPool>,
     pub sessions: Mutex<Sessions>,
 }
 
@@ -211,7 +213,7 @@ impl App {
                 }
                 Ok(json!({ "command": line, "ends": self.pick.as_ref().is_some_and(|pick| !pick.keep) }))
             }
-            Message::Save { session, film, report } => self.with(session, |s| s.save(film, report, &self.pool)),
+            Message::Save { session, film, report } => self.with(session, |s| s.save(film, report, &self.saving)),
             Message::Saved { session } => self.with(session, |s| s.saved()),
         }
     }
