@@ -8,14 +8,14 @@ use foveate::files::Folder;
 use foveate::geometry::BBox;
 use foveate::lab::eval::policy_set;
 use foveate::report::SurfacePicture;
-use foveate::report::run::{SingleRun, Span, follow, follow_tiles};
+use foveate::report::run::{SingleRun, Span, check_box, follow, follow_tiles};
 use foveate::video::Frame;
 use foveate::{Error, Result, files};
 
 use super::configure::{Changes, Profile, config_name, read};
 use super::results::Results;
 use crate::terminal;
-use init::{Frames, Init, check_again, check_box, first_box, known_truth, parse_again, parse_init};
+use init::{Frames, Init, check_again, first_box, known_truth, parse_again, parse_init};
 use outputs::{Outputs, Told, tell};
 use source::{SourceArgs, Started, StreamTo, parse_stream};
 use spared::Lost;

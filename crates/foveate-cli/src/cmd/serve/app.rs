@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use foveate::config::{BUILTIN, Config};
 use foveate::geometry::BBox;
 use foveate::report::interactive::{MOST_TARGETS, Setup, boxed, command, described, offered};
+use foveate::report::run::check_box;
 use foveate::{Error, Result};
 use serde_json::{Value, json};
 
@@ -18,7 +19,6 @@ use super::roots::Roots;
 use super::session::Session;
 use super::video::Video;
 use crate::cmd::configure::{Changes, POLICIES, read};
-use crate::cmd::track::init::check_box;
 
 /// Videos open at a time; the one that was used longest ago makes room.
 pub const MOST_SESSIONS: usize = 4;

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use foveate::geometry::BBox;
+use foveate::report::run::check_box;
 use foveate::scene::motion;
 use foveate::video::{SourceInfo, TileFolder, annotation};
 use foveate::{Error, Result};
@@ -99,25 +100,6 @@ fn moving(source: &Path, size: Option<(f64, f64)>, input: &SourceArgs) -> Result
 pub fn known_truth(source: &Path) -> Vec<BBox> {
     let truth = annotation::read_truth(source.join("groundtruth_rect.txt")).unwrap_or_default();
     truth.into_iter().map_while(|bbox| bbox).collect()
-}
-
-/// Refuses a box that no target of this video can have; `what` says which box it is.
-pub fn check_box(what: &str, b: &BBox, info: &SourceInfo) -> Result<()> {
-    let (w, h) = (info.width as f64, info.height as f64);
-    let numbers = [b.x, b.y, b.w, b.h];
-    let inside = b.x < w && b.y < h && b.x + b.w > 0.0 && b.y + b.h > 0.0;
-    let sized = b.w >= 2.0 && b.h >= 2.0 && b.w <= 4.0 * w && b.h <= 4.0 * h;
-    if inside && sized && numbers.iter().all(|n| n.is_finite()) {
-        return Ok(());
-    }
-    Err(Error::Invalid(format!(
-        "{what} is x={}, y={}, w={}, h={}; expected a box of at least 2 x 2 pixels touching the {w} x {h} picture, x,y being its \
-         top-left corner in pixels, counted from 1",
-        b.x + 1.0,
-        b.y + 1.0,
-        b.w,
-        b.h
-    )))
 }
 
 /// Which frames are tracked, counted from 0; refuses those that the video has not, as far as their number is known.
