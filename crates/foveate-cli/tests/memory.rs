@@ -3,11 +3,12 @@
 
 mod place;
 
+use std::path::Path;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use foveate::scene::Image;
-use foveate::video::{encode_jpeg, encode_png};
+use foveate::video::{Mp4Writer, encode_jpeg, encode_png};
 use place::Place;
 
 /// The limit given to the program, and what it may take all the same.
@@ -62,6 +63,22 @@ fn claims() -> [(&'static str, Vec<u8>); 2] {
     [("claims.png", png), ("claims.jpg", jpeg)]
 }
 
+/// A short video whose index claims so many frames of one byte, all in the first chunk.
+fn claiming(frames: u32, path: &Path) -> Vec<u8> {
+    let mut film = Mp4Writer::create(path, 16, 16, 30.0).expect("a film");
+    film.push(&Image::new(16, 16, 3, vec![90; 768]).expect("whole")).expect("a frame");
+    film.finish().expect("a film");
+    let mut bytes = std::fs::read(path).expect("it was written");
+    let mut write = |name: &[u8; 4], from: usize, numbers: &[u32]| {
+        let at = bytes.windows(4).position(|word| word == name).expect("such a box") + from;
+        let numbers = numbers.iter().flat_map(|number| number.to_be_bytes());
+        bytes[at..].iter_mut().zip(numbers).for_each(|(byte, new)| *byte = new);
+    };
+    write(b"stsz", 8, &[1, frames]);
+    write(b"stsc", 16, &[frames]);
+    bytes
+}
+
 #[test]
 fn nothing_that_is_asked_for_is_taken_first() {
     let place = Place::new();
@@ -79,6 +96,17 @@ fn nothing_that_is_asked_for_is_taken_first() {
     refused(&["track", "claims.y4m", "--init", "1,1,9,9"], "20.0 GiB");
     write("claims.raw", &[0; 100]);
     refused(&["track", "claims.raw", "--raw", "16384x16384", "--init", "1,1,9,9"], "20.0 GiB");
+
+    let sparse = |name: &str, head: &[u8], len: u64| {
+        write(name, head);
+        let file = std::fs::OpenOptions::new().write(true).open(place.path(name)).expect("it was written");
+        file.set_len(len).expect("room for a hole");
+    };
+    let head = [&20u32.to_be_bytes()[..], b"ftypisom\0\0\0\0isom", &(400u32 << 20).to_be_bytes(), b"moov"].concat();
+    sparse("index.mp4", &head, (400 << 20) + 20);
+    refused(&["track", "index.mp4", "--init", "1,1,9,9"], "400 MiB");
+    sparse("frames.mp4", &claiming(15_000_000, &place.path("film.mp4")), 16 << 20);
+    refused(&["track", "frames.mp4", "--init", "1,1,9,9"], "an index of 15000000 frames");
 
     write("det.txt", b"1000000000,-1,10,10,20,20,1\n");
     refused(&["track", "video", "--detections", "det.txt"], "none of its 1 boxes counts");
