@@ -108,6 +108,10 @@ fn nothing_that_is_asked_for_is_taken_first() {
     sparse("frames.mp4", &claiming(15_000_000, &place.path("film.mp4")), 16 << 20);
     refused(&["track", "frames.mp4", "--init", "1,1,9,9"], "an index of 15000000 frames");
 
+    write("blank.txt", &["\n".repeat(20_000_000).as_bytes(), b"1,2,3,4\n"].concat());
+    for format in ["otb", "vot"] {
+        refused(&["convert", "blank.txt", "out.json", "--from", format, "--to", "coco"], "20000001 lines");
+    }
     write("det.txt", b"1000000000,-1,10,10,20,20,1\n");
     refused(&["track", "video", "--detections", "det.txt"], "none of its 1 boxes counts");
     refused(&["convert", "det.txt", "out.json", "--from", "mot", "--to", "coco"], "1000000000");
