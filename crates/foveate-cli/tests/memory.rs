@@ -108,6 +108,10 @@ fn nothing_that_is_asked_for_is_taken_first() {
     sparse("frames.mp4", &claiming(15_000_000, &place.path("film.mp4")), 16 << 20);
     refused(&["track", "frames.mp4", "--init", "1,1,9,9"], "an index of 15000000 frames");
 
+    let shape = |frame: u32| format!("<box frame=\"{frame}\" xtl=\"1\" ytl=\"1\" xbr=\"9\" ybr=\"9\"/>");
+    let track = format!("<track id=\"1\">{}{}</track>", shape(0), shape(99_999));
+    write("cvat.xml", format!("<annotations>{}</annotations>", track.repeat(1000)).as_bytes());
+    refused(&["convert", "cvat.xml", "out.json", "--from", "cvat", "--to", "coco"], "600000 boxes");
     write("blank.txt", &["\n".repeat(20_000_000).as_bytes(), b"1,2,3,4\n"].concat());
     for format in ["otb", "vot"] {
         refused(&["convert", "blank.txt", "out.json", "--from", format, "--to", "coco"], "20000001 lines");
