@@ -183,6 +183,7 @@ def test_the_particle_filter_says_what_is_wrong() -> None:
         lambda: make(log_likelihood=lambda x, y: 0.0).update(None),
         lambda: filter.resample([0.0, 0.0]),
         lambda: filter.resample([1.0, -1.0]),
+        lambda: filter.resample([1.0], count=10**12),
         lambda: filter.resample([1.0], scheme="best"),  # type: ignore[arg-type]
     ):
         with pytest.raises(foveate.InputError):

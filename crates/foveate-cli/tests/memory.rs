@@ -128,6 +128,11 @@ fn nothing_that_is_asked_for_is_taken_first() {
         "65536",
     );
 
+    let train = ["train", "rbm", "--data", "video/img", "--set", "natural", "--out", "m.safetensors", "--glimpses"];
+    for many in ["1000000000", "18446744073709551615"] {
+        refused(&[&train[..], &[many]].concat(), &format!("{many} glimpses"));
+    }
+
     // What is read without end.
     let zero = "/dev/zero";
     std::fs::create_dir_all(place.path("zeros/img")).expect("a new folder");

@@ -12,7 +12,7 @@ pub mod sequences;
 
 use crate::{Digits, Split};
 use foveate_base::rng::{Purpose, Streams};
-use foveate_base::{Error, Result, files};
+use foveate_base::{Error, Result, files, memory};
 use foveate_core::geometry::{Extent, Fixation};
 use foveate_core::identity::encoder::{Encoder, Raw};
 use foveate_core::identity::pyramid::{Pyramid, Region};
@@ -125,9 +125,12 @@ impl Source {
         }
     }
     /// `n` glimpses, n × `retina.glimpse_len()` values: 0 to 1 for binary units, each channel standardised for Gaussian
-    /// ones (as the encoder does). Deterministic in `seed`, for any number of threads.
-    pub fn glimpses(&self, retina: &Foveal, n: usize, visible: Visible, seed: u64) -> Vec<f32> {
+    /// ones (as the encoder does). Deterministic in `seed`, for any number of threads. Fails where so many take more memory than
+    /// there may be.
+    pub fn glimpses(&self, retina: &Foveal, n: usize, visible: Visible, seed: u64) -> Result<Vec<f32>> {
         assert!(!self.is_empty(), "glimpses need a picture");
+        let bytes = (n as u64).saturating_mul((size_of::<f32>() * retina.glimpse_len()) as u64);
+        memory::check(format_args!("{n} glimpses of {} values", retina.glimpse_len()), bytes)?;
         let (width, streams) = (retina.glimpse_len(), Streams::new(seed, 0).at(0, Purpose::Scene));
         let channels: Vec<usize> = retina.cells().iter().map(|c| c.channel).collect();
         let standard = Raw::new(&channels, true);
@@ -153,7 +156,7 @@ impl Source {
                 }
             }
         });
-        rows
+        Ok(rows)
     }
 }
 
@@ -229,16 +232,18 @@ mod tests {
         let retina = Foveal::new(FovealConfig::authors()).expect("the authors' geometry");
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            pool.install(|| source.glimpses(&retina, 500, Visible::Bernoulli, 3))
+            pool.install(|| source.glimpses(&retina, 500, Visible::Bernoulli, 3)).expect("room")
         };
         let rows = with(1);
         assert_eq!(rows, with(3));
         assert_eq!(
             rows[..100 * 132],
-            source.glimpses(&retina, 100, Visible::Bernoulli, 3),
+            source.glimpses(&retina, 100, Visible::Bernoulli, 3).expect("room"),
             "more rows, the same first ones"
         );
         assert!(rows.iter().all(|x| (0.0..=1.0).contains(x)));
+        let said = source.glimpses(&retina, usize::MAX, Visible::Bernoulli, 3).expect_err("too many").to_string();
+        assert!(said.contains("glimpses of 132 values") && said.contains("--max-memory"), "{said}");
         let mean = rows.iter().sum::<f32>() / rows.len() as f32;
         assert!((0.1..0.6).contains(&mean), "{mean}");
     }
@@ -280,7 +285,7 @@ mod tests {
         assert_eq!((learn.describe(), held.describe()), ("9 photographs".into(), "1 photographs".into()));
         let config = FovealConfig { colour: vec![[16, 4]], ..FovealConfig::authors() };
         let retina = Foveal::new(config).expect("whole cells");
-        let rows = learn.glimpses(&retina, 40, Visible::Gaussian, 1);
+        let rows = learn.glimpses(&retina, 40, Visible::Gaussian, 1).expect("room");
         for row in rows.chunks_exact(retina.glimpse_len()) {
             for part in [&row[..132], &row[132..148], &row[148..]] {
                 let mean = part.iter().sum::<f32>() / part.len() as f32;
