@@ -125,8 +125,8 @@ class Run:
                 self._pictures = {at: kept for at, kept in self._pictures.items() if at % self._every == 0}
 
     def _rgb(self, pixels: _Pixels) -> _Pixels:
-        if pixels.ndim == 2:
-            return pixels
+        if pixels.ndim == 2 or pixels.shape[2] == 1:
+            return pixels.reshape(pixels.shape[:2])
         colours = pixels[..., :3]
         return colours[..., ::-1] if self._channels.startswith("bgr") else colours
 

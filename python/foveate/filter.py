@@ -119,6 +119,7 @@ class ParticleFilter:
         fit = np.asarray(self._log_likelihood(self.particles, observation), dtype=np.float64)
         if fit.shape != (n,) or np.isnan(fit).any() or (fit == np.inf).any():
             raise InputError(f"log_likelihood answers {n} numbers, shape ({n},), none of them NaN or +inf; it gave {fit.shape}, {np.atleast_1d(fit)[:3]}")
+        fit = np.where(self.weights > 0, fit, -np.inf)  # one without weight has no say, however well it fits
         most = float(fit.max())
         if most == -np.inf:
             evidence = -np.inf  # no particle explains it: all weigh as before

@@ -52,6 +52,8 @@ pub struct Working<T> {
     pub tracker: T,
     /// The picture at hand, in planes; after an update it is what a pickle needs to go on bit for bit.
     image: Option<Image>,
+    /// What the next picture is read into: the two change places when the tracker has taken it, so that one it refuses is forgotten.
+    spare: Option<Image>,
 }
 
 /// A tracker that one call at a time works with, and how it was made.
@@ -68,7 +70,7 @@ impl<T: Follows> Held<T> {
     /// One that knows no target yet.
     pub fn new(making: Making) -> Result<Self> {
         let tracker = T::made(&making)?;
-        Ok(Self { making, working: Mutex::new(Working { tracker, image: None }) })
+        Ok(Self { making, working: Mutex::new(Working { tracker, image: None, spare: None }) })
     }
 
     /// To be called without the interpreter's lock: another thread may be at work.
@@ -86,8 +88,10 @@ impl<T: Follows> Held<T> {
         let picture = Picture::new(image, self.making.channels)?;
         let pixels: Pixels<'_> = picture.pixels();
         let work = || {
-            let Working { tracker, image } = &mut *self.working();
-            act(tracker, pixels.read(image)?)
+            let Working { tracker, image, spare } = &mut *self.working();
+            let result = act(tracker, pixels.read(spare)?)?;
+            std::mem::swap(image, spare);
+            Ok(result)
         };
         py.detach(|| threads::run(work).and_then(|result| result)).or_raise(py)
     }

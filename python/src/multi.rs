@@ -128,9 +128,9 @@ impl PyMultiTracker {
         this.0.pickled(py, "_restore_multi", this.save(py)?)
     }
 
-    fn __repr__(&self) -> String {
+    fn __repr__(&self, py: Python<'_>) -> String {
         let Making { seed, channels, .. } = &self.0.making;
-        let targets = self.0.working().tracker.targets().len();
+        let targets = py.detach(|| self.0.working().tracker.targets().len());
         format!("<foveate.MultiTracker seed={seed} channels={} targets={targets}>", channels.name)
     }
 }

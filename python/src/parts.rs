@@ -3,7 +3,7 @@
 use foveate::control::Resampling;
 use foveate::rng::{Purpose, Streams};
 use foveate::video::mot::{TrackBox, Tracks};
-use foveate::{BBox, Error};
+use foveate::{BBox, Error, memory};
 use numpy::ndarray::ArrayView2;
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
@@ -27,6 +27,8 @@ pub fn select<'py>(
     if weights.iter().any(|w| !(w.is_finite() && *w >= 0.0)) || !(sum > 0.0 && sum.is_finite()) || count == 0 {
         return Err(input(py, "weights to select from are finite, at least 0, not all 0, for one place at least"));
     }
+    // Here and in the array that is given back.
+    memory::check(format_args!("{count} places"), (count as u64).saturating_mul(16)).or_raise(py)?;
     let mut ancestors = vec![0; count];
     let mut rng = Streams::new(seed, 0).at(step, Purpose::Select).rng(0);
     py.detach(|| Resampling { scheme, below: 1.0 }.select(&weights, &mut ancestors, &mut rng));

@@ -147,8 +147,9 @@ impl PyTracker {
 
     /// The whole state in mid-video, as JSON in UTF-8, for :meth:`load` in a tracker of the same configuration and seed.
     ///
-    /// What camera motion saw is not in it: show the last picture again with :meth:`skip` before the next update. A pickle holds all,
-    /// that picture too.
+    /// What detector and camera motion saw is not in it: show the last picture again with :meth:`skip` before the next update. A pickle
+    /// holds that picture, too. The background that a detector learned (``kind = "motion"``, ``"walkers"``) is in neither: it is learned
+    /// anew.
     fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let saved = py.detach(|| serde_json::to_vec(&self.0.working().tracker.save()));
         Ok(PyBytes::new(py, &saved.map_err(|e| input(py, format!("cannot be saved: {e}")))?))
@@ -190,9 +191,9 @@ impl PyTracker {
         this.0.pickled(py, "_restore_tracker", this.save(py)?)
     }
 
-    fn __repr__(&self) -> String {
+    fn __repr__(&self, py: Python<'_>) -> String {
         let Making { seed, channels, .. } = &self.0.making;
-        let target = if self.0.working().tracker.has_target() { "" } else { ", no target yet" };
+        let target = if self.has_target(py) { "" } else { ", no target yet" };
         format!("<foveate.Tracker seed={seed} channels={}{target}>", channels.name)
     }
 }

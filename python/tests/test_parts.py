@@ -145,6 +145,22 @@ def test_the_particle_filter_is_that_of_particles() -> None:
     assert abs(pf.log_evidence - theirs.logLt) < 0.15
 
 
+def test_a_particle_without_weight_has_no_say() -> None:
+    """It fits best, by more than a double can hold, after it has lost all weight."""
+    for ahead in (1000.0, 1e6):
+        pf = filter.ParticleFilter(
+            start=lambda n, rng: np.arange(float(n))[:, None],
+            transition=lambda x, rng: x,
+            log_likelihood=lambda x, y: np.where(x[:, 0] == 0, y, 0.0),
+            particles=3,
+            below=0,
+        )
+        pf.update(-np.inf)
+        seen = pf.update(ahead)
+        np.testing.assert_allclose(pf.weights, [0, 0.5, 0.5])
+        assert seen.mean[0] == pytest.approx(1.5) and seen.log_evidence == pytest.approx(0)
+
+
 def test_the_particle_filter_says_what_is_wrong() -> None:
     def make(**changed: Any) -> filter.ParticleFilter:
         settings: dict[str, Any] = {
@@ -167,6 +183,7 @@ def test_the_particle_filter_says_what_is_wrong() -> None:
         lambda: make(log_likelihood=lambda x, y: 0.0).update(None),
         lambda: filter.resample([0.0, 0.0]),
         lambda: filter.resample([1.0, -1.0]),
+        lambda: filter.resample([1.0], count=10**12),
         lambda: filter.resample([1.0], scheme="best"),  # type: ignore[arg-type]
     ):
         with pytest.raises(foveate.InputError):

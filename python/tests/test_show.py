@@ -56,6 +56,15 @@ def test_a_run_shows_pictures_and_the_curve(channels: Any) -> None:
         run.errors([FIRST])
 
 
+def test_a_grey_picture_may_have_an_axis_of_its_own() -> None:
+    frames = [drawn(t)[..., 0] for t in range(4)]
+    flat, deep = (
+        foveate.Run.of(foveate.Tracker("fast", channels="grey"), given, FIRST)._repr_html_()
+        for given in (frames, [frame[..., None] for frame in frames])
+    )
+    assert flat == deep and "data:image/png" in flat
+
+
 def test_an_empty_run_shows_itself() -> None:
     run = foveate.Run()
     assert run.boxes.shape == (0, 4) and run.p_lost.shape == (0,)

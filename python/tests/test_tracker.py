@@ -218,6 +218,18 @@ def test_a_pickle_goes_on_bit_for_bit(pictures: Any) -> None:
     assert not fresh.has_target and fresh.channels == "bgr"
 
 
+@pytest.mark.parametrize("kind", [foveate.Tracker, foveate.MultiTracker])
+def test_a_refused_picture_is_forgotten(pictures: Any, kind: Any) -> None:
+    tracker = kind(config={"particles": 60})
+    if kind is foveate.Tracker:
+        tracker.init(pictures[0], FIRST)
+    tracker.update(pictures[1])
+    before = pickle.dumps(tracker)
+    with pytest.raises(foveate.InputError, match="160 x 50"):
+        tracker.update(pictures[2][:50])
+    assert pickle.dumps(tracker) == before
+
+
 def test_a_saved_state_goes_on_bit_for_bit(pictures: Any) -> None:
     tracker, other = (foveate.Tracker(config={"particles": 60}) for _ in range(2))
     follow(tracker, pictures[:8])

@@ -3,11 +3,12 @@
 
 mod place;
 
+use std::path::Path;
 use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use foveate::scene::Image;
-use foveate::video::{encode_jpeg, encode_png};
+use foveate::video::{Mp4Writer, encode_jpeg, encode_png};
 use place::Place;
 
 /// The limit given to the program, and what it may take all the same.
@@ -62,6 +63,22 @@ fn claims() -> [(&'static str, Vec<u8>); 2] {
     [("claims.png", png), ("claims.jpg", jpeg)]
 }
 
+/// A short video whose index claims so many frames of one byte, all in the first chunk.
+fn claiming(frames: u32, path: &Path) -> Vec<u8> {
+    let mut film = Mp4Writer::create(path, 16, 16, 30.0).expect("a film");
+    film.push(&Image::new(16, 16, 3, vec![90; 768]).expect("whole")).expect("a frame");
+    film.finish().expect("a film");
+    let mut bytes = std::fs::read(path).expect("it was written");
+    let mut write = |name: &[u8; 4], from: usize, numbers: &[u32]| {
+        let at = bytes.windows(4).position(|word| word == name).expect("such a box") + from;
+        let numbers = numbers.iter().flat_map(|number| number.to_be_bytes());
+        bytes[at..].iter_mut().zip(numbers).for_each(|(byte, new)| *byte = new);
+    };
+    write(b"stsz", 8, &[1, frames]);
+    write(b"stsc", 16, &[frames]);
+    bytes
+}
+
 #[test]
 fn nothing_that_is_asked_for_is_taken_first() {
     let place = Place::new();
@@ -80,6 +97,25 @@ fn nothing_that_is_asked_for_is_taken_first() {
     write("claims.raw", &[0; 100]);
     refused(&["track", "claims.raw", "--raw", "16384x16384", "--init", "1,1,9,9"], "20.0 GiB");
 
+    let sparse = |name: &str, head: &[u8], len: u64| {
+        write(name, head);
+        let file = std::fs::OpenOptions::new().write(true).open(place.path(name)).expect("it was written");
+        file.set_len(len).expect("room for a hole");
+    };
+    let head = [&20u32.to_be_bytes()[..], b"ftypisom\0\0\0\0isom", &(400u32 << 20).to_be_bytes(), b"moov"].concat();
+    sparse("index.mp4", &head, (400 << 20) + 20);
+    refused(&["track", "index.mp4", "--init", "1,1,9,9"], "400 MiB");
+    sparse("frames.mp4", &claiming(15_000_000, &place.path("film.mp4")), 16 << 20);
+    refused(&["track", "frames.mp4", "--init", "1,1,9,9"], "an index of 15000000 frames");
+
+    let shape = |frame: u32| format!("<box frame=\"{frame}\" xtl=\"1\" ytl=\"1\" xbr=\"9\" ybr=\"9\"/>");
+    let track = format!("<track id=\"1\">{}{}</track>", shape(0), shape(99_999));
+    write("cvat.xml", format!("<annotations>{}</annotations>", track.repeat(1000)).as_bytes());
+    refused(&["convert", "cvat.xml", "out.json", "--from", "cvat", "--to", "coco"], "600000 boxes");
+    write("blank.txt", &["\n".repeat(20_000_000).as_bytes(), b"1,2,3,4\n"].concat());
+    for format in ["otb", "vot"] {
+        refused(&["convert", "blank.txt", "out.json", "--from", format, "--to", "coco"], "20000001 lines");
+    }
     write("det.txt", b"1000000000,-1,10,10,20,20,1\n");
     refused(&["track", "video", "--detections", "det.txt"], "none of its 1 boxes counts");
     refused(&["convert", "det.txt", "out.json", "--from", "mot", "--to", "coco"], "1000000000");
@@ -91,6 +127,11 @@ fn nothing_that_is_asked_for_is_taken_first() {
         &["train", "rbm", "--data", ".", "--set", "digits", "--hidden", "1000000000", "--out", "m.safetensors"],
         "65536",
     );
+
+    let train = ["train", "rbm", "--data", "video/img", "--set", "natural", "--out", "m.safetensors", "--glimpses"];
+    for many in ["1000000000", "18446744073709551615"] {
+        refused(&[&train[..], &[many]].concat(), &format!("{many} glimpses"));
+    }
 
     // What is read without end.
     let zero = "/dev/zero";

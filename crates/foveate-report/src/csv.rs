@@ -36,15 +36,9 @@ impl Rows {
     pub fn put_all<'a>(&mut self, values: impl IntoIterator<Item = &'a f64>) {
         values.into_iter().for_each(|value| self.put(value));
     }
-    /// A cell of text, in quotes where it has to be; behind an apostrophe where a program of tables would take it for a formula.
+    /// A cell of text.
     pub fn put_text(&mut self, text: &str) {
-        let formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']);
-        let text = &format!("{}{text}", if formula { "'" } else { "" });
-        if text.contains([',', '"', '\n', '\r']) {
-            self.put(format_args!("\"{}\"", text.replace('"', "\"\"")));
-        } else {
-            self.put(text);
-        }
+        self.put(quoted(text));
     }
     /// Ends the row; cells that were not put are empty.
     pub fn end(&mut self) {
@@ -52,6 +46,13 @@ impl Rows {
         self.text.push('\n');
         self.filled = 0;
     }
+}
+
+/// Text as a cell: in quotes where it has to be; behind an apostrophe where a program of tables would take it for a formula.
+pub fn quoted(text: &str) -> String {
+    let formula = text.starts_with(['=', '+', '-', '@', '\t', '\r']);
+    let text = format!("{}{text}", if formula { "'" } else { "" });
+    if text.contains([',', '"', '\n', '\r']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text }
 }
 
 /// A file of such rows.

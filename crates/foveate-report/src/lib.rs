@@ -43,6 +43,7 @@ mod trace;
 mod tracks;
 
 pub use self::annotate::Annotator;
+pub use self::csv::quoted;
 pub use self::film::{Film, MultiFilm, SideBySide};
 pub use self::json::Summary;
 pub use self::limited::Limited;

@@ -10,7 +10,7 @@ use foveate_base::{Error, Result};
 use foveate_video::{Frame, FrameSource};
 
 pub use multi::{MultiOutcome, MultiRun, follow_many};
-pub use single::{Outcome, SingleRun, follow, follow_tiles, is_uncertain, touches, touching};
+pub use single::{Outcome, SingleRun, check_box, follow, follow_tiles, is_uncertain, touches, touching};
 
 /// Which frames of a source, and who is told of the time.
 pub struct Span<'a> {
@@ -102,6 +102,10 @@ fn each_frame(
         if let Some(progress) = &mut span.progress {
             progress(&frame);
         }
+        // The next one may be long in coming.
+        if frame.index == span.until {
+            break;
+        }
     }
     // A source that was told to stop ends without another frame.
     frames.stopped |= (span.stop)();
@@ -111,4 +115,53 @@ fn each_frame(
         ));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate_core::scene::Image;
+    use foveate_video::SourceInfo;
+
+    /// A pipe of which nobody may ask for a frame that has not come yet.
+    struct Pipe {
+        info: SourceInfo,
+        come: std::ops::Range<usize>,
+    }
+
+    impl Iterator for Pipe {
+        type Item = Result<Frame>;
+        fn next(&mut self) -> Option<Self::Item> {
+            let index = self.come.next().expect("it would wait for a frame");
+            Some(Ok(Frame { index, time: 0.0, image: Image::grey(4, 4, 0) }))
+        }
+    }
+
+    impl FrameSource for Pipe {
+        fn info(&self) -> &SourceInfo {
+            &self.info
+        }
+    }
+
+    struct Counting(Vec<usize>);
+
+    impl Follower for Counting {
+        fn skip(&mut self, _: &Frame) -> Result<()> {
+            Ok(())
+        }
+        fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut()) -> Result<()> {
+            self.0.push(frame.index);
+            spent();
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn nothing_is_read_after_the_last_frame_that_is_wanted() {
+        let info = SourceInfo { width: 4, height: 4, frames: None, rate: 30.0, reader: String::new() };
+        let (mut pipe, mut counting, mut frames) = (Pipe { info, come: 0..5 }, Counting(vec![]), Frames::default());
+        let span = Span { from: 2, until: 4, ..Span::default() };
+        each_frame(&mut pipe, &mut counting, span, &mut frames).expect("three frames");
+        assert_eq!((counting.0, frames.count, frames.stopped), (vec![2, 3, 4], 3, false));
+    }
 }

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use foveate_base::{Error, Result, files};
+use foveate_base::{Error, Result, files, memory};
 use foveate_core::geometry::BBox;
 
 /// Numbers beyond this are damage, not pixels.
@@ -34,8 +34,22 @@ pub fn read_truth(path: impl AsRef<Path>) -> Result<Vec<Option<BBox>>> {
 
 /// The boxes of a text, 0-based; `path` is for the errors, which are those of [`read_boxes`].
 pub fn parse_boxes(text: &str, path: &Path) -> Result<Vec<Option<BBox>>> {
-    let parsed = lines(text).map(|(number, line)| parse_box(line).map_err(|problem| at_line(path, number, &problem)));
-    parsed.collect()
+    parse_lines(text, path, parse_box)
+}
+
+/// A box of each line, as `parse` finds it; `path` is for the errors. A blank line takes one byte of the text, and a box here.
+pub(super) fn parse_lines(
+    text: &str,
+    path: &Path,
+    parse: impl Fn(&str) -> std::result::Result<Option<BBox>, String>,
+) -> Result<Vec<Option<BBox>>> {
+    let count = lines(text).count();
+    memory::check(format_args!("{}: {count} lines", path.display()), (count * size_of::<Option<BBox>>()) as u64)?;
+    let mut boxes = Vec::with_capacity(count);
+    for (number, line) in lines(text) {
+        boxes.push(parse(line).map_err(|problem| at_line(path, number, &problem))?);
+    }
+    Ok(boxes)
 }
 
 /// One number a line: seconds a frame, or labels. Blank lines do not count.

@@ -1,5 +1,6 @@
 //! What decoders give: pictures, or why there is none.
 
+use foveate_base::Error;
 use foveate_core::scene::Image;
 
 /// Why a frame did not come.
@@ -15,6 +16,13 @@ impl DecodeError {
     /// Damage that is known only by what was found.
     pub fn damaged(found: impl std::fmt::Display) -> Self {
         Self::Damaged(format!("{found}; the file is damaged or cut off, copy it again"))
+    }
+}
+
+/// What may not be taken for a file: no decoder can do without.
+impl From<Error> for DecodeError {
+    fn from(error: Error) -> Self {
+        Self::Damaged(error.to_string())
     }
 }
 

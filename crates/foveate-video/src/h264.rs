@@ -99,9 +99,8 @@ fn is_sequence_set(nal: &[u8]) -> bool {
 fn check_size(set: &[u8]) -> Decoded<Sps> {
     let unread = || DecodeError::Unsupported("settings (a sequence parameter set) that cannot be read".into());
     let sps = sps::parse(set).ok_or_else(unread)?;
-    let what = format!("H.264 video of {} x {} pixels", sps.width, sps.height);
-    memory::check(what, memory::of_picture(sps.width, sps.height) / 2 * 3)
-        .map_err(|error| DecodeError::Damaged(error.to_string()))?;
+    let (width, height) = sps.coded;
+    memory::check(format_args!("H.264 video of {width} x {height} pixels"), memory::of_picture(width, height) / 2 * 3)?;
     Ok(sps)
 }
 
@@ -222,8 +221,9 @@ fn eight_bits(frame: rust_h264::decoder::Frame) -> Yuv {
 mod tests {
     use super::*;
 
-    /// A sequence parameter set of the baseline profile, of so many blocks of 16 × 16 pixels.
-    fn set(columns: u32, rows: u32) -> Vec<u8> {
+    /// A sequence parameter set of the baseline profile, of so many blocks of 16 × 16 pixels, of which all is shown, or so many
+    /// blocks at the left.
+    fn set(columns: u32, rows: u32, shown: Option<u32>) -> Vec<u8> {
         let mut bits = vec![];
         let code = |value: u32, bits: &mut Vec<bool>| {
             let n = 32 - (value + 1).leading_zeros();
@@ -233,8 +233,11 @@ mod tests {
         [0, 0, 2, 1].into_iter().for_each(|value| code(value, &mut bits));
         bits.push(false);
         [columns - 1, rows - 1].into_iter().for_each(|value| code(value, &mut bits));
-        // Frames only, direct inference, no cropping, no usability, the end.
-        bits.extend([true, true, false, false, true]);
+        // Frames only, direct inference, cropping at the right in units of 2 pixels, no usability, the end.
+        bits.extend([true, true, shown.is_some()]);
+        let cropped = shown.map(|shown| [0, (columns - shown) * 8, 0, 0]);
+        cropped.into_iter().flatten().for_each(|value| code(value, &mut bits));
+        bits.extend([false, true]);
         let mut bytes = vec![0x67, 66, 0, 30];
         bytes.extend(
             bits.chunks(8).map(|byte| byte.iter().enumerate().map(|(k, bit)| u8::from(*bit) << (7 - k)).sum::<u8>()),
@@ -248,11 +251,13 @@ mod tests {
 
     #[test]
     fn a_stream_that_claims_much_is_refused_before_it_is_decoded() {
-        let small = Setup::read(&record(&set(4, 3))).expect("a small picture");
+        let small = Setup::read(&record(&set(4, 3, None))).expect("a small picture");
         assert_eq!(small.sps.map(|sps| (sps.width, sps.height)), Some((64, 48)));
-        let large = set(2000, 2000);
-        let Err(DecodeError::Damaged(said)) = Setup::read(&record(&large)) else { panic!("32000 x 32000 is taken") };
-        assert!(said.contains("32000 x 32000") && said.contains("--max-memory"), "{said}");
+        let large = set(2000, 2000, None);
+        for set in [&large, &set(2000, 2000, Some(1))] {
+            let Err(DecodeError::Damaged(said)) = Setup::read(&record(set)) else { panic!("32000 x 32000 is taken") };
+            assert!(said.contains("32000 x 32000") && said.contains("--max-memory"), "{said}");
+        }
         // In the middle of a stream, too.
         let frame = [&(large.len() as u32).to_be_bytes()[..], &large].concat();
         for mut decoder in [Decoder::fast(&small).expect("settings"), Decoder::wide(&small).expect("settings")] {

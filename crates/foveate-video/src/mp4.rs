@@ -1,17 +1,20 @@
 //! MP4 files: which bytes are which frame, and when it is shown (ISO/IEC 14496-12, plain and fragmented).
 //!
-//! Only the index is held in memory. Every count in it is checked against what the bytes can hold, and
-//! every read against the end: nothing a file says can panic, hang, or take more memory than its size
-//! explains. That is why this is not done by re_mp4, which serves as the oracle of the tests.
+//! Only the index is held in memory. Every count in it is checked against what the bytes can hold and the memory
+//! that there may be, and every read against the end: nothing a file says can panic, hang, or take more memory than
+//! its size explains. That is why this is not done by re_mp4, which serves as the oracle of the tests.
 
 use std::io::{Read, Seek, SeekFrom};
 
 use crate::decoded::{DecodeError, Decoded};
+use foveate_base::memory;
 
 /// The largest index that is read, in bytes, the most boxes, and the most frames (155 hours at 30 a second).
 const MAX_INDEX: u64 = 1 << 29;
 const MAX_BOXES: usize = 1 << 20;
 const MAX_FRAMES: u64 = 1 << 24;
+/// Bytes that a frame takes here: twice while the list of them grows, and once; their order of presentation takes less.
+const FRAME: u64 = 3 * size_of::<Sample>() as u64;
 /// Of a fragment's sample flags: it needs others.
 const NOT_A_KEY: u32 = 0x1_0000;
 
@@ -85,6 +88,7 @@ pub(super) fn read(file: &mut (impl Read + Seek), len: u64) -> Decoded<Movie> {
             if indexed > MAX_INDEX {
                 return Err(DecodeError::Unsupported(format!("an index above {} MiB", MAX_INDEX >> 20)));
             }
+            memory::check("the video's index", indexed)?;
             let mut body = vec![0; (size - skip) as usize];
             read_at(file, at + skip, &mut body)?;
             match &name {
@@ -194,6 +198,7 @@ fn sample_table(stbl: &[u8], len: u64) -> Decoded<(Vec<Sample>, Option<String>)>
     let mut keys = listed.into_iter().flat_map(rows::<1>).map(|[number]| number as usize).peekable();
 
     let mut samples = Vec::new();
+    make_room(&mut samples, count)?;
     let (mut decoded, mut delta, mut per_chunk) = (0, 0, 0);
     for (number, mut offset) in (1..).zip(chunks) {
         while let Some([_, n, _]) = layout.next_if(|&[first, _, _]| first <= number) {
@@ -267,6 +272,7 @@ fn fragments(
                 if u64::from(count) > room || samples.len() as u64 + u64::from(count) > MAX_FRAMES.min(len / 4) {
                     return Err(format!("the fragment at byte {start} claims {count} frames, more than it can hold"));
                 }
+                make_room(samples, count).map_err(|error| error.to_string())?;
                 for _ in 0..count {
                     let mut field = |bit, default| if flags & bit == 0 { default } else { c.u32().unwrap_or(default) };
                     let (delta, size) = (field(0x100, default_delta), field(0x200, default_size));
@@ -279,6 +285,16 @@ fn fragments(
                 }
             }
         }
+    }
+    Ok(())
+}
+
+/// Takes memory for so many frames more, where there may be as much.
+fn make_room(samples: &mut Vec<Sample>, more: u32) -> foveate_base::Result<()> {
+    let (frames, more) = (samples.len() + more as usize, more as usize);
+    if frames > samples.capacity() {
+        memory::check(format_args!("an index of {frames} frames"), frames as u64 * FRAME)?;
+        samples.reserve(more);
     }
     Ok(())
 }

@@ -7,6 +7,8 @@ pub(super) struct Sps {
     /// Width and height of the shown picture in pixels.
     pub width: usize,
     pub height: usize,
+    /// The same as coded, in whole blocks, before anything is cropped: what decoders take memory for.
+    pub coded: (usize, usize),
     /// Whether pixels are cropped away at the left or the top.
     pub cropped_before: bool,
     /// Matrix coefficients as in table E-5, where given; 2 is "unspecified".
@@ -74,15 +76,17 @@ pub(super) fn parse(nal: &[u8]) -> Option<Sps> {
     }
     let side = |blocks: u32, cut: [u32; 2], unit: u32| {
         let pixels = u64::from(blocks) * 16;
-        pixels.checked_sub((u64::from(cut[0]) + u64::from(cut[1])) * u64::from(unit)).filter(|&n| n > 0 && n < 1 << 16)
+        let shown = pixels.checked_sub((u64::from(cut[0]) + u64::from(cut[1])) * u64::from(unit))?;
+        (pixels <= 1 << 16 && shown > 0 && shown < 1 << 16).then_some((pixels as usize, shown as usize))
     };
     let field = 2 - frames_only;
     let unit_x = if matches!(chroma, 1 | 2) { 2 } else { 1 };
     let unit_y = if chroma == 1 { 2 } else { 1 } * field;
-    let width = side(columns, [left, right], unit_x)? as usize;
-    let height = side(rows.checked_mul(field)?, [top, bottom], unit_y)? as usize;
+    let (coded_width, width) = side(columns, [left, right], unit_x)?;
+    let (coded_height, height) = side(rows.checked_mul(field)?, [top, bottom], unit_y)?;
+    let coded = (coded_width, coded_height);
     let (matrix, full_range) = usability(&mut r).unwrap_or((None, false));
-    Some(Sps { width, height, cropped_before: left > 0 || top > 0, matrix, full_range })
+    Some(Sps { width, height, coded, cropped_before: left > 0 || top > 0, matrix, full_range })
 }
 
 /// Video usability information, as far as the colours.
@@ -162,17 +166,23 @@ mod tests {
     #[test]
     fn sets_of_every_kind_are_read() {
         let kinds = [
-            ("6764000aacd947378888c05b808080a0000003002000000641e244b2c0", (98, 82, false, Some(1), true)),
-            ("6742c00ad907378888c044000003000400000300c83c489920", (98, 82, false, None, false)),
-            ("677a000ab6cd94737888fc0440000003004000000c83c4896580", (98, 82, false, None, false)),
-            ("67640015acd9466fc9ff80ab80a43502020640000003004000000c87c50a6580", (96, 84, false, Some(6), false)),
-            ("67f40028919b280f0044fc4ffe0372052020000003002000000641e30632c0", (1920, 1080, false, None, false)),
-            ("6764000aacd9473762108c05b808080a000003000200000300641e244b2c", (94, 80, true, Some(1), true)),
+            ("6764000aacd947378888c05b808080a0000003002000000641e244b2c0", (98, 82, (112, 96), false, Some(1), true)),
+            ("6742c00ad907378888c044000003000400000300c83c489920", (98, 82, (112, 96), false, None, false)),
+            ("677a000ab6cd94737888fc0440000003004000000c83c4896580", (98, 82, (112, 96), false, None, false)),
+            (
+                "67640015acd9466fc9ff80ab80a43502020640000003004000000c87c50a6580",
+                (96, 84, (96, 96), false, Some(6), false),
+            ),
+            (
+                "67f40028919b280f0044fc4ffe0372052020000003002000000641e30632c0",
+                (1920, 1080, (1920, 1088), false, None, false),
+            ),
+            ("6764000aacd9473762108c05b808080a000003000200000300641e244b2c", (94, 80, (112, 96), true, Some(1), true)),
         ];
-        for (hex, (width, height, cropped_before, matrix, full_range)) in kinds {
+        for (hex, (width, height, coded, cropped_before, matrix, full_range)) in kinds {
             let found = parse(&bytes(hex)).expect("a good set");
             let found = Sps { matrix: found.matrix.filter(|&matrix| matrix != 2), ..found };
-            assert_eq!(found, Sps { width, height, cropped_before, matrix, full_range }, "{hex}");
+            assert_eq!(found, Sps { width, height, coded, cropped_before, matrix, full_range }, "{hex}");
             for n in 0..hex.len() / 2 - 1 {
                 let _ = parse(&bytes(&hex[..2 * n]));
             }

@@ -12,6 +12,7 @@ use crate::h264::{Decoder, Setup};
 use crate::mp4;
 use crate::mp4::{Movie, Sample};
 use crate::yuv::{Colour, Yuv};
+use foveate_base::memory;
 use foveate_core::scene::Image;
 
 /// Bytes that can be read at any place: a file, or what stands for one.
@@ -98,6 +99,7 @@ impl Mp4 {
             }
             // What cannot be read ends it: our own decoders then say what is wrong.
             let sample = next.next().filter(|s| s.offset.saturating_add(u64::from(s.size)) <= len)?;
+            may_be_held(sample.size).ok()?;
             let mut bytes = vec![0; sample.size as usize];
             mp4::read_at(&mut file, sample.offset, &mut bytes).ok()?;
             setup.with_start_codes(&bytes)
@@ -217,6 +219,9 @@ impl Mp4 {
                 "the file ends at byte {len}, the coded frame should reach to byte {end}"
             )));
         }
+        if sample.size as usize > self.bytes.capacity() {
+            may_be_held(sample.size)?;
+        }
         self.bytes.resize(sample.size as usize, 0);
         mp4::read_at(&mut self.file, sample.offset, &mut self.bytes)
     }
@@ -235,6 +240,11 @@ impl Mp4 {
         }
         Ok(())
     }
+}
+
+/// Fails where there may not be memory for a coded frame of so many bytes.
+fn may_be_held(size: u32) -> foveate_base::Result<()> {
+    memory::check(format_args!("a coded frame of {size} bytes"), size.into())
 }
 
 /// The image turned clockwise by quarter turns.

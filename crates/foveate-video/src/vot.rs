@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::annotation::{LARGEST, at_line, lines, read_text, shortened};
+use crate::annotation::{LARGEST, lines, parse_lines, read_text, shortened};
 use foveate_base::{Error, Result};
 use foveate_core::geometry::BBox;
 
@@ -105,13 +105,11 @@ pub fn read_truth(path: impl AsRef<Path>) -> Result<Vec<Option<BBox>>> {
 
 /// The boxes of a text; `path` is for the errors, which name the line.
 pub fn parse_truth(text: &str, path: &Path) -> Result<Vec<Option<BBox>>> {
-    let parse = |(number, line): (usize, &str)| {
+    parse_lines(text, path, |line| {
         // A blank line is a frame without a region, as in the other formats.
-        let region = if line.is_empty() { Ok(None) } else { parse_region(line) };
-        let region = region.map_err(|problem| at_line(path, number, &problem))?;
+        let region = if line.is_empty() { None } else { parse_region(line)? };
         Ok(region.filter(|b| b.w > 0.0 && b.h > 0.0))
-    };
-    lines(text).map(parse).collect()
+    })
 }
 
 /// The text of boxes: `x,y,w,h` a line, `nan,nan,nan,nan` where there is none.

@@ -9,6 +9,7 @@ use foveate_report::RunInfo;
 use foveate_report::interactive::{
     FILES, Frames, Player, Recent, Reopen, Results, Setup, Tracks, check_size, described, named, proposed, target_of,
 };
+use foveate_report::run::check_box;
 use foveate_video::{CodedVideo, Planes, SourceInfo};
 use serde_json::{Value, json};
 
@@ -138,7 +139,7 @@ impl Session {
     }
 
     pub fn start(&mut self, target: usize, setup: Setup, frame: usize, bbox: BBox) -> Result<Value> {
-        self.check(&bbox)?;
+        check_box("the box", &bbox, &self.info)?;
         self.saving.clear();
         self.tracks.start(target, setup, frame, bbox)
     }
@@ -162,7 +163,7 @@ impl Session {
     }
 
     pub fn correct(&mut self, target: usize, frame: usize, bbox: BBox) -> Result<Value> {
-        self.check(&bbox)?;
+        check_box("the box", &bbox, &self.info)?;
         self.saving.clear();
         self.tracks.correct(target, frame, bbox)
     }
@@ -220,22 +221,6 @@ impl Session {
         }
         let made = self.saving.get(target)?.files.as_ref()?;
         made.iter().find(|(known, _)| *known == name && piece == 0).map(|(_, bytes)| bytes.clone())
-    }
-
-    fn check(&self, b: &BBox) -> Result<()> {
-        let (w, h) = (self.info.width as f64, self.info.height as f64);
-        let whole = [b.x, b.y, b.w, b.h].iter().all(|v| v.is_finite()) && b.w >= 2.0 && b.h >= 2.0;
-        if whole && b.x < w && b.y < h && b.x + b.w > 0.0 && b.y + b.h > 0.0 && b.w <= 2.0 * w && b.h <= 2.0 * h {
-            return Ok(());
-        }
-        Err(Error::Invalid(format!(
-            "the box: expected one of at least 2 x 2 pixels that touches the frame of {w} x {h}, found left {}, top {}, width {}, \
-             height {}; draw another",
-            b.x + 1.0,
-            b.y + 1.0,
-            b.w,
-            b.h
-        )))
     }
 }
 

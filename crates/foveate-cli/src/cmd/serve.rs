@@ -128,7 +128,8 @@ fn start(
         let problem = "expected a video file or a folder of images; of a stream draw the box in `foveate serve`";
         return Err(Error::malformed(&paths[0], problem));
     }
-    let pool = crate::threads(rayon::current_num_threads())?;
+    let threads = rayon::current_num_threads();
+    let (pool, saving) = (crate::threads(threads)?, Arc::new(crate::threads(threads)?));
     let name = address.to_string();
     let listener =
         TcpListener::bind(address).map_err(Error::io(&name, "cannot listen there; give another --address"))?;
@@ -142,7 +143,8 @@ fn start(
         pick,
         config: page.config.clone(),
         policy: page.policy.clone(),
-        pool: Arc::new(pool),
+        pool,
+        saving,
         sessions: Mutex::new(Sessions::default()),
     });
     terminal::catch_interrupts();

@@ -8,14 +8,14 @@ use foveate::files::Folder;
 use foveate::geometry::BBox;
 use foveate::lab::eval::policy_set;
 use foveate::report::SurfacePicture;
-use foveate::report::run::{SingleRun, Span, follow, follow_tiles};
+use foveate::report::run::{SingleRun, Span, check_box, follow, follow_tiles};
 use foveate::video::Frame;
 use foveate::{Error, Result, files};
 
 use super::configure::{Changes, Profile, config_name, read};
 use super::results::Results;
 use crate::terminal;
-use init::{Frames, Init, check_again, check_box, first_box, known_truth, parse_again, parse_init};
+use init::{Frames, Init, check_again, first_box, known_truth, parse_again, parse_init};
 use outputs::{Outputs, Told, tell};
 use source::{SourceArgs, Started, StreamTo, parse_stream};
 use spared::Lost;
@@ -201,8 +201,11 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let opened = args.input.open(&args.source)?;
     let about = opened.source.info().clone();
     let loaded = args.load_state.as_deref().map(|path| SavedState::read(path, &blueprint, seed)).transpose()?;
-    let frames =
-        Frames::new(loaded.as_ref().map_or(args.input.selection().from, |saved| saved.next_frame), args.until, &about)?;
+    let (from, start) = match &loaded {
+        Some(saved) => (saved.next_frame, "the saved state goes on"),
+        None => (args.input.selection().from, "--from begins"),
+    };
+    let frames = Frames::new(from, start, args.until, &about)?;
     let init = match &loaded {
         Some(saved) => {
             tracker.load(&saved.tracker)?;

@@ -129,6 +129,7 @@ fn mistakes_are_told_in_words() {
         (&["video", "--seed=-1"], &["--seed"]),
         (&["video", "--config", "no.toml"], &["cannot be used multiple times"]),
         (&["video", "--until", "0"], &["until"]),
+        (&["video", "--from", "8", "--until", "3", "--init", "9,9,20,20"], &["--until 3: --from begins at frame 8"]),
         (&["video", "--until", "11"], &["--until 11", "10 frames"]),
         (&["video", "--reinit", "11:2,2,30,40"], &["--reinit 11", "frames 1 to 10"]),
         (&["video", "--until", "5", "--reinit", "6:2,2,30,40"], &["--reinit 6", "frames 1 to 5"]),

@@ -108,6 +108,35 @@ fn messages_track_correct_and_save() {
     assert!(leftovers(dir.path()).is_empty(), "{:?}", leftovers(dir.path()));
 }
 
+/// Writing results takes a thread for as long as the track is; the page is answered meanwhile, and may change its mind.
+#[test]
+fn one_thread_answers_while_results_are_written() {
+    let dir = place();
+    let args = ["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural", "--threads", "1"];
+    let server = Server::start(dir.path(), &args);
+    let session = open(&server, "0/clip")["session"].clone();
+    let ask = |message: Value| {
+        let (status, answer) = server.ask(&message.to_string());
+        assert_eq!(status, 200, "{message}: {answer}");
+        answer
+    };
+    ask(
+        json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural", "policy": null, "seed": 4 }),
+    );
+    tracked(&server, &session);
+    ask(json!({ "op": "save", "session": session, "film": true, "report": true }));
+    let answer = ask(json!({ "op": "saved", "session": session }));
+    assert!(answer["frames"].as_u64().is_some_and(|n| n < FRAMES as u64) && answer["files"].is_null(), "{answer}");
+    ask(json!({ "op": "close", "session": session }));
+    for _ in 0..200 {
+        if leftovers(dir.path()).is_empty() {
+            return;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+    }
+    panic!("{:?}", leftovers(dir.path()));
+}
+
 /// Two boxes in the same frames: each gives what it gives alone, and has results of its own.
 #[test]
 fn several_targets_are_followed_at_once() {

@@ -12,13 +12,14 @@ pub mod sequences;
 
 use crate::{Digits, Split};
 use foveate_base::rng::{Purpose, Streams};
-use foveate_base::{Error, Result, files};
+use foveate_base::{Error, Result, files, memory};
 use foveate_core::geometry::{Extent, Fixation};
 use foveate_core::identity::encoder::{Encoder, Raw};
 use foveate_core::identity::pyramid::{Pyramid, Region};
 use foveate_core::identity::retina::{Foveal, FovealConfig, Retina};
 use foveate_core::scene::Image;
 use foveate_learn::rbm::Visible;
+use foveate_video::decode_image;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -124,9 +125,12 @@ impl Source {
         }
     }
     /// `n` glimpses, n × `retina.glimpse_len()` values: 0 to 1 for binary units, each channel standardised for Gaussian
-    /// ones (as the encoder does). Deterministic in `seed`, for any number of threads.
-    pub fn glimpses(&self, retina: &Foveal, n: usize, visible: Visible, seed: u64) -> Vec<f32> {
+    /// ones (as the encoder does). Deterministic in `seed`, for any number of threads. Fails where so many take more memory than
+    /// there may be.
+    pub fn glimpses(&self, retina: &Foveal, n: usize, visible: Visible, seed: u64) -> Result<Vec<f32>> {
         assert!(!self.is_empty(), "glimpses need a picture");
+        let bytes = (n as u64).saturating_mul((size_of::<f32>() * retina.glimpse_len()) as u64);
+        memory::check(format_args!("{n} glimpses of {} values", retina.glimpse_len()), bytes)?;
         let (width, streams) = (retina.glimpse_len(), Streams::new(seed, 0).at(0, Purpose::Scene));
         let channels: Vec<usize> = retina.cells().iter().map(|c| c.channel).collect();
         let standard = Raw::new(&channels, true);
@@ -152,7 +156,7 @@ impl Source {
                 }
             }
         });
-        rows
+        Ok(rows)
     }
 }
 
@@ -182,20 +186,18 @@ fn photographs(dir: &Path) -> Result<(Vec<Image>, String)> {
         return Err(Error::malformed(dir, "no photographs here: give a folder of JPEG or PNG files with --data"));
     }
     paths.sort();
-    let mut sha = Sha256::new();
-    let mut files = Vec::new();
-    for path in paths {
-        let bytes = files::read(&path, files::PICTURE)?;
-        sha.update(&bytes);
-        files.push((path, bytes));
+    let (mut images, mut sha) = (Vec::new(), Sha256::new());
+    // As many files at a time as are decoded side by side.
+    for paths in paths.chunks(rayon::current_num_threads()) {
+        let files = paths.iter().map(|path| files::read(path, files::PICTURE)).collect::<Result<Vec<_>>>()?;
+        files.iter().for_each(|bytes| sha.update(bytes));
+        let decode = |(path, bytes): (&std::path::PathBuf, &Vec<u8>)| {
+            let image = decode_image(bytes).map_err(|problem| Error::malformed(path, problem))?;
+            Ok(image.with_planes(3))
+        };
+        images.extend(paths.par_iter().zip(&files).map(decode).collect::<Result<Vec<_>>>()?);
     }
-    let decode = |(path, bytes): &(std::path::PathBuf, Vec<u8>)| {
-        let picture =
-            image::load_from_memory(bytes).map_err(|e| Error::malformed(path, format!("cannot decode: {e}")))?;
-        let rgb = picture.to_rgb8();
-        Image::from_rgb8(rgb.width() as usize, rgb.height() as usize, &rgb)
-    };
-    Ok((files.par_iter().map(decode).collect::<Result<_>>()?, hex(sha)))
+    Ok((images, hex(sha)))
 }
 
 /// The retina of a configuration file, of which nothing but the table `[retina]` is looked at.
@@ -230,18 +232,43 @@ mod tests {
         let retina = Foveal::new(FovealConfig::authors()).expect("the authors' geometry");
         let with = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            pool.install(|| source.glimpses(&retina, 500, Visible::Bernoulli, 3))
+            pool.install(|| source.glimpses(&retina, 500, Visible::Bernoulli, 3)).expect("room")
         };
         let rows = with(1);
         assert_eq!(rows, with(3));
         assert_eq!(
             rows[..100 * 132],
-            source.glimpses(&retina, 100, Visible::Bernoulli, 3),
+            source.glimpses(&retina, 100, Visible::Bernoulli, 3).expect("room"),
             "more rows, the same first ones"
         );
         assert!(rows.iter().all(|x| (0.0..=1.0).contains(x)));
+        let said = source.glimpses(&retina, usize::MAX, Visible::Bernoulli, 3).expect_err("too many").to_string();
+        assert!(said.contains("glimpses of 132 values") && said.contains("--max-memory"), "{said}");
         let mean = rows.iter().sum::<f32>() / rows.len() as f32;
         assert!((0.1..0.6).contains(&mean), "{mean}");
+    }
+
+    /// A picture of 4 x 2 pixels that a camera held upright wrote: an orientation mark turns it.
+    pub(super) fn lying() -> Vec<u8> {
+        let jpeg = foveate_video::encode_jpeg(&Image::grey(4, 2, 90), 90);
+        let mark = b"\xff\xe1\0\x22Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0";
+        [&jpeg[..2], mark, &jpeg[2..]].concat()
+    }
+
+    #[test]
+    fn photographs_are_read_as_a_tracker_reads_them() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let write = |name: &str, bytes: &[u8]| std::fs::write(dir.path().join(name), bytes).expect("written");
+        for i in 0..9 {
+            write(&format!("{i}.jpg"), &lying());
+        }
+        let (images, sha256) = photographs(dir.path()).expect("nine pictures");
+        let size = |image: &Image| (image.width(), image.height(), image.planes());
+        assert!(images.len() == 9 && images.iter().all(|image| size(image) == (2, 4, 3)), "{images:?}");
+        assert_eq!(sha256, hex(Sha256::new_with_prefix(lying().repeat(9))));
+        write("9.jpg", &lying()[..lying().len() - 2]);
+        let said = photographs(dir.path()).expect_err("cut off").to_string();
+        assert!(said.contains("9.jpg") && said.contains("cut off"), "{said}");
     }
 
     #[test]
@@ -258,7 +285,7 @@ mod tests {
         assert_eq!((learn.describe(), held.describe()), ("9 photographs".into(), "1 photographs".into()));
         let config = FovealConfig { colour: vec![[16, 4]], ..FovealConfig::authors() };
         let retina = Foveal::new(config).expect("whole cells");
-        let rows = learn.glimpses(&retina, 40, Visible::Gaussian, 1);
+        let rows = learn.glimpses(&retina, 40, Visible::Gaussian, 1).expect("room");
         for row in rows.chunks_exact(retina.glimpse_len()) {
             for part in [&row[..132], &row[132..148], &row[148..]] {
                 let mean = part.iter().sum::<f32>() / part.len() as f32;

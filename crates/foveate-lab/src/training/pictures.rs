@@ -8,6 +8,7 @@ use foveate_core::identity::encoder::Encoder;
 use foveate_core::identity::pyramid::{Pyramid, Region};
 use foveate_core::identity::retina::{Foveal, Retina};
 use foveate_core::scene::Image;
+use image::{DynamicImage, GrayImage, RgbImage};
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
@@ -135,10 +136,14 @@ fn sorted(dir: &Path) -> Result<Vec<PathBuf>> {
 
 /// A picture from the bytes of its file, grey or in colour, at most [`SIDE`] pixels along a side.
 fn small(bytes: &[u8], colours: bool) -> std::result::Result<Image, String> {
-    let picture =
-        foveate_base::quiet::catch(|| image::load_from_memory(bytes).map_err(|e| e.to_string())).and_then(|r| r);
-    let mut picture =
-        picture.map_err(|e| format!("not a picture that can be read ({e}); remove it or save it anew"))?;
+    let picture = foveate_video::decode_image(bytes)
+        .map_err(|e| format!("not a picture that can be read ({e}); remove it or save it anew"))?;
+    let (width, height) = (picture.width() as u32, picture.height() as u32);
+    let picture = match picture.planes() {
+        1 => GrayImage::from_raw(width, height, picture.bytes().to_vec()).map(DynamicImage::from),
+        _ => RgbImage::from_raw(width, height, picture.to_rgb8()).map(DynamicImage::from),
+    };
+    let mut picture = picture.expect("as many bytes as pixels");
     if picture.width().max(picture.height()) > SIDE {
         picture = picture.resize(SIDE, SIDE, image::imageops::FilterType::Triangle);
     }
@@ -261,6 +266,14 @@ mod tests {
         assert_eq!((learn.len(), held.len()), (12, 3));
         assert_eq!(held.labels(), [0, 0, 1]);
         assert_eq!(Pictures::load(dir.path(), false).expect("two classes").sha256(), all.sha256());
+    }
+
+    #[test]
+    fn a_picture_is_turned_as_its_camera_was_held() {
+        for (colours, planes) in [(false, 1), (true, 3)] {
+            let image = small(&crate::training::tests::lying(), colours).expect("a picture");
+            assert_eq!((image.width(), image.height(), image.planes()), (2, 4, planes));
+        }
     }
 
     #[test]

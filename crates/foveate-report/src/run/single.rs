@@ -7,7 +7,7 @@ use foveate_core::control::TrackConfidence;
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 use foveate_core::{Status, Tracker};
-use foveate_video::{Frame, FrameSource, TileFolder};
+use foveate_video::{Frame, FrameSource, SourceInfo, TileFolder};
 
 /// What to follow.
 #[derive(Default)]
@@ -61,6 +61,28 @@ pub fn is_uncertain(confidence: &TrackConfidence) -> bool {
 /// Whether a box shows at least a part of itself in the picture.
 pub fn touches(b: &BBox, image: &Image) -> bool {
     b.x < image.width() as f64 && b.y < image.height() as f64 && b.x + b.w > 0.0 && b.y + b.h > 0.0
+}
+
+/// Refuses a box that no target of this video can have; `what` says which box it is.
+///
+/// # Errors
+/// [`Error::Invalid`], with the box and what was expected.
+pub fn check_box(what: &str, b: &BBox, info: &SourceInfo) -> Result<()> {
+    let (w, h) = (info.width as f64, info.height as f64);
+    let numbers = [b.x, b.y, b.w, b.h];
+    let inside = b.x < w && b.y < h && b.x + b.w > 0.0 && b.y + b.h > 0.0;
+    let sized = b.w >= 2.0 && b.h >= 2.0 && b.w <= 4.0 * w && b.h <= 4.0 * h;
+    if inside && sized && numbers.iter().all(|n| n.is_finite()) {
+        return Ok(());
+    }
+    Err(Error::Invalid(format!(
+        "{what} is x={}, y={}, w={}, h={}; expected a box of at least 2 x 2 pixels touching the {w} x {h} picture, x,y being its \
+         top-left corner in pixels, counted from 1",
+        b.x + 1.0,
+        b.y + 1.0,
+        b.w,
+        b.h
+    )))
 }
 
 /// The box as results have it: one that lies outside the picture is moved to the nearest place where it touches it, and keeps

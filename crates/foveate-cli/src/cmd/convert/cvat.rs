@@ -5,10 +5,13 @@ use std::fmt::Write;
 use std::path::Path;
 
 use foveate::video::mot::TrackBox;
-use foveate::{BBox, Error, Result, files};
+use foveate::{BBox, Error, Result, files, memory};
 use roxmltree::{Document, Node};
 
 use super::{Boxes, MOST};
+
+/// Bytes that a box takes: its place in a list that grows, that it was seen, and a line of text.
+const BOX: u64 = 400;
 
 /// Between key frames that are not next to each other boxes are put on the straight line, as CVAT does.
 pub fn read(path: &Path) -> Result<Boxes> {
@@ -32,16 +35,18 @@ pub fn read(path: &Path) -> Result<Boxes> {
         }
         let end = shapes.keys().next_back().map_or(0, |last| last + 1);
         boxes.frames = boxes.frames.max(end);
-        let mut next = shapes.iter().skip(1);
-        for (frame, bbox) in &shapes {
-            let (&until, to) = next.next().unwrap_or((&end, &None));
-            let Some(bbox) = bbox else { continue };
-            for t in *frame..until {
-                let share = (t - frame) as f64 / (until - frame) as f64;
-                let bbox = between(bbox, to.as_ref().unwrap_or(bbox), share);
-                boxes.tracks.push(TrackBox { frame: t, id, bbox, confidence: 1.0 });
-            }
-            filled += until - frame - 1;
+        // From each box to the next key frame, which may be the last of a million.
+        let next = shapes.iter().skip(1).map(|(frame, bbox)| (*frame, bbox)).chain([(end, &None)]);
+        let stretches = shapes.iter().zip(next).filter_map(|((from, a), (to, b))| Some((*from..to, (*a)?, *b)));
+        let count = boxes.tracks.len() + stretches.clone().map(|(frames, ..)| frames.len()).sum::<usize>();
+        memory::check(format_args!("{}: {count} boxes", path.display()), count as u64 * BOX)?;
+        for (frames, a, b) in stretches {
+            filled += frames.len() - 1;
+            let (from, length) = (frames.start, frames.len() as f64);
+            boxes.tracks.extend(frames.map(|frame| {
+                let bbox = between(&a, b.as_ref().unwrap_or(&a), (frame - from) as f64 / length);
+                TrackBox { frame, id, bbox, confidence: 1.0 }
+            }));
         }
     }
     let count = |such: &dyn Fn(&Node<'_, '_>) -> bool| document.descendants().filter(|n| such(n)).count();

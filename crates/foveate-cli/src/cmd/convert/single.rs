@@ -40,8 +40,9 @@ pub fn read(format: Format, path: &Path) -> Result<Boxes> {
 /// Lines that are polygons, and those that are masks.
 fn shapes(path: &Path) -> Result<[usize; 2]> {
     let text = files::read_text(path, files::TEXT)?;
-    let (masks, others): (Vec<&str>, Vec<&str>) = text.lines().partition(|line| line.trim_start().starts_with('m'));
-    Ok([others.iter().filter(|line| line.split(',').count() > 4).count(), masks.len()])
+    let is_mask = |line: &str| line.trim_start().starts_with('m');
+    let polygons = text.lines().filter(|line| !is_mask(line) && line.split(',').count() > 4).count();
+    Ok([polygons, text.lines().filter(|line| is_mask(line)).count()])
 }
 
 pub fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {

@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use foveate::config::{BUILTIN, Config};
 use foveate::geometry::BBox;
 use foveate::report::interactive::{MOST_TARGETS, Setup, boxed, command, described, offered};
+use foveate::report::run::check_box;
 use foveate::{Error, Result};
 use serde_json::{Value, json};
 
@@ -18,7 +19,6 @@ use super::roots::Roots;
 use super::session::Session;
 use super::video::Video;
 use crate::cmd::configure::{Changes, POLICIES, read};
-use crate::cmd::track::init::check_box;
 
 /// Videos open at a time; the one that was used longest ago makes room.
 pub const MOST_SESSIONS: usize = 4;
@@ -34,7 +34,9 @@ pub struct App {
     /// What the page begins with.
     pub config: String,
     pub policy: Option<String>,
-    pub pool: Arc<rayon::ThreadPool>,
+    /// What answers the page, and what writes results meanwhile.
+    pub pool: rayon::ThreadPool,
+    pub saving: Arc<rayon::ThreadPool>,
     pub sessions: Mutex<Sessions>,
 }
 
@@ -211,7 +213,7 @@ impl App {
                 }
                 Ok(json!({ "command": line, "ends": self.pick.as_ref().is_some_and(|pick| !pick.keep) }))
             }
-            Message::Save { session, film, report } => self.with(session, |s| s.save(film, report, &self.pool)),
+            Message::Save { session, film, report } => self.with(session, |s| s.save(film, report, &self.saving)),
             Message::Saved { session } => self.with(session, |s| s.saved()),
         }
     }

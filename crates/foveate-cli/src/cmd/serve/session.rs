@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use foveate::geometry::BBox;
 use foveate::report::interactive::{FILES, Player, Results, Setup, Tracks, named, proposed, target_of};
+use foveate::report::run::check_box;
 use foveate::video::SourceInfo;
 use foveate::{Error, Result};
 use serde_json::{Value, json};
@@ -14,7 +15,6 @@ use super::http::Response;
 use super::live::Live;
 use super::save::{Saved, Wanted};
 use super::video::{Stills, Video};
-use crate::cmd::track::init::check_box;
 
 /// How long one request to track may take.
 const LONGEST_STEP: Duration = Duration::from_millis(60);

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use foveate::geometry::BBox;
+use foveate::report::run::check_box;
 use foveate::scene::motion;
 use foveate::video::{SourceInfo, TileFolder, annotation};
 use foveate::{Error, Result};
@@ -101,25 +102,6 @@ pub fn known_truth(source: &Path) -> Vec<BBox> {
     truth.into_iter().map_while(|bbox| bbox).collect()
 }
 
-/// Refuses a box that no target of this video can have; `what` says which box it is.
-pub fn check_box(what: &str, b: &BBox, info: &SourceInfo) -> Result<()> {
-    let (w, h) = (info.width as f64, info.height as f64);
-    let numbers = [b.x, b.y, b.w, b.h];
-    let inside = b.x < w && b.y < h && b.x + b.w > 0.0 && b.y + b.h > 0.0;
-    let sized = b.w >= 2.0 && b.h >= 2.0 && b.w <= 4.0 * w && b.h <= 4.0 * h;
-    if inside && sized && numbers.iter().all(|n| n.is_finite()) {
-        return Ok(());
-    }
-    Err(Error::Invalid(format!(
-        "{what} is x={}, y={}, w={}, h={}; expected a box of at least 2 x 2 pixels touching the {w} x {h} picture, x,y being its \
-         top-left corner in pixels, counted from 1",
-        b.x + 1.0,
-        b.y + 1.0,
-        b.w,
-        b.h
-    )))
-}
-
 /// Which frames are tracked, counted from 0; refuses those that the video has not, as far as their number is known.
 #[derive(Clone, Copy, Debug)]
 pub struct Frames {
@@ -132,8 +114,8 @@ pub struct Frames {
 }
 
 impl Frames {
-    /// From a frame (from 0) until one (from 1).
-    pub fn new(from: usize, until: Option<u64>, info: &SourceInfo) -> Result<Self> {
+    /// From a frame (from 0) until one (from 1); `start` says why from there, as in "the saved state goes on".
+    pub fn new(from: usize, start: &str, until: Option<u64>, info: &SourceInfo) -> Result<Self> {
         let until = until.map_or(usize::MAX, |until| usize::try_from(until).unwrap_or(usize::MAX) - 1);
         let count = info.exact_frames();
         if let Some(n) = count.filter(|n| until != usize::MAX && until >= *n) {
@@ -144,13 +126,13 @@ impl Frames {
         }
         if let Some(n) = count.filter(|n| from >= *n) {
             return Err(Error::Invalid(format!(
-                "the saved state goes on at frame {}, the video has {n} frames: nothing is left to track",
+                "{start} at frame {}, the video has {n} frames: nothing is left to track",
                 from + 1
             )));
         }
         if until < from {
             return Err(Error::Invalid(format!(
-                "--until {}: the saved state goes on at frame {}; give at least that",
+                "--until {}: {start} at frame {}; give at least that",
                 until + 1,
                 from + 1
             )));

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use foveate::config::{Config, DetectorConfig};
 use foveate::files::Folder;
 use foveate::report::run::multi::Detect;
-use foveate::report::run::{MultiOutcome, MultiRun, Span, follow_many};
+use foveate::report::run::{MultiOutcome, MultiRun, Span, check_box, follow_many};
 use foveate::report::{
     Limited, MotFile, MultiFilm, MultiObserver, MultiReport, RunInfo, Summary, TargetsTable, TracksTable,
 };
@@ -21,7 +21,7 @@ use foveate::{BBox, Error, MultiTracker, Result};
 use detections::Detections;
 pub use detections::ManyArgs;
 
-use super::init::{Frames, check_box, first_box};
+use super::init::{Frames, first_box};
 use super::outputs::{FIRST, run_info, tell_files};
 use super::source::{Started, is_endless};
 use super::spared::Lost;
@@ -41,7 +41,7 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
         return Err(Error::Invalid(format!("{source}: many targets and detectors need whole pictures, not tiles")));
     }
     let (about, endless) = (opened.source.info().clone(), opened.endless);
-    let frames = Frames::new(0, args.until, &about)?;
+    let frames = Frames::new(0, "the video begins", args.until, &about)?;
     let given = given(args, &about)?;
     room(&many, &given, &about)?;
     let mut detections = Detections::of(args, frames, given.is_empty(), detector.needs_still_camera())?;

@@ -127,9 +127,9 @@ impl Glimpses {
         let (learn, held) = source.split()?;
         let width = retina.glimpse_len();
         say!("{}: {} glimpses of {width} values, {} held out", source.describe(), counts[0], counts[1]);
-        let rows = learn.glimpses(&retina, counts[0], visible, seed);
+        let rows = learn.glimpses(&retina, counts[0], visible, seed)?;
         Ok(Self {
-            held: held.glimpses(&retina, counts[1], visible, !seed),
+            held: held.glimpses(&retina, counts[1], visible, !seed)?,
             sha256: training::sha256_of(&rows),
             learn: rows,
             retina,

@@ -8,6 +8,7 @@ use foveate::lab::eval::confidence::{ConfidenceScore, Judged};
 use foveate::lab::eval::confidence_cross::{self, cross_fit};
 use foveate::lab::eval::confidence_fit::{Judgement, fit};
 use foveate::lab::eval::{confidence, confidence_plot};
+use foveate::report::quoted;
 use foveate::{Error, Result, files};
 use serde::Serialize;
 
@@ -132,13 +133,29 @@ fn judged_on_halves(tracks: &[Judgement], others: &[(&str, &Vec<Vec<Judged>>)], 
 fn csv(tracks: &[Judgement]) -> String {
     let mut text = format!("track,video,occlusion,visible,p_lost,reported,iou,{}\n", CUE_NAMES.join(","));
     for (i, track) in tracks.iter().enumerate() {
+        let video = quoted(&track.video);
         for j in &track.frames {
             let [occluded, visible, reported] =
                 [track.occluded, j.off.is_some(), j.status.is_occluded_or_lost()].map(u8::from);
-            text += &format!("{i},{},{occluded},{visible},{},{reported},{}", track.video, j.p_lost, j.iou);
+            text += &format!("{i},{video},{occluded},{visible},{},{reported},{}", j.p_lost, j.iou);
             j.cues.iter().for_each(|c| text += &format!(",{c}"));
             text.push('\n');
         }
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate::Status;
+
+    #[test]
+    fn a_video_may_have_any_name() {
+        let (status, cues) = (Status::Tracking, [0.0; CUE_NAMES.len()]);
+        let frame = Judged { p_lost: 0.5, status, cues, iou: 1.0, off: None, covariance: [0.0; 3] };
+        let track = Judgement { video: "=a,b".into(), occluded: false, frames: vec![frame] };
+        let text = csv(&[track]);
+        assert!(text.lines().nth(1).is_some_and(|line| line.starts_with("0,\"'=a,b\",0,0,0.5,0,1,")), "{text}");
+    }
 }

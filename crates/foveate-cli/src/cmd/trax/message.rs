@@ -100,14 +100,18 @@ fn unquote(text: &str) -> std::result::Result<(String, &str), String> {
                 let rest = &text[i + 1..];
                 return match rest.is_empty() || rest.starts_with(' ') {
                     true => Ok((word, rest)),
-                    false => Err(format!("expected a space after {word:.40?}, found {:.20?}", rest)),
+                    false => Err(format!("expected a space after {:?}, found {:?}", shortened(&word), shortened(rest))),
                 };
             }
             (false, c) => word.push(c),
         }
         escaped = false;
     }
-    Err(format!("a quotation mark is missing after {word:.40?}"))
+    Err(format!("a quotation mark is missing after {:?}", shortened(&word)))
+}
+
+fn shortened(text: &str) -> String {
+    text.chars().take(40).collect()
 }
 
 fn is_key(key: &str) -> bool {
@@ -159,6 +163,12 @@ mod tests {
         ] {
             let problem = read(text).expect_err(said).to_string();
             assert!(problem.contains(said), "{problem}");
+        }
+        // Of a long one some is told.
+        for end in ["", "\"x"] {
+            let text = format!("@@TRAX:frame \"{}{end}{}", "é".repeat(100_000), "é".repeat(100_000));
+            let problem = read(text.as_bytes()).expect_err("damage").to_string();
+            assert!(problem.contains(&"é".repeat(40)) && problem.len() < 300, "{} bytes", problem.len());
         }
     }
 }
