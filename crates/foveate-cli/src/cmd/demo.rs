@@ -15,7 +15,7 @@ use foveate::video::{Frame, FrameSource};
 use foveate::{Error, Result};
 
 use super::configure::{Changes, read};
-use super::results::Results;
+use super::results::{Ended, Results};
 use super::track::outputs::{Outputs, run_info};
 use super::track::spared::Lost;
 use crate::terminal;
@@ -127,7 +127,8 @@ pub fn run(args: Args) -> Result<()> {
             "stopped before the second frame: nothing was tracked; {out} was left as it was"
         )));
     }
-    results.keep()?;
+    let ended = if outcome.frames.stopped { Ended::Stopped } else { Ended::Finished };
+    results.keep(ended, outcome.frames.count)?;
     let frames = outcome.frames.count;
     say!("Followed {described}, through {frames} frames.");
     tell(&policy, &outcome.boxes, &truth, outcome.values / outcome.tracked)?;

@@ -13,7 +13,7 @@ use foveate::video::Frame;
 use foveate::{Error, Result, files};
 
 use super::configure::{Changes, Profile, config_name, read};
-use super::results::Results;
+use super::results::{Ended, Results};
 use crate::terminal;
 use init::{Frames, Init, check_again, check_box, first_box, known_truth, parse_again, parse_init};
 use outputs::{Outputs, Told, tell};
@@ -38,7 +38,7 @@ pub const DIGITS: &str = "builtin:digits";
 /// What is said of files and of numbers in them.
 const FILES: &str = "\
 Results appear in --out together, when the run ends: whole, or not at all. A run that tracks nothing leaves the folder as it was. \
-An earlier run in it is replaced; other files in it stay. run.json lists the files of the run.
+An earlier run in it is replaced; other files in it stay. run.json lists the files of the run, and says how it ended.
 
 Of a stream, a camera or a pipe, boxes.txt and track.csv (tracks.txt and tracks.csv of many targets) grow line by line in the folder
 OUT.live-PID beside --out until the run ends, and stay there where it is killed. report.html, trace.jsonl and regret.csv then hold the
@@ -269,7 +269,8 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let whole = result.is_ok() && !outcome.frames.stopped;
     let tracked = outcome.tracked > 0 || (whole && outcome.frames.count > 0);
     let some = results.leave_out(&lost.names());
-    let kept = results.keep_if(tracked && some).and_then(|kept| lost.check().map(|()| kept));
+    let how = how_ended(result.is_ok() && lost.names().is_empty(), outcome.frames.stopped);
+    let kept = results.keep_if(tracked && some, how, outcome.frames.count).and_then(|kept| lost.check().map(|()| kept));
     let saved = match &args.save_state {
         Some(path) if tracked => SavedState::write(path, &args.source, &blueprint, seed, next_frame, tracker.save()),
         _ => Ok(()),
@@ -282,6 +283,15 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     note_unreached(&again, next_frame, whole);
     ended(out, tracked, result.and(kept.map(drop)).and(saved), outcome.frames.stopped)?;
     Ok(Tally { frames: outcome.frames.count, uncertain_frames: outcome.uncertain, lost_frames: outcome.lost })
+}
+
+/// What run.json says of a run that went well or not, and was stopped or not.
+fn how_ended(well: bool, stopped: bool) -> Ended {
+    match (well, stopped) {
+        (false, _) => Ended::Error,
+        (true, true) => Ended::Stopped,
+        (true, false) => Ended::Finished,
+    }
 }
 
 /// Says what became of a run that did not go well, and ends the program where it was asked to stop.

@@ -61,6 +61,17 @@ fn a_mistake_leaves_an_earlier_run_as_it_was() {
     let output = place.track("out", &["video"]);
     assert!(!output.status.success() && errors(&output).contains("left as it was"), "{}", errors(&output));
     assert!(files(&place, "out") == before && place.names("") == beside);
+    // Where the sixth one breaks, what was tracked is kept, and it is said that this is not all.
+    std::fs::copy(place.path("video/img/0003.png"), place.path("video/img/0002.png")).expect("a picture");
+    std::fs::write(place.path("video/img/0006.png"), "broken").expect("a writable folder");
+    assert!(!place.track("out", &["video"]).status.success());
+    assert_eq!((place.lines("out/boxes.txt"), ended(&place)), (5, ("error".into(), 5)));
+}
+
+/// How the run in `out` ended, and after how many frames.
+fn ended(place: &Place) -> (String, usize) {
+    let run: serde_json::Value = serde_json::from_slice(&place.read("out/run.json")).expect("JSON");
+    (run["ended"].as_str().expect("a word").to_owned(), run["frames"].as_u64().expect("a number") as usize)
 }
 
 #[test]
@@ -154,6 +165,8 @@ fn a_run_that_is_asked_to_stop_keeps_what_it_tracked() {
     let (boxes, rows) = (place.lines("out/boxes.txt"), place.lines("out/track.csv"));
     assert!(rows == boxes + 1 && boxes > 1, "{boxes} boxes, {rows} rows");
     // It may have been asked at the last frame.
+    let word = if code == Some(0) { "finished" } else { "stopped" };
     assert!(code == Some(130) || (boxes == FRAMES && code == Some(0)), "{code:?}");
+    assert_eq!(ended(&place), (word.to_owned(), boxes));
     assert!(!place.names("").iter().any(|name| name.starts_with(".out")), "nothing else stays");
 }

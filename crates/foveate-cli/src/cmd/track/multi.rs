@@ -25,7 +25,7 @@ use super::init::{Frames, check_box, first_box};
 use super::outputs::{FIRST, run_info, tell_files};
 use super::source::{Started, is_endless};
 use super::spared::Lost;
-use super::{Args, Tally, check_written, ended};
+use super::{Args, Tally, check_written, ended, how_ended};
 use crate::terminal;
 
 /// Follows many targets.
@@ -78,7 +78,8 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     }
     let tracked = outcome.frames.count > 1 || (whole && outcome.frames.count > 0);
     let some = results.leave_out(&lost.names());
-    let kept = results.keep_if(tracked && some).and_then(|kept| lost.check().map(|()| kept));
+    let how = how_ended(result.is_ok() && lost.names().is_empty(), outcome.frames.stopped);
+    let kept = results.keep_if(tracked && some, how, outcome.frames.count).and_then(|kept| lost.check().map(|()| kept));
     let saved = if tracked { detections.save(&args.many) } else { Ok(()) };
     let files = kept.as_ref().map_or(&[][..], Vec::as_slice);
     let error = [result.as_ref().err(), kept.as_ref().err(), saved.as_ref().err()].into_iter().flatten().next();
