@@ -5,6 +5,7 @@
 //! lists the files that a run made: no other file is ever replaced or removed, but those that the new run writes. It says how the
 //! run ended, too: what was tracked until then is kept of a run that was stopped or broke off.
 
+mod inputs;
 mod leftovers;
 
 use std::ffi::{OsStr, OsString};
@@ -12,6 +13,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use foveate::{Error, Result, files};
+pub use inputs::spare;
 use leftovers::{growing, hidden, rescued, sweep};
 use serde::{Deserialize, Serialize};
 

@@ -13,9 +13,9 @@ use foveate::video::Frame;
 use foveate::{Error, Result, files};
 
 use super::configure::{Changes, Profile, config_name, read};
-use super::results::{Ended, Results};
+use super::results::{Ended, Results, spare};
 use crate::terminal;
-use init::{Frames, Init, check_again, check_box, first_box, known_truth, parse_again, parse_init};
+use init::{Frames, Init, check_again, check_box, first_box, known_truth, parse_again, parse_init, truth_file};
 use outputs::{Outputs, Told, tell};
 use source::{SourceArgs, Started, StreamTo, parse_stream};
 use spared::Lost;
@@ -127,16 +127,19 @@ pub struct Args {
 }
 
 impl Args {
-    /// What the run reads, for its results must not replace that.
-    fn inputs(&self) -> Vec<&Path> {
-        let files = [&self.load_state, &self.many.detections, &self.many.inits];
+    /// What the run reads, for its results must not replace that. A state that is taken up may be: so it goes on.
+    fn inputs(&self) -> Vec<PathBuf> {
+        let files = [&self.many.detections, &self.many.inits];
         let network = match &self.many.detect {
             Some(DetectorConfig::Onnx(settings)) => Some(Path::new(&settings.model)),
             _ => None,
         };
         let model = self.recognise.iter().map(Path::new).chain(network);
         let config = self.config.iter().map(Path::new);
-        files.into_iter().flatten().map(PathBuf::as_path).chain(model).chain(config).chain([&*self.source]).collect()
+        let begins = self.init.is_empty() && self.load_state.is_none() && !self.many.asked();
+        let truth = truth_file(&self.source).filter(|_| begins || self.source.is_dir());
+        let files = files.into_iter().flatten().map(PathBuf::as_path).chain(model).chain(config).chain([&*self.source]);
+        files.map(PathBuf::from).chain(truth).collect()
     }
 
     /// Begins the results. Lines of --stream to standard output have it for themselves from here on.
@@ -145,7 +148,33 @@ impl Args {
             terminal::give_output();
         }
         let begin = if endless { Results::begin_live } else { Results::begin };
-        begin(&self.out, names, &self.inputs())
+        let inputs = self.inputs();
+        let inputs = inputs.iter().chain(&self.load_state).map(PathBuf::as_path);
+        begin(&self.out, names, &inputs.collect::<Vec<_>>())
+    }
+
+    /// Refuses a file to be written at the end, where its folder is not there (that of the results will be), or
+    /// where it would change what is read.
+    fn check_written(&self, path: Option<&Path>, names: &[&str]) -> Result<()> {
+        let Some(path) = path else { return Ok(()) };
+        let (folder, out) = (files::folder_of(path), &*self.out);
+        if path.is_dir() {
+            return Err(Error::malformed(path, "expected a file to write to, found a folder; give another name"));
+        }
+        let result = |name: &&str| path.file_name().is_some_and(|n| n == *name);
+        let same = || {
+            folder == out
+                || std::fs::canonicalize(folder).ok().zip(std::fs::canonicalize(out).ok()).is_some_and(|(a, b)| a == b)
+        };
+        if names.iter().chain(&["run.json"]).any(result) && same() {
+            return Err(Error::malformed(path, "a result of the run has this name; give another name"));
+        }
+        let inputs = self.inputs();
+        spare(path, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+        if folder.is_dir() || folder == out {
+            return Ok(());
+        }
+        Err(Error::malformed(path, format!("there is no folder {} to write it to; make it first", folder.display())))
     }
 
     fn blueprint(&self, config: Config, folder: &Folder) -> Result<Blueprint> {
@@ -238,7 +267,7 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let (trace, regret) = (args.trace, args.regret);
     let surface = report && SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
     let outputs = Outputs { video, report, surface, trace, regret, endless };
-    check_written(args.save_state.as_deref(), &args.out, &outputs.names())?;
+    args.check_written(args.save_state.as_deref(), &outputs.names())?;
     terminal::catch_interrupts();
     let (mut results, lost) = (args.results(&outputs.names(), endless)?, Lost::default());
     let mut observers = outputs.observers(results.folder(), &info, &lost)?;
@@ -311,27 +340,6 @@ fn note_unreached(again: &[(usize, BBox)], next_frame: usize, whole: bool) {
     for (frame, _) in again.iter().filter(|(frame, _)| whole && *frame >= next_frame) {
         note!("foveate: --reinit {}: the video ended at frame {next_frame}; this box was not used", frame + 1);
     }
-}
-
-/// Refuses a file to be written at the end, where its folder is not there; that of the results will be.
-fn check_written(path: Option<&Path>, out: &Path, names: &[&str]) -> Result<()> {
-    let Some(path) = path else { return Ok(()) };
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if path.is_dir() {
-        return Err(Error::malformed(path, "expected a file to write to, found a folder; give another name"));
-    }
-    let result = |name: &&str| path.file_name().is_some_and(|n| n == *name);
-    let same = || {
-        folder == out
-            || std::fs::canonicalize(folder).ok().zip(std::fs::canonicalize(out).ok()).is_some_and(|(a, b)| a == b)
-    };
-    if names.iter().chain(&["run.json"]).any(result) && same() {
-        return Err(Error::malformed(path, "a result of the run has this name; give another name"));
-    }
-    if folder.is_dir() || folder == out {
-        return Ok(());
-    }
-    Err(Error::malformed(path, format!("there is no folder {} to write it to; make it first", folder.display())))
 }
 
 /// A tracker in mid-video, as a file, and what it was made of.

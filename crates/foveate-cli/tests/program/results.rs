@@ -98,6 +98,41 @@ fn files_of_an_earlier_run_go_and_others_stay() {
     assert!(place.path("film/annotated.mp4").is_file());
 }
 
+/// What is read stays as it is, whatever is to be written over it.
+#[test]
+fn what_is_read_is_not_written_over() {
+    let place = Place::new();
+    let copy = |from: &str, to: &str| std::fs::copy(place.path(from), place.path(to)).expect("copied");
+    // A folder of frames with its truth, and a file with its first box, named as a result.
+    let frame = "video/img/0003.png";
+    std::fs::create_dir(place.path("bx")).expect("a new folder");
+    copy(frame, "bx/boxes.png");
+    copy("video/groundtruth_rect.txt", "bx/boxes.txt");
+    let before = [files(&place, "video/img"), files(&place, "bx")];
+    let config = place.read("c.toml");
+    let refused = |args: &[&str], said: &str| {
+        let output = place.run(args);
+        assert!(!output.status.success() && errors(&output).contains(said), "{args:?}: {}", errors(&output));
+        assert!([files(&place, "video/img"), files(&place, "bx")] == before && place.read("c.toml") == config);
+    };
+    let read = "it is read, and would be replaced";
+    let state = |to| ["track", "video", "-c", "c.toml", "--no-video", "--save-state", to];
+    refused(&state("./c.toml"), read);
+    refused(&state(frame), "would become a frame of video");
+    refused(&state("video/groundtruth_rect.txt"), read);
+    refused(&["track", "bx/boxes.png", "--save-state", "bx/boxes.png"], read);
+    refused(&["track", "bx/boxes.png", "--out", "bx"], read);
+    refused(&["track", "video", "--detect", "--save-detections", frame], "would become a frame of video");
+    refused(&["look", "video", "--map", "saliency", "-o", frame], "would become a frame of video");
+    refused(&["look", "video/img", "--map", "saliency", "-o", "video/img/new.PNG"], "would become a frame");
+    refused(&["look", frame, "--map", "saliency", "-o", frame], read);
+    let convert = ["convert", "--from", "otb", "--to", "vot", "bx/boxes.txt", "bx/../bx/boxes.txt"];
+    refused(&convert, read);
+    // Beside the frames there is room, and a state that is taken up may be written anew.
+    place.boxes("out", &["video", "--until", "4", "--save-state", "video/img/s.json"]);
+    place.boxes("out", &["video", "--load-state", "video/img/s.json", "--save-state", "video/img/s.json"]);
+}
+
 #[test]
 fn results_in_the_folder_that_the_program_runs_in() {
     let place = Place::new();

@@ -25,7 +25,7 @@ use super::init::{Frames, check_box, first_box};
 use super::outputs::{FIRST, run_info, tell_files};
 use super::source::{Started, is_endless};
 use super::spared::Lost;
-use super::{Args, Tally, check_written, ended, how_ended};
+use super::{Args, Tally, ended, how_ended};
 use crate::terminal;
 
 /// Follows many targets.
@@ -45,7 +45,7 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let given = given(args, &about)?;
     room(&many, &given, &about)?;
     let mut detections = Detections::of(args, frames, given.is_empty(), detector.needs_still_camera())?;
-    check_written(args.many.save_detections.as_deref(), &args.out, &names(args, endless))?;
+    args.check_written(args.many.save_detections.as_deref(), &names(args, endless))?;
     let info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
     terminal::catch_interrupts();
     terminal::tell_stop(many.stopper());
