@@ -13,6 +13,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use foveate::{Error, Result, files};
+use inputs::frame_of;
 pub use inputs::spare;
 use leftovers::{growing, hidden, rescued, sweep};
 use serde::{Deserialize, Serialize};
@@ -238,6 +239,10 @@ fn check(asked: &Path, out: &Path, names: &[&str], inputs: &[&Path]) -> Result<(
         let problem =
             "expected the list of files that a run of foveate writes, found something else; give another --out";
         return Err(Error::malformed(asked.join(MANIFEST), problem));
+    }
+    if let Some((name, source)) = names.iter().find_map(|name| Some((name, frame_of(&out.join(name), inputs)?))) {
+        let problem = format!("it would become a frame of {}; give another --out", source.display());
+        return Err(Error::malformed(asked.join(name), problem));
     }
     let earlier = listed(out);
     for input in inputs {

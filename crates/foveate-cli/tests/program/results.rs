@@ -128,6 +128,10 @@ fn what_is_read_is_not_written_over() {
     refused(&["look", frame, "--map", "saliency", "-o", frame], read);
     let convert = ["convert", "--from", "otb", "--to", "vot", "bx/boxes.txt", "bx/../bx/boxes.txt"];
     refused(&convert, read);
+    refused(
+        &["track", "video/img", "-c", "c.toml", "--init", "9,9,28,28", "-o", "video/img"],
+        "surface.png: it would become",
+    );
     // Beside the frames there is room, and a state that is taken up may be written anew.
     place.boxes("out", &["video", "--until", "4", "--save-state", "video/img/s.json"]);
     place.boxes("out", &["video", "--load-state", "video/img/s.json", "--save-state", "video/img/s.json"]);
