@@ -5,6 +5,7 @@
 //! lists the files that a run made: no other file is ever replaced or removed, but those that the new run writes. It says how the
 //! run ended, too: what was tracked until then is kept of a run that was stopped or broke off.
 
+mod in_place;
 mod inputs;
 mod leftovers;
 
@@ -13,6 +14,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use foveate::{Error, Result, files};
+pub use in_place::InPlace;
 use inputs::frame_of;
 pub use inputs::spare;
 use leftovers::{growing, hidden, rescued, sweep};
@@ -42,9 +44,21 @@ struct Manifest {
     #[serde(default)]
     ended: Option<Ended>,
     /// How many frames it tracked in.
-    #[serde(default)]
-    frames: usize,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    frames: Option<usize>,
     files: Vec<String>,
+}
+
+impl Manifest {
+    fn of(complete: bool, ended: Ended, frames: Option<usize>, files: &[String]) -> Self {
+        let program = concat!("foveate ", env!("CARGO_PKG_VERSION")).to_owned();
+        Self { program, complete, ended: Some(ended), frames, files: files.to_vec() }
+    }
+
+    fn write(&self, folder: &Path) -> Result<()> {
+        let text = serde_json::to_string_pretty(self).map_err(|e| Error::Invalid(e.to_string()))?;
+        files::write(folder.join(MANIFEST), (text + "\n").as_bytes())
+    }
 }
 
 /// Whether a folder holds a run that did all that it was asked for.
@@ -151,11 +165,8 @@ impl Results {
     }
 
     fn list(&self, folder: &Path, names: &[String], complete: bool) -> Result<()> {
-        let program = concat!("foveate ", env!("CARGO_PKG_VERSION")).to_owned();
         let (ended, frames) = self.ended;
-        let manifest = Manifest { program, complete, ended: Some(ended), frames, files: names.to_vec() };
-        let text = serde_json::to_string_pretty(&manifest).map_err(|e| Error::Invalid(e.to_string()))?;
-        files::write(folder.join(MANIFEST), (text + "\n").as_bytes())
+        Manifest::of(complete, ended, Some(frames), names).write(folder)
     }
 
     fn put(&self) -> Result<()> {
@@ -236,9 +247,7 @@ fn check(asked: &Path, out: &Path, names: &[&str], inputs: &[&Path]) -> Result<(
         ));
     }
     if out.join(MANIFEST).exists() && manifest(out).is_none() {
-        let problem =
-            "expected the list of files that a run of foveate writes, found something else; give another --out";
-        return Err(Error::malformed(asked.join(MANIFEST), problem));
+        return Err(not_ours(asked));
     }
     if let Some((name, source)) = names.iter().find_map(|name| Some((name, frame_of(&out.join(name), inputs)?))) {
         let problem = format!("it would become a frame of {}; give another --out", source.display());
@@ -254,6 +263,12 @@ fn check(asked: &Path, out: &Path, names: &[&str], inputs: &[&Path]) -> Result<(
         }
     }
     Ok(())
+}
+
+/// A folder whose run.json is none of ours.
+fn not_ours(folder: &Path) -> Error {
+    let problem = "expected the list of files that a run of foveate writes, found something else; give another --out";
+    Error::malformed(folder.join(MANIFEST), problem)
 }
 
 /// What an earlier run left in a folder.

@@ -142,6 +142,10 @@ fn a_scene_of_many_digits_has_both_layouts() {
         let read = |folder: &str| std::fs::read(format!("{folder}/{file}")).expect("written");
         assert_eq!(read(&seen), read(&out), "{file}: what was run is scored as its files are");
     }
+    // What was scored there before has gone: it was another tracker.
+    let mut left: Vec<_> = std::fs::read_dir(&out).expect("a folder").flatten().map(|e| e.file_name()).collect();
+    left.sort();
+    assert_eq!(left, ["curves.svg", "run.json", "scores.json", "table.txt"]);
     let both = foveate(&["eval", "--seqs", &scene, "--results", &peers, "--peers", &peers, "--out", &out]);
     assert!(!both.status.success() && String::from_utf8_lossy(&both.stderr).contains("cannot be used with"));
 
