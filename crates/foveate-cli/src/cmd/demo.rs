@@ -91,7 +91,7 @@ pub fn run(args: Args) -> Result<()> {
     let mut source = video.source();
     let mut tracker = blueprint.tracker(args.seed)?;
     let mut info = run_info(&described, source.info(), &args.changes.describe(config_name), &blueprint, args.seed);
-    info.truth = truth.clone();
+    info.truth = truth.iter().copied().map(Some).collect();
     info.baseline = centred.as_ref().map(|_| Baseline::new("fixed centre"));
     let surface = SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
     let film = centred.is_none();

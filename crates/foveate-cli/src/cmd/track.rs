@@ -253,7 +253,7 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
         return Err(Error::Invalid(format!("--reinit {frame}: --every leaves this frame out; give another frame")));
     }
     let mut info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
-    info.truth = known_truth(&args.source).iter().map(|bbox| args.input.scaled(bbox)).collect();
+    info.truth = known_truth(&args.source).iter().map(|bbox| bbox.map(|bbox| args.input.scaled(&bbox))).collect();
     info.shadow = shadow;
     let endless = opened.endless;
     let tiles = opened.tiles.clone();

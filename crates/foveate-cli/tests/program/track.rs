@@ -33,6 +33,22 @@ fn every_file_is_there_with_a_line_for_each_frame() {
     assert_eq!(place.names("few"), ["boxes.txt", "run.json", "track.csv"], "no trace unless asked for");
 }
 
+/// A frame without a true box takes nothing from those after it.
+#[test]
+fn truth_may_have_gaps() {
+    let place = Place::new();
+    let truth = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
+    let gap = |(i, line)| if i == 2 { "NaN,NaN,NaN,NaN\n".to_owned() } else { format!("{line}\n") };
+    let truth: String = truth.lines().enumerate().map(gap).collect();
+    std::fs::write(place.path("video/groundtruth_rect.txt"), truth).expect("written");
+    let output = place.run(&["track", "video", "-c", "c.toml", "-o", "out"]);
+    assert!(output.status.success(), "{}", errors(&output));
+    let page = String::from_utf8(place.read("out/report.html")).expect("text");
+    let known = page.split_once("\"true_x\":[").expect("a column").1.split(']').next().expect("its values");
+    let known: Vec<bool> = known.split(',').map(|value| value != "null").collect();
+    assert_eq!(known, (0..FRAMES).map(|i| i != 2).collect::<Vec<_>>());
+}
+
 #[test]
 fn regret_is_written_and_changes_no_box() {
     let place = Place::new();

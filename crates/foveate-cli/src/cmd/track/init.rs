@@ -99,9 +99,8 @@ fn moving(source: &Path, size: Option<(f64, f64)>, input: &SourceArgs) -> Result
 }
 
 /// The truth, where the source has one, for the report to compare with; it never reaches the tracker.
-pub fn known_truth(source: &Path) -> Vec<BBox> {
-    let truth = annotation::read_truth(source.join("groundtruth_rect.txt")).unwrap_or_default();
-    truth.into_iter().map_while(|bbox| bbox).collect()
+pub fn known_truth(source: &Path) -> Vec<Option<BBox>> {
+    annotation::read_truth(source.join("groundtruth_rect.txt")).unwrap_or_default()
 }
 
 /// Refuses a box that no target of this video can have; `what` says which box it is.
