@@ -138,6 +138,7 @@ fn mistakes_are_told_in_words() {
         (&["video", "--init", "1,2,3"], &["x,y,w,h", "1,2,3"]),
         (&["video", "--init", "1,2,nan,4"], &["finite", "nan"]),
         (&["video", "--init", "1,2,0,4"], &["at least 2 x 2"]),
+        (&["video", "--init", "1,2,1001,40"], &["at most 1000 x 800"]),
         (&["video", "--init", "-500,2,30,40"], &["touching the 250 x 200 picture"]),
         (&["video", "--init", "1e300,2,30,40"], &["touching"]),
         (&["video", "--reinit", "1:2,2,30,40"], &["frame number from 2"]),
