@@ -9,10 +9,11 @@ use foveate::geometry::BBox;
 use foveate::lab::eval::policy_set;
 use foveate::report::SurfacePicture;
 use foveate::report::run::{SingleRun, Span, follow, follow_tiles};
-use foveate::video::Frame;
+use foveate::video::{Frame, SourceInfo};
 use foveate::{Error, Result, files};
 
 use super::configure::{Changes, Profile, config_name, read};
+use super::of_file;
 use super::results::{Ended, Results, spare};
 use crate::terminal;
 use init::{Frames, Init, check_again, check_box, first_box, known_truth, parse_again, parse_init, truth_file};
@@ -234,7 +235,9 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
         Frames::new(loaded.as_ref().map_or(args.input.selection().from, |saved| saved.next_frame), args.until, &about)?;
     let init = match &loaded {
         Some(saved) => {
-            tracker.load(&saved.tracker)?;
+            let path = args.load_state.as_deref().unwrap_or(&args.source);
+            tracker.load(&saved.tracker).map_err(of_file(path))?;
+            saved.check_size(path, &about)?;
             let (then, now) = (&saved.source, video_name(&args.source));
             if !then.is_empty() && *then != now {
                 note!("foveate: the state was saved in {then:?}, and goes on in {now:?}: is it the same video?");
@@ -290,6 +293,7 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
         Some(tiles) => follow_tiles(tiles, &mut *source, &mut tracker, &mut observers, run),
         None => follow(&mut *source, &mut tracker, &mut observers, run),
     };
+    let result = result.map_err(of_file(&args.source));
     bar.finish_and_clear();
     drop(observers);
     // It stops reading, and ends its ffmpeg.
@@ -301,7 +305,9 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let how = how_ended(result.is_ok() && lost.names().is_empty(), outcome.frames.stopped);
     let kept = results.keep_if(tracked && some, how, outcome.frames.count).and_then(|kept| lost.check().map(|()| kept));
     let saved = match &args.save_state {
-        Some(path) if tracked => SavedState::write(path, &args.source, &blueprint, seed, next_frame, tracker.save()),
+        Some(path) if tracked => {
+            SavedState::write(path, (&args.source, &about), &blueprint, seed, next_frame, tracker.save())
+        }
         _ => Ok(()),
     };
     let files = kept.as_ref().map_or(&[][..], Vec::as_slice);
@@ -351,6 +357,9 @@ struct SavedState {
     /// The name of the video, without its folder.
     #[serde(default)]
     source: String,
+    /// Width and height of the pictures it was tracked in.
+    #[serde(default)]
+    size: Option<[usize; 2]>,
     tracker: serde_json::Value,
 }
 
@@ -363,16 +372,32 @@ fn video_name(source: &Path) -> String {
 impl SavedState {
     fn write(
         path: &Path,
-        source: &Path,
+        (source, about): (&Path, &SourceInfo),
         blueprint: &Blueprint,
         seed: u64,
         next_frame: usize,
         tracker: serde_json::Value,
     ) -> Result<()> {
-        let saved =
-            Self { next_frame, seed, config: blueprint.config().to_toml(), source: video_name(source), tracker };
+        let (config, source, size) =
+            (blueprint.config().to_toml(), video_name(source), Some([about.width, about.height]));
+        let saved = Self { next_frame, seed, config, source, size, tracker };
         let text = serde_json::to_string(&saved).map_err(|e| Error::Invalid(e.to_string()))?;
         files::write(path, text.as_bytes())
+    }
+
+    /// Refuses pictures of another size than those it was tracked in.
+    fn check_size(&self, path: &Path, about: &SourceInfo) -> Result<()> {
+        let now = [about.width, about.height];
+        match self.size.filter(|then| *then != now) {
+            Some([w, h]) => Err(Error::malformed(
+                path,
+                format!(
+                    "it was saved in pictures of {w} x {h} pixels, these have {} x {}; give the same --scale and video",
+                    now[0], now[1]
+                ),
+            )),
+            None => Ok(()),
+        }
     }
 
     /// Fails where it was saved with another configuration or seed.

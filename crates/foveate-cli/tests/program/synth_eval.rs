@@ -41,6 +41,14 @@ fn the_truth_of_a_made_video_scores_best() {
     }
     let none = foveate(&["eval", "--seqs", &results, "--results", &results, "--out", &out]);
     assert!(!none.status.success() && String::from_utf8_lossy(&none.stderr).contains("no sequence here"));
+    // A first box that no target can have is told with its file, counted as there.
+    std::fs::write(path("seqs/three/groundtruth_rect.txt"), "7,8,1,1\n".repeat(12)).expect("written");
+    let wrong = foveate(&["eval", "--seqs", &path("seqs"), "--config", "digits", "--out", &path("wrong")]);
+    let said = String::from_utf8_lossy(&wrong.stderr).into_owned();
+    assert!(
+        !wrong.status.success() && said.contains("three/groundtruth_rect.txt: the first box is x=7, y=8"),
+        "{said}"
+    );
 }
 
 /// As `foveate synth | head` with a reader that has gone.

@@ -89,7 +89,7 @@ fn a_saved_state_goes_on_as_if_nothing_had_been() {
                 "\"particles\":[",
                 "\"particles\":[{\"x\":0,\"y\":0,\"vx\":0,\"vy\":0,\"log_scale\":0,\"angle\":0},",
             ),
-            "61 particles",
+            "bad.json: the saved tracker cannot be used: it has 61 particles",
         ),
         (r#"{"next_frame":1,"tracker":null}"#.into(), "not a state written by --save-state"),
         (text.replace("\"format\":", "\"format\":1"), "saved tracker"),
@@ -98,6 +98,11 @@ fn a_saved_state_goes_on_as_if_nothing_had_been() {
         let error = place.failure(&["video", "--load-state", "bad.json"]);
         assert!(error.contains(words), "{error}");
     }
+    let smaller = place.failure(&["video", "--load-state", "s.json", "--scale", "0.5"]);
+    assert!(
+        smaller.contains("s.json: it was saved in pictures of 250 x 200") && smaller.contains("--scale"),
+        "{smaller}"
+    );
     assert!(place.failure(&["video", "--load-state", "none.json"]).contains("none.json"));
     assert!(place.failure(&["video", "--load-state", "s.json", "--seed", "9"]).contains("give --seed 0"));
     let other = place.failure(&["video", "--load-state", "s.json", "--set", "particles=50"]);
@@ -128,6 +133,7 @@ fn mistakes_are_told_in_words() {
     std::fs::create_dir_all(place.path("alone")).expect("a new folder");
     std::fs::copy(place.path("video/img/0001.png"), place.path("alone/0001.png")).expect("copied");
     std::fs::write(place.path("wrong.toml"), CONFIG.replace("gamma", "gama")).expect("a writable folder");
+    std::fs::write(place.path("head.y4m"), "YUV4MPEG2 W64 H48 F30:1 C420\n").expect("a writable folder");
     std::fs::write(place.path("late.txt"), "11,1,9,9,20,20,1\n").expect("a writable folder");
     std::fs::write(place.path("far.txt"), "1,1,9,9,20,20,1\n2,2,900,9,20,20,1\n").expect("a writable folder");
     let mut missing = vec![];
@@ -135,6 +141,7 @@ fn mistakes_are_told_in_words() {
         (&["nowhere", "--init", "1,1,20,20"][..], &["nowhere"][..]),
         (&["empty", "--init", "1,1,20,20"], &["empty"]),
         (&["alone"], &["alone", "--init x,y,w,h"]),
+        (&["head.y4m", "--init", "1,1,20,20"], &["head.y4m: the source has no frame"]),
         (&["video", "--init", "1,2,3"], &["x,y,w,h", "1,2,3"]),
         (&["video", "--init", "1,2,nan,4"], &["finite", "nan"]),
         (&["video", "--init", "1,2,0,4"], &["at least 2 x 2"]),

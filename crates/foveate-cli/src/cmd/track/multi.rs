@@ -26,6 +26,7 @@ use super::outputs::{FIRST, run_info, tell_files};
 use super::source::{Started, is_endless};
 use super::spared::Lost;
 use super::{Args, Tally, ended, how_ended};
+use crate::cmd::of_file;
 use crate::terminal;
 
 /// Follows many targets.
@@ -64,6 +65,7 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let detect: Detect = &mut |f, cut, found| detections.next(f, cut, found);
     let run = MultiRun { given: &given, detect, cuts: Some(Cuts::default()), span };
     let (outcome, result) = follow_many(&mut *source, &mut many, &mut observers, run);
+    let result = result.map_err(of_file(&args.source));
     bar.finish_and_clear();
     drop(observers);
     drop(source);
