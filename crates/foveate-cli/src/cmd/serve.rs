@@ -55,8 +55,13 @@ pub struct Args {
     page: PageArgs,
 }
 
+/// What is said of whom `pick` answers.
+const WHO_PICK: &str = "\
+The page is for the programs of this machine alone; other users of this machine can open it, too. Where there are some, or the browser \
+is on another machine, draw the box in `foveate serve`, which has --token and --allow-remote.";
+
 #[derive(clap::Args)]
-#[command(after_long_help = WHO)]
+#[command(after_long_help = WHO_PICK)]
 pub struct PickArgs {
     /// A video file, or a folder of images
     video: PathBuf,
@@ -90,7 +95,13 @@ pub fn run(args: Args) -> Result<()> {
 
 /// Runs `foveate pick`.
 pub fn run_pick(args: PickArgs) -> Result<()> {
-    check(&args.address, false, None)?;
+    if !args.address.ip().is_loopback() {
+        return Err(Error::Invalid(format!(
+            "--address {}: other machines could reach it; give an address of this machine alone (127.0.0.1:0), or draw the box in \
+             `foveate serve`",
+            args.address
+        )));
+    }
     let pick = Pick { keep: args.keep, done: Arc::default() };
     start(&[args.video], args.address, None, &args.page, Some(pick))
 }
