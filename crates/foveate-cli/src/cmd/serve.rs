@@ -12,7 +12,7 @@ mod server;
 mod session;
 mod video;
 
-use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::net::{IpAddr, SocketAddr, TcpListener, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -43,7 +43,7 @@ pub struct Args {
     #[arg(value_name = "PATH", default_value = ".")]
     paths: Vec<PathBuf>,
     /// Where to listen; port 0 takes a free one
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:8080")]
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:8080", value_parser = parse_address)]
     address: SocketAddr,
     /// Answer other machines, too: --address of this machine in the network, or 0.0.0.0. Needs a token
     #[arg(long)]
@@ -66,7 +66,7 @@ pub struct PickArgs {
     /// A video file, or a folder of images
     video: PathBuf,
     /// Where to listen on this machine; a free port if left out
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:0")]
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:0", value_parser = parse_address)]
     address: SocketAddr,
     /// Go on after the first box: a line for each
     #[arg(long)]
@@ -84,6 +84,15 @@ struct PageArgs {
     /// Gaze policy in the place of the configuration's
     #[arg(long, value_name = "NAME", value_parser = clap::builder::PossibleValuesParser::new(super::configure::POLICIES))]
     policy: Option<String>,
+}
+
+/// An address by its number or name; of several that a name has, the first of IPv4, which every machine has.
+fn parse_address(text: &str) -> std::result::Result<SocketAddr, String> {
+    let wrong =
+        |why| format!("expected HOST:PORT such as 127.0.0.1:8080, localhost:0 or [::1]:8080, got \"{text}\": {why}");
+    let all: Vec<SocketAddr> = text.to_socket_addrs().map_err(|e| wrong(e.to_string()))?.collect();
+    let first = all.iter().find(|address| address.is_ipv4()).or(all.first());
+    first.copied().ok_or_else(|| wrong("the name has no address".into()))
 }
 
 /// Runs `foveate serve`.
@@ -186,6 +195,18 @@ fn announce(bound: &SocketAddr, guard: &Guard, pick: bool) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn addresses_have_numbers_or_names() {
+        for text in ["127.0.0.1:18100", "localhost:18100", "[::1]:18100"] {
+            let address = parse_address(text).expect(text);
+            assert!(address.ip().is_loopback() && address.port() == 18100, "{address}");
+        }
+        for text in ["localhost", "18100", ":x", "127.0.0.1:99999", ""] {
+            let said = parse_address(text).expect_err(text);
+            assert!(said.contains("expected HOST:PORT") && said.contains(&format!("\"{text}\"")), "{said}");
+        }
+    }
 
     #[test]
     fn other_machines_need_a_flag_and_a_token() {
