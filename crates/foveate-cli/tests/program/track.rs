@@ -141,6 +141,10 @@ fn mistakes_are_told_in_words() {
         (&["nowhere", "--init", "1,1,20,20"][..], &["nowhere"][..]),
         (&["empty", "--init", "1,1,20,20"], &["empty"]),
         (&["alone"], &["alone", "--init x,y,w,h"]),
+        (&["video", "--raw", "64x48"], &["--raw is for files and pipes"]),
+        (&["video", "--pix", "gray"], &["--raw"]),
+        (&["video", "--reconnect", "60"], &["--reconnect is for streams"]),
+        (&["video", "--detections", "late.txt", "--least", "nan"], &["--least", "a number such as 0.5"]),
         (&["head.y4m", "--init", "1,1,20,20"], &["head.y4m: the source has no frame"]),
         (&["video", "--init", "1,2,3"], &["x,y,w,h", "1,2,3"]),
         (&["video", "--init", "1,2,nan,4"], &["finite", "nan"]),
@@ -334,6 +338,11 @@ fn a_video_in_tiles_is_read_by_regions() {
     let run = |args: &[&str]| place.run(args);
     assert!(run(&["tiles", "video", "--out", "tiles", "--side", "16", "--levels", "3"]).status.success());
     assert_eq!(place.names("tiles").len(), FRAMES);
+    for (until, said) in [("0", "0 is not in 1.."), ("99", "--until 99: the video has 10 frames")] {
+        let output = run(&["tiles", "video", "--out", "none", "--until", until]);
+        assert!(!output.status.success() && errors(&output).contains(said), "{}", errors(&output));
+    }
+    assert!(!place.path("none").exists());
     assert_eq!(place.names("tiles/000001"), ["0", "1", "2"]);
     let truth = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
     let first = truth.lines().next().expect("a line").replace('\t', ",");
