@@ -51,6 +51,15 @@ def write(path, rows):
             file.write(f"{frame},{name},{x:.2f},{y:.2f},{w:.2f},{h:.2f},{tail}\n")
 
 
+def is_finished(out):
+    """Whether a folder has a run that was not stopped."""
+    try:
+        with open(f"{out}/run.json") as file:
+            return json.load(file).get("ended") == "finished"
+    except FileNotFoundError:
+        return False
+
+
 def shot(frame):
     return sum(frame >= first for first in SHOTS) - 1
 
@@ -102,7 +111,7 @@ class Bench:
     def track(self, name, seed, *words):
         """A run of many targets, whose folder is given back."""
         out = f"{self.out}/runs/{name}/seed-{seed}"
-        if not os.path.exists(f"{out}/run.json"):
+        if not is_finished(out):
             quiet = ["--no-video", "--no-report", "--seed", seed, "--out", out]
             self.foveate("track", self.args.video, *words, *quiet)
         return out
@@ -205,7 +214,7 @@ class Bench:
         rows = []
         for name, (frame, _, box, _) in self.first.items():
             out = f"{self.out}/runs/natural-{name}/seed-{seed}"
-            if not os.path.exists(f"{out}/run.json"):
+            if not is_finished(out):
                 self.foveate("track", self.args.video, "--from", frame, "--until", SHOTS[shot(frame) + 1] - 1, "--init",
                              ",".join(map(str, box)), "--seed", seed, "--no-video", "--no-report", "--out", out)
             with open(f"{out}/boxes.txt") as file:

@@ -17,7 +17,8 @@ pub const PICTURE: u64 = 1 << 28;
 /// The most bytes of a text: boxes, settings, saved states.
 pub const TEXT: u64 = 1 << 28;
 
-/// Writes `bytes` to `path`: afterwards the file has all of them, or is as it was before.
+/// Writes `bytes` to `path`: afterwards the file has all of them, or is as it was before. A link stays, and leads to the new file;
+/// a device or a fifo is written to.
 ///
 /// # Errors
 /// [`Error::Io`] naming `path` where it cannot be written; nothing is left behind then.

@@ -64,7 +64,7 @@ pub struct Annotator {
     /// Half the sides of the retina's windows, in template units, the innermost first.
     windows: Vec<f64>,
     path: Path,
-    truth: Vec<BBox>,
+    truth: Vec<Option<BBox>>,
     /// The top of the reward surface in the frame at hand.
     best: Option<Gaze>,
 }
@@ -121,7 +121,7 @@ impl Annotator {
         }
         self.particles(&mut page, view, step);
         self.path.draw(&mut page, view, 1.6, TARGET, 0.85);
-        if let Some(b) = self.truth.get(frame.index) {
+        if let Some(Some(b)) = self.truth.get(frame.index) {
             dashed(&mut page, view, b);
         }
         let colour = if step.is_lost() { LOST } else { TARGET };

@@ -101,7 +101,7 @@ pub struct SideBySide {
     name: String,
     other: Tracker,
     baseline: Baseline,
-    truth: Vec<BBox>,
+    truth: Vec<Option<BBox>>,
 }
 
 impl SideBySide {
@@ -141,7 +141,8 @@ impl SideBySide {
     /// How far the centre is from the true one.
     fn error(&self, frame: &Frame, estimate: &State) -> String {
         let off = |b: &BBox| (b.centre().0 - estimate.x).hypot(b.centre().1 - estimate.y);
-        self.truth.get(frame.index).map(|b| format!("error {:.1} px", off(b))).unwrap_or_default()
+        let truth = self.truth.get(frame.index).and_then(Option::as_ref);
+        truth.map(|b| format!("error {:.1} px", off(b))).unwrap_or_default()
     }
 }
 

@@ -199,8 +199,8 @@ pub struct RunInfo {
     pub command: String,
     /// The retina, to draw its windows and glimpses; `None` leaves them out.
     pub retina: Option<Arc<dyn Retina>>,
-    /// The true boxes, one a frame from frame 0 on, to be drawn beside the estimate; may be shorter than the run.
-    pub truth: Vec<BBox>,
+    /// The true boxes from frame 0 on, where they are known, to be drawn beside the estimate; may be shorter than the run.
+    pub truth: Vec<Option<BBox>>,
     /// Another track of the same frames, to be drawn beside the estimate.
     pub baseline: Option<Baseline>,
     /// The time spent in the tracker.

@@ -44,8 +44,7 @@ impl Strip {
         let last = frames.saturating_sub(1);
         let at = (0..n).map(|i| (i * last) / n.saturating_sub(1).max(1)).collect();
         let window = info.retina.as_deref().and_then(|retina| windows(retina).first().copied()).unwrap_or(0.0);
-        let truth = info.truth.iter().copied().map(Some).collect();
-        Self { window, ..Self::at(at, truth) }
+        Self { window, ..Self::at(at, info.truth.clone()) }
     }
 
     /// Stills of the frames with these indices, counted from 0; `truth` has a box a frame where it is known.

@@ -104,14 +104,10 @@ pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
     let (mut files, mut others) = (Vec::new(), 0);
     for entry in std::fs::read_dir(&folder).map_err(Error::io(&folder, "cannot read the folder"))? {
         let file = entry.map_err(Error::io(&folder, "cannot read the folder"))?.path();
-        let hidden = file.file_name().is_none_or(|name| name.to_string_lossy().starts_with('.'));
-        if hidden || file.is_dir() {
+        if is_hidden(&file) || file.is_dir() {
             continue;
         }
-        match file.extension().map(|ext| ext.to_string_lossy().to_ascii_lowercase()).as_deref() {
-            Some("jpg" | "jpeg" | "png") => files.push(file),
-            _ => others += 1,
-        }
+        if is_image(&file) { files.push(file) } else { others += 1 }
     }
     if files.is_empty() {
         let found = if others == 0 { "no files".to_owned() } else { format!("{others} files of other kinds") };
@@ -123,6 +119,16 @@ pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
     }
     files.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
     Ok(files)
+}
+
+/// Whether a file of this name is a frame of the folder that it is in: one that ends in .jpg, .jpeg or .png, and is not hidden.
+pub fn is_image(path: &Path) -> bool {
+    let ending = path.extension().map(|ext| ext.to_string_lossy().to_ascii_lowercase());
+    matches!(ending.as_deref(), Some("jpg" | "jpeg" | "png")) && !is_hidden(path)
+}
+
+fn is_hidden(path: &Path) -> bool {
+    path.file_name().is_none_or(|name| name.to_string_lossy().starts_with('.'))
 }
 
 fn load(path: &Path, index: usize) -> Result<Image> {

@@ -114,6 +114,12 @@ fn parse(line: &[u8]) -> Result<Head, String> {
             shown.escape_debug()
         ));
     };
+    if text.ends_with('\r') {
+        return Err(format!(
+            "expected a first line that ends in a line feed alone, found a carriage return before it: the file was changed as if it \
+             were text; copy it anew, or {TODO}"
+        ));
+    }
     let (mut width, mut height, mut rate, mut colour, mut full_range) = (0, 0, None, "420", None);
     for field in rest.split(' ').filter(|field| !field.is_empty()) {
         let (name, value) = field.split_at(field.chars().next().map_or(0, char::len_utf8));
@@ -124,9 +130,16 @@ fn parse(line: &[u8]) -> Result<Head, String> {
             "W" => width = side().map_err(wrong)?,
             "H" => height = side().map_err(wrong)?,
             "F" => {
-                let parts =
-                    value.split_once(':').and_then(|(a, b)| Some(a.parse::<f64>().ok()? / b.parse::<f64>().ok()?));
-                rate = parts.filter(|rate| rate.is_finite() && *rate > 0.0);
+                let wrong = || {
+                    let found = field.escape_debug();
+                    format!("expected frames a second as F30:1, or F0:0 where nobody knows, found \"{found}\"; {TODO}")
+                };
+                let parts = value.split_once(':').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
+                let (a, b): (f64, f64) = parts.ok_or_else(wrong)?;
+                rate = Some(a / b).filter(|rate| rate.is_finite() && *rate > 0.0);
+                if rate.is_none() && (a, b) != (0.0, 0.0) {
+                    return Err(wrong());
+                }
             }
             "C" => colour = value,
             "X" if value == "COLORRANGE=FULL" => full_range = Some(true),
@@ -215,6 +228,8 @@ mod tests {
         let mut text = b"YUV4MPEG2 W2 H1 Cmono10 XCOLORRANGE=LIMITED\nFRAME\n".to_vec();
         text.extend([0, 1, 0xac, 3]);
         let (head, pictures) = all(&text).expect("one frame");
+        let unknown = all(b"YUV4MPEG2 W2 H1 F0:0 Cmono\nFRAME\nab").expect("one frame");
+        assert_eq!((unknown.0.rate, unknown.1.len()), (None, 1));
         assert_eq!((head.full_range, &*pictures[0].y), (Some(false), &[64, 235][..]));
         let image = pictures[0].to_rgb(Colour::new(None, false, 2, 1));
         assert_eq!(image.bytes(), [56, 255]);
@@ -230,6 +245,11 @@ mod tests {
             (b"YUV4MPEG2 W3\n", "width and height"),
             (b"YUV4MPEG2 W3 H99999999999999999999\n", "sides from 1"),
             (b"YUV4MPEG2 W-3 H2\n", "sides from 1"),
+            (b"YUV4MPEG2 W3 H2 Fabc\n", "F30:1, or F0:0 where nobody knows, found \"Fabc\""),
+            (b"YUV4MPEG2 W3 H2 F25\n", "found \"F25\""),
+            (b"YUV4MPEG2 W3 H2 F25:0\n", "found \"F25:0\""),
+            (b"YUV4MPEG2 W3 H2 F-25:1\n", "found \"F-25:1\""),
+            (b"YUV4MPEG2 W3 H2 F25:1\r\nFRAME\r\n", "found a carriage return"),
             (b"YUV4MPEG2 W3 H2 C411\n", "C411"),
             (b"YUV4MPEG2 W3 H2 C420p99\n", "C420p99"),
             (b"YUV4MPEG2 W3 H2 C4\xc3\xa9\n", "kinds"),

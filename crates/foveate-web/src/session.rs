@@ -186,7 +186,7 @@ impl Session {
             let setup = &tracking.setup;
             let info = RunInfo {
                 command: self.tracks.line(target, Path::new(&self.name))?,
-                truth: self.truth.iter().map_while(|bbox| *bbox).collect(),
+                truth: self.truth.clone(),
                 ..RunInfo::of(self.name.clone(), &self.info, setup.config.clone(), &setup.blueprint, setup.seed)
             };
             let (given, frames) = (tracking.given().clone(), self.source.frames());

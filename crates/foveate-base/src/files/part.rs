@@ -17,11 +17,18 @@ const ABANDONED: Duration = Duration::from_secs(60);
 /// Bytes of a final name that go into a temporary one.
 const SHOWN: usize = 80;
 
+/// The most links that lead from one to the next, as Linux has it.
+const LINKS: usize = 40;
+
 /// A file under a temporary name. Dropped before [`Part::keep`], it is gone.
+///
+/// A link stays: the file that it leads to is made. What is no file, such as a device or a fifo, is not replaced but written to.
 #[derive(Debug)]
 pub struct Part {
     path: PathBuf,
     file: Option<File>,
+    /// It is written to what is there, and has no name of its own.
+    through: bool,
 }
 
 /// A name beside `path` that nobody else uses or can guess, for what becomes `path` when it is whole: `.NAME.PROCESS-RANDOM.tmp`.
@@ -35,16 +42,21 @@ pub fn temporary(path: &Path) -> PathBuf {
 }
 
 impl Part {
-    /// Makes an empty file in the folder of `path`. Links are not followed, and no file that is there is taken.
+    /// Makes an empty file in the folder of `path`; no file that is there is taken. Of a fifo it waits for who reads.
     ///
     /// # Errors
     /// Where the folder cannot be written.
     pub fn beside(path: &Path) -> io::Result<Self> {
-        let part = temporary(path);
+        if std::fs::metadata(path).is_ok_and(|about| !about.is_file() && !about.is_dir()) {
+            attempt(Operation::Open, path)?;
+            let file = File::options().write(true).open(path)?;
+            return Ok(Self { path: path.to_owned(), file: Some(file), through: true });
+        }
+        let part = temporary(&followed(path));
         sweep(&part);
         attempt(Operation::Open, path)?;
         let file = File::options().write(true).create_new(true).open(&part)?;
-        Ok(Self { path: part, file: Some(file) })
+        Ok(Self { path: part, file: Some(file), through: false })
     }
 
     /// Where it is.
@@ -57,6 +69,10 @@ impl Part {
     /// # Errors
     /// Where either fails: then the file of that name is as it was, and this one is gone.
     pub fn keep(mut self, path: &Path) -> io::Result<()> {
+        if self.through {
+            return Ok(());
+        }
+        let path = &*followed(path);
         attempt(Operation::Sync, path)?;
         if let Some(file) = &self.file {
             file.sync_data()?;
@@ -80,11 +96,21 @@ impl Write for Part {
 
 impl Drop for Part {
     fn drop(&mut self) {
-        if self.file.take().is_some() {
+        if self.file.take().is_some() && !self.through {
             // It is not whole; a later run clears away what cannot be removed now.
             let _ = std::fs::remove_file(&self.path);
         }
     }
+}
+
+/// The file that a name leads to by links; it need not be there.
+fn followed(path: &Path) -> PathBuf {
+    let mut path = path.to_owned();
+    for _ in 0..LINKS {
+        let Ok(to) = std::fs::read_link(&path) else { break };
+        path = folder_of(&path).join(to);
+    }
+    path
 }
 
 /// Writes some of `bytes`; where a test asks for a failure, half of them.
@@ -229,15 +255,47 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_link_is_replaced_and_not_followed() {
+    fn a_link_stays_and_leads_to_what_was_made() {
         let dir = tempfile::tempdir().expect("a temporary folder");
-        let (precious, link) = (dir.path().join("precious"), dir.path().join("a.txt"));
-        std::fs::write(&precious, "mine").expect("writable");
-        std::os::unix::fs::symlink(&precious, &link).expect("a link");
-        let mut part = Part::beside(&link).expect("writable");
-        part.write_all(b"new").expect("written");
-        part.keep(&link).expect("renamed");
-        assert_eq!(std::fs::read(&precious).expect("there"), b"mine");
-        assert_eq!(std::fs::read(&link).expect("there"), b"new");
+        let (folder, link) = (dir.path().join("b"), dir.path().join("a.txt"));
+        let (there, other) = (folder.join("there"), folder.join("other"));
+        std::fs::create_dir(&folder).expect("writable");
+        std::fs::write(&there, "old").expect("writable");
+        std::os::unix::fs::symlink("b/other", &link).expect("a link");
+        std::os::unix::fs::symlink(&there, &other).expect("a link");
+        for text in ["new", "newer"] {
+            let mut part = Part::beside(&link).expect("writable");
+            part.write_all(text.as_bytes()).expect("written");
+            part.keep(&link).expect("renamed");
+            assert_eq!(std::fs::read_to_string(&there).expect("there"), text);
+            // The second time it leads to what is not there yet.
+            std::fs::remove_file(&there).expect("there");
+        }
+        assert!(link.is_symlink() && other.is_symlink());
+        assert_eq!(std::fs::read_dir(&folder).expect("readable").count(), 1, "nothing else stays");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_fifo_is_written_to_and_stays() {
+        use std::os::unix::fs::FileTypeExt;
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let path = dir.path().join("fifo");
+        assert!(std::process::Command::new("mkfifo").arg(&path).status().expect("mkfifo").success());
+        for kept in [true, false] {
+            let reader = std::thread::spawn({
+                let path = path.clone();
+                move || std::fs::read(path)
+            });
+            let mut part = Part::beside(&path).expect("writable");
+            part.write_all(b"text").expect("written");
+            if kept {
+                part.keep(&path).expect("there is nothing to rename");
+            } else {
+                drop(part);
+            }
+            assert_eq!(reader.join().expect("a thread").expect("readable"), b"text");
+            assert!(std::fs::metadata(&path).expect("there").file_type().is_fifo());
+        }
     }
 }

@@ -10,6 +10,8 @@ use std::path::{Path, PathBuf};
 use foveate::video::mot::{TrackBox, Tracks};
 use foveate::{Error, Result};
 
+use super::results::spare;
+
 /// The longest video, frames: a number beyond it is damage.
 const MOST: usize = 1_000_000;
 
@@ -82,9 +84,7 @@ impl Boxes {
 }
 
 pub fn run(args: Args) -> Result<()> {
-    if args.input == args.output {
-        return Err(Error::malformed(&args.output, "it is the file to read; give another name"));
-    }
+    spare(&args.output, &[&args.input])?;
     let mut boxes = read(args.from, &args.input)?;
     if boxes.frames > MOST {
         let problem = format!("it has a frame {}; expected at most {MOST}", boxes.frames);

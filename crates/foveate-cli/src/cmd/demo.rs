@@ -15,7 +15,7 @@ use foveate::video::{Frame, FrameSource};
 use foveate::{Error, Result};
 
 use super::configure::{Changes, read};
-use super::results::Results;
+use super::results::{Ended, Results};
 use super::track::outputs::{Outputs, run_info};
 use super::track::spared::Lost;
 use crate::terminal;
@@ -91,7 +91,7 @@ pub fn run(args: Args) -> Result<()> {
     let mut source = video.source();
     let mut tracker = blueprint.tracker(args.seed)?;
     let mut info = run_info(&described, source.info(), &args.changes.describe(config_name), &blueprint, args.seed);
-    info.truth = truth.clone();
+    info.truth = truth.iter().copied().map(Some).collect();
     info.baseline = centred.as_ref().map(|_| Baseline::new("fixed centre"));
     let surface = SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
     let film = centred.is_none();
@@ -127,7 +127,8 @@ pub fn run(args: Args) -> Result<()> {
             "stopped before the second frame: nothing was tracked; {out} was left as it was"
         )));
     }
-    results.keep()?;
+    let ended = if outcome.frames.stopped { Ended::Stopped } else { Ended::Finished };
+    results.keep(ended, outcome.frames.count)?;
     let frames = outcome.frames.count;
     say!("Followed {described}, through {frames} frames.");
     tell(&policy, &outcome.boxes, &truth, outcome.values / outcome.tracked)?;

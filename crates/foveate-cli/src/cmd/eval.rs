@@ -17,6 +17,7 @@ use foveate::{Error, Result, files};
 
 use super::configure::{Changes, Profile, config_name, read};
 use super::reproduce::runner::{self, Store};
+use super::results::InPlace;
 use crate::terminal;
 
 /// Scores trackers on sequences whose true boxes are known (one-pass evaluation, as OTB does it).
@@ -83,7 +84,8 @@ pub struct Args {
     pub merge: Vec<PathBuf>,
     /// Folder for table.txt, scores.json, curves.svg (not with --mot); where the tracker is run, the tracks in foveate/, confidence.txt, confidence.json,
     /// reliability.svg and report.html: where the first seed won and lost, with pictures. With --choose: cross.txt, cross.json,
-    /// the tracks of each candidate in candidates/, and table.txt, scores.json, curves.svg of the cross-validated tracks
+    /// the tracks of each candidate in candidates/, and table.txt, scores.json, curves.svg of the cross-validated tracks. run.json
+    /// lists the files; those of an earlier evaluation in it are removed
     #[arg(long, value_name = "DIR", default_value = "out-eval")]
     pub out: PathBuf,
     /// Print scores as JSON instead of the table
@@ -106,16 +108,21 @@ pub fn run(args: Args) -> Result<()> {
     let seeds: Vec<u64> = (0..args.seeds).map(|i| args.seed.wrapping_add(i)).collect();
     if !args.results.is_empty() {
         // Results of others say nothing about being lost.
-        return compare(&args, &sequences, &others, "").map(|_| ());
+        let results = begin(&args, vec![])?;
+        compare(&args, &sequences, &others, "")?;
+        return results.finish();
     }
     let store = Store::shared(&args.out, &args.merge, args.shard)?;
     if !args.choose.is_empty() {
         let plan = choose::Plan::of(&config, &folder, &args.choose, &sequences)?;
-        let Some((choice, cross)) = plan.run(&sequences, &seeds, &store, &args.out)? else {
+        let Some(tracks) = plan.run(&sequences, &seeds, &store)? else {
             return undone(&args);
         };
+        let results = begin(&args, plan.files(&sequences, &seeds))?;
+        let (choice, cross) = plan.judge(&sequences, &seeds, &args.out, &tracks)?;
         let text = choose::keep(&choice, &changes.describe(name), &seeds, &args.out)?;
-        return compare(&args, &sequences, &[vec![cross], others].concat(), &(text + "\n")).map(|_| ());
+        compare(&args, &sequences, &[vec![cross], others].concat(), &(text + "\n"))?;
+        return results.finish();
     }
     let kept = kept::Runs::new(blueprint.clone(), &sequences, &store)?;
     // In parts, runs are made side by side; else one after another, so that their times are those of a tracker alone.
@@ -136,6 +143,8 @@ pub fn run(args: Args) -> Result<()> {
         Ok(run)
     };
     let out = args.out.join("foveate");
+    let said = ["report.html", "confidence.txt", "confidence.json", "reliability.svg"].map(str::to_owned);
+    let results = begin(&args, [&said[..], &track_files("foveate", &sequences, &seeds)].concat())?;
     let ours = run_all("foveate", &sequences, &seeds, Some(&out), &run_tracker, &mut told)?;
     let groups = compare(&args, &sequences, &[vec![ours], others.clone()].concat(), "")?;
     let runs = runs.into_inner();
@@ -143,8 +152,28 @@ pub fn run(args: Args) -> Result<()> {
     files::write(args.out.join("report.html"), cases::page(&first, &others, groups)?.as_bytes())?;
     let tracks: Vec<&[Judged]> = runs.iter().map(|run| run.judged.as_slice()).collect();
     trusted(&args, &ConfidenceScore::of(&tracks, blueprint.config().confidence.localisation_noise))?;
+    results.finish()?;
     // What is finished begins anew the next time; parts are kept, to be merged.
     if in_parts { Ok(()) } else { kept.forget(&seeds) }
+}
+
+/// Begins the results, of which these are not written by every evaluation.
+fn begin(args: &Args, more: Vec<String>) -> Result<InPlace> {
+    let names = ["table.txt", "scores.json", "curves.svg"].map(str::to_owned);
+    let read = args.results.iter().chain(&args.peers).map(PathBuf::as_path);
+    InPlace::begin(&args.out, [&names[..], &more].concat(), &read.collect::<Vec<_>>())
+}
+
+/// The files in a folder that [`run_all`] may write there.
+fn track_files(folder: &str, sequences: &[Sequence], seeds: &[u64]) -> Vec<String> {
+    let mut files = vec![];
+    for seed in seeds {
+        let folder = if seeds.len() > 1 { format!("{folder}/seed-{seed}") } else { folder.to_owned() };
+        for Sequence { name, .. } in sequences {
+            files.extend(["", "_time", "_read"].map(|what| format!("{folder}/{name}{what}.txt")));
+        }
+    }
+    files
 }
 
 /// Only a part of the runs was to be done, or it was asked to stop.
@@ -202,20 +231,16 @@ fn many(args: &Args) -> Result<()> {
     let sequences = mot::find_sequences(&args.truth)?;
     let scored = args.results.iter().map(|place| mot::score_results(&sequences, place));
     let evaluations: Vec<_> = scored.collect::<Result<_>>()?;
-    report(
-        args,
-        "",
-        mot::table::text(&evaluations).trim_end(),
-        &mot::table::json(&evaluations),
-        "table.txt, scores.json",
-    )
+    let results = begin(args, vec![])?;
+    let (text, scores) = (mot::table::text(&evaluations), mot::table::json(&evaluations));
+    report(args, "", text.trim_end(), &scores, "table.txt, scores.json")?;
+    results.finish()
 }
 
 /// Keeps the scores, and prints them behind what comes before.
 fn report(args: &Args, before: &str, text: &str, scores: &serde_json::Value, kept: &str) -> Result<()> {
     let scores = serde_json::to_string_pretty(scores).map_err(|e| Error::Invalid(e.to_string()))?;
     let out = &args.out;
-    folder(out)?;
     files::write(out.join("table.txt"), format!("{text}\n").as_bytes())?;
     files::write(out.join("scores.json"), scores.as_bytes())?;
     if args.json {
@@ -227,11 +252,6 @@ fn report(args: &Args, before: &str, text: &str, scores: &serde_json::Value, kep
 }
 
 fn draw(out: &Path, evaluations: &[Evaluation]) -> Result<()> {
-    folder(out)?;
     let drawn: Vec<_> = evaluations.iter().map(Evaluation::drawn).collect();
     files::write(out.join("curves.svg"), curves::plot(&drawn).as_bytes())
-}
-
-fn folder(out: &Path) -> Result<()> {
-    std::fs::create_dir_all(out).map_err(Error::io(out, "cannot create"))
 }

@@ -8,6 +8,7 @@ use foveate::scene::{Detector, Flow, Map, Motion, Saliency};
 use foveate::video::{Decoder, Frame, Options, ahead, open_with, save_png};
 use foveate::{Error, Result};
 
+use super::results::spare;
 use super::track::source::named;
 
 #[derive(clap::Args)]
@@ -54,6 +55,7 @@ impl Kind {
 
 /// Runs the command.
 pub fn run(args: Args) -> Result<()> {
+    spare(&args.out, &[&args.source])?;
     let wanted = args.frame.map_or(29, |n| usize::try_from(n - 1).unwrap_or(usize::MAX));
     let (mut detector, mut found) = (args.map.detector(), vec![]);
     let mut last: Option<Frame> = None;

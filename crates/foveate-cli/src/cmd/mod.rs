@@ -17,3 +17,15 @@ pub mod track;
 pub mod train;
 pub mod trax;
 mod videos;
+
+use std::path::Path;
+
+use foveate::Error;
+
+/// An error of the library, where it knows no files, with the file that it is of.
+fn of_file(path: &Path) -> impl Fn(Error) -> Error {
+    move |error| match error {
+        Error::Invalid(what) if !what.starts_with(&*path.to_string_lossy()) => Error::malformed(path, what),
+        error => error,
+    }
+}

@@ -2,8 +2,11 @@
 //!
 //! A run writes into a folder of its own beside the one asked for. At the end the two change places in one step, where the
 //! folder holds nothing but an earlier run; where it holds other files too, the results are moved in one by one. `run.json`
-//! lists the files that a run made: no other file is ever replaced or removed, but those that the new run writes.
+//! lists the files that a run made: no other file is ever replaced or removed, but those that the new run writes. It says how the
+//! run ended, too: what was tracked until then is kept of a run that was stopped or broke off.
 
+mod in_place;
+mod inputs;
 mod leftovers;
 
 use std::ffi::{OsStr, OsString};
@@ -11,18 +14,56 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use foveate::{Error, Result, files};
+pub use in_place::InPlace;
+use inputs::frame_of;
+pub use inputs::spare;
 use leftovers::{growing, hidden, rescued, sweep};
 use serde::{Deserialize, Serialize};
 
 /// Lists the files of a run.
 const MANIFEST: &str = "run.json";
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Ended {
+    /// It did all that it was asked for.
+    Finished,
+    /// It was asked to stop.
+    Stopped,
+    /// The video broke off, or a file could not be written.
+    Error,
+}
+
 /// What a run left in its folder.
 #[derive(Serialize, Deserialize)]
 struct Manifest {
     program: String,
     /// False while the files of a new run are moved in: then those of two runs may lie here.
     complete: bool,
+    #[serde(default)]
+    ended: Option<Ended>,
+    /// How many frames it tracked in.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    frames: Option<usize>,
     files: Vec<String>,
+}
+
+impl Manifest {
+    fn of(complete: bool, ended: Ended, frames: Option<usize>, files: &[String]) -> Self {
+        let program = concat!("foveate ", env!("CARGO_PKG_VERSION")).to_owned();
+        Self { program, complete, ended: Some(ended), frames, files: files.to_vec() }
+    }
+
+    fn write(&self, folder: &Path) -> Result<()> {
+        let text = serde_json::to_string_pretty(self).map_err(|e| Error::Invalid(e.to_string()))?;
+        files::write(folder.join(MANIFEST), (text + "\n").as_bytes())
+    }
+}
+
+/// Whether a folder holds a run that did all that it was asked for.
+pub fn is_finished(folder: &Path) -> bool {
+    manifest(folder).is_some_and(|run| run.complete && run.ended == Some(Ended::Finished))
 }
 
 /// The results of a run in the making. Dropped before [`Results::keep`], they leave nothing behind.
@@ -35,6 +76,7 @@ pub struct Results {
     /// Folders that had to be made for it, the outermost first.
     made: Vec<PathBuf>,
     names: Vec<String>,
+    ended: (Ended, usize),
     kept: bool,
 }
 
@@ -72,7 +114,15 @@ impl Results {
             Err(e) => return Err(Error::io(&asked, "cannot make the folder for results")(e)),
         };
         let names = names.iter().map(|name| (*name).to_owned()).collect();
-        Ok(Self { asked, out, part, made: made.into_iter().rev().collect(), names, kept: false })
+        Ok(Self {
+            asked,
+            out,
+            part,
+            made: made.into_iter().rev().collect(),
+            names,
+            ended: (Ended::Error, 0),
+            kept: false,
+        })
     }
 
     /// Where to write.
@@ -80,9 +130,10 @@ impl Results {
         &self.part
     }
 
-    /// Puts the results in their place; answers their paths. Where one is missing, or they cannot be moved, the folder stays as
+    /// Puts the results of a run that ended so, after so many frames, in their place; answers their paths. Where one is missing, or they cannot be moved, the folder stays as
     /// it was and they are kept beside it, under a name that the error tells.
-    pub fn keep(mut self) -> Result<Vec<PathBuf>> {
+    pub fn keep(mut self, ended: Ended, frames: usize) -> Result<Vec<PathBuf>> {
+        self.ended = (ended, frames);
         let missing = self.names.iter().find(|name| !self.part.join(name).is_file());
         let placed = match missing {
             Some(name) => Err(Error::malformed(self.asked.join(name), "it was not written")),
@@ -108,16 +159,14 @@ impl Results {
         !self.names.is_empty()
     }
 
-    /// Keeps them where there are some to keep; answers the paths of those that were kept.
-    pub fn keep_if(self, some: bool) -> Result<Vec<PathBuf>> {
-        if some { self.keep() } else { Ok(vec![]) }
+    /// [`Results::keep`] where there are some to keep; answers the paths of those that were kept.
+    pub fn keep_if(self, some: bool, ended: Ended, frames: usize) -> Result<Vec<PathBuf>> {
+        if some { self.keep(ended, frames) } else { Ok(vec![]) }
     }
 
     fn list(&self, folder: &Path, names: &[String], complete: bool) -> Result<()> {
-        let program = concat!("foveate ", env!("CARGO_PKG_VERSION")).to_owned();
-        let manifest = Manifest { program, complete, files: names.to_vec() };
-        let text = serde_json::to_string_pretty(&manifest).map_err(|e| Error::Invalid(e.to_string()))?;
-        files::write(folder.join(MANIFEST), (text + "\n").as_bytes())
+        let (ended, frames) = self.ended;
+        Manifest::of(complete, ended, Some(frames), names).write(folder)
     }
 
     fn put(&self) -> Result<()> {
@@ -198,9 +247,11 @@ fn check(asked: &Path, out: &Path, names: &[&str], inputs: &[&Path]) -> Result<(
         ));
     }
     if out.join(MANIFEST).exists() && manifest(out).is_none() {
-        let problem =
-            "expected the list of files that a run of foveate writes, found something else; give another --out";
-        return Err(Error::malformed(asked.join(MANIFEST), problem));
+        return Err(not_ours(asked));
+    }
+    if let Some((name, source)) = names.iter().find_map(|name| Some((name, frame_of(&out.join(name), inputs)?))) {
+        let problem = format!("it would become a frame of {}; give another --out", source.display());
+        return Err(Error::malformed(asked.join(name), problem));
     }
     let earlier = listed(out);
     for input in inputs {
@@ -212,6 +263,12 @@ fn check(asked: &Path, out: &Path, names: &[&str], inputs: &[&Path]) -> Result<(
         }
     }
     Ok(())
+}
+
+/// A folder whose run.json is none of ours.
+fn not_ours(folder: &Path) -> Error {
+    let problem = "expected the list of files that a run of foveate writes, found something else; give another --out";
+    Error::malformed(folder.join(MANIFEST), problem)
 }
 
 /// What an earlier run left in a folder.
@@ -296,7 +353,7 @@ mod tests {
     fn run(out: &Path, names: &[&str], text: &str) -> Result<Vec<PathBuf>> {
         let results = Results::begin(out, names, &[])?;
         names.iter().for_each(|name| write(results.folder(), name, text));
-        results.keep()
+        results.keep(Ended::Finished, 1)
     }
 
     fn names(folder: &Path) -> Vec<String> {
@@ -404,7 +461,7 @@ mod tests {
         run(&out, &["boxes.txt"], "one").expect("a first run");
         let results = Results::begin(&out, &["boxes.txt", "film.mp4"], &[]).expect("a second one");
         write(results.folder(), "boxes.txt", "two");
-        let error = results.keep().expect_err("no film").to_string();
+        let error = results.keep(Ended::Finished, 1).expect_err("no film").to_string();
         assert!(error.contains("film.mp4") && error.contains("unplaced"), "{error}");
         assert_eq!(read(&out, "boxes.txt"), "one");
         let beside = names(place.path());

@@ -12,7 +12,7 @@ mod server;
 mod session;
 mod video;
 
-use std::net::{IpAddr, SocketAddr, TcpListener};
+use std::net::{IpAddr, SocketAddr, TcpListener, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -43,7 +43,7 @@ pub struct Args {
     #[arg(value_name = "PATH", default_value = ".")]
     paths: Vec<PathBuf>,
     /// Where to listen; port 0 takes a free one
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:8080")]
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:8080", value_parser = parse_address)]
     address: SocketAddr,
     /// Answer other machines, too: --address of this machine in the network, or 0.0.0.0. Needs a token
     #[arg(long)]
@@ -55,13 +55,18 @@ pub struct Args {
     page: PageArgs,
 }
 
+/// What is said of whom `pick` answers.
+const WHO_PICK: &str = "\
+The page is for the programs of this machine alone; other users of this machine can open it, too. Where there are some, or the browser \
+is on another machine, draw the box in `foveate serve`, which has --token and --allow-remote.";
+
 #[derive(clap::Args)]
-#[command(after_long_help = WHO)]
+#[command(after_long_help = WHO_PICK)]
 pub struct PickArgs {
     /// A video file, or a folder of images
     video: PathBuf,
     /// Where to listen on this machine; a free port if left out
-    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:0")]
+    #[arg(long, value_name = "HOST:PORT", default_value = "127.0.0.1:0", value_parser = parse_address)]
     address: SocketAddr,
     /// Go on after the first box: a line for each
     #[arg(long)]
@@ -81,6 +86,15 @@ struct PageArgs {
     policy: Option<String>,
 }
 
+/// An address by its number or name; of several that a name has, the first of IPv4, which every machine has.
+fn parse_address(text: &str) -> std::result::Result<SocketAddr, String> {
+    let wrong =
+        |why| format!("expected HOST:PORT such as 127.0.0.1:8080, localhost:0 or [::1]:8080, got \"{text}\": {why}");
+    let all: Vec<SocketAddr> = text.to_socket_addrs().map_err(|e| wrong(e.to_string()))?.collect();
+    let first = all.iter().find(|address| address.is_ipv4()).or(all.first());
+    first.copied().ok_or_else(|| wrong("the name has no address".into()))
+}
+
 /// Runs `foveate serve`.
 pub fn run(args: Args) -> Result<()> {
     let token = args.token.or_else(|| std::env::var("FOVEATE_TOKEN").ok().filter(|token| !token.is_empty()));
@@ -90,7 +104,13 @@ pub fn run(args: Args) -> Result<()> {
 
 /// Runs `foveate pick`.
 pub fn run_pick(args: PickArgs) -> Result<()> {
-    check(&args.address, false, None)?;
+    if !args.address.ip().is_loopback() {
+        return Err(Error::Invalid(format!(
+            "--address {}: other machines could reach it; give an address of this machine alone (127.0.0.1:0), or draw the box in \
+             `foveate serve`",
+            args.address
+        )));
+    }
     let pick = Pick { keep: args.keep, done: Arc::default() };
     start(&[args.video], args.address, None, &args.page, Some(pick))
 }
@@ -177,6 +197,18 @@ fn announce(bound: &SocketAddr, guard: &Guard, pick: bool) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn addresses_have_numbers_or_names() {
+        for text in ["127.0.0.1:18100", "localhost:18100", "[::1]:18100"] {
+            let address = parse_address(text).expect(text);
+            assert!(address.ip().is_loopback() && address.port() == 18100, "{address}");
+        }
+        for text in ["localhost", "18100", ":x", "127.0.0.1:99999", ""] {
+            let said = parse_address(text).expect_err(text);
+            assert!(said.contains("expected HOST:PORT") && said.contains(&format!("\"{text}\"")), "{said}");
+        }
+    }
 
     #[test]
     fn other_machines_need_a_flag_and_a_token() {

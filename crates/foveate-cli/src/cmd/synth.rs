@@ -141,7 +141,7 @@ impl From<InkArg> for Ink {
 
 #[derive(clap::Args, Debug)]
 struct MultiArgs {
-    /// Number of moving digits, 1 to 10, of different classes
+    /// Number of moving digits, 1 to 10000; of different classes up to 10
     #[arg(long, value_name = "N", default_value_t = 5)]
     targets: usize,
     /// Least and largest size, in units of 28 px

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use foveate::video::{Decoder, Options, ahead_until, open_with, write_tiles};
 use foveate::{Error, Result, files};
 
+use super::track::init::Frames;
 use super::track::source::named;
 use crate::terminal;
 
@@ -22,8 +23,8 @@ pub struct Args {
     #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u8).range(1..=16))]
     levels: u8,
     /// The last frame, counted from 1
-    #[arg(long, value_name = "FRAME")]
-    until: Option<usize>,
+    #[arg(long, value_name = "FRAME", value_parser = clap::value_parser!(u64).range(1..))]
+    until: Option<u64>,
     /// What decodes a video file: auto takes the program ffmpeg where it is installed and faster
     #[arg(long, value_name = "auto|builtin|ffmpeg", default_value = "auto", value_parser = named(Decoder::ALL))]
     decoder: Decoder,
@@ -68,9 +69,10 @@ impl Drop for Making {
 /// Cuts the frames into a folder; how many there were.
 fn cut(args: &Args, folder: &Path) -> Result<usize> {
     let source = open_with(&args.source, &Options { decoder: args.decoder, ..Options::default() })?;
-    let bar = terminal::progress(source.info().frames, "tiles");
+    let span = Frames::new(0, "the video begins", args.until, source.info())?;
+    let bar = terminal::progress(span.total(source.info()), "tiles");
     let mut frames = 0;
-    for frame in ahead_until(source, terminal::stopping).take(args.until.unwrap_or(usize::MAX)) {
+    for frame in ahead_until(source, terminal::stopping).take(span.until.saturating_add(1)) {
         let frame = frame?;
         let name = format!("{:06}", frame.index + 1);
         write_tiles(folder.join(name), &frame.image, args.side as usize, args.levels.into())?;

@@ -9,13 +9,14 @@ use foveate::geometry::BBox;
 use foveate::lab::eval::policy_set;
 use foveate::report::SurfacePicture;
 use foveate::report::run::{SingleRun, Span, check_box, follow, follow_tiles};
-use foveate::video::Frame;
+use foveate::video::{Frame, SourceInfo};
 use foveate::{Error, Result, files};
 
 use super::configure::{Changes, Profile, config_name, read};
-use super::results::Results;
+use super::of_file;
+use super::results::{Ended, Results, spare};
 use crate::terminal;
-use init::{Frames, Init, check_again, first_box, known_truth, parse_again, parse_init};
+use init::{Frames, Init, check_again, first_box, known_truth, parse_again, parse_init, truth_file};
 use outputs::{Outputs, Told, tell};
 use source::{SourceArgs, Started, StreamTo, parse_stream};
 use spared::Lost;
@@ -38,7 +39,7 @@ pub const DIGITS: &str = "builtin:digits";
 /// What is said of files and of numbers in them.
 const FILES: &str = "\
 Results appear in --out together, when the run ends: whole, or not at all. A run that tracks nothing leaves the folder as it was. \
-An earlier run in it is replaced; other files in it stay. run.json lists the files of the run.
+An earlier run in it is replaced; other files in it stay. run.json lists the files of the run, and says how it ended.
 
 Of a stream, a camera or a pipe, boxes.txt and track.csv (tracks.txt and tracks.csv of many targets) grow line by line in the folder
 OUT.live-PID beside --out until the run ends, and stay there where it is killed. report.html, trace.jsonl and regret.csv then hold the
@@ -127,16 +128,19 @@ pub struct Args {
 }
 
 impl Args {
-    /// What the run reads, for its results must not replace that.
-    fn inputs(&self) -> Vec<&Path> {
-        let files = [&self.load_state, &self.many.detections, &self.many.inits];
+    /// What the run reads, for its results must not replace that. A state that is taken up may be: so it goes on.
+    fn inputs(&self) -> Vec<PathBuf> {
+        let files = [&self.many.detections, &self.many.inits];
         let network = match &self.many.detect {
             Some(DetectorConfig::Onnx(settings)) => Some(Path::new(&settings.model)),
             _ => None,
         };
         let model = self.recognise.iter().map(Path::new).chain(network);
         let config = self.config.iter().map(Path::new);
-        files.into_iter().flatten().map(PathBuf::as_path).chain(model).chain(config).chain([&*self.source]).collect()
+        let begins = self.init.is_empty() && self.load_state.is_none() && !self.many.asked();
+        let truth = truth_file(&self.source).filter(|_| begins || self.source.is_dir());
+        let files = files.into_iter().flatten().map(PathBuf::as_path).chain(model).chain(config).chain([&*self.source]);
+        files.map(PathBuf::from).chain(truth).collect()
     }
 
     /// Begins the results. Lines of --stream to standard output have it for themselves from here on.
@@ -145,7 +149,33 @@ impl Args {
             terminal::give_output();
         }
         let begin = if endless { Results::begin_live } else { Results::begin };
-        begin(&self.out, names, &self.inputs())
+        let inputs = self.inputs();
+        let inputs = inputs.iter().chain(&self.load_state).map(PathBuf::as_path);
+        begin(&self.out, names, &inputs.collect::<Vec<_>>())
+    }
+
+    /// Refuses a file to be written at the end, where its folder is not there (that of the results will be), or
+    /// where it would change what is read.
+    fn check_written(&self, path: Option<&Path>, names: &[&str]) -> Result<()> {
+        let Some(path) = path else { return Ok(()) };
+        let (folder, out) = (files::folder_of(path), &*self.out);
+        if path.is_dir() {
+            return Err(Error::malformed(path, "expected a file to write to, found a folder; give another name"));
+        }
+        let result = |name: &&str| path.file_name().is_some_and(|n| n == *name);
+        let same = || {
+            folder == out
+                || std::fs::canonicalize(folder).ok().zip(std::fs::canonicalize(out).ok()).is_some_and(|(a, b)| a == b)
+        };
+        if names.iter().chain(&["run.json"]).any(result) && same() {
+            return Err(Error::malformed(path, "a result of the run has this name; give another name"));
+        }
+        let inputs = self.inputs();
+        spare(path, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
+        if folder.is_dir() || folder == out {
+            return Ok(());
+        }
+        Err(Error::malformed(path, format!("there is no folder {} to write it to; make it first", folder.display())))
     }
 
     fn blueprint(&self, config: Config, folder: &Folder) -> Result<Blueprint> {
@@ -208,7 +238,9 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let frames = Frames::new(from, start, args.until, &about)?;
     let init = match &loaded {
         Some(saved) => {
-            tracker.load(&saved.tracker)?;
+            let path = args.load_state.as_deref().unwrap_or(&args.source);
+            tracker.load(&saved.tracker).map_err(of_file(path))?;
+            saved.check_size(path, &about)?;
             let (then, now) = (&saved.source, video_name(&args.source));
             if !then.is_empty() && *then != now {
                 note!("foveate: the state was saved in {then:?}, and goes on in {now:?}: is it the same video?");
@@ -227,7 +259,7 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
         return Err(Error::Invalid(format!("--reinit {frame}: --every leaves this frame out; give another frame")));
     }
     let mut info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
-    info.truth = known_truth(&args.source).iter().map(|bbox| args.input.scaled(bbox)).collect();
+    info.truth = known_truth(&args.source).iter().map(|bbox| bbox.map(|bbox| args.input.scaled(&bbox))).collect();
     info.shadow = shadow;
     let endless = opened.endless;
     let tiles = opened.tiles.clone();
@@ -241,7 +273,7 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let (trace, regret) = (args.trace, args.regret);
     let surface = report && SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
     let outputs = Outputs { video, report, surface, trace, regret, endless };
-    check_written(args.save_state.as_deref(), &args.out, &outputs.names())?;
+    args.check_written(args.save_state.as_deref(), &outputs.names())?;
     terminal::catch_interrupts();
     let (mut results, lost) = (args.results(&outputs.names(), endless)?, Lost::default());
     let mut observers = outputs.observers(results.folder(), &info, &lost)?;
@@ -264,6 +296,7 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
         Some(tiles) => follow_tiles(tiles, &mut *source, &mut tracker, &mut observers, run),
         None => follow(&mut *source, &mut tracker, &mut observers, run),
     };
+    let result = result.map_err(of_file(&args.source));
     bar.finish_and_clear();
     drop(observers);
     // It stops reading, and ends its ffmpeg.
@@ -272,9 +305,12 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let whole = result.is_ok() && !outcome.frames.stopped;
     let tracked = outcome.tracked > 0 || (whole && outcome.frames.count > 0);
     let some = results.leave_out(&lost.names());
-    let kept = results.keep_if(tracked && some).and_then(|kept| lost.check().map(|()| kept));
+    let how = how_ended(result.is_ok() && lost.names().is_empty(), outcome.frames.stopped);
+    let kept = results.keep_if(tracked && some, how, outcome.frames.count).and_then(|kept| lost.check().map(|()| kept));
     let saved = match &args.save_state {
-        Some(path) if tracked => SavedState::write(path, &args.source, &blueprint, seed, next_frame, tracker.save()),
+        Some(path) if tracked => {
+            SavedState::write(path, (&args.source, &about), &blueprint, seed, next_frame, tracker.save())
+        }
         _ => Ok(()),
     };
     let files = kept.as_ref().map_or(&[][..], Vec::as_slice);
@@ -285,6 +321,15 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     note_unreached(&again, next_frame, whole);
     ended(out, tracked, result.and(kept.map(drop)).and(saved), outcome.frames.stopped)?;
     Ok(Tally { frames: outcome.frames.count, uncertain_frames: outcome.uncertain, lost_frames: outcome.lost })
+}
+
+/// What run.json says of a run that went well or not, and was stopped or not.
+fn how_ended(well: bool, stopped: bool) -> Ended {
+    match (well, stopped) {
+        (false, _) => Ended::Error,
+        (true, true) => Ended::Stopped,
+        (true, false) => Ended::Finished,
+    }
 }
 
 /// Says what became of a run that did not go well, and ends the program where it was asked to stop.
@@ -306,27 +351,6 @@ fn note_unreached(again: &[(usize, BBox)], next_frame: usize, whole: bool) {
     }
 }
 
-/// Refuses a file to be written at the end, where its folder is not there; that of the results will be.
-fn check_written(path: Option<&Path>, out: &Path, names: &[&str]) -> Result<()> {
-    let Some(path) = path else { return Ok(()) };
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if path.is_dir() {
-        return Err(Error::malformed(path, "expected a file to write to, found a folder; give another name"));
-    }
-    let result = |name: &&str| path.file_name().is_some_and(|n| n == *name);
-    let same = || {
-        folder == out
-            || std::fs::canonicalize(folder).ok().zip(std::fs::canonicalize(out).ok()).is_some_and(|(a, b)| a == b)
-    };
-    if names.iter().chain(&["run.json"]).any(result) && same() {
-        return Err(Error::malformed(path, "a result of the run has this name; give another name"));
-    }
-    if folder.is_dir() || folder == out {
-        return Ok(());
-    }
-    Err(Error::malformed(path, format!("there is no folder {} to write it to; make it first", folder.display())))
-}
-
 /// A tracker in mid-video, as a file, and what it was made of.
 #[derive(serde::Serialize, serde::Deserialize)]
 struct SavedState {
@@ -336,6 +360,9 @@ struct SavedState {
     /// The name of the video, without its folder.
     #[serde(default)]
     source: String,
+    /// Width and height of the pictures it was tracked in.
+    #[serde(default)]
+    size: Option<[usize; 2]>,
     tracker: serde_json::Value,
 }
 
@@ -348,16 +375,32 @@ fn video_name(source: &Path) -> String {
 impl SavedState {
     fn write(
         path: &Path,
-        source: &Path,
+        (source, about): (&Path, &SourceInfo),
         blueprint: &Blueprint,
         seed: u64,
         next_frame: usize,
         tracker: serde_json::Value,
     ) -> Result<()> {
-        let saved =
-            Self { next_frame, seed, config: blueprint.config().to_toml(), source: video_name(source), tracker };
+        let (config, source, size) =
+            (blueprint.config().to_toml(), video_name(source), Some([about.width, about.height]));
+        let saved = Self { next_frame, seed, config, source, size, tracker };
         let text = serde_json::to_string(&saved).map_err(|e| Error::Invalid(e.to_string()))?;
         files::write(path, text.as_bytes())
+    }
+
+    /// Refuses pictures of another size than those it was tracked in.
+    fn check_size(&self, path: &Path, about: &SourceInfo) -> Result<()> {
+        let now = [about.width, about.height];
+        match self.size.filter(|then| *then != now) {
+            Some([w, h]) => Err(Error::malformed(
+                path,
+                format!(
+                    "it was saved in pictures of {w} x {h} pixels, these have {} x {}; give the same --scale and video",
+                    now[0], now[1]
+                ),
+            )),
+            None => Ok(()),
+        }
     }
 
     /// Fails where it was saved with another configuration or seed.

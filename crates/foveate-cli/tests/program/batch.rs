@@ -49,6 +49,13 @@ fn many_videos_have_a_folder_each() {
     let list: serde_json::Value = serde_json::from_str(&text(&place, "runs/runs.json")).expect("JSON");
     assert_eq!((&list["runs"]["c"]["frames"], &list["runs"]["c"]["error"]), (&6.into(), &serde_json::Value::Null));
 
+    // One that was stopped is made again.
+    let list = text(&place, "runs/a/run.json");
+    assert!(list.contains("\"ended\": \"finished\"") && list.contains("\"frames\": 6"), "{list}");
+    std::fs::write(place.path("runs/a/run.json"), list.replace("finished", "stopped")).expect("written");
+    let said = String::from_utf8_lossy(&place.track("runs", &all).stdout).into_owned();
+    assert!(said.contains("2 finished before, 1 tracked now") && text(&place, "runs/a/run.json") == list, "{said}");
+
     // Other settings do not mix.
     let other = place.track("runs", &[&all[..], &["--seed", "5"]].concat());
     assert!(!other.status.success() && errors(&other).contains("give another --out"), "{}", errors(&other));

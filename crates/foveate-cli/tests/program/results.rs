@@ -61,6 +61,17 @@ fn a_mistake_leaves_an_earlier_run_as_it_was() {
     let output = place.track("out", &["video"]);
     assert!(!output.status.success() && errors(&output).contains("left as it was"), "{}", errors(&output));
     assert!(files(&place, "out") == before && place.names("") == beside);
+    // Where the sixth one breaks, what was tracked is kept, and it is said that this is not all.
+    std::fs::copy(place.path("video/img/0003.png"), place.path("video/img/0002.png")).expect("a picture");
+    std::fs::write(place.path("video/img/0006.png"), "broken").expect("a writable folder");
+    assert!(!place.track("out", &["video"]).status.success());
+    assert_eq!((place.lines("out/boxes.txt"), ended(&place)), (5, ("error".into(), 5)));
+}
+
+/// How the run in `out` ended, and after how many frames.
+fn ended(place: &Place) -> (String, usize) {
+    let run: serde_json::Value = serde_json::from_slice(&place.read("out/run.json")).expect("JSON");
+    (run["ended"].as_str().expect("a word").to_owned(), run["frames"].as_u64().expect("a number") as usize)
 }
 
 #[test]
@@ -85,6 +96,45 @@ fn files_of_an_earlier_run_go_and_others_stay() {
     let output = place.track("film", &["film/annotated.mp4", "--init", "50,60,28,28"]);
     assert!(!output.status.success() && errors(&output).contains("give another --out"), "{}", errors(&output));
     assert!(place.path("film/annotated.mp4").is_file());
+}
+
+/// What is read stays as it is, whatever is to be written over it.
+#[test]
+fn what_is_read_is_not_written_over() {
+    let place = Place::new();
+    let copy = |from: &str, to: &str| std::fs::copy(place.path(from), place.path(to)).expect("copied");
+    // A folder of frames with its truth, and a file with its first box, named as a result.
+    let frame = "video/img/0003.png";
+    std::fs::create_dir(place.path("bx")).expect("a new folder");
+    copy(frame, "bx/boxes.png");
+    copy("video/groundtruth_rect.txt", "bx/boxes.txt");
+    let before = [files(&place, "video/img"), files(&place, "bx")];
+    let config = place.read("c.toml");
+    let refused = |args: &[&str], said: &str| {
+        let output = place.run(args);
+        assert!(!output.status.success() && errors(&output).contains(said), "{args:?}: {}", errors(&output));
+        assert!([files(&place, "video/img"), files(&place, "bx")] == before && place.read("c.toml") == config);
+    };
+    let read = "it is read, and would be replaced";
+    let state = |to| ["track", "video", "-c", "c.toml", "--no-video", "--save-state", to];
+    refused(&state("./c.toml"), read);
+    refused(&state(frame), "would become a frame of video");
+    refused(&state("video/groundtruth_rect.txt"), read);
+    refused(&["track", "bx/boxes.png", "--save-state", "bx/boxes.png"], read);
+    refused(&["track", "bx/boxes.png", "--out", "bx"], read);
+    refused(&["track", "video", "--detect", "--save-detections", frame], "would become a frame of video");
+    refused(&["look", "video", "--map", "saliency", "-o", frame], "would become a frame of video");
+    refused(&["look", "video/img", "--map", "saliency", "-o", "video/img/new.PNG"], "would become a frame");
+    refused(&["look", frame, "--map", "saliency", "-o", frame], read);
+    let convert = ["convert", "--from", "otb", "--to", "vot", "bx/boxes.txt", "bx/../bx/boxes.txt"];
+    refused(&convert, read);
+    refused(
+        &["track", "video/img", "-c", "c.toml", "--init", "9,9,28,28", "-o", "video/img"],
+        "surface.png: it would become",
+    );
+    // Beside the frames there is room, and a state that is taken up may be written anew.
+    place.boxes("out", &["video", "--until", "4", "--save-state", "video/img/s.json"]);
+    place.boxes("out", &["video", "--load-state", "video/img/s.json", "--save-state", "video/img/s.json"]);
 }
 
 #[test]
@@ -154,6 +204,8 @@ fn a_run_that_is_asked_to_stop_keeps_what_it_tracked() {
     let (boxes, rows) = (place.lines("out/boxes.txt"), place.lines("out/track.csv"));
     assert!(rows == boxes + 1 && boxes > 1, "{boxes} boxes, {rows} rows");
     // It may have been asked at the last frame.
+    let word = if code == Some(0) { "finished" } else { "stopped" };
     assert!(code == Some(130) || (boxes == FRAMES && code == Some(0)), "{code:?}");
+    assert_eq!(ended(&place), (word.to_owned(), boxes));
     assert!(!place.names("").iter().any(|name| name.starts_with(".out")), "nothing else stays");
 }

@@ -41,6 +41,14 @@ fn the_truth_of_a_made_video_scores_best() {
     }
     let none = foveate(&["eval", "--seqs", &results, "--results", &results, "--out", &out]);
     assert!(!none.status.success() && String::from_utf8_lossy(&none.stderr).contains("no sequence here"));
+    // A first box that no target can have is told with its file, counted as there.
+    std::fs::write(path("seqs/three/groundtruth_rect.txt"), "7,8,1,1\n".repeat(12)).expect("written");
+    let wrong = foveate(&["eval", "--seqs", &path("seqs"), "--config", "digits", "--out", &path("wrong")]);
+    let said = String::from_utf8_lossy(&wrong.stderr).into_owned();
+    assert!(
+        !wrong.status.success() && said.contains("three/groundtruth_rect.txt: the first box is x=7, y=8"),
+        "{said}"
+    );
 }
 
 /// As `foveate synth | head` with a reader that has gone.
@@ -142,6 +150,10 @@ fn a_scene_of_many_digits_has_both_layouts() {
         let read = |folder: &str| std::fs::read(format!("{folder}/{file}")).expect("written");
         assert_eq!(read(&seen), read(&out), "{file}: what was run is scored as its files are");
     }
+    // What was scored there before has gone: it was another tracker.
+    let mut left: Vec<_> = std::fs::read_dir(&out).expect("a folder").flatten().map(|e| e.file_name()).collect();
+    left.sort();
+    assert_eq!(left, ["curves.svg", "run.json", "scores.json", "table.txt"]);
     let both = foveate(&["eval", "--seqs", &scene, "--results", &peers, "--peers", &peers, "--out", &out]);
     assert!(!both.status.success() && String::from_utf8_lossy(&both.stderr).contains("cannot be used with"));
 

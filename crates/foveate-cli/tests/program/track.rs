@@ -33,6 +33,22 @@ fn every_file_is_there_with_a_line_for_each_frame() {
     assert_eq!(place.names("few"), ["boxes.txt", "run.json", "track.csv"], "no trace unless asked for");
 }
 
+/// A frame without a true box takes nothing from those after it.
+#[test]
+fn truth_may_have_gaps() {
+    let place = Place::new();
+    let truth = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
+    let gap = |(i, line)| if i == 2 { "NaN,NaN,NaN,NaN\n".to_owned() } else { format!("{line}\n") };
+    let truth: String = truth.lines().enumerate().map(gap).collect();
+    std::fs::write(place.path("video/groundtruth_rect.txt"), truth).expect("written");
+    let output = place.run(&["track", "video", "-c", "c.toml", "-o", "out"]);
+    assert!(output.status.success(), "{}", errors(&output));
+    let page = String::from_utf8(place.read("out/report.html")).expect("text");
+    let known = page.split_once("\"true_x\":[").expect("a column").1.split(']').next().expect("its values");
+    let known: Vec<bool> = known.split(',').map(|value| value != "null").collect();
+    assert_eq!(known, (0..FRAMES).map(|i| i != 2).collect::<Vec<_>>());
+}
+
 #[test]
 fn regret_is_written_and_changes_no_box() {
     let place = Place::new();
@@ -73,7 +89,7 @@ fn a_saved_state_goes_on_as_if_nothing_had_been() {
                 "\"particles\":[",
                 "\"particles\":[{\"x\":0,\"y\":0,\"vx\":0,\"vy\":0,\"log_scale\":0,\"angle\":0},",
             ),
-            "61 particles",
+            "bad.json: the saved tracker cannot be used: it has 61 particles",
         ),
         (r#"{"next_frame":1,"tracker":null}"#.into(), "not a state written by --save-state"),
         (text.replace("\"format\":", "\"format\":1"), "saved tracker"),
@@ -82,6 +98,11 @@ fn a_saved_state_goes_on_as_if_nothing_had_been() {
         let error = place.failure(&["video", "--load-state", "bad.json"]);
         assert!(error.contains(words), "{error}");
     }
+    let smaller = place.failure(&["video", "--load-state", "s.json", "--scale", "0.5"]);
+    assert!(
+        smaller.contains("s.json: it was saved in pictures of 250 x 200") && smaller.contains("--scale"),
+        "{smaller}"
+    );
     assert!(place.failure(&["video", "--load-state", "none.json"]).contains("none.json"));
     assert!(place.failure(&["video", "--load-state", "s.json", "--seed", "9"]).contains("give --seed 0"));
     let other = place.failure(&["video", "--load-state", "s.json", "--set", "particles=50"]);
@@ -112,6 +133,7 @@ fn mistakes_are_told_in_words() {
     std::fs::create_dir_all(place.path("alone")).expect("a new folder");
     std::fs::copy(place.path("video/img/0001.png"), place.path("alone/0001.png")).expect("copied");
     std::fs::write(place.path("wrong.toml"), CONFIG.replace("gamma", "gama")).expect("a writable folder");
+    std::fs::write(place.path("head.y4m"), "YUV4MPEG2 W64 H48 F30:1 C420\n").expect("a writable folder");
     std::fs::write(place.path("late.txt"), "11,1,9,9,20,20,1\n").expect("a writable folder");
     std::fs::write(place.path("far.txt"), "1,1,9,9,20,20,1\n2,2,900,9,20,20,1\n").expect("a writable folder");
     let mut missing = vec![];
@@ -119,9 +141,15 @@ fn mistakes_are_told_in_words() {
         (&["nowhere", "--init", "1,1,20,20"][..], &["nowhere"][..]),
         (&["empty", "--init", "1,1,20,20"], &["empty"]),
         (&["alone"], &["alone", "--init x,y,w,h"]),
+        (&["video", "--raw", "64x48"], &["--raw is for files and pipes"]),
+        (&["video", "--pix", "gray"], &["--raw"]),
+        (&["video", "--reconnect", "60"], &["--reconnect is for streams"]),
+        (&["video", "--detections", "late.txt", "--least", "nan"], &["--least", "a number such as 0.5"]),
+        (&["head.y4m", "--init", "1,1,20,20"], &["head.y4m: the source has no frame"]),
         (&["video", "--init", "1,2,3"], &["x,y,w,h", "1,2,3"]),
         (&["video", "--init", "1,2,nan,4"], &["finite", "nan"]),
         (&["video", "--init", "1,2,0,4"], &["at least 2 x 2"]),
+        (&["video", "--init", "1,2,1001,40"], &["at most 1000 x 800"]),
         (&["video", "--init", "-500,2,30,40"], &["touching the 250 x 200 picture"]),
         (&["video", "--init", "1e300,2,30,40"], &["touching"]),
         (&["video", "--reinit", "1:2,2,30,40"], &["frame number from 2"]),
@@ -311,6 +339,11 @@ fn a_video_in_tiles_is_read_by_regions() {
     let run = |args: &[&str]| place.run(args);
     assert!(run(&["tiles", "video", "--out", "tiles", "--side", "16", "--levels", "3"]).status.success());
     assert_eq!(place.names("tiles").len(), FRAMES);
+    for (until, said) in [("0", "0 is not in 1.."), ("99", "--until 99: the video has 10 frames")] {
+        let output = run(&["tiles", "video", "--out", "none", "--until", until]);
+        assert!(!output.status.success() && errors(&output).contains(said), "{}", errors(&output));
+    }
+    assert!(!place.path("none").exists());
     assert_eq!(place.names("tiles/000001"), ["0", "1", "2"]);
     let truth = String::from_utf8(place.read("video/groundtruth_rect.txt")).expect("text");
     let first = truth.lines().next().expect("a line").replace('\t', ",");

@@ -275,6 +275,23 @@ fn a_thousand_malformed_requests_get_nothing() {
 }
 
 #[test]
+fn other_methods_are_told_which_is_allowed() {
+    let dir = place();
+    let server = Server::start(dir.path(), &["serve", "seen", "--address", "localhost:0"]);
+    for (method, path, allowed) in
+        [("HEAD", "/", "GET"), ("OPTIONS", "/", "GET"), ("GET", "/api", "POST"), ("DELETE", "/push", "POST")]
+    {
+        let host = format!("localhost:{}", server.port);
+        let answer =
+            server.send(format!("{method} {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").as_bytes());
+        let (status, body) = parts(&answer);
+        let text = String::from_utf8_lossy(&answer);
+        assert!(status == 405 && text.contains(&format!("\r\nAllow: {allowed}\r\n")), "{method}: {text}");
+        assert_eq!(body.is_empty(), method == "HEAD", "{text}");
+    }
+}
+
+#[test]
 fn other_addresses_need_a_flag_and_a_token() {
     for args in [&["--address", "0.0.0.0:0"][..], &["--address", "0.0.0.0:0", "--allow-remote"], &["--token", "short"]]
     {

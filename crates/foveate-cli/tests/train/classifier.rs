@@ -83,6 +83,11 @@ fn mistakes_are_told() {
     says("found 0", &[]);
     write_pictures(&dir.join("pictures"));
     says("epochs", &["--epochs", "0"]);
+    let folder = ["train", "classifier", "--data", "pictures", "--out", "pictures"];
+    fails(command(dir, &folder), "pictures: expected a file to write to, found a folder");
+    std::fs::write(dir.join("m.safetensors.checkpoint"), b"broken").expect("a writable folder");
+    says("--restart begins anew", &[]);
+    std::fs::remove_file(dir.join("m.safetensors.checkpoint")).expect("written above");
     says("bad.toml", &["--config", "bad.toml"]);
     std::fs::write(dir.join("pictures/zero/03.png"), b"not a picture").expect("a writable folder");
     says("03.png", &[]);

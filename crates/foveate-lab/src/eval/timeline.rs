@@ -22,8 +22,8 @@ const WINDOW: usize = 10;
 /// A run, frame by frame from the second on.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timeline {
-    /// Where the target truly is, by index of the frame; empty where it is unknown.
-    pub truth: Vec<BBox>,
+    /// Where the target truly is, by index of the frame, as far as it is known.
+    pub truth: Vec<Option<BBox>>,
     /// Indices of the frames.
     pub frames: Vec<usize>,
     /// The estimates.
@@ -42,14 +42,14 @@ pub struct Timeline {
 
 impl Timeline {
     /// Nothing yet, of a video with this truth.
-    pub fn new(truth: Vec<BBox>) -> Self {
+    pub fn new(truth: Vec<Option<BBox>>) -> Self {
         Self { truth, ..Self::default() }
     }
 
-    /// Distances of the estimated centres from the true ones, pixels, as far as the truth goes.
+    /// Distances of the estimated centres from the true ones, pixels, in frames whose truth is known.
     pub fn errors(&self) -> Vec<f64> {
         let known = self.frames.iter().zip(&self.boxes);
-        known.filter_map(|(&t, bbox)| Some(centre_error(bbox, self.truth.get(t)?))).collect()
+        known.filter_map(|(&t, bbox)| Some(centre_error(bbox, self.truth.get(t)?.as_ref()?))).collect()
     }
 
     /// Panels below each other: place, gaze, reward, and class where there is one. SVG text.
@@ -87,11 +87,11 @@ impl Timeline {
             self.line(|i| estimate(i).0, COLOURS[4], "x").into(),
             self.line(|i| estimate(i).1, COLOURS[5], "y").into(),
         ];
-        if self.frames.iter().all(|t| *t < self.truth.len()) {
-            let truth = |i: usize| self.truth[self.frames[i]].centre();
-            plots.push(self.line(|i| truth(i).0, COLOURS[7], "true x, y").with_dashed().into());
+        let truth: Option<Vec<_>> = self.frames.iter().map(|t| Some((*self.truth.get(*t)?)?.centre())).collect();
+        if let Some(truth) = truth {
+            plots.push(self.line(|i| truth[i].0, COLOURS[7], "true x, y").with_dashed().into());
             plots.push(
-                LinePlot { legend_label: None, ..self.line(|i| truth(i).1, COLOURS[7], "") }.with_dashed().into(),
+                LinePlot { legend_label: None, ..self.line(|i| truth[i].1, COLOURS[7], "") }.with_dashed().into(),
             );
         }
         let layout = self.layout(&plots, title, "centre of the target, px");
@@ -183,7 +183,7 @@ mod tests {
     fn timeline(classes: usize) -> Timeline {
         let bbox = |x: f64| BBox { x, y: 0.0, w: 2.0, h: 2.0 };
         Timeline {
-            truth: (0..5).map(|t| bbox(t as f64)).collect(),
+            truth: (0..5).map(|t| Some(bbox(t as f64))).collect(),
             frames: (1..5).collect(),
             boxes: (1..5).map(|t| bbox(t as f64 + 3.0)).collect(),
             gazes: vec![Gaze::CENTRE; 4],
@@ -198,6 +198,10 @@ mod tests {
     fn panels_are_drawn() {
         let told = timeline(10);
         assert_eq!(told.errors(), [3.0; 4]);
+        let mut gap = told.clone();
+        gap.truth[2] = None;
+        assert_eq!(gap.errors(), [3.0; 3]);
+        assert!(told.plot("all").contains("true x, y") && !gap.plot("some").contains("true x, y"));
         let svg = told.plot("an <8>");
         assert!(svg.contains("G5, the centre") && svg.contains("probability of each class"), "{svg}");
         let plain = Timeline { arms: vec![], ..timeline(1) };

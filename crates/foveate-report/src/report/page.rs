@@ -99,7 +99,7 @@ pub struct Page {
     source: String,
     info: Value,
     rate: f64,
-    truth: Vec<BBox>,
+    truth: Vec<Option<BBox>>,
     baseline: Option<Baseline>,
     cells: Vec<f64>,
     size: [usize; 2],
@@ -159,7 +159,7 @@ impl Page {
         row[1] = frame.time;
         row[2..8].copy_from_slice(&state.to_array());
         row[8..10].copy_from_slice(&[extent.half_w, extent.half_h]);
-        if let Some(b) = self.truth.get(frame.index) {
+        if let Some(Some(b)) = self.truth.get(frame.index) {
             let (x, y) = b.centre();
             row[10..14].copy_from_slice(&[x, y, b.w, b.h]);
         }

@@ -76,12 +76,14 @@ pub fn check_box(what: &str, b: &BBox, info: &SourceInfo) -> Result<()> {
         return Ok(());
     }
     Err(Error::Invalid(format!(
-        "{what} is x={}, y={}, w={}, h={}; expected a box of at least 2 x 2 pixels touching the {w} x {h} picture, x,y being its \
-         top-left corner in pixels, counted from 1",
+        "{what} is x={}, y={}, w={}, h={}; expected a box of at least 2 x 2 pixels and at most {} x {}, touching the {w} x {h} \
+         picture, x,y being its top-left corner in pixels, counted from 1",
         b.x + 1.0,
         b.y + 1.0,
         b.w,
-        b.h
+        b.h,
+        4.0 * w,
+        4.0 * h
     )))
 }
 

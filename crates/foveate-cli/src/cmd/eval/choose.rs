@@ -14,7 +14,11 @@ use foveate::{Error, Result, files};
 
 use super::grid::{Candidate, candidates};
 use super::kept::{self, Kept, pictures, program};
+use super::track_files;
 use crate::cmd::reproduce::runner::{Entry, Store};
+
+/// The folder of candidates.
+const CANDIDATES: &str = "candidates";
 
 /// Which run: indices of candidate and sequence, and the seed.
 struct Job {
@@ -55,15 +59,8 @@ impl Plan {
         Ok(Self { candidates, entries, present })
     }
 
-    /// Runs what is not kept in `store` yet; answers the choice, and the cross-validated tracker. `None` where it was asked to
-    /// stop, or to do a part only.
-    pub fn run(
-        &self,
-        sequences: &[Sequence],
-        seeds: &[u64],
-        store: &Store,
-        out: &Path,
-    ) -> Result<Option<(Choice, Evaluation)>> {
+    /// Runs what is not kept in `store` yet; answers all tracks. `None` where it was asked to stop, or to do a part only.
+    pub fn run(&self, sequences: &[Sequence], seeds: &[u64], store: &Store) -> Result<Option<Vec<Kept>>> {
         let pictures: Vec<String> = sequences.iter().map(pictures).collect::<Result<_>>()?;
         let jobs: Vec<Job> = (0..self.candidates.len())
             .flat_map(|c| seeds.iter().flat_map(move |seed| (0..sequences.len()).map(move |s| (c, *seed, s))))
@@ -76,17 +73,38 @@ impl Plan {
         let make = |job: &Job| kept::make(&self.entries[job.candidate], &sequences[job.sequence], job.seed);
         let frames = |job: &Job| sequences[job.sequence].truth.len();
         let tracks: Option<Vec<Kept>> = store.finished("choose", &jobs, &frames, &key, &make)?.into_iter().collect();
-        let Some(tracks) = tracks.filter(|_| store.shard.is_none()) else { return Ok(None) };
-        let evaluations: Vec<Evaluation> = self.score(sequences, seeds, out, &tracks)?;
+        Ok(tracks.filter(|_| store.shard.is_none()))
+    }
+
+    /// The files in the folder of results that [`Plan::judge`] and [`keep`] may write.
+    pub fn files(&self, sequences: &[Sequence], seeds: &[u64]) -> Vec<String> {
+        let mut files: Vec<String> = ["cross.txt", "cross.json"].map(str::to_owned).to_vec();
+        for c in &self.candidates {
+            let folder = format!("{CANDIDATES}/{}", folder_name(&c.name));
+            files.push(format!("{folder}/config.toml"));
+            files.extend(track_files(&folder, sequences, seeds));
+        }
+        files
+    }
+
+    /// The choice, and the cross-validated tracker.
+    pub fn judge(
+        &self,
+        sequences: &[Sequence],
+        seeds: &[u64],
+        out: &Path,
+        tracks: &[Kept],
+    ) -> Result<(Choice, Evaluation)> {
+        let evaluations: Vec<Evaluation> = self.score(sequences, seeds, out, tracks)?;
         let choice = Choice::of(&evaluations, self.present).expect("both halves have sequences");
         let cross = choice.cross_validated("foveate, cross-validated", &evaluations);
-        Ok(Some((choice, cross)))
+        Ok((choice, cross))
     }
 
     /// Puts the tracks of each candidate into a folder of its own, and scores them.
     fn score(&self, sequences: &[Sequence], seeds: &[u64], out: &Path, tracks: &[Kept]) -> Result<Vec<Evaluation>> {
         let one = |(c, tracks): (&Candidate, &[Kept])| {
-            let folder = out.join("candidates").join(folder_name(&c.name));
+            let folder = out.join(CANDIDATES).join(folder_name(&c.name));
             std::fs::create_dir_all(&folder).map_err(Error::io(&folder, "cannot create"))?;
             files::write(folder.join("config.toml"), c.config.to_toml().as_bytes())?;
             let again = |sequence: &Sequence, seed: u64| {

@@ -4,16 +4,19 @@ use foveate::Result;
 use foveate::config::Blueprint;
 use foveate::lab::eval::confidence::{Judged, Recorder};
 use foveate::lab::eval::{Sequence, TrackRun};
-use foveate::report::run::{SingleRun, Span, follow};
+use foveate::report::run::{SingleRun, Span, check_box, follow};
 use foveate::video::open;
+
+use crate::cmd::of_file;
 
 /// The boxes of all frames, and what was said in each frame from the second on.
 pub fn one_pass(blueprint: &Blueprint, sequence: &Sequence, seed: u64) -> Result<(TrackRun, Vec<Judged>)> {
-    let mut tracker = blueprint.tracker(seed)?;
+    let (mut tracker, mut source, bbox) = (blueprint.tracker(seed)?, open(&sequence.images)?, sequence.init()?);
+    check_box(&format!("{}: the first box", sequence.truth_file.display()), &bbox, source.info())?;
     let span = Span { until: sequence.truth.len() - 1, ..Span::default() };
-    let run = SingleRun { init: Some(sequence.init()?), span, again: &[] };
+    let run = SingleRun { init: Some(bbox), span, again: &[] };
     let mut witness = Recorder::of(&sequence.truth);
-    let (outcome, result) = follow(&mut *open(&sequence.images)?, &mut tracker, &mut witness, run);
-    result?;
+    let (outcome, result) = follow(&mut *source, &mut tracker, &mut witness, run);
+    result.map_err(of_file(&sequence.images))?;
     Ok((TrackRun { boxes: outcome.boxes, seconds: outcome.frames.seconds, read: witness.read() }, witness.frames))
 }

@@ -54,7 +54,7 @@ impl Observer for Recording {
 fn record(
     source: &mut dyn FrameSource,
     line: &LineSpec,
-    (name, truth, frames): (&str, Vec<BBox>, usize),
+    (name, truth, frames): (&str, Vec<Option<BBox>>, usize),
     (setup, seed): (&Setup, u64),
     surface: Option<&Path>,
 ) -> Result<Recording> {
@@ -67,7 +67,7 @@ fn record(
     let mut tracker = blueprint.tracker(seed)?;
     let (until, stop, clock) = (frames.saturating_sub(1), &terminal::stopping, info.clock.clone());
     let span = Span { until, stop, clock, ..Span::default() };
-    let run = SingleRun { init: truth.first().copied(), span, again: &[] };
+    let run = SingleRun { init: truth.first().copied().flatten(), span, again: &[] };
     let (_, result) = follow(source, &mut tracker, &mut recording, run);
     result.map(|()| recording)
 }
@@ -103,7 +103,8 @@ pub fn policy(experiment: &Experiment, setup: &Setup) -> Result<Figure> {
     for (i, line) in experiment.lines.iter().enumerate() {
         for &digit in &experiment.digits {
             let video = scene.video.with(digit, seed, experiment.frames).video(&setup.digits)?;
-            let (truth, title) = (video.truth().to_vec(), format!("A moving {digit}, {}", line.name));
+            let truth = video.truth().iter().copied().map(Some).collect();
+            let title = format!("A moving {digit}, {}", line.name);
             let run = (&*title, truth, experiment.frames);
             let recording = record(&mut video.source(), line, run, (setup, seed), None)?;
             let (pictures, numbers) = show(&recording, &format!("{}-{}-{digit}", experiment.name, i + 1), &title);
@@ -143,7 +144,7 @@ fn sequence(
     let all = find_sequences(&[folder.to_path_buf()])?;
     let sequence = all.first().ok_or_else(|| Error::malformed(folder, "no sequence with its truth is here"))?;
     sequence.init()?;
-    let truth: Vec<BBox> = sequence.truth.iter().map_while(|bbox| *bbox).collect();
+    let truth = sequence.truth.clone();
     let frames = truth.len().min(experiment.frames);
     let file = format!("{}-{name}-{}", experiment.name, i + 1);
     let title = format!("{name}, {}", line.name);

@@ -70,7 +70,7 @@ impl App {
             ("GET", "/file") => self.file(request),
             ("POST", "/api") => self.message(request),
             ("POST", "/push") => self.push(request),
-            (_, "/" | "/frame" | "/file" | "/api" | "/push") => Response::error(405, "another method is needed here"),
+            (_, path @ ("/" | "/frame" | "/file" | "/api" | "/push")) => Response::other_method(path),
             _ => Response::error(404, "there is nothing here; the page is at /"),
         }
     }

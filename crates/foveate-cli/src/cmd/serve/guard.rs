@@ -17,7 +17,8 @@ pub struct Guard {
 const TOKEN: &str = "x-foveate-token";
 
 impl Guard {
-    /// Refuses a request that comes by a name that is not ours (DNS rebinding), without the token, or from a page that is not ours.
+    /// Refuses a request that comes by a name that is not ours (DNS rebinding), without the token, by a method that nothing here
+    /// has, or from a page that is not ours.
     pub fn check(&self, request: &Request) -> Result<(), Response> {
         let host = request.header("host").unwrap_or_default();
         if !self.is_ours(host) {
@@ -31,6 +32,9 @@ impl Guard {
                 401,
                 "the token is missing or wrong; open the address that was printed, with its token",
             ));
+        }
+        if !["GET", "POST"].contains(&&*request.method) {
+            return Err(Response::other_method(&request.path));
         }
         let origin = request.header("origin");
         let from_us = origin.is_some_and(|origin| origin.strip_prefix("http://") == Some(host));
@@ -101,6 +105,7 @@ mod tests {
         let host = ("host", "localhost:8080");
         assert_eq!(ask(&guard, "GET", &[host, host]), 421, "two hosts");
         assert_eq!(ask(&guard, "POST", &[host]), 403);
+        assert_eq!(["HEAD", "OPTIONS", "PUT"].map(|method| ask(&guard, method, &[host])), [405; 3]);
         assert_eq!(ask(&guard, "POST", &[host, ("origin", "http://localhost:8080")]), 200);
         for origin in
             ["null", "http://evil.example", "https://localhost:8080", "http://localhost:8081", "http://127.0.0.1:8080"]

@@ -63,6 +63,12 @@ impl Response {
     pub fn new(status: u16, kind: &'static str, body: impl Into<Vec<u8>>) -> Self {
         Self { status, kind, body: body.into(), file: None, headers: vec![] }
     }
+    /// A refusal of a method that is not the one that this path has.
+    pub fn other_method(path: &str) -> Self {
+        let allowed = if ["/api", "/push"].contains(&path) { "POST" } else { "GET" };
+        let refusal = Self::error(405, "another method is needed here");
+        Self { headers: vec![("Allow", allowed.into())], ..refusal }
+    }
     /// A refusal, as JSON.
     pub fn error(status: u16, what: &str) -> Self {
         Self::new(status, "application/json", serde_json::json!({ "error": what }).to_string())

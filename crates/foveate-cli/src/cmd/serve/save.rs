@@ -119,7 +119,7 @@ fn write(wanted: &Wanted, folder: &Path, count: &AtomicUsize, stop: &AtomicBool)
     let shown = video.place.shown.display().to_string();
     let mut info = run_info(&shown, &video.info, &setup.config, &setup.blueprint, setup.seed);
     info.command = wanted.command.clone();
-    info.truth = video.truth().into_iter().map_while(|bbox| bbox).collect();
+    info.truth = video.truth();
     let surface = wanted.report && SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
     let (film, report) = (wanted.film, wanted.report);
     let outputs = Outputs { video: film, report, surface, trace: false, regret: false, endless: false };

@@ -79,8 +79,12 @@ fn converse(stream: TcpStream, answer: &Answer, trusted: &Trusted) {
         let (response, keep) = match connection.request(trusted) {
             Ok(request) => {
                 let answered = catch_unwind(AssertUnwindSafe(|| answer(&request)));
-                let response =
+                let mut response =
                     answered.unwrap_or_else(|_| Response::error(500, "an error of the program; open the video again"));
+                if request.method == "HEAD" {
+                    // What follows the head would be taken for the next answer.
+                    response.body.clear();
+                }
                 (response, request.keep)
             }
             Err(Ended::Refused(status, what)) => (Response::error(status, what), false),

@@ -9,6 +9,7 @@ use foveate::{Error, Result, files, quiet};
 use serde::{Deserialize, Serialize};
 
 use super::{Args, Tally, one};
+use crate::cmd::results::is_finished;
 
 /// What is known of the videos so far, for a second call and for programs.
 const LIST: &str = "runs.json";
@@ -57,7 +58,7 @@ pub fn run(mut args: Args) -> Result<()> {
     for (i, (name, source)) in videos.iter().enumerate() {
         let out = root.join(name);
         let done = runs.runs.get(name).is_some_and(|run| run.error.is_none() && run.source == **source);
-        if done && out.join("run.json").is_file() {
+        if done && is_finished(&out) {
             finished += 1;
             continue;
         }

@@ -1,6 +1,6 @@
 //! Where the target is: boxes as they are given, checked against the video before anything is tracked.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use foveate::geometry::BBox;
 use foveate::report::run::check_box;
@@ -49,6 +49,12 @@ pub fn parse_again(text: &str) -> std::result::Result<(usize, BBox), String> {
     Ok((frame.ok_or_else(|| format!("expected a frame number from 2 on, got \"{text}\""))?, parse_box(bbox)?))
 }
 
+/// The file beside a source that has its first box: groundtruth_rect.txt in a folder, VIDEO.txt beside VIDEO.mp4.
+pub fn truth_file(source: &Path) -> Option<PathBuf> {
+    let truth = if source.is_file() { source.with_extension("txt") } else { source.join("groundtruth_rect.txt") };
+    (truth.is_file() && truth != source).then_some(truth)
+}
+
 /// The given box, what moves, or the first line of groundtruth_rect.txt, or of VIDEO.txt beside VIDEO.mp4.
 pub fn first_box(source: &Path, init: Option<Init>, input: &SourceArgs) -> Result<BBox> {
     match init {
@@ -56,15 +62,12 @@ pub fn first_box(source: &Path, init: Option<Init>, input: &SourceArgs) -> Resul
         Some(Init::Motion(size)) => return moving(source, size, input),
         None => {}
     }
-    let beside = source.with_extension("txt");
-    let truth = if source.is_file() { beside } else { source.join("groundtruth_rect.txt") };
     let first = input.selection().from;
-    if !truth.is_file() || truth == source {
-        return Err(Error::Invalid(format!(
-            "{}: no box to start from; give --init x,y,w,h (left, top, width, height in pixels, counted from 1)",
-            source.display()
-        )));
-    }
+    let unknown = || {
+        let todo = "give --init x,y,w,h (left, top, width, height in pixels, counted from 1)";
+        Error::malformed(source, format!("no box to start from; {todo}"))
+    };
+    let truth = truth_file(source).ok_or_else(unknown)?;
     let none = || Error::malformed(&truth, format!("its line {} has no box; give --init x,y,w,h", first + 1));
     let bbox = annotation::read_truth(&truth)?.get(first).copied().flatten().ok_or_else(none)?;
     Ok(input.scaled(&bbox))
@@ -97,9 +100,8 @@ fn moving(source: &Path, size: Option<(f64, f64)>, input: &SourceArgs) -> Result
 }
 
 /// The truth, where the source has one, for the report to compare with; it never reaches the tracker.
-pub fn known_truth(source: &Path) -> Vec<BBox> {
-    let truth = annotation::read_truth(source.join("groundtruth_rect.txt")).unwrap_or_default();
-    truth.into_iter().map_while(|bbox| bbox).collect()
+pub fn known_truth(source: &Path) -> Vec<Option<BBox>> {
+    annotation::read_truth(source.join("groundtruth_rect.txt")).unwrap_or_default()
 }
 
 /// Which frames are tracked, counted from 0; refuses those that the video has not, as far as their number is known.

@@ -25,7 +25,8 @@ use super::init::{Frames, first_box};
 use super::outputs::{FIRST, run_info, tell_files};
 use super::source::{Started, is_endless};
 use super::spared::Lost;
-use super::{Args, Tally, check_written, ended};
+use super::{Args, Tally, ended, how_ended};
+use crate::cmd::of_file;
 use crate::terminal;
 
 /// Follows many targets.
@@ -45,7 +46,7 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let given = given(args, &about)?;
     room(&many, &given, &about)?;
     let mut detections = Detections::of(args, frames, given.is_empty(), detector.needs_still_camera())?;
-    check_written(args.many.save_detections.as_deref(), &args.out, &names(args, endless))?;
+    args.check_written(args.many.save_detections.as_deref(), &names(args, endless))?;
     let info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
     terminal::catch_interrupts();
     terminal::tell_stop(many.stopper());
@@ -64,6 +65,7 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let detect: Detect = &mut |f, cut, found| detections.next(f, cut, found);
     let run = MultiRun { given: &given, detect, cuts: Some(Cuts::default()), span };
     let (outcome, result) = follow_many(&mut *source, &mut many, &mut observers, run);
+    let result = result.map_err(of_file(&args.source));
     bar.finish_and_clear();
     drop(observers);
     drop(source);
@@ -78,7 +80,8 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     }
     let tracked = outcome.frames.count > 1 || (whole && outcome.frames.count > 0);
     let some = results.leave_out(&lost.names());
-    let kept = results.keep_if(tracked && some).and_then(|kept| lost.check().map(|()| kept));
+    let how = how_ended(result.is_ok() && lost.names().is_empty(), outcome.frames.stopped);
+    let kept = results.keep_if(tracked && some, how, outcome.frames.count).and_then(|kept| lost.check().map(|()| kept));
     let saved = if tracked { detections.save(&args.many) } else { Ok(()) };
     let files = kept.as_ref().map_or(&[][..], Vec::as_slice);
     let error = [result.as_ref().err(), kept.as_ref().err(), saved.as_ref().err()].into_iter().flatten().next();

@@ -23,9 +23,9 @@ pub struct SourceArgs {
     /// The source is bare pixels of this size, frame after frame; see --pix
     #[arg(long, value_name = "WIDTHxHEIGHT", value_parser = parse_size)]
     raw: Option<(usize, usize)>,
-    /// What the bytes of a bare pixel are
-    #[arg(long, value_name = "rgb24|bgr24|gray", default_value = "rgb24", value_parser = named(Pixels::ALL))]
-    pix: Pixels,
+    /// What the bytes of a bare pixel are; rgb24 if left out
+    #[arg(long, value_name = "rgb24|bgr24|gray", requires = "raw", value_parser = named(Pixels::ALL))]
+    pix: Option<Pixels>,
     /// Begin at this frame of a file (counted from 1): --init is its box
     #[arg(long, value_name = "FRAME", value_parser = clap::value_parser!(u64).range(1..), conflicts_with = "load_state")]
     from: Option<u64>,
@@ -46,9 +46,9 @@ pub struct SourceArgs {
     /// Wait at the address for a sender (rtsp and http), in the place of asking one there
     #[arg(long)]
     listen: bool,
-    /// How long to try to open a stream again that broke off, in seconds; 0 does not try
-    #[arg(long, value_name = "SECONDS", default_value_t = 60)]
-    reconnect: u64,
+    /// How long to try to open a stream again that broke off, in seconds, 60 if left out; 0 does not try
+    #[arg(long, value_name = "SECONDS")]
+    reconnect: Option<u64>,
 }
 
 /// A value by its name.
@@ -114,7 +114,7 @@ impl SourceArgs {
     }
 
     pub fn options(&self) -> Options {
-        let raw = self.raw.map(|(width, height)| Raw { width, height, pixels: self.pix });
+        let raw = self.raw.map(|(width, height)| Raw { width, height, pixels: self.pix.unwrap_or_default() });
         Options { decoder: self.decoder, raw, ..Options::default() }
     }
 
@@ -131,7 +131,10 @@ impl SourceArgs {
         if !endless && (self.every_frame || self.max_latency.is_some()) {
             return Err(wrong("every frame of a file is tracked in; leave out --every-frame and --max-latency"));
         }
-        if live && self.raw.is_some() {
+        if self.reconnect.is_some() && !live {
+            return Err(wrong("--reconnect is for streams and cameras; leave it out"));
+        }
+        if (live || path.is_dir()) && self.raw.is_some() {
             return Err(wrong("--raw is for files and pipes; leave it out"));
         }
         let tiles = TileFolder::is_at(path).then(|| TileFolder::open(path)).transpose()?;
@@ -144,8 +147,9 @@ impl SourceArgs {
         let (source, reconnected): (Box<dyn FrameSource>, _) = if let Some(tiles) = &tiles {
             (Box::new(tiles.frames()), None)
         } else if live {
-            let reconnect = Duration::from_secs(self.reconnect);
-            let options = LiveOptions { listen: self.listen, reconnect, ..LiveOptions::default() };
+            let usual = LiveOptions::default();
+            let reconnect = self.reconnect.map_or(usual.reconnect, Duration::from_secs);
+            let options = LiveOptions { listen: self.listen, reconnect, ..usual };
             let source = Live::open(path, options)?;
             let reconnected = source.reconnections();
             (Box::new(source), Some(reconnected))

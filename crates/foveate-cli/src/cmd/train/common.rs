@@ -178,10 +178,14 @@ pub struct Files<'a> {
 
 impl<'a> Files<'a> {
     /// The model's file, the picture of its filters (beside it unless given), and whether to begin anew though there is a
-    /// checkpoint. Fails where a folder is not there: before the work, not after it.
+    /// checkpoint. Fails where a folder is not there or in the place of a file: before the work, not after it.
     pub fn of(model: &'a Path, picture: Option<&Path>, restart: bool) -> Result<Self> {
         let picture = picture.map_or_else(|| model.with_extension("png"), Path::to_path_buf);
         for path in [model, &picture] {
+            if path.is_dir() {
+                let problem = "expected a file to write to, found a folder; give it a name";
+                return Err(Error::malformed(path, problem));
+            }
             if path.parent().is_some_and(|dir| !dir.as_os_str().is_empty() && !dir.is_dir()) {
                 return Err(Error::Config(format!("{}: its folder does not exist", path.display())));
             }
@@ -202,7 +206,7 @@ impl<'a> Files<'a> {
         if self.restart || !self.checkpoint.exists() {
             return new();
         }
-        let trainer = resume(&self.checkpoint)?;
+        let trainer = resume(&self.checkpoint).map_err(|e| Error::Invalid(format!("{e}; --restart begins anew")))?;
         let (epoch, batch) = progress(&trainer);
         say!("resuming {}: epoch {}, batch {batch}", self.checkpoint.display(), epoch + 1);
         Ok(trainer)

@@ -31,7 +31,7 @@ pub struct ManyArgs {
     #[arg(long, value_name = "FILE")]
     pub detections: Option<PathBuf>,
     /// Least confidence at which a line of --detections counts, 0 if left out, or a box of --detect onnx:MODEL, 0.25 if left out
-    #[arg(long, value_name = "CONF", allow_hyphen_values = true)]
+    #[arg(long, value_name = "CONF", allow_hyphen_values = true, value_parser = parse_confidence)]
     pub least: Option<f64>,
     /// Classes of --detect onnx:MODEL that count, by their numbers from 0; all if left out
     #[arg(long, value_name = "N,N", value_delimiter = ',')]
@@ -45,6 +45,11 @@ pub struct ManyArgs {
     /// Write what the detector found, in MOTChallenge's text, for --detections or other trackers
     #[arg(long, value_name = "FILE")]
     pub save_detections: Option<PathBuf>,
+}
+
+fn parse_confidence(text: &str) -> std::result::Result<f64, String> {
+    let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+    number.ok_or_else(|| format!("expected a number such as 0.5, got \"{text}\""))
 }
 
 /// Layouts by name.

@@ -1,0 +1,40 @@
+//! What a command reads: no file that it writes may change that.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use foveate::files::folder_of;
+use foveate::video::folder::{image_files, is_image};
+use foveate::{Error, Result};
+
+/// Refuses a file to be written that is one of the `inputs`, or would become a frame of one.
+pub fn spare(path: &Path, inputs: &[&Path]) -> Result<()> {
+    let whole = whole(path);
+    if inputs.iter().any(|input| fs::canonicalize(input).ok() == whole && whole.is_some()) {
+        return Err(Error::malformed(path, "it is read, and would be replaced; give another name"));
+    }
+    match frame_of(path, inputs) {
+        Some(source) => {
+            let problem =
+                format!("it would become a frame of {}, which is read; give another folder", source.display());
+            Err(Error::malformed(path, problem))
+        }
+        None => Ok(()),
+    }
+}
+
+/// The folder of images, among the `inputs`, that a file would be a frame of.
+pub fn frame_of<'a>(path: &Path, inputs: &[&'a Path]) -> Option<&'a Path> {
+    let whole = whole(path).filter(|path| is_image(path))?;
+    let holds = |input: &&&Path| {
+        let frames = if input.is_dir() { image_files(input).unwrap_or_default() } else { vec![] };
+        frames.first().is_some_and(|first| fs::canonicalize(folder_of(first)).ok().as_deref() == whole.parent())
+    };
+    inputs.iter().find(holds).copied()
+}
+
+/// Where a file is or will be, links followed.
+fn whole(path: &Path) -> Option<PathBuf> {
+    let new = || Some(fs::canonicalize(folder_of(path)).ok()?.join(path.file_name()?));
+    fs::canonicalize(path).ok().or_else(new)
+}
