@@ -17,12 +17,7 @@ use std::path::PathBuf;
 use clap::{CommandFactory, Parser, Subcommand};
 
 #[derive(Parser)]
-#[command(
-    name = "foveate",
-    version,
-    about = "Follow one target or many through video, on a CPU",
-    max_term_width = 100
-)]
+#[command(name = "foveate", version, about = "Follow one target or many through video, on a CPU", max_term_width = 100)]
 struct Cli {
     /// Threads to use, 0 for all processors; results do not depend on it
     #[arg(long, global = true, default_value_t = 0, value_name = "N", hide_default_value = true, value_parser = clap::value_parser!(u16).range(..=1024))]
