@@ -4,7 +4,8 @@
 //! best of them are looked at more closely; where one fits better than the estimate does, and well enough, a share of the
 //! predicted particles is drawn again from there, in the same frame. It is a proposal (`candidates.rs`), with p/q of a target that leaps
 //! anywhere in this neighbourhood by a small `chance`: no leap without better evidence than staying, and none onto what could be seen
-//! beside the target before, where that is remembered (`[distractors] remembered`).
+//! beside the target before, where that is remembered (`[distractors] remembered`). In doubt (`doubt`) the short-term memory has no say:
+//! what hides a target is learned for now while it slides over it, and would vouch for itself.
 //!
 //! Deviation: the paper's proposal is blind to the picture but for a detector's boxes (section 5.1).
 
@@ -30,11 +31,14 @@ pub struct LocalSearchSettings {
     pub places: usize,
     /// Standard deviation about a place, template units, above 0 to 10.
     pub spread: f64,
+    /// P(lost) of the frame before, from which on what was learned for now (`[short_term]`) has no say in which place is better, 0 to 1:
+    /// it may be what hides the target.
+    pub doubt: f64,
 }
 
 impl Default for LocalSearchSettings {
     fn default() -> Self {
-        Self { fit: 0.5, chance: 0.02, share: 0.2, places: 3, spread: 0.15 }
+        Self { fit: 0.5, chance: 0.02, share: 0.2, places: 3, spread: 0.15, doubt: 0.2 }
     }
 }
 
@@ -45,6 +49,7 @@ impl LocalSearchSettings {
         within("local_search.chance", self.chance, 1e-9, 1.0)?;
         within("local_search.share", self.share, 1e-3, 1.0)?;
         within("local_search.spread", self.spread, 1e-3, 10.0)?;
+        within("local_search.doubt", self.doubt, 0.0, 1.0)?;
         match self.places {
             1..=6 => Ok(()),
             n => Err(Error::Config(format!("local_search.places is 1 to 6; it is {n}"))),

@@ -6,7 +6,7 @@ use super::template::attenuate;
 use crate::control::{Belief, CLOSER, REFINEMENTS, WORTH, distractors, normalize};
 use crate::geometry::{Gaze, State};
 use crate::identity::Appearance;
-use crate::scene::{Image, Scene};
+use crate::scene::{Detection, Image, Scene};
 use foveate_base::rng::Purpose;
 
 impl Engine {
@@ -32,52 +32,74 @@ impl Engine {
         let streams = self.streams.at(self.frame, Purpose::Redetection);
         parts.monitor.loss.searched(search.candidates.best(&w.scores).map(|(place, _)| place).as_ref());
         search.candidates.draw(least, &mut w.predicted, &mut w.log_prior, &mut w.redetected, streams);
-        self.weigh_drawn(scene);
+        self.owe(scene.detections);
+        self.weigh_drawn(image);
     }
 
     /// While the target is not lost: where a place around it, looked at closely, fits better than the estimate does, and well, and was not
-    /// beside the target before, some of the predicted states are drawn again from there.
+    /// beside the target before, some of the predicted states are drawn again from there. In doubt what was learned for now has no say: it
+    /// may be what hides the target, and is forgotten where another place is the better one.
     pub(super) fn search_around(&mut self, scene: Scene<'_>) {
-        let image = scene.image;
-        if self.parts.filter.local_search.is_none() || self.context.lost || !self.is_judged() {
+        let Some(search) = self.parts.filter.local_search.as_ref() else { return };
+        if self.context.lost || !self.is_judged() {
             return;
         }
-        let (reference, extent) = (self.reference(), self.target().extent);
+        let doubtful = self.parts.monitor.loss.last().p_lost >= search.settings().doubt;
         let estimate = Belief { states: &self.work.predicted, weights: &self.work.weights }.mean();
-        let Some(best) = self.look_around(image, &estimate) else { return };
+        let aside = doubtful && self.parts.appearance.set_short_term_aside(true);
+        let found = self.leap_to(scene.image, &estimate);
+        if aside {
+            self.parts.appearance.set_short_term_aside(false);
+            self.work.around = None;
+        }
+        let Some(least) = found else { return };
         let (parts, w) = (&mut self.parts, &mut self.work);
-        let (Some(search), Some(around)) = (&mut parts.filter.local_search, &parts.monitor.distractors) else { return };
+        let Some(search) = &mut parts.filter.local_search else { return };
+        let streams = self.streams.at(self.frame, Purpose::LocalSearch);
+        search.candidates.draw(least, &mut w.predicted, &mut w.log_prior, &mut w.redetected, streams);
+        self.owe(scene.detections);
+        if aside {
+            self.parts.appearance.forget_short_term();
+            self.parts.appearance.see_more(scene.image, &self.work.predicted, &self.work.gazes);
+            return self.weigh();
+        }
+        self.weigh_drawn(scene.image);
+    }
+
+    /// Whether one of the places around the estimate is a better one: then the least log-likelihood that places are drawn from.
+    fn leap_to(&mut self, image: &Image, estimate: &State) -> Option<f64> {
+        let (reference, extent) = (self.reference(), self.target().extent);
+        let best = self.look_around(image, estimate)?;
+        let (parts, w) = (&mut self.parts, &mut self.work);
+        let (search, around) = (parts.filter.local_search.as_mut()?, parts.monitor.distractors.as_ref()?);
         let appearance = &mut *parts.appearance;
-        look(appearance, image, &[estimate], &mut w.scores);
+        look(appearance, image, &[*estimate], &mut w.scores);
         let here = w.scores[0];
         if best < here - WORTH {
-            return;
+            return None;
         }
-        look(appearance, image, search.begin(&w.distractors, &estimate, extent, around.lattice()), &mut w.scores);
+        look(appearance, image, search.begin(&w.distractors, estimate, extent, around.lattice()), &mut w.scores);
         for _ in 0..CLOSER {
             look(appearance, image, search.candidates.refine(&w.scores), &mut w.scores);
         }
         let least = here.max(reference.on - search.settings().fit * (reference.on - reference.off));
-        let Some((place, fit)) = search.candidates.best(&w.scores) else { return };
-        if fit < least || parts.monitor.was_beside(appearance, [place, estimate], &mut w.features) {
-            return;
-        }
-        let streams = self.streams.at(self.frame, Purpose::LocalSearch);
-        search.candidates.draw(least, &mut w.predicted, &mut w.log_prior, &mut w.redetected, streams);
-        self.weigh_drawn(scene);
+        let (place, fit) = search.candidates.best(&w.scores)?;
+        (fit >= least && !parts.monitor.was_beside(appearance, [place, *estimate], &mut w.features)).then_some(least)
     }
 
-    /// Looks at the predicted states that were drawn again, `work.redetected`, and asks the detections of them: log prior, log posterior
-    /// and weights are those of all states again.
-    fn weigh_drawn(&mut self, Scene { image, detections }: Scene<'_>) {
-        let extent = self.target().extent;
+    /// What detections say of the predicted states that were drawn again, `work.redetected`, is in their log prior, as in that of all.
+    fn owe(&mut self, detections: &[Detection]) {
+        let (extent, w) = (self.target().extent, &mut self.work);
+        let Some(likelihood) = &self.parts.filter.detection_likelihood else { return };
+        let told = |state: &State| likelihood.log_likelihood(detections, state, extent) + w.detected;
+        w.redetected.iter().for_each(|i| w.log_prior[*i] += told(&w.predicted[*i]));
+    }
+
+    /// Looks at these states: log posterior and weights are those of all states again.
+    fn weigh_drawn(&mut self, image: &Image) {
         let (parts, w) = (&mut self.parts, &mut self.work);
         if w.redetected.is_empty() {
             return;
-        }
-        if let Some(likelihood) = &parts.filter.detection_likelihood {
-            let told = |state: &State| likelihood.log_likelihood(detections, state, extent) + w.detected;
-            w.redetected.iter().for_each(|i| w.log_prior[*i] += told(&w.predicted[*i]));
         }
         let appearance = &mut *parts.appearance;
         appearance.see_more(image, &w.predicted, &w.gazes);

@@ -149,6 +149,10 @@ pub trait Appearance: Send + Sync {
     fn long_term_log_likelihood(&mut self, _states: &[State], _out: &mut [f64]) -> bool {
         false
     }
+    /// Leaves out what was learned for now, or takes it in again. Answers whether there is any.
+    fn set_short_term_aside(&mut self, _aside: bool) -> bool {
+        false
+    }
     /// Forgets what was learned for now.
     fn forget_short_term(&mut self) {}
     /// The picture `init_template` was given, or the part of it that has the target; none where that is not kept.

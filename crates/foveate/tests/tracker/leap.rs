@@ -5,6 +5,7 @@ use foveate::BBox;
 use foveate::config::Config;
 use foveate::files::Folder;
 use foveate::scene::Image;
+use foveate::video::{Frame, annotation};
 
 const SIDE: f64 = 24.0;
 
@@ -45,4 +46,32 @@ fn a_leap_is_followed_in_the_frame_itself() {
     let without = Config { local_search: None, ..with.clone() };
     let followed = |config: &Config| (0..10).filter(|seed| follow(config, &path, *seed)[11] < 0.2).count();
     assert_eq!((followed(&without), followed(&with)), (0, 10));
+}
+
+/// Real: a runner passes behind a pole, which is learned for now while it hides him. When he comes out he is found beside it, for the pole
+/// has no say in that; else he is taken up again when the box has left the picture.
+#[test]
+fn what_hid_the_target_has_no_say_in_doubt() {
+    let Some(data) = std::env::var_os("FOVEATE_DATA") else { return eprintln!("skipped: no data (FOVEATE_DATA)") };
+    let folder = std::path::Path::new(&data).join("tracking/Jogging");
+    let Ok(truth) = annotation::read_truth(folder.join("groundtruth_rect.txt")) else {
+        return eprintln!("skipped: no data in {}", folder.display());
+    };
+    let back = |doubt: f64, seed: u64| {
+        let mut config = Config::builtin("natural").expect("it ships").expect("it is right");
+        config.local_search.iter_mut().for_each(|search| search.doubt = doubt);
+        let mut tracker = config.check(&Folder::here()).and_then(|c| c.tracker(seed)).expect("parts that fit");
+        let mut found = false;
+        for frame in foveate::video::open(folder.join("img")).expect("pictures").take(90) {
+            let Frame { index, image, .. } = frame.expect("a picture");
+            let bbox = truth[index].expect("a box in each frame");
+            match index {
+                0 => tracker.init(&image, bbox).expect("a box in the picture"),
+                _ => found = tracker.update(&image).expect("a picture of the first size").bbox.iou(&bbox) > 0.5,
+            }
+        }
+        found
+    };
+    let found = |doubt: f64| (1..=3).filter(|seed| back(doubt, *seed)).count();
+    assert_eq!((found(1.0), found(0.2)), (0, 3));
 }
