@@ -65,7 +65,8 @@ pub struct Config {
     /// What tells the target from what is around it, learned while tracking; not at all unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub discriminant: Option<discriminant::Settings>,
-    /// What it learns for now, from frames that are not consistent enough to be learned from for good; nothing unless given.
+    /// A second discriminant with a short memory: it also learns from frames in which the target looks less like itself, and moves the box;
+    /// the first judges whether it is lost. None unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub short_term: Option<discriminant::ShortTerm>,
     /// The colours of the target against those of its surroundings, learned while tracking; not at all unless given.
@@ -90,7 +91,7 @@ pub struct Config {
     /// rₜ.
     #[serde(default, deserialize_with = "in_range")]
     pub reward: RewardConfig,
-    /// How the evidence is compared with what the first frame promised.
+    /// How the evidence is compared with the reference likelihood of frame 1.
     #[serde(default, deserialize_with = "in_range")]
     pub consistency: ConsistencySettings,
     /// How probable it is that the target is lost.

@@ -34,7 +34,7 @@ pub struct FrameEvidence {
     pub consistency: Consistency,
     /// Log evidence of a look, nats.
     pub evidence: f64,
-    /// What the first frame promised.
+    /// The reference likelihood of frame 1.
     pub reference: ReferenceLikelihood,
     /// Log-likelihood of the best distractor (`control/distractors.rs`); `None` where none was searched for, −∞ where none was found.
     pub distractor: Option<f64>,

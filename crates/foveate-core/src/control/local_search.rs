@@ -20,8 +20,8 @@ use foveate_base::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LocalSearchSettings {
-    /// A place counts only if its log-likelihood lies at most this share below what the first frame promised on the target,
-    /// towards what it promised elsewhere; 0 to 2.
+    /// A place counts only if its log-likelihood lies at most this share of the way from the reference likelihood of frame 1 on the target
+    /// to that off it; 0 to 2.
     pub fit: f64,
     /// Prior probability of a leap to anywhere in the neighbourhood, above 0 to 1.
     pub chance: f64,

@@ -28,7 +28,7 @@ pub const CUE_NAMES: [&str; CUES] = [
 /// *flat*: the tempered effective sample size, 0 to 1;
 /// *spread*: ln of the belief's standard deviation about place in template units, from 1/50 of one, −4 to 4;
 /// *distance*: ln of the distance to the template at the estimate, relative to the usual one, −3 to 3;
-/// *margin*: how far the evidence lies above the best distractor's, as a share of what was promised between on and off, −1 to 1;
+/// *margin*: how far the evidence lies above the best distractor's, as a share of the difference between the reference likelihoods on and off the target, −1 to 1;
 /// 0 where distractors are not searched for;
 /// *colour*: how far the colours at the estimate are from the target's, −0.2 to 1.2; 0 without a colour model;
 /// *elsewhere*: how much more the estimate looks like what was around the target in remembered frames than like the target in them,
@@ -50,14 +50,14 @@ pub struct ConfidenceModel {
     pub enter: f64,
     /// P(lost) below which it speaks for having the target, 0 to `enter`.
     pub leave: f64,
-    /// Frames in a row above `enter` until the target is out, 1 to 1000.
+    /// Consecutive frames above `enter` before the status becomes occluded, 1 to 1000.
     pub notice: usize,
-    /// Frames in a row below `leave` until it is found, 1 to 1000.
+    /// Consecutive frames below `leave` before an occluded or lost target counts as found, 1 to 1000.
     pub confirm: usize,
     /// The most that one of them counts, 1 to 10: ln((1 − P) / P) relative to that at `leave`, so that a frame that is surer counts for
     /// more. 1: all count alike.
     pub surest: f64,
-    /// Frames that it may be out until it is lost and no longer hidden, 0 to 100,000.
+    /// Frames in which the status is occluded before it becomes lost, 0 to 100,000.
     pub patience: usize,
     /// Standard deviation, in template units, of what the belief does not know of: how the box of the first frame sits on
     /// the target, and how the target changes. Credible regions are wider by it. 0 to 10.

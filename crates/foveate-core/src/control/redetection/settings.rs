@@ -20,8 +20,8 @@ pub struct RedetectionSettings {
     pub share: f64,
     /// Places they start from, 1 to 1000.
     pub places: usize,
-    /// A place counts only if its log-likelihood lies at most this share below what the first frame promised on the
-    /// target, towards what it promised elsewhere; 0 to 2.
+    /// A place counts only if its log-likelihood lies at most this share of the way from the reference likelihood of frame 1 on the target
+    /// to that off it; 0 to 2.
     pub fit: f64,
     /// Standard deviation about a place, above 0 to 10.
     pub spread: f64,
