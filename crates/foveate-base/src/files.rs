@@ -28,6 +28,17 @@ pub fn write(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     written.map_err(Error::io(path, "cannot write"))
 }
 
+/// As [`write`], for a name that the program makes in a folder of results, in which others may write: a link, fifo or device of that name
+/// is replaced.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_inside(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
+    let path = path.as_ref();
+    let written = Part::inside(path).and_then(|mut part| part.write_all(bytes).and_then(|()| part.keep(path)));
+    written.map_err(Error::io(path, "cannot write"))
+}
+
 /// The bytes of a regular file of at most `most` bytes: a device, a pipe or a folder is none, and is not waited for.
 ///
 /// # Errors

@@ -4,9 +4,12 @@
 //! that there may be, and every read against the end: nothing a file says can panic, hang, or take more memory than
 //! its size explains. That is why this is not done by re_mp4, which serves as the oracle of the tests.
 
+mod boxes;
+
 use std::io::{Read, Seek, SeekFrom};
 
 use crate::decoded::{DecodeError, Decoded};
+use boxes::{Cursor, boxes, child, full, path, repeat, rows, rows_at};
 use foveate_base::memory;
 
 /// The largest index that is read, in bytes, the most boxes, and the most frames (155 hours at 30 a second).
@@ -334,76 +337,4 @@ pub(super) fn read_at(file: &mut (impl Read + Seek), at: u64, bytes: &mut [u8]) 
 
 fn lacks(name: &str) -> DecodeError {
     DecodeError::damaged(format!("its index lacks a good box {name:?}"))
-}
-
-/// Big-endian numbers from the front of some bytes.
-struct Cursor<'a>(&'a [u8]);
-
-impl Cursor<'_> {
-    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
-        let (front, rest) = self.0.split_first_chunk()?;
-        self.0 = rest;
-        Some(*front)
-    }
-    fn u16(&mut self) -> Option<u16> {
-        self.take().map(u16::from_be_bytes)
-    }
-    fn u32(&mut self) -> Option<u32> {
-        self.take().map(u32::from_be_bytes)
-    }
-    fn u64(&mut self) -> Option<u64> {
-        self.take().map(u64::from_be_bytes)
-    }
-}
-
-/// The boxes inside a box, until one does not fit.
-fn boxes(mut body: &[u8]) -> impl Iterator<Item = ([u8; 4], &[u8])> {
-    std::iter::from_fn(move || {
-        let mut c = Cursor(body);
-        let (short, name) = (c.u32()?, c.take()?);
-        let size = match short {
-            0 => body.len(),
-            1 => usize::try_from(c.u64()?).ok()?,
-            size => size as usize,
-        };
-        let head = body.len() - c.0.len();
-        let inner = body.get(head..size)?;
-        body = &body[size..];
-        Some((name, inner))
-    })
-}
-
-fn child<'a>(body: &'a [u8], name: &[u8; 4]) -> Option<&'a [u8]> {
-    boxes(body).find(|(found, _)| found == name).map(|(_, inner)| inner).filter(|inner| !inner.is_empty())
-}
-
-fn path<'a>(body: &'a [u8], names: &[&[u8; 4]]) -> Option<&'a [u8]> {
-    names.iter().try_fold(body, |body, name| child(body, name))
-}
-
-/// Flags, and what comes after them.
-fn full(body: &[u8]) -> Option<(u32, Cursor<'_>)> {
-    let mut c = Cursor(body);
-    Some((c.u32()? & 0xff_ffff, c))
-}
-
-/// The rows of a table with a counted head: version and flags, count, rows of `N` numbers.
-fn rows<const N: usize>(table: &[u8]) -> impl Iterator<Item = [u32; N]> {
-    let count = table.get(4..).and_then(|rest| Cursor(rest).u32()).unwrap_or(0);
-    rows_at(table, 8).take(count as usize)
-}
-
-fn rows_at<const N: usize>(table: &[u8], start: usize) -> impl Iterator<Item = [u32; N]> {
-    let mut c = Cursor(table.get(start..).unwrap_or_default());
-    std::iter::from_fn(move || {
-        let mut row = [0; N];
-        for value in &mut row {
-            *value = c.u32()?;
-        }
-        Some(row)
-    })
-}
-
-fn repeat(value: u32, n: u32) -> impl Iterator<Item = u32> {
-    std::iter::repeat_n(value, n as usize)
 }

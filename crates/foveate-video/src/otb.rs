@@ -57,7 +57,7 @@ pub fn write_folder(
             let path = part.join(name);
             let folder = path.parent().unwrap_or(&part);
             std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot create"))?;
-            files::write(&path, text.as_bytes())?;
+            files::write_inside(&path, text.as_bytes())?;
         }
         Ok(())
     };

@@ -22,11 +22,14 @@ const LINKS: usize = 40;
 
 /// A file under a temporary name. Dropped before [`Part::keep`], it is gone.
 ///
-/// A link stays: the file that it leads to is made. What is no file, such as a device or a fifo, is not replaced but written to.
+/// Of a name that somebody gave ([`Part::beside`]) a link stays, and the file that it leads to is made; what is no file, such as a
+/// device or a fifo, is not replaced but written to. Of a name in a folder of results ([`Part::inside`]), in which others may write, both
+/// are replaced.
 #[derive(Debug)]
 pub struct Part {
     path: PathBuf,
     file: Option<File>,
+    follows: bool,
     /// It is written to what is there, and has no name of its own.
     through: bool,
 }
@@ -47,16 +50,28 @@ impl Part {
     /// # Errors
     /// Where the folder cannot be written.
     pub fn beside(path: &Path) -> io::Result<Self> {
-        if std::fs::metadata(path).is_ok_and(|about| !about.is_file() && !about.is_dir()) {
+        let no_file = std::fs::metadata(path).is_ok_and(|about| !about.is_file() && !about.is_dir());
+        // Standard output may be a file, which has more than this.
+        if no_file || path.starts_with("/dev") {
             attempt(Operation::Open, path)?;
-            let file = File::options().write(true).open(path)?;
-            return Ok(Self { path: path.to_owned(), file: Some(file), through: true });
+            let file = File::options().append(true).open(path)?;
+            return Ok(Self { path: path.to_owned(), file: Some(file), follows: true, through: true });
         }
-        let part = temporary(&followed(path));
+        let mut part = Self::inside(&followed(path))?;
+        part.follows = true;
+        Ok(part)
+    }
+
+    /// The same for a name that the program makes in a folder of results: a link, fifo or device of that name is replaced.
+    ///
+    /// # Errors
+    /// Where the folder cannot be written.
+    pub fn inside(path: &Path) -> io::Result<Self> {
+        let part = temporary(path);
         sweep(&part);
         attempt(Operation::Open, path)?;
         let file = File::options().write(true).create_new(true).open(&part)?;
-        Ok(Self { path: part, file: Some(file), through: false })
+        Ok(Self { path: part, file: Some(file), follows: false, through: false })
     }
 
     /// Where it is.
@@ -72,7 +87,7 @@ impl Part {
         if self.through {
             return Ok(());
         }
-        let path = &*followed(path);
+        let path = &*if self.follows { followed(path) } else { path.to_owned() };
         attempt(Operation::Sync, path)?;
         if let Some(file) = &self.file {
             file.sync_data()?;
@@ -273,6 +288,20 @@ mod tests {
         }
         assert!(link.is_symlink() && other.is_symlink());
         assert_eq!(std::fs::read_dir(&folder).expect("readable").count(), 1, "nothing else stays");
+    }
+
+    /// In a folder of results nobody's link leads what is written elsewhere.
+    #[cfg(unix)]
+    #[test]
+    fn a_link_among_results_is_replaced_and_not_followed() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let (precious, link) = (dir.path().join("precious"), dir.path().join("table.txt"));
+        std::fs::write(&precious, "mine").expect("writable");
+        std::os::unix::fs::symlink(&precious, &link).expect("a link");
+        crate::files::write_inside(&link, b"ours").expect("writable");
+        assert!(!link.is_symlink());
+        assert_eq!(std::fs::read_to_string(&link).expect("there"), "ours");
+        assert_eq!(std::fs::read_to_string(&precious).expect("there"), "mine");
     }
 
     #[cfg(unix)]

@@ -149,7 +149,7 @@ pub fn run(args: Args) -> Result<()> {
     let groups = compare(&args, &sequences, &[vec![ours], others.clone()].concat(), "")?;
     let runs = runs.into_inner();
     let first: Vec<Case> = runs.iter().filter(|run| run.seed == args.seed).cloned().collect();
-    files::write(args.out.join("report.html"), cases::page(&first, &others, groups)?.as_bytes())?;
+    files::write_inside(args.out.join("report.html"), cases::page(&first, &others, groups)?.as_bytes())?;
     let tracks: Vec<&[Judged]> = runs.iter().map(|run| run.judged.as_slice()).collect();
     trusted(&args, &ConfidenceScore::of(&tracks, blueprint.config().confidence.localisation_noise))?;
     results.finish()?;
@@ -160,7 +160,8 @@ pub fn run(args: Args) -> Result<()> {
 /// Begins the results, of which these are not written by every evaluation.
 fn begin(args: &Args, more: Vec<String>) -> Result<InPlace> {
     let names = ["table.txt", "scores.json", "curves.svg"].map(str::to_owned);
-    let read = args.results.iter().chain(&args.peers).map(PathBuf::as_path);
+    let read = [&args.results, &args.peers, &args.seqs, &args.truth, &args.merge].into_iter().flatten();
+    let read = read.map(PathBuf::as_path).chain(args.config.as_deref().map(Path::new));
     InPlace::begin(&args.out, [&names[..], &more].concat(), &read.collect::<Vec<_>>())
 }
 
@@ -201,9 +202,9 @@ fn told(row: &Row) {
 fn trusted(args: &Args, score: &ConfidenceScore) -> Result<()> {
     let (out, text) = (&args.out, confidence::text(score));
     let json = serde_json::to_string_pretty(score).map_err(|e| Error::Invalid(e.to_string()))?;
-    files::write(out.join("confidence.txt"), text.as_bytes())?;
-    files::write(out.join("confidence.json"), json.as_bytes())?;
-    files::write(out.join("reliability.svg"), confidence_plot::plot(&[("foveate", score)]).as_bytes())?;
+    files::write_inside(out.join("confidence.txt"), text.as_bytes())?;
+    files::write_inside(out.join("confidence.json"), json.as_bytes())?;
+    files::write_inside(out.join("reliability.svg"), confidence_plot::plot(&[("foveate", score)]).as_bytes())?;
     if !args.json {
         say!("\nWhat it says about being lost (IoU below 0.1, or out of sight):\n{text}");
         say!("{}: confidence.txt, confidence.json, reliability.svg, report.html", out.display());
@@ -241,8 +242,8 @@ fn many(args: &Args) -> Result<()> {
 fn report(args: &Args, before: &str, text: &str, scores: &serde_json::Value, kept: &str) -> Result<()> {
     let scores = serde_json::to_string_pretty(scores).map_err(|e| Error::Invalid(e.to_string()))?;
     let out = &args.out;
-    files::write(out.join("table.txt"), format!("{text}\n").as_bytes())?;
-    files::write(out.join("scores.json"), scores.as_bytes())?;
+    files::write_inside(out.join("table.txt"), format!("{text}\n").as_bytes())?;
+    files::write_inside(out.join("scores.json"), scores.as_bytes())?;
     if args.json {
         say!("{scores}");
     } else {
@@ -253,5 +254,5 @@ fn report(args: &Args, before: &str, text: &str, scores: &serde_json::Value, kep
 
 fn draw(out: &Path, evaluations: &[Evaluation]) -> Result<()> {
     let drawn: Vec<_> = evaluations.iter().map(Evaluation::drawn).collect();
-    files::write(out.join("curves.svg"), curves::plot(&drawn).as_bytes())
+    files::write_inside(out.join("curves.svg"), curves::plot(&drawn).as_bytes())
 }

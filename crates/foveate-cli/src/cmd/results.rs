@@ -57,13 +57,13 @@ impl Manifest {
 
     fn write(&self, folder: &Path) -> Result<()> {
         let text = serde_json::to_string_pretty(self).map_err(|e| Error::Invalid(e.to_string()))?;
-        files::write(folder.join(MANIFEST), (text + "\n").as_bytes())
+        files::write_inside(folder.join(MANIFEST), (text + "\n").as_bytes())
     }
 }
 
 /// Whether a folder holds a run that did all that it was asked for.
 pub fn is_finished(folder: &Path) -> bool {
-    manifest(folder).is_some_and(|run| run.complete && run.ended == Some(Ended::Finished))
+    manifest(folder).is_some_and(|run| run.complete && run.ended.is_none_or(|ended| ended == Ended::Finished))
 }
 
 /// The results of a run in the making. Dropped before [`Results::keep`], they leave nothing behind.
@@ -336,7 +336,7 @@ fn moved(from: &Path, to: &Path) -> std::io::Result<()> {
     if files::rename(from, to).is_ok() {
         return Ok(());
     }
-    let mut part = files::Part::beside(to)?;
+    let mut part = files::Part::inside(to)?;
     std::io::copy(&mut fs::File::open(from)?, &mut part)?;
     part.keep(to)
 }

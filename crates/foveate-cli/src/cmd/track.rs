@@ -9,7 +9,7 @@ use foveate::geometry::BBox;
 use foveate::lab::eval::policy_set;
 use foveate::report::SurfacePicture;
 use foveate::report::run::{SingleRun, Span, check_box, follow, follow_tiles};
-use foveate::video::{Frame, SourceInfo};
+use foveate::video::Frame;
 use foveate::{Error, Result, files};
 
 use super::configure::{Changes, Profile, config_name, read};
@@ -18,6 +18,7 @@ use super::results::{Ended, Results, spare};
 use crate::terminal;
 use init::{Frames, Init, check_again, first_box, known_truth, parse_again, parse_init, truth_file};
 use outputs::{Outputs, Told, tell};
+use saved::{SavedState, video_name};
 use source::{SourceArgs, Started, StreamTo, parse_stream};
 use spared::Lost;
 
@@ -25,6 +26,7 @@ mod batch;
 pub mod init;
 mod multi;
 pub mod outputs;
+mod saved;
 pub mod source;
 pub mod spared;
 
@@ -233,7 +235,10 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let loaded = args.load_state.as_deref().map(|path| SavedState::read(path, &blueprint, seed)).transpose()?;
     let (from, start) = match &loaded {
         Some(saved) => (saved.next_frame, "the saved state goes on"),
-        None => (args.input.selection().from, "--from begins"),
+        None => match args.input.selection().from {
+            0 => (0, "the video begins"),
+            from => (from, "--from begins"),
+        },
     };
     let frames = Frames::new(from, start, args.until, &about)?;
     let init = match &loaded {
@@ -348,79 +353,5 @@ fn ended(out: &Path, tracked: bool, result: Result<()>, stopped: bool) -> Result
 fn note_unreached(again: &[(usize, BBox)], next_frame: usize, whole: bool) {
     for (frame, _) in again.iter().filter(|(frame, _)| whole && *frame >= next_frame) {
         note!("foveate: --reinit {}: the video ended at frame {next_frame}; this box was not used", frame + 1);
-    }
-}
-
-/// A tracker in mid-video, as a file, and what it was made of.
-#[derive(serde::Serialize, serde::Deserialize)]
-struct SavedState {
-    next_frame: usize,
-    seed: u64,
-    config: String,
-    /// The name of the video, without its folder.
-    #[serde(default)]
-    source: String,
-    /// Width and height of the pictures it was tracked in.
-    #[serde(default)]
-    size: Option<[usize; 2]>,
-    tracker: serde_json::Value,
-}
-
-/// The last part of a path or an address.
-fn video_name(source: &Path) -> String {
-    let whole = std::fs::canonicalize(source);
-    whole.as_deref().unwrap_or(source).file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
-}
-
-impl SavedState {
-    fn write(
-        path: &Path,
-        (source, about): (&Path, &SourceInfo),
-        blueprint: &Blueprint,
-        seed: u64,
-        next_frame: usize,
-        tracker: serde_json::Value,
-    ) -> Result<()> {
-        let (config, source, size) =
-            (blueprint.config().to_toml(), video_name(source), Some([about.width, about.height]));
-        let saved = Self { next_frame, seed, config, source, size, tracker };
-        let text = serde_json::to_string(&saved).map_err(|e| Error::Invalid(e.to_string()))?;
-        files::write(path, text.as_bytes())
-    }
-
-    /// Refuses pictures of another size than those it was tracked in.
-    fn check_size(&self, path: &Path, about: &SourceInfo) -> Result<()> {
-        let now = [about.width, about.height];
-        match self.size.filter(|then| *then != now) {
-            Some([w, h]) => Err(Error::malformed(
-                path,
-                format!(
-                    "it was saved in pictures of {w} x {h} pixels, these have {} x {}; give the same --scale and video",
-                    now[0], now[1]
-                ),
-            )),
-            None => Ok(()),
-        }
-    }
-
-    /// Fails where it was saved with another configuration or seed.
-    fn read(path: &Path, blueprint: &Blueprint, seed: u64) -> Result<Self> {
-        let text = files::read_text(path, files::TEXT)?;
-        let saved: Self = serde_json::from_str(&text)
-            .map_err(|e| Error::malformed(path, format!("not a state written by --save-state: {e}; write it again")))?;
-        if saved.seed != seed {
-            let problem =
-                format!("it was saved with the seed {}, this run has {seed}; give --seed {}", saved.seed, saved.seed);
-            return Err(Error::malformed(path, problem));
-        }
-        let ours = blueprint.config().to_toml();
-        if saved.config != ours {
-            let differs =
-                saved.config.lines().find(|line| !ours.lines().any(|l| l == *line)).unwrap_or("fewer settings");
-            let problem = format!("it was saved with another configuration, which has `{differs}`");
-            let todo = "give the same --config, --policy, --set and --recognise";
-            return Err(Error::malformed(path, format!("{problem}; {todo}")));
-        }
-        Ok(saved)
     }
 }

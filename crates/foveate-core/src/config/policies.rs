@@ -148,6 +148,7 @@ impl PolicyConfig {
     fn asks_for_more(&self) -> bool {
         match self {
             Self::GpUcb(settings) => settings.saliency > 0.0 || settings.rehearsal > 0.0,
+            Self::Anchor { policy } => policy.asks_for_more(),
             _ => matches!(self, Self::Contextual(_)),
         }
     }

@@ -61,7 +61,11 @@ impl Engine {
         if aside {
             self.parts.appearance.forget_short_term();
             self.parts.appearance.see_more(scene.image, &self.work.predicted, &self.work.gazes);
-            return self.weigh();
+            // The policy has learned from the rewards of the frame's own looks.
+            let (rewards, evidence) = (self.work.rewards.clone(), self.work.gaze_evidence.clone());
+            self.weigh();
+            (self.work.rewards, self.work.gaze_evidence) = (rewards, evidence);
+            return;
         }
         self.weigh_drawn(scene.image);
     }
@@ -95,7 +99,7 @@ impl Engine {
         w.redetected.iter().for_each(|i| w.log_prior[*i] += told(&w.predicted[*i]));
     }
 
-    /// Looks at these states: log posterior and weights are those of all states again.
+    /// Looks at the predicted states that were drawn again: log posterior and weights are those of all states again.
     fn weigh_drawn(&mut self, image: &Image) {
         let (parts, w) = (&mut self.parts, &mut self.work);
         if w.redetected.is_empty() {

@@ -352,14 +352,6 @@ impl Appearance for GazeAppearance {
         self.take(image, state, distractors, lesson);
     }
 
-    fn long_term_log_likelihood(&mut self, states: &[State], out: &mut [f64]) -> bool {
-        if !self.set_short_term_aside(true) {
-            return false;
-        }
-        self.log_likelihood(states, Gaze::CENTRE, out);
-        self.set_short_term_aside(false)
-    }
-
     fn set_short_term_aside(&mut self, aside: bool) -> bool {
         let Some(it) = self.discriminant.as_mut().filter(|it| it.is_apart()) else { return false };
         it.set_aside(aside);

@@ -146,8 +146,12 @@ pub trait Appearance: Send + Sync {
     fn adapt(&mut self, _image: &Image, _state: &State, _distractors: &[State], _lesson: Lesson) {}
     /// Log-likelihoods as [`Appearance::log_likelihood`] has them at the centre gaze, but without what was learned for now; `false`,
     /// with `out` as it was, where nothing was.
-    fn long_term_log_likelihood(&mut self, _states: &[State], _out: &mut [f64]) -> bool {
-        false
+    fn long_term_log_likelihood(&mut self, states: &[State], out: &mut [f64]) -> bool {
+        if !self.set_short_term_aside(true) {
+            return false;
+        }
+        self.log_likelihood(states, Gaze::CENTRE, out);
+        self.set_short_term_aside(false)
     }
     /// Leaves out what was learned for now, or takes it in again. Answers whether there is any.
     fn set_short_term_aside(&mut self, _aside: bool) -> bool {

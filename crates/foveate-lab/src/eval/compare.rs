@@ -208,12 +208,12 @@ pub fn run_all(
 
 fn keep(run: &TrackRun, folder: &Path, name: &str) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot create"))?;
-    files::write(folder.join(format!("{name}.txt")), format_boxes(&run.boxes).as_bytes())?;
+    files::write_inside(folder.join(format!("{name}.txt")), format_boxes(&run.boxes).as_bytes())?;
     if let Some([values, share]) = run.read {
-        files::write(folder.join(format!("{name}_read.txt")), format!("{values}\n{share}\n").as_bytes())?;
+        files::write_inside(folder.join(format!("{name}_read.txt")), format!("{values}\n{share}\n").as_bytes())?;
     }
     let seconds: String = run.seconds.iter().map(|s| format!("{s:.8}\n")).collect();
-    files::write(folder.join(format!("{name}_time.txt")), seconds.as_bytes())
+    files::write_inside(folder.join(format!("{name}_time.txt")), seconds.as_bytes())
 }
 
 #[cfg(test)]

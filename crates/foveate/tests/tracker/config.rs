@@ -172,7 +172,12 @@ fn parts_of_a_discriminant_ask_for_one() {
 #[test]
 fn a_recogniser_refuses_policies_that_ask_for_more_than_rewards() {
     let config = Config::builtin("natural").expect("it ships").expect("it is right");
-    for policy in ["kind = \"gp-ucb\", saliency = 1", "kind = \"gp-ucb\", rehearsal = 1", "kind = \"contextual\""] {
+    for policy in [
+        "kind = \"gp-ucb\", saliency = 1",
+        "kind = \"gp-ucb\", rehearsal = 1",
+        "kind = \"contextual\"",
+        "kind = \"anchor\", policy = { kind = \"contextual\" }",
+    ] {
         let setting =
             format!("recogniser={{ kind = \"multi-fixation\", weights = \"builtin:x\", policy = {{ {policy} }} }}");
         let said = config.clone().set(&setting).and_then(|c| c.check(&Folder::here())).err().expect(policy).to_string();

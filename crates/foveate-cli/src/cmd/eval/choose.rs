@@ -106,7 +106,7 @@ impl Plan {
         let one = |(c, tracks): (&Candidate, &[Kept])| {
             let folder = out.join(CANDIDATES).join(folder_name(&c.name));
             std::fs::create_dir_all(&folder).map_err(Error::io(&folder, "cannot create"))?;
-            files::write(folder.join("config.toml"), c.config.to_toml().as_bytes())?;
+            files::write_inside(folder.join("config.toml"), c.config.to_toml().as_bytes())?;
             let again = |sequence: &Sequence, seed: u64| {
                 let same = |t: &&Kept| t.sequence == sequence.name && t.seed == seed;
                 let track = tracks.iter().find(same).expect("every job is done");
@@ -125,8 +125,8 @@ pub fn keep(choice: &Choice, configuration: &str, seeds: &[u64], out: &Path) -> 
     json["configuration"] = configuration.into();
     json["seeds"] = seeds.into();
     let json = serde_json::to_string_pretty(&json).map_err(|e| Error::Invalid(e.to_string()))?;
-    files::write(out.join("cross.txt"), text.as_bytes())?;
-    files::write(out.join("cross.json"), json.as_bytes())?;
+    files::write_inside(out.join("cross.txt"), text.as_bytes())?;
+    files::write_inside(out.join("cross.json"), json.as_bytes())?;
     Ok(text)
 }
 

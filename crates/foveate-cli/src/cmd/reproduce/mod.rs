@@ -133,7 +133,7 @@ pub fn run(args: Args) -> Result<()> {
         return Err(Error::Invalid(format!("{missing} experiments have no results")));
     }
     let path = setup.out.join("index.html");
-    files::write(&path, page::html(&sections, &setup.from, began.elapsed()).as_bytes())?;
+    files::write_inside(&path, page::html(&sections, &setup.from, began.elapsed()).as_bytes())?;
     let tables: Vec<&Results> = sections.iter().filter_map(Section::results).collect();
     if let Some(root) = &args.write_docs {
         docs::write(root, &tables)?;

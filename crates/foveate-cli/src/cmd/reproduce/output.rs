@@ -58,18 +58,18 @@ impl Section {
     pub fn write(&self, out: &Path) -> Result<()> {
         let (pictures, json) = match &self.content {
             Content::Table(table) => {
-                files::write(out.join(format!("{}.csv", self.name)), table.results.csv().as_bytes())?;
+                files::write_inside(out.join(format!("{}.csv", self.name)), table.results.csv().as_bytes())?;
                 (&table.pictures, table.results.json()?)
             }
             Content::Figure(figure) => {
                 if !figure.text.is_empty() {
-                    files::write(out.join(format!("{}.txt", self.name)), figure.text.as_bytes())?;
+                    files::write_inside(out.join(format!("{}.txt", self.name)), figure.text.as_bytes())?;
                 }
                 (&figure.pictures, serde_json::to_string(&figure.numbers).map_err(|e| Error::Invalid(e.to_string()))?)
             }
         };
-        files::write(out.join(format!("{}.json", self.name)), json.as_bytes())?;
-        pictures.iter().try_for_each(|picture| files::write(out.join(&picture.file), &picture.bytes))
+        files::write_inside(out.join(format!("{}.json", self.name)), json.as_bytes())?;
+        pictures.iter().try_for_each(|picture| files::write_inside(out.join(&picture.file), &picture.bytes))
     }
 }
 

@@ -245,7 +245,10 @@ impl Store {
         for other in &self.others {
             let from = other.join(path.file_name().unwrap_or_default());
             if let Some(run) = read(&from, frames) {
-                files::write(path, &std::fs::read(&from).map_err(Error::io(&from, "cannot read a finished run"))?)?;
+                files::write_inside(
+                    path,
+                    &std::fs::read(&from).map_err(Error::io(&from, "cannot read a finished run"))?,
+                )?;
                 return Ok(Some(run));
             }
         }
@@ -261,7 +264,7 @@ fn read<R: Finished>(path: &Path, frames: usize) -> Option<R> {
 }
 
 fn put(path: &Path, text: &[u8]) -> Result<()> {
-    files::write(path, &sealed(path, text))
+    files::write_inside(path, &sealed(path, text))
 }
 
 /// The text of a run with a checksum after it, of its text and of what the run is: neither may be of another one.

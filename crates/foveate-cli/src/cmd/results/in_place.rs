@@ -7,33 +7,52 @@ use std::path::{Path, PathBuf};
 use foveate::{Error, Result};
 
 use super::{Ended, MANIFEST, Manifest, manifest, not_ours};
+use crate::terminal;
 
-/// Results in the making.
+/// A file that every evaluation writes.
+const OURS: &str = "scores.json";
+
+/// Results in the making. Dropped before [`InPlace::finish`], they are listed as those of a run that was stopped or broke off.
 pub struct InPlace {
     out: PathBuf,
     names: Vec<String>,
+    /// What an earlier evaluation left and nobody reads.
+    stale: Vec<String>,
+    finished: bool,
 }
 
 impl InPlace {
-    /// Removes what an earlier run left in a folder, but for what lies below one of the folders `read`, and lists the `names` to
-    /// come, which are paths below it. Fails where the folder cannot be made or written.
+    /// Lists the `names` to come, which are paths below the folder, beside what an earlier run left there. Fails where the folder cannot
+    /// be made or written.
     pub fn begin(out: &Path, mut names: Vec<String>, read: &[&Path]) -> Result<Self> {
         fs::create_dir_all(out).map_err(Error::io(out, "cannot create"))?;
-        let cannot = || Error::io(out, "cannot find the folder for results");
-        let whole = fs::canonicalize(out).map_err(cannot())?;
         let earlier = match manifest(out) {
             None if out.join(MANIFEST).exists() => return Err(not_ours(out)),
             earlier => earlier.map_or(vec![], |earlier| earlier.files),
         };
         let read: Vec<PathBuf> = read.iter().flat_map(fs::canonicalize).collect();
-        for name in earlier {
-            // A name may be anything: what it leads to must be a file below the folder.
-            let Ok(path) = fs::canonicalize(out.join(&name)) else { continue };
-            if !path.starts_with(&whole) || !path.is_file() {
+        let is_ours = earlier.iter().any(|name| name == OURS);
+        let is_read = |name: &String| {
+            fs::canonicalize(out.join(name)).is_ok_and(|path| read.iter().any(|read| path.starts_with(read)))
+        };
+        let (stale, kept): (Vec<_>, Vec<_>) = earlier.into_iter().partition(|name| is_ours && !is_read(name));
+        names.extend(kept);
+        let made = Self { out: out.to_owned(), names, stale, finished: false };
+        made.list(false, Ended::Stopped)?;
+        Ok(made)
+    }
+
+    /// All that was to come is there: what an earlier evaluation left goes.
+    pub fn finish(mut self) -> Result<()> {
+        self.finished = true;
+        let whole = fs::canonicalize(&self.out).map_err(Error::io(&self.out, "cannot find the folder for results"))?;
+        for name in std::mem::take(&mut self.stale) {
+            if self.names.contains(&name) {
                 continue;
             }
-            if read.iter().any(|folder| path.starts_with(folder)) {
-                names.push(name);
+            // A name may be anything: what it leads to must be a file below the folder.
+            let Ok(path) = fs::canonicalize(self.out.join(&name)) else { continue };
+            if !path.starts_with(&whole) || !path.is_file() {
                 continue;
             }
             fs::remove_file(&path).map_err(Error::io(&path, "cannot remove"))?;
@@ -41,24 +60,26 @@ impl InPlace {
             // Those that hold something else stay.
             let _ = folders.map(fs::remove_dir).find(std::result::Result::is_err);
         }
-        let made = Self { out: out.to_owned(), names };
-        made.list(false)?;
-        Ok(made)
-    }
-
-    /// All that was to come is there.
-    pub fn finish(mut self) -> Result<()> {
         let mut names = std::mem::take(&mut self.names);
         names.retain(|name| self.out.join(name).is_file());
         names.sort();
         names.dedup();
         self.names = names;
-        self.list(true)
+        self.list(true, Ended::Finished)
     }
 
-    fn list(&self, complete: bool) -> Result<()> {
-        let ended = if complete { Ended::Finished } else { Ended::Stopped };
-        Manifest::of(complete, ended, None, &self.names).write(&self.out)
+    fn list(&self, complete: bool, ended: Ended) -> Result<()> {
+        let names = [&self.names[..], &self.stale].concat();
+        Manifest::of(complete, ended, None, &names).write(&self.out)
+    }
+}
+
+impl Drop for InPlace {
+    fn drop(&mut self) {
+        if !self.finished {
+            // The error that ended it is what is told.
+            let _ = self.list(false, if terminal::stopping() { Ended::Stopped } else { Ended::Error });
+        }
     }
 }
 
@@ -80,26 +101,33 @@ mod tests {
             names.iter().filter(|name| **name != "none").for_each(|name| write(name));
             made.finish().expect("finished");
         };
-        run(&["table.txt", "ours/a.txt", "ours/seed-2/a.txt", "none"], &[]);
-        assert_eq!(manifest(&out).expect("a list").files, ["ours/a.txt", "ours/seed-2/a.txt", "table.txt"]);
+        run(&["scores.json", "ours/a.txt", "ours/seed-2/a.txt", "none"], &[]);
+        assert_eq!(manifest(&out).expect("a list").files, ["ours/a.txt", "ours/seed-2/a.txt", "scores.json"]);
         write("ours/mine.txt");
         write("runs/kept.json");
         fs::write(place.path().join("precious"), "mine").expect("writable");
-        let all = ["../precious", "/etc/hosts", "ours", "ours/a.txt", "ours/seed-2/a.txt", "table.txt"];
+        let all = ["../precious", "/etc/hosts", "ours", "ours/a.txt", "ours/seed-2/a.txt", "scores.json"];
         let listed = all.map(str::to_owned);
         Manifest::of(true, Ended::Finished, None, &listed).write(&out).expect("writable");
         // What is read stays in the list, and goes the next time.
-        run(&["table.txt"], &[&out.join("ours")]);
+        run(&["scores.json"], &[&out.join("ours")]);
         assert!(out.join("ours/seed-2/a.txt").is_file());
-        run(&["table.txt"], &[]);
+        run(&["scores.json"], &[]);
         let there = |name: &str| out.join(name).exists();
-        assert!(!there("ours/a.txt") && !there("ours/seed-2") && there("table.txt"));
+        assert!(!there("ours/a.txt") && !there("ours/seed-2") && there("scores.json"));
         assert!(there("ours/mine.txt") && there("runs/kept.json") && place.path().join("precious").is_file());
-        // One that was begun and not finished is known, too.
-        drop(InPlace::begin(&out, vec!["table.txt".into(), "half.txt".into()], &[]).expect("begun"));
+        // One that was begun and not finished is known, too, and has taken nothing away.
+        drop(InPlace::begin(&out, vec!["half.txt".into()], &[]).expect("begun"));
+        let broken = manifest(&out).expect("a list");
+        assert!(there("scores.json") && !broken.complete && broken.ended == Some(Ended::Error));
         write("half.txt");
-        run(&["table.txt"], &[]);
+        run(&["scores.json"], &[]);
         assert!(!there("half.txt"));
+        // What another command left stays, and stays in the list.
+        Manifest::of(true, Ended::Finished, None, &["boxes.txt".into()]).write(&out).expect("writable");
+        write("boxes.txt");
+        run(&["scores.json"], &[]);
+        assert!(there("boxes.txt") && manifest(&out).expect("a list").files.contains(&"boxes.txt".into()));
         fs::write(out.join(MANIFEST), "[1, 2]").expect("writable");
         assert!(InPlace::begin(&out, vec![], &[]).is_err());
     }

@@ -153,8 +153,8 @@ impl Runs {
 
     fn write(&self, root: &Path) -> Result<()> {
         let text = serde_json::to_string_pretty(self).map_err(|e| Error::Invalid(e.to_string()))?;
-        files::write(root.join(LIST), (text + "\n").as_bytes())?;
-        files::write(root.join("index.html"), self.page(root).as_bytes())?;
+        files::write_inside(root.join(LIST), (text + "\n").as_bytes())?;
+        files::write_inside(root.join("index.html"), self.page(root).as_bytes())?;
         let failures = root.join("failures.txt");
         let failed = self.runs.values().filter_map(|run| Some((run.source.display(), run.error.as_ref()?)));
         let lines: String = failed.map(|(source, error)| format!("{source}\t{}\n", error.replace('\n', " "))).collect();
@@ -163,7 +163,7 @@ impl Runs {
             let _ = std::fs::remove_file(failures);
             return Ok(());
         }
-        files::write(failures, lines.as_bytes())
+        files::write_inside(failures, lines.as_bytes())
     }
 
     /// A table with the worst first.
