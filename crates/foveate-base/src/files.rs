@@ -28,11 +28,11 @@ pub fn write(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     written.map_err(Error::io(path, "cannot write"))
 }
 
-/// As [`write`], for a name that the program makes in a folder of results, in which others may write: a link, fifo or device of that name
+/// As [`write()`], for a name that the program makes in a folder of results, in which others may write: a link, fifo or device of that name
 /// is replaced.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_inside(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     let path = path.as_ref();
     let written = Part::inside(path).and_then(|mut part| part.write_all(bytes).and_then(|()| part.keep(path)));
