@@ -23,9 +23,7 @@ pub const TEXT: u64 = 1 << 28;
 /// # Errors
 /// [`Error::Io`] naming `path` where it cannot be written; nothing is left behind then.
 pub fn write(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
-    let path = path.as_ref();
-    let written = Part::beside(path).and_then(|mut part| part.write_all(bytes).and_then(|()| part.keep(path)));
-    written.map_err(Error::io(path, "cannot write"))
+    whole(path.as_ref(), bytes, Part::beside)
 }
 
 /// As [`write()`], for a name that the program makes in a folder of results, in which others may write: a link, fifo or device of that name
@@ -34,8 +32,11 @@ pub fn write(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
 /// # Errors
 /// As [`write()`].
 pub fn write_inside(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
-    let path = path.as_ref();
-    let written = Part::inside(path).and_then(|mut part| part.write_all(bytes).and_then(|()| part.keep(path)));
+    whole(path.as_ref(), bytes, Part::inside)
+}
+
+fn whole(path: &Path, bytes: &[u8], begin: fn(&Path) -> std::io::Result<Part>) -> Result<()> {
+    let written = begin(path).and_then(|mut part| part.write_all(bytes).and_then(|()| part.keep()));
     written.map_err(Error::io(path, "cannot write"))
 }
 

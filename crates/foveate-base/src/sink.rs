@@ -61,7 +61,7 @@ impl Write for Target {
 impl Target {
     fn finish(self, path: &Path) -> io::Result<()> {
         match self {
-            Self::Part(part) => part.keep(path),
+            Self::Part(part) => part.keep(),
             Self::Growing(file, _) => {
                 attempt(Operation::Sync, path)?;
                 file.sync_data()

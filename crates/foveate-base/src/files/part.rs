@@ -29,9 +29,8 @@ const LINKS: usize = 40;
 pub struct Part {
     path: PathBuf,
     file: Option<File>,
-    follows: bool,
-    /// It is written to what is there, and has no name of its own.
-    through: bool,
+    /// The name that it gets; none where it is written to what is there.
+    to: Option<PathBuf>,
 }
 
 /// A name beside `path` that nobody else uses or can guess, for what becomes `path` when it is whole: `.NAME.PROCESS-RANDOM.tmp`.
@@ -55,11 +54,9 @@ impl Part {
         if no_file || path.starts_with("/dev") {
             attempt(Operation::Open, path)?;
             let file = File::options().append(true).open(path)?;
-            return Ok(Self { path: path.to_owned(), file: Some(file), follows: true, through: true });
+            return Ok(Self { path: path.to_owned(), file: Some(file), to: None });
         }
-        let mut part = Self::inside(&followed(path))?;
-        part.follows = true;
-        Ok(part)
+        Self::inside(&followed(path))
     }
 
     /// The same for a name that the program makes in a folder of results: a link, fifo or device of that name is replaced.
@@ -71,7 +68,7 @@ impl Part {
         sweep(&part);
         attempt(Operation::Open, path)?;
         let file = File::options().write(true).create_new(true).open(&part)?;
-        Ok(Self { path: part, file: Some(file), follows: false, through: false })
+        Ok(Self { path: part, file: Some(file), to: Some(path.to_owned()) })
     }
 
     /// Where it is.
@@ -83,11 +80,8 @@ impl Part {
     ///
     /// # Errors
     /// Where either fails: then the file of that name is as it was, and this one is gone.
-    pub fn keep(mut self, path: &Path) -> io::Result<()> {
-        if self.through {
-            return Ok(());
-        }
-        let path = &*if self.follows { followed(path) } else { path.to_owned() };
+    pub fn keep(mut self) -> io::Result<()> {
+        let Some(path) = &self.to else { return Ok(()) };
         attempt(Operation::Sync, path)?;
         if let Some(file) = &self.file {
             file.sync_data()?;
@@ -111,7 +105,7 @@ impl Write for Part {
 
 impl Drop for Part {
     fn drop(&mut self) {
-        if self.file.take().is_some() && !self.through {
+        if self.file.take().is_some() && self.to.is_some() {
             // It is not whole; a later run clears away what cannot be removed now.
             let _ = std::fs::remove_file(&self.path);
         }
@@ -259,13 +253,13 @@ mod tests {
         let other = Part::beside(&path).expect("writable");
         assert_ne!(part.path(), other.path());
         assert!(!path.exists());
-        part.keep(&path).expect("renamed");
+        part.keep().expect("renamed");
         assert_eq!(std::fs::read(&path).expect("there"), b"text");
         let gone = other.path().to_owned();
         drop(other);
         assert!(!gone.exists());
         let long = dir.path().join("é".repeat(120));
-        Part::beside(&long).expect("a long name").keep(&long).expect("renamed");
+        Part::beside(&long).expect("a long name").keep().expect("renamed");
     }
 
     #[cfg(unix)]
@@ -281,7 +275,7 @@ mod tests {
         for text in ["new", "newer"] {
             let mut part = Part::beside(&link).expect("writable");
             part.write_all(text.as_bytes()).expect("written");
-            part.keep(&link).expect("renamed");
+            part.keep().expect("renamed");
             assert_eq!(std::fs::read_to_string(&there).expect("there"), text);
             // The second time it leads to what is not there yet.
             std::fs::remove_file(&there).expect("there");
@@ -319,7 +313,7 @@ mod tests {
             let mut part = Part::beside(&path).expect("writable");
             part.write_all(b"text").expect("written");
             if kept {
-                part.keep(&path).expect("there is nothing to rename");
+                part.keep().expect("there is nothing to rename");
             } else {
                 drop(part);
             }

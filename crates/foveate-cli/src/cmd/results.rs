@@ -338,7 +338,7 @@ fn moved(from: &Path, to: &Path) -> std::io::Result<()> {
     }
     let mut part = files::Part::inside(to)?;
     std::io::copy(&mut fs::File::open(from)?, &mut part)?;
-    part.keep(to)
+    part.keep()
 }
 
 #[cfg(test)]

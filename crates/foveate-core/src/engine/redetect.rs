@@ -59,13 +59,10 @@ impl Engine {
         search.candidates.draw(least, &mut w.predicted, &mut w.log_prior, &mut w.redetected, streams);
         self.owe(scene.detections);
         if aside {
+            // Then all look otherwise.
             self.parts.appearance.forget_short_term();
-            self.parts.appearance.see_more(scene.image, &self.work.predicted, &self.work.gazes);
-            // The policy has learned from the rewards of the frame's own looks.
-            let (rewards, evidence) = (self.work.rewards.clone(), self.work.gaze_evidence.clone());
-            self.weigh();
-            (self.work.rewards, self.work.gaze_evidence) = (rewards, evidence);
-            return;
+            self.work.redetected.clear();
+            self.work.redetected.extend(0..self.work.predicted.len());
         }
         self.weigh_drawn(scene.image);
     }
@@ -99,7 +96,7 @@ impl Engine {
         w.redetected.iter().for_each(|i| w.log_prior[*i] += told(&w.predicted[*i]));
     }
 
-    /// Looks at the predicted states that were drawn again: log posterior and weights are those of all states again.
+    /// Looks again at those of the predicted states that `work.redetected` names: log posterior and weights are those of all again.
     fn weigh_drawn(&mut self, image: &Image) {
         let (parts, w) = (&mut self.parts, &mut self.work);
         if w.redetected.is_empty() {
