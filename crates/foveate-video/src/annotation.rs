@@ -1,4 +1,4 @@
-//! Boxes in text files: ground truth of OTB and GOT-10k, and trackers' results.
+//! Boxes in text files: ground truth of OTB, GOT-10k and LaSOT, and trackers' results.
 //!
 //! One frame a line, `x,y,w,h` in pixels, separated by comma, semicolon, tab or space. A blank line
 //! before the last one, or a line with NaN, says that there is no box in that frame.
@@ -56,11 +56,16 @@ pub(super) fn parse_lines(
 ///
 /// Errors: the file cannot be read, or a line is not a finite number.
 pub fn read_numbers(path: impl AsRef<Path>) -> Result<Vec<f64>> {
-    let path = path.as_ref();
+    numbers(path.as_ref(), &[])
+}
+
+/// Numbers of a file, a line each or with these characters between those of a line.
+fn numbers(path: &Path, between: &[char]) -> Result<Vec<f64>> {
     let text = read_text(path)?;
-    let parsed = lines(&text).filter(|(_, line)| !line.is_empty()).map(|(number, line)| match line.parse::<f64>() {
+    let words = lines(&text).flat_map(|(number, line)| line.split(between).map(move |word| (number, word.trim())));
+    let parsed = words.filter(|(_, word)| !word.is_empty()).map(|(number, word)| match word.parse::<f64>() {
         Ok(value) if value.is_finite() => Ok(value),
-        _ => Err(at_line(path, number, &format!("expected one number, found {:?}", shortened(line)))),
+        _ => Err(at_line(path, number, &format!("expected one number, found {:?}", shortened(word)))),
     });
     parsed.collect()
 }
@@ -68,21 +73,25 @@ pub fn read_numbers(path: impl AsRef<Path>) -> Result<Vec<f64>> {
 /// GOT-10k's file of labels beside its boxes: not 0 where the target is absent.
 pub const ABSENCE: &str = "absence.label";
 
-/// Takes out the boxes of frames in which these labels say that the target is absent, where there are labels. How many boxes
-/// that were.
+/// All such files: GOT-10k's, a label a line, and LaSOT's two, with commas between labels.
+const LABELS: [&str; 3] = [ABSENCE, "full_occlusion.txt", "out_of_view.txt"];
+
+/// Takes out the boxes of frames in which the target is absent by the labels of GOT-10k or LaSOT in this folder, where there are
+/// any. How many boxes that were.
 ///
-/// Errors: the file cannot be read, a line is not a finite number, or there is not a label for each frame.
-pub fn hide_absent(truth: &mut [Option<BBox>], labels: &Path) -> Result<usize> {
-    if !labels.is_file() {
-        return Ok(0);
+/// Errors: a file cannot be read, a label is not a finite number, or there is not a label for each frame.
+pub fn hide_absent(truth: &mut [Option<BBox>], folder: &Path) -> Result<usize> {
+    let mut hidden = 0;
+    for labels in LABELS.map(|name| folder.join(name)).iter().filter(|labels| labels.is_file()) {
+        let absent = numbers(labels, &[','])?;
+        if absent.len() != truth.len() {
+            let problem = format!("expected a label for each of {} boxes, found {}", truth.len(), absent.len());
+            return Err(Error::malformed(labels, problem));
+        }
+        let there = truth.iter_mut().zip(absent).filter(|(bbox, absent)| bbox.is_some() && *absent != 0.0);
+        hidden += there.map(|(bbox, _)| *bbox = None).count();
     }
-    let absent = read_numbers(labels)?;
-    if absent.len() != truth.len() {
-        let problem = format!("expected a label for each of {} boxes, found {}", truth.len(), absent.len());
-        return Err(Error::malformed(labels, problem));
-    }
-    let hidden = truth.iter_mut().zip(absent).filter(|(bbox, absent)| bbox.is_some() && *absent != 0.0);
-    Ok(hidden.map(|(bbox, _)| *bbox = None).count())
+    Ok(hidden)
 }
 
 /// The text of boxes: one line `x,y,w,h` each, 1-based.

@@ -67,6 +67,68 @@
 //! Configurations choose the parts by name ([`config`]). Every part is a trait with one to three methods that matter, and every trait has its
 //! laws ([`conformance`]). The same seed gives the same track, for any number of threads ([`rng`]).
 //!
+//! # Parts of your own
+//!
+//! A checked configuration gives its parts; put yours in the place of one, and keep the others. Every trait has a function in
+//! [`conformance`] that panics where an implementation breaks its law. Here a policy:
+//!
+//! ```
+//! use foveate::config::Config;
+//! use foveate::gaze::{Context, Grid, Plan, Policy};
+//! use foveate::geometry::Gaze;
+//! use foveate::rng::Rng;
+//! use foveate::{Error, Result, Tracker, conformance, files::Nowhere};
+//!
+//! /// Stays at a gaze that is rewarded with more than a half, and goes on to the next one from any other.
+//! struct WinStay {
+//!     gazes: Vec<Gaze>,
+//!     at: usize,
+//! }
+//!
+//! impl Policy for WinStay {
+//!     fn plan(&mut self, _: &Context, plan: &mut Plan, _: &mut Rng) {
+//!         plan.only(self.gazes[self.at]);
+//!     }
+//!     fn learn(&mut self, _: &Plan, rewards: &[f64]) {
+//!         if rewards[0] <= 0.5 {
+//!             self.at = (self.at + 1) % self.gazes.len();
+//!         }
+//!     }
+//!     fn save(&self) -> serde_json::Value {
+//!         self.at.into()
+//!     }
+//!     fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+//!         let at = saved.as_u64().map(|at| at as usize).filter(|at| *at < self.gazes.len());
+//!         self.at = at.ok_or_else(|| Error::Invalid(format!("no place in the grid: {saved}")))?;
+//!         Ok(())
+//!     }
+//!     fn reset(&mut self) {
+//!         self.at = 0;
+//!     }
+//! }
+//!
+//! let new = || Box::new(WinStay { gazes: Grid { n: 2, ..Grid::default() }.gazes(), at: 0 });
+//! conformance::policy(&|| new());
+//!
+//! let blueprint = Config::builtin("narrow").expect("it ships")?.check(&Nowhere)?;
+//! let mut parts = blueprint.parts()?;
+//! parts.gaze = parts.gaze.choosing(new());
+//! let tracker = Tracker::from_parts(parts, blueprint.preprocessor(), 1);
+//! # Ok::<(), Error>(())
+//! ```
+//!
+//! | yours | takes its place by |
+//! | --- | --- |
+//! | policy; policy and reward | `parts.gaze.choosing(policy)`; [`GazeControl::new`] |
+//! | dynamics, proposal | `parts.filter.proposing(proposal)`; the proposal from dynamics alone: [`control::Prior`] |
+//! | encoder, with the configuration's retina or another | [`Config::identity`], then `blueprint.with(retina, encoder)`, which trackers of many targets take, too |
+//! | appearance: retina, distance and all | `parts.appearance` |
+//! | recogniser | `parts.recognising(recognition)` |
+//! | detector | [`Tracker::update_with`], [`MultiTracker`] |
+//!
+//! A configuration with `[sensor]` needs `Tracker::from_parts(...).sensing(...)` with a [`scene::Sensor`] of its settings besides.
+//! A tracker with parts of your own saves and loads as any other does, in one of the same parts.
+//!
 //! # Features
 //!
 //! | feature | default | adds |

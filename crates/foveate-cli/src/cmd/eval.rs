@@ -32,7 +32,7 @@ use crate::terminal;
 /// foveate eval --mot --truth DIR --results DIR
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// Sequences in the layout of OTB (groundtruth_rect.txt, img/), VOT or GOT-10k (groundtruth.txt), or folders that hold them
+    /// Sequences in the layout of OTB (groundtruth_rect.txt, img/), VOT, GOT-10k or LaSOT (groundtruth.txt), or folders that hold them
     #[arg(long, value_name = "DIR", num_args = 1.., required_unless_present = "mot")]
     pub seqs: Vec<PathBuf>,
     /// Score tracks of many targets in MOTChallenge's text (frame,id,x,y,w,h,conf,...) instead

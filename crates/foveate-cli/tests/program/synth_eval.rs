@@ -51,6 +51,35 @@ fn the_truth_of_a_made_video_scores_best() {
     );
 }
 
+/// Boxes without a picture are told before any sequence is tracked, pictures without a box are told.
+#[test]
+fn boxes_and_pictures_are_counted_first() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
+    scene(&path("seqs/Bolt"), "3", "6");
+    scene(&path("seqs/Coke"), "3", "6");
+    let truth = std::fs::read_to_string(path("seqs/Coke/groundtruth_rect.txt")).expect("the truth");
+    let eval = |more: &[&str], truth: &str| {
+        std::fs::write(path("seqs/Coke/groundtruth_rect.txt"), truth).expect("written");
+        foveate(&[&["eval", "--seqs", &path("seqs"), "--config", "digits", "--out", &path("out")], more].concat())
+    };
+    let longer = truth.clone() + "1,1,28,28\n";
+    for more in [&[][..], &["--side-by-side"], &["--choose", "particles=20,30"]] {
+        let refused = eval(more, &longer);
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(
+            !refused.status.success() && said.contains("Coke/groundtruth_rect.txt: 7 boxes for the 6 pictures in"),
+            "{said}"
+        );
+        assert!(!said.contains("Bolt (seed 1)") && !dir.path().join("out").exists(), "{said}");
+    }
+    let shorter: String = truth.split_inclusive('\n').take(4).collect();
+    let done = eval(&[], &shorter);
+    let said = String::from_utf8_lossy(&done.stderr).into_owned();
+    assert!(done.status.success() && said.contains("4 boxes for the 6 pictures in"), "{said}");
+    assert!(said.contains("Coke (seed 1)") && said.contains("of 4 frames"), "{said}");
+}
+
 /// As `foveate synth | head` with a reader that has gone.
 #[test]
 fn nobody_has_to_read_what_is_said() {

@@ -60,6 +60,10 @@ impl Filter {
             waiting: None,
         })
     }
+    /// The same, with particles put by this proposal.
+    pub fn proposing(self, proposal: Box<dyn Proposal>) -> Self {
+        Self { proposal, ..self }
+    }
     /// The same, selecting by this rule.
     pub fn resampling(self, resampling: Resampling) -> Self {
         Self { resampling, ..self }

@@ -26,6 +26,10 @@ impl GazeControl {
     pub fn new(policy: Box<dyn Policy>, reward: Box<dyn Reward>) -> Self {
         Self { policy, reward }
     }
+    /// The same, with gazes chosen by this policy.
+    pub fn choosing(self, policy: Box<dyn Policy>) -> Self {
+        Self { policy, ..self }
+    }
     /// The policy, to look at.
     pub fn policy(&self) -> &dyn Policy {
         &*self.policy

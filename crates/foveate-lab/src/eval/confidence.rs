@@ -234,12 +234,13 @@ fn best_noise(frames: &[&Judged]) -> f64 {
 pub fn text(score: &ConfidenceScore) -> String {
     let s = score;
     let or = |v: Option<String>| v.unwrap_or_else(|| "-".into());
+    let known = |v: String| if s.frames > 0 { v } else { "-".into() };
     let percent = |v: f64| format!("{:.1} %", 100.0 * v);
     let coverage = |k: usize| or(s.coverage.map(|c| format!("{} / {}", percent(c[k][0]), percent(c[k][1]))));
     let rows = [
         ("frames, lost", format!("{}, {}", s.frames, s.lost)),
-        ("calibration error of P(lost)", format!("{:.4}", s.ece)),
-        ("Brier score (of the base rate)", format!("{:.4} ({:.4})", s.brier, s.brier_of_base_rate)),
+        ("calibration error of P(lost)", known(format!("{:.4}", s.ece))),
+        ("Brier score (of the base rate)", known(format!("{:.4} ({:.4})", s.brier, s.brier_of_base_rate))),
         ("area under ROC", or(s.roc.map(|r| format!("{r:.3}")))),
         ("lost where P(lost) is below 10 %", or(s.lost_below_tenth().map(percent))),
         ("lost frames reported", or(s.reported.map(percent))),
@@ -290,6 +291,7 @@ mod tests {
         // Of 140 pairs, 112 in order and 28 tied.
         assert!((s.roc.expect("both") - (112.0 + 14.0) / 140.0).abs() < 1e-12);
         assert!(text(&s).contains("1 of 1") && ConfidenceScore::of(&[], 0.1).roc.is_none());
+        assert!(!text(&ConfidenceScore::of(&[], 0.1)).contains("0.0"), "no frame tells nothing");
     }
 
     /// 4000 draws from beliefs that are right, and from beliefs that do not know of 0.3 units: the share within the 90 %

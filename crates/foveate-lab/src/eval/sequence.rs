@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use foveate_base::{Error, Result};
 use foveate_core::geometry::BBox;
-use foveate_video::annotation::{ABSENCE, hide_absent, read_truth};
+use foveate_video::annotation::{hide_absent, read_truth};
 use foveate_video::vot;
 
 /// A video as a folder of images, and where the target truly is in it.
@@ -34,8 +34,8 @@ impl Sequence {
 /// All sequences in `folders`, each of which is a sequence or holds some, by name.
 ///
 /// A sequence has `groundtruth_rect.txt` (OTB; `groundtruth_rect.2.txt` is a second target of its own)
-/// or `groundtruth.txt` (GOT-10k, where `absence.label` says in which frames the target is absent; or VOT, which counts pixels
-/// from 0 and has polygons, too: [`vot::is_sequence`] tells them apart).
+/// or `groundtruth.txt` (GOT-10k and LaSOT, where `absence.label`, `full_occlusion.txt` and `out_of_view.txt` say in which frames the
+/// target is absent; or VOT, which counts pixels from 0 and has polygons, too: [`vot::is_sequence`] tells them apart).
 ///
 /// # Errors
 /// A folder cannot be read or holds no sequence, a truth file is damaged, or two sequences share a name.
@@ -82,7 +82,7 @@ fn add(folder: &Path, found: &mut Vec<Sequence>) -> Result<()> {
         let of_vot = truth_file.ends_with("groundtruth.txt") && vot::is_sequence(folder);
         let mut truth = if of_vot { vot::read_truth(&truth_file)? } else { read_truth(&truth_file)? };
         if !of_vot {
-            hide_absent(&mut truth, &folder.join(ABSENCE))?;
+            hide_absent(&mut truth, folder)?;
         }
         found.push(Sequence { name, images, truth, truth_file });
     }
@@ -140,6 +140,12 @@ mod tests {
         let own = Some(BBox { x: 2.0, y: 3.0, w: 5.0, h: 5.0 });
         let got = &find_sequences(&[dir.path().join("got")]).expect("one")[0];
         assert_eq!(got.truth, [Some(BBox { x: 1.0, y: 2.0, w: 5.0, h: 5.0 }), None]);
+        // LaSOT has all labels in a line, and boxes where the target is not to be seen.
+        write("lasot/cat-1/groundtruth.txt", "2,3,5,5\n3,3,5,5\n4,3,5,5\n");
+        write("lasot/cat-1/full_occlusion.txt", "0,1,0");
+        write("lasot/cat-1/out_of_view.txt", "0,0,1\n");
+        let lasot = &find_sequences(&[dir.path().join("lasot")]).expect("one")[0];
+        assert_eq!(lasot.truth, [got.truth[0], None, None]);
         let of_vot = find_sequences(&[dir.path().join("vot")]).expect("two");
         assert_eq!((&of_vot[0].truth, &of_vot[1].truth), (&vec![own, None], &vec![own]));
         assert_eq!(of_vot[1].images, dir.path().join("vot/W/color"));

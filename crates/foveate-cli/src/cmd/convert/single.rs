@@ -25,8 +25,8 @@ pub fn read(format: Format, path: &Path) -> Result<Boxes> {
     let empty = truth.iter_mut().filter(|b| b.is_some_and(|b| b.w <= 0.0 || b.h <= 0.0));
     boxes.lose(empty.map(|b| *b = None).count(), "boxes without area are left out");
     if format == Format::Got10k {
-        let hidden = annotation::hide_absent(&mut truth, &path.with_file_name(annotation::ABSENCE))?;
-        boxes.lose(hidden, "boxes are left out: absence.label says absent");
+        let hidden = annotation::hide_absent(&mut truth, path.parent().unwrap_or(Path::new("")))?;
+        boxes.lose(hidden, "boxes are left out: labels beside them say absent");
     }
     let tracks = truth.iter().enumerate().filter_map(|(frame, bbox)| {
         let bbox = (*bbox)?;

@@ -14,6 +14,7 @@ use foveate::{Error, Result, files};
 
 use super::grid::{Candidate, candidates};
 use super::kept::{self, Kept, pictures, program};
+use super::one_pass;
 use super::track_files;
 use crate::cmd::reproduce::runner::{Entry, Store};
 
@@ -47,7 +48,7 @@ impl Plan {
                 )));
             }
         }
-        sequences.iter().try_for_each(|s| s.init().map(|_| ()))?;
+        one_pass::check(sequences)?;
         let candidates = candidates(config, choices)?;
         let program = program()?;
         let entry = |c: &Candidate| {

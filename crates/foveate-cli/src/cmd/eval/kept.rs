@@ -7,7 +7,7 @@ use foveate::lab::eval::{Sequence, TrackRun, experiment};
 use foveate::{BBox, Error, Result};
 use serde::{Deserialize, Serialize};
 
-use super::one_pass::one_pass;
+use super::one_pass::{self, one_pass};
 use crate::cmd::reproduce::runner::{self, Entry, Finished, Store};
 
 /// A finished run, as its file has it.
@@ -45,7 +45,7 @@ pub struct Runs<'a> {
 impl<'a> Runs<'a> {
     /// Those that are kept in `store`, or will be.
     pub fn new(blueprint: Blueprint, sequences: &'a [Sequence], store: &'a Store) -> Result<Self> {
-        sequences.iter().try_for_each(|sequence| sequence.init().map(|_| ()))?;
+        one_pass::check(sequences)?;
         let digests = sequences.iter().map(pictures).collect::<Result<_>>()?;
         std::fs::create_dir_all(&store.folder).map_err(Error::io(&store.folder, "cannot create"))?;
         Ok(Self { entry: Entry::of(blueprint, &program()?)?, sequences, digests, store })

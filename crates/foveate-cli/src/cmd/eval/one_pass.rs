@@ -1,18 +1,40 @@
 //! One pass over a sequence, from the true box of its first frame.
 
-use foveate::Result;
 use foveate::config::Blueprint;
 use foveate::lab::eval::confidence::{Judged, Recorder};
 use foveate::lab::eval::{Sequence, TrackRun};
 use foveate::report::run::{SingleRun, Span, check_box, follow};
 use foveate::video::open;
+use foveate::{Error, Result};
 
 use crate::cmd::of_file;
+
+/// Refuses sequences that no tracker can be run on, before it is run on any: the first box must be one that a target can have, and
+/// there must be a picture for each box. Says where there are more pictures.
+pub fn check(sequences: &[Sequence]) -> Result<()> {
+    for sequence in sequences {
+        let (bbox, source, truth) = (sequence.init()?, open(&sequence.images)?, sequence.truth_file.display());
+        check_box(&format!("{truth}: the first box"), &bbox, source.info())?;
+        let (boxes, pictures) = (sequence.truth.len(), source.info().frames.unwrap_or(sequence.truth.len()));
+        let images = sequence.images.display();
+        if boxes > pictures {
+            let problem =
+                format!("{boxes} boxes for the {pictures} pictures in {images}; expected a picture for each box");
+            return Err(Error::malformed(&sequence.truth_file, problem));
+        }
+        if boxes < pictures {
+            note!(
+                "{truth}: {boxes} boxes for the {pictures} pictures in {images}: the first {boxes} pictures are used; where the boxes \
+                 begin later, take the pictures before them away"
+            );
+        }
+    }
+    Ok(())
+}
 
 /// The boxes of all frames, and what was said in each frame from the second on.
 pub fn one_pass(blueprint: &Blueprint, sequence: &Sequence, seed: u64) -> Result<(TrackRun, Vec<Judged>)> {
     let (mut tracker, mut source, bbox) = (blueprint.tracker(seed)?, open(&sequence.images)?, sequence.init()?);
-    check_box(&format!("{}: the first box", sequence.truth_file.display()), &bbox, source.info())?;
     let span = Span { until: sequence.truth.len() - 1, ..Span::default() };
     let run = SingleRun { init: Some(bbox), span, again: &[] };
     let mut witness = Recorder::of(&sequence.truth);

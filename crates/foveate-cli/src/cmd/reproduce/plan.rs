@@ -191,6 +191,19 @@ impl Expect {
     }
 }
 
+/// A scene of this text that gives what the experiment puts in, by name, and the key.
+fn put_in(text: &str) -> Option<(String, &'static str)> {
+    let all: toml::Table = toml::from_str(text).ok()?;
+    let scenes = all.get("scene").and_then(toml::Value::as_array).into_iter().flatten().chain(all.get("multi"));
+    let given = |scene: &toml::Value| {
+        let key = ["digit", "seed", "frames"]
+            .into_iter()
+            .find(|key| scene.get("video").and_then(|v| v.get(key)).is_some())?;
+        Some((scene.get("name")?.as_str()?.to_owned(), key))
+    };
+    scenes.filter_map(given).next()
+}
+
 fn all_digits() -> Vec<u8> {
     (0..10).collect()
 }
@@ -229,6 +242,11 @@ impl Experiment {
     fn parse(name: &str, text: &str, file: &str) -> Result<Self> {
         let wrong = |what: String| Error::Config(format!("{file}: {what}"));
         let mut all: Self = toml::from_str(text).map_err(|e| wrong(e.to_string()))?;
+        if let Some((scene, key)) = put_in(text) {
+            return Err(wrong(format!(
+                "scene {scene}: video.{key} is put in by the experiment, from its `digits`, `seeds` and `frames`; leave it out there"
+            )));
+        }
         all.name = name.into();
         all.complete().map_err(wrong)?;
         let (least, most) = all.occluded;
@@ -242,6 +260,16 @@ impl Experiment {
         }
         if all.lines.is_empty() || ![all.frames, all.quick.frames].iter().all(|n| (2..=100_000).contains(n)) {
             return Err(wrong("expected a line at least, and 2 to 100000 frames".into()));
+        }
+        let twice =
+            |names: Vec<&str>| (1..names.len()).find(|i| names[..*i].contains(&names[*i])).map(|i| names[i].to_owned());
+        for (what, names) in [
+            ("line", all.lines.iter().map(|l| l.name.as_str()).collect()),
+            ("scene", all.scenes.iter().map(|s| s.name.as_str()).collect()),
+        ] {
+            if let Some(name) = twice(names) {
+                return Err(wrong(format!("two {what}s are called {name}; give each a name of its own")));
+            }
         }
         for line in &all.lines {
             for scene in line.scenes.iter().flatten() {
@@ -315,10 +343,9 @@ mod tests {
     fn all_experiments_can_be_made() {
         for (name, _) in EXPERIMENTS {
             let experiment = Experiment::named(name).expect(name);
-            for (i, line) in experiment.lines.iter().enumerate() {
+            for line in &experiment.lines {
                 let (entry, other) = (line.entry(&[]).expect(name), line.entry(&["particles=77".into()]).expect(name));
                 assert!(entry.key != other.key && other.blueprint.config().particles == 77);
-                assert!(experiment.lines[..i].iter().all(|l| l.name != line.name), "{name}: {} twice", line.name);
             }
             for row in &experiment.paper {
                 // The paper's averages are means of its digits, rounded: checks the copying.
@@ -344,6 +371,25 @@ mod tests {
         assert_eq!((&b.config[..], b.policy.as_deref()), ("digits-hedge", Some("random")));
         for (second, said) in [("like = 'c'", "is like c"), ("like = 'b'", "not a line before it"), ("", "`config`")] {
             assert!(lines(second).is_err_and(|e| e.to_string().contains(said)), "{second}");
+        }
+    }
+
+    #[test]
+    fn what_would_be_put_in_or_mixed_up_is_refused() {
+        let parse = |more: &str| {
+            let text = "title = 't'\nabout = 'a'\nseeds = 1\n[[line]]\nname = 'a'\nconfig = 'digits'\n[[scene]]\nname = 's'\nvideo = \
+                { scene = 'clutter', noise = 0.3 }\n";
+            Experiment::parse("t", &(text.to_owned() + more), "t.toml")
+        };
+        parse("").expect("a line and a scene");
+        for (more, said) in [
+            ("[[scene]]\nname = 'b'\nvideo = { scene = 'clutter', frames = 30 }", "scene b: video.frames is put in"),
+            ("[[scene]]\nname = 'b'\nvideo = { scene = 'occlusion', digit = 5 }", "scene b: video.digit is put in"),
+            ("[multi]\nname = 'm'\nvideo = { seed = 5 }", "scene m: video.seed is put in"),
+            ("[[scene]]\nname = 's'\nvideo = { scene = 'occlusion' }", "two scenes are called s"),
+            ("[[line]]\nname = 'a'\nconfig = 'digits-rbm'", "two lines are called a"),
+        ] {
+            assert!(parse(more).is_err_and(|e| e.to_string().contains(said)), "{more}");
         }
     }
 
