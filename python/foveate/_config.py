@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,13 +23,14 @@ class Given:
 def given(config: object) -> Given:
     """A dict changes settings; a path is a file; a string of more than one line is TOML.
 
-    >>> given({"particles": 400, "policy": {"kind": "hedge"}}).settings
-    ['particles=400', 'policy.kind="hedge"']
+    >>> given({"policy.gamma": 2.5, "policy": {"kind": "hedge"}}).settings
+    ['policy.kind="hedge"', 'policy.gamma=2.5']
     >>> given("own.toml").path
     'own.toml'
     """
     if isinstance(config, Mapping):
-        return Given(settings=_settings(config, ""))
+        found = sorted(_settings(config, ""), key=_turn)
+        return Given(settings=[f"{name}={value}" for name, value in found])
     if isinstance(config, str) and "\n" in config:
         return Given(text=config)
     if isinstance(config, (str, os.PathLike)):
@@ -39,25 +40,31 @@ def given(config: object) -> Given:
     )
 
 
-def _settings(settings: Mapping[Any, Any], above: str) -> list[str]:
-    """Settings as ``key=value`` in TOML; ``kind`` comes first, for it clears what belonged to another kind."""
-    found = []
-    for key in sorted(settings, key=lambda key: key != "kind"):
-        name, value = f"{above}{key}", settings[key]
+def _settings(settings: Mapping[Any, Any], above: str) -> Iterator[tuple[str, str]]:
+    """Settings by their keys with dots, the values in TOML."""
+    for key, value in settings.items():
+        name = f"{above}{key}"
         if isinstance(value, Mapping):
-            found += _settings(value, f"{name}.")
+            yield from _settings(value, f"{name}.")
         else:
-            found.append(f"{name}={_toml(value, name)}")
-    return found
+            yield name, _toml(value, name)
+
+
+def _turn(setting: tuple[str, str]) -> tuple[bool, int]:
+    """``kind`` comes first, outer before inner: it clears what belonged to another kind. All else stays in its order."""
+    *above, last = setting[0].split(".")
+    return last != "kind", len(above) if last == "kind" else 0
 
 
 def _toml(value: object, name: str) -> str:
+    if hasattr(value, "tolist"):  # NumPy's arrays and scalars
+        value = value.tolist()
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{k} = {_toml(v, name)}" for k, v in value.items()) + " }"
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(_toml(v, name) for v in value) + "]"
-    if hasattr(value, "item"):  # NumPy's scalars
-        value = value.item()
-    if isinstance(value, (bool, int, float, str)):
+    if isinstance(value, float):  # TOML has nan and inf, too
+        return float.__repr__(value)
+    if isinstance(value, (bool, int, str)):
         return json.dumps(value, ensure_ascii=False)
     raise ConfigError(f"config: {name} is a {type(value).__name__}; expected a number, a string, true or false, a list or a dict")

@@ -15,8 +15,12 @@ def rows(detections: object) -> npt.NDArray[np.float64]:
     array([[1., 2., 3., 4., 1.]])
     """
     if hasattr(detections, "xyxy"):
-        corners = np.asarray(detections.xyxy, dtype=np.float64).reshape(-1, 4)
-        scores = getattr(detections, "confidence", None)
+        corners = np.asarray(detections.xyxy, dtype=np.float64)
+        if corners.size == 0:
+            return np.empty((0, 5))
+        if corners.ndim != 2 or corners.shape[1] != 4:
+            raise InputError(f"xyxy of the detections has the shape {corners.shape}; expected (n, 4): left, top, right, bottom")
+        scores = getattr(detections, "confidence", getattr(detections, "conf", None))
         column = np.ones(len(corners)) if scores is None else np.asarray(scores, dtype=np.float64).reshape(-1)
         if len(column) != len(corners):
             raise InputError(f"detections have {len(corners)} boxes in xyxy and {len(column)} numbers in confidence")

@@ -13,7 +13,6 @@ They are the policies of the tracker (docs/paper.md has their equations), and kn
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -21,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._foveate import Policy
-from .errors import InputError
+from .errors import ConfigError, InputError
 
 Floats = npt.NDArray[np.float64]
 
@@ -37,7 +36,11 @@ class _Bandit:
     def _make(self, kind: str, arms: int, settings: dict[str, Any], seed: int) -> None:
         self._made = {"kind": kind, "arms": arms, "settings": settings, "seed": seed}
         gazes = [(float(arm), 0.0) for arm in range(arms)]
-        self._policy = Policy(kind, gazes, json.dumps(settings), seed)
+        try:
+            text = json.dumps(settings, allow_nan=False, default=_plain)
+        except (TypeError, ValueError):
+            raise ConfigError(f"{kind}: settings are finite numbers, strings or true and false; they are {settings}") from None
+        self._policy = Policy(kind, gazes, text, seed)
 
     def __getstate__(self) -> dict[str, Any]:
         return {"made": self._made, "saved": self._policy.save()}
@@ -161,13 +164,13 @@ class GpUcb(_Bandit):
         return u, v
 
     def tell(self, point: Sequence[float], reward: float) -> None:
-        """What a point is worth, any finite number: one that was asked for, or another."""
+        """What a point is worth, from -1e100 to 1e100: one that was asked for, or another."""
         u, v = (float(x) for x in point)
         reach = self._made["settings"]["reach"]
         if not (abs(u) <= reach and abs(v) <= reach):
             raise InputError(f"the point lies within {reach} of (0, 0) along each axis; it is ({u}, {v})")
-        if not math.isfinite(reward):
-            raise InputError(f"a reward is a finite number; it is {reward}")
+        if not abs(reward) <= 1e100:
+            raise InputError(f"a reward is a number from -1e100 to 1e100; it is {reward}")
         self._policy.tell_of(u, v, float(reward))
 
     @property
@@ -181,6 +184,13 @@ class GpUcb(_Bandit):
         found = self._policy.predict([(u, v) for u, v in rows.tolist()])
         assert found is not None, "a policy with a surface shows it"
         return found
+
+
+def _plain(value: Any) -> Any:
+    """NumPy's numbers as Python's."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError
 
 
 def _rewards(rewards: npt.ArrayLike) -> list[float]:

@@ -55,6 +55,8 @@ def resample(
     [1, 1, 2, 2]
     """
     given = np.ascontiguousarray(weights, dtype=np.float64)
+    if given.ndim != 1:
+        raise InputError(f"weights are numbers in one row, shape (n,); they have the shape {given.shape}")
     return select(given, len(given) if count is None else count, scheme, seed, step)
 
 
@@ -102,6 +104,7 @@ class ParticleFilter:
             raise InputError(f"particles is at least 1 and below 0 to 1; they are {particles} and {below}")
         self._transition, self._log_likelihood = transition, log_likelihood
         self._scheme, self._below, self._seed = scheme, below, seed
+        resample([1.0], 1, scheme, seed)  # what is wrong with them is said at once
         self._rng, self._step = np.random.default_rng(seed), 0
         self.particles = self._checked("start", start(particles, self._rng), particles)
         self.weights = np.full(particles, 1 / particles)

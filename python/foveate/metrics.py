@@ -97,9 +97,11 @@ def _sightings(given: npt.ArrayLike, name: str) -> Floats:
     rows = np.asarray(given, dtype=np.float64)
     if rows.size == 0:
         return np.empty((0, 7))
-    if rows.ndim == 2 and rows.shape[1] == 6:
+    if rows.ndim != 2 or rows.shape[1] not in (6, 7):
+        raise InputError(f"{name} has the shape {rows.shape}; expected (n, 6) or (n, 7)")
+    if rows.shape[1] == 6:
         rows = np.column_stack([rows, np.ones(len(rows))])
-    rows = _rows(rows, name, 7)
+    rows = np.ascontiguousarray(rows)
     whole = (rows[:, :2] >= 0) & (rows[:, :2] == np.floor(rows[:, :2])) & (rows[:, :2] < 1e9)
     if not (np.isfinite(rows).all() and whole.all()):
         raise InputError(f"{name}: numbers are finite, frames and ids whole and from 0 to 1e9")

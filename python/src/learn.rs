@@ -1,6 +1,7 @@
 //! Learners as functions of arrays: a kind, its recipe as JSON, and tensors as model files have them. `foveate.learn` has their protocols.
 
 use std::collections::HashMap;
+use std::time::{Duration, Instant};
 
 use foveate::learn::autoencoder::{self, Autoencoder};
 use foveate::learn::filters::{self, PatchFilters};
@@ -40,43 +41,56 @@ fn no(kind: &str) -> Error {
     Error::Invalid(format!("expected autoencoder, factored, filters or rbm, got {kind}"))
 }
 
-fn train(kind: &str, recipe: &str, rows: Rows<'_>) -> Result<Tensors> {
-    Ok(match kind {
-        "autoencoder" => {
-            let mut trainer = autoencoder::Trainer::new(serde_json::from_str(recipe).map_err(wrong)?, rows)?;
-            while !trainer.is_done() {
-                trainer.step(rows);
+/// How long a learner works before Python is asked whether to go on.
+const STRETCH: Duration = Duration::from_millis(100);
+
+/// A learner at work.
+enum Training {
+    Autoencoder(autoencoder::Trainer),
+    Factored(factored::Trainer),
+    Filters(filters::Trainer),
+    Rbm(rbm::Trainer),
+}
+
+impl Training {
+    fn new(kind: &str, recipe: &str, rows: Rows<'_>) -> Result<Self> {
+        Ok(match kind {
+            "autoencoder" => {
+                Self::Autoencoder(autoencoder::Trainer::new(serde_json::from_str(recipe).map_err(wrong)?, rows)?)
             }
-            trainer.check()?;
-            owned(trainer.learned().tensors())
-        }
-        "factored" => {
-            let mut trainer = factored::Trainer::new(serde_json::from_str(recipe).map_err(wrong)?, rows)?;
-            while !trainer.is_done() {
-                trainer.step();
+            "factored" => Self::Factored(factored::Trainer::new(serde_json::from_str(recipe).map_err(wrong)?, rows)?),
+            "filters" => Self::Filters(filters::Trainer::new(serde_json::from_str(recipe).map_err(wrong)?, rows)?),
+            "rbm" => Self::Rbm(rbm::Trainer::new(serde_json::from_str(recipe).map_err(wrong)?, rows)?),
+            other => return Err(no(other)),
+        })
+    }
+    /// Learns for a while; whether that is all.
+    fn go_on(&mut self, rows: Rows<'_>) -> bool {
+        let until = Instant::now() + STRETCH;
+        while Instant::now() < until {
+            match self {
+                Self::Autoencoder(trainer) if !trainer.is_done() => trainer.step(rows),
+                Self::Factored(trainer) if !trainer.is_done() => trainer.step(),
+                Self::Filters(trainer) if !trainer.is_done() => trainer.step(),
+                Self::Rbm(trainer) if !trainer.is_done() => trainer.step(rows),
+                _ => return true,
             }
-            trainer.check()?;
-            owned(trainer.learned().tensors())
         }
-        "filters" => {
-            let mut trainer = filters::Trainer::new(serde_json::from_str(recipe).map_err(wrong)?, rows)?;
-            while !trainer.is_done() {
-                trainer.step();
+        false
+    }
+    /// What was learned; of filters with their cost.
+    fn learned(&self) -> Result<Tensors> {
+        Ok(match self {
+            Self::Autoencoder(trainer) => trainer.check().map(|()| owned(trainer.learned().tensors()))?,
+            Self::Factored(trainer) => trainer.check().map(|()| owned(trainer.learned().tensors()))?,
+            Self::Filters(trainer) => {
+                let mut tensors = owned(trainer.learned().tensors());
+                tensors.insert("cost".into(), (vec![], vec![trainer.cost() as f32]));
+                tensors
             }
-            let mut tensors = owned(trainer.learned().tensors());
-            tensors.insert("cost".into(), (vec![], vec![trainer.cost() as f32]));
-            tensors
-        }
-        "rbm" => {
-            let mut trainer = rbm::Trainer::new(serde_json::from_str(recipe).map_err(wrong)?, rows)?;
-            while !trainer.is_done() {
-                trainer.step(rows);
-            }
-            trainer.check()?;
-            owned(trainer.learned().tensors())
-        }
-        other => return Err(no(other)),
-    })
+            Self::Rbm(trainer) => trainer.check().map(|()| owned(trainer.learned().tensors()))?,
+        })
+    }
 }
 
 impl Model {
@@ -128,17 +142,28 @@ impl Model {
     }
 }
 
-/// Calls with the rows of an array, on the threads of this process, without the interpreter's lock.
+/// Works on the threads of this process, without the interpreter's lock.
+fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T> + Send) -> PyResult<T> {
+    py.detach(|| crate::threads::run(work).and_then(|result| result)).or_raise(py)
+}
+
+/// The values of an array, row by row.
+fn values(x: &Singles<'_>) -> Vec<f32> {
+    x.as_array().iter().copied().collect()
+}
+
+fn rows<'a>(data: &'a [f32], x: &Singles<'_>) -> Result<Rows<'a>> {
+    match x.shape()[1] {
+        0 => Err(Error::Invalid("rows have at least one value, these have none".into())),
+        width => Ok(Rows::new(data, width)),
+    }
+}
+
+/// Calls with the rows of an array.
 fn on_rows<T: Send>(py: Python<'_>, x: &Singles<'_>, work: impl FnOnce(Rows<'_>) -> Result<T> + Send) -> PyResult<T> {
-    let width = x.shape()[1];
-    let data: Vec<f32> = x.as_array().iter().copied().collect();
-    let whole = || {
-        if width == 0 {
-            return Err(Error::Invalid("rows have at least one value, these have none".into()));
-        }
-        work(Rows::new(&data, width))
-    };
-    py.detach(|| crate::threads::run(whole).and_then(|r| r)).or_raise(py)
+    let data = values(x);
+    let rows = rows(&data, x).or_raise(py)?;
+    detached(py, || work(rows))
 }
 
 fn fits(expected: usize, rows: Rows<'_>) -> Result<()> {
@@ -165,7 +190,7 @@ fn of_model<T: Send>(
     })
 }
 
-/// Learns from the rows of `x`; of filters with their cost.
+/// Learns from the rows of `x`; of filters with their cost. Ctrl-C ends it.
 #[pyfunction]
 pub fn learn_fit<'py>(
     py: Python<'py>,
@@ -173,7 +198,13 @@ pub fn learn_fit<'py>(
     recipe: &str,
     x: Singles<'py>,
 ) -> PyResult<HashMap<String, Bound<'py, PyArrayDyn<f32>>>> {
-    let tensors = on_rows(py, &x, |rows| train(kind, recipe, rows))?;
+    let data = values(&x);
+    let rows = rows(&data, &x).or_raise(py)?;
+    let mut training = detached(py, || Training::new(kind, recipe, rows))?;
+    while !detached(py, || Ok(training.go_on(rows)))? {
+        py.check_signals()?;
+    }
+    let tensors = detached(py, || training.learned())?;
     let array = |(shape, values): (Vec<usize>, Vec<f32>)| {
         ArrayD::from_shape_vec(shape, values).expect("values fill their shape")
     };

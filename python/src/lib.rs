@@ -21,6 +21,7 @@ mod video;
 /// The extension module.
 #[pyo3::pymodule]
 mod _foveate {
+    use crate::errors::OrRaise;
     use pyo3::prelude::*;
     use std::ffi::OsString;
     use std::path::PathBuf;
@@ -34,7 +35,7 @@ mod _foveate {
     #[pymodule_export]
     use crate::parts::{score_mot, score_ope, select};
     #[pymodule_export]
-    use crate::result::TrackResult;
+    use crate::result::{_restore_result, TrackResult};
     #[pymodule_export]
     use crate::tracker::{_restore_tracker, PyTracker};
     #[pymodule_export]
@@ -51,8 +52,8 @@ mod _foveate {
 
     /// Uses so many threads in every update from now on, 0 for all processors; results do not depend on it.
     #[pyfunction]
-    fn set_threads(threads: usize) {
-        crate::threads::set(threads);
+    fn set_threads(py: Python<'_>, threads: usize) -> PyResult<()> {
+        crate::threads::set(threads).or_raise(py)
     }
 
     /// The configurations that ship, by name: each is a profile.

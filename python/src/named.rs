@@ -36,9 +36,14 @@ pub fn read_box(given: &Bound<'_, PyAny>) -> PyResult<BBox> {
             "a box is four numbers, left, top, width and height in pixels from 0; it is {found}"
         ))
     };
-    let shown = || given.repr().map_or_else(|_| "something else".into(), |text| text.to_string());
-    let numbers: Vec<f64> =
-        given.try_iter().and_then(|all| all.map(|n| n?.extract::<f64>()).collect()).map_err(|_| wrong(shown()))?;
+    let kind = || given.get_type().name().map_or_else(|_| "something else".into(), |name| format!("of type {name}"));
+    // A picture, say, is longer than what there is to say of it.
+    let short = |text: &String| text.chars().count() <= 100;
+    let shown = || given.repr().ok().map(|text| text.to_string()).filter(short).unwrap_or_else(kind);
+    let numbers: Vec<f64> = given
+        .try_iter()
+        .and_then(|all| all.take(5).map(|n| n?.extract::<f64>()).collect())
+        .map_err(|_| wrong(shown()))?;
     let [x, y, w, h] = numbers[..] else { return Err(wrong(shown())) };
     Ok(BBox::new(x, y, w, h))
 }

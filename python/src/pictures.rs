@@ -1,7 +1,7 @@
 //! NumPy's pictures as foveate's: read in place, whatever their strides, into planes that are kept from frame to frame.
 
-use foveate::Image;
 use foveate::scene::Pixels as Layout;
+use foveate::{Image, memory};
 use numpy::ndarray::{ArrayView2, ArrayViewD, ArrayViewMut2, Axis, Ix2, Ix3};
 use numpy::{
     PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods, dtype,
@@ -116,6 +116,7 @@ impl Pixels<'_> {
         let (height, width, planes) = (self.view.shape()[0], self.view.shape()[1], self.channels.order.len());
         let size = |image: &Image| [image.width(), image.height(), image.planes()];
         if kept.as_ref().is_none_or(|image| size(image) != [width, height, planes]) {
+            memory::check_picture(width, height)?;
             *kept = Some(Image::new(width, height, planes, vec![0; width * height * planes])?);
         }
         let image = kept.as_mut().expect("it was put there");

@@ -4,7 +4,7 @@ use foveate::geometry::State;
 use foveate::step::Region;
 use foveate::{BBox, Output, Status};
 use numpy::ndarray::Array2;
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyTuple};
@@ -96,6 +96,48 @@ fn read_only<'py, D: numpy::ndarray::Dimension>(
 ) -> Bound<'py, numpy::PyArray<f64, D>> {
     array.readwrite().make_nonwriteable();
     array
+}
+
+/// What a pickle has: the status; box, P(lost), effective sample size, log evidence, gaze, region, state and covariance in one row; gazes,
+/// rewards, particles and weights; and the classes.
+type Pickle<'py> = (String, Vec<f64>, [PyReadonlyArrayDyn<'py, f64>; 4], Vec<(String, f64)>);
+
+/// A result from its pickle.
+#[pyfunction]
+#[pyo3(signature = (*pickle))]
+pub fn _restore_result(py: Python<'_>, pickle: Pickle<'_>) -> PyResult<TrackResult> {
+    let (status, numbers, arrays, classes) = pickle;
+    let known = [Status::Tracking, Status::Occluded, Status::Lost, Status::Reacquired];
+    let status = known.into_iter().find(|known| known.name() == status);
+    let [gazes, rewards, particles, weights] = arrays.map(|array| array.as_array().iter().copied().collect::<Vec<_>>());
+    let (Some(status), Ok(numbers)) = (status, <[f64; 56]>::try_from(numbers)) else {
+        return Err(input(py, "this is no pickle of a result"));
+    };
+    let [x, y, w, h, p_lost, ess, log_evidence, u, v, cx, cy, major, minor, turn, rest @ ..] = numbers;
+    let covariance = std::array::from_fn(|i| std::array::from_fn(|j| rest[6 + 6 * i + j]));
+    let state = State::from_array(std::array::from_fn(|i| rest[i]));
+    let one_sd = Region { x: cx, y: cy, half: [major, minor], turn };
+    if gazes.len() % 2 + particles.len() % 6 > 0 {
+        return Err(input(py, "this is no pickle of a result"));
+    }
+    let (bbox, gaze) = (BBox::new(x, y, w, h), (u, v));
+    let seen = Seen {
+        bbox,
+        status,
+        p_lost,
+        state,
+        covariance,
+        one_sd,
+        ess,
+        log_evidence,
+        gaze,
+        gazes,
+        rewards,
+        particles,
+        weights,
+        classes,
+    };
+    Ok(seen.into())
 }
 
 /// What is known of the target in one picture; made by :meth:`Tracker.update`.
@@ -219,6 +261,16 @@ impl TrackResult {
     }
     fn __bool__(&self) -> bool {
         self.ok()
+    }
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let Seen { bbox: b, status, p_lost, state, covariance, one_sd, ess, log_evidence, gaze, classes, .. } =
+            &self.seen;
+        let Region { x, y, half, turn } = one_sd;
+        let first = [b.x, b.y, b.w, b.h, *p_lost, *ess, *log_evidence, gaze.0, gaze.1, *x, *y, half[0], half[1], *turn];
+        let numbers = first.into_iter().chain(state.to_array()).chain(covariance.as_flattened().iter().copied());
+        let arrays = (self.gazes(py), self.rewards(py), self.particles(py), self.weights(py));
+        let kept = (status.name(), numbers.collect::<Vec<_>>(), arrays, classes).into_pyobject(py)?;
+        PyTuple::new(py, [py.import("foveate._foveate")?.getattr("_restore_result")?, kept.into_any()])
     }
     fn __repr__(&self) -> String {
         let BBox { x, y, w, h } = self.seen.bbox;

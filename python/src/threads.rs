@@ -16,11 +16,18 @@ struct Pool {
 
 static POOL: Mutex<Pool> = Mutex::new(Pool { first: 0, process: 0, wanted: 0, pool: None });
 
+/// Threads that may be asked for, as of the program.
+const MOST: usize = 1024;
+
 /// Uses so many threads from now on, 0 for all processors.
-pub fn set(wanted: usize) {
+pub fn set(wanted: usize) -> Result<()> {
+    if wanted > MOST {
+        return Err(Error::Invalid(format!("threads are 0, for all processors, to {MOST}; they are {wanted}")));
+    }
     let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);
     forget(&mut pool);
     pool.wanted = wanted;
+    Ok(())
 }
 
 /// Drops the pool, or leaves it alone where it is a parent's: its threads are not here to be ended.
@@ -49,7 +56,8 @@ pub fn run<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> {
         match &pool.pool {
             Some(made) => made.clone(),
             None => {
-                let made = ThreadPoolBuilder::new().num_threads(pool.wanted).build();
+                let made = ThreadPoolBuilder::new().num_threads(pool.wanted);
+                let made = made.spawn_handler(|worker| foveate::thread::started(|| worker.run())).build();
                 let made = Arc::new(made.map_err(|e| Error::Invalid(format!("cannot start threads: {e}")))?);
                 pool.pool = Some(made.clone());
                 made

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import _thread
 import itertools
 import pickle
 import threading
@@ -230,3 +231,11 @@ def test_softmax_regression_says_what_is_wrong() -> None:
     for labels, said in [(np.zeros(len(y)), "has 1 class"), (np.arange(len(y)) % 300, "2 to 256 classes"), (y + 0.5, "Unknown label type")]:
         with pytest.raises(ValueError, match=said):
             SoftmaxRegression().fit(X, labels)
+
+
+def test_ctrl_c_ends_learning() -> None:
+    rows = np.random.default_rng(0).normal(size=(100, 8))
+    press = threading.Timer(0.3, _thread.interrupt_main)
+    press.start()
+    with pytest.raises(KeyboardInterrupt):
+        RBM(4, n_iter=2**30).fit(rows)

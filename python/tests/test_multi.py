@@ -45,6 +45,10 @@ def test_every_form_of_detections_is_the_same(pictures: Any) -> None:
     assert wanted[-1] and boxes(corners) == wanted and boxes(lambda t: np.array(detections(t))) == wanted
     with pytest.raises(foveate.InputError, match="confidence"):
         boxes(lambda t: SimpleNamespace(xyxy=np.zeros((2, 4)), confidence=np.zeros(3)))
+    assert boxes(lambda t: SimpleNamespace(xyxy=corners(t).xyxy, conf=corners(t).confidence)) == wanted, "ultralytics"
+    for shape in ((2, 6), (4,)):
+        with pytest.raises(foveate.InputError, match=r"\(n, 4\): left, top, right"):
+            boxes(lambda t, shape=shape: SimpleNamespace(xyxy=np.ones(shape), confidence=None))
     with pytest.raises(foveate.InputError, match=r"\(1, 6\)"):
         boxes(lambda t: [[1, 2, 3, 4, 5, 6]])
 
@@ -85,3 +89,13 @@ def test_supervision(pictures: Any) -> None:
     assert shown.tracker_id.tolist() == [1] and shown.data["phase"].tolist() == targets.phases
     np.testing.assert_allclose(shown.xyxy, targets.xyxy)
     assert len(foveate.MultiTracker().update(pictures[0], supervision.Detections.empty()).to_supervision()) == 0
+
+
+def test_ids_stay_numbers(pictures: Any) -> None:
+    tracker = foveate.MultiTracker(config={"particles": 60})
+    assert tracker.add(pictures[0], (100, 80, 20, 20), id=2**63 - 1) == 2**63 - 1
+    with pytest.raises(foveate.InputError, match="id is below"):
+        tracker.add(pictures[0], FIRST)
+    for t in range(1, 6):
+        targets = tracker.update(pictures[t], detections(t))
+    assert targets.ids.tolist() == [2**63 - 1], "there is no number for another one"

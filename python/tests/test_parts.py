@@ -66,12 +66,17 @@ def test_bandits_say_what_is_wrong_and_can_be_pickled() -> None:
     for make in (lambda: bandits.Hedge(0), lambda: bandits.Exp3(3, gamma=2.0), lambda: bandits.GpUcb(reach=-1.0)):
         with pytest.raises(foveate.ConfigError):
             make()
+    assert bandits.Hedge(3, gamma=np.float32(0.5)).ask() == bandits.Hedge(3, gamma=0.5).ask()  # type: ignore[arg-type]
+    assert 0 <= bandits.Exp3(3, frames=np.int64(10)).ask() < 3  # type: ignore[arg-type]
+    for rate in (math.nan, math.inf, {1, 2}):
+        with pytest.raises(foveate.ConfigError, match="finite numbers"):
+            bandits.Hedge(3, gamma=rate)  # type: ignore[arg-type]
     with pytest.raises(foveate.ConfigError, match="windows"):
         bandits.GpUcb(windows=3)
     with pytest.raises(foveate.InputError, match="not both"):
         bandits.Hedge(3, gamma=0.1, frames=10)
     gp = bandits.GpUcb()
-    for point, reward in [((0.6, 0), 0.5), ((0, 0), math.inf), ((math.nan, 0), 1)]:
+    for point, reward in [((0.6, 0), 0.5), ((0, 0), math.inf), ((0, 0), 1e308), ((math.nan, 0), 1)]:
         with pytest.raises(foveate.InputError):
             gp.tell(point, reward)
     assert gp.best is None
@@ -223,3 +228,12 @@ def test_mot_figures_of_a_swap() -> None:
     for wrong in ([(0.5, 0, 1, 1, 1, 1)], [(0, -1, 1, 1, 1, 1)], [(0, 0, 1)], [(0, 0, math.nan, 1, 1, 1)]):
         with pytest.raises(foveate.InputError):
             metrics.mot(wrong, truth)
+
+
+def test_what_is_wrong_is_said_at_once() -> None:
+    with pytest.raises(foveate.InputError, match="multinomial"):
+        filter.ParticleFilter(lambda n, rng: np.zeros((n, 1)), lambda x, rng: x, lambda x, y: x[:, 0], scheme="none")  # type: ignore[arg-type]
+    with pytest.raises(foveate.InputError, match="one row"):
+        filter.resample([[1, 2]])
+    with pytest.raises(foveate.InputError, match=r"\(n, 6\) or \(n, 7\)"):
+        metrics.mot([[0, 0, 1, 1, 2]], [])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import multiprocessing
 import pickle
 import threading
@@ -51,6 +52,24 @@ def test_results_outlive_the_tracker(pictures: Any) -> None:
         tracker.update(picture)
     del tracker
     np.testing.assert_array_equal(first.particles, kept)
+
+
+def test_results_can_be_copied_and_sent(pictures: Any) -> None:
+    tracker = foveate.Tracker("digits-hedge", config={"particles": 50})
+    tracker.init(pictures[0], FIRST)
+    seen = tracker.update(pictures[1])
+    for other in (pickle.loads(pickle.dumps(seen)), copy.copy(seen), copy.deepcopy(seen)):
+        for name in ("ok", "box", "p_lost", "status", "state", "ess", "log_evidence", "gaze", "classes"):
+            assert getattr(other, name) == getattr(seen, name), name
+        for name in ("covariance", "particles", "weights", "gazes", "rewards"):
+            np.testing.assert_array_equal(getattr(other, name), getattr(seen, name))
+        assert other.region(0.5) == seen.region(0.5) and not other.particles.flags.writeable
+    restore, (status, numbers, arrays, classes) = seen.__reduce__()
+    cut = (*arrays[:2], arrays[2][1:, 1:], arrays[3])
+    for wrong in (("gone", numbers, arrays, classes), (status, numbers[1:], arrays, classes), (status, numbers, cut, classes)):
+        with pytest.raises(foveate.InputError, match="no pickle of a result"):
+            restore(*wrong)
+    assert len(pickle.loads(pickle.dumps(foveate.Run.of(tracker, pictures[:4], FIRST)))) == 3
 
 
 def test_regions_grow_with_their_share(pictures: Any) -> None:
@@ -118,6 +137,8 @@ def test_threads_do_not_change_a_bit(pictures: Any) -> None:
         for threads in (1, 3):
             foveate.set_threads(threads)
             assert follow(foveate.Tracker(), pictures[:6]) == wanted
+        with pytest.raises(foveate.InputError, match="1024; they are 100000"):
+            foveate.set_threads(100_000)
     finally:
         foveate.set_threads(0)
 
@@ -131,8 +152,16 @@ def test_configurations(pictures: Any, tmp_path: Path) -> None:
     own.write_text(tracker.config)
     boxes = [follow(foveate.Tracker(config=c), pictures[:5]) for c in (own, str(own), tracker.config)]
     assert boxes[0] == boxes[1] == boxes[2] == follow(tracker, pictures[:5])
+    for order in (
+        {"policy.gamma": 0.5, "policy.kind": "hedge"},  # another kind clears what there was, wherever it stands
+        {"policy.gamma": np.float32(0.5), "policy": {"kind": "hedge"}},
+        {"policy": {"gamma": 0.5, "kind": "hedge"}},
+    ):
+        assert foveate.Tracker(config=order).config == foveate.Tracker(config={"policy": {"kind": "hedge", "gamma": 0.5}}).config
     for wrong, said in [
         (lambda: foveate.Tracker("natrual"), "natural-fast"),
+        (lambda: foveate.Tracker(config={"particles": np.array([3, 4])}), "sequence"),
+        (lambda: foveate.Tracker(config={"particles": float("nan")}), "nan"),
         (lambda: foveate.Tracker(config={"particels": 3}), "particels"),
         (lambda: foveate.Tracker(config={"particles": 0}), "particles"),
         (lambda: foveate.Tracker(config={"particles": None}), "particles is a NoneType"),
@@ -165,6 +194,7 @@ def test_configurations(pictures: Any, tmp_path: Path) -> None:
         (np.zeros((1, 2, 3, 4), np.uint8), foveate.InputError, "shape"),
         (np.zeros((119, 160, 3), np.uint8), foveate.InputError, "160 x 119.*160 x 120"),
         (np.zeros((120, 160), np.uint8), foveate.InputError, "1 planes"),
+        (np.broadcast_to(np.uint8(7), (1 << 20, 1 << 20)), foveate.InputError, "GiB of memory"),
     ],
 )
 def test_pictures_that_are_none(pictures: Any, picture: Any, error: type[Exception], said: str) -> None:
@@ -188,6 +218,8 @@ def test_pictures_that_are_none(pictures: Any, picture: Any, error: type[Excepti
         (7, TypeError, "four numbers"),
         (None, TypeError, "four numbers"),
         ((1, 2, 3, "x"), TypeError, "four numbers"),
+        (np.zeros((120, 160, 3), np.uint8), TypeError, "of type ndarray$"),
+        (itertools.count(), TypeError, "four numbers"),
     ],
 )
 def test_boxes_that_are_none(pictures: Any, box: Any, error: type[Exception], said: str) -> None:

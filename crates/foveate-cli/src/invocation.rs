@@ -4,6 +4,8 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use foveate::video::without_password;
+
 static INVOCATION: OnceLock<(Vec<OsString>, PathBuf)> = OnceLock::new();
 
 /// Says how the program was called. A second call in one process changes nothing.
@@ -17,9 +19,9 @@ pub fn words() -> impl Iterator<Item = String> {
     words.iter().map(|word| word.to_string_lossy().into_owned())
 }
 
-/// The arguments in one line.
+/// The arguments in one line, without passwords of streams.
 pub fn arguments() -> String {
-    words().collect::<Vec<_>>().join(" ")
+    words().map(|word| without_password(&word).into_owned()).collect::<Vec<_>>().join(" ")
 }
 
 /// The command in one line: the program as it was called, and its arguments.

@@ -206,9 +206,6 @@ impl MultiTracker {
             return Err(Error::Stopped);
         }
         let id = id.unwrap_or(self.next_id);
-        if id >= MOST_ID {
-            return Err(Error::Invalid(format!("a target's id is below {MOST_ID}; this one is {id}")));
-        }
         match self.active.binary_search_by_key(&id, |t| t.track.id) {
             Ok(at) => {
                 let born = self.active[at].track.born;

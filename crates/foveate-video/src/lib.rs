@@ -41,7 +41,7 @@ pub use encode::{encode_jpeg, encode_png, save_png};
 pub use file::VideoFile;
 pub use folder::{ImageFolder, image_files};
 pub use frame::{Frame, FrameSource, SourceInfo};
-pub use live::{Live, LiveOptions, is_live};
+pub use live::{Live, LiveOptions, is_live, without_password};
 pub use mp4_writer::Mp4Writer;
 pub use newest::{Meter, Pace, newest};
 pub use open::{open, open_with};

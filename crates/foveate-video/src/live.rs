@@ -2,6 +2,7 @@
 //!
 //! ffmpeg may open what the address names and nothing else: each scheme has its protocols and its kinds of streams.
 
+use std::borrow::Cow;
 use std::ffi::OsString;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
@@ -83,9 +84,23 @@ pub fn is_live(address: &Path) -> bool {
     scheme(address).is_some()
 }
 
+/// The address of a stream as it may be shown: without the name and the password that may stand before its host. Other text stays.
+pub fn without_password(address: &str) -> Cow<'_, str> {
+    let (Some(_), Some((scheme, rest))) = (scheme(Path::new(address)), address.split_once("://")) else {
+        return address.into();
+    };
+    let host = rest.find(['/', '?', '#']).unwrap_or(rest.len());
+    match rest[..host].rfind('@') {
+        Some(at) => format!("{scheme}://{}", &rest[at + 1..]).into(),
+        None => address.into(),
+    }
+}
+
 /// A stream, opened again where it breaks off. Times are those of the clock, from the first frame on.
 pub struct Live {
     address: PathBuf,
+    /// The address as errors may say it.
+    shown: PathBuf,
     scheme: Scheme,
     options: LiveOptions,
     info: SourceInfo,
@@ -110,19 +125,22 @@ impl Live {
     /// # Errors
     /// Where the address is of an unknown scheme, ffmpeg is not there, or it finds no video.
     pub fn open(address: &Path, options: LiveOptions) -> Result<Self> {
-        let wrong = |problem: &str| Error::malformed(address, problem);
-        let scheme = scheme(address)
-            .ok_or_else(|| wrong("expected an address that begins with rtsp://, http://, https:// or /dev/video"))?;
+        let shown = PathBuf::from(&*without_password(&address.to_string_lossy()));
+        let wrong = |problem: String| Error::malformed(&shown, problem);
+        let scheme = scheme(address).ok_or_else(|| {
+            wrong("expected an address that begins with rtsp://, http://, https:// or /dev/video".into())
+        })?;
         if options.listen && scheme.listen.is_none() {
-            return Err(wrong("this kind of source cannot be waited for; listen at rtsp:// or http://"));
+            return Err(wrong("this kind of source cannot be waited for; listen at rtsp:// or http://".into()));
         }
         let info = SourceInfo { width: 0, height: 0, frames: None, rate: 0.0, reader: "ffmpeg, live".into() };
         let (leash, complaint, alive, reconnected) =
             <(Leash, Arc<Mutex<_>>, Arc<AtomicU64>, Arc<AtomicU64>)>::default();
-        let passthrough = passthrough(&options.ffmpeg).map_err(|problem| Error::malformed(address, problem))?;
+        let passthrough = passthrough(&options.ffmpeg).map_err(wrong)?;
         let (address, began) = (address.to_owned(), Instant::now());
         let mut live = Self {
             address,
+            shown,
             scheme,
             options,
             info,
@@ -137,13 +155,13 @@ impl Live {
             first: None,
             next: 0,
         };
-        live.connect().map_err(|problem| Error::malformed(&live.address, problem))?;
+        live.connect().map_err(|problem| Error::malformed(&live.shown, problem))?;
         live.watch()?;
         let Some(frame) = live.frame() else {
             let said = live.said();
             let problem =
                 format!("expected a stream that ffmpeg reads; it says: {said}; check the address and the sender");
-            return Err(Error::malformed(&live.address, problem));
+            return Err(Error::malformed(&live.shown, problem));
         };
         let stated = live.pixels.as_ref().and_then(|pixels| pixels.head.rate);
         let (width, height, rate) = (frame.image.width(), frame.image.height(), stated.unwrap_or(30.0));
@@ -165,6 +183,8 @@ impl Live {
             let _ = listener.join();
         }
         let said = self.complaint.lock().unwrap_or_else(PoisonError::into_inner).take();
+        // It may repeat the address.
+        let said = said.map(|said| said.replace(&*self.address.to_string_lossy(), &self.shown.to_string_lossy()));
         said.unwrap_or_else(|| "it gave no reason".into())
     }
 
@@ -242,7 +262,7 @@ impl Live {
                 let tried = self.options.reconnect.as_secs();
                 let problem =
                     format!("the stream broke off and did not come back in {tried} s; ffmpeg says: {}", self.said());
-                return Err(Error::Frame { path: self.address.clone(), frame: self.next + 1, problem });
+                return Err(Error::Frame { path: self.shown.clone(), frame: self.next + 1, problem });
             }
             let until = Instant::now() + pause;
             while Instant::now() < until {
@@ -394,6 +414,20 @@ mod tests {
     }
 
     #[test]
+    fn passwords_are_not_shown() {
+        for (address, shown) in [
+            ("rtsp://me:se@cret@host:554/live?user=a@b", "rtsp://host:554/live?user=a@b"),
+            ("HTTPS://me@host#x", "HTTPS://host#x"),
+            ("http://host/a@b", "http://host/a@b"),
+            ("/dev/video0", "/dev/video0"),
+            ("a folder/me:word@b", "a folder/me:word@b"),
+            ("ftp://me:word@host", "ftp://me:word@host"),
+        ] {
+            assert_eq!(without_password(address), shown);
+        }
+    }
+
+    #[test]
     fn what_cannot_be_opened_is_said() {
         let open =
             |address: &str, options| Live::open(Path::new(address), options).err().expect("an error").to_string();
@@ -401,7 +435,11 @@ mod tests {
         let waits = LiveOptions { listen: true, ..LiveOptions::default() };
         assert!(open("/dev/video0", waits).contains("listen at rtsp"));
         let none = LiveOptions { ffmpeg: "no-such-ffmpeg".into(), ..LiveOptions::default() };
-        assert!(open("rtsp://127.0.0.1:9/x", none).contains("install"));
+        let error = open("rtsp://me:secret@127.0.0.1:9/x", none);
+        assert!(
+            error.contains("install") && error.contains("rtsp://127.0.0.1:9/x") && !error.contains("secret"),
+            "{error}"
+        );
         if Command::new("ffmpeg").arg("-version").output().is_err() {
             return println!("skipped: the program ffmpeg is not installed");
         }

@@ -5,13 +5,17 @@ use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use crate::decode::image_kind;
+use crate::live::{is_live, without_password};
 use crate::piped::Piped;
 use crate::y4m::MAGIC;
 use crate::{FrameSource, ImageFolder, Options, VideoFile};
 use foveate_base::{Error, Result};
 
-/// Opens a folder of images, a video file, or one image (a source of one frame), told apart by content. `-` is standard input; it,
-/// a fifo and a file `.y4m` are read as yuv4mpeg.
+/// Videos that begin as a picture does, by how their names end.
+const MOVING: [&str; 3] = ["mjpeg", "mjpg", "apng"];
+
+/// Opens a folder of images, a video file, or one image (a source of one frame), told apart by content; what ends in `.mjpeg`, `.mjpg`
+/// or `.apng` is a video. `-` is standard input; it, a fifo and a file `.y4m` are read as yuv4mpeg.
 ///
 /// # Errors
 /// Where nothing is there, the folder has no images, the file is empty or of a kind that cannot be
@@ -28,6 +32,12 @@ pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn Fr
     let path = path.as_ref();
     if path == Path::new("-") {
         return piped("standard input".into(), std::io::stdin(), &[], options);
+    }
+    if is_live(path) {
+        let address = without_password(&path.to_string_lossy()).into_owned();
+        let problem =
+            "a stream or a camera, which is not opened as a file is; expected a video file or a folder of images";
+        return Err(Error::malformed(address, problem));
     }
     let cannot = "cannot open; expected a video file or a folder of images";
     let about = std::fs::metadata(path).map_err(Error::io(path, cannot))?;
@@ -47,7 +57,8 @@ pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn Fr
     if head.is_empty() {
         return Err(Error::malformed(path, "the file is empty (0 bytes); expected a video or an image; copy it again"));
     }
-    if image_kind(&head).is_some() {
+    let moving = path.extension().is_some_and(|end| MOVING.iter().any(|moving| end.eq_ignore_ascii_case(moving)));
+    if !moving && image_kind(&head).is_some() {
         return Ok(Box::new(ImageFolder::from_files(vec![path.to_owned()])?));
     }
     Ok(Box::new(VideoFile::open_with(path, options)?))
@@ -86,6 +97,8 @@ mod tests {
         let dir = tempfile::tempdir().expect("a temporary folder");
         assert!(refusal(&dir.path().join("missing.mp4")).contains("missing.mp4"));
         assert!(refusal(dir.path()).contains("no files"));
+        let stream = refusal(Path::new("rtsp://me:secret@host/live"));
+        assert!(stream.contains("a stream") && !stream.contains("secret"), "{stream}");
         let file = dir.path().join("picture.mp4");
         std::fs::write(&file, "").expect("a writable folder");
         assert!(refusal(&file).contains("empty"));
@@ -96,5 +109,10 @@ mod tests {
         let source = open(&file).expect("one image, whatever its name");
         assert_eq!(source.info().frames, Some(1));
         assert_eq!(source.count(), 1);
+        // Pictures one after the other are none of those: their first one is not all there is.
+        let moving = dir.path().join("walk.MJPEG");
+        std::fs::write(&moving, crate::encode_jpeg(&Image::grey(16, 16, 7), 85).repeat(3)).expect("a writable folder");
+        let text = open_with(&moving, &without_ffmpeg()).err().expect("an error").to_string();
+        assert!(text.contains("walk.MJPEG") && text.contains("install"), "{text}");
     }
 }

@@ -139,3 +139,14 @@ fn pushed_frames_are_followed() {
     assert_eq!((push(0, &jpeg(0, 160)).0, push(0, b"nothing").0, push(0, &vec![0; 3 << 20]).0), (400, 400, 413));
     open(&server, "0/clip");
 }
+
+#[test]
+fn errors_do_not_tell_the_password_of_a_stream() {
+    let dir = place();
+    // Nobody sends there, whether ffmpeg is installed or not.
+    let server =
+        Server::start(dir.path(), &["serve", "rtsp://user:secret@127.0.0.1:9/live", "--address", "127.0.0.1:0"]);
+    let (status, answer) = server.ask(r#"{"op":"open","path":"0"}"#);
+    let said = answer["error"].as_str().unwrap_or_default();
+    assert!(status == 400 && said.contains("rtsp://127.0.0.1:9/live") && !said.contains("secret"), "{answer}");
+}

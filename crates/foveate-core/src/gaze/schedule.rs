@@ -25,7 +25,7 @@ impl Schedule {
                 Err(Error::Config(format!("{key} is a number from 1e-9 to {most}; it is {rate}")))
             }
             Self::Frames(frames) if !(1..=1_000_000_000).contains(&frames) => {
-                Err(Error::Config(format!("{key}.frames is a number from 1 to 1000000000; it is {frames}")))
+                Err(Error::Config(format!("{key} is for 1 to 1000000000 frames; frames is {frames}")))
             }
             _ => Ok(()),
         }

@@ -5,10 +5,10 @@ use std::sync::atomic::AtomicBool;
 
 use super::target::Target;
 use super::tracked_target::{Phase, TrackedTarget};
-use super::{MOST_REMEMBERED, MultiTracker, SAME};
+use super::{MOST_ID, MOST_REMEMBERED, MultiTracker, SAME};
 use crate::geometry::BBox;
 use crate::scene::{Detection, Image};
-use foveate_base::{Result, memory};
+use foveate_base::{Error, Result, memory};
 
 impl MultiTracker {
     /// Fails where so many more targets in boxes like this one, in pictures of this size, take more memory than there may be.
@@ -27,7 +27,7 @@ impl MultiTracker {
         Arc::clone(&self.pool.stop)
     }
 
-    /// Whether memory ever kept a detection from starting a track: then there are more targets than are followed.
+    /// Whether memory, or the largest id, ever kept a detection from starting a track: then there are more targets than are followed.
     pub fn is_full(&self) -> bool {
         self.full
     }
@@ -76,7 +76,7 @@ impl MultiTracker {
                     target.begin(first, bbox, Phase::ReIdentified);
                     self.admit(target);
                 }
-                // The box was checked above: all that can be missing is room.
+                // The box was checked above: all that can be missing is room, or a number.
                 None => self.full |= self.start(image, self.next_id, bbox).is_err(),
             }
         }
@@ -112,6 +112,9 @@ impl MultiTracker {
     }
 
     pub(super) fn start(&mut self, image: &Image, id: u64, bbox: BBox) -> Result<()> {
+        if id >= MOST_ID {
+            return Err(Error::Invalid(format!("a target's id is below {MOST_ID}; this one is {id}")));
+        }
         self.check_room(1, &bbox, (image.width(), image.height()))?;
         let mut target = Target::new((self.make)(id), TrackedTarget::unknown(id));
         target.looking(&self.pool, |target| target.engine.init(image, bbox))?;

@@ -143,8 +143,8 @@ impl App {
     /// A frame of the browser's camera.
     fn push(&self, request: &Request) -> Response {
         let number = |name: &str| request.query(name).unwrap_or_default();
-        let about = (number("session").parse(), number("time").parse(), number("missed").parse());
-        let (Ok(id), Ok(time), Ok(missed)) = about else {
+        let time = number("time").parse().ok().filter(|time: &f64| time.is_finite());
+        let (Ok(id), Some(time), Ok(missed)) = (number("session").parse(), time, number("missed").parse()) else {
             return Response::error(400, "expected ?session=N&time=SECONDS&missed=N");
         };
         if request.header("content-type") != Some("image/jpeg") {

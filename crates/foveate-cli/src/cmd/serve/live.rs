@@ -76,7 +76,7 @@ impl Live {
 
     /// Takes a frame of the page, a JPEG; its number, from 1.
     pub fn push(&self, picture: &[u8], time: f64, missed: u64) -> Result<usize> {
-        if self.stream.is_some() || !time.is_finite() {
+        if self.stream.is_some() {
             return Err(Error::Invalid("this source takes no frames of the page".into()));
         }
         let image =

@@ -4,7 +4,7 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use foveate::video::{image_files, is_live};
+use foveate::video::{image_files, is_live, without_password};
 use foveate::{Error, Result};
 use serde::Serialize;
 
@@ -105,7 +105,7 @@ impl Roots {
             let entry = |(k, root): (usize, &Root)| {
                 let name = root.given.to_string_lossy().into_owned();
                 if root.live {
-                    return Some(Entry { name: without_secrets(&name), path: k.to_string(), kind: "stream" });
+                    return Some(Entry { name: without_password(&name).into(), path: k.to_string(), kind: "stream" });
                 }
                 kind(&root.real).map(|kind| Entry { name, path: k.to_string(), kind })
             };
@@ -128,14 +128,6 @@ impl Roots {
         found.truncate(MOST);
         Ok(found)
     }
-}
-
-/// An address without the name and the word that may stand before its host.
-fn without_secrets(address: &str) -> String {
-    let Some((scheme, rest)) = address.split_once("://") else { return address.to_owned() };
-    let host = rest.find(['/', '?', '#']).unwrap_or(rest.len());
-    let from = rest[..host].rfind('@').map_or(0, |at| at + 1);
-    format!("{scheme}://{}", &rest[from..])
 }
 
 /// What a place is to the page; `None` for what it cannot show.

@@ -15,7 +15,7 @@ use foveate::report::{
 };
 use foveate::scene::Cuts;
 use foveate::video::mot::Tracks;
-use foveate::video::{Frame, Selection, SourceInfo};
+use foveate::video::{Frame, Selection, SourceInfo, without_password};
 use foveate::{BBox, Error, MultiTracker, Result};
 
 use detections::Detections;
@@ -274,7 +274,7 @@ fn tell(args: &Args, outcome: &MultiOutcome, told: &Told<'_>) {
     let rate = |seconds| Summary::rate(frames, seconds);
     if args.json {
         let summary = serde_json::json!({
-            "source": args.source.display().to_string(), "frames": frames, "targets": initiated, "reidentified": reidentified,
+            "source": without_password(&args.source.to_string_lossy()), "frames": frames, "targets": initiated, "reidentified": reidentified,
             "cuts": cuts, "most_at_a_time": most, "detector": told.detector, "tracking_seconds": tracking,
             "detecting_seconds": detecting, "total_seconds": total, "total_fps": rate(total), "seed": told.seed,
             "outputs": told.files, "warnings": told.warnings, "error": told.error,

@@ -9,7 +9,7 @@ use foveate::config::Blueprint;
 use foveate::lab::eval::regret::RegretFiles;
 use foveate::report::run::Outcome;
 use foveate::report::{Boxes, Film, Limited, Observer, Report, RunInfo, Summary, SurfacePicture, Table, Trace};
-use foveate::video::SourceInfo;
+use foveate::video::{SourceInfo, without_password};
 
 /// What is written beside boxes.txt and track.csv.
 #[derive(Clone, Copy)]
@@ -81,7 +81,11 @@ impl Outputs {
 /// What is known of a run before it begins.
 pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &Blueprint, seed: u64) -> RunInfo {
     let (bit_rate, command) = (bit_rate(Path::new(source), info), crate::invocation::command());
-    RunInfo { bit_rate, command, ..RunInfo::of(source.to_owned(), info, config_name.to_owned(), blueprint, seed) }
+    RunInfo {
+        bit_rate,
+        command,
+        ..RunInfo::of(without_password(source).into_owned(), info, config_name.to_owned(), blueprint, seed)
+    }
 }
 
 /// Bits a second of a video file, its sound included.
@@ -111,7 +115,7 @@ pub fn tell(outcome: &Outcome, told: &Told<'_>) {
     let (fps, total_fps) = (Summary::rate(frames, seconds), Summary::rate(frames, total));
     if told.json {
         let summary = Summary {
-            source: told.source.display().to_string(),
+            source: without_password(&told.source.to_string_lossy()).into_owned(),
             frames,
             seconds,
             fps,
