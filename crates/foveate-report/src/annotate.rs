@@ -166,14 +166,13 @@ impl Annotator {
             page.ring(view.at((at.x, at.y)), 6.0 * view.bold, 4.2 * view.bold, BLACK, 0.6);
             page.ring(view.at((at.x, at.y)), 6.0 * view.bold, 2.0 * view.bold, INK, 1.0);
         }
-        let gazes = step.plan.gazes().iter().zip(step.plan.used()).enumerate().filter(|(_, (_, used))| **used);
-        for (k, (gaze, _)) in gazes {
-            let at = step.estimate.fixate(*gaze, step.extent);
+        for (k, gaze) in step.plan.used() {
+            let at = step.estimate.fixate(gaze, step.extent);
             let (x, y) = view.at((at.x, at.y));
             if k == chosen {
                 for (i, reach) in self.windows.iter().enumerate().rev() {
                     let thick = if i == 0 { 1.6 } else { 0.8 };
-                    outline(page, view, &step.estimate, step.extent, *gaze, *reach, thick, GAZE);
+                    outline(page, view, &step.estimate, step.extent, gaze, *reach, thick, GAZE);
                 }
             }
             let (arm, colour) = if k == chosen { (7.0, INK) } else { (4.0, GAZE) };

@@ -116,8 +116,7 @@ struct Detail {
 pub fn detail(frame: usize, step: &Step<'_>) -> String {
     let (particles, weights) = report::particles(step);
     let chosen = step.plan.chosen_index();
-    let used = step.plan.gazes().iter().zip(step.plan.used()).enumerate();
-    let also = used.filter(|(k, (_, used))| **used && *k != chosen).map(|(_, (gaze, _))| [gaze.u, gaze.v]).collect();
+    let also = step.plan.used().filter(|(k, _)| *k != chosen).map(|(_, gaze)| [gaze.u, gaze.v]).collect();
     let arms = match step.snapshot {
         PolicySnapshot::Arms { gazes, probabilities } if gazes.len() > 1 => {
             gazes.iter().zip(probabilities).map(|(gaze, p)| [gaze.u, gaze.v, *p]).collect()
