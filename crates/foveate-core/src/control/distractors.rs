@@ -128,9 +128,9 @@ pub fn distractors(
     extent: Extent,
     distractors: &mut Vec<State>,
 ) -> f64 {
-    let scale = estimate.log_scale.exp();
+    let (w, h) = estimate.half(extent);
     let far = |a: &State, b: &State, apart: f64| {
-        let (u, v) = ((a.x - b.x) / (scale * extent.half_w), (a.y - b.y) / (scale * extent.half_h));
+        let (u, v) = ((a.x - b.x) / w, (a.y - b.y) / h);
         u * u + v * v > apart * apart
     };
     let mut best = f64::NEG_INFINITY;

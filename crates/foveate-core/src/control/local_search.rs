@@ -83,9 +83,7 @@ impl LocalSearch {
     /// Begins with these places about an estimate, of a lattice: distance of neighbouring places and of the farthest, template units. To
     /// be scored.
     pub fn begin(&mut self, places: &[State], estimate: &State, extent: Extent, lattice: (f64, f64)) -> &[State] {
-        let (step, reach) = lattice;
-        let scale = estimate.log_scale.exp();
-        let half = (scale * extent.half_w, scale * extent.half_h);
+        let ((step, reach), half) = (lattice, estimate.half(extent));
         let it = &mut self.candidates;
         (it.half, it.apart, it.area) = (half, (step * half.0, step * half.1), (2.0 * reach).powi(2));
         it.resume([]);

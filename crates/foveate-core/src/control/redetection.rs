@@ -67,8 +67,7 @@ impl Redetection {
     /// rest, row by row.
     pub fn places(&mut self, size: (usize, usize), seen: &State, extent: Extent) -> &[State] {
         let (width, height) = (size.0 as f64, size.1 as f64);
-        let scale = seen.log_scale.exp();
-        let half = (extent.half_w * scale, extent.half_h * scale);
+        let half = seen.half(extent);
         self.candidates.half = half;
         self.candidates.area = width * height / (half.0 * half.1);
         // Whole numbers of steps: places of a lattice of some steps share what they are made of.
