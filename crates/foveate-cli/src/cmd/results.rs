@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use foveate::{Error, Result, files};
 pub use in_place::InPlace;
 use inputs::frame_of;
-pub use inputs::spare;
+pub use inputs::{spare, writable};
 use leftovers::{growing, hidden, rescued, sweep};
 use serde::{Deserialize, Serialize};
 

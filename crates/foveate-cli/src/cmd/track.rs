@@ -14,7 +14,7 @@ use foveate::{Error, Result, files};
 
 use super::configure::{Changes, Profile, config_name, read};
 use super::of_file;
-use super::results::{Ended, Results, spare};
+use super::results::{Ended, Results, spare, writable};
 use crate::terminal;
 use init::{Frames, Init, check_again, first_box, known_truth, parse_again, parse_init, truth_file};
 use outputs::{Outputs, Told, tell};
@@ -161,8 +161,8 @@ impl Args {
     fn check_written(&self, path: Option<&Path>, names: &[&str]) -> Result<()> {
         let Some(path) = path else { return Ok(()) };
         let (folder, out) = (files::folder_of(path), &*self.out);
-        if path.is_dir() {
-            return Err(Error::malformed(path, "expected a file to write to, found a folder; give another name"));
+        if folder != out || folder.is_dir() {
+            writable(path)?;
         }
         let result = |name: &&str| path.file_name().is_some_and(|n| n == *name);
         let same = || {
@@ -173,11 +173,7 @@ impl Args {
             return Err(Error::malformed(path, "a result of the run has this name; give another name"));
         }
         let inputs = self.inputs();
-        spare(path, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
-        if folder.is_dir() || folder == out {
-            return Ok(());
-        }
-        Err(Error::malformed(path, format!("there is no folder {} to write it to; make it first", folder.display())))
+        spare(path, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())
     }
 
     fn blueprint(&self, config: Config, folder: &Folder) -> Result<Blueprint> {
