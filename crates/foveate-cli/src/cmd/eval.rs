@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use foveate::lab::eval::confidence::{ConfidenceScore, Judged};
 use foveate::lab::eval::{
     Case, Evaluation, Row, Sequence, by_attribute, cases, confidence, confidence_plot, curves, find_sequences, mot,
-    run_all, score_folder, table,
+    run_all, score_folder, table, track_files,
 };
 use foveate::{Error, Result, files};
 
@@ -163,18 +163,6 @@ fn begin(args: &Args, more: Vec<String>) -> Result<InPlace> {
     let read = [&args.results, &args.peers, &args.seqs, &args.truth, &args.merge].into_iter().flatten();
     let read = read.map(PathBuf::as_path).chain(args.config.as_deref().map(Path::new));
     InPlace::begin(&args.out, [&names[..], &more].concat(), &read.collect::<Vec<_>>())
-}
-
-/// The files in a folder that [`run_all`] may write there.
-fn track_files(folder: &str, sequences: &[Sequence], seeds: &[u64]) -> Vec<String> {
-    let mut files = vec![];
-    for seed in seeds {
-        let folder = if seeds.len() > 1 { format!("{folder}/seed-{seed}") } else { folder.to_owned() };
-        for Sequence { name, .. } in sequences {
-            files.extend(["", "_time", "_read"].map(|what| format!("{folder}/{name}{what}.txt")));
-        }
-    }
-    files
 }
 
 /// Only a part of the runs was to be done, or it was asked to stop.
