@@ -4,6 +4,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
+use crate::draw::CORNERS;
 use crate::heat::Heat;
 use crate::report;
 use foveate_core::gaze::PolicySnapshot;
@@ -89,7 +90,7 @@ impl Row {
 }
 
 fn corners(state: &State, extent: Extent) -> [[f64; 2]; 4] {
-    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(u, v)| {
+    CORNERS.map(|(u, v)| {
         let f = state.fixate(Gaze { u, v, arm: None }, extent);
         [f.x, f.y]
     })

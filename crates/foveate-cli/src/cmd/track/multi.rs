@@ -22,7 +22,7 @@ use detections::Detections;
 pub use detections::ManyArgs;
 
 use super::init::{Frames, first_box};
-use super::outputs::{FIRST, run_info, tell_files};
+use super::outputs::{FIRST, run_info, sinks, tell_files};
 use super::source::{Started, is_endless};
 use super::spared::Lost;
 use super::{Args, Tally, ended, how_ended};
@@ -233,10 +233,8 @@ fn names(args: &Args, endless: bool) -> Vec<&'static str> {
 /// The observers that write them.
 fn observers(args: &Args, folder: &Path, info: &RunInfo, endless: bool, lost: &Lost) -> Result<Observers> {
     let at = |name: &str| folder.join(name);
-    let (file, table) = match endless {
-        true => (MotFile::grow(at("tracks.txt"))?, TracksTable::grow(at("tracks.csv"))?),
-        false => (MotFile::create(at("tracks.txt"))?, TracksTable::create(at("tracks.csv"))?),
-    };
+    let sink = sinks(endless);
+    let (file, table) = (MotFile::to(sink(at("tracks.txt"))?), TracksTable::to(sink(at("tracks.csv"))?));
     let targets = TargetsTable::create(at("targets.csv"))?;
     let mut observers: Observers = vec![
         Box::new(lost.spare(&["tracks.txt"], file)),
@@ -270,7 +268,7 @@ struct Told<'a> {
 fn tell(args: &Args, outcome: &MultiOutcome, told: &Told<'_>) {
     let MultiOutcome { initiated, reidentified, cuts, most, .. } = outcome;
     let (frames, detecting) = (outcome.frames.count, outcome.detecting.as_secs_f64());
-    let (tracking, total) = ((outcome.frames.time().as_secs_f64() - detecting).max(0.0), told.total.as_secs_f64());
+    let (tracking, total) = ((outcome.frames.spent.as_secs_f64() - detecting).max(0.0), told.total.as_secs_f64());
     let rate = |seconds| Summary::rate(frames, seconds);
     if args.json {
         let summary = serde_json::json!({
