@@ -8,7 +8,7 @@ use foveate::files::Folder;
 use foveate::geometry::BBox;
 use foveate::lab::eval::policy_set;
 use foveate::report::SurfacePicture;
-use foveate::report::run::{SingleRun, Span, check_box, follow, follow_tiles};
+use foveate::report::run::{self, SingleRun, Span, check_box, follow, follow_tiles};
 use foveate::video::Frame;
 use foveate::{Error, Result, files};
 
@@ -276,7 +276,7 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let outputs = Outputs { video, report, surface, trace, regret, endless };
     args.check_written(args.save_state.as_deref(), &outputs.names())?;
     terminal::catch_interrupts();
-    let (mut results, lost) = (args.results(&outputs.names(), endless)?, Lost::default());
+    let (results, lost) = (args.results(&outputs.names(), endless)?, Lost::default());
     let mut observers = outputs.observers(results.folder(), &info, &lost)?;
     let (began, Started { mut source, counts }) = (Instant::now(), opened.start());
     if let Some(stream) = &args.stream {
@@ -305,9 +305,7 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     counts.note();
     let whole = result.is_ok() && !outcome.frames.stopped;
     let tracked = outcome.tracked > 0 || (whole && outcome.frames.count > 0);
-    let some = results.leave_out(&lost.names());
-    let how = how_ended(result.is_ok() && lost.names().is_empty(), outcome.frames.stopped);
-    let kept = results.keep_if(tracked && some, how, outcome.frames.count).and_then(|kept| lost.check().map(|()| kept));
+    let kept = keep(results, &lost, tracked, result.is_ok(), &outcome.frames);
     let saved = match &args.save_state {
         Some(path) if tracked => {
             SavedState::write(path, (&args.source, &about), &blueprint, seed, next_frame, tracker.save())
@@ -324,13 +322,17 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     Ok(Tally { frames: outcome.frames.count, uncertain_frames: outcome.uncertain, lost_frames: outcome.lost })
 }
 
-/// What run.json says of a run that went well or not, and was stopped or not.
-fn how_ended(well: bool, stopped: bool) -> Ended {
-    match (well, stopped) {
+/// Keeps the results of a run in which something was tracked, and which went well or not, but for those that were lost; answers where they
+/// are. Fails where some were lost.
+fn keep(mut results: Results, lost: &Lost, tracked: bool, well: bool, frames: &run::Frames) -> Result<Vec<PathBuf>> {
+    let ended = match (well && lost.names().is_empty(), frames.stopped) {
         (false, _) => Ended::Error,
         (true, true) => Ended::Stopped,
         (true, false) => Ended::Finished,
-    }
+    };
+    let some = results.leave_out(&lost.names());
+    let kept = if tracked && some { results.keep(ended, frames.count)? } else { vec![] };
+    lost.check().map(|()| kept)
 }
 
 /// Says what became of a run that did not go well, and ends the program where it was asked to stop.
