@@ -3,8 +3,8 @@
 //! The paper "accumulates the classification decisions": its authors' program counts how often each class was the likeliest.
 //! A sum of log-probabilities also hears how sure each frame was, and wins wherever probabilities mean what they say.
 
-use crate::control::normalize;
 use foveate_base::{Error, Result};
+use foveate_kernels::{exp_from, largest_finite};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -77,7 +77,8 @@ impl Accumulator {
             Accumulate::Count if total == 0.0 => out.fill(1.0 / out.len() as f64),
             Accumulate::Count => out.iter_mut().zip(&self.evidence).for_each(|(p, count)| *p = count / total),
             _ => {
-                normalize(&self.evidence, out);
+                let sum = exp_from(&self.evidence, largest_finite(&self.evidence), out);
+                out.iter_mut().for_each(|p| *p /= sum);
             }
         }
     }
