@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use foveate_base::Result;
 use foveate_base::error::within;
+use foveate_base::{Error, Result};
 
 /// Number of cues.
 pub const CUES: usize = 11;
@@ -90,7 +90,6 @@ impl ConfidenceModel {
         for (name, value, least, most) in [
             ("bias", self.bias, -1e3, 1e3),
             ("enter", self.enter, 0.0, 1.0),
-            ("leave", self.leave, 0.0, self.enter),
             ("notice", self.notice as f64, 1.0, 1000.0),
             ("confirm", self.confirm as f64, 1.0, 1000.0),
             ("surest", self.surest, 1.0, 10.0),
@@ -99,7 +98,10 @@ impl ConfidenceModel {
         ] {
             within(&format!("confidence.{name}"), value, least, most)?;
         }
-        Ok(())
+        match self.leave {
+            leave if (0.0..=self.enter).contains(&leave) => Ok(()),
+            leave => Err(Error::Config(format!("confidence.leave is 0 to confidence.enter; it is {leave}"))),
+        }
     }
     /// P(lost) of a frame with these cues.
     pub(super) fn probability(&self, cues: &Cues) -> f64 {
