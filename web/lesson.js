@@ -98,8 +98,7 @@ function lessonDraw() {
   byId('l-clock').replaceChildren('frame ', element('b', {}, String(frame)), ` of ${about.frames}`);
   drawScene();
   drawLearned();
-  const canvas = byId('l-seen');
-  paintGlimpse(canvas, lesson.eye, now ? bytes(now.learning.detail.glimpse) : []);
+  drawGlimpse(byId('l-seen'), lesson.eye, now ? bytes(now.learning.detail.glimpse) : []);
   drawErrors();
 }
 function drawScene() {

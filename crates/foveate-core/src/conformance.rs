@@ -146,7 +146,7 @@ fn play(a: &mut dyn Policy, b: &mut dyn Policy, frames: std::ops::Range<u64>) {
         a.plan(&context, &mut plan, &mut checks().rng(t));
         b.plan(&context, &mut other, &mut checks().rng(t));
         assert_eq!(plan, other, "the same past and randomness must give the same plan (frame {t})");
-        assert!(plan.used().contains(&true), "a plan must use one gaze at least");
+        assert!(plan.used().next().is_some(), "a plan must use one gaze at least");
         assert!(plan.gazes().iter().all(|g| g.u.is_finite() && g.v.is_finite()), "a gaze is a place");
         let mut rng = checks().rng(1000 + t);
         let rewards: Vec<f64> = plan.gazes().iter().map(|_| rng.random()).collect();

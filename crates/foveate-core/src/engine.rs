@@ -272,7 +272,7 @@ impl Engine {
             sum
         });
         let at = State::from_array(sum);
-        let (w, h) = (at.log_scale.exp() * extent.half_w, at.log_scale.exp() * extent.half_h);
+        let (w, h) = at.half(extent);
         let (right, bottom) = (image.width() as f64 - 1.0 - at.x, image.height() as f64 - 1.0 - at.y);
         self.work.expected = at;
         self.context.around = [-at.x / w, -at.y / h, right / w, bottom / h].map(|edge: f64| edge.clamp(-1e6, 1e6));

@@ -185,10 +185,15 @@ impl State {
     pub fn from_array([x, y, vx, vy, log_scale, angle]: [f64; 6]) -> Self {
         Self { x, y, vx, vy, log_scale, angle }
     }
+    /// Half the width and height of the target's box, pixels: one template unit across and down.
+    pub fn half(&self, extent: Extent) -> (f64, f64) {
+        let scale = self.log_scale.exp();
+        (scale * extent.half_w, scale * extent.half_h)
+    }
     /// The upright box of the target: its size, not the bounding box of the turned one.
     pub fn bbox(&self, extent: Extent) -> BBox {
-        let s = self.log_scale.exp();
-        BBox::around(self.x, self.y, 2.0 * extent.half_w * s, 2.0 * extent.half_h * s)
+        let (w, h) = self.half(extent);
+        BBox::around(self.x, self.y, 2.0 * w, 2.0 * h)
     }
     /// Sine and cosine of the angle; often no state turns at all, and they cost nothing.
     pub fn turn(&self) -> (f64, f64) {
@@ -196,9 +201,7 @@ impl State {
     }
     /// Where a gaze falls on the image: image from template.
     pub fn fixate(&self, gaze: Gaze, extent: Extent) -> Fixation {
-        let s = self.log_scale.exp();
-        let (sin, cos) = self.turn();
-        let (w, h) = (s * extent.half_w, s * extent.half_h);
+        let ((sin, cos), (w, h)) = (self.turn(), self.half(extent));
         let (uu, vv) = (w * gaze.u, h * gaze.v);
         Fixation {
             x: self.x + cos * uu - sin * vv,

@@ -323,8 +323,7 @@ impl MultiTracker {
         if share <= 0.0 {
             return;
         }
-        let shape = |i: &Image| (i.width(), i.height(), i.planes());
-        cleared.retain(|i| shape(i) == shape(image));
+        cleared.retain(|i| i.shape() == image.shape());
         cleared.resize_with(self.active.len().max(cleared.len()), || image.clone());
         for (i, cleared) in cleared.iter_mut().enumerate().take(self.active.len()) {
             for p in 0..image.planes() {

@@ -116,8 +116,7 @@ impl Recognition {
         self.policy.plan(context, &mut self.plan, rng);
         let far = self.plan.gazes().iter().map(|g| g.u.abs().max(g.v.abs())).fold(USUAL_GAZE, f64::max);
         let reach = self.retina.footprints().iter().map(|f| f.reach).fold(far, f64::max);
-        let size = estimate.log_scale.exp();
-        let unit = (size * extent.half_w, size * extent.half_h);
+        let unit = estimate.half(extent);
         if self.is_new {
             // Memory for twice the sides: a target that grows or turns needs no more of it.
             let side = |unit: f64, most: usize| ((4.0 * (far + reach) * unit) as usize + 8).min(most);

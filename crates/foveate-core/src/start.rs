@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::geometry::{BBox, Extent, State};
 use crate::scene::Image;
+use foveate_base::error::within;
 use foveate_base::rng::Streams;
 use foveate_base::{Error, Result};
 
@@ -38,9 +39,7 @@ impl StartSpread {
             ("log_scale", self.log_scale, 5.0),
             ("angle", self.angle, 100.0),
         ] {
-            if !(0.0..=most).contains(&sd) {
-                return Err(Error::Config(format!("start.{name} is a standard deviation, 0 to {most}; it is {sd}")));
-            }
+            within(&format!("start.{name}"), sd, 0.0, most)?;
         }
         Ok(())
     }

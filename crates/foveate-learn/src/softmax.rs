@@ -206,11 +206,12 @@ fn check(rows: Rows<'_>, labels: &[u8], classes: usize) -> Result<()> {
     )))
 }
 
-/// Takes log Σ exp from every value.
-pub fn normalize(log_p: &mut [f64]) {
+/// Takes log Σ exp from every value, and answers it.
+pub fn normalize(log_p: &mut [f64]) -> f64 {
     let most = log_p.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let log_sum = most + log_p.iter().map(|q| (q - most).exp()).sum::<f64>().ln();
     log_p.iter_mut().for_each(|q| *q -= log_sum);
+    log_sum
 }
 
 /// The temperature T at which log-probabilities (a row of `classes` for each label) divided by T, and normalised again,

@@ -166,22 +166,16 @@ impl Annotator {
             page.ring(view.at((at.x, at.y)), 6.0 * view.bold, 4.2 * view.bold, BLACK, 0.6);
             page.ring(view.at((at.x, at.y)), 6.0 * view.bold, 2.0 * view.bold, INK, 1.0);
         }
-        let gazes = step.plan.gazes().iter().zip(step.plan.used()).enumerate().filter(|(_, (_, used))| **used);
-        for (k, (gaze, _)) in gazes {
-            let at = step.estimate.fixate(*gaze, step.extent);
-            let (x, y) = view.at((at.x, at.y));
+        for (k, gaze) in step.plan.used() {
+            let at = step.estimate.fixate(gaze, step.extent);
             if k == chosen {
                 for (i, reach) in self.windows.iter().enumerate().rev() {
                     let thick = if i == 0 { 1.6 } else { 0.8 };
-                    outline(page, view, &step.estimate, step.extent, *gaze, *reach, thick, GAZE);
+                    outline(page, view, &step.estimate, step.extent, gaze, *reach, thick, GAZE);
                 }
             }
             let (arm, colour) = if k == chosen { (7.0, INK) } else { (4.0, GAZE) };
-            for (thick, colour, alpha) in [(3.6, BLACK, 0.5), (1.8, colour, 1.0)] {
-                let (arm, thick) = (arm * view.bold, thick * view.bold);
-                page.line(&[(x - arm, y), (x + arm, y)], thick, colour, alpha);
-                page.line(&[(x, y - arm), (x, y + arm)], thick, colour, alpha);
-            }
+            cross(page, view, (at.x, at.y), arm, 1.8, colour);
         }
     }
 
@@ -310,6 +304,15 @@ pub(super) fn outline(
     let corners = CORNERS.map(|(u, v)| at(reach * u, reach * v));
     page.outline(&corners, (thick + 1.8) * view.bold, BLACK, 0.4);
     page.outline(&corners, thick * view.bold, colour, 1.0);
+}
+
+/// A cross at a place of the frame.
+pub(super) fn cross(page: &mut Drawing, view: View, at: Point, arm: f64, thick: f64, colour: Colour) {
+    let ((x, y), arm) = (view.at(at), arm * view.bold);
+    for (thick, colour, alpha) in [(thick + 1.8, BLACK, 0.5), (thick, colour, 1.0)] {
+        page.line(&[(x - arm, y), (x + arm, y)], thick * view.bold, colour, alpha);
+        page.line(&[(x, y - arm), (x, y + arm)], thick * view.bold, colour, alpha);
+    }
 }
 
 /// The true box, in dashes.

@@ -65,11 +65,7 @@ pub(super) struct Csv {
 impl Csv {
     /// Starts the file with its header. Fails where its folder cannot be written.
     pub fn create(path: impl Into<PathBuf>, columns: &[Column]) -> Result<Self> {
-        Ok(Self { file: Sink::create(path)?, rows: Rows::new(columns.iter().map(|c| c.name)) })
-    }
-    /// [`Csv::create`], of a file that grows: [`Sink::grow`].
-    pub fn grow(path: impl Into<PathBuf>, columns: &[Column]) -> Result<Self> {
-        Ok(Self { file: Sink::grow(path)?, rows: Rows::new(columns.iter().map(|c| c.name)) })
+        Ok(Self::to(Sink::create(path)?, columns))
     }
     /// Rows to a sink.
     pub fn to(file: Sink, columns: &[Column]) -> Self {

@@ -82,13 +82,17 @@ impl Drawing {
             for x in columns.clone() {
                 let alpha = coverage(x, y);
                 if alpha > 0.0 {
-                    for (p, &c) in colour.iter().enumerate() {
-                        let pixel = &mut self.image.plane_mut(p)[y * width + x];
-                        *pixel =
-                            (f64::from(*pixel) + alpha.min(1.0) * (f64::from(c) - f64::from(*pixel))).round() as u8;
-                    }
+                    self.blend(y * width + x, colour, alpha.min(1.0));
                 }
             }
+        }
+    }
+
+    /// Lays a colour over a pixel.
+    fn blend(&mut self, at: usize, colour: Colour, alpha: f64) {
+        for (p, c) in colour.into_iter().enumerate() {
+            let pixel = &mut self.image.plane_mut(p)[at];
+            *pixel = (f64::from(*pixel) + alpha * (f64::from(c) - f64::from(*pixel))).round() as u8;
         }
     }
 
@@ -116,10 +120,8 @@ impl Drawing {
         let inside = |at: f64, from: f64, long: f64| from <= at && at < from + long;
         for y in rows.filter(|&y| inside(y as f64, top, height)) {
             for x in columns.clone().filter(|&x| inside(x as f64, left, width)) {
-                let Some((colour, alpha)) = colour(x as f64, y as f64) else { continue };
-                for (p, &c) in colour.iter().enumerate() {
-                    let pixel = &mut self.image.plane_mut(p)[y * page + x];
-                    *pixel = (f64::from(*pixel) + alpha * (f64::from(c) - f64::from(*pixel))).round() as u8;
+                if let Some((colour, alpha)) = colour(x as f64, y as f64) {
+                    self.blend(y * page + x, colour, alpha);
                 }
             }
         }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::annotate::{Path, View, magnified, outline};
+use crate::annotate::{Path, View, cross, magnified, outline};
 use crate::draw::{CORNERS, Colour, Drawing, text_width};
 use foveate_core::geometry::Gaze;
 use foveate_core::multi::{Phase, TrackedTarget};
@@ -86,11 +86,7 @@ fn body(page: &mut Drawing, view: View, target: &TrackedTarget) {
         outline(page, view, &target.state, target.extent, Gaze::CENTRE, 1.0, 2.0, ink);
     }
     let at = target.state.fixate(target.gaze, target.extent);
-    let ((x, y), arm) = (view.at((at.x, at.y)), 5.0 * view.bold);
-    for (thick, colour, alpha) in [(3.4, BLACK, 0.5), (1.6, ink, 1.0)] {
-        page.line(&[(x - arm, y), (x + arm, y)], thick * view.bold, colour, alpha);
-        page.line(&[(x, y - arm), (x, y + arm)], thick * view.bold, colour, alpha);
-    }
+    cross(page, view, (at.x, at.y), 5.0, 1.6, ink);
 }
 
 fn corners(page: &mut Drawing, view: View, target: &TrackedTarget, ink: Colour) {

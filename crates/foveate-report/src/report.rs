@@ -108,8 +108,7 @@ impl Observer for Report {
         let (features, span) = quantised(&step.percept.features);
         self.page.features = step.percept.features.len();
         self.page.shown = weights.len();
-        let gazes = step.plan.gazes().iter().zip(step.plan.used()).enumerate();
-        let also = gazes.filter(|(k, (_, used))| **used && *k != step.plan.chosen_index());
+        let also = step.plan.used().filter(|(k, _)| *k != step.plan.chosen_index());
         let (mut policy, mut surface) = (vec![], None);
         match step.snapshot {
             PolicySnapshot::Blank => (),
@@ -132,7 +131,7 @@ impl Observer for Report {
             features: base64(&features),
             span,
             policy: base64(&policy),
-            also: also.map(|(_, (gaze, _))| [gaze.u, gaze.v]).collect(),
+            also: also.map(|(_, gaze)| [gaze.u, gaze.v]).collect(),
             surface,
         });
         Ok(())

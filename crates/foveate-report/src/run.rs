@@ -42,17 +42,10 @@ pub struct Frames {
     pub count: usize,
     /// Time spent in tracker and detectors in each of them, seconds; empty in a run without an end.
     pub seconds: Vec<f64>,
-    /// The sum of it.
+    /// Time spent in all frames.
     pub spent: Duration,
     /// Whether it was asked to stop before the source ended.
     pub stopped: bool,
-}
-
-impl Frames {
-    /// Time spent in all frames.
-    pub fn time(&self) -> Duration {
-        self.spent
-    }
 }
 
 /// What a runner does with frames.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use crate::eye::{Eye, windows};
+use crate::eye::windows;
 use crate::heat::Heat;
 use crate::surface::{Panel, row};
 use crate::template::{Crop, FirstFrame};
@@ -84,10 +84,7 @@ impl SurfacePicture {
             }
         }
         let glimpse = match (&self.first, retina, self.best) {
-            (Some(first), Some(retina), Some(best)) => {
-                let glimpse = first.glimpse(retina, best);
-                Eye::new(retina).filter(|_| !glimpse.is_empty()).map(|eye| eye.picture(&glimpse))
-            }
+            (Some(first), Some(retina), Some(best)) => first.picture(retina, best),
             _ => None,
         };
         let name = self.info.source.rsplit(['/', '\\']).find(|part| !part.is_empty()).unwrap_or("");

@@ -5,7 +5,6 @@
 //! each run above, and the mean glimpse at these gazes below. Gazes are in template units: half the target's box.
 
 use crate::draw::{CORNERS, Colour, Drawing, Point, text_width};
-use crate::eye::Eye;
 use crate::heat::{Heat, ramp, span};
 use crate::template::{Crop, FirstFrame};
 use foveate_core::geometry::{BBox, Gaze};
@@ -167,15 +166,13 @@ pub fn banner(title: &str, columns: &[Column<'_>]) -> Drawing {
 /// The glimpse of a target at a gaze, given a frame and its box, for the lower row of a [`banner`]. `None` where the gaze is
 /// more than 1.5 template units from the centre, or the retina has no cell.
 pub fn glimpse_picture(image: &Image, bbox: &BBox, retina: &dyn Retina, gaze: Gaze) -> Option<Image> {
-    let glimpse = FirstFrame::new(image, bbox, retina).glimpse(retina, gaze);
-    Eye::new(retina).filter(|_| !glimpse.is_empty()).map(|eye| eye.picture(&glimpse))
+    FirstFrame::new(image, bbox, retina).picture(retina, gaze)
 }
 
 /// The mean of pictures of the same shape, pixel by pixel; `None` without one, or where the shapes differ.
 pub fn mean_picture(all: &[Image]) -> Option<Image> {
     let first = all.first()?;
-    let shape = |image: &Image| (image.width(), image.height(), image.planes());
-    if all.iter().any(|image| shape(image) != shape(first)) {
+    if all.iter().any(|image| image.shape() != first.shape()) {
         return None;
     }
     let n = all.len() as f64;

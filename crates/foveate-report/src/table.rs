@@ -25,15 +25,7 @@ impl Boxes {
     /// # Errors
     /// Its folder cannot be written.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
-        Ok(Self { file: Sink::create(path)? })
-    }
-
-    /// Starts a file that has its name at once and grows line by line, for runs without an end.
-    ///
-    /// # Errors
-    /// Its folder cannot be written.
-    pub fn grow(path: impl Into<PathBuf>) -> Result<Self> {
-        Ok(Self { file: Sink::grow(path)? })
+        Ok(Self::to(Sink::create(path)?))
     }
 
     /// Writes there.
@@ -71,14 +63,6 @@ impl Table {
     /// Its folder cannot be written.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
         Ok(Self { file: Csv::create(path, TRACK)? })
-    }
-
-    /// Starts a file that has its name at once and grows line by line, for runs without an end.
-    ///
-    /// # Errors
-    /// Its folder cannot be written.
-    pub fn grow(path: impl Into<PathBuf>) -> Result<Self> {
-        Ok(Self { file: Csv::grow(path, TRACK)? })
     }
 
     /// Writes there; the header with the first row.

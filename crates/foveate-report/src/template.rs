@@ -1,5 +1,6 @@
 //! The template as results show it: the target in the first frame, cut out with its surroundings, and its glimpses.
 
+use crate::eye::Eye;
 use foveate_core::geometry::{BBox, Extent, Gaze, State};
 use foveate_core::identity::pyramid::Region;
 use foveate_core::identity::{Pyramid, Retina};
@@ -91,6 +92,12 @@ impl FirstFrame {
             retina.look(&self.pyramid, self.state.fixate(gaze, self.extent), &mut glimpse);
         }
         glimpse
+    }
+
+    /// The same as a picture; `None` where it is empty, or the retina has no cell.
+    pub fn picture(&self, retina: &dyn Retina, gaze: Gaze) -> Option<Image> {
+        let glimpse = self.glimpse(retina, gaze);
+        Eye::new(retina).filter(|_| !glimpse.is_empty()).map(|eye| eye.picture(&glimpse))
     }
 }
 

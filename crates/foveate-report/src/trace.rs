@@ -71,7 +71,7 @@ struct Tracked<'a> {
 #[derive(Serialize)]
 struct Plan<'a> {
     gazes: &'a [Gaze],
-    used: &'a [bool],
+    used: Vec<bool>,
     weights: &'a [f64],
     chosen: usize,
 }
@@ -144,7 +144,7 @@ impl Observer for Trace {
             ancestors: step.ancestors,
             plan: Plan {
                 gazes: step.plan.gazes(),
-                used: step.plan.used(),
+                used: step.plan.weights().iter().map(|weight| *weight > 0.0).collect(),
                 weights: step.plan.weights(),
                 chosen: step.plan.chosen_index(),
             },

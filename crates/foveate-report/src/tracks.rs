@@ -27,15 +27,12 @@ impl MotFile {
     /// # Errors
     /// Its folder cannot be written.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
-        Ok(Self { file: Sink::create(path)?, line: String::new() })
+        Ok(Self::to(Sink::create(path)?))
     }
 
-    /// Starts a file that has its name at once and grows line by line, for runs without an end.
-    ///
-    /// # Errors
-    /// Its folder cannot be written.
-    pub fn grow(path: impl Into<PathBuf>) -> Result<Self> {
-        Ok(Self { file: Sink::grow(path)?, line: String::new() })
+    /// Writes there.
+    pub fn to(file: Sink) -> Self {
+        Self { file, line: String::new() }
     }
 }
 
@@ -74,12 +71,9 @@ impl TracksTable {
         Ok(Self { file: Csv::create(path, TRACKS)? })
     }
 
-    /// Starts a file that has its name at once and grows line by line, for runs without an end.
-    ///
-    /// # Errors
-    /// Its folder cannot be written.
-    pub fn grow(path: impl Into<PathBuf>) -> Result<Self> {
-        Ok(Self { file: Csv::grow(path, TRACKS)? })
+    /// Writes there; the header with the first row.
+    pub fn to(file: Sink) -> Self {
+        Self { file: Csv::to(file, TRACKS) }
     }
 }
 

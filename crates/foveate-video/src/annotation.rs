@@ -133,7 +133,7 @@ fn parse_box(line: &str) -> std::result::Result<Option<BBox>, String> {
         return Err(format!("expected x,y,w,h or NaN, found {count} numbers"));
     }
     let [x, y, w, h] = values;
-    Ok(Some(BBox { x: x - 1.0, y: y - 1.0, w, h }))
+    Ok(Some(BBox::counted_from_1(x, y, w, h)))
 }
 
 pub(super) fn shortened(text: &str) -> String {

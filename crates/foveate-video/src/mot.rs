@@ -128,7 +128,7 @@ fn parse_line(line: &str) -> std::result::Result<TrackBox, String> {
     if !confidence.is_finite() {
         return Err(format!("confidence {confidence} is not a finite number"));
     }
-    let bbox = BBox { x: x - 1.0, y: y - 1.0, w, h };
+    let bbox = BBox::counted_from_1(x, y, w, h);
     Ok(TrackBox { frame: frame as usize - 1, id: id as i64, bbox, confidence })
 }
 

@@ -140,7 +140,7 @@ pub fn run(args: Args) -> Result<()> {
     if matches!(args.scene, Scene::Closeup) && args.digit.is_none() {
         say!("The centre of this 0 tells nothing. Where it does, the fixed centre is as good: --scene clutter.");
     }
-    let tracking = Summary::rate(frames, outcome.frames.time().as_secs_f64());
+    let tracking = Summary::rate(frames, outcome.frames.spent.as_secs_f64());
     let whole = Summary::rate(frames, began.elapsed().as_secs_f64());
     say!("{tracking:.0} frames a second in the tracker, {whole:.0} end to end.");
     let beside = if film { "" } else { "; both side by side: annotated.mp4" };

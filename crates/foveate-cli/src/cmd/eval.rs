@@ -8,10 +8,11 @@ mod one_pass;
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
+use foveate::config::Blueprint;
 use foveate::lab::eval::confidence::{ConfidenceScore, Judged};
 use foveate::lab::eval::{
     Case, Evaluation, Row, Sequence, by_attribute, cases, confidence, confidence_plot, curves, find_sequences, mot,
-    run_all, score_folder, table,
+    run_all, score_folder, table, track_files,
 };
 use foveate::{Error, Result, files};
 
@@ -101,60 +102,91 @@ pub fn run(args: Args) -> Result<()> {
     let (name, changes) = (config_name(args.config.as_deref(), args.profile), Changes::of(&args.set));
     let (config, folder) = read(name, &changes)?;
     let blueprint = config.clone().check(&folder)?;
-    let sequences = find_sequences(&args.seqs)?;
-    let score = |folder: &PathBuf| score_folder(&sequences, folder);
-    let others: Vec<Vec<Evaluation>> = args.results.iter().chain(&args.peers).map(score).collect::<Result<_>>()?;
-    let others = others.concat();
-    let seeds: Vec<u64> = (0..args.seeds).map(|i| args.seed.wrapping_add(i)).collect();
+    let task = Task::of(&args)?;
     if !args.results.is_empty() {
         // Results of others say nothing about being lost.
         let results = begin(&args, vec![])?;
-        compare(&args, &sequences, &others, "")?;
+        compare(&args, &task.sequences, &task.others, "")?;
         return results.finish();
     }
     let store = Store::shared(&args.out, &args.merge, args.shard)?;
-    if !args.choose.is_empty() {
-        let plan = choose::Plan::of(&config, &folder, &args.choose, &sequences)?;
-        let Some(tracks) = plan.run(&sequences, &seeds, &store)? else {
-            return undone(&args);
-        };
-        let results = begin(&args, plan.files(&sequences, &seeds))?;
-        let (choice, cross) = plan.judge(&sequences, &seeds, &args.out, &tracks)?;
-        let text = choose::keep(&choice, &changes.describe(name), &seeds, &args.out)?;
-        compare(&args, &sequences, &[vec![cross], others].concat(), &(text + "\n"))?;
-        return results.finish();
+    if args.choose.is_empty() {
+        return task.track(&args, blueprint, &store);
     }
-    let kept = kept::Runs::new(blueprint.clone(), &sequences, &store)?;
-    // In parts, runs are made side by side; else one after another, so that their times are those of a tracker alone.
-    let in_parts = store.shard.is_some() || !store.others.is_empty();
-    let Some(made) = (if in_parts || args.side_by_side { kept.all(&seeds)? } else { Some(vec![]) }) else {
-        return undone(&args);
-    };
-    let made = RefCell::new(made.into_iter());
-    terminal::catch_interrupts();
-    let runs: RefCell<Vec<Case>> = RefCell::new(vec![]);
-    let run_tracker = |sequence: &Sequence, seed| {
-        if terminal::stopping() {
-            return Err(runner::stopped(&args.out));
-        }
-        let next = made.borrow_mut().next();
-        let (run, judged) = next.map_or_else(|| kept.one(sequence, seed), Ok)?.apart();
-        runs.borrow_mut().push(Case { sequence: sequence.clone(), seed, boxes: run.boxes.clone(), judged });
-        Ok(run)
-    };
-    let out = args.out.join("foveate");
-    let said = ["report.html", "confidence.txt", "confidence.json", "reliability.svg"].map(str::to_owned);
-    let results = begin(&args, [&said[..], &track_files("foveate", &sequences, &seeds)].concat())?;
-    let ours = run_all("foveate", &sequences, &seeds, Some(&out), &run_tracker, &mut told)?;
-    let groups = compare(&args, &sequences, &[vec![ours], others.clone()].concat(), "")?;
-    let runs = runs.into_inner();
-    let first: Vec<Case> = runs.iter().filter(|run| run.seed == args.seed).cloned().collect();
-    files::write_inside(args.out.join("report.html"), cases::page(&first, &others, groups)?.as_bytes())?;
-    let tracks: Vec<&[Judged]> = runs.iter().map(|run| run.judged.as_slice()).collect();
-    trusted(&args, &ConfidenceScore::of(&tracks, blueprint.config().confidence.localisation_noise))?;
-    results.finish()?;
-    // What is finished begins anew the next time; parts are kept, to be merged.
-    if in_parts { Ok(()) } else { kept.forget(&seeds) }
+    let plan = choose::Plan::of(&config, &folder, &args.choose, &task.sequences)?;
+    task.choose(&args, &plan, &store, &changes.describe(name))
+}
+
+/// What is to be scored: sequences, what other trackers did on them, and the seeds that foveate is run with.
+struct Task {
+    sequences: Vec<Sequence>,
+    others: Vec<Evaluation>,
+    seeds: Vec<u64>,
+}
+
+impl Task {
+    fn of(args: &Args) -> Result<Self> {
+        let sequences = find_sequences(&args.seqs)?;
+        let score = |folder: &PathBuf| score_folder(&sequences, folder);
+        let others: Vec<Vec<Evaluation>> = args.results.iter().chain(&args.peers).map(score).collect::<Result<_>>()?;
+        let seeds = (0..args.seeds).map(|i| args.seed.wrapping_add(i)).collect();
+        Ok(Self { sequences, others: others.concat(), seeds })
+    }
+
+    /// An evaluation of ours, and those of the others.
+    fn beside(&self, ours: Evaluation) -> Vec<Evaluation> {
+        std::iter::once(ours).chain(self.others.iter().cloned()).collect()
+    }
+
+    /// Settings are chosen on one half of the sequences, and judged on the other.
+    fn choose(&self, args: &Args, plan: &choose::Plan, store: &Store, described: &str) -> Result<()> {
+        let Self { sequences, seeds, .. } = self;
+        let Some(tracks) = plan.run(sequences, seeds, store)? else {
+            return undone(args);
+        };
+        let results = begin(args, plan.files(sequences, seeds))?;
+        let (choice, cross) = plan.judge(sequences, seeds, &args.out, &tracks)?;
+        let text = choose::keep(&choice, described, seeds, &args.out)?;
+        compare(args, sequences, &self.beside(cross), &(text + "\n"))?;
+        results.finish()
+    }
+
+    /// The tracker is run, and scored beside the others; and so is what it says about being lost.
+    fn track(&self, args: &Args, blueprint: Blueprint, store: &Store) -> Result<()> {
+        let Self { sequences, others, seeds } = self;
+        let localisation_noise = blueprint.config().confidence.localisation_noise;
+        let kept = kept::Runs::new(blueprint, sequences, store)?;
+        // In parts, runs are made side by side; else one after another, so that their times are those of a tracker alone.
+        let in_parts = store.shard.is_some() || !store.others.is_empty();
+        let Some(made) = (if in_parts || args.side_by_side { kept.all(seeds)? } else { Some(vec![]) }) else {
+            return undone(args);
+        };
+        let made = RefCell::new(made.into_iter());
+        terminal::catch_interrupts();
+        let runs: RefCell<Vec<Case>> = RefCell::new(vec![]);
+        let run_tracker = |sequence: &Sequence, seed| {
+            if terminal::stopping() {
+                return Err(runner::stopped(&args.out));
+            }
+            let next = made.borrow_mut().next();
+            let (run, judged) = next.map_or_else(|| kept.one(sequence, seed), Ok)?.apart();
+            runs.borrow_mut().push(Case { sequence: sequence.clone(), seed, boxes: run.boxes.clone(), judged });
+            Ok(run)
+        };
+        let out = args.out.join("foveate");
+        let said = ["report.html", "confidence.txt", "confidence.json", "reliability.svg"].map(str::to_owned);
+        let results = begin(args, [&said[..], &track_files("foveate", sequences, seeds)].concat())?;
+        let ours = run_all("foveate", sequences, seeds, Some(&out), &run_tracker, &mut told)?;
+        let groups = compare(args, sequences, &self.beside(ours), "")?;
+        let runs = runs.into_inner();
+        let first: Vec<Case> = runs.iter().filter(|run| run.seed == args.seed).cloned().collect();
+        files::write_inside(args.out.join("report.html"), cases::page(&first, others, groups)?.as_bytes())?;
+        let tracks: Vec<&[Judged]> = runs.iter().map(|run| run.judged.as_slice()).collect();
+        trusted(args, &ConfidenceScore::of(&tracks, localisation_noise))?;
+        results.finish()?;
+        // What is finished begins anew the next time; parts are kept, to be merged.
+        if in_parts { Ok(()) } else { kept.forget(seeds) }
+    }
 }
 
 /// Begins the results, of which these are not written by every evaluation.
@@ -163,18 +195,6 @@ fn begin(args: &Args, more: Vec<String>) -> Result<InPlace> {
     let read = [&args.results, &args.peers, &args.seqs, &args.truth, &args.merge].into_iter().flatten();
     let read = read.map(PathBuf::as_path).chain(args.config.as_deref().map(Path::new));
     InPlace::begin(&args.out, [&names[..], &more].concat(), &read.collect::<Vec<_>>())
-}
-
-/// The files in a folder that [`run_all`] may write there.
-fn track_files(folder: &str, sequences: &[Sequence], seeds: &[u64]) -> Vec<String> {
-    let mut files = vec![];
-    for seed in seeds {
-        let folder = if seeds.len() > 1 { format!("{folder}/seed-{seed}") } else { folder.to_owned() };
-        for Sequence { name, .. } in sequences {
-            files.extend(["", "_time", "_read"].map(|what| format!("{folder}/{name}{what}.txt")));
-        }
-    }
-    files
 }
 
 /// Only a part of the runs was to be done, or it was asked to stop.

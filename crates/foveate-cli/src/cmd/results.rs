@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use foveate::{Error, Result, files};
 pub use in_place::InPlace;
 use inputs::frame_of;
-pub use inputs::spare;
+pub use inputs::{spare, writable};
 use leftovers::{growing, hidden, rescued, sweep};
 use serde::{Deserialize, Serialize};
 
@@ -130,8 +130,8 @@ impl Results {
         &self.part
     }
 
-    /// Puts the results of a run that ended so, after so many frames, in their place; answers their paths. Where one is missing, or they cannot be moved, the folder stays as
-    /// it was and they are kept beside it, under a name that the error tells.
+    /// Puts the results of a run that ended so, after so many frames, in their place; answers their paths. Where one is missing, or they
+    /// cannot be moved, the folder stays as it was and they are kept beside it, under a name that the error tells.
     pub fn keep(mut self, ended: Ended, frames: usize) -> Result<Vec<PathBuf>> {
         self.ended = (ended, frames);
         let missing = self.names.iter().find(|name| !self.part.join(name).is_file());
@@ -157,11 +157,6 @@ impl Results {
         self.names.retain(|name| !lost.contains(&&**name));
         lost.iter().for_each(|name| drop(fs::remove_file(self.part.join(name))));
         !self.names.is_empty()
-    }
-
-    /// [`Results::keep`] where there are some to keep; answers the paths of those that were kept.
-    pub fn keep_if(self, some: bool, ended: Ended, frames: usize) -> Result<Vec<PathBuf>> {
-        if some { self.keep(ended, frames) } else { Ok(vec![]) }
     }
 
     fn list(&self, folder: &Path, names: &[String], complete: bool) -> Result<()> {

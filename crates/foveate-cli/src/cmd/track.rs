@@ -8,13 +8,13 @@ use foveate::files::Folder;
 use foveate::geometry::BBox;
 use foveate::lab::eval::policy_set;
 use foveate::report::SurfacePicture;
-use foveate::report::run::{SingleRun, Span, check_box, follow, follow_tiles};
+use foveate::report::run::{self, SingleRun, Span, check_box, follow, follow_tiles};
 use foveate::video::Frame;
 use foveate::{Error, Result, files};
 
 use super::configure::{Changes, Profile, config_name, read};
 use super::of_file;
-use super::results::{Ended, Results, spare};
+use super::results::{Ended, Results, spare, writable};
 use crate::terminal;
 use init::{Frames, Init, check_again, first_box, known_truth, parse_again, parse_init, truth_file};
 use outputs::{Outputs, Told, tell};
@@ -161,8 +161,8 @@ impl Args {
     fn check_written(&self, path: Option<&Path>, names: &[&str]) -> Result<()> {
         let Some(path) = path else { return Ok(()) };
         let (folder, out) = (files::folder_of(path), &*self.out);
-        if path.is_dir() {
-            return Err(Error::malformed(path, "expected a file to write to, found a folder; give another name"));
+        if folder != out || folder.is_dir() {
+            writable(path)?;
         }
         let result = |name: &&str| path.file_name().is_some_and(|n| n == *name);
         let same = || {
@@ -173,11 +173,7 @@ impl Args {
             return Err(Error::malformed(path, "a result of the run has this name; give another name"));
         }
         let inputs = self.inputs();
-        spare(path, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
-        if folder.is_dir() || folder == out {
-            return Ok(());
-        }
-        Err(Error::malformed(path, format!("there is no folder {} to write it to; make it first", folder.display())))
+        spare(path, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())
     }
 
     fn blueprint(&self, config: Config, folder: &Folder) -> Result<Blueprint> {
@@ -280,7 +276,7 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let outputs = Outputs { video, report, surface, trace, regret, endless };
     args.check_written(args.save_state.as_deref(), &outputs.names())?;
     terminal::catch_interrupts();
-    let (mut results, lost) = (args.results(&outputs.names(), endless)?, Lost::default());
+    let (results, lost) = (args.results(&outputs.names(), endless)?, Lost::default());
     let mut observers = outputs.observers(results.folder(), &info, &lost)?;
     let (began, Started { mut source, counts }) = (Instant::now(), opened.start());
     if let Some(stream) = &args.stream {
@@ -309,9 +305,7 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     counts.note();
     let whole = result.is_ok() && !outcome.frames.stopped;
     let tracked = outcome.tracked > 0 || (whole && outcome.frames.count > 0);
-    let some = results.leave_out(&lost.names());
-    let how = how_ended(result.is_ok() && lost.names().is_empty(), outcome.frames.stopped);
-    let kept = results.keep_if(tracked && some, how, outcome.frames.count).and_then(|kept| lost.check().map(|()| kept));
+    let kept = keep(results, &lost, tracked, result.is_ok(), &outcome.frames);
     let saved = match &args.save_state {
         Some(path) if tracked => {
             SavedState::write(path, (&args.source, &about), &blueprint, seed, next_frame, tracker.save())
@@ -328,13 +322,17 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     Ok(Tally { frames: outcome.frames.count, uncertain_frames: outcome.uncertain, lost_frames: outcome.lost })
 }
 
-/// What run.json says of a run that went well or not, and was stopped or not.
-fn how_ended(well: bool, stopped: bool) -> Ended {
-    match (well, stopped) {
+/// Keeps the results of a run in which something was tracked, and which went well or not, but for those that were lost; answers where they
+/// are. Fails where some were lost.
+fn keep(mut results: Results, lost: &Lost, tracked: bool, well: bool, frames: &run::Frames) -> Result<Vec<PathBuf>> {
+    let ended = match (well && lost.names().is_empty(), frames.stopped) {
         (false, _) => Ended::Error,
         (true, true) => Ended::Stopped,
         (true, false) => Ended::Finished,
-    }
+    };
+    let some = results.leave_out(&lost.names());
+    let kept = if tracked && some { results.keep(ended, frames.count)? } else { vec![] };
+    lost.check().map(|()| kept)
 }
 
 /// Says what became of a run that did not go well, and ends the program where it was asked to stop.

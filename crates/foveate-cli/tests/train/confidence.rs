@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::training::said;
+use super::training::{fails, said};
 
 fn fit(dir: &Path, out: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
@@ -64,4 +64,20 @@ fn a_fit_that_was_killed_goes_on() {
     assert_eq!(table("cut.toml"), table("whole.toml"));
     assert_eq!(String::from_utf8_lossy(&last.stdout).replace("cut.", "whole."), whole);
     assert!(other.exists() && runs() == 0, "{} are left", runs());
+}
+
+/// What cannot be written, or would replace what is read, is told before anything is tracked: the videos are not even looked at.
+#[test]
+fn what_cannot_be_written_is_told_at_once() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    std::fs::create_dir(dir.path().join("folder")).expect("a folder");
+    fails(fit(dir.path(), "folder"), "expected a file to write to, found a folder");
+    fails(fit(dir.path(), "nowhere/table.toml"), "there is no folder");
+    let with = |option: &str, value: &Path| {
+        let mut command = fit(dir.path(), "table.toml");
+        command.arg(option).arg(value);
+        command
+    };
+    fails(with("--cues", &dir.path().join("folder")), "expected a file to write to, found a folder");
+    assert_eq!(std::fs::read_dir(dir.path()).expect("a folder").count(), 1, "nothing was made");
 }

@@ -70,7 +70,7 @@ fn mistakes_are_told_before_the_work() {
     write_digits(dir.path());
     says(&["--momentum", "1"], "momentum");
     says(&["--batch", "0"], "rows of a batch");
-    says(&["--filters", "no/such/folder/f.png"], "its folder does not exist");
+    says(&["--filters", "no/such/folder/f.png"], "there is no folder no/such/folder to write it to");
     says(&["--colour", "16"], "WINDOW/CELL");
     says(&["--config", "none.toml", "--side", "20"], "cannot be used with");
 }

@@ -16,7 +16,8 @@ use serde::{Deserialize, Serialize};
 use super::evenly;
 use crate::geometry::State;
 use crate::scene::Flow;
-use foveate_base::{Error, Result};
+use foveate_base::Result;
+use foveate_base::error::within;
 
 /// How far states move with the picture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,9 +41,7 @@ impl CameraMotion {
     /// Fails where a number is out of range, naming it.
     pub fn check(&self) -> Result<()> {
         for (name, value) in [("camera", self.camera), ("local", self.local), ("share", self.share)] {
-            if !(0.0..=1.0).contains(&value) {
-                return Err(Error::Config(format!("camera_motion.{name} is a share, from 0 to 1; it is {value}")));
-            }
+            within(&format!("camera_motion.{name}"), value, 0.0, 1.0)?;
         }
         Ok(())
     }

@@ -79,16 +79,11 @@ impl ConsistencySettings {
             ("while_lost", self.while_lost, 100.0),
             ("temperature", self.temperature, 1.0),
             ("flat", self.flat, 1.0),
+            ("settle", self.settle as f64, 1000.0),
         ] {
             within(&format!("consistency.{name}"), value, 0.0, most)?;
         }
-        if !(1..=1000).contains(&self.every) {
-            return Err(Error::Config(format!("consistency.every is 1 to 1000 frames; it is {}", self.every)));
-        }
-        if self.settle > 1000 {
-            return Err(Error::Config(format!("consistency.settle is 0 to 1000 frames; it is {}", self.settle)));
-        }
-        Ok(())
+        within("consistency.every", self.every as f64, 1.0, 1000.0)
     }
 }
 

@@ -7,7 +7,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::{Extent, State};
-use foveate_base::{Error, Result};
+use foveate_base::Result;
+use foveate_base::error::within;
 
 /// Places around the target, to find distractors among; lengths in template units (1 = half the target's box).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,20 +42,9 @@ impl DistractorSettings {
     }
     /// Fails where a number is out of range, naming it.
     pub fn check(&self) -> Result<()> {
-        for (name, value, least, most) in [("reach", self.reach, 1.0, 50.0), ("step", self.step, 0.1, 10.0)] {
-            if !(least..=most).contains(&value) {
-                return Err(Error::Config(format!(
-                    "distractors.{name} is {least} to {most} template units; it is {value}"
-                )));
-            }
-        }
-        if self.remembered > 1000 {
-            return Err(Error::Config(format!(
-                "distractors.remembered is 0 to 1000 frames; it is {}",
-                self.remembered
-            )));
-        }
-        Ok(())
+        within("distractors.reach", self.reach, 1.0, 50.0)?;
+        within("distractors.step", self.step, 0.1, 10.0)?;
+        within("distractors.remembered", self.remembered as f64, 0.0, 1000.0)
     }
 }
 
@@ -128,9 +118,9 @@ pub fn distractors(
     extent: Extent,
     distractors: &mut Vec<State>,
 ) -> f64 {
-    let scale = estimate.log_scale.exp();
+    let (w, h) = estimate.half(extent);
     let far = |a: &State, b: &State, apart: f64| {
-        let (u, v) = ((a.x - b.x) / (scale * extent.half_w), (a.y - b.y) / (scale * extent.half_h));
+        let (u, v) = ((a.x - b.x) / w, (a.y - b.y) / h);
         u * u + v * v > apart * apart
     };
     let mut best = f64::NEG_INFINITY;

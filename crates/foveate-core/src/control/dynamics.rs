@@ -2,6 +2,7 @@
 
 use super::leap::{Leap, Pace};
 use crate::geometry::State;
+use foveate_base::error::within;
 use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
 use foveate_kernels::Normals;
@@ -47,8 +48,8 @@ pub trait Dynamics: Send + Sync {
 /// angle'     = angle_pull · angle + turn · n
 /// ```
 /// Lengths are in pixels, or in template units where a configuration gives them, to be [`Dynamics::sized`].
-/// Deviation: a share `tail_probability` of the states has the noises of position, scale and angle `tail_scale` times as large: a mixture of two normals,
-/// of heavy tails.
+/// Deviation: a share `tail_probability` of the states has the noises of position, scale and angle `tail_scale` times as large: a
+/// mixture of two normals, of heavy tails.
 ///
 /// A standard deviation of 0 makes its component follow from the others. The density is then one over the
 /// remaining components, and −∞ (a probability of none) where the component does not follow.
@@ -104,17 +105,9 @@ impl Autoregressive {
         }
         let shares = [self.damping, self.scale_pull, self.angle_pull, self.tail_probability];
         for (name, share) in ["damping", "scale_pull", "angle_pull", "tail_probability"].into_iter().zip(shares) {
-            if !(0.0..=1.0).contains(&share) {
-                return Err(Error::Config(format!("dynamics.{name} is a share, from 0 to 1; it is {share}")));
-            }
+            within(&format!("dynamics.{name}"), share, 0.0, 1.0)?;
         }
-        if !(1.0..=100.0).contains(&self.tail_scale) {
-            return Err(Error::Config(format!(
-                "dynamics.tail_scale is a factor, from 1 to 100; it is {}",
-                self.tail_scale
-            )));
-        }
-        Ok(())
+        within("dynamics.tail_scale", self.tail_scale, 1.0, 100.0)
     }
     /// The same motion for a target `factor` times as large: the noises in pixels grow with it.
     pub fn scaled(self, factor: f64) -> Self {
@@ -152,11 +145,8 @@ impl Autoregressive {
             angle: self.angle_pull * previous.angle + self.angle * shape[1],
         }
     }
-}
-
-impl Autoregressive {
     /// The noises of a state from the heavy tail.
-    fn leaping(&self, [velocity, position, shape]: Noise) -> Noise {
+    fn tail(&self, [velocity, position, shape]: Noise) -> Noise {
         [velocity, position.map(|x| self.tail_scale * x), shape.map(|x| self.tail_scale * x)]
     }
 }
@@ -167,8 +157,8 @@ impl Dynamics for Autoregressive {
     }
 
     fn spread(&self) -> f64 {
-        let leaping = 1.0 + self.tail_probability * (self.tail_scale * self.tail_scale - 1.0);
-        (self.velocity * self.velocity + leaping * self.position * self.position).sqrt()
+        let wider = 1.0 + self.tail_probability * (self.tail_scale * self.tail_scale - 1.0);
+        (self.velocity * self.velocity + wider * self.position * self.position).sqrt()
     }
 
     fn sized(&self, unit: f64) -> Arc<dyn Dynamics> {
@@ -184,8 +174,8 @@ impl Dynamics for Autoregressive {
     fn sample(&self, previous: &State, rng: &mut Rng) -> State {
         let mut pair = || [rng.sample(StandardNormal), rng.sample(StandardNormal)];
         let noise = [pair(), pair(), pair()];
-        let tail_probability = self.tail_probability > 0.0 && rng.random::<f64>() < self.tail_probability;
-        self.step(previous, if tail_probability { self.leaping(noise) } else { noise })
+        let in_tail = self.tail_probability > 0.0 && rng.random::<f64>() < self.tail_probability;
+        self.step(previous, if in_tail { self.tail(noise) } else { noise })
     }
 
     fn sample_each(&self, previous: &[State], next: &mut [State], rng: &mut Rng) {
@@ -207,9 +197,9 @@ impl Dynamics for Autoregressive {
             for i in 0..previous.len().min(next.len()).min(BATCH) {
                 let noise = [velocity[i], position[i], shape[i]];
                 turn += self.tail_probability;
-                let tail_probability = turn >= 1.0;
-                turn -= f64::from(u8::from(tail_probability));
-                next[i] = self.step(&previous[i], if tail_probability { self.leaping(noise) } else { noise });
+                let in_tail = turn >= 1.0;
+                turn -= f64::from(u8::from(in_tail));
+                next[i] = self.step(&previous[i], if in_tail { self.tail(noise) } else { noise });
             }
         }
     }
@@ -223,13 +213,13 @@ impl Dynamics for Autoregressive {
                 + log_normal(next.log_scale, self.scale_pull * previous.log_scale, factor * self.log_scale)
                 + log_normal(next.angle, self.angle_pull * previous.angle, factor * self.angle)
         };
-        let [steps, tail_probability] =
+        let [body, tail] =
             [(1.0 - self.tail_probability).ln() + of_rest(1.0), self.tail_probability.ln() + of_rest(self.tail_scale)];
-        let most = steps.max(tail_probability);
+        let most = body.max(tail);
         if most == f64::NEG_INFINITY {
             return most;
         }
-        of_speed + most + ((steps - most).exp() + (tail_probability - most).exp()).ln()
+        of_speed + most + ((body - most).exp() + (tail - most).exp()).ln()
     }
 }
 

@@ -13,8 +13,8 @@ use serde::{Deserialize, Serialize};
 
 use super::candidates::{Candidates, Draw};
 use crate::geometry::{Extent, State};
+use foveate_base::Result;
 use foveate_base::error::within;
-use foveate_base::{Error, Result};
 
 /// Settings of the search for a target that has leapt.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -50,10 +50,7 @@ impl LocalSearchSettings {
         within("local_search.share", self.share, 1e-3, 1.0)?;
         within("local_search.spread", self.spread, 1e-3, 10.0)?;
         within("local_search.doubt", self.doubt, 0.0, 1.0)?;
-        match self.places {
-            1..=6 => Ok(()),
-            n => Err(Error::Config(format!("local_search.places is 1 to 6; it is {n}"))),
-        }
+        within("local_search.places", self.places as f64, 1.0, 6.0)
     }
 }
 
@@ -83,9 +80,7 @@ impl LocalSearch {
     /// Begins with these places about an estimate, of a lattice: distance of neighbouring places and of the farthest, template units. To
     /// be scored.
     pub fn begin(&mut self, places: &[State], estimate: &State, extent: Extent, lattice: (f64, f64)) -> &[State] {
-        let (step, reach) = lattice;
-        let scale = estimate.log_scale.exp();
-        let half = (scale * extent.half_w, scale * extent.half_h);
+        let ((step, reach), half) = (lattice, estimate.half(extent));
         let it = &mut self.candidates;
         (it.half, it.apart, it.area) = (half, (step * half.0, step * half.1), (2.0 * reach).powi(2));
         it.resume([]);

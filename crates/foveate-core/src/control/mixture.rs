@@ -94,7 +94,7 @@ impl Mixing {
 }
 
 /// The mixture. It needs more of the dynamics than draws: the law of the place alone, and of the velocity given the place.
-/// Both are normal laws: dynamics with `tail_probability` have none, and a configuration with both is refused.
+/// Both are normal laws: dynamics of heavy tails have none, and a configuration with both is refused.
 #[derive(Clone)]
 pub struct Mixture {
     mixing: Mixing,
@@ -150,8 +150,7 @@ impl Proposal for Mixture {
             }
         }
         if self.clamp_to_frame {
-            let image = scene.image;
-            children.iter_mut().for_each(|child| confine(child, image.width(), image.height()));
+            confine(children, scene.image);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{Dynamics, Leap};
 use crate::geometry::State;
-use crate::scene::Scene;
+use crate::scene::{Image, Scene};
 use foveate_base::rng::Streams;
 use std::sync::Arc;
 
@@ -53,13 +53,15 @@ impl Prior {
     }
 }
 
-/// Keeps a state's centre within the pixels of a picture.
-pub(super) fn confine(state: &mut State, width: usize, height: usize) {
-    let [right, bottom] = [width, height].map(|side| (side - 1) as f64);
-    for (place, speed, end) in [(&mut state.x, &mut state.vx, right), (&mut state.y, &mut state.vy, bottom)] {
-        if !(0.0..=end).contains(place) {
-            *place = place.clamp(0.0, end);
-            *speed = 0.0;
+/// Keeps the centres of states within the pixels of a picture.
+pub(super) fn confine(states: &mut [State], image: &Image) {
+    let [right, bottom] = [image.width(), image.height()].map(|side| (side - 1) as f64);
+    for state in states {
+        for (place, speed, end) in [(&mut state.x, &mut state.vx, right), (&mut state.y, &mut state.vy, bottom)] {
+            if !(0.0..=end).contains(place) {
+                *place = place.clamp(0.0, end);
+                *speed = 0.0;
+            }
         }
     }
 }
@@ -88,8 +90,7 @@ impl Proposal for Prior {
             self.dynamics.sample_each(parents, children, &mut streams.rng(i as u64));
         }
         if self.clamp_to_frame {
-            let image = scene.image;
-            children.iter_mut().for_each(|child| confine(child, image.width(), image.height()));
+            confine(children, scene.image);
         }
     }
 }
@@ -114,12 +115,10 @@ mod tests {
 
     #[test]
     fn walls_stop_what_would_leave() {
-        let mut state = State { x: -3.0, y: 7.5, vx: -4.0, vy: 2.0, ..State::default() };
-        confine(&mut state, 20, 8);
-        assert_eq!((state.x, state.y, state.vx, state.vy), (0.0, 7.0, 0.0, 0.0));
         let inside = State { x: 19.0, y: 0.0, vx: 9.0, vy: -9.0, ..State::default() };
-        state = inside;
-        confine(&mut state, 20, 8);
-        assert_eq!(state, inside, "its speed is its own until it leaves");
+        let mut states = [State { x: -3.0, y: 7.5, vx: -4.0, vy: 2.0, ..State::default() }, inside];
+        confine(&mut states, &Image::grey(20, 8, 0));
+        assert_eq!(states[0].to_array(), [0.0, 7.0, 0.0, 0.0, 0.0, 0.0]);
+        assert_eq!(states[1], inside, "its speed is its own until it leaves");
     }
 }

@@ -29,12 +29,6 @@ pub struct Redetection {
     parts: Vec<(f64, usize)>,
 }
 
-impl Default for Redetection {
-    fn default() -> Self {
-        Self::new(RedetectionSettings::default())
-    }
-}
-
 /// How often the best places are made finer, by a third each time.
 pub const REFINEMENTS: usize = 2;
 
@@ -67,8 +61,7 @@ impl Redetection {
     /// rest, row by row.
     pub fn places(&mut self, size: (usize, usize), seen: &State, extent: Extent) -> &[State] {
         let (width, height) = (size.0 as f64, size.1 as f64);
-        let scale = seen.log_scale.exp();
-        let half = (extent.half_w * scale, extent.half_h * scale);
+        let half = seen.half(extent);
         self.candidates.half = half;
         self.candidates.area = width * height / (half.0 * half.1);
         // Whole numbers of steps: places of a lattice of some steps share what they are made of.
@@ -163,7 +156,7 @@ mod tests {
 
     #[test]
     fn places_cover_the_picture() {
-        let mut search = Redetection::default();
+        let mut search = Redetection::new(RedetectionSettings::default());
         let estimate = State { log_scale: 0.5, angle: 0.2, vx: 3.0, ..State::default() };
         let step = 0.5 * 10.0 * 0.5f64.exp();
         let places = search.places((100, 60), &estimate, EXTENT).to_vec();
@@ -184,7 +177,7 @@ mod tests {
         for (size, half, budget) in [((320, 240), 12.0, 1000), ((1280, 720), 24.0, 2000), ((64, 2000), 9.0, 64)] {
             let extent = Extent { half_w: half, half_h: 1.5 * half };
             let seen = State { x: 0.7 * size.0 as f64, y: 0.4 * size.1 as f64, ..State::default() };
-            let whole = Redetection::default().places(size, &seen, extent).to_vec();
+            let whole = Redetection::new(RedetectionSettings::default()).places(size, &seen, extent).to_vec();
             let mut search = Redetection::new(RedetectionSettings { budget, ..RedetectionSettings::default() });
             let (mut all, mut most, mut searches) = (vec![], 0, 0);
             while all.len() < whole.len() {
@@ -289,7 +282,7 @@ mod tests {
 
     #[test]
     fn it_is_due_while_lost() {
-        let mut search = Redetection::default();
+        let mut search = Redetection::new(RedetectionSettings::default());
         assert!(search.is_due(true, 8) && !search.is_due(true, 9) && !search.is_due(false, 8));
         for (search, said) in [
             (RedetectionSettings { every: 0, ..RedetectionSettings::default() }, "every"),

@@ -3,8 +3,9 @@
 //! Every scheme is unbiased: particle i gets m·wᵢ of the m places on average. They differ in how far a
 //! count strays: systematic and residual ones by less than 1 from m·wᵢ below (Douc, Cappé & Moulines 2005).
 
+use foveate_base::Result;
+use foveate_base::error::within;
 use foveate_base::rng::Rng;
-use foveate_base::{Error, Result};
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
@@ -43,11 +44,7 @@ impl Default for Resampling {
 impl Resampling {
     /// Fails where the threshold is not from 0 to 1.
     pub fn check(&self) -> Result<()> {
-        if !(0.0..=1.0).contains(&self.below) {
-            let below = self.below;
-            return Err(Error::Config(format!("resampling.below is a share of the particles, 0 to 1; it is {below}")));
-        }
-        Ok(())
+        within("resampling.below", self.below, 0.0, 1.0)
     }
     /// Whether a belief of `n` particles with this effective sample size is to be resampled.
     pub fn is_due(&self, ess: f64, n: usize) -> bool {

@@ -104,6 +104,31 @@ impl Monitor {
 impl Engine {
     /// Perceives at the estimate, and judges the frame: P(lost), the status, and what the policy is told next.
     pub(super) fn monitor(&mut self, image: &Image, estimate: &Estimate) -> TrackConfidence {
+        let evidence = self.evidence(image, estimate);
+        let (judged, loss) = (self.is_judged(), &mut self.parts.monitor.loss);
+        let confidence = if judged { loss.judge(&evidence) } else { loss.last() };
+        let lost = confidence.status.is_occluded_or_lost();
+        self.context = Context {
+            ess: estimate.ess / self.work.predicted.len() as f64,
+            deficit: evidence.consistency.deficit.max(evidence.alarm),
+            frame_deficit: evidence.consistency.frame_deficit,
+            spread: evidence.spread,
+            lost,
+            ..self.context
+        };
+        if lost {
+            self.parts.appearance.forget_short_term();
+        } else if confidence.p_lost < CERTAIN {
+            self.advise(estimate);
+            if judged && self.frame.is_multiple_of(REMEMBERED_EVERY) {
+                self.remember(&estimate.mean);
+            }
+        }
+        confidence
+    }
+
+    /// What the frame shows of the target at the estimate; where it is not judged, what is told of its looks is the last verdict's.
+    fn evidence(&mut self, image: &Image, estimate: &Estimate) -> FrameEvidence {
         let (reference, judged) = (self.reference(), self.is_judged());
         let unit = self.target().unit * estimate.mean.log_scale.exp();
         let w = &mut self.work;
@@ -124,47 +149,20 @@ impl Engine {
         };
         let elsewhere = if judged { self.was_elsewhere(estimate) } else { 0.0 };
         self.work.percept.gaze = chosen;
-        let agreement = self.agreement(image, estimate);
-        let spread = spread(&estimate.covariance, unit);
-        let alarm = self.parts.recognition.as_ref().map_or(0.0, Recognition::alarm);
-        let estimated = estimate.mean;
-        let loss = &mut self.parts.monitor.loss;
-        let confidence = match judged {
-            true => loss.judge(&FrameEvidence {
-                consistency,
-                evidence,
-                reference,
-                distractor,
-                spread,
-                distance,
-                colour,
-                elsewhere,
-                agreement,
-                estimate: estimated,
-                unit,
-                alarm,
-            }),
-            false => loss.last(),
-        };
-        self.context = Context {
-            ess: estimate.ess / self.work.predicted.len() as f64,
-            deficit: consistency.deficit.max(alarm),
-            frame_deficit: consistency.frame_deficit,
-            spread,
-            lost: confidence.status.is_occluded_or_lost(),
-            ..self.context
-        };
-        if self.context.lost {
-            self.parts.appearance.forget_short_term();
+        FrameEvidence {
+            consistency,
+            evidence,
+            reference,
+            distractor,
+            spread: spread(&estimate.covariance, unit),
+            distance,
+            colour,
+            elsewhere,
+            agreement: self.agreement(image, estimate),
+            estimate: estimate.mean,
+            unit,
+            alarm: self.parts.recognition.as_ref().map_or(0.0, Recognition::alarm),
         }
-        let certain = confidence.p_lost < CERTAIN && !self.context.lost;
-        if certain {
-            self.advise(estimate);
-        }
-        if judged && certain && self.frame.is_multiple_of(REMEMBERED_EVERY) {
-            self.remember(&estimate.mean);
-        }
-        confidence
     }
 
     /// Evidence and the likelihood of the best distractor, without what was learned for now: that may not vouch for itself.

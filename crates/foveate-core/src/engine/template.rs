@@ -59,11 +59,10 @@ impl Engine {
     /// before [`Engine::init`].
     pub fn reset_at(&mut self, bbox: &BBox) {
         let state = self.state_at(bbox);
-        let (scale, extent) = (state.log_scale.exp(), self.target().extent);
-        let scaled = Extent { half_w: extent.half_w * scale, half_h: extent.half_h * scale };
+        let (half_w, half_h) = state.half(self.target().extent);
         self.parts.monitor.reset_consistency();
         self.parts.monitor.loss.begin_again();
-        self.parts.filter.spread(&state, scaled, self.streams.at(self.frame, Purpose::Start));
+        self.parts.filter.spread(&state, Extent { half_w, half_h }, self.streams.at(self.frame, Purpose::Start));
         (self.context.lost, self.visible) = (false, 1.0);
         self.second.iter_mut().for_each(|second| second.reset_at(bbox));
     }

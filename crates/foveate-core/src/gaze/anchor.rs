@@ -36,7 +36,7 @@ impl Policy for Anchor {
         plan.mark(self.own.chosen_index());
         match self.own.gazes().iter().position(|g| (g.u, g.v) == (self.gaze.u, self.gaze.v)) {
             Some(k) => plan.use_also(k),
-            None => plan.push(self.gaze, true),
+            None => plan.weigh(self.gaze, 1.0),
         }
     }
     fn learn(&mut self, plan: &Plan, rewards: &[f64]) {
@@ -76,15 +76,15 @@ mod tests {
             circular.plan(&Context::default(), &mut plan, &mut rng);
             assert_eq!(plan.chosen().arm, Some(t), "the choice is the inner policy's");
             assert_eq!(plan.gazes().len(), if t == 4 { 1 } else { 2 });
-            assert!(plan.used().iter().all(|&used| used));
+            assert_eq!(plan.used().count(), plan.gazes().len());
             circular.learn(&plan, &[0.5; 2][..plan.gazes().len()]);
         }
         let mut full = Anchor::centre(hedge());
         for _ in 0..50 {
             full.plan(&Context::default(), &mut plan, &mut rng);
             assert_eq!(plan.gazes().len(), 9, "the centre is one of the nine");
-            assert!(plan.used()[4] && plan.used()[plan.chosen_index()]);
-            assert_eq!(plan.used().iter().filter(|&&used| used).count(), if plan.chosen_index() == 4 { 1 } else { 2 });
+            assert!(plan.weights()[4] > 0.0 && plan.weights()[plan.chosen_index()] > 0.0);
+            assert_eq!(plan.used().count(), if plan.chosen_index() == 4 { 1 } else { 2 });
             full.learn(&plan, &[0.5; 9]);
         }
     }

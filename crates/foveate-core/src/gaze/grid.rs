@@ -1,7 +1,8 @@
 //! Fixed gazes on the template, for the policies that choose among a few.
 
 use crate::geometry::Gaze;
-use foveate_base::{Error, Result};
+use foveate_base::Result;
+use foveate_base::error::within;
 use serde::{Deserialize, Serialize};
 
 /// n × n gazes over the square from −reach to reach, column by column: with n = 3 they are the paper's G1 to
@@ -25,16 +26,8 @@ impl Default for Grid {
 impl Grid {
     /// Fails where there is no gaze, more than a thousand, or an endless reach.
     pub fn check(&self) -> Result<()> {
-        if !(1..=31).contains(&self.n) {
-            return Err(Error::Config(format!(
-                "grid.n is the number of gazes along a side, 1 to 31; it is {}",
-                self.n
-            )));
-        }
-        if !(0.0..=10.0).contains(&self.reach) {
-            return Err(Error::Config(format!("grid.reach is in template units, 0 to 10; it is {}", self.reach)));
-        }
-        Ok(())
+        within("grid.n", self.n as f64, 1.0, 31.0)?;
+        within("grid.reach", self.reach, 0.0, 10.0)
     }
     /// The gazes; arm k is the k-th.
     pub fn gazes(&self) -> Vec<Gaze> {

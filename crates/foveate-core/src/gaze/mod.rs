@@ -66,7 +66,6 @@ use serde_json::Value;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
     gazes: Vec<Gaze>,
-    used: Vec<bool>,
     weights: Vec<f64>,
     marked: Option<usize>,
     recorded: Vec<Gaze>,
@@ -75,8 +74,7 @@ pub struct Plan {
 
 impl Default for Plan {
     fn default() -> Self {
-        let (gazes, used, weights, recorded) = (vec![], vec![], vec![], vec![]);
-        Self { gazes, used, weights, marked: None, recorded, wider: 1.0 }
+        Self { gazes: vec![], weights: vec![], marked: None, recorded: vec![], wider: 1.0 }
     }
 }
 
@@ -88,7 +86,6 @@ impl Plan {
     /// Forgets all gazes; keeps the room.
     pub fn clear(&mut self) {
         self.gazes.clear();
-        self.used.clear();
         self.weights.clear();
         self.marked = None;
         self.recorded.clear();
@@ -105,33 +102,28 @@ impl Plan {
     /// Asks for one gaze, and uses it.
     pub fn only(&mut self, gaze: Gaze) {
         self.clear();
-        self.push(gaze, true);
+        self.weigh(gaze, 1.0);
     }
     /// Asks for all of `gazes`, and uses the one at `chosen`.
     pub fn all(&mut self, gazes: &[Gaze], chosen: usize) {
         assert!(chosen < gazes.len(), "gaze {chosen} of {} cannot be chosen", gazes.len());
         self.clear();
         for (k, &gaze) in gazes.iter().enumerate() {
-            self.push(gaze, k == chosen);
+            self.weigh(gaze, f64::from(u8::from(k == chosen)));
         }
     }
-    /// Asks for one gaze more, used or only scored.
-    pub fn push(&mut self, gaze: Gaze, used: bool) {
-        self.weigh(gaze, f64::from(u8::from(used)));
-    }
-    /// Asks for one gaze more, and uses as much of its log-likelihood as `weight` says, finite and at least 0.
+    /// Asks for one gaze more, and uses as much of its log-likelihood as `weight` says, finite and at least 0; at 0 it is only scored.
     pub fn weigh(&mut self, gaze: Gaze, weight: f64) {
         self.gazes.push(gaze);
-        self.used.push(weight > 0.0);
         self.weights.push(weight);
     }
     /// Uses the gaze at `k` too, for one look at least.
     pub fn use_also(&mut self, k: usize) {
-        (self.used[k], self.weights[k]) = (true, self.weights[k].max(1.0));
+        self.weights[k] = self.weights[k].max(1.0);
     }
     /// Says which of the used gazes is the policy's own choice; otherwise it is the first used one.
     pub fn mark(&mut self, k: usize) {
-        assert!(self.used[k], "the choice must be one of the used gazes");
+        assert!(self.weights[k] > 0.0, "the choice must be one of the used gazes");
         self.marked = Some(k);
     }
     /// Asks for the reward of a gaze for observers alone: it neither moves the belief nor comes to `learn`.
@@ -146,9 +138,10 @@ impl Plan {
     pub fn gazes(&self) -> &[Gaze] {
         &self.gazes
     }
-    /// For each gaze, whether it moves the belief. One at least does.
-    pub fn used(&self) -> &[bool] {
-        &self.used
+    /// The gazes that move the belief, one at least, with their indices.
+    pub fn used(&self) -> impl Iterator<Item = (usize, Gaze)> {
+        let all = self.gazes.iter().copied().zip(&self.weights).enumerate();
+        all.filter(|(_, (_, weight))| **weight > 0.0).map(|(k, (gaze, _))| (k, gaze))
     }
     /// For each gaze, how much its log-likelihood counts: 1 for one that is used, 0 for one that is only scored, anything
     /// else where the policy weighs them.
@@ -161,7 +154,7 @@ impl Plan {
     }
     /// Index of the policy's own choice. Panics if no gaze is used, which no policy may leave so.
     pub fn chosen_index(&self) -> usize {
-        let first = || self.used.iter().position(|&used| used).expect("a plan uses one gaze at least");
+        let first = || self.used().next().expect("a plan uses one gaze at least").0;
         self.marked.unwrap_or_else(first)
     }
     /// The policy's own choice: what it is said to look at.

@@ -4,6 +4,7 @@
 //! A sum of log-probabilities also hears how sure each frame was, and wins wherever probabilities mean what they say.
 
 use foveate_base::{Error, Result};
+use foveate_kernels::{exp_from, largest_finite};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -76,9 +77,8 @@ impl Accumulator {
             Accumulate::Count if total == 0.0 => out.fill(1.0 / out.len() as f64),
             Accumulate::Count => out.iter_mut().zip(&self.evidence).for_each(|(p, count)| *p = count / total),
             _ => {
-                out.copy_from_slice(&self.evidence);
-                normalize(out);
-                out.iter_mut().for_each(|p| *p = p.exp());
+                let sum = exp_from(&self.evidence, largest_finite(&self.evidence), out);
+                out.iter_mut().for_each(|p| *p /= sum);
             }
         }
     }
@@ -113,13 +113,6 @@ impl Accumulator {
 /// The class with the most; the first of several.
 pub fn likeliest(values: &[f64]) -> usize {
     (1..values.len()).fold(0, |best, i| if values[i] > values[best] { i } else { best })
-}
-
-/// Takes log Σ exp from every value.
-fn normalize(log_p: &mut [f64]) {
-    let most = log_p.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let log_sum = most + log_p.iter().map(|q| (q - most).exp()).sum::<f64>().ln();
-    log_p.iter_mut().for_each(|q| *q -= log_sum);
 }
 
 #[cfg(test)]

@@ -126,9 +126,8 @@ impl Colour {
         self.recent.clone_from(&self.counts.now);
         self.judge();
         let mut sums = Integral::default();
-        let scale = state.log_scale.exp();
-        let (w, h) = (RING * extent.half_w * scale, RING * extent.half_h * scale);
-        let step = step(scale * extent.half_w.min(extent.half_h));
+        let (w, h) = state.half(extent);
+        let (step, w, h) = (step(w.min(h)), RING * w, RING * h);
         self.sum_up(image, [state.x - w, state.y - h, state.x + w, state.y + h], step, &mut sums);
         self.contrast = contrast(&sums, state, extent).max(LEAST);
     }
@@ -213,8 +212,7 @@ fn contrast(sums: &Integral, s: &State, extent: Extent) -> f64 {
     if sums.is_empty() {
         return 0.0;
     }
-    let scale = s.log_scale.exp();
-    let (w, h) = (extent.half_w * scale, extent.half_h * scale);
+    let (w, h) = s.half(extent);
     let (inside, n) = sums.over(s.x - w, s.y - h, s.x + w, s.y + h);
     let (all, m) = sums.over(s.x - RING * w, s.y - RING * h, s.x + RING * w, s.y + RING * h);
     let whole = sums.samples(2.0 * w, 2.0 * h);
@@ -236,8 +234,7 @@ impl Counts {
             h.clear();
             h.resize(n, 0.0);
         }
-        let scale = state.log_scale.exp();
-        let (w, h) = (extent.half_w * scale, extent.half_h * scale);
+        let (w, h) = state.half(extent);
         let (far, step) = (AROUND.1, step(w.min(h)));
         let columns = pixels(state.x - far * w, state.x + far * w, image.width());
         let rows = pixels(state.y - far * h, state.y + far * h, image.height()).step_by(step);

@@ -13,7 +13,7 @@
 
 use foveate_kernels as kernels;
 
-use super::encoder::{Encoder, groups, standardise};
+use super::encoder::{Channels, Encoder};
 use super::retina::Cell;
 use foveate_base::rng::Streams;
 use foveate_base::rows::{Rows, RowsMut};
@@ -182,7 +182,7 @@ pub struct ConvolutionEncoder {
     shares: Vec<f32>,
     /// Of each place.
     cells: Vec<u32>,
-    groups: Vec<std::ops::Range<usize>>,
+    channels: Channels,
 }
 
 impl ConvolutionEncoder {
@@ -231,7 +231,7 @@ impl ConvolutionEncoder {
             softening,
             shares: counts.iter().map(|n| 1.0 / (n * (n_x as f32).sqrt())).collect(),
             cells: patches.places.iter().map(|p| p.cell as u32).collect(),
-            groups: groups(&channels),
+            channels: Channels::of(&channels),
             patches,
             subspace,
         })
@@ -252,7 +252,7 @@ impl Encoder for ConvolutionEncoder {
         (self.patches.n_v, self.shares.len() * self.width())
     }
     fn condition(&self, glimpse: &mut [f32]) {
-        self.groups.iter().for_each(|g| standardise(&mut glimpse[g.clone()]));
+        self.channels.standardise(glimpse);
     }
     fn encode(&self, glimpses: Rows<'_>, mut features: RowsMut<'_>) {
         let ((_, n_h), n_p, k) = (self.shape(), self.patches.width(), self.width());

@@ -149,7 +149,7 @@ impl Discriminant {
     pub(super) fn look_around(&mut self, state: &State, extent: Extent, distractors: &[State]) {
         let Self { learning: Learning { places, labels, rows, .. }, regression, weights, .. } = self;
         let settings = &regression.settings;
-        let (w, h) = (state.log_scale.exp() * extent.half_w, state.log_scale.exp() * extent.half_h);
+        let (w, h) = state.half(extent);
         // Room for all that there may be.
         places.clear();
         places.reserve(MOST_PLACES);

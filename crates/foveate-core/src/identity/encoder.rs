@@ -47,42 +47,49 @@ pub trait Encoder: Send + Sync {
 #[derive(Clone, Debug)]
 pub struct Raw {
     standardise: bool,
-    groups: Vec<std::ops::Range<usize>>,
+    channels: Channels,
 }
 
 impl Raw {
     /// For a retina whose cells have these channels; if asked for, each channel is standardised on its own.
     pub fn new(channels: &[usize], standardise: bool) -> Self {
-        Self { standardise, groups: groups(channels) }
+        Self { standardise, channels: Channels::of(channels) }
     }
 }
 
 impl Encoder for Raw {
     fn shape(&self) -> (usize, usize) {
-        let n = self.groups.last().map_or(0, |g| g.end);
+        let n = self.channels.0.iter().sum();
         (n, n)
     }
     fn condition(&self, glimpse: &mut [f32]) {
-        if !self.standardise {
-            return;
+        if self.standardise {
+            self.channels.standardise(glimpse);
         }
-        self.groups.iter().for_each(|g| standardise(&mut glimpse[g.clone()]));
     }
     fn encode(&self, glimpses: Rows<'_>, mut features: RowsMut<'_>) {
         features.data().copy_from_slice(glimpses.data());
     }
 }
 
-/// Runs of equal channel.
-pub(super) fn groups(channels: &[usize]) -> Vec<std::ops::Range<usize>> {
-    let mut groups: Vec<std::ops::Range<usize>> = vec![];
-    for (i, channel) in channels.iter().enumerate() {
-        match groups.last_mut() {
-            Some(last) if channels[last.start] == *channel => last.end = i + 1,
-            _ => groups.push(i..i + 1),
+/// How many values of a glimpse each channel has, in their order.
+#[derive(Clone, Debug)]
+pub(super) struct Channels(Vec<usize>);
+
+impl Channels {
+    /// Of a retina whose cells have these channels.
+    pub fn of(cells: &[usize]) -> Self {
+        Self(cells.chunk_by(|a, b| a == b).map(<[usize]>::len).collect())
+    }
+    /// [`standardise`] of each channel on its own.
+    pub fn standardise(&self, glimpse: &mut [f32]) {
+        let mut rest = glimpse;
+        for n in &self.0 {
+            let (channel, others) = rest.split_at_mut(*n);
+            standardise(channel);
+            rest = others;
         }
     }
-    groups
 }
 
 /// Zero mean and unit standard deviation. 0.05 is added to the deviation, so that flat glimpses stay flat

@@ -1,6 +1,6 @@
 //! The features of a factored RBM (section 2.1, Ranzato & Hinton 2010) as a first layer.
 
-use super::encoder::{Encoder, groups, standardise};
+use super::encoder::{Channels, Encoder};
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_learn::rbm::factored::{FactoredRbm, Units};
 
@@ -8,13 +8,13 @@ use foveate_learn::rbm::factored::{FactoredRbm, Units};
 pub struct FactoredEncoder {
     rbm: FactoredRbm,
     units: Units,
-    groups: Vec<std::ops::Range<usize>>,
+    channels: Channels,
 }
 
 impl FactoredEncoder {
     /// Encodes with these units of a trained machine; each channel of a glimpse is standardised first, as in its training.
     pub fn new(rbm: FactoredRbm, units: Units, channels: &[usize]) -> Self {
-        Self { rbm, units, groups: groups(channels) }
+        Self { rbm, units, channels: Channels::of(channels) }
     }
 }
 
@@ -23,7 +23,7 @@ impl Encoder for FactoredEncoder {
         (self.rbm.glimpse_len(), self.rbm.width(self.units))
     }
     fn condition(&self, glimpse: &mut [f32]) {
-        self.groups.iter().for_each(|g| standardise(&mut glimpse[g.clone()]));
+        self.channels.standardise(glimpse);
     }
     fn encode(&self, glimpses: Rows<'_>, features: RowsMut<'_>) {
         self.rbm.features(glimpses, self.units, features);

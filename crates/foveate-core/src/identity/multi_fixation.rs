@@ -10,6 +10,7 @@ use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 use foveate_learn::rbm::fixations::{About, FixationRbm, Reading};
 use foveate_learn::softmax::{Softmax, normalize};
+use serde::Deserialize;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -60,34 +61,18 @@ impl MultiFixation {
     pub fn rbm(&self) -> &FixationRbm {
         &self.rbm
     }
-    /// Values of a feature vector.
-    pub fn width(&self) -> usize {
-        self.rbm.glimpse_len()
-    }
-    /// n_c.
-    pub fn classes(&self) -> usize {
-        self.classifier.as_ref().map_or(self.rbm.classes(), |c| c.classes())
-    }
     /// Δ: looks that a decision stands on, at most.
     pub fn window(&self) -> usize {
         self.rbm.window()
     }
-    /// Looks that it stands on now.
-    pub fn count(&self) -> usize {
-        self.reading.count()
-    }
-    /// Forgets all looks.
-    pub fn clear(&mut self) {
-        self.reading.clear();
-    }
-    /// Takes in the first layer's features of a look (`width` of them); the oldest is forgotten after Δ. Allocates nothing.
-    pub fn look(&mut self, features: &[f32], gaze: Gaze) {
+    /// Takes in the first layer's features of a look; the oldest is forgotten after Δ. Allocates nothing.
+    fn look(&mut self, features: &[f32], gaze: Gaze) {
         let code = self.rbm.places().code(gaze.u as f32, gaze.v as f32);
         self.reading.fixate(&self.rbm, features, code);
     }
     /// log p(y | the last Δ looks), nats; the same for all classes while there is none. Allocates nothing.
-    pub fn log_probabilities(&mut self, log_p: &mut [f64]) {
-        if self.count() == 0 {
+    fn log_probabilities(&mut self, log_p: &mut [f64]) {
+        if self.reading.count() == 0 {
             return log_p.fill(-(log_p.len() as f64).ln());
         }
         match &self.classifier {
@@ -103,40 +88,29 @@ impl MultiFixation {
             }
         }
     }
-    /// The looks it stands on, to resume from.
-    pub fn save(&self) -> Value {
-        serde_json::to_value(&self.reading).expect("numbers become JSON")
-    }
-    /// Takes up what `save` gave. Fails if it is of a machine of another size.
-    pub fn restore(&mut self, saved: &Value) -> Result<()> {
-        let reading: Option<Reading> = serde_json::from_value(saved.clone()).ok();
-        match reading.filter(|reading| reading.fits(&self.rbm)) {
-            Some(reading) => self.reading = reading,
-            None => return Err(Error::Invalid("the saved looks are of another recogniser".into())),
-        }
-        Ok(())
-    }
 }
 
 impl Recognizer for MultiFixation {
     fn classes(&self) -> usize {
-        MultiFixation::classes(self)
+        self.classifier.as_ref().map_or(self.rbm.classes(), |c| c.classes())
     }
     fn width(&self) -> usize {
-        MultiFixation::width(self)
+        self.rbm.glimpse_len()
     }
     fn recognize(&mut self, features: &[f32], gaze: Gaze, log_p: &mut [f64]) {
         self.look(features, gaze);
         self.log_probabilities(log_p);
     }
     fn reset(&mut self) {
-        self.clear();
+        self.reading.clear();
     }
     fn save(&self) -> Value {
-        MultiFixation::save(self)
+        serde_json::to_value(&self.reading).expect("numbers become JSON")
     }
     fn load(&mut self, saved: &Value) -> Result<()> {
-        self.restore(saved)
+        let reading = Reading::deserialize(saved).ok().filter(|reading| reading.fits(&self.rbm));
+        self.reading = reading.ok_or_else(|| Error::Invalid("the saved looks are of another recogniser".into()))?;
+        Ok(())
     }
 }
 
@@ -199,7 +173,7 @@ mod tests {
             recogniser.log_probabilities(&mut log_p);
             assert_eq!((recogniser.classes(), log_p), (2, [-(2f64.ln()); 2]));
             for i in 0..6 {
-                recogniser.clear();
+                recogniser.reset();
                 for k in 0..2 {
                     let u = if k == 0 { -0.5 } else { 0.5 };
                     recogniser.look(&x[(i * 2 + k) * 4..][..4], Gaze { u, v: 3.0, arm: None });
@@ -208,12 +182,12 @@ mod tests {
                 assert!(log_p[i % 2] > 0.7f64.ln(), "{i}: {log_p:?}");
             }
             let mut other = recogniser.clone();
-            other.clear();
-            other.restore(&recogniser.save()).expect("the same machine");
+            other.reset();
+            other.load(&recogniser.save()).expect("the same machine");
             let mut again = [0.0; 2];
             other.log_probabilities(&mut again);
             assert_eq!(again, log_p);
-            assert!(other.restore(&Value::from(3)).is_err());
+            assert!(other.load(&Value::from(3)).is_err());
             crate::conformance::recognizer(&|| Box::new(recogniser.clone()));
         }
     }

@@ -63,10 +63,7 @@ impl Region {
     /// The pixels that glimpses at these states and gazes can touch, cut to the image.
     pub fn covering(image: &Image, states: &[State], gazes: &[Gaze], extent: Extent, reach: f64) -> Self {
         let size = (image.width(), image.height());
-        let window = |state: &State| {
-            let scale = state.log_scale.exp();
-            Self::around(size, state, Self::reach(state, gazes, (scale * extent.half_w, scale * extent.half_h), reach))
-        };
+        let window = |state: &State| Self::around(size, state, Self::reach(state, gazes, state.half(extent), reach));
         states.iter().map(window).reduce(|a, b| a.union(&b)).unwrap_or_default()
     }
 

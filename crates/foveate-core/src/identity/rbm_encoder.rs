@@ -5,7 +5,7 @@ use foveate_kernels as kernels;
 use foveate_learn::rbm::{Rbm, Visible};
 use serde::{Deserialize, Serialize};
 
-use super::encoder::{Encoder, groups, standardise};
+use super::encoder::{Channels, Encoder};
 
 /// How an RBM's weights and glimpses are rounded before they are multiplied; products are added in f32 either way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,7 +25,7 @@ pub enum Precision {
 pub struct RbmEncoder {
     rbm: Rbm,
     packed: kernels::PackedWeights,
-    groups: Vec<std::ops::Range<usize>>,
+    channels: Channels,
 }
 
 impl RbmEncoder {
@@ -34,7 +34,7 @@ impl RbmEncoder {
     pub fn new(rbm: Rbm, channels: &[usize]) -> Self {
         let (n_v, n_h) = rbm.shape();
         let packed = kernels::PackedWeights::f32(n_v, n_h, rbm.weights().data());
-        Self { rbm, packed, groups: groups(channels) }
+        Self { rbm, packed, channels: Channels::of(channels) }
     }
 
     /// The machine.
@@ -68,7 +68,7 @@ impl Encoder for RbmEncoder {
     }
     fn condition(&self, glimpse: &mut [f32]) {
         if self.rbm.visible() == Visible::Gaussian {
-            self.groups.iter().for_each(|g| standardise(&mut glimpse[g.clone()]));
+            self.channels.standardise(glimpse);
         }
     }
     fn encode(&self, glimpses: Rows<'_>, mut features: RowsMut<'_>) {

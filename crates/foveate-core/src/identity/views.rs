@@ -69,7 +69,7 @@ impl Looks<'_> {
     fn survey(&self, size: (usize, usize), states: &[State], gazes: &[Gaze], found: &mut Vec<Region>) -> Wanted {
         let (mut sum, mut least, mut margin) = (0.0, f64::MAX, (0.0_f64, 0.0_f64));
         let windows = states.iter().map(|s| {
-            let (w, h) = self.half(s);
+            let (w, h) = s.half(self.extent);
             let reach @ (dx, dy) = Region::reach(s, gazes, (w, h), self.reach);
             (sum, least) = (sum + s.log_scale, least.min(w.min(h)));
             margin = (margin.0.max(RING * w - dx), margin.1.max(RING * h - dy));
@@ -80,14 +80,9 @@ impl Looks<'_> {
         Wanted { unit: (scale * self.extent.half_w, scale * self.extent.half_h), margin, step: step(least) }
     }
 
-    fn half(&self, state: &State) -> (f64, f64) {
-        let scale = state.log_scale.exp();
-        (scale * self.extent.half_w, scale * self.extent.half_h)
-    }
-
     /// What the colour model needs at a state, cut to the picture.
     fn ring(&self, size: (usize, usize), s: &State) -> [f64; 4] {
-        let (w, h) = self.half(s);
+        let (w, h) = s.half(self.extent);
         let (w, h) = (RING * w, RING * h);
         let cut = |v: f64, side: usize| v.clamp(0.0, side as f64 - 1.0);
         [cut(s.x - w, size.0), cut(s.y - h, size.1), cut(s.x + w, size.0), cut(s.y + h, size.1)]
@@ -266,7 +261,7 @@ impl Views {
         if self.used == 1 {
             return 0;
         }
-        let reach = Region::reach(state, &[gaze], looks.half(state), looks.reach);
+        let reach = Region::reach(state, &[gaze], state.half(looks.extent), looks.reach);
         let (window, ring) = (Region::around(self.size, state, reach), looks.ring(self.size, state));
         let has = |view: &View| view.region.contains(&window) && (!colours || view.sums.covers(ring));
         (0..self.used).rev().find(|k| has(&self.views[*k])).unwrap_or(0)

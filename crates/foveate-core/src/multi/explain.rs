@@ -16,7 +16,8 @@ pub(super) fn take_off(image: &mut Image, look: TemplateSource<'_>, state: &Stat
     let (Extent { half_w, half_h }, (left, top)) = (look.extent, look.origin);
     let unit = state.log_scale.exp();
     let (sin, cos) = state.angle.sin_cos();
-    let reach = (half_w * unit).hypot(half_h * unit);
+    let (w, h) = state.half(look.extent);
+    let reach = w.hypot(h);
     let BBox { x, y, .. } = BBox::around(state.x, state.y, 2.0 * reach, 2.0 * reach);
     let end = |v: f64, side: usize| v.clamp(0.0, side as f64) as usize;
     let width = image.width();

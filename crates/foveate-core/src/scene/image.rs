@@ -139,6 +139,10 @@ impl Image {
     pub fn planes(&self) -> usize {
         self.planes
     }
+    /// Width, height and planes.
+    pub fn shape(&self) -> [usize; 3] {
+        [self.width, self.height, self.planes]
+    }
     /// The bytes of plane `p`, row-major.
     pub fn plane(&self, p: usize) -> &[u8] {
         &self.data[p * self.width * self.height..][..self.width * self.height]

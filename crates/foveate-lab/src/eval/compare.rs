@@ -141,16 +141,16 @@ fn score_tracker(sequences: &[Sequence], folder: &Path) -> Result<Option<Evaluat
 fn score_files(sequences: &[Sequence], folder: &Path, seed: Option<u64>) -> Result<Vec<Row>> {
     let mut rows = Vec::new();
     for sequence in sequences {
-        let places = [folder.join(format!("{}.txt", sequence.name)), folder.join(&sequence.name).join("boxes.txt")];
+        let [boxes, time, read] = files_of(&sequence.name, None);
+        let places = [folder.join(boxes), folder.join(&sequence.name).join("boxes.txt")];
         let Some(path) = places.iter().find(|path| path.is_file()) else { continue };
         let in_file = |e: Error| Error::malformed(path, e.to_string());
         let (mut score, curves) = metrics::score(&read_boxes(path)?, &sequence.truth).map_err(in_file)?;
-        let time = format!("{}_time.txt", sequence.name);
         let times = [folder.join(&time), folder.join("times").join(&time)];
         if let Some(path) = times.iter().find(|path| path.is_file()) {
             score.fps = frames_per_second(&read_numbers(path)?);
         }
-        let read = folder.join(format!("{}_read.txt", sequence.name));
+        let read = folder.join(read);
         if read.is_file() {
             let [values, share] = read_numbers(&read)?[..] else {
                 return Err(Error::malformed(
@@ -163,6 +163,20 @@ fn score_files(sequences: &[Sequence], folder: &Path, seed: Option<u64>) -> Resu
         rows.push(Row { sequence: sequence.name.clone(), seed, score, curves });
     }
     Ok(rows)
+}
+
+/// The files of a run in a tracker's folder, by the name of the sequence: its boxes, the seconds of each frame, the values read. Those of
+/// several seeds are in folders of their own.
+fn files_of(sequence: &str, seed: Option<u64>) -> [String; 3] {
+    let folder = seed.map_or(String::new(), |seed| format!("seed-{seed}/"));
+    ["", "_time", "_read"].map(|what| format!("{folder}{sequence}{what}.txt"))
+}
+
+/// The files that [`run_all`] may write, below `folder`.
+pub fn track_files(folder: &str, sequences: &[Sequence], seeds: &[u64]) -> Vec<String> {
+    let seeds = seeds.iter().map(|seed| (seeds.len() > 1).then_some(*seed));
+    let files = seeds.flat_map(|seed| sequences.iter().flat_map(move |sequence| files_of(&sequence.name, seed)));
+    files.map(|file| format!("{folder}/{file}")).collect()
 }
 
 /// The folders in a folder, with their names, sorted.
@@ -190,8 +204,7 @@ pub fn run_all(
         for sequence in sequences {
             let run = run_tracker(sequence, seed)?;
             if let Some(out) = out {
-                let folder = if seeds.len() > 1 { out.join(format!("seed-{seed}")) } else { out.to_path_buf() };
-                keep(&run, &folder, &sequence.name)?;
+                keep(&run, files_of(&sequence.name, (seeds.len() > 1).then_some(seed)).map(|file| out.join(file)))?;
             }
             let boxes: Vec<_> = run.boxes.iter().copied().map(Some).collect();
             let at_sequence = |e: Error| Error::Invalid(format!("{}: {e}", sequence.images.display()));
@@ -206,14 +219,15 @@ pub fn run_all(
     Ok(evaluation)
 }
 
-fn keep(run: &TrackRun, folder: &Path, name: &str) -> Result<()> {
+fn keep(run: &TrackRun, [boxes, time, read]: [PathBuf; 3]) -> Result<()> {
+    let folder = files::folder_of(&boxes);
     std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot create"))?;
-    files::write_inside(folder.join(format!("{name}.txt")), format_boxes(&run.boxes).as_bytes())?;
+    files::write_inside(&boxes, format_boxes(&run.boxes).as_bytes())?;
     if let Some([values, share]) = run.read {
-        files::write_inside(folder.join(format!("{name}_read.txt")), format!("{values}\n{share}\n").as_bytes())?;
+        files::write_inside(read, format!("{values}\n{share}\n").as_bytes())?;
     }
     let seconds: String = run.seconds.iter().map(|s| format!("{s:.8}\n")).collect();
-    files::write_inside(folder.join(format!("{name}_time.txt")), seconds.as_bytes())
+    files::write_inside(time, seconds.as_bytes())
 }
 
 #[cfg(test)]

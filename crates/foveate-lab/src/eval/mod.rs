@@ -36,7 +36,7 @@ pub mod timeline;
 
 pub use cases::Case;
 pub use centres::{CentreScore, score_centres};
-pub use compare::{Evaluation, Row, TrackRun, run_all, score_folder};
+pub use compare::{Evaluation, Row, TrackRun, run_all, score_folder, track_files};
 pub use curves::Curves;
 pub use metrics::{Score, score};
 pub use reliability::Reliability;

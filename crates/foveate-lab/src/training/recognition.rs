@@ -5,7 +5,7 @@ use crate::Digits;
 use crate::eval::Reliability;
 use foveate_base::Result;
 use foveate_core::geometry::Gaze;
-use foveate_core::identity::MultiFixation;
+use foveate_core::identity::{MultiFixation, Recognizer};
 
 /// What was decided after some number of looks.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,12 +40,11 @@ pub fn curve(
         let made = sampler.look(&some, part as u64)?;
         let (rows, gazes) = (made.sequences().glimpses(), made.gazes());
         for (i, &label) in some.labels.iter().enumerate() {
-            recogniser.clear();
+            recogniser.reset();
             sum.fill(0.0);
             for k in 0..looks {
                 let [u, v] = gazes[i * looks + k];
-                recogniser.look(rows.row(i * looks + k), Gaze { u, v, arm: None });
-                recogniser.log_probabilities(&mut log_p);
+                recogniser.recognize(rows.row(i * looks + k), Gaze { u, v, arm: None }, &mut log_p);
                 sum.iter_mut().zip(&log_p).for_each(|(s, q)| *s += q);
                 single[k] += usize::from(right(&log_p, label));
                 gathered[k] += usize::from(right(&sum, label));

@@ -5,8 +5,7 @@
 
 use super::Autoencoder;
 use crate::rbm::epoch_state::EpochState;
-use crate::rbm::product::{add_outer, rows_times};
-use crate::rbm::train::block_of;
+use crate::rbm::product::{add_outer, block_of, rows_times};
 use foveate_base::rng::{Purpose, Streams};
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};

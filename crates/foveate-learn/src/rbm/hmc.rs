@@ -3,7 +3,7 @@
 //! A row x gets a momentum p ~ N(0, 1), moves for some leapfrog steps along H = F(x) + ½‖p‖², and is accepted with
 //! probability min(1, exp(H₀ − H₁)); otherwise it stays where it was. The density is left as it is, whatever the step.
 
-use super::train::block_of;
+use super::product::block_of;
 use foveate_base::rng::Rng;
 use foveate_base::rows::Rows;
 use rand::RngExt;

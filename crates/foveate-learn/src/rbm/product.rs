@@ -22,6 +22,12 @@ pub fn warm() {
     rayon::broadcast(|_| rows_times(Rows::new(&ones, 64), &ones, &mut [0.0; 64 * 64]));
 }
 
+/// Rows a thread takes at a time: all of them for one thread, so that weights are packed once; any number gives the
+/// same bits.
+pub(crate) fn block_of(rows: usize) -> usize {
+    rows.div_ceil(rayon::current_num_threads()).max(8)
+}
+
 /// `out` (m × n) = `rows` (m × k) · `weights` (k × n).
 pub fn rows_times(rows: Rows<'_>, weights: &[f32], out: &mut [f32]) {
     let k = rows.width();

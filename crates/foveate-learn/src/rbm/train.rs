@@ -8,7 +8,7 @@
 //! seed gives the same bits for any number of threads, and after any interruption (see `checkpoint`).
 
 use super::epoch_state::EpochState;
-use super::product::add_outer;
+use super::product::{add_outer, block_of};
 use super::units::{add_rows, sample_binary, sample_visible};
 use super::{Negative, Rbm, Recipe, Visible};
 use foveate_base::rng::{Purpose, Streams};
@@ -297,12 +297,6 @@ impl Trainer {
             blocks.enumerate().for_each(|(b, (w, u))| update(b, w, u));
         }
     }
-}
-
-/// Rows a thread takes at a time: all of them for one thread, so that weights are packed once; any number gives the
-/// same bits.
-pub(crate) fn block_of(rows: usize) -> usize {
-    rows.div_ceil(rayon::current_num_threads()).max(8)
 }
 
 fn sign(x: f32) -> f32 {

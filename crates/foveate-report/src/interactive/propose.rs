@@ -1,7 +1,7 @@
 //! A box about a click: where motion (otherwise than the camera's) and saliency stand out against their surroundings.
 
 use foveate_core::geometry::BBox;
-use foveate_core::scene::{Detector, Flow, Image, Map, Regions, Saliency};
+use foveate_core::scene::{Detector, Flow, Image, Map, Saliency};
 
 /// Sides of a box, pixels, at least; and its share of the picture, at most.
 const LEAST: f64 = 8.0;

@@ -4,6 +4,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
+use crate::draw::CORNERS;
 use crate::heat::Heat;
 use crate::report;
 use foveate_core::gaze::PolicySnapshot;
@@ -89,7 +90,7 @@ impl Row {
 }
 
 fn corners(state: &State, extent: Extent) -> [[f64; 2]; 4] {
-    [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(u, v)| {
+    CORNERS.map(|(u, v)| {
         let f = state.fixate(Gaze { u, v, arm: None }, extent);
         [f.x, f.y]
     })
@@ -116,8 +117,7 @@ struct Detail {
 pub fn detail(frame: usize, step: &Step<'_>) -> String {
     let (particles, weights) = report::particles(step);
     let chosen = step.plan.chosen_index();
-    let used = step.plan.gazes().iter().zip(step.plan.used()).enumerate();
-    let also = used.filter(|(k, (_, used))| **used && *k != chosen).map(|(_, (gaze, _))| [gaze.u, gaze.v]).collect();
+    let also = step.plan.used().filter(|(k, _)| *k != chosen).map(|(_, gaze)| [gaze.u, gaze.v]).collect();
     let arms = match step.snapshot {
         PolicySnapshot::Arms { gazes, probabilities } if gazes.len() > 1 => {
             gazes.iter().zip(probabilities).map(|(gaze, p)| [gaze.u, gaze.v, *p]).collect()

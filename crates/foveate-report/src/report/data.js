@@ -33,13 +33,4 @@ function fixate(row, u, v) {
   return { x: series.x[row] + cos * w * u - sin * h * v, y: series.y[row] + sin * w * u + cos * h * v, ux: cos * w, uy: sin * w, vx: -sin * h, vy: cos * h };
 }
 
-// Windows of the retina from the inside out: half their sides in template units (grey cells).
-const windows = [];
-for (let i = 0; i < data.cells.length; i += 4) {
-  const [u, v, half, channel] = data.cells.slice(i, i + 4);
-  if (channel !== 0) continue;
-  const reach = Math.max(Math.abs(u), Math.abs(v)) + half;
-  const known = windows.find(w => Math.abs(w.half - half) < 1e-6);
-  if (known) known.reach = Math.max(known.reach, reach); else windows.push({ half, reach });
-}
-windows.sort((a, b) => a.reach - b.reach);
+const windows = windowsOf(data.cells);

@@ -68,7 +68,7 @@ function drawPolicy() {
   if (!arms.length && !land) trail(c, at, row);
   if (series.u[row] !== null) {
     const u = series.u[row], v = series.v[row], [x, y] = at(u, v);
-    windows.slice(0, 1).forEach(w => frame(u, v, w.reach, '#ffb627', 1.8));
+    windows.slice(0, 1).forEach(reach => frame(u, v, reach, '#ffb627', 1.8));
     c.strokeStyle = '#fff'; c.lineWidth = 2;
     c.beginPath(); c.moveTo(x - 7, y); c.lineTo(x + 7, y); c.moveTo(x, y - 7); c.lineTo(x, y + 7); c.stroke();
   }

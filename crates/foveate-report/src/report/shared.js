@@ -58,3 +58,47 @@ function penOf(c, shade = .6) {
   const cross = (x, y, arm, ink, thick = 1.8) => cased(() => { c.moveTo(x - arm, y); c.lineTo(x + arm, y); c.moveTo(x, y - arm); c.lineTo(x, y + arm); }, ink, thick);
   return { cased, outline, cross };
 }
+// A retina's windows from its cells (u, v, half a side, channel of each): half their sides in template units, the innermost first, of its
+// grey cells by their size.
+function windowsOf(cells) {
+  const found = new Map();
+  for (let i = 0; i < cells.length; i += 4) {
+    if (cells[i + 3] !== 0) continue;
+    const reach = Math.max(Math.abs(cells[i]), Math.abs(cells[i + 1])) + cells[i + 2];
+    found.set(cells[i + 2], Math.max(reach, found.get(cells[i + 2]) || 0));
+  }
+  return [...found.values()].sort((a, b) => a - b);
+}
+// Which cell of a retina is seen where, channel by channel, on a raster of its smallest cells; null without cells.
+function eyeOf(flat) {
+  const cells = Array.from({ length: flat.length / 4 }, (_, i) => flat.slice(4 * i, 4 * i + 4));
+  if (!cells.length) return null;
+  const reach = Math.max(...cells.map(([u, v, half]) => Math.max(Math.abs(u), Math.abs(v)) + half));
+  const within = (x, low, high) => Math.min(high, Math.max(low, Math.round(x)));
+  const side = within(reach / Math.min(...cells.map(cell => cell[2])), 1, 192);
+  const maps = [0, 1, 2].map(() => new Int32Array(side * side).fill(-1));
+  cells.forEach(([u, v, half, channel], i) => {
+    const pixel = x => within((x + reach) / (2 * reach) * side, 0, side);
+    for (let y = pixel(v - half); y < pixel(v + half); y++) for (let x = pixel(u - half); x < pixel(u + half); x++) maps[channel][y * side + x] = i;
+  });
+  return { side, maps };
+}
+// What its channels say of a colour: grey is BT.601 luma, then (red − green) / 2, (2 blue − red − green) / 4.
+function colourOf(eye, values, pixel) {
+  const [grey, rg, by] = eye.maps.map(map => map[pixel]);
+  if (grey < 0 || !values.length) return null;
+  const a = rg < 0 ? 0 : 2 * (values[rg] - 128), b = by < 0 ? 0 : 4 * (values[by] - 128), green = values[grey] - .356 * a - .057 * b;
+  return [green + a, green, (b + 2 * green + a) / 2];
+}
+// A glimpse cell by cell: `rgbOf` says the colour of a pixel of the raster, if it has one.
+function paintGlimpse(canvas, eye, rgbOf) {
+  const side = eye ? eye.side : 1;
+  canvas.width = canvas.height = side;
+  const context = canvas.getContext('2d'), out = context.createImageData(side, side);
+  for (let i = 0; eye && i < side * side; i++) {
+    const rgb = rgbOf(i);
+    if (rgb) out.data.set([...rgb, 255], 4 * i);
+  }
+  context.putImageData(out, 0, 0);
+}
+const drawGlimpse = (canvas, eye, values) => paintGlimpse(canvas, eye, i => colourOf(eye, values, i));

@@ -119,8 +119,8 @@ function drawView(c, key, view, box) {
 // A cross at the gaze; around the chosen one the windows of the retina.
 function drawFixation(c, row, u, v, at, { cased, outline, cross }, chosen) {
   const f = fixate(row, u, v), [x, y] = at(f.x, f.y);
-  if (chosen) windows.forEach((w, i) => {
-    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([a, b]) => at(f.x + w.reach * (a * f.ux + b * f.vx), f.y + w.reach * (a * f.uy + b * f.vy)));
+  if (chosen) windows.forEach((reach, i) => {
+    const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([a, b]) => at(f.x + reach * (a * f.ux + b * f.vx), f.y + reach * (a * f.uy + b * f.vy)));
     if (i === 0) cased(outline(corners), '#ffb627', 1.8);
     else { c.beginPath(); outline(corners)(); c.strokeStyle = `rgb(255 182 39 / ${.75 / i})`; c.lineWidth = 1; c.stroke(); }
   });

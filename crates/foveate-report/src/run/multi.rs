@@ -38,7 +38,7 @@ pub struct MultiOutcome {
     pub cuts: usize,
     /// Most active targets at a time.
     pub most: usize,
-    /// Time spent in detecting; the rest of `frames.time()` was spent in tracking.
+    /// Time spent in detecting; the rest of `frames.spent` was spent in tracking.
     pub detecting: Duration,
 }
 

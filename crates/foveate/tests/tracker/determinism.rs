@@ -24,7 +24,7 @@ fn bits(step: &Step<'_>) -> Vec<u64> {
     add(step.rewards);
     add(step.gaze_evidence);
     step.plan.gazes().iter().for_each(|g| add(&[g.u, g.v]));
-    all.extend(step.plan.used().iter().map(|&used| u64::from(used)));
+    add(step.plan.weights());
     all.extend(step.ancestors.iter().map(|&a| a as u64));
     all.extend(step.percept.features.iter().chain(&step.percept.glimpse).map(|v| u64::from(v.to_bits())));
     all

@@ -51,7 +51,7 @@ struct All(Vec<Gaze>);
 impl Policy for All {
     fn plan(&mut self, _: &Context, plan: &mut Plan, _: &mut Rng) {
         plan.clear();
-        self.0.iter().for_each(|gaze| plan.push(*gaze, true));
+        self.0.iter().for_each(|gaze| plan.weigh(*gaze, 1.0));
     }
     fn learn(&mut self, _: &Plan, _: &[f64]) {}
 }

@@ -9,13 +9,12 @@ use foveate::config::Config;
 use foveate::files::Folder;
 use foveate::lab::eval::choice::by_half;
 use foveate::lab::eval::choice_table::{self, Choice};
-use foveate::lab::eval::{Evaluation, Sequence, TrackRun, experiment, run_all};
+use foveate::lab::eval::{Evaluation, Sequence, TrackRun, experiment, run_all, track_files};
 use foveate::{Error, Result, files};
 
 use super::grid::{Candidate, candidates};
 use super::kept::{self, Kept, pictures, program};
 use super::one_pass;
-use super::track_files;
 use crate::cmd::reproduce::runner::{Entry, Store};
 
 /// The folder of candidates.

@@ -1,4 +1,4 @@
-//! What a command reads: no file that it writes may change that.
+//! Files that a command will write: whether they can be, before its work and not after it, and that they change nothing that is read.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,6 +6,18 @@ use std::path::{Path, PathBuf};
 use foveate::files::folder_of;
 use foveate::video::folder::{image_files, is_image};
 use foveate::{Error, Result};
+
+/// Refuses a file to be written that is a folder, or whose folder is not there.
+pub fn writable(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        return Err(Error::malformed(path, "expected a file to write to, found a folder; give another name"));
+    }
+    let folder = folder_of(path);
+    if folder.is_dir() {
+        return Ok(());
+    }
+    Err(Error::malformed(path, format!("there is no folder {} to write it to; make it first", folder.display())))
+}
 
 /// Refuses a file to be written that is one of the `inputs`, or would become a frame of one.
 pub fn spare(path: &Path, inputs: &[&Path]) -> Result<()> {

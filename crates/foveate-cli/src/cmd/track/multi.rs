@@ -22,10 +22,10 @@ use detections::Detections;
 pub use detections::ManyArgs;
 
 use super::init::{Frames, first_box};
-use super::outputs::{FIRST, run_info, tell_files};
+use super::outputs::{FIRST, run_info, sinks, tell_files};
 use super::source::{Started, is_endless};
 use super::spared::Lost;
-use super::{Args, Tally, ended, how_ended};
+use super::{Args, Tally, ended, keep};
 use crate::cmd::of_file;
 use crate::terminal;
 
@@ -51,7 +51,7 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     terminal::catch_interrupts();
     terminal::tell_stop(many.stopper());
     detections.warnings = info.warnings.clone();
-    let (mut results, lost) = (args.results(&names(args, endless), endless)?, Lost::default());
+    let (results, lost) = (args.results(&names(args, endless), endless)?, Lost::default());
     let mut observers = observers(args, results.folder(), &info, endless, &lost)?;
     let (began, Started { mut source, counts }) = (Instant::now(), opened.start());
     if let Some(stream) = &args.stream {
@@ -79,9 +79,7 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
         ));
     }
     let tracked = outcome.frames.count > 1 || (whole && outcome.frames.count > 0);
-    let some = results.leave_out(&lost.names());
-    let how = how_ended(result.is_ok() && lost.names().is_empty(), outcome.frames.stopped);
-    let kept = results.keep_if(tracked && some, how, outcome.frames.count).and_then(|kept| lost.check().map(|()| kept));
+    let kept = keep(results, &lost, tracked, result.is_ok(), &outcome.frames);
     let saved = if tracked { detections.save(&args.many) } else { Ok(()) };
     let files = kept.as_ref().map_or(&[][..], Vec::as_slice);
     let error = [result.as_ref().err(), kept.as_ref().err(), saved.as_ref().err()].into_iter().flatten().next();
@@ -233,10 +231,8 @@ fn names(args: &Args, endless: bool) -> Vec<&'static str> {
 /// The observers that write them.
 fn observers(args: &Args, folder: &Path, info: &RunInfo, endless: bool, lost: &Lost) -> Result<Observers> {
     let at = |name: &str| folder.join(name);
-    let (file, table) = match endless {
-        true => (MotFile::grow(at("tracks.txt"))?, TracksTable::grow(at("tracks.csv"))?),
-        false => (MotFile::create(at("tracks.txt"))?, TracksTable::create(at("tracks.csv"))?),
-    };
+    let sink = sinks(endless);
+    let (file, table) = (MotFile::to(sink(at("tracks.txt"))?), TracksTable::to(sink(at("tracks.csv"))?));
     let targets = TargetsTable::create(at("targets.csv"))?;
     let mut observers: Observers = vec![
         Box::new(lost.spare(&["tracks.txt"], file)),
@@ -270,7 +266,7 @@ struct Told<'a> {
 fn tell(args: &Args, outcome: &MultiOutcome, told: &Told<'_>) {
     let MultiOutcome { initiated, reidentified, cuts, most, .. } = outcome;
     let (frames, detecting) = (outcome.frames.count, outcome.detecting.as_secs_f64());
-    let (tracking, total) = ((outcome.frames.time().as_secs_f64() - detecting).max(0.0), told.total.as_secs_f64());
+    let (tracking, total) = ((outcome.frames.spent.as_secs_f64() - detecting).max(0.0), told.total.as_secs_f64());
     let rate = |seconds| Summary::rate(frames, seconds);
     if args.json {
         let summary = serde_json::json!({

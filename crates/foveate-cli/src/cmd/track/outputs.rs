@@ -9,6 +9,7 @@ use foveate::config::Blueprint;
 use foveate::lab::eval::regret::RegretFiles;
 use foveate::report::run::Outcome;
 use foveate::report::{Boxes, Film, Limited, Observer, Report, RunInfo, Summary, SurfacePicture, Table, Trace};
+use foveate::sink::Sink;
 use foveate::video::{SourceInfo, without_password};
 
 /// What is written beside boxes.txt and track.csv.
@@ -33,6 +34,11 @@ fn held(files: &'static [&'static str], observer: Box<dyn Observer>, endless: bo
     Box::new(lost.spare(files, Limited::new(observer, most)))
 }
 
+/// Starts a file of lines: it has its name when it is whole, or at once in a run without an end.
+pub fn sinks(endless: bool) -> fn(PathBuf) -> Result<Sink> {
+    if endless { Sink::grow } else { Sink::create }
+}
+
 impl Outputs {
     /// The names of the files.
     pub fn names(self) -> Vec<&'static str> {
@@ -51,10 +57,8 @@ impl Outputs {
     /// The observers that write these files into a folder. Where one fails in mid-run, its files are listed as lost.
     pub fn observers(self, folder: &Path, info: &RunInfo, lost: &Lost) -> Result<Vec<Box<dyn Observer>>> {
         let at = |name: &str| folder.join(name);
-        let (boxes, table) = match self.endless {
-            true => (Boxes::grow(at("boxes.txt"))?, Table::grow(at("track.csv"))?),
-            false => (Boxes::create(at("boxes.txt"))?, Table::create(at("track.csv"))?),
-        };
+        let sink = sinks(self.endless);
+        let (boxes, table) = (Boxes::to(sink(at("boxes.txt"))?), Table::to(sink(at("track.csv"))?));
         let mut observers: Vec<Box<dyn Observer>> =
             vec![Box::new(lost.spare(&["boxes.txt"], boxes)), Box::new(lost.spare(&["track.csv"], table))];
         let held = |files, observer| held(files, observer, self.endless, lost);
@@ -111,7 +115,7 @@ pub struct Told<'a> {
 /// Prints what became of a run.
 pub fn tell(outcome: &Outcome, told: &Told<'_>) {
     let (frames, uncertain, lost) = (outcome.frames.count, outcome.uncertain, outcome.lost);
-    let (seconds, total) = (outcome.frames.time().as_secs_f64(), told.total.as_secs_f64());
+    let (seconds, total) = (outcome.frames.spent.as_secs_f64(), told.total.as_secs_f64());
     let (fps, total_fps) = (Summary::rate(frames, seconds), Summary::rate(frames, total));
     if told.json {
         let summary = Summary {

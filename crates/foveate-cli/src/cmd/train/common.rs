@@ -12,6 +12,7 @@ use foveate::scene::Image;
 use foveate::video::save_png;
 use foveate::{Error, Result};
 
+use crate::cmd::results::writable;
 use crate::terminal;
 
 /// A checkpoint is written after every epoch, and within one when this has passed.
@@ -181,15 +182,7 @@ impl<'a> Files<'a> {
     /// checkpoint. Fails where a folder is not there or in the place of a file: before the work, not after it.
     pub fn of(model: &'a Path, picture: Option<&Path>, restart: bool) -> Result<Self> {
         let picture = picture.map_or_else(|| model.with_extension("png"), Path::to_path_buf);
-        for path in [model, &picture] {
-            if path.is_dir() {
-                let problem = "expected a file to write to, found a folder; give it a name";
-                return Err(Error::malformed(path, problem));
-            }
-            if path.parent().is_some_and(|dir| !dir.as_os_str().is_empty() && !dir.is_dir()) {
-                return Err(Error::Config(format!("{}: its folder does not exist", path.display())));
-            }
-        }
+        [model, &picture].into_iter().try_for_each(writable)?;
         let mut checkpoint = model.to_path_buf().into_os_string();
         checkpoint.push(".checkpoint");
         Ok(Self { model, checkpoint: checkpoint.into(), picture, restart })

@@ -15,6 +15,7 @@ use serde::Serialize;
 use super::confidence_tracks::{Tracked, Videos};
 use crate::cmd::configure::{self, Changes};
 use crate::cmd::reproduce::runner::{self, Store};
+use crate::cmd::results::{spare, writable};
 use crate::terminal;
 
 /// Fit the probability of being lost, on sequences or drawn scenes with truth.
@@ -55,6 +56,10 @@ struct Section<'a> {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     terminal::catch_interrupts();
+    for path in [&args.out, &args.out.with_extension("svg")].into_iter().chain(&args.cues) {
+        writable(path)?;
+        spare(path, &[args.config.as_ref()])?;
+    }
     let (mut config, folder) = configure::read(&args.config, &args.changes)?;
     let (videos, store) =
         (Videos::of(&args.tracked)?, Store { folder: args.out.with_extension("runs"), ..Store::default() });

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use foveate_base::error::within;
 use foveate_base::{Error, Result};
 
 /// Number of cues.
@@ -83,23 +84,23 @@ impl Default for ConfidenceModel {
 impl ConfidenceModel {
     /// Fails where a number is out of range, naming it.
     pub fn check(&self) -> Result<()> {
-        let wrong = |name: &str, expected: &str, found: f64| {
-            Err(Error::Config(format!("confidence.{name} is {expected}; it is {found}")))
-        };
-        if let Some(weight) = self.weights.iter().chain([&self.bias]).find(|w| w.is_nan() || w.abs() > 1e3) {
-            return wrong("weights and confidence.bias", "from -1000 to 1000", *weight);
+        for weight in &self.weights {
+            within("a number of confidence.weights", *weight, -1e3, 1e3)?;
         }
-        match self {
-            s if !(0.0..=1.0).contains(&s.enter) => wrong("enter", "0 to 1", s.enter),
-            s if !(0.0..=s.enter).contains(&s.leave) => wrong("leave", "0 to confidence.enter", s.leave),
-            s if !(1..=1000).contains(&s.notice) => wrong("notice", "1 to 1000 frames", s.notice as f64),
-            s if !(1..=1000).contains(&s.confirm) => wrong("confirm", "1 to 1000 frames", s.confirm as f64),
-            s if !(1.0..=10.0).contains(&s.surest) => wrong("surest", "1 to 10", s.surest),
-            s if s.patience > 100_000 => wrong("patience", "0 to 100000 frames", s.patience as f64),
-            s if !(0.0..=10.0).contains(&s.localisation_noise) => {
-                wrong("localisation_noise", "0 to 10 template units", s.localisation_noise)
-            }
-            _ => Ok(()),
+        for (name, value, least, most) in [
+            ("bias", self.bias, -1e3, 1e3),
+            ("enter", self.enter, 0.0, 1.0),
+            ("notice", self.notice as f64, 1.0, 1000.0),
+            ("confirm", self.confirm as f64, 1.0, 1000.0),
+            ("surest", self.surest, 1.0, 10.0),
+            ("patience", self.patience as f64, 0.0, 1e5),
+            ("localisation_noise", self.localisation_noise, 0.0, 10.0),
+        ] {
+            within(&format!("confidence.{name}"), value, least, most)?;
+        }
+        match self.leave {
+            leave if (0.0..=self.enter).contains(&leave) => Ok(()),
+            leave => Err(Error::Config(format!("confidence.leave is 0 to confidence.enter; it is {leave}"))),
         }
     }
     /// P(lost) of a frame with these cues.

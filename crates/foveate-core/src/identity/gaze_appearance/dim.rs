@@ -5,9 +5,7 @@ use crate::scene::Image;
 /// `image` less a share of what it has in common with `first`; itself where the share is 0, or the sizes differ, or it is the first one:
 /// there everything is familiar.
 pub(super) fn dim<'a>(image: &'a Image, first: &Image, share: f32, out: &'a mut Option<Image>) -> &'a Image {
-    let like = |other: &Image| {
-        (other.width(), other.height(), other.planes()) == (image.width(), image.height(), image.planes())
-    };
+    let like = |other: &Image| other.shape() == image.shape();
     if share <= 0.0 || !like(first) || image.bytes() == first.bytes() {
         return image;
     }

@@ -94,10 +94,8 @@ impl Template {
         let gazes = [Gaze { u: FARTHEST_GAZE, v: FARTHEST_GAZE, arm: None }];
         let reach = looks(retina, self.extent).reach;
         let region = Region::covering(image, &[self.state], &gazes, self.extent, reach);
-        let scale = self.state.log_scale.exp();
-        let unit = (scale * self.extent.half_w, scale * self.extent.half_h);
         let mut pyramid = Pyramid::default();
-        pyramid.build(image, region, retina.footprints(), unit);
+        pyramid.build(image, region, retina.footprints(), self.state.half(self.extent));
         pyramid.trim();
         pyramid
     }

@@ -2,6 +2,7 @@
 
 use super::{Planes, check_normalisation};
 use crate::identity::encoder::Encoder;
+use crate::identity::oriented::NEITHER;
 use crate::identity::retina::{Foveal, Retina};
 use crate::onnx::{Graph, Network, fixed, shape};
 use foveate_base::rows::{Rows, RowsMut};
@@ -10,8 +11,6 @@ use foveate_base::{Error, Result};
 /// Glimpses that a network whose file leaves it open is given at a time: chunks of particles are whole numbers of it. Missing ones
 /// are zeros, so that every glimpse meets the same arithmetic.
 const BATCH: usize = 16;
-/// The byte of the opponent channels that means neither, 0 to 1.
-const NEITHER: f32 = 128.0 / 255.0;
 
 /// A network on glimpses.
 pub struct OnnxEncoder {

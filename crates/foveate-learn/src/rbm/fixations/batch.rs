@@ -1,7 +1,8 @@
 //! What is done to many fixations at once: gates, sums over a sequence, classes. Rows depend on themselves alone.
 
-use super::super::product::{rows_times, rows_times_transposed, set_outer};
+use super::super::product::{block_of, rows_times, rows_times_transposed, set_outer};
 use super::Code;
+use crate::softmax::normalize;
 use foveate_base::rows::Rows;
 use foveate_kernels::{add_product, add_scaled, bias_logistic, softplus_sum};
 use rayon::prelude::*;
@@ -27,11 +28,6 @@ pub(super) fn outer(out: &mut [f32], left: Rows<'_>, right: Rows<'_>) {
     let block = block_of(left.width());
     (out.par_chunks_mut(block * right.width()).enumerate())
         .for_each(|(b, out)| set_outer(out, 1.0, left, b * block, right));
-}
-
-/// Rows a thread takes at a time; any number gives the same bits.
-fn block_of(rows: usize) -> usize {
-    rows.div_ceil(rayon::current_num_threads()).max(8)
 }
 
 /// The gates of each fixation: V zₖ, one row of `gates` (places × D) or a mean of rows.
@@ -81,13 +77,5 @@ pub(super) fn classify(x: &[f32], labels: &[f32], bias: &[f32], on: &mut [f32], 
         let of = l * n_h..(l + 1) * n_h;
         *q = f64::from(bias[l]) + softplus_sum(x, &labels[of.clone()], &on[of]);
     }
-    log_normalize(log_p)
-}
-
-/// Takes log Σ exp from every value, and answers it.
-pub(super) fn log_normalize(values: &mut [f64]) -> f64 {
-    let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let log_sum = most + values.iter().map(|q| (q - most).exp()).sum::<f64>().ln();
-    values.iter_mut().for_each(|q| *q -= log_sum);
-    log_sum
+    normalize(log_p)
 }

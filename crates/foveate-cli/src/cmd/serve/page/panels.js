@@ -10,38 +10,10 @@ function panels() {
   byId('screen').setAttribute('aria-label', `Frame ${page.frame}` + (row ? `: ${badge.textContent}, box at ${row.box.map(v => Math.round(v)).join(', ')}` : ''));
   byId('p-lost').replaceChildren(...(row ? [`frame ${page.frame}: `, element('b', {}, say(row.p_lost))] : []));
   byId('distance').replaceChildren(...(row && row.distance !== null ? ['distance to the template ', element('b', {}, say(row.distance))] : []));
-  drawGlimpse(detail);
+  drawGlimpse(byId('seen'), active().eye, detail ? bytes(detail.glimpse) : []);
   drawPolicy(row, detail);
   drawGraph();
   actions();
-}
-
-// Which cell of the retina is seen where, on a raster of its smallest cells.
-function eyeOf(flat) {
-  const cells = Array.from({ length: flat.length / 4 }, (_, i) => flat.slice(4 * i, 4 * i + 4));
-  if (!cells.length) return null;
-  const reach = Math.max(...cells.map(([u, v, half]) => Math.max(Math.abs(u), Math.abs(v)) + half));
-  const side = clamp(Math.round(reach / Math.min(...cells.map(cell => cell[2]))), 1, 192);
-  const maps = [0, 1, 2].map(() => new Int32Array(side * side).fill(-1));
-  cells.forEach(([u, v, half, channel], i) => {
-    const pixel = x => clamp(Math.round((x + reach) / (2 * reach) * side), 0, side);
-    for (let y = pixel(v - half); y < pixel(v + half); y++) for (let x = pixel(u - half); x < pixel(u + half); x++) maps[channel][y * side + x] = i;
-  });
-  return { side, maps };
-}
-const drawGlimpse = detail => paintGlimpse(byId('seen'), active().eye, detail ? bytes(detail.glimpse) : []);
-function paintGlimpse(canvas, eye, values) {
-  const side = eye ? eye.side : 1;
-  canvas.width = canvas.height = side;
-  const context = canvas.getContext('2d'), out = context.createImageData(side, side);
-  if (eye && values.length) for (let i = 0; i < side * side; i++) {
-    // Grey is BT.601 luma, then (red − green) / 2, (2 blue − red − green) / 4.
-    const [grey, rg, by] = eye.maps.map(map => map[i]);
-    if (grey < 0) continue;
-    const a = rg < 0 ? 0 : 2 * (values[rg] - 128), b = by < 0 ? 0 : 4 * (values[by] - 128), green = values[grey] - .356 * a - .057 * b;
-    out.data.set([green + a, green, (b + 2 * green + a) / 2, 255], 4 * i);
-  }
-  context.putImageData(out, 0, 0);
 }
 
 // Gazes and their probabilities, as bars.

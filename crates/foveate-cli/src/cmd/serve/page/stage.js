@@ -15,17 +15,6 @@ for (const layer of layers) {
 const shows = name => layers.find(layer => layer.name === name).box.checked;
 let shown = null;   // the picture on the stage, and its frame
 
-// Half the sides of the retina's windows, the innermost first, from its grey cells by their size.
-function windowsOf(cells) {
-  const found = new Map();
-  for (let i = 0; i < cells.length; i += 4) {
-    if (cells[i + 3] !== 0) continue;
-    const reach = Math.max(Math.abs(cells[i]), Math.abs(cells[i + 1])) + cells[i + 2];
-    found.set(cells[i + 2], Math.max(reach, found.get(cells[i + 2]) || 0));
-  }
-  return [...found.values()].sort((a, b) => a - b);
-}
-
 function stageSize() {
   const { width, height } = page.video, room = Math.max(220, window.innerHeight * .68);
   const fit = Math.min(byId('holder').clientWidth / width, room / height, 6);
