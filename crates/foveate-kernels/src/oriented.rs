@@ -2,11 +2,14 @@
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) mod avx;
+mod parts;
+
+pub(crate) use parts::bring_to_length;
+pub use parts::{INTENSITIES, Lengths};
 
 #[cfg(target_arch = "x86_64")]
 use crate::level::{AVX512, FUSED};
 use crate::level::{greater, levels, multiply_add};
-use crate::sums::{dot_body, sum_body};
 
 /// Directions of gradients that are told apart, 45° from one to the next.
 pub const DIRECTIONS: usize = 8;
@@ -16,45 +19,22 @@ pub const BLOCK: usize = 4;
 pub const MOST_BLOCKS: usize = 8;
 
 levels! {
-    /// `out` ← for each block of 4 × 4 pixels of a patch, row by row, the sums of gradient in 8 directions; then, for each half block of
-    /// 2 × 2 pixels, the sum of its values. The patch is square, with a border of one pixel around its blocks.
+    /// `gradients` ← for each block of 4 × 4 pixels of a patch, row by row, the sums of gradient in 8 directions; `squares` ← for each half
+    /// block of 2 × 2 pixels the sum of its values. The patch is square, with a border of one pixel around its blocks.
     ///
     /// A gradient counts for the two directions beside it: in direction k with max(0, g · eₖ − |g| cos 45°).
     ///
     /// # Panics
-    /// If the patch is not `(4 blocks + 2)²` values, blocks more than 8, or `out` not `12 blocks²`.
-    pub fn oriented / oriented_at (patch: &[f32], blocks: usize, out: &mut [f32]) = oriented_body
-}
-
-/// How long the parts of [`oriented_features`] become, gradients, grey, and each of the colour channels.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lengths {
-    /// Lengths of parts that are not flat.
-    pub length: [f32; 3],
-    /// Root mean squares that are added to a part's own before it is divided by it: of less it stays short.
-    pub flat: [f32; 3],
-    /// The value of a colour channel where there is no colour.
-    pub neither: f32,
-    /// How long the parts of the middle quarter become that is added once more, relative to `length`; 0: it is not added.
-    pub middle: f32,
-}
-
-impl Lengths {
-    /// How many features [`oriented_features`] makes of so many blocks a side, and of so many values of colour.
-    pub fn features(&self, blocks: usize, colour: usize) -> usize {
-        let whole = (DIRECTIONS + 4) * blocks * blocks + colour;
-        if self.middle > 0.0 { whole + whole / 4 } else { whole }
-    }
+    /// If the patch is not `(4 blocks + 2)²` values, blocks more than 8, `gradients` not `8 blocks²` or `squares` not `4 blocks²`.
+    pub fn oriented / oriented_at (patch: &[f32], blocks: usize, gradients: &mut [f32], squares: &mut [f32]) = oriented_body
 }
 
 levels! {
-    /// `out` ← what [`oriented`] finds in the grey cells of a glimpse, of gradients the square roots, both with their means taken off
-    /// and brought to their lengths; then its two colour channels, less `neither`, brought to theirs. With a `middle` the same of the
-    /// middle quarter follows, as if a glimpse ended there.
+    /// `out` ← what [`oriented`] finds in the grey cells of a glimpse and what its two channels of colour have, each part as
+    /// [`Lengths`] has it.
     ///
     /// # Panics
-    /// If `glimpse` is not `(4 blocks + 2)²` values and those of two channels, or `out` not as long as [`Lengths::features`]; with a
-    /// `middle`, if sides of blocks and of colour are not multiples of 4.
+    /// If `glimpse` is not `(4 blocks + 2)²` values and those of two channels, or `out` not as long as [`Lengths::sizes`] add up to.
     pub fn oriented_features / oriented_features_at (
         glimpse: &[f32], blocks: usize, lengths: &Lengths, out: &mut [f32]
     ) = oriented_features_body
@@ -64,97 +44,50 @@ levels! {
 fn oriented_features_body<const V: u8>(glimpse: &[f32], blocks: usize, lengths: &Lengths, out: &mut [f32]) {
     let (patch, colour) = glimpse.split_at((BLOCK * blocks + 2).pow(2));
     assert!(colour.len().is_multiple_of(2), "two channels of colour");
-    assert!(out.len() == lengths.features(blocks, colour.len()), "as many features as blocks and colour have");
-    let (shape, rest) = out.split_at_mut((DIRECTIONS + 4) * blocks * blocks);
-    oriented_body::<V>(patch, blocks, shape);
-    shape[..DIRECTIONS * blocks * blocks].iter_mut().for_each(|x| *x = x.sqrt());
-    rest.iter_mut().zip(colour).for_each(|(out, value)| *out = value - lengths.neither);
-    if blocks == AT_ONCE && colour.len() == 2 * AT_ONCE * AT_ONCE {
-        return parts_to_length::<V>(out, AT_ONCE, 2 * AT_ONCE * AT_ONCE, lengths); // with numbers that are known
+    let colour: [&[f32]; 2] = colour.split_at(colour.len() / 2).into();
+    const COUNT: usize = AT_ONCE * AT_ONCE;
+    if blocks == AT_ONCE && colour[0].len() == COUNT {
+        let colour = colour.map(|channel| &channel[..COUNT]);
+        return features::<V>(patch, colour, AT_ONCE, lengths, &mut [0.0; 4 * COUNT], out); // with numbers that are known
     }
-    parts_to_length::<V>(out, blocks, colour.len(), lengths);
-}
-
-/// Brings the parts of features to their lengths: of so many blocks a side, and of so many values of colour. Those of the middle are
-/// copied from them first, where there is one.
-#[inline(always)]
-pub(crate) fn parts_to_length<const V: u8>(out: &mut [f32], blocks: usize, colour: usize, lengths: &Lengths) {
-    let (whole, middle) = out.split_at_mut((DIRECTIONS + 4) * blocks * blocks + colour);
-    if lengths.middle > 0.0 {
-        copy_middles(whole, blocks, middle);
-        bring_to_length::<V>(middle, blocks / 2, lengths, lengths.middle);
-    }
-    bring_to_length::<V>(whole, blocks, lengths, 1.0);
-}
-
-/// Copies the middle quarters of gradients, grey, and both channels of colour.
-#[inline(always)]
-fn copy_middles(whole: &[f32], blocks: usize, middle: &mut [f32]) {
-    let (shape, colour) = whole.split_at((DIRECTIONS + 4) * blocks * blocks);
-    let (gradients, grey) = shape.split_at(DIRECTIONS * blocks * blocks);
-    let (first, second) = colour.split_at(colour.len() / 2);
-    let side = first.len().isqrt();
-    assert!(blocks.is_multiple_of(4) && side.is_multiple_of(4), "a middle needs sides of four");
-    let mut rest = middle;
-    for (part, side, each) in
-        [(gradients, blocks, DIRECTIONS), (grey, 2 * blocks, 1), (first, side, 1), (second, side, 1)]
-    {
-        let (to, next) = rest.split_at_mut(part.len() / 4);
-        copy_middle(part, side, each, to);
-        rest = next;
-    }
-}
-
-/// Copies the middle quarter of a square of so many places a side, of `each` values.
-#[inline(always)]
-fn copy_middle(from: &[f32], side: usize, each: usize, to: &mut [f32]) {
-    let first = side / 4 * each;
-    for (row, to) in to.chunks_exact_mut((side / 2 * each).max(1)).enumerate() {
-        to.copy_from_slice(&from[(side / 4 + row) * side * each + first..][..to.len()]);
-    }
-}
-
-/// Takes the means off gradients and grey of so many blocks a side, and brings them and both channels of colour to their lengths, times
-/// `gain`.
-#[inline(always)]
-fn bring_to_length<const V: u8>(out: &mut [f32], blocks: usize, lengths: &Lengths, gain: f32) {
-    let (shape, colour) = out.split_at_mut((DIRECTIONS + 4) * blocks * blocks);
-    let (gradients, grey) = shape.split_at_mut(DIRECTIONS * blocks * blocks);
-    for (k, part) in [gradients, grey].into_iter().enumerate() {
-        let mean = sum_body::<V>(part) / part.len() as f32;
-        part.iter_mut().for_each(|x| *x -= mean);
-        stretch::<V>(part, lengths.flat[k], gain * lengths.length[k]);
-    }
-    let (first, second) = colour.split_at_mut(colour.len() / 2);
-    stretch::<V>(first, lengths.flat[2], gain * lengths.length[2]);
-    stretch::<V>(second, lengths.flat[2], gain * lengths.length[2]);
-}
-
-/// Brings the length to `length`; that of a part of little contrast stays short.
-#[inline(always)]
-fn stretch<const V: u8>(part: &mut [f32], flat: f32, length: f32) {
-    let gain = length / (dot_body::<V>(part, part).sqrt() + flat * (part.len() as f32).sqrt());
-    part.iter_mut().for_each(|x| *x *= gain);
+    let mut squares = [0.0; 4 * MOST_BLOCKS * MOST_BLOCKS];
+    features::<V>(patch, colour, blocks, lengths, &mut squares[..4 * blocks * blocks], out);
 }
 
 #[inline(always)]
-fn oriented_body<const V: u8>(patch: &[f32], blocks: usize, out: &mut [f32]) {
+fn features<const V: u8>(
+    patch: &[f32],
+    colour: [&[f32]; 2],
+    blocks: usize,
+    lengths: &Lengths,
+    squares: &mut [f32],
+    out: &mut [f32],
+) {
+    let (gradients, _) = out.split_at_mut(DIRECTIONS * blocks * blocks);
+    oriented_body::<V>(patch, blocks, gradients, squares);
+    gradients.iter_mut().for_each(|x| *x = x.sqrt());
+    bring_to_length::<V>(squares, colour, blocks, lengths, out);
+}
+
+#[inline(always)]
+fn oriented_body<const V: u8>(patch: &[f32], blocks: usize, gradients: &mut [f32], squares: &mut [f32]) {
     let side = BLOCK * blocks + 2;
     assert!((1..=MOST_BLOCKS).contains(&blocks), "1 to 8 blocks, not {blocks}");
     assert!(patch.len() == side * side, "a patch of {side} x {side}");
-    assert!(out.len() == (DIRECTIONS + 4) * blocks * blocks, "12 values a block");
+    let count = blocks * blocks;
+    assert!(gradients.len() == DIRECTIONS * count && squares.len() == 4 * count, "8 and 4 values a block");
     if blocks == AT_ONCE {
-        return histograms::<V>(patch, AT_ONCE * BLOCK + 2, AT_ONCE, out); // with numbers that are known
+        return histograms::<V>(patch, AT_ONCE * BLOCK + 2, AT_ONCE, gradients, squares); // with numbers that are known
     }
     if blocks.is_multiple_of(AT_ONCE) {
-        return histograms::<V>(patch, side, blocks, out);
+        return histograms::<V>(patch, side, blocks, gradients, squares);
     }
     // Filled up with zeros, whose sums are not written.
     let mut room = [0.0; WIDEST * WIDEST];
     for (line, room) in patch.chunks_exact(side).zip(room.chunks_exact_mut(WIDEST)) {
         room[..side].copy_from_slice(line);
     }
-    histograms::<V>(&room, WIDEST, blocks, out)
+    histograms::<V>(&room, WIDEST, blocks, gradients, squares)
 }
 
 /// Blocks beside each other that are summed at once, and their pixels.
@@ -165,15 +98,14 @@ const WIDEST: usize = MOST_BLOCKS * BLOCK + 2;
 
 /// Of a patch whose rows are `stride` apart, and go on for as many pixels as whole strips of blocks have.
 #[inline(always)]
-fn histograms<const V: u8>(patch: &[f32], stride: usize, blocks: usize, out: &mut [f32]) {
-    let (histograms, sums_of_four) = out.split_at_mut(DIRECTIONS * blocks * blocks);
+fn histograms<const V: u8>(patch: &[f32], stride: usize, blocks: usize, gradients: &mut [f32], squares: &mut [f32]) {
     for (block, first) in (0..blocks).flat_map(|block| (0..blocks).step_by(AT_ONCE).map(move |first| (block, first))) {
         let count = AT_ONCE.min(blocks - first);
         let (mut strip, mut fours) = ([0.0; AT_ONCE * DIRECTIONS], [[0.0; WIDTH / 2]; 2]);
         sum_strip::<V>(&patch[block * BLOCK * stride + first * BLOCK..], stride, &mut strip, &mut fours);
-        put(&strip, count, &mut histograms[(block * blocks + first) * DIRECTIONS..]);
+        put(&strip, count, &mut gradients[(block * blocks + first) * DIRECTIONS..]);
         for (row, fours) in fours.iter().enumerate() {
-            put(fours, count, &mut sums_of_four[(2 * block + row) * 2 * blocks + 2 * first..]);
+            put(fours, count, &mut squares[(2 * block + row) * 2 * blocks + 2 * first..]);
         }
     }
 }
@@ -361,7 +293,8 @@ mod tests {
             let at = |x: usize, y: usize| f64::from(patch[y * side + x]);
             for level in Level::all() {
                 let mut out = vec![f32::NAN; 12 * blocks * blocks];
-                oriented_at(level, &patch, blocks, &mut out);
+                let (gradients, squares) = out.split_at_mut(8 * blocks * blocks);
+                oriented_at(level, &patch, blocks, gradients, squares);
                 let mut exact = vec![0.0; out.len()];
                 for (y, x) in (0..4 * blocks).flat_map(|y| (0..4 * blocks).map(move |x| (y, x))) {
                     let (gx, gy) = (at(x + 2, y + 1) - at(x, y + 1), at(x + 1, y + 2) - at(x + 1, y));
@@ -379,80 +312,13 @@ mod tests {
         }
     }
 
-    #[test]
-    fn features_agree_with_the_twin() {
-        let lengths = Lengths { length: [0.8, 0.5, 0.3], flat: [0.05, 0.1, 0.03], neither: 0.4, middle: 0.0 };
-        for (blocks, colour) in [(1, 0), (3, 2), (4, 32), (5, 18), (8, 200)] {
-            let glimpse = values((4 * blocks + 2usize).pow(2) + colour, 2);
-            let (patch, cells) = glimpse.split_at(glimpse.len() - colour);
-            let mut shape = vec![0.0; 12 * blocks * blocks];
-            oriented(patch, blocks, &mut shape);
-            let shape: Vec<f64> = shape.into_iter().map(f64::from).collect();
-            let (gradients, grey) = shape.split_at(8 * blocks * blocks);
-            let centred = |part: Vec<f64>| {
-                let mean = part.iter().sum::<f64>() / part.len() as f64;
-                part.into_iter().map(|x| x - mean).collect()
-            };
-            let colours =
-                cells.chunks((colour / 2).max(1)).map(|part| part.iter().map(|x| f64::from(*x) - 0.4).collect());
-            let mut parts: Vec<Vec<f64>> =
-                vec![centred(gradients.iter().map(|x| x.sqrt()).collect()), centred(grey.to_vec())];
-            parts.extend(colours);
-            let mut exact = vec![];
-            for (k, part) in parts.iter().enumerate() {
-                let (flat, length) = (f64::from(lengths.flat[k.min(2)]), f64::from(lengths.length[k.min(2)]));
-                let norm = part.iter().map(|x| x * x).sum::<f64>().sqrt() + flat * (part.len() as f64).sqrt();
-                exact.extend(part.iter().map(|x| x * length / norm));
-            }
-            for level in Level::all() {
-                let mut out = vec![f32::NAN; exact.len()];
-                oriented_features_at(level, &glimpse, blocks, &lengths, &mut out);
-                for (out, exact) in out.iter().zip(&exact) {
-                    assert!((f64::from(*out) - exact).abs() < 2e-5, "{level:?}, {blocks} blocks: {out} is not {exact}");
-                }
-            }
-        }
-    }
-
-    /// The middle has the features of a glimpse that ends there, to the length that it is given.
-    #[test]
-    fn the_middle_is_a_glimpse_of_its_own() {
-        let half = Lengths { length: [0.8, 0.5, 0.3], flat: [0.05, 0.1, 0.03], neither: 0.4, middle: 0.0 };
-        for (blocks, side, middle) in [(4, 4, 0.7), (8, 8, 0.2), (4, 0, 0.7), (4, 8, 1.5)] {
-            let glimpse = values((4 * blocks + 2usize).pow(2) + 2 * side * side, 3);
-            let centre = |from: &[f32], side: usize, first: usize| -> Vec<f32> {
-                from.chunks(side.max(1))
-                    .skip(first)
-                    .take(side - 2 * first)
-                    .flat_map(|row| row[first..side - first].to_vec())
-                    .collect()
-            };
-            let (patch, colour) = glimpse.split_at(glimpse.len() - 2 * side * side);
-            let mut inner = centre(patch, 4 * blocks + 2, blocks);
-            colour.chunks(side.pow(2).max(1)).for_each(|channel| inner.extend(centre(channel, side, side / 4)));
-            for level in Level::all() {
-                let lengths = Lengths { middle, ..half };
-                let mut out = vec![f32::NAN; lengths.features(blocks, 2 * side * side)];
-                oriented_features_at(level, &glimpse, blocks, &lengths, &mut out);
-                let mut whole = vec![f32::NAN; half.features(blocks, 2 * side * side)];
-                oriented_features_at(level, &glimpse, blocks, &half, &mut whole);
-                assert_eq!(out[..whole.len()], whole, "{level:?}: the whole is what it is without a middle");
-                let mut alone = vec![f32::NAN; whole.len() / 4];
-                oriented_features_at(level, &inner, blocks / 2, &half, &mut alone);
-                for (out, alone) in out[whole.len()..].iter().zip(&alone) {
-                    assert!((out - middle * alone).abs() < 2e-5, "{level:?}, {blocks} blocks: {out} is not {alone}");
-                }
-            }
-        }
-    }
-
     /// A ramp has the gradient of its slope, in one direction.
     #[test]
     fn a_ramp_points_one_way() {
         let patch: Vec<f32> = (0..100).map(|i| (i % 10) as f32 * 0.1).collect();
-        let mut out = [0.0; 48];
-        oriented(&patch, 2, &mut out);
-        for block in out[..32].chunks(DIRECTIONS) {
+        let mut gradients = [0.0; 32];
+        oriented(&patch, 2, &mut gradients, &mut [0.0; 16]);
+        for block in gradients.chunks(DIRECTIONS) {
             assert!((block[0] - 16.0 * 0.2 * (1.0 - std::f32::consts::FRAC_1_SQRT_2)).abs() < 1e-5, "{block:?}");
             assert!(block[2..7].iter().all(|&other| other == 0.0), "{block:?}");
         }

@@ -1,7 +1,7 @@
 //! Keys that had another name before version 0.1: a configuration that still has one is told the new name.
 
 /// Old and new names. Where a key was only renamed within one section, that section's name comes before the dot.
-const RENAMED: [(&str, &str); 21] = [
+const RENAMED: [(&str, &str); 22] = [
     ("guide", "camera_motion"),
     ("vigilance", "consistency"),
     ("rivals", "distractors"),
@@ -23,6 +23,7 @@ const RENAMED: [(&str, &str); 21] = [
     ("dim_familiar", "likelihood.background_discount"),
     ("aspect", ""),
     ("pace", ""),
+    ("middle", ""),
 ];
 
 /// What an error of the parser should say beside its own words, where the key it stumbled over had another name.

@@ -185,9 +185,9 @@ mod tests {
         Foveal::new(config).expect("whole cells")
     }
 
-    fn encoder(retina: &Foveal, middle: f32) -> Oriented {
+    fn encoder(retina: &Foveal, weights: Weights) -> Oriented {
         let channels: Vec<usize> = retina.cells().iter().map(|c| c.channel).collect();
-        Oriented::new(&channels, Weights { middle, ..Weights::default() }).expect("a square of cells")
+        Oriented::new(&channels, weights).expect("a square of cells")
     }
 
     /// `n` × `m` places, so many template units apart.
@@ -205,8 +205,9 @@ mod tests {
         let centred = foveal(16.0, 18);
         let mut pyramid = Pyramid::default();
         let aside = Gaze { u: 0.5, v: -0.3, arm: None };
+        let histograms = Weights { grey: 0.0, intensities: 0.2, ..Weights::default() };
         for (encoder, (n, m, step, gaze)) in
-            [encoder(&centred, 0.0), encoder(&centred, 0.3)].iter().flat_map(|encoder| {
+            [Weights::default(), histograms].map(|weights| encoder(&centred, weights)).iter().flat_map(|encoder| {
                 [(9, 5, 0.5, Gaze::CENTRE), (20, 8, 0.25, Gaze::CENTRE), (7, 6, 0.75, Gaze::CENTRE), (9, 5, 0.5, aside)]
                     .map(|lattice| (encoder, lattice))
             })
@@ -233,7 +234,7 @@ mod tests {
     #[test]
     fn what_is_no_lattice_is_left_alone() {
         let retina = foveal(16.0, 18);
-        let encoder = encoder(&retina, 0.0);
+        let encoder = encoder(&retina, Weights::default());
         let mut dense = Dense::new(&retina, &encoder).expect("cells as it needs them");
         let mut refuses = |places: &[State]| !dense.look(&Pyramid::default(), places, EXTENT);
         assert!(refuses(&[]) && refuses(&places(5, 5, 0.5)), "too few");

@@ -60,8 +60,9 @@ impl NetworkEncoder {
         }
         let channels = [vec![0; grey], vec![1; places * places / 4], vec![2; places * places / 4]].concat();
         let share = |all: f32| gradients * all;
-        let Weights { gradients: slopes, grey, colour, middle } = Weights::default();
-        let weights = Weights { gradients: share(slopes), grey: share(grey), colour: share(colour), middle };
+        let all = Weights::default();
+        let weights =
+            Weights { gradients: share(all.gradients), grey: share(all.grey), colour: share(all.colour), ..all };
         let oriented = (gradients > 0.0).then(|| Oriented::new(&channels, weights)).transpose()?;
         Ok(Self { network, side, places, gradients: oriented.map(|oriented| (gradients, oriented)) })
     }

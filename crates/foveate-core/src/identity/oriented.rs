@@ -3,13 +3,14 @@
 //! The retina's grey cells are one square of (4 n + 2)² cells: n × n blocks of 4 × 4 cells with a border of one. Features are, in
 //! this order,
 //! ```text
-//! gradients  n × n × 8   square roots of each block's sums of gradient in eight directions (Dalal & Triggs, 2005)
-//! grey       2n × 2n     sums of 2 × 2 cells
-//! colour                 the opponent cells, less what is neither
-//! middle                 where it counts, the same of the middle half of the box, across and down, as if a glimpse ended there
+//! gradients    n × n × 8   square roots of each block's sums of gradient in eight directions (Dalal & Triggs, 2005)
+//! grey         2n × 2n     sums of 2 × 2 cells
+//! colour                   the opponent cells, less what is neither
+//! intensities  4 × n × n   square roots of a histogram of each block's sums of 2 × 2 cells, in deviations of the glimpse
 //! ```
-//! Gradients and grey have their mean taken out, and each part its length brought to the root of its weight, so that the cosine
-//! of two feature vectors is the weighted mean of the cosines of their parts. The paper's first layer is learned
+//! A part whose weight is 0 is not there. All but colour have their mean taken out, and each part its length brought to the root of its
+//! weight, so that the cosine of two feature vectors is the weighted mean of the cosines of their parts. A regression on grey can ask for
+//! more or less light; on intensities for some light. The paper's first layer is learned
 //! (section 2.1); on real video none of ours comes up to this one.
 
 use foveate_kernels as kernels;
@@ -19,31 +20,29 @@ use super::encoder::Encoder;
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
 
-/// What gradients, grey and colour count.
+/// What each part of the features counts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Weights {
     /// Of gradients, 0 to 1000.
     pub gradients: f32,
-    /// Of grey.
+    /// Of grey. 0, here and below: it is not there.
     pub grey: f32,
     /// Of both colour channels together.
     pub colour: f32,
-    /// Of the middle quarter of the box, judged once more by itself, relative to all of the box; 0: it is not. What is beside the
-    /// target in its box, or covers its edge, counts for less then. It needs a ring of 18 or 34 cells, and windows of colour of 4,
-    /// 8 or 16 cells, or none.
-    pub middle: f32,
+    /// Of histograms of intensity: for video without colour.
+    pub intensities: f32,
 }
 
 impl Default for Weights {
     /// As ridge regression found no use in others.
     fn default() -> Self {
-        Self { gradients: 0.6, grey: 0.2, colour: 0.2, middle: 0.0 }
+        Self { gradients: 0.6, grey: 0.2, colour: 0.2, intensities: 0.0 }
     }
 }
 
 /// Lengths of a part, in its values' root mean square, that count as flat: less contrast than that is noise.
-const FLAT: [f32; 3] = [0.05, 0.1, 0.03];
+const FLAT: [f32; 4] = [0.05, 0.1, 0.03, 0.01];
 
 /// The value of a colour channel where there is no colour.
 pub(super) const NEITHER: f32 = 128.0 / 255.0;
@@ -69,33 +68,21 @@ impl Oriented {
                  [[18, 1]]; this one has {cells} grey cells"
             )));
         }
-        let weights = [weights.gradients, weights.grey, weights.colour, weights.middle];
+        let weights = [weights.gradients, weights.grey, weights.colour, weights.intensities];
         if !weights.iter().all(|w| (0.0..=1000.0).contains(w)) {
             return Err(Error::Config(format!("encoder.weights are numbers from 0 to 1000; they are {weights:?}")));
         }
-        let [gradients, grey, colour, middle] = weights.map(f32::sqrt);
-        let (blocks, channel) = ((side - 2) / kernels::BLOCK, (channels.len() - cells) / 2);
-        let quartered = |side: usize| side.is_multiple_of(4);
-        if middle > 0.0 && !(quartered(blocks) && quartered(channel.isqrt()) && channel.isqrt().pow(2) == channel) {
-            return Err(Error::Config(format!(
-                "encoder.weights.middle: a middle needs a retina of one ring of 18 or 34 cells a side, and windows of colour of 4, 8 or \
-                 16 cells a side, such as rings = [[18, 1]], colour = [[16, 4]]; this one has {cells} grey cells and {channel} of each \
-                 colour; set it to 0, or change the retina"
-            )));
-        }
-        let lengths = kernels::Lengths {
-            length: [gradients, grey, colour * std::f32::consts::FRAC_1_SQRT_2],
-            flat: FLAT,
-            neither: NEITHER,
-            middle,
-        };
+        let [gradients, grey, colour, intensities] = weights.map(f32::sqrt);
+        let length = [gradients, grey, colour * std::f32::consts::FRAC_1_SQRT_2, intensities];
+        let (blocks, lengths) =
+            ((side - 2) / kernels::BLOCK, kernels::Lengths { length, flat: FLAT, neither: NEITHER });
         Ok(Self { blocks, cells, colour: channels.len() - cells, lengths })
     }
 }
 
 impl Encoder for Oriented {
     fn shape(&self) -> (usize, usize) {
-        (self.cells + self.colour, self.lengths.features(self.blocks, self.colour))
+        (self.cells + self.colour, self.parts().iter().sum())
     }
 
     fn oriented(&self) -> Option<(usize, kernels::Lengths)> {
@@ -103,13 +90,7 @@ impl Encoder for Oriented {
     }
 
     fn parts(&self) -> Vec<usize> {
-        let n = self.blocks * self.blocks;
-        let mut parts = vec![kernels::DIRECTIONS * n, 4 * n, self.colour];
-        if self.lengths.middle > 0.0 {
-            parts.extend_from_within(..);
-            parts[3..].iter_mut().for_each(|part| *part /= 4);
-        }
-        parts
+        self.lengths.sizes(self.blocks, self.colour).to_vec()
     }
 
     fn encode(&self, glimpses: Rows<'_>, mut features: RowsMut<'_>) {
@@ -134,8 +115,8 @@ mod tests {
     #[test]
     fn it_keeps_the_law() {
         let mut rng = Streams::new(2, 0).rng(0);
-        for (side, colour, middle) in [(6, 0, 0.0), (18, 16, 0.0), (26, 36, 0.0), (18, 16, 0.3), (34, 0, 2.0)] {
-            let weights = Weights { middle, ..Weights::default() };
+        for (side, colour, more) in [(6, 0, 0.0), (18, 16, 0.0), (26, 36, 0.0), (18, 16, 0.3), (34, 0, 2.0)] {
+            let weights = Weights { intensities: more, ..Weights::default() };
             let it = Oriented::new(&channels(side * side, colour), weights).expect("blocks and a border");
             let glimpses: Vec<f32> = (0..7 * it.shape().0).map(|_| rng.random()).collect();
             conformance::encoder(&it, &glimpses);
@@ -169,10 +150,5 @@ mod tests {
         assert!(said.contains("[[18, 1]]") && said.contains("256 grey cells"), "{said}");
         let wrong = Weights { grey: -1.0, ..Weights::default() };
         assert!(Oriented::new(&channels(324, 0), wrong).expect_err("negative").to_string().contains("weights"));
-        let middle = Weights { middle: 0.3, ..Weights::default() };
-        for (grey, colour) in [(14 * 14, 16), (18 * 18, 25), (18 * 18, 15)] {
-            let said = Oriented::new(&channels(grey, colour), middle).expect_err("no middle").to_string();
-            assert!(said.contains("weights.middle") && said.contains(&grey.to_string()), "{said}");
-        }
     }
 }
