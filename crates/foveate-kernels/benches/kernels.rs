@@ -219,7 +219,8 @@ fn main() {
     let (patches, mut shapes) = (values(48 * 324, 10), vec![0.0; 48 * 192]);
     report("oriented, 48 x 4 blocks", 48.0, "glimpses", None, || {
         for (patch, out) in patches.chunks_exact(324).zip(shapes.chunks_exact_mut(192)) {
-            oriented(black_box(patch), 4, out);
+            let (gradients, squares) = out.split_at_mut(128);
+            oriented(black_box(patch), 4, gradients, squares);
         }
     });
     let (glimpses, mut features) = (values(48 * 356, 10), vec![0.0; 48 * 288]);
