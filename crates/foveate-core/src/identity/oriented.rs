@@ -82,7 +82,7 @@ impl Oriented {
 
 impl Encoder for Oriented {
     fn shape(&self) -> (usize, usize) {
-        (self.cells + self.colour, self.parts().iter().sum())
+        (self.cells + self.colour, self.lengths.sizes(self.blocks, self.colour).iter().sum())
     }
 
     fn oriented(&self) -> Option<(usize, kernels::Lengths)> {

@@ -281,10 +281,16 @@ impl Experiment {
                 return Err(wrong(format!("line {} is compared with {other}, which is not there", line.name)));
             }
         }
-        match all.expect.iter().find(|e| all.index(&e.line).is_none()) {
-            Some(e) => Err(wrong(format!("a figure of a line {} is expected, which is not there", e.line))),
-            None => Ok(all),
+        let scenes = || all.scenes.iter().map(|s| &s.name).chain(all.multi.iter().map(|s| &s.name));
+        for expect in &all.expect {
+            if all.index(&expect.line).is_none() {
+                return Err(wrong(format!("a figure of a line {} is expected, which is not there", expect.line)));
+            }
+            if !scenes().any(|name| *name == expect.scene) {
+                return Err(wrong(format!("a figure of a scene {} is expected, which is not there", expect.scene)));
+            }
         }
+        Ok(all)
     }
 
     /// Gives each line what it leaves out. Fails with what is wrong.
@@ -388,6 +394,7 @@ mod tests {
             ("[multi]\nname = 'm'\nvideo = { seed = 5 }", "scene m: video.seed is put in"),
             ("[[scene]]\nname = 's'\nvideo = { scene = 'occlusion' }", "two scenes are called s"),
             ("[[line]]\nname = 'a'\nconfig = 'digits-rbm'", "two lines are called a"),
+            ("[[expect]]\nline = 'a'\nscene = 't'\nfigure = 'mean'\nat_most = 1", "a figure of a scene t is expected"),
         ] {
             assert!(parse(more).is_err_and(|e| e.to_string().contains(said)), "{more}");
         }

@@ -56,6 +56,10 @@ struct Section<'a> {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     terminal::catch_interrupts();
+    if args.out.extension().is_some_and(|it| it == "svg") {
+        let problem = "--out is the file of the table; its plot gets the same name with .svg; give another name, such as confidence.toml";
+        return Err(Error::Invalid(format!("{}: {problem}", args.out.display())));
+    }
     for path in [&args.out, &args.out.with_extension("svg")].into_iter().chain(&args.cues) {
         writable(path)?;
         spare(path, &[args.config.as_ref()])?;
