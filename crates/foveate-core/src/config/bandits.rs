@@ -178,7 +178,7 @@ mod tests {
             ("kind = \"exp3-as-printed\"\ngamma = nan", &["policy.gamma", "NaN"]),
             ("kind = \"exp3-as-printed\"\nhaste = 2", &["haste", "`gamma`"]),
             ("kind = \"exp3-ix\"\nhaste = inf", &["policy.haste", "inf"]),
-            ("kind = \"exp3-ix\"\ngamma = { frames = 0 }", &["policy.gamma.frames", "0"]),
+            ("kind = \"exp3-ix\"\ngamma = { frames = 0 }", &["policy.gamma", "frames is 0"]),
             ("kind = \"exp3-s\"\nshare = 0", &["policy.share", "0"]),
             ("kind = \"exp3-s\"\ngrid = { n = 99 }", &["grid.n", "99"]),
             ("kind = \"hedge\"\ngamma = -1", &["policy.gamma", "-1"]),
