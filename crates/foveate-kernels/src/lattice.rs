@@ -6,7 +6,9 @@ use crate::level::FUSED;
 use crate::level::levels;
 #[cfg(target_arch = "x86_64")]
 use crate::oriented::avx;
-use crate::oriented::{AT_ONCE, BLOCK, DIRECTIONS, Lengths, MOST_BLOCKS, WIDTH, add_gradients, bring_to_length};
+use crate::oriented::{
+    AT_ONCE, BLOCK, DIRECTIONS, Lengths, MOST_BLOCKS, WIDTH, add_gradients, bring_to_length, places,
+};
 
 /// Half blocks, 2 × 2 cells, that a strip of [`oriented_halves`] has; rows are whole strips.
 pub const HALVES: usize = WIDTH / 2;
@@ -134,25 +136,25 @@ fn gather<const V: u8, const ROOM: usize>(
     out: &mut [f32],
 ) {
     const { assert!(BLOCK == 4) };
-    let (Maps { columns, .. }, count) = (*maps, blocks * blocks);
-    for (y, row) in out[..DIRECTIONS * count].chunks_exact_mut(DIRECTIONS * blocks).enumerate() {
+    let (Maps { columns, .. }, count, mut room) = (*maps, blocks * blocks, [[0.0; ROOM]; 4]);
+    let room = &mut room.as_flattened_mut()[..4 * count];
+    let [gradients, squares, colour] = places(lengths, blocks, 2 * count, room, out);
+    for (y, row) in gradients.chunks_exact_mut(DIRECTIONS * blocks).enumerate() {
         let from = &maps.blocks[(first + 2 * y * columns) * DIRECTIONS..][..(2 * blocks - 1) * DIRECTIONS];
         for (to, from) in row.chunks_exact_mut(DIRECTIONS).zip(from.chunks(2 * DIRECTIONS)) {
             to.copy_from_slice(&from[..DIRECTIONS]);
         }
     }
-    let (mut squares, mut colours) = ([[0.0; ROOM]; 4], [[0.0; ROOM]; 2]);
-    let squares = &mut squares.as_flattened_mut()[..4 * count];
     for (y, row) in squares.chunks_exact_mut(2 * blocks).enumerate() {
         row.copy_from_slice(&maps.grey[first + y * columns..][..2 * blocks]);
     }
-    for (colour, map) in colours.iter_mut().zip(maps.colour) {
-        for (y, row) in colour[..count].chunks_exact_mut(blocks).enumerate() {
+    for (colour, map) in colour.chunks_exact_mut(count).zip(maps.colour) {
+        for (y, row) in colour.chunks_exact_mut(blocks).enumerate() {
             let from = &map[first + 2 * y * columns..][..2 * blocks - 1];
-            row.iter_mut().zip(from.iter().step_by(2)).for_each(|(to, from)| *to = *from);
+            row.iter_mut().zip(from.iter().step_by(2)).for_each(|(to, from)| *to = from - lengths.neither);
         }
     }
-    bring_to_length::<V>(squares, colours.each_ref().map(|colour| &colour[..count]), blocks, lengths, out);
+    bring_to_length::<V>(lengths, blocks, 2 * count, room, out);
 }
 
 #[cfg(test)]

@@ -4,8 +4,8 @@
 pub(crate) mod avx;
 mod parts;
 
-pub(crate) use parts::bring_to_length;
 pub use parts::{INTENSITIES, Lengths};
+pub(crate) use parts::{bring_to_length, places};
 
 #[cfg(target_arch = "x86_64")]
 use crate::level::{AVX512, FUSED};
@@ -44,29 +44,29 @@ levels! {
 fn oriented_features_body<const V: u8>(glimpse: &[f32], blocks: usize, lengths: &Lengths, out: &mut [f32]) {
     let (patch, colour) = glimpse.split_at((BLOCK * blocks + 2).pow(2));
     assert!(colour.len().is_multiple_of(2), "two channels of colour");
-    let colour: [&[f32]; 2] = colour.split_at(colour.len() / 2).into();
     const COUNT: usize = AT_ONCE * AT_ONCE;
-    if blocks == AT_ONCE && colour[0].len() == COUNT {
-        let colour = colour.map(|channel| &channel[..COUNT]);
-        return features::<V>(patch, colour, AT_ONCE, lengths, &mut [0.0; 4 * COUNT], out); // with numbers that are known
+    if blocks == AT_ONCE && colour.len() == 2 * COUNT {
+        let (colour, mut room) = (&colour[..2 * COUNT], [0.0; 4 * COUNT]);
+        return features::<V>(patch, colour, AT_ONCE, lengths, &mut room, out); // with numbers that are known
     }
-    let mut squares = [0.0; 4 * MOST_BLOCKS * MOST_BLOCKS];
-    features::<V>(patch, colour, blocks, lengths, &mut squares[..4 * blocks * blocks], out);
+    let mut room = [0.0; 4 * MOST_BLOCKS * MOST_BLOCKS];
+    features::<V>(patch, colour, blocks, lengths, &mut room[..4 * blocks * blocks], out);
 }
 
 #[inline(always)]
 fn features<const V: u8>(
     patch: &[f32],
-    colour: [&[f32]; 2],
+    colour: &[f32],
     blocks: usize,
     lengths: &Lengths,
-    squares: &mut [f32],
+    room: &mut [f32],
     out: &mut [f32],
 ) {
-    let (gradients, _) = out.split_at_mut(DIRECTIONS * blocks * blocks);
+    let [gradients, squares, opponent] = places(lengths, blocks, colour.len(), room, out);
     oriented_body::<V>(patch, blocks, gradients, squares);
     gradients.iter_mut().for_each(|x| *x = x.sqrt());
-    bring_to_length::<V>(squares, colour, blocks, lengths, out);
+    opponent.iter_mut().zip(colour).for_each(|(out, value)| *out = value - lengths.neither);
+    bring_to_length::<V>(lengths, blocks, colour.len(), room, out);
 }
 
 #[inline(always)]

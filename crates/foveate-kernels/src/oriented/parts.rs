@@ -32,21 +32,34 @@ impl Lengths {
     }
 }
 
-/// Brings gradients, the first part of `out`, to their length, and makes the others: from the sums over half blocks, which are changed, and
-/// from both channels of colour.
+/// Where gradients, sums over half blocks and colour are written: where their parts of `out` will be, the sums in `room` (4 a block) where
+/// grey is no part; colour is empty where it is none.
+#[inline(always)]
+pub(crate) fn places<'a>(
+    lengths: &Lengths,
+    blocks: usize,
+    colour: usize,
+    room: &'a mut [f32],
+    out: &'a mut [f32],
+) -> [&'a mut [f32]; 3] {
+    let (count, [_, grey, opponent, _]) = (blocks * blocks, lengths.length);
+    let (gradients, rest) = out.split_at_mut(DIRECTIONS * count);
+    let (squares, rest) = if grey > 0.0 { rest.split_at_mut(4 * count) } else { (room, rest) };
+    [gradients, squares, if opponent > 0.0 { &mut rest[..colour] } else { &mut [] }]
+}
+
+/// Makes intensities of what was written to [`places`] of the same `room` and `out`, and brings all parts to their lengths.
 #[inline(always)]
 pub(crate) fn bring_to_length<const V: u8>(
-    squares: &mut [f32],
-    colour: [&[f32]; 2],
-    blocks: usize,
     lengths: &Lengths,
+    blocks: usize,
+    colour: usize,
+    room: &mut [f32],
     out: &mut [f32],
 ) {
-    let (Lengths { length, flat, neither }, count, colours) = (lengths, blocks * blocks, colour[0].len());
-    assert!(
-        out.len() == lengths.sizes(blocks, 2 * colours).iter().sum::<usize>(),
-        "as many features as blocks and colour have"
-    );
+    let (Lengths { length, flat, .. }, count) = (lengths, blocks * blocks);
+    let sizes = lengths.sizes(blocks, colour);
+    assert!(out.len() == sizes.iter().sum::<usize>(), "as many features as blocks and colour have");
     // Each part is as long as is known before `lengths` are.
     let (gradients, mut rest) = out.split_at_mut(DIRECTIONS * count);
     let mut take = |n: usize| rest.split_off_mut(..n).expect("as long as all parts");
@@ -54,21 +67,21 @@ pub(crate) fn bring_to_length<const V: u8>(
     stretch::<V>(gradients, flat[0], length[0]);
     if length[1] > 0.0 {
         let grey = take(4 * count);
-        grey.copy_from_slice(squares);
+        if length[3] > 0.0 {
+            room.copy_from_slice(grey);
+        }
         centre::<V>(grey);
         stretch::<V>(grey, flat[1], length[1]);
     }
     if length[2] > 0.0 {
-        for colour in colour {
-            let part = take(colours);
-            part.iter_mut().zip(colour).for_each(|(out, value)| *out = value - neither);
-            stretch::<V>(part, flat[2], length[2]);
+        for _ in 0..2 {
+            stretch::<V>(take(colour / 2), flat[2], length[2]);
         }
     }
     if length[3] > 0.0 {
         let intensities = take(INTENSITIES * count);
-        standardise::<V>(squares, flat[1]);
-        histograms(squares, blocks, intensities);
+        standardise::<V>(room, flat[1]);
+        histograms(room, blocks, intensities);
         intensities.iter_mut().for_each(|x| *x = x.sqrt());
         centre::<V>(intensities);
         stretch::<V>(intensities, flat[3], length[3]);
