@@ -55,7 +55,7 @@ pub use lattice::{HALVES, Maps, features_among, oriented_blocks, oriented_halves
 pub use level::Level;
 pub use logistic::{bias_logistic, logistic};
 pub use normal::Normals;
-pub use oriented::{BLOCK, DIRECTIONS, INTENSITIES, Lengths, oriented, oriented_features};
+pub use oriented::{BLOCK, DIRECTIONS, Lengths, oriented, oriented_features};
 pub use packed::{PackedWeights, Precision};
 pub use patch::{PATCH, Patch, cut_patch, patch_between, patch_residual};
 pub use plane::Plane;

@@ -4,7 +4,7 @@
 pub(crate) mod avx;
 mod parts;
 
-pub use parts::{INTENSITIES, Lengths};
+pub use parts::Lengths;
 pub(crate) use parts::{bring_to_length, places};
 
 #[cfg(target_arch = "x86_64")]

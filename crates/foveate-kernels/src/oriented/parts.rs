@@ -5,7 +5,7 @@ use crate::level::{greater, lesser};
 use crate::sums::{dot_body, sum_body};
 
 /// Intensities that are told apart: 1.5 and 0.5 standard deviations below and above a glimpse's mean.
-pub const INTENSITIES: usize = 4;
+const INTENSITIES: usize = 4;
 /// The darkest and the brightest intensity, in standard deviations.
 const END: f32 = 0.5 * (INTENSITIES - 1) as f32;
 
