@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use crate::control::{LocalSearch, Redetection};
 use crate::engine::{Engine, Filter, GazeControl, Monitor, Parts};
+use crate::identity::discriminant::Covariance;
 use crate::identity::encoder::Encoder;
 use crate::identity::gaze_appearance::GazeAppearance;
 use crate::identity::retina::{Foveal, Retina};
@@ -123,6 +124,12 @@ impl Config {
                     .into(),
             ));
         }
+        if self.variation.is_some() && self.discriminant.is_none() {
+            return Err(Error::Config(
+                "variation: it is the discriminant that expects it; add [discriminant], or leave [variation] out"
+                    .into(),
+            ));
+        }
         if self.fusion.is_some() && self.discriminant.is_none() {
             return Err(Error::Config(
                 "fusion: cues are judged where the discriminant learns; add [discriminant], or leave [fusion] out"
@@ -153,11 +160,12 @@ impl Config {
             ));
         }
         let (retina, encoder) = self.identity(files)?;
+        let covariance = self.variation.as_ref().map(|it| it.read(files)).transpose()?.flatten().map(Arc::new);
         let recogniser = self.recogniser.as_ref().map(|r| r.read(files)).transpose()?;
         let detector = self.detector.as_ref().map(|d| d.read(files)).transpose()?;
         let second = self.second(files)?.map(Box::new);
         let (retina, shadow) = (Arc::new(retina), vec![]);
-        let blueprint = Blueprint { config: self, retina, encoder, shadow, detector, recogniser, second };
+        let blueprint = Blueprint { config: self, retina, encoder, covariance, shadow, detector, recogniser, second };
         blueprint.fits()?;
         blueprint.parts()?;
         Ok(blueprint)
@@ -175,6 +183,8 @@ pub struct Blueprint {
     config: Config,
     retina: Arc<Foveal>,
     encoder: Arc<dyn Encoder>,
+    /// How its features vary along a track, where that is known.
+    covariance: Option<Arc<Covariance>>,
     shadow: Vec<crate::geometry::Gaze>,
     detector: Option<DetectorParts>,
     recogniser: Option<reading::Recogniser>,
@@ -201,7 +211,10 @@ impl Blueprint {
             .colouring(c.colour)
             .fusing(c.fusion);
         let appearance = match c.discriminant {
-            Some(settings) => appearance.discriminating(settings).remembering(c.short_term.is_some()),
+            Some(settings) => appearance
+                .discriminating(settings)
+                .varying(self.covariance.as_deref().zip(c.variation.as_ref().map(|it| it.weight)))?
+                .remembering(c.short_term.is_some()),
             None => appearance,
         };
         #[cfg(feature = "learn")]

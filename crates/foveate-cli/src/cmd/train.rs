@@ -20,6 +20,7 @@ mod confidence_tracks;
 mod fixations;
 mod mcrbm;
 mod patch_filters;
+mod variation;
 
 /// Learn a model.
 #[derive(clap::Args)]
@@ -39,6 +40,7 @@ enum What {
     Ica(Box<patch_filters::IcaArgs>),
     Classifier(Box<classifier::Args>),
     Confidence(Box<confidence::Args>),
+    Variation(Box<variation::Args>),
 }
 
 /// Learn a restricted Boltzmann machine from glimpses.
@@ -165,6 +167,7 @@ pub fn run(args: Args) -> Result<()> {
         What::Ica(args) => args.run(),
         What::Classifier(args) => classifier::run(&args),
         What::Confidence(args) => confidence::run(&args),
+        What::Variation(args) => variation::run(&args),
     }
 }
 

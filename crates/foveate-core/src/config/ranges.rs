@@ -68,6 +68,7 @@ checked!(
     colour::Settings,
     discriminant::Settings,
     discriminant::ShortTerm,
+    discriminant::Variation,
     fusion::Settings,
     multi::Settings,
 );

@@ -65,6 +65,9 @@ pub struct Config {
     /// What tells the target from what is around it, learned while tracking; not at all unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub discriminant: Option<discriminant::Settings>,
+    /// How features of a target are known to vary along a track; as if they did not unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub variation: Option<discriminant::Variation>,
     /// A second discriminant with a short memory: it also learns from frames in which the target looks less like itself, and moves the box;
     /// the first judges whether it is lost. None unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
@@ -208,6 +211,7 @@ impl Ranges for Config {
         self.confidence.ranges()?;
         self.recogniser.ranges()?;
         self.discriminant.ranges()?;
+        self.variation.ranges()?;
         self.short_term.ranges()?;
         self.colour.ranges()?;
         self.fusion.ranges()?;

@@ -4,15 +4,18 @@
 //! target, of other sizes, and at its distractors: places that look like it but are not. The sums that the fit needs, Σ h hᵀ and
 //! Σ label · h, are kept for the first frame and, fading, for those since:
 //! ```text
-//! A = first_frame_weight · A₁ + (1 − first_frame_weight) · Aₜ + ridge · I,   A w = b,
+//! A = first_frame_weight · A₁ + (1 − first_frame_weight) · Aₜ + ridge · I + variation.weight · C,   A w = b,
 //! Aₜ = (1 − learning_rate) · Aₜ₋₁ + learning_rate · Σ h hᵀ
 //! ```
 //! and a few steps of conjugate gradients a frame, from the last w on, follow its solution. With `dropout`, sums of two features of one
 //! part (gradients, grey, colour) are divided by 1 − dropout: w is then what fits best in expectation where each part is left out with
-//! that probability, and larger by as much where it is not (van der Maaten et al., 2013), so that no part leans on another.
+//! that probability, and larger by as much where it is not (van der Maaten et al., 2013), so that no part leans on another. C is how
+//! features of a target vary along a track, where that is known ([`Variation`]).
 //!
 //! Deviation: the paper's template is the first frame for ever. Correlation filters learn the same from all shifts at
 //! once (Henriques et al., 2015); glimpses, foveated and turned, are no shifts of each other.
+
+use std::sync::Arc;
 
 use foveate_kernels as kernels;
 
@@ -25,12 +28,14 @@ mod saved;
 mod settings;
 mod short_term;
 mod two;
+mod variation;
 
 pub(super) use self::ridge::Learning;
 use self::ridge::{Regression, STEPS, Sums, outer};
 pub use self::settings::Settings;
 use self::short_term::Recent;
 pub use self::short_term::ShortTerm;
+pub use self::variation::{Covariance, Variation};
 
 /// Radii of the rings of places around the target, template units; eight places on each.
 const RINGS: [f64; 6] = [0.12, 0.2, 0.35, 0.6, 1.0, 1.7];
@@ -66,7 +71,7 @@ impl Discriminant {
         let n = parts.iter().sum::<usize>() + 1;
         let zeros = Sums { gram: vec![0.0; n * (n + 1) / 2], cross: vec![0.0; n] };
         Self {
-            regression: Regression { settings, parts },
+            regression: Regression { settings, parts, variation: None },
             first_rows: vec![],
             first: zeros.clone(),
             recent: zeros,
@@ -81,6 +86,12 @@ impl Discriminant {
     pub fn remembering(self) -> Self {
         let short_term = Some(Recent::new(&self.recent, &self.weights));
         Self { short_term, ..self }
+    }
+
+    /// The same, of features that are known to vary so: what is added to the sums.
+    pub(super) fn varying(mut self, variation: Option<Arc<[f32]>>) -> Self {
+        self.regression.variation = variation;
+        self
     }
 
     /// Keeps no triangle until it learns again, but the rows of the first frame and a packed one; leaves the room to others.
@@ -206,7 +217,12 @@ mod tests {
 
     /// Of random features at the places around the target, learned on so many frames.
     fn learned(settings: Settings, frames: u64) -> Discriminant {
-        let mut it = Discriminant::new(settings, PARTS.to_vec());
+        expecting(None, settings, frames)
+    }
+
+    /// The same, of features that vary so.
+    fn expecting(variation: Option<&Arc<[f32]>>, settings: Settings, frames: u64) -> Discriminant {
+        let mut it = Discriminant::new(settings, PARTS.to_vec()).varying(variation.cloned());
         for frame in 0..frames {
             let mut rng = Streams::new(4, 0).rng(frame);
             // As a tracker does: of the first frame no distractors are known.
@@ -220,7 +236,7 @@ mod tests {
     }
 
     /// The solution by elimination, in f64, of sums made anew.
-    fn exact(settings: Settings, frames: u64) -> Vec<f64> {
+    fn exact(variation: Option<&Arc<[f32]>>, settings: Settings, frames: u64) -> Vec<f64> {
         let mut a = vec![[0.0; N + 1]; N];
         for frame in 0..frames {
             let now = learned(settings, frame + 1);
@@ -245,6 +261,10 @@ mod tests {
                 .for_each(|(_, a)| *a /= 1.0 - settings.dropout);
         }
         (0..N).for_each(|i| a[i][i] += settings.ridge);
+        if let Some(variation) = variation {
+            let of = |i: usize, j: usize| f64::from(variation[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)]);
+            (0..N * N).for_each(|k| a[k / N][k % N] += of(k / N, k % N));
+        }
         for i in 0..N {
             let pivot = a[i];
             for row in a.iter_mut().enumerate().filter(|(k, _)| *k != i).map(|(_, row)| row) {
@@ -259,10 +279,20 @@ mod tests {
     #[test]
     fn it_is_ridge_regression() {
         let settings = Settings { ridge: 0.5, learning_rate: 0.3, first_frame_weight: 0.4, ..Settings::default() };
-        for (frames, within, dropout) in [(1, 1e-4, 0.0), (4, 0.02, 0.0), (1, 1e-4, 0.4), (4, 0.02, 0.4)] {
+        // v vᵀ, and what each feature varies by itself.
+        let of = |i: usize, j: usize| 0.2 * (i + 1) as f32 * (j + 1) as f32 + if i == j { 0.3 } else { 0.0 };
+        let varying: Arc<[f32]> = (0..N).flat_map(|i| (0..=i).map(move |j| of(i, j))).collect();
+        for (frames, within, dropout, variation) in [
+            (1, 1e-4, 0.0, None),
+            (4, 0.02, 0.0, None),
+            (1, 1e-4, 0.4, None),
+            (4, 0.02, 0.4, None),
+            (1, 1e-4, 0.4, Some(&varying)),
+            (4, 0.02, 0.0, Some(&varying)),
+        ] {
             let settings = Settings { dropout, ..settings };
-            let it = learned(settings, frames);
-            for (w, exact) in it.weights.iter().zip(exact(settings, frames)) {
+            let it = expecting(variation, settings, frames);
+            for (w, exact) in it.weights.iter().zip(exact(variation, settings, frames)) {
                 assert!((f64::from(*w) - exact).abs() < within, "{frames} frames: {w} is not {exact}");
             }
         }

@@ -9,6 +9,7 @@ mod images;
 pub mod pictures;
 pub mod recognition;
 pub mod sequences;
+pub mod variation;
 
 use crate::{Digits, Split};
 use foveate_base::rng::{Purpose, Streams};

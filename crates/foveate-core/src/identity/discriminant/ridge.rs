@@ -1,5 +1,7 @@
 //! Ridge regression by its sums: what is learned from in a frame, sums that fade, and steps of conjugate gradients along them.
 
+use std::sync::Arc;
+
 use foveate_kernels as kernels;
 
 use super::settings::Settings;
@@ -43,11 +45,13 @@ impl Sums {
     }
 }
 
-/// What is fitted: by which settings, and of features with parts of which lengths.
+/// What is fitted: by which settings, of features with parts of which lengths, that vary how.
 #[derive(Clone, Debug)]
 pub(super) struct Regression {
     pub settings: Settings,
     pub parts: Vec<usize>,
+    /// What is added to the sums for how features vary; nothing where it is not known.
+    pub variation: Option<Arc<[f32]>>,
 }
 
 impl Regression {
@@ -74,6 +78,9 @@ impl Regression {
         self.leave_out(&mut system.gram);
         for i in 0..n {
             system.gram[i * (i + 3) / 2] += settings.ridge as f32;
+        }
+        if let Some(variation) = &self.variation {
+            system.gram.iter_mut().zip(&**variation).for_each(|(sum, more)| *sum += more);
         }
         // `cross` becomes what is left of the right-hand side.
         let rest = &mut system.cross;

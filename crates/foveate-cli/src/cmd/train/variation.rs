@@ -1,0 +1,67 @@
+//! `foveate train variation`: how features of targets vary along tracks with truth.
+
+use std::path::PathBuf;
+
+use clap::ValueEnum;
+use foveate::identity::retina::Foveal;
+use foveate::lab::eval::{catalogue, find_sequences};
+use foveate::lab::training::variation::covariance;
+use foveate::{Error, Result, files};
+
+use crate::cmd::configure::{self, Changes};
+use crate::cmd::results::{spare, writable};
+
+/// Learn how features of a target vary along its track, from sequences with truth.
+///
+/// Written is the covariance of the oriented encoder's features (gradients, grey, colour, intensities) in the true boxes about their mean
+/// over each track, for `[variation] covariance = "FILE"` of a configuration: what varies much tells less of where the target is.
+/// The same sequences give the same file.
+#[derive(clap::Args)]
+pub struct Args {
+    /// Sequences in OTB layout, or folders that hold them
+    #[arg(long, value_name = "DIR", num_args = 1.., required = true)]
+    seqs: Vec<PathBuf>,
+    /// Learn from the sequences of one half alone (those of foveate eval --choose), to judge it on the other
+    #[arg(long, value_enum)]
+    half: Option<Half>,
+    /// Take the retina from this configuration: a file, or the name of one that ships with the program
+    #[arg(long, value_name = "FILE|NAME", default_value = "natural")]
+    config: String,
+    #[command(flatten)]
+    changes: Changes,
+    /// Every so many frames of a sequence
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    every: u64,
+    /// The file to write
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+}
+
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Half {
+    A,
+    B,
+}
+
+/// Runs the command.
+pub fn run(args: &Args) -> Result<()> {
+    writable(&args.out)?;
+    spare(&args.out, &[args.config.as_ref()])?;
+    let (config, _) = configure::read(&args.config, &args.changes)?;
+    let Some(foveate::config::RetinaConfig::Foveal(retina)) = config.retina else {
+        return Err(Error::Config(format!("{}: it has no [retina]; the oriented encoder needs one", args.config)));
+    };
+    let mut sequences = find_sequences(&args.seqs)?;
+    if let Some(half) = args.half {
+        let wanted = if half == Half::A { "a" } else { "b" };
+        sequences.retain(|sequence| catalogue::half(&sequence.name).name() == wanted);
+    }
+    let every = usize::try_from(args.every).expect("at most 1000");
+    let (covariance, sha256) = covariance(&sequences, &Foveal::new(retina)?, every)?;
+    files::write(
+        &args.out,
+        covariance.to_json(&format!("foveate {}", crate::invocation::arguments()), &sha256).as_bytes(),
+    )?;
+    say!("of {} sequences, every {every} frames\nwrote {}", sequences.len(), args.out.display());
+    Ok(())
+}
