@@ -8,3 +8,4 @@ mod mcrbm;
 mod photographs;
 mod rbm;
 mod training;
+mod variation;

@@ -18,6 +18,17 @@ use crate::eval::Sequence;
 /// Frames of a track, at least, to tell how it varies.
 const FRAMES: usize = 3;
 
+/// What was learned, and of what.
+#[derive(Debug)]
+pub struct Learned {
+    /// How features vary.
+    pub covariance: Covariance,
+    /// How many tracks counted.
+    pub tracks: usize,
+    /// SHA-256 of their pictures and boxes.
+    pub sha256: String,
+}
+
 /// One track, as it is and mirrored.
 struct Track {
     /// Σ δ δᵀ / (frames − 1) of both.
@@ -26,12 +37,12 @@ struct Track {
 }
 
 /// The covariance of features of the oriented encoder with this retina, from every so many frames of each sequence, as it is and
-/// mirrored; each sequence counts alike. A target is seen in its true box, of the shape that the box of the first frame has. And the
-/// SHA-256 of pictures and boxes. Sequences with fewer than three such frames do not count.
+/// mirrored; each sequence counts alike. A target is seen in its true box, of the shape that the box of the first frame has. Sequences
+/// with fewer than three such frames do not count.
 ///
 /// # Errors
 /// Where a picture cannot be read, the retina does not fit the oriented encoder, or no sequence is left.
-pub fn covariance(sequences: &[Sequence], retina: &Foveal, every: usize) -> Result<(Covariance, String)> {
+pub fn covariance(sequences: &[Sequence], retina: &Foveal, every: usize) -> Result<Learned> {
     let channels: Vec<usize> = retina.cells().iter().map(|cell| cell.channel).collect();
     let alike = Weights { gradients: 1.0, grey: 1.0, colour: 1.0, intensities: 1.0 };
     let encoder = Oriented::new(&channels, alike)?;
@@ -40,14 +51,18 @@ pub fn covariance(sequences: &[Sequence], retina: &Foveal, every: usize) -> Resu
         sequences.par_iter().map(|sequence| track(sequence, retina, &encoder, every)).collect::<Result<_>>()?;
     let tracks: Vec<Track> = tracks.into_iter().flatten().collect();
     if tracks.is_empty() {
-        return Err(Error::Invalid(format!("no sequence has {FRAMES} boxes in every {every} frames")));
+        return Err(Error::Invalid(format!("no sequence has {FRAMES} boxes where one frame in {every} is taken")));
     }
     let (mut products, mut sha) = (vec![0.0; tracks[0].products.len()], Sha256::new());
     for track in &tracks {
         products.iter_mut().zip(&track.products).for_each(|(sum, more)| *sum += more);
         sha.update(track.sha256);
     }
-    Ok((Covariance::of(parts, &products, 2.0 * tracks.len() as f64), super::hex(sha)))
+    Ok(Learned {
+        covariance: Covariance::of(parts, &products, 2.0 * tracks.len() as f64),
+        tracks: tracks.len(),
+        sha256: super::hex(sha),
+    })
 }
 
 fn track(sequence: &Sequence, retina: &Foveal, encoder: &Oriented, every: usize) -> Result<Option<Track>> {
@@ -139,7 +154,7 @@ mod tests {
 
     fn of(dark: usize) -> String {
         let dir = tempfile::tempdir().expect("a temporary folder");
-        covariance(&[sequence(dir.path(), dark)], &retina(), 1).expect("six frames").0.to_json("", "")
+        covariance(&[sequence(dir.path(), dark)], &retina(), 1).expect("six frames").covariance.to_json("", "")
     }
 
     /// What does not change does not vary, but for how the picture beside it does; what changes, does; mirrored tracks vary alike.

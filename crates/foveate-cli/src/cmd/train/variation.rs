@@ -55,13 +55,14 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(half) = args.half {
         let wanted = if half == Half::A { "a" } else { "b" };
         sequences.retain(|sequence| catalogue::half(&sequence.name).name() == wanted);
+        if sequences.is_empty() {
+            return Err(Error::Invalid(format!("--half {wanted}: none of these sequences is of half {wanted}")));
+        }
     }
     let every = usize::try_from(args.every).expect("at most 1000");
-    let (covariance, sha256) = covariance(&sequences, &Foveal::new(retina)?, every)?;
-    files::write(
-        &args.out,
-        covariance.to_json(&format!("foveate {}", crate::invocation::arguments()), &sha256).as_bytes(),
-    )?;
-    say!("of {} sequences, every {every} frames\nwrote {}", sequences.len(), args.out.display());
+    let learned = covariance(&sequences, &Foveal::new(retina)?, every)?;
+    let command = format!("foveate {}", crate::invocation::arguments());
+    files::write(&args.out, learned.covariance.to_json(&command, &learned.sha256).as_bytes())?;
+    say!("sequences: {}, of each every frame in {every}\nwrote {}", learned.tracks, args.out.display());
     Ok(())
 }
