@@ -223,17 +223,13 @@ fn main() {
             oriented(black_box(patch), 4, gradients, squares);
         }
     });
-    let (glimpses, mut features) = (values(48 * 356, 10), vec![0.0; 48 * 288]);
-    let lengths = |length| Lengths { length, flat: [0.05, 0.1, 0.03, 0.01], neither: 0.5 };
-    let [grey, intensities] = [[0.8, 0.4, 0.3, 0.0], [0.8, 0.2, 0.3, 0.4]].map(lengths);
-    for (name, lengths) in [("", grey), (" and intensities", intensities)] {
-        let n = lengths.sizes(4, 32).iter().sum();
-        report(&format!("oriented_features, 48 x 4 blocks{name}"), 48.0, "glimpses", None, || {
-            for (glimpse, out) in glimpses.chunks_exact(356).zip(features.chunks_exact_mut(n)) {
-                oriented_features(black_box(glimpse), 4, &lengths, out);
-            }
-        });
-    }
+    let (glimpses, mut features) = (values(48 * 356, 10), vec![0.0; 48 * 224]);
+    let lengths = Lengths { length: [0.8, 0.4, 0.3], flat: [0.05, 0.1, 0.03], neither: 0.5 };
+    report("oriented_features, 48 x 4 blocks", 48.0, "glimpses", None, || {
+        for (glimpse, out) in glimpses.chunks_exact(356).zip(features.chunks_exact_mut(224)) {
+            oriented_features(black_box(glimpse), 4, &lengths, out);
+        }
+    });
     // The lattice of 9 × 9 places two blocks apart.
     let (columns, halves) = (40, 40 * 40);
     let (cells, colour) = (values(82 * 82, 14), values(halves, 15));
@@ -243,7 +239,7 @@ fn main() {
         oriented_blocks(&gradients, columns, &mut blocks);
         let maps = Maps { columns, blocks: &blocks, grey: &sums, colour: [&colour, &colour] };
         for k in 0..81 {
-            features_among(&maps, k / 9 * 4 * columns + k % 9 * 4, 4, &grey, &mut features[..224]);
+            features_among(&maps, k / 9 * 4 * columns + k % 9 * 4, 4, &lengths, &mut features[..224]);
         }
     });
     let (rows, vector) = (values(64 * 225, 11), values(225, 12));

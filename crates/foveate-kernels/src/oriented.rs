@@ -66,7 +66,7 @@ fn features<const V: u8>(
     oriented_body::<V>(patch, blocks, gradients, squares);
     gradients.iter_mut().for_each(|x| *x = x.sqrt());
     opponent.iter_mut().zip(colour).for_each(|(out, value)| *out = value - lengths.neither);
-    bring_to_length::<V>(lengths, blocks, colour.len(), room, out);
+    bring_to_length::<V>(lengths, blocks, colour.len(), out);
 }
 
 #[inline(always)]

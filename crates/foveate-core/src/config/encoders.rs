@@ -107,7 +107,7 @@ pub enum EncoderConfig {
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         std: Vec<f32>,
     },
-    /// Gradients in eight directions, grey, colour and histograms of intensity of a retina of one ring.
+    /// Gradients in eight directions, grey and colour of a retina of one ring.
     Oriented {
         /// What each of them counts.
         #[serde(default)]

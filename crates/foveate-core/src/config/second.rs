@@ -40,12 +40,12 @@ mod tests {
     use super::*;
     use foveate_base::files::Nowhere;
 
-    /// Its file repeats that of `natural`, and may differ in nothing else.
+    /// Its file repeats that of `natural`, but for the variation that it leaves out, and may differ in nothing else.
     #[test]
     fn careful_is_natural_with_a_second_opinion() {
         let [natural, careful] = ["natural", "natural-careful"].map(|name| name.config().expect("it ships"));
-        let Config { particles, second_opinion, confidence, .. } = careful.clone();
-        assert_eq!(Config { particles, second_opinion, confidence, ..natural }, careful);
+        let Config { particles, second_opinion, confidence, variation, likelihood, .. } = careful.clone();
+        assert_eq!(Config { particles, second_opinion, confidence, variation, likelihood, ..natural }, careful);
     }
 
     #[test]

@@ -205,9 +205,9 @@ mod tests {
         let centred = foveal(16.0, 18);
         let mut pyramid = Pyramid::default();
         let aside = Gaze { u: 0.5, v: -0.3, arm: None };
-        let histograms = Weights { grey: 0.0, intensities: 0.2, ..Weights::default() };
+        let without_grey = Weights { grey: 0.0, ..Weights::default() };
         for (encoder, (n, m, step, gaze)) in
-            [Weights::default(), histograms].map(|weights| encoder(&centred, weights)).iter().flat_map(|encoder| {
+            [Weights::default(), without_grey].map(|weights| encoder(&centred, weights)).iter().flat_map(|encoder| {
                 [(9, 5, 0.5, Gaze::CENTRE), (20, 8, 0.25, Gaze::CENTRE), (7, 6, 0.75, Gaze::CENTRE), (9, 5, 0.5, aside)]
                     .map(|lattice| (encoder, lattice))
             })

@@ -61,8 +61,7 @@ impl NetworkEncoder {
         let channels = [vec![0; grey], vec![1; places * places / 4], vec![2; places * places / 4]].concat();
         let share = |all: f32| gradients * all;
         let all = Weights::default();
-        let weights =
-            Weights { gradients: share(all.gradients), grey: share(all.grey), colour: share(all.colour), ..all };
+        let weights = Weights { gradients: share(all.gradients), grey: share(all.grey), colour: share(all.colour) };
         let oriented = (gradients > 0.0).then(|| Oriented::new(&channels, weights)).transpose()?;
         Ok(Self { network, side, places, gradients: oriented.map(|oriented| (gradients, oriented)) })
     }

@@ -6,11 +6,9 @@
 //! gradients    n × n × 8   square roots of each block's sums of gradient in eight directions (Dalal & Triggs, 2005)
 //! grey         2n × 2n     sums of 2 × 2 cells
 //! colour                   the opponent cells, less what is neither
-//! intensities  4 × n × n   square roots of a histogram of each block's sums of 2 × 2 cells, in deviations of the glimpse
 //! ```
 //! A part whose weight is 0 is not there. All but colour have their mean taken out, and each part its length brought to the root of its
-//! weight, so that the cosine of two feature vectors is the weighted mean of the cosines of their parts. A regression on grey can ask for
-//! more or less light; on intensities for some light. The paper's first layer is learned
+//! weight, so that the cosine of two feature vectors is the weighted mean of the cosines of their parts. The paper's first layer is learned
 //! (section 2.1); on real video none of ours comes up to this one.
 
 use foveate_kernels as kernels;
@@ -30,19 +28,17 @@ pub struct Weights {
     pub grey: f32,
     /// Of both colour channels together.
     pub colour: f32,
-    /// Of histograms of intensity: for video without colour.
-    pub intensities: f32,
 }
 
 impl Default for Weights {
     /// As ridge regression found no use in others.
     fn default() -> Self {
-        Self { gradients: 0.6, grey: 0.2, colour: 0.2, intensities: 0.0 }
+        Self { gradients: 0.6, grey: 0.2, colour: 0.2 }
     }
 }
 
 /// Lengths of a part, in its values' root mean square, that count as flat: less contrast than that is noise.
-const FLAT: [f32; 4] = [0.05, 0.1, 0.03, 0.01];
+const FLAT: [f32; 3] = [0.05, 0.1, 0.03];
 
 /// The value of a colour channel where there is no colour.
 pub(super) const NEITHER: f32 = 128.0 / 255.0;
@@ -68,12 +64,12 @@ impl Oriented {
                  [[18, 1]]; this one has {cells} grey cells"
             )));
         }
-        let weights = [weights.gradients, weights.grey, weights.colour, weights.intensities];
+        let weights = [weights.gradients, weights.grey, weights.colour];
         if !weights.iter().all(|w| (0.0..=1000.0).contains(w)) {
             return Err(Error::Config(format!("encoder.weights are numbers from 0 to 1000; they are {weights:?}")));
         }
-        let [gradients, grey, colour, intensities] = weights.map(f32::sqrt);
-        let length = [gradients, grey, colour * std::f32::consts::FRAC_1_SQRT_2, intensities];
+        let [gradients, grey, colour] = weights.map(f32::sqrt);
+        let length = [gradients, grey, colour * std::f32::consts::FRAC_1_SQRT_2];
         let (blocks, lengths) =
             ((side - 2) / kernels::BLOCK, kernels::Lengths { length, flat: FLAT, neither: NEITHER });
         Ok(Self { blocks, cells, colour: channels.len() - cells, lengths })
@@ -115,8 +111,8 @@ mod tests {
     #[test]
     fn it_keeps_the_law() {
         let mut rng = Streams::new(2, 0).rng(0);
-        for (side, colour, more) in [(6, 0, 0.0), (18, 16, 0.0), (26, 36, 0.0), (18, 16, 0.3), (34, 0, 2.0)] {
-            let weights = Weights { intensities: more, ..Weights::default() };
+        for (side, colour, grey) in [(6, 0, 0.2), (18, 16, 0.2), (26, 36, 0.2), (18, 16, 0.0), (34, 0, 2.0)] {
+            let weights = Weights { grey, ..Weights::default() };
             let it = Oriented::new(&channels(side * side, colour), weights).expect("blocks and a border");
             let glimpses: Vec<f32> = (0..7 * it.shape().0).map(|_| rng.random()).collect();
             conformance::encoder(&it, &glimpses);

@@ -1,32 +1,25 @@
 //! The parts of a glimpse's features beside each other, each with its mean taken off, and brought to a length of its own.
 
-use super::{DIRECTIONS, MOST_BLOCKS};
-use crate::level::{greater, lesser};
+use super::DIRECTIONS;
 use crate::sums::{dot_body, sum_body};
 
-/// Intensities that are told apart: 1.5 and 0.5 standard deviations below and above a glimpse's mean.
-const INTENSITIES: usize = 4;
-/// The darkest and the brightest intensity, in standard deviations.
-const END: f32 = 0.5 * (INTENSITIES - 1) as f32;
-
 /// How long the parts of [`oriented_features`](super::oriented_features) become, in this order: gradients; grey, the sums over half blocks;
-/// each of both channels of colour; and intensities, the square roots of a histogram of each block's four half blocks. A part of length 0
-/// after gradients is not there.
+/// and each of both channels of colour. A part of length 0 after gradients is not there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lengths {
     /// Lengths of parts that are not flat.
-    pub length: [f32; 4],
+    pub length: [f32; 3],
     /// Root mean squares that are added to a part's own before it is divided by it: of less it stays short.
-    pub flat: [f32; 4],
+    pub flat: [f32; 3],
     /// The value of a colour channel where there is no colour.
     pub neither: f32,
 }
 
 impl Lengths {
     /// How many features each part has, of so many blocks a side and so many values of colour.
-    pub fn sizes(&self, blocks: usize, colour: usize) -> [usize; 4] {
+    pub fn sizes(&self, blocks: usize, colour: usize) -> [usize; 3] {
         let count = blocks * blocks;
-        let mut sizes = [DIRECTIONS * count, 4 * count, colour, INTENSITIES * count];
+        let mut sizes = [DIRECTIONS * count, 4 * count, colour];
         sizes.iter_mut().zip(self.length).skip(1).filter(|(_, length)| *length == 0.0).for_each(|(size, _)| *size = 0);
         sizes
     }
@@ -42,21 +35,15 @@ pub(crate) fn places<'a>(
     room: &'a mut [f32],
     out: &'a mut [f32],
 ) -> [&'a mut [f32]; 3] {
-    let (count, [_, grey, opponent, _]) = (blocks * blocks, lengths.length);
+    let (count, [_, grey, opponent]) = (blocks * blocks, lengths.length);
     let (gradients, rest) = out.split_at_mut(DIRECTIONS * count);
     let (squares, rest) = if grey > 0.0 { rest.split_at_mut(4 * count) } else { (room, rest) };
     [gradients, squares, if opponent > 0.0 { &mut rest[..colour] } else { &mut [] }]
 }
 
-/// Makes intensities of what was written to [`places`] of the same `room` and `out`, and brings all parts to their lengths.
+/// Brings all parts of what was written to [`places`] to their lengths.
 #[inline(always)]
-pub(crate) fn bring_to_length<const V: u8>(
-    lengths: &Lengths,
-    blocks: usize,
-    colour: usize,
-    room: &mut [f32],
-    out: &mut [f32],
-) {
+pub(crate) fn bring_to_length<const V: u8>(lengths: &Lengths, blocks: usize, colour: usize, out: &mut [f32]) {
     let (Lengths { length, flat, .. }, count) = (lengths, blocks * blocks);
     let sizes = lengths.sizes(blocks, colour);
     assert!(out.len() == sizes.iter().sum::<usize>(), "as many features as blocks and colour have");
@@ -67,9 +54,6 @@ pub(crate) fn bring_to_length<const V: u8>(
     stretch::<V>(gradients, flat[0], length[0]);
     if length[1] > 0.0 {
         let grey = take(4 * count);
-        if length[3] > 0.0 {
-            room.copy_from_slice(grey);
-        }
         centre::<V>(grey);
         stretch::<V>(grey, flat[1], length[1]);
     }
@@ -77,14 +61,6 @@ pub(crate) fn bring_to_length<const V: u8>(
         for _ in 0..2 {
             stretch::<V>(take(colour / 2), flat[2], length[2]);
         }
-    }
-    if length[3] > 0.0 {
-        let intensities = take(INTENSITIES * count);
-        standardise::<V>(room, flat[1]);
-        histograms(room, blocks, intensities);
-        intensities.iter_mut().for_each(|x| *x = x.sqrt());
-        centre::<V>(intensities);
-        stretch::<V>(intensities, flat[3], length[3]);
     }
 }
 
@@ -102,32 +78,6 @@ fn stretch<const V: u8>(part: &mut [f32], flat: f32, length: f32) {
     part.iter_mut().for_each(|x| *x *= gain);
 }
 
-/// Mean 0 and a standard deviation of 1; of little contrast less.
-#[inline(always)]
-fn standardise<const V: u8>(values: &mut [f32], flat: f32) {
-    centre::<V>(values);
-    let gain = 1.0 / ((dot_body::<V>(values, values) / values.len() as f32).sqrt() + flat);
-    values.iter_mut().for_each(|x| *x *= gain);
-}
-
-/// For each intensity and block how many of its half blocks have it; one between two intensities counts for both, by nearness. Those of
-/// each pair of rows are added first, side by side.
-#[inline(always)]
-fn histograms(standardised: &mut [f32], blocks: usize, out: &mut [f32]) {
-    let mut room = [0.0; 2 * MOST_BLOCKS * MOST_BLOCKS];
-    let pairs = &mut room[..2 * blocks * blocks];
-    standardised.iter_mut().for_each(|z| *z = lesser(greater(*z, -END), END));
-    for (k, out) in out.chunks_exact_mut(blocks * blocks).enumerate() {
-        let intensity = k as f32 - END;
-        let near = |z: f32| greater(1.0 - (z - intensity).abs(), 0.0);
-        for (pairs, rows) in pairs.chunks_exact_mut(2 * blocks).zip(standardised.chunks_exact(4 * blocks)) {
-            let (above, below) = rows.split_at(2 * blocks);
-            pairs.iter_mut().zip(above.iter().zip(below)).for_each(|(pair, (a, b))| *pair = near(*a) + near(*b));
-        }
-        out.iter_mut().zip(pairs.as_chunks().0).for_each(|(out, [a, b])| *out = a + b);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -135,7 +85,7 @@ mod tests {
     use crate::oriented::{oriented, oriented_features, oriented_features_at};
     use crate::sums::tests::values;
 
-    const LENGTHS: Lengths = Lengths { length: [0.8, 0.5, 0.3, 0.4], flat: [0.05, 0.1, 0.03, 0.01], neither: 0.4 };
+    const LENGTHS: Lengths = Lengths { length: [0.8, 0.5, 0.3], flat: [0.05, 0.1, 0.03], neither: 0.4 };
 
     fn exact(glimpse: &[f32], blocks: usize, colour: usize) -> Vec<f64> {
         let (patch, cells) = glimpse.split_at(glimpse.len() - colour);
@@ -147,24 +97,12 @@ mod tests {
             let mean = mean(&part);
             part.iter().map(|x| x - mean).collect::<Vec<f64>>()
         };
-        let grey = centred(wide(&squares));
-        let deviation = mean(&grey.iter().map(|x| x * x).collect::<Vec<f64>>()).sqrt() + f64::from(LENGTHS.flat[1]);
-        let mut bins = vec![0.0; 4 * blocks * blocks];
-        for (k, x) in grey.iter().enumerate() {
-            let block = k / (2 * blocks) / 2 * blocks + k % (2 * blocks) / 2;
-            // Between which two of four intensities.
-            let place = (x / deviation + 1.5).clamp(0.0, 3.0);
-            let below = (place as usize).min(2);
-            bins[below * blocks * blocks + block] += 1.0 - (place - below as f64);
-            bins[(below + 1) * blocks * blocks + block] += place - below as f64;
-        }
         let channel = |k: usize| wide(&cells[k * colour / 2..][..colour / 2]).into_iter().map(|x| x - 0.4f32 as f64);
         let parts = [
             (0, centred(wide(&gradients).iter().map(|x| x.sqrt()).collect())),
-            (1, grey),
+            (1, centred(wide(&squares))),
             (2, channel(0).collect()),
             (2, channel(1).collect()),
-            (3, centred(bins.iter().map(|x| x.sqrt()).collect())),
         ];
         let stretched = parts.into_iter().filter(|(_, part)| !part.is_empty()).flat_map(|(k, part)| {
             let (flat, length) = (f64::from(LENGTHS.flat[k]), f64::from(LENGTHS.length[k]));
@@ -200,27 +138,12 @@ mod tests {
             out
         };
         let (all, sizes) = (features(&LENGTHS), LENGTHS.sizes(blocks, colour));
-        assert_eq!(sizes, [128, 64, 32, 64]);
-        for part in 1..4 {
+        assert_eq!(sizes, [128, 64, 32]);
+        for part in 1..3 {
             let mut without = LENGTHS;
             without.length[part] = 0.0;
             let first = sizes[..part].iter().sum::<usize>();
             assert_eq!(features(&without), [&all[..first], &all[first + sizes[part]..]].concat(), "part {part}");
-        }
-    }
-
-    /// Half of a glimpse is dark, half bright: each block has one intensity.
-    #[test]
-    fn an_edge_has_two_intensities() {
-        let patch: Vec<f32> = (0..100).map(|i| if i % 10 < 5 { 0.2 } else { 0.8 }).collect();
-        let lengths = Lengths { length: [0.0, 0.0, 0.0, 1.0], ..LENGTHS };
-        let mut out = [0.0; 48];
-        oriented_features(&patch, 2, &lengths, &mut out);
-        let of = |intensity: usize| &out[32 + 4 * intensity..][..4];
-        // Left blocks are a deviation below the mean, half way between the lower two; right ones above.
-        for (lower, upper) in [(of(0), of(3)), (of(1), of(2))] {
-            assert!(lower[0] > 0.0 && lower[1] < 0.0 && lower[2] == lower[0], "{lower:?}");
-            assert!(upper[1] > 0.0 && upper[0] < 0.0 && upper[3] == upper[1], "{upper:?}");
         }
     }
 }

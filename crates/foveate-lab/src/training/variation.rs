@@ -44,9 +44,9 @@ struct Track {
 /// Where a picture cannot be read, the retina does not fit the oriented encoder, or no sequence is left.
 pub fn covariance(sequences: &[Sequence], retina: &Foveal, every: usize) -> Result<Learned> {
     let channels: Vec<usize> = retina.cells().iter().map(|cell| cell.channel).collect();
-    let alike = Weights { gradients: 1.0, grey: 1.0, colour: 1.0, intensities: 1.0 };
+    let alike = Weights { gradients: 1.0, grey: 1.0, colour: 1.0 };
     let encoder = Oriented::new(&channels, alike)?;
-    let parts: [usize; 4] = encoder.parts().try_into().expect("the oriented encoder has four parts");
+    let parts: [usize; 3] = encoder.parts().try_into().expect("the oriented encoder has three parts");
     let tracks: Vec<Option<Track>> =
         sequences.par_iter().map(|sequence| track(sequence, retina, &encoder, every)).collect::<Result<_>>()?;
     let tracks: Vec<Track> = tracks.into_iter().flatten().collect();

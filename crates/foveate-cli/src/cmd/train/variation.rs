@@ -13,7 +13,7 @@ use crate::cmd::results::{spare, writable};
 
 /// Learn how features of a target vary along its track, from sequences with truth.
 ///
-/// Written is the covariance of the oriented encoder's features (gradients, grey, colour, intensities) in the true boxes about their mean
+/// Written is the covariance of the oriented encoder's features (gradients, grey, colour) in the true boxes about their mean
 /// over each track, for `[variation] covariance = "FILE"` of a configuration: what varies much tells less of where the target is.
 /// The same sequences give the same file.
 #[derive(clap::Args)]

@@ -66,11 +66,11 @@ impl Variation {
     }
 }
 
-/// A covariance of features of the oriented encoder, all four of its parts with a weight of 1.
+/// A covariance of features of the oriented encoder, all three of its parts with a weight of 1.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Covariance {
-    /// Lengths of the parts: gradients, grey, colour, intensities.
-    parts: [usize; 4],
+    /// Lengths of the parts: gradients, grey, colour.
+    parts: [usize; 3],
     deviations: Vec<f32>,
     /// Correlations in 1/127, the lower triangle without its diagonal.
     correlations: Vec<i8>,
@@ -84,14 +84,14 @@ struct Written {
     command: String,
     /// Of the pictures and boxes it was made of.
     sha256: String,
-    parts: [usize; 4],
+    parts: [usize; 3],
     /// In base64: 32-bit floats, the least significant byte first; signed bytes.
     deviations: String,
     correlations: String,
 }
 
 /// Lengths of the parts with weights of 1: colour is two channels.
-const UNIT: [f32; 4] = [1.0, 1.0, std::f32::consts::FRAC_1_SQRT_2, 1.0];
+const UNIT: [f32; 3] = [1.0, 1.0, std::f32::consts::FRAC_1_SQRT_2];
 /// Correlations are made smaller by a twentieth: as bytes they then still are a covariance.
 const SHRUNK: f64 = 0.95;
 /// The most features.
@@ -99,7 +99,7 @@ const MOST: usize = 4096;
 
 impl Covariance {
     /// Of the sums of products of features (all pairs, row by row) of so many deviations, of parts of these lengths.
-    pub fn of(parts: [usize; 4], products: &[f64], count: f64) -> Self {
+    pub fn of(parts: [usize; 3], products: &[f64], count: f64) -> Self {
         let n = parts.iter().sum::<usize>();
         assert_eq!(products.len(), n * n, "all pairs of features");
         let deviation = |i: usize| (products[i * n + i] / count).max(0.0).sqrt();
@@ -171,7 +171,7 @@ impl Covariance {
                     .into(),
             ));
         };
-        let own: [usize; 4] = encoder.parts().try_into().expect("an oriented encoder has four parts");
+        let own: [usize; 3] = encoder.parts().try_into().expect("an oriented encoder has three parts");
         if !own.iter().zip(self.parts).all(|(own, known)| *own == 0 || *own == known) {
             return Err(Error::Config(format!(
                 "variation: its covariance is of parts of {:?} features, and those of this retina have {own:?}; make one of its own \
@@ -180,7 +180,7 @@ impl Covariance {
             )));
         }
         let (mut start, mut kept) = (0, vec![]);
-        for k in 0..4 {
+        for k in 0..3 {
             let scale = lengths.length[k] / UNIT[k];
             kept.extend((start..start + own[k]).map(|i| (i, self.deviations[i] * scale)));
             start += self.parts[k];
@@ -207,7 +207,7 @@ mod tests {
     use foveate_base::rng::Streams;
     use rand::RngExt;
 
-    const PARTS: [usize; 4] = [8, 4, 2, 4];
+    const PARTS: [usize; 3] = [8, 4, 2];
 
     /// An encoder of one block with one cell of each colour.
     fn encoder(weights: Weights) -> Oriented {
@@ -216,7 +216,7 @@ mod tests {
 
     /// Of products of twelve random deviations.
     fn random() -> (Covariance, Vec<f64>) {
-        let (n, mut rng) = (18, Streams::new(9, 0).rng(0));
+        let (n, mut rng) = (14, Streams::new(9, 0).rng(0));
         let rows: Vec<f64> = (0..12 * n).map(|_| 0.3 * (rng.random::<f64>() - 0.5)).collect();
         let mut products = vec![0.0; n * n];
         for row in rows.chunks_exact(n) {
@@ -229,24 +229,21 @@ mod tests {
     #[test]
     fn it_is_the_covariance_of_the_parts_there_are() {
         let (it, products) = random();
-        let weights = Weights { gradients: 0.6, grey: 0.0, colour: 0.2, intensities: 0.3 };
+        let weights = Weights { gradients: 0.6, grey: 0.0, colour: 0.2 };
         let penalty = it.penalty(30.0, &encoder(weights)).expect("its parts");
-        let kept: Vec<(usize, f64)> = (0..8)
-            .map(|i| (i, 0.6f64.sqrt()))
-            .chain((12..14).map(|i| (i, 0.2f64.sqrt())))
-            .chain((14..18).map(|i| (i, 0.3f64.sqrt())))
-            .collect();
-        assert_eq!(penalty.len(), 15 * 16 / 2);
+        let kept: Vec<(usize, f64)> =
+            (0..8).map(|i| (i, 0.6f64.sqrt())).chain((12..14).map(|i| (i, 0.2f64.sqrt()))).collect();
+        assert_eq!(penalty.len(), 11 * 12 / 2);
         for (row, &(i, a)) in kept.iter().enumerate() {
             for (column, &(j, b)) in kept[..=row].iter().enumerate() {
-                let of = |i: usize, j: usize| products[i * 18 + j] / 12.0;
+                let of = |i: usize, j: usize| products[i * 14 + j] / 12.0;
                 let exact = 30.0 * a * b * of(i, j) * if i == j { 1.0 } else { SHRUNK };
                 let within = 30.0 * a * b * (of(i, i) * of(j, j)).sqrt() * 0.5 / 127.0 + 1e-5;
                 let found = f64::from(penalty[row * (row + 1) / 2 + column]);
                 assert!((found - exact).abs() <= within, "{i}, {j}: {found} is not {exact}");
             }
         }
-        assert!(penalty[14 * 15 / 2..].iter().all(|v| *v == 0.0), "the 1 behind the features does not vary");
+        assert!(penalty[10 * 11 / 2..].iter().all(|v| *v == 0.0), "the 1 behind the features does not vary");
     }
 
     #[test]
@@ -295,7 +292,7 @@ mod tests {
         assert!(said.contains("oriented") && said.contains("weight to 0"), "{said}");
         let larger = Oriented::new(&[0; 100], Weights::default()).expect("four blocks");
         let said = it.penalty(1.0, &larger).expect_err("larger").to_string();
-        assert!(said.contains("[8, 4, 2, 4]") && said.contains("train variation"), "{said}");
+        assert!(said.contains("[8, 4, 2]") && said.contains("train variation"), "{said}");
         let other = |weight, name: &str| Variation { weight, covariance: name.into() }.read(&Nowhere);
         assert!(other(1.0, "builtin:digits").expect_err("none").to_string().contains("builtin:natural-variation"));
         assert!(other(1.0, "mine.json").is_err());
