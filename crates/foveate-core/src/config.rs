@@ -9,7 +9,6 @@ use std::sync::Arc;
 
 use crate::control::{LocalSearch, Redetection};
 use crate::engine::{Engine, Filter, GazeControl, Monitor, Parts};
-use crate::identity::discriminant::Covariance;
 use crate::identity::encoder::Encoder;
 use crate::identity::gaze_appearance::GazeAppearance;
 use crate::identity::retina::{Foveal, Retina};
@@ -160,12 +159,12 @@ impl Config {
             ));
         }
         let (retina, encoder) = self.identity(files)?;
-        let covariance = self.variation.as_ref().map(|it| it.read(files)).transpose()?.flatten().map(Arc::new);
+        let variation = self.variation.as_ref().map(|it| it.penalty(files, &*encoder)).transpose()?.flatten();
         let recogniser = self.recogniser.as_ref().map(|r| r.read(files)).transpose()?;
         let detector = self.detector.as_ref().map(|d| d.read(files)).transpose()?;
         let second = self.second(files)?.map(Box::new);
         let (retina, shadow) = (Arc::new(retina), vec![]);
-        let blueprint = Blueprint { config: self, retina, encoder, covariance, shadow, detector, recogniser, second };
+        let blueprint = Blueprint { config: self, retina, encoder, variation, shadow, detector, recogniser, second };
         blueprint.fits()?;
         blueprint.parts()?;
         Ok(blueprint)
@@ -183,8 +182,8 @@ pub struct Blueprint {
     config: Config,
     retina: Arc<Foveal>,
     encoder: Arc<dyn Encoder>,
-    /// How its features vary along a track, where that is known.
-    covariance: Option<Arc<Covariance>>,
+    /// What the discriminant adds for how its features vary, where that is known.
+    variation: Option<Arc<[f32]>>,
     shadow: Vec<crate::geometry::Gaze>,
     detector: Option<DetectorParts>,
     recogniser: Option<reading::Recogniser>,
@@ -211,10 +210,9 @@ impl Blueprint {
             .colouring(c.colour)
             .fusing(c.fusion);
         let appearance = match c.discriminant {
-            Some(settings) => appearance
-                .discriminating(settings)
-                .varying(self.covariance.as_deref().zip(c.variation.as_ref().map(|it| it.weight)))?
-                .remembering(c.short_term.is_some()),
+            Some(settings) => {
+                appearance.discriminating(settings).varying(self.variation.clone()).remembering(c.short_term.is_some())
+            }
             None => appearance,
         };
         #[cfg(feature = "learn")]
@@ -234,9 +232,9 @@ impl Blueprint {
         let second = self.second.as_ref().map(|second| second.parts()).transpose()?;
         Ok(Parts::new(filter, gaze, Box::new(appearance), monitor).recognising(recognition).seconded(second))
     }
-    /// The same, with another retina and encoder.
+    /// The same, with another retina and encoder, of whose features it is not known how they vary.
     pub fn with(&self, retina: Arc<Foveal>, encoder: Arc<dyn Encoder>) -> Self {
-        Self { retina, encoder, ..self.clone() }
+        Self { retina, encoder, variation: None, ..self.clone() }
     }
     /// What it was made from.
     pub fn config(&self) -> &Config {

@@ -412,3 +412,16 @@ fn damaged_models_are_refused_by_name() {
         assert!(error.contains(words), "{error}");
     }
 }
+
+/// How features vary is known of those of the configuration, and of no other encoder's.
+#[test]
+fn another_encoder_leaves_the_variation_out() {
+    let config = Config::builtin("natural").expect("it ships").expect("it is right");
+    let said = config.clone().set("encoder.kind=raw").and_then(|c| c.check(&Folder::here())).err().expect("raw");
+    assert!(said.to_string().contains("set variation.weight to 0"), "{said}");
+    let raw = config.clone().set("encoder.kind=raw").and_then(|c| c.set("variation.weight=0")).expect("a good one");
+    let (retina, encoder) = raw.identity(&Folder::here()).expect("they fit");
+    assert!(raw.check(&Folder::here()).is_ok());
+    let blueprint = config.check(&Folder::here()).expect("it is right");
+    assert!(blueprint.with(std::sync::Arc::new(retina), encoder).parts().is_ok());
+}

@@ -43,6 +43,14 @@ impl Variation {
         within("variation.weight", self.weight, 0.0, 1000.0)
     }
 
+    /// What is added to the sums of an encoder's features, if the covariance counts.
+    ///
+    /// # Errors
+    /// As [`Variation::read`]; [`Error::Config`] where it is not the covariance of such features.
+    pub(crate) fn penalty(&self, files: &dyn Files, encoder: &dyn Encoder) -> Result<Option<Arc<[f32]>>> {
+        self.read(files)?.map(|covariance| covariance.penalty(self.weight, encoder)).transpose()
+    }
+
     /// The covariance, if it counts.
     ///
     /// # Errors
@@ -163,7 +171,7 @@ impl Covariance {
     ///
     /// # Errors
     /// [`Error::Config`] where it is not the covariance of such features.
-    pub(in crate::identity) fn penalty(&self, weight: f64, encoder: &dyn Encoder) -> Result<Arc<[f32]>> {
+    fn penalty(&self, weight: f64, encoder: &dyn Encoder) -> Result<Arc<[f32]>> {
         let Some((_, lengths)) = encoder.oriented() else {
             return Err(Error::Config(
                 "variation: it is known of features of encoder.kind = \"oriented\" alone; set variation.weight to 0, or leave \

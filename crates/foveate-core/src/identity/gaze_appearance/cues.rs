@@ -1,14 +1,15 @@
 //! Template, discriminant and colour: which of them there are, how they are mixed, and what colour is worth.
 
+use std::sync::Arc;
+
 use super::{CHUNK, GazeAppearance, dim, looks};
 use crate::geometry::{Fixation, Gaze, State};
 use crate::identity::colour::{self, Colour};
-use crate::identity::discriminant::{self, Covariance, Discriminant, Learning};
+use crate::identity::discriminant::{self, Discriminant, Learning};
 use crate::identity::distance::Distance;
 use crate::identity::fusion::{self, Fusion};
 use crate::identity::{Buffers, Lesson};
 use crate::scene::Image;
-use foveate_base::Result;
 use foveate_base::rows::{Rows, RowsMut};
 
 /// How a look around the target is learned from.
@@ -28,13 +29,10 @@ impl GazeAppearance {
         Self { discriminant: Some(Discriminant::new(settings, self.encoder.parts())), ..self }
     }
 
-    /// The discriminant expects of the target's features what is known of their variation, with this weight.
-    ///
-    /// # Errors
-    /// [`Error::Config`](foveate_base::Error::Config) where it is known of other features.
-    pub fn varying(self, known: Option<(&Covariance, f64)>) -> Result<Self> {
-        let penalty = known.map(|(covariance, weight)| covariance.penalty(weight, &*self.encoder)).transpose()?;
-        Ok(Self { discriminant: self.discriminant.map(|it| it.varying(penalty)), ..self })
+    /// The discriminant adds this to its sums for how the target's features are known to vary: a lower triangle, with a last row for the 1
+    /// behind them.
+    pub(crate) fn varying(self, penalty: Option<Arc<[f32]>>) -> Self {
+        Self { discriminant: self.discriminant.map(|it| it.varying(penalty)), ..self }
     }
 
     /// With a short-term memory, it learns from frames, too, that are not consistent enough to be learned from for good.
