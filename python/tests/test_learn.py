@@ -5,6 +5,7 @@ from __future__ import annotations
 import _thread
 import itertools
 import pickle
+import signal
 import threading
 import time
 from typing import Any
@@ -234,8 +235,13 @@ def test_softmax_regression_says_what_is_wrong() -> None:
 
 
 def test_ctrl_c_ends_learning() -> None:
+    # A shell starts what it runs in the background deaf to Ctrl-C.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     rows = np.random.default_rng(0).normal(size=(100, 8))
     press = threading.Timer(0.3, _thread.interrupt_main)
     press.start()
-    with pytest.raises(KeyboardInterrupt):
-        RBM(4, n_iter=2**30).fit(rows)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            RBM(4, n_iter=2**30).fit(rows)
+    finally:
+        signal.signal(signal.SIGINT, before)
