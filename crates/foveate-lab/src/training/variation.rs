@@ -157,7 +157,7 @@ mod tests {
         covariance(&[sequence(dir.path(), dark)], &retina(), 1).expect("six frames").covariance.to_json("", "")
     }
 
-    /// What does not change does not vary, but for how the picture beside it does; what changes, does; mirrored tracks vary alike.
+    /// What changes varies otherwise than what does not; the same track, the same. Deviations are from the mean.
     #[test]
     fn what_changes_varies() {
         assert_ne!(of(0), of(3));

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use clap::ValueEnum;
 use foveate::identity::retina::Foveal;
-use foveate::lab::eval::{catalogue, find_sequences};
+use foveate::lab::eval::choice::by_half;
+use foveate::lab::eval::find_sequences;
 use foveate::lab::training::variation::covariance;
 use foveate::{Error, Result, files};
 
@@ -22,8 +22,8 @@ pub struct Args {
     #[arg(long, value_name = "DIR", num_args = 1.., required = true)]
     seqs: Vec<PathBuf>,
     /// Learn from the sequences of one half alone (those of foveate eval --choose), to judge it on the other
-    #[arg(long, value_enum)]
-    half: Option<Half>,
+    #[arg(long, value_parser = ["a", "b"])]
+    half: Option<String>,
     /// Take the retina from this configuration: a file, or the name of one that ships with the program
     #[arg(long, value_name = "FILE|NAME", default_value = "natural")]
     config: String,
@@ -37,12 +37,6 @@ pub struct Args {
     out: PathBuf,
 }
 
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum Half {
-    A,
-    B,
-}
-
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     writable(&args.out)?;
@@ -52,11 +46,10 @@ pub fn run(args: &Args) -> Result<()> {
         return Err(Error::Config(format!("{}: it has no [retina]; the oriented encoder needs one", args.config)));
     };
     let mut sequences = find_sequences(&args.seqs)?;
-    if let Some(half) = args.half {
-        let wanted = if half == Half::A { "a" } else { "b" };
-        sequences.retain(|sequence| catalogue::half(&sequence.name).name() == wanted);
+    if let Some(half) = &args.half {
+        sequences.retain(|sequence| by_half(&sequence.name) == half);
         if sequences.is_empty() {
-            return Err(Error::Invalid(format!("--half {wanted}: none of these sequences is of half {wanted}")));
+            return Err(Error::Invalid(format!("--half {half}: none of these sequences is of half {half}")));
         }
     }
     let every = usize::try_from(args.every).expect("at most 1000");
