@@ -293,6 +293,11 @@ pub const TRACE: &[Column] = &[
     ),
     Column::new("consistency.holds", "", "Whether the smoothed deficit is below its threshold."),
     Column::new("confidence.p_lost", "", "Probability that the target is lost, 0 to 1."),
+    Column::new(
+        "confidence.own",
+        "",
+        "The same by the tracker's own cues, which it acts on: without its second opinion.",
+    ),
     Column::new("confidence.status", "", "Track status: tracking, occluded, lost or reacquired."),
     Column::new(
         "confidence.cues",

@@ -6,7 +6,7 @@ use foveate::files::Folder;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
-use common::{INIT, POLICIES, blueprint, careful, frame, learning_for_now, natural, random_recogniser, recognising};
+use common::{INIT, POLICIES, blueprint, frame, learning_for_now, natural, random_recogniser, recognising};
 use foveate::config::{Blueprint, Config};
 use foveate::geometry::BBox;
 use foveate::scene::Image;
@@ -85,7 +85,7 @@ fn learning_while_tracking_allocates_nothing() {
     for planes in [1, 3] {
         let frames: Vec<Frame> = (0..FRAMES).map(|i| frame(i, planes)).collect();
         alone(|| {
-            for blueprint in [natural(150), learning_for_now(150), careful(150)] {
+            for blueprint in [natural(150), learning_for_now(150)] {
                 let counts = counts(&blueprint, &frames);
                 assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{planes} planes: {counts:?}");
             }

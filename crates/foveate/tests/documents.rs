@@ -219,8 +219,7 @@ fn generated_parts_are_what_the_code_says() {
     let folders: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
     block("docs/configuration.md", "configurations", &configuration::configurations(&[], 7));
     block("docs/configuration.md", "keys", &configuration::reference(&folders));
-    let front =
-        ["natural", "natural-careful", "natural-fast", "foveated", "narrow", "multi", "multi-motion", "multi-boxes"];
+    let front = ["natural", "natural-fast", "foveated", "narrow", "multi", "multi-motion", "multi-boxes"];
     let digits = ["digits-hedge", "digits-partial", "digits-closeup", "digits-pool"];
     block("README.md", "configurations", &configuration::configurations(&[&front[..], &digits].concat(), 4));
 }

@@ -79,5 +79,8 @@ fn what_cannot_be_written_is_told_at_once() {
         command
     };
     fails(with("--cues", &dir.path().join("folder")), "expected a file to write to, found a folder");
+    let mut second = fit(dir.path(), "table.toml");
+    second.arg("--only-second-opinion");
+    fails(second, "--only-second-opinion: digits has none; add second_opinion");
     assert_eq!(std::fs::read_dir(dir.path()).expect("a folder").count(), 1, "nothing was made");
 }

@@ -16,7 +16,6 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("multi-motion", include_str!("../../configs/multi-motion.toml")),
     ("multi-boxes", include_str!("../../configs/multi-boxes.toml")),
     ("natural-fast", include_str!("../../configs/natural-fast.toml")),
-    ("natural-careful", include_str!("../../configs/natural-careful.toml")),
     ("natural-middle", include_str!("../../configs/natural-middle.toml")),
     ("foveated", include_str!("../../configs/foveated.toml")),
     ("narrow", include_str!("../../configs/narrow.toml")),

@@ -7,13 +7,13 @@ use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 
 impl Config {
-    /// The second opinion that the configuration names; none where it names none.
+    /// The second opinion that the configuration names; none where it names none, or says `none`.
     pub(super) fn second(&self, files: &dyn Files) -> Result<Option<Blueprint>> {
-        let Some(named) = &self.second_opinion else { return Ok(None) };
+        let Some(named) = self.second_opinion.as_ref().filter(|named| *named != "none") else { return Ok(None) };
         let wrong = |why: String| Error::Config(format!("second_opinion: {named}: {why}"));
         if self.sensor.is_some() || self.multi_target.is_some() {
             return Err(wrong(
-                "a second opinion is of one target in whole pictures; leave it out, or [sensor] and [multi_target]"
+                "a second opinion is of one target in whole pictures; set it to none, or leave [sensor] and [multi_target] out"
                     .into(),
             ));
         }
@@ -40,12 +40,11 @@ mod tests {
     use super::*;
     use foveate_base::files::Nowhere;
 
-    /// Its file repeats that of `natural`, but for the variation that it leaves out, and may differ in nothing else.
     #[test]
-    fn careful_is_natural_with_a_second_opinion() {
-        let [natural, careful] = ["natural", "natural-careful"].map(|name| name.config().expect("it ships"));
-        let Config { particles, second_opinion, confidence, variation, likelihood, .. } = careful.clone();
-        assert_eq!(Config { particles, second_opinion, confidence, variation, likelihood, ..natural }, careful);
+    fn none_is_no_second_opinion() {
+        let natural = "natural".config().expect("it ships");
+        let second = |config: Config| config.second(&Nowhere).expect("it is right").is_some();
+        assert!(second(natural.clone()) && !second(natural.set("second_opinion=none").expect("a key")));
     }
 
     #[test]
@@ -53,7 +52,7 @@ mod tests {
         let natural = Config::builtin("natural").expect("it ships").expect("it is right");
         for (settings, said) in [
             (&["second_opinion=builtin:natrual"][..], "natural-middle"),
-            (&["second_opinion=builtin:natural-careful"], "it has second_opinion"),
+            (&["second_opinion=builtin:natural"], "it has second_opinion"),
             (&["second_opinion=builtin:multi"], "it has [multi_target]"),
             (&["second_opinion=builtin:foveated"], "it has [sensor]"),
             (&["second_opinion=nowhere.toml"], "nowhere.toml"),

@@ -4,6 +4,9 @@
 //! through a logistic model: P(lost) = 1 / (1 + exp(−b − Σ wₖ cₖ)). *Lost* means that the box has an IoU below 0.1 with the
 //! target, or that the target is not to be seen. The weights are fitted on sequences with truth by `foveate train
 //! confidence`; docs/confidence.md has the figures.
+//!
+//! Deviation: with a second opinion there are two such probabilities. The one that is reported hears it; the one that the tracker acts on,
+//! and the status, is of its own cues, so that a second opinion changes no box.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,13 +17,15 @@ use foveate_base::{Error, Result};
 
 mod model;
 
-pub use self::model::{CUE_NAMES, CUES, ConfidenceModel, Cues};
+pub use self::model::{CUE_NAMES, CUES, ConfidenceModel, Cues, Heard, OWN};
 
 /// The verdict on one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrackConfidence {
     /// P(lost), 0 to 1.
     pub p_lost: f64,
+    /// The same by the tracker's own cues, which it acts on; another one only with a second opinion.
+    pub own: f64,
     /// What is believed of the track.
     pub status: Status,
     /// What the probability was made of.
@@ -46,8 +51,8 @@ pub struct FrameEvidence {
     pub colour: f64,
     /// How much more it looks like what was around the target in remembered frames than like the target; 0 where none is.
     pub elsewhere: f64,
-    /// Overlap with the box of a second opinion; 0 without one.
-    pub agreement: f64,
+    /// Overlap with the box of a second opinion; `None` without one.
+    pub agreement: Option<f64>,
     /// Mean of the belief.
     pub estimate: State,
     /// Pixels per template unit there.
@@ -87,6 +92,7 @@ struct Past {
     /// The last verdict.
     status: Status,
     p_lost: f64,
+    own: f64,
     cues: Cues,
     /// Frames in a row that spoke against the status, by what they count, and frames since the target went out.
     against: f64,
@@ -133,27 +139,30 @@ impl LossMonitor {
     /// Judges a frame.
     pub fn judge(&mut self, shown: &FrameEvidence) -> TrackConfidence {
         let cues = self.cues(shown);
-        let p_lost = self.model.probability(&cues).max(shown.alarm);
+        let own = self.model.own(&cues).max(shown.alarm);
         let elsewhere = self.past.best_place.is_some_and(|place| apart(&place, shown));
-        self.stand(p_lost, elsewhere);
+        self.stand(own, elsewhere);
         self.past.estimate = shown.estimate;
-        if self.past.frames < (1.0 / NEWEST) as usize / 2 || p_lost < self.model.leave {
+        if self.past.frames < (1.0 / NEWEST) as usize / 2 || own < self.model.leave {
             self.learn(shown);
         }
-        (self.past.p_lost, self.past.cues) = (p_lost, cues);
+        let p_lost = self.model.reported(own, &cues).max(shown.alarm);
+        (self.past.p_lost, self.past.own, self.past.cues) = (p_lost, own, cues);
         self.last()
     }
 
     /// Judges a frame of which only the cues were kept, as if no search had ever found anything elsewhere.
     pub fn rejudge(&mut self, cues: &Cues) -> TrackConfidence {
-        (self.past.p_lost, self.past.cues) = (self.model.probability(cues), *cues);
-        self.stand(self.past.p_lost, false);
+        let own = self.model.own(cues);
+        self.stand(own, false);
+        (self.past.p_lost, self.past.own, self.past.cues) = (self.model.reported(own, cues), own, *cues);
         self.last()
     }
 
     /// The last verdict, for a frame that tells nothing of the target.
     pub fn last(&self) -> TrackConfidence {
-        TrackConfidence { p_lost: self.past.p_lost, status: self.past.status, cues: self.past.cues }
+        let past = &self.past;
+        TrackConfidence { p_lost: past.p_lost, own: past.own, status: past.status, cues: past.cues }
     }
 
     fn cues(&mut self, s: &FrameEvidence) -> Cues {
@@ -170,8 +179,11 @@ impl LossMonitor {
         let anew = m.status.is_occluded_or_lost() && apart(&m.estimate, s);
         m.lasting += if anew { 1.0 } else { SMOOTH } * (drop - m.lasting);
         m.elsewhere += if anew || m.frames == 0 { 1.0 } else { SHARPER } * (s.elsewhere - m.elsewhere);
-        let agreement = if s.agreement.is_finite() { s.agreement } else { 0.0 };
-        m.agreement += if anew || m.frames == 0 { 1.0 } else { SMOOTH } * (agreement - m.agreement);
+        let agreement = s.agreement.map(|overlap| if overlap.is_finite() { overlap } else { 0.0 });
+        let agreement = agreement.map_or(-1.0, |overlap| {
+            m.agreement += if anew || m.frames == 0 { 1.0 } else { SMOOTH } * (overlap - m.agreement);
+            m.agreement
+        });
         let spread = ((s.spread + 0.02).ln()).clamp(-4.0, 4.0);
         let distance = if distance.is_finite() { distance.clamp(-3.0, 3.0) } else { 3.0 };
         let margin = s.distractor.map_or(0.0, |distractor| (s.evidence - distractor) / gap);
@@ -187,7 +199,7 @@ impl LossMonitor {
             margin,
             s.colour,
             m.elsewhere,
-            m.agreement,
+            agreement,
         ]
     }
 
@@ -279,7 +291,7 @@ mod tests {
             distance: 0.1 - 0.02 * evidence,
             colour: 0.0,
             elsewhere: 0.0,
-            agreement: 0.0,
+            agreement: None,
             estimate,
             unit: 10.0,
             alarm: 0.0,
@@ -375,6 +387,24 @@ mod tests {
         assert!(lasting > 1.0 && elsewhere > 0.2, "{lasting} {elsewhere}");
         let (lasting, elsewhere) = cues_after(1.1);
         assert!(lasting < 0.1 && elsewhere == 0.0, "{lasting} {elsewhere}");
+    }
+
+    /// Where a second opinion is elsewhere P(lost) rises, as the model says; status and what is usual go by the own cues.
+    #[test]
+    fn a_second_opinion_is_heard_and_not_acted_on() {
+        let second_opinion = Heard { own: 0.5, agreement: -4.0, bias: 1.0 };
+        let model = ConfidenceModel { second_opinion, ..ConfidenceModel::default() };
+        let (mut alone, mut pair) = (LossMonitor::new(ConfidenceModel::default()), LossMonitor::new(model));
+        for t in 0..80 {
+            let off = (40..60).contains(&t);
+            let frame = shown(if off { -12.0 } else { -3.0 - 0.1 * (t % 3) as f64 }, if off { 1.0 } else { 0.0 });
+            let agreement = Some(if t < 20 { 0.8 } else { 0.0 });
+            let (without, with) = (alone.judge(&frame), pair.judge(&FrameEvidence { agreement, ..frame }));
+            assert_eq!((without.own, without.status), (with.own, with.status), "frame {t}");
+            assert_eq!((without.p_lost, without.cues[OWN]), (without.own, -1.0), "frame {t}");
+            let odds = 0.5 * (with.own / (1.0 - with.own)).ln() - 4.0 * with.cues[OWN] + 1.0;
+            assert!((with.p_lost - 1.0 / (1.0 + (-odds).exp())).abs() < 1e-9, "frame {t}: {with:?}");
+        }
     }
 
     #[test]

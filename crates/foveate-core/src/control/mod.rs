@@ -22,7 +22,9 @@ mod reward;
 mod status;
 
 pub use self::camera_motion::CameraMotion;
-pub use self::confidence::{CUE_NAMES, CUES, ConfidenceModel, Cues, FrameEvidence, LossMonitor, TrackConfidence};
+pub use self::confidence::{
+    CUE_NAMES, CUES, ConfidenceModel, Cues, FrameEvidence, Heard, LossMonitor, OWN, TrackConfidence,
+};
 pub use self::consistency::{Consistency, ConsistencyMonitor, ConsistencySettings};
 pub use self::detection_likelihood::DetectionLikelihood;
 pub use self::distractors::{DistractorSearch, DistractorSettings, distractors};

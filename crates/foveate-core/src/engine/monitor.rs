@@ -14,6 +14,9 @@ use crate::scene::Image;
 
 /// Least share in view at which evidence is judged: of what is hidden for the most part, looks say nothing.
 const LEAST_JUDGED: f64 = 0.5;
+/// P(lost) by the own cues below which a second opinion that is lost begins again at the estimate: seldom. Where it is led to the first's place
+/// more readily it agrees with it, right or wrong (docs/lab/confidence.md).
+const SURE: f64 = 0.005;
 /// P(lost) below which the target is certain, and frames from one that is remembered to the next.
 const CERTAIN: f64 = 0.05;
 const REMEMBERED_EVERY: u64 = 8;
@@ -118,8 +121,10 @@ impl Engine {
         };
         if lost {
             self.parts.appearance.forget_short_term();
-        } else if confidence.p_lost < CERTAIN {
-            self.advise(estimate);
+        } else if confidence.own < CERTAIN {
+            if confidence.own < SURE {
+                self.advise(estimate);
+            }
             if judged && self.frame.is_multiple_of(REMEMBERED_EVERY) {
                 self.remember(&estimate.mean);
             }

@@ -44,7 +44,7 @@ impl Engine {
         if self.context.lost || !self.is_judged() {
             return;
         }
-        let doubtful = self.parts.monitor.loss.last().p_lost >= search.settings().doubt;
+        let doubtful = self.parts.monitor.loss.last().own >= search.settings().doubt;
         let estimate = Belief { states: &self.work.predicted, weights: &self.work.weights }.mean();
         let aside = doubtful && self.parts.appearance.set_short_term_aside(true);
         let found = self.leap_to(scene.image, &estimate);

@@ -8,11 +8,11 @@ use super::{Engine, Estimate};
 use crate::scene::{Image, Scene};
 
 impl Engine {
-    /// Lets the second opinion look: the overlap (IoU) of its box with that at the estimate; 0 without one.
-    pub(super) fn agreement(&mut self, image: &Image, estimate: &Estimate) -> f64 {
+    /// Lets the second opinion look: the overlap (IoU) of its box with that at the estimate; `None` without one.
+    pub(super) fn agreement(&mut self, image: &Image, estimate: &Estimate) -> Option<f64> {
         let here = estimate.mean.bbox(self.target().extent);
-        let Some(second) = &mut self.second else { return 0.0 };
-        second.step(Scene { image, detections: &[] }).bbox().iou(&here)
+        let second = self.second.as_mut()?;
+        Some(second.step(Scene { image, detections: &[] }).bbox().iou(&here))
     }
 
     /// A second opinion that has lost the target begins again where the first is, which has to be certain: else agreement would be the

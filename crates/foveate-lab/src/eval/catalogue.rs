@@ -59,8 +59,11 @@ fn entry(line: &'static str) -> Option<Entry> {
     Some(Entry { sequence, source, half, labels })
 }
 
+/// The entry of a sequence, or of the one that begins at one of its frames (`-from-120`: bench/variants.py).
 fn listed(sequence: &str) -> Option<&'static Entry> {
-    LIST.iter().find(|entry| entry.sequence == sequence)
+    let named = |name: &str| LIST.iter().find(|entry| entry.sequence == name);
+    let later = || sequence.rsplit_once("-from-").filter(|(_, frame)| frame.bytes().all(|c| c.is_ascii_digit()));
+    named(sequence).or_else(|| named(later()?.0))
 }
 
 /// The source video or series of a sequence. Sequences that are not listed: the name, without the `-2` of a second target.
@@ -101,6 +104,7 @@ mod tests {
         }
         let count = |half| LIST.iter().filter(|e| e.half == half).count();
         assert_eq!((LIST.len(), halves.len(), count(Half::A), count(Half::B)), (35, 30, 18, 17));
+        assert_eq!(["Car1-from-90", "Car1-from-x"].map(source), ["Car", "Car1-from-x"]);
         for same in [["Jogging", "Jogging-2"], ["Bolt", "Bolt2"], ["UavWakeboard4", "UavWakeboard10"]] {
             assert_eq!(source(same[0]), source(same[1]));
         }

@@ -2,18 +2,26 @@
 
 use super::choice::GroupOf;
 use super::confidence::{ConfidenceScore, Judged};
-use super::confidence_fit::{Judgement, fit};
+use super::confidence_fit::Judgement;
 use super::table::aligned;
 use foveate_base::Result;
 use foveate_core::control::ConfidenceModel;
 use rayon::prelude::*;
 
+/// How a model is fitted: `confidence_fit::fit`, or a part of it.
+pub type Fitting = fn(&[&Judgement], &ConfidenceModel) -> Result<ConfidenceModel>;
+
 /// The tracks, in their order, as reported by a model that was fitted without the videos of their group. Boxes and searches
 /// are those of the model that they were tracked with.
 ///
 /// # Errors
-/// As [`fit`]: there is one group only, or the others have no lost frame or none on the target.
-pub fn cross_fit(tracks: &[Judgement], confidence: &ConfidenceModel, group: GroupOf) -> Result<Vec<Vec<Judged>>> {
+/// As the fitting: there is one group only, or the others have no lost frame or none on the target.
+pub fn cross_fit(
+    tracks: &[Judgement],
+    confidence: &ConfidenceModel,
+    fit: Fitting,
+    group: GroupOf,
+) -> Result<Vec<Vec<Judged>>> {
     let mut groups: Vec<&str> = tracks.iter().map(|t| group(&t.video)).collect();
     groups.sort();
     groups.dedup();
@@ -62,6 +70,7 @@ pub fn text(lines: &[(String, ConfidenceScore)]) -> String {
 mod tests {
     use super::*;
     use crate::eval::choice::{by_half, by_source};
+    use crate::eval::confidence_fit::fit;
     use foveate_core::control::{Cues, Status};
 
     /// A hundred frames, of which the last twenty are lost. The first cue is 1 where the target is lost, times `sign`.
@@ -82,16 +91,16 @@ mod tests {
     fn what_is_judged_was_not_fitted_on() {
         let tracks = [("Coke", 1.0), ("Couple", -1.0), ("Bag", 1.0), ("Crossing", -1.0)].map(|(v, s)| track(v, s));
         let model = ConfidenceModel::default();
-        let halves = cross_fit(&tracks, &model, by_half).expect("both kinds of frames");
+        let halves = cross_fit(&tracks, &model, fit, by_half).expect("both kinds of frames");
         for (track, judged) in tracks.iter().zip(&halves) {
             assert_eq!(judged.len(), 100);
             assert!(judged.iter().all(|j| (j.p_lost > 0.5) != j.lost()), "{}", track.video);
         }
         let same = [track("Coke", 1.0), track("Couple", 1.0), track("Jogging", 1.0), track("Jogging-2", -1.0)];
-        let sources = cross_fit(&same, &model, by_source).expect("both kinds of frames");
+        let sources = cross_fit(&same, &model, fit, by_source).expect("both kinds of frames");
         assert!(sources[2].iter().all(|j| (j.p_lost > 0.5) == j.lost()), "fitted on Coke and Couple alone");
         assert!(sources[3].iter().all(|j| (j.p_lost > 0.5) != j.lost()), "its source is left out as a whole");
-        assert!(cross_fit(&tracks[..1], &model, by_half).is_err(), "nothing to fit on");
+        assert!(cross_fit(&tracks[..1], &model, fit, by_half).is_err(), "nothing to fit on");
 
         let tracks: Vec<&[Judged]> = sources[2..3].iter().map(Vec::as_slice).collect();
         let score = ConfidenceScore::of(&tracks, 0.0);

@@ -5,7 +5,7 @@ use crate::hide::Hide;
 use foveate_base::Result;
 use foveate_base::rows::Rows;
 use foveate_core::Tracker;
-use foveate_core::control::{CUES, ConfidenceModel, Cues};
+use foveate_core::control::{ConfidenceModel, Heard, OWN};
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 use foveate_learn::softmax::{Fit, Softmax};
@@ -59,13 +59,47 @@ pub fn follow(
     Ok(frames)
 }
 
-/// Weights, bias and localisation noise fitted on these tracks; all else as it was. Videos without an inserted occlusion count
-/// about five times as much as those with one, however many frames there are of each: few videos have a loss at all, and a
-/// table fitted on many says too often that the target is lost.
+/// Weights, bias, what a second opinion counts for, and localisation noise, fitted on these tracks; all else as it was. Videos without an
+/// inserted occlusion count about five times as much as those with one, however many frames there are of each: few videos have a loss at
+/// all, and a table fitted on many says too often that the target is lost.
 ///
 /// # Errors
 /// There is no frame, or none of one of the two kinds.
 pub fn fit(tracks: &[&Judgement], confidence: &ConfidenceModel) -> Result<ConfidenceModel> {
+    let (weights, bias) = logistic(tracks, |j| std::array::from_fn::<f64, OWN, _>(|k| j.cues[k]), L2)?;
+    let such: Vec<&[Judged]> = tracks.iter().map(|t| &t.frames[..]).collect();
+    let localisation_noise = ConfidenceScore::of(&such, 0.0).best_noise.unwrap_or(confidence.localisation_noise);
+    let mut table = confidence.clone();
+    (table.weights, table.bias, table.localisation_noise) = (weights, bias, localisation_noise);
+    fit_second_opinion(tracks, &table)
+}
+
+/// What a second opinion counts for, fitted on these tracks, the same as it was where they had none; all else as it was, so that a tracker
+/// with the new model makes the same boxes.
+///
+/// # Errors
+/// As [`fit`].
+pub fn fit_second_opinion(tracks: &[&Judgement], confidence: &ConfidenceModel) -> Result<ConfidenceModel> {
+    if !tracks.iter().flat_map(|t| &t.frames).any(|j| j.cues[OWN] >= 0.0) {
+        return Ok(confidence.clone());
+    }
+    let row = |j: &Judged| [log_odds(confidence.own(&j.cues)), j.cues[OWN]];
+    let ([own, agreement], bias) = logistic(tracks, row, 0.0)?;
+    Ok(ConfidenceModel { second_opinion: Heard { own, agreement, bias }, ..confidence.clone() })
+}
+
+/// ln(P / (1 − P)); a probability that is hardly more than 0 or less than 1 says no more than one in a hundred thousand.
+fn log_odds(p: f64) -> f64 {
+    let p = p.clamp(1e-5, 1.0 - 1e-5);
+    (p / (1.0 - p)).ln()
+}
+
+/// Weights and bias of the log odds that a frame is a lost one, linear in what `row` takes of it.
+fn logistic<const N: usize>(
+    tracks: &[&Judgement],
+    row: impl Fn(&Judged) -> [f64; N],
+    l2: f64,
+) -> Result<([f64; N], f64)> {
     let count =
         |occluded: bool| tracks.iter().filter(|t| t.occluded == occluded).map(|t| t.frames.len()).sum::<usize>();
     let more = |of: bool| (count(!of) as f64 / count(of).max(1) as f64).round().clamp(1.0, 10.0) as usize;
@@ -76,7 +110,7 @@ pub fn fit(tracks: &[&Judgement], confidence: &ConfidenceModel) -> Result<Confid
             std::iter::repeat_n(t.frames.iter().step_by(every[k]), times[k]).flatten()
         })
     };
-    let rows: Vec<f32> = frames().flat_map(|j| j.cues.map(|c| c as f32)).collect();
+    let rows: Vec<f32> = frames().flat_map(|j| row(j).map(|c| c as f32)).collect();
     let labels: Vec<u8> = frames().map(|j| u8::from(j.lost())).collect();
     if !(labels.contains(&0) && labels.contains(&1)) {
         return Err(foveate_base::Error::Invalid(format!(
@@ -84,35 +118,69 @@ pub fn fit(tracks: &[&Judgement], confidence: &ConfidenceModel) -> Result<Confid
             labels.len()
         )));
     }
-    // Each cue in its standard deviations, so that the pull is the same on all.
-    let scales = deviations(&rows);
+    // Each in its standard deviations, so that the pull is the same on all.
+    let scales: [f64; N] = deviations(&rows);
     let rows: Vec<f32> =
         rows.iter().zip(scales.iter().cycle()).map(|(c, scale)| (f64::from(*c) / scale) as f32).collect();
-    let settings = Fit { l2: L2, steps: 500, tolerance: 1e-6 };
-    let (model, _) = Softmax::fit(Rows::new(&rows, CUES), &labels, 2, settings)?;
-    // The model is linear in the log-odds: they are read off at 0 and at each cue's 1.
+    let (model, _) = Softmax::fit(Rows::new(&rows, N), &labels, 2, Fit { l2, steps: 500, tolerance: 1e-6 })?;
+    // The model is linear in the log odds: they are read off at 0 and at each one's 1.
     let log_odds = |at: usize| {
-        let (mut row, mut log_p) = ([0f32; CUES], [0.0; 2]);
+        let (mut row, mut log_p) = ([0f32; N], [0.0; 2]);
         row.iter_mut().enumerate().for_each(|(k, c)| *c = f32::from(u8::from(k == at)));
-        model.log_probabilities(Rows::new(&row, CUES), &mut log_p);
+        model.log_probabilities(Rows::new(&row, N), &mut log_p);
         log_p[1] - log_p[0]
     };
-    let bias = log_odds(CUES);
-    let weights: Cues = std::array::from_fn(|k| (log_odds(k) - bias) / scales[k]);
-    let such: Vec<&[Judged]> = tracks.iter().map(|t| &t.frames[..]).collect();
-    let localisation_noise = ConfidenceScore::of(&such, 0.0).best_noise.unwrap_or(confidence.localisation_noise);
-    let mut table = confidence.clone();
-    (table.weights, table.bias, table.localisation_noise) = (weights, bias, localisation_noise);
-    Ok(table)
+    let bias = log_odds(N);
+    Ok((std::array::from_fn(|k| (log_odds(k) - bias) / scales[k]), bias))
 }
 
-/// Standard deviation of each cue; 1 of one that is always the same.
-fn deviations(rows: &[f32]) -> Cues {
-    let n = (rows.len() / CUES).max(1) as f64;
+/// Standard deviation of each of `N` values a row; 1 of one that is always the same.
+fn deviations<const N: usize>(rows: &[f32]) -> [f64; N] {
+    let n = (rows.len() / N).max(1) as f64;
     std::array::from_fn(|k| {
-        let values = || rows.iter().skip(k).step_by(CUES).map(|c| f64::from(*c));
+        let values = || rows.iter().skip(k).step_by(N).map(|c| f64::from(*c));
         let mean = values().sum::<f64>() / n;
         let deviation = (values().map(|c| (c - mean).powi(2)).sum::<f64>() / n).sqrt();
         if deviation > 1e-6 { deviation } else { 1.0 }
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate_core::control::{Cues, Status};
+
+    /// A thousand frames for each log odds of the own cues and each overlap, as many of them lost as a known model says.
+    fn tracks(known: &Heard) -> Vec<Judgement> {
+        let mut frames = vec![];
+        for (z, agreement) in (-4..=4).flat_map(|z| [0.0, 0.5, 1.0].map(|agreement| (f64::from(z), agreement))) {
+            let odds = known.own * z + known.agreement * agreement + known.bias;
+            let lost = (1000.0 / (1.0 + (-odds).exp())).round() as usize;
+            let mut cues = Cues::default();
+            (cues[0], cues[OWN]) = (z, agreement);
+            frames.extend((0..1000).map(|i| {
+                let (p_lost, iou) = (0.5, if i < lost { 0.0 } else { 1.0 });
+                Judged { p_lost, status: Status::Tracking, cues, iou, off: None, covariance: [1.0, 0.0, 1.0] }
+            }));
+        }
+        vec![Judgement { video: "Coke".into(), occluded: false, frames }]
+    }
+
+    #[test]
+    fn what_a_second_opinion_counts_for_is_found_and_nothing_else_is_touched() {
+        let known = Heard { own: 0.5, agreement: -3.0, bias: 1.0 };
+        let mut before = ConfidenceModel { bias: 0.0, ..ConfidenceModel::default() };
+        before.weights = std::array::from_fn(|k| f64::from(u8::from(k == 0)));
+        let mut tracks = tracks(&known);
+        let fitted = fit_second_opinion(&tracks.iter().collect::<Vec<_>>(), &before).expect("both kinds of frames");
+        let found = fitted.second_opinion;
+        for (found, known) in [(found.own, known.own), (found.agreement, known.agreement), (found.bias, known.bias)] {
+            assert!((found - known).abs() < 0.02, "{found} for {known}");
+        }
+        assert_eq!(ConfidenceModel { second_opinion: before.second_opinion, ..fitted }, before);
+
+        tracks[0].frames.iter_mut().for_each(|j| j.cues[OWN] = -1.0);
+        let without = fit_second_opinion(&tracks.iter().collect::<Vec<_>>(), &before).expect("nothing to fit");
+        assert_eq!(without, before, "without a second opinion");
+    }
 }

@@ -77,18 +77,8 @@ pub fn blueprint(policy: &str, rbm: bool, below: f64, colour: bool, particles: u
 
 /// The configuration for real video, of fewer particles.
 pub fn natural(particles: usize) -> Blueprint {
-    shipped("natural", particles)
-}
-
-/// A configuration that ships, of so many particles.
-fn shipped(name: &str, particles: usize) -> Blueprint {
-    let config = Config::builtin(name).expect("it ships").expect("it is right");
+    let config = Config::builtin("natural").expect("it ships").expect("it is right");
     Config { particles, ..config }.check(&Folder::here()).expect("a good configuration")
-}
-
-/// The same with a second opinion.
-pub fn careful(particles: usize) -> Blueprint {
-    shipped("natural-careful", particles)
 }
 
 /// `natural`, learning for now alone, where the evidence is worse than frame 1 promised.

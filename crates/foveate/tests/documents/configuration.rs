@@ -296,7 +296,7 @@ impl Part<'_> {
             ("bool", _) => "boolean".into(),
             ("String", _) => "text".into(),
             ("Schedule", _) => "number, `\"anytime\"` or `{ frames = 300 }`".into(),
-            ("[f64; CUES]", _) => format!("{} numbers", foveate_core::control::CUES),
+            ("[f64; OWN]", _) => format!("{} numbers", foveate_core::control::OWN),
             ("Vec<f32>", _) => "list of numbers".into(),
             ("Vec<usize>", _) => "list of integers".into(),
             ("Patch", _) => "`[reach, values]`".into(),

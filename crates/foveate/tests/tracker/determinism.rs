@@ -1,6 +1,6 @@
 //! Nothing but seed, configuration and video changes a track: not threads, observers, other targets, or a pause.
 
-use crate::common::{INIT, POLICIES, blueprint, careful, frame, learning_for_now, natural, truth};
+use crate::common::{INIT, POLICIES, blueprint, frame, learning_for_now, natural, truth};
 use foveate::Tracker;
 use foveate::config::Blueprint;
 use foveate::files::Folder;
@@ -59,7 +59,6 @@ fn each(check: impl Fn(&str, &Blueprint)) {
     }
     check("natural", &natural(PARTICLES));
     check("natural, learning for now", &learning_for_now(PARTICLES));
-    check("natural, with a second opinion", &careful(PARTICLES));
 }
 
 #[test]

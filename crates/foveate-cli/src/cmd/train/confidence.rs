@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use foveate::control::{CUE_NAMES, ConfidenceModel};
 use foveate::lab::eval::choice::{by_half, by_source};
 use foveate::lab::eval::confidence::{ConfidenceScore, Judged};
-use foveate::lab::eval::confidence_cross::{self, cross_fit};
-use foveate::lab::eval::confidence_fit::{Judgement, fit};
+use foveate::lab::eval::confidence_cross::{self, Fitting, cross_fit};
+use foveate::lab::eval::confidence_fit::{Judgement, fit, fit_second_opinion};
 use foveate::lab::eval::{confidence, confidence_plot};
 use foveate::report::quoted;
 use foveate::{Error, Result, files};
@@ -40,6 +40,9 @@ pub struct Args {
     /// Track so often, each time with the model fitted on all tracks before: a better P(lost) makes other tracks
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=10))]
     rounds: u64,
+    /// Fit only what the second opinion counts for: the tracker's own weights stay, and so do its boxes
+    #[arg(long)]
+    only_second_opinion: bool,
     /// The section to write
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
@@ -56,6 +59,12 @@ struct Section<'a> {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     terminal::catch_interrupts();
+    if args.only_second_opinion && configure::read(&args.config, &args.changes)?.0.second_opinion.is_none() {
+        return Err(Error::Invalid(format!(
+            "--only-second-opinion: {} has none; add second_opinion = \"builtin:natural-middle\" to it, or leave the option out",
+            args.config
+        )));
+    }
     if args.out.extension().is_some_and(|it| it == "svg") {
         let problem = "--out is the file of the table; its plot gets the same name with .svg; give another name, such as confidence.toml";
         return Err(Error::Invalid(format!("{}: {problem}", args.out.display())));
@@ -79,12 +88,18 @@ pub fn run(args: &Args) -> Result<()> {
         };
         tracks.extend(made);
         if round < args.rounds {
-            config.confidence = fit(&tracks.iter().collect::<Vec<_>>(), &config.confidence)?;
+            config.confidence = args.fitting()(&tracks.iter().collect::<Vec<_>>(), &config.confidence)?;
         }
     }
     judge(args, &tracks, before, &config.confidence)?;
     // What is finished begins anew the next time.
     store.forget(kept)
+}
+
+impl Args {
+    fn fitting(&self) -> Fitting {
+        if self.only_second_opinion { fit_second_opinion } else { fit }
+    }
 }
 
 /// Prints the figures of the tracks from `from` on, and writes the model fitted on all.
@@ -97,22 +112,22 @@ fn judge(args: &Args, tracks: &[Judgement], from: usize, confidence: &Confidence
     if let Some(path) = &args.cues {
         files::write(path, csv(tracks).as_bytes())?;
     }
-    let unseen = cross_fit(tracks, confidence, by_source)?.split_off(from);
+    let unseen = cross_fit(tracks, confidence, args.fitting(), by_source)?.split_off(from);
     say!("New models, leave one source video out (boxes and searches are those of the model before):");
     say!("{}", confidence::text(&slices(&unseen)));
     let (plain, occluded): (Vec<usize>, Vec<usize>) = (0..last.len()).partition(|i| !last[*i].occluded);
-    for (name, such) in [("without", plain), ("with", occluded)] {
+    for (name, such) in [("without", plain), ("with", occluded)].into_iter().filter(|(_, such)| !such.is_empty()) {
         let of: Vec<Vec<Judged>> = such.iter().map(|i| unseen[*i].clone()).collect();
         say!("Of these, videos {name} an inserted occlusion:\n{}", confidence::text(&slices(&of)));
     }
-    match cross_fit(tracks, confidence, by_half) {
+    match cross_fit(tracks, confidence, args.fitting(), by_half) {
         Ok(halves) => {
             let others = [("the model before", &now), ("all other sources", &unseen)];
             judged_on_halves(last, &others, &halves[from..])
         }
         Err(e) => say!("Not judged by halves: {e}"),
     }
-    let table = fit(&tracks.iter().collect::<Vec<_>>(), confidence)?;
+    let table = args.fitting()(&tracks.iter().collect::<Vec<_>>(), confidence)?;
     let text = toml::to_string(&Section { confidence: &table }).map_err(|e| Error::Invalid(e.to_string()))?;
     files::write(&args.out, format!("# foveate {}\n{text}", crate::invocation::arguments()).as_bytes())?;
     let plot = args.out.with_extension("svg");
@@ -125,6 +140,9 @@ fn judge(args: &Args, tracks: &[Judgement], from: usize, confidence: &Confidence
 /// Prints the figures of models fitted on one half of the videos on the other half, and pooled, beside those of other models.
 fn judged_on_halves(tracks: &[Judgement], others: &[(&str, &Vec<Vec<Judged>>)], halves: &[Vec<Judged>]) {
     for (occluded, kind) in [(false, "without"), (true, "with")] {
+        if tracks.iter().all(|t| t.occluded != occluded) {
+            continue;
+        }
         let score = |judged: &[Vec<Judged>], half: Option<&str>| {
             let such = tracks.iter().zip(judged).filter(|(t, _)| t.occluded == occluded);
             let such = such.filter(|(t, _)| half.is_none_or(|half| by_half(&t.video) == half));

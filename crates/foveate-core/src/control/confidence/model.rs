@@ -7,6 +7,8 @@ use foveate_base::{Error, Result};
 
 /// Number of cues.
 pub const CUES: usize = 11;
+/// Number of those that are the tracker's own, the first: the last cue is what a second opinion says.
+pub const OWN: usize = CUES - 1;
 /// Their names, in order.
 pub const CUE_NAMES: [&str; CUES] = [
     "deficit",
@@ -34,7 +36,7 @@ pub const CUE_NAMES: [&str; CUES] = [
 /// *colour*: how far the colours at the estimate are from the target's, −0.2 to 1.2; 0 without a colour model;
 /// *elsewhere*: how much more the estimate looks like what was around the target in remembered frames than like the target in them,
 /// smoothed over two or three frames, −2 to 2; 0 where nothing is remembered (`[distractors] remembered`);
-/// *agreement*: the overlap (IoU) with the box of the second opinion, smoothed over about five frames, 0 to 1; 0 without one
+/// *agreement*: the overlap (IoU) with the box of the second opinion, smoothed over about five frames, 0 to 1; −1 without one
 /// (`second_opinion`).
 pub type Cues = [f64; CUES];
 
@@ -42,14 +44,16 @@ pub type Cues = [f64; CUES];
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ConfidenceModel {
-    /// wₖ, one a cue; those of the last cues may be left out, and are 0.
+    /// wₖ, one for each of the tracker's own cues; those of the last may be left out, and are 0.
     #[serde(deserialize_with = "padded")]
-    pub weights: [f64; CUES],
+    pub weights: [f64; OWN],
     /// b.
     pub bias: f64,
-    /// P(lost) above which a frame speaks for being lost, 0 to 1.
+    /// What a second opinion counts for in the P(lost) that is reported; nothing without one.
+    pub second_opinion: Heard,
+    /// P(lost) by the own cues above which a frame speaks for being lost, 0 to 1.
     pub enter: f64,
-    /// P(lost) below which it speaks for having the target, 0 to `enter`.
+    /// The same below which it speaks for having the target, 0 to `enter`.
     pub leave: f64,
     /// Consecutive frames above `enter` before the status becomes occluded, 1 to 1000.
     pub notice: usize,
@@ -65,11 +69,32 @@ pub struct ConfidenceModel {
     pub localisation_noise: f64,
 }
 
+/// How the reported P(lost) hears a second opinion: log P / (1 − P) = `own` · log P° / (1 − P°) + `agreement` · cue + `bias`, with P° that
+/// of the tracker's own cues.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Heard {
+    /// What the log odds of the own cues count for.
+    pub own: f64,
+    /// What the cue *agreement* counts for: less than 0.
+    pub agreement: f64,
+    /// Added to both.
+    pub bias: f64,
+}
+
+impl Default for Heard {
+    /// Nothing is heard.
+    fn default() -> Self {
+        Self { own: 1.0, agreement: 0.0, bias: 0.0 }
+    }
+}
+
 impl Default for ConfidenceModel {
     fn default() -> Self {
         Self {
-            weights: [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0, 0.0, 0.0, 0.0],
+            weights: [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0, 0.0, 0.0],
             bias: -4.0,
+            second_opinion: Heard::default(),
             enter: 0.5,
             leave: 0.3,
             notice: 2,
@@ -89,6 +114,9 @@ impl ConfidenceModel {
         }
         for (name, value, least, most) in [
             ("bias", self.bias, -1e3, 1e3),
+            ("second_opinion.own", self.second_opinion.own, -1e3, 1e3),
+            ("second_opinion.agreement", self.second_opinion.agreement, -1e3, 1e3),
+            ("second_opinion.bias", self.second_opinion.bias, -1e3, 1e3),
             ("enter", self.enter, 0.0, 1.0),
             ("notice", self.notice as f64, 1.0, 1000.0),
             ("confirm", self.confirm as f64, 1.0, 1000.0),
@@ -103,10 +131,18 @@ impl ConfidenceModel {
             leave => Err(Error::Config(format!("confidence.leave is 0 to confidence.enter; it is {leave}"))),
         }
     }
-    /// P(lost) of a frame with these cues.
-    pub(super) fn probability(&self, cues: &Cues) -> f64 {
-        let z: f64 = self.bias + self.weights.iter().zip(cues).map(|(w, c)| w * c).sum::<f64>();
-        1.0 / (1.0 + (-z).exp())
+    /// P(lost) of a frame by the tracker's own cues: what it acts on, and the status.
+    pub fn own(&self, cues: &Cues) -> f64 {
+        logistic(self.bias + self.weights.iter().zip(cues).map(|(w, c)| w * c).sum::<f64>())
+    }
+
+    /// P(lost) as reported, where the own one is `own`.
+    pub(super) fn reported(&self, own: f64, cues: &Cues) -> f64 {
+        let (heard, agreement) = (&self.second_opinion, cues[OWN]);
+        if agreement < 0.0 {
+            return own;
+        }
+        logistic(heard.bias - heard.own * odds(own) + heard.agreement * agreement)
     }
 
     /// What a frame counts for a target that is out to be found, or one that is not to be lost; 0 where it speaks for neither.
@@ -120,14 +156,23 @@ impl ConfidenceModel {
 }
 
 /// Weights of all cues, from those of the first so many.
-fn padded<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<[f64; CUES], D::Error> {
+fn padded<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<[f64; OWN], D::Error> {
     let given = Vec::<f64>::deserialize(from)?;
-    let mut weights = [0.0; CUES];
+    let mut weights = [0.0; OWN];
     match weights.get_mut(..given.len()) {
         Some(first) => first.copy_from_slice(&given),
-        None => return Err(serde::de::Error::invalid_length(given.len(), &"a weight a cue, at most eleven")),
+        None => {
+            return Err(serde::de::Error::invalid_length(
+                given.len(),
+                &"a weight a cue, at most ten: what agreement counts for is confidence.second_opinion.agreement",
+            ));
+        }
     }
     Ok(weights)
+}
+
+fn logistic(z: f64) -> f64 {
+    1.0 / (1.0 + (-z).exp())
 }
 
 /// ln((1 − P) / P), finite.
@@ -143,15 +188,22 @@ mod tests {
     fn weights_of_the_last_cues_may_be_left_out() {
         let read = |weights: &str| toml::from_str::<ConfidenceModel>(&format!("weights = [{weights}]"));
         let few = read("0.5, -1.0").expect("two weights");
-        assert_eq!((few.weights[..2].to_vec(), few.weights[2..].to_vec()), (vec![0.5, -1.0], vec![0.0; CUES - 2]));
-        let said = read(&["1.0"; CUES + 1].join(", ")).expect_err("a weight too many").to_string();
-        assert!(said.contains("at most eleven"), "{said}");
+        assert_eq!((few.weights[..2].to_vec(), few.weights[2..].to_vec()), (vec![0.5, -1.0], vec![0.0; OWN - 2]));
+        let said = read(&["1.0"; OWN + 1].join(", ")).expect_err("a weight too many").to_string();
+        assert!(said.contains("at most ten"), "{said}");
     }
 
     #[test]
     fn wrong_settings_are_named() {
         for (c, said) in [
             (ConfidenceModel { bias: f64::NAN, ..ConfidenceModel::default() }, "bias"),
+            (
+                ConfidenceModel {
+                    second_opinion: Heard { own: f64::INFINITY, ..Heard::default() },
+                    ..ConfidenceModel::default()
+                },
+                "second_opinion.own",
+            ),
             (ConfidenceModel { enter: 2.0, ..ConfidenceModel::default() }, "enter"),
             (ConfidenceModel { leave: 0.7, ..ConfidenceModel::default() }, "leave"),
             (ConfidenceModel { confirm: 0, ..ConfidenceModel::default() }, "confirm"),
