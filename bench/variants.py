@@ -3,10 +3,11 @@
 
 Usage:
   bench/variants.py --data data --out out-variants
-  foveate eval --seqs out-variants/backwards --seeds 3      # also: every2, every3, later, walkers
+  foveate eval --seqs out-variants/backwards --seeds 3      # also: longer, every2, every3, later, walkers
 
 Input: DATA/tracking and DATA/tracking-wide (OTB layout), and DATA/mot (MOTChallenge layout). Output, in OTB layout, with links to the images:
   backwards  each sequence from its last frame to its first
+  longer     each sequence forwards and backwards, twice: four times as long
   every2     every second frame of each sequence: everything moves twice as fast; every3 every third
   later      each sequence from its first quarter on, and from its middle on: another first frame, another template
   sloppy     (with --redrawn) each with a first box as a hand may draw it: shifted by 8 % and of other sides by 10 % (standard deviations)
@@ -190,6 +191,9 @@ def main():
         write(f"{args.out}/backwards/{name}", pictures[:n][::-1], boxes[:n][::-1])
         for kind, make in REDRAWN.items() if args.redrawn else ():
             make(f"{args.out}/{kind}/{name}", pictures[:n], boxes[:n])
+        there_and_back = [*range(n), *range(n - 2, -1, -1)]
+        longer = there_and_back + there_and_back[1:]
+        write(f"{args.out}/longer/{name}", [pictures[i] for i in longer], [boxes[i] for i in longer])
         for step in (2, 3):
             write(f"{args.out}/every{step}/{name}", pictures[:n:step], boxes[:n:step])
         for quarters in (1, 2):
