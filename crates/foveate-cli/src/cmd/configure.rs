@@ -34,7 +34,7 @@ pub struct Changes {
     /// half-way to the box's edge); --set policy.KEY=VALUE changes them
     #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(POLICIES))]
     pub policy: Option<String>,
-    /// Change one setting of the configuration, for example particles=400 or policy.grid.reach=0.3; may be given several times
+    /// Change one setting of the configuration, for example particles=400 or policy.grid.reach=0.3; KEY=none leaves one out; may be given several times
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub set: Vec<String>,
 }

@@ -101,7 +101,7 @@ pub struct Config {
     #[serde(default, deserialize_with = "in_range")]
     pub confidence: ConfidenceModel,
     /// A configuration file, or `builtin:` and the name of one that ships with the program: a tracker of the same target whose box is
-    /// compared with this one's, for the P(lost) that is reported. None unless given, or `none`.
+    /// compared with this one's, for the P(lost) that is reported. None unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second_opinion: Option<String>,
     /// The recogniser; left out, nothing is recognised.

@@ -7,13 +7,13 @@ use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 
 impl Config {
-    /// The second opinion that the configuration names; none where it names none, or says `none`.
+    /// The second opinion that the configuration names; none where it names none.
     pub(super) fn second(&self, files: &dyn Files) -> Result<Option<Blueprint>> {
-        let Some(named) = self.second_opinion.as_ref().filter(|named| *named != "none") else { return Ok(None) };
+        let Some(named) = &self.second_opinion else { return Ok(None) };
         let wrong = |why: String| Error::Config(format!("second_opinion: {named}: {why}"));
         if self.sensor.is_some() || self.multi_target.is_some() {
             return Err(wrong(
-                "a second opinion is of one target in whole pictures; set it to none, or leave [sensor] and [multi_target] out"
+                "a second opinion is of one target in whole pictures; leave it out (--set second_opinion=none), or [sensor] and [multi_target]"
                     .into(),
             ));
         }
@@ -44,7 +44,7 @@ mod tests {
     fn none_is_no_second_opinion() {
         let natural = "natural".config().expect("it ships");
         let second = |config: Config| config.second(&Nowhere).expect("it is right").is_some();
-        assert!(second(natural.clone()) && !second(natural.set("second_opinion=none").expect("a key")));
+        assert!(second(natural.clone()) && !second(natural.set("second_opinion=none").expect("it may be left out")));
     }
 
     #[test]

@@ -5,7 +5,8 @@ use foveate_base::{Error, Result};
 
 impl Config {
     /// The same with one setting changed: `setting` is `key=value`, the key with dots, the value as TOML has it, or a bare word
-    /// for a string. Another `kind` of a part begins with that kind's defaults.
+    /// for a string. Another `kind` of a part begins with that kind's defaults. `none` leaves the key out, as a file that
+    /// does not have it.
     ///
     /// # Errors
     /// [`Error::Config`] where it has no `=`, the key is none, or the value does not fit.
@@ -33,7 +34,11 @@ impl Config {
         if last == "kind" && table.get("kind") != Some(&value) {
             table.clear();
         }
-        table.insert(last.into(), value);
+        if value.as_str() == Some("none") {
+            table.remove(last).ok_or_else(|| wrong("the configuration has none to leave out".into()))?;
+        } else {
+            table.insert(last.into(), value);
+        }
         Self::parse(&toml::to_string(&whole).expect("it is a table"), setting)
     }
 }
@@ -51,7 +56,10 @@ mod tests {
         let hedge = natural.set("policy.kind=hedge").and_then(|c| c.set("policy.gamma=2.5")).expect("a policy");
         assert!(hedge.to_toml().contains("kind = \"hedge\"") && hedge.to_toml().contains("gamma = 2.5"));
         let without = natural.set("distractors={ reach = 3.0 }").expect("a section");
-        assert_eq!(without.distractors.map(|d| d.reach), Some(3.0));
+        assert_eq!(without.distractors.as_ref().map(|d| d.reach), Some(3.0));
+        let found = without.set("distractors=none").expect("it may be left out");
+        assert_eq!(Config { distractors: without.distractors.clone(), ..found.clone() }, without);
+        assert!(found.distractors.is_none());
         for (wrong, said) in [
             ("particles", "key=value"),
             ("particles=0", "particles"),
@@ -60,6 +68,8 @@ mod tests {
             ("search.fit=0.5", "now called `redetection`"),
             ("discriminant.rate=0.1", "now called `discriminant.learning_rate`"),
             ("policy.kind=best", "best"),
+            ("particles=none", "particles"),
+            ("sensor=none", "none to leave out"),
         ] {
             let error = natural.set(wrong).expect_err(wrong).to_string();
             assert!(error.contains(said), "{error}");

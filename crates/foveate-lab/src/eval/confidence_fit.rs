@@ -83,15 +83,9 @@ pub fn fit_second_opinion(tracks: &[&Judgement], confidence: &ConfidenceModel) -
     if !tracks.iter().flat_map(|t| &t.frames).any(|j| j.cues[OWN] >= 0.0) {
         return Ok(confidence.clone());
     }
-    let row = |j: &Judged| [log_odds(confidence.own(&j.cues)), j.cues[OWN]];
+    let row = |j: &Judged| [confidence.own_log_odds(&j.cues), j.cues[OWN]];
     let ([own, agreement], bias) = logistic(tracks, row, 0.0)?;
     Ok(ConfidenceModel { second_opinion: Heard { own, agreement, bias }, ..confidence.clone() })
-}
-
-/// ln(P / (1 − P)); a probability that is hardly more than 0 or less than 1 says no more than one in a hundred thousand.
-fn log_odds(p: f64) -> f64 {
-    let p = p.clamp(1e-5, 1.0 - 1e-5);
-    (p / (1.0 - p)).ln()
 }
 
 /// Weights and bias of the log odds that a frame is a lost one, linear in what `row` takes of it.

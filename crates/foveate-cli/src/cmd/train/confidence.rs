@@ -59,7 +59,8 @@ struct Section<'a> {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     terminal::catch_interrupts();
-    if args.only_second_opinion && configure::read(&args.config, &args.changes)?.0.second_opinion.is_none() {
+    let (mut config, folder) = configure::read(&args.config, &args.changes)?;
+    if args.only_second_opinion && config.second_opinion.is_none() {
         return Err(Error::Invalid(format!(
             "--only-second-opinion: {} has none; add second_opinion = \"builtin:natural-middle\" to it, or leave the option out",
             args.config
@@ -73,7 +74,6 @@ pub fn run(args: &Args) -> Result<()> {
         writable(path)?;
         spare(path, &[args.config.as_ref()])?;
     }
-    let (mut config, folder) = configure::read(&args.config, &args.changes)?;
     let (videos, store) =
         (Videos::of(&args.tracked)?, Store { folder: args.out.with_extension("runs"), ..Store::default() });
     let mut tracks: Vec<Judgement> = vec![];

@@ -132,8 +132,13 @@ impl ConfidenceModel {
         }
     }
     /// P(lost) of a frame by the tracker's own cues: what it acts on, and the status.
-    pub fn own(&self, cues: &Cues) -> f64 {
-        logistic(self.bias + self.weights.iter().zip(cues).map(|(w, c)| w * c).sum::<f64>())
+    pub(super) fn own(&self, cues: &Cues) -> f64 {
+        logistic(self.own_log_odds(cues))
+    }
+
+    /// ln(P / (1 − P)) of the same P.
+    pub fn own_log_odds(&self, cues: &Cues) -> f64 {
+        self.bias + self.weights.iter().zip(cues).map(|(w, c)| w * c).sum::<f64>()
     }
 
     /// P(lost) as reported, where the own one is `own`.
