@@ -85,7 +85,7 @@ mod tests {
             |setting: &str| natural.set(setting).expect("a section").check(&Nowhere).map(|it| it.memory_of_target());
         let without = kept("distractors.remembered=0").expect("parts that fit");
         let with = kept("distractors.remembered=16").expect("parts that fit");
-        assert_eq!(with - without, 16 * 15 * 15 * (224 + 4));
+        assert_eq!(with - without, 16 * 13 * 13 * (224 + 4));
         let error = kept("distractors={ reach = 50.0, step = 0.1, remembered = 1000 }").expect_err("200 TB");
         assert!(error.to_string().contains("1000 remembered frames"), "{error}");
     }

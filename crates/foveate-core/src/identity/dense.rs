@@ -7,7 +7,7 @@ use foveate_kernels as kernels;
 use kernels::{HALVES, Lengths};
 
 use super::encoder::Encoder;
-use super::pyramid::Pyramid;
+use super::pyramid::{Pyramid, grow};
 use super::retina::{Cell, Retina};
 use crate::geometry::{Extent, Fixation, Gaze, State};
 
@@ -126,7 +126,7 @@ impl Dense {
         // From the middle of the first place to that of its first cell, and of its first block.
         let start = -0.5 * (kernels::BLOCK * self.blocks) as f64 * self.pitch;
         let read = |level: usize, out: &mut Vec<f32>, width: usize, height: usize, from: f64, step: f64| {
-            out.resize(out.len().max(width * height), 0.0);
+            grow(out, width * height);
             for left in (0..width).step_by(STRIP) {
                 let mut du = [0.0; STRIP];
                 du.iter_mut().enumerate().for_each(|(i, du)| *du = (from + (left + i) as f64 * step) as f32);
@@ -145,7 +145,7 @@ impl Dense {
             read(1 + level, colour, columns, rows, start + 2.0 * p, 2.0 * p);
         }
         for (map, n) in [(&mut maps.halves, 8 * n), (&mut maps.sums, 8 * n), (&mut maps.grey, n)] {
-            map.resize(map.len().max(n), 0.0);
+            grow(map, n);
         }
         kernels::oriented_halves(
             &maps.cells[..width * height],

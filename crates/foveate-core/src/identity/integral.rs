@@ -3,6 +3,7 @@
 use foveate_kernels as kernels;
 use std::ops::Range;
 
+use super::pyramid::grow;
 use crate::scene::Image;
 
 /// Bins of a grey and of a colour picture: 32 levels, or 16 × 16 × 16 colours.
@@ -74,7 +75,7 @@ impl Integral {
         }
         let row = self.width + 1;
         let count = row * (self.height + 1);
-        self.table.resize(self.table.len().max(count), 0);
+        grow(&mut self.table, count);
         self.table[..row].fill(0);
         let (x, y) = (self.left as usize, self.top as usize);
         let columns = x..x + self.width.saturating_sub(1) * step + 1;

@@ -5,7 +5,8 @@
 //! At scale 1 and angle 0, on whole pixels, a tap therefore *is* the mean over its cell.
 //!
 //! Where cells are large, what every pixel has is more than looks can tell: then levels are made of a picture of which a pixel
-//! is the mean of 2 × 2 of the image's, or more, and cells still have two pixels and a half at least.
+//! is the mean of 2 × 2 of the image's, or more, and cells still have two pixels and a half at least. Those of colour, which videos
+//! and photographs have at half the resolution as it is, are made of coarser pictures where their own cells are larger.
 //!
 //! Deviation from a mip pyramid with levels of 1, 2, 4, 8 px: levels follow the target's size, so nothing
 //! jumps when it grows past a power of two, and a ring of 3 or 6 px cells is exact as well.
@@ -26,6 +27,8 @@ struct Level {
     y0: f32,
     /// Of its boxes, across and down.
     size: (usize, usize),
+    /// Pixels of the image along a pixel of the picture that it is made of.
+    step: usize,
 }
 
 /// Sides of a box, at most: beyond it a cell is larger than any picture.
@@ -36,9 +39,7 @@ const WIDEST_BOX: f64 = 2048.0;
 pub struct Pyramid {
     levels: Vec<Level>,
     region: Option<Region>,
-    /// Pixels of the image along a pixel of the picture that levels are made of.
-    step: usize,
-    coarse: [Vec<u8>; 3],
+    coarse: [[Vec<u8>; 3]; 2],
     sums: Vec<u16>,
     /// The pixels that the boxes of that region can reach.
     source: Option<Region>,
@@ -105,6 +106,14 @@ impl Region {
         Self { x, y, width: right - x, height: bottom - y }
     }
 
+    /// The squares of `step` pixels that it touches, in a picture of this size.
+    fn coarse(&self, step: usize, size: (usize, usize)) -> Self {
+        let (x, y) = (self.x / step, self.y / step);
+        let end =
+            |from: usize, count: usize, side: usize| (from + count).div_ceil(step).max(1).min(side.div_ceil(step));
+        Self { x, y, width: end(self.x, self.width, size.0) - x, height: end(self.y, self.height, size.1) - y }
+    }
+
     pub(super) fn contains(&self, other: &Self) -> bool {
         let within = |start, length, from, side| from <= start && start + length <= from + side;
         within(other.x, other.width, self.x, self.width) && within(other.y, other.height, self.y, self.height)
@@ -117,75 +126,102 @@ const NEARLY: f64 = 0.75;
 /// Pixels of a picture across a cell, at least: of an image of more, every so many pixels become one.
 const FINE: f64 = 2.5;
 
-/// A picture in planes, and where its first pixel lies in the image that was cut and made coarser, in its own pixels.
+/// A picture in planes, and where its first pixel lies in the whole picture of its coarseness, in its own pixels.
 #[derive(Clone, Copy)]
 struct Picture<'a> {
-    planes: &'a [&'a [u8]],
+    planes: [&'a [u8]; 3],
     size: (usize, usize),
     origin: (usize, usize),
+    /// Pixels of the image along one of its own.
+    step: usize,
+    grey: bool,
+}
+
+impl<'a> Picture<'a> {
+    fn of(image: &'a Image) -> Self {
+        let planes = std::array::from_fn(|p| image.plane(p.min(image.planes() - 1)));
+        let size = (image.width(), image.height());
+        Self { planes, size, origin: (0, 0), step: 1, grey: image.planes() == 1 }
+    }
+
+    /// A part of the picture that is so many times as coarse as this one; `part` is in that one's pixels.
+    fn shrunk<'b>(&self, times: usize, part: Region, room: &'b mut [Vec<u8>; 3], sums: &mut Vec<u16>) -> Picture<'b> {
+        let (count, wide) = (part.width * part.height, part.width * times);
+        let from = (part.x - self.origin.0 / times, part.y - self.origin.1 / times);
+        grow(sums, wide);
+        for (plane, out) in self.planes.iter().zip(&mut *room).take(if self.grey { 1 } else { 3 }) {
+            grow(out, count);
+            kernels::shrink(plane, self.size.0, times, from, &mut sums[..wide], &mut out[..count]);
+        }
+        let planes = std::array::from_fn(|p| &room[if self.grey { 0 } else { p }][..count]);
+        Picture {
+            planes,
+            size: (part.width, part.height),
+            origin: (part.x, part.y),
+            step: self.step * times,
+            grey: self.grey,
+        }
+    }
+
+    /// A region of the image in pixels of this picture, with one more on each side where it is coarser: taps lie between two.
+    fn region(&self, region: Region, image: (usize, usize)) -> Region {
+        if self.step == 1 {
+            return region;
+        }
+        let it = region.padded((self.step, self.step), image).coarse(self.step, image);
+        let (x, y) = (it.x.max(self.origin.0) - self.origin.0, it.y.max(self.origin.1) - self.origin.1);
+        Region { x, y, width: it.width.min(self.size.0 - x), height: it.height.min(self.size.1 - y) }
+    }
 }
 
 impl Pyramid {
     /// Whether what [`Pyramid::build`] with these arguments would make is here already, of the same image, or nearly so.
     pub fn holds(&self, region: Region, footprints: &[Footprint], unit: (f64, f64)) -> bool {
-        let step = self.step as f64;
-        let near = |side: usize, wanted: f64| (side as f64 - (wanted / step).clamp(1.0, WIDEST_BOX)).abs() <= NEARLY;
         let nearly = |(level, footprint): (&Level, &Footprint)| {
-            near(level.size.0, footprint.side * unit.0) && near(level.size.1, footprint.side * unit.1)
+            let side = |unit: f64| (footprint.side * unit / level.step as f64).clamp(1.0, WIDEST_BOX);
+            let near = |side: usize, wanted: f64| (side as f64 - wanted).abs() <= NEARLY;
+            near(level.size.0, side(unit.0)) && near(level.size.1, side(unit.1))
         };
         self.region.is_some_and(|all| all.contains(&region))
             && self.levels.len() == footprints.len()
             && self.levels.iter().zip(footprints).all(nearly)
     }
 
-    /// Fills the levels for one region of an image. `unit` is pixels per template unit along u and v. Where cells are large, levels
-    /// are made of a coarser picture.
+    /// Fills the levels for one region of an image. `unit` is pixels per template unit along u and v. Levels of large cells are made
+    /// of a coarser picture.
     pub fn build(&mut self, image: &Image, region: Region, footprints: &[Footprint], unit: (f64, f64)) {
         self.region = Some(region);
+        self.levels.resize_with(footprints.len(), Level::default);
+        let pixels = |footprint: &Footprint| footprint.side * unit.0.min(unit.1) / FINE;
+        let finest = footprints.iter().map(pixels).fold(16.0, f64::min).max(1.0) as usize;
+        let mut coarsest = finest;
+        for (level, footprint) in self.levels.iter_mut().zip(footprints) {
+            let times = if footprint.channel == 0 { 1.0 } else { pixels(footprint) / finest as f64 };
+            level.step = finest << (times.clamp(1.0, 16.0) as usize).ilog2();
+            coarsest = coarsest.max(level.step);
+        }
         let size = (image.width(), image.height());
-        let planes: [&[u8]; 3] = std::array::from_fn(|p| image.plane(p.min(image.planes() - 1)));
-        let least = footprints.iter().map(|f| f.side * unit.0.min(unit.1)).fold(f64::MAX, f64::min);
-        self.step = (least / FINE).clamp(1.0, 16.0) as usize;
-        let reached = region.padded(margin(footprints.iter(), unit, self.step), size);
+        let reached = region.padded(margin(footprints.iter(), unit, coarsest), size);
         self.source = Some(reached);
-        if self.step == 1 {
-            return self.fill(
-                Picture { planes: &planes[..image.planes()], size, origin: (0, 0) },
-                region,
-                footprints,
-                unit,
-            );
+        let [mut room, mut coarser_room] = std::mem::take(&mut self.coarse);
+        let mut picture = Picture::of(image);
+        if finest > 1 {
+            // Coarser pictures are made of whole squares of this one.
+            let (x, y) = (reached.x / coarsest * coarsest, reached.y / coarsest * coarsest);
+            let whole = Region { x, y, width: reached.width + reached.x - x, height: reached.height + reached.y - y };
+            picture = picture.shrunk(finest, whole.coarse(finest, size), &mut room, &mut self.sums);
         }
-        let step = self.step;
-        let coarse = |r: Region| {
-            let (x, y) = (r.x / step, r.y / step);
-            let end =
-                |from: usize, count: usize, side: usize| (from + count).div_ceil(step).max(1).min(side.div_ceil(step));
-            Region { x, y, width: end(r.x, r.width, size.0) - x, height: end(r.y, r.height, size.1) - y }
-        };
-        // Taps lie between two pixels.
-        let region = coarse(region.padded((step, step), size));
-        let source = coarse(reached);
-        let mut made = std::mem::take(&mut self.coarse);
-        let count = source.width * source.height;
-        let sums = &mut self.sums;
-        sums.resize(sums.len().max(source.width * step), 0);
-        for (plane, out) in planes[..image.planes()].iter().zip(&mut made) {
-            out.resize(out.len().max(count), 0);
-            let (from, sums) = ((source.x, source.y), &mut sums[..source.width * step]);
-            kernels::shrink(plane, size.0, step, from, sums, &mut out[..count]);
+        self.fill(picture, picture.region(region, size), footprints, unit);
+        let mut step = 2 * finest;
+        while step <= coarsest {
+            if self.levels.iter().any(|level| level.step == step) {
+                let part = reached.coarse(step, size);
+                let coarser = picture.shrunk(step / finest, part, &mut coarser_room, &mut self.sums);
+                self.fill(coarser, coarser.region(region, size), footprints, unit);
+            }
+            step *= 2;
         }
-        let planes = made.each_ref().map(|plane| &plane[..count.min(plane.len())]);
-        let (origin, size) = ((source.x, source.y), (source.width, source.height));
-        let picture = Picture { planes: &planes[..image.planes()], size, origin };
-        let region = Region { x: region.x.max(source.x) - source.x, y: region.y.max(source.y) - source.y, ..region };
-        let region = Region {
-            width: region.width.min(size.0 - region.x),
-            height: region.height.min(size.1 - region.y),
-            ..region
-        };
-        self.fill(picture, region, footprints, (unit.0 / step as f64, unit.1 / step as f64));
-        self.coarse = made;
+        self.coarse = [room, coarser_room];
     }
 
     /// Frees what only building needs.
@@ -195,23 +231,30 @@ impl Pyramid {
         self.levels.iter_mut().for_each(|level| level.data.shrink_to_fit());
     }
 
+    /// Fills the levels that are made of this picture, in a region of it.
     fn fill(&mut self, picture: Picture<'_>, region: Region, footprints: &[Footprint], unit: (f64, f64)) {
-        self.levels.resize_with(footprints.len(), Level::default);
+        let unit = (unit.0 / picture.step as f64, unit.1 / picture.step as f64);
         for channel in 0..3 {
-            if footprints.iter().all(|f| f.channel != channel) {
+            let mut of = self
+                .levels
+                .iter_mut()
+                .zip(footprints)
+                .filter(|(level, f)| level.step == picture.step && f.channel == channel)
+                .peekable();
+            if of.peek().is_none() {
                 continue;
             }
-            let plain = channel == 0 && picture.planes.len() == 1;
+            let plain = channel == 0 && picture.grey;
             // The channel is made where boxes can reach, not everywhere.
             let margin = margin(footprints.iter().filter(|f| f.channel == channel), unit, 1);
             let (width, height) = picture.size;
             let source = if plain { Region { x: 0, y: 0, width, height } } else { region.padded(margin, picture.size) };
             if !plain {
-                self.channel.resize(self.channel.len().max(source.width * source.height), 0);
+                grow(&mut self.channel, source.width * source.height);
                 make_channel(picture, channel, source, &mut self.channel);
             }
             let bytes = if plain { picture.planes[0] } else { &self.channel };
-            for (level, footprint) in self.levels.iter_mut().zip(footprints).filter(|(_, f)| f.channel == channel) {
+            for (level, footprint) in of {
                 let side = |unit: f64| (footprint.side * unit).round().clamp(1.0, WIDEST_BOX) as usize;
                 level.size = (side(unit.0), side(unit.1));
                 level.fill(bytes, source, region, &mut self.scratch);
@@ -231,16 +274,16 @@ impl Pyramid {
     pub fn read(&self, level: usize, at: &[Fixation], du: &[f32], dv: &[f32], out: &mut [f32], stride: usize) {
         const MANY: usize = 64;
         let level = &self.levels[level];
-        let Level { data, width, height, x0, y0, .. } = level;
+        let Level { data, width, height, x0, y0, step, .. } = level;
         let plane = kernels::Plane { data, width: *width, height: *height, stride: *width, x0: *x0, y0: *y0 };
         let mut maps = [[0.0; 6]; MANY];
-        let fine = 1.0 / self.step as f64;
+        let fine = 1.0 / *step as f64;
         for (i, at) in at.chunks(MANY).enumerate() {
             let maps = &mut maps[..at.len()];
             for (map, at) in maps.iter_mut().zip(at) {
                 let [x, y] = [at.x, at.y].map(|x| (x + 0.5) * fine - 0.5);
                 let [ux, uy, vx, vy] = [at.ux, at.uy, at.vx, at.vy].map(|u| u * fine);
-                *map = if self.step == 1 { [at.x, at.y, at.ux, at.uy, at.vx, at.vy] } else { [x, y, ux, uy, vx, vy] }
+                *map = if *step == 1 { [at.x, at.y, at.ux, at.uy, at.vx, at.vy] } else { [x, y, ux, uy, vx, vy] }
                     .map(|x| x as f32);
             }
             kernels::taps_rows(plane, maps, du, dv, &mut out[i * MANY * stride..], stride);
@@ -255,9 +298,8 @@ impl Level {
         let early = |side: usize| usize::from(side.is_multiple_of(2));
         self.width = region.width + early(size.0);
         self.height = region.height + early(size.1);
-        // Room only grows: what is cut off and added again would be filled with zeros first.
         let count = self.width * self.height;
-        self.data.resize(self.data.len().max(count), 0.0);
+        grow(&mut self.data, count);
         let wanted = kernels::Region {
             x: (region.x - source.x) as i32 - early(size.0) as i32,
             y: (region.y - source.y) as i32 - early(size.1) as i32,
@@ -274,6 +316,14 @@ impl Level {
     }
 }
 
+/// Room for so many values. It only grows (what is cut off and added again would be filled with zeros first), and by a half more than is
+/// needed, so that a region that moves about its size does not ask for more in every few frames.
+pub(super) fn grow<T: Clone + Default>(room: &mut Vec<T>, count: usize) {
+    if room.len() < count {
+        room.resize(count + count / 2, T::default());
+    }
+}
+
 /// How far boxes of these footprints reach, and `more`, across and down.
 fn margin<'a>(footprints: impl Iterator<Item = &'a Footprint>, unit: (f64, f64), more: usize) -> (usize, usize) {
     let widest = footprints.map(|f| f.side).fold(0.0, f64::max);
@@ -283,12 +333,12 @@ fn margin<'a>(footprints: impl Iterator<Item = &'a Footprint>, unit: (f64, f64),
 
 /// Grey (BT.601 luma), red − green, or blue − yellow, with 128 for "neither".
 fn make_channel(picture: Picture<'_>, channel: usize, region: Region, out: &mut [u8]) {
-    let &[r, g, b] = picture.planes else {
+    if picture.grey {
         return out[..region.width * region.height].fill(128);
-    };
+    }
     for (row, out) in out.chunks_exact_mut(region.width).take(region.height).enumerate() {
         let start = (region.y + row) * picture.size.0 + region.x;
-        let planes = [r, g, b].map(|plane| &plane[start..start + region.width]);
+        let planes = picture.planes.map(|plane| &plane[start..start + region.width]);
         match channel {
             0 => kernels::luma(planes, out),
             1 => kernels::red_green(planes, out),
@@ -307,25 +357,26 @@ mod tests {
     fn coarse_pictures_have_the_means_of_boxes() {
         let bytes: Vec<u8> = (0..150 * 110 * 3).map(|i: usize| (i * 7 + i * i / 1013) as u8).collect();
         let colour = Image::from_rgb8(150, 110, &bytes).expect("enough bytes");
-        for image in [colour.to_grey(), colour] {
-            let footprints = [Footprint { side: 0.5, channel: 0, reach: 1.0 }];
-            for (unit, step) in [(8.0, 1), (12.0, 2), (16.0, 3), (24.0, 4)] {
-                for (x, y) in [(0, 0), (33, 20), (101, 62)] {
-                    let mut pyramid = Pyramid::default();
-                    let region = Region { x, y, width: 49, height: 48 };
-                    pyramid.build(&image, region, &footprints, (unit, unit));
-                    assert_eq!(pyramid.step, step);
-                    assert!(pyramid.holds(region, &footprints, (unit, unit)));
-                    let side = pyramid.levels[0].size.0 * step;
+        let footprints = [(0.5, 0), (1.5, 1)].map(|(side, channel)| Footprint { side, channel, reach: 1.0 });
+        for (unit, steps) in [(8.0, [1, 4]), (12.0, [2, 4]), (16.0, [3, 6]), (24.0, [4, 8])] {
+            for (x, y) in [(0, 0), (33, 20), (101, 62)] {
+                let region = Region { x, y, width: 49, height: 48 };
+                let mut pyramid = Pyramid::default();
+                pyramid.build(&colour, region, &footprints, (unit, unit));
+                assert!(pyramid.holds(region, &footprints, (unit, unit)));
+                for (level, step) in steps.into_iter().enumerate() {
+                    assert_eq!(pyramid.levels[level].step, step);
+                    let side = pyramid.levels[level].size.0 * step;
                     // The middle of a box that begins with a coarse pixel.
-                    let first = |from: usize| (from + 20).next_multiple_of(step);
+                    let first = |from: usize| (from + 20).saturating_sub(side / 2).next_multiple_of(step);
                     let middle = |from: usize| (first(from) as f64) + 0.5 * (side as f64 - 1.0);
                     let at = Fixation { x: middle(x), y: middle(y), ux: 1.0, uy: 0.0, vx: 0.0, vy: 1.0 };
                     let mut out = [f32::NAN];
-                    pyramid.read(0, &[at], &[0.0], &[0.0], &mut out, 1);
-                    let grey = image.to_grey();
+                    pyramid.read(level, &[at], &[0.0], &[0.0], &mut out, 1);
                     let pixel = |i: usize| {
-                        f64::from(grey.at(0, (first(x) + i % side).min(149), (first(y) + i / side).min(109)))
+                        let (x, y) = ((first(x) + i % side).min(149), (first(y) + i / side).min(109));
+                        let [r, g, b] = [0, 1, 2].map(|p| f64::from(colour.at(p, x, y)));
+                        if level == 0 { 0.299 * r + 0.587 * g + 0.114 * b } else { 0.5 * (r - g) + 128.0 }
                     };
                     let exact = (0..side * side).map(pixel).sum::<f64>() / (side * side) as f64 / 255.0;
                     assert!((f64::from(out[0]) - exact).abs() < 0.004, "step {step}: {} is not {exact}", out[0]);

@@ -115,7 +115,7 @@ impl Map {
         let last = image.planes() - 1;
         let planes = [0, last.min(1), last].map(|p| image.plane(p));
         sums.resize(image.width(), 0);
-        kernels::square_intensity(planes, image.width(), side, 4, sums, &mut self.values);
+        kernels::square_intensity(planes, image.width(), side, 2, sums, &mut self.values);
     }
     /// This map at half the resolution: [1 3 3 1] / 8 across and down, then every second one. The kernel is even, so cells
     /// of the result cover exactly two of these.
