@@ -228,7 +228,10 @@ impl Pyramid {
     pub(super) fn trim(&mut self) {
         self.coarse = Default::default();
         (self.sums, self.channel, self.scratch) = Default::default();
-        self.levels.iter_mut().for_each(|level| level.data.shrink_to_fit());
+        for level in &mut self.levels {
+            level.data.truncate(level.width * level.height);
+            level.data.shrink_to_fit();
+        }
     }
 
     /// Fills the levels that are made of this picture, in a region of it.
