@@ -9,8 +9,8 @@ use foveate::geometry::BBox;
 use foveate::lab::eval::policy_set;
 use foveate::report::SurfacePicture;
 use foveate::report::run::{self, SingleRun, Span, check_box, follow, follow_tiles};
-use foveate::video::Frame;
-use foveate::{Error, Result, files};
+use foveate::video::{Frame, SourceInfo};
+use foveate::{Error, Result, Tracker, files};
 
 use super::configure::{Changes, Profile, config_name, read};
 use super::of_file;
@@ -228,47 +228,14 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let mut tracker = blueprint.tracker(seed)?;
     let opened = args.input.open(&args.source)?;
     let about = opened.source.info().clone();
-    let loaded = args.load_state.as_deref().map(|path| SavedState::read(path, &blueprint, seed)).transpose()?;
-    let (from, start) = match &loaded {
-        Some(saved) => (saved.next_frame, "the saved state goes on"),
-        None => match args.input.selection().from {
-            0 => (0, "the video begins"),
-            from => (from, "--from begins"),
-        },
-    };
-    let frames = Frames::new(from, start, args.until, &about)?;
-    let init = match &loaded {
-        Some(saved) => {
-            let path = args.load_state.as_deref().unwrap_or(&args.source);
-            tracker.load(&saved.tracker).map_err(of_file(path))?;
-            saved.check_size(path, &about)?;
-            let (then, now) = (&saved.source, video_name(&args.source));
-            if !then.is_empty() && *then != now {
-                note!("foveate: the state was saved in {then:?}, and goes on in {now:?}: is it the same video?");
-            }
-            None
-        }
-        None => {
-            let bbox = first_box(&args.source, args.init.first().copied(), &args.input)?;
-            check_box("the first box", &bbox, &about)?;
-            Some(bbox)
-        }
-    };
-    let again = check_again(&args.reinit, frames, &about)?;
-    if let Some((frame, _)) = again.iter().find(|(frame, _)| !args.input.selection().takes(*frame)) {
-        let frame = frame + 1;
-        return Err(Error::Invalid(format!("--reinit {frame}: --every leaves this frame out; give another frame")));
-    }
+    let Begin { frames, init, again } = begin(args, &blueprint, &mut tracker, seed, &about)?;
     let mut info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
     info.truth = known_truth(&args.source).iter().map(|bbox| bbox.map(|bbox| args.input.scaled(&bbox))).collect();
     info.shadow = shadow;
     let endless = opened.endless;
     let tiles = opened.tiles.clone();
-    if tiles.is_some() && blueprint.config().sensor.is_none() {
-        let source = args.source.display();
-        return Err(Error::Config(format!(
-            "{source}: pictures in tiles are for a configuration with [sensor], such as --config foveated; {config_name} reads whole pictures"
-        )));
+    if tiles.is_some() {
+        check_reads_tiles(&blueprint, &args.source, config_name)?;
     }
     let (video, report) = (!args.no_video && !endless, !args.no_report);
     let (trace, regret) = (args.trace, args.regret);
@@ -320,6 +287,58 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     note_unreached(&again, next_frame, whole);
     ended(out, tracked, result.and(kept.map(drop)).and(saved), outcome.frames.stopped)?;
     Ok(Tally { frames: outcome.frames.count, uncertain_frames: outcome.uncertain, lost_frames: outcome.lost })
+}
+
+/// From which frame on a run tracks, and what it is told of the target.
+struct Begin {
+    frames: Frames,
+    /// The box in its first frame; none where a saved tracker goes on.
+    init: Option<BBox>,
+    /// Boxes that are given again, and in which frames.
+    again: Vec<(usize, BBox)>,
+}
+
+/// Looks up where to begin, in the saved state or on the command line, and has the tracker take up the state.
+fn begin(args: &Args, blueprint: &Blueprint, tracker: &mut Tracker, seed: u64, about: &SourceInfo) -> Result<Begin> {
+    let selection = args.input.selection();
+    let frames = |from: usize, start: &'static str| Frames::new(from, start, args.until, about);
+    let (frames, init) = match &args.load_state {
+        Some(path) => {
+            let saved = SavedState::read(path, blueprint, seed)?;
+            let frames = frames(saved.next_frame, "the saved state goes on")?;
+            tracker.load(&saved.tracker).map_err(of_file(path))?;
+            saved.check_size(path, about)?;
+            let (then, now) = (&saved.source, video_name(&args.source));
+            if !then.is_empty() && *then != now {
+                note!("foveate: the state was saved in {then:?}, and goes on in {now:?}: is it the same video?");
+            }
+            (frames, None)
+        }
+        None => {
+            let frames =
+                frames(selection.from, if selection.from == 0 { "the video begins" } else { "--from begins" })?;
+            let bbox = first_box(&args.source, args.init.first().copied(), &args.input)?;
+            check_box("the first box", &bbox, about)?;
+            (frames, Some(bbox))
+        }
+    };
+    let again = check_again(&args.reinit, frames, about)?;
+    if let Some((frame, _)) = again.iter().find(|(frame, _)| !selection.takes(*frame)) {
+        let frame = frame + 1;
+        return Err(Error::Invalid(format!("--reinit {frame}: --every leaves this frame out; give another frame")));
+    }
+    Ok(Begin { frames, init, again })
+}
+
+/// Refuses pictures in tiles for a configuration that reads whole ones.
+fn check_reads_tiles(blueprint: &Blueprint, source: &Path, config_name: &str) -> Result<()> {
+    if blueprint.config().sensor.is_some() {
+        return Ok(());
+    }
+    let source = source.display();
+    Err(Error::Config(format!(
+        "{source}: pictures in tiles are for a configuration with [sensor], such as --config foveated; {config_name} reads whole pictures"
+    )))
 }
 
 /// Keeps the results of a run in which something was tracked, and which went well or not, but for those that were lost; answers where they
