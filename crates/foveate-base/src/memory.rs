@@ -22,6 +22,14 @@ const LEAST: u64 = 1 << 30;
 /// that of the frame before, box means and sums of colours, the film and its encoder, which has most. docs/robustness.md has it measured.
 pub const PIXEL: u64 = 80;
 
+/// Room for so many values. It only grows (what is cut off and added again would be filled with zeros first), and by a half more than is
+/// needed, so that a region that moves about its size does not ask for more in every few frames.
+pub fn grow<T: Clone + Default>(room: &mut Vec<T>, count: usize) {
+    if room.len() < count {
+        room.resize(count + count / 2, T::default());
+    }
+}
+
 /// Bytes that may be asked for: those that were set, or a quarter of the machine's memory, 1 GiB at least.
 pub fn limit() -> u64 {
     match LIMIT.load(Ordering::Relaxed) {

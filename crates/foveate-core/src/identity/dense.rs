@@ -7,9 +7,10 @@ use foveate_kernels as kernels;
 use kernels::{HALVES, Lengths};
 
 use super::encoder::Encoder;
-use super::pyramid::{Pyramid, grow};
+use super::pyramid::Pyramid;
 use super::retina::{Cell, Retina};
 use crate::geometry::{Extent, Fixation, Gaze, State};
+use foveate_base::memory::grow;
 
 /// Fewer places are looked at one by one.
 const LEAST: usize = 32;

@@ -3,8 +3,8 @@
 use foveate_kernels as kernels;
 use std::ops::Range;
 
-use super::pyramid::grow;
 use crate::scene::Image;
+use foveate_base::memory::grow;
 
 /// Bins of a grey and of a colour picture: 32 levels, or 16 × 16 × 16 colours.
 pub(super) const GREY: usize = 32;

@@ -16,6 +16,7 @@ use foveate_kernels as kernels;
 use super::footprint::Footprint;
 use crate::geometry::{Extent, Fixation, Gaze, State};
 use crate::scene::Image;
+use foveate_base::memory::grow;
 
 /// One plane of box means, in pixels of the picture that it is made of. Sample `(i, j)` is centred at `(x0 + i, y0 + j)`.
 #[derive(Clone, Debug, Default)]
@@ -319,14 +320,6 @@ impl Level {
     }
 }
 
-/// Room for so many values. It only grows (what is cut off and added again would be filled with zeros first), and by a half more than is
-/// needed, so that a region that moves about its size does not ask for more in every few frames.
-pub(super) fn grow<T: Clone + Default>(room: &mut Vec<T>, count: usize) {
-    if room.len() < count {
-        room.resize(count + count / 2, T::default());
-    }
-}
-
 /// How far boxes of these footprints reach, and `more`, across and down.
 fn margin<'a>(footprints: impl Iterator<Item = &'a Footprint>, unit: (f64, f64), more: usize) -> (usize, usize) {
     let widest = footprints.map(|f| f.side).fold(0.0, f64::max);
@@ -360,12 +353,14 @@ mod tests {
     fn coarse_pictures_have_the_means_of_boxes() {
         let bytes: Vec<u8> = (0..150 * 110 * 3).map(|i: usize| (i * 7 + i * i / 1013) as u8).collect();
         let colour = Image::from_rgb8(150, 110, &bytes).expect("enough bytes");
+        let images = [colour.to_grey(), colour];
         let footprints = [(0.5, 0), (1.5, 1)].map(|(side, channel)| Footprint { side, channel, reach: 1.0 });
         for (unit, steps) in [(8.0, [1, 4]), (12.0, [2, 4]), (16.0, [3, 6]), (24.0, [4, 8])] {
-            for (x, y) in [(0, 0), (33, 20), (101, 62)] {
+            let places = [(0, 0), (33, 20), (101, 62)];
+            for (image, (x, y)) in images.iter().flat_map(|image| places.map(|place| (image, place))) {
                 let region = Region { x, y, width: 49, height: 48 };
                 let mut pyramid = Pyramid::default();
-                pyramid.build(&colour, region, &footprints, (unit, unit));
+                pyramid.build(image, region, &footprints, (unit, unit));
                 assert!(pyramid.holds(region, &footprints, (unit, unit)));
                 for (level, step) in steps.into_iter().enumerate() {
                     assert_eq!(pyramid.levels[level].step, step);
@@ -378,7 +373,7 @@ mod tests {
                     pyramid.read(level, &[at], &[0.0], &[0.0], &mut out, 1);
                     let pixel = |i: usize| {
                         let (x, y) = ((first(x) + i % side).min(149), (first(y) + i / side).min(109));
-                        let [r, g, b] = [0, 1, 2].map(|p| f64::from(colour.at(p, x, y)));
+                        let [r, g, b] = [0, 1, 2].map(|p| f64::from(image.at(p.min(image.planes() - 1), x, y)));
                         if level == 0 { 0.299 * r + 0.587 * g + 0.114 * b } else { 0.5 * (r - g) + 128.0 }
                     };
                     let exact = (0..side * side).map(pixel).sum::<f64>() / (side * side) as f64 / 255.0;

@@ -3,6 +3,7 @@
 use foveate_kernels as kernels;
 
 use crate::scene::Image;
+use foveate_base::memory::grow;
 
 /// Values on a grid of square cells that covers a picture from its top-left corner; row-major, f32.
 ///
@@ -109,7 +110,7 @@ impl Map {
         sums.resize(image.width(), 0);
         kernels::half_intensity(planes, image.width(), sums, &mut self.values);
     }
-    /// Means of the same over squares of `side` pixels, of four of their rows at most.
+    /// Means of the same over squares of `side` pixels, of two of their rows.
     pub(super) fn square_intensity(&mut self, image: &Image, side: usize, sums: &mut Vec<u16>) {
         self.resize(image.width().div_ceil(side), image.height().div_ceil(side), side);
         let last = image.planes() - 1;
@@ -122,8 +123,8 @@ impl Map {
     pub(super) fn halve(&self, across: &mut Vec<f32>, to: &mut Self) {
         let (w, h) = (self.width, self.height);
         to.resize(w.div_ceil(2), h.div_ceil(2), 2 * self.cell);
-        // Room only grows: it serves every level of every picture.
-        across.resize(across.len().max(to.width * h), 0.0);
+        // It serves every level of every picture.
+        grow(across, to.width * h);
         kernels::halve(&self.values, w, &mut across[..to.width * h], &mut to.values);
     }
     /// The map as a grey picture of its own size, to look at: 0 is black, the largest value white, negative ones black.

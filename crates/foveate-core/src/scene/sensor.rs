@@ -13,6 +13,7 @@ use super::Image;
 use crate::geometry::{Extent, Gaze, State};
 use foveate_base::Result;
 use foveate_base::error::within;
+use foveate_base::memory::grow;
 use foveate_kernels::blend;
 
 /// What unread places look like: neither bright nor dark.
@@ -240,7 +241,7 @@ impl Sensor {
     fn read(&mut self, source: &dyn Regions, window: Window) -> Result<()> {
         let planes = self.seen.planes();
         let n = window.columns * window.rows;
-        self.bytes.resize(self.bytes.len().max(n * planes), 0);
+        grow(&mut self.bytes, n * planes);
         self.values += source.read(window, &mut self.bytes[..n * planes])?;
         self.painted.push(window);
         let width = self.seen.width();
@@ -248,7 +249,7 @@ impl Sensor {
         self.taps.clear();
         self.taps.extend((window.x..right).map(|x| tap(x - window.x, window.bin.0, window.columns)));
         for line in &mut self.lines {
-            line.resize(line.len().max(self.taps.len()), 0.0);
+            grow(line, self.taps.len());
         }
         let [above, below] = &mut self.lines;
         for p in 0..planes {
