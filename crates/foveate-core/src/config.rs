@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use crate::control::{LocalSearch, Redetection};
 use crate::engine::{Engine, Filter, GazeControl, Monitor, Parts};
+use crate::identity::box_regression::{self, BoxRegression};
 use crate::identity::encoder::Encoder;
 use crate::identity::gaze_appearance::GazeAppearance;
 use crate::identity::retina::{Foveal, Retina};
@@ -146,6 +147,12 @@ impl Config {
                 "sensor: detectors and many targets need whole pictures; leave out [detector] and [multi_target], or [sensor]".into(),
             ));
         }
+        if self.sensor.is_some() && self.box_regression.is_some() {
+            return Err(Error::Config(
+                "box_regression: it looks at all of the box and around it, which a sensor does not read; leave out [box_regression], or [sensor]"
+                    .into(),
+            ));
+        }
         if self.sensor.is_some() && self.policy.looks_often() {
             return Err(Error::Config(
                 "sensor: its fovea is at one gaze a frame; policy.kind may be contextual, explore-then-commit, fixed, random, circular, exp3 or gp-ucb"
@@ -162,9 +169,11 @@ impl Config {
         let variation = self.variation.as_ref().map(|it| it.penalty(files, &*encoder)).transpose()?.flatten();
         let recogniser = self.recogniser.as_ref().map(|r| r.read(files)).transpose()?;
         let detector = self.detector.as_ref().map(|d| d.read(files)).transpose()?;
+        let boxes = self.box_regression.as_ref().map(|it| it.read(files).map(Arc::new)).transpose()?;
         let second = self.second(files)?.map(Box::new);
         let (retina, shadow) = (Arc::new(retina), vec![]);
-        let blueprint = Blueprint { config: self, retina, encoder, variation, shadow, detector, recogniser, second };
+        let blueprint =
+            Blueprint { config: self, retina, encoder, variation, boxes, shadow, detector, recogniser, second };
         blueprint.fits()?;
         blueprint.parts()?;
         Ok(blueprint)
@@ -184,6 +193,8 @@ pub struct Blueprint {
     encoder: Arc<dyn Encoder>,
     /// What the discriminant adds for how its features vary, where that is known.
     variation: Option<Arc<[f32]>>,
+    /// What regresses boxes.
+    boxes: Option<Arc<box_regression::Network>>,
     shadow: Vec<crate::geometry::Gaze>,
     detector: Option<DetectorParts>,
     recogniser: Option<reading::Recogniser>,
@@ -230,7 +241,11 @@ impl Blueprint {
             .searching(c.distractors.clone());
         let recognition = self.recogniser.as_ref().map(reading::Recogniser::recognition).transpose()?;
         let second = self.second.as_ref().map(|second| second.parts()).transpose()?;
-        Ok(Parts::new(filter, gaze, Box::new(appearance), monitor).recognising(recognition).seconded(second))
+        let regression = self.boxes.clone().zip(c.box_regression.clone());
+        Ok(Parts::new(filter, gaze, Box::new(appearance), monitor)
+            .recognising(recognition)
+            .regressing(regression.map(|(network, settings)| BoxRegression::new(network, settings)))
+            .seconded(second))
     }
     /// The same, with another retina and encoder, of whose features it is not known how they vary.
     pub fn with(&self, retina: Arc<Foveal>, encoder: Arc<dyn Encoder>) -> Self {

@@ -2,12 +2,13 @@
 //!
 //! [`Engine::step`] is the paper's loop. Each verb of it is one function: `predict` and `select` in `engine/filter.rs`,
 //! `choose`, `weigh`, `learn`, `record` and `settle` in `engine/gaze.rs`, `redetect` and `search_around` in `engine/redetect.rs`, `monitor` and `adapt` in
-//! `engine/monitor.rs`. What belongs together is kept together: [`Filter`], [`GazeControl`], [`Monitor`].
+//! `engine/monitor.rs`, `regress` in `engine/regress.rs`. What belongs together is kept together: [`Filter`], [`GazeControl`], [`Monitor`].
 
 mod filter;
 mod gaze;
 mod monitor;
 mod redetect;
+mod regress;
 mod saved;
 mod second_opinion;
 mod template;
@@ -19,6 +20,7 @@ pub use monitor::Monitor;
 use crate::control::{Belief, TrackConfidence};
 use crate::gaze::{Context, Plan};
 use crate::geometry::{Extent, Gaze, State};
+use crate::identity::box_regression::BoxRegression;
 use crate::identity::{self, Appearance, Percept};
 use crate::recognition::{Recognition, Recognized};
 use crate::reference::ReferenceLikelihood;
@@ -41,18 +43,24 @@ pub struct Parts {
     pub monitor: Monitor,
     /// p(cₜ | all looks at the estimate): what the target is called. It never changes the track, unless it has an alarm.
     pub recognition: Option<Recognition>,
+    /// Where the target's borders are, told of the box at the estimate.
+    pub box_regression: Option<BoxRegression>,
     /// A tracker whose box is compared with this one's.
     pub second_opinion: Option<Box<Parts>>,
 }
 
 impl Parts {
-    /// These parts, without a recogniser and a second opinion.
+    /// These parts, without a recogniser, box regression and a second opinion.
     pub fn new(filter: Filter, gaze: GazeControl, appearance: Box<dyn Appearance>, monitor: Monitor) -> Self {
-        Self { filter, gaze, appearance, monitor, recognition: None, second_opinion: None }
+        Self { filter, gaze, appearance, monitor, recognition: None, box_regression: None, second_opinion: None }
     }
     /// The same, with a recogniser.
     pub fn recognising(self, recognition: Option<Recognition>) -> Self {
         Self { recognition, ..self }
+    }
+    /// The same, telling boxes that this has moved.
+    pub fn regressing(self, box_regression: Option<BoxRegression>) -> Self {
+        Self { box_regression, ..self }
     }
     /// The same, with a tracker of these parts beside it, whose box is compared with this one's.
     pub fn seconded(self, second_opinion: Option<Self>) -> Self {
@@ -187,10 +195,11 @@ impl Engine {
         self.recognise(image, &estimate);
         self.adapt(image, &estimate);
         self.select(&estimate);
+        let told = self.regress(image, &estimate);
         self.measure();
         self.record(image);
         self.settle();
-        self.report(scene, estimate, confidence)
+        self.report(scene, told, confidence)
     }
 
     /// Mean, covariance and effective sample size of the weighted particles.
@@ -213,6 +222,7 @@ impl Engine {
         w.meter.clear();
         parts.appearance.measure(&mut w.meter);
         parts.recognition.iter().for_each(|recognition| recognition.measure(&mut w.meter));
+        parts.box_regression.iter().for_each(|it| it.measure(&mut w.meter));
         self.second.iter().for_each(|second| w.meter.add_all(&second.work.meter));
         w.pixels = w.meter.pixels();
     }
@@ -287,6 +297,7 @@ impl Engine {
     /// Frees what is not needed until the next step.
     pub fn compact(&mut self) {
         self.parts.appearance.compact();
+        self.parts.box_regression.iter_mut().for_each(BoxRegression::compact);
         self.second.iter_mut().for_each(|second| second.compact());
     }
 

@@ -21,7 +21,7 @@ pub struct Step<'a> {
     pub values: usize,
     /// What the tracker was told that a detector found in it.
     pub detections: &'a [Detection],
-    /// Mean of the belief.
+    /// Mean of the belief, moved by the box regression where the configuration has one.
     pub estimate: State,
     /// Covariance of the belief over x, y, vx, vy, log scale, angle.
     pub covariance: [[f64; 6]; 6],

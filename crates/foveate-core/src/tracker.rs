@@ -76,7 +76,7 @@ impl<'a> From<Step<'a>> for Output<'a> {
 }
 
 /// The format number of saved trackers.
-const FORMAT: u32 = 11;
+const FORMAT: u32 = 12;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {

@@ -43,7 +43,7 @@ pub use adam::{Adam, adam};
 pub use boxes::{BoxScratch, Pixels, Region, box_means};
 pub use classes::{add_to_both, softplus_sum};
 pub use colour::{blue_yellow, luma, red_green, take_apart};
-pub use convolve::{FILTERS, Layer, convolve};
+pub use convolve::{FILTERS, Layer, convolve, correlate};
 pub use covariance::{
     Covariance, Points, Posterior, covariances, covariances_with, likelihood_gradient, predict, slopes_times,
 };
@@ -59,7 +59,7 @@ pub use oriented::{BLOCK, DIRECTIONS, Lengths, oriented, oriented_features};
 pub use packed::{PackedWeights, Precision};
 pub use patch::{PATCH, Patch, cut_patch, patch_between, patch_residual};
 pub use plane::Plane;
-pub use rows::{add_product, add_scaled, blend, byte_products, product};
+pub use rows::{add_product, add_scaled, add_scaled_bytes, blend, byte_products, product};
 pub use sums::{dot, dots, presence, root_overlap, squared_distance, sum};
 pub use taps::{taps, taps_rows};
 pub use triangle::{SQUARE, extend, factor, invert, solve, solve_back};

@@ -17,6 +17,18 @@ levels! {
 }
 
 #[inline(always)]
+fn add_scaled_bytes_body<const V: u8>(factor: f32, x: &[u8], out: &mut [f32]) {
+    for (o, &x) in out.iter_mut().zip(x) {
+        *o += factor * f32::from(x);
+    }
+}
+
+levels! {
+    /// `out` += `factor` · `x`, as far as both go.
+    pub fn add_scaled_bytes / add_scaled_bytes_at (factor: f32, x: &[u8], out: &mut [f32]) = add_scaled_bytes_body
+}
+
+#[inline(always)]
 fn add_product_body<const V: u8>(factor: f32, x: &[f32], y: &[f32], out: &mut [f32]) {
     for ((o, &x), &y) in out.iter_mut().zip(x).zip(y) {
         *o += factor * x * y;

@@ -6,7 +6,7 @@ use crate::control::{
     CameraMotion, ConfidenceModel, ConsistencySettings, DetectionLikelihood, DistractorSettings, LocalSearchSettings,
     RedetectionSettings, Resampling,
 };
-use crate::identity::{colour, discriminant, fusion};
+use crate::identity::{box_regression, colour, discriminant, fusion};
 use crate::multi;
 use crate::scene::SensorSettings;
 use crate::start::StartSpread;
@@ -68,6 +68,7 @@ checked!(
     colour::Settings,
     discriminant::Settings,
     discriminant::ShortTerm,
+    box_regression::Settings,
     discriminant::Variation,
     fusion::Settings,
     multi::Settings,

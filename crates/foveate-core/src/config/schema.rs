@@ -15,7 +15,7 @@ use crate::control::{
 use crate::identity::calibrate::Calibration;
 use crate::identity::gaze_appearance::Sharpness;
 use crate::identity::retina::{Foveal, FovealConfig};
-use crate::identity::{colour, discriminant, distance, fusion};
+use crate::identity::{box_regression, colour, discriminant, distance, fusion};
 use crate::start::StartSpread;
 use foveate_base::error::within;
 use foveate_base::{Error, Result};
@@ -82,6 +82,9 @@ pub struct Config {
     #[cfg(feature = "learn")]
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub online_training: Option<crate::identity::online::Settings>,
+    /// What moves the box that is told to where the target's borders are; nothing unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
+    pub box_regression: Option<box_regression::Settings>,
     /// Where it looks for what the target could be mistaken for; among the particles only unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub distractors: Option<DistractorSettings>,
@@ -217,6 +220,7 @@ impl Ranges for Config {
         self.fusion.ranges()?;
         #[cfg(feature = "learn")]
         self.online_training.ranges()?;
+        self.box_regression.ranges()?;
         self.distractors.ranges()?;
         self.sensor.ranges()?;
         self.redetection.ranges()?;

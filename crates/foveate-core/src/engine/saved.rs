@@ -7,6 +7,7 @@ use super::{Engine, Target};
 use crate::control::Redetection;
 use crate::gaze::Context;
 use crate::geometry::State;
+use crate::identity::box_regression::BoxRegression;
 use crate::identity::surroundings::Surroundings;
 use crate::recognition::Recognition;
 use foveate_base::{Error, Result};
@@ -41,6 +42,9 @@ struct Saved {
     /// None of a tracker that did not recognise; one that does begins then.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     recognizer: Option<serde_json::Value>,
+    /// What the box regression is to find; none without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    box_regression: Option<serde_json::Value>,
     /// None without a second opinion.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     second: Option<serde_json::Value>,
@@ -65,6 +69,7 @@ impl Engine {
             context: self.context,
             redetection: self.parts.filter.redetection.as_ref().map(Redetection::save),
             recognizer: self.parts.recognition.as_ref().map(Recognition::save),
+            box_regression: self.parts.box_regression.as_ref().and_then(BoxRegression::save),
             second: self.second.as_ref().map(|second| second.save()),
         };
         serde_json::to_value(saved).expect("plain data is JSON")
@@ -122,6 +127,12 @@ impl Engine {
             (Some(recognizer), Some(saved)) => recognizer.load(saved)?,
             (Some(recognizer), None) => recognizer.reset(),
             (None, _) => (),
+        }
+        if let Some(it) = &mut self.parts.box_regression {
+            if saved.target.is_some() && saved.box_regression.is_none() {
+                return Err(bad("it has no box regression; use the configuration it was saved with".into()));
+            }
+            it.load(saved.box_regression.as_ref())?;
         }
         match (&mut self.second, &saved.second) {
             (Some(second), Some(saved)) => second.load(saved)?,

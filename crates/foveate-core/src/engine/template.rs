@@ -49,6 +49,7 @@ impl Engine {
         let (state, extent) = (State { vx, vy, ..State::of(bbox) }, Extent::of(bbox));
         self.target = Some(Target { state, extent, unit: extent.mean() });
         self.parts.appearance.init_template(image, &state, extent, self.streams);
+        self.parts.box_regression.iter_mut().for_each(|it| it.imprint(image, &state, extent));
         self.look_around_first(image, &state);
         self.parts.filter.proposal.size(extent.mean());
         self.parts.filter.spread(&state, extent, self.streams.at(self.frame, Purpose::Start));

@@ -5,6 +5,7 @@
 //! (section 3.1 of the paper).
 
 pub mod accumulate;
+pub mod box_regression;
 mod buffers;
 pub mod calibrate;
 #[cfg(feature = "learn")]

@@ -78,10 +78,11 @@ impl Encoder for NetworkEncoder {
         let (filters, channels) = (first.bias.len(), first.bias.len() + 3);
         let learned = n * n / 4 * second.bias.len();
         let (weights, bias) = (&first.weights, &first.bias);
-        let first = Layer { side: self.side, channels: 1, size: SIZE, pool: 2, weights, bias };
+        let first = Layer { side: self.side, channels: 1, size: SIZE, stride: 1, pool: 2, cut: true, weights, bias };
         // Filters of 2 × 2 places that do not overlap: one place of four times the channels.
         let (weights, bias) = (&second.weights, &second.bias);
-        let second = Layer { side: n / 2, channels: 4 * channels, size: 1, pool: 1, weights, bias };
+        let second =
+            Layer { side: n / 2, channels: 4 * channels, size: 1, stride: 1, pool: 1, cut: true, weights, bias };
         let (mut grey, mut found, mut between) = ([0.0; MOST.1 * MOST.1], [0.0; BETWEEN], [0.0; BETWEEN]);
         let (found, between) = (&mut found[..n * n * filters], &mut between[..n * n * channels]);
         let grey = &mut grey[..self.side * self.side];

@@ -17,7 +17,7 @@ policy = { kind = "fixed" }
 "#;
 
 /// What a section is for and when to change it: the first words of its reference.
-const INTRODUCTIONS: [(&str, &str); 22] = [
+const INTRODUCTIONS: [(&str, &str); 23] = [
     ("resampling", "The selection step of the particle filter. Change it to compare schemes."),
     (
         "dynamics",
@@ -58,6 +58,11 @@ const INTRODUCTIONS: [(&str, &str); 22] = [
         "colour",
         "A colour model: histograms of the target and of its surroundings, updated while tracking. For targets that deform. It counts \
          less the more the two look alike.",
+    ),
+    (
+        "box_regression",
+        "A small convolutional network, trained beforehand, that moves the box that is told to where the target's borders are. Belief, search and \
+         P(lost) stay as they are. For real video.",
     ),
     (
         "distractors",

@@ -75,7 +75,8 @@ fn a_convolution_is_ours() {
     let h = features(&*encoder("rings = [[28, 2]]", ONNX, &convolution(side, filters, &w, &b)), &v);
     // Ours has the filters of one place beside each other, and so their weights; ONNX has planes.
     let ours: Vec<f32> = (0..9 * filters).map(|i| w[i % filters * 9 + i / filters]).collect();
-    let layer = foveate_kernels::Layer { side, channels: 1, size: 3, pool: 2, weights: &ours, bias: &b };
+    let layer =
+        foveate_kernels::Layer { side, channels: 1, size: 3, stride: 1, pool: 2, cut: true, weights: &ours, bias: &b };
     let places = (side - 2) / 2;
     for (v, h) in v.chunks_exact(side * side).zip(h.chunks_exact(filters * places * places)) {
         let mut wanted = vec![0.0; places * places * filters];

@@ -1,6 +1,7 @@
 //! The tracker through its public interface. One program of tests: they run beside each other, and are linked once.
 
 mod attention;
+mod box_regression;
 #[path = "../common/mod.rs"]
 mod common;
 mod config;

@@ -25,7 +25,7 @@ fn track(mut tracker: Tracker) -> Vec<(BBox, f64, f64)> {
 
 /// The configuration of a pair of few particles.
 fn pair() -> Config {
-    natural(300).config().clone()
+    Config { box_regression: None, ..natural(300).config().clone() }
 }
 
 fn tracker(config: Config) -> Tracker {

@@ -1,0 +1,188 @@
+//! Bounding-box regression: a small convolutional network sees the estimated box and as much around it, beside frame 1's, and says where
+//! the target is from it, and how large. The box that is told goes a part of the way there.
+//!
+//! Weights of the particles say which of the places looked at is the likeliest; they know nothing of how targets change and where their
+//! borders are, and what they err by changes slowly: one look in a few frames is enough. Where borders are is learned once, from tracks with true boxes and from photographs put before others
+//! (`bench/train_box_regression.py`), for targets of all kinds (Girshick et al., 2014; Held et al., *Learning to track at 100 FPS with deep
+//! regression networks*, 2016); both pictures are compared as by Dosovitskiy et al. (*FlowNet*, 2015).
+//!
+//! Deviation: the paper tells the mean of the belief. Belief, search, what is learned while tracking and P(lost) are the same with it and
+//! without: followed by them, what the network errs by would come back to it (docs/lab/real-video.md).
+
+mod glimpse;
+mod network;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use self::glimpse::Glimpse;
+use self::network::{Scratch, Template};
+use super::numbers;
+use crate::geometry::{Extent, State};
+use crate::scene::{Image, Meter};
+use foveate_base::error::within;
+use foveate_base::files::Files;
+use foveate_base::{Error, Result};
+
+pub use network::{Answer, Network};
+
+/// The farthest that a box goes, half sides and log scale: the network was trained on boxes that are farther off, and errs there.
+const FARTHEST: f64 = 0.5;
+
+/// The largest feature that is taken of a saved tracker, and more frames than any video has.
+const MOST: f32 = 1e4;
+const MOST_FRAMES: u64 = 1 << 48;
+
+/// Settings of the box regression.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// A file of `bench/train_box_regression.py`, or `builtin:natural-boxes`.
+    pub weights: String,
+    /// How much of the way the box goes, 0 to 1; less where the network takes the target to be elsewhere.
+    pub gain: f64,
+    /// Frames from one look to the next, 1 to 100.
+    pub every: usize,
+    /// How much the last look counts in the running mean of what is said, above 0 to 1.
+    pub rate: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self { weights: "builtin:natural-boxes".into(), gain: 0.85, every: 3, rate: 0.5 }
+    }
+}
+
+impl Settings {
+    /// Fails where a number is out of range.
+    pub fn check(&self) -> Result<()> {
+        within("box_regression.gain", self.gain, 0.0, 1.0)?;
+        within("box_regression.every", self.every as f64, 1.0, 100.0)?;
+        within("box_regression.rate", self.rate, 1e-3, 1.0)
+    }
+
+    /// The network.
+    ///
+    /// # Errors
+    /// Where the file cannot be read, or is none of `bench/train_box_regression.py`.
+    pub fn read(&self, files: &dyn Files) -> Result<Network> {
+        let path = Path::new(&self.weights);
+        match self.weights.strip_prefix("builtin:") {
+            None => Network::parse(&files.read(path)?, path),
+            Some("natural-boxes") => Network::parse(include_bytes!("../../models/natural-boxes.json"), path),
+            Some(name) => Err(Error::Config(format!(
+                "box_regression.weights: there is no builtin:{name}; there is builtin:natural-boxes, or the name of a file of \
+                 `bench/train_box_regression.py`"
+            ))),
+        }
+    }
+}
+
+/// The network, what it is to find, and what it saw last.
+pub struct BoxRegression {
+    network: Arc<Network>,
+    settings: Settings,
+    template: Option<Template>,
+    said: Said,
+    glimpse: Glimpse,
+    scratch: Scratch,
+}
+
+/// Where the target is from the estimate, by the looks until now.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Said {
+    /// Frames since the target was given.
+    frames: u64,
+    /// The running mean: right and down, half sides; log size.
+    mean: [f64; 3],
+}
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    /// Its features, encoded.
+    template: String,
+    said: Said,
+}
+
+impl BoxRegression {
+    /// Of a network.
+    pub fn new(network: Arc<Network>, settings: Settings) -> Self {
+        let (glimpse, scratch) = Default::default();
+        Self { network, settings, template: None, said: Said::default(), glimpse, scratch }
+    }
+
+    /// Takes what is in this box for the target.
+    pub fn imprint(&mut self, image: &Image, state: &State, extent: Extent) {
+        self.look(image, state, extent);
+        self.template = Some(self.network.template(self.scratch.features()));
+        self.said = Said::default();
+    }
+
+    /// What the network says of this box. Panics before there is a template.
+    pub fn answer(&mut self, image: &Image, state: &State, extent: Extent) -> Answer {
+        self.look(image, state, extent);
+        let template = self.template.as_ref().expect("a template is imprinted before the first answer");
+        self.network.answer(template, &mut self.scratch)
+    }
+
+    /// Where the box of the next frame is told to be.
+    pub fn moved(&mut self, image: &Image, state: &State, extent: Extent) -> State {
+        let (every, rate, gain) = (self.settings.every as u64, self.settings.rate, self.settings.gain);
+        self.glimpse.read = None;
+        if self.said.frames.is_multiple_of(every) {
+            let Answer { offset: [u, v], log_scale, lost, .. } = self.answer(image, state, extent);
+            let there = 1.0 / (1.0 + f64::from(lost).exp());
+            for (mean, x) in self.said.mean.iter_mut().zip([u, v, log_scale]) {
+                *mean += rate * (there * f64::from(x).clamp(-FARTHEST, FARTHEST) - *mean);
+            }
+        }
+        self.said.frames += 1;
+        let ([u, v, log_scale], (half_w, half_h)) = (self.said.mean.map(|x| gain * x), state.half(extent));
+        State { x: state.x + u * half_w, y: state.y + v * half_h, log_scale: state.log_scale + log_scale, ..*state }
+    }
+
+    /// Counts what it read of the last picture.
+    pub fn measure(&self, meter: &mut Meter) {
+        self.glimpse.read.into_iter().for_each(|read| meter.add(read));
+    }
+
+    /// What it is to find and what was said, as plain data; nothing before there is a template.
+    pub(crate) fn save(&self) -> Option<serde_json::Value> {
+        let template = numbers::encode(&self.template.as_ref()?.features);
+        Some(serde_json::to_value(Saved { template, said: self.said }).expect("plain data is JSON"))
+    }
+
+    /// Takes up what `save` gave.
+    ///
+    /// # Errors
+    /// Where it is not that.
+    pub(crate) fn load(&mut self, saved: Option<&serde_json::Value>) -> Result<()> {
+        let Some(saved) = saved else {
+            (self.template, self.said) = Default::default();
+            return Ok(());
+        };
+        let bad =
+            |what: String| Error::Invalid(format!("the saved tracker cannot be used: its box regression: {what}"));
+        let Saved { template, said } = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
+        let whole = |features: &Vec<f32>| features.len() == network::KEPT && features.iter().all(|x| x.abs() <= MOST);
+        let features = numbers::decode(&template).filter(whole);
+        let features = features.ok_or_else(|| bad(format!("what it is to find is not {} features", network::KEPT)))?;
+        if said.mean.iter().any(|x| x.abs() > FARTHEST) || said.frames > MOST_FRAMES {
+            return Err(bad(format!("it moves the box by {:?} after {} frames", said.mean, said.frames)));
+        }
+        (self.template, self.said) = (Some(self.network.template(&features)), said);
+        Ok(())
+    }
+
+    /// Frees what is not needed until the next look.
+    pub(crate) fn compact(&mut self) {
+        (self.glimpse, self.scratch) = Default::default();
+    }
+
+    fn look(&mut self, image: &Image, state: &State, extent: Extent) {
+        self.glimpse.take(image, state, extent);
+        self.network.look(&self.glimpse.values, &mut self.scratch);
+    }
+}

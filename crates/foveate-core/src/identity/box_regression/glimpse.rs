@@ -1,0 +1,186 @@
+//! What the network sees: a box and as much around it, in cells that are means of the pixels under them, whatever the size of the box.
+
+use crate::geometry::{Extent, State};
+use crate::scene::Image;
+use foveate_base::memory::grow;
+use foveate_kernels as kernels;
+
+/// Cells along a side, and half of what they cover, half sides of the box.
+pub(super) const SIDE: usize = 32;
+const REACH: f64 = 2.0;
+/// Red, green, blue.
+pub(super) const CHANNELS: usize = 3;
+/// Pixels that a cell of a large box is made of along a side, at least; others are left out.
+const PIXELS: f64 = 3.0;
+/// What the standard deviation is softened by, grey levels.
+const SOFT: f32 = 8.0;
+
+/// Buffers of a glimpse, and the glimpse.
+#[derive(Clone, Debug, Default)]
+pub struct Glimpse {
+    across: Vec<(usize, f32)>,
+    down: Vec<(usize, f32)>,
+    ends: [Vec<usize>; 2],
+    row: Vec<f32>,
+    /// `SIDE` × `SIDE` × `CHANNELS`, of mean 0, in standard deviations of grey.
+    pub values: Vec<f32>,
+    /// What was read of the last picture, if it was looked at: left column, top row, width, height.
+    pub read: Option<(usize, usize, usize, usize)>,
+}
+
+impl Glimpse {
+    /// Looks at a box. Outside the picture its border goes on.
+    pub fn take(&mut self, image: &Image, state: &State, extent: Extent) {
+        let (half_w, half_h) = state.half(extent);
+        let Self { across, down, ends: [to_right, to_bottom], row, values, read } = self;
+        let (left, width) = cells(state.x, half_w, image.width(), across, to_right);
+        let (top, height) = cells(state.y, half_h, image.height(), down, to_bottom);
+        *read = Some((left, top, width, height));
+        values.clear();
+        values.resize(SIDE * SIDE * CHANNELS, 0.0);
+        grow(row, width);
+        let row = &mut row[..width];
+        for c in 0..CHANNELS {
+            let plane = image.plane(c.min(image.planes() - 1));
+            let mut from = 0;
+            for (y, &to) in to_bottom.iter().enumerate() {
+                row.fill(0.0);
+                for &(pixel, share) in &down[from..to] {
+                    kernels::add_scaled_bytes(share, &plane[pixel * image.width() + left..][..width], row);
+                }
+                from = to;
+                let mut from = 0;
+                for (x, &to) in to_right.iter().enumerate() {
+                    let parts = across[from..to].iter().map(|&(pixel, share)| share * row[pixel - left]);
+                    values[(y * SIDE + x) * CHANNELS + c] = parts.sum();
+                    from = to;
+                }
+            }
+        }
+        standardise(values);
+    }
+}
+
+/// Of each cell along an axis the pixels under it and their shares, which sum to 1; the end of each cell's; the first pixel, and how many.
+///
+/// A pixel counts as a bilinear read has it: by the part of its hat that lies over the cell.
+fn cells(
+    centre: f64,
+    half: f64,
+    pixels: usize,
+    shares: &mut Vec<(usize, f32)>,
+    ends: &mut Vec<usize>,
+) -> (usize, usize) {
+    let last = pixels as f64 - 1.0;
+    let size = 2.0 * REACH * half / SIDE as f64;
+    let step = (size / PIXELS).floor().clamp(1.0, 1e12);
+    let (size, centre) = (size / step, (centre / step).clamp(-1e9, 1e9));
+    shares.clear();
+    ends.clear();
+    for k in 0..SIDE {
+        let from = centre + (k as f64 - 0.5 * SIDE as f64) * size;
+        let (first, past) = ((from - 1.0).floor() + 1.0, (from + size + 1.0).ceil());
+        for i in 0..(past - first) as usize {
+            let at = first + i as f64;
+            let share = (hat(from + size - at) - hat(from - at)) / size;
+            shares.push(((at * step).clamp(0.0, last) as usize, share as f32));
+        }
+        ends.push(shares.len());
+    }
+    let (first, past) = (shares[0].0, shares[shares.len() - 1].0 + 1);
+    (first, past - first)
+}
+
+/// The part of a hat over −1 to 1 that lies below `at`.
+fn hat(at: f64) -> f64 {
+    let at = at.clamp(-1.0, 1.0);
+    if at < 0.0 { 0.5 * (at + 1.0).powi(2) } else { 1.0 - 0.5 * (1.0 - at).powi(2) }
+}
+
+/// Mean 0; the standard deviation of grey, about, is 1.
+fn standardise(values: &mut [f32]) {
+    let (pixels, _) = values.as_chunks::<CHANNELS>();
+    let cells = pixels.len() as f32;
+    let mean = kernels::sum(values) / values.len() as f32;
+    let grey = |[r, g, b]: &[f32; CHANNELS]| (r + g + b) / CHANNELS as f32 - mean;
+    let variance = pixels.iter().map(|pixel| grey(pixel).powi(2)).sum::<f32>() / cells;
+    let gain = 1.0 / (variance.sqrt() + SOFT);
+    values.iter_mut().for_each(|x| *x = (*x - mean) * gain);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::BBox;
+
+    fn taken(image: &Image, bbox: BBox) -> Glimpse {
+        let mut glimpse = Glimpse::default();
+        glimpse.take(image, &State::of(&bbox), Extent::of(&bbox));
+        glimpse
+    }
+
+    fn picture(width: usize, height: usize, value: impl Fn(usize, usize) -> u8) -> Image {
+        let mut image = Image::grey(width, height, 0);
+        image.plane_mut(0).iter_mut().enumerate().for_each(|(i, v)| *v = value(i % width, i / width));
+        image
+    }
+
+    /// A slope stays a slope where no border is in view: cells of any size are where they should be.
+    #[test]
+    fn cells_lie_where_they_should() {
+        let image = picture(256, 256, |x, _| x as u8);
+        for (bbox, reads) in [
+            (BBox::around(120.0, 120.0, 24.0, 40.0), true),
+            (BBox::around(120.3, 119.1, 100.0, 7.0), true),
+            (BBox::around(120.0, 120.0, 5.0, 5.0), true),
+        ] {
+            let glimpse = taken(&image, bbox);
+            // Equal from row to row, equal steps from column to column.
+            let at = |x: usize, y: usize| glimpse.values[(y * SIDE + x) * CHANNELS];
+            let step = at(1, 0) - at(0, 0);
+            for (x, y) in (0..SIDE - 1).flat_map(|x| (0..SIDE).map(move |y| (x, y))) {
+                assert!(
+                    (at(x + 1, y) - at(x, y) - step).abs() < 2e-2 * step,
+                    "{x}, {y}: {} after {}",
+                    at(x + 1, y),
+                    at(x, y)
+                );
+            }
+            assert!((at(15, 3) + at(16, 3)).abs() < 1e-3, "the centre is the mean");
+            let (left, top, width, height) = glimpse.read.expect("it was looked at");
+            let (w, h) = (2.0 * bbox.w, 2.0 * bbox.h);
+            assert!(reads && (width as f64 - w).abs() < 4.0 && (height as f64 - h).abs() < 4.0, "{:?}", glimpse.read);
+            assert!(left + width <= 256 && top + height <= 256);
+        }
+    }
+
+    #[test]
+    fn shares_of_a_cell_sum_to_one() {
+        let (mut shares, mut ends) = (vec![], vec![]);
+        for (centre, half, pixels) in
+            [(10.0, 3.0, 40), (-500.0, 8.0, 20), (1e7, 90.0, 20), (3.3, 1e6, 50), (7.0, 1.0, 9), (0.0, 0.001, 1)]
+        {
+            let (first, count) = cells(centre, half, pixels, &mut shares, &mut ends);
+            assert!(first + count <= pixels && ends.len() == SIDE);
+            let mut from = 0;
+            for &to in &ends {
+                let sum: f32 = shares[from..to].iter().map(|share| share.1).sum();
+                assert!((sum - 1.0).abs() < 1e-3 && to - from < 12, "{sum} of {}", to - from);
+                from = to;
+            }
+        }
+    }
+
+    /// Light and contrast do not change it, but for the softening.
+    #[test]
+    fn it_does_not_see_how_light_it_is() {
+        let value = |x: usize, y: usize| (x * 7 + y * 13) % 100;
+        let plain = taken(&picture(80, 60, |x, y| value(x, y) as u8), BBox::around(40.0, 30.0, 16.0, 12.0));
+        let light = taken(&picture(80, 60, |x, y| 50 + 2 * value(x, y) as u8), BBox::around(40.0, 30.0, 16.0, 12.0));
+        let flat = taken(&Image::grey(80, 60, 9), BBox::around(40.0, 30.0, 16.0, 12.0));
+        let gain = light.values[0] / plain.values[0];
+        assert!((1.0..1.5).contains(&gain), "{gain}");
+        assert!(plain.values.iter().zip(&light.values).all(|(a, b)| (gain * a - b).abs() < 1e-3));
+        assert!(flat.values.iter().all(|x| x.abs() < 1e-4));
+    }
+}

@@ -1,0 +1,407 @@
+//! The network: what it says of a picture of a box's surroundings beside one of the target's.
+
+use std::path::Path;
+
+use base64::{Engine as _, engine::general_purpose::STANDARD};
+use serde::{Deserialize, Serialize};
+
+use super::glimpse::{CHANNELS, SIDE};
+use foveate_base::{Error, Result};
+use foveate_kernels::{self as kernels, Layer};
+
+/// Places along a side of the map of features, and their channels.
+const PLACES: usize = 8;
+const FEATURES: usize = 32;
+/// Numbers that are kept of a target.
+pub(super) const KEPT: usize = PLACES * PLACES * FEATURES;
+/// Places that features are compared with, along a side: up to two away, half a box.
+const REACH: usize = 2;
+const COMPARED: usize = (2 * REACH + 1) * (2 * REACH + 1);
+/// Features that stand beside the comparisons, of each of the two pictures.
+const BESIDE: usize = 16;
+/// Channels of what both pictures are joined to.
+const JOINED: usize = 48;
+const DENSE: usize = 64;
+const ANSWERS: usize = 7;
+/// What squares of features are softened by before their length is made 1.
+const SOFT: f32 = 0.01;
+
+/// Name of a layer, places along a side of its filters, its channels, its filters.
+const LAYERS: [(&str, usize, usize, usize); 9] = [
+    ("first", 5, CHANNELS, 16),
+    ("second", 3, 16, 32),
+    ("third", 3, 32, FEATURES),
+    ("search", 1, FEATURES, BESIDE),
+    ("template", 1, FEATURES, BESIDE),
+    ("joint", 3, COMPARED + 2 * BESIDE, JOINED),
+    ("narrow", 3, JOINED, JOINED),
+    ("dense", PLACES / 2, JOINED, DENSE),
+    ("answer", 1, DENSE, ANSWERS),
+];
+
+/// Filters of one layer.
+#[derive(Clone, Debug, PartialEq)]
+struct Filters {
+    /// For each row, column and channel of a filter, the weights of all filters.
+    weights: Vec<f32>,
+    bias: Vec<f32>,
+}
+
+/// As a layer is in a file: bytes, and what those of a filter are multiplied by.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    name: String,
+    /// Rows, columns, channels, filters.
+    shape: [usize; 4],
+    /// In base64: signed bytes; 32-bit floats, the least significant byte first.
+    weights: String,
+    scales: String,
+    bias: String,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    /// How it was made.
+    command: String,
+    /// What of.
+    data: String,
+    layers: Vec<Written>,
+}
+
+/// The layers, checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Network {
+    layers: Vec<Filters>,
+    /// Those of `joint` that see the target's features, apart.
+    joint_template: Vec<f32>,
+}
+
+/// What is kept of the target's own picture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Template {
+    /// As the third layer has them.
+    pub(super) features: Vec<f32>,
+    /// The same, each place of length 1.
+    even: Vec<f32>,
+    /// What they add to `joint`, a value a place and filter.
+    joined: Vec<f32>,
+}
+
+/// What the network says of a box, in its half sides.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Answer {
+    /// Where the target's centre is from the box's: right, down.
+    pub offset: [f32; 2],
+    /// Logarithm of the target's size over the box's.
+    pub log_scale: f32,
+    /// Logarithms of what each of the three is expected to err by.
+    pub log_spread: [f32; 3],
+    /// Log odds that the target is not there.
+    pub lost: f32,
+}
+
+/// What a look needs, taken once.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    framed: Vec<f32>,
+    found: Vec<f32>,
+    features: Vec<f32>,
+    joined: Vec<f32>,
+}
+
+impl Scratch {
+    /// Of the glimpse that was looked at last.
+    pub fn features(&self) -> &[f32] {
+        &self.features
+    }
+}
+
+impl Network {
+    /// Of what a file says.
+    ///
+    /// # Errors
+    /// Where it is none of `bench/train_box_regression.py`, or damaged.
+    pub fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
+        let wrong = |problem: String| {
+            Error::malformed(path, format!("{problem}; expected a file of `bench/train_box_regression.py`"))
+        };
+        let file: File = serde_json::from_slice(bytes).map_err(|e| wrong(e.to_string()))?;
+        if file.layers.len() != LAYERS.len() {
+            return Err(wrong(format!("it has {} layers, not {}", file.layers.len(), LAYERS.len())));
+        }
+        let layers = file.layers.iter().zip(LAYERS).map(|(layer, expected)| read(layer, expected));
+        Ok(Self::of(layers.collect::<std::result::Result<_, _>>().map_err(wrong)?))
+    }
+
+    fn of(layers: Vec<Filters>) -> Self {
+        let (channels, own) = (COMPARED + 2 * BESIDE, COMPARED + BESIDE);
+        let (mut joint, mut joint_template) = (vec![], vec![]);
+        for place in layers[5].weights.chunks_exact(channels * JOINED) {
+            joint.extend_from_slice(&place[..own * JOINED]);
+            joint_template.extend_from_slice(&place[own * JOINED..]);
+        }
+        let mut layers = layers;
+        layers[5].weights = joint;
+        Self { layers, joint_template }
+    }
+
+    /// Features of a glimpse (`SIDE` × `SIDE` × `CHANNELS`), into `scratch.features`.
+    pub(super) fn look(&self, glimpse: &[f32], scratch: &mut Scratch) {
+        let Scratch { framed, found, features, .. } = scratch;
+        frame(glimpse, (SIDE, CHANNELS, 2), framed);
+        self.layer(0, (SIDE + 4, CHANNELS, 2, true), framed, found);
+        frame(found, (SIDE / 2, 16, 1), framed);
+        self.layer(1, (SIDE / 2 + 2, 16, 2, true), framed, found);
+        frame(found, (PLACES, 32, 1), framed);
+        self.layer(2, (PLACES + 2, 32, 1, false), framed, features);
+    }
+
+    /// What is kept of the target's picture, of its features.
+    pub(super) fn template(&self, features: &[f32]) -> Template {
+        let (mut beside, mut framed, mut joined, mut even) = (vec![], vec![], vec![], features.to_vec());
+        self.layer(4, (PLACES, FEATURES, 1, false), features, &mut beside);
+        frame(&beside, (PLACES, BESIDE, 1), &mut framed);
+        let (weights, bias) = (&*self.joint_template, &*self.layers[5].bias);
+        joined.resize(PLACES * PLACES * JOINED, 0.0);
+        let layer =
+            Layer { side: PLACES + 2, channels: BESIDE, size: 3, stride: 1, pool: 1, cut: false, weights, bias };
+        kernels::convolve(&layer, &framed, &mut joined);
+        level(&mut even);
+        Template { features: features.to_vec(), even, joined }
+    }
+
+    /// What it says of the features that were looked at last, beside the target's.
+    pub(super) fn answer(&self, template: &Template, scratch: &mut Scratch) -> Answer {
+        let Scratch { framed, found, features, joined } = scratch;
+        let across = COMPARED + BESIDE;
+        joined.resize(PLACES * PLACES * across, 0.0);
+        self.layer(3, (PLACES, FEATURES, 1, false), features, found);
+        for (to, beside) in joined.chunks_exact_mut(across).zip(found.chunks_exact(BESIDE)) {
+            to[COMPARED..].copy_from_slice(beside);
+        }
+        level(features);
+        kernels::correlate([PLACES, FEATURES, REACH], features, &template.even, joined, across);
+        frame(joined, (PLACES, across, 1), framed);
+        let weights = &*self.layers[5].weights;
+        let layer = Layer {
+            size: 3,
+            stride: 1,
+            pool: 1,
+            cut: true,
+            side: PLACES + 2,
+            channels: across,
+            weights,
+            bias: &template.joined,
+        };
+        found.resize(PLACES * PLACES * JOINED, 0.0);
+        kernels::convolve(&layer, framed, found);
+        frame(found, (PLACES, JOINED, 1), framed);
+        self.layer(6, (PLACES + 2, JOINED, 2, true), framed, found);
+        self.layer(7, (PLACES / 2, JOINED, 1, true), found, framed);
+        let last = &self.layers[8];
+        let mut out = [0.0; ANSWERS];
+        out.copy_from_slice(&last.bias);
+        for (value, weights) in framed.iter().zip(last.weights.chunks_exact(ANSWERS)) {
+            out.iter_mut().zip(weights).for_each(|(out, weight)| *out += value * weight);
+        }
+        let [u, v, log_scale, a, b, c, lost] = out;
+        Answer { offset: [u, v], log_scale, log_spread: [a, b, c], lost }
+    }
+
+    /// One layer, of a map that has its frame already.
+    fn layer(
+        &self,
+        k: usize,
+        (side, channels, stride, cut): (usize, usize, usize, bool),
+        map: &[f32],
+        out: &mut Vec<f32>,
+    ) {
+        let (Filters { weights, bias }, size) = (&self.layers[k], LAYERS[k].1);
+        out.resize(((side - size) / stride + 1).pow(2) * bias.len(), 0.0);
+        kernels::convolve(&Layer { side, channels, size, stride, pool: 1, cut, weights, bias }, map, out);
+    }
+}
+
+/// A layer of a file, of the shape that it must have.
+fn read(
+    layer: &Written,
+    (name, size, channels, filters): (&str, usize, usize, usize),
+) -> std::result::Result<Filters, String> {
+    let shape = [size, size, channels, filters];
+    if layer.name != name || layer.shape != shape {
+        return Err(format!("the layer {} of {:?} stands where {name} of {shape:?} should", layer.name, layer.shape));
+    }
+    let decoded = |what: &str, text: &str, bytes: usize| {
+        let found = STANDARD.decode(text).map_err(|e| format!("{name}.{what}: {e}"))?;
+        let enough = found.len() == bytes;
+        enough.then_some(()).ok_or_else(|| format!("{name}.{what} has {} bytes, not {bytes}", found.len()))?;
+        Ok::<_, String>(found)
+    };
+    let floats = |what: &str, text: &str| {
+        let bytes = decoded(what, text, 4 * filters)?;
+        let floats: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        let sane = floats.iter().all(|x| x.abs() <= 1e3);
+        sane.then_some(floats).ok_or_else(|| format!("{name}.{what} has a number that is not finite, or beyond 1000"))
+    };
+    let (scales, bias) = (floats("scales", &layer.scales)?, floats("bias", &layer.bias)?);
+    let bytes = decoded("weights", &layer.weights, size * size * channels * filters)?;
+    let weights =
+        bytes.iter().zip(scales.iter().cycle()).map(|(b, scale)| f32::from(b.cast_signed()) * scale).collect();
+    Ok(Filters { weights, bias })
+}
+
+/// `out` ← a map of `side` × `side` × `channels` with so many places of zeros around it.
+fn frame(map: &[f32], (side, channels, margin): (usize, usize, usize), out: &mut Vec<f32>) {
+    let across = (side + 2 * margin) * channels;
+    out.clear();
+    out.resize(across * (side + 2 * margin), 0.0);
+    for (y, row) in map.chunks_exact(side * channels).enumerate() {
+        out[(y + margin) * across + margin * channels..][..row.len()].copy_from_slice(row);
+    }
+}
+
+/// Makes the mean square of each place's features 1, about.
+fn level(features: &mut [f32]) {
+    for place in features.chunks_exact_mut(FEATURES) {
+        let gain = 1.0 / (kernels::dot(place, place) / FEATURES as f32 + SOFT).sqrt();
+        place.iter_mut().for_each(|x| *x *= gain);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate_base::rng::Streams;
+    use rand::RngExt;
+
+    /// Weights of random numbers, as a file.
+    pub(in crate::identity::box_regression) fn random(seed: u64) -> Vec<u8> {
+        let mut rng = Streams::new(seed, 0).rng(0);
+        let floats = |x: &[f32]| STANDARD.encode(x.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>());
+        let layers = LAYERS.map(|(name, size, channels, filters)| {
+            let n = size * size * channels;
+            let bytes: Vec<u8> = (0..n * filters).map(|_| rng.random::<u8>()).collect();
+            let scales = vec![0.02 / (n as f32).sqrt(); filters];
+            let bias: Vec<f32> = (0..filters).map(|_| rng.random::<f32>() - 0.5).collect();
+            Written {
+                name: name.into(),
+                shape: [size, size, channels, filters],
+                weights: STANDARD.encode(bytes),
+                scales: floats(&scales),
+                bias: floats(&bias),
+            }
+        });
+        let file = File { command: "c".into(), data: "d".into(), layers: layers.into() };
+        serde_json::to_vec(&file).expect("plain data")
+    }
+
+    fn glimpse(stream: u64) -> Vec<f32> {
+        let mut rng = Streams::new(9, 0).rng(stream);
+        (0..SIDE * SIDE * CHANNELS).map(|_| 2.0 * rng.random::<f32>() - 1.0).collect()
+    }
+
+    /// A layer by plain loops in f64: zeros around the map.
+    fn plain(filters: &Filters, map: &[f64], (side, size, stride, cut): (usize, usize, usize, bool)) -> Vec<f64> {
+        let (margin, n) = (size / 2, filters.bias.len());
+        let channels = map.len() / (side * side);
+        let mut out = vec![];
+        for (y, x, f) in
+            (0..side / stride).flat_map(|y| (0..side / stride).flat_map(move |x| (0..n).map(move |f| (y, x, f))))
+        {
+            let mut sum = f64::from(filters.bias[f]);
+            for (i, j, c) in (0..size).flat_map(|i| (0..size).flat_map(move |j| (0..channels).map(move |c| (i, j, c))))
+            {
+                let (row, column) = ((y * stride + i).wrapping_sub(margin), (x * stride + j).wrapping_sub(margin));
+                if row < side && column < side {
+                    let weight = filters.weights[((i * size + j) * channels + c) * n + f];
+                    sum += map[(row * side + column) * channels + c] * f64::from(weight);
+                }
+            }
+            out.push(if cut { sum.max(0.0) } else { sum });
+        }
+        out
+    }
+
+    /// The definition, with both pictures joined before they are looked at.
+    #[test]
+    fn it_says_what_the_definition_says() {
+        let bytes = random(3);
+        let network = Network::parse(&bytes, Path::new("n")).expect("just written");
+        let file: File = serde_json::from_slice(&bytes).expect("just written");
+        let layers: Vec<Filters> =
+            file.layers.iter().zip(LAYERS).map(|(layer, expected)| read(layer, expected).expect("whole")).collect();
+        let features = |glimpse: &[f32]| {
+            let map: Vec<f64> = glimpse.iter().copied().map(f64::from).collect();
+            let map = plain(&layers[0], &map, (32, 5, 2, true));
+            plain(&layers[2], &plain(&layers[1], &map, (16, 3, 2, true)), (8, 3, 1, false))
+        };
+        let (a, b) = (features(&glimpse(1)), features(&glimpse(2)));
+        let even = |map: &[f64]| -> Vec<f64> {
+            let places = map.chunks_exact(FEATURES);
+            places
+                .flat_map(|p| {
+                    let gain = (p.iter().map(|x| x * x).sum::<f64>() / FEATURES as f64 + f64::from(SOFT)).sqrt();
+                    p.iter().map(move |x| x / gain)
+                })
+                .collect()
+        };
+        let (even_a, even_b) = (even(&a), even(&b));
+        let beside = [plain(&layers[3], &b, (8, 1, 1, false)), plain(&layers[4], &a, (8, 1, 1, false))];
+        let mut joined = vec![];
+        for place in 0..64usize {
+            for (i, j) in (0..5usize).flat_map(|i| (0..5usize).map(move |j| (i, j))) {
+                let (row, column) = ((place / 8 + i).wrapping_sub(2), (place % 8 + j).wrapping_sub(2));
+                let product = |c: usize| even_b[place * 32 + c] * even_a[(row * 8 + column) * 32 + c] / 32.0;
+                joined.push(if row < 8 && column < 8 { (0..32).map(product).sum() } else { 0.0 });
+            }
+            beside.iter().for_each(|map| joined.extend_from_slice(&map[place * BESIDE..][..BESIDE]));
+        }
+        let map = plain(&layers[6], &plain(&layers[5], &joined, (8, 3, 1, true)), (8, 3, 2, true));
+        let whole = |filters: &Filters, map: &[f64], f: usize| {
+            let n = filters.bias.len();
+            f64::from(filters.bias[f])
+                + map.iter().enumerate().map(|(i, x)| x * f64::from(filters.weights[i * n + f])).sum::<f64>()
+        };
+        let dense: Vec<f64> = (0..DENSE).map(|f| whole(&layers[7], &map, f).max(0.0)).collect();
+        let exact: Vec<f64> = (0..ANSWERS).map(|f| whole(&layers[8], &dense, f)).collect();
+        let mut scratch = Scratch::default();
+        network.look(&glimpse(1), &mut scratch);
+        let template = network.template(&scratch.features);
+        for _ in 0..2 {
+            network.look(&glimpse(2), &mut scratch);
+            let Answer { offset: [u, v], log_scale, log_spread: [p, q, r], lost } =
+                network.answer(&template, &mut scratch);
+            for (found, exact) in [u, v, log_scale, p, q, r, lost].into_iter().zip(&exact) {
+                assert!((f64::from(found) - exact).abs() < 1e-3, "{found}, not {exact}");
+            }
+        }
+    }
+
+    #[test]
+    fn files_that_are_none_are_refused() {
+        let bytes = random(4);
+        let said = |bytes: &[u8]| Network::parse(bytes, Path::new("f")).expect_err("refused").to_string();
+        let change = |change: fn(&mut File)| {
+            let mut file: File = serde_json::from_slice(&bytes).expect("just written");
+            change(&mut file);
+            serde_json::to_vec(&file).expect("plain data")
+        };
+        let infinite = |n: usize| STANDARD.encode(f32::INFINITY.to_le_bytes().repeat(n));
+        for (bytes, part) in [
+            (b"{}".to_vec(), "missing field"),
+            (change(|file| file.layers.truncate(3)), "it has 3 layers, not 9"),
+            (change(|file| file.layers.swap(0, 1)), "the layer second"),
+            (change(|file| file.layers[2].weights.truncate(8)), "third.weights has"),
+            (change(|file| file.layers[2].weights.push('!')), "third.weights: "),
+            (change(|file| file.layers[8].bias = String::new()), "answer.bias has 0 bytes, not 28"),
+        ] {
+            let said = said(&bytes);
+            assert!(said.contains(part) && said.contains("bench/train_box_regression.py"), "{said}");
+        }
+        let mut file: File = serde_json::from_slice(&bytes).expect("just written");
+        file.layers[8].scales = infinite(ANSWERS);
+        assert!(said(&serde_json::to_vec(&file).expect("plain data")).contains("not finite"));
+    }
+}

@@ -1,0 +1,143 @@
+//! Box regression moves the box that is told, and nothing else; and it moves it to the target.
+
+use crate::common::{INIT, frame, natural, truth};
+use foveate::Tracker;
+use foveate::config::Config;
+use foveate::files::Folder;
+use foveate::geometry::{BBox, Extent, State};
+use foveate::identity::box_regression::{BoxRegression, Settings};
+use std::sync::Arc;
+
+const FRAMES: usize = 24;
+
+fn config(settings: &[&str]) -> Config {
+    let natural = natural(300).config().clone();
+    settings.iter().fold(natural, |config, setting| config.set(setting).expect("a key"))
+}
+
+fn tracker(config: Config) -> Tracker {
+    config.check(&Folder::here()).and_then(|blueprint| blueprint.tracker(5)).expect("parts that fit")
+}
+
+/// The state told, and all else that follows from a frame.
+fn track(settings: &[&str]) -> Vec<(State, String)> {
+    let mut tracker = tracker(config(settings));
+    tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
+    (1..FRAMES)
+        .map(|i| {
+            let frame = frame(i, 3);
+            let seen = tracker.update(&frame.image).expect("a picture of the first size");
+            let step = &seen.step;
+            (seen.state, format!("{:?} {:?} {:?}", step.confidence, step.predicted, step.weights))
+        })
+        .collect()
+}
+
+#[test]
+fn it_moves_the_box_and_nothing_else() {
+    let (with, without) = (track(&[]), track(&["box_regression=none"]));
+    let still = track(&["box_regression.gain=0"]);
+    let mut moved = 0;
+    for ((with, without), still) in with.iter().zip(&without).zip(&still) {
+        assert_eq!(with.1, without.1);
+        assert_eq!(without, still, "a gain of 0 moves nothing");
+        let (told, mean) = (with.0, without.0);
+        let (half_w, half_h) = mean.half(Extent::of(&INIT));
+        let off = [(told.x - mean.x) / half_w, (told.y - mean.y) / half_h, told.log_scale - mean.log_scale];
+        assert!(off.iter().all(|x| x.abs() <= 0.85 * 0.5 + 1e-9), "no farther than half a half side: {off:?}");
+        assert_eq!((told.vx, told.vy, told.angle), (mean.vx, mean.vy, mean.angle));
+        moved += usize::from(off != [0.0; 3]);
+    }
+    assert_eq!(moved, FRAMES - 1);
+}
+
+/// The network that ships, on pictures that it was not trained on: boxes that are 0.3 half sides off, or a quarter too large or small.
+#[test]
+fn it_says_where_the_target_is() {
+    let settings = Settings::default();
+    let network = Arc::new(settings.read(&Folder::here()).expect("it ships"));
+    let mut boxes = BoxRegression::new(network, settings);
+    let extent = Extent::of(&INIT);
+    boxes.imprint(&frame(0, 3).image, &State::of(&INIT), extent);
+    let (mut erred, mut stayed) = (0.0, 0.0);
+    for i in 1..FRAMES {
+        let (image, truth) = (frame(i, 3).image, State::of(&truth(i)));
+        for [u, v, s] in
+            [[0.3, 0.0, 0.0], [-0.3, 0.1, 0.0], [0.0, 0.3, 0.0], [0.1, -0.3, 0.0], [0.0, 0.0, 0.22], [0.0, 0.0, -0.22]]
+        {
+            let size = f64::exp(s);
+            let at = State {
+                x: truth.x + u * size * extent.half_w,
+                y: truth.y + v * size * extent.half_h,
+                log_scale: s,
+                ..truth
+            };
+            let said = boxes.answer(&image, &at, extent);
+            let ([x, y], z) = (said.offset.map(f64::from), f64::from(said.log_scale));
+            erred += (x + u).abs() + (y + v).abs() + (z + s).abs();
+            stayed += u.abs() + v.abs() + s.abs();
+            assert!(said.lost < 0.0, "the target is there: {said:?}");
+        }
+    }
+    assert!(erred < 0.5 * stayed, "it errs by {erred}, staying by {stayed}");
+    let far = State { x: 95.0, y: 12.0, ..State::of(&INIT) };
+    assert!(boxes.answer(&frame(1, 3).image, &far, extent).lost > 0.0, "nothing is there");
+}
+
+/// With other pictures in between, what it saw last does not matter.
+#[test]
+fn an_answer_depends_on_its_picture_alone() {
+    let settings = Settings::default();
+    let network = Arc::new(settings.read(&Folder::here()).expect("it ships"));
+    let new = || {
+        let mut boxes = BoxRegression::new(network.clone(), Settings::default());
+        boxes.imprint(&frame(0, 1).image, &State::of(&INIT), Extent::of(&INIT));
+        boxes
+    };
+    let answer = |boxes: &mut BoxRegression, i: usize, w: f64, h: f64| {
+        let bbox = BBox { w, h, ..truth(i) };
+        boxes.answer(&frame(i, 1).image, &State::of(&bbox), Extent::of(&bbox))
+    };
+    let (mut one, mut other) = (new(), new());
+    let first = answer(&mut one, 4, 24.0, 20.0);
+    for (w, h) in [(3.0, 90.0), (300.0, 200.0), (24.0, 20.0)] {
+        let _ = answer(&mut other, 7, w, h);
+    }
+    assert_eq!(first, answer(&mut other, 4, 24.0, 20.0));
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let refused = |settings: &[&str]| {
+        let config = settings.iter().try_fold(config(&["second_opinion=none"]), |config, setting| config.set(setting));
+        config.and_then(|config| config.check(&Folder::here())).map(|_| ()).expect_err("refused").to_string()
+    };
+    for (setting, said) in [
+        ("box_regression.gain=1.5", "box_regression.gain"),
+        ("box_regression.every=0", "box_regression.every"),
+        ("box_regression.rate=0", "box_regression.rate"),
+        ("box_regression.weights=builtin:boxes", "builtin:natural-boxes"),
+        ("box_regression.weights=nowhere.json", "nowhere.json"),
+        ("sensor={ fovea = [3.0, 24.0] }", "leave out [box_regression]"),
+    ] {
+        let error = refused(&[setting]);
+        assert!(error.contains(said), "{setting}: {error}");
+    }
+    let start = |config: Config| {
+        let mut tracker = tracker(config);
+        tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
+        tracker
+    };
+    let saved = start(config(&["box_regression=none"])).save();
+    let error = start(config(&[])).load(&saved).expect_err("nothing to find").to_string();
+    assert!(error.contains("no box regression"), "{error}");
+    for (key, value, said) in [
+        ("template", serde_json::json!("AAAA"), "2048 features"),
+        ("said", serde_json::json!({ "frames": 1, "mean": [0.0, 7.0, 0.0] }), "it moves the box"),
+    ] {
+        let mut saved = start(config(&[])).save();
+        saved["engine"]["box_regression"][key] = value;
+        let error = start(config(&[])).load(&saved).expect_err("damaged").to_string();
+        assert!(error.contains(said), "{error}");
+    }
+}
