@@ -222,7 +222,7 @@ impl Engine {
         w.meter.clear();
         parts.appearance.measure(&mut w.meter);
         parts.recognition.iter().for_each(|recognition| recognition.measure(&mut w.meter));
-        parts.box_regression.iter().for_each(|it| it.measure(&mut w.meter));
+        parts.box_regression.iter_mut().for_each(|it| it.measure(&mut w.meter));
         self.second.iter().for_each(|second| w.meter.add_all(&second.work.meter));
         w.pixels = w.meter.pixels();
     }

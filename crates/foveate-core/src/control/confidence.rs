@@ -17,7 +17,7 @@ use foveate_base::{Error, Result};
 
 mod model;
 
-pub use self::model::{CUE_NAMES, CUES, ConfidenceModel, Cues, Heard, OWN};
+pub use self::model::{CUE_NAMES, CUES, ConfidenceModel, Cues, Heard, OWN, Seen};
 
 /// The verdict on one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -53,6 +53,8 @@ pub struct FrameEvidence {
     pub elsewhere: f64,
     /// Overlap with the box of a second opinion; `None` without one.
     pub agreement: Option<f64>,
+    /// Log odds by the box regression that the target is not at the estimate; `None` where it did not look.
+    pub absent: Option<f64>,
     /// Mean of the belief.
     pub estimate: State,
     /// Pixels per template unit there.
@@ -141,7 +143,8 @@ impl LossMonitor {
         let cues = self.cues(shown);
         let own = self.model.own(&cues).max(shown.alarm);
         let elsewhere = self.past.best_place.is_some_and(|place| apart(&place, shown));
-        self.stand(own, elsewhere);
+        let out = self.past.status.is_occluded_or_lost();
+        self.stand(if out { self.model.returned(own, shown.absent) } else { own }, elsewhere);
         self.past.estimate = shown.estimate;
         if self.past.frames < (1.0 / NEWEST) as usize / 2 || own < self.model.leave {
             self.learn(shown);
@@ -292,6 +295,7 @@ mod tests {
             colour: 0.0,
             elsewhere: 0.0,
             agreement: None,
+            absent: None,
             estimate,
             unit: 10.0,
             alarm: 0.0,
@@ -387,6 +391,35 @@ mod tests {
         assert!(lasting > 1.0 && elsewhere > 0.2, "{lasting} {elsewhere}");
         let (lasting, elsewhere) = cues_after(1.1);
         assert!(lasting < 0.1 && elsewhere == 0.0, "{lasting} {elsewhere}");
+    }
+
+    /// Away, frames that fit half: P(lost) stays above `leave`, and they find nothing. They do where the target is seen there, and never where it is
+    /// not. While it is tracked, nothing is heard of that.
+    #[test]
+    fn what_is_seen_there_decides_whether_it_is_found() {
+        let box_regression = Seen { weight: 0.5, bias: 0.5 };
+        let model = ConfidenceModel { box_regression, leave: 0.05, ..ConfidenceModel::default() };
+        let found = |model: &ConfidenceModel, absent: f64| {
+            let mut c = LossMonitor::new(model.clone());
+            let mut judge =
+                |evidence, deficit| c.judge(&FrameEvidence { absent: Some(absent), ..shown(evidence, deficit) });
+            (0..30).for_each(|_| assert_eq!(judge(-3.0, 0.0).status, Status::Tracking));
+            (0..20).for_each(|_| _ = judge(-12.0, 1.0));
+            let last = (0..20).map(|_| judge(-4.2, 0.5)).last().expect("there were some");
+            assert!(last.own > model.leave, "{last:?}");
+            !last.status.is_occluded_or_lost()
+        };
+        assert_eq!(
+            [-8.0, -1.0, 0.0, 8.0, f64::NAN].map(|absent| found(&model, absent)),
+            [true, false, false, false, false]
+        );
+        assert!(
+            !found(&ConfidenceModel { leave: 0.05, ..ConfidenceModel::default() }, -8.0),
+            "without weight it is not heard"
+        );
+        let odds = |p: f64| (p / (1.0 - p)).ln();
+        assert!((odds(model.returned(0.3, Some(-2.0))) - (odds(0.3) - 0.5)).abs() < 1e-9);
+        assert_eq!(model.returned(0.3, None), 0.3);
     }
 
     /// Where a second opinion is elsewhere P(lost) rises, as the model says; status and what is usual go by the own cues.

@@ -23,7 +23,7 @@ mod status;
 
 pub use self::camera_motion::CameraMotion;
 pub use self::confidence::{
-    CUE_NAMES, CUES, ConfidenceModel, Cues, FrameEvidence, Heard, LossMonitor, OWN, TrackConfidence,
+    CUE_NAMES, CUES, ConfidenceModel, Cues, FrameEvidence, Heard, LossMonitor, OWN, Seen, TrackConfidence,
 };
 pub use self::consistency::{Consistency, ConsistencyMonitor, ConsistencySettings};
 pub use self::detection_likelihood::DetectionLikelihood;

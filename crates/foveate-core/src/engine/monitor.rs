@@ -164,6 +164,7 @@ impl Engine {
             colour,
             elsewhere,
             agreement: self.agreement(image, estimate),
+            absent: self.absent(image, estimate),
             estimate: estimate.mean,
             unit,
             alarm: self.parts.recognition.as_ref().map_or(0.0, Recognition::alarm),

@@ -6,8 +6,10 @@
 //! (`bench/train_box_regression.py`), for targets of all kinds (Girshick et al., 2014; Held et al., *Learning to track at 100 FPS with deep
 //! regression networks*, 2016); both pictures are compared as by Dosovitskiy et al. (*FlowNet*, 2015).
 //!
-//! Deviation: the paper tells the mean of the belief. Belief, search, what is learned while tracking and P(lost) are the same with it and
-//! without: followed by them, what the network errs by would come back to it (docs/lab/real-video.md).
+//! It also says whether the target is there. While it is occluded or lost, that counts in whether it is found (`confidence.box_regression`).
+//!
+//! Deviation: the paper tells the mean of the belief. What is believed and learned while the target is tracked, and P(lost), are the same with
+//! it and without: followed by them, what the network errs by would come back to it (docs/lab/real-video.md).
 
 mod glimpse;
 mod network;
@@ -118,6 +120,7 @@ impl BoxRegression {
         self.look(image, state, extent);
         self.template = Some(self.network.template(self.scratch.features()));
         self.said = Said::default();
+        self.glimpse.read = None;
     }
 
     /// What the network says of this box. Panics before there is a template.
@@ -130,7 +133,6 @@ impl BoxRegression {
     /// Where the box of the next frame is told to be.
     pub fn moved(&mut self, image: &Image, state: &State, extent: Extent) -> State {
         let (every, rate, gain) = (self.settings.every as u64, self.settings.rate, self.settings.gain);
-        self.glimpse.read = None;
         if self.said.frames.is_multiple_of(every) {
             let Answer { offset: [u, v], log_scale, lost, .. } = self.answer(image, state, extent);
             let there = 1.0 / (1.0 + f64::from(lost).exp());
@@ -143,9 +145,9 @@ impl BoxRegression {
         State { x: state.x + u * half_w, y: state.y + v * half_h, log_scale: state.log_scale + log_scale, ..*state }
     }
 
-    /// Counts what it read of the last picture.
-    pub fn measure(&self, meter: &mut Meter) {
-        self.glimpse.read.into_iter().for_each(|read| meter.add(read));
+    /// Counts what it read since it was asked last.
+    pub fn measure(&mut self, meter: &mut Meter) {
+        self.glimpse.read.take().into_iter().for_each(|read| meter.add(read));
     }
 
     /// What it is to find and what was said, as plain data; nothing before there is a template.

@@ -40,6 +40,9 @@ pub const CUE_NAMES: [&str; CUES] = [
 /// (`second_opinion`).
 pub type Cues = [f64; CUES];
 
+/// The most that log odds by the box regression count, either way.
+const MOST_ODDS: f64 = 6.0;
+
 /// The model, and the rules of the states.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -51,6 +54,8 @@ pub struct ConfidenceModel {
     pub bias: f64,
     /// What a second opinion counts for in the P(lost) that is reported; nothing without one.
     pub second_opinion: Heard,
+    /// What the box regression counts for in whether an occluded or lost target is found; nothing without one.
+    pub box_regression: Seen,
     /// P(lost) by the own cues above which a frame speaks for being lost, 0 to 1.
     pub enter: f64,
     /// The same below which it speaks for having the target, 0 to `enter`.
@@ -82,6 +87,17 @@ pub struct Heard {
     pub bias: f64,
 }
 
+/// While the target is occluded or lost, `leave` is compared with another probability than P° by the own cues:
+/// log P / (1 − P) = log P° / (1 − P°) + `weight` · log odds by the box regression that the target is not there, −6 to 6, + `bias`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Seen {
+    /// What the log odds count for.
+    pub weight: f64,
+    /// Added to them.
+    pub bias: f64,
+}
+
 impl Default for Heard {
     /// Nothing is heard.
     fn default() -> Self {
@@ -95,6 +111,7 @@ impl Default for ConfidenceModel {
             weights: [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0, 0.0, 0.0],
             bias: -4.0,
             second_opinion: Heard::default(),
+            box_regression: Seen::default(),
             enter: 0.5,
             leave: 0.3,
             notice: 2,
@@ -117,6 +134,8 @@ impl ConfidenceModel {
             ("second_opinion.own", self.second_opinion.own, -1e3, 1e3),
             ("second_opinion.agreement", self.second_opinion.agreement, -1e3, 1e3),
             ("second_opinion.bias", self.second_opinion.bias, -1e3, 1e3),
+            ("box_regression.weight", self.box_regression.weight, -1e3, 1e3),
+            ("box_regression.bias", self.box_regression.bias, -1e3, 1e3),
             ("enter", self.enter, 0.0, 1.0),
             ("notice", self.notice as f64, 1.0, 1000.0),
             ("confirm", self.confirm as f64, 1.0, 1000.0),
@@ -134,6 +153,15 @@ impl ConfidenceModel {
     /// P(lost) of a frame by the tracker's own cues: what it acts on, and the status.
     pub(super) fn own(&self, cues: &Cues) -> f64 {
         logistic(self.own_log_odds(cues))
+    }
+
+    /// The same for an occluded or lost target, with what the box regression sees there.
+    pub(super) fn returned(&self, own: f64, absent: Option<f64>) -> f64 {
+        let Seen { weight, bias } = self.box_regression;
+        absent.map_or(own, |absent| {
+            let absent = if absent.is_finite() { absent.clamp(-MOST_ODDS, MOST_ODDS) } else { MOST_ODDS };
+            logistic(weight * absent + bias - odds(own))
+        })
     }
 
     /// ln(P / (1 − P)) of the same P.
