@@ -33,7 +33,7 @@ class Box(NamedTuple):
 
 
 class State(NamedTuple):
-    """What is believed of the target: the mean of the particles."""
+    """What is believed of the target: the mean of the particles, moved by the box regression where there is one."""
 
     x: float
     """Centre, pixels."""

@@ -188,7 +188,7 @@ impl TrackResult {
     fn status(&self) -> &'static str {
         self.seen.status.name()
     }
-    /// Mean of the belief: x, y (centre, pixels), vx, vy (pixels a frame), log_scale (relative to the first frame), angle (radians).
+    /// Mean of the belief, moved by the box regression where there is one: x, y (centre, pixels), vx, vy (pixels a frame), log_scale (relative to the first frame), angle (radians).
     #[getter]
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         named::state(py, &self.seen.state)

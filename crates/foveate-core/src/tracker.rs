@@ -43,7 +43,7 @@ pub struct Output<'a> {
     pub status: Status,
     /// The probability that the box is not on the target (IoU below 0.1) or the target not to be seen.
     pub p_lost: f64,
-    /// Mean of the belief: centre, velocity a frame, log scale relative to the first frame, angle.
+    /// Mean of the belief, moved by the box regression where there is one: centre, velocity a frame, log scale relative to the first frame, angle.
     pub state: State,
     /// Its covariance over x, y, vx, vy, log scale, angle.
     pub covariance: [[f64; 6]; 6],

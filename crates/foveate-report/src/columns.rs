@@ -88,7 +88,11 @@ const LEFT: Column = Column::from_0("left", "px", "Left edge of the box.");
 const TOP: Column = Column::from_0("top", "px", "Top edge of the box.");
 const WIDTH: Column = Column::new("width", "px", "Width of the box.");
 const HEIGHT: Column = Column::new("height", "px", "Height of the box.");
-const X: Column = Column::from_0("x", "px", "Centre of the target, across: the mean of the particles.");
+const X: Column = Column::from_0(
+    "x",
+    "px",
+    "Centre of the target, across: the mean of the particles, moved by the box regression where there is one.",
+);
 const Y: Column = Column::from_0("y", "px", "Centre of the target, down.");
 const VX: Column = Column::new("vx", "px/frame", "Velocity, across.");
 const VY: Column = Column::new("vy", "px/frame", "Velocity, down.");
