@@ -50,6 +50,7 @@ mod tests {
     #[test]
     fn a_second_opinion_that_cannot_be_is_refused_by_name() {
         let natural = Config::builtin("natural").expect("it ships").expect("it is right");
+        let natural = Config { box_regression: None, ..natural };
         for (settings, said) in [
             (&["second_opinion=builtin:natrual"][..], "natural-middle"),
             (&["second_opinion=builtin:natural"], "it has second_opinion"),
