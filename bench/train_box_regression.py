@@ -19,13 +19,11 @@ crates/foveate-core/src/identity/box_regression/network.rs reads, weights as byt
 """
 import argparse
 import base64
-import csv
 import glob
 import hashlib
 import json
 import math
 import os
-import re
 import sys
 
 import numpy as np
@@ -34,19 +32,14 @@ import torch.nn as nn
 import torch.nn.functional as F
 from PIL import Image
 
-HERE = os.path.dirname(os.path.abspath(__file__))
+from sequences import sequences
+
 SIDE, REACH = 32, 2.0  # cells of a picture along a side; half sides of the box that they reach
 KEPT, BOXES = 120, 6  # pixels along a side of what is kept of a frame, and how many boxes they cover
 PHOTO = (481, 321)
 
 
 # ---- pictures ----
-
-
-def boxes(path):
-    lines = (re.split("[,\t ]+", line.strip()) for line in open(path))
-    left, top, width, height = np.array([[float(x) for x in line[:4]] for line in lines if len(line) >= 4]).T
-    return np.stack([left - 1.5 + width / 2, top - 1.5 + height / 2, width, height], 1)
 
 
 def surroundings(image, box):
@@ -68,13 +61,8 @@ def opened(path):
 
 def tracks(data, half):
     """Of each sequence: what is kept of its frames, and widths and heights of the true boxes."""
-    catalogue = os.path.join(HERE, "../crates/foveate-lab/src/eval/catalogue.csv")
-    rows = list(csv.DictReader(line for line in open(catalogue) if not line.startswith("#")))
     out = []
-    for name in [row["sequence"] for row in rows if half in (None, row["half"])]:
-        folder = next(f for d in ("tracking", "tracking-wide") for f in [f"{data}/{d}/{name.removesuffix('-2')}"] if os.path.isdir(f))
-        truth = boxes(f"{folder}/groundtruth_rect{'.2' if name.endswith('-2') else ''}.txt")
-        files = sorted(glob.glob(f"{folder}/img/*.jpg"))[: len(truth)]
+    for name, files, truth in sequences(data, half):
         chosen = [i for i in range(0, len(files), 2 if len(files) > 120 else 1) if truth[i][2:].min() >= 4]
         out.append((torch.stack([surroundings(opened(files[i]), truth[i]) for i in chosen]), truth[chosen][:, 2:]))
         print(f"{name}: {len(chosen)} frames", flush=True)

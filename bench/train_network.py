@@ -16,13 +16,10 @@ particle filter of this sharpness gives them. The network and its input are desc
 Output: a model file, with this command in its metadata. The same command gives the same numbers on one kind of processor. One thread.
 """
 import argparse
-import csv
 import glob
 import hashlib
 import json
 import math
-import os
-import re
 import struct
 import sys
 
@@ -31,7 +28,8 @@ import torch
 import torch.nn.functional as F
 from PIL import Image
 
-HERE = os.path.dirname(os.path.abspath(__file__))
+from sequences import sequences
+
 RETINA = {"side": 16.0, "rings": [[18, 1]], "colour": [[16, 2]]}
 RINGS, SIZES = [0.12, 0.2, 0.35, 0.6, 1.0, 1.7], [-0.2, -0.1, -0.05, 0.05, 0.1, 0.2]  # as in discriminant.rs
 LEARNED, JUDGED = 36, 36  # glimpses of the first picture, of the second
@@ -141,21 +139,10 @@ def pair(rng, first, box, second, other):
 # ---- pairs of tracks and of photographs ----
 
 
-def boxes(path):
-    lines = (re.split("[,\t ]+", line.strip()) for line in open(path))
-    left, top, width, height = np.array([[float(x) for x in line[:4]] for line in lines if len(line) >= 4]).T
-    return np.stack([left - 1.5 + width / 2, top - 1.5 + height / 2, width, height], 1)
-
-
 def tracks(data, half, count, rng):
-    catalogue = os.path.join(HERE, "../crates/foveate-lab/src/eval/catalogue.csv")
-    rows = csv.DictReader(line for line in open(catalogue) if not line.startswith("#"))
-    names, out = [row["sequence"] for row in rows if row["half"] == half], []
-    for name in names:
-        folder = next(f for d in ("tracking", "tracking-wide") for f in [f"{data}/{d}/{name.removesuffix('-2')}"] if os.path.isdir(f))
-        truth = boxes(f"{folder}/groundtruth_rect{'.2' if name.endswith('-2') else ''}.txt")
-        files = sorted(glob.glob(f"{folder}/img/*.jpg"))[: len(truth)]
-        frames, left = {}, count // len(names)
+    chosen, out = list(sequences(data, half)), []
+    for _, files, truth in chosen:
+        frames, left = {}, count // len(chosen)
         while left > 0:
             a = rng.integers(len(files))
             b = a + int(math.exp(rng.uniform(0, math.log(120)))) * rng.choice([-1, 1, 1])

@@ -2,8 +2,8 @@
 //! the target is from it, and how large. The box that is told goes a part of the way there.
 //!
 //! Weights of the particles say which of the places looked at is the likeliest; they know nothing of how targets change and where their
-//! borders are, and what they err by changes slowly: one look in a few frames is enough. Where borders are is learned once, from tracks with true boxes and from photographs put before others
-//! (`bench/train_box_regression.py`), for targets of all kinds (Girshick et al., 2014; Held et al., *Learning to track at 100 FPS with deep
+//! borders are, and what they err by changes slowly: one look in a few frames is enough. Where borders are is learned once, from tracks with
+//! true boxes and from photographs put before others (`bench/train_box_regression.py`), for targets of all kinds (Girshick et al., 2014; Held et al., *Learning to track at 100 FPS with deep
 //! regression networks*, 2016); both pictures are compared as by Dosovitskiy et al. (*FlowNet*, 2015).
 //!
 //! It also says whether the target is there. While it is occluded or lost, that counts in whether it is found (`confidence.box_regression`).
@@ -11,6 +11,7 @@
 //! Deviation: the paper tells the mean of the belief. What is believed and learned while the target is tracked, and P(lost), are the same with
 //! it and without: followed by them, what the network errs by would come back to it (docs/lab/real-video.md).
 
+mod file;
 mod glimpse;
 mod network;
 
@@ -130,7 +131,7 @@ impl BoxRegression {
         self.network.answer(template, &mut self.scratch)
     }
 
-    /// Where the box of the next frame is told to be.
+    /// The state that is told of a frame of this estimate, each frame once.
     pub fn moved(&mut self, image: &Image, state: &State, extent: Extent) -> State {
         let (every, rate, gain) = (self.settings.every as u64, self.settings.rate, self.settings.gain);
         if self.said.frames.is_multiple_of(every) {

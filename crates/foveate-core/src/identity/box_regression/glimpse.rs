@@ -129,10 +129,10 @@ mod tests {
     #[test]
     fn cells_lie_where_they_should() {
         let image = picture(256, 256, |x, _| x as u8);
-        for (bbox, reads) in [
-            (BBox::around(120.0, 120.0, 24.0, 40.0), true),
-            (BBox::around(120.3, 119.1, 100.0, 7.0), true),
-            (BBox::around(120.0, 120.0, 5.0, 5.0), true),
+        for bbox in [
+            BBox::around(120.0, 120.0, 24.0, 40.0),
+            BBox::around(120.3, 119.1, 100.0, 7.0),
+            BBox::around(120.0, 120.0, 5.0, 5.0),
         ] {
             let glimpse = taken(&image, bbox);
             // Equal from row to row, equal steps from column to column.
@@ -149,7 +149,7 @@ mod tests {
             assert!((at(15, 3) + at(16, 3)).abs() < 1e-3, "the centre is the mean");
             let (left, top, width, height) = glimpse.read.expect("it was looked at");
             let (w, h) = (2.0 * bbox.w, 2.0 * bbox.h);
-            assert!(reads && (width as f64 - w).abs() < 4.0 && (height as f64 - h).abs() < 4.0, "{:?}", glimpse.read);
+            assert!((width as f64 - w).abs() < 4.0 && (height as f64 - h).abs() < 4.0, "{:?}", glimpse.read);
             assert!(left + width <= 256 && top + height <= 256);
         }
     }

@@ -2,11 +2,9 @@
 
 use std::path::Path;
 
-use base64::{Engine as _, engine::general_purpose::STANDARD};
-use serde::{Deserialize, Serialize};
-
+use super::file::{self, Filters, Shape};
 use super::glimpse::{CHANNELS, SIDE};
-use foveate_base::{Error, Result};
+use foveate_base::Result;
 use foveate_kernels::{self as kernels, Layer};
 
 /// Places along a side of the map of features, and their channels.
@@ -26,49 +24,27 @@ const ANSWERS: usize = 7;
 /// What squares of features are softened by before their length is made 1.
 const SOFT: f32 = 0.01;
 
-/// Name of a layer, places along a side of its filters, its channels, its filters.
-const LAYERS: [(&str, usize, usize, usize); 9] = [
-    ("first", 5, CHANNELS, 16),
-    ("second", 3, 16, 32),
-    ("third", 3, 32, FEATURES),
-    ("search", 1, FEATURES, BESIDE),
-    ("template", 1, FEATURES, BESIDE),
-    ("joint", 3, COMPARED + 2 * BESIDE, JOINED),
-    ("narrow", 3, JOINED, JOINED),
-    ("dense", PLACES / 2, JOINED, DENSE),
-    ("answer", 1, DENSE, ANSWERS),
+/// The layers, as a file has them one after the other.
+pub(super) const LAYERS: [Shape; 9] = [
+    Shape { name: "first", size: 5, stride: 2, channels: CHANNELS, filters: 16, cut: true },
+    Shape { name: "second", size: 3, stride: 2, channels: 16, filters: 32, cut: true },
+    Shape { name: "third", size: 3, stride: 1, channels: 32, filters: FEATURES, cut: false },
+    Shape { name: "search", size: 1, stride: 1, channels: FEATURES, filters: BESIDE, cut: false },
+    Shape { name: "template", size: 1, stride: 1, channels: FEATURES, filters: BESIDE, cut: false },
+    Shape { name: "joint", size: 3, stride: 1, channels: COMPARED + 2 * BESIDE, filters: JOINED, cut: true },
+    Shape { name: "narrow", size: 3, stride: 2, channels: JOINED, filters: JOINED, cut: true },
+    Shape { name: "dense", size: PLACES / 2, stride: 1, channels: JOINED, filters: DENSE, cut: true },
+    Shape { name: "answer", size: 1, stride: 1, channels: DENSE, filters: ANSWERS, cut: false },
 ];
-
-/// Filters of one layer.
-#[derive(Clone, Debug, PartialEq)]
-struct Filters {
-    /// For each row, column and channel of a filter, the weights of all filters.
-    weights: Vec<f32>,
-    bias: Vec<f32>,
-}
-
-/// As a layer is in a file: bytes, and what those of a filter are multiplied by.
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Written {
-    name: String,
-    /// Rows, columns, channels, filters.
-    shape: [usize; 4],
-    /// In base64: signed bytes; 32-bit floats, the least significant byte first.
-    weights: String,
-    scales: String,
-    bias: String,
-}
-
-#[derive(Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct File {
-    /// How it was made.
-    command: String,
-    /// What of.
-    data: String,
-    layers: Vec<Written>,
-}
+const FIRST: usize = 0;
+const SECOND: usize = 1;
+const THIRD: usize = 2;
+const SEARCH: usize = 3;
+const TEMPLATE: usize = 4;
+const JOINT: usize = 5;
+const NARROW: usize = 6;
+const LAST_BUT_ONE: usize = 7;
+const LAST: usize = 8;
 
 /// The layers, checked.
 #[derive(Clone, Debug, PartialEq)]
@@ -124,26 +100,17 @@ impl Network {
     /// # Errors
     /// Where it is none of `bench/train_box_regression.py`, or damaged.
     pub fn parse(bytes: &[u8], path: &Path) -> Result<Self> {
-        let wrong = |problem: String| {
-            Error::malformed(path, format!("{problem}; expected a file of `bench/train_box_regression.py`"))
-        };
-        let file: File = serde_json::from_slice(bytes).map_err(|e| wrong(e.to_string()))?;
-        if file.layers.len() != LAYERS.len() {
-            return Err(wrong(format!("it has {} layers, not {}", file.layers.len(), LAYERS.len())));
-        }
-        let layers = file.layers.iter().zip(LAYERS).map(|(layer, expected)| read(layer, expected));
-        Ok(Self::of(layers.collect::<std::result::Result<_, _>>().map_err(wrong)?))
+        file::read(bytes, path, &LAYERS).map(Self::of)
     }
 
-    fn of(layers: Vec<Filters>) -> Self {
+    fn of(mut layers: Vec<Filters>) -> Self {
         let (channels, own) = (COMPARED + 2 * BESIDE, COMPARED + BESIDE);
         let (mut joint, mut joint_template) = (vec![], vec![]);
-        for place in layers[5].weights.chunks_exact(channels * JOINED) {
+        for place in layers[JOINT].weights.chunks_exact(channels * JOINED) {
             joint.extend_from_slice(&place[..own * JOINED]);
             joint_template.extend_from_slice(&place[own * JOINED..]);
         }
-        let mut layers = layers;
-        layers[5].weights = joint;
+        layers[JOINT].weights = joint;
         Self { layers, joint_template }
     }
 
@@ -151,19 +118,19 @@ impl Network {
     pub(super) fn look(&self, glimpse: &[f32], scratch: &mut Scratch) {
         let Scratch { framed, found, features, .. } = scratch;
         frame(glimpse, (SIDE, CHANNELS, 2), framed);
-        self.layer(0, (SIDE + 4, CHANNELS, 2, true), framed, found);
+        self.layer(FIRST, SIDE + 4, framed, found);
         frame(found, (SIDE / 2, 16, 1), framed);
-        self.layer(1, (SIDE / 2 + 2, 16, 2, true), framed, found);
+        self.layer(SECOND, SIDE / 2 + 2, framed, found);
         frame(found, (PLACES, 32, 1), framed);
-        self.layer(2, (PLACES + 2, 32, 1, false), framed, features);
+        self.layer(THIRD, PLACES + 2, framed, features);
     }
 
     /// What is kept of the target's picture, of its features.
     pub(super) fn template(&self, features: &[f32]) -> Template {
         let (mut beside, mut framed, mut joined, mut even) = (vec![], vec![], vec![], features.to_vec());
-        self.layer(4, (PLACES, FEATURES, 1, false), features, &mut beside);
+        self.layer(TEMPLATE, PLACES, features, &mut beside);
         frame(&beside, (PLACES, BESIDE, 1), &mut framed);
-        let (weights, bias) = (&*self.joint_template, &*self.layers[5].bias);
+        let (weights, bias) = (&*self.joint_template, &*self.layers[JOINT].bias);
         joined.resize(PLACES * PLACES * JOINED, 0.0);
         let layer =
             Layer { side: PLACES + 2, channels: BESIDE, size: 3, stride: 1, pool: 1, cut: false, weights, bias };
@@ -177,14 +144,14 @@ impl Network {
         let Scratch { framed, found, features, joined } = scratch;
         let across = COMPARED + BESIDE;
         joined.resize(PLACES * PLACES * across, 0.0);
-        self.layer(3, (PLACES, FEATURES, 1, false), features, found);
+        self.layer(SEARCH, PLACES, features, found);
         for (to, beside) in joined.chunks_exact_mut(across).zip(found.chunks_exact(BESIDE)) {
             to[COMPARED..].copy_from_slice(beside);
         }
         level(features);
         kernels::correlate([PLACES, FEATURES, REACH], features, &template.even, joined, across);
         frame(joined, (PLACES, across, 1), framed);
-        let weights = &*self.layers[5].weights;
+        let weights = &*self.layers[JOINT].weights;
         let layer = Layer {
             size: 3,
             stride: 1,
@@ -198,9 +165,9 @@ impl Network {
         found.resize(PLACES * PLACES * JOINED, 0.0);
         kernels::convolve(&layer, framed, found);
         frame(found, (PLACES, JOINED, 1), framed);
-        self.layer(6, (PLACES + 2, JOINED, 2, true), framed, found);
-        self.layer(7, (PLACES / 2, JOINED, 1, true), found, framed);
-        let last = &self.layers[8];
+        self.layer(NARROW, PLACES + 2, framed, found);
+        self.layer(LAST_BUT_ONE, PLACES / 2, found, framed);
+        let last = &self.layers[LAST];
         let mut out = [0.0; ANSWERS];
         out.copy_from_slice(&last.bias);
         for (value, weights) in framed.iter().zip(last.weights.chunks_exact(ANSWERS)) {
@@ -211,45 +178,11 @@ impl Network {
     }
 
     /// One layer, of a map that has its frame already.
-    fn layer(
-        &self,
-        k: usize,
-        (side, channels, stride, cut): (usize, usize, usize, bool),
-        map: &[f32],
-        out: &mut Vec<f32>,
-    ) {
-        let (Filters { weights, bias }, size) = (&self.layers[k], LAYERS[k].1);
+    fn layer(&self, k: usize, side: usize, map: &[f32], out: &mut Vec<f32>) {
+        let (Filters { weights, bias }, Shape { size, stride, channels, cut, .. }) = (&self.layers[k], LAYERS[k]);
         out.resize(((side - size) / stride + 1).pow(2) * bias.len(), 0.0);
         kernels::convolve(&Layer { side, channels, size, stride, pool: 1, cut, weights, bias }, map, out);
     }
-}
-
-/// A layer of a file, of the shape that it must have.
-fn read(
-    layer: &Written,
-    (name, size, channels, filters): (&str, usize, usize, usize),
-) -> std::result::Result<Filters, String> {
-    let shape = [size, size, channels, filters];
-    if layer.name != name || layer.shape != shape {
-        return Err(format!("the layer {} of {:?} stands where {name} of {shape:?} should", layer.name, layer.shape));
-    }
-    let decoded = |what: &str, text: &str, bytes: usize| {
-        let found = STANDARD.decode(text).map_err(|e| format!("{name}.{what}: {e}"))?;
-        let enough = found.len() == bytes;
-        enough.then_some(()).ok_or_else(|| format!("{name}.{what} has {} bytes, not {bytes}", found.len()))?;
-        Ok::<_, String>(found)
-    };
-    let floats = |what: &str, text: &str| {
-        let bytes = decoded(what, text, 4 * filters)?;
-        let floats: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-        let sane = floats.iter().all(|x| x.abs() <= 1e3);
-        sane.then_some(floats).ok_or_else(|| format!("{name}.{what} has a number that is not finite, or beyond 1000"))
-    };
-    let (scales, bias) = (floats("scales", &layer.scales)?, floats("bias", &layer.bias)?);
-    let bytes = decoded("weights", &layer.weights, size * size * channels * filters)?;
-    let weights =
-        bytes.iter().zip(scales.iter().cycle()).map(|(b, scale)| f32::from(b.cast_signed()) * scale).collect();
-    Ok(Filters { weights, bias })
 }
 
 /// `out` ← a map of `side` × `side` × `channels` with so many places of zeros around it.
@@ -272,30 +205,10 @@ fn level(features: &mut [f32]) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::file::tests::random;
     use super::*;
     use foveate_base::rng::Streams;
     use rand::RngExt;
-
-    /// Weights of random numbers, as a file.
-    pub(in crate::identity::box_regression) fn random(seed: u64) -> Vec<u8> {
-        let mut rng = Streams::new(seed, 0).rng(0);
-        let floats = |x: &[f32]| STANDARD.encode(x.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>());
-        let layers = LAYERS.map(|(name, size, channels, filters)| {
-            let n = size * size * channels;
-            let bytes: Vec<u8> = (0..n * filters).map(|_| rng.random::<u8>()).collect();
-            let scales = vec![0.02 / (n as f32).sqrt(); filters];
-            let bias: Vec<f32> = (0..filters).map(|_| rng.random::<f32>() - 0.5).collect();
-            Written {
-                name: name.into(),
-                shape: [size, size, channels, filters],
-                weights: STANDARD.encode(bytes),
-                scales: floats(&scales),
-                bias: floats(&bias),
-            }
-        });
-        let file = File { command: "c".into(), data: "d".into(), layers: layers.into() };
-        serde_json::to_vec(&file).expect("plain data")
-    }
 
     fn glimpse(stream: u64) -> Vec<f32> {
         let mut rng = Streams::new(9, 0).rng(stream);
@@ -327,15 +240,12 @@ mod tests {
     /// The definition, with both pictures joined before they are looked at.
     #[test]
     fn it_says_what_the_definition_says() {
-        let bytes = random(3);
-        let network = Network::parse(&bytes, Path::new("n")).expect("just written");
-        let file: File = serde_json::from_slice(&bytes).expect("just written");
-        let layers: Vec<Filters> =
-            file.layers.iter().zip(LAYERS).map(|(layer, expected)| read(layer, expected).expect("whole")).collect();
+        let layers = file::read(&random(3, &LAYERS), Path::new("n"), &LAYERS).expect("just written");
+        let network = Network::of(layers.clone());
         let features = |glimpse: &[f32]| {
             let map: Vec<f64> = glimpse.iter().copied().map(f64::from).collect();
-            let map = plain(&layers[0], &map, (32, 5, 2, true));
-            plain(&layers[2], &plain(&layers[1], &map, (16, 3, 2, true)), (8, 3, 1, false))
+            let map = plain(&layers[FIRST], &map, (32, 5, 2, true));
+            plain(&layers[THIRD], &plain(&layers[SECOND], &map, (16, 3, 2, true)), (8, 3, 1, false))
         };
         let (a, b) = (features(&glimpse(1)), features(&glimpse(2)));
         let even = |map: &[f64]| -> Vec<f64> {
@@ -348,7 +258,7 @@ mod tests {
                 .collect()
         };
         let (even_a, even_b) = (even(&a), even(&b));
-        let beside = [plain(&layers[3], &b, (8, 1, 1, false)), plain(&layers[4], &a, (8, 1, 1, false))];
+        let beside = [plain(&layers[SEARCH], &b, (8, 1, 1, false)), plain(&layers[TEMPLATE], &a, (8, 1, 1, false))];
         let mut joined = vec![];
         for place in 0..64usize {
             for (i, j) in (0..5usize).flat_map(|i| (0..5usize).map(move |j| (i, j))) {
@@ -358,14 +268,14 @@ mod tests {
             }
             beside.iter().for_each(|map| joined.extend_from_slice(&map[place * BESIDE..][..BESIDE]));
         }
-        let map = plain(&layers[6], &plain(&layers[5], &joined, (8, 3, 1, true)), (8, 3, 2, true));
+        let map = plain(&layers[NARROW], &plain(&layers[JOINT], &joined, (8, 3, 1, true)), (8, 3, 2, true));
         let whole = |filters: &Filters, map: &[f64], f: usize| {
             let n = filters.bias.len();
             f64::from(filters.bias[f])
                 + map.iter().enumerate().map(|(i, x)| x * f64::from(filters.weights[i * n + f])).sum::<f64>()
         };
-        let dense: Vec<f64> = (0..DENSE).map(|f| whole(&layers[7], &map, f).max(0.0)).collect();
-        let exact: Vec<f64> = (0..ANSWERS).map(|f| whole(&layers[8], &dense, f)).collect();
+        let dense: Vec<f64> = (0..DENSE).map(|f| whole(&layers[LAST_BUT_ONE], &map, f).max(0.0)).collect();
+        let exact: Vec<f64> = (0..ANSWERS).map(|f| whole(&layers[LAST], &dense, f)).collect();
         let mut scratch = Scratch::default();
         network.look(&glimpse(1), &mut scratch);
         let template = network.template(&scratch.features);
@@ -377,31 +287,5 @@ mod tests {
                 assert!((f64::from(found) - exact).abs() < 1e-3, "{found}, not {exact}");
             }
         }
-    }
-
-    #[test]
-    fn files_that_are_none_are_refused() {
-        let bytes = random(4);
-        let said = |bytes: &[u8]| Network::parse(bytes, Path::new("f")).expect_err("refused").to_string();
-        let change = |change: fn(&mut File)| {
-            let mut file: File = serde_json::from_slice(&bytes).expect("just written");
-            change(&mut file);
-            serde_json::to_vec(&file).expect("plain data")
-        };
-        let infinite = |n: usize| STANDARD.encode(f32::INFINITY.to_le_bytes().repeat(n));
-        for (bytes, part) in [
-            (b"{}".to_vec(), "missing field"),
-            (change(|file| file.layers.truncate(3)), "it has 3 layers, not 9"),
-            (change(|file| file.layers.swap(0, 1)), "the layer second"),
-            (change(|file| file.layers[2].weights.truncate(8)), "third.weights has"),
-            (change(|file| file.layers[2].weights.push('!')), "third.weights: "),
-            (change(|file| file.layers[8].bias = String::new()), "answer.bias has 0 bytes, not 28"),
-        ] {
-            let said = said(&bytes);
-            assert!(said.contains(part) && said.contains("bench/train_box_regression.py"), "{said}");
-        }
-        let mut file: File = serde_json::from_slice(&bytes).expect("just written");
-        file.layers[8].scales = infinite(ANSWERS);
-        assert!(said(&serde_json::to_vec(&file).expect("plain data")).contains("not finite"));
     }
 }

@@ -1,0 +1,148 @@
+//! The file of a network: its layers one after the other, weights as bytes with a scale a filter.
+
+use std::path::Path;
+
+use base64::{Engine as _, engine::general_purpose::STANDARD};
+use serde::{Deserialize, Serialize};
+
+use foveate_base::{Error, Result};
+
+/// What a layer is like.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape {
+    pub name: &'static str,
+    /// Places along a side of a filter, and from one to the next.
+    pub size: usize,
+    pub stride: usize,
+    pub channels: usize,
+    pub filters: usize,
+    /// Whether what is negative is cut off.
+    pub cut: bool,
+}
+
+/// Filters of one layer.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Filters {
+    /// For each row, column and channel of a filter, the weights of all filters.
+    pub weights: Vec<f32>,
+    pub bias: Vec<f32>,
+}
+
+/// As a layer is in a file: bytes, and what those of a filter are multiplied by.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    name: String,
+    /// Rows, columns, channels, filters.
+    shape: [usize; 4],
+    /// In base64: signed bytes; 32-bit floats, the least significant byte first.
+    weights: String,
+    scales: String,
+    bias: String,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    /// How it was made.
+    command: String,
+    /// What of.
+    data: String,
+    layers: Vec<Written>,
+}
+
+/// The layers of a file, which are to be of these shapes.
+///
+/// # Errors
+/// Where it is none of `bench/train_box_regression.py`, or damaged.
+pub(super) fn read(bytes: &[u8], path: &Path, shapes: &[Shape]) -> Result<Vec<Filters>> {
+    let wrong = |problem: String| {
+        Error::malformed(path, format!("{problem}; expected a file of `bench/train_box_regression.py`"))
+    };
+    let file: File = serde_json::from_slice(bytes).map_err(|e| wrong(e.to_string()))?;
+    if file.layers.len() != shapes.len() {
+        return Err(wrong(format!("it has {} layers, not {}", file.layers.len(), shapes.len())));
+    }
+    file.layers.iter().zip(shapes).map(|(written, shape)| layer(written, shape).map_err(wrong)).collect()
+}
+
+/// A layer of a file, of the shape that it must have.
+fn layer(layer: &Written, shape: &Shape) -> std::result::Result<Filters, String> {
+    let Shape { name, size, channels, filters, .. } = *shape;
+    let shape = [size, size, channels, filters];
+    if layer.name != name || layer.shape != shape {
+        return Err(format!("the layer {} of {:?} stands where {name} of {shape:?} should", layer.name, layer.shape));
+    }
+    let decoded = |what: &str, text: &str, bytes: usize| {
+        let found = STANDARD.decode(text).map_err(|e| format!("{name}.{what}: {e}"))?;
+        let enough = found.len() == bytes;
+        enough.then_some(()).ok_or_else(|| format!("{name}.{what} has {} bytes, not {bytes}", found.len()))?;
+        Ok::<_, String>(found)
+    };
+    let floats = |what: &str, text: &str| {
+        let bytes = decoded(what, text, 4 * filters)?;
+        let floats: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        let sane = floats.iter().all(|x| x.abs() <= 1e3);
+        sane.then_some(floats).ok_or_else(|| format!("{name}.{what} has a number that is not finite, or beyond 1000"))
+    };
+    let (scales, bias) = (floats("scales", &layer.scales)?, floats("bias", &layer.bias)?);
+    let bytes = decoded("weights", &layer.weights, size * size * channels * filters)?;
+    let weights =
+        bytes.iter().zip(scales.iter().cycle()).map(|(b, scale)| f32::from(b.cast_signed()) * scale).collect();
+    Ok(Filters { weights, bias })
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::super::network::LAYERS;
+    use super::*;
+    use crate::identity::numbers;
+    use foveate_base::rng::Streams;
+    use rand::RngExt;
+
+    /// Weights of random numbers, as a file.
+    pub(in crate::identity::box_regression) fn random(seed: u64, shapes: &[Shape]) -> Vec<u8> {
+        let mut rng = Streams::new(seed, 0).rng(0);
+        let layers = shapes.iter().map(|&Shape { name, size, channels, filters, .. }| {
+            let n = size * size * channels;
+            let bytes: Vec<u8> = (0..n * filters).map(|_| rng.random::<u8>()).collect();
+            let scales = vec![0.02 / (n as f32).sqrt(); filters];
+            let bias: Vec<f32> = (0..filters).map(|_| rng.random::<f32>() - 0.5).collect();
+            Written {
+                name: name.into(),
+                shape: [size, size, channels, filters],
+                weights: STANDARD.encode(bytes),
+                scales: numbers::encode(&scales),
+                bias: numbers::encode(&bias),
+            }
+        });
+        let file = File { command: "c".into(), data: "d".into(), layers: layers.collect() };
+        serde_json::to_vec(&file).expect("plain data")
+    }
+
+    #[test]
+    fn files_that_are_none_are_refused() {
+        let bytes = random(4, &LAYERS);
+        let said = |bytes: &[u8]| read(bytes, Path::new("f"), &LAYERS).expect_err("refused").to_string();
+        let change = |change: fn(&mut File)| {
+            let mut file: File = serde_json::from_slice(&bytes).expect("just written");
+            change(&mut file);
+            serde_json::to_vec(&file).expect("plain data")
+        };
+        let infinite = |n: usize| STANDARD.encode(f32::INFINITY.to_le_bytes().repeat(n));
+        for (bytes, part) in [
+            (b"{}".to_vec(), "missing field"),
+            (change(|file| file.layers.truncate(3)), "it has 3 layers, not 9"),
+            (change(|file| file.layers.swap(0, 1)), "the layer second"),
+            (change(|file| file.layers[2].weights.truncate(8)), "third.weights has"),
+            (change(|file| file.layers[2].weights.push('!')), "third.weights: "),
+            (change(|file| file.layers[8].bias = String::new()), "answer.bias has 0 bytes, not 28"),
+        ] {
+            let said = said(&bytes);
+            assert!(said.contains(part) && said.contains("bench/train_box_regression.py"), "{said}");
+        }
+        let mut file: File = serde_json::from_slice(&bytes).expect("just written");
+        file.layers[8].scales = infinite(7);
+        assert!(said(&serde_json::to_vec(&file).expect("plain data")).contains("not finite"));
+    }
+}
