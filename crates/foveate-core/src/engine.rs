@@ -20,7 +20,7 @@ pub use monitor::Monitor;
 use crate::control::{Belief, TrackConfidence};
 use crate::gaze::{Context, Plan};
 use crate::geometry::{Extent, Gaze, State};
-use crate::identity::box_regression::BoxRegression;
+use crate::identity::box_regression::{Answer, BoxRegression};
 use crate::identity::{self, Appearance, Percept};
 use crate::recognition::{Recognition, Recognized};
 use crate::reference::ReferenceLikelihood;
@@ -137,6 +137,8 @@ pub(crate) struct Work {
     pub distractors: Vec<State>,
     /// Where it was looked for distractors in this frame, and the log-likelihood of the best.
     pub around: Option<(State, f64)>,
+    /// What the box regression said of the estimate, where it was asked already.
+    pub answer: Option<Answer>,
     /// Of places, to be remembered or compared with those that are.
     pub features: Vec<f32>,
     /// Pixels of the frame that were used.

@@ -297,16 +297,12 @@ pub const TRACE: &[Column] = &[
     ),
     Column::new("consistency.holds", "", "Whether the smoothed deficit is below its threshold."),
     Column::new("confidence.p_lost", "", "Probability that the target is lost, 0 to 1."),
-    Column::new(
-        "confidence.own",
-        "",
-        "The same by the tracker's own cues, which it acts on: without its second opinion.",
-    ),
+    Column::new("confidence.own", "", "The same without its second opinion: what the tracker acts on."),
     Column::new("confidence.status", "", "Track status: tracking, occluded, lost or reacquired."),
     Column::new(
         "confidence.cues",
         "",
-        "What P(lost) was computed from: deficit, frame_deficit, drop, lasting, flat, spread, distance, margin, colour, elsewhere, agreement.",
+        "What P(lost) was computed from: deficit, frame_deficit, drop, lasting, flat, spread, distance, margin, colour, elsewhere, agreement, absence.",
     ),
     Column::new("extent.half_w", "px", "Half the width of the box at scale 1."),
     Column::new("extent.half_h", "px", "Half the height of the box at scale 1."),

@@ -17,7 +17,8 @@ use foveate_base::{Error, Result};
 
 mod model;
 
-pub use self::model::{CUE_NAMES, CUES, ConfidenceModel, Cues, Heard, OWN, Seen};
+use self::model::MOST_ODDS;
+pub use self::model::{AGREEMENT, Absence, CUE_NAMES, CUES, ConfidenceModel, Cues, Heard, OWN, Seen};
 
 /// The verdict on one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -91,6 +92,8 @@ struct Past {
     elsewhere: f64,
     /// Smoothed agreement with a second opinion.
     agreement: f64,
+    /// What the box regression said lately.
+    absence: f64,
     /// The last verdict.
     status: Status,
     p_lost: f64,
@@ -107,13 +110,15 @@ const NEWEST: f64 = 0.05;
 const SMOOTH: f64 = 0.2;
 /// The same, in the likeness to what was elsewhere: a target that returns has to be seen soon.
 const SHARPER: f64 = 0.4;
+/// Log odds that a target is not there, where the box regression has not looked yet: it was given, or found.
+const PRESENT: f64 = -MOST_ODDS;
 /// The least deviation of the evidence, as a share of what was promised between on and off.
 const LEAST_DEVIATION: f64 = 0.02;
 
 impl LossMonitor {
     /// A monitor with this model, which has seen nothing yet.
     pub fn new(model: ConfidenceModel) -> Self {
-        Self { model, past: Past::default() }
+        Self { model, past: Past { absence: PRESENT, ..Past::default() } }
     }
 
     /// The model.
@@ -123,13 +128,14 @@ impl LossMonitor {
 
     /// Forgets the past: the target was just given.
     pub fn reset(&mut self) {
-        self.past = Past::default();
+        self.past = Past { absence: PRESENT, ..Past::default() };
     }
 
     /// The target was put somewhere: it is not out until frames say so; what is usual on it stays.
     pub(crate) fn begin_again(&mut self) {
         let m = &mut self.past;
-        (m.status, m.against, m.out, m.best_place, m.lasting) = (Status::Tracking, 0.0, 0, None, 0.0);
+        (m.status, m.against, m.out, m.best_place) = (Status::Tracking, 0.0, 0, None);
+        (m.lasting, m.absence) = (0.0, PRESENT);
     }
 
     /// Forgets what is usual on the target: looks are compared with something else from now on.
@@ -140,25 +146,29 @@ impl LossMonitor {
 
     /// Judges a frame.
     pub fn judge(&mut self, shown: &FrameEvidence) -> TrackConfidence {
-        let cues = self.cues(shown);
-        let own = self.model.own(&cues).max(shown.alarm);
+        let absent = shown.absent.map(within_odds);
+        let cues = self.cues(shown, absent);
+        let (cued, alarm) = (self.model.own(&cues).max(shown.alarm), self.model.by_absence(&cues).max(shown.alarm));
+        let own = cued.max(alarm);
         let elsewhere = self.past.best_place.is_some_and(|place| apart(&place, shown));
         let out = self.past.status.is_occluded_or_lost();
-        self.stand(if out { self.model.returned(own, shown.absent) } else { own }, elsewhere);
+        // Whether it is back is asked of the last look, not of those before.
+        self.stand(if out { self.model.returned(cued, absent) } else { own }, elsewhere);
         self.past.estimate = shown.estimate;
         if self.past.frames < (1.0 / NEWEST) as usize / 2 || own < self.model.leave {
             self.learn(shown);
         }
-        let p_lost = self.model.reported(own, &cues).max(shown.alarm);
+        let p_lost = self.model.reported(cued, &cues).max(alarm);
         (self.past.p_lost, self.past.own, self.past.cues) = (p_lost, own, cues);
         self.last()
     }
 
     /// Judges a frame of which only the cues were kept, as if no search had ever found anything elsewhere.
     pub fn rejudge(&mut self, cues: &Cues) -> TrackConfidence {
-        let own = self.model.own(cues);
-        self.stand(own, false);
-        (self.past.p_lost, self.past.own, self.past.cues) = (self.model.reported(own, cues), own, *cues);
+        let (cued, alarm) = (self.model.own(cues), self.model.by_absence(cues));
+        let own = cued.max(alarm);
+        self.stand(if self.past.status.is_occluded_or_lost() { cued } else { own }, false);
+        (self.past.p_lost, self.past.own, self.past.cues) = (self.model.reported(cued, cues).max(alarm), own, *cues);
         self.last()
     }
 
@@ -168,7 +178,7 @@ impl LossMonitor {
         TrackConfidence { p_lost: past.p_lost, own: past.own, status: past.status, cues: past.cues }
     }
 
-    fn cues(&mut self, s: &FrameEvidence) -> Cues {
+    fn cues(&mut self, s: &FrameEvidence, absent: Option<f64>) -> Cues {
         let m = &mut self.past;
         let gap = (s.reference.on - s.reference.off).max(1e-9);
         let (mut drop, mut distance) = (0.0, 0.0);
@@ -187,6 +197,10 @@ impl LossMonitor {
             m.agreement += if anew || m.frames == 0 { 1.0 } else { SMOOTH } * (overlap - m.agreement);
             m.agreement
         });
+        if let Some(absent) = absent {
+            m.absence += if anew { 1.0 } else { self.model.absence.rate } * (absent - m.absence);
+        }
+        let absence = if self.model.absence.counts() { m.absence } else { PRESENT };
         let spread = ((s.spread + 0.02).ln()).clamp(-4.0, 4.0);
         let distance = if distance.is_finite() { distance.clamp(-3.0, 3.0) } else { 3.0 };
         let margin = s.distractor.map_or(0.0, |distractor| (s.evidence - distractor) / gap);
@@ -203,6 +217,7 @@ impl LossMonitor {
             s.colour,
             m.elsewhere,
             agreement,
+            absence,
         ]
     }
 
@@ -223,6 +238,17 @@ impl LossMonitor {
         m.seen = s.estimate;
     }
 
+    /// Whether the box regression doubts that the target is there, so that nothing is to be learned from it.
+    pub(crate) fn is_doubted(&self) -> bool {
+        self.model.by_absence(&self.past.cues) >= self.model.leave
+    }
+
+    /// Whether the box regression alone says that the target is lost: then the own cues believe what was learned of something else.
+    pub(crate) fn is_misled(&self) -> bool {
+        let (model, cues) = (&self.model, &self.past.cues);
+        model.by_absence(cues) > model.enter && model.own(cues) <= model.enter
+    }
+
     /// What fits best in the whole picture: nothing else is found while it lies elsewhere.
     pub fn searched(&mut self, best: Option<&State>) {
         self.past.best_place = best.copied();
@@ -238,7 +264,7 @@ impl LossMonitor {
             if m.against >= model.confirm as f64 {
                 // Hidden for a moment only, it was never away.
                 m.status = if m.status == Status::Lost { Status::Reacquired } else { Status::Tracking };
-                (m.against, m.out, m.best_place) = (0.0, 0, None);
+                (m.against, m.out, m.best_place, m.absence) = (0.0, 0, None, PRESENT);
             } else if m.out > model.patience {
                 m.status = Status::Lost;
             }
@@ -269,6 +295,11 @@ impl LossMonitor {
             .map_err(|e| Error::Invalid(format!("the saved confidence cannot be used: {e}")))?;
         Ok(())
     }
+}
+
+/// Log odds as they count.
+fn within_odds(odds: f64) -> f64 {
+    if odds.is_finite() { odds.clamp(-MOST_ODDS, MOST_ODDS) } else { MOST_ODDS }
 }
 
 /// Whether a place is more than a template unit from what a frame shows.
@@ -420,6 +451,35 @@ mod tests {
         let odds = |p: f64| (p / (1.0 - p)).ln();
         assert!((odds(model.returned(0.3, Some(-2.0))) - (odds(0.3) - 0.5)).abs() < 1e-9);
         assert_eq!(model.returned(0.3, None), 0.3);
+    }
+
+    /// The own cues are content and so is a second opinion; the box regression looks in every third frame, and in each of a lost target.
+    #[test]
+    fn many_looks_that_miss_the_target_make_it_lost_and_one_does_not() {
+        let absence = Absence { rate: 0.25, weight: 3.0, bias: 1.0 };
+        let second_opinion = Heard { own: 1.0, agreement: -4.0, bias: 0.0 };
+        let run = |absence: Absence, misses: std::ops::Range<usize>| -> Vec<TrackConfidence> {
+            let box_regression = Seen { weight: 0.5, bias: 0.5 };
+            let model = ConfidenceModel { absence, second_opinion, box_regression, leave: 0.05, ..Default::default() };
+            let mut c = LossMonitor::new(model);
+            let looks = |t: usize, c: &LossMonitor| t.is_multiple_of(3) || c.last().status.is_occluded_or_lost();
+            let judge = |t: usize| {
+                let absent = looks(t, &c).then(|| if misses.contains(&t) { 2.0 } else { -4.0 });
+                c.judge(&FrameEvidence { absent, agreement: Some(1.0), ..shown(-3.0, 0.0) })
+            };
+            (0..60).map(judge).collect()
+        };
+        let tracked = |c: &TrackConfidence| c.status == Status::Tracking && c.p_lost < 0.1;
+        assert!(run(absence, 30..33).iter().all(tracked), "one look");
+        assert!(run(Absence::default(), 30..60).iter().all(tracked), "it does not count");
+        let many = run(absence, 30..60);
+        let lost = many.iter().position(|c| !tracked(c)).expect("ten looks");
+        assert!((36..45).contains(&lost), "{lost}");
+        let last = many[59];
+        assert!(last.p_lost > 0.9 && last.own > 0.9, "whatever the others say: {last:?}");
+        assert!(run(absence, 0..0).iter().all(|c| c.cues[CUES - 1] < -1.0), "it begins with a target that is there");
+        let odd = [f64::NAN, f64::INFINITY, -1e300].map(within_odds);
+        assert_eq!(odd, [MOST_ODDS, MOST_ODDS, -MOST_ODDS]);
     }
 
     /// Where a second opinion is elsewhere P(lost) rises, as the model says; status and what is usual go by the own cues.

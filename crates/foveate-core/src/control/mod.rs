@@ -23,7 +23,8 @@ mod status;
 
 pub use self::camera_motion::CameraMotion;
 pub use self::confidence::{
-    CUE_NAMES, CUES, ConfidenceModel, Cues, FrameEvidence, Heard, LossMonitor, OWN, Seen, TrackConfidence,
+    AGREEMENT, Absence, CUE_NAMES, CUES, ConfidenceModel, Cues, FrameEvidence, Heard, LossMonitor, OWN, Seen,
+    TrackConfidence,
 };
 pub use self::consistency::{Consistency, ConsistencyMonitor, ConsistencySettings};
 pub use self::detection_likelihood::DetectionLikelihood;

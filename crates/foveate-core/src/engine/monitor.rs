@@ -111,6 +111,9 @@ impl Engine {
         let (judged, loss) = (self.is_judged(), &mut self.parts.monitor.loss);
         let confidence = if judged { loss.judge(&evidence) } else { loss.last() };
         let lost = confidence.status.is_occluded_or_lost();
+        if lost && !self.context.lost && loss.is_misled() {
+            self.forget_learned();
+        }
         self.context = Context {
             ess: estimate.ess / self.work.predicted.len() as f64,
             deficit: evidence.consistency.deficit.max(evidence.alarm),
@@ -130,6 +133,14 @@ impl Engine {
             }
         }
         confidence
+    }
+
+    /// Forgets all that was learned since the first frame, and what was around the target: it was learned of something else, for which the
+    /// target was taken, and vouches for it.
+    fn forget_learned(&mut self) {
+        self.parts.appearance.forget_learned();
+        self.parts.monitor.surroundings.iter_mut().for_each(Surroundings::clear);
+        self.second.iter_mut().for_each(|second| second.forget_learned());
     }
 
     /// What the frame shows of the target at the estimate; where it is not judged, what is told of its looks is the last verdict's.
@@ -221,7 +232,7 @@ impl Engine {
         let (judged, extent) = (self.is_judged(), self.target().extent);
         let (parts, w) = (&mut self.parts, &mut self.work);
         let (monitor, lost) = (&parts.monitor, self.context.lost);
-        let learns = monitor.consistency.learns(self.frame, lost);
+        let learns = monitor.consistency.learns(self.frame, lost) && !monitor.loss.is_doubted();
         let for_now =
             |it: &ForNow| it.consistency.learns(self.frame, false) && it.consistency.last().frame_deficit <= it.gate;
         let lesson = Lesson {

@@ -6,10 +6,12 @@
 //! true boxes and from photographs put before others (`bench/train_box_regression.py`), for targets of all kinds (Girshick et al., 2014; Held et al., *Learning to track at 100 FPS with deep
 //! regression networks*, 2016); both pictures are compared as by Dosovitskiy et al. (*FlowNet*, 2015).
 //!
-//! It also says whether the target is there. While it is occluded or lost, that counts in whether it is found (`confidence.box_regression`).
+//! It also says whether the target is there. While it is occluded or lost, that counts in whether it is found (`confidence.box_regression`);
+//! while it is tracked, what it says in many looks makes P(lost) at least so much (`confidence.absence`): it learns nothing while tracking, so
+//! that what was learned of something else does not mislead it.
 //!
-//! Deviation: the paper tells the mean of the belief. What is believed and learned while the target is tracked, and P(lost), are the same with
-//! it and without: followed by them, what the network errs by would come back to it (docs/lab/real-video.md).
+//! Deviation: the paper tells the mean of the belief. Where the target is believed to be does not hear of the network: followed there, what it
+//! errs by would come back to it (docs/lab/real-video.md).
 
 mod file;
 mod glimpse;
@@ -131,11 +133,17 @@ impl BoxRegression {
         self.network.answer(template, &mut self.scratch)
     }
 
-    /// The state that is told of a frame of this estimate, each frame once.
-    pub fn moved(&mut self, image: &Image, state: &State, extent: Extent) -> State {
-        let (every, rate, gain) = (self.settings.every as u64, self.settings.rate, self.settings.gain);
-        if self.said.frames.is_multiple_of(every) {
-            let Answer { offset: [u, v], log_scale, lost, .. } = self.answer(image, state, extent);
+    /// Whether it looks in this frame.
+    pub fn is_due(&self) -> bool {
+        self.said.frames.is_multiple_of(self.settings.every as u64)
+    }
+
+    /// The state that is told of a frame of this estimate, each frame once; `answer` is what was said of it, where that is known.
+    pub fn moved(&mut self, image: &Image, state: &State, extent: Extent, answer: Option<Answer>) -> State {
+        let (rate, gain) = (self.settings.rate, self.settings.gain);
+        if self.is_due() {
+            let answer = answer.unwrap_or_else(|| self.answer(image, state, extent));
+            let Answer { offset: [u, v], log_scale, lost, .. } = answer;
             let there = 1.0 / (1.0 + f64::from(lost).exp());
             for (mean, x) in self.said.mean.iter_mut().zip([u, v, log_scale]) {
                 *mean += rate * (there * f64::from(x).clamp(-FARTHEST, FARTHEST) - *mean);

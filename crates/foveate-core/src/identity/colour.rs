@@ -144,6 +144,12 @@ impl Colour {
         self.judge();
     }
 
+    /// Forgets all that was learned since the first frame.
+    pub(super) fn begin_again(&mut self) {
+        self.recent.clone_from(&self.first);
+        self.judge();
+    }
+
     /// Sums over a region of a frame (left, top, right, bottom; pixels), a sample every so many pixels.
     pub(super) fn sum_up(&mut self, image: &Image, region: [f64; 4], step: usize, sums: &mut Integral) {
         sums.fill(image, region, step, &self.parts, &mut self.counts.bins);
@@ -336,6 +342,9 @@ mod tests {
         let before = it.recent.target[bin];
         it.adapt(&blue, &TARGET, EXTENT);
         assert_eq!((before, it.recent.target[bin]), (0.0, 0.5));
+        it.begin_again();
+        let fresh = colour(settings);
+        assert_eq!((&it.recent, &it.probability, &it.parts), (&fresh.recent, &fresh.probability, &fresh.parts));
     }
 
     #[test]

@@ -299,6 +299,17 @@ mod tests {
     }
 
     #[test]
+    fn what_was_learned_since_the_first_frame_is_forgotten() {
+        let first = learned(Settings::default(), 1);
+        let mut it = learned(Settings::default(), 6).remembering();
+        it.learn_for_now();
+        it.compact();
+        it.begin_again();
+        assert_eq!((&it.weights, &it.recent, &it.first), (&first.weights, &first.first, &first.first));
+        assert!(!it.is_apart());
+    }
+
+    #[test]
     fn labels_say_how_near_a_place_is() {
         let it = learned(Settings::default(), 2);
         assert_eq!((it.learning.places[0], it.learning.labels[0]), (TARGET, 1.0));

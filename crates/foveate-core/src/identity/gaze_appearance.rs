@@ -362,6 +362,11 @@ impl Appearance for GazeAppearance {
         self.discriminant.iter_mut().for_each(Discriminant::forget);
     }
 
+    fn forget_learned(&mut self) {
+        self.discriminant.iter_mut().for_each(Discriminant::begin_again);
+        self.colour.iter_mut().for_each(Colour::begin_again);
+    }
+
     fn init_distractors(&mut self, image: &Image, state: &State, distractors: &[State]) {
         self.learn_first(image, state, distractors);
     }

@@ -5,7 +5,7 @@ use crate::hide::Hide;
 use foveate_base::Result;
 use foveate_base::rows::Rows;
 use foveate_core::Tracker;
-use foveate_core::control::{ConfidenceModel, Heard, OWN};
+use foveate_core::control::{AGREEMENT, ConfidenceModel, Heard, OWN};
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 use foveate_learn::softmax::{Fit, Softmax};
@@ -80,10 +80,10 @@ pub fn fit(tracks: &[&Judgement], confidence: &ConfidenceModel) -> Result<Confid
 /// # Errors
 /// As [`fit`].
 pub fn fit_second_opinion(tracks: &[&Judgement], confidence: &ConfidenceModel) -> Result<ConfidenceModel> {
-    if !tracks.iter().flat_map(|t| &t.frames).any(|j| j.cues[OWN] >= 0.0) {
+    if !tracks.iter().flat_map(|t| &t.frames).any(|j| j.cues[AGREEMENT] >= 0.0) {
         return Ok(confidence.clone());
     }
-    let row = |j: &Judged| [confidence.own_log_odds(&j.cues), j.cues[OWN]];
+    let row = |j: &Judged| [confidence.own_log_odds(&j.cues), j.cues[AGREEMENT]];
     let ([own, agreement], bias) = logistic(tracks, row, 0.0)?;
     Ok(ConfidenceModel { second_opinion: Heard { own, agreement, bias }, ..confidence.clone() })
 }
@@ -151,7 +151,7 @@ mod tests {
             let odds = known.own * z + known.agreement * agreement + known.bias;
             let lost = (1000.0 / (1.0 + (-odds).exp())).round() as usize;
             let mut cues = Cues::default();
-            (cues[0], cues[OWN]) = (z, agreement);
+            (cues[0], cues[AGREEMENT]) = (z, agreement);
             frames.extend((0..1000).map(|i| {
                 let (p_lost, iou) = (0.5, if i < lost { 0.0 } else { 1.0 });
                 Judged { p_lost, status: Status::Tracking, cues, iou, off: None, covariance: [1.0, 0.0, 1.0] }
@@ -173,7 +173,7 @@ mod tests {
         }
         assert_eq!(ConfidenceModel { second_opinion: before.second_opinion, ..fitted }, before);
 
-        tracks[0].frames.iter_mut().for_each(|j| j.cues[OWN] = -1.0);
+        tracks[0].frames.iter_mut().for_each(|j| j.cues[AGREEMENT] = -1.0);
         let without = fit_second_opinion(&tracks.iter().collect::<Vec<_>>(), &before).expect("nothing to fit");
         assert_eq!(without, before, "without a second opinion");
     }

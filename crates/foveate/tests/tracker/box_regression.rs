@@ -1,4 +1,5 @@
-//! Box regression moves the box that is told, and nothing else; and it moves it to the target.
+//! Box regression moves the box that is told, and moves it to the target; what it says of whether the target is there makes a target lost, and
+//! what was learned forgotten. Nothing else changes.
 
 use crate::common::{INIT, frame, natural, truth};
 use foveate::Tracker;
@@ -35,8 +36,9 @@ fn track(settings: &[&str]) -> Vec<(State, String)> {
 
 #[test]
 fn it_moves_the_box_and_nothing_else() {
-    let (with, without) = (track(&[]), track(&["box_regression=none"]));
-    let still = track(&["box_regression.gain=0"]);
+    let unheard = "confidence.absence.weight=0";
+    let (with, without) = (track(&[unheard]), track(&[unheard, "box_regression=none"]));
+    let still = track(&[unheard, "box_regression.gain=0"]);
     let mut moved = 0;
     for ((with, without), still) in with.iter().zip(&without).zip(&still) {
         assert_eq!(with.1, without.1);
@@ -49,6 +51,34 @@ fn it_moves_the_box_and_nothing_else() {
         moved += usize::from(off != [0.0; 3]);
     }
     assert_eq!(moved, FRAMES - 1);
+}
+
+/// Told by the box regression alone that the target is not there, the tracker learns nothing, calls it occluded, and forgets what it
+/// learned before, which may have been something else.
+#[test]
+fn a_target_that_is_not_there_is_lost_and_what_was_learned_is_forgotten() {
+    let learned = |tracker: &Tracker| tracker.save()["engine"]["appearance"]["discriminant"].clone();
+    let start = |settings: &[&str]| {
+        let mut tracker = tracker(config(settings));
+        tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
+        tracker
+    };
+    let run = |tracker: &mut Tracker, frames: std::ops::Range<usize>| {
+        let update = |i| tracker.update(&frame(i, 3).image).expect("a picture of the first size").is_lost();
+        frames.map(update).last().expect("a frame")
+    };
+    let mut tracked = start(&["short_term=none"]);
+    let first = learned(&tracked);
+    assert!(!run(&mut tracked, 1..9), "it is there");
+    assert_ne!(learned(&tracked), first);
+    // Log odds of -6 and more count as 18 then.
+    let gone = ["short_term=none", "confidence.absence.weight=1", "confidence.absence.bias=24"];
+    let mut misled = start(&gone);
+    misled.load(&tracked.save()).expect("the same parts");
+    assert!(!run(&mut misled, 9..10), "it is noticed after two frames");
+    assert_eq!(learned(&misled), learned(&tracked), "what is doubted is not learned");
+    assert!(run(&mut misled, 10..12));
+    assert_eq!(learned(&misled), first, "what was learned is forgotten");
 }
 
 /// The network that ships, on pictures that it was not trained on: boxes that are 0.3 half sides off, or a quarter too large or small.

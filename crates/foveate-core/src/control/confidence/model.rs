@@ -6,9 +6,12 @@ use foveate_base::error::within;
 use foveate_base::{Error, Result};
 
 /// Number of cues.
-pub const CUES: usize = 11;
-/// Number of those that are the tracker's own, the first: the last cue is what a second opinion says.
-pub const OWN: usize = CUES - 1;
+pub const CUES: usize = 12;
+/// Number of those that are the tracker's own, the first.
+pub const OWN: usize = 10;
+/// Where the others are: what a second opinion says, and the box regression.
+pub const AGREEMENT: usize = 10;
+const ABSENCE: usize = 11;
 /// Their names, in order.
 pub const CUE_NAMES: [&str; CUES] = [
     "deficit",
@@ -22,6 +25,7 @@ pub const CUE_NAMES: [&str; CUES] = [
     "colour",
     "elsewhere",
     "agreement",
+    "absence",
 ];
 
 /// What one frame tells about being lost:
@@ -37,11 +41,13 @@ pub const CUE_NAMES: [&str; CUES] = [
 /// *elsewhere*: how much more the estimate looks like what was around the target in remembered frames than like the target in them,
 /// smoothed over two or three frames, −2 to 2; 0 where nothing is remembered (`[distractors] remembered`);
 /// *agreement*: the overlap (IoU) with the box of the second opinion, smoothed over about five frames, 0 to 1; −1 without one
-/// (`second_opinion`).
+/// (`second_opinion`);
+/// *absence*: log odds by the box regression that the target is not at the estimate, a running mean over its last looks, −6 to 6; −6 without one
+/// (`[confidence] absence`).
 pub type Cues = [f64; CUES];
 
 /// The most that log odds by the box regression count, either way.
-const MOST_ODDS: f64 = 6.0;
+pub(super) const MOST_ODDS: f64 = 6.0;
 
 /// The model, and the rules of the states.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,6 +62,8 @@ pub struct ConfidenceModel {
     pub second_opinion: Heard,
     /// What the box regression counts for in whether an occluded or lost target is found; nothing without one.
     pub box_regression: Seen,
+    /// What the box regression counts for in whether a target that is tracked is lost; nothing without one.
+    pub absence: Absence,
     /// P(lost) by the own cues above which a frame speaks for being lost, 0 to 1.
     pub enter: f64,
     /// The same below which it speaks for having the target, 0 to `enter`.
@@ -98,6 +106,32 @@ pub struct Seen {
     pub bias: f64,
 }
 
+/// P(lost) is at least that of log odds `weight` · cue + `bias`, with the cue *absence*: one look says little, many in a row much.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Absence {
+    /// How much the last look counts in the running mean, above 0 to 1.
+    pub rate: f64,
+    /// What the mean counts for; 0: nothing is heard.
+    pub weight: f64,
+    /// Added to it.
+    pub bias: f64,
+}
+
+impl Default for Absence {
+    /// Nothing is heard.
+    fn default() -> Self {
+        Self { rate: 0.25, weight: 0.0, bias: 0.0 }
+    }
+}
+
+impl Absence {
+    /// Whether the box regression counts.
+    pub fn counts(&self) -> bool {
+        self.weight != 0.0
+    }
+}
+
 impl Default for Heard {
     /// Nothing is heard.
     fn default() -> Self {
@@ -112,6 +146,7 @@ impl Default for ConfidenceModel {
             bias: -4.0,
             second_opinion: Heard::default(),
             box_regression: Seen::default(),
+            absence: Absence::default(),
             enter: 0.5,
             leave: 0.3,
             notice: 2,
@@ -136,6 +171,9 @@ impl ConfidenceModel {
             ("second_opinion.bias", self.second_opinion.bias, -1e3, 1e3),
             ("box_regression.weight", self.box_regression.weight, -1e3, 1e3),
             ("box_regression.bias", self.box_regression.bias, -1e3, 1e3),
+            ("absence.rate", self.absence.rate, 1e-3, 1.0),
+            ("absence.weight", self.absence.weight, 0.0, 1e3),
+            ("absence.bias", self.absence.bias, -1e3, 1e3),
             ("enter", self.enter, 0.0, 1.0),
             ("notice", self.notice as f64, 1.0, 1000.0),
             ("confirm", self.confirm as f64, 1.0, 1000.0),
@@ -158,10 +196,13 @@ impl ConfidenceModel {
     /// The same for an occluded or lost target, with what the box regression sees there.
     pub(super) fn returned(&self, own: f64, absent: Option<f64>) -> f64 {
         let Seen { weight, bias } = self.box_regression;
-        absent.map_or(own, |absent| {
-            let absent = if absent.is_finite() { absent.clamp(-MOST_ODDS, MOST_ODDS) } else { MOST_ODDS };
-            logistic(weight * absent + bias - odds(own))
-        })
+        absent.map_or(own, |absent| logistic(weight * absent + bias - odds(own)))
+    }
+
+    /// The least P(lost), by what the box regression said lately.
+    pub(super) fn by_absence(&self, cues: &Cues) -> f64 {
+        let Absence { weight, bias, .. } = self.absence;
+        if self.absence.counts() { logistic(weight * cues[ABSENCE] + bias) } else { 0.0 }
     }
 
     /// ln(P / (1 − P)) of the same P.
@@ -171,7 +212,7 @@ impl ConfidenceModel {
 
     /// P(lost) as reported, where the own one is `own`.
     pub(super) fn reported(&self, own: f64, cues: &Cues) -> f64 {
-        let (heard, agreement) = (&self.second_opinion, cues[OWN]);
+        let (heard, agreement) = (&self.second_opinion, cues[AGREEMENT]);
         if agreement < 0.0 {
             return own;
         }

@@ -1,6 +1,7 @@
 //! A discriminant with a short-term memory: which of the two is in use, and what both learn.
 
 use super::Discriminant;
+use super::ridge::STEPS;
 use super::short_term::Recent;
 
 impl Discriminant {
@@ -17,6 +18,17 @@ impl Discriminant {
     /// Forgets what was learned for now.
     pub fn forget(&mut self) {
         self.short_term.iter_mut().for_each(Recent::forget);
+    }
+
+    /// Forgets all that was learned since the first frame.
+    pub(in crate::identity) fn begin_again(&mut self) {
+        self.unpack();
+        let Self { regression, first, recent, weights, learning, .. } = self;
+        recent.gram.clone_from(&first.gram);
+        recent.cross.clone_from(&first.cross);
+        weights.fill(0.0);
+        regression.solve(first, recent, weights, learning, STEPS.0);
+        self.forget();
     }
 
     /// Whether what was learned for now is left out of distances.
