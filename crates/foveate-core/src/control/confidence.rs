@@ -5,8 +5,10 @@
 //! target, or that the target is not to be seen. The weights are fitted on sequences with truth by `foveate train
 //! confidence`; docs/confidence.md has the figures.
 //!
+//! With a box regression neither is less than what that saw in many looks ([`Absence`]).
+//!
 //! Deviation: with a second opinion there are two such probabilities. The one that is reported hears it; the one that the tracker acts on,
-//! and the status, is of its own cues, so that a second opinion changes no box.
+//! and the status, does not, so that a second opinion changes no box.
 
 use serde::{Deserialize, Serialize};
 
@@ -25,7 +27,7 @@ pub use self::model::{AGREEMENT, Absence, CUE_NAMES, CUES, ConfidenceModel, Cues
 pub struct TrackConfidence {
     /// P(lost), 0 to 1.
     pub p_lost: f64,
-    /// The same by the tracker's own cues, which it acts on; another one only with a second opinion.
+    /// The same without the second opinion, which is what the tracker acts on: by its own cues and the box regression.
     pub own: f64,
     /// What is believed of the track.
     pub status: Status,

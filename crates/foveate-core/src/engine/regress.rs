@@ -1,4 +1,4 @@
-//! The box that is told: the mean of the belief, moved by the box regression. And whether a lost target is there again.
+//! The box that is told: the mean of the belief, moved by the box regression. And whether the target is there, by its word.
 
 use super::{Engine, Estimate};
 use crate::scene::Image;

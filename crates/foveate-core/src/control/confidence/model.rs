@@ -64,7 +64,7 @@ pub struct ConfidenceModel {
     pub box_regression: Seen,
     /// What the box regression counts for in whether a target that is tracked is lost; nothing without one.
     pub absence: Absence,
-    /// P(lost) by the own cues above which a frame speaks for being lost, 0 to 1.
+    /// P(lost), without the second opinion, above which a frame speaks for being lost, 0 to 1.
     pub enter: f64,
     /// The same below which it speaks for having the target, 0 to `enter`.
     pub leave: f64,
