@@ -69,19 +69,9 @@ fn shrink_body<const V: u8>(
     let columns = sums.len() / step;
     let (height, left) = (plane.len() / width, (from.0 * step).min(width - 1));
     let area = (step * step) as u32;
-    let inside = left + sums.len() <= width;
     for (j, out) in out.chunks_mut(columns).enumerate() {
-        let row = |i: usize| &plane[((from.1 + j) * step + i).min(height - 1) * width..][..width];
-        if inside && matches!(step, 2 | 4) {
-            let rows = |i: usize| &row(i)[left..left + out.len() * step];
-            match step {
-                2 => mean_of_pairs([0, 1].map(rows), out),
-                _ => mean_of_fours([0, 1, 2, 3].map(rows), out),
-            }
-            continue;
-        }
         for i in 0..step {
-            let row = row(i);
+            let row = &plane[((from.1 + j) * step + i).min(height - 1) * width..][..width];
             let within = row[left..].len().min(sums.len());
             let (inside, beyond) = sums.split_at_mut(within);
             let pixels = inside.iter_mut().zip(&row[left..]);
@@ -112,33 +102,6 @@ fn shrink_body<const V: u8>(
                 all.for_each(|(sums, out)| *out = mean(sums.iter().map(|sum| u32::from(*sum)).sum()));
             }
         }
-    }
-}
-
-/// Rounded means of 2 × 2 bytes. Both bytes of a word are added at once: no lane of a register has to move.
-#[inline(always)]
-fn mean_of_pairs(rows: [&[u8]; 2], out: &mut [u8]) {
-    let [a, b] = rows.map(|row| row.as_chunks::<2>().0);
-    let both = |pair: &[u8; 2]| {
-        let word = u16::from_le_bytes(*pair);
-        (word & 0xff) + (word >> 8)
-    };
-    for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
-        *out = ((both(a) + both(b) + 2) >> 2) as u8;
-    }
-}
-
-/// The same, of 4 × 4.
-#[inline(always)]
-fn mean_of_fours(rows: [&[u8]; 4], out: &mut [u8]) {
-    let [a, b, c, d] = rows.map(|row| row.as_chunks::<4>().0);
-    let halves = |four: &[u8; 4]| {
-        let word = u32::from_le_bytes(*four);
-        (word & 0x00ff_00ff) + ((word >> 8) & 0x00ff_00ff)
-    };
-    for ((((out, a), b), c), d) in out.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-        let sum = halves(a) + halves(b) + halves(c) + halves(d);
-        *out = (((sum & 0xffff) + (sum >> 16) + 8) >> 4) as u8;
     }
 }
 

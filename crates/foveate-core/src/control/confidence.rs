@@ -106,6 +106,13 @@ struct Past {
     out: usize,
 }
 
+/// P(lost) by the own cues, with what the box regression saw in many looks, and with what the second opinion says as well.
+struct Verdict {
+    cued: f64,
+    own: f64,
+    reported: f64,
+}
+
 /// Share of the newest frame in the usual values, after as many frames as its inverse.
 const NEWEST: f64 = 0.05;
 /// Share of the newest frame in the smoothed drop.
@@ -117,10 +124,17 @@ const PRESENT: f64 = -MOST_ODDS;
 /// The least deviation of the evidence, as a share of what was promised between on and off.
 const LEAST_DEVIATION: f64 = 0.02;
 
+impl Past {
+    /// Nothing was seen yet.
+    fn none() -> Self {
+        Self { absence: PRESENT, ..Self::default() }
+    }
+}
+
 impl LossMonitor {
     /// A monitor with this model, which has seen nothing yet.
     pub fn new(model: ConfidenceModel) -> Self {
-        Self { model, past: Past { absence: PRESENT, ..Past::default() } }
+        Self { model, past: Past::none() }
     }
 
     /// The model.
@@ -130,7 +144,7 @@ impl LossMonitor {
 
     /// Forgets the past: the target was just given.
     pub fn reset(&mut self) {
-        self.past = Past { absence: PRESENT, ..Past::default() };
+        self.past = Past::none();
     }
 
     /// The target was put somewhere: it is not out until frames say so; what is usual on it stays.
@@ -150,8 +164,7 @@ impl LossMonitor {
     pub fn judge(&mut self, shown: &FrameEvidence) -> TrackConfidence {
         let absent = shown.absent.map(within_odds);
         let cues = self.cues(shown, absent);
-        let (cued, alarm) = (self.model.own(&cues).max(shown.alarm), self.model.by_absence(&cues).max(shown.alarm));
-        let own = cued.max(alarm);
+        let Verdict { cued, own, reported } = self.verdict(&cues, shown.alarm);
         let elsewhere = self.past.best_place.is_some_and(|place| apart(&place, shown));
         let out = self.past.status.is_occluded_or_lost();
         // Whether it is back is asked of the last look, not of those before.
@@ -160,18 +173,22 @@ impl LossMonitor {
         if self.past.frames < (1.0 / NEWEST) as usize / 2 || own < self.model.leave {
             self.learn(shown);
         }
-        let p_lost = self.model.reported(cued, &cues).max(alarm);
-        (self.past.p_lost, self.past.own, self.past.cues) = (p_lost, own, cues);
+        (self.past.p_lost, self.past.own, self.past.cues) = (reported, own, cues);
         self.last()
     }
 
     /// Judges a frame of which only the cues were kept, as if no search had ever found anything elsewhere.
     pub fn rejudge(&mut self, cues: &Cues) -> TrackConfidence {
-        let (cued, alarm) = (self.model.own(cues), self.model.by_absence(cues));
-        let own = cued.max(alarm);
+        let Verdict { cued, own, reported } = self.verdict(cues, 0.0);
         self.stand(if self.past.status.is_occluded_or_lost() { cued } else { own }, false);
-        (self.past.p_lost, self.past.own, self.past.cues) = (self.model.reported(cued, cues).max(alarm), own, *cues);
+        (self.past.p_lost, self.past.own, self.past.cues) = (reported, own, *cues);
         self.last()
+    }
+
+    /// P(lost) of these cues, which is not less than `alarm`.
+    fn verdict(&self, cues: &Cues, alarm: f64) -> Verdict {
+        let (cued, least) = (self.model.own(cues).max(alarm), self.model.by_absence(cues).max(alarm));
+        Verdict { cued, own: cued.max(least), reported: self.model.reported(cued, cues).max(least) }
     }
 
     /// The last verdict, for a frame that tells nothing of the target.

@@ -123,8 +123,7 @@ impl Colour {
     pub fn init(&mut self, image: &Image, state: &State, extent: Extent) {
         self.counts.count(image, state, extent);
         self.first.clone_from(&self.counts.now);
-        self.recent.clone_from(&self.counts.now);
-        self.judge();
+        self.begin_again();
         let mut sums = Integral::default();
         let (w, h) = state.half(extent);
         let (step, w, h) = (step(w.min(h)), RING * w, RING * h);

@@ -194,9 +194,7 @@ impl Discriminant {
             begun.clone_from(recent);
             first_rows.clone_from(&learning.rows);
             first_rows.shrink_to_fit();
-            weights.fill(0.0);
-            short_term.iter_mut().for_each(Recent::forget);
-            return regression.solve(begun, recent, weights, learning, STEPS.0);
+            return self.fit_anew();
         }
         recent.learn(learning, n, regression.settings.fading());
         regression.solve(begun, recent, weights, learning, STEPS.1);

@@ -160,7 +160,7 @@ pub trait Appearance: Send + Sync {
     }
     /// Forgets what was learned for now.
     fn forget_short_term(&mut self) {}
-    /// Forgets all that was learned since the first frame: it was learned of something else. What was seen of the frame is forgotten.
+    /// Forgets all that was learned since the first frame: it was learned of something else. The frame is to be seen again before more looks.
     fn forget_learned(&mut self) {}
     /// The picture `init_template` was given, or the part of it that has the target; none where that is not kept.
     fn template_source(&self) -> Option<TemplateSource<'_>> {

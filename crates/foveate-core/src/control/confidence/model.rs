@@ -6,12 +6,12 @@ use foveate_base::error::within;
 use foveate_base::{Error, Result};
 
 /// Number of cues.
-pub const CUES: usize = 12;
+pub const CUES: usize = OWN + 2;
 /// Number of those that are the tracker's own, the first.
 pub const OWN: usize = 10;
 /// Where the others are: what a second opinion says, and the box regression.
-pub const AGREEMENT: usize = 10;
-const ABSENCE: usize = 11;
+pub const AGREEMENT: usize = OWN;
+const ABSENCE: usize = OWN + 1;
 /// Their names, in order.
 pub const CUE_NAMES: [&str; CUES] = [
     "deficit",

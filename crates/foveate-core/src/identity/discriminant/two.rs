@@ -23,12 +23,17 @@ impl Discriminant {
     /// Forgets all that was learned since the first frame.
     pub(in crate::identity) fn begin_again(&mut self) {
         self.unpack();
+        self.recent.gram.clone_from(&self.first.gram);
+        self.recent.cross.clone_from(&self.first.cross);
+        self.fit_anew();
+    }
+
+    /// Fits the sums of the first frame from nothing on.
+    pub(super) fn fit_anew(&mut self) {
+        self.forget();
         let Self { regression, first, recent, weights, learning, .. } = self;
-        recent.gram.clone_from(&first.gram);
-        recent.cross.clone_from(&first.cross);
         weights.fill(0.0);
         regression.solve(first, recent, weights, learning, STEPS.0);
-        self.forget();
     }
 
     /// Whether what was learned for now is left out of distances.
