@@ -16,7 +16,7 @@ use crate::result::{Seen, TrackResult};
 /// Parameters
 /// ----------
 /// profile : str
-///     ``"balanced"`` (fewest failures), ``"fast"`` (two and a half times the speed), or the name of any configuration that ships:
+///     ``"balanced"`` (fewest failures), ``"fast"`` (nearly three times the speed), or the name of any configuration that ships:
 ///     :func:`foveate.configurations` lists them.
 /// config : dict, path or str, optional
 ///     A dict changes settings of the profile: ``{"particles": 400, "policy.kind": "hedge"}``. A path (``str`` or

@@ -76,7 +76,7 @@ impl<'a> From<Step<'a>> for Output<'a> {
 }
 
 /// The format number of saved trackers.
-const FORMAT: u32 = 13;
+const FORMAT: u32 = 14;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {

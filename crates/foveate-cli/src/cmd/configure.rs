@@ -12,7 +12,7 @@ use foveate::{Error, Result};
 /// Configurations for real video, by the time they take.
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
 pub enum Profile {
-    /// A quarter of the particles, two and a half times the speed: natural-fast
+    /// A quarter of the particles, nearly three times the speed: natural-fast
     Fast,
     /// What is taken unless told otherwise: natural
     Balanced,

@@ -6,7 +6,7 @@ use foveate_base::{Error, Result};
 /// The configurations for any target in real video, by what they cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Profile {
-    /// A quarter of the particles, two and a half times the speed of the other: `natural-fast`.
+    /// A quarter of the particles, nearly three times the speed of the other: `natural-fast`.
     Fast,
     /// Fewest failures: `natural`.
     #[default]

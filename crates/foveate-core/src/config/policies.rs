@@ -62,8 +62,8 @@ pub enum PolicyConfig {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         looks: Option<f64>,
     },
-    /// All the grid's gazes for so many frames, then the one that earned most, which is then the place that is learned of; for a retina
-    /// that sees a part of the target. A sensor reads all that they see while all are looked at.
+    /// Scores all gazes of the grid for some frames, then keeps the best one, and learns appearance there; for a retina that sees a part
+    /// of the target. A sensor reads all that they see while all are looked at.
     ExploreThenCommit {
         /// The gazes.
         #[serde(default)]

@@ -65,7 +65,7 @@ pub struct Config {
     /// What tells the target from what is around it, learned while tracking; not at all unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub discriminant: Option<discriminant::Settings>,
-    /// How features of a target are known to vary along a track; as if they did not unless given.
+    /// Prior covariance of a target's features along a track, for the discriminant. None unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub variation: Option<discriminant::Variation>,
     /// A second discriminant with a short memory: it also learns from frames in which the target looks less like itself, and moves the box;
@@ -160,25 +160,25 @@ pub struct LikelihoodConfig {
 pub enum RewardConfig {
     /// Σw², the paper's.
     Concentration {
-        /// 0 to 1.
+        /// Power to which the likelihood is raised first, 0 to 1.
         #[serde(default = "one")]
         temperature: f64,
     },
     /// log(N Σw²) / log N.
     LogConcentration {
-        /// 0 to 1.
+        /// Power to which the likelihood is raised first, 0 to 1.
         #[serde(default = "one")]
         temperature: f64,
     },
     /// How much the boxes that the look alone would believe in overlap that of all looks of the frame: for policies that ask for many.
     Agreement {
-        /// 0 to 1.
+        /// Power to which the likelihood is raised first, 0 to 1.
         #[serde(default = "one")]
         temperature: f64,
     },
     /// The share of the uncertainty about place that the look removed.
     VarianceReduction {
-        /// 0 to 1.
+        /// Power to which the likelihood is raised first, 0 to 1.
         #[serde(default = "one")]
         temperature: f64,
     },

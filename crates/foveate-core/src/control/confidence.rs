@@ -7,8 +7,8 @@
 //!
 //! With a box regression neither is less than what that saw in many looks ([`Absence`]).
 //!
-//! Deviation: with a second opinion there are two such probabilities. The one that is reported hears it; the one that the tracker acts on,
-//! and the status, does not, so that a second opinion changes no box.
+//! Deviation: with a second opinion there are two such probabilities. The one that is reported hears it; the one that the tracker acts on
+//! does not, so that a second opinion changes no box. A loss is reported once both say so.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,9 +18,11 @@ use crate::reference::ReferenceLikelihood;
 use foveate_base::{Error, Result};
 
 mod model;
+mod state;
 
 use self::model::MOST_ODDS;
 pub use self::model::{AGREEMENT, Absence, CUE_NAMES, CUES, ConfidenceModel, Cues, Heard, OWN, Seen};
+use self::state::TrackState;
 
 /// The verdict on one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -29,7 +31,7 @@ pub struct TrackConfidence {
     pub p_lost: f64,
     /// The same without the second opinion, which is what the tracker acts on: by its own cues and the box regression.
     pub own: f64,
-    /// What is believed of the track.
+    /// What is reported of the track: occluded or lost from where the tracker acts so and `p_lost` is `leave` or more, until it is found.
     pub status: Status,
     /// What the probability was made of.
     pub cues: Cues,
@@ -88,6 +90,8 @@ struct Past {
     seen: State,
     /// What fitted best in the whole picture, by the last search since it went out.
     best_place: Option<State>,
+    /// Nothing is smoothed yet.
+    is_new: bool,
     /// Smoothed drop.
     lasting: f64,
     /// Smoothed likeness to what was elsewhere.
@@ -96,14 +100,12 @@ struct Past {
     agreement: f64,
     /// What the box regression said lately.
     absence: f64,
-    /// The last verdict.
-    status: Status,
+    /// The last verdict: the state that the tracker acts on, and whether this loss is reported.
+    state: TrackState,
+    is_reported: bool,
     p_lost: f64,
     own: f64,
     cues: Cues,
-    /// Frames in a row that spoke against the status, by what they count, and frames since the target went out.
-    against: f64,
-    out: usize,
 }
 
 /// P(lost) by the own cues, with what the box regression saw in many looks, and with what the second opinion says as well.
@@ -127,7 +129,7 @@ const LEAST_DEVIATION: f64 = 0.02;
 impl Past {
     /// Nothing was seen yet.
     fn none() -> Self {
-        Self { absence: PRESENT, ..Self::default() }
+        Self { is_new: true, absence: PRESENT, ..Self::default() }
     }
 }
 
@@ -149,40 +151,58 @@ impl LossMonitor {
 
     /// The target was put somewhere: it is not out until frames say so; what is usual on it stays.
     pub(crate) fn begin_again(&mut self) {
-        let m = &mut self.past;
-        (m.status, m.against, m.out, m.best_place) = (Status::Tracking, 0.0, 0, None);
-        (m.lasting, m.absence) = (0.0, PRESENT);
+        let Past { frames, evidence, deviation, distance, seen, .. } = self.past;
+        self.past = Past { frames, evidence, deviation, distance, seen, ..Past::none() };
     }
 
     /// Forgets what is usual on the target: looks are compared with something else from now on.
     pub(crate) fn forget_usual(&mut self) {
         let m = &mut self.past;
         (m.frames, m.evidence, m.deviation, m.distance, m.lasting) = (0, 0.0, 0.0, 0.0, 0.0);
+        m.absence = PRESENT;
     }
 
     /// Judges a frame.
     pub fn judge(&mut self, shown: &FrameEvidence) -> TrackConfidence {
         let absent = shown.absent.map(within_odds);
         let cues = self.cues(shown, absent);
-        let Verdict { cued, own, reported } = self.verdict(&cues, shown.alarm);
+        let verdict = self.verdict(&cues, shown.alarm);
         let elsewhere = self.past.best_place.is_some_and(|place| apart(&place, shown));
-        let out = self.past.status.is_occluded_or_lost();
         // Whether it is back is asked of the last look, not of those before.
-        self.stand(if out { self.model.returned(cued, absent) } else { own }, elsewhere);
+        let tells = if self.is_out() { self.model.returned(verdict.cued, absent) } else { verdict.own };
+        let confidence = self.conclude(&verdict, tells, elsewhere, cues);
         self.past.estimate = shown.estimate;
-        if self.past.frames < (1.0 / NEWEST) as usize / 2 || own < self.model.leave {
+        if self.past.frames < (1.0 / NEWEST) as usize / 2 || verdict.own < self.model.leave {
             self.learn(shown);
         }
-        (self.past.p_lost, self.past.own, self.past.cues) = (reported, own, cues);
-        self.last()
+        confidence
     }
 
     /// Judges a frame of which only the cues were kept, as if no search had ever found anything elsewhere.
     pub fn rejudge(&mut self, cues: &Cues) -> TrackConfidence {
-        let Verdict { cued, own, reported } = self.verdict(cues, 0.0);
-        self.stand(if self.past.status.is_occluded_or_lost() { cued } else { own }, false);
-        (self.past.p_lost, self.past.own, self.past.cues) = (reported, own, *cues);
+        let verdict = self.verdict(cues, 0.0);
+        let tells = if self.is_out() { verdict.cued } else { verdict.own };
+        self.conclude(&verdict, tells, false, *cues)
+    }
+
+    /// Keeps a frame's verdict. `tells`: the probability by which the state goes on.
+    fn conclude(&mut self, verdict: &Verdict, tells: f64, elsewhere: bool, cues: Cues) -> TrackConfidence {
+        let (m, model) = (&mut self.past, &self.model);
+        if m.state.stand(model, tells, elsewhere) {
+            (m.best_place, m.absence) = (None, PRESENT);
+        }
+        if m.state.is_out() {
+            m.is_reported |= cues[AGREEMENT] < 0.0 || verdict.reported >= model.leave;
+        } else if m.state.status == Status::Tracking {
+            m.is_reported = false;
+        }
+        (m.p_lost, m.own, m.cues) = (verdict.reported, verdict.own, cues);
         self.last()
+    }
+
+    /// Whether the tracker acts as for an occluded or lost target: by its own cues, reported or not.
+    pub fn is_out(&self) -> bool {
+        self.past.state.is_out()
     }
 
     /// P(lost) of these cues, which is not less than `alarm`.
@@ -194,7 +214,8 @@ impl LossMonitor {
     /// The last verdict, for a frame that tells nothing of the target.
     pub fn last(&self) -> TrackConfidence {
         let past = &self.past;
-        TrackConfidence { p_lost: past.p_lost, own: past.own, status: past.status, cues: past.cues }
+        let status = if past.is_reported { past.state.status } else { Status::Tracking };
+        TrackConfidence { p_lost: past.p_lost, own: past.own, status, cues: past.cues }
     }
 
     fn cues(&mut self, s: &FrameEvidence, absent: Option<f64>) -> Cues {
@@ -208,12 +229,13 @@ impl LossMonitor {
             distance = ((s.distance + least) / (m.distance + least)).ln();
         }
         // How it looked where it was searched before says nothing of another place.
-        let anew = m.status.is_occluded_or_lost() && apart(&m.estimate, s);
+        let anew = m.state.is_out() && apart(&m.estimate, s);
+        let first = std::mem::take(&mut m.is_new) || anew;
         m.lasting += if anew { 1.0 } else { SMOOTH } * (drop - m.lasting);
-        m.elsewhere += if anew || m.frames == 0 { 1.0 } else { SHARPER } * (s.elsewhere - m.elsewhere);
+        m.elsewhere += if first { 1.0 } else { SHARPER } * (s.elsewhere - m.elsewhere);
         let agreement = s.agreement.map(|overlap| if overlap.is_finite() { overlap } else { 0.0 });
         let agreement = agreement.map_or(-1.0, |overlap| {
-            m.agreement += if anew || m.frames == 0 { 1.0 } else { SMOOTH } * (overlap - m.agreement);
+            m.agreement += if first { 1.0 } else { SMOOTH } * (overlap - m.agreement);
             m.agreement
         });
         if let Some(absent) = absent {
@@ -246,7 +268,7 @@ impl LossMonitor {
         if !(s.evidence.is_finite() && s.distance.is_finite()) {
             return;
         }
-        m.frames += 1;
+        m.frames = m.frames.saturating_add(1);
         let share = NEWEST.max(1.0 / m.frames as f64);
         let off = s.evidence - m.evidence;
         if m.frames > 1 {
@@ -271,31 +293,6 @@ impl LossMonitor {
     /// What fits best in the whole picture: nothing else is found while it lies elsewhere.
     pub fn searched(&mut self, best: Option<&State>) {
         self.past.best_place = best.copied();
-    }
-
-    fn stand(&mut self, p_lost: f64, elsewhere: bool) {
-        let (m, model) = (&mut self.past, &self.model);
-        let out = m.status.is_occluded_or_lost();
-        let counts = if out && elsewhere { 0.0 } else { model.counts(out, p_lost) };
-        m.against = if counts > 0.0 { m.against + counts } else { 0.0 };
-        if out {
-            m.out += 1;
-            if m.against >= model.confirm as f64 {
-                // Hidden for a moment only, it was never away.
-                m.status = if m.status == Status::Lost { Status::Reacquired } else { Status::Tracking };
-                (m.against, m.out, m.best_place, m.absence) = (0.0, 0, None, PRESENT);
-            } else if m.out > model.patience {
-                m.status = Status::Lost;
-            }
-        } else if m.against >= model.notice as f64 {
-            m.status = if m.status == Status::Reacquired { Status::Lost } else { Status::Occluded };
-            m.against = 0.0;
-        } else if m.status == Status::Reacquired {
-            m.out += 1;
-            if m.out > model.patience {
-                (m.status, m.out) = (Status::Tracking, 0);
-            }
-        }
     }
 
     /// Where the target was seen last; none before the first frame.
@@ -382,7 +379,10 @@ mod tests {
         (0..20).for_each(|_| _ = c.judge(&shown(-12.0, 1.0)));
         assert!(c.last().status.is_occluded_or_lost());
         c.begin_again();
-        assert_eq!(c.judge(&shown(-3.0, 0.0)).status, Status::Tracking);
+        let TrackConfidence { status, p_lost, own, .. } = c.last();
+        assert_eq!((status, p_lost, own), (Status::Tracking, 0.0, 0.0), "nothing is known of it yet");
+        let first = c.judge(&FrameEvidence { agreement: Some(0.9), elsewhere: 0.2, ..shown(-3.0, 0.0) });
+        assert_eq!((first.status, first.cues[AGREEMENT], first.cues[9]), (Status::Tracking, 0.9, 0.2));
         let drop = |c: &mut LossMonitor| c.judge(&shown(-6.0, 0.0)).cues[2];
         assert!(drop(&mut c.clone()) > 0.5, "less than usual");
         c.forget_usual();
@@ -400,24 +400,6 @@ mod tests {
             let confidence = c.judge(&shown(if chance { -3.0 } else { -12.0 }, if chance { 0.0 } else { 1.0 }));
             assert!(t < 4 || confidence.status.is_occluded_or_lost(), "frame {t}: {confidence:?}");
         }
-    }
-
-    /// Found at `leave` = 0.2, P = 0.2 − ε counts 1 and P → 0 counts `surest`: after ⌈4 / 2⌉ sure frames, or four hardly sure ones.
-    #[test]
-    fn frames_that_are_surer_count_for_more() {
-        let found_after = |p: f64, surest: f64| {
-            let model = ConfidenceModel { leave: 0.2, confirm: 4, surest, ..ConfidenceModel::default() };
-            let mut c = LossMonitor::new(model);
-            c.past.status = Status::Lost;
-            (1..10).find(|_| {
-                c.stand(p, false);
-                c.past.status == Status::Reacquired
-            })
-        };
-        assert_eq!([0.199, 0.1, 1e-6, 0.0].map(|p| found_after(p, 1.0)), [Some(4); 4]);
-        // ln 9 / ln 4 = 1.58: three.
-        assert_eq!([0.199, 0.1, 1e-6, 0.0].map(|p| found_after(p, 2.0)), [Some(4), Some(3), Some(2), Some(2)]);
-        assert_eq!(found_after(0.2, 2.0), None);
     }
 
     /// The smoothed cues of a lost target start anew where the estimate leaps, and only there.
@@ -499,6 +481,35 @@ mod tests {
         assert!(run(absence, 0..0).iter().all(|c| c.cues[CUES - 1] < -1.0), "it begins with a target that is there");
         let odd = [f64::NAN, f64::INFINITY, -1e300].map(within_odds);
         assert_eq!(odd, [MOST_ODDS, MOST_ODDS, -MOST_ODDS]);
+    }
+
+    /// The own cues say lost. Where the second opinion sees the target it is not reported; where it does not, it is, and stays so until found.
+    #[test]
+    fn a_loss_is_reported_once_the_second_opinion_agrees() {
+        let second_opinion = Heard { own: 0.2, agreement: -8.0, bias: 4.0 };
+        let run = |sees: &dyn Fn(usize) -> bool| -> Vec<(bool, Status)> {
+            let mut c = LossMonitor::new(ConfidenceModel { second_opinion, ..ConfidenceModel::default() });
+            let judge = |t: usize| {
+                let off = (30..60).contains(&t);
+                let frame = shown(if off { -12.0 } else { -3.0 - 0.1 * (t % 3) as f64 }, if off { 1.0 } else { 0.0 });
+                let status =
+                    c.judge(&FrameEvidence { agreement: Some(if sees(t) { 1.0 } else { 0.0 }), ..frame }).status;
+                (c.is_out(), status)
+            };
+            (0..90).map(judge).collect()
+        };
+        let never = run(&|_| true);
+        assert!(
+            never[35..58].iter().all(|(out, _)| *out) && never.iter().all(|(_, s)| *s == Status::Tracking),
+            "{never:?}"
+        );
+        let later = run(&|t| !(40..50).contains(&t));
+        let reported: Vec<usize> = (0..90).filter(|t| later[*t].1.is_occluded_or_lost()).collect();
+        let out: Vec<usize> = (0..90).filter(|t| later[*t].0).collect();
+        assert!((40..45).contains(&reported[0]) && reported.last() == out.last(), "{reported:?} {out:?}");
+        assert!(later.iter().any(|(_, s)| *s == Status::Reacquired));
+        let boxes = |run: &[(bool, Status)]| run.iter().map(|(out, _)| *out).collect::<Vec<_>>();
+        assert_eq!(boxes(&never), boxes(&later), "it acts on nothing of it");
     }
 
     /// Where a second opinion is elsewhere P(lost) rises, as the model says; status and what is usual go by the own cues.

@@ -31,14 +31,14 @@ pub struct ConsistencySettings {
     pub memory: f64,
     /// Smoothed deficit above which a frame is not learned from.
     pub threshold: f64,
-    /// The same while the target is reported as occluded or lost, where it is less: what is in the box may be something else.
+    /// The threshold while the target is occluded or lost; the smaller of the two applies.
     pub while_lost: f64,
     /// Power the weights are softened with.
     pub temperature: f64,
     /// Share of N above which the softened weights say that nothing fits; counts as deficit.
     pub flat: f64,
-    /// Frames after the start, believed to be on the target, whose mean evidence lowers what the first frame promised: it
-    /// compares the template with itself and so knows of no noise. 0 to 1000.
+    /// Frames after the start, assumed to be on the target, whose mean evidence lowers frame 1's reference likelihood, which is measured
+    /// without noise. 0 to 1000.
     pub settle: usize,
     /// Discriminant and colour model learn from every frame while the reference settles, and then from every so many: 1 to 1000.
     pub every: u64,
@@ -108,7 +108,7 @@ impl ConsistencyMonitor {
             m.shortfall += short.clamp(0.0, MOST_SHORTFALL);
         }
         // On the target the evidence is `usual` of the gap below the reference; deficit counts from there.
-        let usual = if m.settled > 0 { m.shortfall / m.settled as f64 } else { 0.0 };
+        let usual = if m.settled > 0 { (m.shortfall / m.settled as f64).min(MOST_SHORTFALL) } else { 0.0 };
         let deficit = ((short - usual) / (1.0 - usual)).clamp(0.0, 2.0);
         let tempered_ess = tempered_ess(log_weights, self.settings.temperature);
         let deficit = if tempered_ess > self.settings.flat { deficit.max(1.0) } else { deficit };

@@ -18,8 +18,8 @@ pub struct DistractorSettings {
     pub reach: f64,
     /// Distance of neighbouring places, 0.1 to 10.
     pub step: f64,
-    /// Frames in which the target was certain whose places are remembered, so that what is at the estimate later is known to have been
-    /// elsewhere then: a cue of P(lost). 0, no cue, to 1000.
+    /// Number of frames with a certain target whose distractors are remembered, 0 to 1000: a later estimate that resembles one raises
+    /// P(lost).
     pub remembered: usize,
     /// Whether the discriminant learns those of frame 1, too, and never forgets them: hard negatives.
     pub first_frame: bool,

@@ -31,8 +31,7 @@ pub struct LocalSearchSettings {
     pub places: usize,
     /// Standard deviation about a place, template units, above 0 to 10.
     pub spread: f64,
-    /// P(lost) of the frame before, from which on what was learned for now (`[short_term]`) has no say in which place is better, 0 to 1:
-    /// it may be what hides the target.
+    /// P(lost) of the previous frame from which on `[short_term]` is ignored in this search, 0 to 1: it may have learned an occluder.
     pub doubt: f64,
 }
 

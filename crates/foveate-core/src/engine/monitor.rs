@@ -110,7 +110,7 @@ impl Engine {
         let evidence = self.evidence(image, estimate);
         let (judged, loss) = (self.is_judged(), &mut self.parts.monitor.loss);
         let confidence = if judged { loss.judge(&evidence) } else { loss.last() };
-        let lost = confidence.status.is_occluded_or_lost();
+        let lost = loss.is_out();
         if lost && !self.context.lost && loss.is_misled() {
             self.forget_learned();
         }
@@ -135,8 +135,8 @@ impl Engine {
         confidence
     }
 
-    /// Forgets all that was learned since the first frame, and what was around the target: it was learned of something else, for which the
-    /// target was taken, and vouches for it.
+    /// Forgets what discriminant and colours learned since the first frame, and what was around the target: it was learned of something else,
+    /// for which the target was taken, and vouches for it.
     fn forget_learned(&mut self) {
         self.parts.appearance.forget_learned();
         self.parts.monitor.surroundings.iter_mut().for_each(Surroundings::clear);

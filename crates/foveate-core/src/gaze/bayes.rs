@@ -39,8 +39,8 @@ pub struct Bayes {
     /// What saliency counts before anything is learned, 0 (nothing) to 10: the process' mean at a gaze whose saliency is one
     /// deviation above that of the others, in units of the process' deviation. The first gazes are drawn by it.
     pub saliency: f64,
-    /// The same in the place of saliency for the reward that a gaze has on the first picture itself, the target's place uncertain by a
-    /// tenth of its box: how much it tells of place. Not behind a sensor; 0 to 10.
+    /// Like `saliency`, but the prior mean is the reward that each gaze would earn in frame 1, with a position uncertainty of a tenth
+    /// of the box. Not behind a sensor; 0 to 10.
     pub rehearsal: f64,
 }
 

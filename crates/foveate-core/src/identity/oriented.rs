@@ -22,11 +22,11 @@ use foveate_base::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Weights {
-    /// Of gradients, 0 to 1000.
+    /// Weight of the gradients, 0 to 1000; 0 leaves them out.
     pub gradients: f32,
-    /// Of grey. 0, here and below: it is not there.
+    /// Weight of grey, likewise.
     pub grey: f32,
-    /// Of both colour channels together.
+    /// Weight of both colour channels together, likewise.
     pub colour: f32,
 }
 

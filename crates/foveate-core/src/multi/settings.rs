@@ -104,8 +104,8 @@ pub struct Occlusion {
     pub habit: f64,
     /// Share in view below which a target counts as hidden, 0 to 1.
     pub hidden: f64,
-    /// Share of what a target shows that is no evidence of the others, 0 to 1: it is taken off the picture they look at. For
-    /// bright things on dark that hide little of each other. Above 0, occluded targets are still tested for loss.
+    /// Fraction of each target's template that is subtracted from the picture before the others are scored, 0 to 1. For bright things on
+    /// dark that hide little of each other. Above 0, occluded targets are still tested for loss.
     pub explain: f64,
 }
 

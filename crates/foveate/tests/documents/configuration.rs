@@ -61,8 +61,8 @@ const INTRODUCTIONS: [(&str, &str); 23] = [
     ),
     (
         "box_regression",
-        "A small convolutional network, trained beforehand, that moves the box that is told to where the target's borders are. Belief, search and \
-         P(lost) stay as they are. For real video.",
+        "A small convolutional network, trained beforehand, that moves the reported box to the target's borders. The belief stays as it is; \
+         P(lost) hears it where `[confidence]` says so. For real video.",
     ),
     (
         "distractors",

@@ -64,11 +64,11 @@ pub struct ConfidenceModel {
     pub box_regression: Seen,
     /// What the box regression counts for in whether a target that is tracked is lost; nothing without one.
     pub absence: Absence,
-    /// P(lost), without the second opinion, above which a frame speaks for being lost, 0 to 1.
+    /// Own P(lost) (without the second opinion) above which a frame counts as lost, 0 to 1.
     pub enter: f64,
-    /// The same below which it speaks for having the target, 0 to `enter`.
+    /// Own P(lost) below which a frame counts as on the target, 0 to `enter`; a reported P(lost) below it is not reported as a loss.
     pub leave: f64,
-    /// Consecutive frames above `enter` before the status becomes occluded, 1 to 1000.
+    /// Consecutive frames above `enter` before the target counts as occluded, 1 to 1000.
     pub notice: usize,
     /// Consecutive frames below `leave` before an occluded or lost target counts as found, 1 to 1000.
     pub confirm: usize,
@@ -87,11 +87,11 @@ pub struct ConfidenceModel {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Heard {
-    /// What the log odds of the own cues count for.
+    /// Weight of the log odds by the own cues.
     pub own: f64,
-    /// What the cue *agreement* counts for: less than 0.
+    /// Weight of the cue *agreement*; negative.
     pub agreement: f64,
-    /// Added to both.
+    /// Bias.
     pub bias: f64,
 }
 
@@ -100,9 +100,9 @@ pub struct Heard {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Seen {
-    /// What the log odds count for.
+    /// Weight of the network's log odds that the target is not there.
     pub weight: f64,
-    /// Added to them.
+    /// Bias.
     pub bias: f64,
 }
 
@@ -112,9 +112,9 @@ pub struct Seen {
 pub struct Absence {
     /// How much the last look counts in the running mean, above 0 to 1.
     pub rate: f64,
-    /// What the mean counts for; 0: nothing is heard.
+    /// Weight of the mean log odds; 0: off.
     pub weight: f64,
-    /// Added to it.
+    /// Bias.
     pub bias: f64,
 }
 

@@ -43,13 +43,13 @@ impl RedetectionSettings {
         };
         match self {
             s if !(1..=1_000_000).contains(&s.every) => wrong("every", "1 to 1000000 frames", s.every as f64),
-            s if !(s.step > 0.0 && s.step <= 10.0) => wrong("step", "above 0 to 10 template units", s.step),
+            s if !(1e-3..=10.0).contains(&s.step) => wrong("step", "0.001 to 10 template units", s.step),
             s if !(64..=MOST as usize).contains(&s.budget) => wrong("budget", "64 to 16000 places", s.budget as f64),
             s if !(0.0..=1.0).contains(&s.share) => wrong("share", "0 to 1", s.share),
             s if !(1..=1000).contains(&s.places) => wrong("places", "1 to 1000", s.places as f64),
             s if !(0.0..=2.0).contains(&s.fit) => wrong("fit", "0 to 2", s.fit),
-            s if !(s.spread > 0.0 && s.spread <= 10.0) => wrong("spread", "above 0 to 10 template units", s.spread),
-            s if !(s.chance > 0.0 && s.chance <= 1.0) => wrong("chance", "above 0 to 1", s.chance),
+            s if !(1e-3..=10.0).contains(&s.spread) => wrong("spread", "0.001 to 10 template units", s.spread),
+            s if !(1e-9..=1.0).contains(&s.chance) => wrong("chance", "a billionth to 1", s.chance),
             _ => Ok(()),
         }
     }
