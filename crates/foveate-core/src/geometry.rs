@@ -66,6 +66,12 @@ impl BBox {
              w={w}, h={h}"
         )))
     }
+    /// The smallest box that holds both.
+    pub(crate) fn union(&self, other: &Self) -> Self {
+        let right = (self.x + self.w).max(other.x + other.w);
+        let bottom = (self.y + self.h).max(other.y + other.h);
+        Self::from_corners(self.x.min(other.x), self.y.min(other.y), right, bottom)
+    }
     /// The centre in image coordinates: x + (w − 1) / 2, as OTB's and GOT-10k's toolkits have it.
     pub fn centre(&self) -> (f64, f64) {
         (self.x + (self.w - 1.0) / 2.0, self.y + (self.h - 1.0) / 2.0)

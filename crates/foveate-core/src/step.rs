@@ -16,8 +16,8 @@ pub struct Step<'a> {
     pub number: u64,
     /// The picture it is about.
     pub image: &'a Image,
-    /// Values read of the picture, each once: pixels times planes, of bins where a sensor serves them. Looks recorded for
-    /// observers do not count.
+    /// Values read of the picture: pixels times planes, each once; with a sensor all bins and tiles that it read, overlaps as often as
+    /// they were read. Looks recorded for observers do not count.
     pub values: usize,
     /// What the tracker was told that a detector found in it.
     pub detections: &'a [Detection],
@@ -83,7 +83,7 @@ impl<'a> Step<'a> {
     pub fn bbox(&self) -> BBox {
         self.estimate.bbox(self.extent)
     }
-    /// Values read, as a share of those that the picture has: 0 to 1.
+    /// Values read, as a share of those that the picture has: 0 to 1, with a sensor that reads places twice also more.
     pub fn share_read(&self) -> f64 {
         self.values as f64 / self.image.bytes().len() as f64
     }

@@ -145,8 +145,12 @@ impl BoxRegression {
             let answer = answer.unwrap_or_else(|| self.answer(image, state, extent));
             let Answer { offset: [u, v], log_scale, lost, .. } = answer;
             let there = 1.0 / (1.0 + f64::from(lost).exp());
-            for (mean, x) in self.said.mean.iter_mut().zip([u, v, log_scale]) {
-                *mean += rate * (there * f64::from(x).clamp(-FARTHEST, FARTHEST) - *mean);
+            // A network that was made by somebody else may say anything.
+            let said = [u, v, log_scale].map(|x| {
+                if x.is_finite() && there.is_finite() { there * f64::from(x).clamp(-FARTHEST, FARTHEST) } else { 0.0 }
+            });
+            for (mean, said) in self.said.mean.iter_mut().zip(said) {
+                *mean += rate * (said - *mean);
             }
         }
         self.said.frames += 1;

@@ -30,7 +30,7 @@ pub(super) struct Dense {
     middle: Gaze,
     pub maps: Maps,
     /// The first state that the maps are of, and how many; none once another picture may have been seen.
-    pub of: Option<(State, usize)>,
+    pub of: Option<(State, State, usize)>,
 }
 
 /// The maps of one look.
@@ -112,7 +112,8 @@ impl Dense {
     /// Looks at states that were seen. Says false, and does nothing, where they are no lattice.
     pub fn look(&mut self, pyramid: &Pyramid, states: &[State], extent: Extent) -> bool {
         let Some(first) = states.first() else { return false };
-        if self.of == Some((*first, states.len())) {
+        let of = (*first, *states.last().unwrap_or(first), states.len());
+        if self.of == Some(of) {
             return true;
         }
         let half = 2.0 * self.pitch * first.log_scale.exp();
@@ -155,7 +156,7 @@ impl Dense {
             &mut maps.grey[..n],
         );
         kernels::oriented_blocks(&maps.halves[..8 * n], columns, &mut maps.sums[..8 * n]);
-        self.of = Some((*first, states.len()));
+        self.of = Some(of);
         true
     }
 

@@ -291,9 +291,7 @@ impl Appearance for GazeAppearance {
         let looks = looks(&*self.retina, self.extent());
         // What was dimmed when the frame was seen first is still there.
         let Buffers { views, dimmed, .. } = &mut self.buffers;
-        let dimmed = dimmed.as_ref().filter(|_| self.discounting_background > 0.0);
-        let image = dimmed.filter(|dimmed| dimmed.bytes().len() == image.bytes().len()).unwrap_or(image);
-        views.see_more(image, states, gazes, looks, self.colour.as_mut());
+        views.see_more(dimmed.as_ref().unwrap_or(image), states, gazes, looks, self.colour.as_mut());
     }
 
     // Deviation: the paper prints exp(−d), without a sharpness; that tracks nothing.

@@ -23,8 +23,9 @@ impl Ranks {
             if self.scores.len() < REMEMBERED {
                 self.scores.push(score);
             } else {
-                self.scores[self.next % REMEMBERED] = score;
-                self.next = (self.next + 1) % REMEMBERED;
+                let next = self.next % REMEMBERED;
+                self.scores[next] = score;
+                self.next = next + 1;
             }
         }
     }

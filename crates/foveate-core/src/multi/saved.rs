@@ -84,6 +84,7 @@ impl MultiTracker {
         (self.next, self.frame, self.size, self.resumed) = (saved.next, saved.next, saved.size, true);
         (self.next_id, self.detecting) = (saved.next_id, saved.detecting);
         (self.fronts, self.tentative, self.ranks) = (saved.fronts, saved.tentative, saved.ranks);
+        (self.preprocessor, self.full) = ((self.fresh)(), false);
         self.publish();
         Ok(())
     }
@@ -125,6 +126,10 @@ impl SavedTarget {
             return Err(Error::Invalid(format!("the saved targets cannot be used: {} has no template", self.track.id)));
         }
         let Self { track, lost, unseen, terminated, shape, surprise, .. } = self;
+        if !track.is_sane() {
+            let problem = format!("box or covariance of {} is of no target", track.id);
+            return Err(Error::Invalid(format!("the saved targets cannot be used: {problem}")));
+        }
         if shape.abs() > SHAPE {
             let expected = format!("expected a logarithm from -{SHAPE} to {SHAPE}, found {shape}");
             return Err(Error::Invalid(format!("the saved targets cannot be used: shape of {}: {expected}", track.id)));

@@ -91,7 +91,7 @@ impl Target {
         let state = self.engine.state_at(&bbox);
         let TrackedTarget { id, gaze, class, .. } = self.track;
         self.track = TrackedTarget { born, phase, bbox, state, extent, gaze, class, ..TrackedTarget::unknown(id) };
-        (self.lost, self.unseen, self.shape) = (0, 0, shape(&bbox, extent));
+        (self.lost, self.unseen, self.shape, self.surprise) = (0, 0, shape(&bbox, extent), 1.0);
     }
 
     pub fn step(&mut self, image: &Image, s: &Settings, detecting: bool) {

@@ -90,7 +90,9 @@ impl Detector for Flow {
         let smear = (STRIDE << self.finest) as f64 / 2.0;
         for Detection { bbox: b, .. } in found.iter_mut() {
             let (dx, dy) = (smear.min(b.w / 4.0), smear.min(b.h / 4.0));
-            *b = BBox { x: b.x + dx, y: b.y + dy, w: b.w - 2.0 * dx, h: b.h - 2.0 * dy };
+            // No narrower than a pixel.
+            let (w, h) = ((b.w - 2.0 * dx).max(1.0), (b.h - 2.0 * dy).max(1.0));
+            *b = BBox { x: b.x + dx, y: b.y + dy, w, h };
         }
     }
     fn map(&self) -> &Map {

@@ -299,21 +299,21 @@ impl Difference {
             (one - other) / (one + other)
         };
         let opposite = |part: &BBox| {
-            let all = union(&whole, part);
+            let all = whole.union(part);
             let (x, y) = (all.w - whole.w - part.w, all.h - whole.h - part.h);
             let (gap, across, side) = if x > y { (x, -y, whole.h.max(part.h)) } else { (y, -x, whole.w.max(part.w)) };
             2.0 * across > side && gap <= side && evenness(&whole) * evenness(part) < -0.5
         };
         let mut others = parts.iter().zip(&shares).filter(|(part, share)| both(**share) && opposite(part));
         let strip = others.next().map(|(part, _)| *part);
-        let whole = strip.map_or(whole, |strip| union(&whole, &strip));
+        let whole = strip.map_or(whole, |strip| whole.union(&strip));
         let [one, other] = signs.each_ref().map(|marks| Some((self.left(&whole, marks), self.bounds(&whole, marks)?)));
         let (Some(one), Some(other)) = (one, other) else { return whole };
         let ((left, from), (came, to)) = if one.0 >= other.0 { (one, other) } else { (other, one) };
         if strip.is_none() && left - came < APART {
             return whole;
         }
-        let all = union(&from, &to);
+        let all = from.union(&to);
         let (x, w) = reach((all.x, all.w), (from.x, from.w), (to.x, to.w));
         let (y, h) = reach((all.y, all.h), (from.y, from.h), (to.y, to.h));
         BBox { x, y, w, h }
@@ -336,18 +336,13 @@ impl Difference {
     /// The box round the marks in a box.
     fn bounds(&self, bbox: &BBox, marks: &[bool]) -> Option<BBox> {
         let pixel = |k: usize| BBox::new((k % self.width) as f64, (k / self.width) as f64, 1.0, 1.0);
-        self.pixels(bbox).filter(|k| marks[*k]).map(pixel).reduce(|all, pixel| union(&all, &pixel))
+        self.pixels(bbox).filter(|k| marks[*k]).map(pixel).reduce(|all, pixel| all.union(&pixel))
     }
 
     fn pixels(&self, bbox: &BBox) -> impl Iterator<Item = usize> {
         let ([x, y, w, h], width) = ([bbox.x, bbox.y, bbox.w, bbox.h].map(|side| side as usize), self.width);
         (y..y + h).flat_map(move |y| (x..x + w).map(move |x| y * width + x))
     }
-}
-
-fn union(a: &BBox, b: &BBox) -> BBox {
-    let (x, y) = (a.x.min(b.x), a.y.min(b.y));
-    BBox { x, y, w: (a.x + a.w).max(b.x + b.w) - x, h: (a.y + a.h).max(b.y + b.h) - y }
 }
 
 /// Where a thing was along a side of `all`, as start and length: the part that it left, or, where that is a strip behind it, from

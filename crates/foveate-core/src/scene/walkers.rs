@@ -42,7 +42,7 @@ impl Walkers {
             let joins = |j: &usize| *j != i && self.belongs(&self.whole[i], &self.whole[*j]);
             match (0..self.whole.len()).find(joins) {
                 Some(j) => {
-                    self.whole[i.min(j)] = union(&self.whole[i], &self.whole[j]);
+                    self.whole[i.min(j)] = self.whole[i].union(&self.whole[j]);
                     self.whole.remove(i.max(j));
                     i = 0;
                 }
@@ -53,14 +53,9 @@ impl Walkers {
     fn belongs(&self, a: &BBox, b: &BBox) -> bool {
         let shared = (a.x + a.w).min(b.x + b.w) - a.x.max(b.x);
         let gap = a.y.max(b.y) - (a.y + a.h).min(b.y + b.h);
-        let both = union(a, b);
+        let both = a.union(b);
         shared > 0.5 * a.w.min(b.w) && gap < self.gap * both.h && both.w < 1.3 * a.w.max(b.w)
     }
-}
-
-fn union(a: &BBox, b: &BBox) -> BBox {
-    let (x, y) = (a.x.min(b.x), a.y.min(b.y));
-    BBox { x, y, w: (a.x + a.w).max(b.x + b.w) - x, h: (a.y + a.h).max(b.y + b.h) - y }
 }
 
 impl Detector for Walkers {

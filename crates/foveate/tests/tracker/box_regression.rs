@@ -6,7 +6,7 @@ use foveate::Tracker;
 use foveate::config::Config;
 use foveate::files::Folder;
 use foveate::geometry::{BBox, Extent, State};
-use foveate::identity::box_regression::{BoxRegression, Settings};
+use foveate::identity::box_regression::{Answer, BoxRegression, Settings};
 use std::sync::Arc;
 
 const FRAMES: usize = 24;
@@ -79,6 +79,25 @@ fn a_target_that_is_not_there_is_lost_and_what_was_learned_is_forgotten() {
     assert_eq!(learned(&misled), learned(&tracked), "what is doubted is not learned");
     assert!(run(&mut misled, 10..12));
     assert_eq!(learned(&misled), first, "what was learned is forgotten");
+}
+
+/// A network of somebody else's may say anything.
+#[test]
+fn answers_that_are_no_numbers_move_nothing() {
+    let settings = Settings { every: 1, ..Settings::default() };
+    let network = Arc::new(settings.read(&Folder::here()).expect("it ships"));
+    let mut boxes = BoxRegression::new(network, settings);
+    let (image, state, extent) = (frame(0, 3).image, State::of(&INIT), Extent::of(&INIT));
+    boxes.imprint(&image, &state, extent);
+    let answer = boxes.answer(&image, &state, extent);
+    for odd in [
+        Answer { offset: [f32::NAN, 0.0], ..answer },
+        Answer { log_scale: f32::INFINITY, ..answer },
+        Answer { lost: f32::NAN, ..answer },
+    ] {
+        let told = boxes.moved(&image, &state, extent, Some(odd));
+        assert!(told.to_array().iter().all(|x| x.is_finite()), "{odd:?}: {told:?}");
+    }
 }
 
 /// The network that ships, on pictures that it was not trained on: boxes that are 0.3 half sides off, or a quarter too large or small.

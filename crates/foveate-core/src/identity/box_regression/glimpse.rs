@@ -61,6 +61,9 @@ impl Glimpse {
     }
 }
 
+/// The largest half side that is looked at, pixels: more than any picture has.
+const LARGEST: f64 = 1e9;
+
 /// Of each cell along an axis the pixels under it and their shares, which sum to 1; the end of each cell's; the first pixel, and how many.
 ///
 /// A pixel counts as a bilinear read has it: by the part of its hat that lies over the cell.
@@ -72,7 +75,7 @@ fn cells(
     ends: &mut Vec<usize>,
 ) -> (usize, usize) {
     let last = pixels as f64 - 1.0;
-    let size = 2.0 * REACH * half / SIDE as f64;
+    let size = 2.0 * REACH * half.clamp(1e-9, LARGEST) / SIDE as f64;
     let step = (size / PIXELS).floor().clamp(1.0, 1e12);
     let (size, centre) = (size / step, (centre / step).clamp(-1e9, 1e9));
     shares.clear();
@@ -123,6 +126,18 @@ mod tests {
         let mut image = Image::grey(width, height, 0);
         image.plane_mut(0).iter_mut().enumerate().for_each(|(i, v)| *v = value(i % width, i / width));
         image
+    }
+
+    /// A saved tracker may say that a target is as large as the sky.
+    #[test]
+    fn a_box_of_any_size_is_read() {
+        let image = picture(64, 48, |x, _| x as u8);
+        for log_scale in [-64.0, 0.0, 20.0, 64.0] {
+            let bbox = BBox::around(30.0, 20.0, 24.0, 40.0);
+            let mut glimpse = Glimpse::default();
+            glimpse.take(&image, &State { log_scale, ..State::of(&bbox) }, Extent::of(&bbox));
+            assert!(glimpse.values.iter().all(|x| x.is_finite()), "{log_scale}");
+        }
     }
 
     /// A slope stays a slope where no border is in view: cells of any size are where they should be.

@@ -2,11 +2,12 @@
 
 use crate::scene::Image;
 
-/// `image` less a share of what it has in common with `first`; itself where the share is 0, or the sizes differ, or it is the first one:
-/// there everything is familiar.
+/// `image` less a share of what it has in common with `first`, kept in `out`; itself, with nothing kept, where the share is 0, or the sizes
+/// differ, or it is the first one: there everything is familiar.
 pub(super) fn dim<'a>(image: &'a Image, first: &Image, share: f32, out: &'a mut Option<Image>) -> &'a Image {
     let like = |other: &Image| other.shape() == image.shape();
     if share <= 0.0 || !like(first) || image.bytes() == first.bytes() {
+        *out = None;
         return image;
     }
     if !out.as_ref().is_some_and(like) {
@@ -34,6 +35,9 @@ mod tests {
         assert_eq!(dim(&later, &first, 1.0, &mut out).bytes(), [0, 160]);
         assert_eq!(dim(&later, &first, 0.5, &mut out).bytes(), [50, 180]);
         assert_eq!(dim(&later, &first, 0.0, &mut out).bytes(), later.bytes());
+        assert!(out.is_none(), "nothing is kept");
+        _ = dim(&later, &first, 1.0, &mut out);
         assert_eq!(dim(&first.clone(), &first, 1.0, &mut out).bytes(), first.bytes());
+        assert!(out.is_none(), "nor of an earlier frame");
     }
 }

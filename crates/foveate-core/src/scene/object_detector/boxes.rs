@@ -59,7 +59,7 @@ impl Reading {
                 classes.fold((0, f64::NEG_INFINITY), |best, class| if class.1 > best.1 { class } else { best })
             };
             let (class, score) = match self.layout {
-                Layout::EndToEnd => (at(5).max(0.0) as usize, at(4)),
+                Layout::EndToEnd => (at(5).max(0.0).round() as usize, at(4)),
                 Layout::Yolov5 => {
                     let (class, score) = best(5);
                     (class, score * at(4))

@@ -21,17 +21,18 @@ pub struct About {
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct File {
-    window: usize,
-    places: Places,
-    about: About,
+pub(super) struct File {
+    pub window: usize,
+    pub places: Places,
+    pub about: About,
 }
 
 /// Takes the tensors with these names into parameters of this shape, or says what is wrong.
 pub(super) fn take(tensors: &mut Tensors, shape: Shape, prefix: &str) -> std::result::Result<Parameters, String> {
-    let mut parameters = Parameters::zeros(shape);
+    // Nothing is allocated for what a file says that it has.
+    let mut parameters = Parameters::zeros(Shape { n_v: 0, factors: 0, hidden: 0, places: 0, classes: 0 });
     for ((name, shape), into) in NAMES.iter().zip(Parameters::shapes(shape)).zip(parameters.all_mut()) {
-        if into.is_empty() {
+        if shape.contains(&0) {
             continue;
         }
         let name = format!("{prefix}{name}");

@@ -276,6 +276,24 @@ fn models_come_back_from_files_and_damaged_ones_are_refused() {
     }
 }
 
+/// Four terabytes, by what the shapes of two small tensors would make together.
+#[test]
+fn what_a_file_says_that_it_has_is_not_allocated() {
+    let about = About { metadata: Default::default(), first_layer: String::new(), temperature: 1.0 };
+    let rbm = machine(SHAPE, 7);
+    let file = super::io::File { window: 2, places: rbm.places.clone(), about };
+    let long = vec![0.0; 1 << 20];
+    let tensors = [("filters", vec![1, 1 << 20], &long), ("pooling", vec![1, 1 << 20], &long)];
+    let bytes = super::super::io::pack(
+        "fixations",
+        file,
+        &tensors.each_ref().map(|(name, shape, values)| (*name, shape.clone(), &values[..])),
+    );
+    let error =
+        FixationRbm::from_bytes(&bytes, std::path::Path::new("m.safetensors")).expect_err("impossible").to_string();
+    assert!(error.contains("tensor"), "{error}");
+}
+
 #[test]
 fn recipes_and_data_that_cannot_be_are_refused() {
     let good = recipe(Cost::Hybrid, 3);
