@@ -140,11 +140,12 @@ pub fn rename(from: &Path, to: &Path) -> io::Result<()> {
     std::fs::rename(from, to)
 }
 
-/// Makes a folder, which must not be there.
+/// Makes a folder, which must not be there; what killed processes left beside it goes.
 ///
 /// # Errors
 /// As [`std::fs::create_dir`].
 pub fn create_dir(path: &Path) -> io::Result<()> {
+    sweep(path);
     attempt(Operation::Open, path)?;
     std::fs::create_dir(path)
 }
@@ -194,7 +195,7 @@ pub fn settle(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Removes what killed processes left in the folder of this file; once for each folder.
+/// Removes the files and folders that killed processes left in the folder of this file; once for each folder.
 fn sweep(part: &Path) {
     static SWEPT: Mutex<Option<HashSet<PathBuf>>> = Mutex::new(None);
     let folder = folder_of(part);
@@ -205,10 +206,16 @@ fn sweep(part: &Path) {
     drop(swept);
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
-        let name = entry.file_name();
-        if name.to_str().and_then(writer).is_some_and(|process| !is_running(process)) && is_old(&entry) {
-            let _ = std::fs::remove_file(entry.path());
+        let (name, path) = (entry.file_name(), entry.path());
+        if name.to_str().and_then(writer).is_none_or(is_running) {
+            continue;
         }
+        // What cannot be removed does no harm; links and devices are nothing that was made here.
+        let _ = match entry.file_type() {
+            Ok(kind) if kind.is_file() && is_old(&path) => std::fs::remove_file(path),
+            Ok(kind) if kind.is_dir() && is_old(&path) => std::fs::remove_dir_all(path),
+            _ => continue,
+        };
     }
 }
 
@@ -224,10 +231,12 @@ fn is_running(process: u32) -> bool {
     !Path::new("/proc/self").exists() || Path::new("/proc").join(process.to_string()).exists()
 }
 
-fn is_old(entry: &std::fs::DirEntry) -> bool {
-    let about = entry.metadata().ok().filter(std::fs::Metadata::is_file);
-    let time = about.and_then(|about| about.modified().ok());
-    time.and_then(|time| SystemTime::now().duration_since(time).ok()).is_some_and(|age| age > ABANDONED)
+/// Whether nothing was written to it for long; of a folder, nor to anything in it.
+fn is_old(path: &Path) -> bool {
+    let Ok(about) = std::fs::symlink_metadata(path) else { return false };
+    let age = about.modified().ok().and_then(|time| SystemTime::now().duration_since(time).ok());
+    let mut inside = if about.is_dir() { std::fs::read_dir(path).ok() } else { None }.into_iter().flatten().flatten();
+    age.is_some_and(|age| age > ABANDONED) && inside.all(|entry| is_old(&entry.path()))
 }
 
 #[cfg(test)]
@@ -260,6 +269,33 @@ mod tests {
         assert!(!gone.exists());
         let long = dir.path().join("é".repeat(120));
         Part::beside(&long).expect("a long name").keep().expect("renamed");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn folders_that_killed_processes_left_go_too() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let made = |name: &str, process: u32, random: &str, age: Duration| {
+            let folder = dir.path().join(format!(".{name}.{process}-{random}.tmp"));
+            let (inner, then) = (folder.join("000001/0"), SystemTime::now() - 2 * ABANDONED);
+            std::fs::create_dir_all(&inner).expect("writable");
+            let file = File::create(inner.join("0_0.png")).expect("writable");
+            file.set_modified(SystemTime::now() - age).expect("a time");
+            for folder in [&inner, &folder.join("000001"), &folder] {
+                File::open(folder).expect("there").set_modified(then).expect("a time");
+            }
+            folder
+        };
+        let (dead, random, old) = (u32::MAX - 1, "0123456789abcdef", 2 * ABANDONED);
+        let left = made("a", dead, random, old);
+        // Of one that is being written to, one of this process, and one of another kind.
+        let others = [
+            made("b", dead, random, Duration::ZERO),
+            made("c", std::process::id(), random, old),
+            made("d", dead, "mine", old),
+        ];
+        create_dir(&dir.path().join("new")).expect("made");
+        assert!(!left.exists() && others.iter().all(|folder| folder.exists()));
     }
 
     #[cfg(unix)]
