@@ -7,10 +7,10 @@ use super::player::Frames;
 use super::row::{self, Row, Surface};
 use foveate_base::files::Files;
 use foveate_base::{Error, Result};
-use foveate_core::Tracker;
 use foveate_core::config::{Blueprint, Config};
 use foveate_core::geometry::BBox;
 use foveate_core::step::Step;
+use foveate_core::{Tracker, start};
 use foveate_video::Frame;
 
 /// Frames of a track, at most; of a source without an end, of which results are kept.
@@ -190,9 +190,10 @@ impl Tracking {
             let (first, last) = (self.first + 1, self.last() + 1);
             return Err(Error::Invalid(format!("frames {first} to {last} are tracked; correct one of these")));
         }
+        // Before anything is forgotten: the frame may be gone, and the box may not fit it.
+        let frame = self.needed(index)?;
+        start::check(&frame.image, &bbox)?;
         if !self.player.repeats() {
-            // Before anything is forgotten: the frame may be gone.
-            self.read(index)?;
             self.cut(index);
         } else if index == self.first {
             self.tracker = self.setup.blueprint.tracker(self.setup.seed)?;
@@ -200,7 +201,7 @@ impl Tracking {
         } else {
             self.rewind(index - 1)?;
         }
-        self.give(index, bbox)
+        self.begin(&frame, index, bbox)
     }
 
     /// Brings the tracker to where it was after frame `index`, by the last state saved until then and the frames since.
@@ -211,9 +212,10 @@ impl Tracking {
         let state = serde_json::from_str(&text).map_err(|e| Error::Invalid(e.to_string()))?;
         let frame =
             self.read(from)?.ok_or_else(|| Error::Invalid("the video has become shorter; open it again".into()))?;
-        self.tracker = self.setup.blueprint.tracker(self.setup.seed)?;
-        self.tracker.load(&state)?;
-        self.tracker.skip(&frame.image);
+        let mut tracker = self.setup.blueprint.tracker(self.setup.seed)?;
+        tracker.load(&state)?;
+        tracker.skip(&frame.image);
+        self.tracker = tracker;
         let given = self.given.clone();
         self.cut(from + 1);
         for k in from + 1..=index {
@@ -240,14 +242,23 @@ impl Tracking {
         self.player.frame(index)
     }
 
-    fn give(&mut self, index: usize, bbox: BBox) -> Result<()> {
+    /// A frame that the video must have.
+    fn needed(&mut self, index: usize) -> Result<Arc<Frame>> {
         let missing = || Error::Invalid(format!("the video has no frame {}; choose an earlier one", index + 1));
-        let frame = self.read(index)?.ok_or_else(missing)?;
+        self.read(index)?.ok_or_else(missing)
+    }
+
+    fn give(&mut self, index: usize, bbox: BBox) -> Result<()> {
+        let frame = self.needed(index)?;
+        self.begin(&frame, index, bbox)
+    }
+
+    fn begin(&mut self, frame: &Frame, index: usize, bbox: BBox) -> Result<()> {
         self.tracker.init(&frame.image, bbox)?;
         self.given.insert(index, bbox);
         self.count += 1;
-        self.rows.push(Row::given(&frame, &bbox));
-        self.log.start(&frame, &bbox)?;
+        self.rows.push(Row::given(frame, &bbox));
+        self.log.start(frame, &bbox)?;
         self.save(index);
         Ok(())
     }
@@ -376,7 +387,12 @@ mod tests {
             assert_eq!(back.given().len(), 2);
         }
         assert!(plain.correct(30, b).expect_err("not tracked").to_string().contains("1 to 30"));
-        assert!(plain.correct(11, BBox::new(900.0, 0.0, 9.0, 9.0)).is_err());
+        // A box that does not fit changes nothing, in the first frame neither.
+        for index in [11, 0] {
+            assert!(plain.correct(index, BBox::new(900.0, 0.0, 9.0, 9.0)).is_err());
+            assert_eq!((plain.frames(), plain.last(), plain.given().len()), (30, 29, 2));
+            assert!(plain.ended() && plain.step().is_ok() && plain.take_rows().is_empty());
+        }
     }
 
     #[test]
