@@ -1,5 +1,6 @@
 //! Many targets: from a source, through detectors and a [`MultiTracker`], to observers.
 
+use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
 use super::{Follower, Frames, Span, each_frame};
@@ -30,7 +31,7 @@ pub struct MultiRun<'a> {
 pub struct MultiOutcome {
     /// Its frames.
     pub frames: Frames,
-    /// Tracks that were started, by a detection or by hand.
+    /// Targets that were started, by a detection or by hand; one that was given several boxes is one.
     pub initiated: usize,
     /// Times that a terminated target was re-identified.
     pub reidentified: usize,
@@ -49,6 +50,8 @@ struct Multi<'a> {
     detect: Detect<'a>,
     cuts: Option<Cuts>,
     detections: Vec<Detection>,
+    /// Ids of the targets that were started.
+    started: HashSet<u64>,
     outcome: MultiOutcome,
 }
 
@@ -62,8 +65,8 @@ pub fn follow_many(
     MultiRun { given, detect, cuts, span }: MultiRun<'_>,
 ) -> (MultiOutcome, Result<()>) {
     let mut frames = Frames::default();
-    let (detections, outcome) = (vec![], MultiOutcome::default());
-    let mut multi = Multi { tracker, observer, given, detect, cuts, detections, outcome };
+    let (detections, started, outcome) = (vec![], HashSet::new(), MultiOutcome::default());
+    let mut multi = Multi { tracker, observer, given, detect, cuts, detections, started, outcome };
     let result = each_frame(source, &mut multi, span, &mut frames);
     let finished = multi.observer.finish();
     (MultiOutcome { frames, ..multi.outcome }, result.and(finished))
@@ -90,10 +93,51 @@ impl Follower for Multi<'_> {
         }
         spent();
         let targets = self.tracker.targets();
-        let count = |phase| targets.iter().filter(|target| target.phase == phase).count();
-        o.initiated += count(Phase::Initiated);
-        o.reidentified += count(Phase::ReIdentified);
+        let of = |phase| targets.iter().filter(move |target| target.phase == phase);
+        self.started.extend(of(Phase::Initiated).map(|target| target.id));
+        o.initiated = self.started.len();
+        o.reidentified += of(Phase::ReIdentified).count();
         o.most = o.most.max(targets.len());
         self.observer.observe(frame, targets)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate_base::files::Nowhere;
+    use foveate_core::config::Config;
+    use foveate_core::multi::TrackedTarget;
+    use foveate_core::scene::Image;
+    use foveate_video::{ImageFolder, save_png};
+
+    struct Unseen;
+
+    impl MultiObserver for Unseen {
+        fn observe(&mut self, _: &Frame, _: &[TrackedTarget]) -> Result<()> {
+            Ok(())
+        }
+        fn finish(&mut self) -> Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_target_that_is_given_again_is_counted_once() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let image = Image::from_grey8(96, 64, &(0..96 * 64).map(|i| (i * 31 % 251) as u8).collect::<Vec<_>>());
+        let image = image.expect("96 x 64");
+        (0..6).for_each(|t| save_png(dir.path().join(format!("{t}.png")), &image).expect("writable"));
+        let config = Config::builtin("multi").expect("it ships").expect("it is right");
+        let blueprint = Config { particles: 50, ..config }.check(&Nowhere).expect("it fits");
+        let mut tracker = blueprint.multi_tracker(1).expect("trackers");
+        let (a, b) = (BBox::new(10.0, 10.0, 20.0, 20.0), BBox::new(60.0, 30.0, 20.0, 20.0));
+        let given = [(0, Some(7), a), (0, Some(8), b), (4, Some(7), a)];
+        let detect: Detect<'_> = &mut |_, _, _| Ok(());
+        let run = MultiRun { given: &given, detect, cuts: None, span: Span::default() };
+        let mut source = ImageFolder::open(dir.path()).expect("images");
+        let (outcome, result) = follow_many(&mut source, &mut tracker, &mut Unseen, run);
+        result.expect("tracked");
+        assert_eq!((outcome.frames.count, outcome.initiated), (6, 2));
     }
 }
