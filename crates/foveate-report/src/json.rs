@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 use foveate_core::geometry::BBox;
 
@@ -38,7 +38,8 @@ pub struct Summary {
     pub class_name: Option<String>,
     /// The seed in force.
     pub seed: u64,
-    /// Files written.
+    /// Files written. What is not UTF-8 in their names becomes the replacement character in JSON.
+    #[serde(serialize_with = "lossy")]
     pub outputs: Vec<PathBuf>,
     /// Why the source ended early, if it did.
     pub error: Option<String>,
@@ -52,5 +53,26 @@ impl Summary {
     /// As JSON on several lines.
     pub fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).expect("plain data is JSON")
+    }
+}
+
+/// Paths as text: JSON has no other.
+fn lossy<S: Serializer>(paths: &[PathBuf], to: S) -> Result<S::Ok, S::Error> {
+    to.collect_seq(paths.iter().map(|path| path.to_string_lossy()))
+}
+
+#[cfg(test)]
+mod tests {
+    #[cfg(unix)]
+    #[test]
+    fn a_name_that_is_not_utf_8_is_written_all_the_same() {
+        use super::*;
+        use std::os::unix::ffi::OsStringExt;
+        let text = r#"{"source": "a", "frames": 0, "seconds": 0, "fps": 0, "total_seconds": 0, "total_fps": 0, "bbox": null,
+            "uncertain_frames": 0, "lost_frames": 0, "outside_frames": 0, "seed": 0, "outputs": ["a/b.txt"], "error": null}"#;
+        let mut summary: Summary = serde_json::from_str(text).expect("JSON");
+        summary.outputs.push(std::ffi::OsString::from_vec(b"a/\xff.txt".to_vec()).into());
+        let back: Summary = serde_json::from_str(&summary.to_json()).expect("JSON");
+        assert_eq!(back.outputs, ["a/b.txt", "a/\u{fffd}.txt"].map(PathBuf::from));
     }
 }
