@@ -1,6 +1,6 @@
 //! Pictures cut into tiles at several resolutions, of which only those are decoded that are looked at.
 //!
-//! A folder a frame; in it a folder a level, `0` the picture itself, `1` half of it, and so on; in that a PNG or JPEG file a tile,
+//! A folder a frame, whose name is its number; in it a folder a level, `0` the picture itself, `1` half of it, and so on; in that a PNG or JPEG file a tile,
 //! `COLUMN_ROW.png`, counted from 0. All tiles of a level are as large as its first but those at the right and the bottom.
 //! [`write_tiles`] makes such a folder.
 
@@ -10,7 +10,7 @@ use std::sync::{Mutex, PoisonError};
 
 use crate::decode::decode_image;
 use crate::{Frame, FrameSource, SourceInfo, encode_png};
-use foveate_base::{Error, Result, files};
+use foveate_base::{Error, Result, files, memory};
 use foveate_core::scene::Image;
 use foveate_core::scene::sensor::{Regions, Window};
 
@@ -45,13 +45,11 @@ impl TileFolder {
     /// Where it cannot be read, or its first frame has no tiles.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let mut frames: Vec<PathBuf> = std::fs::read_dir(path)
-            .map_err(Error::io(path, "cannot read the folder"))?
-            .filter_map(|entry| Some(entry.ok()?.path()).filter(|p| p.is_dir()))
-            .collect();
+        let entries = std::fs::read_dir(path).map_err(Error::io(path, "cannot read the folder"))?;
+        let mut frames: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).filter(|p| is_frame(p)).collect();
         frames.sort_by(|a, b| crate::folder::natural(&a.to_string_lossy(), &b.to_string_lossy()));
         let Some(first) = frames.first() else {
-            return Err(Error::malformed(path, "no folder of tiles in it; expected one a frame, as FRAME/0/0_0.png"));
+            return Err(Error::malformed(path, "no folder of tiles in it; expected one a frame, as 000001/0/0_0.png"));
         };
         let tile = load(first, 0, (0, 0))?;
         let count =
@@ -80,9 +78,10 @@ impl TileFolder {
     /// Whether this is a folder of frames in tiles.
     pub fn is_at(path: impl AsRef<Path>) -> bool {
         let folders = std::fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
-        folders.filter(|path| path.is_dir()).any(|frame| file(&frame, 0, (0, 0)).is_some())
+        folders.filter(|path| is_frame(path)).any(|frame| file(&frame, 0, (0, 0)).is_some())
     }
-    /// Its frames in order, with number and time but pictures of one pixel: what is looked at comes from [`TileFolder::frame`].
+    /// Its frames in order, with number and time but pictures of one pixel: what is looked at comes from [`TileFolder::frame`]. The
+    /// first one is an error where there is no memory for a picture of the size that is read, which trackers paint.
     pub fn frames(&self) -> TileFrames {
         let [width, height, _] = self.served();
         let reader = format!("tiles of {} x {} at {} resolutions", self.tiles[0].0, self.tiles[0].1, self.tiles.len());
@@ -115,6 +114,9 @@ impl Iterator for TileFrames {
         let index = self.next;
         self.info.frames.is_some_and(|n| index < n).then(|| {
             self.next += 1;
+            if index == 0 {
+                memory::check_picture(self.info.width, self.info.height)?;
+            }
             Ok(Frame { index, time: index as f64 / RATE, image: Image::grey(1, 1, 0) })
         })
     }
@@ -161,7 +163,7 @@ impl Regions for Tiles<'_> {
         let tiles: Vec<&Image> = touched.map(|key| &decoded[&key]).collect();
         let at = |p: usize, x: usize, y: usize| {
             let tile = tiles[(y / th - top) * columns + x / tw - left];
-            u32::from(tile.at(p, (x % tw).min(tile.width() - 1), (y % th).min(tile.height() - 1)))
+            u64::from(tile.at(p, (x % tw).min(tile.width() - 1), (y % th).min(tile.height() - 1)))
         };
         let n = window.columns * window.rows;
         for (k, out) in out.iter_mut().enumerate() {
@@ -175,12 +177,18 @@ impl Regions for Tiles<'_> {
                 along(window.x + i * window.bin.0, window.bin.0, right),
                 along(window.y + j * window.bin.1, window.bin.1, bottom),
             );
-            let count = (xs.len() * ys.len()) as u32;
-            let sum: u32 = ys.flat_map(|y| xs.clone().map(move |x| (x, y))).map(|(x, y)| at(p, x, y)).sum();
+            let count = (xs.len() * ys.len()) as u64;
+            let sum: u64 = ys.flat_map(|y| xs.clone().map(move |x| (x, y))).map(|(x, y)| at(p, x, y)).sum();
             *out = ((sum + count / 2) / count) as u8;
         }
         Ok(values)
     }
+}
+
+/// Whether this is the folder of a frame, whose name is a number. Others may lie beside them.
+fn is_frame(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().as_encoded_bytes();
+    !name.is_empty() && name.iter().all(u8::is_ascii_digit) && path.is_dir()
 }
 
 fn file(frame: &Path, level: usize, (column, row): (usize, usize)) -> Option<PathBuf> {
@@ -295,5 +303,46 @@ mod tests {
         std::fs::create_dir_all(dir.path().join("1/0")).expect("made");
         assert!(TileFolder::open(dir.path()).expect_err("no tile").to_string().contains("0/0_0.png is missing"));
         assert!(write_tiles(dir.path().join("2"), &picture(4, 4), 0, 1).is_err());
+    }
+
+    #[test]
+    fn other_folders_are_no_frames() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        ["2", "10"].iter().for_each(|name| write_tiles(dir.path().join(name), &picture(9, 5), 8, 1).expect("written"));
+        ["junk", ".3", "4b"].iter().for_each(|name| std::fs::create_dir(dir.path().join(name)).expect("made"));
+        let names = TileFolder::open(dir.path()).expect("tiles").frames;
+        assert_eq!(names, ["2", "10"].map(|name| dir.path().join(name)));
+        assert!(TileFolder::is_at(dir.path()));
+    }
+
+    /// A sum of white pixels that 32 bits do not hold.
+    #[test]
+    fn a_large_bin_is_a_mean_too() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        write_tiles(dir.path().join("1"), &Image::grey(4200, 4100, 255), 4200, 1).expect("written");
+        let folder = TileFolder::open(dir.path()).expect("tiles");
+        let window = Window { x: 0, y: 0, columns: 1, rows: 1, bin: (4200, 4100) };
+        let mut out = [0];
+        folder.frame(0).expect("a frame").read(window, &mut out).expect("one tile");
+        assert_eq!(out, [255]);
+    }
+
+    /// Few small tiles can claim a picture that no memory holds; read at a smaller scale it may fit.
+    #[test]
+    fn a_picture_too_large_is_refused_before_it_is_read() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let frame = dir.path().join("1");
+        write_tiles(&frame, &Image::grey(4000, 4000, 0), 4000, 1).expect("written");
+        let tile = std::fs::read(frame.join("0/0_0.png")).expect("a tile");
+        for k in 1..100 {
+            for name in [format!("0/{k}_0.png"), format!("0/0_{k}.png")] {
+                std::fs::write(frame.join(name), if k == 99 { &*tile } else { &[] }).expect("written");
+            }
+        }
+        std::fs::write(frame.join("0/99_99.png"), &tile).expect("written");
+        let folder = TileFolder::open(dir.path()).expect("tiles");
+        let error = folder.frames().next().expect("a frame").expect_err("no memory").to_string();
+        assert!(error.contains("400000 x 400000"), "{error}");
+        assert!(folder.halved(8).frames().next().expect("a frame").is_ok());
     }
 }
