@@ -94,3 +94,19 @@ pub(crate) fn listen(
 fn shown(c: char) -> Vec<char> {
     if c.is_control() { c.escape_default().collect() } else { vec![c] }
 }
+
+/// A script of the shell in the place of ffmpeg; asked for help it says nothing.
+#[cfg(all(test, unix))]
+pub(crate) fn script(folder: &std::path::Path, text: &str) -> std::path::PathBuf {
+    let path = folder.join("script");
+    std::fs::write(&path, format!("#!/bin/sh\n[ \"$2\" = -h ] && exit 0\n{text}\n")).expect("a writable folder");
+    let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    std::fs::set_permissions(&path, mode).expect("ours");
+    // A process that another test starts at this moment may hold it open for a while: then it is busy.
+    let busy = || std::process::Command::new(&path).args(["-hide_banner", "-h"]).status().is_err();
+    (0..500).any(|_| {
+        std::thread::sleep(Duration::from_millis(2));
+        !busy()
+    });
+    path
+}

@@ -111,8 +111,11 @@ pub struct Live {
     complaint: Arc<Mutex<Option<String>>>,
     /// Reads what this ffmpeg complains of.
     listener: Option<JoinHandle<()>>,
-    began: Instant,
-    /// Milliseconds from `began` on to the last sign of life.
+    /// The time of the first frame.
+    began: Option<Instant>,
+    /// The clock of signs of life: it is never set anew, for the watch has a copy of it.
+    clock: Instant,
+    /// Milliseconds of that clock at the last sign of life.
     alive: Arc<AtomicU64>,
     reconnected: Arc<AtomicU64>,
     first: Option<Frame>,
@@ -125,6 +128,11 @@ impl Live {
     /// # Errors
     /// Where the address is of an unknown scheme, ffmpeg is not there, or it finds no video.
     pub fn open(address: &Path, options: LiveOptions) -> Result<Self> {
+        Self::open_within(address, options, STALL)
+    }
+
+    /// The same for a stream that is opened again where it gives nothing for `stall`.
+    fn open_within(address: &Path, options: LiveOptions, stall: Duration) -> Result<Self> {
         let shown = PathBuf::from(&*without_password(&address.to_string_lossy()));
         let wrong = |problem: String| Error::malformed(&shown, problem);
         let scheme = scheme(address).ok_or_else(|| {
@@ -137,7 +145,7 @@ impl Live {
         let (leash, complaint, alive, reconnected) =
             <(Leash, Arc<Mutex<_>>, Arc<AtomicU64>, Arc<AtomicU64>)>::default();
         let passthrough = passthrough(&options.ffmpeg).map_err(wrong)?;
-        let (address, began) = (address.to_owned(), Instant::now());
+        let (address, clock) = (address.to_owned(), Instant::now());
         let mut live = Self {
             address,
             shown,
@@ -149,14 +157,15 @@ impl Live {
             pixels: None,
             complaint,
             listener: None,
-            began,
+            began: None,
+            clock,
             alive,
             reconnected,
             first: None,
             next: 0,
         };
         live.connect().map_err(|problem| Error::malformed(&live.shown, problem))?;
-        live.watch()?;
+        live.watch(stall)?;
         let Some(frame) = live.frame() else {
             let said = live.said();
             let problem =
@@ -215,18 +224,18 @@ impl Live {
 
     /// Who waits for a sender may wait.
     fn show_life(&self, waits: bool) {
-        let now = if waits { u64::MAX } else { self.began.elapsed().as_millis() as u64 };
+        let now = if waits { u64::MAX } else { self.clock.elapsed().as_millis() as u64 };
         self.alive.store(now, Ordering::Relaxed);
     }
 
     /// Ends an ffmpeg that gives nothing: then it is started again.
-    fn watch(&self) -> Result<()> {
-        let (leash, alive, began) = (self.leash.clone(), self.alive.clone(), self.began);
+    fn watch(&self, stall: Duration) -> Result<()> {
+        let (leash, alive, clock) = (self.leash.clone(), self.alive.clone(), self.clock);
         let watch = move || {
             while !leash.is_over() {
                 std::thread::sleep(Duration::from_millis(500));
                 let last = alive.load(Ordering::Relaxed);
-                if (began.elapsed().as_millis() as u64).saturating_sub(last) > STALL.as_millis() as u64 {
+                if (clock.elapsed().as_millis() as u64).saturating_sub(last) > stall.as_millis() as u64 {
                     leash.end();
                 }
             }
@@ -241,12 +250,9 @@ impl Live {
         let full = pixels.head.full_range.unwrap_or(false);
         let image = yuv.to_rgb(Colour::new(None, full, yuv.width, yuv.height));
         self.show_life(false);
-        if self.next == 0 {
-            self.began = Instant::now();
-            self.show_life(false);
-        }
-        let (index, time) = (self.next, self.began.elapsed().as_secs_f64());
-        Some(Frame { index, time: if index == 0 { 0.0 } else { time }, image })
+        let now = Instant::now();
+        let time = now.duration_since(*self.began.get_or_insert(now)).as_secs_f64();
+        Some(Frame { index: self.next, time, image })
     }
 
     /// Opens it again, with longer and longer pauses. `Some(Ok(None))`: it is over.
@@ -425,6 +431,24 @@ mod tests {
         ] {
             assert_eq!(without_password(address), shown);
         }
+    }
+
+    /// Who waits for a sender may wait longer than a stream may give nothing.
+    #[cfg(unix)]
+    #[test]
+    fn a_first_frame_that_comes_late_is_no_stall() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let ffmpeg = crate::child::script(
+            dir.path(),
+            "sleep 1.5\nprintf 'YUV4MPEG2 W2 H2 F5:1 C420jpeg\\n'\n\
+             for frame in 1 2 3 4 5 6 7 8; do printf 'FRAME\\nabcdef'; sleep 0.2; done",
+        );
+        let options = LiveOptions { ffmpeg, listen: true, ..LiveOptions::default() };
+        let address = Path::new("http://127.0.0.1:9/x");
+        let mut live = Live::open_within(address, options, Duration::from_secs(1)).expect("a stream");
+        let times: Vec<f64> = live.by_ref().take(9).map(|frame| frame.expect("a frame").time).collect();
+        assert_eq!((times.len(), live.reconnections().load(Ordering::Relaxed)), (8, 0));
+        assert!(times[0] == 0.0 && times.is_sorted(), "{times:?}");
     }
 
     #[test]
