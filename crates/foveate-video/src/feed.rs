@@ -8,7 +8,7 @@ use std::process::{Command, Stdio};
 
 use crate::child::{Leash, listen};
 use crate::decoded::Decoded;
-use crate::ffmpeg::{Pixels, missing, most_pixels, passthrough};
+use crate::ffmpeg::{Pixels, Task, missing, most_pixels, passthrough};
 use crate::y4m::Y4m;
 use crate::yuv::Yuv;
 use foveate_base::thread;
@@ -30,7 +30,7 @@ impl Feed {
         leash: &Leash,
         mut next: impl FnMut() -> Option<Vec<u8>> + Send + 'static,
     ) -> Result<Self, String> {
-        let passthrough = passthrough(program)?;
+        let passthrough = passthrough(program, Task::Coded)?;
         let mut child = Command::new(program)
             .args(["-hide_banner", "-nostats", "-loglevel", "error", "-protocol_whitelist", "pipe"])
             // Strict: frames are held back until their order is certain. Damage ends it, and is left to our own decoders to name.
@@ -43,7 +43,7 @@ impl Feed {
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
-            .map_err(|error| missing(program, &error))?;
+            .map_err(|error| missing(program, Task::Coded, &error))?;
         let mut input = child.stdin.take().expect("it was asked for a pipe");
         let output = child.stdout.take();
         let errors = child.stderr.take().expect("it was asked for a pipe");

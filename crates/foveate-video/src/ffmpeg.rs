@@ -36,6 +36,17 @@ pub(super) struct Ffmpeg {
     frames: usize,
 }
 
+/// What ffmpeg is needed for: where it is missing, something else can be done about each.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Task {
+    /// A file that our own decoders do not read.
+    File,
+    /// H.264 in MP4, which they do.
+    Coded,
+    /// A stream or a camera.
+    Live,
+}
+
 /// What ffmpeg said that matters to people.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Said {
@@ -83,7 +94,7 @@ impl Ffmpeg {
     /// # Errors
     /// What is wrong and what to do, where the program is not there or does not start.
     pub fn open(program: &Path, path: &Path, skip: usize, leash: &Leash) -> Result<Self, String> {
-        let passthrough = passthrough(program)?;
+        let passthrough = passthrough(program, Task::File)?;
         let mut input = OsString::from("file:");
         input.push(path);
         let (times, writer) = pipe().map_err(|error| format!("a pipe to ffmpeg cannot be made ({error})"))?;
@@ -100,7 +111,7 @@ impl Ffmpeg {
             .stdin(Stdio::from(writer))
             .stdout(Stdio::piped())
             .stderr(Stdio::piped());
-        let mut child = command.spawn().map_err(|error| missing(program, &error))?;
+        let mut child = command.spawn().map_err(|error| missing(program, Task::File, &error))?;
         // The command holds the writer too: while it does, the times would never end.
         drop(command);
         let output = child.stdout.take();
@@ -113,8 +124,10 @@ impl Ffmpeg {
         let (leash, pixels, origin) = (leash.clone(), None, None);
         let mut ffmpeg = Self { leash, output, pixels, times, said, facts, origin, frames: 0 };
         for _ in 0..skip {
-            if ffmpeg.picture().is_none() {
-                return Err(format!("ffmpeg found only {} of the {skip} frames read so far", ffmpeg.frames));
+            match ffmpeg.picture() {
+                Some(Ok(_)) => (),
+                Some(Err(DecodeError::Unsupported(problem) | DecodeError::Damaged(problem))) => return Err(problem),
+                None => return Err(format!("ffmpeg found only {} of the {skip} frames read so far", ffmpeg.frames)),
             }
         }
         Ok(ffmpeg)
@@ -278,25 +291,33 @@ fn probe(program: &Path) -> PathBuf {
 }
 
 /// Every frame as it is, none doubled or left out. Before 5.1 the option had another name.
-pub(crate) fn passthrough(program: &Path) -> Result<[&'static str; 2], String> {
+pub(crate) fn passthrough(program: &Path, task: Task) -> Result<[&'static str; 2], String> {
     let help = Command::new(program)
         .args(["-hide_banner", "-h", "long"])
         .stdin(Stdio::null())
         .output()
-        .map_err(|error| missing(program, &error))?;
+        .map_err(|error| missing(program, task, &error))?;
     let knows = help.stdout.windows(9).any(|text| text == b"-fps_mode");
     Ok(if knows { ["-fps_mode", "passthrough"] } else { ["-vsync", "0"] })
 }
 
-pub(crate) fn missing(program: &Path, error: &std::io::Error) -> String {
+/// Why ffmpeg does not start, and what to do.
+pub(crate) fn missing(program: &Path, task: Task, error: &std::io::Error) -> String {
     let found = match error.kind() {
         ErrorKind::NotFound => "which was not found".to_owned(),
         _ => format!("which does not start ({error})"),
     };
+    let (need, instead) = match task {
+        Task::File => (
+            "only H.264 in MP4 (8 or 10 bits, 4:2:0 or 4:2:2) and yuv4mpeg are read without",
+            ", or convert the video elsewhere to H.264 in MP4",
+        ),
+        Task::Coded => ("the decoder ffmpeg is", ", or take --decoder auto, which reads H.264 in MP4 without it"),
+        Task::Live => ("a camera or a stream is read by", ""),
+    };
     format!(
-        "only H.264 in MP4 (8 or 10 bits, 4:2:0 or 4:2:2) and yuv4mpeg are read without the program {}, {found}; install it \
-         (`apt install ffmpeg`, `brew install ffmpeg`, `winget install ffmpeg`, or https://ffmpeg.org), \
-         or convert the video elsewhere to H.264 in MP4",
+        "{need} the program {}, {found}; install it \
+         (`apt install ffmpeg`, `brew install ffmpeg`, `winget install ffmpeg`, or https://ffmpeg.org){instead}",
         program.display()
     )
 }
@@ -442,5 +463,23 @@ mod tests {
         let leash = Leash::default();
         let text = Ffmpeg::open(Path::new("no-such-ffmpeg"), Path::new("x.avi"), 0, &leash).err().expect("no program");
         assert!(text.contains("no-such-ffmpeg") && text.contains("apt install ffmpeg"), "{text}");
+        let error = std::io::Error::from(ErrorKind::NotFound);
+        let said = |task| missing(Path::new("no-such-ffmpeg"), task, &error);
+        assert!(said(Task::File).contains("convert") && !said(Task::File).contains("--decoder"));
+        assert!(said(Task::Coded).contains("--decoder auto") && !said(Task::Coded).contains("convert"));
+        assert!(said(Task::Live).contains("install") && !said(Task::Live).contains("convert"));
+    }
+
+    /// Of three frames that were read before, ffmpeg gives one and fails.
+    #[cfg(unix)]
+    #[test]
+    fn a_frame_that_cannot_be_skipped_is_an_error() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let text = "printf 'YUV4MPEG2 W2 H2 F5:1 C420jpeg\\nFRAME\\nabcdef'\necho '[error] no more' >&2\nexit 1";
+        let program = crate::child::script(dir.path(), text);
+        let open = |skip| Ffmpeg::open(&program, Path::new("x.avi"), skip, &Leash::default()).map(|found| found.frames);
+        assert_eq!(open(1), Ok(1));
+        let error = open(2).expect_err("no second frame");
+        assert!(error.contains("no more"), "{error}");
     }
 }

@@ -13,7 +13,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::child::{Interrupt, Leash, listen};
-use crate::ffmpeg::{FORMATS, KINDS, Pixels, missing, most_pixels, passthrough};
+use crate::ffmpeg::{FORMATS, KINDS, Pixels, Task, missing, most_pixels, passthrough};
 use crate::y4m::Y4m;
 use crate::yuv::Colour;
 use crate::{Frame, FrameSource, SourceInfo};
@@ -144,7 +144,7 @@ impl Live {
         let info = SourceInfo { width: 0, height: 0, frames: None, rate: 0.0, reader: "ffmpeg, live".into() };
         let (leash, complaint, alive, reconnected) =
             <(Leash, Arc<Mutex<_>>, Arc<AtomicU64>, Arc<AtomicU64>)>::default();
-        let passthrough = passthrough(&options.ffmpeg).map_err(wrong)?;
+        let passthrough = passthrough(&options.ffmpeg, Task::Live).map_err(wrong)?;
         let (address, clock) = (address.to_owned(), Instant::now());
         let mut live = Self {
             address,
@@ -207,7 +207,7 @@ impl Live {
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
-            .map_err(|error| missing(program, &error))?;
+            .map_err(|error| missing(program, Task::Live, &error))?;
         let output = child.stdout.take().expect("it was asked for a pipe");
         let complaint = self.complaint.clone();
         let errors = child.stderr.take().expect("it was asked for a pipe");
@@ -464,6 +464,7 @@ mod tests {
             error.contains("install") && error.contains("rtsp://127.0.0.1:9/x") && !error.contains("secret"),
             "{error}"
         );
+        assert!(!error.contains("convert"), "{error}");
         if Command::new("ffmpeg").arg("-version").output().is_err() {
             return println!("skipped: the program ffmpeg is not installed");
         }
