@@ -512,7 +512,7 @@ mod tests {
         assert_eq!(boxes(&never), boxes(&later), "it acts on nothing of it");
     }
 
-    /// Where a second opinion is elsewhere P(lost) rises, as the model says; status and what is usual go by the own cues.
+    /// Where a second opinion is elsewhere P(lost) rises, as the model says; what is acted on goes by the own cues.
     #[test]
     fn a_second_opinion_is_heard_and_not_acted_on() {
         let second_opinion = Heard { own: 0.5, agreement: -4.0, bias: 1.0 };
