@@ -41,6 +41,15 @@ fn messages_track_correct_and_save() {
     let start = |config: &str, bbox: [f64; 4]| {
         server.ask(&json!({ "op": "start", "session": session, "frame": 1, "box": bbox, "config": config, "policy": null, "seed": 4 }).to_string())
     };
+    for message in [
+        json!({ "op": "start", "session": session, "frame": 0, "box": truth(0), "config": "natural" }),
+        json!({ "op": "correct", "session": session, "frame": 0, "box": truth(0) }),
+        json!({ "op": "picked", "session": session, "frame": 0, "box": truth(0), "config": "natural" }),
+        json!({ "op": "propose", "session": session, "frame": 0 }),
+    ] {
+        let (status, answer) = server.ask(&message.to_string());
+        assert!(status == 400 && answer.to_string().contains("frames count from 1"), "{message}: {answer}");
+    }
     for config in ["/etc/passwd", "../secret.mp4", "multi", "nothing"] {
         assert_eq!(start(config, truth(0)).0, 400, "{config}");
     }

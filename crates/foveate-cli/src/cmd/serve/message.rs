@@ -1,6 +1,6 @@
 //! What the page may say.
 
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer};
 
 /// A message of the page.
 #[derive(Deserialize)]
@@ -18,6 +18,7 @@ pub enum Message {
     },
     Propose {
         session: u64,
+        #[serde(deserialize_with = "counted_from_1")]
         frame: usize,
         at: Option<(f64, f64)>,
     },
@@ -33,6 +34,7 @@ pub enum Message {
         /// From 0; one that is not there yet is added.
         #[serde(default)]
         target: usize,
+        #[serde(deserialize_with = "counted_from_1")]
         frame: usize,
         #[serde(rename = "box")]
         bbox: [f64; 4],
@@ -58,6 +60,7 @@ pub enum Message {
         session: u64,
         #[serde(default)]
         target: usize,
+        #[serde(deserialize_with = "counted_from_1")]
         frame: usize,
         #[serde(rename = "box")]
         bbox: [f64; 4],
@@ -67,6 +70,7 @@ pub enum Message {
     },
     Picked {
         session: u64,
+        #[serde(deserialize_with = "counted_from_1")]
         frame: usize,
         #[serde(rename = "box")]
         bbox: [f64; 4],
@@ -81,4 +85,12 @@ pub enum Message {
     Saved {
         session: u64,
     },
+}
+
+/// A frame's number.
+fn counted_from_1<'de, D: Deserializer<'de>>(number: D) -> Result<usize, D::Error> {
+    match usize::deserialize(number)? {
+        0 => Err(serde::de::Error::custom("frame 0; frames count from 1")),
+        frame => Ok(frame),
+    }
 }
