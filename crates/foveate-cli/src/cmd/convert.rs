@@ -86,6 +86,9 @@ impl Boxes {
 pub fn run(args: Args) -> Result<()> {
     spare(&args.output, &[&args.input])?;
     let mut boxes = read(args.from, &args.input)?;
+    if boxes.frames == 0 && boxes.tracks.is_empty() {
+        return Err(Error::malformed(&args.input, "it has neither frames nor boxes; expected some"));
+    }
     if boxes.frames > MOST {
         let problem = format!("it has a frame {}; expected at most {MOST}", boxes.frames);
         return Err(Error::malformed(&args.input, problem));

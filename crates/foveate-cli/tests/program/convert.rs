@@ -130,7 +130,9 @@ fn damage_is_an_error_that_names_the_file() {
         ("1,2,3\n", "vot", "mot", "line 1: expected a rectangle"),
         ("1,1,1,1,5,5\n1,1,2,2,5,5\n", "mot", "coco", "frame 1 has two boxes of the target 1"),
         ("1,-1,1,1,5,5\n", "mot", "cvat", "no id (-1)"),
-        ("1,-1,1,1,5,5\n", "mot", "otb", "choose one with --id"),
+        ("1,-1,1,1,5,5\n1,-1,9,9,5,5\n", "mot", "otb", "2 detections without ids (-1)"),
+        ("", "otb", "mot", "neither frames nor boxes"),
+        ("", "mot", "coco", "neither frames nor boxes"),
         ("900000000,1,1,1,5,5\n", "mot", "otb", "at most 1000000"),
         ("{}", "coco", "mot", "expected COCO's images and annotations"),
         (

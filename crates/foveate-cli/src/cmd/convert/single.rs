@@ -47,6 +47,12 @@ fn shapes(path: &Path) -> Result<[usize; 2]> {
 
 pub fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {
     let ids: Vec<i64> = boxes.ids().into_iter().collect();
+    if let [-1] = ids[..] {
+        let n = boxes.tracks.len();
+        return Err(Error::Invalid(format!(
+            "{n} detections without ids (-1) for a format of one target; give the target's boxes an id of 0 or more"
+        )));
+    }
     if let [_, _, ..] | [..=-1] = ids[..] {
         let all: Vec<String> = ids.iter().take(20).map(i64::to_string).collect();
         let (n, all) = (ids.len(), all.join(", "));
