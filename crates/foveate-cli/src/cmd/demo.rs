@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use foveate::config::Config;
+use foveate::config::{Config, PolicyConfig};
 use foveate::gaze::PolicySnapshot;
 use foveate::geometry::BBox;
 use foveate::lab::Digits;
@@ -83,7 +83,7 @@ pub fn run(args: Args) -> Result<()> {
     let config_name = args.config.as_deref().unwrap_or(fitting);
     fits(config_name)?;
     let (config, folder) = read(config_name, &args.changes)?;
-    let policy = config.policy_kind();
+    let (policy, learning) = (config.policy_kind(), learns(&config.policy));
     let centred = if policy == "fixed" { None } else { Some(config.set("policy.kind=fixed")?.check(&folder)?) };
     let blueprint = config.check(&folder)?;
     let video = scene.video(&Digits::drawn(args.seed, 20))?;
@@ -106,7 +106,10 @@ pub fn run(args: Args) -> Result<()> {
     let mut observers = outputs.observers(results.folder(), &info, &lost)?;
     // The same tracker with its gaze held at the centre, on the same frames: what the learned gaze is compared with.
     if let (Some(centred), Some(baseline)) = (&centred, &info.baseline) {
-        let (path, name) = (results.folder().join("annotated.mp4"), format!("learned gaze: {policy}"));
+        let (path, name) = (
+            results.folder().join("annotated.mp4"),
+            format!("{}gaze: {policy}", if learning { "learned " } else { "" }),
+        );
         let film = SideBySide::create(path, &info, name, centred.tracker(args.seed)?, baseline.clone())?;
         observers.push(Box::new(lost.spare(&["annotated.mp4"], film)));
     }
@@ -136,7 +139,9 @@ pub fn run(args: Args) -> Result<()> {
         tell(baseline.name(), &baseline.boxes(), &truth, baseline.values() / outcome.tracked)?;
     }
     say!("Reported as uncertain in {} frames, as lost in {}.", outcome.uncertain, outcome.lost);
-    say!("{}", favourite(tracker.parts().gaze.policy().snapshot(), &policy));
+    let learned = learning.then(|| favourite(tracker.parts().gaze.policy().snapshot())).flatten();
+    let nothing = || format!("Its policy, {policy}, has nothing to learn; try --policy hedge or --policy gp-ucb.");
+    say!("{}", learned.unwrap_or_else(nothing));
     if matches!(args.scene, Scene::Closeup) && args.digit.is_none() {
         say!("The centre of this 0 tells nothing. Where it does, the fixed centre is as good: --scene clutter.");
     }
@@ -181,16 +186,25 @@ fn fits(name: &str) -> Result<()> {
     )))
 }
 
-/// Which gaze the policy has come to prefer, in words.
-fn favourite(learned: PolicySnapshot<'_>, policy: &str) -> String {
+/// Whether a policy learns where to look.
+fn learns(policy: &PolicyConfig) -> bool {
+    match policy {
+        PolicyConfig::Fixed { .. } | PolicyConfig::Random { .. } | PolicyConfig::Circular { .. } => false,
+        PolicyConfig::Anchor { policy } => learns(policy),
+        _ => true,
+    }
+}
+
+/// Which gaze the policy has come to prefer, in words; none where it has no choice.
+fn favourite(learned: PolicySnapshot<'_>) -> Option<String> {
     let place = |u: f64, v: f64| format!("({u:+.1}, {v:+.1}) of the box (0, 0 is its centre, 1 its edge)");
     match learned {
         PolicySnapshot::Arms { gazes, probabilities } if gazes.len() > 1 => {
             let best = (0..gazes.len()).max_by(|&a, &b| probabilities[a].total_cmp(&probabilities[b])).unwrap_or(0);
             let (g, p) = (gazes[best], probabilities[best]);
-            format!("It learned to look at {} with probability {p:.2}.", place(g.u, g.v))
+            Some(format!("It learned to look at {} with probability {p:.2}.", place(g.u, g.v)))
         }
-        PolicySnapshot::Surface(surface) => match surface.best() {
+        PolicySnapshot::Surface(surface) => Some(match surface.best() {
             Some(g) => {
                 let (mean, sd) = surface.at(g.u, g.v);
                 let looks = surface.fixations().len();
@@ -198,7 +212,24 @@ fn favourite(learned: PolicySnapshot<'_>, policy: &str) -> String {
                 format!("It learned from {looks} looks that {place} is worth most: a reward of {mean:.3} ± {sd:.3}.")
             }
             None => "It has not learned yet where to look.".into(),
-        },
-        _ => format!("Its policy, {policy}, has nothing to learn; try --policy hedge or --policy gp-ucb."),
+        }),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn some_policies_learn_nothing() {
+        for (name, expected) in
+            [("fixed", false), ("random", false), ("circular", false), ("hedge", true), ("gp-ucb", true)]
+        {
+            let changes = Changes { policy: Some(name.into()), set: vec![] };
+            let policy = read("digits-closeup", &changes).expect("it ships").0.policy;
+            assert_eq!(learns(&policy), expected, "{name}");
+            assert_eq!(learns(&PolicyConfig::Anchor { policy: policy.into() }), expected, "{name}, anchored");
+        }
     }
 }
