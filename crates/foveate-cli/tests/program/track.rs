@@ -277,6 +277,18 @@ fn a_detector_runs_once() {
     assert_eq!(name, "d.txt, in the place of the configuration's motion");
 }
 
+#[test]
+fn detections_that_are_of_no_use_are_told_of() {
+    let place = Place::new();
+    std::fs::write(place.path("d.txt"), "1,-1,9000,9,20,20,1\n2,-1,9,-90,20,20,1\n99,-1,9,9,20,20,1\n")
+        .expect("written");
+    let output = place.track("many", &["video", "--detections", "d.txt"]);
+    assert!(output.status.success(), "{}", errors(&output));
+    for words in ["d.txt: 2 of its boxes lie outside the", "d.txt: 1 of its boxes lie in frames after frame 10"] {
+        assert!(errors(&output).contains(words), "{words}: {}", errors(&output));
+    }
+}
+
 /// Where ffmpeg is installed: a file that it calls whole, though it was cut, ends with an error, and what came is kept.
 #[test]
 fn a_cut_matroska_file_is_told_of() {

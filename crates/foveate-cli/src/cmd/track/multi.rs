@@ -45,7 +45,7 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let frames = Frames::new(0, "the video begins", args.until, &about)?;
     let given = given(args, &about)?;
     room(&many, &given, &about)?;
-    let mut detections = Detections::of(args, frames, given.is_empty(), detector.needs_still_camera())?;
+    let mut detections = Detections::of(args, &about, frames, given.is_empty(), detector.needs_still_camera())?;
     args.check_written(args.many.save_detections.as_deref(), &names(args, endless))?;
     let info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
     terminal::catch_interrupts();
@@ -77,6 +77,9 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
         info.warnings.add(format!(
             "{late} of the first boxes are of frames after frame {end}, the last one: they were not used."
         ));
+    }
+    if whole {
+        detections.note_late(&args.many, outcome.frames.count);
     }
     let tracked = outcome.frames.count > 1 || (whole && outcome.frames.count > 0);
     let kept = keep(results, &lost, tracked, result.is_ok(), &outcome.frames);

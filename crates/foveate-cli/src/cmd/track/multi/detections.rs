@@ -11,8 +11,8 @@ use foveate::report::Warnings;
 use foveate::scene::object_detector::{Layout, Settings};
 use foveate::scene::{Cuts, Detection, Detector, Image, StillCamera};
 use foveate::video::mot::{TrackBox, Tracks};
-use foveate::video::{Frame, ahead};
-use foveate::{Error, Result};
+use foveate::video::{Frame, SourceInfo, ahead};
+use foveate::{BBox, Error, Result};
 
 use super::super::Args;
 use super::super::init::Frames;
@@ -150,18 +150,32 @@ fn background(source: &Path, input: &SourceArgs) -> Result<Vec<Image>> {
         return Ok(vec![]);
     }
     let frames = input.open(source)?.source;
-    let every = frames.info().frames.map_or(AHEAD, |n| n.min(AHEAD)).div_ceil(PICTURES).max(1);
+    let selection = input.selection();
+    let taken = |n: usize| n.saturating_sub(selection.from).div_ceil(selection.every.max(1));
+    let every = frames.info().frames.map_or(AHEAD, |n| taken(n).min(AHEAD)).div_ceil(PICTURES).max(1);
     let (mut cuts, mut pictures) = (Cuts::default(), vec![]);
     // Where the source breaks, tracking will say so when it comes there.
-    for frame in ahead(frames).take(AHEAD).map_while(Result::ok) {
+    for (i, frame) in ahead(frames).take(AHEAD).map_while(Result::ok).enumerate() {
         if cuts.cut(&frame.image) {
             break;
         }
-        if frame.index.is_multiple_of(every) {
+        if i.is_multiple_of(every) {
             pictures.push(frame.image);
         }
     }
     Ok(pictures)
+}
+
+/// Whether no pixel of a box is in the picture.
+fn is_outside(b: &BBox, about: &SourceInfo) -> bool {
+    b.x >= about.width as f64 || b.y >= about.height as f64 || b.x + b.w <= 0.0 || b.y + b.h <= 0.0
+}
+
+/// Says how many boxes of a file lie where nothing is tracked.
+fn note_unused(path: &Path, count: usize, place: std::fmt::Arguments<'_>) {
+    if count > 0 {
+        note!("foveate: {}: {count} of its boxes lie {place}: nothing is tracked there", path.display());
+    }
 }
 
 /// What the program itself detects, and what came of it.
@@ -177,7 +191,7 @@ pub(super) struct Detections {
 
 impl Detections {
     /// Where `needed`, there must be some: nothing else starts a track.
-    pub fn of(args: &Args, frames: Frames, needed: bool, still: bool) -> Result<Self> {
+    pub fn of(args: &Args, about: &SourceInfo, frames: Frames, needed: bool, still: bool) -> Result<Self> {
         let (source, input, args) = (&args.source, &args.input, &args.many);
         let parts = args.detector()?.map(|config| config.read(&Folder::here())).transpose()?;
         let least = args.least.unwrap_or(0.0);
@@ -191,6 +205,11 @@ impl Detections {
             for s in tracks.sightings.iter().filter(counts) {
                 read.entry(s.frame).or_default().push(Detection { bbox: s.bbox, score: s.confidence });
             }
+            let outside = read.values().flatten().filter(|found| is_outside(&found.bbox, about)).count();
+            note_unused(path, outside, format_args!("outside the {} x {} picture", about.width, about.height));
+            let last = about.exact_frames().unwrap_or(usize::MAX);
+            let late = tracks.sightings.iter().filter(|s| s.frame >= last).count();
+            note_unused(path, late, format_args!("in frames after frame {last}, the last one"));
             if needed && read.is_empty() {
                 return Err(Error::malformed(
                     path,
@@ -239,6 +258,14 @@ impl Detections {
         Ok(())
     }
 
+    /// Says how many boxes of --detections lie behind the last of so many frames, where nobody could know before.
+    pub fn note_late(&self, args: &ManyArgs, frames: usize) {
+        if let Some(path) = &args.detections {
+            let late = self.read.range(frames..).map(|(_, found)| found.len()).sum();
+            note_unused(path, late, format_args!("in frames after frame {frames}, the last one"));
+        }
+    }
+
     pub fn save(&self, args: &ManyArgs) -> Result<()> {
         match (&args.save_detections, &self.kept) {
             (Some(path), Some(kept)) => kept.write(path),
@@ -250,3 +277,37 @@ impl Detections {
 /// What is said where the camera moves before a detector that needs it to stand still.
 const MOVING: &str = "The camera moves: this detector finds what differs from a background that stands still, so boxes may be of \
                       nobody and targets may be missed. Give a detector's boxes with --detections, or take --detect flow.";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+    use foveate::video::save_png;
+
+    #[derive(Parser)]
+    struct Words {
+        #[command(flatten)]
+        input: SourceArgs,
+        /// An option of the input excludes it.
+        #[arg(long)]
+        load_state: Option<PathBuf>,
+    }
+
+    #[test]
+    fn the_background_is_learned_from_all_over_the_frames_that_are_taken() {
+        let place = tempfile::tempdir().expect("a temporary folder");
+        for t in 0..100 {
+            let picture = Image::grey(16, 12, 2 * t);
+            save_png(place.path().join(format!("{t:02}.png")), &picture).expect("a writable folder");
+        }
+        for (words, frames) in [
+            (&["track"][..], (0..100).step_by(3).collect::<Vec<_>>()),
+            (&["track", "--every", "10"], (0..100).step_by(10).collect()),
+            (&["track", "--every", "2", "--from", "2"], (1..100).step_by(4).collect()),
+        ] {
+            let pictures = background(place.path(), &Words::parse_from(words).input).expect("readable");
+            let found: Vec<usize> = pictures.iter().map(|picture| usize::from(picture.at(0, 3, 3)) / 2).collect();
+            assert_eq!(found, frames, "{words:?}");
+        }
+    }
+}
