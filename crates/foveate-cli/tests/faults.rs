@@ -268,6 +268,14 @@ fn an_output_that_fails_ends_alone() {
             assert!(place.read(&format!("out/{name}")) == place.read(&format!("whole/{name}")), "{lost}: {name}");
         }
     }
+    // Nor does a run that lost a file take the place of one that finished.
+    let good = files(&place.path("whole"));
+    let said = errors(&run("whole", Some("write@track.csv:1")));
+    assert!(
+        said.contains("whole/track.csv") && said.contains("whole.unplaced-") && !said.contains(".whole."),
+        "{said}"
+    );
+    assert!(files(&place.path("whole")) == good);
     // Everything fails: nothing is put in the place of an earlier run.
     let output = run("whole", Some("write:1+"));
     assert!(output.status.code() == Some(1), "{}", errors(&output));

@@ -123,7 +123,7 @@ pub fn run(args: Args) -> Result<()> {
     let (outcome, result) = follow(&mut source, &mut tracker, &mut observers, run);
     bar.finish_and_clear();
     drop(observers);
-    result.and(lost.check())?;
+    result.and(lost.check().map_err(|error| results.told(&error)))?;
     if outcome.tracked == 0 {
         let out = args.out.display();
         return Err(Error::Invalid(format!(
@@ -131,7 +131,7 @@ pub fn run(args: Args) -> Result<()> {
         )));
     }
     let ended = if outcome.frames.stopped { Ended::Stopped } else { Ended::Finished };
-    results.keep(ended, outcome.frames.count)?;
+    results.keep(ended, outcome.frames.count, Ok(()))?;
     let frames = outcome.frames.count;
     say!("Followed {described}, through {frames} frames.");
     tell(&policy, &outcome.boxes, &truth, outcome.values / outcome.tracked)?;

@@ -131,16 +131,23 @@ impl Results {
     }
 
     /// Puts the results of a run that ended so, after so many frames, in their place; answers their paths. Where one is missing, or they
-    /// cannot be moved, the folder stays as it was and they are kept beside it, under a name that the error tells.
-    pub fn keep(mut self, ended: Ended, frames: usize) -> Result<Vec<PathBuf>> {
+    /// cannot be moved, the folder stays as it was and they are kept beside it, under a name that the error tells. So it is where some
+    /// were lost, as the error `lost` says, and the folder holds a finished run.
+    pub fn keep(mut self, ended: Ended, frames: usize, lost: Result<()>) -> Result<Vec<PathBuf>> {
         self.ended = (ended, frames);
         let missing = self.names.iter().find(|name| !self.part.join(name).is_file());
-        let placed = match missing {
-            Some(name) => Err(Error::malformed(self.asked.join(name), "it was not written")),
-            None => self.list(&self.part, &self.names, true).and_then(|()| self.put()),
+        let placed = match (missing, &lost) {
+            (Some(name), _) => Err(Error::malformed(self.asked.join(name), "it was not written")),
+            (None, Err(error)) if is_finished(&self.out) => {
+                // The disk may be full; the files are there with or without their list.
+                let _ = self.list(&self.part, &self.names, true);
+                Err(Error::Invalid(format!("{error}; run it again when the cause is gone, or give another --out")))
+            }
+            (None, _) => self.list(&self.part, &self.names, true).and_then(|()| self.put()),
         };
         self.kept = true;
         if let Err(error) = placed {
+            let error = self.told(&error);
             let rescue = self.part.with_file_name(rescued(self.out.file_name().unwrap_or_default()));
             let at = if files::rename(&self.part, &rescue).is_ok() { &rescue } else { &self.part };
             return Err(Error::Invalid(format!(
@@ -149,7 +156,13 @@ impl Results {
                 at.display()
             )));
         }
-        Ok(self.names.iter().map(|name| self.asked.join(name)).collect())
+        lost.map(|()| self.names.iter().map(|name| self.asked.join(name)).collect())
+    }
+
+    /// An error that names a file of the folder in the making, by the name that it was to have.
+    pub fn told(&self, error: &Error) -> Error {
+        let (part, asked) = (self.part.to_string_lossy(), self.asked.to_string_lossy());
+        Error::Invalid(error.to_string().replace(&*part, &asked))
     }
 
     /// Leaves out results that could not be written. False where none is left.
@@ -348,7 +361,7 @@ mod tests {
     fn run(out: &Path, names: &[&str], text: &str) -> Result<Vec<PathBuf>> {
         let results = Results::begin(out, names, &[])?;
         names.iter().for_each(|name| write(results.folder(), name, text));
-        results.keep(Ended::Finished, 1)
+        results.keep(Ended::Finished, 1, Ok(()))
     }
 
     fn names(folder: &Path) -> Vec<String> {
@@ -450,13 +463,40 @@ mod tests {
     }
 
     #[test]
+    fn a_finished_run_stays_where_a_new_one_lost_a_file() {
+        let place = tempfile::tempdir().expect("a temporary folder");
+        let out = place.path().join("out");
+        let with_loss = || {
+            let mut results = Results::begin(&out, &["boxes.txt", "film.mp4"], &[]).expect("a run");
+            write(results.folder(), "boxes.txt", "new");
+            assert!(results.leave_out(&["film.mp4"]));
+            let lost = results.folder().join("film.mp4").display().to_string() + ": no space";
+            let lost = results.told(&Error::Invalid(lost));
+            results.keep(Ended::Error, 1, Err(lost)).expect_err("a film that was lost").to_string()
+        };
+        // Where nothing or no finished run is, the other files are kept.
+        for _ in 0..2 {
+            let error = with_loss();
+            assert_eq!(error, format!("{}: no space", out.join("film.mp4").display()));
+            assert_eq!(names(&out), ["boxes.txt", "run.json"]);
+        }
+        run(&out, &["boxes.txt", "film.mp4"], "good").expect("a finished run");
+        let error = with_loss();
+        assert!(error.contains("out/film.mp4: no space; run it again") && error.contains("left as it was"), "{error}");
+        assert_eq!((read(&out, "boxes.txt").as_str(), read(&out, "film.mp4").as_str()), ("good", "good"));
+        let beside = names(place.path());
+        assert!(beside[1].starts_with("out.unplaced-"), "{beside:?}");
+        assert_eq!(read(&place.path().join(&beside[1]), "boxes.txt"), "new");
+    }
+
+    #[test]
     fn results_that_are_not_whole_replace_nothing() {
         let place = tempfile::tempdir().expect("a temporary folder");
         let out = place.path().join("out");
         run(&out, &["boxes.txt"], "one").expect("a first run");
         let results = Results::begin(&out, &["boxes.txt", "film.mp4"], &[]).expect("a second one");
         write(results.folder(), "boxes.txt", "two");
-        let error = results.keep(Ended::Finished, 1).expect_err("no film").to_string();
+        let error = results.keep(Ended::Finished, 1, Ok(())).expect_err("no film").to_string();
         assert!(error.contains("film.mp4") && error.contains("unplaced"), "{error}");
         assert_eq!(read(&out, "boxes.txt"), "one");
         let beside = names(place.path());

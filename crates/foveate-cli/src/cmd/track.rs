@@ -41,7 +41,8 @@ pub const DIGITS: &str = "builtin:digits";
 /// What is said of files and of numbers in them.
 const FILES: &str = "\
 Results appear in --out together, when the run ends: whole, or not at all. A run that tracks nothing leaves the folder as it was. \
-An earlier run in it is replaced; other files in it stay. run.json lists the files of the run, and says how it ended.
+An earlier run in it is replaced; other files in it stay. A finished run stays, too, where a file of the new one could not be written: \
+the other files are in OUT.unplaced-PID then. run.json lists the files of the run, and says how it ended.
 
 Of a stream, a camera or a pipe, boxes.txt and track.csv (tracks.txt and tracks.csv of many targets) grow line by line in the folder
 OUT.live-PID beside --out until the run ends, and stay there where it is killed. report.html, trace.jsonl and regret.csv then hold the
@@ -350,8 +351,8 @@ fn keep(mut results: Results, lost: &Lost, tracked: bool, well: bool, frames: &r
         (true, false) => Ended::Finished,
     };
     let some = results.leave_out(&lost.names());
-    let kept = if tracked && some { results.keep(ended, frames.count)? } else { vec![] };
-    lost.check().map(|()| kept)
+    let lost = lost.check().map_err(|error| results.told(&error));
+    if tracked && some { results.keep(ended, frames.count, lost) } else { lost.map(|()| vec![]) }
 }
 
 /// Says what became of a run that did not go well, and ends the program where it was asked to stop.
