@@ -19,7 +19,7 @@ macro_rules! note {
 
 static OUTPUT_TAKEN: AtomicBool = AtomicBool::new(false);
 
-/// From now on standard output is for the lines of `--stream`; what is said goes to standard error.
+/// From now on standard output is for the lines of `--stream`, or for a [`document`]; what is said goes to standard error.
 pub fn give_output() {
     OUTPUT_TAKEN.store(true, Ordering::SeqCst);
 }
@@ -29,6 +29,11 @@ pub fn put(text: std::fmt::Arguments<'_>) {
     if OUTPUT_TAKEN.load(Ordering::SeqCst) {
         return note(text);
     }
+    document(text);
+}
+
+/// Writes to standard output, whoever has it: what it was given for.
+pub fn document(text: std::fmt::Arguments<'_>) {
     match std::io::stdout().write_all(harmless(&text.to_string()).as_bytes()) {
         Err(e) if e.kind() != ErrorKind::BrokenPipe => {
             note(format_args!("foveate: cannot write to standard output: {e}\n"));

@@ -131,14 +131,18 @@ pub struct Args {
 }
 
 impl Args {
-    /// What the run reads, for its results must not replace that. A state that is taken up may be: so it goes on.
-    fn inputs(&self) -> Vec<PathBuf> {
-        let files = [&self.many.detections, &self.many.inits];
+    /// The models that are named beside the configuration: the recogniser's and the detector's.
+    fn models(&self) -> impl Iterator<Item = &Path> {
         let network = match &self.many.detect {
             Some(DetectorConfig::Onnx(settings)) => Some(Path::new(&settings.model)),
             _ => None,
         };
-        let model = self.recognise.iter().map(Path::new).chain(network);
+        self.recognise.iter().map(Path::new).chain(network)
+    }
+
+    /// What the run reads, for its results must not replace that. A state that is taken up may be: so it goes on.
+    fn inputs(&self) -> Vec<PathBuf> {
+        let (files, model) = ([&self.many.detections, &self.many.inits], self.models());
         let config = self.config.iter().map(Path::new);
         let begins = self.init.is_empty() && self.load_state.is_none() && !self.many.asked();
         let truth = truth_file(&self.source).filter(|_| begins || self.source.is_dir());
@@ -177,6 +181,23 @@ impl Args {
         spare(path, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())
     }
 
+    /// Whether many targets are asked for.
+    fn asks_for_many(&self) -> bool {
+        self.many.asked() || self.init.len() > 1
+    }
+
+    /// The configuration, the folder of its models, and what it is called.
+    fn configured(&self) -> Result<(Config, Folder, String)> {
+        let name = match (&self.config, self.profile) {
+            (None, None) if self.asks_for_many() => self.many.config(),
+            (config, profile) => config_name(config.as_deref(), profile),
+        };
+        // Its settings are those of --recognise, where that takes its place.
+        let others = self.recognise.as_ref().map(|_| self.changes.apart(RECOGNISER).1);
+        let (config, folder) = read(name, others.as_ref().unwrap_or(&self.changes))?;
+        Ok((config, folder, self.changes.describe(name)))
+    }
+
     fn blueprint(&self, config: Config, folder: &Folder) -> Result<Blueprint> {
         let blueprint = config.check(folder)?;
         let Some(model) = &self.recognise else { return Ok(blueprint) };
@@ -205,18 +226,10 @@ pub fn run(mut args: Args) -> Result<()> {
 
 /// Tracks through `args.source`.
 fn one(args: &Args) -> Result<Tally> {
-    let asked = args.many.asked() || args.init.len() > 1;
-    let name = match (&args.config, args.profile) {
-        (None, None) if asked => args.many.config(),
-        (config, profile) => config_name(config.as_deref(), profile),
-    };
-    // Its settings are those of --recognise, where that takes its place.
-    let others = args.recognise.as_ref().map(|_| args.changes.apart(RECOGNISER).1);
-    let (config, folder) = read(name, others.as_ref().unwrap_or(&args.changes))?;
-    let described = args.changes.describe(name);
+    let (config, folder, described) = args.configured()?;
     // A configuration of many targets with a detector of its own needs nothing else to begin with.
     let begins = config.multi_target.is_some() && config.detector.is_some();
-    if asked || (begins && args.init.is_empty() && args.load_state.is_none()) {
+    if args.asks_for_many() || (begins && args.init.is_empty() && args.load_state.is_none()) {
         return multi::run(args, config, &folder, &described);
     }
     single(args, args.blueprint(config, &folder)?, &described)

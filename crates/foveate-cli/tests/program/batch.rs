@@ -62,6 +62,78 @@ fn many_videos_have_a_folder_each() {
 }
 
 #[test]
+fn what_changed_is_tracked_again_or_refused() {
+    let place = Place::new();
+    videos(&place);
+    let all = ["videos/a", "videos/b"];
+    let said = |run: &std::process::Output| {
+        assert!(run.status.success(), "{}", errors(run));
+        String::from_utf8_lossy(&run.stdout).into_owned()
+    };
+    assert!(said(&place.track("runs", &all)).contains("0 finished before, 2 tracked now"));
+    // Words that change no result.
+    let same = ["track", "--config=c.toml", "--no-report", "--out=./runs/", "--threads", "1", "--no-video"];
+    assert!(said(&place.run(&[&same[..], &all].concat())).contains("2 finished before"));
+    // Another first box.
+    std::fs::write(place.path("videos/a/groundtruth_rect.txt"), "31,32,28,28\n").expect("written");
+    assert!(said(&place.track("runs", &all)).contains("1 finished before, 1 tracked now"));
+    assert!(text(&place, "runs/a/boxes.txt").starts_with("31.000,32.000,28.000,28.000\n"));
+    // Another configuration of the same name.
+    let config = text(&place, "c.toml").replace("particles = 60", "particles = 61");
+    std::fs::write(place.path("c.toml"), config).expect("written");
+    let refused = place.track("runs", &all);
+    let said = errors(&refused);
+    assert!(
+        !refused.status.success() && said.contains("another configuration") && said.contains("another --out"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_summary_of_all_is_one_document() {
+    let place = Place::new();
+    videos(&place);
+    let run = place.track("runs", &["videos/a", "videos/b", "videos/c", "--json"]);
+    assert!(!run.status.success() && errors(&run).contains("3 videos: 0 finished before"), "{}", errors(&run));
+    assert_eq!(run.stdout, place.read("runs/runs.json"));
+    let told: serde_json::Value = serde_json::from_slice(&run.stdout).expect("one document");
+    assert_eq!((&told["runs"]["a"]["frames"], &told["runs"]["a"]["source"]), (&6.into(), &"videos/a".into()));
+    assert!(told["runs"]["c"]["error"].as_str().is_some_and(|error| error.contains("0001.png")), "{told}");
+}
+
+/// Where files may have such names.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_name_need_not_be_unicode() {
+    use std::os::unix::ffi::OsStrExt;
+    let place = Place::new();
+    let name = std::ffi::OsStr::from_bytes(b"v\xff");
+    if std::fs::rename(place.path("video"), place.path("").join(name)).is_err() {
+        return println!("skipped: no such names here");
+    }
+    for options in [&["--init", "50,60,28,28"][..], &["--detect"]] {
+        let words = [&["track"], options, &["--no-video", "--no-report", "--json"]].concat();
+        let alone = place.command(&words).arg(name).arg("--out").arg("one").output().expect("it starts");
+        assert!(alone.status.success(), "{}", errors(&alone));
+        let into = place
+            .command(&words)
+            .arg(name)
+            .arg("--out")
+            .arg(std::ffi::OsStr::from_bytes(b"out\xff"))
+            .output()
+            .expect("it starts");
+        assert!(!errors(&into).contains("panicked"), "{}", errors(&into));
+    }
+    let made = place.run(&["synth", "clutter", "--frames", "6", "--out", "other"]);
+    assert!(made.status.success(), "{}", errors(&made));
+    let words = ["track", "-c", "c.toml", "--no-video", "--no-report", "--out", "runs", "other"];
+    for said in ["0 finished before, 2 tracked now, 0 failed", "2 finished before"] {
+        let run = place.command(&words).arg(name).output().expect("it starts");
+        assert!(String::from_utf8_lossy(&run.stdout).contains(said), "{said}: {}", errors(&run));
+    }
+}
+
+#[test]
 fn what_means_one_video_is_refused() {
     let place = Place::new();
     videos(&place);

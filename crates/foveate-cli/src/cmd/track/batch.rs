@@ -1,15 +1,21 @@
 //! `foveate track` of many videos: a folder each, finished ones passed over, failures listed, an index with the worst first.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
+use clap::CommandFactory;
+use clap::parser::ValueSource;
+use foveate::lab::eval::experiment;
 use foveate::report::escape;
 use foveate::{Error, Result, files, quiet};
 use serde::{Deserialize, Serialize};
 
+use super::init::first_box;
 use super::{Args, Tally, one};
+use crate::cmd::reproduce::runner::Entry;
 use crate::cmd::results::is_finished;
+use crate::terminal;
 
 /// What is known of the videos so far, for a second call and for programs.
 const LIST: &str = "runs.json";
@@ -18,6 +24,9 @@ const LIST: &str = "runs.json";
 struct Runs {
     /// The command without its videos: runs of other settings do not mix.
     settings: String,
+    /// A digest of what these settings came to.
+    #[serde(default)]
+    configuration: String,
     /// By the name of the video's folder.
     runs: BTreeMap<String, Run>,
 }
@@ -25,7 +34,10 @@ struct Runs {
 /// What became of a video.
 #[derive(Serialize, Deserialize)]
 struct Run {
-    source: PathBuf,
+    source: String,
+    /// The box beside it that it began with.
+    #[serde(default)]
+    first: Option<String>,
     #[serde(flatten)]
     tally: Tally,
     error: Option<String>,
@@ -51,13 +63,19 @@ pub fn run(mut args: Args) -> Result<()> {
     refuse(&args)?;
     let (root, sources) = (args.out.clone(), std::mem::take(&mut args.sources));
     let videos = named(&sources)?;
+    let (settings, configuration) = (settings()?, configuration(&args)?);
     std::fs::create_dir_all(&root).map_err(Error::io(&root, "cannot make the folder for results"))?;
-    let mut runs = Runs::read(&root, settings(&sources))?;
+    let mut runs = Runs::read(&root, settings, configuration)?;
+    let json = std::mem::take(&mut args.json);
+    if json {
+        terminal::give_output();
+    }
     let total = videos.len();
     let mut finished = 0;
     for (i, (name, source)) in videos.iter().enumerate() {
-        let out = root.join(name);
-        let done = runs.runs.get(name).is_some_and(|run| run.error.is_none() && run.source == **source);
+        let (out, told, first) = (root.join(name), source.to_string_lossy(), first(&args, source));
+        let done = |run: &Run| run.error.is_none() && run.source == told && run.first == first;
+        let done = runs.runs.get(name).is_some_and(done);
         if done && is_finished(&out) {
             finished += 1;
             continue;
@@ -73,10 +91,13 @@ pub fn run(mut args: Args) -> Result<()> {
         if let Some(error) = &error {
             note!("foveate: {error}");
         }
-        runs.runs.insert(name.clone(), Run { source: (*source).clone(), tally, error });
+        runs.runs.insert(name.clone(), Run { source: told.into_owned(), first, tally, error });
         runs.write(&root)?;
     }
     runs.write(&root)?;
+    if json {
+        terminal::document(format_args!("{}", runs.text()?));
+    }
     let failed = videos.keys().filter(|name| runs.runs.get(*name).is_some_and(|run| run.error.is_some())).count();
     say!("{total} videos: {finished} finished before, {} tracked now, {failed} failed.", total - finished - failed);
     say!("{}: index.html, {LIST}{}", root.display(), if failed > 0 { ", failures.txt" } else { "" });
@@ -126,17 +147,56 @@ fn named(sources: &[PathBuf]) -> Result<BTreeMap<String, &PathBuf>> {
     Ok(named)
 }
 
-/// The command without the videos.
-fn settings(sources: &[PathBuf]) -> String {
-    let videos: BTreeSet<String> = sources.iter().map(|s| s.to_string_lossy().into_owned()).collect();
-    crate::invocation::words().filter(|word| !videos.contains(word)).collect::<Vec<_>>().join(" ")
+/// What changes no result, by the names of its fields.
+const NO_SETTINGS: [&str; 5] = ["sources", "out", "json", "threads", "decoder"];
+
+/// The command without the videos and without what changes no result; every option by its long name.
+fn settings() -> Result<String> {
+    let words = std::iter::once("foveate".to_owned()).chain(crate::invocation::words());
+    let mut command = crate::Cli::command();
+    let matches = command.try_get_matches_from_mut(words).map_err(|e| Error::Invalid(e.to_string()))?;
+    let mut settings = "track".to_owned();
+    let Some((name, given)) = matches.subcommand() else { return Ok(settings) };
+    let known = command.find_subcommand(name).into_iter().flat_map(clap::Command::get_arguments);
+    for option in known.filter(|option| !NO_SETTINGS.contains(&option.get_id().as_str())) {
+        let (id, long) = (option.get_id().as_str(), option.get_long().unwrap_or_default());
+        if given.value_source(id) != Some(ValueSource::CommandLine) {
+            continue;
+        }
+        for values in given.get_raw_occurrences(id).into_iter().flatten() {
+            settings += &format!(" --{long}");
+            let values = values.filter(|_| option.get_action().takes_values());
+            values.for_each(|value| settings += &format!(" {}", value.to_string_lossy()));
+        }
+    }
+    Ok(settings)
+}
+
+/// A digest of what the results depend on beside videos and first boxes: the configuration, its models, the program's version.
+fn configuration(args: &Args) -> Result<String> {
+    let (mut config, folder, _) = args.configured()?;
+    if args.many.detect.is_some() {
+        config.detector = None;
+    }
+    let mut parts = vec![Entry::of(args.blueprint(config, &folder)?, "track")?.key.into_bytes()];
+    for model in args.models().filter(|model| model.is_file()) {
+        parts.push(std::fs::read(model).map_err(Error::io(model, "cannot read"))?);
+    }
+    Ok(experiment::digest(&parts.iter().map(Vec::as_slice).collect::<Vec<_>>()))
+}
+
+/// The box beside a video that a run of it begins with, where it does; a run says what is wrong with it.
+fn first(args: &Args, source: &Path) -> Option<String> {
+    let beside = args.init.is_empty() && !args.many.asked();
+    let bbox = beside.then(|| first_box(source, None, &args.input).ok()).flatten()?;
+    Some(format!("{},{},{},{}", bbox.x, bbox.y, bbox.w, bbox.h))
 }
 
 impl Runs {
-    fn read(root: &Path, settings: String) -> Result<Self> {
+    fn read(root: &Path, settings: String, configuration: String) -> Result<Self> {
         let path = root.join(LIST);
         if !path.is_file() {
-            return Ok(Self { settings, runs: BTreeMap::new() });
+            return Ok(Self { settings, configuration, runs: BTreeMap::new() });
         }
         let text = files::read_text(&path, files::TEXT)?;
         let runs: Self = serde_json::from_str(&text)
@@ -148,15 +208,26 @@ impl Runs {
             );
             return Err(Error::malformed(path, problem));
         }
+        if runs.configuration != configuration {
+            let problem = format!(
+                "it lists runs of `foveate {settings}` with another configuration, model or version of the program than now; give \
+                 another --out"
+            );
+            return Err(Error::malformed(path, problem));
+        }
         Ok(runs)
     }
 
-    fn write(&self, root: &Path) -> Result<()> {
+    fn text(&self) -> Result<String> {
         let text = serde_json::to_string_pretty(self).map_err(|e| Error::Invalid(e.to_string()))?;
-        files::write_inside(root.join(LIST), (text + "\n").as_bytes())?;
+        Ok(text + "\n")
+    }
+
+    fn write(&self, root: &Path) -> Result<()> {
+        files::write_inside(root.join(LIST), self.text()?.as_bytes())?;
         files::write_inside(root.join("index.html"), self.page(root).as_bytes())?;
         let failures = root.join("failures.txt");
-        let failed = self.runs.values().filter_map(|run| Some((run.source.display(), run.error.as_ref()?)));
+        let failed = self.runs.values().filter_map(|run| Some((&run.source, run.error.as_ref()?)));
         let lines: String = failed.map(|(source, error)| format!("{source}\t{}\n", error.replace('\n', " "))).collect();
         if lines.is_empty() {
             // It may never have been there.

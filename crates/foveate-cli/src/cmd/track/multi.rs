@@ -272,13 +272,15 @@ fn tell(args: &Args, outcome: &MultiOutcome, told: &Told<'_>) {
     let (tracking, total) = ((outcome.frames.spent.as_secs_f64() - detecting).max(0.0), told.total.as_secs_f64());
     let rate = |seconds| Summary::rate(frames, seconds);
     if args.json {
+        // A name need not be Unicode.
+        let outputs: Vec<_> = told.files.iter().map(|file| file.to_string_lossy()).collect();
         let summary = serde_json::json!({
             "source": without_password(&args.source.to_string_lossy()), "frames": frames, "targets": initiated, "reidentified": reidentified,
             "cuts": cuts, "most_at_a_time": most, "detector": told.detector, "tracking_seconds": tracking,
             "detecting_seconds": detecting, "total_seconds": total, "total_fps": rate(total), "seed": told.seed,
-            "outputs": told.files, "warnings": told.warnings, "error": told.error,
+            "outputs": outputs, "warnings": told.warnings, "error": told.error,
         });
-        say!("{}", serde_json::to_string_pretty(&summary).expect("plain data is JSON"));
+        say!("{summary:#}");
         return;
     }
     if told.files.is_empty() {
