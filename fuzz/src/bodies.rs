@@ -116,17 +116,30 @@ pub fn models(bytes: &[u8]) {
     drop(foveate::identity::Classifier::from_bytes(bytes, path));
 }
 
-/// Small and quick, with every part that remembers something.
+/// Small and quick.
 const SMALL: &str = "particles = 20\n[dynamics]\nkind = \"autoregressive\"\n[retina]\nkind = \"foveal\"\nside = 8\nrings = [[4, 1], [8, 2]]\n\
     [encoder]\nkind = \"raw\"\n[likelihood]\ndistance = \"cosine\"\nsharpness = 10\n[policy]\nkind = \"hedge\"\ngamma = 0.5\n[discriminant]\n[colour]\n\
-    [redetection]\n[distractors]\n[multi_target]\n";
+    [redetection]\n[distractors]\n";
+/// What one target remembers besides.
+const OF_ONE: &str = "[short_term]\n[local_search]\n[camera_motion]\n[box_regression]\n[confidence]\nabsence = { rate = 0.25, weight = 3.0, bias = 1.0 }\n";
 
-fn small() -> &'static Blueprint {
-    static SMALL_ONE: OnceLock<Blueprint> = OnceLock::new();
-    SMALL_ONE.get_or_init(|| {
-        let config = Config::parse(SMALL, "small").expect("a configuration");
-        config.check(&Folder::here()).expect("parts that fit")
+fn blueprint(text: &str) -> Blueprint {
+    let config = Config::parse(text, "small").expect("a configuration");
+    config.check(&Folder::here()).expect("parts that fit")
+}
+
+fn one() -> &'static Blueprint {
+    static ONE: OnceLock<Blueprint> = OnceLock::new();
+    ONE.get_or_init(|| {
+        let remembered = SMALL.replace("[distractors]\n", "[distractors]\nremembered = 4\nfirst_frame = true\n");
+        let second = "second_opinion = \"builtin:natural-middle\"\n";
+        blueprint(&format!("{second}{remembered}{OF_ONE}"))
     })
+}
+
+fn several() -> &'static Blueprint {
+    static SEVERAL: OnceLock<Blueprint> = OnceLock::new();
+    SEVERAL.get_or_init(|| blueprint(&format!("{SMALL}[multi_target]\n")))
 }
 
 const SIDE: usize = 40;
@@ -144,28 +157,33 @@ pub fn states(bytes: &[u8]) {
 /// Whether it is a saved tracker, or many: then it goes on.
 pub fn goes_on(bytes: &[u8]) -> bool {
     let Ok(state) = serde_json::from_slice::<serde_json::Value>(bytes) else { return false };
-    let mut tracker = small().tracker(1).expect("parts that fit");
-    let one = tracker.load(&state).is_ok();
-    if one && tracker.update(&picture(1)).is_ok() {
-        let mut again = small().tracker(1).expect("parts that fit");
-        again.load(&tracker.save()).expect("what is saved can be loaded");
+    let start = || one().tracker(1).expect("parts that fit");
+    let mut tracker = start();
+    let loaded = tracker.load(&state).is_ok();
+    if loaded && tracker.update(&picture(1)).is_ok() {
+        start().load(&tracker.save()).expect("what is saved can be loaded");
     }
-    let mut many = small().multi_tracker(1).expect("parts that fit");
-    let several = many.load(&state).is_ok();
-    if several && many.update(&picture(1), &[]).is_ok() {
-        let mut again = small().multi_tracker(1).expect("parts that fit");
-        again.load(&many.save()).expect("what is saved can be loaded");
+    let start = || several().multi_tracker(1).expect("parts that fit");
+    let mut many = start();
+    if many.load(&state).is_err() {
+        return loaded;
     }
-    one || several
+    // Beside each target, and on it.
+    let at = |b: BBox| [0.0, 0.4].map(|off| Detection { bbox: BBox { x: b.x + off * b.w, ..b }, score: 0.9 });
+    let found: Vec<_> = many.targets().iter().flat_map(|target| at(target.bbox)).collect();
+    if many.update(&picture(1), &found).is_ok() {
+        start().load(&many.save()).expect("what is saved can be loaded");
+    }
+    true
 }
 
 /// States to begin from.
 #[allow(dead_code)]
 pub fn saved() -> [(&'static str, Vec<u8>); 2] {
-    let mut tracker = small().tracker(1).expect("parts that fit");
+    let mut tracker = one().tracker(1).expect("parts that fit");
     tracker.init(&picture(0), BBox::new(10.0, 12.0, 12.0, 9.0)).expect("a box in the picture");
     tracker.update(&picture(1)).expect("a picture of the same size");
-    let mut many = small().multi_tracker(1).expect("parts that fit");
+    let mut many = several().multi_tracker(1).expect("parts that fit");
     for t in 0..3 {
         many.update(&picture(t), &[]).expect("a picture of the same size");
         let at = 4.0 + 6.0 * f64::from(t);
@@ -234,7 +252,7 @@ impl Bytes<'_> {
 /// Many targets: boxes and detections of any kind, cuts, states.
 pub fn targets(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
-    let mut many = small().multi_tracker(1).expect("parts that fit");
+    let mut many = several().multi_tracker(1).expect("parts that fit");
     for t in 0..12 {
         if bytes.0.is_empty() {
             break;
@@ -253,7 +271,7 @@ pub fn targets(bytes: &[u8]) {
 }
 
 fn reloaded(many: &MultiTracker) -> MultiTracker {
-    let mut again = small().multi_tracker(1).expect("parts that fit");
+    let mut again = several().multi_tracker(1).expect("parts that fit");
     again.load(&many.save()).expect("what is saved can be loaded");
     again
 }
@@ -261,7 +279,7 @@ fn reloaded(many: &MultiTracker) -> MultiTracker {
 /// The calls of the facade in any order.
 pub fn calls(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
-    let mut tracker: Tracker = small().tracker(1).expect("parts that fit");
+    let mut tracker: Tracker = one().tracker(1).expect("parts that fit");
     for t in 0..16 {
         if bytes.0.is_empty() {
             break;
@@ -275,7 +293,7 @@ pub fn calls(bytes: &[u8]) {
             5 => tracker.set_visibility(bytes.number()),
             6 => tracker.skip(&image),
             _ => {
-                let mut again = small().tracker(1).expect("parts that fit");
+                let mut again = one().tracker(1).expect("parts that fit");
                 again.load(&tracker.save()).expect("what is saved can be loaded");
                 tracker = again;
             }

@@ -11,6 +11,8 @@ mod http;
 mod message;
 #[path = "fuzz/mutate.rs"]
 mod mutate;
+#[path = "fuzz/numbers.rs"]
+mod numbers;
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::path::{Path, PathBuf};
@@ -114,6 +116,27 @@ fn the_states_of_the_corpus_are_states() {
             "{}: cargo test -p foveate-cli --test fuzz -- --ignored write_states",
             path.display()
         );
+    }
+}
+
+/// One number of a state is another: it is refused, or the tracker goes on. An eighth of all numbers and values; the step of 8 and nine values
+/// meet every number.
+#[test]
+fn states_with_a_number_that_cannot_be_do_not_panic() {
+    foveate::memory::set_limit(LIMIT);
+    for (path, bytes) in corpus("states") {
+        let Ok(state) = serde_json::from_slice::<serde_json::Value>(&bytes) else { continue };
+        let mut places = vec![];
+        numbers::places(&state, "", &mut places);
+        let all = places.iter().flat_map(|place| numbers::odd().map(|odd| (place, odd)));
+        for (place, odd) in all.step_by(8) {
+            let mut other = state.clone();
+            *other.pointer_mut(place).expect("it was found there") = odd.clone();
+            let bytes = serde_json::to_vec(&other).expect("JSON");
+            let (_, memory) = execute(bodies::states, &bytes)
+                .unwrap_or_else(|| panic!("{} panics with {odd} at {place}", path.display()));
+            assert!(memory < MOST, "{} takes {memory} bytes with {odd} at {place}", path.display());
+        }
     }
 }
 

@@ -126,8 +126,8 @@ impl SavedTarget {
             return Err(Error::Invalid(format!("the saved targets cannot be used: {} has no template", self.track.id)));
         }
         let Self { track, lost, unseen, terminated, shape, surprise, .. } = self;
-        if !track.is_sane() {
-            let problem = format!("box or covariance of {} is of no target", track.id);
+        if (0..6).any(|k| track.covariance[k][k] < 0.0) {
+            let problem = format!("a variance of {} is less than 0", track.id);
             return Err(Error::Invalid(format!("the saved targets cannot be used: {problem}")));
         }
         if shape.abs() > SHAPE {

@@ -65,12 +65,6 @@ pub struct TrackedTarget {
 }
 
 impl TrackedTarget {
-    /// Whether box and covariance may be of a target.
-    pub(super) fn is_sane(&self) -> bool {
-        let variances = (0..6).all(|k| self.covariance[k][k] >= 0.0);
-        let finite = self.covariance.iter().flatten().all(|x| x.is_finite());
-        self.bbox.is_sane() && variances && finite
-    }
     /// A target of which only the id is known.
     pub fn unknown(id: u64) -> Self {
         Self {

@@ -13,7 +13,7 @@ use super::Image;
 use crate::geometry::{Extent, Gaze, State};
 use foveate_base::Result;
 use foveate_base::error::within;
-use foveate_base::memory::grow;
+use foveate_base::memory::{self, grow};
 use foveate_kernels::blend;
 
 /// What unread places look like: neither bright nor dark.
@@ -154,6 +154,8 @@ impl Sensor {
         let [width, height, planes] = source.shape();
         self.values = 0;
         if Regions::shape(&self.seen) != [width, height, planes] {
+            let what = format_args!("a picture of {width} x {height} pixels in {planes} planes");
+            memory::check(what, (width as u64).saturating_mul(height as u64).saturating_mul(planes as u64))?;
             self.seen = Image::new(width, height, planes, vec![UNREAD; width * height * planes])?;
             self.painted.clear();
         }

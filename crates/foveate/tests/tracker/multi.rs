@@ -217,15 +217,10 @@ fn saved_targets_go_on_bit_for_bit() {
         assert_eq!(one, two, "frame {t}");
     }
     assert!(tracker(2).load(&serde_json::json!({ "format": 99 })).is_err());
-    for (key, value) in [
-        ("covariance", serde_json::json!(vec![vec![-25.0; 6]; 6])),
-        ("bbox", serde_json::json!({ "x": 0.0, "y": 0.0, "w": 0.0, "h": 9.0 })),
-    ] {
-        let mut damaged = saved.clone();
-        damaged["active"][0]["track"][key] = value;
-        let error = tracker(2).load(&damaged).expect_err(key).to_string();
-        assert!(error.contains("of no target"), "{error}");
-    }
+    let mut damaged = saved;
+    damaged["active"][0]["track"]["covariance"][0][0] = serde_json::json!(-25.0);
+    let error = tracker(2).load(&damaged).expect_err("no variance").to_string();
+    assert!(error.contains("less than 0"), "{error}");
 }
 
 #[test]
