@@ -7,6 +7,7 @@ mod player;
 mod propose;
 mod recent;
 mod row;
+mod texts;
 mod track;
 mod tracking;
 

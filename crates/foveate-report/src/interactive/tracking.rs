@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::player::Frames;
 use super::row::{self, Row, Surface};
+use super::texts::Texts;
 use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 use foveate_core::config::{Blueprint, Config};
@@ -99,9 +100,9 @@ pub struct Tracking {
     rows: Vec<Row>,
     /// Boxes given by hand, by frame from 0.
     given: BTreeMap<usize, BBox>,
-    details: Kept,
+    details: Texts,
     /// The tracker after some frames.
-    states: Kept,
+    states: Texts,
     every: usize,
     /// Whether the video has ended.
     ended: bool,
@@ -124,8 +125,8 @@ impl Tracking {
             count: 0,
             rows: vec![],
             given: BTreeMap::new(),
-            details: Kept::new(details),
-            states: Kept::new(STATES),
+            details: Texts::new(details),
+            states: Texts::new(STATES),
             every: EVERY,
             ended: false,
         };
@@ -295,39 +296,6 @@ impl Tracking {
     }
 }
 
-/// Texts by frame, no more than so many bytes of them.
-struct Kept {
-    all: BTreeMap<usize, String>,
-    bytes: usize,
-    most: usize,
-}
-
-impl Kept {
-    fn new(most: usize) -> Self {
-        Self { all: BTreeMap::new(), bytes: 0, most }
-    }
-    fn put(&mut self, index: usize, text: String) {
-        self.bytes += text.len();
-        self.bytes -= self.all.insert(index, text).map_or(0, |old| old.len());
-    }
-    fn drop_first(&mut self) {
-        self.bytes -= self.all.pop_first().map_or(0, |(_, text)| text.len());
-    }
-    /// Drops every other one; the first one stays.
-    fn thin(&mut self) {
-        let mut k = 0;
-        self.all.retain(|_, _| {
-            k += 1;
-            k % 2 == 1
-        });
-        self.bytes = self.all.values().map(String::len).sum();
-    }
-    fn cut(&mut self, index: usize) {
-        let gone = self.all.split_off(&index);
-        self.bytes -= gone.values().map(String::len).sum::<usize>();
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::player::{Player, Reopen};
@@ -393,16 +361,5 @@ mod tests {
             assert_eq!((plain.frames(), plain.last(), plain.given().len()), (30, 29, 2));
             assert!(plain.ended() && plain.step().is_ok() && plain.take_rows().is_empty());
         }
-    }
-
-    #[test]
-    fn what_is_kept_is_bounded() {
-        let mut kept = Kept::new(100);
-        (0..10).for_each(|k| kept.put(k, "x".repeat(10)));
-        kept.thin();
-        assert_eq!((kept.all.keys().copied().collect::<Vec<_>>(), kept.bytes), (vec![0, 2, 4, 6, 8], 50));
-        kept.cut(5);
-        kept.drop_first();
-        assert_eq!((kept.all.len(), kept.bytes), (2, 20));
     }
 }

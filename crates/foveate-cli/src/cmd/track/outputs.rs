@@ -132,8 +132,7 @@ pub fn tell(outcome: &Outcome, told: &Told<'_>) {
             class: outcome.class,
             class_name: outcome.class_name.clone(),
             seed: told.seed,
-            // A name need not be Unicode.
-            outputs: told.files.iter().map(|file| file.to_string_lossy().into_owned().into()).collect(),
+            outputs: told.files.to_vec(),
             error: told.error.clone(),
         };
         say!("{}", summary.to_json());

@@ -1,0 +1,229 @@
+use super::*;
+
+const REFERENCE: ReferenceLikelihood = ReferenceLikelihood { on: -2.0, off: -12.0 };
+
+fn shown(evidence: f64, deficit: f64) -> FrameEvidence {
+    let consistency = Consistency { deficit, frame_deficit: deficit, tempered_ess: 0.3, holds: true };
+    let estimate = State::default();
+    FrameEvidence {
+        consistency,
+        evidence,
+        reference: REFERENCE,
+        distractor: None,
+        spread: 0.1,
+        distance: 0.1 - 0.02 * evidence,
+        colour: 0.0,
+        elsewhere: 0.0,
+        agreement: None,
+        absent: None,
+        estimate,
+        unit: 10.0,
+        alarm: 0.0,
+    }
+}
+
+/// On the target for a while, then hidden for `hidden` frames, then back: the statuses.
+fn statuses(hidden: usize) -> Vec<Status> {
+    let mut c = LossMonitor::new(ConfidenceModel::default());
+    let frame = |t: usize| {
+        let on = !(30..30 + hidden).contains(&t);
+        shown(if on { -3.0 - 0.1 * (t % 3) as f64 } else { -12.0 }, if on { 0.0 } else { 1.0 })
+    };
+    (0..60 + hidden).map(|t| c.judge(&frame(t)).status).collect()
+}
+
+#[test]
+fn a_moment_is_an_occlusion_and_long_is_lost_until_found() {
+    let short = statuses(8);
+    assert!(short[..30].iter().all(|s| *s == Status::Tracking) && short[36] == Status::Occluded, "{short:?}");
+    assert!(!short.contains(&Status::Lost) && !short.contains(&Status::Reacquired), "{short:?}");
+    let long = statuses(40);
+    let first = |s: Status| long.iter().position(|x| *x == s).expect("it comes");
+    let order = [Status::Tracking, Status::Occluded, Status::Lost, Status::Reacquired].map(first);
+    assert!(order.is_sorted() && order[3] >= 70 + 3 - 1 && order[3] < 80, "{order:?}");
+    assert_eq!(long.last(), Some(&Status::Tracking));
+}
+
+/// Put somewhere it is not out; compared with something else, what was usual is none.
+#[test]
+fn what_is_given_again_begins_again() {
+    let mut c = LossMonitor::new(ConfidenceModel::default());
+    (0..30).for_each(|_| _ = c.judge(&shown(-3.0, 0.0)));
+    (0..20).for_each(|_| _ = c.judge(&shown(-12.0, 1.0)));
+    assert!(c.last().status.is_occluded_or_lost());
+    c.begin_again();
+    let TrackConfidence { status, p_lost, own, .. } = c.last();
+    assert_eq!((status, p_lost, own), (Status::Tracking, 0.0, 0.0), "nothing is known of it yet");
+    let first = c.judge(&FrameEvidence { agreement: Some(0.9), elsewhere: 0.2, ..shown(-3.0, 0.0) });
+    assert_eq!((first.status, first.cues[AGREEMENT], first.cues[9]), (Status::Tracking, 0.9, 0.2));
+    let drop = |c: &mut LossMonitor| c.judge(&shown(-6.0, 0.0)).cues[2];
+    assert!(drop(&mut c.clone()) > 0.5, "less than usual");
+    c.forget_usual();
+    assert_eq!(drop(&mut c), 0.0, "nothing is usual yet");
+}
+
+#[test]
+fn one_frame_that_fits_by_chance_finds_nothing() {
+    let mut c = LossMonitor::new(ConfidenceModel::default());
+    for _ in 0..30 {
+        c.judge(&shown(-3.0, 0.0));
+    }
+    for t in 0..60 {
+        let chance = t > 20 && t % 3 == 0;
+        let confidence = c.judge(&shown(if chance { -3.0 } else { -12.0 }, if chance { 0.0 } else { 1.0 }));
+        assert!(t < 4 || confidence.status.is_occluded_or_lost(), "frame {t}: {confidence:?}");
+    }
+}
+
+/// The smoothed cues of a lost target start anew where the estimate leaps, and only there.
+#[test]
+fn what_was_seen_elsewhere_does_not_last_after_a_leap() {
+    let cues_after = |moved: f64| {
+        let mut c = LossMonitor::new(ConfidenceModel::default());
+        for _ in 0..30 {
+            c.judge(&shown(-3.0, 0.0));
+        }
+        for _ in 0..20 {
+            c.judge(&FrameEvidence { elsewhere: 0.5, ..shown(-12.0, 1.0) });
+        }
+        assert!(c.last().status.is_occluded_or_lost());
+        let mut back = shown(-3.0, 0.5);
+        back.estimate.x += moved * back.unit;
+        let cues = c.judge(&back).cues;
+        (cues[3], cues[9])
+    };
+    let (lasting, elsewhere) = cues_after(0.9);
+    assert!(lasting > 1.0 && elsewhere > 0.2, "{lasting} {elsewhere}");
+    let (lasting, elsewhere) = cues_after(1.1);
+    assert!(lasting < 0.1 && elsewhere == 0.0, "{lasting} {elsewhere}");
+}
+
+/// Away, frames that fit half: P(lost) stays above `leave`, and they find nothing. They do where the target is seen there, and never where it is
+/// not. While it is tracked, nothing is heard of that.
+#[test]
+fn what_is_seen_there_decides_whether_it_is_found() {
+    let box_regression = Seen { weight: 0.5, bias: 0.5 };
+    let model = ConfidenceModel { box_regression, leave: 0.05, ..ConfidenceModel::default() };
+    let found = |model: &ConfidenceModel, absent: f64| {
+        let mut c = LossMonitor::new(model.clone());
+        let mut judge =
+            |evidence, deficit| c.judge(&FrameEvidence { absent: Some(absent), ..shown(evidence, deficit) });
+        (0..30).for_each(|_| assert_eq!(judge(-3.0, 0.0).status, Status::Tracking));
+        (0..20).for_each(|_| _ = judge(-12.0, 1.0));
+        let last = (0..20).map(|_| judge(-4.2, 0.5)).last().expect("there were some");
+        assert!(last.own > model.leave, "{last:?}");
+        !last.status.is_occluded_or_lost()
+    };
+    assert_eq!(
+        [-8.0, -1.0, 0.0, 8.0, f64::NAN].map(|absent| found(&model, absent)),
+        [true, false, false, false, false]
+    );
+    assert!(
+        !found(&ConfidenceModel { leave: 0.05, ..ConfidenceModel::default() }, -8.0),
+        "without weight it is not heard"
+    );
+    let odds = |p: f64| (p / (1.0 - p)).ln();
+    assert!((odds(model.returned(0.3, Some(-2.0))) - (odds(0.3) - 0.5)).abs() < 1e-9);
+    assert_eq!(model.returned(0.3, None), 0.3);
+}
+
+/// The own cues are content and so is a second opinion; the box regression looks in every third frame, and in each of a lost target.
+#[test]
+fn many_looks_that_miss_the_target_make_it_lost_and_one_does_not() {
+    let absence = Absence { rate: 0.25, weight: 3.0, bias: 1.0 };
+    let second_opinion = Heard { own: 1.0, agreement: -4.0, bias: 0.0 };
+    let run = |absence: Absence, misses: std::ops::Range<usize>| -> Vec<TrackConfidence> {
+        let box_regression = Seen { weight: 0.5, bias: 0.5 };
+        let model = ConfidenceModel { absence, second_opinion, box_regression, leave: 0.05, ..Default::default() };
+        let mut c = LossMonitor::new(model);
+        let looks = |t: usize, c: &LossMonitor| t.is_multiple_of(3) || c.last().status.is_occluded_or_lost();
+        let judge = |t: usize| {
+            let absent = looks(t, &c).then(|| if misses.contains(&t) { 2.0 } else { -4.0 });
+            c.judge(&FrameEvidence { absent, agreement: Some(1.0), ..shown(-3.0, 0.0) })
+        };
+        (0..60).map(judge).collect()
+    };
+    let tracked = |c: &TrackConfidence| c.status == Status::Tracking && c.p_lost < 0.1;
+    assert!(run(absence, 30..33).iter().all(tracked), "one look");
+    assert!(run(Absence::default(), 30..60).iter().all(tracked), "it does not count");
+    let many = run(absence, 30..60);
+    let lost = many.iter().position(|c| !tracked(c)).expect("ten looks");
+    assert!((36..45).contains(&lost), "{lost}");
+    let last = many[59];
+    assert!(last.p_lost > 0.9 && last.own > 0.9, "whatever the others say: {last:?}");
+    assert!(run(absence, 0..0).iter().all(|c| c.cues[CUES - 1] < -1.0), "it begins with a target that is there");
+    let odd = [f64::NAN, f64::INFINITY, -1e300].map(within_odds);
+    assert_eq!(odd, [MOST_ODDS, MOST_ODDS, -MOST_ODDS]);
+}
+
+/// The own cues say lost. Where the second opinion sees the target it is not reported; where it does not, it is, and stays so until found.
+#[test]
+fn a_loss_is_reported_once_the_second_opinion_agrees() {
+    let second_opinion = Heard { own: 0.2, agreement: -8.0, bias: 4.0 };
+    let run = |sees: &dyn Fn(usize) -> bool| -> Vec<(bool, Status)> {
+        let mut c = LossMonitor::new(ConfidenceModel { second_opinion, ..ConfidenceModel::default() });
+        let judge = |t: usize| {
+            let off = (30..60).contains(&t);
+            let frame = shown(if off { -12.0 } else { -3.0 - 0.1 * (t % 3) as f64 }, if off { 1.0 } else { 0.0 });
+            let status = c.judge(&FrameEvidence { agreement: Some(if sees(t) { 1.0 } else { 0.0 }), ..frame }).status;
+            (c.is_out(), status)
+        };
+        (0..90).map(judge).collect()
+    };
+    let never = run(&|_| true);
+    assert!(
+        never[35..58].iter().all(|(out, _)| *out) && never.iter().all(|(_, s)| *s == Status::Tracking),
+        "{never:?}"
+    );
+    let later = run(&|t| !(40..50).contains(&t));
+    let reported: Vec<usize> = (0..90).filter(|t| later[*t].1.is_occluded_or_lost()).collect();
+    let out: Vec<usize> = (0..90).filter(|t| later[*t].0).collect();
+    assert!((40..45).contains(&reported[0]) && reported.last() == out.last(), "{reported:?} {out:?}");
+    assert!(later.iter().any(|(_, s)| *s == Status::Reacquired));
+    let boxes = |run: &[(bool, Status)]| run.iter().map(|(out, _)| *out).collect::<Vec<_>>();
+    assert_eq!(boxes(&never), boxes(&later), "it acts on nothing of it");
+}
+
+/// Where a second opinion is elsewhere P(lost) rises, as the model says; what is acted on goes by the own cues.
+#[test]
+fn a_second_opinion_is_heard_and_not_acted_on() {
+    let second_opinion = Heard { own: 0.5, agreement: -4.0, bias: 1.0 };
+    let model = ConfidenceModel { second_opinion, ..ConfidenceModel::default() };
+    let (mut alone, mut pair) = (LossMonitor::new(ConfidenceModel::default()), LossMonitor::new(model));
+    for t in 0..80 {
+        let off = (40..60).contains(&t);
+        let frame = shown(if off { -12.0 } else { -3.0 - 0.1 * (t % 3) as f64 }, if off { 1.0 } else { 0.0 });
+        let agreement = Some(if t < 20 { 0.8 } else { 0.0 });
+        let (without, with) = (alone.judge(&frame), pair.judge(&FrameEvidence { agreement, ..frame }));
+        assert_eq!((without.own, without.status), (with.own, with.status), "frame {t}");
+        assert_eq!((without.p_lost, without.cues[OWN]), (without.own, -1.0), "frame {t}");
+        let odds = 0.5 * (with.own / (1.0 - with.own)).ln() - 4.0 * with.cues[OWN] + 1.0;
+        assert!((with.p_lost - 1.0 / (1.0 + (-odds).exp())).abs() < 1e-9, "frame {t}: {with:?}");
+    }
+}
+
+#[test]
+fn it_goes_on_from_what_was_saved() {
+    let frames: Vec<_> = (0..50).map(|t| shown(-3.0 - (t % 7) as f64, 0.02 * t as f64)).collect();
+    let mut c = LossMonitor::new(ConfidenceModel::default());
+    for f in &frames[..25] {
+        c.judge(f);
+    }
+    let mut other = LossMonitor::new(ConfidenceModel::default());
+    other.load(&c.save()).expect("it was saved");
+    assert!(frames[25..].iter().all(|f| c.judge(f) == other.judge(f)));
+    assert!(other.load(&serde_json::json!({ "frames": "many" })).is_err());
+}
+
+/// Whatever comes in: a probability, and finite cues.
+#[test]
+fn nothing_is_too_strange() {
+    let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -1e300, 1e300];
+    let mut c = LossMonitor::new(ConfidenceModel::default());
+    for (a, b) in odd.iter().flat_map(|a| odd.iter().map(move |b| (*a, *b))) {
+        let strange = FrameEvidence { evidence: a, spread: b.abs().min(1e6), distance: b, ..shown(-3.0, 0.5) };
+        let confidence = c.judge(&strange);
+        assert!((0.0..=1.0).contains(&confidence.p_lost), "{confidence:?}");
+        assert!(confidence.cues.iter().all(|c| c.is_finite()), "{confidence:?}");
+    }
+}
