@@ -132,7 +132,7 @@ fn one() -> &'static Blueprint {
     static ONE: OnceLock<Blueprint> = OnceLock::new();
     ONE.get_or_init(|| {
         let remembered = SMALL.replace("[distractors]\n", "[distractors]\nremembered = 4\nfirst_frame = true\n");
-        let second = "second_opinion = \"builtin:natural-middle\"\n";
+        let second = "committee = 2\nsecond_opinion = \"builtin:natural-middle\"\n";
         blueprint(&format!("{second}{remembered}{OF_ONE}"))
     })
 }

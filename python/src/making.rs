@@ -78,12 +78,13 @@ fn read(profile: &str, given: Option<Given>) -> Result<(Config, PathBuf)> {
             let name = match profile {
                 "fast" => Profile::Fast.name(),
                 "balanced" => Profile::Balanced.name(),
+                "accurate" => Profile::Accurate.name(),
                 name => name,
             };
             let shipped = Config::builtin(name).unwrap_or_else(|| {
                 let names = Config::names().join(", ");
                 Err(Error::Config(format!(
-                    "profile is \"fast\", \"balanced\", or the name of a configuration that ships: {names}; it is \"{profile}\". \
+                    "profile is \"fast\", \"balanced\", \"accurate\", or the name of a configuration that ships: {names}; it is \"{profile}\". \
                      A configuration of your own goes into config="
                 )))
             });

@@ -165,6 +165,12 @@ impl Config {
                     .into(),
             ));
         }
+        if self.committee > 1 && (self.sensor.is_some() || self.multi_target.is_some()) {
+            return Err(Error::Config(
+                "committee: it is of one target in whole pictures; leave committee out, or [sensor] and [multi_target]"
+                    .into(),
+            ));
+        }
         let (retina, encoder) = self.identity(files)?;
         let variation = self.variation.as_ref().map(|it| it.penalty(files, &*encoder)).transpose()?.flatten();
         let recogniser = self.recogniser.as_ref().map(|r| r.read(files)).transpose()?;
@@ -179,6 +185,9 @@ impl Config {
         Ok(blueprint)
     }
 }
+
+/// The bit of a target's number from which on the number of a member is in it: members share no draw.
+const MEMBER: u32 = 56;
 
 /// Whether a retina at the centre of the box sees all of it: then a sensor's gaze need not move it.
 fn covers_the_box(retina: &Foveal) -> bool {
@@ -206,6 +215,10 @@ impl Blueprint {
     /// The engine of one target.
     pub(crate) fn engine(&self, seed: u64, target: u64) -> Result<Engine> {
         Ok(Engine::new(self.parts()?, seed, target))
+    }
+    /// The engines of all members that follow one target.
+    pub(crate) fn members(&self, seed: u64, target: u64) -> Result<Vec<Engine>> {
+        (0..self.config.committee as u64).map(|k| self.engine(seed, target ^ (k << MEMBER))).collect()
     }
     /// The parts of a tracker.
     ///

@@ -19,7 +19,7 @@ pub use monitor::Monitor;
 
 use crate::control::{Belief, TrackConfidence};
 use crate::gaze::{Context, Plan};
-use crate::geometry::{Extent, Gaze, State};
+use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::identity::box_regression::{Answer, BoxRegression};
 use crate::identity::{self, Appearance, Percept};
 use crate::recognition::{Recognition, Recognized};
@@ -141,6 +141,8 @@ pub(crate) struct Work {
     pub answer: Option<Answer>,
     /// Of places, to be remembered or compared with those that are.
     pub features: Vec<f32>,
+    /// What is told of the frame.
+    pub told: Option<(Estimate, TrackConfidence)>,
     /// Pixels of the frame that were used.
     pub meter: Meter,
     pub pixels: usize,
@@ -198,10 +200,11 @@ impl Engine {
         self.adapt(image, &estimate);
         self.select(&estimate);
         let told = self.regress(image, &estimate);
+        self.work.told = Some((told, confidence));
         self.measure();
         self.record(image);
         self.settle();
-        self.report(scene, told, confidence)
+        self.report(scene)
     }
 
     /// Mean, covariance and effective sample size of the weighted particles.
@@ -229,9 +232,21 @@ impl Engine {
         w.pixels = w.meter.pixels();
     }
 
-    /// Everything that the frame computed.
-    fn report<'a>(&'a self, scene: Scene<'a>, estimate: Estimate, confidence: TrackConfidence) -> Step<'a> {
+    /// The box that was told of the last frame, and what was believed of the track. Panics before the first step.
+    pub fn told(&self) -> (BBox, TrackConfidence) {
+        let (estimate, confidence) = self.work.told.expect("a step was made");
+        (estimate.mean.bbox(self.target().extent), confidence)
+    }
+
+    /// What was read of the last frame.
+    pub fn meter(&self) -> &Meter {
+        &self.work.meter
+    }
+
+    /// Everything that the last frame, which is `scene`, computed. Panics before the first step.
+    pub fn report<'a>(&'a self, scene: Scene<'a>) -> Step<'a> {
         let (parts, w) = (&self.parts, &self.work);
+        let (estimate, confidence) = w.told.expect("a step was made");
         let recognized = parts.recognition.as_ref().map_or(Recognized::default(), Recognition::recognized);
         Step {
             number: self.frame,
@@ -306,6 +321,11 @@ impl Engine {
     /// Whether there is a target: it was given, or the state of a tracker that had one was loaded.
     pub fn has_target(&self) -> bool {
         self.target.is_some()
+    }
+
+    /// Whether it acts as for an occluded or lost target.
+    pub fn is_out(&self) -> bool {
+        self.parts.monitor.loss.is_out()
     }
 
     /// Half the size of the target's box at scale 1, pixels; `None` before there is a target.

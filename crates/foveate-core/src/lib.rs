@@ -3,6 +3,7 @@
 
 mod alarm;
 pub mod assignment;
+mod committee;
 pub mod config;
 pub mod conformance;
 pub mod control;

@@ -3,6 +3,7 @@
 //! [`Tracker`] owns everything between a picture and a result: camera motion, detector, the particle filter with its gaze,
 //! and the recogniser. Nothing else in the project steps the engine of one target.
 
+use crate::committee::Committee;
 use crate::config::{Blueprint, Configure};
 use crate::control::Status;
 use crate::engine::{Engine, Parts};
@@ -27,7 +28,7 @@ use serde::{Deserialize, Serialize};
 /// # Ok::<(), foveate_core::Error>(())
 /// ```
 pub struct Tracker {
-    engine: Engine,
+    committee: Committee,
     preprocessor: Preprocessor,
     /// What reads pictures, where not all of them is read.
     sensor: Option<Sensor>,
@@ -100,11 +101,12 @@ impl Tracker {
     /// A tracker of these parts, with its own streams of randomness named by `seed`; what is looked at before each step is
     /// the preprocessor's business.
     pub fn from_parts(parts: Parts, preprocessor: Preprocessor, seed: u64) -> Self {
-        Self::of(Engine::new(parts, seed, 0), preprocessor)
+        Self::of(vec![Engine::new(parts, seed, 0)], preprocessor)
     }
 
-    pub(crate) fn of(engine: Engine, preprocessor: Preprocessor) -> Self {
-        Self { engine, preprocessor, sensor: None, shape: None }
+    /// Of one engine, or several that vote.
+    pub(crate) fn of(engines: Vec<Engine>, preprocessor: Preprocessor) -> Self {
+        Self { committee: Committee::new(engines), preprocessor, sensor: None, shape: None }
     }
 
     /// The same, reading pictures through a sensor.
@@ -125,7 +127,7 @@ impl Tracker {
         crate::start::check(image, &bbox)?;
         self.preprocessor.look(image);
         self.shape = Some(image.shape());
-        self.engine.init(image, bbox)
+        self.committee.init(image, bbox)
     }
 
     /// The same from a source that serves regions of a picture, for a configuration with `[sensor]`: the first look is as wide as
@@ -140,7 +142,7 @@ impl Tracker {
         sensor.imprint(source, &State::of(&bbox), Extent::of(&bbox))?;
         self.preprocessor.look(sensor.seen());
         self.shape = Some(source.shape());
-        self.engine.init(sensor.seen(), bbox)
+        self.committee.init(sensor.seen(), bbox)
     }
 
     /// The next picture of the video.
@@ -152,7 +154,7 @@ impl Tracker {
             return self.update_from(image);
         }
         self.prepare(image)?;
-        Ok(counted(self.engine.step(self.preprocessor.scene(image)), &self.preprocessor).into())
+        Ok(counted(self.committee.step(self.preprocessor.scene(image)), &self.preprocessor).into())
     }
 
     /// The next picture of the video from a source that serves regions of it, for a configuration with `[sensor]`: first its
@@ -165,13 +167,14 @@ impl Tracker {
         self.check_shape(source.shape())?;
         let sensor = self.sensor.as_mut().ok_or_else(unsensed)?;
         sensor.begin(source)?;
-        look(&mut self.preprocessor, &mut self.engine, sensor.seen());
-        self.engine.aim(self.preprocessor.scene(sensor.seen()));
-        let extent = self.engine.extent().expect("there is a target, or the shape were none");
-        let (expected, plan) = self.engine.aimed();
+        look(&mut self.preprocessor, &mut self.committee, sensor.seen());
+        let engine = self.committee.first_mut();
+        engine.aim(self.preprocessor.scene(sensor.seen()));
+        let extent = engine.extent().expect("there is a target, or the shape were none");
+        let (expected, plan) = engine.aimed();
         sensor.look(source, &expected, extent, (plan.gazes(), plan.wider()))?;
         let values = sensor.values();
-        Ok(Step { values, ..self.engine.look(self.preprocessor.scene(sensor.seen())) }.into())
+        Ok(Step { values, ..engine.look(self.preprocessor.scene(sensor.seen())) }.into())
     }
 
     /// The same, with what a detector of yours found in the picture, in the place of the configuration's own. Detections count
@@ -186,7 +189,7 @@ impl Tracker {
             ));
         }
         self.prepare(image)?;
-        Ok(counted(self.engine.step(Scene { image, detections }), &self.preprocessor).into())
+        Ok(counted(self.committee.step(Scene { image, detections }), &self.preprocessor).into())
     }
 
     /// A picture before the target is given, or before the first update after [`Tracker::load`]: detector and camera motion
@@ -216,13 +219,13 @@ impl Tracker {
 
     fn prepare(&mut self, image: &Image) -> Result<()> {
         self.check_shape(image.shape())?;
-        look(&mut self.preprocessor, &mut self.engine, image);
+        look(&mut self.preprocessor, &mut self.committee, image);
         Ok(())
     }
 
     /// Whether there is a target, and the picture is like the first one.
     fn check_shape(&self, found: [usize; 3]) -> Result<()> {
-        let Some(first) = self.shape.filter(|_| self.engine.has_target()) else {
+        let Some(first) = self.shape.filter(|_| self.committee.has_target()) else {
             return Err(Error::Invalid("the tracker has no target: call init with a picture and a box first".into()));
         };
         if first != found {
@@ -240,39 +243,39 @@ impl Tracker {
     /// # Errors
     /// [`Error::Invalid`] before [`Tracker::init`], or where the box is not finite or has no area.
     pub fn reset_at(&mut self, bbox: BBox) -> Result<()> {
-        if !self.engine.has_target() {
+        if !self.committee.has_target() {
             return Err(Error::Invalid("the tracker has no target to put somewhere: call init first".into()));
         }
         bbox.check()?;
-        self.engine.reset_at(&bbox);
+        self.committee.reset_at(&bbox);
         Ok(())
     }
 
     /// Says which share of the target the next pictures can show, 0 to 1, because something covers it. Its looks count for as
     /// much less, and below one half they cannot make it lost. 1 until told otherwise.
     pub fn set_visibility(&mut self, visible: f64) {
-        self.engine.set_visibility(visible);
+        self.committee.set_visibility(visible);
     }
 
     /// Whether there is a target: it was given, or loaded.
     pub fn has_target(&self) -> bool {
-        self.engine.has_target()
+        self.committee.has_target()
     }
 
     /// Half the size of the target's box at scale 1, pixels; `None` before [`Tracker::init`].
     pub fn extent(&self) -> Option<Extent> {
-        self.engine.extent()
+        self.committee.extent()
     }
 
     /// The parts, to look at.
     pub fn parts(&self) -> &Parts {
-        self.engine.parts()
+        self.committee.parts()
     }
 
     /// The whole state in mid-video, to go on from bit for bit with [`Tracker::load`]. What detector and camera motion saw is
     /// not in it: show the last picture again with [`Tracker::skip`].
     pub fn save(&self) -> serde_json::Value {
-        let saved = Saved { format: FORMAT, shape: self.shape, engine: self.engine.save() };
+        let saved = Saved { format: FORMAT, shape: self.shape, engine: self.committee.save() };
         serde_json::to_value(saved).expect("plain data is JSON")
     }
 
@@ -287,8 +290,8 @@ impl Tracker {
         if saved.format != FORMAT {
             return Err(bad(format!("its format is {}, this version writes and reads {FORMAT}", saved.format)));
         }
-        self.engine.load(&saved.engine)?;
-        if saved.shape.is_some() != self.engine.has_target() {
+        self.committee.load(&saved.engine)?;
+        if saved.shape.is_some() != self.committee.has_target() {
             return Err(bad("it has a target without the size of its pictures, or the size without a target".into()));
         }
         self.shape = saved.shape;
@@ -297,10 +300,10 @@ impl Tracker {
 }
 
 /// Shows the next picture to what compares pictures, and moves the particles with the camera.
-fn look(preprocessor: &mut Preprocessor, engine: &mut Engine, image: &Image) {
+fn look(preprocessor: &mut Preprocessor, committee: &mut Committee, image: &Image) {
     preprocessor.look(image);
     if let Some(flow) = preprocessor.flow() {
-        engine.compensate(flow, &mut State::default());
+        committee.compensate(flow);
     }
 }
 
@@ -328,6 +331,6 @@ impl Blueprint {
     /// As [`Blueprint::tracker`].
     pub fn tracker_of(&self, seed: u64, target: u64) -> Result<Tracker> {
         let sensor = self.config().sensor.clone().map(Sensor::new);
-        Ok(Tracker::of(self.engine(seed, target)?, self.preprocessor()).sensing(sensor))
+        Ok(Tracker::of(self.members(seed, target)?, self.preprocessor()).sensing(sensor))
     }
 }

@@ -85,7 +85,9 @@ fn learning_while_tracking_allocates_nothing() {
     for planes in [1, 3] {
         let frames: Vec<Frame> = (0..FRAMES).map(|i| frame(i, planes)).collect();
         alone(|| {
-            for blueprint in [natural(150), learning_for_now(150)] {
+            let committee = Config { committee: 2, ..natural(150).config().clone() };
+            let committee = committee.check(&Folder::here()).expect("parts that fit");
+            for blueprint in [natural(150), learning_for_now(150), committee] {
                 let counts = counts(&blueprint, &frames);
                 assert!(counts[WARM_UP..].iter().all(|&count| count == 0), "{planes} planes: {counts:?}");
             }

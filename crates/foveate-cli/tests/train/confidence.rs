@@ -82,5 +82,8 @@ fn what_cannot_be_written_is_told_at_once() {
     let mut second = fit(dir.path(), "table.toml");
     second.arg("--only-second-opinion");
     fails(second, "--only-second-opinion: digits has none; add second_opinion");
+    let mut committee = fit(dir.path(), "table.toml");
+    committee.args(["--set", "committee=2"]);
+    fails(committee, "fit a member: --set committee=1");
     assert_eq!(std::fs::read_dir(dir.path()).expect("a folder").count(), 1, "nothing was made");
 }

@@ -12,6 +12,7 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("printed", include_str!("../../configs/printed.toml")),
     ("authors", include_str!("../../configs/authors.toml")),
     ("natural", include_str!("../../configs/natural.toml")),
+    ("natural-committee", NATURAL_COMMITTEE),
     ("multi", include_str!("../../configs/multi.toml")),
     ("multi-motion", include_str!("../../configs/multi-motion.toml")),
     ("multi-boxes", include_str!("../../configs/multi-boxes.toml")),
@@ -22,6 +23,12 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("natural-raw", include_str!("../../configs/natural-raw.toml")),
     ("natural-learned", include_str!("../../configs/natural-learned.toml")),
 ];
+
+const NATURAL_COMMITTEE: &str = concat!(
+    "# Any target in real video, by three trackers that vote: `natural` three times, with other dice. docs/confidence.md, \"A committee\".\n",
+    "committee = 3\n",
+    include_str!("../../configs/natural.toml")
+);
 
 /// What a configuration's text says that it is for: its first sentence.
 pub fn about(text: &str) -> &str {

@@ -8,9 +8,11 @@ use foveate_base::{Error, Result};
 pub enum Profile {
     /// A quarter of the particles, nearly three times the speed of the other: `natural-fast`.
     Fast,
-    /// Fewest failures: `natural`.
+    /// One tracker with all parts: `natural`.
     #[default]
     Balanced,
+    /// Three of it that vote, a third of its speed on one core; fewest failures, and losses are told soonest: `natural-committee`.
+    Accurate,
 }
 
 impl Profile {
@@ -19,6 +21,7 @@ impl Profile {
         match self {
             Self::Fast => "natural-fast",
             Self::Balanced => "natural",
+            Self::Accurate => "natural-committee",
         }
     }
 }

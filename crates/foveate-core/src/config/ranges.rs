@@ -36,6 +36,24 @@ pub(super) fn particles<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<
     Err(serde::de::Error::custom(format!("expected 1 to 1000000 particles (100 to 1000 are usual), got {n}")))
 }
 
+/// Reads the number of members of a committee.
+pub(super) fn committee<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<usize, D::Error> {
+    let n = usize::deserialize(d)?;
+    if (1..=64).contains(&n) {
+        return Ok(n);
+    }
+    Err(serde::de::Error::custom(format!("expected a committee of 1 to 64 trackers (3 to 7 are usual), got {n}")))
+}
+
+/// Without others nobody votes.
+pub(super) fn alone() -> usize {
+    1
+}
+
+pub(super) fn is_alone(members: &usize) -> bool {
+    *members == alone()
+}
+
 /// A section that is left out is in range.
 impl<T: Ranges> Ranges for Option<T> {
     fn ranges(&self) -> Result<()> {

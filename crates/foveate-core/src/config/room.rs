@@ -42,7 +42,11 @@ impl Blueprint {
             let Room { kept, look, .. } = second.room();
             kept.saturating_add(look)
         });
-        Room { kept: kept.saturating_add(second), look, reach }
+        let kept = kept.saturating_add(second);
+        // Each further member has buffers of its own.
+        let others = self.config.committee.saturating_sub(1) as u64;
+        let kept = kept.saturating_add(others.saturating_mul(kept.saturating_add(look)));
+        Room { kept, look, reach }
     }
 
     /// Bytes of RBMs that a target has for itself: those that are trained while it tracks, with their encoder and the pretrained one.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::encoders::EncoderConfig;
 use super::policies::PolicyConfig;
 use super::proposals::{DetectorConfig, ProposalConfig};
-use super::ranges::{Ranges, in_range, particles};
+use super::ranges::{Ranges, alone, committee, in_range, is_alone, particles};
 use super::recogniser::RecogniserConfig;
 use crate::control::{
     Agreement, Autoregressive, CameraMotion, Concentration, ConfidenceModel, ConsistencySettings, DetectionLikelihood,
@@ -103,6 +103,9 @@ pub struct Config {
     /// How probable it is that the target is lost.
     #[serde(default, deserialize_with = "in_range")]
     pub confidence: ConfidenceModel,
+    /// How many trackers of this configuration follow the target and vote: 1 (nobody votes) to 64.
+    #[serde(default = "alone", skip_serializing_if = "is_alone", deserialize_with = "committee")]
+    pub committee: usize,
     /// A configuration file, or `builtin:` and the name of one that ships with the program: a tracker of the same target whose box is
     /// compared with this one's, for the P(lost) that is reported. None unless given.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -22,6 +22,7 @@ impl Config {
             None => Self::read(files, Path::new(named))?,
         };
         let without = [
+            ("committee", config.committee > 1),
             ("second_opinion", config.second_opinion.is_some()),
             ("[sensor]", config.sensor.is_some()),
             ("[multi_target]", config.multi_target.is_some()),
@@ -54,6 +55,7 @@ mod tests {
         for (settings, said) in [
             (&["second_opinion=builtin:natrual"][..], "natural-middle"),
             (&["second_opinion=builtin:natural"], "it has second_opinion"),
+            (&["second_opinion=builtin:natural-committee"], "it has committee"),
             (&["second_opinion=builtin:multi"], "it has [multi_target]"),
             (&["second_opinion=builtin:foveated"], "it has [sensor]"),
             (&["second_opinion=nowhere.toml"], "nowhere.toml"),

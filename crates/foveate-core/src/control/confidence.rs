@@ -19,10 +19,12 @@ use foveate_base::{Error, Result};
 
 mod model;
 mod state;
+mod vote;
 
 use self::model::MOST_ODDS;
 pub use self::model::{AGREEMENT, Absence, CUE_NAMES, CUES, ConfidenceModel, Cues, Heard, OWN, Seen};
 use self::state::TrackState;
+pub use self::vote::{Ballot, Vote};
 
 /// The verdict on one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -11,6 +11,11 @@ pub struct Meter {
 }
 
 impl Meter {
+    /// One with room for so many rectangles: it allocates no more until there are more.
+    pub fn with_room(rectangles: usize) -> Self {
+        let edges = Vec::with_capacity(2 * rectangles);
+        Self { windows: Vec::with_capacity(rectangles), edges, spans: Vec::with_capacity(rectangles) }
+    }
     /// Forgets all rectangles.
     pub fn clear(&mut self) {
         self.windows.clear();

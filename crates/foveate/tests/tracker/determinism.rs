@@ -2,7 +2,7 @@
 
 use crate::common::{INIT, POLICIES, blueprint, frame, learning_for_now, natural, truth};
 use foveate::Tracker;
-use foveate::config::Blueprint;
+use foveate::config::{Blueprint, Config};
 use foveate::files::Folder;
 use foveate::report::{Observer, Table, Trace};
 use foveate::step::Step;
@@ -59,6 +59,8 @@ fn each(check: impl Fn(&str, &Blueprint)) {
     }
     check("natural", &natural(PARTICLES));
     check("natural, learning for now", &learning_for_now(PARTICLES));
+    let committee = Config { committee: 3, ..natural(PARTICLES).config().clone() };
+    check("natural, three that vote", &committee.check(&Folder::here()).expect("parts that fit"));
 }
 
 #[test]

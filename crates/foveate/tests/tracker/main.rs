@@ -2,6 +2,7 @@
 
 mod attention;
 mod box_regression;
+mod committee;
 #[path = "../common/mod.rs"]
 mod common;
 mod config;

@@ -60,6 +60,12 @@ struct Section<'a> {
 pub fn run(args: &Args) -> Result<()> {
     terminal::catch_interrupts();
     let (mut config, folder) = configure::read(&args.config, &args.changes)?;
+    if config.committee > 1 {
+        return Err(Error::Invalid(format!(
+            "{}: a committee's P(lost) is made of its members', and nothing of it is fitted; fit a member: --set committee=1",
+            args.config
+        )));
+    }
     if args.only_second_opinion && config.second_opinion.is_none() {
         return Err(Error::Invalid(format!(
             "--only-second-opinion: {} has none; add second_opinion = \"builtin:natural-middle\" to it, or leave the option out",

@@ -1,0 +1,204 @@
+//! Trackers of one target that share its pictures and no draw, and vote (`control/confidence/vote.rs`). Alone, one is what it was.
+//!
+//! A member that has lost the target while the majority sees it begins again where that is: from what it has learned itself, so that it
+//! says by its own looks whether it is there.
+
+use serde::{Deserialize, Serialize};
+
+use crate::control::{Ballot, TrackConfidence, Vote};
+use crate::engine::{Engine, Parts};
+use crate::geometry::{BBox, Extent, State};
+use crate::scene::{Flow, Image, Meter, Scene};
+use crate::step::Step;
+use crate::threads;
+use foveate_base::{Error, Result};
+
+/// More rectangles than a member reads of a picture.
+const WINDOWS: usize = 64;
+
+/// One tracker or more.
+pub(crate) struct Committee {
+    /// At least one.
+    members: Vec<Engine>,
+    vote: Vote,
+    ballots: Vec<Ballot>,
+    meter: Meter,
+}
+
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    members: Vec<serde_json::Value>,
+    vote: serde_json::Value,
+}
+
+impl Committee {
+    /// Panics without members.
+    pub fn new(members: Vec<Engine>) -> Self {
+        let vote = Vote::new(members[0].parts().monitor.model());
+        let meter = if members.len() > 1 { Meter::with_room(WINDOWS * members.len()) } else { Meter::default() };
+        Self { members, vote, ballots: Vec::new(), meter }
+    }
+
+    /// The first member.
+    pub fn first(&self) -> &Engine {
+        &self.members[0]
+    }
+
+    /// The same, for what a committee cannot do together.
+    pub fn first_mut(&mut self) -> &mut Engine {
+        &mut self.members[0]
+    }
+
+    /// All look at the target in this box.
+    ///
+    /// Fails as one of them does, before anything has changed.
+    pub fn init(&mut self, image: &Image, bbox: BBox) -> Result<()> {
+        self.members.iter_mut().try_for_each(|member| member.init(image, bbox))?;
+        self.vote.reset();
+        Ok(())
+    }
+
+    /// One frame: every member's, and the vote.
+    pub fn step<'a>(&'a mut self, scene: Scene<'a>) -> Step<'a> {
+        if self.members.len() == 1 {
+            return self.members[0].step(scene);
+        }
+        threads::each(&mut self.members, |_, member| {
+            member.step(scene);
+        });
+        self.ballots.clear();
+        self.ballots.extend(self.members.iter().map(|member| {
+            let (bbox, confidence) = member.told();
+            Ballot { bbox, p_lost: confidence.p_lost, is_out: member.is_out() }
+        }));
+        let (speaker, p_lost, status) = self.vote.count(&self.ballots);
+        if !status.is_occluded_or_lost() {
+            self.gather(speaker);
+        }
+        self.meter.clear();
+        self.members.iter().for_each(|member| self.meter.add_all(member.meter()));
+        let values = self.meter.pixels() * scene.image.planes();
+        let step = self.members[speaker].report(scene);
+        Step { values, confidence: TrackConfidence { p_lost, status, ..step.confidence }, ..step }
+    }
+
+    /// Members that are lost begin again where the target is.
+    fn gather(&mut self, speaker: usize) {
+        let here = self.ballots[speaker].bbox;
+        self.members
+            .iter_mut()
+            .zip(&self.ballots)
+            .filter(|(_, ballot)| ballot.is_out && !ballot.is_on(&here))
+            .for_each(|(member, _)| member.reset_at(&here));
+    }
+
+    pub fn compensate(&mut self, flow: &Flow) {
+        self.members.iter_mut().for_each(|member| member.compensate(flow, &mut State::default()));
+    }
+
+    pub fn reset_at(&mut self, bbox: &BBox) {
+        self.vote.reset();
+        self.members.iter_mut().for_each(|member| member.reset_at(bbox));
+    }
+
+    pub fn set_visibility(&mut self, visible: f64) {
+        self.members.iter_mut().for_each(|member| member.set_visibility(visible));
+    }
+
+    pub fn has_target(&self) -> bool {
+        self.first().has_target()
+    }
+
+    pub fn extent(&self) -> Option<Extent> {
+        self.first().extent()
+    }
+
+    pub fn parts(&self) -> &Parts {
+        self.first().parts()
+    }
+
+    /// One member's state, or that of all and what they believe together.
+    pub fn save(&self) -> serde_json::Value {
+        if let [only] = &self.members[..] {
+            return only.save();
+        }
+        let saved = Saved { members: self.members.iter().map(Engine::save).collect(), vote: self.vote.save() };
+        serde_json::to_value(saved).expect("plain data is JSON")
+    }
+
+    /// Takes up what [`Committee::save`] gave.
+    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+        if let [only] = &mut self.members[..] {
+            return only.load(saved);
+        }
+        let bad = |what: String| Error::Invalid(format!("the saved tracker cannot be used: {what}"));
+        let saved = Saved::deserialize(saved).map_err(|e| {
+            bad(format!("it is not that of a committee ({e}); use the configuration it was saved with"))
+        })?;
+        if saved.members.len() != self.members.len() {
+            return Err(bad(format!(
+                "its committee has {} members, this one {}; use the configuration it was saved with",
+                saved.members.len(),
+                self.members.len()
+            )));
+        }
+        self.members.iter_mut().zip(&saved.members).try_for_each(|(member, saved)| member.load(saved))?;
+        if self.members.iter().any(|member| member.has_target() != self.has_target()) {
+            return Err(bad("some members of its committee have a target, others none".into()));
+        }
+        self.vote.load(&saved.vote)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use foveate_base::files::Nowhere;
+
+    /// A chequered square at `x` on stripes.
+    fn picture(x: usize) -> Image {
+        let pixel = |i: usize| {
+            let (column, row) = (i % 120, i / 120);
+            let inside = (x..x + 20).contains(&column) && (30..50).contains(&row);
+            if inside {
+                60 + 130 * u8::from(((column - x) / 4 + row / 4).is_multiple_of(2))
+            } else {
+                20 + (7 * (row / 3) % 60) as u8
+            }
+        };
+        Image::new(120, 90, 1, (0..120 * 90).map(pixel).collect()).expect("120 x 90")
+    }
+
+    /// One of three is put elsewhere, cannot find back by itself, and is fetched.
+    #[test]
+    fn a_lost_member_begins_again_where_the_others_are() {
+        let settings = [
+            "particles=100",
+            "committee=3",
+            "second_opinion=none",
+            "redetection=none",
+            "local_search=none",
+            "distractors=none",
+            "box_regression=none",
+        ];
+        let natural = Config::builtin("natural").expect("it ships").expect("it is right");
+        let config = settings.iter().try_fold(natural, |config, setting| config.set(setting)).expect("keys");
+        let blueprint = config.check(&Nowhere).expect("parts that fit");
+        let mut committee = Committee::new(blueprint.members(2, 0).expect("parts that fit"));
+        let target = |x: usize| BBox::new(x as f64, 30.0, 20.0, 20.0);
+        committee.init(&picture(10), target(10)).expect("a box in the picture");
+        committee.members[2].reset_at(&target(90));
+        let mut fetched = None;
+        for i in 1..40 {
+            let image = picture(10 + i / 2);
+            let here = target(10 + i / 2);
+            let told = committee.step(Scene { image: &image, detections: &[] });
+            assert!(told.bbox().iou(&here) > 0.3, "frame {i}: {:?}", told.bbox());
+            if committee.members[2].told().0.iou(&here) > 0.3 {
+                fetched = fetched.or(Some(i));
+            }
+        }
+        assert!(fetched.is_some_and(|i| i > 1), "fetched in frame {fetched:?}");
+    }
+}

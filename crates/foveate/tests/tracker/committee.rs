@@ -1,0 +1,86 @@
+//! Several trackers of one target: each is what it would be alone, and their vote is what they say together.
+
+use crate::common::{INIT, frame, natural, truth};
+use foveate::config::{Blueprint, Config};
+use foveate::control::{Ballot, Vote};
+use foveate::files::Folder;
+use foveate::geometry::BBox;
+use foveate::{Error, Status, Tracker};
+
+const FRAMES: usize = 16;
+const SEED: u64 = 5;
+const MEMBERS: usize = 3;
+
+fn of(members: usize) -> Blueprint {
+    let config = Config { committee: members, ..natural(150).config().clone() };
+    config.check(&Folder::here()).expect("parts that fit")
+}
+
+/// The frame in which the target is given again, by hand.
+const BY_HAND: usize = 8;
+
+/// Boxes, P(lost) and status.
+fn track(mut tracker: Tracker) -> Vec<(BBox, f64, Status)> {
+    tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
+    let step = |i| {
+        let frame = frame(i, 3);
+        if i == BY_HAND {
+            tracker.reset_at(truth(i - 1)).expect("a box with an area");
+        }
+        let seen = tracker.update(&frame.image).expect("a picture of the first size");
+        (seen.bbox, seen.p_lost, seen.status)
+    };
+    (1..FRAMES).map(step).collect()
+}
+
+/// On a target that nobody loses, no member hears of the others.
+#[test]
+fn the_members_are_trackers_alone_and_vote() {
+    let together = track(of(MEMBERS).tracker(SEED).expect("parts that fit"));
+    let alone: Vec<_> =
+        (0..MEMBERS as u64).map(|k| track(of(1).tracker_of(SEED, k << 56).expect("parts that fit"))).collect();
+    assert!(alone[0] != alone[1] && alone[1] != alone[2], "they share no draw");
+    for (i, (bbox, p_lost, status)) in together.iter().enumerate() {
+        let ballots: Vec<Ballot> =
+            alone.iter().map(|track| Ballot { bbox: track[i].0, p_lost: track[i].1, is_out: false }).collect();
+        let (elected, lost) = Vote::elect(&ballots);
+        assert_eq!((bbox, p_lost, *status), (&ballots[elected].bbox, &lost, Status::Tracking), "frame {i}");
+        assert!(bbox.iou(&truth(i + 1)) > 0.5, "frame {i}: {bbox:?}");
+    }
+}
+
+/// Values that several members read are counted once.
+#[test]
+fn what_they_read_is_counted_once() {
+    let reads = |members| {
+        let config = Config::builtin("natural-middle").expect("it ships").expect("it is right");
+        let config = Config { committee: members, ..config }.check(&Folder::here()).expect("parts that fit");
+        let mut tracker = config.tracker(SEED).expect("parts that fit");
+        tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
+        let frame = frame(1, 3);
+        tracker.update(&frame.image).expect("a picture of the first size").step.values
+    };
+    let (one, three) = (reads(1), reads(MEMBERS));
+    assert!(one <= three && three < 2 * one, "one reads {one}, three {three}");
+}
+
+#[test]
+fn one_cannot_go_on_as_several() {
+    let saved = |members| {
+        let mut tracker = of(members).tracker(SEED).expect("parts that fit");
+        tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
+        tracker.save()
+    };
+    let refused = |members, saved: &serde_json::Value| {
+        let mut tracker = of(members).tracker(SEED).expect("parts that fit");
+        match tracker.load(saved).expect_err("another committee") {
+            Error::Invalid(why) => why,
+            other => panic!("{other}"),
+        }
+    };
+    let error = refused(MEMBERS, &saved(1));
+    assert!(error.contains("not that of a committee"), "{error}");
+    let error = refused(MEMBERS, &saved(2));
+    assert!(error.contains("has 2 members, this one 3"), "{error}");
+    refused(1, &saved(2));
+}
