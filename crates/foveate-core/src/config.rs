@@ -29,6 +29,7 @@ mod onnx;
 #[cfg(not(feature = "onnx"))]
 #[path = "config/no_onnx.rs"]
 mod onnx;
+mod plainly;
 mod policies;
 mod proposals;
 mod ranges;
@@ -71,7 +72,7 @@ impl Config {
                 .iter()
                 .any(|k| e.contains(&format!("unknown variant `{k}`")));
             let feature = if unlearned { "\nencoders with learned weights need the feature `learn`" } else { "" };
-            Error::Config(format!("{name}: {e}{}{feature}", renamed::hint(&e)))
+            Error::Config(format!("{name}: {}{}{feature}", plainly::plainly(&e), renamed::hint(&e)))
         })
     }
 

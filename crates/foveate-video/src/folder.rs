@@ -25,7 +25,7 @@ pub struct ImageFolder {
 }
 
 impl ImageFolder {
-    /// Opens a folder; where it has a subfolder `img` (OTB layout) or `img1` (MOT layout), that one is read.
+    /// Opens a folder, or the one inside that holds the frames ([`frames_folder`]).
     ///
     /// # Errors
     /// Where the folder cannot be read, has no PNG or JPEG file, or the first cannot be decoded.
@@ -93,14 +93,20 @@ impl FrameSource for ImageFolder {
     }
 }
 
-/// The PNG and JPEG files of a folder in natural order, or of its subfolder `img` (OTB layout) or `img1` (MOT layout).
+/// Subfolders that hold the frames: of OTB, of MOT, of VOT.
+const INNER: [&str; 3] = ["img", "img1", "color"];
+
+/// The folder that holds the frames of a sequence: its subfolder `img` (OTB layout), `img1` (MOT) or `color` (VOT), or else the folder itself.
+pub fn frames_folder(path: &Path) -> PathBuf {
+    INNER.iter().map(|name| path.join(name)).find(|inner| inner.is_dir()).unwrap_or_else(|| path.to_owned())
+}
+
+/// The PNG and JPEG files of [`frames_folder`] in natural order.
 ///
 /// # Errors
-/// Where the folder cannot be read or has none.
+/// Where the folder cannot be read, has none, or has two for one frame (`1.jpg` and `1.png`).
 pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
-    let path = path.as_ref();
-    let folder = ["img", "img1"].iter().map(|name| path.join(name)).find(|inner| inner.is_dir());
-    let folder = folder.unwrap_or_else(|| path.to_owned());
+    let folder = frames_folder(path.as_ref());
     let (mut files, mut others) = (Vec::new(), 0);
     for entry in std::fs::read_dir(&folder).map_err(Error::io(&folder, "cannot read the folder"))? {
         let file = entry.map_err(Error::io(&folder, "cannot read the folder"))?.path();
@@ -112,12 +118,21 @@ pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
     if files.is_empty() {
         let found = if others == 0 { "no files".to_owned() } else { format!("{others} files of other kinds") };
         let problem = format!(
-            "expected .jpg, .jpeg or .png files (here, or in a subfolder img or img1), found {found}; \
+            "expected .jpg, .jpeg or .png files (here, or in a subfolder img, img1 or color), found {found}; \
              give the folder that holds the frames"
         );
         return Err(Error::malformed(folder, problem));
     }
     files.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
+    if let Some(pair) = files.windows(2).find(|pair| pair[0].file_stem() == pair[1].file_stem()) {
+        let name = |file: &PathBuf| file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let problem = format!(
+            "expected one picture a frame, found {} and {}; keep one of the two kinds, or move the other elsewhere",
+            name(&pair[0]),
+            name(&pair[1])
+        );
+        return Err(Error::malformed(folder, problem));
+    }
     Ok(files)
 }
 
@@ -201,8 +216,8 @@ mod tests {
     }
 
     #[test]
-    fn the_img_folder_of_otb_and_mot_is_found() {
-        for name in ["img", "img1"] {
+    fn the_inner_folder_of_otb_mot_and_vot_is_found() {
+        for name in INNER {
             let dir = folder(&[("preview.png", 1)]);
             std::fs::create_dir(dir.path().join(name)).expect("a writable folder");
             save_png(dir.path().join(name).join("0001.png"), &Image::grey(4, 3, 7)).expect("a writable folder");
@@ -233,6 +248,14 @@ mod tests {
         assert_eq!((second.image.planes(), second.image.at(0, 0, 0)), (1, 200));
         let text = source.nth(1).expect("an error").expect_err("another size").to_string();
         assert!(text.contains("4 x 3") && text.contains("5 x 3") && text.contains("frame 4"), "{text}");
+    }
+
+    #[test]
+    fn two_pictures_of_one_frame_are_refused() {
+        let dir = folder(&[("1.png", 1), ("10.png", 1), ("2.png", 2)]);
+        std::fs::write(dir.path().join("2.jpg"), "x").expect("a writable folder");
+        let text = ImageFolder::open(dir.path()).expect_err("two for frame 2").to_string();
+        assert!(text.contains("found 2.jpg and 2.png"), "{text}");
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use foveate_base::{Error, Result};
 use foveate_core::geometry::BBox;
 use foveate_video::annotation::{hide_absent, read_truth};
-use foveate_video::vot;
+use foveate_video::{frames_folder, vot};
 
 /// A video as a folder of images, and where the target truly is in it.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,8 +77,7 @@ fn add(folder: &Path, found: &mut Vec<Sequence>) -> Result<()> {
         let whole = std::path::absolute(folder).map_err(Error::io(folder, "cannot find"))?;
         let base = whole.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let name = if target == 1 { base } else { format!("{base}-{target}") };
-        let inner = ["img", "img1", "color"].iter().map(|inner| folder.join(inner)).find(|inner| inner.is_dir());
-        let images = inner.unwrap_or_else(|| folder.to_path_buf());
+        let images = frames_folder(folder);
         let of_vot = truth_file.ends_with("groundtruth.txt") && vot::is_sequence(folder);
         let mut truth = if of_vot { vot::read_truth(&truth_file)? } else { read_truth(&truth_file)? };
         if !of_vot {
