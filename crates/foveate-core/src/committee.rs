@@ -71,25 +71,29 @@ impl Committee {
             let (bbox, confidence) = member.told();
             Ballot { bbox, p_lost: confidence.p_lost, is_out: member.is_out() }
         }));
-        let (speaker, p_lost, status) = self.vote.count(&self.ballots);
+        let (elected, p_lost, status) = self.vote.count(&self.ballots);
         if !status.is_occluded_or_lost() {
-            self.gather(speaker);
+            self.gather(elected);
         }
         self.meter.clear();
         self.members.iter().for_each(|member| self.meter.add_all(member.meter()));
         let values = self.meter.pixels() * scene.image.planes();
-        let step = self.members[speaker].report(scene);
+        let step = self.members[elected].report(scene);
         Step { values, confidence: TrackConfidence { p_lost, status, ..step.confidence }, ..step }
     }
 
     /// Members that are lost begin again where the target is.
-    fn gather(&mut self, speaker: usize) {
-        let here = self.ballots[speaker].bbox;
+    fn gather(&mut self, elected: usize) {
+        let here = self.ballots[elected].bbox;
         self.members
             .iter_mut()
             .zip(&self.ballots)
             .filter(|(_, ballot)| ballot.is_out && !ballot.is_on(&here))
-            .for_each(|(member, _)| member.reset_at(&here));
+            .for_each(|(member, _)| {
+                let visible = member.visible();
+                member.reset_at(&here);
+                member.set_visibility(visible);
+            });
     }
 
     pub fn compensate(&mut self, flow: &Flow) {
@@ -190,6 +194,7 @@ mod tests {
         committee.init(&picture(10), target(10)).expect("a box in the picture");
         committee.members[2].reset_at(&target(90));
         let mut fetched = None;
+        committee.set_visibility(0.9);
         for i in 1..40 {
             let image = picture(10 + i / 2);
             let here = target(10 + i / 2);
@@ -200,5 +205,6 @@ mod tests {
             }
         }
         assert!(fetched.is_some_and(|i| i > 1), "fetched in frame {fetched:?}");
+        assert!(committee.members.iter().all(|member| member.visible() == 0.9), "as much can be seen of it as before");
     }
 }
