@@ -75,12 +75,7 @@ fn read(profile: &str, given: Option<Given>) -> Result<(Config, PathBuf)> {
             (Config::read(&Folder::here(), &path)?, folder)
         }
         (None, None) => {
-            let name = match profile {
-                "fast" => Profile::Fast.name(),
-                "balanced" => Profile::Balanced.name(),
-                "accurate" => Profile::Accurate.name(),
-                name => name,
-            };
+            let name = Profile::named(profile).map_or(profile, |it| it.name());
             let shipped = Config::builtin(name).unwrap_or_else(|| {
                 let names = Config::names().join(", ");
                 Err(Error::Config(format!(

@@ -89,11 +89,7 @@ impl Committee {
             .iter_mut()
             .zip(&self.ballots)
             .filter(|(_, ballot)| ballot.is_out && !ballot.is_on(&here))
-            .for_each(|(member, _)| {
-                let visible = member.visible();
-                member.reset_at(&here);
-                member.set_visibility(visible);
-            });
+            .for_each(|(member, _)| member.begin_again_at(&here));
     }
 
     pub fn compensate(&mut self, flow: &Flow) {
@@ -205,6 +201,9 @@ mod tests {
             }
         }
         assert!(fetched.is_some_and(|i| i > 1), "fetched in frame {fetched:?}");
-        assert!(committee.members.iter().all(|member| member.visible() == 0.9), "as much can be seen of it as before");
+        assert!(
+            committee.members.iter().all(|member| member.save()["visible"] == 0.9),
+            "as much can be seen of it as before"
+        );
     }
 }

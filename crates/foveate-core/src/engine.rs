@@ -328,11 +328,6 @@ impl Engine {
         self.parts.monitor.loss.is_out()
     }
 
-    /// Which share of the target can be seen, as it was told.
-    pub fn visible(&self) -> f64 {
-        self.visible
-    }
-
     /// Half the size of the target's box at scale 1, pixels; `None` before there is a target.
     pub fn extent(&self) -> Option<Extent> {
         self.target.map(|target| target.extent)

@@ -24,6 +24,15 @@ impl Profile {
             Self::Accurate => "natural-committee",
         }
     }
+    /// A profile by its name in lower case: `fast`, `balanced` or `accurate`.
+    pub fn named(name: &str) -> Option<Self> {
+        match name {
+            "fast" => Some(Self::Fast),
+            "balanced" => Some(Self::Balanced),
+            "accurate" => Some(Self::Accurate),
+            _ => None,
+        }
+    }
 }
 
 /// Policies that [`Config::with_policy`] knows by name.

@@ -27,22 +27,23 @@ pub(super) fn in_range<'de, D: Deserializer<'de>, T: Deserialize<'de> + Ranges>(
     Ok(section)
 }
 
-/// Reads the number of particles.
-pub(super) fn particles<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<usize, D::Error> {
+/// Reads a whole number of 1 to `most`, of what it says.
+fn count<'de, D: Deserializer<'de>>(d: D, most: usize, what: &str) -> std::result::Result<usize, D::Error> {
     let n = usize::deserialize(d)?;
-    if (1..=1_000_000).contains(&n) {
+    if (1..=most).contains(&n) {
         return Ok(n);
     }
-    Err(serde::de::Error::custom(format!("expected 1 to 1000000 particles (100 to 1000 are usual), got {n}")))
+    Err(serde::de::Error::custom(format!("expected {what}, got {n}")))
+}
+
+/// Reads the number of particles.
+pub(super) fn particles<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<usize, D::Error> {
+    count(d, 1_000_000, "1 to 1000000 particles (100 to 1000 are usual)")
 }
 
 /// Reads the number of members of a committee.
 pub(super) fn committee<'de, D: Deserializer<'de>>(d: D) -> std::result::Result<usize, D::Error> {
-    let n = usize::deserialize(d)?;
-    if (1..=64).contains(&n) {
-        return Ok(n);
-    }
-    Err(serde::de::Error::custom(format!("expected a committee of 1 to 64 trackers (3 to 7 are usual), got {n}")))
+    count(d, 64, "a committee of 1 to 64 trackers (3 to 7 are usual)")
 }
 
 /// Without others nobody votes.

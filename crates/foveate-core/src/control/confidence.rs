@@ -26,6 +26,9 @@ pub use self::model::{AGREEMENT, Absence, CUE_NAMES, CUES, ConfidenceModel, Cues
 use self::state::TrackState;
 pub use self::vote::{Ballot, Vote};
 
+/// A box that overlaps the target less (IoU) is lost.
+pub const LOST: f64 = 0.1;
+
 /// The verdict on one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TrackConfidence {

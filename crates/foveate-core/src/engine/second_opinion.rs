@@ -20,8 +20,7 @@ impl Engine {
     pub(super) fn advise(&mut self, estimate: &Estimate) {
         let here = estimate.mean.bbox(self.target().extent);
         if let Some(second) = self.second.as_mut().filter(|second| second.context.lost) {
-            second.reset_at(&here);
-            second.set_visibility(self.visible);
+            second.begin_again_at(&here);
         }
     }
 }

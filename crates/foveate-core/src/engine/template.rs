@@ -59,13 +59,19 @@ impl Engine {
     /// Puts the target into this box: particles start about it, its template stays, and it is not lost until frames say so. Panics
     /// before [`Engine::init`].
     pub fn reset_at(&mut self, bbox: &BBox) {
+        self.begin_again_at(bbox);
+        self.set_visibility(1.0);
+    }
+
+    /// The same where it is fetched, not given: as much of it can be seen as before.
+    pub fn begin_again_at(&mut self, bbox: &BBox) {
         let state = self.state_at(bbox);
         let (half_w, half_h) = state.half(self.target().extent);
         self.parts.monitor.reset_consistency();
         self.parts.monitor.loss.begin_again();
         self.parts.filter.spread(&state, Extent { half_w, half_h }, self.streams.at(self.frame, Purpose::Start));
-        (self.context.lost, self.visible) = (false, 1.0);
-        self.second.iter_mut().for_each(|second| second.reset_at(bbox));
+        self.context.lost = false;
+        self.second.iter_mut().for_each(|second| second.begin_again_at(bbox));
     }
 
     /// Says which share of the target the next frames can show, 0 to 1, because something else covers it. Its looks count for

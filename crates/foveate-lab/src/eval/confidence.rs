@@ -15,8 +15,7 @@ use foveate_core::step::Step;
 use foveate_report::Observer;
 use foveate_video::Frame;
 
-/// A target whose box has an IoU below this is lost.
-pub const LOST: f64 = 0.1;
+pub use foveate_core::control::LOST;
 /// Losses of fewer frames are not counted as episodes.
 pub const EPISODE: usize = 5;
 /// Bins of the reliability curve.

@@ -9,14 +9,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::ConfidenceModel;
 use super::state::TrackState;
+use super::{ConfidenceModel, LOST};
 use crate::control::Status;
 use crate::geometry::BBox;
 use foveate_base::{Error, Result};
 
-/// The overlap from which on a box is on the target.
-const ON_TARGET: f64 = 0.1;
 /// Out is a target that is more probably lost than not; it is found below the second.
 const OUT: f64 = 0.5;
 const FOUND: f64 = 0.45;
@@ -35,7 +33,7 @@ pub struct Ballot {
 impl Ballot {
     /// Whether its box is on that of another.
     pub fn is_on(&self, other: &BBox) -> bool {
-        self.bbox.iou(other) >= ON_TARGET
+        self.bbox.iou(other) >= LOST
     }
 }
 
@@ -136,7 +134,7 @@ mod tests {
             let target = (rng.random::<f64>() >= right.p_lost).then_some(right.bbox);
             let iou = |b: &Ballot| target.map_or(0.0, |target| b.bbox.iou(&target));
             overlap.iter_mut().zip(&ballots).for_each(|(sum, b)| *sum += iou(b));
-            lost += usize::from(iou(&ballots[elected]) < ON_TARGET);
+            lost += usize::from(iou(&ballots[elected]) < LOST);
         }
         let best = (0..4).max_by(|a, b| overlap[*a].total_cmp(&overlap[*b])).expect("four");
         assert_eq!(elected, best);
