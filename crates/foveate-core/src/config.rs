@@ -148,12 +148,6 @@ impl Config {
                 "sensor: detectors and many targets need whole pictures; leave out [detector] and [multi_target], or [sensor]".into(),
             ));
         }
-        if self.sensor.is_some() && self.box_regression.is_some() {
-            return Err(Error::Config(
-                "box_regression: it looks at all of the box and around it, which a sensor does not read; leave out [box_regression], or [sensor]"
-                    .into(),
-            ));
-        }
         if self.sensor.is_some() && self.policy.looks_often() {
             return Err(Error::Config(
                 "sensor: its fovea is at one gaze a frame; policy.kind may be contextual, explore-then-commit, fixed, random, circular, exp3 or gp-ucb"

@@ -1,4 +1,4 @@
-//! The configuration of a second opinion: one target in whole pictures, as the first is followed.
+//! The configuration of a second opinion: of one target, in the pictures that the first sees.
 
 use std::path::Path;
 
@@ -11,10 +11,9 @@ impl Config {
     pub(super) fn second(&self, files: &dyn Files) -> Result<Option<Blueprint>> {
         let Some(named) = &self.second_opinion else { return Ok(None) };
         let wrong = |why: String| Error::Config(format!("second_opinion: {named}: {why}"));
-        if self.sensor.is_some() || self.multi_target.is_some() {
+        if self.multi_target.is_some() {
             return Err(wrong(
-                "a second opinion is of one target in whole pictures; leave it out (--set second_opinion=none), or [sensor] and [multi_target]"
-                    .into(),
+                "a second opinion is of one target; leave it out (--set second_opinion=none), or [multi_target]".into(),
             ));
         }
         let config = match named.strip_prefix("builtin:") {
@@ -57,12 +56,9 @@ mod tests {
             (&["second_opinion=builtin:natural"], "it has second_opinion"),
             (&["second_opinion=builtin:natural-committee"], "it has committee"),
             (&["second_opinion=builtin:multi"], "it has [multi_target]"),
-            (&["second_opinion=builtin:foveated"], "it has [sensor]"),
+            (&["second_opinion=builtin:narrow"], "it has [sensor]"),
             (&["second_opinion=nowhere.toml"], "nowhere.toml"),
-            (
-                &["second_opinion=builtin:natural-middle", "sensor={ fovea = [3.0, 24.0] }"],
-                "one target in whole pictures",
-            ),
+            (&["second_opinion=builtin:natural-middle", "multi_target={}"], "a second opinion is of one target"),
         ] {
             let config = settings.iter().try_fold(natural.clone(), |config, setting| config.set(setting));
             let error = config.and_then(|config| config.check(&Nowhere)).map(|_| ()).expect_err(said).to_string();
