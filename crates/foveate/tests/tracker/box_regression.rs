@@ -167,7 +167,6 @@ fn what_does_not_fit_is_refused() {
         ("box_regression.rate=0", "box_regression.rate"),
         ("box_regression.weights=builtin:boxes", "builtin:natural-boxes"),
         ("box_regression.weights=nowhere.json", "nowhere.json"),
-        ("sensor={ fovea = [3.0, 24.0] }", "leave out [box_regression]"),
     ] {
         let error = refused(&[setting]);
         assert!(error.contains(said), "{setting}: {error}");
