@@ -75,6 +75,8 @@ type Seen = (BBox, u64, usize);
 
 #[test]
 fn what_is_not_read_cannot_be_seen() {
+    let config = Config::builtin("foveated").expect("it ships").expect("it is right");
+    assert!(config.box_regression.is_some() && config.second_opinion.is_some(), "they, too, see what was read alone");
     let mut watching = tracker("foveated");
     let mut frames = vec![Watched::new(picture(0))];
     watching.init_from(&frames[0], BOX).expect("a box in the picture");
