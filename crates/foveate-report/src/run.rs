@@ -52,8 +52,9 @@ pub struct Frames {
 trait Follower {
     /// A frame before the span.
     fn skip(&mut self, frame: &Frame) -> Result<()>;
-    /// A frame of the span: tracks, calls `spent`, and tells observers, whose time does not count.
-    fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut()) -> Result<()>;
+    /// A frame of the span: tracks, calls `spent` with the part of the time that went into decoding the frame, and tells observers;
+    /// neither counts.
+    fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut(Duration)) -> Result<()>;
 }
 
 /// Takes the frames of a span through a follower.
@@ -77,8 +78,8 @@ fn each_frame(
             break;
         }
         let began = Instant::now();
-        let tracked = follower.track(&frame, &mut || {
-            let time = began.elapsed();
+        let tracked = follower.track(&frame, &mut |decoding| {
+            let time = began.elapsed().saturating_sub(decoding);
             span.clock.add(time);
             frames.spent += time;
             if !span.endless {
@@ -142,9 +143,9 @@ mod tests {
         fn skip(&mut self, _: &Frame) -> Result<()> {
             Ok(())
         }
-        fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut()) -> Result<()> {
+        fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut(Duration)) -> Result<()> {
             self.0.push(frame.index);
-            spent();
+            spent(Duration::ZERO);
             Ok(())
         }
     }

@@ -7,6 +7,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 use crate::decode::decode_image;
 use crate::{Frame, FrameSource, SourceInfo, encode_png};
@@ -35,7 +36,14 @@ pub struct TileFolder {
 pub struct Tiles<'a> {
     folder: &'a TileFolder,
     path: &'a Path,
-    decoded: Mutex<HashMap<(usize, usize, usize), Image>>,
+    decoded: Mutex<Decoded>,
+}
+
+/// What was decoded of a picture, by level, column and row.
+#[derive(Debug, Default)]
+struct Decoded {
+    tiles: HashMap<(usize, usize, usize), Image>,
+    time: Duration,
 }
 
 impl TileFolder {
@@ -128,6 +136,13 @@ impl FrameSource for TileFrames {
     }
 }
 
+impl Tiles<'_> {
+    /// The time that its tiles took until now to be found, read and decoded.
+    pub fn decoding(&self) -> Duration {
+        self.decoded.lock().unwrap_or_else(PoisonError::into_inner).time
+    }
+}
+
 impl Regions for Tiles<'_> {
     fn shape(&self) -> [usize; 3] {
         self.folder.served()
@@ -143,7 +158,8 @@ impl Regions for Tiles<'_> {
         let level = (0..self.folder.tiles.len()).rev().find(|l| 1 << l <= least).unwrap_or(0);
         let (tw, th) = self.folder.tiles[level];
         let mut decoded = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut values = 0;
+        let Decoded { tiles: decoded, time } = &mut *decoded;
+        let (mut values, began) = (0, Instant::now());
         // The tiles that the window touches.
         let (left, top) = ((window.x >> level) / tw, (window.y >> level) / th);
         let (columns, rows) = (((right - 1) >> level) / tw + 1 - left, ((bottom - 1) >> level) / th + 1 - top);
@@ -160,6 +176,7 @@ impl Regions for Tiles<'_> {
                 free.insert(tile);
             }
         }
+        *time += began.elapsed();
         let tiles: Vec<&Image> = touched.map(|key| &decoded[&key]).collect();
         let at = |p: usize, x: usize, y: usize| {
             let tile = tiles[(y / th - top) * columns + x / tw - left];

@@ -77,7 +77,7 @@ impl Follower for Multi<'_> {
         self.tracker.skip(&frame.image);
         Ok(())
     }
-    fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut()) -> Result<()> {
+    fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut(Duration)) -> Result<()> {
         let (began, o) = (Instant::now(), &mut self.outcome);
         let cut = self.cuts.as_mut().is_some_and(|cuts| cuts.cut(&frame.image));
         self.detections.clear();
@@ -91,7 +91,7 @@ impl Follower for Multi<'_> {
         for (_, id, bbox) in self.given.iter().filter(|(at, ..)| *at == frame.index) {
             self.tracker.add(&frame.image, *id, *bbox)?;
         }
-        spent();
+        spent(Duration::ZERO);
         let targets = self.tracker.targets();
         let of = |phase| targets.iter().filter(move |target| target.phase == phase);
         self.started.extend(of(Phase::Initiated).map(|target| target.id));

@@ -1,5 +1,7 @@
 //! One target: from a source, through a [`Tracker`], to observers.
 
+use std::time::Duration;
+
 use super::{Follower, Frames, Span, each_frame};
 use crate::Observer;
 use foveate_base::{Error, Result};
@@ -158,7 +160,7 @@ impl Follower for Single<'_> {
         }
         Ok(())
     }
-    fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut()) -> Result<()> {
+    fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut(Duration)) -> Result<()> {
         let tiles = self.tiles.and_then(|tiles| tiles.frame(frame.index));
         let given = self.again.iter().find(|(at, _)| *at == frame.index).map(|(_, bbox)| *bbox);
         if let Some(bbox) = given.or(self.init.take()) {
@@ -166,7 +168,7 @@ impl Follower for Single<'_> {
                 Some(tiles) => self.tracker.init_from(tiles, bbox)?,
                 None => self.tracker.init(&frame.image, bbox)?,
             }
-            spent();
+            spent(tiles.as_ref().map_or(Duration::ZERO, |tiles| tiles.decoding()));
             if !self.endless {
                 self.outcome.boxes.push(bbox);
             }
@@ -183,7 +185,7 @@ impl Follower for Single<'_> {
             Some(tiles) => self.tracker.update_from(tiles)?,
             None => self.tracker.update(&frame.image)?,
         };
-        spent();
+        spent(tiles.as_ref().map_or(Duration::ZERO, |tiles| tiles.decoding()));
         let shown = tiles.map(|_| of(frame, seen.step.image));
         let frame = shown.as_ref().unwrap_or(frame);
         if !self.endless {

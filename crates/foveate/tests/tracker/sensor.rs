@@ -193,6 +193,7 @@ fn a_4k_picture_is_followed_by_its_tiles() {
         let truth = BBox::new(1600.0 + 24.0 * t as f64, 800.0 + 12.0 * t as f64, 480.0, 360.0);
         assert!(output.bbox.iou(&truth) > 0.7, "frame {t}: {:?} is not {truth:?}", output.bbox);
         assert!(output.step.share_read() <= 0.002, "{} of the picture", output.step.share_read());
+        assert!(!tiles.decoding().is_zero(), "tiles were decoded");
     }
 }
 
