@@ -43,14 +43,14 @@ levels! {
 }
 
 levels! {
-    /// `out` ← rounded means over squares of `step` (1 to 16) pixels of a plane of `width` columns: as many rows as it
-    /// has, of a value for each `step` of the room `sums`, from the square `from` (column, row) on. Past the plane's last column
-    /// and row these are repeated.
+    /// `out` ← rounded means over squares of `step` (1 to 16) pixels of a plane of `width` columns, of which every `nth` (1 to
+    /// `step`) row is read; `squares` is both. As many rows as it has, of a value for each `step` of the room `sums`, from the square
+    /// `from` (column, row) on. Past the plane's last column and row these are repeated.
     ///
     /// # Panics
-    /// If `plane` is not whole rows of at least one value, `step` out of range, or `sums` not one or more steps.
+    /// If `plane` is not whole rows of at least one value, `step` or `nth` out of range, or `sums` not one or more steps.
     pub fn shrink / shrink_at (
-        plane: &[u8], width: usize, step: usize, from: (usize, usize), sums: &mut [u16], out: &mut [u8]
+        plane: &[u8], width: usize, squares: (usize, usize), from: (usize, usize), sums: &mut [u16], out: &mut [u8]
     ) = shrink_body
 }
 
@@ -58,50 +58,58 @@ levels! {
 fn shrink_body<const V: u8>(
     plane: &[u8],
     width: usize,
-    step: usize,
+    (step, nth): (usize, usize),
     from: (usize, usize),
     sums: &mut [u16],
     out: &mut [u8],
 ) {
     assert!(width > 0 && !plane.is_empty() && plane.len().is_multiple_of(width), "whole rows of {width} values");
     assert!((1..=16).contains(&step), "steps of 1 to 16 pixels, not {step}");
+    assert!((1..=step).contains(&nth), "every row of {step} or fewer, not every {nth}th");
     assert!(!sums.is_empty() && sums.len().is_multiple_of(step), "room of whole steps of {step}");
     let columns = sums.len() / step;
     let (height, left) = (plane.len() / width, (from.0 * step).min(width - 1));
-    let area = (step * step) as u32;
     for (j, out) in out.chunks_mut(columns).enumerate() {
-        for i in 0..step {
+        // Their mean lies in the middle of the square, to half a pixel.
+        let first = (step - 1) % nth / 2;
+        for i in (first..step).step_by(nth) {
             let row = &plane[((from.1 + j) * step + i).min(height - 1) * width..][..width];
             let within = row[left..].len().min(sums.len());
             let (inside, beyond) = sums.split_at_mut(within);
             let pixels = inside.iter_mut().zip(&row[left..]);
             // Of 16 bytes at most.
-            match i {
-                0 => pixels.for_each(|(sum, pixel)| *sum = u16::from(*pixel)),
-                _ => pixels.for_each(|(sum, pixel)| *sum += u16::from(*pixel)),
+            match i == first {
+                true => pixels.for_each(|(sum, pixel)| *sum = u16::from(*pixel)),
+                false => pixels.for_each(|(sum, pixel)| *sum += u16::from(*pixel)),
             }
             let last = u16::from(row[width - 1]);
-            beyond.iter_mut().for_each(|sum| *sum = if i == 0 { last } else { *sum + last });
+            beyond.iter_mut().for_each(|sum| *sum = if i == first { last } else { *sum + last });
         }
-        let mean = |sum: u32| ((sum + area / 2) / area) as u8;
-        match step {
-            2 => {
-                let pairs = sums.as_chunks::<2>().0.iter().zip(out);
-                pairs.for_each(|(&[a, b], out)| *out = ((a + b + 2) >> 2) as u8);
-            }
-            4 => {
-                let fours = sums.as_chunks::<4>().0.iter().zip(out);
-                fours.for_each(|(&[a, b, c, d], out)| *out = ((a + b + c + d + 8) >> 4) as u8);
-            }
-            3 => {
-                let threes = sums.as_chunks::<3>().0.iter().zip(out);
-                threes.for_each(|(&[a, b, c], out)| *out = ((a + b + c + 4) / 9) as u8);
-            }
-            _ => {
-                let all = sums.chunks_exact(step).zip(out);
-                all.for_each(|(sums, out)| *out = mean(sums.iter().map(|sum| u32::from(*sum)).sum()));
-            }
+        let rows = (step - first).div_ceil(nth);
+        macro_rules! means {
+            ($($n:literal)*) => {
+                match step {
+                    $($n => means_of_bytes::<$n>(sums, rows, out),)*
+                    _ => unreachable!("steps of 1 to 16 pixels"),
+                }
+            };
         }
+        means!(1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16);
+    }
+}
+
+/// `out` ← the rounded means of chunks of sums of so many rows: of 16 × 16 bytes at most, below 2^16 with half of their number.
+#[inline(always)]
+fn means_of_bytes<const N: usize>(sums: &[u16], rows: usize, out: &mut [u8]) {
+    let area = (rows * N) as u16;
+    let chunks = sums.as_chunks::<N>().0.iter().zip(out);
+    let rounded = |chunk: &[u16; N]| chunk.iter().fold(area / 2, |sum, x| sum + x);
+    if N == 2 {
+        chunks.for_each(|(chunk, out)| *out = (rounded(chunk) >> rows) as u8);
+    } else {
+        // x / area, exact for x below 256 area, of area up to 256.
+        let one = (1u32 << 24).div_ceil(u32::from(area));
+        chunks.for_each(|(chunk, out)| *out = ((u32::from(rounded(chunk)) * one) >> 24) as u8);
     }
 }
 
@@ -295,26 +303,31 @@ mod tests {
 
     #[test]
     fn shrunk_planes_are_means() {
-        for (width, height, step, from, columns, rows) in [
-            (40, 24, 2, (3, 1), 9, 5),
-            (41, 25, 3, (10, 2), 4, 7),
-            (50, 37, 4, (0, 0), 13, 10),
-            (33, 20, 5, (2, 1), 5, 3),
-            (3, 2, 16, (0, 0), 1, 1),
-            (5, 5, 1, (1, 1), 4, 4),
+        for (width, height, (step, nth), from, columns, rows) in [
+            (40, 24, (2, 1), (3, 1), 9, 5),
+            (40, 24, (2, 2), (3, 1), 9, 5),
+            (41, 25, (3, 1), (10, 2), 4, 7),
+            (41, 25, (3, 2), (10, 2), 4, 7),
+            (50, 37, (4, 3), (0, 0), 13, 10),
+            (33, 20, (5, 1), (2, 1), 5, 3),
+            (99, 70, (9, 3), (1, 1), 10, 6),
+            (3, 2, (16, 5), (0, 0), 1, 1),
+            (5, 5, (1, 1), (1, 1), 4, 4),
         ] {
             let plane: Vec<u8> = values(width * height, 4).iter().map(|v| (v * 255.0).abs() as u8).collect();
             for level in Level::all() {
                 let (mut sums, mut out) = (vec![7; columns * step], vec![0; columns * rows]);
-                shrink_at(level, &plane, width, step, from, &mut sums, &mut out);
+                shrink_at(level, &plane, width, (step, nth), from, &mut sums, &mut out);
                 for (k, out) in out.iter().enumerate() {
                     let (left, top) = ((from.0 + k % columns) * step, (from.1 + k / columns) * step);
                     let at = |i: usize| {
                         let (x, y) = ((left + i % step).min(width - 1), (top + i / step).min(height - 1));
                         usize::from(plane[y * width + x])
                     };
-                    let sum: usize = (0..step * step).map(at).sum();
-                    assert_eq!(usize::from(*out), (sum + step * step / 2) / (step * step), "{level:?}, step {step}");
+                    let read = |i: &usize| i / step % nth == (step - 1) % nth / 2;
+                    let sum: usize = (0..step * step).filter(read).map(at).sum();
+                    let count = (0..step * step).filter(read).count();
+                    assert_eq!(usize::from(*out), (sum + count / 2) / count, "{level:?}, step {step}, every {nth}th");
                 }
             }
         }
