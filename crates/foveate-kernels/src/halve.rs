@@ -43,49 +43,58 @@ levels! {
 }
 
 levels! {
-    /// `out` ← rounded means over squares of `step` (1 to 16) pixels of a plane of `width` columns, of which every `nth` (1 to
-    /// `step`) row is read; `squares` is both. As many rows as it has, of a value for each `step` of the room `sums`, from the square
-    /// `from` (column, row) on. Past the plane's last column and row these are repeated.
+    /// `out` ← rounded means over squares of `step` (1 to 16) pixels of a plane of `width` columns, of which at most `most` rows (1
+    /// and more) are read, evenly spaced; `squares` is both. As many rows as it has, of a value for each `step` of the room `sums`,
+    /// from the square `from` (column, row) on. Past the plane's last column and row these are repeated.
     ///
     /// # Panics
-    /// If `plane` is not whole rows of at least one value, `step` or `nth` out of range, or `sums` not one or more steps.
+    /// If `plane` is not whole rows of at least one value, `step` or `most` out of range, or `sums` not one or more steps.
     pub fn shrink / shrink_at (
         plane: &[u8], width: usize, squares: (usize, usize), from: (usize, usize), sums: &mut [u16], out: &mut [u8]
     ) = shrink_body
+}
+
+/// Which rows of a square are read: the first, and how many further the next is. At most `most`, with their mean in the middle of the
+/// square to half a pixel.
+fn rows_of(side: usize, most: usize) -> (usize, usize) {
+    let nth = side.div_ceil(most);
+    ((side - 1) % nth / 2, nth)
 }
 
 #[inline(always)]
 fn shrink_body<const V: u8>(
     plane: &[u8],
     width: usize,
-    (step, nth): (usize, usize),
+    (step, most): (usize, usize),
     from: (usize, usize),
     sums: &mut [u16],
     out: &mut [u8],
 ) {
     assert!(width > 0 && !plane.is_empty() && plane.len().is_multiple_of(width), "whole rows of {width} values");
-    assert!((1..=16).contains(&step), "steps of 1 to 16 pixels, not {step}");
-    assert!((1..=step).contains(&nth), "every row of {step} or fewer, not every {nth}th");
+    assert!(
+        (1..=16).contains(&step) && most > 0,
+        "steps of 1 to 16 pixels, and some rows of them, not {step} and {most}"
+    );
     assert!(!sums.is_empty() && sums.len().is_multiple_of(step), "room of whole steps of {step}");
     let columns = sums.len() / step;
     let (height, left) = (plane.len() / width, (from.0 * step).min(width - 1));
+    let (first, nth) = rows_of(step, most);
+    let rows = (step - first).div_ceil(nth);
     for (j, out) in out.chunks_mut(columns).enumerate() {
-        // Their mean lies in the middle of the square, to half a pixel.
-        let first = (step - 1) % nth / 2;
         for i in (first..step).step_by(nth) {
             let row = &plane[((from.1 + j) * step + i).min(height - 1) * width..][..width];
             let within = row[left..].len().min(sums.len());
             let (inside, beyond) = sums.split_at_mut(within);
             let pixels = inside.iter_mut().zip(&row[left..]);
             // Of 16 bytes at most.
-            match i == first {
-                true => pixels.for_each(|(sum, pixel)| *sum = u16::from(*pixel)),
-                false => pixels.for_each(|(sum, pixel)| *sum += u16::from(*pixel)),
+            if i == first {
+                pixels.for_each(|(sum, pixel)| *sum = u16::from(*pixel));
+            } else {
+                pixels.for_each(|(sum, pixel)| *sum += u16::from(*pixel));
             }
             let last = u16::from(row[width - 1]);
             beyond.iter_mut().for_each(|sum| *sum = if i == first { last } else { *sum + last });
         }
-        let rows = (step - first).div_ceil(nth);
         macro_rules! means {
             ($($n:literal)*) => {
                 match step {
@@ -129,11 +138,9 @@ fn square_intensity_body<const V: u8>(
     let (height, columns) = (count / width, width.div_ceil(side));
     assert!(sums.len() == width, "room of {width}");
     assert!(out.len() == columns * height.div_ceil(side), "out must be {columns} x {}", height.div_ceil(side));
-    let step = side.div_ceil(most);
+    let (first, nth) = rows_of(side, most);
     for (top, out) in (0..height).step_by(side).zip(out.chunks_exact_mut(columns)) {
-        // Their mean lies in the middle of the square, to half a pixel.
-        let first = (top + (step - 1) / 2).min(height - 1);
-        let rows = (first..height.min(top + side)).step_by(step);
+        let rows = ((top + first).min(height - 1)..height.min(top + side)).step_by(nth);
         let n = rows.len();
         for (k, y) in rows.enumerate() {
             let [r, g, b] = planes.map(|plane| &plane[y * width..][..width]);
@@ -303,31 +310,35 @@ mod tests {
 
     #[test]
     fn shrunk_planes_are_means() {
-        for (width, height, (step, nth), from, columns, rows) in [
-            (40, 24, (2, 1), (3, 1), 9, 5),
+        for (width, height, (step, most), from, columns, rows) in [
             (40, 24, (2, 2), (3, 1), 9, 5),
-            (41, 25, (3, 1), (10, 2), 4, 7),
+            (40, 24, (2, 1), (3, 1), 9, 5),
+            (41, 25, (3, 3), (10, 2), 4, 7),
             (41, 25, (3, 2), (10, 2), 4, 7),
-            (50, 37, (4, 3), (0, 0), 13, 10),
-            (33, 20, (5, 1), (2, 1), 5, 3),
+            (50, 37, (4, 4), (0, 0), 13, 10),
+            (50, 37, (4, 2), (0, 0), 13, 10),
+            (33, 20, (5, 16), (2, 1), 5, 3),
             (99, 70, (9, 3), (1, 1), 10, 6),
-            (3, 2, (16, 5), (0, 0), 1, 1),
+            (99, 70, (15, 15), (1, 1), 6, 4),
+            (3, 2, (16, 16), (0, 0), 1, 1),
+            (70, 50, (16, 4), (1, 0), 4, 4),
             (5, 5, (1, 1), (1, 1), 4, 4),
         ] {
             let plane: Vec<u8> = values(width * height, 4).iter().map(|v| (v * 255.0).abs() as u8).collect();
             for level in Level::all() {
                 let (mut sums, mut out) = (vec![7; columns * step], vec![0; columns * rows]);
-                shrink_at(level, &plane, width, (step, nth), from, &mut sums, &mut out);
+                shrink_at(level, &plane, width, (step, most), from, &mut sums, &mut out);
                 for (k, out) in out.iter().enumerate() {
                     let (left, top) = ((from.0 + k % columns) * step, (from.1 + k / columns) * step);
                     let at = |i: usize| {
                         let (x, y) = ((left + i % step).min(width - 1), (top + i / step).min(height - 1));
                         usize::from(plane[y * width + x])
                     };
+                    let nth = step.div_ceil(most);
                     let read = |i: &usize| i / step % nth == (step - 1) % nth / 2;
                     let sum: usize = (0..step * step).filter(read).map(at).sum();
                     let count = (0..step * step).filter(read).count();
-                    assert_eq!(usize::from(*out), (sum + count / 2) / count, "{level:?}, step {step}, every {nth}th");
+                    assert_eq!(usize::from(*out), (sum + count / 2) / count, "{level:?}, step {step}, {most} rows");
                 }
             }
         }

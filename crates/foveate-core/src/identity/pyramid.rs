@@ -146,11 +146,11 @@ impl<'a> Picture<'a> {
         Self { planes, size, origin: (0, 0), step: 1, grey: image.planes() == 1 }
     }
 
-    /// A part of the picture that is so many times as coarse as this one, made of every `nth` of its rows; `part` is in that
+    /// A part of the picture that is so many times as coarse as this one, made of at most `most` rows for one of it; `part` is in that
     /// one's pixels.
     fn shrunk<'b>(
         &self,
-        (times, nth): (usize, usize),
+        (times, most): (usize, usize),
         part: Region,
         room: &'b mut [Vec<u8>; 3],
         sums: &mut Vec<u16>,
@@ -160,7 +160,7 @@ impl<'a> Picture<'a> {
         grow(sums, wide);
         for (plane, out) in self.planes.iter().zip(&mut *room).take(if self.grey { 1 } else { 3 }) {
             grow(out, count);
-            kernels::shrink(plane, self.size.0, (times, nth), from, &mut sums[..wide], &mut out[..count]);
+            kernels::shrink(plane, self.size.0, (times, most), from, &mut sums[..wide], &mut out[..count]);
         }
         let planes = std::array::from_fn(|p| &room[if self.grey { 0 } else { p }][..count]);
         Picture {
@@ -218,16 +218,15 @@ impl Pyramid {
             // Coarser pictures are made of whole squares of this one.
             let (x, y) = (reached.x / coarsest * coarsest, reached.y / coarsest * coarsest);
             let whole = Region { x, y, width: reached.width + reached.x - x, height: reached.height + reached.y - y };
-            // Of a large square three rows at most: fetching them is what costs time.
-            let nth = if finest < 4 { 1 } else { finest.div_ceil(3) };
-            picture = picture.shrunk((finest, nth), whole.coarse(finest, size), &mut room, &mut self.sums);
+            // Fetching the image's rows is what costs time.
+            picture = picture.shrunk((finest, 3), whole.coarse(finest, size), &mut room, &mut self.sums);
         }
         self.fill(picture, picture.region(region, size), footprints, unit);
         let mut step = 2 * finest;
         while step <= coarsest {
             if self.levels.iter().any(|level| level.step == step) {
-                let part = reached.coarse(step, size);
-                let coarser = picture.shrunk((step / finest, 1), part, &mut coarser_room, &mut self.sums);
+                let (times, part) = (step / finest, reached.coarse(step, size));
+                let coarser = picture.shrunk((times, times), part, &mut coarser_room, &mut self.sums);
                 self.fill(coarser, coarser.region(region, size), footprints, unit);
             }
             step *= 2;

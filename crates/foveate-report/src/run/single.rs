@@ -162,13 +162,14 @@ impl Follower for Single<'_> {
     }
     fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut(Duration)) -> Result<()> {
         let tiles = self.tiles.and_then(|tiles| tiles.frame(frame.index));
+        let decoding = || tiles.as_ref().map_or(Duration::ZERO, |tiles| tiles.decoding());
         let given = self.again.iter().find(|(at, _)| *at == frame.index).map(|(_, bbox)| *bbox);
         if let Some(bbox) = given.or(self.init.take()) {
             match &tiles {
                 Some(tiles) => self.tracker.init_from(tiles, bbox)?,
                 None => self.tracker.init(&frame.image, bbox)?,
             }
-            spent(tiles.as_ref().map_or(Duration::ZERO, |tiles| tiles.decoding()));
+            spent(decoding());
             if !self.endless {
                 self.outcome.boxes.push(bbox);
             }
@@ -185,7 +186,7 @@ impl Follower for Single<'_> {
             Some(tiles) => self.tracker.update_from(tiles)?,
             None => self.tracker.update(&frame.image)?,
         };
-        spent(tiles.as_ref().map_or(Duration::ZERO, |tiles| tiles.decoding()));
+        spent(decoding());
         let shown = tiles.map(|_| of(frame, seen.step.image));
         let frame = shown.as_ref().unwrap_or(frame);
         if !self.endless {
