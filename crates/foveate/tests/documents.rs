@@ -7,6 +7,9 @@
 #[path = "documents/configuration.rs"]
 mod configuration;
 #[cfg(feature = "learn")]
+#[path = "documents/shipped.rs"]
+mod shipped;
+#[cfg(feature = "learn")]
 #[path = "documents/sources.rs"]
 mod sources;
 
@@ -217,11 +220,11 @@ fn block(document: &str, name: &str, content: &str) {
 fn generated_parts_are_what_the_code_says() {
     let folders = ["core", "learn", "gp"].map(|name| root().join(format!("crates/foveate-{name}/src")));
     let folders: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
-    block("docs/configuration.md", "configurations", &configuration::configurations(&[], 7));
+    block("docs/configuration.md", "configurations", &shipped::configurations(&[], 7));
     block("docs/configuration.md", "keys", &configuration::reference(&folders));
     let front = ["natural", "natural-fast", "foveated", "narrow", "multi", "multi-motion", "multi-boxes"];
     let digits = ["digits-hedge", "digits-partial", "digits-closeup", "digits-pool"];
-    block("README.md", "configurations", &configuration::configurations(&[&front[..], &digits].concat(), 4));
+    block("README.md", "configurations", &shipped::configurations(&[&front[..], &digits].concat(), 4));
 }
 
 #[cfg(feature = "report")]

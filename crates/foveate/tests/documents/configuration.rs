@@ -1,6 +1,6 @@
-//! The generated parts of docs/configuration.md: the configurations that ship, and every key with its default and range.
+//! The generated reference of docs/configuration.md: every key with its default and range.
 
-use foveate::config::{BUILTIN, Config, EncoderConfig, PolicyConfig};
+use foveate::config::Config;
 use foveate::files::Nowhere;
 use toml::{Table, Value};
 
@@ -101,81 +101,6 @@ const INTRODUCTIONS: [(&str, &str); 23] = [
     ),
     ("multi_target", "Data association, initiation, termination, re-identification and occlusion of many targets."),
 ];
-
-/// A table of the configurations that ship: what each is for, and which policy, retina and encoder run in it. Of `which`,
-/// or of all; with all columns, or the first ones.
-pub fn configurations(which: &[&str], columns: usize) -> String {
-    let head = ["configuration", "for", "policy", "retina", "encoder", "particles", "P(lost)"];
-    let line = |cells: &[&str]| format!("| {} |\n", cells[..columns].join(" | "));
-    let mut out = line(&head) + &line(&["---"; 7]);
-    let all: Vec<&str> = BUILTIN.iter().map(|(name, _)| *name).collect();
-    for name in if which.is_empty() { &all } else { which } {
-        let (_, text) = BUILTIN.iter().find(|(builtin, _)| builtin == name).expect("it ships");
-        let config = Config::parse(text, name).expect("it ships");
-        let (retina, _) = config.identity(&Nowhere).expect("its model ships");
-        let (rings, colour) = (&retina.config().rings, &retina.config().colour);
-        let windows: Vec<String> = rings.iter().map(|[window, cell]| format!("{window}/{cell}")).collect();
-        let s = if rings.len() == 1 { "" } else { "s" };
-        let colours = if colour.is_empty() { "" } else { ", and colour" };
-        let looks = format!("{} ring{s} ({}){colours}", rings.len(), windows.join(", "));
-        let (name, particles) = (format!("`{name}`"), config.particles.to_string());
-        let (policy, encoder, lost) = (policy(&config.policy), encoder(&config.encoder), lost(&config));
-        out += &line(&[&name, &purpose(text), &policy, &looks, encoder, &particles, lost]);
-    }
-    out
-}
-
-/// The first sentence of a configuration's first comment.
-fn purpose(text: &str) -> String {
-    let comment = text.lines().take_while(|l| l.starts_with('#')).map(|l| l.trim_start_matches(['#', ' ']));
-    let comment = comment.collect::<Vec<_>>().join(" ");
-    comment.split(". ").next().expect("one part").trim_end_matches('.').replace('|', "\\|")
-}
-
-fn policy(config: &PolicyConfig) -> String {
-    let gazes = |n: usize| format!("{n} × {n} gazes");
-    match config {
-        PolicyConfig::Fixed { u, v } if (*u, *v) == (0.0, 0.0) => "fixed centre".into(),
-        PolicyConfig::Fixed { .. } => "fixed gaze".into(),
-        PolicyConfig::Random { grid } => format!("random, {}", gazes(grid.n)),
-        PolicyConfig::Circular { grid } => format!("circular, {}", gazes(grid.n)),
-        PolicyConfig::Hedge { grid, .. } => format!("**Hedge**, {}", gazes(grid.n)),
-        PolicyConfig::Pool { grid, .. } => format!("**pool**, {}", gazes(grid.n)),
-        PolicyConfig::ExploreThenCommit { grid, .. } => format!("**explore, then commit**, {}", gazes(grid.n)),
-        PolicyConfig::GpUcb(_) => "**GP-UCB**, any gaze".into(),
-        PolicyConfig::Contextual(_) => "**contextual**, any gaze".into(),
-        PolicyConfig::Anchor { policy: inner } => format!("centre and {}", policy(inner)),
-        _ => "**EXP3**".into(),
-    }
-}
-
-fn encoder(config: &EncoderConfig) -> &'static str {
-    match config {
-        EncoderConfig::Onnx { .. } => "network in an ONNX file (`onnx`)",
-        EncoderConfig::Oriented { .. } => "gradients (`oriented`)",
-        EncoderConfig::Raw { standardise: true } => "standardised pixels (`raw`)",
-        EncoderConfig::Raw { .. } => "pixels (`raw`)",
-        EncoderConfig::Rbm { .. } => "RBM (`rbm`)",
-        EncoderConfig::Mcrbm { .. } => "factored RBM (`mcrbm`)",
-        EncoderConfig::Autoencoder { .. } => "autoencoder (`autoencoder`)",
-        EncoderConfig::Kmeans { .. } => "k-means filters (`kmeans`)",
-        EncoderConfig::Sparse { .. } => "filters by sparse coding (`sparse`)",
-        EncoderConfig::Ica { .. } => "energies of two-layer ICA (`ica`)",
-        EncoderConfig::Convolutional { .. } => "convolutional network (`convolutional`)",
-    }
-}
-
-/// Where the numbers of P(lost) come from.
-fn lost(config: &Config) -> &'static str {
-    let weights = config.confidence.weights;
-    if weights == foveate::control::ConfidenceModel::default().weights {
-        "default, not calibrated"
-    } else if weights[1..].iter().all(|w| *w == 0.0) {
-        "0 or 1: a threshold"
-    } else {
-        "fitted"
-    }
-}
 
 /// Every section and every key.
 pub fn reference(folders: &[&std::path::Path]) -> String {

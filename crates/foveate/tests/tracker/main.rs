@@ -6,6 +6,7 @@ mod committee;
 #[path = "../common/mod.rs"]
 mod common;
 mod config;
+mod damage;
 mod determinism;
 mod kalman;
 mod leap;
