@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._foveate import Result, Tracker
+from ._types import counted
 
 _Pixels = npt.NDArray[np.uint8]
 
@@ -150,13 +151,13 @@ class Run:
         """Distance of the box's centre from that of the true box, pixels; shape (n,). `truth` has a box for each result."""
         true = np.asarray(truth, dtype=np.float64).reshape(-1, 4)
         if len(true) != len(self):
-            raise ValueError(f"expected a true box for each of the {len(self)} results, found {len(true)}")
+            raise ValueError(f"expected a true box for each of {counted(len(self), 'result')}, found {len(true)}")
         off = (self.boxes[:, :2] + self.boxes[:, 2:] / 2) - (true[:, :2] + true[:, 2:] / 2)
         return np.asarray(np.hypot(off[:, 0], off[:, 1]), dtype=np.float64)
 
     def __repr__(self) -> str:
         lost = sum(not r.ok for r in self.results)
-        return f"<Run of {len(self)} results, occluded or lost in {lost}>"
+        return f"<Run of {counted(len(self), 'result')}, occluded or lost in {lost}>"
 
     def _repr_html_(self) -> str:
         kept = list(self._pictures.items())

@@ -5,6 +5,15 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
+def counted(n: int, noun: str) -> str:
+    """A count and its noun, given in the singular; regular plurals in s alone.
+
+    >>> counted(1, "video"), counted(2, "video")
+    ('1 video', '2 videos')
+    """
+    return f"{n} {noun}" + "s" * (n != 1)
+
+
 class Box(NamedTuple):
     """An upright box; pixels from 0. It is a tuple of four numbers, as OpenCV's.
 

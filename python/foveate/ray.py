@@ -41,6 +41,7 @@ from typing import Any
 
 from . import __main__ as program
 from . import _places
+from ._types import counted
 from .errors import FileError
 
 PARTS = 4
@@ -136,7 +137,7 @@ def spread(ray: Any, work: Callable[..., str], jobs: Mapping[str, tuple[Any, ...
             except ray.exceptions.RayTaskError as failed:
                 error = f"{type(failed.cause).__name__}: {failed.cause}".splitlines()[0]
             except ray.exceptions.RayError as dead:
-                error = f"its worker died {retries + 1} times: {str(dead).splitlines()[0]}"
+                error = f"its worker died {counted(retries + 1, 'time')}: {str(dead).splitlines()[0]}"
             if error:
                 failures[name] = error
             left = len(waiting) + len(running)
@@ -163,7 +164,7 @@ def page(summaries: Mapping[str, Mapping[str, Any]], failures: Mapping[str, str]
     style = "body{font:15px sans-serif;margin:2em}td,th{padding:.2em .8em;text-align:right}td:first-child,td:last-child{text-align:left}"
     return (
         f'<!doctype html><meta charset="utf-8"><title>Runs</title>\n<style>{style}</style>\n'
-        f"<h1>{len(rows)} videos, the worst first</h1>\n<table><tr>{heads}\n" + "\n".join(rows) + "\n</table>\n"
+        f"<h1>{counted(len(rows), 'video')}, the worst first</h1>\n<table><tr>{heads}\n" + "\n".join(rows) + "\n</table>\n"
     )
 
 
@@ -175,7 +176,7 @@ def run(found: Mapping[str, str], out: str, options: Sequence[str], retries: int
     if not _places.is_address(out):
         os.makedirs(root, exist_ok=True)
     left = {name: video for name, video in found.items() if name not in finished}
-    print(f"{len(found)} videos, {len(found) - len(left)} finished before", file=sys.stderr)
+    print(f"{counted(len(found), 'video')}, {len(found) - len(left)} finished before", file=sys.stderr)
     began, folder = time.monotonic(), os.getcwd()
     jobs = {name: (_places.absolute(video), f"{root}/{name}", list(options), folder) for name, video in left.items()}
     failures = spread(ray, track, jobs, retries)
@@ -204,9 +205,9 @@ def run_parts(
     for error in sorted(set(failures.values())):
         print(f"part {', '.join(name for name in names if failures.get(name) == error)}: {error}", file=sys.stderr)
     if failures:
-        print(f"{len(failures)} of {count} parts failed; the same command goes on from there", file=sys.stderr)
+        print(f"{len(failures)} of {counted(count, 'part')} failed; the same command goes on from there", file=sys.stderr)
         return 1
-    print(f"{count} parts in {time.monotonic() - began:.1f} s", file=sys.stderr)
+    print(f"{counted(count, 'part')} in {time.monotonic() - began:.1f} s", file=sys.stderr)
     sys.stdout.flush()
     with _places.nearby(whole) as here:
         merge = ["--merge", here] if command[0] == "eval" else []

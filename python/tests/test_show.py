@@ -52,7 +52,7 @@ def test_a_run_shows_pictures_and_the_curve(channels: Any) -> None:
     np.testing.assert_array_equal(rows[:, 1:].reshape(120, 160, 3), drawn(1))
     errors = run.errors([(40 + 3 * t, 30 + t, 24, 24) for t in range(1, 32)])
     assert errors.shape == (31,) and errors[:20].max() < 4
-    with pytest.raises(ValueError, match="each of the 31 results, found 1"):
+    with pytest.raises(ValueError, match="each of 31 results, found 1"):
         run.errors([FIRST])
 
 

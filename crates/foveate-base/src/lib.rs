@@ -8,6 +8,7 @@ pub mod quiet;
 pub mod rng;
 pub mod rows;
 pub mod sink;
+pub mod text;
 pub mod thread;
 
 pub use error::{Error, Result};

@@ -1,5 +1,6 @@
 //! A frame with all its targets: rotated boxes, paths, gazes, ids and classes, each target in a colour of its own.
 
+use foveate_base::text::counted;
 use std::collections::BTreeMap;
 
 use crate::annotate::{Path, View, cross, magnified, outline};
@@ -58,7 +59,7 @@ impl MultiAnnotator {
         targets.iter().for_each(|target| body(&mut page, view, target));
         targets.iter().for_each(|target| label(&mut page, view, target));
         let size = 9.0 * view.bold;
-        let text = format!("frame {} · {} targets", frame.index + 1, targets.len());
+        let text = format!("frame {} · {}", frame.index + 1, counted(targets.len(), "target"));
         page.fill(-0.5, -0.5, text_width(&text, size) + 1.6 * size, 2.2 * size, BLACK, 0.55);
         page.text((0.8 * size, 0.6 * size), &text, size, INK);
         page.into_image()

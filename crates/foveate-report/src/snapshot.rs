@@ -9,6 +9,7 @@ use crate::template::{Crop, FirstFrame};
 use crate::{Observer, RunInfo};
 use foveate_base::Result;
 use foveate_base::sink::Sink;
+use foveate_base::text::counted;
 use foveate_core::gaze::PolicySnapshot;
 use foveate_core::geometry::{BBox, Gaze};
 use foveate_core::scene::Image;
@@ -89,7 +90,7 @@ impl SurfacePicture {
         };
         let name = self.info.source.rsplit(['/', '\\']).find(|part| !part.is_empty()).unwrap_or("");
         let at = self.best.map_or(String::new(), |g| format!(" · best gaze ({:.2}, {:.2})", g.u, g.v));
-        let title = format!("{name} · {} frames{at}", self.frames);
+        let title = format!("{name} · {}{at}", counted(self.frames, "frame"));
         row(&title, &panels, glimpse.as_ref().map(|image| ("glimpse at the best gaze", image))).into_image()
     }
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::decode::decode_image;
 use crate::{Frame, FrameSource, SourceInfo};
+use foveate_base::text::counted;
 use foveate_base::{Error, Result, files};
 use foveate_core::scene::Image;
 
@@ -116,7 +117,8 @@ pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
         if is_image(&file) { files.push(file) } else { others += 1 }
     }
     if files.is_empty() {
-        let found = if others == 0 { "no files".to_owned() } else { format!("{others} files of other kinds") };
+        let found =
+            if others == 0 { "no files".to_owned() } else { format!("{} of other kinds", counted(others, "file")) };
         let problem = format!(
             "expected .jpg, .jpeg or .png files (here, or in a subfolder img, img1 or color), found {found}; \
              give the folder that holds the frames"

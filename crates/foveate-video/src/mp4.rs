@@ -11,6 +11,7 @@ use std::io::{Read, Seek, SeekFrom};
 use crate::decoded::{DecodeError, Decoded};
 use boxes::{Cursor, boxes, child, full, path, repeat, rows, rows_at};
 use foveate_base::memory;
+use foveate_base::text::counted;
 
 /// The largest index that is read, in bytes, the most boxes, and the most frames (155 hours at 30 a second).
 const MAX_INDEX: u64 = 1 << 29;
@@ -116,7 +117,8 @@ fn track(moov: &[u8], moofs: &[(u64, Vec<u8>)], len: u64, cut: Option<String>) -
     let handler = |trak| path(trak, &[b"mdia", b"hdlr"]).and_then(|hdlr| hdlr.get(8..12));
     let traks = || boxes(moov).filter(|(name, _)| name == b"trak").map(|(_, trak)| trak);
     let Some(trak) = traks().find(|trak| handler(trak) == Some(b"vide")) else {
-        let problem = format!("expected a video track, found {} tracks of other kinds; give a video", traks().count());
+        let problem =
+            format!("expected a video track, found {} of other kinds; give a video", counted(traks().count(), "track"));
         return Err(DecodeError::Damaged(problem));
     };
     let stbl = path(trak, &[b"mdia", b"minf", b"stbl"]).ok_or_else(|| lacks("stbl"))?;

@@ -141,7 +141,7 @@
 //! | `lab` | no | `lab`: evaluation, training runs, synthetic scenes, experiments |
 #![forbid(unsafe_code)]
 
-pub use foveate_base::{error, files, memory, quiet, rng, rows, sink, thread};
+pub use foveate_base::{error, files, memory, quiet, rng, rows, sink, text, thread};
 pub use foveate_core::*;
 pub use foveate_gp as gp;
 #[cfg(feature = "lab")]

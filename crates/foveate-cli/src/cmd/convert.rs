@@ -7,6 +7,7 @@ mod single;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use foveate::text::counted;
 use foveate::video::mot::{TrackBox, Tracks};
 use foveate::{Error, Result};
 
@@ -108,7 +109,9 @@ pub fn run(args: Args) -> Result<()> {
     write(args.to, &mut boxes, &args.output)?;
     let (count, frames) = (boxes.tracks.len(), boxes.frames);
     boxes.lost.iter().for_each(|lost| note!("foveate: {}: {lost}", args.input.display()));
-    say!("{}: {count} boxes of {} targets in {frames} frames", args.output.display(), boxes.ids().len());
+    let [count, targets, frames] =
+        [(count, "box"), (boxes.ids().len(), "target"), (frames, "frame")].map(|(n, noun)| counted(n, noun));
+    say!("{}: {count} of {targets} in {frames}", args.output.display());
     Ok(())
 }
 

@@ -8,6 +8,7 @@ use foveate::lab::eval::find_sequences;
 use foveate::lab::hide::{Hide, Way};
 use foveate::lab::synthetic::{Clutter, Corruption, Drawn, Ink, Multi, NOISE, Occlusion, Synthetic};
 use foveate::lab::{Digits, Split};
+use foveate::text::counted;
 use foveate::video::annotation::format_boxes;
 use foveate::video::otb::{write_folder, write_otb};
 use foveate::video::{Frame, Mp4Writer};
@@ -251,7 +252,7 @@ fn many(args: &MultiArgs) -> Result<()> {
     let classes: Vec<u8> = video.movers().iter().map(|mover| mover.class).collect();
     let frames = video.frames();
     write_folder(&args.out, "img1", 6, video.source(), frames, &notes)?;
-    say!("{}: {frames} frames of digits {classes:?} ({from})", args.out.display());
+    say!("{}: {} of digits {classes:?} ({from})", args.out.display(), counted(frames, "frame"));
     Ok(())
 }
 
@@ -273,7 +274,8 @@ fn hide(args: &HideArgs) -> Result<()> {
     let note = format!("# {}, frames counted from 0\n{settings}", video.name);
     write_otb(&args.out, frames, &truth, &[("hide.toml", note)])?;
     let (from, until) = (hide.from + 1, hide.until);
-    say!("{}: {} frames, the target out of sight in frames {from} to {until}", args.out.display(), truth.len());
+    let (out, frames) = (args.out.display(), counted(truth.len(), "frame"));
+    say!("{out}: {frames}, the target out of sight in frames {from} to {until}");
     Ok(())
 }
 
@@ -292,6 +294,6 @@ fn make(args: &Common, settings: Synthetic) -> Result<()> {
     let truth: Vec<_> = video.truth().iter().copied().map(Some).collect();
     let (frames, label) = (truth.len(), video.label());
     write_otb(&args.out, video.source(), &truth, &notes)?;
-    say!("{}: {frames} frames of digit {label} ({from})", args.out.display());
+    say!("{}: {} of digit {label} ({from})", args.out.display(), counted(frames, "frame"));
     Ok(())
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use foveate::text::counted;
 use foveate::video::{Decoder, Options, ahead_until, open_with, write_tiles};
 use foveate::{Error, Result, files};
 
@@ -52,7 +53,7 @@ pub fn run(args: Args) -> Result<()> {
     let named = files::settle(&making.0).and_then(|()| files::rename(&making.0, &args.out));
     named.map_err(Error::io(&args.out, "cannot make"))?;
     files::sync_folder(&args.out);
-    say!("{frames} frames in tiles of {0} x {0}: {1}", args.side, args.out.display());
+    say!("{} in tiles of {1} x {1}: {2}", counted(frames, "frame"), args.side, args.out.display());
     Ok(())
 }
 

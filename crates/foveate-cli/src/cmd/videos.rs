@@ -5,6 +5,7 @@ use foveate::lab::Digits;
 use foveate::lab::eval::Sequence;
 use foveate::lab::synthetic::Synthetic;
 use foveate::scene::Image;
+use foveate::text::counted;
 use foveate::video::open;
 use foveate::{Error, Result};
 
@@ -40,7 +41,7 @@ pub fn of_sequence(sequence: &Sequence) -> Result<Video<'static>> {
     let frames = source.by_ref().take(sequence.truth.len());
     let images = frames.map(|frame| Ok(frame?.image)).collect::<Result<Vec<Image>>>()?;
     if images.len() < sequence.truth.len() {
-        let problem = format!("it has {} boxes for {} frames", sequence.truth.len(), images.len());
+        let problem = format!("it has {} for {}", counted(sequence.truth.len(), "box"), counted(images.len(), "frame"));
         return Err(Error::malformed(&sequence.truth_file, problem));
     }
     let picture = Box::new(move |t: usize| Ok(images[t].clone()));

@@ -1,5 +1,6 @@
 //! Candidates on both halves and the choices between them, as aligned text and as JSON.
 
+use foveate_base::text::counted;
 use serde_json::{Value, json};
 
 use super::Evaluation;
@@ -83,7 +84,7 @@ fn heads(first: &str, groups: &[&str]) -> Vec<String> {
 
 /// Aligned text: the candidates, the choice of each half, and the summary. Chosen by mean AUC.
 pub fn text(c: &Choice) -> String {
-    let count = |letter: &str| c.sequences.iter().filter(|name| by_half(name) == letter).count();
+    let count = |letter: &str| counted(c.sequences.iter().filter(|name| by_half(name) == letter).count(), "sequence");
     let mut candidates = vec![heads("candidate", &["a", "b", "all"])];
     for (i, (name, figures)) in c.names.iter().zip(&c.figures).enumerate() {
         let name = if c.present == Some(i) { format!("{name} *") } else { name.clone() };
@@ -99,7 +100,7 @@ pub fn text(c: &Choice) -> String {
     let mut summary = vec![heads("judged", &[""])];
     summary.extend(c.summary().iter().map(|(name, figures)| line(name, &[figures])));
     format!(
-        "Chosen by mean AUC. Half a: {} sequences, half b: {}; no source is in both. *: the configuration as it is.\n{}\n{}\n{}\n{}",
+        "Chosen by mean AUC. Half a: {}, half b: {}; no source is in both. *: the configuration as it is.\n{}\n{}\n{}\n{}",
         count("a"),
         count("b"),
         aligned(&candidates),
@@ -113,7 +114,7 @@ pub fn text(c: &Choice) -> String {
 fn sources(choices: &[Chosen]) -> String {
     let mut names: Vec<&str> = choices.iter().map(|c| c.candidate.as_str()).collect();
     names.sort();
-    let times = |same: &[&str]| format!("{} {} times", same[0], same.len());
+    let times = |same: &[&str]| format!("{} {}", same[0], counted(same.len(), "time"));
     let said: Vec<String> = names.chunk_by(|a, b| a == b).map(times).collect();
     format!("Leaving out one of {} sources chose {}.\n", choices.len(), said.join(", "))
 }

@@ -11,6 +11,7 @@ use super::experiment::{OFF, Run, quantile};
 use super::metrics::{centre_error, mean_sd};
 use super::table::aligned;
 use crate::synthetic::Drawn;
+use foveate_base::text::counted;
 use foveate_base::{Error, Result};
 use foveate_core::Tracker;
 use foveate_core::gaze::PolicySnapshot;
@@ -215,7 +216,7 @@ pub fn plot(curves: &[Curve]) -> String {
             .with_legend("the paper");
         let plots: Vec<Plot> = vec![line.into(), paper.into()];
         let layout = Layout::auto_from_plots(&plots)
-            .with_title(format!("{} ({} runs)", curve.name, curve.runs))
+            .with_title(format!("{} ({})", curve.name, counted(curve.runs, "run")))
             .with_x_label("frame")
             .with_y_label("probability of the centre gaze")
             .with_x_axis_min(0.0)

@@ -36,5 +36,5 @@ function drawFeatures(key) {
     out.data.set([...low.map((c, p) => c + t * (full[p] - c)), 255], at);
   });
   context.putImageData(out, 0, 0);
-  byId('features-caption').textContent = `${data.features} activations of the encoder` + (key.span ? `, from ${say(key.span[0])} to ${say(key.span[1])}` : '');
+  byId('features-caption').textContent = `${counted(data.features, 'activation')} of the encoder` + (key.span ? `, from ${say(key.span[0])} to ${say(key.span[1])}` : '');
 }

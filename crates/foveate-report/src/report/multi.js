@@ -41,7 +41,7 @@ const replay = transport({
   find: frame => { const k = keys.findIndex(key => key.frame >= frame); return k < 0 ? keys.length - 1 : k; },
   draw() {
     const key = keys[now], image = picture(key.jpeg);
-    byId('clock').replaceChildren('frame ', element('b', {}, String(key.frame)), ` of ${data.frames} · ${key.targets.length} targets`);
+    byId('clock').replaceChildren('frame ', element('b', {}, String(key.frame)), ` of ${data.frames} · ${counted(key.targets.length, 'target')}`);
     image.onload = () => {
       if (keys[now] !== key) return;
       pen.imageSmoothingEnabled = canvas.width < 3 * image.naturalWidth;

@@ -15,6 +15,7 @@ use crate::template::Crop;
 use crate::{MultiObserver, RunInfo};
 use foveate_base::Result;
 use foveate_base::sink::Sink;
+use foveate_base::text::counted;
 use foveate_core::geometry::Gaze;
 use foveate_core::multi::{Phase, TrackedTarget};
 use foveate_video::{Frame, encode_jpeg};
@@ -138,9 +139,9 @@ impl MultiReport {
         let most = (0..=self.last).map(active).max().unwrap_or(0);
         let reidentified: usize = self.tracks.values().map(|track| track.reidentified).sum();
         let summary = format!(
-            "{} frames of {width} × {height} px, {} targets, at most {most} at a time, {reidentified} re-identified{speed}",
-            self.frames,
-            self.tracks.len()
+            "{} of {width} × {height} px, {}, at most {most} at a time, {reidentified} re-identified{speed}",
+            counted(self.frames, "frame"),
+            counted(self.tracks.len(), "target")
         );
         let about =
             format!("{} · configuration {} · seed {} · {}", info.reader, info.config_name, info.seed, html::VERSION);

@@ -13,6 +13,8 @@ function drawing(markup) {
   holder.innerHTML = markup;
   return holder.content.firstElementChild;
 }
+// A count and its noun, given in the singular; regular plurals alone.
+const counted = (n, noun) => `${n} ${noun}${n === 1 ? '' : /(s|x|ch|sh)$/.test(noun) ? 'es' : 's'}`;
 const colour = name => getComputedStyle(document.documentElement).getPropertyValue('--' + name).trim();
 const bytes = text => Uint8Array.from(atob(text || ''), c => c.charCodeAt(0));
 const words = text => { const b = bytes(text); return Array.from({ length: b.length >> 1 }, (_, i) => b[2 * i] | b[2 * i + 1] << 8); };

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
+use foveate::text::counted;
 use foveate::video::mot::TrackBox;
 use foveate::{BBox, Error, Result, files, memory};
 use roxmltree::{Document, Node};
@@ -101,7 +102,8 @@ pub fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
     boxes.lose_confidence();
     let unknown = boxes.tracks.iter().filter(|b| b.id < 0).count();
     if unknown > 0 {
-        let problem = format!("{unknown} boxes have no id (-1); CVAT for video holds tracks, not detections");
+        let problem =
+            format!("{} without an id (-1); CVAT for video holds tracks, not detections", counted(unknown, "box"));
         return Err(Error::Invalid(problem));
     }
     let mut xml = format!(

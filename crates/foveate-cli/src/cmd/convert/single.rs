@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use foveate::text::counted;
 use foveate::video::mot::TrackBox;
 use foveate::video::{annotation, vot};
 use foveate::{BBox, Error, Result, files};
@@ -50,7 +51,8 @@ pub fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {
     if let [-1] = ids[..] {
         let n = boxes.tracks.len();
         return Err(Error::Invalid(format!(
-            "{n} detections without ids (-1) for a format of one target; give the target's boxes an id of 0 or more"
+            "{} without ids (-1) for a format of one target; give the target's boxes an id of 0 or more",
+            counted(n, "detection")
         )));
     }
     if let [_, _, ..] | [..=-1] = ids[..] {

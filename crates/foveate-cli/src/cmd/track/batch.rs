@@ -8,6 +8,7 @@ use clap::CommandFactory;
 use clap::parser::ValueSource;
 use foveate::lab::eval::experiment;
 use foveate::report::escape;
+use foveate::text::counted;
 use foveate::{Error, Result, files, quiet};
 use serde::{Deserialize, Serialize};
 
@@ -99,12 +100,13 @@ pub fn run(mut args: Args) -> Result<()> {
         terminal::document(format_args!("{}", runs.text()?));
     }
     let failed = videos.keys().filter(|name| runs.runs.get(*name).is_some_and(|run| run.error.is_some())).count();
-    say!("{total} videos: {finished} finished before, {} tracked now, {failed} failed.", total - finished - failed);
+    let (all, tracked) = (counted(total, "video"), total - finished - failed);
+    say!("{all}: {finished} finished before, {tracked} tracked now, {failed} failed.");
     say!("{}: index.html, {LIST}{}", root.display(), if failed > 0 { ", failures.txt" } else { "" });
     if failed > 0 {
         let list = root.join("failures.txt");
         return Err(Error::Invalid(format!(
-            "{failed} of {total} videos failed: see {}; the same command tries them again",
+            "{failed} of {all} failed: see {}; the same command tries them again",
             list.display()
         )));
     }
@@ -255,10 +257,10 @@ impl Runs {
         format!(
             "<!doctype html><meta charset=\"utf-8\"><title>Runs</title>\n<style>body{{font:15px sans-serif;margin:2em}}\
              td,th{{padding:.2em .8em;text-align:right}}td:first-child,td:last-child{{text-align:left}}</style>\n\
-             <h1>{} videos, the worst first</h1>\n<p>Failures come first, then videos by the share of frames in which the box is \
+             <h1>{}, the worst first</h1>\n<p>Failures come first, then videos by the share of frames in which the box is \
              doubtful or the target lost.</p>\n<table><tr><th>video<th>frames<th>uncertain<th>lost<th>uncertain or lost, %<th>error\n\
              {rows}</table>\n",
-            self.runs.len()
+            counted(self.runs.len(), "video")
         )
     }
 }

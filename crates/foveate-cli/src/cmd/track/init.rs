@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use foveate::geometry::BBox;
 use foveate::report::run::check_box;
 use foveate::scene::motion;
+use foveate::text::counted;
 use foveate::video::{SourceInfo, TileFolder, annotation};
 use foveate::{Error, Result};
 
@@ -122,14 +123,16 @@ impl Frames {
         let count = info.exact_frames();
         if let Some(n) = count.filter(|n| until != usize::MAX && until >= *n) {
             return Err(Error::Invalid(format!(
-                "--until {}: the video has {n} frames; give at most that, or leave it out",
-                until + 1
+                "--until {}: the video has {}; give at most that, or leave it out",
+                until + 1,
+                counted(n, "frame")
             )));
         }
         if let Some(n) = count.filter(|n| from >= *n) {
             return Err(Error::Invalid(format!(
-                "{start} at frame {}, the video has {n} frames: nothing is left to track",
-                from + 1
+                "{start} at frame {}, the video has {}: nothing is left to track",
+                from + 1,
+                counted(n, "frame")
             )));
         }
         if until < from {

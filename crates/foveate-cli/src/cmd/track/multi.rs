@@ -14,6 +14,7 @@ use foveate::report::{
     Limited, MotFile, MultiFilm, MultiObserver, MultiReport, RunInfo, Summary, TargetsTable, TracksTable,
 };
 use foveate::scene::Cuts;
+use foveate::text::counted;
 use foveate::video::mot::Tracks;
 use foveate::video::{Frame, Selection, SourceInfo, without_password};
 use foveate::{BBox, Error, MultiTracker, Result};
@@ -186,7 +187,7 @@ fn given(args: &Args, about: &SourceInfo) -> Result<Vec<(usize, Option<u64>, BBo
     for s in &Tracks::read(path)?.sightings {
         let wrong = |problem: String| Error::malformed(path, format!("frame {}: {problem}", s.frame + 1));
         if let Some(n) = about.exact_frames().filter(|n| s.frame >= *n) {
-            return Err(wrong(format!("the video has {n} frames; give boxes of these alone")));
+            return Err(wrong(format!("the video has {}; give boxes of these alone", counted(n, "frame"))));
         }
         let id = match s.id {
             -1 => None,
@@ -289,9 +290,11 @@ fn tell(args: &Args, outcome: &MultiOutcome, told: &Told<'_>) {
     let detected =
         if told.detects { format!(", {:.0} with detection", rate(tracking + detecting)) } else { String::new() };
     say!(
-        "{frames} frames, {initiated} targets, at most {most} at a time, {reidentified} times one was re-identified, {cuts} cuts; \
-         {:.0} frames a second in the trackers{detected}, {:.0} end to end.",
-        rate(tracking),
+        "{}, {}, at most {most} at a time, {reidentified} re-identified, {}; {} a second in the trackers{detected}, {:.0} end to end.",
+        counted(frames, "frame"),
+        counted(*initiated, "target"),
+        counted(*cuts, "cut"),
+        counted(rate(tracking).round() as usize, "frame"),
         rate(total)
     );
     say!("Detector: {}.", told.detector);

@@ -10,6 +10,7 @@ use foveate::lab::eval::regret::RegretFiles;
 use foveate::report::run::Outcome;
 use foveate::report::{Boxes, Film, Limited, Observer, Report, RunInfo, Summary, SurfacePicture, Table, Trace};
 use foveate::sink::Sink;
+use foveate::text::counted;
 use foveate::video::{SourceInfo, without_password};
 
 /// What is written beside boxes.txt and track.csv.
@@ -142,12 +143,13 @@ pub fn tell(outcome: &Outcome, told: &Told<'_>) {
         return;
     }
     say!(
-        "{frames} frames tracked, uncertain in {uncertain}, lost in {lost}; \
-         {fps:.0} frames a second in the tracker, {total_fps:.0} end to end."
+        "{} tracked, uncertain in {uncertain}, lost in {lost}; {} a second in the tracker, {total_fps:.0} end to end.",
+        counted(frames, "frame"),
+        counted(fps.round() as usize, "frame")
     );
     match outcome.last {
         Some(b) => say!("Last box: {:.1},{:.1},{:.1},{:.1} (x,y,w,h, counted from 1).", b.x + 1.0, b.y + 1.0, b.w, b.h),
-        None => say!("Last box: outside the picture, as in {} frames.", outcome.outside),
+        None => say!("Last box: outside the picture, as in {}.", counted(outcome.outside, "frame")),
     }
     if let Some((class, p)) = outcome.class {
         let name = outcome.class_name.clone().unwrap_or_else(|| format!("class {class}"));

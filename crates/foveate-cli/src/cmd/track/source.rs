@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use foveate::geometry::BBox;
+use foveate::text::counted;
 use foveate::video::{
     Decoder, FrameSource, Live, LiveOptions, Meter, Options, Pace, Pixels, Raw, Selection, SourceInfo, TileFolder,
     ahead_until, is_live, newest, open_with, select,
@@ -167,7 +168,7 @@ impl SourceArgs {
     fn check_from(&self, about: &SourceInfo) -> Result<()> {
         match (self.from, about.exact_frames()) {
             (Some(from), Some(n)) if from > n as u64 => {
-                Err(Error::Invalid(format!("--from {from}: the video has {n} frames; give at most that")))
+                Err(Error::Invalid(format!("--from {from}: the video has {}; give at most that", counted(n, "frame"))))
             }
             _ => Ok(()),
         }
@@ -193,7 +194,8 @@ impl Counts {
         let dropped = self.meter.as_ref().map_or(0, Meter::dropped);
         let again = self.reconnected.as_ref().map_or(0, |n| n.load(Ordering::Relaxed));
         if dropped + again > 0 {
-            note!("foveate: {dropped} frames of the source were dropped; it was opened again {again} times");
+            let (dropped, again) = (counted(dropped as usize, "frame"), counted(again as usize, "time"));
+            note!("foveate: {dropped} of the source dropped; opened again {again}");
         }
     }
 }

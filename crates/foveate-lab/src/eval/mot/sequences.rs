@@ -6,6 +6,7 @@ use serde::Serialize;
 
 use super::{Score, Tracks, score};
 use crate::eval::sequence::by_name;
+use foveate_base::text::counted;
 use foveate_base::{Error, Result};
 use foveate_video::mot::sequence_length;
 
@@ -145,7 +146,8 @@ fn within(tracks: &Tracks, frames: Option<usize>, path: &Path) -> Result<()> {
     match frames {
         Some(frames) if tracks.frames() > frames => {
             let found = tracks.frames();
-            Err(Error::malformed(path, format!("has boxes in frame {found}, but seqinfo.ini says {frames} frames")))
+            let frames = counted(frames, "frame");
+            Err(Error::malformed(path, format!("has boxes in frame {found}, but seqinfo.ini says {frames}")))
         }
         _ => Ok(()),
     }
