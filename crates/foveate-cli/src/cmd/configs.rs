@@ -46,7 +46,7 @@ fn list() -> Result<()> {
 
 /// The windows of a retina and the cells in them, as `8/1 16/2 24/4`, in units of its smallest cell; `+` before those that read
 /// colour.
-fn rings(retina: &dyn Retina) -> String {
+pub fn rings(retina: &dyn Retina) -> String {
     let finest = retina.cells().iter().map(|c| c.half).fold(f64::INFINITY, f64::min);
     let mut rings: Vec<(usize, f64, f64)> = vec![];
     for cell in retina.cells() {

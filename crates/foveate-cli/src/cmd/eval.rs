@@ -4,20 +4,22 @@ mod choose;
 mod grid;
 pub mod kept;
 mod one_pass;
+pub mod record;
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 
-use foveate::config::Blueprint;
 use foveate::lab::eval::confidence::{ConfidenceScore, Judged};
 use foveate::lab::eval::{
     Case, Evaluation, Row, Sequence, by_attribute, cases, confidence, confidence_plot, curves, find_sequences, mot,
     run_all, score_folder, table, track_files,
 };
+use foveate::text::counted;
 use foveate::{Error, Result, files};
 
+use self::record::{Data, Record, Settings};
 use super::configure::{Changes, Profile, config_name, read};
-use super::reproduce::runner::{self, Store};
+use super::reproduce::runner::{self, Entry, Store};
 use super::results::InPlace;
 use crate::terminal;
 
@@ -37,7 +39,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR", num_args = 1.., required_unless_present = "mot")]
     pub seqs: Vec<PathBuf>,
     /// Score tracks of many targets in MOTChallenge's text (frame,id,x,y,w,h,conf,...) instead
-    #[arg(long, requires_all = ["truth", "results"], conflicts_with_all = ["seqs", "config", "seed", "seeds"])]
+    #[arg(long, requires_all = ["truth", "results"], conflicts_with_all = ["seqs", "config", "policy", "set", "seed", "seeds"])]
     pub mot: bool,
     /// With --mot: sequences (gt/gt.txt, seqinfo.ini), folders that hold them, or files of true tracks.
     /// Rows whose conf is 0 do not count; classes are not read
@@ -47,7 +49,7 @@ pub struct Args {
     /// frame, counted from 1) and, for frames per second, SEQUENCE_time.txt (seconds a frame), or these in seed-1, seed-2 ...;
     /// the curves of the first are drawn thickest. With --mot: SEQUENCE.txt, data/SEQUENCE.txt or
     /// SEQUENCE/tracks.txt, or a file for the only sequence
-    #[arg(long, value_name = "DIR", num_args = 1..)]
+    #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["policy", "set"])]
     pub results: Vec<PathBuf>,
     /// Results of other trackers, to stand beside foveate's own in table and curves: folders as --results has them
     #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with_all = ["results", "mot"])]
@@ -58,9 +60,8 @@ pub struct Args {
     /// How much time a frame may take, where no configuration is given
     #[arg(long, value_enum, conflicts_with_all = ["config", "results", "mot"])]
     pub profile: Option<Profile>,
-    /// Change one setting of the configuration, for example particles=400; may be given several times
-    #[arg(long = "set", value_name = "KEY=VALUE", conflicts_with_all = ["results", "mot"])]
-    pub set: Vec<String>,
+    #[command(flatten)]
+    pub changes: Changes,
     /// Choose among values of a setting by mean AUC, on one half of the sequences, and judge on the other half, both ways; also
     /// leave one source video out. For example colour.mixing_weight=0.1,0.2; given several times, all combinations are
     /// candidates. Goes on after a stop
@@ -99,22 +100,32 @@ pub fn run(args: Args) -> Result<()> {
     if args.mot {
         return many(&args);
     }
-    let (name, changes) = (config_name(args.config.as_deref(), args.profile), Changes::of(&args.set));
-    let (config, folder) = read(name, &changes)?;
+    let name = config_name(args.config.as_deref(), args.profile);
+    let (config, folder) = read(name, &args.changes)?;
     let blueprint = config.clone().check(&folder)?;
     let task = Task::of(&args)?;
     if !args.results.is_empty() {
         // Results of others say nothing about being lost.
         let results = begin(&args, vec![])?;
-        compare(&args, &task.sequences, &task.others, "")?;
+        let record = Record::of(&args, task.sequences.iter().map(Data::without_pictures).collect())?;
+        compare(&args, &task.sequences, &task.others, &record, "")?;
         return results.finish();
     }
+    one_pass::check(&task.sequences)?;
     let store = Store::shared(&args.out, &args.merge, args.shard)?;
-    if args.choose.is_empty() {
-        return task.track(&args, blueprint, &store);
+    let described = args.changes.describe(name);
+    let plan = match args.choose.is_empty() {
+        true => None,
+        false => Some(choose::Plan::of(&config, &folder, &args.choose, &task.sequences)?),
+    };
+    let data: Vec<Data> = task.sequences.iter().map(Data::with_pictures).collect::<Result<_>>()?;
+    let entry = Entry::of(blueprint, &kept::program()?)?;
+    Settings::of(&entry)?.claim(&store.folder, &store.others)?;
+    let record = Record::of(&args, data.clone())?.running(&entry, &described, &task.seeds, &args.choose);
+    match plan {
+        Some(plan) => task.choose(&args, &plan, &data, &store, &record),
+        None => task.track(&args, &kept::Runs::new(entry, &task.sequences, &data, &store), &record),
     }
-    let plan = choose::Plan::of(&config, &folder, &args.choose, &task.sequences)?;
-    task.choose(&args, &plan, &store, &changes.describe(name))
 }
 
 /// What is to be scored: sequences, what other trackers did on them, and the seeds that foveate is run with.
@@ -139,25 +150,23 @@ impl Task {
     }
 
     /// Settings are chosen on one half of the sequences, and judged on the other.
-    fn choose(&self, args: &Args, plan: &choose::Plan, store: &Store, described: &str) -> Result<()> {
+    fn choose(&self, args: &Args, plan: &choose::Plan, data: &[Data], store: &Store, record: &Record) -> Result<()> {
         let Self { sequences, seeds, .. } = self;
-        let Some(tracks) = plan.run(sequences, seeds, store)? else {
+        let Some(tracks) = plan.run(sequences, data, seeds, store)? else {
             return undone(args);
         };
         let results = begin(args, plan.files(sequences, seeds))?;
         let (choice, cross) = plan.judge(sequences, seeds, &args.out, &tracks)?;
-        let text = choose::keep(&choice, described, seeds, &args.out)?;
-        compare(args, sequences, &self.beside(cross), &(text + "\n"))?;
+        let text = choose::keep(&choice, record.configuration(), seeds, &args.out)?;
+        compare(args, sequences, &self.beside(cross), record, &(text + "\n"))?;
         results.finish()
     }
 
     /// The tracker is run, and scored beside the others; and so is what it says about being lost.
-    fn track(&self, args: &Args, blueprint: Blueprint, store: &Store) -> Result<()> {
+    fn track(&self, args: &Args, kept: &kept::Runs<'_>, record: &Record) -> Result<()> {
         let Self { sequences, others, seeds } = self;
-        let localisation_noise = blueprint.config().confidence.localisation_noise;
-        let kept = kept::Runs::new(blueprint, sequences, store)?;
         // In parts, runs are made side by side; else one after another, so that their times are those of a tracker alone.
-        let in_parts = store.shard.is_some() || !store.others.is_empty();
+        let in_parts = args.shard.is_some() || !args.merge.is_empty();
         let Some(made) = (if in_parts || args.side_by_side { kept.all(seeds)? } else { Some(vec![]) }) else {
             return undone(args);
         };
@@ -177,12 +186,15 @@ impl Task {
         let said = ["report.html", "confidence.txt", "confidence.json", "reliability.svg"].map(str::to_owned);
         let results = begin(args, [&said[..], &track_files("foveate", sequences, seeds)].concat())?;
         let ours = run_all("foveate", sequences, seeds, Some(&out), &run_tracker, &mut told)?;
-        let groups = compare(args, sequences, &self.beside(ours), "")?;
+        let groups = compare(args, sequences, &self.beside(ours), record, "")?;
         let runs = runs.into_inner();
         let first: Vec<Case> = runs.iter().filter(|run| run.seed == args.seed).cloned().collect();
-        files::write_inside(args.out.join("report.html"), cases::page(&first, others, groups)?.as_bytes())?;
+        files::write_inside(
+            args.out.join("report.html"),
+            cases::page(&first, others, groups, record.html())?.as_bytes(),
+        )?;
         let tracks: Vec<&[Judged]> = runs.iter().map(|run| run.judged.as_slice()).collect();
-        trusted(args, &ConfidenceScore::of(&tracks, localisation_noise))?;
+        trusted(args, &ConfidenceScore::of(&tracks, kept.localisation_noise()))?;
         results.finish()?;
         // What is finished begins anew the next time; parts are kept, to be merged.
         if in_parts { Ok(()) } else { kept.forget(seeds) }
@@ -210,11 +222,11 @@ fn undone(args: &Args) -> Result<()> {
 fn told(row: &Row) {
     let (name, score, seed) = (&row.sequence, &row.score, row.seed.unwrap_or_default());
     note!(
-        "{name} (seed {seed}): AUC {:.3}, P@20 {:.3}, failure in {} of {} frames",
+        "{name} (seed {seed}): AUC {:.3}, P@20 {:.3}, failure in {} of {}",
         score.auc,
         score.p20,
         score.failures,
-        score.frames
+        counted(score.frames, "frame")
     );
 }
 
@@ -234,13 +246,20 @@ fn trusted(args: &Args, score: &ConfidenceScore) -> Result<()> {
 
 /// Trackers side by side, by sequence and by attribute: kept and printed, with what comes before it. Answers the part by
 /// attribute as HTML.
-fn compare(args: &Args, sequences: &[Sequence], evaluations: &[Evaluation], before: &str) -> Result<String> {
+fn compare(
+    args: &Args,
+    sequences: &[Sequence],
+    evaluations: &[Evaluation],
+    record: &Record,
+    before: &str,
+) -> Result<String> {
     let groups = by_attribute::groups(sequences, evaluations);
     let text = [table::text(evaluations), by_attribute::text(&groups, evaluations)].join("\n");
     let mut scores = table::json(evaluations);
     for (key, value) in by_attribute::json(sequences, &groups, evaluations) {
         scores[key] = value;
     }
+    scores["run"] = record.json();
     draw(&args.out, evaluations)?;
     let cross = if before.is_empty() { "" } else { ", cross.txt, cross.json, candidates/" };
     report(args, before, text.trim_end(), &scores, &format!("table.txt, scores.json, curves.svg{cross}"))?;
@@ -253,7 +272,8 @@ fn many(args: &Args) -> Result<()> {
     let scored = args.results.iter().map(|place| mot::score_results(&sequences, place));
     let evaluations: Vec<_> = scored.collect::<Result<_>>()?;
     let results = begin(args, vec![])?;
-    let (text, scores) = (mot::table::text(&evaluations), mot::table::json(&evaluations));
+    let (text, mut scores) = (mot::table::text(&evaluations), mot::table::json(&evaluations));
+    scores["run"] = Record::of(args, sequences.iter().map(Data::of_many).collect::<Result<_>>()?)?.json();
     report(args, "", text.trim_end(), &scores, "table.txt, scores.json")?;
     results.finish()
 }

@@ -68,7 +68,7 @@ fn boxes_and_pictures_are_counted_first() {
         let refused = eval(more, &longer);
         let said = String::from_utf8_lossy(&refused.stderr).into_owned();
         assert!(
-            !refused.status.success() && said.contains("Coke/groundtruth_rect.txt: 7 boxes for the 6 pictures in"),
+            !refused.status.success() && said.contains("Coke/groundtruth_rect.txt: 7 boxes for 6 pictures in"),
             "{said}"
         );
         assert!(!said.contains("Bolt (seed 1)") && !dir.path().join("out").exists(), "{said}");
@@ -76,7 +76,7 @@ fn boxes_and_pictures_are_counted_first() {
     let shorter: String = truth.split_inclusive('\n').take(4).collect();
     let done = eval(&[], &shorter);
     let said = String::from_utf8_lossy(&done.stderr).into_owned();
-    assert!(done.status.success() && said.contains("4 boxes for the 6 pictures in"), "{said}");
+    assert!(done.status.success() && said.contains("4 boxes for 6 pictures in"), "{said}");
     assert!(said.contains("Coke (seed 1)") && said.contains("of 4 frames"), "{said}");
 }
 
@@ -205,7 +205,7 @@ fn settings_are_chosen_on_one_half_and_judged_on_the_other() {
     let with = |choose: &[&str]| foveate(&[&args[..], choose].concat());
     let said = |output: &Output| String::from_utf8_lossy(&output.stderr).into_owned();
     for (wrong, why) in [
-        (&["particles=20"][..], "makes 1 candidates"),
+        (&["particles=20"][..], "makes 1 candidate:"),
         (&["particles=20,0"], "particles"),
         (&["particles=20,30", "--results", &seqs], "cannot be used with"),
         (&["particles=20,30", "--peers", &seqs], "no result here"),
@@ -264,6 +264,7 @@ fn parts_of_an_evaluation_are_put_together() {
     };
     let without_times = |out: &str| {
         let mut scores: serde_json::Value = serde_json::from_slice(&read(&format!("{out}/scores.json"))).expect("JSON");
+        assert!(scores["run"]["command"].take().is_string());
         let tracker = &mut scores["trackers"][0];
         assert!(tracker["mean"]["fps"].take().is_number());
         tracker["sequences"].as_array_mut().expect("rows").iter_mut().for_each(|row| row["fps"] = 0.into());
@@ -312,6 +313,97 @@ fn parts_of_an_evaluation_are_put_together() {
         assert!(!refused.status.success() && told.contains(said), "{wrong:?}: {told}");
     }
     assert!(!dir.path().join("wrong").exists());
+}
+
+/// Two folders of results can be told apart: by what was run, and by the data.
+#[test]
+fn an_evaluation_records_what_was_run() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
+    scene(&path("seqs/Coke"), "3", "8");
+    let (seqs, out) = (path("seqs"), path("out"));
+    let run = |more: &[&str]| {
+        let output = foveate(&[&["eval", "--seqs", &seqs, "--config", "digits", "--out", &out][..], more].concat());
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let read = |name: &str| std::fs::read_to_string(path(name)).expect(name);
+        let scores: serde_json::Value = serde_json::from_str(&read("out/scores.json")).expect("JSON");
+        (scores["run"].clone(), read("out/report.html"))
+    };
+    let (first, page) = run(&["--set", "particles=50", "--policy", "random", "--seed", "4", "--seeds", "2"]);
+    let ran = &first["tracker"];
+    assert_eq!(first["program"], concat!("foveate ", env!("CARGO_PKG_VERSION")));
+    assert!(first["command"].as_str().expect("text").contains("eval --seqs") && first["build"].is_string());
+    assert_eq!(
+        (&ran["configuration"], &ran["policy"], &ran["seeds"]),
+        (&"digits, policy random, particles=50".into(), &"random".into(), &serde_json::json!([4, 5]))
+    );
+    assert!(ran["retina"].as_str().expect("text").contains('/'), "{ran}");
+    let config = ran["text"].as_str().expect("text");
+    assert!(config.contains("particles = 50") && config.contains("kind = \"random\""), "{config}");
+    let data = &first["data"][0];
+    assert_eq!(data["sequence"], "Coke");
+    for (what, text) in [("Gaze policy", "random"), ("Seeds", "4, 5")] {
+        assert!(page.contains(&format!("<dt>{what}</dt><dd>{text}</dd>")), "{what}");
+    }
+    for text in ["What was run", "particles = 50", data["boxes"].as_str().expect("text"), "--policy random"] {
+        assert!(page.contains(text), "{text}");
+    }
+
+    // One pixel less, the file as long as before; then a true box that is not the first.
+    let picture = path("seqs/Coke/img/0005.png");
+    let mut bytes = std::fs::read(&picture).expect("a picture");
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(path("seqs/Coke/img/0009.png"), bytes).expect("written");
+    let (second, _) = run(&["--set", "particles=50"]);
+    assert_eq!(second["data"][0]["boxes"], data["boxes"]);
+    assert_ne!(second["data"][0]["pictures"], data["pictures"]);
+    assert_ne!(second["tracker"]["text"], ran["text"]);
+    std::fs::rename(path("seqs/Coke/img/0009.png"), path("seqs/Coke/img/0008.png")).expect("renamed");
+    let truth = path("seqs/Coke/groundtruth_rect.txt");
+    let mut boxes: Vec<String> =
+        std::fs::read_to_string(&truth).expect("the truth").lines().map(str::to_owned).collect();
+    boxes[3] = "1,1,20,20".into();
+    std::fs::write(&truth, boxes.join("\n")).expect("written");
+    let scored =
+        foveate(&["eval", "--seqs", &seqs, "--results", &path("out/foveate"), "--out", &path("again"), "--json"]);
+    assert!(scored.status.success(), "{}", String::from_utf8_lossy(&scored.stderr));
+    let json: serde_json::Value = serde_json::from_slice(&scored.stdout).expect("JSON");
+    let third = &json["run"];
+    assert!(third["tracker"].is_null() && third["data"][0]["pictures"].is_null(), "{third}");
+    assert_ne!(third["data"][0]["boxes"], data["boxes"]);
+    assert!(third["results"][0].as_str().expect("a folder").ends_with("foveate"));
+}
+
+/// Finished runs are continued by the same settings alone, here and where they are taken from.
+#[test]
+fn runs_of_other_settings_are_refused() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = |name: &str| dir.path().join(name).to_string_lossy().into_owned();
+    scene(&path("seqs/Coke"), "3", "8");
+    let seqs = path("seqs");
+    let run = |out: &str, more: &[&str]| {
+        foveate(&[&["eval", "--seqs", &seqs, "--config", "digits", "--seeds", "2", "--out", &path(out)], more].concat())
+    };
+    let part = ["--shard", "1/2", "--set", "particles=50"];
+    assert!(run("part", &part).status.success());
+    assert!(run("part", &part).status.success(), "the same command goes on");
+    let first = path("part");
+    for (out, args) in [
+        ("part", &["--set", "particles=60"][..]),
+        ("part", &["--set", "particles=60", "--shard", "2/2"]),
+        ("whole", &["--set", "particles=60", "--merge", &first]),
+    ] {
+        let refused = run(out, args);
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        let expected = "made with another configuration (particles = 50; this command has particles = 60)";
+        assert!(!refused.status.success() && said.contains(expected) && said.contains("another --out"), "{said}");
+    }
+    assert!(!dir.path().join("whole").exists());
+    assert!(run("whole", &["--set", "particles=50", "--merge", &first]).status.success());
+    // A finished evaluation leaves nothing to continue: the next one may have other settings.
+    assert!(run("next", &["--set", "particles=50"]).status.success());
+    assert!(run("next", &["--set", "particles=60"]).status.success());
 }
 
 /// Asked to stop, an evaluation ends after the run it is at, and the same command goes on from there.

@@ -10,6 +10,7 @@ use kuva::prelude::{Figure, Layout, Plot, SvgBackend, TickFormat};
 use super::confidence::{EPISODE, Judged, LOST};
 use super::metrics::score;
 use super::{Evaluation, Score, Sequence};
+use foveate_base::text::counted;
 use foveate_base::{Error, Result};
 use foveate_core::control::Status;
 use foveate_core::geometry::BBox;
@@ -54,8 +55,7 @@ impl Case {
             if run[0].lost() && run.len() >= EPISODE {
                 let said = match run.iter().position(|j| j.status.is_occluded_or_lost()) {
                     Some(0) => "reported at once".into(),
-                    Some(1) => "reported one frame later".into(),
-                    Some(n) => format!("reported {n} frames later"),
+                    Some(n) => format!("reported {} later", counted(n, "frame")),
                     None => "not reported".to_owned(),
                 };
                 losses.push(format!("{} to {} ({said})", at, at + run.len() - 1));
@@ -143,13 +143,13 @@ impl Case {
         let stills: String = self.stills()?.into_iter().map(still).collect();
         let best = best.map_or(String::new(), |(who, auc)| format!(" (best of the others: {auc:.3}, {})", escape(who)));
         Ok(format!(
-            "<section><h2 id=\"{name}\">{name}</h2><p>{} AUC {:.3}{best}, precision {:.3}, failure in {} of {} frames; seed {}.</p>\
+            "<section><h2 id=\"{name}\">{name}</h2><p>{} AUC {:.3}{best}, precision {:.3}, failure in {} of {}; seed {}.</p>\
              <img class=\"plot\" alt=\"Overlap and P(lost) over time\" src=\"data:image/svg+xml;base64,{}\"><div class=\"stills\">{stills}</div></section>\n",
             self.verdict(),
             score.auc,
             score.p20,
             score.failures,
-            score.frames,
+            counted(score.frames, "frame"),
             self.seed,
             STANDARD.encode(self.plot()),
         ))
@@ -166,11 +166,12 @@ fn colour(status: Status) -> Option<&'static str> {
     }
 }
 
-/// The page of these runs, with the best of `others` named beside each, and a table by attribute (HTML) above them.
+/// The page of these runs, with the best of `others` named beside each; above them a table by attribute, below them what was run
+/// (both HTML).
 ///
 /// # Errors
 /// A sequence cannot be read again, or a run has not one box a frame.
-pub fn page(cases: &[Case], others: &[Evaluation], by_attribute: String) -> Result<String> {
+pub fn page(cases: &[Case], others: &[Evaluation], by_attribute: String, run: String) -> Result<String> {
     let mut scored = Vec::new();
     for case in cases {
         let boxes: Vec<_> = case.boxes.iter().copied().map(Some).collect();
@@ -190,7 +191,8 @@ pub fn page(cases: &[Case], others: &[Evaluation], by_attribute: String) -> Resu
         rows += &format!("<tr><td><a href=\"#{name}\">{name}</a></td>{figures}<td>{verdict}</td></tr>\n");
         sections += &case.html(score, best)?;
     }
-    Ok(fill(include_str!("cases.html"), &[("by_attribute", by_attribute), ("rows", rows), ("sections", sections)]))
+    let parts = [("by_attribute", by_attribute), ("rows", rows), ("sections", sections), ("run", run)];
+    Ok(fill(include_str!("cases.html"), &parts))
 }
 
 #[cfg(test)]
@@ -238,7 +240,7 @@ mod tests {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let mut case = case();
         assert!(
-            page(std::slice::from_ref(&case), &[], String::new())
+            page(std::slice::from_ref(&case), &[], String::new(), String::new())
                 .expect_err("no pictures")
                 .to_string()
                 .contains("nowhere")
@@ -248,16 +250,19 @@ mod tests {
             std::fs::write(dir.path().join(format!("{i:02}.png")), encode_png(&Image::grey(60, 40, 90)))
                 .expect("written");
         }
-        let html = page(&[case.clone()], &[], "<p>by attribute</p>".into()).expect("a page");
+        let html = page(&[case.clone()], &[], "<p>by attribute</p>".into(), "<p>run</p>".into()).expect("a page");
         assert!(
             html.contains("A&lt;b")
                 && !html.contains("A<b")
                 && !html.contains("{{")
                 && html.contains("<p>by attribute</p>")
+                && html.contains("<p>run</p>")
         );
         // Every second frame of twelve or so, of which the fifth is the worst.
         assert_eq!((html.matches("image/jpeg").count(), html.matches("the worst").count()), (8, 2), "{html}");
         case.boxes.pop();
-        assert!(page(&[case], &[], String::new()).expect_err("too short").to_string().contains("11 boxes"));
+        assert!(
+            page(&[case], &[], String::new(), String::new()).expect_err("too short").to_string().contains("11 boxes")
+        );
     }
 }

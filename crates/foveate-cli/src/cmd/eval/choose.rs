@@ -13,8 +13,8 @@ use foveate::lab::eval::{Evaluation, Sequence, TrackRun, experiment, run_all, tr
 use foveate::{Error, Result, files};
 
 use super::grid::{Candidate, candidates};
-use super::kept::{self, Kept, pictures, program};
-use super::one_pass;
+use super::kept::{self, Kept, program};
+use super::record::Data;
 use crate::cmd::reproduce::runner::{Entry, Store};
 
 /// The folder of candidates.
@@ -47,7 +47,6 @@ impl Plan {
                 )));
             }
         }
-        one_pass::check(sequences)?;
         let candidates = candidates(config, choices)?;
         let program = program()?;
         let entry = |c: &Candidate| {
@@ -60,15 +59,20 @@ impl Plan {
     }
 
     /// Runs what is not kept in `store` yet; answers all tracks. `None` where it was asked to stop, or to do a part only.
-    pub fn run(&self, sequences: &[Sequence], seeds: &[u64], store: &Store) -> Result<Option<Vec<Kept>>> {
-        let pictures: Vec<String> = sequences.iter().map(pictures).collect::<Result<_>>()?;
+    pub fn run(
+        &self,
+        sequences: &[Sequence],
+        data: &[Data],
+        seeds: &[u64],
+        store: &Store,
+    ) -> Result<Option<Vec<Kept>>> {
         let jobs: Vec<Job> = (0..self.candidates.len())
             .flat_map(|c| seeds.iter().flat_map(move |seed| (0..sequences.len()).map(move |s| (c, *seed, s))))
             .map(|(candidate, seed, sequence)| Job { candidate, sequence, seed })
             .collect();
         let key = |job: &Job| {
             let (entry, sequence) = (&self.entries[job.candidate], &sequences[job.sequence]);
-            kept::key("choose", entry, sequence, &pictures[job.sequence], job.seed)
+            kept::key("choose", entry, sequence, &data[job.sequence], job.seed)
         };
         let make = |job: &Job| kept::make(&self.entries[job.candidate], &sequences[job.sequence], job.seed);
         let frames = |job: &Job| sequences[job.sequence].truth.len();

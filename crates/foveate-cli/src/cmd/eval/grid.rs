@@ -1,6 +1,7 @@
 //! Candidates of `foveate eval --choose`: all combinations of the listed values.
 
 use foveate::config::Config;
+use foveate::text::counted;
 use foveate::{Error, Result};
 
 /// More candidates than this are a mistake.
@@ -27,7 +28,8 @@ pub fn candidates(config: &Config, choices: &[String]) -> Result<Vec<Candidate>>
     let count = lists.iter().try_fold(1usize, |n, (_, values)| n.checked_mul(values.len())).unwrap_or(usize::MAX);
     if !(2..=MOST).contains(&count) {
         return Err(Error::Config(format!(
-            "--choose makes {count} candidates: expected 2 to {MOST}, such as --choose particles=400,800"
+            "--choose makes {}: expected 2 to {MOST}, such as --choose particles=400,800",
+            counted(count, "candidate")
         )));
     }
     let mut found = vec![Candidate { name: String::new(), config: config.clone() }];
@@ -124,7 +126,7 @@ mod tests {
             (&["particles"][..], "expected KEY=VALUE"),
             (&["particles=400,"], "expected KEY=VALUE"),
             (&["particles=400]"], "expected KEY=VALUE"),
-            (&["particles=400"], "makes 1 candidates: expected 2 to 1000"),
+            (&["particles=400"], "makes 1 candidate: expected 2 to 1000"),
             (&["particles=400,0"], "particles"),
             (&["no.such=1,2"], "no"),
             (&["particles=400,400"], "are the same configuration"),

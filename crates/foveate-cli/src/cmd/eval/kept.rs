@@ -1,13 +1,13 @@
 //! Runs of `foveate eval` that are kept in files: an evaluation that was stopped goes on, one with `--choose` as well, and several
 //! processes or machines may share one out (`--shard`, `--merge`).
 
-use foveate::config::Blueprint;
 use foveate::lab::eval::confidence::Judged;
 use foveate::lab::eval::{Sequence, TrackRun, experiment};
 use foveate::{BBox, Error, Result};
 use serde::{Deserialize, Serialize};
 
-use super::one_pass::{self, one_pass};
+use super::one_pass::one_pass;
+use super::record::{Data, Settings};
 use crate::cmd::reproduce::runner::{self, Entry, Finished, Store};
 
 /// A finished run, as its file has it.
@@ -38,17 +38,14 @@ impl Finished for Kept {
 pub struct Runs<'a> {
     entry: Entry,
     sequences: &'a [Sequence],
-    digests: Vec<String>,
+    data: &'a [Data],
     store: &'a Store,
 }
 
 impl<'a> Runs<'a> {
-    /// Those that are kept in `store`, or will be.
-    pub fn new(blueprint: Blueprint, sequences: &'a [Sequence], store: &'a Store) -> Result<Self> {
-        one_pass::check(sequences)?;
-        let digests = sequences.iter().map(pictures).collect::<Result<_>>()?;
-        std::fs::create_dir_all(&store.folder).map_err(Error::io(&store.folder, "cannot create"))?;
-        Ok(Self { entry: Entry::of(blueprint, &program()?)?, sequences, digests, store })
+    /// Those that are kept in `store`, or will be; `data` are those of the sequences.
+    pub fn new(entry: Entry, sequences: &'a [Sequence], data: &'a [Data], store: &'a Store) -> Self {
+        Self { entry, sequences, data, store }
     }
 
     /// The run of a sequence with a seed, kept or made.
@@ -72,17 +69,25 @@ impl<'a> Runs<'a> {
     /// Removes the files of these runs, and their folder where nothing else is in it.
     pub fn forget(&self, seeds: &[u64]) -> Result<()> {
         let all = |seed: &u64| (0..self.sequences.len()).map(|i| self.key(*seed, i)).collect::<Vec<_>>();
-        self.store.forget(seeds.iter().flat_map(all))
+        self.store.forget(seeds.iter().flat_map(all))?;
+        // What is left in the folder is not of this evaluation.
+        let _ = std::fs::remove_file(Settings::file(&self.store.folder));
+        Ok(())
+    }
+
+    /// What P(lost) takes off the radius of a credible region: that of the tracker's configuration.
+    pub fn localisation_noise(&self) -> f64 {
+        self.entry.blueprint.config().confidence.localisation_noise
     }
 
     fn key(&self, seed: u64, i: usize) -> String {
-        key("eval", &self.entry, &self.sequences[i], &self.digests[i], seed)
+        key("eval", &self.entry, &self.sequences[i], &self.data[i], seed)
     }
 }
 
-/// What names the file of a run: what it is done for, and all that it depends on, `pictures` of the sequence among it.
-pub fn key(purpose: &str, entry: &Entry, sequence: &Sequence, pictures: &str, seed: u64) -> String {
-    experiment::digest(&[purpose, &entry.key, &sequence.name, pictures, &seed.to_string()].map(str::as_bytes))
+/// What names the file of a run: what it is done for, and all that it depends on, the boxes and pictures of the sequence among it.
+pub fn key(purpose: &str, entry: &Entry, sequence: &Sequence, data: &Data, seed: u64) -> String {
+    experiment::digest(&[purpose, &entry.key, &sequence.name, &data.digest(), &seed.to_string()].map(str::as_bytes))
 }
 
 /// A run, and the text of its file.
@@ -97,18 +102,4 @@ pub fn make(entry: &Entry, sequence: &Sequence, seed: u64) -> Result<(Kept, Vec<
 pub fn program() -> Result<String> {
     let path = crate::invocation::program();
     Ok(experiment::digest(&[&std::fs::read(path).map_err(Error::io(path, "cannot read"))?]))
-}
-
-/// A name for the pictures and the truth of a sequence: its true boxes, and the pictures' names and sizes.
-pub fn pictures(sequence: &Sequence) -> Result<String> {
-    let folder = &sequence.images;
-    let cannot = || Error::io(folder, "cannot read this folder");
-    let mut all = vec![];
-    for entry in std::fs::read_dir(folder).map_err(cannot())? {
-        let entry = entry.map_err(cannot())?;
-        all.push(format!("{} {}", entry.file_name().to_string_lossy(), entry.metadata().map_err(cannot())?.len()));
-    }
-    all.sort();
-    let truth = format!("{:?}", sequence.truth);
-    Ok(experiment::digest(&[truth.as_bytes(), all.join("\n").as_bytes()]))
 }

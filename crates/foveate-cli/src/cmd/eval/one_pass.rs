@@ -4,6 +4,7 @@ use foveate::config::Blueprint;
 use foveate::lab::eval::confidence::{Judged, Recorder};
 use foveate::lab::eval::{Sequence, TrackRun};
 use foveate::report::run::{SingleRun, Span, check_box, follow};
+use foveate::text::counted;
 use foveate::video::open;
 use foveate::{Error, Result};
 
@@ -16,16 +17,17 @@ pub fn check(sequences: &[Sequence]) -> Result<()> {
         let (bbox, source, truth) = (sequence.init()?, open(&sequence.images)?, sequence.truth_file.display());
         check_box(&format!("{truth}: the first box"), &bbox, source.info())?;
         let (boxes, pictures) = (sequence.truth.len(), source.info().frames.unwrap_or(sequence.truth.len()));
-        let images = sequence.images.display();
+        let (images, of_boxes, of_pictures) =
+            (sequence.images.display(), counted(boxes, "box"), counted(pictures, "picture"));
         if boxes > pictures {
-            let problem =
-                format!("{boxes} boxes for the {pictures} pictures in {images}; expected a picture for each box");
+            let problem = format!("{} for {} in {images}; expected a picture for each box", of_boxes, of_pictures);
             return Err(Error::malformed(&sequence.truth_file, problem));
         }
         if boxes < pictures {
             note!(
-                "{truth}: {boxes} boxes for the {pictures} pictures in {images}: the first {boxes} pictures are used; where the boxes \
-                 begin later, take the pictures before them away"
+                "{truth}: {of_boxes} for {of_pictures} in {images}: the first {} used; where the boxes begin later, take the \
+                 pictures before them away",
+                counted(boxes, "picture")
             );
         }
     }

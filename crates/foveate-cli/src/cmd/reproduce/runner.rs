@@ -14,6 +14,7 @@ use foveate::lab::Digits;
 use foveate::lab::eval::experiment;
 use foveate::lab::eval::experiment::Run;
 use foveate::lab::synthetic::{Drawn, Synthetic};
+use foveate::text::counted;
 use foveate::{Error, Result, Tracker, files};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -27,6 +28,8 @@ const REPORT: Duration = Duration::from_secs(30);
 /// A configuration, checked.
 pub struct Entry {
     pub blueprint: Blueprint,
+    /// A digest of its boxes on a small fixed video: [`experiment::fingerprint`].
+    pub fingerprint: String,
     /// What its results depend on: configuration, model, program, and how it is run.
     pub key: String,
 }
@@ -35,8 +38,9 @@ impl Entry {
     /// `how` tells it from other ways to run the same configuration.
     pub fn of(blueprint: Blueprint, how: &str) -> Result<Self> {
         let (version, text) = (env!("CARGO_PKG_VERSION"), blueprint.config().to_toml());
-        let key = format!("{version} {} {text} {how}", experiment::fingerprint(&blueprint)?);
-        Ok(Self { blueprint, key })
+        let fingerprint = experiment::fingerprint(&blueprint)?;
+        let key = format!("{version} {fingerprint} {text} {how}");
+        Ok(Self { blueprint, fingerprint, key })
     }
 }
 
@@ -203,7 +207,7 @@ impl Store {
         let runs = side_by_side(jobs, &work)?;
         progress.bar.finish_and_clear();
         if !terminal::stopping() {
-            note!("{} runs, {} of them from {}", jobs.len(), resumed.into_inner(), folder.display());
+            note!("{}, {} of them from {}", counted(jobs.len(), "run"), resumed.into_inner(), folder.display());
         }
         Ok(runs)
     }

@@ -12,7 +12,8 @@ use foveate::lab::hide::{Hide, WAYS, Way};
 use foveate::lab::synthetic::{Clutter, NOISE, Occlusion, Synthetic};
 use foveate::lab::{Digits, Split};
 
-use crate::cmd::eval::kept::{pictures, program};
+use crate::cmd::eval::kept::program;
+use crate::cmd::eval::record::Data;
 use crate::cmd::reproduce::runner::{self, Entry, Finished, Store};
 use crate::cmd::videos::{Video, of_scene, of_sequence};
 
@@ -78,7 +79,7 @@ impl Videos {
     /// Those that the arguments ask for.
     pub fn of(args: &Tracked) -> Result<Self> {
         let Some(name) = args.scene else {
-            let named = |sequence: Sequence| pictures(&sequence).map(|name| (sequence, name));
+            let named = |sequence: Sequence| Data::with_pictures(&sequence).map(|data| (sequence, data.digest()));
             return Ok(Self::Sequences(find_sequences(&args.seqs)?.into_iter().map(named).collect::<Result<_>>()?));
         };
         let digits = match &args.data {

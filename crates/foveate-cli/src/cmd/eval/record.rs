@@ -1,0 +1,229 @@
+//! What an evaluation ran: kept in `scores.json` as `run` and shown in `report.html`, so that two folders of results can be told apart.
+
+use std::path::{Path, PathBuf};
+
+use foveate::lab::eval::{Sequence, experiment, mot};
+use foveate::report::escape;
+use foveate::video::image_files;
+use foveate::{Error, Result};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::Args;
+use super::kept::program;
+use crate::cmd::configs::rings;
+use crate::cmd::reproduce::runner::Entry;
+
+/// The program, its arguments, and the data.
+#[derive(Clone, Debug, Serialize)]
+pub struct Record {
+    program: &'static str,
+    /// A digest of the program's file: two builds of one version differ.
+    build: String,
+    command: String,
+    /// The tracker that was run; none where only results of others were scored.
+    tracker: Option<Ran>,
+    /// Folders and files whose results were scored.
+    results: Vec<PathBuf>,
+    data: Vec<Data>,
+}
+
+/// A configuration, resolved, and how often it was run.
+#[derive(Clone, Debug, Serialize)]
+struct Ran {
+    /// Its name, and what the command line changed in it.
+    configuration: String,
+    policy: String,
+    /// Windows and cells, as `foveate configs` prints them.
+    retina: String,
+    seeds: Vec<u64>,
+    /// A digest of its boxes on a small fixed video: it differs where a model file does.
+    fingerprint: String,
+    /// The whole configuration as TOML.
+    text: String,
+    /// The settings that --choose varied.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    choose: Vec<String>,
+}
+
+/// A sequence.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Data {
+    pub sequence: String,
+    truth: PathBuf,
+    /// A digest of the true boxes.
+    boxes: String,
+    /// A digest of the names and of all bytes of the pictures; none where no picture was read.
+    pictures: Option<String>,
+}
+
+impl Data {
+    /// Of a sequence whose pictures are not read.
+    pub fn without_pictures(sequence: &Sequence) -> Self {
+        Self {
+            sequence: sequence.name.clone(),
+            truth: sequence.truth_file.clone(),
+            boxes: experiment::digest(&[format!("{:?}", sequence.truth).as_bytes()]),
+            pictures: None,
+        }
+    }
+
+    /// Of a sequence that a tracker is run on.
+    ///
+    /// # Errors
+    /// It has no pictures, or one cannot be read.
+    pub fn with_pictures(sequence: &Sequence) -> Result<Self> {
+        let one = |path: &PathBuf| {
+            let bytes = std::fs::read(path).map_err(Error::io(path, "cannot read"))?;
+            Ok(experiment::digest(&[path.file_name().unwrap_or_default().as_encoded_bytes(), &bytes]))
+        };
+        let each: Vec<String> = image_files(&sequence.images)?.par_iter().map(one).collect::<Result<_>>()?;
+        let pictures = experiment::digest(&each.iter().map(String::as_bytes).collect::<Vec<_>>());
+        Ok(Self { pictures: Some(pictures), ..Self::without_pictures(sequence) })
+    }
+
+    /// Of the truth of many targets.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn of_many(sequence: &mot::Sequence) -> Result<Self> {
+        let truth = sequence.truth_file.clone();
+        let bytes = std::fs::read(&truth).map_err(Error::io(&truth, "cannot read"))?;
+        Ok(Self { sequence: sequence.name.clone(), truth, boxes: experiment::digest(&[&bytes]), pictures: None })
+    }
+
+    /// A name for the true boxes and the pictures.
+    pub fn digest(&self) -> String {
+        experiment::digest(&[&self.boxes, self.pictures.as_deref().unwrap_or_default()].map(str::as_bytes))
+    }
+}
+
+impl Record {
+    /// Of an evaluation that runs no tracker.
+    ///
+    /// # Errors
+    /// The program's file cannot be read.
+    pub fn of(args: &Args, data: Vec<Data>) -> Result<Self> {
+        Ok(Self {
+            program: concat!("foveate ", env!("CARGO_PKG_VERSION")),
+            build: program()?,
+            command: crate::invocation::command(),
+            tracker: None,
+            results: [&args.results[..], &args.peers].concat(),
+            data,
+        })
+    }
+
+    /// With the tracker that is run; `configuration` is its name and what was changed in it.
+    pub fn running(mut self, entry: &Entry, configuration: &str, seeds: &[u64], choose: &[String]) -> Self {
+        let config = entry.blueprint.config();
+        self.tracker = Some(Ran {
+            configuration: configuration.into(),
+            policy: config.policy_kind(),
+            retina: rings(&*entry.blueprint.retina()),
+            seeds: seeds.to_vec(),
+            fingerprint: entry.fingerprint.clone(),
+            text: config.to_toml(),
+            choose: choose.to_vec(),
+        });
+        self
+    }
+
+    /// The configuration's name and what was changed in it; empty where no tracker is run.
+    pub fn configuration(&self) -> &str {
+        self.tracker.as_ref().map_or("", |ran| &ran.configuration)
+    }
+
+    /// As `scores.json` has it.
+    pub fn json(&self) -> serde_json::Value {
+        serde_json::to_value(self).expect("it is plain data")
+    }
+
+    /// As a section of `report.html`.
+    pub fn html(&self) -> String {
+        let code = |text: &str| format!("<code>{}</code>", escape(text));
+        let mut facts = vec![("Command", code(&self.command))];
+        if let Some(ran) = &self.tracker {
+            let seeds: Vec<String> = ran.seeds.iter().map(u64::to_string).collect();
+            facts.push(("Configuration", escape(&ran.configuration)));
+            facts.push(("Gaze policy", escape(&ran.policy)));
+            facts.push(("Retina, window/cell", escape(&ran.retina)));
+            facts.push(("Seeds", seeds.join(", ")));
+        }
+        if !self.results.is_empty() {
+            let all: Vec<String> = self.results.iter().map(|path| code(&path.display().to_string())).collect();
+            facts.push(("Other results", all.join(" ")));
+        }
+        facts.push(("Program", format!("{}, build {}", escape(self.program), code(&self.build))));
+        let facts: String = facts.iter().map(|(what, text)| format!("<dt>{what}</dt><dd>{text}</dd>")).collect();
+        let row = |data: &Data| {
+            let [name, boxes] = [&data.sequence, &data.boxes].map(|text| escape(text));
+            let pictures = data.pictures.as_deref().unwrap_or("not read");
+            format!("<tr><td>{name}</td><td>{boxes}</td><td>{pictures}</td></tr>\n")
+        };
+        let rows: String = self.data.iter().map(row).collect();
+        let config = self.tracker.as_ref().map_or(String::new(), |ran| {
+            format!("<details><summary>The whole configuration</summary><pre>{}</pre></details>\n", escape(&ran.text))
+        });
+        format!(
+            "<section class=\"run\"><h2 id=\"run\">What was run</h2>\n<dl>{facts}</dl>\n{config}<details><summary>Checksums of the data (SHA-256, \
+             the first 32 digits)</summary><div style=\"overflow-x:auto\"><table>\n<tr><th>sequence</th><th>true boxes</th><th>pictures</th></tr>\n\
+             {rows}</table></div></details></section>\n"
+        )
+    }
+}
+
+/// The settings that finished runs have in common: a file beside their folder.
+#[derive(PartialEq, serde::Deserialize, Serialize)]
+pub struct Settings {
+    build: String,
+    fingerprint: String,
+    configuration: String,
+}
+
+impl Settings {
+    pub fn of(entry: &Entry) -> Result<Self> {
+        let configuration = entry.blueprint.config().to_toml();
+        Ok(Self { build: program()?, fingerprint: entry.fingerprint.clone(), configuration })
+    }
+
+    /// The file for a folder of finished runs.
+    pub fn file(runs: &Path) -> PathBuf {
+        runs.with_extension("settings.json")
+    }
+
+    /// In what they differ from others; none where they do not.
+    fn differs(&self, other: &Self) -> Option<String> {
+        let (ours, theirs) = (self.configuration.lines(), other.configuration.lines());
+        let lines = |text: &Self| text.configuration.lines().map(str::to_owned).collect::<Vec<_>>();
+        if self == other {
+            return None;
+        }
+        if ours.eq(theirs) {
+            let what = if self.build == other.build { "other model files" } else { "another build of the program" };
+            return Some(what.into());
+        }
+        let (ours, theirs) = (lines(self), lines(other));
+        let only = |all: &[String], others: &[String]| all.iter().find(|line| !others.contains(line)).cloned();
+        let [here, there] = [only(&ours, &theirs), only(&theirs, &ours)].map(|line| line.unwrap_or("nothing".into()));
+        Some(format!("another configuration ({there}; this command has {here})"))
+    }
+
+    /// Writes them beside the folder `runs`. Fails where it, or one of the `others` that runs are taken from, was made with others.
+    pub fn claim(&self, runs: &Path, others: &[PathBuf]) -> Result<()> {
+        for folder in others.iter().map(PathBuf::as_path).chain([runs]).filter(|folder| folder.is_dir()) {
+            let Ok(text) = std::fs::read(Self::file(folder)) else { continue };
+            let Ok(theirs) = serde_json::from_slice::<Self>(&text) else { continue };
+            if let Some(what) = self.differs(&theirs) {
+                let problem = format!(
+                    "the runs kept here were made with {what}; repeat the command that made them, give another --out, or \
+                     remove this folder"
+                );
+                return Err(Error::malformed(folder, problem));
+            }
+        }
+        std::fs::create_dir_all(runs).map_err(Error::io(runs, "cannot create"))?;
+        let text = serde_json::to_vec_pretty(self).map_err(|e| Error::Invalid(e.to_string()))?;
+        foveate::files::write_inside(Self::file(runs), &text)
+    }
+}
