@@ -39,8 +39,8 @@ pub struct Against {
     pub worst_difference: f64,
 }
 
-/// The groups of sequences by attribute, in the order of [`Attribute::ALL`], then both halves; those that are empty are
-/// left out.
+/// The groups of sequences by attribute, in the order of [`Attribute::ALL`], then, of sequences whose halves are listed
+/// ([`catalogue`]), both halves; those that are empty are left out.
 pub fn groups(sequences: &[Sequence], evaluations: &[Evaluation]) -> Vec<Group> {
     let known: Vec<(&Sequence, Vec<Attribute>)> = (sequences.iter())
         .filter(|s| evaluations.iter().all(|e| e.rows.iter().any(|row| row.sequence == s.name)))
@@ -58,7 +58,9 @@ pub fn groups(sequences: &[Sequence], evaluations: &[Evaluation]) -> Vec<Group> 
     };
     let by_attribute = Attribute::ALL.map(|a| group(a.name().into(), &|_, found| found.contains(&a)));
     let by_half = catalogue::Half::BOTH
-        .map(|half| group(format!("half {}", half.name()), &|s, _| catalogue::half(&s.name) == half));
+        .map(|half| group(format!("half {}", half.name()), &|s, _| catalogue::half(&s.name) == half))
+        .into_iter()
+        .filter(|_| known.iter().any(|(s, _)| catalogue::is_listed(&s.name)));
     by_attribute.into_iter().chain(by_half).flatten().collect()
 }
 
@@ -99,9 +101,16 @@ fn sentence(a: &Against) -> String {
     format!("won against {}: {won} of {of}; worst difference: {worst} {by:+.2}", a.tracker)
 }
 
+/// What the rows of halves are, where there are some.
+fn legend(groups: &[Group]) -> Option<&'static str> {
+    let halves = groups.iter().any(|g| g.name.starts_with("half "));
+    halves.then_some("Halves: --choose chooses settings on one half of the sequences and judges them on the other.")
+}
+
 /// As lines of text: the table by attribute, then a line for each other tracker. Nothing without a group.
 pub fn text(groups: &[Group], evaluations: &[Evaluation]) -> String {
-    let table = if groups.is_empty() { String::new() } else { aligned(&lines(groups, evaluations)) + "\n" };
+    let mut table = if groups.is_empty() { String::new() } else { aligned(&lines(groups, evaluations)) + "\n" };
+    table += legend(groups).map(|legend| format!("{legend}\n\n")).as_deref().unwrap_or_default();
     against(evaluations).iter().fold(table, |text, a| text + &sentence(a) + "\n")
 }
 
@@ -113,7 +122,8 @@ pub fn html(groups: &[Group], evaluations: &[Evaluation]) -> String {
         format!("<tr>{cells}</tr>\n")
     };
     let rows: String = lines(groups, evaluations).iter().enumerate().map(row).collect();
-    let table = format!("<div style=\"overflow-x:auto\"><table>\n{rows}</table></div>\n");
+    let legend = legend(groups).map_or(String::new(), |legend| format!("<p>{}</p>\n", escape(legend)));
+    let table = format!("<div style=\"overflow-x:auto\"><table>\n{rows}</table></div>\n{legend}");
     let said = against(evaluations).iter().map(|a| format!("<p>{}.</p>\n", escape(&sentence(a)))).collect();
     if groups.is_empty() { said } else { table + &said }
 }
@@ -158,6 +168,21 @@ mod tests {
     fn sequence(name: &str) -> Sequence {
         let big = Some(BBox { x: 0.0, y: 0.0, w: 50.0, h: 50.0 });
         Sequence { name: name.into(), images: "x".into(), truth_file: "x".into(), truth: vec![big; 2] }
+    }
+
+    #[test]
+    fn halves_are_rows_of_listed_sequences_alone() {
+        let names = |sequences: &[&str]| {
+            let offs: Vec<(&str, f64)> = sequences.iter().map(|name| (*name, 0.0)).collect();
+            let all = [tracker("ours", &offs)];
+            let sequences: Vec<Sequence> = sequences.iter().map(|name| sequence(name)).collect();
+            let found = groups(&sequences, &all);
+            (found.iter().map(|g| g.name.clone()).collect::<Vec<_>>(), text(&found, &all))
+        };
+        let (rows, text) = names(&["my street", "my dog"]);
+        assert!(rows.is_empty() && text.is_empty(), "{rows:?} {text}");
+        let (rows, text) = names(&["Biker", "Bolt2"]);
+        assert!(rows.contains(&"half a".into()) && text.contains("Halves: --choose chooses"), "{text}");
     }
 
     #[test]

@@ -73,6 +73,11 @@ pub fn source(sequence: &str) -> &str {
     listed(sequence).map_or_else(unlisted, |entry| entry.source)
 }
 
+/// Whether a sequence is one of the list: halves of others mean something to `foveate eval --choose` alone.
+pub fn is_listed(sequence: &str) -> bool {
+    listed(sequence).is_some()
+}
+
 /// The half of a sequence: that of the list, or else by a hash of its source (FNV-1a; the parity of its bits).
 pub fn half(sequence: &str) -> Half {
     let hash = |name: &str| {

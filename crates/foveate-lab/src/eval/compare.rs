@@ -289,6 +289,25 @@ mod tests {
     }
 
     #[test]
+    fn values_are_shown_where_they_say_something() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let sequences = two(dir.path());
+        let text = |read| {
+            let runner = |_: &Sequence, _| Ok(TrackRun { boxes: vec![at(0.0); 3], seconds: vec![], read });
+            table::text(&[run_all("ours", &sequences, &[1], None, &runner, &mut |_| ()).expect("a run")])
+        };
+        let sensor = text(Some([244.0, 0.002]));
+        for words in ["failure %  values  read %", "244    0.20", "values, read %: pixel values read a frame"] {
+            assert!(sensor.contains(words), "{words}\n{sensor}");
+        }
+        for read in [None, Some([90_000.0, 1.0])] {
+            let whole = text(read);
+            assert!(!whole.contains("values") && !whole.contains("fps"), "{whole}");
+            assert!(whole.contains("AUC: area under the success curve"), "{whole}");
+        }
+    }
+
+    #[test]
     fn trackers_stand_side_by_side_and_gaps_are_named() {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let sequences = two(&dir.path().join("seqs"));
@@ -304,8 +323,8 @@ mod tests {
             "AUC / P@20           good            bad",
             "A           0.952 / 1.000  0.635 / 0.667",
             "B           0.952 / 1.000              -",
-            "mean  frames    AUC   P@20  SR@0.5  error px  failures  failure %  fps  values  read %",
-            "bad        3  0.635  0.667   0.667      29.7         1       33.3    -       -       -",
+            "mean  frames    AUC   P@20  SR@0.5  error px  failures  failure %",
+            "bad        3  0.635  0.667   0.667      29.7         1       33.3",
             "good against  sequences     AUC  better on  worse on",
             "bad                   1  +0.317          1         0",
             "bad has no result for B: its means leave them out",
@@ -321,7 +340,7 @@ mod tests {
 
         std::fs::write(dir.path().join("bad/A.txt"), "1,2,3,4\n").expect("written");
         let problem = score_folder(&sequences, &dir.path().join("bad")).expect_err("too short").to_string();
-        assert!(problem.contains("A.txt: 1 boxes for 3 frames of truth"), "{problem}");
+        assert!(problem.contains("A.txt: 1 box for 3 frames of truth"), "{problem}");
         assert!(
             score_folder(&sequences, &dir.path().join("seqs")).expect_err("none").to_string().contains("such as A.txt")
         );

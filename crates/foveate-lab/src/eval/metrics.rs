@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::curves::{Curves, QUOTED};
+use foveate_base::text::counted;
 use foveate_base::{Error, Result};
 use foveate_core::geometry::BBox;
 
@@ -45,7 +46,11 @@ pub struct Score {
 /// The lengths differ, or no frame counts.
 pub fn score(boxes: &[Option<BBox>], truth: &[Option<BBox>]) -> Result<(Score, Curves)> {
     if boxes.len() != truth.len() {
-        return Err(Error::Invalid(format!("{} boxes for {} frames of truth", boxes.len(), truth.len())));
+        return Err(Error::Invalid(format!(
+            "{} for {} of truth",
+            counted(boxes.len(), "box"),
+            counted(truth.len(), "frame")
+        )));
     }
     let (mut overlaps, mut errors) = (Vec::new(), Vec::new());
     for (i, (found, truth)) in boxes.iter().zip(truth).enumerate() {

@@ -7,6 +7,9 @@ use serde_json::{Value, json};
 use super::compare::{Evaluation, Spread};
 use super::metrics::Score;
 
+/// A share read above this, per cent, is that of whole pictures.
+const WHOLE: f64 = 99.995;
+
 /// Aligned text. One tracker: a line a sequence. Several: success AUC and precision of each, sequence by
 /// sequence, then a line a tracker, then the first against each of the others. Sequences a tracker has no result for show as `-` and are named below.
 pub fn text(evaluations: &[Evaluation]) -> String {
@@ -14,10 +17,10 @@ pub fn text(evaluations: &[Evaluation]) -> String {
     names.sort();
     names.dedup();
     let mut out = if let [one] = evaluations {
-        let mut lines = vec![heads("sequence")];
-        lines.extend(names.iter().filter_map(|name| Some(figures(name, &one.of_sequence(name)?))));
-        lines.extend(one.mean().map(|mean| figures(&format!("mean of {}", names.len()), &mean)));
-        format!("{}\n{}", one.tracker, aligned(&lines))
+        let mut lines: Vec<(String, Score)> =
+            names.iter().filter_map(|name| Some((name.to_string(), one.of_sequence(name)?))).collect();
+        lines.extend(one.mean().map(|mean| (format!("mean of {}", names.len()), mean)));
+        format!("{}\n{}", one.tracker, figures("sequence", &lines))
     } else {
         let mut lines = vec![vec![String::from("AUC / P@20")]];
         lines[0].extend(evaluations.iter().map(|e| e.tracker.clone()));
@@ -26,9 +29,9 @@ pub fn text(evaluations: &[Evaluation]) -> String {
                 |e: &Evaluation| e.of_sequence(name).map_or("-".into(), |s| format!("{:.3} / {:.3}", s.auc, s.p20));
             std::iter::once(name.to_string()).chain(evaluations.iter().map(cell)).collect()
         }));
-        let mut means = vec![heads("mean")];
-        means.extend(evaluations.iter().filter_map(|e| Some(figures(&e.tracker, &e.mean()?))));
-        format!("{}\n{}\n{}", aligned(&lines), aligned(&means), aligned(&against(evaluations)))
+        let means: Vec<(String, Score)> =
+            evaluations.iter().filter_map(|e| Some((e.tracker.clone(), e.mean()?))).collect();
+        format!("{}\n{}\n{}", aligned(&lines), figures("mean", &means), aligned(&against(evaluations)))
     };
     for e in evaluations {
         if let (Some(auc), Some(p20)) = (e.spread(|s| s.auc), e.spread(|s| s.p20))
@@ -81,26 +84,39 @@ pub fn json(evaluations: &[Evaluation]) -> Value {
     json!({ "trackers": evaluations.iter().map(one).collect::<Vec<_>>() })
 }
 
-fn heads(first: &str) -> Vec<String> {
-    [first, "frames", "AUC", "P@20", "SR@0.5", "error px", "failures", "failure %", "fps", "values", "read %"]
-        .map(String::from)
-        .into()
-}
-
-fn figures(name: &str, s: &Score) -> Vec<String> {
-    vec![
-        name.into(),
-        s.frames.to_string(),
-        format!("{:.3}", s.auc),
-        format!("{:.3}", s.p20),
-        format!("{:.3}", s.sr50),
-        format!("{:.1}", s.centre_error),
-        s.failures.to_string(),
-        format!("{:.1}", s.failure_pct),
-        s.fps.map_or("-".into(), |fps| format!("{fps:.0}")),
-        s.values.map_or("-".into(), |values| format!("{values:.0}")),
-        s.read_pct.map_or("-".into(), |read| format!("{read:.2}")),
-    ]
+/// The figures of some trackers, a line each. Columns that say the same of all are left out, and those that say something are
+/// explained in a line below.
+fn figures(first: &str, lines: &[(String, Score)]) -> String {
+    let any = |such: &dyn Fn(&Score) -> bool| lines.iter().any(|(_, score)| such(score));
+    let timed = any(&|s| s.fps.is_some());
+    // Whoever reads whole pictures reads 100 % of them.
+    let reads = any(&|s| s.read_pct.is_some_and(|read| read < WHOLE));
+    let mut heads = vec![first, "frames", "AUC", "P@20", "SR@0.5", "error px", "failures", "failure %"];
+    heads.extend(timed.then_some("fps"));
+    heads.extend(if reads { &["values", "read %"][..] } else { &[] });
+    let line = |(name, s): &(String, Score)| {
+        let mut cells = vec![
+            name.clone(),
+            s.frames.to_string(),
+            format!("{:.3}", s.auc),
+            format!("{:.3}", s.p20),
+            format!("{:.3}", s.sr50),
+            format!("{:.1}", s.centre_error),
+            s.failures.to_string(),
+            format!("{:.1}", s.failure_pct),
+        ];
+        let some = |value: Option<f64>, places: usize| value.map_or("-".into(), |v| format!("{v:.places$}"));
+        cells.extend(timed.then(|| some(s.fps, 0)));
+        cells.extend(if reads { vec![some(s.values, 0), some(s.read_pct, 2)] } else { vec![] });
+        cells
+    };
+    let all: Vec<Vec<String>> =
+        std::iter::once(heads.into_iter().map(String::from).collect()).chain(lines.iter().map(line)).collect();
+    let legend = if reads { "values, read %: pixel values read a frame, and their share of the picture\n" } else { "" };
+    format!(
+        "{}AUC: area under the success curve; P@20: frames within 20 px; SR@0.5: frames with IoU above 0.5; failure: IoU 0\n{legend}",
+        aligned(&all)
+    )
 }
 
 /// Columns as wide as needed, two spaces apart; the first to the left, the others to the right.
