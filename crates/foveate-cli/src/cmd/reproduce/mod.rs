@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use foveate::text::counted;
 use foveate::{Error, Result, files};
 
 use self::output::{Content, Section};
@@ -130,10 +131,10 @@ pub fn run(args: Args) -> Result<()> {
         return Ok(());
     }
     if missing > 0 {
-        return Err(Error::Invalid(format!("{missing} experiments have no results")));
+        return Err(Error::Invalid(format!("no results of {}", counted(missing, "experiment"))));
     }
     let path = setup.out.join("index.html");
-    files::write_inside(&path, page::html(&sections, &setup.from, began.elapsed()).as_bytes())?;
+    files::write_inside(&path, page::html(&sections, &setup.from, setup.quick, began.elapsed()).as_bytes())?;
     let tables: Vec<&Results> = sections.iter().filter_map(Section::results).collect();
     if let Some(root) = &args.write_docs {
         docs::write(root, &tables)?;
@@ -172,6 +173,9 @@ fn report(path: &Path, sections: &[Section], began: Instant) -> Result<()> {
     say!("{} ({:.1} min)", path.display(), began.elapsed().as_secs_f64() / 60.0);
     match checks.iter().filter(|check| !check.met && !check.goal).count() {
         0 => Ok(()),
-        n => Err(Error::Invalid(format!("{n} of {} figures are outside of their expected range", checks.len()))),
+        n => {
+            let all = counted(checks.len(), "figure");
+            Err(Error::Invalid(format!("outside of the expected range: {n} of {all}")))
+        }
     }
 }

@@ -26,8 +26,12 @@ pre{font-size:12px;overflow-x:auto}small{color:#5f6870;display:block;line-height
 figcaption{color:#5f6870;font-size:13px}.met:before{content:'\\2713 ';color:#00734f}.missed:before{content:'\\2717 ';color:#b33c00}
 .missed{font-weight:600}ul{padding-left:1.2rem}";
 
+/// What is said of --quick.
+const SMALL: &str = "<p><strong>Small variant (--quick):</strong> fewer digits, seeds and frames, and wider ranges. It shows that the program \
+    works, not that the paper is reproduced.</p>";
+
 /// The whole page.
-pub fn html(sections: &[Section], digits: &str, took: Duration) -> String {
+pub fn html(sections: &[Section], digits: &str, quick: bool, took: Duration) -> String {
     let links: String =
         sections.iter().map(|s| format!("<a href=\"#{0}\">{0}</a>", escape(&s.name))).collect::<Vec<_>>().join(" ");
     let checks = sections.iter().filter_map(Section::results).flat_map(|r| r.checks.iter().map(move |c| (r, c)));
@@ -38,13 +42,14 @@ pub fn html(sections: &[Section], digits: &str, took: Duration) -> String {
     };
     let checks: String = checks.map(check).collect();
     let checks = if checks.is_empty() { checks } else { format!("<h3>Expected ranges</h3><ul>{checks}</ul>") };
+    let small = if quick { SMALL } else { "" };
     let body: String = sections.iter().map(section).collect();
     let command = escape(&crate::invocation::command());
     format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
          <title>The paper, reproduced</title><style>{STYLE}</style><h1>Learning where to attend, reproduced</h1>\
          <p class=\"soft\">Denil, Bazzani, Larochelle and de Freitas (2012) beside foveate {}. Videos are made of {}. \
-         Made in {:.1} minutes by <code>{command}</code>.</p><nav>{links}</nav>{checks}{body}</html>\n",
+         Made in {:.1} minutes by <code>{command}</code>.</p>{small}<nav>{links}</nav>{checks}{body}</html>\n",
         env!("CARGO_PKG_VERSION"),
         escape(digits),
         took.as_secs_f64() / 60.0,
