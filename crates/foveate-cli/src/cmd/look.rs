@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::ValueEnum;
 use foveate::report::draw::{Colour, Drawing};
 use foveate::scene::{Detector, Flow, Map, Motion, Saliency};
+use foveate::text::counted;
 use foveate::video::{Decoder, Frame, Options, ahead, open_with, save_png};
 use foveate::{Error, Result};
 
@@ -12,6 +13,7 @@ use super::results::spare;
 use super::track::source::named;
 
 #[derive(clap::Args)]
+#[command(after_help = "Example: foveate look video.mp4 --map flow --frame 120 --out look.png")]
 pub struct Args {
     /// A video file, or a folder of images
     source: PathBuf,
@@ -19,7 +21,7 @@ pub struct Args {
     #[arg(long, value_name = "auto|builtin|ffmpeg", default_value = "auto", value_parser = named(Decoder::ALL))]
     decoder: Decoder,
     /// What to look for
-    #[arg(long, value_enum)]
+    #[arg(long, value_enum, default_value_t = Kind::Saliency)]
     map: Kind,
     /// The frame to look at, counted from 1; motion and flow also read those before it. The 30th if left out, or the last of
     /// a shorter video
@@ -91,9 +93,9 @@ pub fn run(args: Args) -> Result<()> {
     page.paste(&frame.image, 0, 0, width, height);
     heat(&mut page, detector.map(), width as f64, (width, height));
     say!(
-        "frame {}: {} candidates, the largest value of the map is {:.3}",
+        "frame {}: {}, the largest value of the map is {:.3}",
         frame.index + 1,
-        found.len(),
+        counted(found.len(), "candidate"),
         detector.map().max()
     );
     for (k, d) in found.iter().take(args.most).enumerate() {
