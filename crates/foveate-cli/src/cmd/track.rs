@@ -114,9 +114,9 @@ pub struct Args {
     /// hindsight: regret.csv, regret.svg and a section of the report. Takes time; the track stays the same
     #[arg(long)]
     regret: bool,
-    /// Say what the target is, by a model of `foveate train classifier` or `train fixations`; without MODEL, which digit it is. Its class stands
-    /// in track.csv, trace.jsonl, video and report; the track stays the same. It takes the place of the configuration's
-    /// recogniser; --set recogniser.KEY=VALUE changes its settings
+    /// Name the target by a model of `foveate train classifier` or `train fixations`. Without MODEL by the one that ships, which knows
+    /// the digits 0 to 9 alone and calls everything a digit. The class stands in track.csv, trace.jsonl, video and report; the track stays
+    /// the same. MODEL takes the place of the configuration's recogniser; --set recogniser.KEY=VALUE changes its settings
     #[arg(long, visible_alias = "recognize", value_name = "MODEL", num_args = 0..=1, default_missing_value = DIGITS)]
     recognise: Option<String>,
     /// Write trace.jsonl too: every intermediate quantity of every frame, particles included; some 100 kB a frame
@@ -217,6 +217,12 @@ struct Tally {
 }
 
 pub fn run(mut args: Args) -> Result<()> {
+    if args.recognise.as_deref() == Some(DIGITS) {
+        note!(
+            "foveate: the recogniser that ships knows the digits 0 to 9 alone, and calls everything a digit; for other classes train one \
+             with foveate train classifier, and give it to --recognise"
+        );
+    }
     if args.sources.len() > 1 {
         return batch::run(args);
     }

@@ -56,7 +56,9 @@ impl RecogniserConfig {
                 let bytes =
                     RECOGNISERS.iter().find(|m| m.0 == name).map(|m| m.1).ok_or_else(|| none_of_that_name(name))?;
                 let (rbm, about) = FixationRbm::from_bytes(bytes, Path::new(weights))?;
-                let machine = MultiFixation::new(Arc::new(rbm), None, about.temperature.into())?;
+                // All that ship were trained on digits alone, and their classes say so.
+                let names = (0..rbm.classes()).map(|digit| format!("digit {digit}")).collect();
+                let machine = MultiFixation::new(Arc::new(rbm), None, about.temperature.into())?.named(names);
                 beside = PathBuf::new();
                 (Machine::Fixations(machine), about.metadata, about.first_layer)
             }

@@ -23,6 +23,7 @@ pub struct MultiFixation {
     temperature: f64,
     reading: Reading,
     hidden: Vec<f32>,
+    names: Arc<[String]>,
 }
 
 impl MultiFixation {
@@ -44,7 +45,12 @@ impl MultiFixation {
             )));
         }
         let (reading, hidden) = (rbm.reading(), vec![0.0; rbm.hidden()]);
-        Ok(Self { rbm, classifier, temperature, reading, hidden })
+        Ok(Self { rbm, classifier, temperature, reading, hidden, names: [].into() })
+    }
+    /// With names for its classes, in their order; others than as many are left out.
+    pub fn named(self, names: Vec<String>) -> Self {
+        let names = if names.len() == self.classes() { names } else { vec![] };
+        Self { names: names.into(), ..self }
     }
     /// Reads a model file, and [the classifier beside it](classifier_path) where the machine has no classes of its own.
     pub fn read(files: &dyn Files, path: &Path) -> Result<(Self, About)> {
@@ -93,6 +99,9 @@ impl MultiFixation {
 impl Recognizer for MultiFixation {
     fn classes(&self) -> usize {
         self.classifier.as_ref().map_or(self.rbm.classes(), |c| c.classes())
+    }
+    fn names(&self) -> &[String] {
+        &self.names
     }
     fn width(&self) -> usize {
         self.rbm.glimpse_len()
