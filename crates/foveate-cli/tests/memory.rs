@@ -66,7 +66,7 @@ fn claims() -> [(&'static str, Vec<u8>); 2] {
 /// A short video whose index claims so many frames of one byte, all in the first chunk.
 fn claiming(frames: u32, path: &Path) -> Vec<u8> {
     let mut film = Mp4Writer::create(path, 16, 16, 30.0).expect("a film");
-    film.push(&Image::new(16, 16, 3, vec![90; 768]).expect("whole")).expect("a frame");
+    film.push(&Image::new(16, 16, 3, vec![90; 768]).expect("whole"), 0.0).expect("a frame");
     film.finish().expect("a film");
     let mut bytes = std::fs::read(path).expect("it was written");
     let mut write = |name: &[u8; 4], from: usize, numbers: &[u32]| {

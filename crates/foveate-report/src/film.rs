@@ -37,7 +37,8 @@ impl Video {
         let rate = if info.rate.is_finite() && info.rate > 0.0 { info.rate } else { USUAL_RATE };
         Self { path, memory, rate, bit_rate: info.bit_rate, writer: None }
     }
-    fn push(&mut self, picture: &Image) -> Result<()> {
+    /// A picture, and when its frame is shown in the source, in seconds.
+    fn push(&mut self, picture: &Image, time: f64) -> Result<()> {
         if self.writer.is_none() {
             let (width, height, rate) = (picture.width(), picture.height(), self.rate);
             let writer = match &self.memory {
@@ -49,7 +50,7 @@ impl Video {
             };
             self.writer = Some(writer.aiming_at(self.bit_rate));
         }
-        self.writer.as_mut().expect("made above").push(picture)
+        self.writer.as_mut().expect("made above").push(picture, time)
     }
     fn finish(&mut self) -> Result<()> {
         self.writer.take().map_or(Ok(()), Mp4Writer::finish)
@@ -68,7 +69,7 @@ pub struct Film {
 }
 
 impl Film {
-    /// Will write `path`, an MP4 file with H.264 at the source's frame rate and about its bit rate.
+    /// Will write `path`, an MP4 file with H.264 at the source's times and about its bit rate.
     ///
     /// # Errors
     /// Its folder is not there.
@@ -84,10 +85,10 @@ impl Film {
 
 impl Observer for Film {
     fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
-        self.video.push(&self.annotator.start(frame, bbox))
+        self.video.push(&self.annotator.start(frame, bbox), frame.time)
     }
     fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        self.video.push(&self.annotator.annotate(frame, step))
+        self.video.push(&self.annotator.annotate(frame, step), frame.time)
     }
     fn finish(&mut self) -> Result<()> {
         self.video.finish()
@@ -122,7 +123,7 @@ impl SideBySide {
     }
 
     /// Both halves under their names; `said` is written at the right end of each name's line.
-    fn push(&mut self, [left, right]: [Image; 2], said: [String; 2]) -> Result<()> {
+    fn push(&mut self, [left, right]: [Image; 2], said: [String; 2], time: f64) -> Result<()> {
         // Even, as H.264 has pixels in pairs.
         let (strip, gap) = (left.height() / 26 * 2, left.height() / 104 * 2);
         let mut page = Drawing::new(left.width() + gap + right.width(), strip + left.height(), [18, 21, 26]);
@@ -135,7 +136,7 @@ impl SideBySide {
             page.text((end - text_width(&said, size), pad), &said, size, [236, 238, 240]);
             at += half.width() + gap;
         }
-        self.video.push(&page.into_image())
+        self.video.push(&page.into_image(), time)
     }
 
     /// How far the centre is from the true one.
@@ -151,7 +152,7 @@ impl Observer for SideBySide {
         self.other.init(&frame.image, *bbox)?;
         self.baseline.add(*bbox, 0);
         let halves = self.annotators.each_mut().map(|annotator| annotator.start(frame, bbox));
-        self.push(halves, Default::default())
+        self.push(halves, Default::default(), frame.time)
     }
     fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
         let ours = (self.annotators[0].annotate(frame, step), self.error(frame, &step.estimate));
@@ -159,7 +160,7 @@ impl Observer for SideBySide {
         self.baseline.add(touching(&seen.bbox, &frame.image), seen.step.values);
         let (picture, estimate) = (self.annotators[1].annotate(frame, &seen.step), seen.step.estimate);
         let error = self.error(frame, &estimate);
-        self.push([ours.0, picture], [ours.1, error])
+        self.push([ours.0, picture], [ours.1, error], frame.time)
     }
     fn finish(&mut self) -> Result<()> {
         self.video.finish()
@@ -173,7 +174,7 @@ pub struct MultiFilm {
 }
 
 impl MultiFilm {
-    /// Will write `path`, an MP4 file with H.264 at the source's frame rate and about its bit rate.
+    /// Will write `path`, an MP4 file with H.264 at the source's times and about its bit rate.
     ///
     /// # Errors
     /// Its folder is not there.
@@ -184,7 +185,7 @@ impl MultiFilm {
 
 impl MultiObserver for MultiFilm {
     fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
-        self.video.push(&self.annotator.annotate(frame, targets))
+        self.video.push(&self.annotator.annotate(frame, targets), frame.time)
     }
     fn finish(&mut self) -> Result<()> {
         self.video.finish()

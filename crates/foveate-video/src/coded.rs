@@ -154,7 +154,7 @@ mod tests {
         let mut writer = Mp4Writer::create(&path, 51, 33, 25.0).expect("a writable folder");
         for t in 0..40u8 {
             let data = (0..3 * 51 * 33).map(|i| (i % 251) as u8 ^ (t * 3)).collect();
-            writer.push(&Image::new(51, 33, 3, data).expect("sizes agree")).expect("a frame");
+            writer.push(&Image::new(51, 33, 3, data).expect("sizes agree"), f64::from(t) / 25.0).expect("a frame");
         }
         writer.finish().expect("written");
         check(&std::fs::read(&path).expect("a file"), 40);

@@ -29,6 +29,7 @@ pub mod select;
 mod sps;
 mod stream;
 pub mod tiles;
+mod timing;
 pub mod vot;
 mod y4m;
 mod yuv;

@@ -10,6 +10,7 @@ use std::thread::JoinHandle;
 use rusty_h264::{Encoder, EncoderConfig, YuvFrame};
 
 use crate::mux::{Track, UNITS, bx, file_type};
+use crate::timing::Timing;
 use crate::yuv::{Colour, Yuv};
 use foveate_base::sink::Sink;
 use foveate_base::{Error, Result, quiet, thread};
@@ -42,6 +43,8 @@ pub struct Mp4Writer {
     threads: usize,
     track: Track,
     written: u64,
+    /// Of each frame pushed, in seconds.
+    times: Vec<f64>,
     /// Bits a frame to aim at; `None` takes the finest quantiser.
     aim: Option<f64>,
     /// Groups begun, and of each: its quantiser, and its bits a frame as soon as it is written.
@@ -65,7 +68,7 @@ enum Coding {
 type Coded = std::result::Result<Vec<Vec<u8>>, String>;
 
 impl Mp4Writer {
-    /// Starts a video that will be `path`, of `rate` frames a second. Odd sides are padded by one column or row.
+    /// Starts a video that will be `path`, of about `rate` frames a second. Odd sides are padded by one column or row.
     ///
     /// # Errors
     /// [`Error::Invalid`] where a side is 0, the picture is larger than H.264 allows, or the rate is not
@@ -118,6 +121,7 @@ impl Mp4Writer {
             threads: std::thread::available_parallelism().map_or(1, |n| n.get().min(AT_A_TIME)),
             track: Track::default(),
             written: head.len() as u64,
+            times: Vec::new(),
             aim: None,
             groups: Vec::new(),
         })
@@ -131,22 +135,28 @@ impl Mp4Writer {
         Self { aim: bit_rate.filter(|bits| bits.is_finite() && *bits > 0.0).map(|bits| bits / rate), ..self }
     }
 
-    /// Appends a picture; grey ones are shown grey.
+    /// Appends a picture that is shown `time` seconds after any origin; the first one is shown at once. Grey ones are shown grey.
+    /// Times keep a millionth of a second; a frame whose time does not rise is shown for one unit of the file's clock.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where its size is not that of the video; [`Error::Io`] where an earlier one
+    /// [`Error::Invalid`] where its size is not that of the video, or the time no number; [`Error::Io`] where an earlier one
     /// cannot be written.
-    pub fn push(&mut self, image: &Image) -> Result<()> {
+    pub fn push(&mut self, image: &Image, time: f64) -> Result<()> {
         if (image.width(), image.height()) != (self.width, self.height) {
             return Err(Error::Invalid(format!(
                 "frame {} of a video: expected {} x {} pixels, got {} x {}",
-                self.track.sizes.len() + self.busy.len() * GROUP + self.group.len() + 1,
+                self.times.len() + 1,
                 self.width,
                 self.height,
                 image.width(),
                 image.height()
             )));
         }
+        if !time.is_finite() {
+            let frame = self.times.len() + 1;
+            return Err(Error::Invalid(format!("frame {frame} of a video: expected a time in seconds, got {time}")));
+        }
+        self.times.push(time);
         self.group.push(Yuv::from_image(image, self.colour));
         if self.group.len() == GROUP {
             self.start_group()?;
@@ -167,7 +177,8 @@ impl Mp4Writer {
             return Ok(());
         }
         let (width, height) = (self.width.next_multiple_of(2), self.height.next_multiple_of(2));
-        self.sink.write(&self.track.index(width, height, self.timescale, self.colour))?;
+        let timing = Timing::of(&self.times, self.timescale);
+        self.sink.write(&self.track.index(width, height, &timing, self.colour))?;
         self.sink.finish()
     }
 

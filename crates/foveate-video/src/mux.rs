@@ -1,11 +1,12 @@
-//! The index of an MP4 file with one H.264 track of constant rate (ISO/IEC 14496-12 and -15).
+//! The index of an MP4 file with one H.264 track (ISO/IEC 14496-12 and -15).
 //!
 //! Frames lie in the `mdat` boxes before it, each in a chunk of its own, so that a file is written
 //! from front to back and no more of it is held than this index.
 
+use crate::timing::Timing;
 use crate::yuv::Colour;
 
-/// Time units a frame; the timescale is this many times the rate.
+/// Time units a frame of constant rate; the timescale is this many times the rate.
 pub(super) const UNITS: u32 = 1000;
 
 /// Frames of one track, as they lie in the file.
@@ -25,10 +26,11 @@ pub(super) fn file_type() -> Vec<u8> {
 }
 
 impl Track {
-    /// The last box of the file. Sides in pixels, even and below 65536; `timescale` in units a second.
-    pub fn index(&self, width: usize, height: usize, timescale: u32, colour: Colour) -> Vec<u8> {
-        let length = (self.sizes.len() as u64 * u64::from(UNITS)).to_be_bytes();
-        let scale = timescale.to_be_bytes();
+    /// The last box of the file. Sides in pixels, even and below 65536.
+    pub fn index(&self, width: usize, height: usize, timing: &Timing, colour: Colour) -> Vec<u8> {
+        let length = timing.length().to_be_bytes();
+        let scale = timing.scale.to_be_bytes();
+        let runs: Vec<u32> = timing.runs.iter().flat_map(|(count, each)| [*count, *each]).collect();
         let (width, height) = ((width as u16).to_be_bytes(), (height as u16).to_be_bytes());
         let matrix: Vec<u8> = [0x1_0000u32, 0, 0, 0, 0x1_0000, 0, 0, 0, 0x4000_0000].map(u32::to_be_bytes).concat();
         let one = 1u32.to_be_bytes();
@@ -80,7 +82,7 @@ impl Track {
             b"stbl",
             &[
                 &full(b"stsd", 0, 0, &[&one, &avc1]),
-                &full(b"stts", 0, 0, &[&one, &n, &UNITS.to_be_bytes()]),
+                &full(b"stts", 0, 0, &[&(timing.runs.len() as u32).to_be_bytes(), &words(&runs)]),
                 &full(b"stss", 0, 0, &[&(self.keys.len() as u32).to_be_bytes(), &words(&self.keys)]),
                 &full(b"stsc", 0, 0, &[&one, &one, &one, &one]),
                 &full(b"stsz", 0, 0, &[&[0; 4], &n, &words(&self.sizes)]),

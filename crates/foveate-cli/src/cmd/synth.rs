@@ -227,7 +227,7 @@ fn many(args: &MultiArgs) -> Result<()> {
     if let Some(path) = &args.video {
         let (width, height) = video.size();
         let mut film = Mp4Writer::create(path, width, height, 30.0)?;
-        (0..video.frames()).try_for_each(|t| film.push(&video.render(t)))?;
+        (0..video.frames()).try_for_each(|t| film.push(&video.render(t), t as f64 / 30.0))?;
         film.finish()?;
     }
     let name = args.out.file_name().unwrap_or_default().to_string_lossy().into_owned();

@@ -22,7 +22,7 @@ fn a_video_comes_back() {
         let path = dir.path().join("a.mp4");
         let mut writer = Mp4Writer::create(&path, width, height, 12.5).expect("a writable folder");
         for t in 0..n {
-            writer.push(&scene(width, height, t)).expect("a frame of the right size");
+            writer.push(&scene(width, height, t), t as f64 / 12.5).expect("a frame of the right size");
         }
         assert!(!path.exists());
         writer.finish().expect("written");
@@ -65,7 +65,7 @@ fn the_bit_rate_is_near_the_aim() {
         let path = dir.path().join("a.mp4");
         let mut writer = Mp4Writer::create(&path, 96, 64, 30.0).expect("a writable folder").aiming_at(aim);
         writer.threads = threads;
-        (0..300).for_each(|t| writer.push(&noisy(t)).expect("a frame of the right size"));
+        (0..300).for_each(|t| writer.push(&noisy(t), t as f64 / 30.0).expect("a frame of the right size"));
         writer.finish().expect("written");
         std::fs::read(&path).expect("a video")
     };
@@ -86,7 +86,7 @@ fn the_index_is_understood_by_others() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let path = dir.path().join("a.mp4");
     let mut writer = Mp4Writer::create(&path, 32, 32, 29.97).expect("a writable folder");
-    (0..40).for_each(|t| writer.push(&scene(32, 32, t)).expect("a frame of the right size"));
+    (0..40).for_each(|t| writer.push(&scene(32, 32, t), t as f64 / 29.97).expect("a frame of the right size"));
     writer.finish().expect("written");
     let (mp4, bytes) = re_mp4::Mp4::read_file(&path).expect("an MP4");
     let track = mp4.tracks().values().next().expect("a track");
@@ -107,10 +107,34 @@ fn what_cannot_be_written_is_refused_and_leaves_nothing() {
     }
     assert!(Mp4Writer::create(dir.path().join("no/a.mp4"), 4, 4, 30.0).is_err());
     let mut writer = Mp4Writer::create(&path, 4, 4, 30.0).expect("a writable folder");
-    writer.push(&Image::grey(4, 4, 9)).expect("a frame of the right size");
-    let text = writer.push(&Image::grey(5, 4, 9)).expect_err("another size").to_string();
+    writer.push(&Image::grey(4, 4, 9), 0.0).expect("a frame of the right size");
+    let text = writer.push(&Image::grey(5, 4, 9), 0.1).expect_err("another size").to_string();
     assert!(text.contains("frame 2") && text.contains("5 x 4"), "{text}");
     drop(writer);
     Mp4Writer::create(&path, 4, 4, 30.0).expect("a writable folder").finish().expect("nothing to write");
     assert_eq!(std::fs::read_dir(dir.path()).expect("readable").count(), 0);
+}
+
+/// Frames of different lengths come back at their times, by our own reader and by another.
+#[test]
+fn times_are_kept() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let path = dir.path().join("a.mp4");
+    let times: Vec<f64> = [0, 33, 67, 100, 600, 617, 634, 5000].iter().map(|ms| 7.0 + f64::from(*ms) / 1e3).collect();
+    let mut writer = Mp4Writer::create(&path, 32, 32, 30.0).expect("a writable folder");
+    for (t, time) in times.iter().enumerate() {
+        writer.push(&scene(32, 32, t), *time).expect("a frame of the right size");
+    }
+    assert!(writer.push(&scene(32, 32, 9), f64::NAN).expect_err("no time").to_string().contains("frame 9"));
+    writer.finish().expect("written");
+    let frames = VideoFile::open(&path).expect("a video").map(|frame| frame.expect("a good frame").time);
+    let back: Vec<f64> = frames.collect();
+    assert!(back.len() == 8 && back.iter().zip(&times).all(|(a, b)| (a - (b - 7.0)).abs() < 1e-9), "{back:?}");
+    let (mp4, _) = re_mp4::Mp4::read_file(&path).expect("an MP4");
+    let track = mp4.tracks().values().next().expect("a track");
+    let scale = track.timescale as f64;
+    for (sample, time) in track.samples.iter().zip(&times) {
+        assert!((sample.composition_timestamp as f64 / scale - (time - 7.0)).abs() < 1e-9);
+    }
+    assert!((track.duration as f64 / scale - (5.0 + 1.0 / 30.0)).abs() < 1e-4);
 }

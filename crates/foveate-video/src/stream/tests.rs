@@ -279,7 +279,9 @@ fn damaged_videos_do_not_panic() {
     let mut writer = crate::Mp4Writer::create(&path, 48, 32, 25.0).expect("a writable folder");
     for t in 0..12 {
         let data = (0..48 * 32).map(|i| ((i % 48) * 5 + i / 48 * 3 + t * 9) as u8).collect();
-        writer.push(&Image::new(48, 32, 1, data).expect("sizes agree")).expect("a frame of the right size");
+        writer
+            .push(&Image::new(48, 32, 1, data).expect("sizes agree"), t as f64 / 25.0)
+            .expect("a frame of the right size");
     }
     writer.finish().expect("written");
     let small = "-vf scale=48:32 -frames:v 12 -g 6 -c:v libx264";
@@ -417,7 +419,7 @@ fn the_faster_decoder_is_taken() {
     let path = dir.path().join("a.mp4");
     let write = |n: usize, side: usize| {
         let mut writer = crate::Mp4Writer::create(&path, side, side, 25.0).expect("a writable folder");
-        (0..n).for_each(|_| writer.push(&Image::grey(side, side, 9)).expect("a frame"));
+        (0..n).for_each(|t| writer.push(&Image::grey(side, side, 9), t as f64 / 25.0).expect("a frame"));
         writer.finish().expect("written");
         open(&path).wants_ffmpeg()
     };

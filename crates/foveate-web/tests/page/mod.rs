@@ -100,7 +100,7 @@ pub fn mp4(path: &Path) {
     let mut writer = Mp4Writer::create(path, SIZE.0, SIZE.1, 30.0).expect("a writable folder");
     for t in 0..FRAMES {
         let image = Image::from_grey8(SIZE.0, SIZE.1, &frame(t)).expect("as many pixels").with_planes(3);
-        writer.push(&image).expect("a frame");
+        writer.push(&image, t as f64 / 30.0).expect("a frame");
     }
     writer.finish().expect("a whole file");
 }
