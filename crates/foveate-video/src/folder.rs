@@ -105,20 +105,40 @@ pub fn frames_folder(path: &Path) -> PathBuf {
 /// The PNG and JPEG files of [`frames_folder`] in natural order.
 ///
 /// # Errors
-/// Where the folder cannot be read, has none, or has two for one frame (`1.jpg` and `1.png`).
+/// Where the folder cannot be read, has none, has two for one frame (`1.jpg` and `1.png`), or has video files, too, as the folder of a
+/// camera: pictures that lie beside videos are no frames of one.
 pub fn image_files(path: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
     let folder = frames_folder(path.as_ref());
-    let (mut files, mut others) = (Vec::new(), 0);
+    let (mut files, mut videos, mut others) = (Vec::new(), Vec::new(), 0);
     for entry in std::fs::read_dir(&folder).map_err(Error::io(&folder, "cannot read the folder"))? {
         let file = entry.map_err(Error::io(&folder, "cannot read the folder"))?.path();
         if is_hidden(&file) || file.is_dir() {
             continue;
         }
-        if is_image(&file) { files.push(file) } else { others += 1 }
+        match (is_image(&file), is_video(&file)) {
+            (true, _) => files.push(file),
+            (_, true) if file.file_name().is_none_or(|name| name != FILM) => videos.push(file),
+            _ => others += 1,
+        }
+    }
+    if let Some(video) = videos.iter().min() {
+        let end = video.extension().unwrap_or_default().to_string_lossy();
+        let here = folder.display();
+        let (problem, rest) = match files.len() {
+            0 => (format!("expected frames as pictures, found {}", counted(videos.len(), "video")), String::new()),
+            n => (
+                format!(
+                    "expected frames alone, found {} and {}",
+                    counted(n, "picture"),
+                    counted(videos.len(), "video")
+                ),
+                "; for the pictures, give a folder that holds nothing else".to_owned(),
+            ),
+        };
+        return Err(Error::malformed(&folder, format!("{problem}; for the videos, give {here}/*.{end}{rest}")));
     }
     if files.is_empty() {
-        let found =
-            if others == 0 { "no files".to_owned() } else { format!("{} of other kinds", counted(others, "file")) };
+        let found = if others == 0 { "no files".to_owned() } else { counted(others, "file") + " of other kinds" };
         let problem = format!(
             "expected .jpg, .jpeg or .png files (here, or in a subfolder img, img1 or color), found {found}; \
              give the folder that holds the frames"
@@ -143,6 +163,21 @@ pub fn is_image(path: &Path) -> bool {
     let ending = path.extension().map(|ext| ext.to_string_lossy().to_ascii_lowercase());
     matches!(ending.as_deref(), Some("jpg" | "jpeg" | "png")) && !is_hidden(path)
 }
+
+/// How the names of video files end.
+const VIDEOS: [&str; 18] = [
+    "mp4", "m4v", "mov", "y4m", "mkv", "webm", "avi", "mpg", "mpeg", "ts", "mts", "m2ts", "wmv", "flv", "ogv", "3gp",
+    "mxf", "vob",
+];
+/// A result of ours: it may lie in the folder of the frames.
+const FILM: &str = "annotated.mp4";
+
+/// Whether a file is a video, by the ending of its name.
+pub fn is_video(path: &Path) -> bool {
+    let ending = path.extension().map(|end| end.to_string_lossy().to_ascii_lowercase());
+    ending.is_some_and(|end| VIDEOS.contains(&&*end))
+}
+
 
 fn is_hidden(path: &Path) -> bool {
     path.file_name().is_none_or(|name| name.to_string_lossy().starts_with('.'))
@@ -267,6 +302,24 @@ mod tests {
         assert!(text.contains("found no files"), "{text}");
         std::fs::write(dir.path().join("a.bmp"), "x").expect("a writable folder");
         let text = ImageFolder::open(dir.path()).expect_err("no images").to_string();
-        assert!(text.contains("1 files of other kinds"), "{text}");
+        assert!(text.contains("1 file of other kinds"), "{text}");
+    }
+
+    /// As a camera's folder: neither a picture that lies there nor one that comes later is taken for a frame.
+    #[test]
+    fn pictures_beside_videos_are_no_frames() {
+        let dir = folder(&[("IMG_0001.PNG", 1)]);
+        let problem = || ImageFolder::open(dir.path()).map(drop);
+        std::fs::write(dir.path().join("annotated.mp4"), "ours").expect("a writable folder");
+        assert!(problem().is_ok());
+        ["MVI_0003.MP4", "MVI_0002.MP4"]
+            .iter()
+            .for_each(|name| std::fs::write(dir.path().join(name), "x").expect("writable"));
+        let text = problem().expect_err("which one?").to_string();
+        let all = format!("{}/*.MP4", dir.path().display());
+        assert!(text.contains("found 1 picture and 2 videos") && text.contains(&all), "{text}");
+        std::fs::remove_file(dir.path().join("IMG_0001.PNG")).expect("ours");
+        let text = problem().expect_err("no picture").to_string();
+        assert!(text.contains("found 2 videos") && text.contains(&all), "{text}");
     }
 }

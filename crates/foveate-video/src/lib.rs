@@ -40,7 +40,7 @@ pub use coded::{CodedFrame, CodedVideo, Planes};
 pub use decode::{decode_image, read_image};
 pub use encode::{encode_jpeg, encode_png, save_png};
 pub use file::VideoFile;
-pub use folder::{ImageFolder, frames_folder, image_files};
+pub use folder::{ImageFolder, frames_folder, image_files, is_video};
 pub use frame::{Frame, FrameSource, SourceInfo};
 pub use live::{Live, LiveOptions, is_live, without_password};
 pub use mp4_writer::Mp4Writer;

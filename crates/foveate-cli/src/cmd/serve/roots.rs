@@ -4,15 +4,12 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use foveate::video::{image_files, is_live, without_password};
+use foveate::video::{image_files, is_live, is_video, without_password};
 use foveate::{Error, Result};
 use serde::Serialize;
 
 /// Names listed of a folder, at most.
 const MOST: usize = 2000;
-/// How videos end.
-const VIDEOS: [&str; 14] =
-    ["mp4", "m4v", "mov", "y4m", "mkv", "webm", "avi", "mpg", "mpeg", "ts", "mts", "wmv", "flv", "ogv"];
 
 /// The folders and files that may be seen.
 #[derive(Debug)]
@@ -135,8 +132,7 @@ fn kind(path: &Path) -> Option<&'static str> {
     if path.is_dir() {
         return Some(if image_files(path).is_ok() { "images" } else { "folder" });
     }
-    let ending = path.extension()?.to_string_lossy().to_ascii_lowercase();
-    VIDEOS.contains(&&*ending).then_some("video")
+    is_video(path).then_some("video")
 }
 
 #[cfg(test)]
