@@ -3,7 +3,7 @@
 use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::Duration;
 
-use crate::{Frame, FrameSource, Interrupt, SourceInfo};
+use crate::{Frame, FrameSource, Interrupt, Remarks, SourceInfo};
 use foveate_base::{Error, Result, quiet, thread};
 
 /// How many frames wait at most.
@@ -20,7 +20,7 @@ const PATIENCE: Duration = Duration::from_millis(50);
 /// [`ahead`], until `stop` says so: then it ends, also where the source blocks. It is asked before every frame, and all along
 /// while none comes.
 pub fn ahead_until(mut source: Box<dyn FrameSource>, stop: impl Fn() -> bool + Send + 'static) -> Box<dyn FrameSource> {
-    let (info, interrupt) = (source.info().clone(), source.interrupt());
+    let (info, interrupt, remarks) = (source.info().clone(), source.interrupt(), source.remarks());
     let (send, frames) = sync_channel(DEPTH);
     let refused = send.clone();
     let read = move || {
@@ -33,13 +33,14 @@ pub fn ahead_until(mut source: Box<dyn FrameSource>, stop: impl Fn() -> bool + S
         let _ = refused.send(Err(error));
     }
     drop(refused);
-    Box::new(Ahead { info, frames, interrupt, stop: Box::new(stop) })
+    Box::new(Ahead { info, frames, interrupt, remarks, stop: Box::new(stop) })
 }
 
 struct Ahead {
     info: SourceInfo,
     frames: Receiver<Result<Frame>>,
     interrupt: Option<Interrupt>,
+    remarks: Remarks,
     stop: Box<dyn Fn() -> bool + Send>,
 }
 
@@ -73,6 +74,9 @@ impl FrameSource for Ahead {
     }
     fn interrupt(&self) -> Option<Interrupt> {
         self.interrupt.clone()
+    }
+    fn remarks(&self) -> Remarks {
+        self.remarks.clone()
     }
 }
 

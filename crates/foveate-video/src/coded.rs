@@ -90,7 +90,7 @@ impl CodedVideo {
             Planes::I420 => (colours[..each].to_vec(), colours[each..].to_vec()),
             Planes::Nv12 => colours.chunks_exact(2).map(|pair| (pair[0], pair[1])).unzip(),
         };
-        let image = self.mp4.image(&Yuv { width, height, chroma, y: y.to_vec(), u, v });
+        let image = self.mp4.image(&Yuv { width, height, chroma, y: y.to_vec(), u, v })?;
         if (image.width(), image.height()) != (info.width, info.height) {
             let (w, h) = (image.width(), image.height());
             return Err(wrong(format!("expected {} x {} pixels, found {w} x {h}", info.width, info.height)));

@@ -5,6 +5,8 @@
 use std::io::{BufReader, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
 
 use crate::child::{Leash, listen};
 use crate::decoded::Decoded;
@@ -18,6 +20,9 @@ pub(super) struct Feed {
     leash: Leash,
     output: Option<std::process::ChildStdout>,
     pixels: Option<Pixels>,
+    /// The first error that it logged, and the thread that reads them.
+    complaint: Arc<Mutex<Option<String>>>,
+    listener: Option<JoinHandle<()>>,
 }
 
 impl Feed {
@@ -48,7 +53,13 @@ impl Feed {
         let output = child.stdout.take();
         let errors = child.stderr.take().expect("it was asked for a pipe");
         leash.hold(child);
-        listen(errors, |_| ())?;
+        let complaint = Arc::<Mutex<Option<String>>>::default();
+        let heard = complaint.clone();
+        let listener = Some(listen(errors, move |line| {
+            // After the name of the part of ffmpeg that logs it.
+            let text = line.split_once("] ").map_or(&*line, |(_, text)| text).to_owned();
+            heard.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(text);
+        })?);
         let write = move || {
             // It ends with the last frame, or with the program.
             while let Some(frame) = next() {
@@ -58,7 +69,7 @@ impl Feed {
             }
         };
         thread::start("feeding ffmpeg", write).map_err(|error| error.to_string())?;
-        Ok(Self { leash: leash.clone(), output, pixels: None })
+        Ok(Self { leash: leash.clone(), output, pixels: None, complaint, listener })
     }
 
     /// The next picture; `None` at the end, an error where the program stops before it.
@@ -67,6 +78,13 @@ impl Feed {
             self.pixels = Y4m::new(BufReader::new(output), &[]).ok();
         }
         self.pixels.as_mut()?.picture()
+    }
+
+    /// Ends it. The first error that it logged, if any.
+    pub fn complaint(&mut self) -> Option<String> {
+        self.leash.end();
+        self.listener.take().map(JoinHandle::join);
+        self.complaint.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 }
 

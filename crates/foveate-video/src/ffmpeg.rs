@@ -13,27 +13,45 @@ use std::process::{ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
+mod facts;
+mod said;
+
+use crate::Remarks;
+use crate::aspect::Aspect;
 use crate::child::{Leash, listen};
 use crate::decoded::{DecodeError, Decoded, Picture};
 use crate::y4m::Y4m;
-use crate::yuv::Colour;
+use crate::yuv::{Colour, Yuv};
+use facts::Facts;
 use foveate_base::{memory, thread};
+use said::Said;
 
 /// The pixels as ffmpeg hands them over.
 pub(crate) type Pixels = Y4m<BufReader<ChildStdout>>;
 
 /// A running ffmpeg.
 pub(super) struct Ffmpeg {
+    program: PathBuf,
+    /// The file, as ffmpeg names it.
+    input: OsString,
+    facts: Facts,
     leash: Leash,
+    remarks: Remarks,
     /// Its output, until the first line of it is read.
     output: Option<ChildStdout>,
     pixels: Option<Pixels>,
-    times: Receiver<f64>,
+    times: Receiver<Stamp>,
     said: Arc<Mutex<Said>>,
-    facts: Facts,
-    /// Time stamp of the first frame, and how many frames came.
-    origin: Option<f64>,
+    /// The time of the last frame in seconds, and how many frames came.
+    last: f64,
     frames: usize,
+}
+
+/// The time stamp of a frame in seconds from the first, and how long the frame lasts by its rate; 0 where nobody knows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Stamp {
+    time: f64,
+    lasts: f64,
 }
 
 /// What ffmpeg is needed for: where it is missing, something else can be done about each.
@@ -46,33 +64,6 @@ pub(crate) enum Task {
     /// A stream or a camera.
     Live,
 }
-
-/// What ffmpeg said that matters to people.
-#[derive(Debug, Default, PartialEq)]
-pub(crate) struct Said {
-    complaint: Option<String>,
-    /// What it said of the end of the file, and of the last corrupt frame: how many frames had come.
-    cut: Option<String>,
-    corrupt: Option<(usize, String)>,
-    frames: usize,
-}
-
-/// What ffprobe knows of a video.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Facts {
-    rate: Option<f64>,
-    frames: Option<usize>,
-    /// As in H.264's table E-5.
-    matrix: Option<u16>,
-    full_range: bool,
-}
-
-/// What ffmpeg says of a file that was cut off. It ends well all the same.
-const CUT: [&str; 4] = ["ended prematurely", "Error during demuxing", "partial file", "Truncating packet"];
-/// What it says of a frame that it makes up in part.
-const CORRUPT: [&str; 2] = ["corrupt decoded frame", "corrupt input packet"];
-/// A corrupt frame so near to the end, in frames, is the end.
-const NEAR: usize = 4;
 
 /// Kinds of files that hold their frames themselves. Those that name other files or addresses are left out on purpose.
 pub(crate) const KINDS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,mpegtsraw,mpegvideo,vob,flv,live_flv,kux,asf,ogg,\
@@ -88,41 +79,42 @@ pub(crate) fn most_pixels() -> String {
     (memory::limit() / memory::PIXEL).to_string()
 }
 
+/// Ticks a second of the times that ffmpeg is asked for: the times of 1/90000, 1/1000000 and of common rates are whole numbers of it,
+/// and no other is off by more than a nanosecond. Without it ffmpeg rounds times to the mean frame rate.
+const TICKS: &str = "1:1764000000";
+/// A corrupt frame so near to the end, in frames, is the end.
+const NEAR: usize = 4;
+/// Times that are nearer than this, in seconds, are those that ffmpeg makes up where its time stamps do not rise.
+const NEAREST: f64 = 1e-6;
+
 impl Ffmpeg {
     /// Starts `program` on a file; the first `skip` frames are thrown away.
     ///
     /// # Errors
-    /// What is wrong and what to do, where the program is not there or does not start.
-    pub fn open(program: &Path, path: &Path, skip: usize, leash: &Leash) -> Result<Self, String> {
-        let passthrough = passthrough(program, Task::File)?;
+    /// What is wrong and what to do, where the program is not there or does not start, or the file holds sound alone.
+    pub fn open(program: &Path, path: &Path, skip: usize, leash: &Leash, remarks: &Remarks) -> Result<Self, String> {
         let mut input = OsString::from("file:");
         input.push(path);
-        let (times, writer) = pipe().map_err(|error| format!("a pipe to ffmpeg cannot be made ({error})"))?;
-        let mut command = Command::new(program);
-        command
-            .args(["-hide_banner", "-nostdin", "-nostats", "-loglevel", "level+warning"])
-            .args(["-protocol_whitelist", "file", "-format_whitelist", KINDS, "-max_pixels", &most_pixels(), "-i"])
-            .arg(&input)
-            .args(["-map", "0:v:0", "-an", "-sn", "-dn", "-map_metadata", "-1", "-vf", FORMATS])
-            .args(passthrough)
-            // One frame goes to both outputs before the next one is made: none waits for the other.
-            .args(["-c:v", "wrapped_avframe", "-strict", "-1", "-f", "tee"])
-            .arg(r"[f=framecrc:flush_packets=1]pipe\:0|[f=yuv4mpegpipe:strict=-1]pipe\:1")
-            .stdin(Stdio::from(writer))
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped());
-        let mut child = command.spawn().map_err(|error| missing(program, Task::File, &error))?;
-        // The command holds the writer too: while it does, the times would never end.
-        drop(command);
-        let output = child.stdout.take();
-        let errors = child.stderr.take().expect("it was asked for a pipe");
-        leash.hold(child);
-        let said = Arc::new(Mutex::new(Said::default()));
-        hear(errors, said.clone())?;
-        let times = read_times(times, said.clone())?;
         let facts = Facts::ask(program, &input);
-        let (leash, pixels, origin) = (leash.clone(), None, None);
-        let mut ffmpeg = Self { leash, output, pixels, times, said, facts, origin, frames: 0 };
+        if facts.sound {
+            return Err("expected a video, found sound alone; give a file with pictures".into());
+        }
+        let (program, leash, remarks, times) = (program.to_owned(), leash.clone(), remarks.clone(), sync_channel(0).1);
+        let said = Arc::default();
+        let mut ffmpeg = Self {
+            program,
+            input,
+            facts,
+            leash,
+            remarks,
+            output: None,
+            pixels: None,
+            times,
+            said,
+            last: 0.0,
+            frames: 0,
+        };
+        ffmpeg.start()?;
         for _ in 0..skip {
             match ffmpeg.picture() {
                 Some(Ok(_)) => (),
@@ -133,10 +125,42 @@ impl Ffmpeg {
         Ok(ffmpeg)
     }
 
-    /// Frames a second; known after the first frame.
+    fn start(&mut self) -> Result<(), String> {
+        let passthrough = passthrough(&self.program, Task::File)?;
+        let (times, writer) = pipe().map_err(|error| format!("a pipe to ffmpeg cannot be made ({error})"))?;
+        let stream = self.facts.stream.map_or("0:V:0".to_owned(), |stream| format!("0:{stream}"));
+        // Where the size changes it stops, in the place of making all pictures as large as the first.
+        let guard = self.facts.sides.map_or(String::new(), |(width, height)| {
+            format!(",scale=w='if(eq(iw,{width})*eq(ih,{height}),iw,NAN)':h=ih")
+        });
+        let mut command = Command::new(&self.program);
+        command
+            .args(["-hide_banner", "-nostdin", "-nostats", "-loglevel", "level+warning", "-copyts"])
+            .args(["-protocol_whitelist", "file", "-format_whitelist", KINDS, "-max_pixels", &most_pixels(), "-i"])
+            .arg(&self.input)
+            .args(["-map", &stream, "-an", "-sn", "-dn", "-map_metadata", "-1", "-vf", &format!("{FORMATS}{guard}")])
+            .args(passthrough)
+            // One frame goes to both outputs before the next one is made: none waits for the other.
+            .args(["-enc_time_base", TICKS, "-c:v", "wrapped_avframe", "-strict", "-1", "-f", "tee"])
+            .arg(r"[f=framecrc:flush_packets=1]pipe\:0|[f=yuv4mpegpipe:strict=-1]pipe\:1")
+            .stdin(Stdio::from(writer))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        let mut child = command.spawn().map_err(|error| missing(&self.program, Task::File, &error))?;
+        // The command holds the writer too: while it does, the times would never end.
+        drop(command);
+        self.output = child.stdout.take();
+        let errors = child.stderr.take().expect("it was asked for a pipe");
+        self.leash.hold(child);
+        self.said = Arc::new(Mutex::new(Said { remarks: self.remarks.clone(), ..Said::default() }));
+        hear(errors, self.said.clone())?;
+        self.times = read_times(times, self.said.clone())?;
+        Ok(())
+    }
+
+    /// Mean frames a second.
     pub fn rate(&self) -> f64 {
-        let stated = self.pixels.as_ref().and_then(|pixels| pixels.head.rate);
-        self.facts.rate.or(stated).unwrap_or(30.0)
+        self.facts.rate.unwrap_or(30.0)
     }
 
     /// An estimate of the number of frames.
@@ -151,16 +175,29 @@ impl Ffmpeg {
             self.pixels = Y4m::new(BufReader::new(output), &[]).ok();
         }
         match self.pixels.as_mut().and_then(Y4m::picture) {
-            Some(Ok(yuv)) => {
-                let full = self.pixels.as_ref().and_then(|p| p.head.full_range).unwrap_or(self.facts.full_range);
-                let image = yuv.to_rgb(Colour::new(self.facts.matrix, full, yuv.width, yuv.height));
-                let time = self.times.recv().ok();
-                let time = time.unwrap_or(self.origin.unwrap_or(0.0) + self.frames as f64 / self.rate());
-                self.frames += 1;
-                Some(Ok((image, time - *self.origin.get_or_insert(time))))
-            }
+            Some(Ok(yuv)) => Some(self.shown(&yuv)),
             _ => self.end(),
         }
+    }
+
+    fn shown(&mut self, yuv: &Yuv) -> Decoded<Picture> {
+        let head = self.pixels.as_ref().map(|pixels| pixels.head);
+        let full = head.and_then(|head| head.full_range).unwrap_or(self.facts.full_range);
+        let image = yuv.to_rgb(Colour::new(self.facts.matrix, full, yuv.width, yuv.height));
+        let image = head.map_or(Aspect::default(), |head| head.aspect).square(image)?;
+        self.remarks.set_sides((yuv.width, yuv.height), (image.width(), image.height()));
+        let stamp = self.times.recv().ok();
+        self.frames += 1;
+        self.last = match stamp {
+            _ if self.frames == 1 => 0.0,
+            Some(stamp) if stamp.time > self.last + NEAREST => stamp.time,
+            stamp => {
+                self.remarks.add_untimed(self.frames);
+                let lasts = stamp.map_or(0.0, |stamp| stamp.lasts);
+                self.last + self.facts.rate.map_or(if lasts > 0.0 { lasts } else { 1.0 / 30.0 }, |rate| 1.0 / rate)
+            }
+        };
+        Ok((image, self.last))
     }
 
     /// Why there is no frame any more; `None` where the video is at its end.
@@ -170,6 +207,23 @@ impl Ffmpeg {
         while self.times.recv().is_ok() {}
         std::thread::sleep(std::time::Duration::from_millis(20));
         let said = std::mem::take(&mut *self.said.lock().unwrap_or_else(PoisonError::into_inner));
+        if said.resized && self.frames == 0 {
+            // ffprobe was wrong about the size.
+            self.facts.sides = None;
+            return match self.start() {
+                Ok(()) => self.picture(),
+                Err(problem) => Some(Err(DecodeError::Damaged(problem))),
+            };
+        }
+        if said.resized {
+            let size = self
+                .facts
+                .sides
+                .map_or(String::new(), |(w, h)| format!("expected {w} x {h} pixels as in the first frame, "));
+            return Some(Err(DecodeError::Damaged(format!(
+                "{size}found others; cut the video where the size changes"
+            ))));
+        }
         if self.frames > 0 && ended.is_some_and(|status| status.success()) {
             let corrupt = said.corrupt.filter(|(at, _)| at + NEAR >= self.frames).map(|(_, text)| text);
             let end = said.cut.or(corrupt)?;
@@ -177,6 +231,10 @@ impl Ffmpeg {
         }
         let text = said.complaint.unwrap_or_else(|| "it gave no reason".into());
         Some(Err(match self.frames {
+            0 if text.contains("not on whitelist") => {
+                let problem = "expected a video, found a file of another kind";
+                DecodeError::Damaged(format!("{problem}; check that this is a video, or convert it to H.264 in MP4"))
+            }
             0 => {
                 let problem = "expected a video that ffmpeg reads; it says";
                 DecodeError::Damaged(format!("{problem}: {text}; check that this is a video, and whole"))
@@ -197,37 +255,26 @@ fn hear(errors: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Result<()
     listen(errors, move |line| said.lock().unwrap_or_else(PoisonError::into_inner).hear(&line)).map(drop)
 }
 
-impl Said {
-    fn hear(&mut self, line: &str) {
-        let after = |level: &str| line.split_once(level).map(|(_, text)| text.trim().to_owned());
-        let error = after("[error] ").or_else(|| after("[fatal] "));
-        let Some(text) = error.clone().or_else(|| after("[warning] ")) else { return };
-        if CUT.iter().any(|words| text.contains(words)) {
-            self.cut.get_or_insert(text);
-        } else if CORRUPT.iter().any(|words| text.contains(words)) {
-            self.corrupt = Some((self.frames, text));
-        } else if let Some(error) = error {
-            self.complaint.get_or_insert(error);
-        }
-    }
-}
-
-/// The times of the frames in seconds, as they come: lines of numbers under a head that states the unit.
-fn read_times(lines: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Result<Receiver<f64>, String> {
+/// The times of the frames from the first, as they come: lines of numbers under a head that states the unit.
+fn read_times(lines: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Result<Receiver<Stamp>, String> {
     let (send, times) = sync_channel(1 << 10);
     let read = move || {
-        let mut unit = None;
+        let (mut unit, mut first) = (None, None);
         for line in BufReader::new(lines).lines().map_while(Result::ok) {
             if let Some(stated) = line.strip_prefix("#tb 0: ") {
-                unit = ratio(stated.trim());
+                unit = stated.trim().split_once('/').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
             }
             if line.starts_with('#') {
                 continue;
             }
-            let stamp = line.split(',').nth(2).and_then(|stamp| stamp.trim().parse::<i64>().ok());
-            let Some(time) = stamp.zip(unit).map(|(stamp, unit)| stamp as f64 * unit) else { break };
+            let field = |n| line.split(',').nth(n).and_then(|number| number.trim().parse::<i64>().ok());
+            let (Some((over, under)), Some(stamp)) = (unit, field(2)) else { break };
+            // Of whole numbers: the seconds are the nearest number to the exact ones.
+            let (over, under): (i64, i64) = (over, under);
+            let seconds = |ticks: i128| (ticks * i128::from(over)) as f64 / under as f64;
+            let time = seconds(i128::from(stamp) - i128::from(*first.get_or_insert(stamp)));
             said.lock().unwrap_or_else(PoisonError::into_inner).frames += 1;
-            if send.send(time).is_err() {
+            if send.send(Stamp { time, lasts: seconds(field(3).unwrap_or(0).into()) }).is_err() {
                 break;
             }
         }
@@ -236,58 +283,11 @@ fn read_times(lines: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Resu
     Ok(times)
 }
 
-impl Facts {
-    /// Asks the ffprobe that lies beside the ffmpeg; nothing is known where it is not there.
-    fn ask(program: &Path, input: &OsString) -> Self {
-        let fields =
-            "stream=pix_fmt,color_space,color_range,r_frame_rate,avg_frame_rate,duration,nb_frames:format=duration";
-        let told = Command::new(probe(program))
-            .args(["-v", "quiet", "-protocol_whitelist", "file", "-format_whitelist", KINDS])
-            .args(["-select_streams", "v:0", "-show_entries", fields, "-of", "default=noprint_wrappers=1"])
-            .arg(input)
-            .stdin(Stdio::null())
-            .stderr(Stdio::null())
-            .output();
-        told.map_or(Self::default(), |told| Self::read(&String::from_utf8_lossy(&told.stdout)))
-    }
-
-    fn read(text: &str) -> Self {
-        let all = |name: &str| {
-            let name = format!("{name}=");
-            text.lines().filter_map(|line| line.strip_prefix(&name).map(str::to_owned)).collect::<Vec<_>>()
-        };
-        let number =
-            |name| all(name).iter().find_map(|text| text.parse::<f64>().ok().filter(|n| *n > 0.0 && n.is_finite()));
-        let rate = |name| all(name).iter().find_map(|text| ratio(text).filter(|rate| *rate > 0.0));
-        let rate = rate("avg_frame_rate").or_else(|| rate("r_frame_rate"));
-        let frames = number("nb_frames").or_else(|| Some(number("duration")? * rate?)).filter(|n| *n < 1e12);
-        let format = all("pix_fmt").concat();
-        let of_luma = ["yuv", "nv", "gray", "y"].iter().any(|name| format.starts_with(name));
-        let matrix = match all("color_space").concat().as_str() {
-            "bt709" => Some(1),
-            "bt470bg" | "smpte170m" | "fcc" => Some(6),
-            "smpte240m" => Some(7),
-            "bt2020nc" | "bt2020c" => Some(9),
-            // Red, green and blue, which ffmpeg turns into yuv by its own guess.
-            _ if !of_luma && !format.is_empty() => Some(6),
-            _ => None,
-        };
-        let full_range = of_luma && all("color_range").concat() == "pc";
-        Self { rate, frames: frames.map(|n| n.round() as usize), matrix, full_range }
-    }
-}
-
 /// `25/2`.
 fn ratio(text: &str) -> Option<f64> {
     let (over, under) = text.split_once('/')?;
     let ratio = over.parse::<f64>().ok()? / under.parse::<f64>().ok()?;
     ratio.is_finite().then_some(ratio)
-}
-
-/// Beside `a/ffmpeg`, `a/ffprobe`.
-fn probe(program: &Path) -> PathBuf {
-    let name = program.file_name().unwrap_or_default().to_string_lossy().replace("ffmpeg", "ffprobe");
-    program.with_file_name(name)
 }
 
 /// Every frame as it is, none doubled or left out. Before 5.1 the option had another name.

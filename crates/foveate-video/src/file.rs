@@ -14,7 +14,7 @@ use crate::ffmpeg::Ffmpeg;
 use crate::frame::FFMPEG;
 use crate::options::{Decoder, Options};
 use crate::stream::{Bytes, Mp4};
-use crate::{Frame, FrameSource, SourceInfo};
+use crate::{Frame, FrameSource, Remarks, SourceInfo};
 use foveate_base::{Error, Result};
 
 /// A video file.
@@ -23,6 +23,7 @@ pub struct VideoFile {
     options: Options,
     leash: Leash,
     info: SourceInfo,
+    remarks: Remarks,
     reader: Option<Reader>,
     first: Option<Frame>,
     next: usize,
@@ -66,10 +67,14 @@ impl VideoFile {
     fn read(path: &Path, mut file: Box<dyn Bytes>, len: u64, options: &Options) -> Result<Self> {
         let info = SourceInfo { width: 0, height: 0, frames: None, rate: 0.0, reader: String::new() };
         let (path, options, leash) = (path.to_owned(), options.clone(), Leash::default());
-        let mut video = Self { path, options, leash, info, reader: None, first: None, next: 0 };
-        let mut head = [0; 8];
+        let remarks = Remarks::default();
+        let mut video = Self { path, options, leash, info, remarks, reader: None, first: None, next: 0 };
+        let mut head = [0; 12];
         let opened = match file.read_exact(&mut head) {
             Ok(()) if is_mp4(&head) => Mp4::new(file, len),
+            Ok(()) if is_sound(&head) => {
+                Err(DecodeError::Damaged("expected a video, found sound alone; give a file with pictures".into()))
+            }
             _ => Err(DecodeError::Unsupported("a file of another kind than MP4".into())),
         };
         match opened {
@@ -91,6 +96,7 @@ impl VideoFile {
 
     /// Chooses the decoder of an MP4 file.
     fn begin(&mut self, mut mp4: Mp4) -> Result<()> {
+        self.remarks = mp4.remarks().clone();
         let asked = self.options.decoder == Decoder::Ffmpeg;
         if asked || (self.options.decoder == Decoder::Auto && mp4.wants_ffmpeg()) {
             let file = File::open(&self.path).map_err(Error::io(&self.path, "cannot open"))?;
@@ -135,7 +141,7 @@ impl VideoFile {
             let problem = format!("this is {why}; expected H.264 in MP4, which alone is read without ffmpeg");
             return Err(self.error(problem + "; take the decoder auto or ffmpeg, or convert the video"));
         }
-        match Ffmpeg::open(&self.options.ffmpeg, &self.path, self.next, &self.leash) {
+        match Ffmpeg::open(&self.options.ffmpeg, &self.path, self.next, &self.leash, &self.remarks) {
             Ok(ffmpeg) => self.reader = Some(Reader::Ffmpeg(Box::new(ffmpeg))),
             Err(problem) => return Err(self.error(format!("this is {why}; {problem}"))),
         }
@@ -177,10 +183,26 @@ impl FrameSource for VideoFile {
     fn interrupt(&self) -> Option<Interrupt> {
         Some(self.leash.interrupt())
     }
+    fn remarks(&self) -> Remarks {
+        self.remarks.clone()
+    }
 }
 
 /// Whether a file that begins so is an MP4 or QuickTime file.
 pub(super) fn is_mp4(head: &[u8]) -> bool {
     let names: [&[u8]; 8] = [b"ftyp", b"moov", b"mdat", b"free", b"skip", b"wide", b"pnot", b"styp"];
     head.get(4..8).is_some_and(|name| names.contains(&name))
+}
+
+/// Whether a file that begins so is one of the kinds that hold sound alone: MP3, AAC, FLAC, WAVE, AIFF, AMR, MIDI, AU, CAF, WavPack, Musepack,
+/// Monkey's Audio.
+fn is_sound(head: &[u8; 12]) -> bool {
+    let names: [&[u8]; 11] =
+        [b"ID3", b"fLaC", b"#!AMR", b"MThd", b".snd", b"caff", b"wvpk", b"MPCK", b"MAC ", b"\xff\xf1", b"\xff\xf9"];
+    // A frame of MPEG sound of layers 1 to 3: eleven bits of ones, a layer, a rate.
+    let mpeg =
+        head[0] == 0xff && head[1] & 0xe0 == 0xe0 && head[1] & 0x18 != 0x08 && head[1] & 6 != 0 && head[2] >> 4 != 15;
+    let chunks =
+        (&head[..4] == b"RIFF" && &head[8..] == b"WAVE") || (&head[..4] == b"FORM" && head[8..].starts_with(b"AIF"));
+    names.iter().any(|name| head.starts_with(name)) || mpeg || chunks
 }

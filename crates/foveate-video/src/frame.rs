@@ -1,5 +1,6 @@
 //! Frames, and where they come from.
 
+use crate::Remarks;
 use crate::child::Interrupt;
 use foveate_base::Result;
 use foveate_core::scene::Image;
@@ -9,9 +10,9 @@ use foveate_core::scene::Image;
 pub struct Frame {
     /// Position in the source, counted from 0.
     pub index: usize,
-    /// Presentation time in seconds from the first frame; a folder of images has 1/30 s a frame.
+    /// Presentation time in seconds from the first frame, by the time stamps of the file; a folder of images has 1/30 s a frame.
     pub time: f64,
-    /// The pixels.
+    /// The pixels: square ones, as players show them, whatever the file stores.
     pub image: Image,
 }
 
@@ -24,6 +25,10 @@ pub trait FrameSource: Iterator<Item = Result<Frame>> + Send {
     /// How to end a read that blocks, from another thread; `None` where reads do not block for long.
     fn interrupt(&self) -> Option<Interrupt> {
         None
+    }
+    /// What people should know of the video; it is filled while frames are read.
+    fn remarks(&self) -> Remarks {
+        Remarks::default()
     }
 }
 

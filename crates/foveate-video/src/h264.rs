@@ -54,6 +54,25 @@ impl Setup {
         units.iter().filter(|unit| is_sequence_set(unit)).try_for_each(|set| check_size(set).map(drop))
     }
 
+    /// Whether a frame brings settings for pictures of another size than the first settings have.
+    pub fn resizes(&self, frame: &[u8]) -> bool {
+        let other = |unit: &&[u8]| {
+            let (set, first) = (sps::parse(unit), self.sps);
+            set.zip(first).is_some_and(|(set, first)| (set.width, set.height) != (first.width, first.height))
+        };
+        self.units(frame).is_ok_and(|units| units.iter().filter(|unit| is_sequence_set(unit)).any(other))
+    }
+
+    /// Whether a frame holds bytes that no encoder writes: two zeros and a byte below 3 (ITU-T H.264, 7.4.1). Zeros at the end of a
+    /// unit are padding.
+    pub fn is_damaged(&self, frame: &[u8]) -> bool {
+        let illegal = |unit: &&[u8]| {
+            let end = unit.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1);
+            unit[..end].windows(3).any(|bytes| bytes[..2] == [0, 0] && bytes[2] < 3)
+        };
+        self.units(frame).is_ok_and(|units| units.iter().any(illegal))
+    }
+
     /// Whether a frame needs no other before it (an IDR picture).
     pub fn starts_anew(&self, frame: &[u8]) -> Decoded<bool> {
         Ok(self.units(frame)?.iter().any(|unit| unit[0] & 31 == 5))
@@ -163,7 +182,7 @@ impl Decoder {
         match picture {
             None if coded => Err(DecodeError::damaged("parts of the coded picture are missing")),
             Some(picture) if !picture.is_valid() => Err(DecodeError::damaged("the decoder gave an impossible picture")),
-            Some(picture) if setup.sps.is_some_and(|sps| sps.height == 2 * picture.height) => {
+            Some(picture) if setup.sps.is_some_and(|sps| sps.height == 2 * picture.height) && !setup.resizes(frame) => {
                 Err(DecodeError::Unsupported("single fields (interlaced video) stored as frames".into()))
             }
             picture => Ok(picture),

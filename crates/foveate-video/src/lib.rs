@@ -3,6 +3,7 @@
 
 pub mod ahead;
 pub mod annotation;
+mod aspect;
 mod child;
 pub mod coded;
 pub mod decode;
@@ -25,6 +26,7 @@ pub mod open;
 pub mod options;
 pub mod otb;
 mod piped;
+mod remarks;
 pub mod select;
 mod sps;
 mod stream;
@@ -47,5 +49,6 @@ pub use mp4_writer::Mp4Writer;
 pub use newest::{Meter, Pace, newest};
 pub use open::{open, open_with};
 pub use options::{Decoder, Options, Pixels, Raw};
+pub use remarks::Remarks;
 pub use select::{Selection, select};
 pub use tiles::{TileFolder, TileFrames, write_tiles};

@@ -249,6 +249,7 @@ impl Live {
         let yuv = pixels.picture()?.ok()?;
         let full = pixels.head.full_range.unwrap_or(false);
         let image = yuv.to_rgb(Colour::new(None, full, yuv.width, yuv.height));
+        let image = pixels.head.aspect.square(image).ok()?;
         self.show_life(false);
         let now = Instant::now();
         let time = now.duration_since(*self.began.get_or_insert(now)).as_secs_f64();

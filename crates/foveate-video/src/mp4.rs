@@ -8,6 +8,7 @@ mod boxes;
 
 use std::io::{Read, Seek, SeekFrom};
 
+use crate::aspect::Aspect;
 use crate::decoded::{DecodeError, Decoded};
 use boxes::{Cursor, boxes, child, full, path, repeat, rows, rows_at};
 use foveate_base::memory;
@@ -33,6 +34,8 @@ pub(super) struct Movie {
     pub timescale: u32,
     /// How often the picture is to be turned by 90 degrees, clockwise, 0 to 3.
     pub turns: u8,
+    /// Width over height of a pixel, where the container states it.
+    pub aspect: Option<Aspect>,
     /// Matrix coefficients and full range, as the container has them.
     pub colour: Option<(u16, bool)>,
     /// What is missing after the last of the samples, where the index ends too early.
@@ -112,14 +115,17 @@ pub(super) fn read(file: &mut (impl Read + Seek), len: u64) -> Decoded<Movie> {
     track(&moov, &moofs, len, cut)
 }
 
-/// The first video track of the index.
+/// The video track of the index: where there are several, the first that is enabled and holds more than pictures for a cover.
 fn track(moov: &[u8], moofs: &[(u64, Vec<u8>)], len: u64, cut: Option<String>) -> Decoded<Movie> {
     let handler = |trak| path(trak, &[b"mdia", b"hdlr"]).and_then(|hdlr| hdlr.get(8..12));
     let traks = || boxes(moov).filter(|(name, _)| name == b"trak").map(|(_, trak)| trak);
-    let Some(trak) = traks().find(|trak| handler(trak) == Some(b"vide")) else {
-        let problem =
-            format!("expected a video track, found {} of other kinds; give a video", counted(traks().count(), "track"));
-        return Err(DecodeError::Damaged(problem));
+    let Some(trak) = traks().filter(|trak| handler(trak) == Some(b"vide")).min_by_key(|trak| demerits(trak)) else {
+        let (all, sound) = (traks().count(), traks().filter(|trak| handler(trak) == Some(b"soun")).count());
+        let found = match sound == all && all > 0 {
+            true => "sound alone".to_owned(),
+            false => format!("{} of other kinds", counted(all, "track")),
+        };
+        return Err(DecodeError::Damaged(format!("expected a video track, found {found}; give a video")));
     };
     let stbl = path(trak, &[b"mdia", b"minf", b"stbl"]).ok_or_else(|| lacks("stbl"))?;
     let stsd = child(stbl, b"stsd").and_then(|stsd| stsd.get(8..)).ok_or_else(|| lacks("stsd"))?;
@@ -131,6 +137,8 @@ fn track(moov: &[u8], moofs: &[(u64, Vec<u8>)], len: u64, cut: Option<String>) -
     if boxes(stsd).count() > 1 {
         return Err(DecodeError::Unsupported("a track of several codec settings".into()));
     }
+    let mut sides = Cursor(entry.get(24..28).unwrap_or_default());
+    let stored = sides.u16().zip(sides.u16());
     let entry = entry.get(78..).ok_or_else(|| lacks("avc1"))?;
     let avcc = child(entry, b"avcC").ok_or_else(|| lacks("avcC"))?.to_vec();
     let colour = child(entry, b"colr").filter(|colr| colr.starts_with(b"nclx")).and_then(|colr| {
@@ -143,7 +151,10 @@ fn track(moov: &[u8], moofs: &[(u64, Vec<u8>)], len: u64, cut: Option<String>) -
         Cursor(head.get(if head[0] == 1 { 20 } else { 12 }..)?).u32().filter(|&scale| scale > 0)
     };
     let scale = timescale(path(trak, &[b"mdia", b"mdhd"])).ok_or_else(|| lacks("mdhd"))?;
-    let (id, turns) = child(trak, b"tkhd").and_then(track_head).ok_or_else(|| lacks("tkhd"))?;
+    let tkhd = child(trak, b"tkhd").ok_or_else(|| lacks("tkhd"))?;
+    let (id, turns) = track_head(tkhd).ok_or_else(|| lacks("tkhd"))?;
+    let pasp = child(entry, b"pasp").and_then(|pasp| rows_at::<2>(pasp, 0).next());
+    let aspect = pasp.and_then(|[across, down]| Aspect::new(across, down)).or_else(|| stretched(tkhd, stored?));
 
     let (mut samples, misplaced) = sample_table(stbl, len)?;
     let fragments = fragments(moov, moofs, id, len, &mut samples);
@@ -155,7 +166,32 @@ fn track(moov: &[u8], moofs: &[(u64, Vec<u8>)], len: u64, cut: Option<String>) -
     if let Some(elst) = path(trak, &[b"edts", b"elst"]) {
         edit(&mut samples, elst, scale, timescale(child(moov, b"mvhd")).unwrap_or(scale))?;
     }
-    Ok(Movie { avcc, samples, timescale: scale, turns, colour, cut })
+    Ok(Movie { avcc, samples, timescale: scale, turns, aspect, colour, cut })
+}
+
+/// What speaks against a video track, where there are others: that it is not enabled; more, that it holds a single picture, as of a cover.
+fn demerits(trak: &[u8]) -> u8 {
+    let enabled = child(trak, b"tkhd").and_then(full).is_some_and(|(flags, _)| flags & 1 != 0);
+    let stsd = path(trak, &[b"mdia", b"minf", b"stbl", b"stsd"]).and_then(|stsd| stsd.get(8..));
+    let still = stsd
+        .and_then(|stsd| boxes(stsd).next())
+        .is_some_and(|(codec, _)| matches!(&codec, b"jpeg" | b"mjpg" | b"png "));
+    let single =
+        path(trak, &[b"mdia", b"minf", b"stbl", b"stsz"]).and_then(|stsz| rows_at::<1>(stsz, 8).next()) == Some([1]);
+    u8::from(!enabled) + 2 * u8::from(still || single)
+}
+
+/// The shape of a pixel where the track's head states sides (in 1/65536 of a pixel) of another ratio than the pictures have.
+fn stretched(tkhd: &[u8], (width, height): (u16, u16)) -> Option<Aspect> {
+    let [wide, high] = rows_at::<2>(tkhd, if tkhd.first() == Some(&1) { 88 } else { 76 }).next()?;
+    let (over, under) = (u64::from(wide) * u64::from(height), u64::from(high) * u64::from(width));
+    let ratio = over as f64 / under as f64;
+    // Rounding of the sides is no statement.
+    if !(ratio.is_finite() && (ratio - 1.0).abs() > 0.02) {
+        return None;
+    }
+    let shift = 32 - over.max(under).leading_zeros().min(32);
+    Aspect::new((over >> shift) as u32, (under >> shift) as u32)
 }
 
 /// Track number, and turns from the matrix.

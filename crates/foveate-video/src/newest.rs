@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use crate::{Frame, FrameSource, Interrupt, SourceInfo};
+use crate::{Frame, FrameSource, Interrupt, Remarks, SourceInfo};
 use foveate_base::{Error, Result, quiet, thread};
 
 /// How often it is asked whether to stop while no frame comes.
@@ -71,7 +71,7 @@ pub fn newest(
     pace: Pace,
     stop: impl Fn() -> bool + Send + 'static,
 ) -> (Box<dyn FrameSource>, Meter) {
-    let (info, interrupt) = (source.info().clone(), source.interrupt());
+    let (info, interrupt, remarks) = (source.info().clone(), source.interrupt(), source.remarks());
     let (shared, meter) = (Arc::new(Shared::default()), Meter::default());
     let (slot, counter) = (shared.clone(), meter.clone());
     let work = move || {
@@ -95,7 +95,7 @@ pub fn newest(
     if let Err(error) = thread::start("reading the newest frame", work) {
         shared.slot().end = Some(Some(error));
     }
-    let newest = Newest { info, shared, pace, meter: meter.clone(), interrupt, stop: Box::new(stop) };
+    let newest = Newest { info, shared, pace, meter: meter.clone(), interrupt, remarks, stop: Box::new(stop) };
     (Box::new(newest), meter)
 }
 
@@ -118,6 +118,7 @@ struct Newest {
     pace: Pace,
     meter: Meter,
     interrupt: Option<Interrupt>,
+    remarks: Remarks,
     stop: Box<dyn Fn() -> bool + Send>,
 }
 
@@ -153,6 +154,9 @@ impl FrameSource for Newest {
     }
     fn interrupt(&self) -> Option<Interrupt> {
         self.interrupt.clone()
+    }
+    fn remarks(&self) -> Remarks {
+        self.remarks.clone()
     }
 }
 

@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
+use image::ImageFormat;
+
 use crate::decode::image_kind;
 use crate::live::{is_live, without_password};
 use crate::piped::Piped;
@@ -58,10 +60,19 @@ pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn Fr
         return Err(Error::malformed(path, "the file is empty (0 bytes); expected a video or an image; copy it again"));
     }
     let moving = path.extension().is_some_and(|end| MOVING.iter().any(|moving| end.eq_ignore_ascii_case(moving)));
-    if !moving && image_kind(&head).is_some() {
+    let kind = image_kind(&head);
+    if kind.is_some() && !moving && !(kind == Some(ImageFormat::Png) && is_animated(&mut file)) {
         return Ok(Box::new(ImageFolder::from_files(vec![path.to_owned()])?));
     }
     Ok(Box::new(VideoFile::open_with(path, options)?))
+}
+
+/// Whether a PNG file is an animation: then a chunk of that name comes before its first picture.
+fn is_animated(file: &mut File) -> bool {
+    let mut head = Vec::new();
+    let _ = file.take(1 << 12).read_to_end(&mut head);
+    let at = |name: &[u8]| head.windows(4).position(|bytes| bytes == name);
+    at(b"acTL").is_some_and(|animated| at(b"IDAT").is_none_or(|picture| animated < picture))
 }
 
 /// Raw video, of which `read` was read already.

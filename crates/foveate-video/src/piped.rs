@@ -8,7 +8,7 @@ use crate::decoded::DecodeError;
 use crate::options::{Pixels, Raw};
 use crate::y4m::Y4m;
 use crate::yuv::Colour;
-use crate::{Frame, FrameSource, SourceInfo};
+use crate::{Frame, FrameSource, Remarks, SourceInfo};
 use foveate_base::{Error, Result, memory};
 use foveate_core::scene::Image;
 
@@ -18,6 +18,7 @@ type Bytes = Box<dyn Read + Send>;
 pub(crate) struct Piped {
     name: PathBuf,
     info: SourceInfo,
+    remarks: Remarks,
     kind: Option<Kind>,
     next: usize,
 }
@@ -39,10 +40,13 @@ impl Piped {
         let stream = Y4m::new(reader, read).map_err(|error| match error {
             DecodeError::Damaged(problem) | DecodeError::Unsupported(problem) => Error::malformed(&name, problem),
         })?;
-        let (width, height) = (stream.head.width, stream.head.height);
+        let stored = (stream.head.width, stream.head.height);
+        let (width, height) = stream.head.aspect.shown(stored.0, stored.1);
+        let remarks = Remarks::default();
+        remarks.set_sides(stored, (width, height));
         let rate = stream.head.rate.unwrap_or(RATE);
         let info = SourceInfo { width, height, frames: None, rate, reader: "yuv4mpeg".into() };
-        Ok(Self { name, info, kind: Some(Kind::Y4m(stream)), next: 0 })
+        Ok(Self { name, info, remarks, kind: Some(Kind::Y4m(stream)), next: 0 })
     }
 
     /// Bare pixels, row by row, frame after frame.
@@ -58,7 +62,7 @@ impl Piped {
         }
         memory::check_picture(width, height)?;
         let info = SourceInfo { width, height, frames: None, rate: RATE, reader: "raw pixels".into() };
-        Ok(Self { name, info, kind: Some(Kind::Raw(reader, raw, vec![])), next: 0 })
+        Ok(Self { name, info, remarks: Remarks::default(), kind: Some(Kind::Raw(reader, raw, vec![])), next: 0 })
     }
 }
 
@@ -69,7 +73,8 @@ impl Kind {
                 Ok(yuv) => {
                     // Grey that states no range is written in full range by the programs that write it.
                     let full = stream.head.full_range.unwrap_or(yuv.chroma == (0, 0));
-                    Ok(yuv.to_rgb(Colour::new(None, full, yuv.width, yuv.height)))
+                    let image = yuv.to_rgb(Colour::new(None, full, yuv.width, yuv.height));
+                    stream.head.aspect.square(image).map_err(|error| error.to_string())
                 }
                 Err(DecodeError::Damaged(problem) | DecodeError::Unsupported(problem)) => Err(problem),
             }),
@@ -118,6 +123,9 @@ impl Iterator for Piped {
 impl FrameSource for Piped {
     fn info(&self) -> &SourceInfo {
         &self.info
+    }
+    fn remarks(&self) -> Remarks {
+        self.remarks.clone()
     }
 }
 

@@ -1,6 +1,6 @@
 //! Some frames of a source: from one on, every so many, made smaller.
 
-use crate::{Frame, FrameSource, Interrupt, SourceInfo};
+use crate::{Frame, FrameSource, Interrupt, Remarks, SourceInfo};
 use foveate_base::Result;
 use foveate_core::scene::Image;
 
@@ -111,6 +111,9 @@ impl FrameSource for Selected {
     }
     fn interrupt(&self) -> Option<Interrupt> {
         self.source.interrupt()
+    }
+    fn remarks(&self) -> Remarks {
+        self.source.remarks()
     }
 }
 

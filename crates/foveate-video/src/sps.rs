@@ -1,5 +1,7 @@
 //! The part of an H.264 sequence parameter set that the decoders keep to themselves: the size of the
-//! picture, where it is cropped, and how its colours are coded (ITU-T H.264, 7.3.2.1.1 and E.1.1).
+//! picture, where it is cropped, the shape of a pixel, and how colours are coded (ITU-T H.264, 7.3.2.1.1 and E.1.1).
+
+use crate::aspect::Aspect;
 
 /// What is read of a sequence parameter set.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -15,6 +17,8 @@ pub(super) struct Sps {
     pub matrix: Option<u16>,
     /// Samples use 0 to 255, not 16 to 235.
     pub full_range: bool,
+    /// Width over height of a pixel, where stated.
+    pub aspect: Option<Aspect>,
 }
 
 /// Reads a NAL unit of type 7, with its head byte. `None` where it is cut off or makes no sense.
@@ -85,17 +89,43 @@ pub(super) fn parse(nal: &[u8]) -> Option<Sps> {
     let (coded_width, width) = side(columns, [left, right], unit_x)?;
     let (coded_height, height) = side(rows.checked_mul(field)?, [top, bottom], unit_y)?;
     let coded = (coded_width, coded_height);
-    let (matrix, full_range) = usability(&mut r).unwrap_or((None, false));
-    Some(Sps { width, height, coded, cropped_before: left > 0 || top > 0, matrix, full_range })
+    let mut sps = Sps { width, height, coded, cropped_before: left > 0 || top > 0, ..Sps::default() };
+    // It may be missing, or end early.
+    let _ = usability(&mut r, &mut sps);
+    Some(sps)
 }
 
+/// Width over height of a pixel, by number from 1 (table E-1).
+const ASPECTS: [(u32, u32); 16] = [
+    (1, 1),
+    (12, 11),
+    (10, 11),
+    (16, 11),
+    (40, 33),
+    (24, 11),
+    (20, 11),
+    (32, 11),
+    (80, 33),
+    (18, 11),
+    (15, 11),
+    (64, 33),
+    (160, 99),
+    (4, 3),
+    (3, 2),
+    (2, 1),
+];
+
 /// Video usability information, as far as the colours.
-fn usability(r: &mut Bits<'_>) -> Option<(Option<u16>, bool)> {
+fn usability(r: &mut Bits<'_>, sps: &mut Sps) -> Option<()> {
     if r.bits(1)? == 0 {
         return None;
     }
-    if r.bits(1)? == 1 && r.bits(8)? == 255 {
-        r.bits(32)?;
+    if r.bits(1)? == 1 {
+        let (across, down) = match r.bits(8)? as usize {
+            255 => (r.bits(16)?, r.bits(16)?),
+            number => ASPECTS.get(number.wrapping_sub(1)).copied().unwrap_or((0, 0)),
+        };
+        sps.aspect = Aspect::new(across, down);
     }
     if r.bits(1)? == 1 {
         r.bits(1)?;
@@ -104,12 +134,12 @@ fn usability(r: &mut Bits<'_>) -> Option<(Option<u16>, bool)> {
         return None;
     }
     r.bits(3)?;
-    let full_range = r.bits(1)? == 1;
-    if r.bits(1)? == 0 {
-        return Some((None, full_range));
+    sps.full_range = r.bits(1)? == 1;
+    if r.bits(1)? == 1 {
+        r.bits(16)?;
+        sps.matrix = Some(r.bits(8)? as u16);
     }
-    r.bits(16)?;
-    Some((Some(r.bits(8)? as u16), full_range))
+    Some(())
 }
 
 fn scaling_list(r: &mut Bits<'_>, n: usize) -> Option<()> {
@@ -182,10 +212,21 @@ mod tests {
         for (hex, (width, height, coded, cropped_before, matrix, full_range)) in kinds {
             let found = parse(&bytes(hex)).expect("a good set");
             let found = Sps { matrix: found.matrix.filter(|&matrix| matrix != 2), ..found };
-            assert_eq!(found, Sps { width, height, coded, cropped_before, matrix, full_range }, "{hex}");
+            let aspect = found.aspect;
+            assert_eq!(found, Sps { width, height, coded, cropped_before, matrix, full_range, aspect }, "{hex}");
             for n in 0..hex.len() / 2 - 1 {
                 let _ = parse(&bytes(&hex[..2 * n]));
             }
+        }
+    }
+    /// As x264 writes pixels of 64:45, by numbers, and of 16:11, by its place in the table.
+    #[test]
+    fn the_shape_of_a_pixel_is_read() {
+        for (hex, aspect) in [
+            ("6764000aacd9462effc010000b44000003000400000300c83c489658", Aspect::new(64, 45)),
+            ("6764000aacd9462ec104000003000400000300c83c489658", Aspect::new(16, 11)),
+        ] {
+            assert_eq!(parse(&bytes(hex)).expect("a good set").aspect, aspect);
         }
     }
 }

@@ -5,6 +5,8 @@ use std::fs::File;
 use std::io::{Read, Seek};
 use std::path::Path;
 
+use crate::Remarks;
+use crate::aspect::Aspect;
 use crate::child::Leash;
 use crate::decoded::{DecodeError, Decoded, Picture};
 use crate::feed::Feed;
@@ -19,6 +21,8 @@ use foveate_core::scene::Image;
 pub trait Bytes: Read + Seek + Send {}
 impl<T: Read + Seek + Send> Bytes for T {}
 
+/// What is reported of a frame with bytes that no encoder writes.
+const ILLEGAL: &str = "bytes that H.264 never has";
 /// How many pictures may wait for one that is shown before them; H.264 allows 16.
 const MAX_WAITING: usize = 32;
 
@@ -29,6 +33,8 @@ pub(super) struct Mp4 {
     movie: Movie,
     setup: Setup,
     decoder: Decoder,
+    aspect: Aspect,
+    remarks: Remarks,
     /// Samples in the order of presentation, and the place of each sample in it, where it is shown.
     order: Vec<u32>,
     rank: Vec<Option<u32>>,
@@ -56,10 +62,26 @@ impl Mp4 {
             Err(DecodeError::Unsupported(_)) => Decoder::wide(&setup)?,
             decoder => decoder?,
         };
+        let aspect = movie.aspect.or(setup.sps.and_then(|sps| sps.aspect)).unwrap_or_default();
         let (order, rank, bytes) = (Vec::new(), Vec::new(), Vec::new());
-        let (waiting, open) = (BTreeMap::new(), false);
-        let mut mp4 =
-            Self { file, len, movie, setup, decoder, order, rank, out: 0, fed: 0, waiting, bytes, open, fed_out: None };
+        let (waiting, open, remarks) = (BTreeMap::new(), false, Remarks::default());
+        let mut mp4 = Self {
+            file,
+            len,
+            movie,
+            setup,
+            decoder,
+            aspect,
+            remarks,
+            order,
+            rank,
+            out: 0,
+            fed: 0,
+            waiting,
+            bytes,
+            open,
+            fed_out: None,
+        };
         // A first frame that cannot be read is an error when it is decoded.
         mp4.open = mp4.load(0).is_ok() && mp4.setup.starts_anew(&mp4.bytes).is_ok_and(|anew| !anew);
         let shown = |&i: &u32| mp4.movie.samples[i as usize].shown && !mp4.lost(i as usize);
@@ -90,19 +112,24 @@ impl Mp4 {
         let samples: Vec<u32> = (0..self.movie.samples.len() as u32).filter(|&i| !self.lost(i as usize)).collect();
         let mut order = samples.clone();
         order.sort_by_key(|&i| self.movie.samples[i as usize].time);
-        let places: Vec<_> = samples.iter().map(|&i| self.movie.samples[i as usize]).collect();
-        let (setup, len, mut next) = (self.setup.clone(), self.len, places.into_iter());
+        let places: Vec<_> =
+            samples.iter().map(|&i| (self.movie.samples[i as usize], self.number(i as usize))).collect();
+        let (setup, len, remarks, mut next) = (self.setup.clone(), self.len, self.remarks.clone(), places.into_iter());
         let mut start = Some(setup.start());
         let coded = move || {
             if let Some(start) = start.take() {
                 return Some(start);
             }
             // What cannot be read ends it: our own decoders then say what is wrong.
-            let sample = next.next().filter(|s| s.offset.saturating_add(u64::from(s.size)) <= len)?;
+            let (sample, number) = next.next().filter(|(s, _)| s.offset.saturating_add(u64::from(s.size)) <= len)?;
             may_be_held(sample.size).ok()?;
             let mut bytes = vec![0; sample.size as usize];
             mp4::read_at(&mut file, sample.offset, &mut bytes).ok()?;
-            setup.with_start_codes(&bytes)
+            if setup.is_damaged(&bytes) {
+                remarks.add_damage(number, ILLEGAL);
+            }
+            // It would make all pictures as large as the first.
+            setup.with_start_codes(&bytes).filter(|_| !setup.resizes(&bytes))
         };
         self.fed_out = Some((Feed::start(program, leash, coded)?, order.into_iter()));
         Ok(())
@@ -118,7 +145,11 @@ impl Mp4 {
                 return Some((picture, self.time(sample)));
             }
         }
-        self.fed_out = None;
+        // What it refuses our own decoders may take: it is damage all the same, unless that was found already.
+        let complaint = self.fed_out.take().and_then(|(mut feed, _)| feed.complaint());
+        if let Some(report) = complaint.filter(|_| self.remarks.damaged() == 0) {
+            self.remarks.add_damage(self.out + 1, &report);
+        }
         None
     }
 
@@ -146,6 +177,11 @@ impl Mp4 {
         self.order.len()
     }
 
+    /// What was found so far.
+    pub fn remarks(&self) -> &Remarks {
+        &self.remarks
+    }
+
     /// The decoder, for people.
     pub fn decoder(&self) -> &'static str {
         if self.fed_out.is_some() { "H.264 (ffmpeg)" } else { self.decoder.name() }
@@ -158,22 +194,26 @@ impl Mp4 {
     }
 
     pub fn picture(&mut self) -> Option<Decoded<Picture>> {
-        let (yuv, time) = match self.yuv()? {
-            Ok(next) => next,
-            Err(trouble) => return Some(Err(trouble)),
-        };
-        Some(Ok((self.image(&yuv), time)))
+        let next = self.yuv()?;
+        Some(next.and_then(|(yuv, time)| Ok((self.image(&yuv)?, time))))
     }
 
-    /// A picture as it is shown: in the video's colours, turned as it says.
-    pub fn image(&self, yuv: &Yuv) -> Image {
+    /// A picture as it is shown: in the video's colours, of square pixels, turned as it says.
+    ///
+    /// # Errors
+    /// It would be too large.
+    pub fn image(&self, yuv: &Yuv) -> foveate_base::Result<Image> {
         let sps = self.setup.sps.unwrap_or_default();
         let (matrix, full) = match (sps.matrix, self.movie.colour) {
             (None | Some(2), Some((matrix, full))) => (Some(matrix), full || sps.full_range),
             (matrix, _) => (matrix, sps.full_range),
         };
         let image = yuv.to_rgb(Colour::new(matrix, full, yuv.width, yuv.height));
-        turned(image, self.movie.turns)
+        let image = turned(self.aspect.square(image)?, self.movie.turns);
+        let (w, h) = (yuv.width, yuv.height);
+        let stored = if self.movie.turns % 2 == 1 { (h, w) } else { (w, h) };
+        self.remarks.set_sides(stored, (image.width(), image.height()));
+        Ok(image)
     }
 
     /// The decoder configuration record.
@@ -226,8 +266,16 @@ impl Mp4 {
         mp4::read_at(&mut self.file, sample.offset, &mut self.bytes)
     }
 
+    /// The number of the frame that a sample becomes, from 1; 1 where it is not shown.
+    fn number(&self, sample: usize) -> usize {
+        self.rank[sample].map_or(1, |place| place as usize + 1)
+    }
+
     fn decode_one(&mut self) -> Decoded<()> {
         self.load(self.fed)?;
+        if self.setup.is_damaged(&self.bytes) {
+            self.remarks.add_damage(self.number(self.fed), ILLEGAL);
+        }
         if !self.lost(self.fed)
             && let Some(picture) = self.decoder.decode(&self.setup, &self.bytes)?
             && let Some(place) = self.rank[self.fed].filter(|&place| place as usize >= self.out)

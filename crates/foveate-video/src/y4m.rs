@@ -4,6 +4,7 @@
 
 use std::io::{ErrorKind, Read};
 
+use crate::aspect::Aspect;
 use crate::decode::MAX_SIDE;
 use crate::decoded::{DecodeError, Decoded};
 use crate::yuv::Yuv;
@@ -27,6 +28,8 @@ pub(crate) struct Head {
     depth: u32,
     /// Samples use the full range, where it says so. Grey that says nothing does: so write the programs that write it.
     pub full_range: Option<bool>,
+    /// The shape of a pixel; square where it does not say.
+    pub aspect: Aspect,
 }
 
 /// A stream in mid-reading.
@@ -121,6 +124,7 @@ fn parse(line: &[u8]) -> Result<Head, String> {
         ));
     }
     let (mut width, mut height, mut rate, mut colour, mut full_range) = (0, 0, None, "420", None);
+    let mut aspect = Aspect::default();
     for field in rest.split(' ').filter(|field| !field.is_empty()) {
         let (name, value) = field.split_at(field.chars().next().map_or(0, char::len_utf8));
         let side = || value.parse::<usize>().ok().filter(|n| (1..=MAX_SIDE).contains(n)).ok_or(());
@@ -142,6 +146,10 @@ fn parse(line: &[u8]) -> Result<Head, String> {
                 }
             }
             "C" => colour = value,
+            "A" => {
+                let sides = value.split_once(':').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
+                aspect = sides.and_then(|(across, down)| Aspect::new(across, down)).unwrap_or_default();
+            }
             "X" if value == "COLORRANGE=FULL" => full_range = Some(true),
             "X" if value == "COLORRANGE=LIMITED" => full_range = Some(false),
             _ => (),
@@ -174,7 +182,7 @@ fn parse(line: &[u8]) -> Result<Head, String> {
         "" | "jpeg" | "mpeg2" | "paldv" => 8,
         deep => deep.trim_start_matches('p').parse().ok().filter(|bits| (9..=16).contains(bits)).ok_or_else(unknown)?,
     };
-    Ok(Head { width, height, rate, chroma, depth, full_range })
+    Ok(Head { width, height, rate, chroma, depth, full_range, aspect })
 }
 
 #[cfg(test)]
@@ -217,6 +225,7 @@ mod tests {
             let (head, pictures) = all(&text).expect("two frames");
             assert_eq!((head.width, head.height, pictures.len()), (3, 2, 2), "{colour}");
             assert!((head.rate.expect("a rate") - 29.97).abs() < 0.01 && head.full_range.is_none());
+            assert_eq!(head.aspect, Aspect::default());
             assert_eq!(pictures[0].chroma, chroma, "{colour}");
             let image = pictures[1].to_rgb(Colour::new(None, true, 3, 2));
             assert_eq!(image.planes(), if chroma.0 == 0 { 1 } else { 3 }, "{colour}");

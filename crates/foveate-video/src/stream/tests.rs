@@ -2,7 +2,7 @@
 
 use crate::ffmpeg::Ffmpeg;
 use crate::stream::*;
-use crate::{Frame, FrameSource, Options, SourceInfo, VideoFile};
+use crate::{Frame, FrameSource, Options, Remarks, SourceInfo, VideoFile};
 use md5::{Digest, Md5};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -224,7 +224,8 @@ fn edits_cuts_and_turns_are_followed() {
             println!("skipped: {name}, ffmpeg cannot write it");
             continue;
         };
-        let mut other = Ffmpeg::open(Path::new("ffmpeg"), &path, 0, &Leash::default()).expect("ffmpeg runs");
+        let mut other =
+            Ffmpeg::open(Path::new("ffmpeg"), &path, 0, &Leash::default(), &Remarks::default()).expect("ffmpeg runs");
         let mut ours = crate::open(&path).expect("a video");
         assert!(ours.info().reader.contains("rusty"), "{name}");
         for i in 0.. {
@@ -434,4 +435,100 @@ fn the_faster_decoder_is_taken() {
     let asked = Options { decoder: crate::Decoder::Builtin, ..Options::default() };
     let error = VideoFile::open_with(&path, &asked).err().expect("no MP4").to_string();
     assert!(error.contains("without ffmpeg") && error.contains("auto"), "{error}");
+}
+
+/// Pixels that are not square, by the box pasp, by the track's head, or by the settings of H.264: both decoders give the same pictures, of
+/// the size that players show, also turned.
+#[test]
+fn pixels_are_square() {
+    use crate::Decoder::{Builtin, Ffmpeg};
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let Some(wide) = made(dir.path(), "wide.mp4", "-vf setsar=64/45 -c:v libx264 -pix_fmt yuv420p") else {
+        return println!("skipped: no ffmpeg with libx264");
+    };
+    let bytes = std::fs::read(&wide).expect("just made");
+    let at = |name: &[u8]| bytes.windows(4).position(|found| found == name).expect("a box of this name");
+    let (pasp, head) = (at(b"pasp"), at(b"tkhd") + 4 + 76);
+    let mut files = vec![(wide, (142, 84))];
+    let mut write = |name: &str, size, changes: &[(usize, &[u8])]| {
+        let (mut bytes, path) = (bytes.clone(), dir.path().join(name));
+        changes.iter().for_each(|(at, with)| bytes[*at..*at + with.len()].copy_from_slice(with));
+        std::fs::write(&path, bytes).expect("a writable folder");
+        files.push((path, size));
+    };
+    let sides = |w: u32, h: u32| [(w << 16).to_be_bytes(), (h << 16).to_be_bytes()].concat();
+    write("by-settings.mp4", (142, 84), &[(pasp, b"free"), (head, &sides(100, 84))]);
+    write("by-head.mp4", (200, 84), &[(pasp, b"free"), (head, &sides(200, 84))]);
+    write("square.mp4", (100, 84), &[(pasp + 4, &[0, 0, 0, 1, 0, 0, 0, 1])]);
+    write("high.mp4", (100, 168), &[(pasp + 4, &[0, 0, 0, 1, 0, 0, 0, 2])]);
+    let turned = format!("-i {}/wide.mp4 -map 1 -c copy -metadata:s:v rotate=90", dir.path().display());
+    files.extend(made(dir.path(), "turned.mp4", &turned).map(|path| (path, (84, 142))));
+    for (path, size) in files {
+        let (ours, theirs) = (told(&path, Builtin), told(&path, Ffmpeg));
+        assert_eq!((ours.0.width, ours.0.height), size, "{}", path.display());
+        assert_eq!((theirs.0.width, theirs.0.height), size, "{}", path.display());
+        assert!(ours.1.len() == 24 && ours.1 == theirs.1, "{}", path.display());
+    }
+}
+
+/// H.264 whose size changes, also to half the height with the same width, as single fields would have it.
+#[test]
+fn a_change_of_size_is_called_so_by_every_decoder() {
+    use crate::Decoder::{Auto, Builtin, Ffmpeg};
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let raw = |name: &str, size: &str| {
+        let options = format!("-s {size} -c:v libx264 -bf 0 -pix_fmt yuv420p");
+        made(dir.path(), name, &options).map(|path| std::fs::read(path).expect("just made"))
+    };
+    let Some(first) = raw("first.h264", "96x64") else { return println!("skipped: no ffmpeg with libx264") };
+    for size in ["96x32", "48x32", "64x96"] {
+        let second = raw("second.h264", size).expect("made before");
+        std::fs::write(dir.path().join("both.h264"), [&*first, &*second].concat()).expect("a writable folder");
+        let options = format!("-i {}/both.h264 -map 1 -c copy", dir.path().display());
+        let path = made(dir.path(), "both.mp4", &options).expect("made before");
+        for decoder in [Builtin, Ffmpeg, Auto] {
+            let (info, frames, error) = told(&path, decoder);
+            let error = error.expect("another size");
+            assert_eq!((info.width, info.height, frames.len()), (96, 64, 24), "{size} by {decoder:?}: {error}");
+            let found = size.replace('x', " x ");
+            assert!(error.contains("size changes") && error.contains(&found), "{size} by {decoder:?}: {error}");
+        }
+    }
+}
+
+/// A hundred bytes are zeros: H.264 never has three in a row, whether the decoder sees the damage or not.
+#[test]
+fn zeros_in_the_middle_are_counted_as_damage() {
+    use crate::Decoder::{Builtin, Ffmpeg};
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let Some(path) = made(dir.path(), "a.mp4", "-c:v libx264 -pix_fmt yuv420p -movflags +faststart") else {
+        return println!("skipped: no ffmpeg with libx264");
+    };
+    let damaged = |decoder| {
+        let source = crate::open_with(&path, &Options { decoder, ..Options::default() }).expect("a video");
+        let (remarks, frames) = (source.remarks(), source.count());
+        (remarks.damaged(), remarks.sentences().join(" "), frames)
+    };
+    assert_eq!((damaged(Builtin).0, damaged(Ffmpeg).0), (0, 0));
+    let mut bytes = std::fs::read(&path).expect("just made");
+    let at = open(&path).movie.samples[12].offset as usize + 40;
+    bytes[at..at + 100].fill(0);
+    std::fs::write(&path, bytes).expect("a writable folder");
+    for decoder in [Builtin, Ffmpeg] {
+        let (damaged, text, frames) = damaged(decoder);
+        assert!(damaged > 0 && text.contains("The video is damaged") && frames > 5, "{decoder:?}: {text}");
+    }
+}
+
+/// The video, not the picture that stands before it, nor a track that is not enabled.
+#[test]
+fn a_cover_is_no_video() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let Some(plain) = made(dir.path(), "plain.mp4", "-c:v libx264 -pix_fmt yuv420p") else {
+        return println!("skipped: no ffmpeg with libx264");
+    };
+    let options = format!("-i {} -map 0 -map 1 -c:v:0 mjpeg -frames:v:0 1 -c:v:1 copy", plain.display());
+    let cover = made(dir.path(), "cover.mp4", &options).expect("made before");
+    let (wanted, found) = (told(&plain, crate::Decoder::Builtin), told(&cover, crate::Decoder::Builtin));
+    assert!(wanted.1.len() == 24 && found.1 == wanted.1, "{} frames", found.1.len());
 }

@@ -1,0 +1,44 @@
+//! What ffmpeg logs, as far as it matters to people.
+
+use crate::Remarks;
+
+#[derive(Debug, Default)]
+pub(super) struct Said {
+    pub complaint: Option<String>,
+    /// What it logged of the end of the file, and of the last corrupt frame: how many frames had come.
+    pub cut: Option<String>,
+    pub corrupt: Option<(usize, String)>,
+    pub frames: usize,
+    /// The pictures have another size than the first.
+    pub resized: bool,
+    /// Where damage is counted.
+    pub remarks: Remarks,
+}
+
+/// What ffmpeg logs of a file that was cut off. It ends well all the same.
+const CUT: [&str; 4] = ["ended prematurely", "Error during demuxing", "partial file", "Truncating packet"];
+/// What it logs where our filter for the size refuses a picture.
+const RESIZED: &str = "evaluating the expression 'if(eq(iw,";
+/// What it logs of a frame that it makes up in part.
+const CORRUPT: [&str; 2] = ["corrupt decoded frame", "corrupt input packet"];
+
+impl Said {
+    /// A line of the log.
+    pub fn hear(&mut self, line: &str) {
+        let after = |level: &str| line.split_once(level).map(|(_, text)| text.trim().to_owned());
+        let error = after("[error] ").or_else(|| after("[fatal] "));
+        let Some(text) = error.clone().or_else(|| after("[warning] ")) else { return };
+        self.resized |= text.contains(RESIZED);
+        if self.resized {
+            // All that follows comes of it.
+        } else if CUT.iter().any(|words| text.contains(words)) {
+            self.cut.get_or_insert(text);
+        } else if CORRUPT.iter().any(|words| text.contains(words)) {
+            self.remarks.add_damage(self.frames + 1, &text);
+            self.corrupt = Some((self.frames, text));
+        } else if let Some(error) = error {
+            self.remarks.add_damage(self.frames + 1, &error);
+            self.complaint.get_or_insert(error);
+        }
+    }
+}

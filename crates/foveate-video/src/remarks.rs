@@ -1,0 +1,112 @@
+//! What a source found in its video that people should know of, beside its frames.
+
+use std::collections::BTreeSet;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// What was found so far while a source was read. Clones share it, and it goes on being filled after the source was handed over.
+#[derive(Clone, Debug, Default)]
+pub struct Remarks(Arc<Mutex<Found>>);
+
+#[derive(Debug, Default)]
+struct Found {
+    /// Stored sides, and those shown, where pixels are not square.
+    sides: Option<[(usize, usize); 2]>,
+    /// Damaged frames, counted from 1, and what the decoder reported of the first.
+    damaged: BTreeSet<usize>,
+    report: String,
+    /// Frames whose time stamp does not rise, and the first of them.
+    untimed: u64,
+    first_untimed: usize,
+}
+
+impl Remarks {
+    fn found(&self) -> MutexGuard<'_, Found> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Frames in which the decoder reported damage so far. What ffmpeg reports is assigned to the frame that it gave last, so that
+    /// the number may be off by one or two.
+    pub fn damaged(&self) -> u64 {
+        self.found().damaged.len() as u64
+    }
+
+    /// Where the stored pixels are not square: in which pixels the pictures are, and how to convert. Known from the first frame on.
+    pub fn shape(&self) -> Option<String> {
+        self.found().sides.map(|[(w, h), (width, height)]| {
+            format!(
+                "The stored pixels are not square ({w} x {h}): pictures and boxes are {width} x {height}, as players show them. \
+                 To convert a box of stored pixels, multiply x and width by {:.4}, y and height by {:.4}.",
+                width as f64 / w as f64,
+                height as f64 / h as f64
+            )
+        })
+    }
+
+    /// A sentence or two for each kind of fault found so far.
+    pub fn sentences(&self) -> Vec<String> {
+        let (found, mut all) = (self.found(), vec![]);
+        if let Some(first) = found.damaged.first() {
+            let (n, report) = (found.damaged.len(), &found.report);
+            let frames = if n == 1 { "1 frame".to_owned() } else { format!("{n} frames") };
+            all.push(format!(
+                "The video is damaged: the decoder reports errors in {frames}, first near frame {first} ({report}). \
+                 Pictures and boxes there and shortly after are unreliable; copy the file again."
+            ));
+        }
+        if found.untimed > 0 {
+            all.push(format!(
+                "The time stamps do not rise in {} of the frames, first in frame {}: there the time goes on at the frame rate.",
+                found.untimed, found.first_untimed
+            ));
+        }
+        all
+    }
+
+    /// The stored sides of a picture, and those in square pixels.
+    pub(crate) fn set_sides(&self, stored: (usize, usize), shown: (usize, usize)) {
+        if stored != shown {
+            self.found().sides = Some([stored, shown]);
+        }
+    }
+
+    /// The decoder reported damage in a frame, counted from 1; a frame counts once.
+    pub(crate) fn add_damage(&self, frame: usize, report: &str) {
+        let mut found = self.found();
+        if found.damaged.insert(frame) && found.damaged.first() == Some(&frame) {
+            report.clone_into(&mut found.report);
+        }
+    }
+
+    /// The time stamp of a frame, counted from 1, does not rise.
+    pub(crate) fn add_untimed(&self, frame: usize) {
+        let mut found = self.found();
+        if found.untimed == 0 {
+            found.first_untimed = frame;
+        }
+        found.untimed += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_kind_is_a_sentence() {
+        let remarks = Remarks::default();
+        remarks.set_sides((4, 4), (4, 4));
+        assert!(remarks.shape().is_none() && remarks.sentences().is_empty() && remarks.damaged() == 0);
+        remarks.clone().add_damage(3, "ac-tex damaged at 1 13");
+        remarks.add_damage(3, "another one of the same frame");
+        remarks.add_untimed(9);
+        remarks.set_sides((720, 576), (1024, 576));
+        let all = remarks.sentences();
+        assert_eq!((remarks.damaged(), all.len()), (1, 2));
+        let shape = remarks.shape().expect("not square");
+        assert!(shape.contains("720 x 576") && shape.contains("1024 x 576") && shape.contains("1.4222"), "{shape}");
+        assert!(all[0].contains("in 1 frame, first near frame 3 (ac-tex"), "{all:?}");
+        assert!(all[1].contains("frame 9"), "{all:?}");
+        remarks.add_damage(2, "an earlier one");
+        assert!(remarks.damaged() == 2 && remarks.sentences()[0].contains("2 frames, first near frame 2 (an earlier"));
+    }
+}
