@@ -41,6 +41,12 @@ pub struct Summary {
     /// Files written. What is not UTF-8 in their names becomes the replacement character in JSON.
     #[serde(serialize_with = "lossy")]
     pub outputs: Vec<PathBuf>,
+    /// Frames of the source in which its decoder reported damage.
+    #[serde(default)]
+    pub damaged_frames: u64,
+    /// What readers of the results should be warned of, whole sentences.
+    #[serde(default)]
+    pub warnings: Vec<String>,
     /// Why the source ended early, if it did.
     pub error: Option<String>,
 }

@@ -5,7 +5,7 @@ mod single;
 
 use std::time::{Duration, Instant};
 
-use crate::Clock;
+use crate::{Clock, Warnings};
 use foveate_base::{Error, Result};
 use foveate_video::{Frame, FrameSource};
 
@@ -22,6 +22,8 @@ pub struct Span<'a> {
     pub stop: &'a dyn Fn() -> bool,
     /// Where the time spent in the tracker is added up.
     pub clock: Clock,
+    /// Where it is said at the end what the source found in its video, as damage.
+    pub warnings: Warnings,
     /// A run without an end: what grows with every frame, boxes and times, is left out of the outcome.
     pub endless: bool,
     /// Told after every frame, if anybody is.
@@ -31,7 +33,8 @@ pub struct Span<'a> {
 impl Default for Span<'_> {
     /// All frames.
     fn default() -> Self {
-        Self { from: 0, until: usize::MAX, stop: &|| false, clock: Clock::default(), endless: false, progress: None }
+        let (clock, warnings) = (Clock::default(), Warnings::default());
+        Self { from: 0, until: usize::MAX, stop: &|| false, clock, warnings, endless: false, progress: None }
     }
 }
 
@@ -46,6 +49,8 @@ pub struct Frames {
     pub spent: Duration,
     /// Whether it was asked to stop before the source ended.
     pub stopped: bool,
+    /// Frames of the source in which the decoder reported damage.
+    pub damaged: u64,
 }
 
 /// What a runner does with frames.
@@ -59,6 +64,19 @@ trait Follower {
 
 /// Takes the frames of a span through a follower.
 fn each_frame(
+    source: &mut dyn FrameSource,
+    follower: &mut dyn Follower,
+    span: Span<'_>,
+    frames: &mut Frames,
+) -> Result<()> {
+    let (remarks, warnings) = (source.remarks(), span.warnings.clone());
+    let result = span_of(source, follower, span, frames);
+    frames.damaged = remarks.damaged();
+    remarks.sentences().into_iter().for_each(|sentence| warnings.add(sentence));
+    result
+}
+
+fn span_of(
     source: &mut dyn FrameSource,
     follower: &mut dyn Follower,
     mut span: Span<'_>,

@@ -1,9 +1,10 @@
 //! A line a frame, as it happens.
 //!
 //! JSON has, in this order: `frame` (from 1), `time` (seconds from the first frame), `bbox` (pixels, from 0), `p_lost` (0 to 1),
-//! `status` (`given` where the box was), `dropped` (frames of the source that were not tracked so far) and `latency_ms` (from the frame
-//! read whole to this line; `null` where frames are not timed). Of many targets: `frame`, `time`, `targets`, `dropped`, `latency_ms`;
-//! each target has `id`, `bbox`, `phase` and `deficit`. MOT lines are those of tracks.txt, of one target with the id 1 and 1 − P(lost)
+//! `status` (`given` where the box was), `dropped` (frames of the source that were not tracked so far), `damaged` (frames of it in which
+//! the decoder reported damage so far; it reads a few frames ahead) and `latency_ms` (from the frame read whole to this line; `null` where
+//! frames are not timed). Of many targets: `frame`, `time`, `targets`, `dropped`, `damaged`, `latency_ms`; each target has `id`, `bbox`,
+//! `phase` and `deficit`. MOT lines are those of tracks.txt, of one target with the id 1 and 1 − P(lost)
 //! as its confidence; frames in which it is lost are left out.
 
 use std::io::{ErrorKind, Write};
@@ -18,7 +19,7 @@ use foveate_core::Status;
 use foveate_core::geometry::BBox;
 use foveate_core::multi::TrackedTarget;
 use foveate_core::step::Step;
-use foveate_video::{Frame, Meter};
+use foveate_video::{Frame, Meter, Remarks};
 
 /// How lines are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -35,6 +36,7 @@ pub struct Stream {
     out: Box<dyn Write + Send>,
     format: Format,
     meter: Option<Meter>,
+    remarks: Remarks,
     line: String,
 }
 
@@ -46,6 +48,7 @@ struct One<'a> {
     p_lost: f64,
     status: &'a str,
     dropped: u64,
+    damaged: u64,
     latency_ms: Option<f64>,
 }
 
@@ -55,6 +58,7 @@ struct Many<'a> {
     time: f64,
     targets: Vec<Target<'a>>,
     dropped: u64,
+    damaged: u64,
     latency_ms: Option<f64>,
 }
 
@@ -67,23 +71,24 @@ struct Target<'a> {
 }
 
 impl Stream {
-    /// Lines to a writer, which is flushed after each frame. `meter` is of a source that drops frames or times them.
-    pub fn new(out: impl Write + Send + 'static, format: Format, meter: Option<Meter>) -> Self {
-        Self { out: Box::new(out), format, meter, line: String::new() }
+    /// Lines to a writer, which is flushed after each frame. `meter` is of a source that drops frames or times them, `remarks` are the
+    /// source's.
+    pub fn new(out: impl Write + Send + 'static, format: Format, meter: Option<Meter>, remarks: Remarks) -> Self {
+        Self { out: Box::new(out), format, meter, remarks, line: String::new() }
     }
 
     /// Lines to an address (`HOST:PORT`), a datagram a frame. Whether anybody is there does not matter.
     ///
     /// # Errors
     /// Where the address is none.
-    pub fn udp(address: &str, format: Format, meter: Option<Meter>) -> Result<Self> {
+    pub fn udp(address: &str, format: Format, meter: Option<Meter>, remarks: Remarks) -> Result<Self> {
         let wrong = |e: std::io::Error| {
             Error::Invalid(format!("--stream udp:{address}: expected a host and a port, as 127.0.0.1:9000 ({e})"))
         };
         // Of the family that the address is of.
         let socket = UdpSocket::bind("0.0.0.0:0").and_then(|s| s.connect(address).map(|()| s));
         let socket = socket.or_else(|_| UdpSocket::bind("[::]:0").and_then(|s| s.connect(address).map(|()| s)));
-        Ok(Self::new(Datagrams(socket.map_err(wrong)?), format, meter))
+        Ok(Self::new(Datagrams(socket.map_err(wrong)?), format, meter, remarks))
     }
 
     fn measured(&self) -> (u64, Option<f64>) {
@@ -96,8 +101,8 @@ impl Stream {
         match self.format {
             Format::Json => {
                 let (dropped, latency_ms) = self.measured();
-                let (frame, time) = (frame.index + 1, frame.time);
-                self.json(&One { frame, time, bbox, p_lost, status, dropped, latency_ms })
+                let (frame, time, damaged) = (frame.index + 1, frame.time, self.remarks.damaged());
+                self.json(&One { frame, time, bbox, p_lost, status, dropped, damaged, latency_ms })
             }
             Format::Mot => {
                 if status != Status::Lost.name() {
@@ -150,8 +155,8 @@ impl MultiObserver for Stream {
             Target { id, bbox, phase: t.phase.name(), deficit }
         };
         let (dropped, latency_ms) = self.measured();
-        let targets = targets.iter().map(of).collect();
-        self.json(&Many { frame: frame.index + 1, time: frame.time, targets, dropped, latency_ms })
+        let (targets, damaged) = (targets.iter().map(of).collect(), self.remarks.damaged());
+        self.json(&Many { frame: frame.index + 1, time: frame.time, targets, dropped, damaged, latency_ms })
     }
     fn finish(&mut self) -> Result<()> {
         Ok(())
@@ -199,17 +204,17 @@ mod tests {
         for (format, wanted) in [
             (
                 Format::Json,
-                "{\"frame\":7,\"time\":0.2,\"bbox\":{\"x\":1.0,\"y\":2.5,\"w\":3.0,\"h\":4.0},\"p_lost\":0.0,\"status\":\"given\",\"dropped\":0,\"latency_ms\":null}\n",
+                "{\"frame\":7,\"time\":0.2,\"bbox\":{\"x\":1.0,\"y\":2.5,\"w\":3.0,\"h\":4.0},\"p_lost\":0.0,\"status\":\"given\",\"dropped\":0,\"damaged\":0,\"latency_ms\":null}\n",
             ),
             (Format::Mot, "7,1,2.000,3.500,3.000,4.000,1.000,-1,-1,-1\n"),
         ] {
             let out = Shared::default();
-            let mut stream = Stream::new(out.clone(), format, None);
+            let mut stream = Stream::new(out.clone(), format, None, Remarks::default());
             Observer::start(&mut stream, &frame(), &bbox).expect("written");
             assert_eq!(String::from_utf8_lossy(&out.0.lock().expect("one thread")), wanted);
         }
         let out = Shared::default();
-        let mut stream = Stream::new(out.clone(), Format::Json, Some(Meter::default()));
+        let mut stream = Stream::new(out.clone(), Format::Json, Some(Meter::default()), Remarks::default());
         let target = TrackedTarget { bbox, ..TrackedTarget::unknown(3) };
         MultiObserver::observe(&mut stream, &frame(), &[target]).expect("written");
         let text = String::from_utf8_lossy(&out.0.lock().expect("one thread")).into_owned();
@@ -220,13 +225,17 @@ mod tests {
     fn datagrams_arrive() {
         let receiver = UdpSocket::bind("127.0.0.1:0").expect("a port");
         let address = receiver.local_addr().expect("an address").to_string();
-        let mut stream = Stream::udp(&address, Format::Json, None).expect("an address");
+        let mut stream = Stream::udp(&address, Format::Json, None, Remarks::default()).expect("an address");
         Observer::start(&mut stream, &frame(), &BBox { x: 0.0, y: 0.0, w: 2.0, h: 2.0 }).expect("sent");
         let mut bytes = [0; 500];
         let n = receiver.recv(&mut bytes).expect("a datagram");
         assert!(bytes[..n].starts_with(b"{\"frame\":7,") && bytes[n - 1] == b'\n');
         assert!(
-            Stream::udp("nowhere", Format::Json, None).err().expect("no port").to_string().contains("127.0.0.1:9000")
+            Stream::udp("nowhere", Format::Json, None, Remarks::default())
+                .err()
+                .expect("no port")
+                .to_string()
+                .contains("127.0.0.1:9000")
         );
     }
 }

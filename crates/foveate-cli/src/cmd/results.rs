@@ -46,13 +46,16 @@ struct Manifest {
     /// How many frames it tracked in.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     frames: Option<usize>,
+    /// In how many frames of the source the decoder reported damage.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    damaged: Option<u64>,
     files: Vec<String>,
 }
 
 impl Manifest {
     fn of(complete: bool, ended: Ended, frames: Option<usize>, files: &[String]) -> Self {
         let program = concat!("foveate ", env!("CARGO_PKG_VERSION")).to_owned();
-        Self { program, complete, ended: Some(ended), frames, files: files.to_vec() }
+        Self { program, complete, ended: Some(ended), frames, damaged: None, files: files.to_vec() }
     }
 
     fn write(&self, folder: &Path) -> Result<()> {
@@ -77,6 +80,7 @@ pub struct Results {
     made: Vec<PathBuf>,
     names: Vec<String>,
     ended: (Ended, usize),
+    damaged: u64,
     kept: bool,
 }
 
@@ -121,6 +125,7 @@ impl Results {
             made: made.into_iter().rev().collect(),
             names,
             ended: (Ended::Error, 0),
+            damaged: 0,
             kept: false,
         })
     }
@@ -159,6 +164,11 @@ impl Results {
         lost.map(|()| self.names.iter().map(|name| self.asked.join(name)).collect())
     }
 
+    /// In how many frames of the source the decoder reported damage.
+    pub fn set_damaged(&mut self, frames: u64) {
+        self.damaged = frames;
+    }
+
     /// An error that names a file of the folder in the making, by the name that it was to have.
     pub fn told(&self, error: &Error) -> Error {
         let (part, asked) = (self.part.to_string_lossy(), self.asked.to_string_lossy());
@@ -174,7 +184,8 @@ impl Results {
 
     fn list(&self, folder: &Path, names: &[String], complete: bool) -> Result<()> {
         let (ended, frames) = self.ended;
-        Manifest::of(complete, ended, Some(frames), names).write(folder)
+        let damaged = Some(self.damaged).filter(|n| *n > 0);
+        Manifest { damaged, ..Manifest::of(complete, ended, Some(frames), names) }.write(folder)
     }
 
     fn put(&self) -> Result<()> {

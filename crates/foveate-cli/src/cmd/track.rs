@@ -267,7 +267,7 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let mut observers = outputs.observers(results.folder(), &info, &lost)?;
     let (began, Started { mut source, counts }) = (Instant::now(), opened.start());
     if let Some(stream) = &args.stream {
-        observers.insert(0, Box::new(stream.observer(counts.meter.clone())?));
+        observers.insert(0, Box::new(stream.observer(counts.meter.clone(), source.remarks())?));
     }
     let bar = terminal::progress(frames.total(&about), "tracking");
     let mut next_frame = frames.from;
@@ -275,10 +275,17 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
         next_frame = frame.index + 1;
         bar.set_position((next_frame - frames.from) as u64);
     };
-    let (stop, clock) = (&terminal::stopping, info.clock.clone());
+    let (stop, clock, warnings) = (&terminal::stopping, info.clock.clone(), info.warnings.clone());
     // Nobody reads boxes and times of all frames: memory stays flat.
-    let span =
-        Span { from: frames.from, until: frames.until, stop, clock, endless: true, progress: Some(&mut progress) };
+    let span = Span {
+        from: frames.from,
+        until: frames.until,
+        stop,
+        clock,
+        warnings,
+        endless: true,
+        progress: Some(&mut progress),
+    };
     let run = SingleRun { init, again: &again, span };
     let (outcome, result) = match &tiles {
         Some(tiles) => follow_tiles(tiles, &mut *source, &mut tracker, &mut observers, run),
@@ -303,7 +310,8 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     let error = [result.as_ref().err(), kept.as_ref().err(), saved.as_ref().err()].into_iter().flatten().next();
     let error = error.map(ToString::to_string);
     let (source, out, total) = (&*args.source, &*args.out, began.elapsed());
-    tell(&outcome, &Told { source, out, seed, json: args.json, files, total, error });
+    let warnings = info.warnings.all();
+    tell(&outcome, &Told { source, out, seed, json: args.json, files, total, warnings, error });
     note_unreached(&again, next_frame, whole);
     ended(out, tracked, result.and(kept.map(drop)).and(saved), outcome.frames.stopped)?;
     Ok(Tally { frames: outcome.frames.count, uncertain_frames: outcome.uncertain, lost_frames: outcome.lost })
@@ -369,6 +377,7 @@ fn keep(mut results: Results, lost: &Lost, tracked: bool, well: bool, frames: &r
         (true, true) => Ended::Stopped,
         (true, false) => Ended::Finished,
     };
+    results.set_damaged(frames.damaged);
     let some = results.leave_out(&lost.names());
     let lost = lost.check().map_err(|error| results.told(&error));
     if tracked && some { results.keep(ended, frames.count, lost) } else { lost.map(|()| vec![]) }

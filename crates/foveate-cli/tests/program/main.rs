@@ -4,6 +4,7 @@ mod batch;
 mod commands;
 mod convert;
 mod facade;
+mod files;
 mod kernels;
 #[path = "../place/mod.rs"]
 mod place;

@@ -16,7 +16,7 @@ use foveate_base::Result;
 use foveate_base::sink::{Memory, Sink};
 use foveate_core::geometry::BBox;
 use foveate_core::step::Step;
-use foveate_video::{Frame, Meter};
+use foveate_video::{Frame, Meter, Remarks};
 
 /// The files.
 pub const FILES: [&str; 3] = ["boxes.txt", "track.csv", "track.jsonl"];
@@ -159,7 +159,7 @@ impl LineLog {
         let observers: [Box<dyn Observer + Send>; 3] = [
             Box::new(Boxes::to(sink(0))),
             Box::new(Table::to(sink(1))),
-            Box::new(Stream::new(out[2].clone(), Format::Json, meter)),
+            Box::new(Stream::new(out[2].clone(), Format::Json, meter, Remarks::default())),
         ];
         Self { lines, observers, out }
     }

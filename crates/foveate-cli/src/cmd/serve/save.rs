@@ -129,7 +129,15 @@ fn write(wanted: &Wanted, folder: &Path, count: &AtomicUsize, stop: &AtomicBool)
     let mut progress = |_: &foveate::video::Frame| {
         count.fetch_add(1, Ordering::SeqCst);
     };
-    let span = Span { from: *first, until: *last, stop: &halt, clock, endless: false, progress: Some(&mut progress) };
+    let span = Span {
+        from: *first,
+        until: *last,
+        stop: &halt,
+        clock,
+        warnings: info.warnings.clone(),
+        endless: false,
+        progress: Some(&mut progress),
+    };
     let run = SingleRun { init: Some(*bbox), again, span };
     // Frames before the first are not shown to the tracker, as in the page.
     let mut source =

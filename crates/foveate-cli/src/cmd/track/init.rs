@@ -66,7 +66,11 @@ pub fn first_box(source: &Path, init: Option<Init>, input: &SourceArgs) -> Resul
     let first = input.selection().from;
     let unknown = || {
         let todo = "give --init x,y,w,h (left, top, width, height in pixels, counted from 1)";
-        Error::malformed(source, format!("no box to start from; {todo}"))
+        let draw = match is_endless(source) {
+            true => String::new(),
+            false => format!("draw one with `foveate pick {}`, or ", source.display()),
+        };
+        Error::malformed(source, format!("no box to start from; {draw}{todo}"))
     };
     let truth = truth_file(source).ok_or_else(unknown)?;
     let none = || Error::malformed(&truth, format!("its line {} has no box; give --init x,y,w,h", first + 1));

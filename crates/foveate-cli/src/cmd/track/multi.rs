@@ -56,13 +56,20 @@ pub fn run(args: &Args, mut config: Config, folder: &Folder, config_name: &str) 
     let mut observers = observers(args, results.folder(), &info, endless, &lost)?;
     let (began, Started { mut source, counts }) = (Instant::now(), opened.start());
     if let Some(stream) = &args.stream {
-        observers.insert(0, Box::new(stream.observer(counts.meter.clone())?));
+        observers.insert(0, Box::new(stream.observer(counts.meter.clone(), source.remarks())?));
     }
     let bar = terminal::progress(frames.total(&about), "tracking");
     let mut progress = |frame: &Frame| bar.set_position(frame.index as u64 + 1);
-    let (stop, clock) = (&terminal::stopping, info.clock.clone());
-    let span =
-        Span { until: frames.until, stop, clock, endless: true, progress: Some(&mut progress), ..Span::default() };
+    let (stop, clock, warnings) = (&terminal::stopping, info.clock.clone(), info.warnings.clone());
+    let span = Span {
+        until: frames.until,
+        stop,
+        clock,
+        warnings,
+        endless: true,
+        progress: Some(&mut progress),
+        ..Span::default()
+    };
     let detect: Detect = &mut |f, cut, found| detections.next(f, cut, found);
     let run = MultiRun { given: &given, detect, cuts: Some(Cuts::default()), span };
     let (outcome, result) = follow_many(&mut *source, &mut many, &mut observers, run);
@@ -279,7 +286,7 @@ fn tell(args: &Args, outcome: &MultiOutcome, told: &Told<'_>) {
             "source": without_password(&args.source.to_string_lossy()), "frames": frames, "targets": initiated, "reidentified": reidentified,
             "cuts": cuts, "most_at_a_time": most, "detector": told.detector, "tracking_seconds": tracking,
             "detecting_seconds": detecting, "total_seconds": total, "total_fps": rate(total), "seed": told.seed,
-            "outputs": outputs, "warnings": told.warnings, "error": told.error,
+            "outputs": outputs, "damaged_frames": outcome.frames.damaged, "warnings": told.warnings, "error": told.error,
         });
         say!("{summary:#}");
         return;

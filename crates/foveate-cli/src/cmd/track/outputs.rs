@@ -110,6 +110,8 @@ pub struct Told<'a> {
     pub files: &'a [PathBuf],
     /// From the first frame to the last file.
     pub total: Duration,
+    /// What the readers of the results should be warned of.
+    pub warnings: Vec<String>,
     pub error: Option<String>,
 }
 
@@ -134,6 +136,8 @@ pub fn tell(outcome: &Outcome, told: &Told<'_>) {
             class_name: outcome.class_name.clone(),
             seed: told.seed,
             outputs: told.files.to_vec(),
+            damaged_frames: outcome.frames.damaged,
+            warnings: told.warnings.clone(),
             error: told.error.clone(),
         };
         say!("{}", summary.to_json());
@@ -155,6 +159,7 @@ pub fn tell(outcome: &Outcome, told: &Told<'_>) {
         let name = outcome.class_name.clone().unwrap_or_else(|| format!("class {class}"));
         say!("Recognised as {name}, with probability {p:.3}.");
     }
+    told.warnings.iter().for_each(|warning| say!("Warning: {warning}"));
     tell_files(told.out, told.files);
 }
 

@@ -9,8 +9,8 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use foveate::geometry::BBox;
 use foveate::text::counted;
 use foveate::video::{
-    Decoder, FrameSource, Live, LiveOptions, Meter, Options, Pace, Pixels, Raw, Selection, SourceInfo, TileFolder,
-    ahead_until, is_live, newest, open_with, select,
+    Decoder, FrameSource, Live, LiveOptions, Meter, Options, Pace, Pixels, Raw, Remarks, Selection, SourceInfo,
+    TileFolder, ahead_until, is_live, newest, open_with, select,
 };
 use foveate::{Error, Result};
 
@@ -178,6 +178,9 @@ impl SourceArgs {
 impl Opened {
     /// Reads ahead, or the newest frame, until the program is to stop.
     pub fn start(self) -> Started {
+        if let Some(shape) = self.source.remarks().shape() {
+            note!("foveate: {shape}");
+        }
         let (source, meter) = if self.endless {
             let (source, meter) = newest(self.source, self.pace, terminal::stopping);
             (source, Some(meter))
@@ -219,12 +222,12 @@ pub fn parse_stream(text: &str) -> std::result::Result<StreamTo, String> {
 
 impl StreamTo {
     /// The observer that writes the lines. Standard output is then theirs alone.
-    pub fn observer(&self, meter: Option<Meter>) -> Result<foveate::report::Stream> {
+    pub fn observer(&self, meter: Option<Meter>, remarks: Remarks) -> Result<foveate::report::Stream> {
         use foveate::report::{Stream, stream::Format};
         match self {
-            Self::Json => Ok(Stream::new(std::io::stdout(), Format::Json, meter)),
-            Self::Mot => Ok(Stream::new(std::io::stdout(), Format::Mot, meter)),
-            Self::Udp(address) => Stream::udp(address, Format::Json, meter),
+            Self::Json => Ok(Stream::new(std::io::stdout(), Format::Json, meter, remarks)),
+            Self::Mot => Ok(Stream::new(std::io::stdout(), Format::Mot, meter, remarks)),
+            Self::Udp(address) => Stream::udp(address, Format::Json, meter, remarks),
         }
     }
 

@@ -1,0 +1,118 @@
+//! Video files as users have them: times, the shape of pixels, damage, folders of a camera. Oracle: the programs ffmpeg and ffprobe.
+
+use std::path::Path;
+use std::process::Command;
+
+use crate::place::{Place, errors};
+
+/// A short video of the test picture; false where ffmpeg is missing.
+fn made(path: &Path, options: &[&str]) -> bool {
+    let made = Command::new("ffmpeg")
+        .args(["-v", "error", "-y", "-f", "lavfi", "-i", "testsrc2=size=96x72:rate=25:duration=1.2"])
+        .args(options)
+        .arg(path)
+        .status();
+    let made = made.is_ok_and(|status| status.success());
+    if !made {
+        println!("skipped: no ffmpeg");
+    }
+    made
+}
+
+/// A field of each frame, or of the stream, as ffprobe reports it.
+fn probed(path: &Path, field: &str) -> Vec<String> {
+    let run = Command::new("ffprobe")
+        .args(["-v", "error", "-select_streams", "v:0", "-show_entries", field, "-of", "csv=p=0"])
+        .arg(path)
+        .output()
+        .expect("it lies beside ffmpeg");
+    let text = String::from_utf8_lossy(&run.stdout).into_owned();
+    text.lines().map(|line| line.trim_end_matches(',').to_owned()).filter(|line| !line.is_empty()).collect()
+}
+
+/// Seconds from the first.
+fn from_first(stamps: Vec<String>) -> Vec<f64> {
+    let all: Vec<f64> = stamps.iter().map(|stamp| stamp.parse().expect("seconds")).collect();
+    all.iter().map(|time| time - all[0]).collect()
+}
+
+fn json(bytes: &[u8]) -> serde_json::Value {
+    serde_json::from_slice(bytes).expect("JSON")
+}
+
+#[test]
+fn times_and_pixels_are_those_that_players_show() {
+    let place = Place::new();
+    let path = place.path("a.mkv");
+    let filter = "setsar=4/3,select='not(eq(mod(n,7),2)+eq(mod(n,7),3))'";
+    if !made(&path, &["-vf", filter, "-vsync", "vfr", "-c:v", "mpeg4", "-q:v", "3"]) {
+        return;
+    }
+    let run = place.run(&["track", "a.mkv", "-c", "c.toml", "--init", "30,20,30,30", "--no-report", "-o", "out"]);
+    assert!(run.status.success(), "{}", errors(&run));
+    let first = errors(&run).lines().next().unwrap_or_default().to_owned();
+    assert!(first.contains("96 x 72") && first.contains("128 x 72") && first.contains("1.3333"), "{first}");
+    let table = String::from_utf8(place.read("out/track.csv")).expect("text");
+    let column = table.lines().next().expect("names").split(',').position(|name| name == "time").expect("a column");
+    let times: Vec<f64> =
+        table.lines().skip(1).map(|row| row.split(',').nth(column).expect("it").parse().expect("seconds")).collect();
+    let near = |found: &[f64], wanted: &[f64]| {
+        found.len() == wanted.len() && found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 2e-6)
+    };
+    let stamps = "frame=best_effort_timestamp_time";
+    let wanted = from_first(probed(&path, stamps));
+    assert!(wanted.len() > 15 && near(&times, &wanted), "{times:?}, expected {wanted:?}");
+    let film = place.path("out/annotated.mp4");
+    let played = from_first(probed(&film, stamps));
+    assert!(near(&played, &wanted), "annotated.mp4: {played:?}, expected {wanted:?}");
+    // The picture, and a map of the same size beside it.
+    let look = place.run(&["look", "a.mkv", "--map", "saliency", "--frame", "1", "--out", "look.png"]);
+    assert!(look.status.success(), "{}", errors(&look));
+    let png = place.read("look.png");
+    assert_eq!(png[16..24], [256u32.to_be_bytes(), 72u32.to_be_bytes()].concat());
+}
+
+#[test]
+fn damage_is_reported_wherever_frames_are_counted() {
+    let place = Place::new();
+    let path = place.path("a.mkv");
+    if !made(&path, &["-c:v", "mpeg4", "-q:v", "2", "-g", "10"]) {
+        return;
+    }
+    let args = ["a.mkv", "--init", "30,20,30,30", "--json"];
+    let sound = place.track("sound", &args);
+    assert!(sound.status.success(), "{}", errors(&sound));
+    assert_eq!(json(&sound.stdout)["damaged_frames"], 0);
+    assert!(json(&place.read("sound/run.json"))["damaged"].is_null());
+    let mut bytes = place.read("a.mkv");
+    let at = bytes.len() / 2;
+    bytes[at..at + 100].fill(0);
+    std::fs::write(&path, bytes).expect("a writable folder");
+    let summary = json(&place.track("out", &args).stdout);
+    let damaged = summary["damaged_frames"].as_u64().expect("a number");
+    assert!(damaged > 0 && summary["error"].is_null(), "{summary}");
+    assert!(summary["warnings"][0].as_str().is_some_and(|text| text.contains("damaged")), "{summary}");
+    assert!(json(&place.read("out/run.json"))["damaged"].as_u64() > Some(0));
+    let plain = place.track("plain", &args[..3]);
+    assert!(String::from_utf8_lossy(&plain.stdout).contains("Warning: The video is damaged"), "{}", errors(&plain));
+    let lines = place.track("lines", &[&args[..3], &["--stream"]].concat());
+    let last = String::from_utf8_lossy(&lines.stdout).lines().last().map(|line| json(line.as_bytes()));
+    assert!(last.expect("a line")["damaged"].as_u64() > Some(0));
+}
+
+/// What lies beside pictures or in their place is named, with what to give.
+#[test]
+fn folders_of_videos_are_told_from_frames() {
+    let place = Place::new();
+    std::fs::write(place.path("video/MVI_1.MP4"), "x").expect("a writable folder");
+    let text = place.failure(&["video"]);
+    assert!(text.contains("pictures and 1 video") && text.contains("give video/") && text.contains("/*.MP4"), "{text}");
+    std::fs::create_dir(place.path("clips")).expect("a writable folder");
+    std::fs::write(place.path("clips/a.mp4"), "x").expect("a writable folder");
+    let text = place.failure(&["clips", "--init", "1,1,9,9"]);
+    assert!(text.contains("found 1 video") && text.contains("give clips/*.mp4"), "{text}");
+    std::fs::remove_file(place.path("video/MVI_1.MP4")).expect("ours");
+    std::fs::remove_file(place.path("video/groundtruth_rect.txt")).expect("ours");
+    let text = place.failure(&["video"]);
+    assert!(text.contains("foveate pick video") && text.contains("--init x,y,w,h"), "{text}");
+}
