@@ -69,8 +69,13 @@ pub fn check(image: &Image, b: &BBox) -> Result<()> {
         return Ok(());
     }
     Err(Error::Invalid(format!(
-        "the first box is x={}, y={}, w={}, h={}; expected finite numbers, at least 2 x 2 pixels, touching the {w} x {h} picture. \
-         Give left, top, width, height in pixels from 0",
-        b.x, b.y, b.w, b.h
+        "the first box is x={}, y={}, w={}, h={}; expected finite numbers, at least 2 x 2 pixels and at most {} x {}, touching the \
+         {w} x {h} picture. Give left, top, width, height in pixels from 0",
+        b.x,
+        b.y,
+        b.w,
+        b.h,
+        4.0 * w,
+        4.0 * h
     )))
 }
