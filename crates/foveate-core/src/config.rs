@@ -66,14 +66,16 @@ pub use schema::{Config, DynamicsConfig, LikelihoodConfig, RetinaConfig, RewardC
 impl Config {
     /// Reads a configuration; `name` stands for it in errors.
     pub fn parse(text: &str, name: &str) -> Result<Self> {
-        toml::from_str(text).map_err(|e| {
-            let e = e.to_string();
-            let unlearned = ["rbm", "mcrbm", "autoencoder", "kmeans", "sparse", "ica"]
-                .iter()
-                .any(|k| e.contains(&format!("unknown variant `{k}`")));
-            let feature = if unlearned { "\nencoders with learned weights need the feature `learn`" } else { "" };
-            Error::Config(format!("{name}: {}{}{feature}", plainly::plainly(&e), renamed::hint(&e)))
-        })
+        toml::from_str(text).map_err(|e| Error::Config(format!("{name}: {}", Self::problem(&e.to_string()))))
+    }
+
+    /// A parser's error in plain words, with what helps.
+    fn problem(e: &str) -> String {
+        let unlearned = ["rbm", "mcrbm", "autoencoder", "kmeans", "sparse", "ica"]
+            .iter()
+            .any(|k| e.contains(&format!("unknown variant `{k}`")));
+        let feature = if unlearned { "\nencoders with learned weights need the feature `learn`" } else { "" };
+        format!("{}{}{feature}", plainly::plainly(e), renamed::hint(e))
     }
 
     /// Reads a configuration file.

@@ -39,7 +39,9 @@ impl Config {
         } else {
             table.insert(last.into(), value);
         }
-        Self::parse(&toml::to_string(&whole).expect("it is a table"), setting)
+        // Its place in text that nobody wrote is of no use.
+        let text = toml::to_string(&whole).expect("it is a table");
+        toml::from_str(&text).map_err(|e| Error::Config(format!("{setting}: {}", Self::problem(e.message()))))
     }
 }
 
@@ -73,6 +75,15 @@ mod tests {
         ] {
             let error = natural.set(wrong).expect_err(wrong).to_string();
             assert!(error.contains(said), "{error}");
+        }
+    }
+
+    #[test]
+    fn an_error_names_the_setting_and_no_line() {
+        let natural = Config::builtin("natural").expect("it ships").expect("it is right");
+        for setting in ["particels=3", "policy.kind=hegde", "policy.gama=3", "particles=many"] {
+            let error = natural.set(setting).expect_err(setting).to_string();
+            assert!(error.contains(setting) && !error.contains("line "), "{error}");
         }
     }
 }
