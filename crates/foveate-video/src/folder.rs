@@ -56,8 +56,8 @@ impl ImageFolder {
     fn load(&mut self, index: usize) -> Result<Image> {
         let path = &self.files[index];
         let image = match self.first.take() {
-            Some(first) => first,
-            None => load(path, index)?,
+            Some(first) if index == 0 => first,
+            _ => load(path, index)?,
         };
         if (image.width(), image.height()) != (self.info.width, self.info.height) {
             let problem = format!(
@@ -91,6 +91,11 @@ impl Iterator for ImageFolder {
 impl FrameSource for ImageFolder {
     fn info(&self) -> &SourceInfo {
         &self.info
+    }
+    /// Without reading them.
+    fn pass_over(&mut self, count: usize) -> Result<()> {
+        self.next = self.next.saturating_add(count).min(self.files.len());
+        Ok(())
     }
 }
 
@@ -250,6 +255,18 @@ mod tests {
         assert_eq!(frames.iter().map(|f| f.image.at(0, 0, 0)).collect::<Vec<_>>(), [9, 10, 99]);
         assert_eq!(frames.iter().map(|f| f.index).collect::<Vec<_>>(), [0, 1, 2]);
         assert!((frames[2].time - 2.0 / 30.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn frames_that_are_passed_over_are_not_read() {
+        let dir = folder(&[("1.png", 1), ("3.png", 3), ("4.png", 4)]);
+        std::fs::write(dir.path().join("2.png"), "damaged").expect("a writable folder");
+        let mut source = ImageFolder::open(dir.path()).expect("a folder of images");
+        source.pass_over(2).expect("nothing is read");
+        let frame = source.next().expect("a frame").expect("a good one");
+        assert_eq!((frame.index, frame.image.at(0, 0, 0)), (2, 3));
+        source.pass_over(usize::MAX).expect("the end");
+        assert!(source.next().is_none());
     }
 
     #[test]

@@ -22,6 +22,19 @@ pub struct Frame {
 pub trait FrameSource: Iterator<Item = Result<Frame>> + Send {
     /// What is known of the source before it is read.
     fn info(&self) -> &SourceInfo;
+    /// Passes over the next frames; at the end of the source over fewer.
+    ///
+    /// # Errors
+    /// Where the source breaks.
+    fn pass_over(&mut self, count: usize) -> Result<()> {
+        for _ in 0..count {
+            match self.next() {
+                Some(frame) => drop(frame?),
+                None => break,
+            }
+        }
+        Ok(())
+    }
     /// How to end a read that blocks, from another thread; `None` where reads do not block for long.
     fn interrupt(&self) -> Option<Interrupt> {
         None

@@ -25,6 +25,7 @@ pub mod newest;
 pub mod open;
 pub mod options;
 pub mod otb;
+mod pattern;
 mod piped;
 mod remarks;
 pub mod select;

@@ -10,13 +10,13 @@ use crate::decode::image_kind;
 use crate::live::{is_live, without_password};
 use crate::piped::Piped;
 use crate::y4m::MAGIC;
-use crate::{FrameSource, ImageFolder, Options, VideoFile};
+use crate::{FrameSource, ImageFolder, Options, VideoFile, pattern};
 use foveate_base::{Error, Result};
 
 /// Videos that begin as a picture does, by how their names end.
 const MOVING: [&str; 3] = ["mjpeg", "mjpg", "apng"];
 
-/// Opens a folder of images, a video file, or one image (a source of one frame), told apart by content; what ends in `.mjpeg`, `.mjpg`
+/// Opens a folder of images, a numbered pattern of images (`frame%04d.png`), a video file, or one image (a source of one frame), told apart by content; what ends in `.mjpeg`, `.mjpg`
 /// or `.apng` is a video. `-` is standard input; it, a fifo and a file `.y4m` are read as yuv4mpeg.
 ///
 /// # Errors
@@ -40,6 +40,9 @@ pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn Fr
         let problem =
             "a stream or a camera, which is not opened as a file is; expected a video file or a folder of images";
         return Err(Error::malformed(address, problem));
+    }
+    if let Some(files) = pattern::files(path)? {
+        return Ok(Box::new(ImageFolder::from_files(files)?));
     }
     let cannot = "cannot open; expected a video file or a folder of images";
     let about = std::fs::metadata(path).map_err(Error::io(path, cannot))?;
