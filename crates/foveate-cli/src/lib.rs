@@ -11,6 +11,11 @@ mod terminal;
 mod cmd;
 mod invocation;
 
+/// Boxes in the files of other programs: what `foveate convert` writes.
+pub mod convert {
+    pub use crate::cmd::convert::{Boxes, Format, write_yolo};
+}
+
 use std::ffi::OsString;
 use std::path::PathBuf;
 

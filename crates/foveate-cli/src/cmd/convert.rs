@@ -3,15 +3,18 @@
 mod coco;
 mod cvat;
 mod single;
+mod yolo;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
+use clap::ValueEnum;
 use foveate::text::counted;
 use foveate::video::mot::{TrackBox, Tracks};
 use foveate::{Error, Result};
 
 use super::results::spare;
+pub use yolo::write as write_yolo;
 
 /// The longest video, frames: a number beyond it is damage.
 const MOST: usize = 1_000_000;
@@ -31,6 +34,18 @@ pub enum Format {
     Coco,
     /// CVAT for video 1.1, XML
     Cvat,
+}
+
+impl Format {
+    /// By name, as on the command line.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::from_str(name, false).ok()
+    }
+
+    /// The names.
+    pub fn names() -> Vec<String> {
+        Self::value_variants().iter().filter_map(|f| Some(f.to_possible_value()?.get_name().to_owned())).collect()
+    }
 }
 
 /// Convert boxes from one format into another.
@@ -65,6 +80,44 @@ pub struct Boxes {
 }
 
 impl Boxes {
+    /// Boxes of a video of so many frames.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where a box has no area, is not finite or beyond the last frame, or two are of one target in one frame.
+    pub fn new(tracks: Vec<TrackBox>, frames: usize) -> Result<Self> {
+        let mut boxes = Self { tracks, frames, lost: vec![] };
+        if frames > MOST {
+            return Err(Error::Invalid(format!("there are {frames} frames; expected at most {MOST}")));
+        }
+        for b in &boxes.tracks {
+            b.bbox.check()?;
+            if b.frame >= frames {
+                return Err(Error::Invalid(format!("a box is in frame {} of {frames}", b.frame + 1)));
+            }
+        }
+        boxes.put_in_order().map_err(Error::Invalid)?;
+        Ok(boxes)
+    }
+
+    /// Writes them; returns what the format does not hold, a sentence each.
+    ///
+    /// # Errors
+    /// The format cannot hold these boxes, or the file cannot be written.
+    pub fn write(mut self, format: Format, path: &Path) -> Result<Vec<String>> {
+        write(format, &mut self, path)?;
+        Ok(self.lost)
+    }
+
+    /// By frame, then by target.
+    fn put_in_order(&mut self) -> std::result::Result<(), String> {
+        let mut seen = BTreeSet::new();
+        if let Some(b) = self.tracks.iter().find(|b| b.id >= 0 && !seen.insert((b.frame, b.id))) {
+            return Err(format!("frame {} has two boxes of the target {}; expected one", b.frame + 1, b.id));
+        }
+        self.tracks.sort_by_key(|b| (b.frame, b.id));
+        Ok(())
+    }
+
     /// Notes that some of the boxes lose something.
     fn lose(&mut self, count: usize, what: &str) {
         if count > 0 {
@@ -100,12 +153,7 @@ pub fn run(args: Args) -> Result<()> {
             return Err(Error::malformed(&args.input, format!("it has no box of --id {id}")));
         }
     }
-    let mut seen = BTreeSet::new();
-    if let Some(b) = boxes.tracks.iter().find(|b| b.id >= 0 && !seen.insert((b.frame, b.id))) {
-        let problem = format!("frame {} has two boxes of the target {}; expected one", b.frame + 1, b.id);
-        return Err(Error::malformed(&args.input, problem));
-    }
-    boxes.tracks.sort_by_key(|b| (b.frame, b.id));
+    boxes.put_in_order().map_err(|problem| Error::malformed(&args.input, problem))?;
     write(args.to, &mut boxes, &args.output)?;
     let (count, frames) = (boxes.tracks.len(), boxes.frames);
     boxes.lost.iter().for_each(|lost| note!("foveate: {}: {lost}", args.input.display()));

@@ -1,0 +1,44 @@
+//! YOLO's labels: a text file a picture, a line a box, `class cx cy w h` as parts of the picture's width and height.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use foveate::{Error, Result, files};
+
+use super::Boxes;
+
+/// Writes a folder with `000001.txt` and so on, one for each picture, empty where there is no box. Boxes are cut at the picture's
+/// borders, since those who read YOLO's labels refuse others. Returns what the format does not hold, a sentence each.
+///
+/// # Errors
+/// The size is 0, or the folder cannot be written.
+pub fn write(mut boxes: Boxes, size: (usize, usize), folder: &Path) -> Result<Vec<String>> {
+    if size.0 == 0 || size.1 == 0 {
+        return Err(Error::Invalid(format!("the pictures' size is {} x {}; expected no side 0", size.0, size.1)));
+    }
+    boxes.lose_confidence();
+    boxes.lose(boxes.ids().len(), "ids are left out");
+    let (width, height) = (size.0 as f64, size.1 as f64);
+    let (mut texts, mut cut, mut outside) = (vec![String::new(); boxes.frames], 0, 0);
+    for b in &boxes.tracks {
+        let (left, top) = (b.bbox.x.max(0.0), b.bbox.y.max(0.0));
+        let (right, bottom) = ((b.bbox.x + b.bbox.w).min(width), (b.bbox.y + b.bbox.h).min(height));
+        let (w, h) = (right - left, bottom - top);
+        if w <= 0.0 || h <= 0.0 {
+            outside += 1;
+            continue;
+        }
+        cut += usize::from((w, h) != (b.bbox.w, b.bbox.h));
+        let numbers = [(left + right) / 2.0 / width, (top + bottom) / 2.0 / height, w / width, h / height];
+        let [x, y, w, h] = numbers;
+        let _ = writeln!(texts[b.frame], "0 {x:.6} {y:.6} {w:.6} {h:.6}");
+    }
+    boxes.lose(cut, "boxes are cut at the picture's borders");
+    boxes.lose(outside, "boxes outside the picture are left out");
+    boxes.lost.push("every box is of class 0".into());
+    std::fs::create_dir_all(folder).map_err(Error::io(folder, "cannot write"))?;
+    for (frame, text) in texts.iter().enumerate() {
+        files::write(folder.join(format!("{:06}.txt", frame + 1)), text.as_bytes())?;
+    }
+    Ok(boxes.lost)
+}
