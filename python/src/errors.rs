@@ -1,6 +1,6 @@
 //! foveate's errors as Python's.
 
-use foveate::Error;
+use foveate::{Error, memory};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyType;
@@ -28,7 +28,8 @@ pub fn of(py: Python<'_>, error: &Error) -> PyErr {
         Error::Invalid(_) | Error::Memory(_) => "InputError",
         _ => "FileError",
     };
-    raise(py, class, error.to_string())
+    let text = error.to_string().replace(memory::ADVICE, "allow more with foveate.set_max_memory(\"6G\")");
+    raise(py, class, text)
 }
 
 /// Results with Python's errors.

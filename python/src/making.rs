@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use foveate::config::{Blueprint, Config};
 use foveate::files::Folder;
 use foveate::{Error, Profile, Result};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use pyo3::types::PyString;
 
 use crate::errors::OrRaise;
 use crate::pictures::Channels;
@@ -41,6 +43,9 @@ impl Making {
         let given =
             config.map(|config| py.import("foveate._config")?.call_method1("given", (config,))?.extract::<Given>());
         let given = given.transpose()?;
+        if given.as_ref().is_none_or(|given| given.text.is_none() && given.path.is_none()) {
+            known(py, profile)?;
+        }
         let (config, folder) = py.detach(|| read(profile, given)).or_raise(py)?;
         Self::of(config, folder, seed, channels).or_raise(py)
     }
@@ -64,6 +69,36 @@ impl Making {
     }
 }
 
+/// The argument `profile`; settings in its place are pointed to `config`.
+pub fn profile_name<'a>(given: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
+    let Ok(name) = given.cast::<PyString>() else {
+        let kind = given.get_type().name()?;
+        return Err(PyTypeError::new_err(format!(
+            "profile is a name such as \"balanced\"; it is a {kind}; settings and files go into config=, for example \
+             Tracker(config={{\"particles\": 400}})"
+        )));
+    };
+    name.to_str()
+}
+
+const PROFILES: [&str; 3] = ["fast", "balanced", "accurate"];
+
+/// Refuses a name that no configuration has, with the one that it is nearest to.
+fn known(py: Python<'_>, profile: &str) -> PyResult<()> {
+    let names: Vec<&str> = PROFILES.into_iter().chain(Config::names()).collect();
+    if names.contains(&profile) {
+        return Ok(());
+    }
+    let near: Vec<String> =
+        py.import("difflib")?.call_method1("get_close_matches", (profile.to_lowercase(), &names, 1))?.extract()?;
+    let meant = near.first().map_or_else(String::new, |name| format!("did you mean \"{name}\"? "));
+    let error = Error::Config(format!(
+        "there is no profile \"{profile}\"; {meant}Profiles are {}; a file of your own goes into config=",
+        names.join(", ")
+    ));
+    Err(error).or_raise(py)
+}
+
 fn read(profile: &str, given: Option<Given>) -> Result<(Config, PathBuf)> {
     let here = || std::path::absolute("").or_else(|_| std::env::current_dir()).map_err(Error::io(".", "cannot find"));
     let Given { text, path, settings } = given.unwrap_or(Given { text: None, path: None, settings: vec![] });
@@ -76,13 +111,7 @@ fn read(profile: &str, given: Option<Given>) -> Result<(Config, PathBuf)> {
         }
         (None, None) => {
             let name = Profile::named(profile).map_or(profile, |it| it.name());
-            let shipped = Config::builtin(name).unwrap_or_else(|| {
-                let names = Config::names().join(", ");
-                Err(Error::Config(format!(
-                    "profile is \"fast\", \"balanced\", \"accurate\", or the name of a configuration that ships: {names}; it is \"{profile}\". \
-                     A configuration of your own goes into config="
-                )))
-            });
+            let shipped = Config::builtin(name).expect("its name is known");
             (shipped?, here()?)
         }
     };

@@ -9,7 +9,7 @@ use pyo3::types::{PyBytes, PyDict, PyTuple};
 
 use crate::errors::OrRaise;
 use crate::held::{Held, Pickle};
-use crate::making::Making;
+use crate::making::{Making, profile_name};
 use crate::named::read_box;
 use crate::tracker::read_detections;
 
@@ -37,7 +37,7 @@ impl PyMultiTracker {
     #[pyo3(signature = (profile = "multi", config = None, seed = None, *, channels = "rgb"))]
     fn new(
         py: Python<'_>,
-        profile: &str,
+        #[pyo3(from_py_with = profile_name)] profile: &str,
         config: Option<&Bound<'_, PyAny>>,
         seed: Option<u64>,
         channels: &str,

@@ -2,9 +2,10 @@
 
 use foveate::scene::Pixels as Layout;
 use foveate::{Image, memory};
-use numpy::ndarray::{ArrayView2, ArrayViewD, ArrayViewMut2, Axis, Ix2, Ix3};
+use numpy::ndarray::{Array2, Array3, ArrayView2, ArrayViewD, ArrayViewMut2, Axis, Ix2, Ix3};
 use numpy::{
-    PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods, dtype,
+    IntoPyArray, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray,
+    PyUntypedArrayMethods, dtype,
 };
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -44,6 +45,10 @@ impl Channels {
         }
         Err(input(py, format!("a video's channels are \"rgb\" or \"bgr\"; they are \"{}\"", self.name)))
     }
+    /// Which byte of a pixel of three is red, green, blue: of grey, and with alpha left out.
+    pub fn order_of_three(self) -> &'static [usize] {
+        if self.order.len() == 3 { self.order } else { CHANNELS[0].order }
+    }
     /// Which byte of a pixel is red, green, blue.
     pub fn order(self) -> &'static [usize] {
         self.order
@@ -60,10 +65,11 @@ impl<'py> Picture<'py> {
     /// A NumPy array, or what NumPy makes one of.
     pub fn new(picture: &Bound<'py, PyAny>, channels: Channels) -> PyResult<Self> {
         let py = picture.py();
-        let array = match picture.cast::<PyUntypedArray>() {
-            Ok(array) => array.clone(),
+        let (array, channels) = match picture.cast::<PyUntypedArray>() {
+            Ok(array) => (array.clone(), channels),
+            Err(_) if picture.hasattr("getbands")? => of_pillow(picture)?,
             Err(_) if picture.hasattr("__array_interface__")? || picture.hasattr("__array__")? => {
-                py.import("numpy")?.call_method1("asarray", (picture,))?.cast_into::<PyUntypedArray>()?
+                (as_array(picture)?, channels)
             }
             Err(_) => {
                 return Err(PyTypeError::new_err(format!(
@@ -72,10 +78,11 @@ impl<'py> Picture<'py> {
                 )));
             }
         };
-        if !array.dtype().is_equiv_to(&dtype::<u8>(py)) {
+        let found = array.dtype();
+        if !found.is_equiv_to(&dtype::<u8>(py)) {
             return Err(PyTypeError::new_err(format!(
-                "the picture's dtype is {}; expected uint8, 0 to 255 (of values from 0 to 1 make (255 * picture).astype(\"uint8\"))",
-                array.dtype()
+                "the picture's dtype is {found}; expected uint8, 0 to 255; convert it: {}",
+                conversion(found.kind(), found.itemsize())
             )));
         }
         let shape = array.shape();
@@ -89,8 +96,10 @@ impl<'py> Picture<'py> {
                 py,
                 format!(
                     "the picture's shape is {shape:?}; expected (height, width) for grey or (height, width, {}) for channels=\"{}\", \
-                     no side 0; say the order of the channels, for example channels=\"bgr\" for OpenCV's",
-                    channels.depth, channels.name
+                     no side 0{}",
+                    channels.depth,
+                    channels.name,
+                    advice(shape)
                 ),
             ));
         }
@@ -101,6 +110,63 @@ impl<'py> Picture<'py> {
     /// Its pixels, to be read without the interpreter's lock.
     pub fn pixels(&self) -> Pixels<'_> {
         Pixels { view: self.array.as_array(), channels: self.channels }
+    }
+}
+
+fn as_array<'py>(picture: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
+    Ok(picture.py().import("numpy")?.call_method1("asarray", (picture,))?.cast_into::<PyUntypedArray>()?)
+}
+
+/// A picture of Pillow's, which has the order of its channels in its mode; palettes, ink and other colour spaces become RGB.
+fn of_pillow<'py>(picture: &Bound<'py, PyAny>) -> PyResult<(Bound<'py, PyUntypedArray>, Channels)> {
+    let mode: String = picture.getattr("mode")?.extract()?;
+    let (channels, convert) = match &*mode {
+        "RGB" => ("rgb", None),
+        "RGBA" => ("rgba", None),
+        "L" => ("grey", None),
+        "1" | "LA" | "La" => ("grey", Some("L")),
+        "P" | "PA" | "CMYK" | "YCbCr" | "LAB" | "HSV" | "RGBX" | "RGBa" => ("rgb", Some("RGB")),
+        _ => {
+            return Err(PyTypeError::new_err(format!(
+                "the picture's mode is {mode}, which has more than 8 bits a value; expected a mode of 8 bits, such as RGB or L; scale \
+                 its values to 0 to 255, for example (numpy.asarray(picture) >> 8).astype(\"uint8\") of 16 bits"
+            )));
+        }
+    };
+    let array = match convert {
+        None => as_array(picture)?,
+        Some(mode) => as_array(&picture.call_method1("convert", (mode,))?)?,
+    };
+    Ok((array, Channels::named(picture.py(), channels)?))
+}
+
+/// How values of another type become bytes, as an expression of NumPy's, by the type's kind and size.
+fn conversion(kind: u8, size: usize) -> &'static str {
+    match (kind, size) {
+        (b'b', _) => "`255 * picture.astype(\"uint8\")`",
+        (b'u', 2) => "`(picture >> 8).astype(\"uint8\")` for 16 bits; shift by 4 for 12 bits, by 2 for 10 bits",
+        (b'u' | b'i', _) => "`picture.clip(0, 255).astype(\"uint8\")` for values from 0 to 255",
+        (b'f', _) => {
+            "`(255 * picture).clip(0, 255).round().astype(\"uint8\")` for values from 0 to 1; without `255 *` for values from 0 to 255"
+        }
+        _ => "values must be numbers",
+    }
+}
+
+/// What to do about a shape.
+fn advice(shape: &[usize]) -> &'static str {
+    match *shape {
+        [_, _, 4] => {
+            "; a picture with an alpha channel needs channels=\"rgba\" (PIL, imageio) or channels=\"bgra\" (OpenCV), or leave alpha \
+             out: picture[..., :3]"
+        }
+        [_, _, 3] => "; for three channels give channels=\"rgb\" (PIL, imageio) or channels=\"bgr\" (OpenCV)",
+        [1 | 3 | 4, h, w] if h > 4 && w > 4 => {
+            "; the channels come first, as in PyTorch: give picture.transpose(1, 2, 0), or picture.permute(1, 2, 0).numpy() of a tensor"
+        }
+        [1, _, _, _] => "; this is a batch of one picture: give picture[0]",
+        [_, _, _, _] => "; this is a batch of pictures: give them one after the other",
+        _ => "",
     }
 }
 
@@ -138,4 +204,34 @@ impl Pixels<'_> {
             _ => view.into_dimensionality::<Ix3>().expect("it has three").index_axis_move(Axis(2), channel),
         }
     }
+}
+
+/// A picture as NumPy's arrays have it.
+pub enum Interleaved {
+    Grey(Array2<u8>),
+    Colour(Array3<u8>),
+}
+
+impl Interleaved {
+    /// The array.
+    pub fn into_array(self, py: Python<'_>) -> Bound<'_, PyAny> {
+        match self {
+            Self::Grey(pixels) => pixels.into_pyarray(py).into_any(),
+            Self::Colour(pixels) => pixels.into_pyarray(py).into_any(),
+        }
+    }
+}
+
+/// Planes as pixels of three bytes, of which `order` says which is red, green and blue.
+pub fn interleaved(image: &Image, order: &[usize]) -> Interleaved {
+    let size = (image.height(), image.width());
+    let plane = |p: usize| ArrayView2::from_shape(size, image.plane(p)).expect("a plane is whole");
+    if image.planes() == 1 {
+        return Interleaved::Grey(plane(0).to_owned());
+    }
+    let mut pixels = Array3::zeros((size.0, size.1, 3));
+    for (p, &channel) in order.iter().enumerate() {
+        pixels.index_axis_mut(Axis(2), channel).assign(&plane(p));
+    }
+    Interleaved::Colour(pixels)
 }

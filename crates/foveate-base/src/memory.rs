@@ -18,6 +18,9 @@ const UNKNOWN: u64 = 4 << 30;
 /// The limit of small machines.
 const LEAST: u64 = 1 << 30;
 
+/// What errors advise where the limit is too low; a front end with another way to raise it puts that in its place.
+pub const ADVICE: &str = "allow more with --max-memory (in the library: memory::set_limit)";
+
 /// Bytes that a pixel of a picture takes in a whole run, in all copies together: as it was decoded, those that wait for their turn,
 /// that of the frame before, box means and sums of colours, the film and its encoder, which has most. docs/robustness.md has it measured.
 pub const PIXEL: u64 = 80;
@@ -93,8 +96,7 @@ fn allowed(what: &impl std::fmt::Display, bytes: u64) -> Result<()> {
         return Ok(());
     }
     Err(Error::Memory(format!(
-        "{what} would take about {} of memory, more than the {} allowed; make it smaller, or allow more with --max-memory (in the \
-         library: memory::set_limit)",
+        "{what} would take about {} of memory, more than the {} allowed; make it smaller, or {ADVICE}",
         shown(bytes),
         shown(limit())
     )))
