@@ -10,9 +10,12 @@ You give a box in the first picture (``tracker.init(image, box)``); every later 
 many.
 """
 
-from ._foveate import MultiTracker, Result, Tracker, Video, configurations, set_threads
+from ._draw import draw
+from ._export import export
+from ._foveate import MultiTracker, Tracker, Video, configurations, set_max_memory, set_threads
 from ._foveate import __VERSION__ as __version__
 from ._multi import Targets
+from ._result import Result
 from ._show import Run
 from ._types import Box, Region, State
 from .errors import ConfigError, Error, FileError, InputError
@@ -33,5 +36,8 @@ __all__ = [
     "Video",
     "__version__",
     "configurations",
+    "draw",
+    "export",
+    "set_max_memory",
     "set_threads",
 ]

@@ -1,4 +1,4 @@
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os import PathLike
 from typing import Any, Literal, Protocol, TypeAlias, final
 
@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ._multi import Targets
+from ._result import Result, Status
 from ._types import Box, Region, State
 
 __VERSION__: str
@@ -14,7 +15,6 @@ _Floats: TypeAlias = npt.NDArray[np.float64]
 _Singles: TypeAlias = npt.NDArray[np.float32]
 _Channels: TypeAlias = Literal["rgb", "bgr", "rgba", "bgra", "grey"]
 _Config: TypeAlias = Mapping[str, Any] | str | PathLike[str]
-_Status: TypeAlias = Literal["tracking", "occluded", "lost", "reacquired"]
 _Box: TypeAlias = Sequence[float] | npt.NDArray[np.floating[Any] | np.integer[Any]]
 
 class _Array(Protocol):
@@ -29,11 +29,19 @@ class _Found(Protocol):
     @property
     def xyxy(self) -> npt.NDArray[Any]: ...
 
+class _Results(Protocol):
+    """What an ultralytics model answers for a picture."""
+
+    @property
+    def boxes(self) -> Any: ...
+    @property
+    def obb(self) -> Any: ...
+
 _Image: TypeAlias = npt.NDArray[np.uint8] | npt.NDArray[np.integer[Any] | np.floating[Any]] | _Array
-_Detections: TypeAlias = npt.ArrayLike | _Found
+_Detections: TypeAlias = npt.ArrayLike | _Found | _Results | Sequence[_Results]
 
 @final
-class Result:
+class _Estimate:
     @property
     def ok(self) -> bool: ...
     @property
@@ -41,7 +49,7 @@ class Result:
     @property
     def p_lost(self) -> float: ...
     @property
-    def status(self) -> _Status: ...
+    def status(self) -> Status: ...
     @property
     def state(self) -> State: ...
     @property
@@ -63,14 +71,48 @@ class Result:
     @property
     def classes(self) -> dict[str, float]: ...
     def region(self, p: float = 0.9) -> Region: ...
-    def _repr_html_(self) -> str: ...
-    # Two values, ok and box; type checkers unpack both as either.
-    def __iter__(self) -> Iterator[Any]: ...
-    def __bool__(self) -> bool: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
 class Tracker:
+    """Follows one target through video.
+
+    Parameters
+    ----------
+    profile : str
+        ``"balanced"``, ``"fast"`` (nearly three times the speed), ``"accurate"`` (three that vote: fewest failures, a third of the speed),
+        or the name of any configuration that ships: :func:`foveate.configurations` lists them.
+    config : dict, path or str, optional
+        A dict changes settings of the profile: ``{"particles": 400, "policy.kind": "hedge"}``. A path (``str`` or
+        ``os.PathLike``) is a TOML file in the profile's place; a ``str`` of more than one line is the TOML itself.
+    seed : int, optional
+        Names all random numbers: the same seed gives the same track, bit for bit. Left out, it is the configuration's: 1 in
+        those that ship.
+    channels : str
+        The order of a colour picture's bytes: ``"rgb"`` (PIL, imageio), ``"bgr"`` (OpenCV), ``"rgba"`` or ``"bgra"``. Pictures of
+        shape (height, width) are grey whatever is said here.
+
+    Raises
+    ------
+    foveate.ConfigError
+        There is no such profile, a setting is misspelled or out of range.
+    foveate.FileError
+        A configuration or a model file cannot be read.
+
+    Examples
+    --------
+    >>> import numpy as np, foveate
+    >>> def picture(t):
+    ...     image = np.arange(160 * 120, dtype=np.uint8).reshape(120, 160) % 7
+    ...     image[40:64, 50 + 4 * t : 74 + 4 * t] = 200
+    ...     return image
+    >>> tracker = foveate.Tracker("fast")
+    >>> tracker.init(picture(0), (46, 36, 32, 32))
+    >>> for t in range(1, 8):
+    ...     ok, box = tracker.update(picture(t))
+    >>> ok, abs(box.x - 74) < 4
+    (True, True)
+    """
     def __new__(
         cls,
         profile: str = "balanced",
@@ -79,26 +121,144 @@ class Tracker:
         *,
         channels: _Channels = "rgb",
     ) -> Tracker: ...
-    def init(self, image: _Image, box: _Box) -> None: ...
-    def update(self, image: _Image) -> Result: ...
-    def update_with(self, image: _Image, detections: _Detections) -> Result: ...
-    def skip(self, image: _Image) -> None: ...
-    def reset_at(self, box: _Box) -> None: ...
-    def set_visibility(self, visible: float) -> None: ...
-    def save(self) -> bytes: ...
-    def load(self, saved: bytes) -> None: ...
+    def init(self, image: _Image, box: _Box) -> Result:
+        """Starts, or starts again, on the target in this box; all that was learned before is forgotten.
+
+        Parameters
+        ----------
+        image : uint8 array, (height, width) or (height, width, channels)
+            Of any strides; it is read in place. Colour and grey pictures cannot follow each other.
+        box : four numbers
+            Left, top, width, height; pixels from 0. At least 2 x 2 pixels, touching the picture.
+
+        Returns
+        -------
+        Result
+            Of the picture in which the box was given: the box itself, P(lost) 0, no particles.
+
+        Raises
+        ------
+        TypeError
+            The picture is no array of uint8, or the box not four numbers.
+        foveate.InputError
+            The picture has another shape than its channels say, or the box is empty, not finite or outside; nothing has changed.
+        """
+    def update(self, image: _Image) -> Result:
+        """The next picture of the video.
+
+        Parameters
+        ----------
+        image : uint8 array
+            As in :meth:`init`, of the same size.
+
+        Returns
+        -------
+        Result
+            Unpacks to ``ok, box``.
+
+        Raises
+        ------
+        foveate.InputError
+            There is no target yet, or the picture has another size than the first.
+        """
+    def update_with(self, image: _Image, detections: _Detections) -> Result:
+        """The same, with what a detector of yours found in the picture, in the place of the configuration's own.
+
+        Parameters
+        ----------
+        image : uint8 array
+            As in :meth:`update`.
+        detections : array (n, 4) or (n, 5), or anything with ``xyxy`` and ``confidence``
+            Left, top, width, height and, in a fifth column, score; or for example ``supervision.Detections``. They count where the
+            configuration has ``proposal = { kind = "mixture" }`` or ``[detection_likelihood]``.
+        """
+    def track(
+        self, video: Video | str | PathLike[str] | int | Iterable[Any], box: _Box | None = None, *, progress: bool | None = None
+    ) -> Iterator[Result]:
+        """Follows the target through a video, picture by picture: an iterator of results, which holds one picture at a time.
+
+        Parameters
+        ----------
+        video : Video, path, camera index, or iterable of pictures
+            A path, an address or a camera's number is opened as :class:`Video` and closed at the end.
+        box : four numbers, optional
+            The target in the first picture, as in :meth:`init`. Leave it out to go on with the target at hand.
+        progress : bool, optional
+            Whether to show progress on standard error. Left out: where that is a terminal.
+
+        Yields
+        ------
+        Result
+            One for each picture, the first one included. ``image`` is the picture until the next one is read; ``frame`` and ``time``
+            say where it stands in the video.
+
+        Raises
+        ------
+        foveate.InputError
+            There is no target and no box.
+
+        Examples
+        --------
+        >>> import foveate
+        >>> tracker = foveate.Tracker("fast")
+        >>> for seen in tracker.track("walk.mp4", (40, 30, 24, 24)):  # doctest: +SKIP
+        ...     print(seen.frame, seen.time, seen.box.rounded(), seen.p_lost)
+        """
+    def skip(self, image: _Image) -> None:
+        """A picture before the target is given, or again before the first update after :meth:`load`: camera motion and detector compare
+        pictures, and see it; nothing is tracked.
+        """
+    def reset_at(self, box: _Box) -> None:
+        """Puts the target into this box: particles start about it, its template stays."""
+    def set_visibility(self, visible: float) -> None:
+        """Says which share of the target the next pictures can show, 0 to 1, because something covers it; 1 until told otherwise."""
+    def save(self) -> bytes:
+        """The whole state in mid-video, as JSON in UTF-8, for :meth:`load` in a tracker of the same configuration and seed.
+
+        What detector and camera motion saw is not in it: show the last picture again with :meth:`skip` before the next update. A pickle
+        holds that picture, too. The background that a detector learned (``kind = "motion"``, ``"walkers"``) is in neither: it is learned
+        anew.
+        """
+    def load(self, saved: bytes) -> None:
+        """Takes up what :meth:`save` gave. After an error the tracker has to be given its target anew.
+
+        Raises
+        ------
+        foveate.InputError
+            It is no saved tracker, or one of another version or configuration.
+        """
     @property
-    def has_target(self) -> bool: ...
+    def has_target(self) -> bool:
+        """Whether there is a target: it was given, or loaded."""
     @property
-    def config(self) -> str: ...
+    def config(self) -> str:
+        """The configuration as TOML, every setting written out."""
     @property
-    def seed(self) -> int: ...
+    def seed(self) -> int:
+        """What names all random numbers."""
     @property
-    def channels(self) -> _Channels: ...
+    def channels(self) -> _Channels:
+        """The order of a colour picture's bytes."""
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
 class MultiTracker:
+    """Follows many targets: those that are given, and those that detections start.
+
+    Parameters are those of :class:`Tracker`; the profile is ``"multi"`` (people and cars, with a detector of yours) unless told
+    otherwise.
+
+    Examples
+    --------
+    >>> import numpy as np, foveate
+    >>> tracker = foveate.MultiTracker()
+    >>> image = np.zeros((120, 160, 3), np.uint8)
+    >>> image[40:60, 30:50] = 200
+    >>> for _ in range(5):
+    ...     targets = tracker.update(image, [[30, 40, 20, 20, 0.9]])    # left, top, width, height, score
+    >>> targets.ids.tolist(), targets.boxes.shape
+    ([1], (1, 4))
+    """
     def __new__(
         cls,
         profile: str = "multi",
@@ -107,59 +267,199 @@ class MultiTracker:
         *,
         channels: _Channels = "rgb",
     ) -> MultiTracker: ...
-    def update(self, image: _Image, detections: _Detections | None = None) -> Targets: ...
-    def add(self, image: _Image, box: _Box, id: int | None = None) -> int: ...
-    def skip(self, image: _Image) -> None: ...
-    def cut(self) -> None: ...
+    def update(self, image: _Image, detections: _Detections | None = None) -> Targets:
+        """The next picture, and what detectors of yours found in it.
+
+        Parameters
+        ----------
+        image : uint8 array, (height, width) or (height, width, channels)
+        detections : array (n, 4) or (n, 5), or anything with ``xyxy`` and ``confidence``, optional
+            Left, top, width, height and score; or for example ``supervision.Detections``. Left out: none.
+
+        Returns
+        -------
+        Targets
+            The active targets, by id.
+        """
+    def add(self, image: _Image, box: _Box, id: int | None = None) -> int:
+        """A target's box in the picture of the last update: a new target, or an active one that starts again. Answers its id, the next
+        free one where none is given.
+        """
+    def skip(self, image: _Image) -> None:
+        """A picture that is not tracked in: camera motion and detector compare pictures, and see it."""
+    def cut(self) -> None:
+        """The picture changed altogether: all targets are terminated, to be re-identified if they come back."""
     @property
-    def targets(self) -> Targets: ...
-    def save(self) -> bytes: ...
-    def load(self, saved: bytes) -> None: ...
+    def targets(self) -> Targets:
+        """The active targets of the last picture, by id."""
+    def save(self) -> bytes:
+        """The whole state, as JSON in UTF-8; as :meth:`Tracker.save`."""
+    def load(self, saved: bytes) -> None:
+        """Takes up what :meth:`save` gave; nothing changes where it fails."""
     @property
-    def config(self) -> str: ...
+    def config(self) -> str:
+        """The configuration as TOML, every setting written out."""
     @property
-    def seed(self) -> int: ...
+    def seed(self) -> int:
+        """What names all random numbers."""
     @property
-    def channels(self) -> _Channels: ...
+    def channels(self) -> _Channels:
+        """The order of a colour picture's bytes."""
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
 class Video:
-    def __new__(cls, path: str | PathLike[str], *, channels: Literal["rgb", "bgr"] = "rgb") -> Video: ...
+    """The pictures of a video file, a folder of images, a stream or a camera, one after the other.
+
+    Each loop over it goes on where the last one stopped; after the end the next loop begins anew. It can be used in a ``with``
+    statement, which closes it.
+
+    Parameters
+    ----------
+    source : path, address or camera index
+        H.264 in MP4, a folder of JPEG or PNG images, a numbered pattern of images (``"frames/%04d.png"``), one image; everything else
+        where ffmpeg is installed: other videos, streams (``"rtsp://..."``, ``"http://..."``), and cameras, by their number or
+        ``"/dev/video0"``. Of streams and cameras the newest picture is read.
+    channels : str
+        ``"rgb"`` or ``"bgr"``: the order that colour pictures come in; grey ones come as (height, width).
+    start : int
+        The first picture, counted from 0.
+    every : int
+        Read every so many pictures from there on.
+
+    Raises
+    ------
+    foveate.FileError
+        Nothing is there, or it cannot be read; while iterating, where the source breaks.
+
+    Examples
+    --------
+    >>> import foveate
+    >>> with foveate.Video("walk.mp4", every=2) as video:  # doctest: +SKIP
+    ...     for image in video:
+    ...         print(video.frame, video.time, image.shape)
+    """
+    def __new__(
+        cls,
+        source: str | PathLike[str] | int,
+        *,
+        channels: Literal["rgb", "bgr"] = "rgb",
+        start: int = 0,
+        every: int = 1,
+    ) -> Video: ...
     def __iter__(self) -> Video: ...
     def __next__(self) -> npt.NDArray[np.uint8]: ...
+    def __len__(self) -> int: ...
+    def __length_hint__(self) -> int: ...
+    def __bool__(self) -> bool: ...
+    def __enter__(self) -> Video: ...
+    def __exit__(self, *_exception: object) -> None: ...
+    def close(self) -> None:
+        """Ends reading, and the program that decodes, if there is one. A closed video cannot be read."""
+    def seek(self, frame: int) -> None:
+        """Goes to a picture, counted from 0: it is read next. Folders go there at once; videos are decoded from where they stand, or from
+        the beginning if that is later.
+
+        Raises
+        ------
+        foveate.InputError
+            There is no such picture, or it is behind in a stream, which cannot be read again.
+        """
     @property
-    def size(self) -> tuple[int, int]: ...
+    def size(self) -> tuple[int, int]:
+        """Width and height of a picture, pixels."""
     @property
-    def frames(self) -> int | None: ...
+    def frames(self) -> int | None:
+        """Number of pictures in the source, where it knows it; what ffmpeg reads has an estimate."""
     @property
-    def rate(self) -> float: ...
+    def rate(self) -> float:
+        """Pictures a second."""
+    @property
+    def frame(self) -> int | None:
+        """Where the picture read last stands in the source, counted from 0; ``None`` before the first one."""
+    @property
+    def time(self) -> float | None:
+        """The time of the picture read last, seconds from the first picture of the source; ``None`` before the first one. Folders have
+        1/30 s a picture, streams and cameras the clock.
+        """
+    @property
+    def dropped(self) -> int:
+        """Pictures of a stream or camera that came while the one before was at work, and were left out; 0 of files."""
 
 @final
 class Policy:
+    """A policy; `foveate.bandits` has its Python side."""
     def __new__(cls, kind: str, gazes: Sequence[tuple[float, float]], settings: str, seed: int) -> Policy: ...
-    def ask(self) -> tuple[int | None, float, float]: ...
-    def tell(self, rewards: Sequence[float]) -> None: ...
-    def tell_of(self, u: float, v: float, reward: float) -> None: ...
-    def probabilities(self) -> _Floats | None: ...
-    def predict(self, points: Sequence[tuple[float, float]]) -> tuple[_Floats, _Floats] | None: ...
-    def best(self) -> tuple[float, float] | None: ...
-    def save(self) -> tuple[str, int]: ...
-    def load(self, saved: str, asked: int) -> None: ...
+    def ask(self) -> tuple[int | None, float, float]:
+        """The next gaze: its arm, where it has one, and where it is."""
+    def tell(self, rewards: Sequence[float]) -> None:
+        """What the gazes that were asked for are worth, in their order."""
+    def tell_of(self, u: float, v: float, reward: float) -> None:
+        """What a gaze is worth, whether it was asked for or not."""
+    def probabilities(self) -> _Floats | None:
+        """How likely each arm is to be chosen next."""
+    def predict(self, points: Sequence[tuple[float, float]]) -> tuple[_Floats, _Floats] | None:
+        """Mean and standard deviation of the believed reward at each point."""
+    def best(self) -> tuple[float, float] | None:
+        """The point with the largest mean, once something was learned."""
+    def save(self) -> tuple[str, int]:
+        """All that was learned, as JSON, and how often it was asked."""
+    def load(self, saved: str, asked: int) -> None:
+        """Goes on from what `save` gave; an answer that was not told of is forgotten."""
 
-def select(weights: _Floats, count: int, scheme: str, seed: int, step: int) -> npt.NDArray[np.int64]: ...
-def learn_fit(kind: str, recipe: str, x: _Singles) -> dict[str, _Singles]: ...
-def learn_codes(kind: str, recipe: str, tensors: Mapping[str, _Singles], x: _Singles) -> _Singles: ...
-def learn_scores(kind: str, recipe: str, tensors: Mapping[str, _Singles], x: _Singles) -> _Floats: ...
+def draw_marks(
+    image: _Image,
+    channels: str,
+    boxes: _Floats,
+    colours: Sequence[tuple[int, int, int]],
+    texts: Sequence[str],
+    discs: _Floats,
+    paths: Sequence[tuple[_Floats, tuple[int, int, int]]],
+) -> npt.NDArray[np.uint8]:
+    """The picture with these marks: boxes (left, top, width, height) with a colour and a text each, discs (x, y and a share of 1 that
+    colours them), and paths with a colour each. A colour picture in the order of the channels; of a grey one, and of one with alpha, without.
+    """
+def export_boxes(
+    format: str,
+    path: str | PathLike[str],
+    rows: Sequence[tuple[int, int, tuple[float, float, float, float], float]],
+    frames: int,
+    size: tuple[int, int] | None,
+) -> list[str]:
+    """Writes boxes of a video of so many pictures; answers what the format does not hold, a sentence each."""
+def select(weights: _Floats, count: int, scheme: str, seed: int, step: int) -> npt.NDArray[np.int64]:
+    """For each of `count` places of the next step, the index of the particle that takes it; ascending."""
+def learn_fit(kind: str, recipe: str, x: _Singles) -> dict[str, _Singles]:
+    """Learns from the rows of `x`; of filters with their cost. Ctrl-C ends it."""
+def learn_codes(kind: str, recipe: str, tensors: Mapping[str, _Singles], x: _Singles) -> _Singles:
+    """What the model makes of each row of `x`."""
+def learn_scores(kind: str, recipe: str, tensors: Mapping[str, _Singles], x: _Singles) -> _Floats:
+    """log p(v) of each row of `x`, nats, up to a constant."""
 def softmax_fit(
     x: _Singles, labels: npt.NDArray[np.uint8], classes: int, l2: float, steps: int, tolerance: float
-) -> tuple[_Singles, _Singles, int]: ...
-def softmax_log_probabilities(weights: _Singles, bias: _Singles, x: _Singles) -> _Floats: ...
-def score_ope(found: _Floats, truth: _Floats) -> str: ...
-def score_mot(found: _Floats, truth: _Floats) -> str: ...
-def _restore_result(*pickle: Any) -> Result: ...
+) -> tuple[_Singles, _Singles, int]:
+    """Fits softmax regression to rows and their labels (0 to `classes` − 1): weights (n_in × classes), bias, and the steps that it took."""
+def softmax_log_probabilities(weights: _Singles, bias: _Singles, x: _Singles) -> _Floats:
+    """log p(y | x), nats, for each row of `x` and class."""
+def score_ope(found: _Floats, truth: _Floats) -> str:
+    """The figures and curves of one track, as JSON."""
+def score_mot(found: _Floats, truth: _Floats) -> str:
+    """The figures of many targets, as JSON. Rows: frame, id, left, top, width, height, confidence."""
+def _restore_result(*pickle: Any) -> _Estimate: ...
 def _restore_tracker(*pickle: Any) -> Tracker: ...
 def _restore_multi(*pickle: Any) -> MultiTracker: ...
-def run_program(arguments: Sequence[str], program: str) -> int: ...
-def set_threads(threads: int) -> None: ...
-def configurations() -> list[str]: ...
+def run_program(arguments: Sequence[str], program: str) -> int:
+    """Runs the program with these arguments, its name first; `program` is the file that has its code."""
+def set_threads(threads: int) -> None:
+    """Uses so many threads in every update from now on, 0 for all processors; results do not depend on it."""
+def set_max_memory(size: str | None) -> None:
+    """The most memory that pictures, targets and settings may ask for from now on, such as ``"6G"`` or ``"512M"``; more is an
+    error before it is taken. ``None`` is a quarter of the machine's memory, as at first. Results do not depend on it.
+
+    Raises
+    ------
+    foveate.InputError
+        This is no such size, or less than 16M.
+    """
+def configurations() -> list[str]:
+    """The configurations that ship, by name: each is a profile."""

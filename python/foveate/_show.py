@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import base64
+import os
 import struct
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ._foveate import Result, Tracker
-from ._types import counted
+from ._export import Format, export
+from ._foveate import Tracker, Video
+from ._result import Result
+from ._types import State, counted
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 _Pixels = npt.NDArray[np.uint8]
 
@@ -90,33 +96,44 @@ class Run:
     ...     return image
     >>> run = foveate.Run.of(foveate.Tracker("fast", channels="grey"), map(picture, range(8)), (20, 30, 24, 24))
     >>> len(run), run.boxes.shape, run.p_lost.shape
-    (7, (7, 4), (7,))
+    (8, (8, 4), (8,))
 
-    Every result is kept (about 40 kB each with 800 particles), and some of the pictures, made smaller.
+    It is as long as the video: the first result is the box that was given. Every result is kept (about 40 kB each with 800
+    particles), and some of the pictures, made smaller.
     """
 
     def __init__(self, channels: str = "rgb") -> None:
+        """An empty run; `channels` is the order of the bytes of colour pictures, as the tracker has it."""
         self.results: list[Result] = []
-        """One for each picture after the first."""
+        """One for each picture."""
+        self.size: tuple[int, int] | None = None
+        """Width and height of the pictures; None before the first one."""
         self._channels = channels
         self._every = 1
         self._pictures: dict[int, tuple[int, _Pixels]] = {}
 
     @classmethod
-    def of(cls, tracker: Tracker, images: Iterable[Any], box: Sequence[float]) -> Run:
-        """Follows a target: its box is given in the first of the pictures."""
+    def of(
+        cls,
+        tracker: Tracker,
+        video: Video | str | os.PathLike[str] | int | Iterable[Any],
+        box: Sequence[float],
+        *,
+        progress: bool | None = None,
+    ) -> Run:
+        """Follows a target whose box is given in the first picture, as :meth:`Tracker.track` does."""
         run = cls(tracker.channels)
-        for t, image in enumerate(images):
-            if t == 0:
-                tracker.init(image, box)
-            else:
-                run.add(image, tracker.update(image))
+        for seen in tracker.track(video, box, progress=progress):
+            run.add(seen.image, seen)
         return run
 
     def add(self, image: Any, result: Result) -> None:
         """Keeps a result; the picture is kept where its turn is."""
         at = len(self.results)
         self.results.append(result)
+        if self.size is None:
+            height, width = np.shape(image)[:2]
+            self.size = width, height
         if at % self._every == 0:
             pixels = np.asarray(image)
             step = max(1, max(pixels.shape[:2]) // 240)
@@ -137,6 +154,9 @@ class Run:
     def __getitem__(self, at: int) -> Result:
         return self.results[at]
 
+    def __iter__(self) -> Iterator[Result]:
+        return iter(self.results)
+
     @property
     def boxes(self) -> npt.NDArray[np.float64]:
         """The boxes; float64, shape (n, 4): left, top, width, height."""
@@ -146,6 +166,36 @@ class Run:
     def p_lost(self) -> npt.NDArray[np.float64]:
         """P(lost) over time; float64, shape (n,)."""
         return np.array([r.p_lost for r in self.results], dtype=np.float64)
+
+    def to_dataframe(self) -> DataFrame:
+        """A pandas DataFrame with a row for each picture.
+
+        Columns: frame (from 0), time (s), left, top, width, height (pixels from 0), ok, status, p_lost, x, y, vx, vy, log_scale,
+        angle (the state), sd_x, sd_y (standard deviations of the centre, pixels), ess.
+
+        Raises
+        ------
+        ImportError
+            The package pandas is not installed.
+        """
+        try:
+            import pandas  # noqa: PLC0415: optional
+        except ImportError as error:
+            raise ImportError("to_dataframe() needs the package pandas: pip install pandas") from error
+        columns: dict[str, Any] = {
+            "frame": [at if r.frame is None else r.frame for at, r in enumerate(self.results)],
+            "time": np.array([np.nan if r.time is None else r.time for r in self.results], dtype=np.float64),
+        }
+        columns |= dict(zip(("left", "top", "width", "height"), self.boxes.T))
+        columns |= {"ok": [r.ok for r in self.results], "status": [r.status for r in self.results], "p_lost": self.p_lost}
+        columns |= dict(zip(State._fields, np.array([r.state for r in self.results], dtype=np.float64).reshape(-1, 6).T))
+        deviations = np.sqrt([np.diag(r.covariance)[:2] for r in self.results]).reshape(-1, 2)
+        columns |= {"sd_x": deviations[:, 0], "sd_y": deviations[:, 1], "ess": [r.ess for r in self.results]}
+        return pandas.DataFrame(columns)
+
+    def export(self, path: str | os.PathLike[str], format: Format, *, guesses: bool = False) -> None:
+        """Writes the boxes to a file of another program, as :func:`foveate.export` does: ``run.export("run.json", "coco")``."""
+        export(self.results, path, format, size=self.size, guesses=guesses)
 
     def errors(self, truth: Sequence[Sequence[float]]) -> npt.NDArray[np.float64]:
         """Distance of the box's centre from that of the true box, pixels; shape (n,). `truth` has a box for each result."""
@@ -170,9 +220,9 @@ class Run:
         shown = min(240.0, float(width))
         return (
             f'<figure style="display:inline-block;vertical-align:top;margin:4px;width:{shown:.0f}px"><svg width="{shown:.0f}" height="{shown * height / width:.0f}"'
-            f' viewBox="0 0 {width} {height}" role="img" aria-label="picture {at + 2}">'
+            f' viewBox="0 0 {width} {height}" role="img" aria-label="picture {at + 1}">'
             f'<image width="{width}" height="{height}" href="{_png(pixels)}"/>{_marks(self.results[at], width / shown)}</svg>'
-            f"<figcaption>picture {at + 2}: {_words(self.results[at])}</figcaption></figure>"
+            f"<figcaption>picture {at + 1}: {_words(self.results[at])}</figcaption></figure>"
         )
 
     def _curve(self) -> str:
@@ -186,6 +236,6 @@ class Run:
         return (
             f'<br><svg width="{width}" height="{height + 40}" role="img" aria-label="P(lost) over time">{ticks}'
             f'<polyline points="{points}" fill="none" stroke="{_LOST}" stroke-width="1.5"/>'
-            f'<text x="40" y="{height + 28}" fill="currentColor" font-size="11">P(lost), pictures 2 to {len(self) + 1}</text></svg>'
+            f'<text x="40" y="{height + 28}" fill="currentColor" font-size="11">P(lost), pictures 1 to {len(self)}</text></svg>'
         )
 

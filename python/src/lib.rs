@@ -5,7 +5,9 @@
 #![forbid(unsafe_code)]
 
 mod bandits;
+mod draw;
 mod errors;
+mod export;
 mod held;
 mod learn;
 mod making;
@@ -29,13 +31,17 @@ mod _foveate {
     #[pymodule_export]
     use crate::bandits::PyPolicy;
     #[pymodule_export]
+    use crate::draw::draw_marks;
+    #[pymodule_export]
+    use crate::export::export_boxes;
+    #[pymodule_export]
     use crate::learn::{learn_codes, learn_fit, learn_scores, softmax_fit, softmax_log_probabilities};
     #[pymodule_export]
     use crate::multi::{_restore_multi, PyMultiTracker};
     #[pymodule_export]
     use crate::parts::{score_mot, score_ope, select};
     #[pymodule_export]
-    use crate::result::{_restore_result, TrackResult};
+    use crate::result::{_restore_result, Estimate};
     #[pymodule_export]
     use crate::tracker::{_restore_tracker, PyTracker};
     #[pymodule_export]

@@ -34,6 +34,27 @@ pub struct Seen {
 }
 
 impl Seen {
+    /// A picture in which the box was given: nothing was estimated.
+    pub fn given(bbox: BBox) -> Self {
+        let state = State::of(&bbox);
+        Self {
+            bbox,
+            status: Status::Tracking,
+            p_lost: 0.0,
+            state,
+            covariance: [[0.0; 6]; 6],
+            one_sd: Region { x: state.x, y: state.y, half: [0.0; 2], turn: 0.0 },
+            ess: 0.0,
+            log_evidence: f64::NAN,
+            gaze: (0.0, 0.0),
+            gazes: vec![],
+            rewards: vec![],
+            particles: vec![],
+            weights: vec![],
+            classes: vec![],
+        }
+    }
+
     /// Takes what Python may ask for.
     pub fn of(output: &Output<'_>) -> Self {
         let step = &output.step;
@@ -105,7 +126,7 @@ type Pickle<'py> = (String, Vec<f64>, [PyReadonlyArrayDyn<'py, f64>; 4], Vec<(St
 /// A result from its pickle.
 #[pyfunction]
 #[pyo3(signature = (*pickle))]
-pub fn _restore_result(py: Python<'_>, pickle: Pickle<'_>) -> PyResult<TrackResult> {
+pub fn _restore_result(py: Python<'_>, pickle: Pickle<'_>) -> PyResult<Estimate> {
     let (status, numbers, arrays, classes) = pickle;
     let known = [Status::Tracking, Status::Occluded, Status::Lost, Status::Reacquired];
     let status = known.into_iter().find(|known| known.name() == status);
@@ -140,12 +161,9 @@ pub fn _restore_result(py: Python<'_>, pickle: Pickle<'_>) -> PyResult<TrackResu
     Ok(seen.into())
 }
 
-/// What is known of the target in one picture; made by :meth:`Tracker.update`.
-///
-/// It can be unpacked as OpenCV's answer: ``ok, box = tracker.update(image)``. Arrays are read-only, made without a copy where
-/// they are asked for, and stay valid after the next update.
-#[pyclass(frozen, module = "foveate", name = "Result")]
-pub struct TrackResult {
+/// The values of a `foveate.Result`, which has their documentation.
+#[pyclass(frozen, module = "foveate._foveate", name = "_Estimate")]
+pub struct Estimate {
     seen: Seen,
     gazes: Lazy<PyArray2<f64>>,
     rewards: Lazy<PyArray1<f64>>,
@@ -153,7 +171,21 @@ pub struct TrackResult {
     weights: Lazy<PyArray1<f64>>,
 }
 
-impl From<Seen> for TrackResult {
+impl Seen {
+    /// What is believed of the track.
+    pub fn status(&self) -> Status {
+        self.status
+    }
+
+    /// A `foveate.Result` of it.
+    pub fn into_result(self, py: Python<'_>, channels: &str) -> PyResult<Py<PyAny>> {
+        static CLASS: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+        let class = CLASS.get_or_try_init(py, || py.import("foveate._result")?.getattr("Result").map(Bound::unbind))?;
+        class.call1(py, (Estimate::from(self), channels))
+    }
+}
+
+impl From<Seen> for Estimate {
     fn from(mut seen: Seen) -> Self {
         let take = std::mem::take::<Vec<f64>>;
         Self {
@@ -167,81 +199,66 @@ impl From<Seen> for TrackResult {
 }
 
 #[pymethods]
-impl TrackResult {
-    /// Whether the box is a result: false where the target is believed occluded or lost.
+impl Estimate {
     #[getter]
     fn ok(&self) -> bool {
         !self.seen.status.is_occluded_or_lost()
     }
-    /// The target's upright box: left, top, width, height; pixels from 0. A guess where ``ok`` is false.
     #[getter(r#box)]
     fn bbox<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         named::bbox(py, &self.seen.bbox)
     }
-    /// The probability, 0 to 1, that the box is not on the target (IoU below 0.1) or the target not to be seen.
     #[getter]
     fn p_lost(&self) -> f64 {
         self.seen.p_lost
     }
-    /// What is believed of the track: ``"tracking"``, ``"occluded"``, ``"lost"`` or ``"reacquired"``.
     #[getter]
     fn status(&self) -> &'static str {
         self.seen.status.name()
     }
-    /// Mean of the belief, moved by the box regression where there is one: x, y (centre, pixels), vx, vy (pixels a frame), log_scale (relative to the first frame), angle (radians).
     #[getter]
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         named::state(py, &self.seen.state)
     }
-    /// Covariance of the belief over x, y, vx, vy, log scale, angle; float64, shape (6, 6).
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
         let rows = Array2::from_shape_fn((6, 6), |(i, j)| self.seen.covariance[i][j]);
         rows.into_pyarray(py)
     }
-    /// Effective sample size 1 / Σ w², from 1 to the number of particles.
     #[getter]
     fn ess(&self) -> f64 {
         self.seen.ess
     }
-    /// Log evidence of the picture, nats, up to the likelihood's constant.
     #[getter]
     fn log_evidence(&self) -> f64 {
         self.seen.log_evidence
     }
-    /// The predicted particles; float64, shape (n, 6): x, y, vx, vy, log scale, angle.
     #[getter]
     fn particles<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
         self.particles.get(py, 6)
     }
-    /// Weights of the particles, which sum to 1; float64, shape (n,).
     #[getter]
     fn weights<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.weights.get(py)
     }
-    /// The policy's own gaze (u, v) in template units: the box is the square from -1 to 1.
     #[getter]
     fn gaze(&self) -> (f64, f64) {
         self.seen.gaze
     }
-    /// All gazes that were scored, template units; float64, shape (k, 2).
     #[getter]
     fn gazes<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray2<f64>> {
         self.gazes.get(py, 2)
     }
-    /// The reward, 0 to 1, of each of ``gazes``; float64, shape (k,).
     #[getter]
     fn rewards<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         self.rewards.get(py)
     }
-    /// Probability of each class over all pictures so far, by name; empty without a recogniser.
     #[getter]
     fn classes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let all = PyDict::new(py);
         self.seen.classes.iter().try_for_each(|(name, p)| all.set_item(name, p))?;
         Ok(all)
     }
-    /// The credible region of the target's centre that holds this share (0 to below 1) of the probability: an ellipse.
     #[pyo3(signature = (p = 0.9))]
     fn region<'py>(&self, py: Python<'py>, p: f64) -> PyResult<Bound<'py, PyAny>> {
         if !(0.0..1.0).contains(&p) {
@@ -250,17 +267,6 @@ impl TrackResult {
         let size = (-2.0 * (1.0 - p).ln()).sqrt();
         let one = self.seen.one_sd;
         named::region(py, &Region { half: one.half.map(|half| size * half), ..one })
-    }
-    /// Box, particles, region and gaze as a picture, for notebooks.
-    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
-        slf.py().import("foveate._show")?.call_method1("result_html", (slf,))
-    }
-    fn __iter__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let pair = PyTuple::new(py, [self.ok().into_pyobject(py)?.to_owned().into_any(), self.bbox(py)?])?;
-        Ok(pair.try_iter()?.into_any())
-    }
-    fn __bool__(&self) -> bool {
-        self.ok()
     }
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
         let Seen { bbox: b, status, p_lost, state, covariance, one_sd, ess, log_evidence, gaze, classes, .. } =
@@ -271,13 +277,5 @@ impl TrackResult {
         let arrays = (self.gazes(py), self.rewards(py), self.particles(py), self.weights(py));
         let kept = (status.name(), numbers.collect::<Vec<_>>(), arrays, classes).into_pyobject(py)?;
         PyTuple::new(py, [py.import("foveate._foveate")?.getattr("_restore_result")?, kept.into_any()])
-    }
-    fn __repr__(&self) -> String {
-        let BBox { x, y, w, h } = self.seen.bbox;
-        format!(
-            "<Result {} box=({x:.1}, {y:.1}, {w:.1}, {h:.1}) p_lost={:.3}>",
-            self.seen.status.name(),
-            self.seen.p_lost
-        )
     }
 }

@@ -1,15 +1,16 @@
 //! One target.
 
-use foveate::{BBox, Detection, Tracker};
+use foveate::{BBox, Detection, Status, Tracker};
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
+use std::sync::{Mutex, PoisonError};
 
 use crate::errors::{OrRaise, input};
 use crate::held::{Held, Pickle};
-use crate::making::Making;
+use crate::making::{Making, profile_name};
 use crate::named::read_box;
-use crate::result::{Seen, TrackResult};
+use crate::result::Seen;
 
 /// Follows one target through video.
 ///
@@ -43,13 +44,30 @@ use crate::result::{Seen, TrackResult};
 /// ...     image[40:64, 50 + 4 * t : 74 + 4 * t] = 200
 /// ...     return image
 /// >>> tracker = foveate.Tracker("fast")
-/// >>> tracker.init(picture(0), (46, 36, 32, 32))
+/// >>> seen = tracker.init(picture(0), (46, 36, 32, 32))
 /// >>> for t in range(1, 8):
 /// ...     ok, box = tracker.update(picture(t))
 /// >>> ok, abs(box.x - 74) < 4
 /// (True, True)
 #[pyclass(frozen, module = "foveate", name = "Tracker")]
-pub struct PyTracker(Held<Tracker>);
+pub struct PyTracker(Held<Tracker>, Mutex<Option<Status>>);
+
+impl PyTracker {
+    fn of(held: Held<Tracker>) -> Self {
+        Self(held, Mutex::default())
+    }
+
+    /// The result for Python; another status than before is logged.
+    fn result(&self, py: Python<'_>, seen: Seen) -> PyResult<Py<PyAny>> {
+        let status = seen.status();
+        let before = self.1.lock().unwrap_or_else(PoisonError::into_inner).replace(status);
+        let result = seen.into_result(py, self.0.making.channels.name)?;
+        if before.is_some_and(|before| before != status) {
+            py.import("foveate._result")?.call_method1("log_status", (&result,))?;
+        }
+        Ok(result)
+    }
+}
 
 #[pymethods]
 impl PyTracker {
@@ -57,12 +75,12 @@ impl PyTracker {
     #[pyo3(signature = (profile = "balanced", config = None, seed = None, *, channels = "rgb"))]
     fn new(
         py: Python<'_>,
-        profile: &str,
+        #[pyo3(from_py_with = profile_name)] profile: &str,
         config: Option<&Bound<'_, PyAny>>,
         seed: Option<u64>,
         channels: &str,
     ) -> PyResult<Self> {
-        Held::new(Making::new(py, profile, config, seed, channels)?).or_raise(py).map(Self)
+        Held::new(Making::new(py, profile, config, seed, channels)?).or_raise(py).map(Self::of)
     }
 
     /// Starts, or starts again, on the target in this box; all that was learned before is forgotten.
@@ -74,6 +92,11 @@ impl PyTracker {
     /// box : four numbers
     ///     Left, top, width, height; pixels from 0. At least 2 x 2 pixels, touching the picture.
     ///
+    /// Returns
+    /// -------
+    /// Result
+    ///     Of the picture in which the box was given: the box itself, P(lost) 0, no particles.
+    ///
     /// Raises
     /// ------
     /// TypeError
@@ -81,9 +104,10 @@ impl PyTracker {
     /// foveate.InputError
     ///     The picture has another shape than its channels say, or the box is empty, not finite or outside; nothing has changed.
     #[pyo3(signature = (image, r#box))]
-    fn init(&self, image: &Bound<'_, PyAny>, r#box: &Bound<'_, PyAny>) -> PyResult<()> {
+    fn init(&self, image: &Bound<'_, PyAny>, r#box: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
         let bbox = read_box(r#box)?;
-        self.0.show(image, |tracker, image| tracker.init(image, bbox))
+        self.0.show(image, |tracker, image| tracker.init(image, bbox))?;
+        self.result(image.py(), Seen::given(bbox))
     }
 
     /// The next picture of the video.
@@ -102,8 +126,9 @@ impl PyTracker {
     /// ------
     /// foveate.InputError
     ///     There is no target yet, or the picture has another size than the first.
-    fn update(&self, image: &Bound<'_, PyAny>) -> PyResult<TrackResult> {
-        self.0.show(image, |tracker, image| Ok(Seen::of(&tracker.update(image)?))).map(TrackResult::from)
+    fn update(&self, image: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
+        let seen = self.0.show(image, |tracker, image| Ok(Seen::of(&tracker.update(image)?)))?;
+        self.result(image.py(), seen)
     }
 
     /// The same, with what a detector of yours found in the picture, in the place of the configuration's own.
@@ -115,9 +140,48 @@ impl PyTracker {
     /// detections : array (n, 4) or (n, 5), or anything with ``xyxy`` and ``confidence``
     ///     Left, top, width, height and, in a fifth column, score; or for example ``supervision.Detections``. They count where the
     ///     configuration has ``proposal = { kind = "mixture" }`` or ``[detection_likelihood]``.
-    fn update_with(&self, image: &Bound<'_, PyAny>, detections: &Bound<'_, PyAny>) -> PyResult<TrackResult> {
+    fn update_with(&self, image: &Bound<'_, PyAny>, detections: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
         let found = read_detections(detections)?;
-        self.0.show(image, |tracker, image| Ok(Seen::of(&tracker.update_with(image, &found)?))).map(TrackResult::from)
+        let seen = self.0.show(image, |tracker, image| Ok(Seen::of(&tracker.update_with(image, &found)?)))?;
+        self.result(image.py(), seen)
+    }
+
+    /// Follows the target through a video, picture by picture: an iterator of results, which holds one picture at a time.
+    ///
+    /// Parameters
+    /// ----------
+    /// video : Video, path, camera index, or iterable of pictures
+    ///     A path, an address or a camera's number is opened as :class:`Video` and closed at the end.
+    /// box : four numbers, optional
+    ///     The target in the first picture, as in :meth:`init`. Leave it out to go on with the target at hand.
+    /// progress : bool, optional
+    ///     Whether to show progress on standard error. Left out: where that is a terminal.
+    ///
+    /// Yields
+    /// ------
+    /// Result
+    ///     One for each picture, the first one included. ``image`` is the picture until the next one is read; ``frame`` and ``time``
+    ///     say where it stands in the video.
+    ///
+    /// Raises
+    /// ------
+    /// foveate.InputError
+    ///     There is no target and no box.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import foveate
+    /// >>> tracker = foveate.Tracker("fast")
+    /// >>> for seen in tracker.track("walk.mp4", (40, 30, 24, 24)):  # doctest: +SKIP
+    /// ...     print(seen.frame, seen.time, seen.box.rounded(), seen.p_lost)
+    #[pyo3(signature = (video, r#box = None, *, progress = None))]
+    fn track<'py>(
+        slf: &Bound<'py, Self>,
+        video: &Bound<'py, PyAny>,
+        r#box: Option<&Bound<'py, PyAny>>,
+        progress: Option<bool>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("foveate._track")?.call_method1("track", (slf, video, r#box, progress))
     }
 
     /// A picture before the target is given, or again before the first update after :meth:`load`: camera motion and detector compare
@@ -202,7 +266,7 @@ impl PyTracker {
 #[pyfunction]
 #[pyo3(signature = (*pickle))]
 pub fn _restore_tracker(py: Python<'_>, pickle: Pickle) -> PyResult<PyTracker> {
-    Held::restored(py, pickle).map(PyTracker)
+    Held::restored(py, pickle).map(PyTracker::of)
 }
 
 /// Detections from an array of n × 5, made by `foveate._detections` from what is given.

@@ -1,25 +1,33 @@
-//! Pictures of a video file or a folder, as arrays.
+//! Pictures of a video file, a folder, a stream or a camera, as arrays.
 
-use std::path::PathBuf;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use foveate::Image;
-use foveate::video::{FrameSource, SourceInfo};
-use numpy::IntoPyArray;
-use numpy::ndarray::{Array2, Array3, ArrayView2, Axis};
+use foveate::Result;
+use foveate::video::{FrameSource, Live, LiveOptions, Meter, Pace, SourceInfo, is_live, newest};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
-use crate::errors::OrRaise;
-use crate::pictures::Channels;
+use crate::errors::{OrRaise, input};
+use crate::pictures::{Channels, interleaved};
 
-/// The pictures of a video file or of a folder of images, one after the other.
+/// The pictures of a video file, a folder of images, a stream or a camera, one after the other.
+///
+/// Each loop over it goes on where the last one stopped; after the end the next loop begins anew. It can be used in a ``with``
+/// statement, which closes it.
 ///
 /// Parameters
 /// ----------
-/// path : path
-///     H.264 in MP4, a folder of JPEG or PNG images, one image; everything else where ffmpeg is installed.
+/// source : path, address or camera index
+///     H.264 in MP4, a folder of JPEG or PNG images, a numbered pattern of images (``"frames/%04d.png"``), one image; everything else
+///     where ffmpeg is installed: other videos, streams (``"rtsp://..."``, ``"http://..."``), and cameras, by their number or
+///     ``"/dev/video0"``. Of streams and cameras the newest picture is read.
 /// channels : str
 ///     ``"rgb"`` or ``"bgr"``: the order that colour pictures come in; grey ones come as (height, width).
+/// start : int
+///     The first picture, counted from 0.
+/// every : int
+///     Read every so many pictures from there on.
 ///
 /// Raises
 /// ------
@@ -29,51 +37,203 @@ use crate::pictures::Channels;
 /// Examples
 /// --------
 /// >>> import foveate
-/// >>> for image in foveate.Video("walk.mp4"):  # doctest: +SKIP
-/// ...     ok, box = tracker.update(image)
+/// >>> with foveate.Video("walk.mp4", every=2) as video:  # doctest: +SKIP
+/// ...     for image in video:
+/// ...         print(video.frame, video.time, image.shape)
 #[pyclass(frozen, module = "foveate", name = "Video")]
 pub struct PyVideo {
+    path: PathBuf,
     channels: Channels,
+    start: usize,
+    every: usize,
     info: SourceInfo,
-    source: Mutex<Box<dyn FrameSource>>,
+    reading: Mutex<Reading>,
+    /// What a signal raised while a stream was waited for.
+    signal: Signal,
 }
 
-impl PyVideo {
-    fn source(&self) -> MutexGuard<'_, Box<dyn FrameSource>> {
-        self.source.lock().unwrap_or_else(PoisonError::into_inner)
+type Signal = Arc<Mutex<Option<PyErr>>>;
+
+/// Where reading stands.
+struct Reading {
+    /// `None` where it is closed.
+    source: Option<Box<dyn FrameSource>>,
+    meter: Option<Meter>,
+    /// The picture that the source reads next.
+    at: usize,
+    /// The picture that is wanted next.
+    wanted: usize,
+    /// The picture read last, and its time.
+    last: Option<(usize, f64)>,
+    ended: bool,
+}
+
+impl Reading {
+    fn open(path: &Path, wanted: usize, signal: Signal) -> Result<Self> {
+        let (source, meter) = if is_live(path) {
+            let stop = move || {
+                let raised = Python::attach(|py| py.check_signals()).err();
+                let stop = raised.is_some();
+                raised.into_iter().for_each(|error| *held(&signal) = Some(error));
+                stop
+            };
+            let (source, meter) = newest(Box::new(Live::open(path, LiveOptions::default())?), Pace::default(), stop);
+            (source, Some(meter))
+        } else {
+            (foveate::video::open(path)?, None)
+        };
+        Ok(Self { source: Some(source), meter, at: 0, wanted, last: None, ended: false })
     }
+}
+
+fn held<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Whether it can be read a second time.
+fn repeats(path: &Path) -> bool {
+    !is_live(path) && std::fs::metadata(path).map_or(path != Path::new("-"), |about| about.is_file() || about.is_dir())
 }
 
 #[pymethods]
 impl PyVideo {
     #[new]
-    #[pyo3(signature = (path, *, channels = "rgb"))]
-    fn new(py: Python<'_>, path: PathBuf, channels: &str) -> PyResult<Self> {
+    #[pyo3(signature = (source, *, channels = "rgb", start = 0, every = 1))]
+    fn new(py: Python<'_>, source: &Bound<'_, PyAny>, channels: &str, start: usize, every: usize) -> PyResult<Self> {
         let channels = Channels::named(py, channels)?.of_three(py)?;
-        let source = py.detach(|| foveate::video::open(&path)).or_raise(py)?;
-        Ok(Self { channels, info: source.info().clone(), source: Mutex::new(source) })
+        if every == 0 {
+            return Err(input(py, "every is 1 or more; it is 0"));
+        }
+        let path = match source.extract::<u32>() {
+            Ok(camera) => format!("/dev/video{camera}").into(),
+            Err(_) => source.extract::<PathBuf>().map_err(|_| {
+                let kind = source.get_type().name().map_or_else(|_| "something else".into(), |name| name.to_string());
+                PyTypeError::new_err(format!("a video is a path, an address or the number of a camera; it is a {kind}"))
+            })?,
+        };
+        let signal = Signal::default();
+        let reading = py.detach(|| Reading::open(&path, start, signal.clone())).or_raise(py)?;
+        let info = reading.source.as_ref().map(|source| source.info().clone()).expect("it was just opened");
+        let this = Self { path, channels, start, every, info, reading: Mutex::new(reading), signal };
+        this.check(py, start)?;
+        py.import("foveate._result")?.call_method1("log_video", (this.__repr__(),))?;
+        Ok(this)
     }
-    fn __iter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
-        slf
+    fn __iter__(slf: PyRef<'_, Self>) -> PyResult<PyRef<'_, Self>> {
+        let (py, this) = (slf.py(), &*slf);
+        if py.detach(|| held(&this.reading).ended) {
+            if !repeats(&this.path) {
+                let shown = foveate::video::without_password(&this.path.to_string_lossy()).into_owned();
+                return Err(input(py, format!("{shown} has ended, and cannot be read again; open it anew")));
+            }
+            this.seek(py, this.start)?;
+        }
+        Ok(slf)
     }
     fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let order = self.channels.order();
         let next = py.detach(|| {
-            let frame = self.source().next()?;
-            Some(frame.map(|frame| interleaved(&frame.image, order)))
+            let mut reading = held(&self.reading);
+            let Reading { source: Some(source), at, wanted, last, ended, .. } = &mut *reading else {
+                return Some(Err(None));
+            };
+            if *ended {
+                return None;
+            }
+            let frame = source.pass_over(wanted.saturating_sub(*at)).and_then(|()| source.next().transpose());
+            match frame {
+                Ok(Some(frame)) => {
+                    *at = frame.index + 1;
+                    *wanted = frame.index.saturating_add(self.every);
+                    *last = Some((frame.index, frame.time));
+                    Some(Ok(interleaved(&frame.image, order)))
+                }
+                Ok(None) => {
+                    *ended = true;
+                    None
+                }
+                Err(error) => {
+                    *ended = true;
+                    Some(Err(Some(error)))
+                }
+            }
         });
-        Ok(match next.transpose().or_raise(py)? {
-            None => None,
-            Some(Pixels::Grey(pixels)) => Some(pixels.into_pyarray(py).into_any()),
-            Some(Pixels::Colour(pixels)) => Some(pixels.into_pyarray(py).into_any()),
+        if let Some(error) = held(&self.signal).take() {
+            return Err(error);
+        }
+        match next {
+            None => Ok(None),
+            Some(Ok(pixels)) => Ok(Some(pixels.into_array(py))),
+            Some(Err(None)) => Err(input(py, "the video is closed; open it anew")),
+            Some(Err(Some(error))) => Err(error).or_raise(py),
+        }
+    }
+    /// The number of pictures that a loop from the start reads.
+    ///
+    /// Raises
+    /// ------
+    /// TypeError
+    ///     It is not known before the end: of streams, and of what ffmpeg reads, for which ``frames`` has an estimate.
+    fn __len__(&self) -> PyResult<usize> {
+        let frames = self.info.exact_frames().ok_or_else(|| {
+            PyTypeError::new_err(
+                "how many pictures there are is known at the end; `frames` has an estimate, where there is one",
+            )
+        })?;
+        Ok(frames.saturating_sub(self.start).div_ceil(self.every))
+    }
+    fn __length_hint__(&self) -> usize {
+        self.info.frames.unwrap_or(0).saturating_sub(self.start).div_ceil(self.every)
+    }
+    fn __bool__(&self) -> bool {
+        true
+    }
+    fn __enter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
+    #[pyo3(signature = (*_exception))]
+    fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, pyo3::types::PyTuple>) {
+        self.close(py);
+    }
+    /// Ends reading, and the program that decodes, if there is one. A closed video cannot be read.
+    fn close(&self, py: Python<'_>) {
+        py.detach(|| held(&self.reading).source = None);
+    }
+    /// Goes to a picture, counted from 0: it is read next. Folders go there at once; videos are decoded from where they stand, or from
+    /// the beginning if that is later.
+    ///
+    /// Raises
+    /// ------
+    /// foveate.InputError
+    ///     There is no such picture, or it is behind in a stream, which cannot be read again.
+    fn seek(&self, py: Python<'_>, frame: usize) -> PyResult<()> {
+        self.check(py, frame)?;
+        let back = py.detach(|| {
+            let mut reading = held(&self.reading);
+            let back = reading.at > frame || reading.ended;
+            if reading.source.is_some() && !back {
+                reading.wanted = frame;
+            }
+            reading.source.is_some() && back
+        });
+        if !back {
+            return Ok(());
+        }
+        if !repeats(&self.path) {
+            return Err(input(py, format!("picture {frame} is behind, and this source cannot be read again")));
+        }
+        py.detach(|| {
+            *held(&self.reading) = Reading::open(&self.path, frame, self.signal.clone())?;
+            Ok(())
         })
+        .or_raise(py)
     }
     /// Width and height of a picture, pixels.
     #[getter]
     fn size(&self) -> (usize, usize) {
         (self.info.width, self.info.height)
     }
-    /// Number of pictures, where the source knows it; what ffmpeg reads has an estimate.
+    /// Number of pictures in the source, where it knows it; what ffmpeg reads has an estimate.
     #[getter]
     fn frames(&self) -> Option<usize> {
         self.info.frames
@@ -83,26 +243,36 @@ impl PyVideo {
     fn rate(&self) -> f64 {
         self.info.rate
     }
+    /// Where the picture read last stands in the source, counted from 0; ``None`` before the first one.
+    #[getter]
+    fn frame(&self, py: Python<'_>) -> Option<usize> {
+        py.detach(|| held(&self.reading).last).map(|(frame, _)| frame)
+    }
+    /// The time of the picture read last, seconds from the first picture of the source; ``None`` before the first one. Folders have
+    /// 1/30 s a picture, streams and cameras the clock.
+    #[getter]
+    fn time(&self, py: Python<'_>) -> Option<f64> {
+        py.detach(|| held(&self.reading).last).map(|(_, time)| time)
+    }
+    /// Pictures of a stream or camera that came while the one before was at work, and were left out; 0 of files.
+    #[getter]
+    fn dropped(&self, py: Python<'_>) -> u64 {
+        py.detach(|| held(&self.reading).meter.as_ref().map_or(0, Meter::dropped))
+    }
     fn __repr__(&self) -> String {
         let SourceInfo { width, height, rate, reader, .. } = &self.info;
         format!("<foveate.Video {width} x {height}, {rate:.2} a second, {reader}>")
     }
 }
 
-enum Pixels {
-    Grey(Array2<u8>),
-    Colour(Array3<u8>),
-}
-
-fn interleaved(image: &Image, order: &[usize]) -> Pixels {
-    let size = (image.height(), image.width());
-    let plane = |p: usize| ArrayView2::from_shape(size, image.plane(p)).expect("a plane is whole");
-    if image.planes() == 1 {
-        return Pixels::Grey(plane(0).to_owned());
+impl PyVideo {
+    /// Refuses a picture that is known not to be there.
+    fn check(&self, py: Python<'_>, frame: usize) -> PyResult<()> {
+        match self.info.exact_frames() {
+            Some(frames) if frame >= frames => {
+                Err(input(py, format!("there is no picture {frame}: the video has {frames}, counted from 0")))
+            }
+            _ => Ok(()),
+        }
     }
-    let mut pixels = Array3::zeros((size.0, size.1, 3));
-    for (p, &channel) in order.iter().enumerate() {
-        pixels.index_axis_mut(Axis(2), channel).assign(&plane(p));
-    }
-    Pixels::Colour(pixels)
 }

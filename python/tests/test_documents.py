@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import doctest
 import importlib
 import importlib.util
@@ -12,14 +13,17 @@ import re
 import subprocess
 import sys
 import types
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from conftest import FIRST, ROOT
+from test_program import write_png
 
 import foveate
+from foveate import _foveate
 
 
 def modules() -> list[types.ModuleType]:
@@ -64,6 +68,57 @@ def test_everything_public_has_a_docstring() -> None:
         if inspect.isclass(value) and value.__module__ == "foveate":
             for member, v in vars(value).items():
                 assert member.startswith("_") or v.__doc__, f"{name}.{member}"
+
+
+STUB = ROOT / "python" / "foveate" / "_foveate.pyi"
+
+
+def public(tree: ast.Module) -> Iterator[tuple[ast.ClassDef | ast.FunctionDef, Any]]:
+    """The classes, functions, methods and properties of the stub, and what they are in the module."""
+    for top in tree.body:
+        if isinstance(top, (ast.ClassDef, ast.FunctionDef)) and top.name in vars(_foveate):
+            value = getattr(_foveate, top.name)
+            if top.name.startswith("_"):
+                continue
+            yield top, value
+            for inner in top.body if isinstance(top, ast.ClassDef) else []:
+                if isinstance(inner, ast.FunctionDef) and not inner.name.startswith("_"):
+                    yield inner, vars(value)[inner.name]
+
+
+def with_docstrings(text: str) -> str:
+    """The stub with the docstrings of the module: editors show those of the stub alone."""
+    lines = text.splitlines()
+    for node, value in reversed(list(public(ast.parse(text)))):
+        first, indent = node.body[0], " " * (node.col_offset + 4)
+        doc = (inspect.getdoc(value) or "").replace("\\", "\\\\").splitlines()
+        shown = [f'{indent}"""{line}' if at == 0 else f"{indent}{line}" if line else "" for at, line in enumerate(doc)]
+        shown = [*shown, f'{indent}"""'] if len(shown) > 1 else [f'{line}"""' for line in shown]
+        old = isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant) and isinstance(first.value.value, str)
+        if not doc:
+            continue
+        if old:
+            lines[first.lineno - 1 : first.end_lineno] = shown
+        elif isinstance(node, ast.ClassDef):
+            place = first.lineno - 1 - len(getattr(first, "decorator_list", []))
+            lines[place:place] = shown
+        else:
+            assert first.lineno == first.end_lineno and lines[first.lineno - 1].endswith(": ..."), lines[first.lineno - 1]
+            lines[first.lineno - 1] = lines[first.lineno - 1].removesuffix(" ...")
+            lines[first.lineno : first.lineno] = shown
+    return "\n".join(lines) + "\n"
+
+
+def test_the_stubs_have_the_docstrings_of_the_module() -> None:
+    """Editors show the stub's docstrings on hovering; FOVEATE_WRITE_DOCS=1 writes them."""
+    text = STUB.read_text(encoding="utf-8")
+    wanted = with_docstrings(text)
+    if os.environ.get("FOVEATE_WRITE_DOCS"):
+        STUB.write_text(wanted, encoding="utf-8")
+    assert text == wanted or os.environ.get("FOVEATE_WRITE_DOCS"), "run this test with FOVEATE_WRITE_DOCS=1"
+    bare = [node.name for node, _ in public(ast.parse(wanted)) if not ast.get_docstring(node)]
+    assert not bare, f"without a docstring: {bare}"
+    assert len(list(public(ast.parse(wanted)))) > 50
 
 
 def check(*arguments: str) -> None:
@@ -118,13 +173,16 @@ class Opencv(types.ModuleType):
     def selectROI(self, *_: Any) -> Any:
         return FIRST
 
-    def rectangle(self, _: Any, start: Any, end: Any, *__: Any) -> None:
-        assert all(isinstance(v, int) for v in (*start, *end)), "OpenCV draws whole pixels"
+    def rectangle(self, _: Any, *corners: Any) -> None:
+        """With a box, or with two corners; then a colour and a thickness."""
+        whole = corners[0] if len(corners) == 3 else (*corners[0], *corners[1])
+        assert len(whole) == 4 and all(type(v) is int for v in whole), "OpenCV draws whole pixels"
         self.drawn += 1
 
     def putText(self, *_: Any) -> None: ...
 
-    def imshow(self, *_: Any) -> None: ...
+    def imshow(self, _: str, picture: Any) -> None:
+        assert picture.size, "OpenCV shows no empty picture"
 
     def waitKey(self, _: int) -> int:
         return -1
@@ -152,9 +210,12 @@ def test_the_page_from_opencv(pictures: Any, monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize("page", ["python.md", "../README.md"])
-def test_the_pages_on_python(page: str, pictures: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    video = [p.copy() for p in pictures]
-    monkeypatch.setattr(foveate, "Video", lambda *_, **__: iter(video))
+def test_the_pages_on_python(page: str, pictures: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Their video is a folder of that name."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "video.mp4").mkdir()
+    for t, picture in enumerate(pictures):
+        write_png(tmp_path / "video.mp4" / f"{t:04}.png", picture)
     shared: dict[str, Any] = {"np": np}
     for program in blocks(page):
         if "import sklearn" in program:

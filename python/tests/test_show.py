@@ -40,19 +40,19 @@ def test_a_result_shows_box_particles_region_and_gaze(pictures: list[npt.NDArray
 def test_a_run_shows_pictures_and_the_curve(channels: Any) -> None:
     frames = [drawn(t)[..., :: -1 if channels == "bgr" else 1] for t in range(32)]
     run = foveate.Run.of(foveate.Tracker("fast", channels=channels), frames, FIRST)
-    assert len(run) == 31 and run[3] is run.results[3] and "31 results" in repr(run)
+    assert len(run) == 32 and run[3] is run.results[3] and "32 results" in repr(run)
     shown = parsed(run._repr_html_())
     images, (curve,) = shown.findall(".//image"), shown.findall(".//polyline")
-    assert 2 <= len(images) <= 4 and len(curve.attrib["points"].split()) == 31
-    # The first picture kept is the second of the video, its colours red, green, blue whatever the tracker's order.
+    assert 2 <= len(images) <= 4 and len(curve.attrib["points"].split()) == 32
+    # The first picture kept is the first of the video, its colours red, green, blue whatever the tracker's order.
     file = base64.b64decode(images[0].attrib["href"].split(",")[1])
     at = file.index(b"IDAT")
     size = int.from_bytes(file[at - 4 : at], "big")
     rows = np.frombuffer(zlib.decompress(file[at + 4 : at + 4 + size]), np.uint8).reshape(120, 1 + 160 * 3)
-    np.testing.assert_array_equal(rows[:, 1:].reshape(120, 160, 3), drawn(1))
-    errors = run.errors([(40 + 3 * t, 30 + t, 24, 24) for t in range(1, 32)])
-    assert errors.shape == (31,) and errors[:20].max() < 4
-    with pytest.raises(ValueError, match="each of 31 results, found 1"):
+    np.testing.assert_array_equal(rows[:, 1:].reshape(120, 160, 3), drawn(0))
+    errors = run.errors([(40 + 3 * t, 30 + t, 24, 24) for t in range(32)])
+    assert errors.shape == (32,) and errors[:20].max() < 4
+    with pytest.raises(ValueError, match="each of 32 results, found 1"):
         run.errors([FIRST])
 
 

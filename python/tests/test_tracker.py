@@ -6,6 +6,7 @@ import copy
 import itertools
 import multiprocessing
 import pickle
+import re
 import threading
 from pathlib import Path
 from typing import Any
@@ -65,12 +66,12 @@ def test_results_can_be_copied_and_sent(pictures: Any) -> None:
         for name in ("covariance", "particles", "weights", "gazes", "rewards"):
             np.testing.assert_array_equal(getattr(other, name), getattr(seen, name))
         assert other.region(0.5) == seen.region(0.5) and not other.particles.flags.writeable
-    restore, (status, numbers, arrays, classes) = seen.__reduce__()
+    restore, (status, numbers, arrays, classes) = seen._estimate.__reduce__()
     cut = (*arrays[:2], arrays[2][1:, 1:], arrays[3])
     for wrong in (("gone", numbers, arrays, classes), (status, numbers[1:], arrays, classes), (status, numbers, cut, classes)):
         with pytest.raises(foveate.InputError, match="no pickle of a result"):
             restore(*wrong)
-    assert len(pickle.loads(pickle.dumps(foveate.Run.of(tracker, pictures[:4], FIRST)))) == 3
+    assert len(pickle.loads(pickle.dumps(foveate.Run.of(tracker, pictures[:4], FIRST)))) == 4
 
 
 def test_regions_grow_with_their_share(pictures: Any) -> None:
@@ -160,7 +161,10 @@ def test_configurations(pictures: Any, tmp_path: Path) -> None:
     ):
         assert foveate.Tracker(config=order).config == foveate.Tracker(config={"policy": {"kind": "hedge", "gamma": 0.5}}).config
     for wrong, said in [
-        (lambda: foveate.Tracker("natrual"), "natural-fast"),
+        (lambda: foveate.Tracker("natrual"), 'did you mean "natural"'),
+        (lambda: foveate.Tracker("Balanced"), 'did you mean "balanced"'),
+        (lambda: foveate.MultiTracker("mutli"), 'did you mean "multi"'),
+        (lambda: foveate.Tracker("?"), r'no profile "\?"; Profiles are fast, balanced, accurate, .*natural-fast'),
         (lambda: foveate.Tracker(config={"particles": np.array([3, 4])}), "sequence"),
         (lambda: foveate.Tracker(config={"particles": float("nan")}), "nan"),
         (lambda: foveate.Tracker(config={"particels": 3}), "particels"),
@@ -170,6 +174,15 @@ def test_configurations(pictures: Any, tmp_path: Path) -> None:
     ]:
         with pytest.raises(foveate.ConfigError, match=said):
             wrong()
+    # A dict has no lines.
+    for settings in ({"particels": 3}, {"policy": {"kind": "hegde"}}, {"policy.gama": 3}, {"particles": "many"}):
+        with pytest.raises(foveate.ConfigError) as found:
+            foveate.Tracker(config=settings)
+        assert not {"line", "column", "TOML"} & set(re.findall(r"\w+", str(found.value))), found.value
+    with pytest.raises(foveate.ConfigError, match="line 2"):
+        foveate.Tracker(config=tracker.config.split("\n")[0] + "\nparticels = 3\n")
+    with pytest.raises(TypeError, match=r"profile is a name.*it is a dict.*config="):
+        foveate.Tracker({"particles": 10})  # type: ignore[arg-type]
     with pytest.raises(foveate.FileError, match="none.toml"):
         foveate.Tracker(config="none.toml")
     with pytest.raises(OSError):
@@ -187,15 +200,16 @@ def test_configurations(pictures: Any, tmp_path: Path) -> None:
         (np.zeros((20, 30, 3), np.int8), TypeError, "int8"),
         ([[1, 2], [3, 4]], TypeError, "type list"),
         (None, TypeError, "NoneType"),
-        (np.zeros((20, 30, 4), np.uint8), foveate.InputError, r"\[20, 30, 4\].*rgb"),
+        (np.zeros((20, 30, 4), np.uint8), foveate.InputError, r"\[20, 30, 4\].*channels=\"rgba\" \(PIL, imageio\).*\"bgra\""),
         (np.zeros((20, 30, 2), np.uint8), foveate.InputError, "shape"),
-        (np.zeros((3, 20, 30), np.uint8), foveate.InputError, r"\[3, 20, 30\]"),
-        (np.zeros((0, 30), np.uint8), foveate.InputError, "no side 0"),
+        (np.zeros((3, 20, 30), np.uint8), foveate.InputError, r"\[3, 20, 30\].*channels come first.*transpose\(1, 2, 0\)"),
+        (np.zeros((0, 30), np.uint8), foveate.InputError, "no side 0$"),
+        (np.zeros((1, 20, 30, 3), np.uint8), foveate.InputError, r"batch of one picture: give picture\[0\]"),
         (np.zeros(30, np.uint8), foveate.InputError, "shape"),
         (np.zeros((1, 2, 3, 4), np.uint8), foveate.InputError, "shape"),
         (np.zeros((119, 160, 3), np.uint8), foveate.InputError, "160 x 119.*160 x 120"),
         (np.zeros((120, 160), np.uint8), foveate.InputError, "1 planes"),
-        (np.broadcast_to(np.uint8(7), (1 << 20, 1 << 20)), foveate.InputError, "GiB of memory"),
+        (np.broadcast_to(np.uint8(7), (1 << 20, 1 << 20)), foveate.InputError, r"GiB of memory.*foveate.set_max_memory"),
     ],
 )
 def test_pictures_that_are_none(pictures: Any, picture: Any, error: type[Exception], said: str) -> None:
@@ -209,11 +223,65 @@ def test_pictures_that_are_none(pictures: Any, picture: Any, error: type[Excepti
 
 
 @pytest.mark.parametrize(
+    ("values", "wanted"),
+    [
+        (np.array([0, 40000, 65535], np.uint16), [0, 156, 255]),
+        (np.array([0, 200, 255], np.int64), [0, 200, 255]),
+        (np.array([-3, 127, 99], np.int8), [0, 127, 99]),
+        (np.array([0.0, 0.5, 1.0]), [0, 128, 255]),
+        (np.array([-0.2, 0.4999, 1.3], np.float32), [0, 127, 255]),
+        (np.array([False, True, True]), [0, 255, 255]),
+    ],
+)
+def test_the_conversion_that_is_advised_is_right(values: Any, wanted: list[int]) -> None:
+    """What the error says, done: no value is cut off or wraps."""
+    picture = np.broadcast_to(values, (20, 30, 3))
+    with pytest.raises(TypeError, match="expected uint8") as found:
+        foveate.Tracker("fast").init(picture, (2, 2, 9, 9))
+    advice = re.findall("`(.*?)`", str(found.value))[0]
+    bytes_ = eval(advice, {"picture": picture})
+    assert bytes_.dtype == np.uint8 and bytes_[0, 0].tolist() == wanted
+    foveate.Tracker("fast").init(bytes_, (2, 2, 9, 9))
+
+
+def test_pictures_of_pillow_have_their_own_order(pictures: Any) -> None:
+    pillow = pytest.importorskip("PIL.Image", reason="skipped: no Pillow")
+    few = [pillow.fromarray(p).quantize(16) for p in pictures[:6]]
+    wanted = follow(foveate.Tracker("fast"), [np.asarray(p.convert("RGB")) for p in few])
+    assert few[0].mode == "P" and follow(foveate.Tracker("fast"), few) == wanted, "palettes"
+    colour = follow(foveate.Tracker("fast"), pictures[:6])
+    for channels in ("rgb", "bgr", "rgba", "grey"):
+        for mode in ("RGB", "RGBA"):
+            shown = [pillow.fromarray(p).convert(mode) for p in pictures[:6]]
+            assert follow(foveate.Tracker("fast", channels=channels), shown) == colour, (channels, mode)  # type: ignore[arg-type]
+    grey = [pillow.fromarray(p).convert("L") for p in pictures[:6]]
+    assert follow(foveate.Tracker("fast"), grey) == follow(foveate.Tracker("fast"), [np.asarray(p) for p in grey])
+    assert follow(foveate.Tracker("fast"), [p.convert("1") for p in grey]) == follow(
+        foveate.Tracker("fast"), [255 * np.asarray(p.convert("1")).astype(np.uint8) for p in grey]
+    )
+    with pytest.raises(TypeError, match="mode is I;16.*8 bits"):
+        foveate.Tracker("fast").init(pillow.fromarray(np.zeros((20, 30), np.uint16)), (2, 2, 9, 9))
+
+
+def test_memory_can_be_allowed(pictures: Any) -> None:
+    try:
+        foveate.set_max_memory("16M")
+        with pytest.raises(foveate.InputError, match=r'more than the 16 MiB allowed.*foveate.set_max_memory\("6G"\)'):
+            foveate.Tracker("fast").init(np.zeros((600, 800), np.uint8), (2, 2, 9, 9))
+        with pytest.raises(foveate.InputError, match='such as 512M or 6G.*got "much"'):
+            foveate.set_max_memory("much")
+    finally:
+        foveate.set_max_memory(None)
+    foveate.Tracker("fast").init(np.zeros((600, 800), np.uint8), (2, 2, 9, 9))
+
+
+@pytest.mark.parametrize(
     ("box", "error", "said"),
     [
         ((1, 2, 0, 5), foveate.InputError, "at least 2 x 2"),
         ((1, 2, float("nan"), 5), foveate.InputError, "finite"),
         ((500, 2, 10, 5), foveate.InputError, "touching the 160 x 120 picture"),
+        ((-300, -200, 700, 500), foveate.InputError, "at most 640 x 480, touching"),
         ((1, 2, 3), TypeError, r"\(1, 2, 3\)"),
         ("left", TypeError, "four numbers"),
         (7, TypeError, "four numbers"),

@@ -1,0 +1,40 @@
+//! Boxes into the files of other programs.
+
+use std::path::PathBuf;
+
+use foveate::BBox;
+use foveate::video::mot::TrackBox;
+use foveate_cli::convert::{Boxes, Format, write_yolo};
+use pyo3::prelude::*;
+
+use crate::errors::{OrRaise, input};
+
+/// A box: its picture and its target by number, left, top, width, height, and how sure it is.
+type Row = (usize, i64, [f64; 4], f64);
+
+/// Writes boxes of a video of so many pictures; answers what the format does not hold, a sentence each.
+#[pyfunction]
+pub fn export_boxes(
+    py: Python<'_>,
+    format: &str,
+    path: PathBuf,
+    rows: Vec<Row>,
+    frames: usize,
+    size: Option<(usize, usize)>,
+) -> PyResult<Vec<String>> {
+    let boxes = rows.into_iter().map(|(frame, id, [x, y, w, h], confidence)| {
+        let bbox = BBox::new(x, y, w, h);
+        TrackBox { frame, id, bbox, confidence }
+    });
+    let boxes = Boxes::new(boxes.collect(), frames).or_raise(py)?;
+    if format == "yolo" {
+        let size = size
+            .ok_or_else(|| input(py, "YOLO's numbers are relative to the picture: give its size, (width, height)"))?;
+        return py.detach(|| write_yolo(boxes, size, &path)).or_raise(py);
+    }
+    let Some(known) = Format::named(format) else {
+        let names = Format::names().join(", ");
+        return Err(input(py, format!("format is one of {names}, yolo; it is \"{format}\"")));
+    };
+    py.detach(|| boxes.write(known, &path)).or_raise(py)
+}
