@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from ._ultralytics import boxes_of
 from .errors import InputError
 
 
@@ -14,6 +15,7 @@ def rows(detections: object) -> npt.NDArray[np.float64]:
     >>> rows([[1, 2, 3, 4]])
     array([[1., 2., 3., 4., 1.]])
     """
+    detections = boxes_of(detections)
     if hasattr(detections, "xyxy"):
         corners = np.asarray(detections.xyxy, dtype=np.float64)
         if corners.size == 0:
