@@ -58,6 +58,11 @@ class Targets:
         """Left, top, right, bottom, shape (n, 4)."""
         return np.concatenate([self.boxes[:, :2], self.boxes[:, :2] + self.boxes[:, 2:]], axis=1)
 
+    def _repr_html_(self) -> str:
+        from ._show import targets_html  # noqa: PLC0415: it needs this module
+
+        return targets_html(self)
+
     def to_supervision(self) -> Any:
         """As ``supervision.Detections`` with ``tracker_id``; deficit and phase are in ``data``.
 

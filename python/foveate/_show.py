@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from ._export import Format, export
 from ._foveate import Tracker, Video
+from ._multi import Targets
 from ._result import Result
 from ._types import State, counted
 
@@ -83,6 +84,34 @@ def result_html(result: Result) -> str:
     return (
         f'<div style="{_STYLE}"><svg width="220" height="220" viewBox="{left:.1f} {top:.1f} {side:.1f} {side:.1f}" role="img"'
         f' aria-label="box, particles, region and gaze">{_marks(result, side / 220)}</svg><br>{_words(result)}</div>'
+    )
+
+
+def targets_html(targets: Targets) -> str:
+    """Targets without their picture: what `Targets` shows in a notebook."""
+    if not len(targets):
+        return f'<div style="{_STYLE}">no targets</div>'
+    corners = targets.xyxy
+    (left, top), (right, bottom) = corners[:, :2].min(axis=0), corners[:, 2:].max(axis=0)
+    width, height = max(right - left, 1.0), max(bottom - top, 1.0)
+    pad = 0.05 * max(width, height)
+    shown = min(480.0, 320.0 * (width + 2 * pad) / (height + 2 * pad))
+    unit = (width + 2 * pad) / shown
+    rows, boxes = [], []
+    for (target, box), ok, phase, deficit in zip(targets, targets.ok, targets.phases, targets.deficit.tolist()):
+        colour = _BOX if ok else _LOST
+        boxes.append(
+            f'<rect x="{box.x:.1f}" y="{box.y:.1f}" width="{box.w:.1f}" height="{box.h:.1f}" fill="none" stroke="{colour}"'
+            f' stroke-width="{2 * unit:.2f}"/><text x="{box.x + 3 * unit:.1f}" y="{box.y + 14 * unit:.1f}" fill="{colour}"'
+            f' font-size="{12 * unit:.1f}">{target}</text>'
+        )
+        cells = (target, escape(phase), f"{box.x:.0f}, {box.y:.0f}, {box.w:.0f} × {box.h:.0f}", f"{deficit:.2f}")
+        rows.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
+    head = "".join(f"<th>{name}</th>" for name in ("id", "phase", "box", "deficit"))
+    return (
+        f'<div style="{_STYLE}"><svg width="{shown:.0f}" height="{(height + 2 * pad) / unit:.0f}" role="img" aria-label="boxes and ids"'
+        f' viewBox="{left - pad:.1f} {top - pad:.1f} {width + 2 * pad:.1f} {height + 2 * pad:.1f}">{"".join(boxes)}</svg>'
+        f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table></div>"
     )
 
 

@@ -65,6 +65,18 @@ def test_a_grey_picture_may_have_an_axis_of_its_own() -> None:
     assert flat == deep and "data:image/png" in flat
 
 
+def test_targets_show_boxes_and_a_table(pictures: list[npt.NDArray[np.uint8]]) -> None:
+    tracker = foveate.MultiTracker(config={"particles": 60})
+    parsed(tracker.targets._repr_html_())
+    for t, picture in enumerate(pictures[:6]):
+        targets = tracker.update(picture, [(40 + 3 * t, 30 + t, 24, 24, 0.9), (100, 80 - t, 20, 20, 0.8)])
+    shown = parsed(targets._repr_html_())
+    assert len(targets) == 2 == len(shown.findall(".//rect")) == len(shown.findall(".//tbody/tr"))
+    assert [text.text for text in shown.findall(".//text")] == [str(k) for k in targets.ids]
+    for rect, box in zip(shown.findall(".//rect"), targets.boxes):
+        assert [float(rect.attrib[k]) for k in ("x", "y", "width", "height")] == pytest.approx(box.tolist(), abs=0.06)
+
+
 def test_an_empty_run_shows_itself() -> None:
     run = foveate.Run()
     assert run.boxes.shape == (0, 4) and run.p_lost.shape == (0,)
