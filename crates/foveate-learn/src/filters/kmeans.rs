@@ -5,16 +5,20 @@
 //! can raise the cost. A filter that no patch takes becomes some patch, which cannot raise it either.
 
 use super::{Sums, TOGETHER, place};
+use crate::Stop;
 use crate::rbm::product::rows_times;
 use foveate_base::rows::Rows;
 
-/// Σ s x of each filter (n_x × K), how many patches took it, and Σ ‖x − s d‖².
-pub(super) fn sums(white: Rows<'_>, filters: &[f32]) -> Sums {
+/// Σ s x of each filter (n_x × K), how many patches took it, and Σ ‖x − s d‖². None if it was stopped.
+pub(super) fn sums(white: Rows<'_>, filters: &[f32], stop: Stop<'_>) -> Option<Sums> {
     let n_x = white.width();
     let k = filters.len() / n_x;
     let (mut sums, mut counts, mut left) = (vec![0.0; n_x * k], vec![0.0; k], 0.0);
     let mut scores = vec![0.0; TOGETHER * k];
     for rows in white.data().chunks(TOGETHER * n_x) {
+        if stop() {
+            return None;
+        }
         let scores = &mut scores[..rows.len() / n_x * k];
         rows_times(Rows::new(rows, n_x), filters, scores);
         for (x, scores) in rows.chunks_exact(n_x).zip(scores.chunks_exact(k)) {
@@ -33,7 +37,7 @@ pub(super) fn sums(white: Rows<'_>, filters: &[f32]) -> Sums {
             left -= s * s;
         }
     }
-    Sums { cost: left, parts: [sums, counts] }
+    Some(Sums { cost: left, parts: [sums, counts] })
 }
 
 pub(super) fn turn(sums: &Sums, filters: &mut [f32], n_x: usize, mut some: impl FnMut() -> Vec<f64>) {

@@ -24,6 +24,7 @@ mod train;
 
 pub use self::train::{Recipe, Trainer};
 
+use crate::Stop;
 use crate::rbm::Whitening;
 use crate::rbm::product::rows_times;
 use foveate_base::rows::Rows;
@@ -92,20 +93,30 @@ impl Method {
             _ => Ok(()),
         }
     }
-    fn sums(self, white: Rows<'_>, filters: &[f32]) -> Sums {
+    /// None if it was stopped.
+    fn sums(self, white: Rows<'_>, filters: &[f32], stop: Stop<'_>) -> Option<Sums> {
         match self {
-            Self::Kmeans => kmeans::sums(white, filters),
-            Self::Sparse { penalty } => sparse::sums(white, filters, penalty),
-            Self::Ica { size } => subspaces::sums(white, filters, size),
+            Self::Kmeans => kmeans::sums(white, filters, stop),
+            Self::Sparse { penalty } => sparse::sums(white, filters, penalty, stop),
+            Self::Ica { size } => subspaces::sums(white, filters, size, stop),
         }
     }
-    /// Filters ← the next ones; `some` gives a patch in the place of a filter that none uses.
-    fn turn(self, sums: &Sums, filters: &mut [f32], n_x: usize, some: impl FnMut() -> Vec<f64>) {
+    /// Filters ← the next ones; `some` gives a patch in the place of a filter that none uses. None if it was stopped: the filters are
+    /// of no use then.
+    fn turn(
+        self,
+        sums: &Sums,
+        filters: &mut [f32],
+        n_x: usize,
+        some: impl FnMut() -> Vec<f64>,
+        stop: Stop<'_>,
+    ) -> Option<()> {
         match self {
             Self::Kmeans => kmeans::turn(sums, filters, n_x, some),
-            Self::Sparse { .. } => sparse::turn(sums, filters, n_x, some),
-            Self::Ica { size } => subspaces::turn(sums, filters, n_x, size),
+            Self::Sparse { .. } => return sparse::turn(sums, filters, n_x, some, stop),
+            Self::Ica { size } => return subspaces::turn(sums, filters, n_x, size, stop),
         }
+        Some(())
     }
 }
 
@@ -167,7 +178,8 @@ impl PatchFilters {
             let x = Rows::new(x, n_x);
             match self.method {
                 Method::Sparse { penalty } => {
-                    sparse::codes(x, (&self.filters, &gram), penalty, sparse::LAST_TURNS, codes);
+                    sparse::codes(x, (&self.filters, &gram), penalty, sparse::LAST_TURNS, codes, &|| false)
+                        .expect("nothing stops it");
                 }
                 _ => rows_times(x, &self.filters, codes),
             }
@@ -178,7 +190,8 @@ impl PatchFilters {
     pub fn cost(&self, patches: Rows<'_>) -> f64 {
         let white = whiten(&self.whitening, self.softening, patches);
         let n_x = self.shape().1;
-        self.method.sums(Rows::new(&white, n_x), &self.filters).cost / (patches.len() * n_x) as f64
+        let sums = self.method.sums(Rows::new(&white, n_x), &self.filters, &|| false).expect("nothing stops it");
+        sums.cost / (patches.len() * n_x) as f64
     }
 }
 

@@ -5,6 +5,7 @@
 //! stand (Mairal, Bach, Ponce & Sapiro 2009). A filter that no patch uses becomes some patch.
 
 use super::{Sums, TOGETHER, place};
+use crate::Stop;
 use crate::rbm::product::{rows_times, rows_times_transposed};
 use foveate_base::rows::Rows;
 
@@ -13,8 +14,8 @@ const TURNS: usize = 100;
 pub(super) const LAST_TURNS: usize = 10_000;
 const STILL: f32 = 1e-4;
 
-/// Σ x sᵀ (n_x × K), Σ s sᵀ (K × K), and Σ ½ ‖x − D s‖² + penalty Σ |s|.
-pub(super) fn sums(white: Rows<'_>, filters: &[f32], penalty: f32) -> Sums {
+/// Σ x sᵀ (n_x × K), Σ s sᵀ (K × K), and Σ ½ ‖x − D s‖² + penalty Σ |s|. None if it was stopped.
+pub(super) fn sums(white: Rows<'_>, filters: &[f32], penalty: f32, stop: Stop<'_>) -> Option<Sums> {
     let n_x = white.width();
     let k = filters.len() / n_x;
     let gram = gram(filters, k);
@@ -23,9 +24,12 @@ pub(super) fn sums(white: Rows<'_>, filters: &[f32], penalty: f32) -> Sums {
     for rows in white.data().chunks(TOGETHER * n_x) {
         let n = rows.len() / n_x;
         let (codes, drawn) = (&mut codes[..n * k], &mut drawn[..n * n_x]);
-        self::codes(Rows::new(rows, n_x), (filters, &gram), penalty, TURNS, codes);
+        self::codes(Rows::new(rows, n_x), (filters, &gram), penalty, TURNS, codes, stop)?;
         rows_times_transposed(Rows::new(codes, k), filters, drawn);
         for ((x, s), drawn) in rows.chunks_exact(n_x).zip(codes.chunks_exact(k)).zip(drawn.chunks_exact(n_x)) {
+            if stop() {
+                return None;
+            }
             let error: f64 = x.iter().zip(drawn).map(|(x, d)| f64::from(x - d).powi(2)).sum();
             used.clear();
             used.extend(s.iter().enumerate().filter(|(_, s)| **s != 0.0).map(|(j, s)| (j, f64::from(*s))));
@@ -36,16 +40,27 @@ pub(super) fn sums(white: Rows<'_>, filters: &[f32], penalty: f32) -> Sums {
             }
         }
     }
-    Sums { cost, parts: [with_x, among] }
+    Some(Sums { cost, parts: [with_x, among] })
 }
 
-/// The codes of rows (m × n_x), m × K, by filters and their products with each other.
-pub(super) fn codes(white: Rows<'_>, (filters, gram): (&[f32], &[f32]), penalty: f32, turns: usize, codes: &mut [f32]) {
+/// The codes of rows (m × n_x), m × K, by filters and their products with each other. None if it was stopped.
+pub(super) fn codes(
+    white: Rows<'_>,
+    (filters, gram): (&[f32], &[f32]),
+    penalty: f32,
+    turns: usize,
+    codes: &mut [f32],
+    stop: Stop<'_>,
+) -> Option<()> {
     let (k, mut scores) = (codes.len() / white.len(), vec![0.0; codes.len()]);
     rows_times(white, filters, &mut scores);
     for (left, s) in scores.chunks_exact_mut(k).zip(codes.chunks_exact_mut(k)) {
+        if stop() {
+            return None;
+        }
         code(gram, left, penalty, turns, s);
     }
+    Some(())
 }
 
 /// Codes of a patch, from its products with the filters (`left`, which become those of what the codes leave of it).
@@ -85,12 +100,21 @@ pub(super) fn gram(filters: &[f32], k: usize) -> Vec<f32> {
     sums.into_iter().map(|sum| sum as f32).collect()
 }
 
-pub(super) fn turn(sums: &Sums, filters: &mut [f32], n_x: usize, mut some: impl FnMut() -> Vec<f64>) {
+pub(super) fn turn(
+    sums: &Sums,
+    filters: &mut [f32],
+    n_x: usize,
+    mut some: impl FnMut() -> Vec<f64>,
+    stop: Stop<'_>,
+) -> Option<()> {
     let k = filters.len() / n_x;
     let [with_x, among] = &sums.parts;
     let mut d: Vec<f64> = filters.iter().map(|x| f64::from(*x)).collect();
     let mut turned = vec![0.0; n_x];
     for j in 0..k {
+        if stop() {
+            return None;
+        }
         let own = among[j * k + j];
         if own < 1e-9 {
             place(filters, j, &some());
@@ -105,6 +129,7 @@ pub(super) fn turn(sums: &Sums, filters: &mut [f32], n_x: usize, mut some: impl 
         (0..n_x).for_each(|i| d[i * k + j] = turned[i] / length);
     }
     filters.iter_mut().zip(&d).for_each(|(to, d)| *to = *d as f32);
+    Some(())
 }
 
 #[cfg(test)]

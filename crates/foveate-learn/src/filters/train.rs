@@ -1,6 +1,7 @@
 //! Learning filters: passes over all patches, each of which turns every filter.
 
 use super::{MOST, Method, PatchFilters, Sums, normalised, place, subspaces, whiten};
+use crate::Stop;
 use crate::rbm::Whitening;
 use crate::rbm::epoch_state::EpochState;
 use foveate_base::rng::{Purpose, Streams};
@@ -130,15 +131,26 @@ impl Trainer {
     }
     /// One pass over all patches.
     pub fn step(&mut self) {
+        self.step_until(&|| false).expect("nothing stops it");
+    }
+    /// One pass over all patches, unless `stop` returns true before it is done: it is called for every 256 patches or fewer, and for
+    /// every filter that turns.
+    ///
+    /// # Errors
+    /// [`Error::Stopped`] then; the trainer is as it was before.
+    pub fn step_until(&mut self, stop: Stop<'_>) -> Result<()> {
         let (method, n_x) = (self.recipe.method, self.model.shape().1);
-        let filters = &self.model.filters;
-        let parts: Vec<Sums> =
-            self.white.par_chunks(CHUNK * n_x).map(|rows| method.sums(Rows::new(rows, n_x), filters)).collect();
-        let sums = parts.into_iter().reduce(Sums::with).expect("patches");
-        self.cost = sums.cost / self.white.len() as f64;
+        let mut filters = self.model.filters.clone();
+        let chunks = self.white.par_chunks(CHUNK * n_x);
+        let parts: Option<Vec<Sums>> = chunks.map(|rows| method.sums(Rows::new(rows, n_x), &filters, stop)).collect();
+        let sums = parts.ok_or(Error::Stopped)?.into_iter().reduce(Sums::with).expect("patches");
         let mut rng = self.state.draws(self.recipe.seed).rng(0);
+        let turned = method.turn(&sums, &mut filters, n_x, || some(&self.white, n_x, &mut rng), stop);
+        turned.ok_or(Error::Stopped)?;
+        self.cost = sums.cost / self.white.len() as f64;
+        self.model.filters = filters;
         self.state.done(1);
-        method.turn(&sums, &mut self.model.filters, n_x, || some(&self.white, n_x, &mut rng));
+        Ok(())
     }
 }
 
@@ -168,6 +180,7 @@ fn some(white: &[f32], n_x: usize, rng: &mut foveate_base::rng::Rng) -> Vec<f64>
 mod tests {
     use super::*;
     use rand_distr::{Distribution, StandardNormal};
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     /// Patches of 3 × 3 values: one of four patterns, times a contrast, plus a brightness and noise.
     fn patches(n: usize, noise: f32) -> Vec<f32> {
@@ -221,6 +234,30 @@ mod tests {
             let now = model.cost(Rows::new(&data, 9));
             assert!((costs[24] / now - 1.0).abs() < 0.02, "{method:?}: {} and {now}", costs[24]);
             assert_eq!(run(3), (costs, model), "{method:?}");
+        }
+    }
+
+    /// However early it is stopped, the trainer is as it was, and soon: between two questions lie 256 patches at most. What goes on
+    /// afterwards ends with the same bits.
+    #[test]
+    fn a_pass_stops_within_256_patches_and_changes_nothing() {
+        let data = patches(6000, 0.5);
+        for method in METHODS {
+            let (mut whole, mut cut) = (trainer(method, &data, 12, 1.0), trainer(method, &data, 12, 1.0));
+            let asked = AtomicUsize::new(0);
+            whole.step_until(&|| asked.fetch_add(1, Ordering::Relaxed) == usize::MAX).expect("not stopped");
+            let all = asked.swap(0, Ordering::Relaxed);
+            assert!(all >= 6000 / 256, "{method:?}: {all} questions");
+            // The last questions are those of the filters that turn.
+            for n in [1, 2, all / 2, all - 1, all] {
+                let before = (cut.learned().clone(), cut.progress());
+                asked.store(0, Ordering::Relaxed);
+                let stopped = cut.step_until(&|| asked.fetch_add(1, Ordering::Relaxed) + 1 >= n);
+                assert!(matches!(stopped, Err(Error::Stopped)), "{method:?}, after {n} of {all}");
+                assert!((cut.learned().clone(), cut.progress()) == before && cut.cost().is_infinite());
+            }
+            cut.step();
+            assert_eq!((cut.learned(), cut.cost()), (whole.learned(), whole.cost()), "{method:?}");
         }
     }
 
