@@ -4,7 +4,7 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 
 /// Rows whose classes are drawn from a known model of three classes and four inputs.
-fn drawn(n: usize, seed: u64) -> (Vec<f32>, Vec<u8>, Vec<f64>) {
+pub(super) fn drawn(n: usize, seed: u64) -> (Vec<f32>, Vec<u8>, Vec<f64>) {
     let mut rng = Streams::new(seed, 0).rng(0);
     let truth: Vec<f64> = (0..12).map(|i| 1.5 * f64::from(i).sin()).collect();
     let (mut rows, mut labels) = (vec![], vec![]);
@@ -24,28 +24,6 @@ fn drawn(n: usize, seed: u64) -> (Vec<f32>, Vec<u8>, Vec<f64>) {
 }
 
 #[test]
-fn the_gradient_is_that_of_finite_differences() {
-    let (rows, labels, _) = drawn(300, 1);
-    let rows = Rows::new(&rows, 4);
-    let at: Vec<f64> = (0..15).map(|i| (f64::from(i) * 0.7).cos()).collect();
-    let cost = |at: &[f64], gradient: &mut [f64]| {
-        let model = Softmax { weights: narrow(&at[..12]), bias: narrow(&at[12..]), temperature: 1.0 };
-        model.cost(rows, &labels, 0.3, gradient)
-    };
-    let mut gradient = vec![0.0; 15];
-    cost(&at, &mut gradient);
-    for i in 0..15 {
-        let moved = |by: f64| {
-            let mut at = at.clone();
-            at[i] = f64::from((at[i] + by) as f32);
-            (at[i], cost(&at, &mut [0.0; 15]))
-        };
-        let ((a, f), (b, g)) = (moved(-1e-3), moved(1e-3));
-        assert!(((g - f) / (b - a) - gradient[i]).abs() < 1e-4, "{i}: {} {}", (g - f) / (b - a), gradient[i]);
-    }
-}
-
-#[test]
 fn it_finds_the_model_that_drew_the_data() {
     // 20,000 rows, seed 2: standard errors of differences of weights are about 0.03; 5 of them.
     let (rows, labels, truth) = drawn(20_000, 2);
@@ -61,19 +39,6 @@ fn it_finds_the_model_that_drew_the_data() {
     let mut sharp = Softmax { weights: model.weights.iter().map(|w| 2.5 * w).collect(), ..model.clone() };
     sharp.calibrate(Rows::new(&rows, 4), &labels).expect("good data");
     assert!((sharp.temperature() - 2.5).abs() < 0.15, "weights 2.5 times too large ask for that temperature");
-}
-
-#[test]
-fn the_solver_finds_the_bottom_of_a_curved_valley() {
-    // Rosenbrock's function: the minimum is 0 at (1, 1).
-    let mut rosenbrock = |x: &[f64], g: &mut [f64]| {
-        let (a, b) = (1.0 - x[0], x[1] - x[0] * x[0]);
-        (g[0], g[1]) = (-2.0 * a - 400.0 * x[0] * b, 200.0 * b);
-        a * a + 100.0 * b * b
-    };
-    let mut x = [-1.2, 1.0];
-    let steps = minimize(&mut rosenbrock, &mut x, 200, 1e-9);
-    assert!((x[0] - 1.0).abs() < 1e-7 && (x[1] - 1.0).abs() < 1e-7 && steps < 60, "{x:?} after {steps} steps");
 }
 
 #[test]
