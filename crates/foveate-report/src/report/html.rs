@@ -23,12 +23,13 @@ const LONGEST: usize = 480;
 const QUALITY: u8 = 62;
 const TEMPLATE_QUALITY: u8 = 88;
 
-/// A page: `template` with its parts, the title, the data and the scripts that read them.
+/// A page: `template` with its parts, the title, the data and the scripts that read them. The title has the name of the source alone: it
+/// does not depend on where the program was called from.
 pub fn page(template: &str, source: &str, data: &Value, scripts: &[&str], parts: &[(&str, String)]) -> String {
     // No "<" is left in it, so nothing in it can end the script element or begin a comment.
     let data = data.to_string().replace('<', "\\u003c");
     let mut all = vec![
-        ("title", format!("foveate: {}", escape(source))),
+        ("title", format!("foveate: {}", escape(name(source)))),
         ("style", STYLE.into()),
         ("brand", BRAND.into()),
         ("transport", include_str!("transport.html").into()),
@@ -37,6 +38,11 @@ pub fn page(template: &str, source: &str, data: &Value, scripts: &[&str], parts:
     ];
     all.extend_from_slice(parts);
     fill(template, &all)
+}
+
+/// The last part of a path or address.
+fn name(source: &str) -> &str {
+    source.rsplit(['/', '\\']).find(|part| !part.is_empty()).unwrap_or(source)
 }
 
 /// Text as HTML: `&`, `<`, `>` and `"` are escaped.
@@ -120,6 +126,22 @@ mod tests {
     fn parts_are_put_in_once() {
         let parts = [("a", "{{b}} {{".to_owned()), ("b", "B".to_owned())];
         assert_eq!(fill("x{{a}}y{{b}}z", &parts), "x{{b}} {{yBz");
+    }
+
+    #[test]
+    fn the_title_has_the_name_alone() {
+        for source in [
+            "a&b.mp4",
+            "clips/a&b.mp4",
+            "/home/me/clips/a&b.mp4",
+            "C:\\clips\\a&b.mp4",
+            "clips/a&b.mp4/",
+            "rtsp://cam/a&b.mp4",
+        ] {
+            let page = page("{{title}}", source, &Value::Null, &[], &[]);
+            assert_eq!(page, "foveate: a&amp;b.mp4", "{source}");
+        }
+        assert_eq!(page("{{title}}", "/", &Value::Null, &[], &[]), "foveate: /");
     }
 
     #[test]
