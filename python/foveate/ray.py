@@ -178,7 +178,8 @@ def run(found: Mapping[str, str], out: str, options: Sequence[str], retries: int
     left = {name: video for name, video in found.items() if name not in finished}
     print(f"{counted(len(found), 'video')}, {len(found) - len(left)} finished before", file=sys.stderr)
     began, folder = time.monotonic(), os.getcwd()
-    jobs = {name: (_places.absolute(video), f"{root}/{name}", list(options), folder) for name, video in left.items()}
+    # Videos by the paths that were given: the results name them so, as those of one `foveate track`.
+    jobs = {name: (video, f"{root}/{name}", list(options), folder) for name, video in left.items()}
     failures = spread(ray, track, jobs, retries)
     lines = [f"{found[name]}\t{error}\n" for name, error in failures.items()]
     if lines:
@@ -189,7 +190,7 @@ def run(found: Mapping[str, str], out: str, options: Sequence[str], retries: int
     texts = _places.texts(root, [f"{name}.json" for name in whole])
     summaries = {name: json.loads(text) for name, text in zip(whole, texts, strict=True)}
     _places.write(f"{root}/index.html", page(summaries, failures))
-    print(f"{len(left)} tracked in {time.monotonic() - began:.1f} s, {len(failures)} failed; {out}/index.html")
+    print(f"{len(left) - len(failures)} tracked in {time.monotonic() - began:.1f} s, {len(failures)} failed; {out}/index.html")
     return len(failures)
 
 

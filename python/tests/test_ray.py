@@ -6,6 +6,7 @@ import contextlib
 import importlib.util
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -19,6 +20,13 @@ import foveate.ray
 import pytest
 
 from conftest import FIRST, drawn
+
+
+def report(folder: Path) -> str:
+    """The page, without what differs between any two calls: the command and the speed."""
+    page = (folder / "report.html").read_text()
+    assert "<title>foveate: b</title>" in page
+    return re.sub(r'"command":"[^"]*"|"fps":[0-9.]+', "", page)
 
 
 def test_folders_on_ray(tmp_path: Path) -> None:
@@ -35,19 +43,20 @@ def test_folders_on_ray(tmp_path: Path) -> None:
     (tmp_path / "clips/bad/img/0003.png").write_bytes(b"no picture")
     program = [sys.executable, "-m", "foveate"]
     command = [sys.executable, "-m", "foveate.ray", "--videos", "clips/*", "--out", "runs", "--workers", "2", "--"]
-    options = ["--profile", "fast", "--no-video", "--no-report"]
+    options = ["--profile", "fast", "--no-video"]
 
     def call() -> subprocess.CompletedProcess[str]:
         return subprocess.run(command + options, cwd=tmp_path, capture_output=True, text=True, timeout=240)
 
     done = call()
-    assert done.returncode == 1 and "3 tracked" in done.stdout, done.stderr
+    assert done.returncode == 1 and "2 tracked" in done.stdout and "1 failed" in done.stdout, done.stdout + done.stderr
     failures = (tmp_path / "runs/failures.txt").read_text()
     assert failures.startswith("clips/bad\t") and "0003.png" in failures
     assert (tmp_path / "runs/a.json").is_file() and not (tmp_path / "runs/bad.json").exists()
     alone = [*program, "track", "clips/b", "--out", "alone", *options]
     subprocess.run(alone, cwd=tmp_path, check=True, capture_output=True)
     assert (tmp_path / "runs/b/boxes.txt").read_bytes() == (tmp_path / "alone/boxes.txt").read_bytes()
+    assert report(tmp_path / "runs/b") == report(tmp_path / "alone")
     (tmp_path / "clips/bad/img/0003.png").unlink()
     done = call()
     assert done.returncode == 0 and "1 tracked" in done.stdout, done.stderr
@@ -85,7 +94,7 @@ def test_addresses_on_ray(tmp_path: Path, kind: str) -> None:
         return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=240)
 
     done = call()
-    assert done.returncode == 1 and "2 tracked" in done.stdout, done.stderr
+    assert done.returncode == 1 and "1 tracked" in done.stdout and "1 failed" in done.stdout, done.stdout + done.stderr
     assert (tmp_path / "runs/failures.txt").read_text().startswith(f"{address}bad.y4m\t")
     summary = json.loads((tmp_path / "runs/a.json").read_text())
     assert summary["source"] == f"{address}a.y4m" and summary["outputs"][0].endswith("runs/a/boxes.txt")
