@@ -26,8 +26,11 @@ mod bfgs;
 pub mod direct;
 mod factor;
 mod fit;
+#[cfg(test)]
+mod functions;
 mod hyper;
 mod kernel;
+pub mod optimiser;
 #[cfg(test)]
 mod oracle_tests;
 mod posterior;
