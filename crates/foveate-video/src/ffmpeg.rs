@@ -6,15 +6,15 @@
 //! The program is optional and runs as a separate process. It opens this file and no other: neither kinds of files that name others
 //! (playlists, lists of pictures) nor other protocols are allowed.
 
+mod facts;
+mod said;
+
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, ErrorKind, Read, pipe};
 use std::path::{Path, PathBuf};
 use std::process::{ChildStdout, Command, Stdio};
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
-
-mod facts;
-mod said;
 
 use crate::Remarks;
 use crate::aspect::Aspect;
@@ -34,6 +34,8 @@ pub(super) struct Ffmpeg {
     program: PathBuf,
     /// The file, as ffmpeg names it.
     input: OsString,
+    /// Options before it.
+    kind: &'static [&'static str],
     facts: Facts,
     leash: Leash,
     remarks: Remarks,
@@ -95,7 +97,8 @@ impl Ffmpeg {
     pub fn open(program: &Path, path: &Path, skip: usize, leash: &Leash, remarks: &Remarks) -> Result<Self, String> {
         let mut input = OsString::from("file:");
         input.push(path);
-        let facts = Facts::ask(program, &input);
+        let kind = kind(path);
+        let facts = Facts::ask(program, kind, &input);
         if facts.sound {
             return Err("expected a video, found sound alone; give a file with pictures".into());
         }
@@ -104,6 +107,7 @@ impl Ffmpeg {
         let mut ffmpeg = Self {
             program,
             input,
+            kind,
             facts,
             leash,
             remarks,
@@ -136,7 +140,9 @@ impl Ffmpeg {
         let mut command = Command::new(&self.program);
         command
             .args(["-hide_banner", "-nostdin", "-nostats", "-loglevel", "level+warning", "-copyts"])
-            .args(["-protocol_whitelist", "file", "-format_whitelist", KINDS, "-max_pixels", &most_pixels(), "-i"])
+            .args(["-protocol_whitelist", "file", "-format_whitelist", KINDS, "-max_pixels", &most_pixels()])
+            .args(self.kind)
+            .arg("-i")
             .arg(&self.input)
             .args(["-map", &stream, "-an", "-sn", "-dn", "-map_metadata", "-1", "-vf", &format!("{FORMATS}{guard}")])
             .args(passthrough)
@@ -242,6 +248,12 @@ impl Ffmpeg {
             _ => DecodeError::damaged(format!("ffmpeg stopped: {text}")),
         }))
     }
+}
+
+/// Pictures one after the other begin as one picture does: ffmpeg would take the first alone.
+fn kind(path: &Path) -> &'static [&'static str] {
+    let jpeg = path.extension().is_some_and(|end| ["mjpeg", "mjpg"].iter().any(|name| end.eq_ignore_ascii_case(name)));
+    if jpeg { &["-f", "mjpeg"] } else { &[] }
 }
 
 impl Drop for Ffmpeg {

@@ -60,8 +60,11 @@ mod tests {
 
     #[test]
     fn times_are_kept() {
-        let constant: Vec<f64> = (0..50).map(|i| 3.0 + i as f64 * 1001.0 / 30000.0).collect();
-        assert_eq!(runs(&constant, 29970), (29970, vec![(50, 1000)]));
+        let constant: Vec<f64> = (0..50).map(|i| 3.0 + i as f64 / 12.5).collect();
+        assert_eq!(runs(&constant, 12500), (12500, vec![(50, 1000)]));
+        // A rate that the usual scale rounds.
+        let ntsc: Vec<f64> = (0..50).map(|i| i as f64 * 1001.0 / 30000.0).collect();
+        assert_eq!(runs(&ntsc, 29970), (90000, vec![(50, 3003)]));
         // Milliseconds of Matroska at 30 a second, and a pause.
         assert_eq!(
             runs(&[0.0, 0.033, 0.067, 0.1, 5.0], 30000),

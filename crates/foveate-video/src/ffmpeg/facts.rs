@@ -32,10 +32,11 @@ const PICTURES: [&str; 8] = ["mjpeg", "png", "bmp", "gif", "webp", "tiff", "jpeg
 
 impl Facts {
     /// Asks the ffprobe that lies beside the ffmpeg; nothing is known where it is not there.
-    pub fn ask(program: &Path, input: &OsStr) -> Self {
+    pub fn ask(program: &Path, kind: &[&str], input: &OsStr) -> Self {
         let found = Command::new(probe(program))
             .args(["-v", "quiet", "-protocol_whitelist", "file", "-format_whitelist", KINDS])
             .args(["-show_entries", FIELDS, "-of", "default"])
+            .args(kind)
             .arg(input)
             .stdin(Stdio::null())
             .stderr(Stdio::null())

@@ -477,7 +477,8 @@ fn a_change_of_size_is_called_so_by_every_decoder() {
     use crate::Decoder::{Auto, Builtin, Ffmpeg};
     let dir = tempfile::tempdir().expect("a temporary folder");
     let raw = |name: &str, size: &str| {
-        let options = format!("-s {size} -c:v libx264 -bf 0 -pix_fmt yuv420p");
+        let sides = size.replace('x', ":");
+        let options = format!("-vf scale={sides},setsar=1 -c:v libx264 -bf 0 -pix_fmt yuv420p");
         made(dir.path(), name, &options).map(|path| std::fs::read(path).expect("just made"))
     };
     let Some(first) = raw("first.h264", "96x64") else { return println!("skipped: no ffmpeg with libx264") };
@@ -527,7 +528,8 @@ fn a_cover_is_no_video() {
     let Some(plain) = made(dir.path(), "plain.mp4", "-c:v libx264 -pix_fmt yuv420p") else {
         return println!("skipped: no ffmpeg with libx264");
     };
-    let options = format!("-i {} -map 0 -map 1 -c:v:0 mjpeg -frames:v:0 1 -c:v:1 copy", plain.display());
+    let still = made(dir.path(), "cover.jpg", "-frames:v 1").expect("made before");
+    let options = format!("-i {} -i {} -map 1 -map 2 -c copy", still.display(), plain.display());
     let cover = made(dir.path(), "cover.mp4", &options).expect("made before");
     let (wanted, found) = (told(&plain, crate::Decoder::Builtin), told(&cover, crate::Decoder::Builtin));
     assert!(wanted.1.len() == 24 && found.1 == wanted.1, "{} frames", found.1.len());
