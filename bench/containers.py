@@ -97,7 +97,7 @@ KINDS: list[tuple[str, str, list[str]]] = [
     ("Motion JPEG alone", "a.mjpeg", ["-c:v", "mjpeg", "-q:v", "3"]),
     ("MPEG-TS, two recordings in one file", "twice.ts", ["APPEND", "h264.ts", "h264.ts"]),
     ("MPEG-TS, the size changes", "resized.ts", ["APPEND", "h264.ts", "dv.ts"]),
-    ("Matroska, 100 bytes are zeros", "damaged.mkv", ["DAMAGE", "vfr.mkv"]),
+    ("Matroska, MPEG-4, 100 bytes are zeros", "damaged.mkv", ["DAMAGE", "sound.mkv"]),
     ("MP4, 100 bytes are zeros", "damaged.mp4", ["DAMAGE", "vfr.mp4"]),
     ("MP3", "a.mp3", [*SOUND, "-map", "1"]),
     ("MP4 with sound alone", "a.m4a", [*SOUND, "-map", "1"]),
