@@ -107,7 +107,7 @@ class Tracker:
     ...     image[40:64, 50 + 4 * t : 74 + 4 * t] = 200
     ...     return image
     >>> tracker = foveate.Tracker("fast")
-    >>> tracker.init(picture(0), (46, 36, 32, 32))
+    >>> seen = tracker.init(picture(0), (46, 36, 32, 32))
     >>> for t in range(1, 8):
     ...     ok, box = tracker.update(picture(t))
     >>> ok, abs(box.x - 74) < 4
