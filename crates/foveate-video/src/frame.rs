@@ -56,7 +56,7 @@ pub struct SourceInfo {
     pub frames: Option<usize>,
     /// Frames a second.
     pub rate: f64,
-    /// How it is read, for people: "image folder", "H.264 (rusty_h264)", "ffmpeg".
+    /// How it is read, for people: "image folder", "H.264 (built-in decoder)", "ffmpeg".
     pub reader: String,
 }
 

@@ -158,8 +158,8 @@ impl Decoder {
     /// For people.
     pub fn name(&self) -> &'static str {
         match self {
-            Self::Rusty(_) => "H.264 (rusty_h264)",
-            Self::Rust(_) => "H.264 (rust_h264)",
+            Self::Rusty(_) => "H.264 (built-in decoder)",
+            Self::Rust(_) => "H.264 (built-in decoder for 10 bits, 4:2:2 and interlaced video)",
         }
     }
 
