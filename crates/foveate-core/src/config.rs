@@ -51,7 +51,7 @@ mod set;
 mod shadow;
 
 pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
-pub use builtin::{BUILTIN, about};
+pub use builtin::{BUILTIN, OFFERED, about};
 pub use choose::{Configure, POLICIES, Profile};
 pub use encoders::EncoderConfig;
 pub use policies::PolicyConfig;

@@ -24,6 +24,50 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("natural-learned", include_str!("../../configs/natural-learned.toml")),
 ];
 
+/// The configurations in the order in which lists offer them: groups by purpose, each with names and titles. What serves another
+/// configuration alone (`natural-middle`) is in no group.
+pub const OFFERED: &[(&str, &[(&str, &str)])] = &[
+    (
+        "Real video",
+        &[
+            ("natural", "any target"),
+            ("natural-fast", "any target, fast"),
+            ("natural-committee", "any target, accurate: three trackers vote"),
+            ("natural-learned", "any target, by learned features"),
+            ("natural-raw", "any target, by raw pixels: a baseline"),
+        ],
+    ),
+    (
+        "Real video, seen in part",
+        &[
+            ("narrow", "a small window that learns where to look"),
+            ("foveated", "a sensor that reads 244 values a frame"),
+        ],
+    ),
+    (
+        "Many targets",
+        &[
+            ("multi", "people and cars, with a detector"),
+            ("multi-motion", "people and cars, found by motion"),
+            ("multi-boxes", "targets whose first boxes are given"),
+            ("digits-multi", "digits that grow, turn and cross"),
+        ],
+    ),
+    (
+        "Digits, and experiments of the paper",
+        &[
+            ("digits", "digits among digits, fixed centre"),
+            ("digits-hedge", "digits among digits, Hedge"),
+            ("digits-rbm", "digits among digits, learned features"),
+            ("digits-partial", "a digit behind bars, in noise"),
+            ("digits-closeup", "a large digit through a small window"),
+            ("digits-pool", "a large digit through nine windows"),
+            ("authors", "the authors' own parameters"),
+            ("printed", "the paper as printed"),
+        ],
+    ),
+];
+
 const NATURAL_COMMITTEE: &str = concat!(
     "# Any target in real video, by three trackers that vote: `natural` three times, with other dice. docs/confidence.md, \"A committee\".\n",
     "committee = 3\n",
@@ -35,6 +79,23 @@ pub fn about(text: &str) -> &str {
     let line = text.lines().find_map(|line| line.strip_prefix('#')).unwrap_or("").trim();
     let end = line.find(". ").unwrap_or(line.len());
     line[..end].trim_end_matches(['.', ':', ','])
+}
+
+#[cfg(test)]
+mod offered {
+    use super::{BUILTIN, OFFERED};
+
+    /// Each configuration is offered once; only one that another takes as its second opinion is not.
+    #[test]
+    fn every_configuration_is_offered_once() {
+        let offered: Vec<&str> = OFFERED.iter().flat_map(|(_, some)| some.iter().map(|(name, _)| *name)).collect();
+        for (name, _) in BUILTIN {
+            let serves = BUILTIN.iter().any(|(_, text)| text.contains(&format!("\"builtin:{name}\"")));
+            assert_eq!(offered.iter().filter(|other| *other == name).count(), usize::from(!serves), "{name}");
+        }
+        assert!(offered.iter().all(|name| BUILTIN.iter().any(|(other, _)| other == name)), "{offered:?}");
+        assert!(OFFERED[0].1[0].0 == "natural" && OFFERED.last().is_some_and(|(group, _)| group.starts_with("Digits")));
+    }
 }
 
 #[cfg(all(test, feature = "learn"))]

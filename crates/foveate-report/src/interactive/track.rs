@@ -10,7 +10,7 @@ use super::propose::propose;
 use super::row::cells;
 use super::tracking::{Log, MOST_FRAMES, Setup, Tracking};
 use foveate_base::{Error, Result};
-use foveate_core::config::{BUILTIN, Config, about};
+use foveate_core::config::{BUILTIN, Config, OFFERED, about};
 use foveate_core::geometry::BBox;
 use foveate_video::{Frame, Meter, SourceInfo};
 use serde_json::{Value, json};
@@ -226,9 +226,15 @@ pub fn proposed(frames: &mut dyn Frames, frame: usize, at: Option<(f64, f64)>) -
     Ok(json!({ "box": [b.x, b.y, b.w, b.h], "from": from }))
 }
 
-/// The configurations that ship and are for one target, of those that fit: names, and what they are for.
+/// The configurations that ship and are for one target, of those that fit, by purpose: group, name, title, and what each is for.
 pub fn offered(fits: impl Fn(Config) -> bool) -> Vec<Value> {
     let single = |config: Config| config.multi_target.is_none() && fits(config);
-    let all = BUILTIN.iter().filter(|(name, text)| Config::parse(text, name).is_ok_and(single));
-    all.map(|(name, text)| json!({ "name": name, "for": about(text) })).collect()
+    let all = OFFERED.iter().flat_map(|(group, some)| some.iter().map(move |(name, title)| (group, name, title)));
+    all.filter_map(|(group, name, title)| {
+        let (_, text) = BUILTIN.iter().find(|builtin| builtin.0 == *name)?;
+        Config::parse(text, name)
+            .is_ok_and(&single)
+            .then(|| json!({ "group": group, "name": name, "title": title, "for": about(text) }))
+    })
+    .collect()
 }

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use foveate::config::{BUILTIN, Config};
+use foveate::config::Config;
 use foveate::geometry::BBox;
 use foveate::report::interactive::{MOST_TARGETS, Setup, boxed, command, described, offered};
 use foveate::report::run::check_box;
@@ -220,8 +220,8 @@ impl App {
 
     fn hello(&self) -> Result<Value> {
         let mut configs = offered(|_| true);
-        if !BUILTIN.iter().any(|(name, _)| *name == self.config) {
-            configs.insert(0, json!({ "name": self.config, "for": "the file given to the program" }));
+        if !configs.iter().any(|config| config["name"] == self.config) {
+            configs.insert(0, json!({ "name": self.config, "title": self.config, "group": "Yours", "for": "the file given to the program" }));
         }
         let entries = self.roots.list("")?;
         Ok(json!({

@@ -145,7 +145,11 @@ matchMedia('(prefers-color-scheme: dark)').addEventListener('change', drawGraph)
 
 doing(async () => {
   hello = await tracker.ask({ op: 'hello' });
-  byId('config').append(...hello.configs.map(({ name }) => element('option', { value: name }, name)));
+  // By purpose; the name is that of the command line.
+  for (const group of new Set(hello.configs.map(config => config.group))) {
+    const some = hello.configs.filter(config => config.group === group);
+    byId('config').append(element('optgroup', { label: group }, ...some.map(({ name, title }) => element('option', { value: name }, title === name ? name : `${title} (${name})`))));
+  }
   byId('config').value = hello.config;
   byId('config').dispatchEvent(new Event('change'));
   byId('policy').append(element('option', { value: '' }, "the configuration's"), ...hello.policies.map(name => element('option', { value: name }, name)));
