@@ -50,7 +50,9 @@ pub use self::limited::Limited;
 pub use self::multi::MultiAnnotator;
 pub use self::multi_observer::MultiObserver;
 pub use self::pictures::shrunk;
-pub use self::report::{BRAND, MultiReport, Report, SCRIPT, STYLE, escape, fill, levels, particles};
+pub use self::report::{
+    BRAND, MultiReport, Report, SCRIPT, STYLE, card, document, drawing, escape, fill, levels, particles,
+};
 pub use self::snapshot::SurfacePicture;
 pub use self::stream::Stream;
 pub use self::strip::{MultiStrip, Strip};

@@ -3,11 +3,13 @@
 //! Every frame has a row of numbers, about 180 bytes. Pictures, particles and glimpses are kept for some of them, evenly
 //! spaced: at most 400 pictures and 9 MB. The page itself is `report/*.{html,css,js}`.
 
+mod document;
 mod html;
 mod kept;
 mod multi;
 mod page;
 
+pub use self::document::{card, document, drawing};
 pub use self::html::{BRAND, SCRIPT, STYLE, escape, fill};
 pub use self::multi::MultiReport;
 

@@ -6,7 +6,7 @@ const chartList = [
   { title: 'Reward', unit: '0 to 1', lines: [{ of: series.reward, name: 'chosen', ink: 'gaze' }], band: series.reward_low.some((v, i) => v !== series.reward_high[i]) && [series.reward_low, series.reward_high], bandName: 'all gazes' },
   { title: 'Effective sample size', unit: 'particles', log: true, from: 1, to: data.particles, lines: [{ of: series.ess, ink: 'target' }], mark: [data.particles, `all ${data.particles}`] },
   { title: 'Log evidence', unit: 'nats', lines: [{ of: series.log_evidence, ink: 'second' }] },
-  { title: 'Confidence', from: 0, to: 1, lines: [{ of: series.p_lost, name: 'P(lost)', ink: 'lost' }, { of: series.deficit, name: 'deficit', ink: 'soft', dash: true }], },
+  { title: 'Confidence', from: 0, to: 1, lines: [{ of: series.p_lost, name: 'P(lost)', ink: 'lost' }, { of: series.deficit, name: 'deficit', ink: 'soft', dash: true }], shade: lostRuns.length > 0 },
   { title: 'Distance to the template', from: 0, lines: [{ of: series.distance, ink: 'second' }] },
   { title: 'Position uncertainty', unit: 'px (1 sd)', from: 0, lines: [{ of: series.sd_x, name: 'x', ink: 'target' }, { of: series.sd_y, name: 'y', ink: 'third', dash: true }] },
   { title: 'Speed', unit: 'px/frame', from: 0, lines: [{ of: speed, ink: 'target' }] },
@@ -69,7 +69,7 @@ for (const chart of chartList) {
   chart.values = element('p', { class: 'value' });
   chart.plot = element('div', { class: 'plot' });
   const title = element('h2', {}, chart.title, element('span', {}, chart.unit || ''));
-  byId('charts').append(element('figure', { class: 'card chart' + (chart.lines.length > 3 ? ' many' : '') }, element('div', { class: 'head' }, title, chart.values), chart.plot));
+  byId('charts').append(element('figure', { class: 'card chart' + (chart.lines.length > 3 || chart.shade ? ' many' : '') }, element('div', { class: 'head' }, title, chart.values), chart.plot));
   scrubOver(chart.plot, () => left, () => chart.plot.clientWidth - left - RIGHT);
   chart.spans = chart.lines.map(line => {
     const value = element('b'), mark = element('i', { class: 'swatch' + (line.dash ? ' dash' : '') });
@@ -77,6 +77,7 @@ for (const chart of chartList) {
     chart.values.append(element('span', {}, mark, ...(line.name ? [line.name + ' '] : []), value));
     return value;
   });
+  if (chart.shade) chart.values.prepend(element('span', {}, element('i', { class: 'swatch shade' }), 'occluded or lost'));
   if (chart.band) {
     const mark = element('i', { class: 'swatch band' });
     mark.style.setProperty('--c', `var(--${chart.lines[0].ink})`);

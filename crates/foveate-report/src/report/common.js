@@ -1,7 +1,7 @@
 // What the replays of one target and of many share.
 addEventListener('error', event => {
   const notice = document.createElement('p');
-  notice.className = 'notice';
+  notice.className = 'message';
   notice.textContent = `This page's script failed: ${event.message} (line ${event.lineno}). The numbers are in the CSV files beside it.`;
   document.body.prepend(notice);
 });

@@ -30,6 +30,7 @@ pub fn page(template: &str, source: &str, data: &Value, scripts: &[&str], parts:
     let data = data.to_string().replace('<', "\\u003c");
     let mut all = vec![
         ("title", format!("foveate: {}", escape(name(source)))),
+        ("name", escape(name(source))),
         ("style", STYLE.into()),
         ("brand", BRAND.into()),
         ("transport", include_str!("transport.html").into()),

@@ -155,7 +155,7 @@ impl MultiReport {
             ("about", escape(&about)),
             (
                 "warnings",
-                info.warnings.all().iter().map(|w| format!("<p class=\"notice\">{}</p>\n", escape(w))).collect(),
+                info.warnings.all().iter().map(|w| format!("<p class=\"message\">{}</p>\n", escape(w))).collect(),
             ),
             ("strip", self.strip.iter().map(Still::html).collect()),
             ("bars", bars::bars(&tracks, self.last)),
