@@ -183,7 +183,6 @@ pub fn is_video(path: &Path) -> bool {
     ending.is_some_and(|end| VIDEOS.contains(&&*end))
 }
 
-
 fn is_hidden(path: &Path) -> bool {
     path.file_name().is_none_or(|name| name.to_string_lossy().starts_with('.'))
 }

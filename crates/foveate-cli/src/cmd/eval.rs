@@ -186,15 +186,17 @@ impl Task {
         let said = ["report.html", "confidence.txt", "confidence.json", "reliability.svg"].map(str::to_owned);
         let results = begin(args, [&said[..], &track_files("foveate", sequences, seeds)].concat())?;
         let ours = run_all("foveate", sequences, seeds, Some(&out), &run_tracker, &mut told)?;
-        let groups = compare(args, sequences, &self.beside(ours), record, "")?;
+        let all = self.beside(ours);
+        let groups = compare(args, sequences, &all, record, "")?;
+        let curves = curves::panels(&all.iter().map(Evaluation::drawn).collect::<Vec<_>>());
         let runs = runs.into_inner();
         let first: Vec<Case> = runs.iter().filter(|run| run.seed == args.seed).cloned().collect();
-        files::write_inside(
-            args.out.join("report.html"),
-            cases::page(&first, others, groups, record.html())?.as_bytes(),
-        )?;
         let tracks: Vec<&[Judged]> = runs.iter().map(|run| run.judged.as_slice()).collect();
-        trusted(args, &ConfidenceScore::of(&tracks, kept.localisation_noise()))?;
+        let reliability = trusted(args, &ConfidenceScore::of(&tracks, kept.localisation_noise()))?;
+        let [success, precision] = curves;
+        let charts = [success, precision, ("Reliability of P(lost)", reliability)];
+        let page = cases::page(&first, others, &charts, &groups, &record.html())?;
+        files::write_inside(args.out.join("report.html"), page.as_bytes())?;
         results.finish()?;
         // What is finished begins anew the next time; parts are kept, to be merged.
         if in_parts { Ok(()) } else { kept.forget(seeds) }
@@ -230,18 +232,19 @@ fn told(row: &Row) {
     );
 }
 
-/// Keeps what the tracker's own probability of being lost is worth, and prints it.
-fn trusted(args: &Args, score: &ConfidenceScore) -> Result<()> {
+/// Keeps what the tracker's own probability of being lost is worth, and prints it. Answers its chart, SVG text.
+fn trusted(args: &Args, score: &ConfidenceScore) -> Result<String> {
     let (out, text) = (&args.out, confidence::text(score));
     let json = serde_json::to_string_pretty(score).map_err(|e| Error::Invalid(e.to_string()))?;
     files::write_inside(out.join("confidence.txt"), text.as_bytes())?;
     files::write_inside(out.join("confidence.json"), json.as_bytes())?;
-    files::write_inside(out.join("reliability.svg"), confidence_plot::plot(&[("foveate", score)]).as_bytes())?;
+    let chart = confidence_plot::plot(&[("foveate", score)]);
+    files::write_inside(out.join("reliability.svg"), chart.as_bytes())?;
     if !args.json {
         say!("\nWhat it says about being lost (IoU below 0.1, or out of sight):\n{text}");
         say!("{}: confidence.txt, confidence.json, reliability.svg, report.html", out.display());
     }
-    Ok(())
+    Ok(chart)
 }
 
 /// Trackers side by side, by sequence and by attribute: kept and printed, with what comes before it. Answers the part by

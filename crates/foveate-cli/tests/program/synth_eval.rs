@@ -157,7 +157,7 @@ fn a_scene_of_many_digits_has_both_layouts() {
     let json: serde_json::Value = serde_json::from_slice(&run.stdout).expect("JSON alone on the standard output");
     assert_eq!(json["trackers"][0]["mean"]["frames"].as_u64(), Some(200), "five targets of 40 frames");
     let page = std::fs::read_to_string(path("scores/report.html")).expect("a report");
-    assert!(page.matches("<section>").count() == 5 && page.contains("five-2"), "a section for each target");
+    assert!(page.matches("class=\"case\"").count() == 5 && page.contains("five-2"), "a section for each target");
 
     // Beside others, all of them named at once; the second knows one target only.
     for (tracker, targets) in [("still", &["five", "five-2"][..]), ("short", &["five"])] {

@@ -123,7 +123,7 @@ pub fn html(groups: &[Group], evaluations: &[Evaluation]) -> String {
     };
     let rows: String = lines(groups, evaluations).iter().enumerate().map(row).collect();
     let legend = legend(groups).map_or(String::new(), |legend| format!("<p>{}</p>\n", escape(legend)));
-    let table = format!("<div style=\"overflow-x:auto\"><table>\n{rows}</table></div>\n{legend}");
+    let table = format!("<div class=\"scroll\"><table>\n{rows}</table></div>\n{legend}");
     let said = against(evaluations).iter().map(|a| format!("<p>{}.</p>\n", escape(&sentence(a)))).collect();
     if groups.is_empty() { said } else { table + &said }
 }

@@ -15,7 +15,7 @@ use foveate_base::{Error, Result};
 use foveate_core::control::Status;
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
-use foveate_report::{Observer, Strip, escape, fill};
+use foveate_report::{Observer, Strip, card, document, drawing, escape};
 use foveate_video::{encode_jpeg, open};
 
 /// Pictures of a sequence at regular intervals; the worst frame comes on top.
@@ -68,22 +68,22 @@ impl Case {
         }
     }
 
-    /// Overlap over P(lost), against frames counted from 1, as SVG text.
+    /// Overlap over P(lost), against frames counted from 1, as SVG text: narrow, so that a phone shows it whole.
     pub fn plot(&self) -> String {
         let line = |points: Vec<(f64, f64)>, colour: &str| -> Plot {
             LinePlot::new().with_data(points).with_color(colour).with_stroke_width(1.8).into()
         };
-        let layout = |plots: &[Plot], y_label: &str| {
+        let layout = |plots: &[Plot], x_label: &str, y_label: &str| {
             Layout::auto_from_plots(plots)
-                .with_x_label("frame")
+                .with_x_label(x_label)
                 .with_y_label(y_label)
                 .with_x_axis_min(0.0)
                 .with_x_axis_max(self.boxes.len() as f64)
                 .with_y_axis_min(0.0)
                 .with_y_axis_max(1.0)
-                .with_y_tick_step(0.25)
+                .with_y_tick_step(0.5)
                 .with_x_tick_format(TickFormat::Integer)
-                .with_y_tick_format(TickFormat::Fixed(2))
+                .with_y_tick_format(TickFormat::Fixed(1))
         };
         let overlaps = self.overlaps();
         let known = |i: &usize| Some(((i + 1) as f64, (*overlaps.get(*i)?)?));
@@ -94,8 +94,8 @@ impl Case {
         let said = self.judged.iter().enumerate().map(|(i, j)| ((i + 2) as f64, j.p_lost)).collect();
         let lower = vec![line(said, "#000000")];
         let threshold = ReferenceLine::horizontal(LOST).with_color("#B33C00");
-        let upper_layout = layout(&upper, "overlap (IoU)").with_reference_line(threshold);
-        let mut lower_layout = layout(&lower, "P(lost)");
+        let upper_layout = layout(&upper, "", "overlap (IoU)").with_reference_line(threshold);
+        let mut lower_layout = layout(&lower, "frame", "P(lost)");
         let mut at = 1.5;
         for run in self.judged.chunk_by(|a, b| a.status == b.status) {
             let end = at + run.len() as f64;
@@ -108,7 +108,7 @@ impl Case {
         let figure = Figure::new(2, 1)
             .with_plots(vec![upper, lower])
             .with_layouts(vec![upper_layout, lower_layout])
-            .with_cell_size(1100.0, 190.0);
+            .with_cell_size(480.0, 150.0);
         SvgBackend::default().render_scene(&figure.render())
     }
 
@@ -142,16 +142,18 @@ impl Case {
         };
         let stills: String = self.stills()?.into_iter().map(still).collect();
         let best = best.map_or(String::new(), |(who, auc)| format!(" (best of the others: {auc:.3}, {})", escape(who)));
-        Ok(format!(
-            "<section><h2 id=\"{name}\">{name}</h2><p>{} AUC {:.3}{best}, precision {:.3}, failure in {} of {}; seed {}.</p>\
-             <img class=\"plot\" alt=\"Overlap and P(lost) over time\" src=\"data:image/svg+xml;base64,{}\"><div class=\"stills\">{stills}</div></section>\n",
+        let figures = format!(
+            "<p>{} AUC {:.3}{best}, precision {:.3}, failure in {} of {}; seed {}.</p>",
             self.verdict(),
             score.auc,
             score.p20,
             score.failures,
             counted(score.frames, "frame"),
             self.seed,
-            STANDARD.encode(self.plot()),
+        );
+        let chart = drawing(&self.plot(), &format!("{}: overlap and P(lost) over time", self.sequence.name));
+        Ok(format!(
+            "<section class=\"card\" id=\"{name}\"><h2>{name}</h2>\n{figures}<div class=\"case\">{chart}<div class=\"stills\">{stills}</div></div></section>\n"
         ))
     }
 }
@@ -166,12 +168,26 @@ fn colour(status: Status) -> Option<&'static str> {
     }
 }
 
-/// The page of these runs, with the best of `others` named beside each; above them a table by attribute, below them what was run
-/// (both HTML).
+/// How the boxes of the pictures and the shades of the charts are to be read.
+const KEY: &str = "\
+<p>Boxes: <i class=\"key\" style=\"background:#3fd19b\"></i>true, <i class=\"key\" style=\"background:#39b6ff\"></i>found.
+The shade behind P(lost) is the status: <i class=\"key\" style=\"background:var(--gaze)\"></i>occluded, \
+<i class=\"key\" style=\"background:var(--lost)\"></i>lost, <i class=\"key\" style=\"background:var(--second)\"></i>re-acquired; none while it tracks.
+The line across the overlap is an IoU of 0.1: below it the target is lost.</p>
+";
+
+/// The page of these runs, with the best of `others` named beside each; above them charts over all of them (what each shows, SVG
+/// text), and a table by attribute, below them what was run (both HTML).
 ///
 /// # Errors
 /// A sequence cannot be read again, or a run has not one box a frame.
-pub fn page(cases: &[Case], others: &[Evaluation], by_attribute: String, run: String) -> Result<String> {
+pub fn page(
+    cases: &[Case],
+    others: &[Evaluation],
+    charts: &[(&str, String)],
+    by_attribute: &str,
+    run: &str,
+) -> Result<String> {
     let mut scored = Vec::new();
     for case in cases {
         let boxes: Vec<_> = case.boxes.iter().copied().map(Some).collect();
@@ -187,12 +203,26 @@ pub fn page(cases: &[Case], others: &[Evaluation], by_attribute: String, run: St
         let best = best.as_ref().map(|(who, auc)| (who.as_str(), *auc));
         let other = best.map_or("-".into(), |(who, auc)| format!("{auc:.3} {}", escape(who)));
         let (name, verdict) = (escape(name), case.verdict());
-        let figures = format!("<td>{:.3}</td><td>{other}</td><td>{:.1} %</td>", score.auc, score.failure_pct);
-        rows += &format!("<tr><td><a href=\"#{name}\">{name}</a></td>{figures}<td>{verdict}</td></tr>\n");
+        let figures = format!("<td>{:.3}</td><td>{:.1} %</td><td>{other}</td>", score.auc, score.failure_pct);
+        rows += &format!(
+            "<tr><td class=\"words\"><a href=\"#{name}\">{name}</a><small>{verdict}</small></td>{figures}</tr>\n"
+        );
         sections += &case.html(score, best)?;
     }
-    let parts = [("by_attribute", by_attribute), ("rows", rows), ("sections", sections), ("run", run)];
-    Ok(fill(include_str!("cases.html"), &parts))
+    let table = format!(
+        "<div class=\"scroll\"><table>\n<tr><th>sequence, losses</th><th>AUC</th><th>failure (IoU 0)</th><th>best of the others</th></tr>\n{rows}</table></div>\n"
+    );
+    let drawn: String = charts.iter().map(|(what, svg)| drawing(svg, what)).collect();
+    let body = [
+        card("Curves", &format!("<div class=\"drawings\">{drawn}</div>\n")),
+        card("Sequences", &table),
+        if by_attribute.is_empty() { String::new() } else { card("By attribute", by_attribute) },
+        card("How to read the runs below", KEY),
+        sections,
+        run.to_owned(),
+    ];
+    let verdict = "The tracker got the true box in frame 1 and nothing more. The hardest sequence comes first.";
+    Ok(document("Results, sequence by sequence", verdict, "", &body.concat()))
 }
 
 #[cfg(test)]
@@ -240,7 +270,7 @@ mod tests {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let mut case = case();
         assert!(
-            page(std::slice::from_ref(&case), &[], String::new(), String::new())
+            page(std::slice::from_ref(&case), &[], &[], "", "")
                 .expect_err("no pictures")
                 .to_string()
                 .contains("nowhere")
@@ -250,7 +280,8 @@ mod tests {
             std::fs::write(dir.path().join(format!("{i:02}.png")), encode_png(&Image::grey(60, 40, 90)))
                 .expect("written");
         }
-        let html = page(&[case.clone()], &[], "<p>by attribute</p>".into(), "<p>run</p>".into()).expect("a page");
+        let charts = [("a chart", case.plot())];
+        let html = page(&[case.clone()], &[], &charts, "<p>by attribute</p>", "<p>run</p>").expect("a page");
         assert!(
             html.contains("A&lt;b")
                 && !html.contains("A<b")
@@ -260,9 +291,11 @@ mod tests {
         );
         // Every second frame of twelve or so, of which the fifth is the worst.
         assert_eq!((html.matches("image/jpeg").count(), html.matches("the worst").count()), (8, 2), "{html}");
-        case.boxes.pop();
+        assert_eq!(html.matches("class=\"drawing\"").count(), 2, "the chart over all, and that of the run");
         assert!(
-            page(&[case], &[], String::new(), String::new()).expect_err("too short").to_string().contains("11 boxes")
+            html.contains("prefers-color-scheme: dark") && !html.contains("\"#0072b2\"") && !html.contains("\"white\"")
         );
+        case.boxes.pop();
+        assert!(page(&[case], &[], &[], "", "").expect_err("too short").to_string().contains("11 boxes"));
     }
 }

@@ -35,9 +35,12 @@ pub fn plot(scores: &[(&str, &ConfidenceScore)]) -> String {
         .with_y_tick_step(0.2)
         .with_x_tick_format(TickFormat::Fixed(1))
         .with_y_tick_format(TickFormat::Fixed(1))
-        .with_legend_box(true)
-        .with_legend_position(LegendPosition::InsideTopLeft);
-    let figure = Figure::new(1, 1).with_plots(vec![lines]).with_layouts(vec![layout]).with_cell_size(560.0, 460.0);
+        .with_legend_box(false)
+        .with_legend_position(LegendPosition::OutsideBottomLeft);
+    let figure = Figure::new(1, 1)
+        .with_plots(vec![lines])
+        .with_layouts(vec![layout])
+        .with_cell_size(420.0, 330.0 + 22.0 * (scores.len() + 1) as f64);
     SvgBackend::default().render_scene(&figure.render())
 }
 

@@ -92,44 +92,51 @@ pub struct Drawn<'a> {
 /// Success and precision plots of trackers side by side, as SVG text. The best comes first in each legend; of several the
 /// first one given is drawn above the others, with a line twice as wide.
 pub fn plot(trackers: &[Drawn<'_>]) -> String {
-    let success = Panel {
+    let (plots, layouts) = PANELS.iter().map(|panel| panel.draw(trackers)).unzip();
+    render(Figure::new(1, 2).with_plots(plots).with_layouts(layouts), 560.0, 430.0, trackers.len())
+}
+
+/// The same two plots one by one, with what each shows: narrow, so that a phone shows a plot whole.
+pub fn panels(trackers: &[Drawn<'_>]) -> [(&'static str, String); 2] {
+    PANELS.map(|panel| {
+        let (lines, layout) = panel.draw(trackers);
+        let figure = Figure::new(1, 1).with_plots(vec![lines]).with_layouts(vec![layout]);
+        (panel.title, render(figure, 420.0, 330.0, trackers.len()))
+    })
+}
+
+/// A figure with cells of this size, and a line of the legend below it for each tracker.
+fn render(figure: Figure, wide: f64, tall: f64, trackers: usize) -> String {
+    SvgBackend::default().render_scene(&figure.with_cell_size(wide, tall + 22.0 * trackers as f64).render())
+}
+
+/// Success and precision.
+const PANELS: [Panel; 2] = [
+    Panel {
         title: "Success, and its mean (AUC)",
         x_label: "IoU above",
         x: iou_threshold,
+        x_axis: (1.0, 0.2, TickFormat::Fixed(1)),
         values: |c| &c.success,
         quoted: Curves::auc,
-    };
-    let precision = Panel {
+    },
+    Panel {
         title: "Precision, and its value at 20 px",
         x_label: "centre error at most, pixels",
         x: |i| i as f64,
+        x_axis: (50.0, 10.0, TickFormat::Integer),
         values: |c| &c.precision,
         quoted: |c| c.precision[QUOTED],
-    };
-    let ((success, success_layout), (precision, precision_layout)) = (success.draw(trackers), precision.draw(trackers));
-    let layouts = vec![
-        success_layout
-            .with_legend_position(LegendPosition::InsideBottomLeft)
-            .with_x_axis_max(1.0)
-            .with_x_tick_step(0.2)
-            .with_x_tick_format(TickFormat::Fixed(1)),
-        precision_layout
-            .with_legend_position(LegendPosition::InsideBottomRight)
-            .with_x_axis_max(50.0)
-            .with_x_tick_step(10.0)
-            .with_x_tick_format(TickFormat::Integer),
-    ];
-    let tall = 430.0 + 22.0 * trackers.len().saturating_sub(4) as f64;
-    let figure =
-        Figure::new(1, 2).with_plots(vec![success, precision]).with_layouts(layouts).with_cell_size(560.0, tall);
-    SvgBackend::default().render_scene(&figure.render())
-}
+    },
+];
 
 /// One of the two plots.
 struct Panel {
     title: &'static str,
     x_label: &'static str,
     x: fn(usize) -> f64,
+    /// Where the axis ends, its step, and how its marks are written.
+    x_axis: (f64, f64, TickFormat),
     values: fn(&Curves) -> &Vec<f64>,
     quoted: fn(&Curves) -> f64,
 }
@@ -146,7 +153,12 @@ impl Panel {
             shape: LegendShape::Line,
             dasharray: Some(DASHES[i % DASHES.len()].to_owned()).filter(|d| !d.is_empty()),
         };
+        let (end, step, ref format) = self.x_axis;
         let layout = Layout::auto_from_plots(&lines)
+            .with_legend_position(LegendPosition::OutsideBottomLeft)
+            .with_x_axis_max(end)
+            .with_x_tick_step(step)
+            .with_x_tick_format(format.clone())
             .with_legend_entries(order.into_iter().map(entry).collect())
             .with_title(self.title)
             .with_x_label(self.x_label)
@@ -156,7 +168,7 @@ impl Panel {
             .with_y_axis_max(1.0)
             .with_y_tick_step(0.2)
             .with_y_tick_format(TickFormat::Fixed(1))
-            .with_legend_box(true);
+            .with_legend_box(false);
         (lines, layout)
     }
 
@@ -209,5 +221,28 @@ mod tests {
         let svg = plot(&[drawn("a<b"), Drawn { band: None, ..drawn("other") }]);
         assert!(svg.starts_with("<svg") || svg.starts_with("<?xml"));
         assert!(svg.contains("a&lt;b 0.667") && svg.contains("other 1.000") && !svg.contains("a<b"));
+    }
+
+    /// No name of a legend lies on the curves: all are below the axes, in both plots together and in each alone.
+    #[test]
+    fn legends_lie_below_the_curves() {
+        let names = ["foveate", "another tracker", "a tracker with a rather long name", "d", "e"];
+        let drawn = names.map(|name| Drawn { name, mean: Curves::of(&[0.7, 0.1], &[3.0, 40.0]), band: None });
+        let number = |text: &str, name: &str| -> f64 {
+            let value = text.split_once(&format!(" {name}=\"")).and_then(|(_, rest)| rest.split('"').next());
+            value.and_then(|value| value.parse().ok()).expect(name)
+        };
+        for svg in panels(&drawn).map(|(_, svg)| svg).into_iter().chain([plot(&drawn)]) {
+            let axes = svg.split("<clipPath").nth(1).expect("the region of the curves");
+            let bottom = number(axes, "y") + number(axes, "height");
+            for name in names {
+                let entries: Vec<usize> = svg.match_indices(&format!(">{name} ")).map(|(at, _)| at).collect();
+                assert!(!entries.is_empty(), "{name}");
+                for at in entries {
+                    let text = &svg[svg[..at].rfind("<text").expect("its element")..];
+                    assert!(number(text, "y") > bottom, "{name} lies on the curves: {}", &text[..80]);
+                }
+            }
+        }
     }
 }

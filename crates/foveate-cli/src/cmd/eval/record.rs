@@ -166,8 +166,8 @@ impl Record {
             format!("<details><summary>The whole configuration</summary><pre>{}</pre></details>\n", escape(&ran.text))
         });
         format!(
-            "<section class=\"run\"><h2 id=\"run\">What was run</h2>\n<dl>{facts}</dl>\n{config}<details><summary>Checksums of the data (SHA-256, \
-             the first 32 digits)</summary><div style=\"overflow-x:auto\"><table>\n<tr><th>sequence</th><th>true boxes</th><th>pictures</th></tr>\n\
+            "<section class=\"card details\" id=\"run\"><h2>What was run</h2>\n<dl>{facts}</dl>\n{config}<details><summary>Checksums of the data (SHA-256, \
+             the first 32 digits)</summary><div class=\"scroll\"><table>\n<tr><th>sequence</th><th>true boxes</th><th>pictures</th></tr>\n\
              {rows}</table></div></details></section>\n"
         )
     }

@@ -6,7 +6,7 @@ use std::time::Duration;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use foveate::lab::eval::tally;
-use foveate::report::escape;
+use foveate::report::{card, document, drawing, escape};
 
 use super::line::Group;
 use super::multi_table;
@@ -14,26 +14,14 @@ use super::output::{Content, Picture, Section, Table};
 use super::plan::Measure;
 use super::results::{Line, Results};
 
-const STYLE: &str = "\
-:root{color-scheme:light}body{font:15px/1.5 system-ui,sans-serif;color:#1a1e22;background:#fff;max-width:1200px;margin:0 auto;padding:1.5rem}
-h1{font-size:1.6rem;margin:0}h2{margin:2.6rem 0 .3rem;font-size:1.25rem}h3{margin:1.2rem 0 .3rem;font-size:1rem}
-p{max-width:75ch;margin:.4rem 0}.soft{color:#5f6870}nav a{margin-right:1rem;white-space:nowrap}a{color:#00578f}
-.wide{overflow-x:auto}table{border-collapse:collapse;font-variant-numeric:tabular-nums;font-size:13px;margin:.4rem 0 1rem}
-th,td{padding:.22rem .5rem;text-align:right;white-space:nowrap;border-bottom:1px solid #e3e6e9}th{background:#f4f6f7}
-th:first-child,td:first-child{text-align:left;position:sticky;left:0;background:#fff}th:first-child{background:#f4f6f7}
-tr.group td{background:#f4f6f7;font-weight:600;text-align:left}tr.paper td{background:#fff8e6}
-pre{font-size:12px;overflow-x:auto}small{color:#5f6870;display:block;line-height:1.1}figure{margin:1rem 0}figure img{max-width:100%;border:1px solid #e3e6e9}
-figcaption{color:#5f6870;font-size:13px}.met:before{content:'\\2713 ';color:#00734f}.missed:before{content:'\\2717 ';color:#b33c00}
-.missed{font-weight:600}ul{padding-left:1.2rem}";
-
 /// What is said of --quick.
 const SMALL: &str = "<p><strong>Small variant (--quick):</strong> fewer digits, seeds and frames, and wider ranges. It shows that the program \
     works, not that the paper is reproduced.</p>";
 
 /// The whole page.
 pub fn html(sections: &[Section], digits: &str, quick: bool, took: Duration) -> String {
-    let links: String =
-        sections.iter().map(|s| format!("<a href=\"#{0}\">{0}</a>", escape(&s.name))).collect::<Vec<_>>().join(" ");
+    let link = |s: &Section| format!("<a href=\"#{0}\">{0}</a>", escape(&s.name));
+    let links: String = sections.iter().map(link).collect();
     let checks = sections.iter().filter_map(Section::results).flat_map(|r| r.checks.iter().map(move |c| (r, c)));
     let check = |(results, check): (&Results, &super::results::Check)| {
         let class = if check.met { "met" } else { "missed" };
@@ -43,17 +31,16 @@ pub fn html(sections: &[Section], digits: &str, quick: bool, took: Duration) -> 
     let checks: String = checks.map(check).collect();
     let checks = if checks.is_empty() { checks } else { format!("<h3>Expected ranges</h3><ul>{checks}</ul>") };
     let small = if quick { SMALL } else { "" };
-    let body: String = sections.iter().map(section).collect();
-    let command = escape(&crate::invocation::command());
-    format!(
-        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
-         <title>The paper, reproduced</title><style>{STYLE}</style><h1>Learning where to attend, reproduced</h1>\
-         <p class=\"soft\">Denil, Bazzani, Larochelle and de Freitas (2012) beside foveate {}. Videos are made of {}. \
-         Made in {:.1} minutes by <code>{command}</code>.</p>{small}<nav>{links}</nav>{checks}{body}</html>\n",
+    let contents = card("Contents", &format!("{small}<nav class=\"links\">{links}</nav>{checks}"));
+    let body: String = std::iter::once(contents).chain(sections.iter().map(section)).collect();
+    let verdict = format!(
+        "Denil, Bazzani, Larochelle and de Freitas (2012) beside foveate {}. Videos are made of {}.",
         env!("CARGO_PKG_VERSION"),
-        escape(digits),
-        took.as_secs_f64() / 60.0,
-    )
+        escape(digits)
+    );
+    let (minutes, command) = (took.as_secs_f64() / 60.0, escape(&crate::invocation::command()));
+    let about = format!("Made in {minutes:.1} minutes by <code>{command}</code>.");
+    document("Learning where to attend, reproduced", &verdict, &about, &body)
 }
 
 fn section(section: &Section) -> String {
@@ -67,7 +54,7 @@ fn section(section: &Section) -> String {
         }
     };
     let [name, title, about] = [&section.name, &section.title, &section.about].map(|text| escape(text));
-    format!("<h2 id=\"{name}\">{title}</h2><p>{about}</p>{body}")
+    format!("<section class=\"card\" id=\"{name}\"><h2>{title}</h2><p>{about}</p>{body}</section>\n")
 }
 
 fn pictures(all: &[Picture]) -> String {
@@ -88,7 +75,7 @@ fn multi(table: &Table) -> String {
         })
         .collect();
     format!(
-        "<p class=\"soft\">Seeds {first_seed} to {}, {frames} frames; {}. {}</p><div class=\"wide\"><table><tr>{}</tr>{rows}</table></div>",
+        "<p class=\"soft\">Seeds {first_seed} to {}, {frames} frames; {}. {}</p><div class=\"scroll\"><table class=\"numbers\"><tr>{}</tr>{rows}</table></div>",
         first_seed + (seeds - 1),
         escape(digits_from),
         escape(multi_table::LEGEND),
@@ -97,11 +84,11 @@ fn multi(table: &Table) -> String {
 }
 
 fn picture(file: &str, caption: &str, bytes: &[u8]) -> String {
-    let kind = if file.ends_with(".svg") { "svg+xml" } else { "png" };
-    let (data, caption) = (STANDARD.encode(bytes), escape(caption));
-    format!(
-        "<figure><img alt=\"{caption}\" src=\"data:image/{kind};base64,{data}\"><figcaption>{caption}</figcaption></figure>"
-    )
+    let shown = match std::str::from_utf8(bytes) {
+        Ok(svg) if file.ends_with(".svg") => format!("<div class=\"scroll\">{}</div>", drawing(svg, caption)),
+        _ => format!("<img alt=\"{}\" src=\"data:image/png;base64,{}\">", escape(caption), STANDARD.encode(bytes)),
+    };
+    format!("<figure>{shown}<figcaption>{}</figcaption></figure>", escape(caption))
 }
 
 fn tables(table: &Table) -> String {
@@ -116,7 +103,8 @@ fn tables(table: &Table) -> String {
     for (i, scene) in results.scenes().into_iter().enumerate() {
         let lines: Vec<(&Line, Option<f64>)> =
             results.lines.iter().zip(table.speeds.iter().copied()).filter(|(line, _)| line.scene == scene).collect();
-        out += &format!("<h3>{}</h3><div class=\"wide\">{}</div>", escape(scene), scene_table(results, &lines, i == 0));
+        out +=
+            &format!("<h3>{}</h3><div class=\"scroll\">{}</div>", escape(scene), scene_table(results, &lines, i == 0));
         out += &forest(results, &lines, i == 0);
     }
     out
@@ -147,7 +135,7 @@ fn forest(results: &Results, lines: &[(&Line, Option<f64>)], with_paper: bool) -
     let svg = tally::plot(label, &rows);
     picture(
         "means.svg",
-        "Means with 95 % intervals. Black: the paper; blue: as recommended; vermilion: the authors' parameters; purple: as printed; green: other trackers.",
+        "Means with 95 % intervals. In the colour of the text: the paper; blue: as recommended; vermilion: the authors' parameters; purple: as printed; green: other trackers.",
         svg.as_bytes(),
     )
 }
@@ -157,7 +145,7 @@ fn scene_table(results: &Results, lines: &[(&Line, Option<f64>)], with_paper: bo
     let details: BTreeSet<&String> = lines.iter().flat_map(|(line, _)| line.details.keys()).collect();
     let heads: String = details.iter().map(|name| format!("<th>{}</th>", escape(name))).collect();
     let mut out = format!(
-        "<table><tr><th></th>{digits}<th>mean</th><th>95 %</th><th>median</th><th>off at end</th>{heads}<th>difference [95 %]</th><th>from</th><th>frames/s</th></tr>"
+        "<table class=\"numbers\"><tr><th></th>{digits}<th>mean</th><th>95 %</th><th>median</th><th>off at end</th>{heads}<th>difference [95 %]</th><th>from</th><th>frames/s</th></tr>"
     );
     let cell = |mean: f64, spread: Option<f64>, best: bool| {
         let spread = spread.filter(|s| *s > 0.0).map_or(String::new(), |s| format!("<small>({s:.2})</small>"));
@@ -172,7 +160,7 @@ fn scene_table(results: &Results, lines: &[(&Line, Option<f64>)], with_paper: bo
                 .collect();
             let (name, average) = (escape(&row.row), row.average);
             out += &format!(
-                "<tr class=\"paper\"><td>{name}</td>{cells}<td>{average:.2}</td><td colspan=\"{}\"></td></tr>",
+                "<tr class=\"paper\"><td class=\"words\">{name}</td>{cells}<td>{average:.2}</td><td colspan=\"{}\"></td></tr>",
                 details.len() + 6
             );
         }
@@ -206,7 +194,7 @@ fn scene_table(results: &Results, lines: &[(&Line, Option<f64>)], with_paper: bo
             let difference =
                 t.against.map_or(String::new(), |d| format!("{:+.2} [{:+.2}, {:+.2}]", d.mean, d.low, d.high));
             out += &format!(
-                "<tr><td>{}</td>{cells}{}<td>{:.2} to {:.2}</td><td>{:.2}</td><td>{:.0} %</td>{more}<td>{difference}</td><td>{}</td><td>{}</td></tr>",
+                "<tr><td class=\"words\">{}</td>{cells}{}<td>{:.2} to {:.2}</td><td>{:.2}</td><td>{:.0} %</td>{more}<td>{difference}</td><td>{}</td><td>{}</td></tr>",
                 escape(&line.name),
                 cell(t.mean, None, is_best(t.mean, &|l| Some(l.tally.mean))),
                 t.interval[0],

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use clap::CommandFactory;
 use clap::parser::ValueSource;
 use foveate::lab::eval::experiment;
-use foveate::report::escape;
+use foveate::report::{card, document, escape};
 use foveate::text::counted;
 use foveate::{Error, Result, files, quiet};
 use serde::{Deserialize, Serialize};
@@ -248,19 +248,28 @@ impl Runs {
             let Tally { frames, uncertain_frames, lost_frames } = run.tally;
             let report = if root.join(name).join("report.html").is_file() { "report.html" } else { "" };
             let (link, shown) = (address(name), escape(name));
-            let said = run.error.as_ref().map_or_else(
-                || format!("<td>{frames}<td>{uncertain_frames}<td>{lost_frames}<td>{:.1}<td>", 100.0 * run.badness().1),
-                |error| format!("<td><td><td><td><td>{}", escape(error)),
+            let figures = run.error.as_ref().map_or_else(
+                || {
+                    format!(
+                        "<td>{frames}</td><td>{uncertain_frames}</td><td>{lost_frames}</td><td>{:.1}</td>",
+                        100.0 * run.badness().1
+                    )
+                },
+                |error| format!("<td class=\"words\" colspan=\"4\">{}</td>", escape(error)),
             );
-            let _ = writeln!(rows, "<tr><td><a href=\"{link}/{report}\">{shown}</a>{said}");
+            let _ = writeln!(rows, "<tr><td><a href=\"{link}/{report}\">{shown}</a></td>{figures}</tr>");
         }
-        format!(
-            "<!doctype html><meta charset=\"utf-8\"><title>Runs</title>\n<style>body{{font:15px sans-serif;margin:2em}}\
-             td,th{{padding:.2em .8em;text-align:right}}td:first-child,td:last-child{{text-align:left}}</style>\n\
-             <h1>{}, the worst first</h1>\n<p>Failures come first, then videos by the share of frames in which the box is \
-             doubtful or the target lost.</p>\n<table><tr><th>video<th>frames<th>uncertain<th>lost<th>uncertain or lost, %<th>error\n\
-             {rows}</table>\n",
-            counted(self.runs.len(), "video")
+        let heads =
+            ["video", "frames", "uncertain", "lost", "uncertain or lost, %"].map(|head| format!("<th>{head}</th>"));
+        let table = format!(
+            "<div class=\"scroll\"><table class=\"numbers\">\n<tr>{}</tr>\n{rows}</table></div>\n",
+            heads.concat()
+        );
+        document(
+            &format!("{}, the worst first", counted(self.runs.len(), "video")),
+            "Failures come first, then videos by the share of frames in which the box is doubtful or the target lost.",
+            "",
+            &card("Videos", &table),
         )
     }
 }
