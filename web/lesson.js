@@ -67,8 +67,10 @@ async function lessonPlay() {
 }
 function lessonPause() { lesson.playing = false; lessonTransport(); }
 function lessonTransport() {
-  byId('l-play').replaceChildren(drawing(lesson.playing ? icons.pause : icons.play));
+  byId('l-play').replaceChildren(drawing(lesson.playing ? icons.pause : icons.play), lesson.playing ? 'Pause' : 'Play');
   byId('l-play').setAttribute('aria-label', lesson.playing ? 'Pause' : 'Play');
+  byId('l-state').textContent = lesson.playing ? '' : lesson.ended ? 'The scene has ended. Press Play to run it again, or choose another scene.'
+    : lesson.rows.length ? 'Paused. Press Play to go on.' : 'Press Play: the trackers start from the dashed box in frame 1.';
 }
 async function lessonShown() {
   if (!lesson.about) await lessonDo(lessonBegin);

@@ -16,6 +16,14 @@ function threadOf() {
   });
 }
 
+// What to do about a video that neither the tracker nor the browser decodes: `why` is the tracker's reason, before what it expected.
+function unplayable(name, why) {
+  const [problem] = why.split('; '), words = `Neither this page nor this browser can decode ${name}`;
+  const convert = `convert it to H.264 in MP4: ffmpeg -i "${name}" -c:v libx264 -pix_fmt yuv420p "${name.replace(/\.\w+$/, '')}-h264.mp4"`;
+  if (!/"(hvc1|hev1)"/.test(why)) return `${words}: ${problem}. To track it, ${convert}`;
+  return `${words}: its video is HEVC (H.265). Open the page in a browser that plays HEVC, such as Safari, or ${convert}. An iPhone records H.264 if Settings, Camera, Formats is "Most Compatible".`;
+}
+
 function localTracker() {
   const thread = threadOf(), chosen = new Map(), opened = new Map(), links = new Map();
   let fileCount = 0;
@@ -39,7 +47,7 @@ function localTracker() {
       // What our decoder does not know the browser may.
       if (files.length > 1 || /^image\//.test(files[0].type)) throw error;
       let source;
-      try { source = await elementSource(files[0]); } catch { throw new Error(`${error.message}; and this browser cannot decode it either`); }
+      try { source = await elementSource(files[0]); } catch { throw new Error(unplayable(files[0].name, error.message)); }
       return openSource(name, source);
     }
     opened.set(about.session, { ...about, ids: give.map(([id]) => id) });
