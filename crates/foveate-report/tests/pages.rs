@@ -1,5 +1,9 @@
 //! The report pages in a browser, where there is one, and what a policy with a single gaze leaves out.
 
+#[cfg(unix)]
+#[path = "../../foveate-cli/tests/browser/mod.rs"]
+mod browser;
+
 use std::path::{Path, PathBuf};
 
 use foveate_base::files::Folder;
@@ -137,10 +141,9 @@ fn labels_never_overlap() {
     }
 }
 
-#[test]
-fn the_page_of_many_targets_replays() {
-    let folder = tempfile::tempdir().expect("a temporary folder");
-    let path = folder.path().join("report.html");
+/// report.html of a short run with two targets, the second in one frame.
+fn many(folder: &Path) -> PathBuf {
+    let path = folder.join("many.html");
     let mut report = MultiReport::create(&path, RunInfo::default()).expect("a writable folder");
     for index in 0..FRAMES {
         let one = TrackedTarget { phase: Phase::Tracked, bbox: INIT, ..TrackedTarget::unknown(1) };
@@ -148,8 +151,47 @@ fn the_page_of_many_targets_replays() {
         report.observe(&frame(index), &[one, two][..1 + usize::from(index == 6)]).expect("kept");
     }
     report.finish().expect("written");
+    path
+}
+
+#[test]
+fn the_page_of_many_targets_replays() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = many(folder.path());
     let Some(shown) = shown(&path, &folder.path().join("profile")) else { return };
     assert!(!shown.contains("script failed"), "{shown}");
     assert!(shown.contains("frame <b>7</b> of 10 · 2 targets"), "it opens where most targets are");
     assert!(shown.contains("id=\"scrub\"") && shown.contains("Legend") && shown.contains("class=\"bars\""));
+}
+
+/// What the shades of the charts mean is said beside P(lost), where there are any, and in the legend.
+#[test]
+fn shaded_frames_are_explained() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let page = std::fs::read_to_string(run(folder.path(), "kind = \"random\"")).expect("a page");
+    let (before, rest) = page.split_once("id=\"data\">").expect("data");
+    let (data, after) = rest.split_once("</script>").expect("their end");
+    for lost in [false, true] {
+        let mut data: Value = serde_json::from_str(data).expect("JSON");
+        data["series"]["occluded_or_lost"][4] = Value::from(u8::from(lost));
+        let path = folder.path().join("lost.html");
+        std::fs::write(&path, format!("{before}id=\"data\">{data}</script>{after}")).expect("a writable folder");
+        let Some(shown) = shown(&path, &folder.path().join("profile")) else { return };
+        assert!(shown.contains("<b>Shaded frames. </b>"), "the legend");
+        assert_eq!(shown.contains("<i class=\"swatch shade\"></i>occluded or lost"), lost, "the chart");
+    }
+}
+
+/// Both pages, light and dark, on a screen and on a phone.
+#[cfg(unix)]
+#[test]
+fn pages_fit_screens_and_fingers() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (one, many) = (run(folder.path(), "kind = \"random\""), many(folder.path()));
+    let Some(mut browser) = browser::Browser::start(folder.path(), &[]) else {
+        println!("skipped: no chromium that runs here");
+        return;
+    };
+    browser.judge_file("one", &one);
+    browser.judge_file("many", &many);
 }

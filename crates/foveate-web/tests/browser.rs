@@ -9,7 +9,7 @@ mod page;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use browser::{Browser, CONTRAST};
+use browser::Browser;
 use page::{FRAMES, NUMBER, iou, mp4, serve, truth, y4m};
 use serde_json::{Value, json};
 
@@ -55,6 +55,7 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
     std::fs::write(&other, "nothing").expect("a writable folder");
     give(&mut browser, &[&other]);
     browser.until("!byId('message').hidden && /no.mp4/.test(byId('message').textContent)");
+    browser.judge("message");
 
     let file = dir.path().join("round.mp4");
     mp4(&file);
@@ -148,7 +149,7 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
     browser.value(
         "(async () => { film = new File([await tracker.blob(page.video.session, 'annotated.mp4')], 'annotated.mp4', { type: 'video/mp4' }); return film.size; })()",
     );
-    pictures(&mut browser, "track");
+    browser.judge("track");
     // A second target, on the first one's heels; each has its results.
     browser.show(10);
     browser.draw(truth(9));
@@ -174,34 +175,30 @@ fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }
 
-/// Contrast, width and names, in both colour schemes.
-fn pictures(browser: &mut Browser, name: &str) {
-    for scheme in ["light", "dark"] {
-        let media = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
-        browser.call("Emulation.setEmulatedMedia", media);
-        for pair in [
-            "'ink','card'",
-            "'soft','card'",
-            "'soft','page'",
-            "'soft','sunken'",
-            "'ink','sunken'",
-            "'target','card'",
-            "'second','card'",
-        ] {
-            let contrast = browser.value(&format!("{CONTRAST}({pair})")).as_f64().expect("a number");
-            assert!(contrast >= 4.5, "{scheme}, {pair}: {contrast}");
-        }
-        for width in [1280, 400] {
-            let size = json!({ "width": width, "height": 900, "deviceScaleFactor": 1, "mobile": false });
-            browser.call("Emulation.setDeviceMetricsOverride", size);
-            std::thread::sleep(Duration::from_millis(250));
-            let widest = browser.value("document.documentElement.scrollWidth - innerWidth").as_f64();
-            assert!(widest.is_some_and(|more| more <= 0.0), "nothing is wider than the page: {widest:?}");
-            browser.picture(&format!("{name}-{scheme}-{width}"));
-        }
+/// A video that nothing here decodes: what it is, and what to do with it, on a phone too.
+#[test]
+fn a_video_that_cannot_be_played_is_refused_with_what_to_do() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let (source, file) = (dir.path().join("a.y4m"), dir.path().join("phone.mov"));
+    y4m(&source, 30);
+    let mut ffmpeg = std::process::Command::new("ffmpeg");
+    ffmpeg.args(["-loglevel", "error", "-i"]).arg(&source).args(["-c:v", "libx265", "-x265-params", "log-level=none"]);
+    if !ffmpeg.args(["-tag:v", "hvc1"]).arg(&file).status().is_ok_and(|status| status.success()) {
+        eprintln!("skipped: no ffmpeg with libx265");
+        return;
     }
-    let unnamed = "[...document.querySelectorAll('button, input:not([type=file]), select, canvas')].filter(e => !(e.getAttribute('aria-label') || e.textContent.trim() || e.labels?.length)).map(e => e.outerHTML)";
-    assert_eq!(browser.value(unnamed), json!([]), "everything that is used has a name");
+    let Some(mut browser) = open(dir.path(), &[]) else { return };
+    if browser.value("MediaSource.isTypeSupported('video/mp4; codecs=\"hvc1.1.6.L93.B0\"')") == true {
+        eprintln!("skipped: this browser plays HEVC");
+        return;
+    }
+    give(&mut browser, &[&file]);
+    browser.until("!byId('message').hidden");
+    let said = browser.value("byId('message').textContent").as_str().expect("text").to_owned();
+    for word in ["phone.mov", "HEVC (H.265)", "Safari", "ffmpeg -i \"phone.mov\"", "iPhone", "Most Compatible"] {
+        assert!(said.contains(word), "{word}: {said}");
+    }
+    assert!(!said.contains("decoder auto"), "{said}");
 }
 
 /// Pauses a camera; which frame of the test's own is shown.
@@ -330,7 +327,10 @@ fn a_policy_learns_in_a_scene_of_digits() {
     let Some(mut browser) = open(dir.path(), &[]) else { return };
     browser.click("#tab-lesson");
     browser.until("!byId('lesson').hidden && lesson.about !== null");
+    // It waits, and says for what.
+    browser.until("/^Press Play/.test(byId('l-state').textContent)");
     browser.click("#l-play");
+    browser.until("lesson.playing && byId('l-state').textContent === '' && byId('l-play').textContent === 'Pause'");
     browser.until("lesson.rows.length > 60");
     assert_eq!(browser.value("!!lesson.now.learning.surface && lesson.gazes.length > 50"), json!(true));
     // Another policy, another scene; noise by keys.
@@ -357,7 +357,7 @@ fn a_policy_learns_in_a_scene_of_digits() {
     let means = browser
         .value("[0, 1].map(which => lesson.rows.reduce((sum, row) => sum + row[which], 0) / lesson.rows.length)");
     eprintln!("mean error of gp-ucb and of a fixed centre on a large 0: {means}");
-    pictures(&mut browser, "lesson");
+    browser.judge("lesson");
     browser.key("Tab", 0);
     assert!(browser.complaints.is_empty(), "{:?}", browser.complaints);
 }

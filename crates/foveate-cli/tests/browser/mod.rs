@@ -173,6 +173,54 @@ impl Browser {
         }
     }
 
+    /// Sets the colour scheme and the width; a page as narrow as a phone is pressed by fingers.
+    pub fn look(&mut self, scheme: &str, width: usize) {
+        let media = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
+        self.call("Emulation.setEmulatedMedia", media);
+        self.call("Emulation.setTouchEmulationEnabled", json!({ "enabled": width < 500 }));
+        let size = json!({ "width": width, "height": 900, "deviceScaleFactor": 1, "mobile": false });
+        self.call("Emulation.setDeviceMetricsOverride", size);
+        std::thread::sleep(Duration::from_millis(250));
+    }
+
+    /// Looks at the page light and dark, on a screen and on a phone: contrast, width, the size of what fingers press, names, and
+    /// where its parts come from.
+    pub fn judge(&mut self, name: &str) {
+        let mut grounds = vec![];
+        for scheme in ["light", "dark"] {
+            for width in [1280, 390] {
+                self.look(scheme, width);
+                let widest = self.value("document.documentElement.scrollWidth - innerWidth").as_f64();
+                assert!(widest.is_some_and(|more| more <= 0.0), "{name}: wider than {width} pixels by {widest:?}");
+                assert_eq!(self.value("matchMedia('(pointer: coarse)').matches"), json!(width == 390));
+                if width == 390 {
+                    assert_eq!(self.value(SMALL), json!([]), "{name}: fingers need 44 pixels");
+                }
+                self.picture(&format!("{name}-{scheme}-{width}"));
+            }
+            for pair in CONTRASTS {
+                let contrast = self.value(&format!("{CONTRAST}({pair})")).as_f64().expect("a number");
+                assert!(contrast >= 4.5, "{name}, {scheme}, {pair}: {contrast}");
+            }
+            // Charts take the colours of the page.
+            assert_eq!(self.value(OTHER_INK), json!([]), "{name}, {scheme}: the text of charts");
+            grounds.push(self.value("getComputedStyle(document.body).backgroundColor"));
+        }
+        assert_ne!(grounds[0], grounds[1], "{name}: dark is another colour");
+        assert_eq!(self.value(UNNAMED), json!([]), "{name}: everything that is used has a name");
+        assert_eq!(self.value(FOREIGN), json!([]), "{name}: everything comes with the page");
+        self.look("light", 1280);
+    }
+
+    /// Opens a page that is a file, and judges it.
+    pub fn judge_file(&mut self, name: &str, page: &Path) {
+        is_one_document(&std::fs::read_to_string(page).expect("a page"));
+        self.call("Page.navigate", json!({ "url": format!("file://{}", page.display()) }));
+        self.until("document.readyState === 'complete' && !!document.querySelector('main')");
+        self.judge(name);
+        assert!(self.complaints.is_empty(), "{name}: {:?}", self.complaints);
+    }
+
     /// A picture of the page, where $FOVEATE_SCREENSHOTS names a folder to put it.
     pub fn picture(&mut self, name: &str) {
         use base64::Engine as _;
@@ -193,10 +241,47 @@ impl Drop for Browser {
     }
 }
 
+/// Checks a page that is one file: it has both colour schemes, a policy that lets nothing in, and no address but that of SVG itself.
+pub fn is_one_document(page: &str) {
+    assert!(page.contains("@media (prefers-color-scheme: dark)"), "a dark scheme");
+    assert!(page.contains("http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'"), "a policy");
+    for (at, _) in page.match_indices("http://").chain(page.match_indices("https://")) {
+        let end = page.ceil_char_boundary((at + 40).min(page.len()));
+        assert!(page[at..].starts_with("http://www.w3.org/2000/svg"), "{}", &page[at..end]);
+    }
+}
+
+/// Colours that stand on each other.
+const CONTRASTS: [&str; 8] = [
+    "'ink','card'",
+    "'ink','page'",
+    "'soft','card'",
+    "'soft','page'",
+    "'soft','sunken'",
+    "'ink','sunken'",
+    "'target','card'",
+    "'second','card'",
+];
+
 /// Contrast of two colours of the style, as WCAG counts it.
-pub const CONTRAST: &str = r"((a, b) => {
-  const light = name => { const v = colour(name); const rgb = [1, 3, 5].map(i => parseInt(v.slice(i, i + 2), 16) / 255).map(c => c <= .03928 ? c / 12.92 : ((c + .055) / 1.055) ** 2.4);
+const CONTRAST: &str = r"((a, b) => {
+  const light = name => { const v = getComputedStyle(document.documentElement).getPropertyValue('--' + name).trim(); const rgb = [1, 3, 5].map(i => parseInt(v.slice(i, i + 2), 16) / 255).map(c => c <= .03928 ? c / 12.92 : ((c + .055) / 1.055) ** 2.4);
     return .2126 * rgb[0] + .7152 * rgb[1] + .0722 * rgb[2]; };
   const [x, y] = [light(a), light(b)].sort((p, q) => q - p);
   return (x + .05) / (y + .05);
 })";
+
+/// What is pressed, is seen, and is smaller than a finger's tip. A box to tick is pressed by its label; a link within a sentence is
+/// as high as its line.
+const SMALL: &str = r"[...document.querySelectorAll('button, select, summary, label:has(input[type=checkbox]), input:not([type=file], [type=checkbox]), td a, nav a, li a')]
+  .map(e => [e, e.getBoundingClientRect()]).filter(([, box]) => box.width > 0 && (box.width < 43.5 || box.height < 43.5))
+  .map(([e, box]) => `${e.outerHTML.slice(0, 60)}: ${box.width} x ${box.height}`)";
+
+/// What is used and has no name.
+const UNNAMED: &str = "[...document.querySelectorAll('button, input:not([type=file]), select, canvas, svg[role=img]')].filter(e => !e.closest('[aria-hidden=true]') && !(e.getAttribute('aria-label') || e.textContent.trim() || e.labels?.length)).map(e => e.outerHTML)";
+
+/// Texts of charts that are not in the page's ink.
+const OTHER_INK: &str = "[...document.querySelectorAll('svg.drawing text')].filter(e => getComputedStyle(e).fill !== getComputedStyle(document.body).color).map(e => e.outerHTML)";
+
+/// Parts that were fetched from elsewhere.
+const FOREIGN: &str = "performance.getEntriesByType('resource').map(entry => entry.name).filter(name => !/^(data|blob):/.test(name) && new URL(name).origin !== location.origin)";

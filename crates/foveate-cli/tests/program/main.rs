@@ -1,11 +1,14 @@
 //! The program as a user meets it. One program of tests: they run beside each other, and are linked once.
 
 mod batch;
+#[path = "../browser/mod.rs"]
+mod browser;
 mod commands;
 mod convert;
 mod facade;
 mod files;
 mod kernels;
+mod pages;
 #[path = "../place/mod.rs"]
 mod place;
 mod recognise;
