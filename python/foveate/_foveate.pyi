@@ -463,3 +463,5 @@ def set_max_memory(size: str | None) -> None:
     """
 def configurations() -> list[str]:
     """The configurations that ship, by name: each is a profile."""
+def document(title: str, verdict: str, about: str, body: str) -> str:
+    """A page in the style of the reports. `title` is text; the first sentence, one more line, and the body are HTML."""

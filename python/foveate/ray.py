@@ -41,6 +41,7 @@ from typing import Any
 
 from . import __main__ as program
 from . import _places
+from ._foveate import document
 from ._types import counted
 from .errors import FileError
 
@@ -154,18 +155,15 @@ def page(summaries: Mapping[str, Mapping[str, Any]], failures: Mapping[str, str]
         tally = summaries[name]
         return int(tally["uncertain_frames"] + tally["lost_frames"]) / max(1, int(tally["frames"]))
 
-    rows = [f"<tr><td>{html.escape(name)}<td><td><td><td><td>{html.escape(error)}" for name, error in sorted(failures.items())]
+    rows = [f"<tr><td>{html.escape(name)}<td colspan=4 class=words>{html.escape(error)}" for name, error in sorted(failures.items())]
     for name in sorted(summaries, key=lambda name: (-share(name), name)):
         report = "report.html" if any(output.endswith("/report.html") for output in summaries[name]["outputs"]) else ""
         counts = "".join(f"<td>{summaries[name][key]}" for key in ("frames", "uncertain_frames", "lost_frames"))
         link = f'<a href="{urllib.parse.quote(name)}/{report}">{html.escape(name)}</a>'
-        rows.append(f"<tr><td>{link}{counts}<td>{100 * share(name):.1f}<td>")
-    heads = "".join(f"<th>{head}" for head in ("video", "frames", "uncertain", "lost", "uncertain or lost, %", "error"))
-    style = "body{font:15px sans-serif;margin:2em}td,th{padding:.2em .8em;text-align:right}td:first-child,td:last-child{text-align:left}"
-    return (
-        f'<!doctype html><meta charset="utf-8"><title>Runs</title>\n<style>{style}</style>\n'
-        f"<h1>{counted(len(rows), 'video')}, the worst first</h1>\n<table><tr>{heads}\n" + "\n".join(rows) + "\n</table>\n"
-    )
+        rows.append(f"<tr><td>{link}{counts}<td>{100 * share(name):.1f}")
+    heads = "".join(f"<th>{head}" for head in ("video", "frames", "uncertain", "lost", "uncertain or lost, %"))
+    table = f'<div class="scroll"><table class="numbers"><tr>{heads}\n' + "\n".join(rows) + "\n</table></div>\n"
+    return document(f"{counted(len(rows), 'video')}, the worst first", "", "", f'<section class="card">{table}</section>\n')
 
 
 def run(found: Mapping[str, str], out: str, options: Sequence[str], retries: int, workers: int | None) -> int:

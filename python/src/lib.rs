@@ -76,6 +76,12 @@ mod _foveate {
         Ok(())
     }
 
+    /// A page in the style of the reports. `title` is text; the first sentence, one more line, and the body are HTML.
+    #[pyfunction]
+    fn document(title: &str, verdict: &str, about: &str, body: &str) -> String {
+        foveate::report::document(title, verdict, about, body)
+    }
+
     /// The configurations that ship, by name: each is a profile.
     #[pyfunction]
     fn configurations() -> Vec<&'static str> {

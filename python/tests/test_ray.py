@@ -100,7 +100,8 @@ def test_addresses_on_ray(tmp_path: Path, kind: str) -> None:
     assert summary["source"] == f"{address}a.y4m" and summary["outputs"][0].endswith("runs/a/boxes.txt")
     assert [path.name for path in (tmp_path / "runs").glob(".*")] == []
     index = (tmp_path / "runs/index.html").read_text()
-    assert index.index("<td>bad<td>") < index.index('<a href="a/">a</a><td>6<td>0<td>0')
+    assert index.index("<td>bad<td colspan=4 class=words>") < index.index('<a href="a/">a</a><td>6<td>0<td>0')
+    assert "prefers-color-scheme: dark" in index and "Content-Security-Policy" in index
     program(tmp_path, "track", "clips/a.y4m", "--out", "alone", *OPTIONS)
     assert (tmp_path / "runs/a/boxes.txt").read_bytes() == (tmp_path / "alone/boxes.txt").read_bytes()
     clip(tmp_path / "clips", "bad")
