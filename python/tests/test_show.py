@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 import base64
+import contextlib
+import io
 import json
+import os
 import xml.etree.ElementTree as tree
 import zlib
 from pathlib import Path
@@ -92,19 +96,48 @@ def test_pictures_of_a_long_run_stay_few(pictures: list[npt.NDArray[np.uint8]]) 
     assert len(run._pictures) <= 16 and all(p.shape[1] <= 250 for _, p in run._pictures.values())
 
 
+def ran(source: str, names: dict[str, Any], count: int) -> list[dict[str, Any]]:
+    """Runs a cell; its outputs as a notebook keeps them: what it prints, and what it ends with."""
+    body, value, printed = ast.parse(source), None, io.StringIO()
+    last = ast.Expression(body.body.pop().value) if isinstance(body.body[-1], ast.Expr) else None
+    with contextlib.redirect_stdout(printed):
+        exec(compile(body, "cell", "exec"), names)
+        if last is not None:
+            value = eval(compile(last, "cell", "eval"), names)
+    outputs: list[dict[str, Any]] = []
+    if text := printed.getvalue():
+        outputs.append({"name": "stdout", "output_type": "stream", "text": text.splitlines(keepends=True)})
+    if value is not None:
+        data = {"text/plain": [repr(value)]}
+        if hasattr(value, "_repr_html_"):
+            data["text/html"] = [value._repr_html_()]
+        outputs.append({"data": data, "execution_count": count, "metadata": {}, "output_type": "execute_result"})
+    return outputs
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_runs(path: Path) -> None:
-    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
-    assert all(not cell.get("outputs") for cell in cells), "notebooks are kept without outputs"
+def test_a_notebook_has_what_its_code_gives(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Anew after a change of results: ``FOVEATE_WRITE_DOCS=1 pytest python/tests/test_show.py``."""
+    monkeypatch.syspath_prepend(str(path.parent))
+    notebook = json.loads(path.read_text(encoding="utf-8"))
+    code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
     names: dict[str, Any] = {}
-    for cell in cells:
-        if cell["cell_type"] == "code":
-            *lines, last = "".join(cell["source"]).rstrip().split("\n")
-            exec("\n".join([*lines, last]), names)
-            # What a cell ends with is shown.
-            shown = names.get(last.strip())
-            if hasattr(shown, "_repr_html_"):
-                parsed(shown._repr_html_())
+    made = [ran("".join(cell["source"]), names, i + 1) for i, cell in enumerate(code)]
+    if os.environ.get("FOVEATE_WRITE_DOCS"):
+        for i, (cell, outputs) in enumerate(zip(code, made)):
+            cell.update(execution_count=i + 1, outputs=outputs)
+        path.write_text(json.dumps(notebook, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    # A picture comes first, and all of them are small.
+    lines = [len(cell["source"]) for cell in code]
+    first = next(i for i, outputs in enumerate(made) if any("text/html" in output.get("data", {}) for output in outputs))
+    assert sum(lines[: first + 1]) <= 10 and max(lines) <= 16, lines
+    assert path.stat().st_size < 250_000
+    for cell, outputs in zip(code, made):
+        kept, new = (["".join(o.get("text", [])) for o in given] for given in (cell["outputs"], outputs))
+        assert kept == new
+        for output in cell["outputs"]:
+            if html := output.get("data", {}).get("text/html"):
+                parsed("".join(html))
 
 
 def test_there_are_three_notebooks() -> None:
