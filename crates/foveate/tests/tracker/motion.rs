@@ -3,7 +3,9 @@
 use foveate::lab::Digits;
 use foveate::lab::synthetic::{Clutter, Drawn, NOISE, Occlusion};
 use foveate::scene::motion::first_box;
-use foveate::scene::{Detector, Motion};
+use foveate::scene::{Detector, Motion, StillCamera};
+use foveate::video::open;
+use std::path::PathBuf;
 
 /// Share of the frames from `from` on whose best candidate's centre is within 6 pixels of the digit's box's, and
 /// candidates a frame.
@@ -57,5 +59,32 @@ fn the_first_box_is_where_the_digit_is() {
             good += usize::from(iou > 0.5);
         }
         assert!(good >= 36 && sum / 40.0 > 0.7, "noise {noise}: {good} of 40 overlap, mean {}", sum / 40.0);
+    }
+}
+
+/// In TUD-Campus people of half the picture's height walk past a camera that stands still to a pixel.
+#[test]
+fn cameras_of_real_videos_stand_or_move() {
+    let Some(data) = std::env::var_os("FOVEATE_DATA").map(PathBuf::from) else {
+        return eprintln!("skipped: no data (FOVEATE_DATA)");
+    };
+    for (video, moves) in [
+        ("mot/TUD-Campus/img1", false),
+        ("mot/PETS09-S2L1/img1", false),
+        ("tracking/Crossing/img", false),
+        ("tracking/Couple/img", true),
+        ("tracking-wide/BlurBody/img", true),
+        ("tracking-wide/Traffic/img", true),
+    ] {
+        let folder = data.join(video);
+        if !folder.is_dir() {
+            eprintln!("skipped: no data in {}", folder.display());
+            continue;
+        }
+        let mut camera = StillCamera::default();
+        for frame in open(&folder).expect("pictures").take(60) {
+            camera.look(&frame.expect("a picture").image, false);
+        }
+        assert_eq!(camera.moves().is_some(), moves, "{video}: {:?}", camera.moves());
     }
 }
