@@ -54,7 +54,7 @@ class Result(tuple[bool, Box]):
 
     @property
     def ok(self) -> bool:
-        """Whether the box is a result: false where the target is believed occluded or lost."""
+        """Whether the box is usable: the status is tracking or reacquired. False where it is occluded or lost, and the box a guess."""
         return self[0]
 
     @property
@@ -69,7 +69,7 @@ class Result(tuple[bool, Box]):
 
     @property
     def status(self) -> Status:
-        """The state of the track: ``"tracking"``, ``"occluded"``, ``"lost"`` or ``"reacquired"``."""
+        """The status, which follows from ``p_lost``: ``"tracking"``, ``"occluded"``, ``"lost"`` or ``"reacquired"``."""
         return self._estimate.status
 
     @property

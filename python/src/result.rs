@@ -202,7 +202,7 @@ impl From<Seen> for Estimate {
 impl Estimate {
     #[getter]
     fn ok(&self) -> bool {
-        !self.seen.status.is_occluded_or_lost()
+        self.seen.status.is_usable()
     }
     #[getter(r#box)]
     fn bbox<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {

@@ -69,10 +69,10 @@ impl Committee {
         self.ballots.clear();
         self.ballots.extend(self.members.iter().map(|member| {
             let (bbox, confidence) = member.told();
-            Ballot { bbox, p_lost: confidence.p_lost, is_out: member.is_out() }
+            Ballot { bbox, p_lost: confidence.p_lost, is_searching: member.is_searching() }
         }));
         let (elected, p_lost, status) = self.vote.count(&self.ballots);
-        if !status.is_occluded_or_lost() {
+        if !self.vote.is_searching() {
             self.gather(elected);
         }
         self.meter.clear();
@@ -88,7 +88,7 @@ impl Committee {
         self.members
             .iter_mut()
             .zip(&self.ballots)
-            .filter(|(_, ballot)| ballot.is_out && !ballot.is_on(&here))
+            .filter(|(_, ballot)| ballot.is_searching && !ballot.is_on(&here))
             .for_each(|(member, _)| member.begin_again_at(&here));
     }
 

@@ -323,9 +323,9 @@ impl Engine {
         self.target.is_some()
     }
 
-    /// Whether it acts as for an occluded or lost target.
-    pub fn is_out(&self) -> bool {
-        self.parts.monitor.loss.is_out()
+    /// Whether it searches for the target: what it acts on, which is not the reported status.
+    pub fn is_searching(&self) -> bool {
+        self.parts.monitor.loss.is_searching()
     }
 
     /// Half the size of the target's box at scale 1, pixels; `None` before there is a target.

@@ -31,7 +31,7 @@ pub struct Step<'a> {
     pub log_evidence: f64,
     /// How the evidence compares with what was promised.
     pub consistency: Consistency,
-    /// How probably the target is lost, and what is believed of the track.
+    /// P(lost), and the status that follows from it.
     pub confidence: TrackConfidence,
     /// What credible regions are wider by than the belief, standard deviation in template units.
     pub localisation_noise: f64,
@@ -116,9 +116,13 @@ impl<'a> Step<'a> {
         };
         of(self.plan.gazes(), self.rewards).or_else(|| of(self.plan.recorded(), self.recorded))
     }
-    /// Whether the target is believed occluded or lost.
+    /// Whether the box is a result: the status is tracking or reacquired. Else the box is a guess.
+    pub fn is_usable(&self) -> bool {
+        self.confidence.status.is_usable()
+    }
+    /// Whether the status is lost. It is not while the target is occluded: see [`Step::is_usable`].
     pub fn is_lost(&self) -> bool {
-        self.confidence.status.is_occluded_or_lost()
+        self.confidence.status.is_lost()
     }
     /// The likeliest class over all frames so far, and its probability; `None` without a recogniser.
     pub fn class(&self) -> Option<(usize, f64)> {

@@ -40,7 +40,7 @@ pub struct Tracker {
 pub struct Output<'a> {
     /// Its box; left and top from 0, pixels.
     pub bbox: BBox,
-    /// What is believed of the track: the one answer to "is it lost?".
+    /// The status of the track, which follows from `p_lost`: the one answer to "is the box a result?".
     pub status: Status,
     /// The probability that the box is not on the target (IoU below 0.1) or the target not to be seen.
     pub p_lost: f64,
@@ -57,9 +57,13 @@ impl Output<'_> {
     pub fn region(&self, share: f64) -> Region {
         self.step.region(share)
     }
-    /// Whether the box means nothing: the target is believed occluded or lost.
+    /// Whether the box is a result: the status is tracking or reacquired. Else the box is a guess.
+    pub fn is_usable(&self) -> bool {
+        self.status.is_usable()
+    }
+    /// Whether the status is lost. It is not while the target is occluded, whose box is no result either: see [`Output::is_usable`].
     pub fn is_lost(&self) -> bool {
-        self.status.is_occluded_or_lost()
+        self.status.is_lost()
     }
 }
 

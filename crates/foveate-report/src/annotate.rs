@@ -124,7 +124,7 @@ impl Annotator {
         if let Some(Some(b)) = self.truth.get(frame.index) {
             dashed(&mut page, view, b);
         }
-        let colour = if step.is_lost() { LOST } else { TARGET };
+        let colour = if step.is_usable() { TARGET } else { LOST };
         outline(&mut page, view, &step.estimate, step.extent, Gaze::CENTRE, 1.0, 2.0, colour);
         self.fixation(&mut page, view, step);
         label(&mut page, view, step);

@@ -110,6 +110,8 @@ const DEFICIT: Column = Column::new(
     "",
     "Evidence deficit, smoothed over frames: 0 as expected on the target, 1 as elsewhere, at most 2.",
 );
+const P_LOST: &str = "Probability that the target is lost, 0 to 1.";
+const STATUS: &str = "Track status: tracking, occluded, lost or reacquired. It follows from P(lost), with hysteresis.";
 const CLASS_PROBABILITY: Column =
     Column::new("class_probability", "", "Its probability over all frames so far, 0 to 1; empty without a recogniser.");
 const CLASS: Column =
@@ -171,10 +173,20 @@ pub const TRACK: &[Column] = &[
     SD_Y,
     Column::new("ess", "particles", "Effective sample size 1/Σw², 1 to the number of particles."),
     Column::new("log_evidence", "nats", "Log evidence of the frame, up to the constant of the likelihood."),
-    DEFICIT,
-    Column::new("occluded_or_lost", "", "1 if `status` is occluded or lost, else 0."),
-    Column::new("p_lost", "", "Probability that the target is lost, 0 to 1."),
-    Column::new("status", "", "Track status: tracking, occluded, lost or reacquired."),
+    Column::new(
+        "deficit",
+        "",
+        "Evidence deficit, one of the inputs of `p_lost`, smoothed over frames: 0 as expected on the target, 1 as elsewhere, at most 2. \
+         It does not say whether the target is lost: read `p_lost`. Empty where the likelihoods of frame 1 do not tell the target from \
+         other places.",
+    ),
+    Column::new("p_lost", "", P_LOST),
+    Column::new("status", "", STATUS),
+    Column::new(
+        "usable",
+        "",
+        "1 if the box is a result: `status` is tracking or reacquired. 0 if it is a guess: occluded or lost.",
+    ),
     GAZE_U,
     GAZE_V,
     REWARD,
@@ -296,9 +308,14 @@ pub const TRACE: &[Column] = &[
         "Effective sample size of the tempered weights, a share of the particles, 0 to 1.",
     ),
     Column::new("consistency.holds", "", "Whether the smoothed deficit is below its threshold."),
-    Column::new("confidence.p_lost", "", "Probability that the target is lost, 0 to 1."),
+    Column::new(
+        "consistency.is_informative",
+        "",
+        "Whether the likelihoods of frame 1 tell the target from other places, by the first frames. If not, the deficits mean nothing.",
+    ),
+    Column::new("confidence.p_lost", "", P_LOST),
     Column::new("confidence.own", "", "The same without its second opinion: what the tracker acts on."),
-    Column::new("confidence.status", "", "Track status: tracking, occluded, lost or reacquired."),
+    Column::new("confidence.status", "", STATUS),
     Column::new(
         "confidence.cues",
         "",

@@ -21,9 +21,8 @@ pub struct Summary {
     pub total_seconds: f64,
     /// Frames a second of all that.
     pub total_fps: f64,
-    /// Frames in which the box is doubtful: status occluded, or P(lost) at least 0.5 while the status is tracking or
-    /// reacquired.
-    pub uncertain_frames: usize,
+    /// Frames whose status is occluded.
+    pub occluded_frames: usize,
     /// Frames whose status is lost.
     pub lost_frames: usize,
     /// Frames whose box lies outside the picture.
@@ -75,7 +74,7 @@ mod tests {
         use super::*;
         use std::os::unix::ffi::OsStringExt;
         let text = r#"{"source": "a", "frames": 0, "seconds": 0, "fps": 0, "total_seconds": 0, "total_fps": 0, "bbox": null,
-            "uncertain_frames": 0, "lost_frames": 0, "outside_frames": 0, "seed": 0, "outputs": ["a/b.txt"], "error": null}"#;
+            "occluded_frames": 0, "lost_frames": 0, "outside_frames": 0, "seed": 0, "outputs": ["a/b.txt"], "error": null}"#;
         let mut summary: Summary = serde_json::from_str(text).expect("JSON");
         summary.outputs.push(std::ffi::OsString::from_vec(b"a/\xff.txt".to_vec()).into());
         let back: Summary = serde_json::from_str(&summary.to_json()).expect("JSON");

@@ -10,7 +10,7 @@ use foveate_base::{Error, Result};
 use foveate_video::{Frame, FrameSource};
 
 pub use multi::{MultiOutcome, MultiRun, follow_many};
-pub use single::{Outcome, SingleRun, check_box, follow, follow_tiles, is_uncertain, touches, touching};
+pub use single::{Outcome, SingleRun, check_box, follow, follow_tiles, touches, touching};
 
 /// Which frames of a source, and who is told of the time.
 pub struct Span<'a> {

@@ -5,7 +5,7 @@
 //! the decoder reported damage so far; it reads a few frames ahead) and `latency_ms` (from the frame read whole to this line; `null` where
 //! frames are not timed). Of many targets: `frame`, `time`, `targets`, `dropped`, `damaged`, `latency_ms`; each target has `id`, `bbox`,
 //! `phase` and `deficit`. MOT lines are those of tracks.txt, of one target with the id 1 and 1 − P(lost)
-//! as its confidence; frames in which it is lost are left out.
+//! as its confidence; frames whose box is not usable (occluded or lost) are left out.
 
 use std::io::{ErrorKind, Write};
 use std::net::UdpSocket;
@@ -97,15 +97,16 @@ impl Stream {
         (meter.map_or(0, Meter::dropped), latency)
     }
 
-    fn one(&mut self, frame: &Frame, bbox: &BBox, p_lost: f64, status: &str) -> Result<()> {
+    fn one(&mut self, frame: &Frame, bbox: &BBox, p_lost: f64, status: Option<Status>) -> Result<()> {
         match self.format {
             Format::Json => {
                 let (dropped, latency_ms) = self.measured();
                 let (frame, time, damaged) = (frame.index + 1, frame.time, self.remarks.damaged());
+                let status = status.map_or("given", Status::name);
                 self.json(&One { frame, time, bbox, p_lost, status, dropped, damaged, latency_ms })
             }
             Format::Mot => {
-                if status != Status::Lost.name() {
+                if status.is_none_or(Status::is_usable) {
                     mot_line(&mut self.line, frame, 1, bbox, 1.0 - p_lost);
                 }
                 self.send()
@@ -132,10 +133,10 @@ impl Stream {
 
 impl Observer for Stream {
     fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
-        self.one(frame, bbox, 0.0, "given")
+        self.one(frame, bbox, 0.0, None)
     }
     fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        self.one(frame, &step.bbox(), step.confidence.p_lost, step.confidence.status.name())
+        self.one(frame, &step.bbox(), step.confidence.p_lost, Some(step.confidence.status))
     }
     fn finish(&mut self) -> Result<()> {
         Ok(())
@@ -212,6 +213,15 @@ mod tests {
             let mut stream = Stream::new(out.clone(), format, None, Remarks::default());
             Observer::start(&mut stream, &frame(), &bbox).expect("written");
             assert_eq!(String::from_utf8_lossy(&out.0.lock().expect("one thread")), wanted);
+        }
+        for (status, lines) in
+            [(Status::Tracking, 1), (Status::Reacquired, 1), (Status::Occluded, 0), (Status::Lost, 0)]
+        {
+            let out = Shared::default();
+            let mut stream = Stream::new(out.clone(), Format::Mot, None, Remarks::default());
+            stream.one(&frame(), &bbox, 0.2, Some(status)).expect("written");
+            let text = String::from_utf8_lossy(&out.0.lock().expect("one thread")).into_owned();
+            assert_eq!(text.lines().count(), lines, "{status:?}: a guess is no line");
         }
         let out = Shared::default();
         let mut stream = Stream::new(out.clone(), Format::Json, Some(Meter::default()), Remarks::default());

@@ -91,10 +91,14 @@ impl Observer for Table {
         self.file.write(|row| {
             put_box(row, frame, &step.bbox(), &step.estimate);
             row.put_all(c.iter().enumerate().flat_map(|(i, line)| &line[i..]));
-            row.put_all(&[c[0][0].sqrt(), c[1][1].sqrt(), step.ess, step.log_evidence, step.consistency.deficit]);
-            row.put(u8::from(step.is_lost()));
+            row.put_all(&[c[0][0].sqrt(), c[1][1].sqrt(), step.ess, step.log_evidence]);
+            match step.consistency.is_informative {
+                true => row.put(step.consistency.deficit),
+                false => row.put(""),
+            }
             row.put(step.confidence.p_lost);
             row.put(step.confidence.status.name());
+            row.put(u8::from(step.is_usable()));
             row.put_all(&[gaze.u, gaze.v, step.rewards[step.plan.chosen_index()], step.percept.distance]);
             row.put(step.values);
             row.put(step.share_read());

@@ -143,7 +143,7 @@ fn one(name: &str, (width, height): (usize, usize), side: usize, lost: bool, fra
         // A picture comes from a decoder.
         let image = if lost && index > TURN { empty.clone() } else { pictures[t.min(2 * TURN - t)].clone() };
         let begin = now();
-        let now_lost = std::hint::black_box(tracker.update(&image)?).is_lost();
+        let now_lost = !std::hint::black_box(tracker.update(&image)?).is_usable();
         if index > TURN && was_lost == lost && times.len() < count {
             times.push(1e3 * (now() - begin));
         }

@@ -20,7 +20,7 @@
 //!     let picture = picture(t)?;
 //!     let seen = tracker.update(&picture)?;
 //!     let (x, _) = seen.bbox.centre();
-//!     assert!((x - (62.0 + 4.0 * t as f64)).abs() < 4.0 && !seen.is_lost());
+//!     assert!((x - (62.0 + 4.0 * t as f64)).abs() < 4.0 && seen.is_usable());
 //! }
 //! # Ok::<(), foveate::Error>(())
 //! ```

@@ -138,7 +138,7 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(baseline) = &info.baseline {
         tell(baseline.name(), &baseline.boxes(), &truth, baseline.values() / outcome.tracked)?;
     }
-    say!("Reported as uncertain in {} frames, as lost in {}.", outcome.uncertain, outcome.lost);
+    say!("Reported as occluded in {} frames, as lost in {}.", outcome.occluded, outcome.lost);
     let learned = learning.then(|| favourite(tracker.parts().gaze.policy().snapshot())).flatten();
     let nothing = || format!("Its policy, {policy}, has nothing to learn; try --policy hedge or --policy gp-ucb.");
     say!("{}", learned.unwrap_or_else(nothing));

@@ -208,11 +208,11 @@ impl Args {
     }
 }
 
-/// Frames of a run, and those in which its target is doubtful or lost.
+/// Frames of a run, and those whose status is occluded or lost.
 #[derive(Clone, Copy, Default, serde::Serialize, serde::Deserialize)]
 struct Tally {
     frames: usize,
-    uncertain_frames: usize,
+    occluded_frames: usize,
     lost_frames: usize,
 }
 
@@ -314,7 +314,7 @@ fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally>
     tell(&outcome, &Told { source, out, seed, json: args.json, files, total, warnings, error });
     note_unreached(&again, next_frame, whole);
     ended(out, tracked, result.and(kept.map(drop)).and(saved), outcome.frames.stopped)?;
-    Ok(Tally { frames: outcome.frames.count, uncertain_frames: outcome.uncertain, lost_frames: outcome.lost })
+    Ok(Tally { frames: outcome.frames.count, occluded_frames: outcome.occluded, lost_frames: outcome.lost })
 }
 
 /// From which frame on a run tracks, and what it is told of the target.

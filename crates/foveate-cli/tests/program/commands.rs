@@ -64,7 +64,7 @@ fn the_demo_is_honest() {
     assert!(String::from_utf8_lossy(&place.read("d/report.html")).contains("\"baseline\":{"));
     let clutter = ["demo", "--out", "d", "--scene", "clutter", "--set", "particles=150", "--trace"];
     let told = said(&place.run(&clutter));
-    for words in ["Followed a drawn 3", "uncertain in 0 frames", "It learned to look at", "fixed centre"] {
+    for words in ["Followed a drawn 3", "occluded in 0 frames", "It learned to look at", "fixed centre"] {
         assert!(told.contains(words), "{words} is missing in\n{told}");
     }
     assert!(place.path("d/trace.jsonl").is_file());

@@ -10,7 +10,7 @@ fn every_file_is_there_with_a_line_for_each_frame() {
     let output = place.run(&["track", "video", "-c", "c.toml", "-o", "all", "--trace"]);
     assert!(output.status.success(), "{}", errors(&output));
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    for words in ["10 frames tracked, uncertain in ", ", lost in ", " in the tracker, ", " end to end.", "boxes.txt"] {
+    for words in ["10 frames tracked, occluded in ", ", lost in ", " in the tracker, ", " end to end.", "boxes.txt"] {
         assert!(said.contains(words), "{said}");
     }
     assert_eq!(place.lines("all/boxes.txt"), FRAMES);
@@ -118,7 +118,7 @@ fn json_and_boxes_given_again() {
     let summary: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON alone on the standard output");
     assert_eq!((summary["frames"].as_u64(), summary["seed"].as_u64()), (Some(FRAMES as u64), Some(0)));
     assert!(summary["error"].is_null(), "{summary}");
-    for key in ["uncertain_frames", "lost_frames", "outside_frames", "total_fps", "total_seconds"] {
+    for key in ["occluded_frames", "lost_frames", "outside_frames", "total_fps", "total_seconds"] {
         assert!(summary[key].is_number(), "{key}: {summary}");
     }
     let text = String::from_utf8(place.read("json/boxes.txt")).expect("text");

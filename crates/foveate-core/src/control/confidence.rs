@@ -1,4 +1,4 @@
-//! How probable is it that the target is lost, and since when? A probability that was fitted, and a state with hysteresis.
+//! How probable is it that the target is lost? A fitted probability, a status that follows from it, and whether the tracker searches.
 //!
 //! [`Cues`] of a frame, each a ratio or normalised by its own past, so that one table serves many configurations, go
 //! through a logistic model: P(lost) = 1 / (1 + exp(−b − Σ wₖ cₖ)). *Lost* means that the box has an IoU below 0.1 with the
@@ -7,23 +7,25 @@
 //!
 //! With a box regression neither is less than what that saw in many looks ([`Absence`]).
 //!
-//! Deviation: with a second opinion there are two such probabilities. The one that is reported hears it; the one that the tracker acts on
-//! does not, so that a second opinion changes no box. A loss is reported once both say so.
+//! Deviation: with a second opinion there are two such probabilities. The reported one includes it; the *own* one, on which the tracker acts,
+//! does not, so that a second opinion changes no box. So there are two states as well: [`LossMonitor::is_searching`] follows from the own
+//! P(lost) over several frames (`search.rs`), the reported [`Status`] from the reported P(lost) alone (`status.rs`).
 
 use serde::{Deserialize, Serialize};
 
+use super::status::ReportedStatus;
 use super::{Consistency, Status};
 use crate::geometry::State;
 use crate::reference::ReferenceLikelihood;
 use foveate_base::{Error, Result};
 
 mod model;
-mod state;
+mod search;
 mod vote;
 
 use self::model::MOST_ODDS;
 pub use self::model::{AGREEMENT, Absence, CUE_NAMES, CUES, ConfidenceModel, Cues, Heard, OWN, Seen};
-use self::state::TrackState;
+use self::search::SearchState;
 pub use self::vote::{Ballot, Vote};
 
 /// A box that overlaps the target less (IoU) is lost.
@@ -36,7 +38,7 @@ pub struct TrackConfidence {
     pub p_lost: f64,
     /// The same without the second opinion, which is what the tracker acts on: by its own cues and the box regression.
     pub own: f64,
-    /// What is reported of the track: occluded or lost from where the tracker acts so and `p_lost` is `leave` or more, until it is found.
+    /// The reported status. It follows from the series of `p_lost` alone: see [`ConfidenceModel::status`].
     pub status: Status,
     /// What the probability was made of.
     pub cues: Cues,
@@ -93,7 +95,7 @@ struct Past {
     /// The last estimate, and where it was seen last.
     estimate: State,
     seen: State,
-    /// What fitted best in the whole picture, by the last search since it went out.
+    /// What fitted best in the whole picture, by the last search.
     best_place: Option<State>,
     /// Nothing is smoothed yet.
     is_new: bool,
@@ -105,9 +107,9 @@ struct Past {
     agreement: f64,
     /// What the box regression said lately.
     absence: f64,
-    /// The last verdict: the state that the tracker acts on, and whether this loss is reported.
-    state: TrackState,
-    is_reported: bool,
+    /// The last verdict: whether the target is searched for, and what is reported.
+    search: SearchState,
+    reported: ReportedStatus,
     p_lost: f64,
     own: f64,
     cues: Cues,
@@ -154,7 +156,7 @@ impl LossMonitor {
         self.past = Past::none();
     }
 
-    /// The target was put somewhere: it is not out until frames say so; what is usual on it stays.
+    /// The target was put somewhere: it is not searched for until frames speak against it; what is usual on it stays.
     pub(crate) fn begin_again(&mut self) {
         let Past { frames, evidence, deviation, distance, seen, .. } = self.past;
         self.past = Past { frames, evidence, deviation, distance, seen, ..Past::none() };
@@ -174,8 +176,8 @@ impl LossMonitor {
         let verdict = self.verdict(&cues, shown.alarm);
         let elsewhere = self.past.best_place.is_some_and(|place| apart(&place, shown));
         // Whether it is back is asked of the last look, not of those before.
-        let tells = if self.is_out() { self.model.returned(verdict.cued, absent) } else { verdict.own };
-        let confidence = self.conclude(&verdict, tells, elsewhere, cues);
+        let p_lost = if self.is_searching() { self.model.returned(verdict.cued, absent) } else { verdict.own };
+        let confidence = self.update_status(&verdict, p_lost, elsewhere, cues);
         self.past.estimate = shown.estimate;
         if self.past.frames < (1.0 / NEWEST) as usize / 2 || verdict.own < self.model.leave {
             self.learn(shown);
@@ -186,28 +188,30 @@ impl LossMonitor {
     /// Judges a frame of which only the cues were kept, as if no search had ever found anything elsewhere.
     pub fn rejudge(&mut self, cues: &Cues) -> TrackConfidence {
         let verdict = self.verdict(cues, 0.0);
-        let tells = if self.is_out() { verdict.cued } else { verdict.own };
-        self.conclude(&verdict, tells, false, *cues)
+        let p_lost = if self.is_searching() { verdict.cued } else { verdict.own };
+        self.update_status(&verdict, p_lost, false, *cues)
     }
 
-    /// Keeps a frame's verdict. `tells`: the probability by which the state goes on.
-    fn conclude(&mut self, verdict: &Verdict, tells: f64, elsewhere: bool, cues: Cues) -> TrackConfidence {
-        let (m, model) = (&mut self.past, &self.model);
-        if m.state.stand(model, tells, elsewhere) {
+    /// Keeps a frame's verdict. `p_lost`: the probability that decides whether the target is searched for.
+    fn update_status(&mut self, verdict: &Verdict, p_lost: f64, elsewhere: bool, cues: Cues) -> TrackConfidence {
+        let m = &mut self.past;
+        if m.search.update(&self.model, p_lost, elsewhere) {
             (m.best_place, m.absence) = (None, PRESENT);
         }
-        if m.state.is_out() {
-            m.is_reported |= cues[AGREEMENT] < 0.0 || verdict.reported >= model.leave;
-        } else if m.state.status == Status::Tracking {
-            m.is_reported = false;
-        }
         (m.p_lost, m.own, m.cues) = (verdict.reported, verdict.own, cues);
+        self.hold()
+    }
+
+    /// The verdict of a frame whose evidence is not judged: P(lost) stays as it is, and the status follows from it.
+    pub fn hold(&mut self) -> TrackConfidence {
+        let m = &mut self.past;
+        m.reported.update(m.p_lost, self.model.status, self.model.patience);
         self.last()
     }
 
-    /// Whether the tracker acts as for an occluded or lost target: by its own cues, reported or not.
-    pub fn is_out(&self) -> bool {
-        self.past.state.is_out()
+    /// Whether the tracker searches for the target: what it acts on, which is not the reported status.
+    pub fn is_searching(&self) -> bool {
+        self.past.search.is_searching
     }
 
     /// P(lost) of these cues, which is not less than `alarm`.
@@ -216,11 +220,10 @@ impl LossMonitor {
         Verdict { cued, own: cued.max(least), reported: self.model.reported(cued, cues).max(least) }
     }
 
-    /// The last verdict, for a frame that tells nothing of the target.
+    /// The last verdict.
     pub fn last(&self) -> TrackConfidence {
-        let past = &self.past;
-        let status = if past.is_reported { past.state.status } else { Status::Tracking };
-        TrackConfidence { p_lost: past.p_lost, own: past.own, status, cues: past.cues }
+        let Past { p_lost, own, reported, cues, .. } = self.past;
+        TrackConfidence { p_lost, own, status: reported.status(), cues }
     }
 
     fn cues(&mut self, s: &FrameEvidence, absent: Option<f64>) -> Cues {
@@ -234,7 +237,7 @@ impl LossMonitor {
             distance = ((s.distance + least) / (m.distance + least)).ln();
         }
         // How it looked where it was searched before says nothing of another place.
-        let anew = m.state.is_out() && apart(&m.estimate, s);
+        let anew = m.search.is_searching && apart(&m.estimate, s);
         let first = std::mem::take(&mut m.is_new) || anew;
         m.lasting += if anew { 1.0 } else { SMOOTH } * (drop - m.lasting);
         m.elsewhere += if first { 1.0 } else { SHARPER } * (s.elsewhere - m.elsewhere);

@@ -21,6 +21,10 @@ pub struct Consistency {
     pub tempered_ess: f64,
     /// Whether the smoothed deficit is below the threshold; [`ConsistencyMonitor::learns`] says whether the frame is learned from.
     pub holds: bool,
+    /// Whether the reference likelihoods tell the target from other places: in at most half of the frames in which the reference settles
+    /// the evidence falls so short of it that the deficit means nothing. The reference is measured at the centre of the box, where a
+    /// target may show nothing, and a gaze may be elsewhere. `false` before a frame is judged.
+    pub is_informative: bool,
 }
 
 /// How evidence and tempered weights are compared with the reference over time.
@@ -31,7 +35,7 @@ pub struct ConsistencySettings {
     pub memory: f64,
     /// Smoothed deficit above which a frame is not learned from.
     pub threshold: f64,
-    /// The threshold while the target is occluded or lost; the smaller of the two applies.
+    /// The threshold while the tracker searches for the target; the smaller of the two applies.
     pub while_lost: f64,
     /// Power the weights are softened with.
     pub temperature: f64,
@@ -59,6 +63,8 @@ struct Past {
     /// Frames judged since the start, `settle` at most, and the sum of how far their evidence fell short of the reference.
     settled: usize,
     shortfall: f64,
+    /// Of these frames, those whose evidence fell short by more than settling allows for.
+    beyond: usize,
 }
 
 /// Share of the way from on to off that settling may go at most: beyond it, on and off could not be told apart.
@@ -106,6 +112,7 @@ impl ConsistencyMonitor {
         if m.settled < self.settings.settle {
             m.settled += 1;
             m.shortfall += short.clamp(0.0, MOST_SHORTFALL);
+            m.beyond += usize::from(short >= MOST_SHORTFALL);
         }
         // On the target the evidence is `usual` of the gap below the reference; deficit counts from there.
         let usual = if m.settled > 0 { (m.shortfall / m.settled as f64).min(MOST_SHORTFALL) } else { 0.0 };
@@ -116,6 +123,7 @@ impl ConsistencyMonitor {
         m.consistency.deficit += self.settings.memory * (deficit - m.consistency.deficit);
         m.consistency.tempered_ess = tempered_ess;
         m.consistency.holds = m.consistency.deficit <= self.settings.threshold;
+        m.consistency.is_informative = 2 * m.beyond <= m.settled;
         m.consistency
     }
 
@@ -125,7 +133,7 @@ impl ConsistencyMonitor {
         self.past.consistency.holds = self.past.consistency.deficit <= self.settings.threshold;
     }
 
-    /// Whether the frame of this number, judged last, is one to learn from, with the target reported as `lost` (or occluded) or not.
+    /// Whether the frame of this number, judged last, is one to learn from, while the target is searched for (`lost`) or not.
     pub fn learns(&self, frame: u64, lost: bool) -> bool {
         let Consistency { holds, deficit, .. } = self.past.consistency;
         let turn = self.past.settled < self.settings.settle || frame.is_multiple_of(self.settings.every);
@@ -211,6 +219,25 @@ mod tests {
         let mut other = ConsistencyMonitor::new(ConsistencySettings::default());
         other.load(&resumed).expect("it was saved");
         assert_eq!(lost(&mut other), verdict);
+    }
+
+    /// What the target gives from frame 2 on lies beyond what other places gave in frame 1: the deficit is at its maximum on the target, and
+    /// is not informative. It is where only a few frames are so.
+    #[test]
+    fn a_reference_that_tells_nothing_apart_is_not_informative() {
+        let peaked = [0.0, -50.0, -50.0, -50.0];
+        let last = |beyond: &dyn Fn(usize) -> bool| {
+            let mut v = ConsistencyMonitor::new(ConsistencySettings::default());
+            assert!(!v.last().is_informative, "no frame was judged");
+            let judge = |t| v.judge(if beyond(t) { -25.0 } else { -4.0 }, &peaked, REFERENCE);
+            (0..30).map(judge).last().expect("thirty frames")
+        };
+        let never = last(&|_| true);
+        assert!(never.deficit > 1.9 && !never.is_informative, "{never:?}");
+        let mostly = last(&|t| t % 3 == 0 && t < 10);
+        assert!(mostly.deficit < 0.2 && mostly.is_informative, "{mostly:?}");
+        let later = last(&|t| t > 15);
+        assert!(later.deficit > 1.9 && later.is_informative, "a loss is one: {later:?}");
     }
 
     #[test]

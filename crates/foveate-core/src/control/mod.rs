@@ -37,7 +37,7 @@ pub use self::proposal::{CHUNK, Prior, Proposal};
 pub use self::redetection::{REFINEMENTS, Redetection, RedetectionSettings};
 pub use self::resampling::{Resampling, Scheme};
 pub use self::reward::{Agreement, Concentration, LogConcentration, Reward, VarianceReduction};
-pub use self::status::Status;
+pub use self::status::{Status, StatusThresholds};
 
 /// A share (0 to 1) of the numbers 0 to n − 1, spread evenly over them.
 fn evenly(n: usize, share: f64) -> impl Iterator<Item = usize> {

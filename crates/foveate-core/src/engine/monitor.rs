@@ -109,8 +109,8 @@ impl Engine {
     pub(super) fn monitor(&mut self, image: &Image, estimate: &Estimate) -> TrackConfidence {
         let evidence = self.evidence(image, estimate);
         let (judged, loss) = (self.is_judged(), &mut self.parts.monitor.loss);
-        let confidence = if judged { loss.judge(&evidence) } else { loss.last() };
-        let lost = loss.is_out();
+        let confidence = if judged { loss.judge(&evidence) } else { loss.hold() };
+        let lost = loss.is_searching();
         if lost && !self.context.lost && loss.is_misled() {
             self.forget_learned();
         }

@@ -103,7 +103,8 @@ impl Target {
         let step = self.engine.step(Scene { image, detections });
         let (estimate, covariance, deficit, class) =
             (step.estimate, step.covariance, step.consistency.deficit, step.class());
-        let (gaze, bbox, lost) = (step.plan.chosen(), step.bbox(), step.is_lost() && detections.is_empty());
+        let (gaze, bbox) = (step.plan.chosen(), step.bbox());
+        let lost = self.engine.is_searching() && detections.is_empty();
         self.unseen = if detections.is_empty() { self.unseen + 1 } else { 0 };
         self.lost = if lost { self.lost + 1 } else { 0 };
         let guessed = if detecting { s.guesses(self.unseen) } else { lost };

@@ -53,7 +53,7 @@ impl Case {
         let (mut at, mut losses) = (2, vec![]);
         for run in self.judged.chunk_by(|a, b| a.lost() == b.lost()) {
             if run[0].lost() && run.len() >= EPISODE {
-                let said = match run.iter().position(|j| j.status.is_occluded_or_lost()) {
+                let said = match run.iter().position(|j| !j.status.is_usable()) {
                     Some(0) => "reported at once".into(),
                     Some(n) => format!("reported {} later", counted(n, "frame")),
                     None => "not reported".to_owned(),

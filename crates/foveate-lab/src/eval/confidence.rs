@@ -147,7 +147,7 @@ impl ConfidenceScore {
         let all: Vec<&Judged> = tracks.iter().copied().flatten().collect();
         let (on, off): (Vec<&Judged>, Vec<&Judged>) = all.iter().partition(|j| !j.lost());
         let share = |part: usize, of: usize| (of > 0).then(|| part as f64 / of as f64);
-        let out = |such: &[&Judged]| such.iter().filter(|j| j.status.is_occluded_or_lost()).count();
+        let out = |such: &[&Judged]| such.iter().filter(|j| !j.status.is_usable()).count();
         let pairs: Vec<(f64, bool)> = all.iter().map(|j| (j.p_lost, j.lost())).collect();
         let (bins, ece) = reliability(&pairs, BINS);
         let n = all.len().max(1) as f64;
@@ -208,7 +208,7 @@ fn roc(pairs: &[(f64, bool)]) -> Option<f64> {
 /// For each episode of a track: frames until it was reported; none where it ended before.
 fn delays(track: &[Judged]) -> Vec<Option<usize>> {
     let runs = track.chunk_by(|a, b| a.lost() == b.lost()).filter(|run| run[0].lost() && run.len() >= EPISODE);
-    runs.map(|run| run.iter().position(|j| j.status.is_occluded_or_lost())).collect()
+    runs.map(|run| run.iter().position(|j| !j.status.is_usable())).collect()
 }
 
 /// Share of frames whose truth lies in the credible ellipse of probability p: for a normal belief the squared Mahalanobis

@@ -50,7 +50,7 @@ impl Run {
             let step = tracker.update(&frame.image)?.step;
             run.seconds += began.elapsed().as_secs_f64();
             run.errors.push(centre_error(&step.bbox(), truth));
-            run.lost.push(step.is_lost());
+            run.lost.push(!step.is_usable());
         }
         Ok(run)
     }

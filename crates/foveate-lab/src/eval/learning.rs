@@ -50,7 +50,7 @@ impl Learning {
             }
             let step = tracker.update(&frame.image)?.step;
             learning.run.errors.push(centre_error(&step.bbox(), truth));
-            learning.run.lost.push(step.is_lost());
+            learning.run.lost.push(!step.is_usable());
             let centre = centre(step.snapshot).ok_or_else(|| {
                 Error::Config("a learning curve needs a policy with probabilities over gazes of which one is the centre, as hedge with an odd grid has".into())
             })?;

@@ -58,7 +58,7 @@ impl Follower for Alone {
         for (tracker, seen) in self.trackers.iter_mut().zip(&mut self.seen) {
             let step = tracker.update(&frame.image)?.step;
             *seen = TrackedTarget {
-                phase: if step.is_lost() { Phase::Lost } else { Phase::Tracked },
+                phase: if step.is_usable() { Phase::Tracked } else { Phase::Lost },
                 bbox: step.bbox(),
                 state: step.estimate,
                 covariance: step.covariance,

@@ -42,7 +42,7 @@ impl Case {
         // Frame t of the clip is track[t − 1].
         let at = |t: usize| track.get(t.wrapping_sub(1));
         let after = &track[(hide.until - 1).min(track.len())..];
-        let out = (hide.from..track.len() + 1).find(|t| at(*t).is_some_and(|j| j.status.is_occluded_or_lost()));
+        let out = (hide.from..track.len() + 1).find(|t| at(*t).is_some_and(|j| !j.status.is_usable()));
         let rest = out.map_or(&[][..], |t| &track[t - 1..]);
         let runs = rest.chunk_by(|a, b| wrong(a) == wrong(b)).filter(|run| wrong(&run[0]));
         Self {
@@ -52,7 +52,7 @@ impl Case {
             tracked: at(hide.from - 1).is_some_and(|j| j.iou >= ON_TARGET),
             loss_reported: out.filter(|t| *t < hide.until).map(|t| t - hide.from),
             reacquired: after.iter().position(|j| j.iou >= ON_TARGET),
-            reported: after.iter().position(|j| j.iou >= ON_TARGET && !j.status.is_occluded_or_lost()),
+            reported: after.iter().position(|j| j.iou >= ON_TARGET && j.status.is_usable()),
             wrong: runs.map(<[Judged]>::len).max().unwrap_or(0),
         }
     }
@@ -63,7 +63,7 @@ impl Case {
 }
 
 fn wrong(j: &Judged) -> bool {
-    j.lost() && !j.status.is_occluded_or_lost()
+    j.lost() && j.status.is_usable()
 }
 
 /// The figures of many cases.

@@ -32,10 +32,10 @@ pub struct Row {
     pub given: bool,
     /// The probability that the target is lost, 0 to 1.
     pub p_lost: f64,
-    /// What is believed of the track; `given` where the box was.
+    /// The status; `given` where the box was.
     pub status: &'static str,
-    /// Whether the box means nothing.
-    pub out: bool,
+    /// Whether the box is a result: false where the status is occluded or lost.
+    pub usable: bool,
     /// The chosen gaze in template units, and where it falls: x, y, and one template unit along u and along v.
     pub gaze: Option<[f64; 2]>,
     /// See `gaze`.
@@ -59,7 +59,7 @@ impl Row {
             given: true,
             p_lost: 0.0,
             status: "given",
-            out: false,
+            usable: true,
             gaze: None,
             fixation: None,
             region: None,
@@ -78,7 +78,7 @@ impl Row {
             given: false,
             p_lost: step.confidence.p_lost,
             status: step.confidence.status.name(),
-            out: step.is_lost(),
+            usable: step.is_usable(),
             gaze: Some([gaze.u, gaze.v]),
             fixation: Some([f.x, f.y, f.ux, f.uy, f.vx, f.vy]),
             region: Some([region.x, region.y, region.half[0], region.half[1], region.turn]),

@@ -6,7 +6,7 @@ const chartList = [
   { title: 'Reward', unit: '0 to 1', lines: [{ of: series.reward, name: 'chosen', ink: 'gaze' }], band: series.reward_low.some((v, i) => v !== series.reward_high[i]) && [series.reward_low, series.reward_high], bandName: 'all gazes' },
   { title: 'Effective sample size', unit: 'particles', log: true, from: 1, to: data.particles, lines: [{ of: series.ess, ink: 'target' }], mark: [data.particles, `all ${data.particles}`] },
   { title: 'Log evidence', unit: 'nats', lines: [{ of: series.log_evidence, ink: 'second' }] },
-  { title: 'Confidence', from: 0, to: 1, lines: [{ of: series.p_lost, name: 'P(lost)', ink: 'lost' }, { of: series.deficit, name: 'deficit', ink: 'soft', dash: true }], shade: lostRuns.length > 0 },
+  { title: 'P(lost)', from: 0, to: 1, lines: [{ of: series.p_lost, ink: 'lost' }], shade: lostRuns.length > 0 },
   { title: 'Distance to the template', from: 0, lines: [{ of: series.distance, ink: 'second' }] },
   { title: 'Position uncertainty', unit: 'px (1 sd)', from: 0, lines: [{ of: series.sd_x, name: 'x', ink: 'target' }, { of: series.sd_y, name: 'y', ink: 'third', dash: true }] },
   { title: 'Speed', unit: 'px/frame', from: 0, lines: [{ of: speed, ink: 'target' }] },

@@ -13,10 +13,11 @@ function say(value, digits = 3) {
   return text.replace('-', '−');
 }
 
-// Runs of rows in which the target was occluded or lost: [first, last].
+// Runs of rows in which the box is not usable, the status being occluded or lost: [first, last]. A given box has no status.
 const lostRuns = [];
-series.occluded_or_lost.forEach((lost, row) => {
-  if (!lost) return;
+const isGuess = row => series.usable[row] === 0;
+series.usable.forEach((_, row) => {
+  if (!isGuess(row)) return;
   const last = lostRuns[lostRuns.length - 1];
   if (last && last[1] === row - 1) last[1] = row; else lostRuns.push([row, row]);
 });

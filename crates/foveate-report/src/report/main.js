@@ -33,7 +33,7 @@ function drawMarks() {
 
 // Words.
 function write() {
-  const steps = series.ess.filter(e => e !== null).length, lost = series.occluded_or_lost.filter(Boolean).length;
+  const steps = series.ess.filter(e => e !== null).length, lost = series.usable.filter(usable => usable === 0).length;
   const name = info.source.split(/[\\/]/).filter(Boolean).pop() || info.source;
   byId('source').textContent = name;
   byId('verdict').textContent = steps === 0 ? 'One frame: the given box.'
@@ -74,7 +74,7 @@ function write() {
     ...(data.surface ? [line('<rect x="3" y="2" width="20" height="16" fill="#6f47e6"/><circle cx="15" cy="9" r="6" fill="#e0528f"/><circle cx="16" cy="8" r="3" fill="#ffec82"/>', strong('Reward surface. '), 'Mean reward of each gaze, learned from the gazes so far, and its standard deviation. The scales hold for the whole run. Move over it to read values.')] : []),
     ...(data.regret ? [line('<path d="M2 17L24 4" fill="none" stroke="var(--soft)" stroke-dasharray="3 2" stroke-width="1.6"/><path d="M2 17q6 -8 22 -8" fill="none" stroke="var(--gaze)" stroke-width="1.8"/>', strong('Regret. '), 'Reward of the best fixed gaze in hindsight less that of the policy, summed, all under the belief of this run. Flat: nothing more is lost.')] : []),
     line('<path d="M2 15l5-8 5 4 6-8 6 5" fill="none" stroke="var(--target)" stroke-width="1.8"/>', strong('Effective sample size. '), 'How many particles share the weight. Few: a peaked belief; all of them: the glimpse told nothing.'),
-    line('<path d="M2 16C9 16 10 4 16 5s5 8 8 9" fill="none" stroke="var(--lost)" stroke-width="1.8"/>', strong('Evidence, P(lost). '), 'Log evidence is how well the frame was predicted. The deficit compares it with the reference likelihoods of frame 1: 0 as on the target, 1 as elsewhere. P(lost) is the probability that the box is not on the target.'),
+    line('<path d="M2 16C9 16 10 4 16 5s5 8 8 9" fill="none" stroke="var(--lost)" stroke-width="1.8"/>', strong('Evidence, P(lost). '), 'Log evidence is how well the frame was predicted. P(lost) is the probability that the target is lost, and the status follows from it.'),
     line('<rect x="3" y="2" width="20" height="16" fill="var(--lostwash)"/><rect x="3" y="15.5" width="20" height="2.5" fill="var(--lost)"/>', strong('Shaded frames. '), 'The status is occluded or lost: do not use the box.'),
     line('<rect x="3" y="4" width="20" height="12" rx="2.5" fill="none" stroke="currentColor" stroke-opacity=".6"/><path d="M7 12h12M7 8h2M12 8h2M17 8h2" stroke="currentColor" stroke-opacity=".6" stroke-width="1.4"/>', strong('Keys. '), keyboard('space'), ' plays, ', keyboard('←'), ' ', keyboard('→'), ' step (', keyboard('shift'), ' by ten), ', keyboard('+'), ' ', keyboard('−'), ' speed, ', ...layers.flatMap(l => [keyboard(l.key), ` ${l.label} `]), '. Moving over any chart moves the replay.'),
   );

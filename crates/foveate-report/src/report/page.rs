@@ -14,7 +14,7 @@ use foveate_core::step::Step;
 use foveate_video::Frame;
 
 /// One number a frame of each; NaN where there is none.
-const COLUMNS: [&str; 33] = [
+const COLUMNS: [&str; 32] = [
     "frame",
     "time",
     "x",
@@ -36,8 +36,7 @@ const COLUMNS: [&str; 33] = [
     "sd_y",
     "ess",
     "log_evidence",
-    "deficit",
-    "occluded_or_lost",
+    "usable",
     "u",
     "v",
     "arm",
@@ -188,8 +187,7 @@ impl Page {
             c[1][1].sqrt(),
             step.ess,
             step.log_evidence,
-            step.consistency.deficit,
-            f64::from(u8::from(step.is_lost())),
+            f64::from(u8::from(step.is_usable())),
             gaze.u,
             gaze.v,
             arm.map_or(f64::NAN, |arm| arm as f64),

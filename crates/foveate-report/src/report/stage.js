@@ -57,7 +57,7 @@ function drawStage() {
     c.beginPath(); c.roundRect(inset.x, inset.y, h, h, 6);
     c.strokeStyle = 'rgb(255 255 255 / .8)'; c.lineWidth = 1.4; c.stroke();
   }
-  if (series.status[row]) banner(c, data.statuses[series.status[row]], width, series.occluded_or_lost[row] ? undefined : 'rgb(0 110 75 / .92)');
+  if (series.status[row]) banner(c, data.statuses[series.status[row]], width, isGuess(row) ? undefined : 'rgb(0 110 75 / .92)');
   else if (series.ess[row] === null) banner(c, 'box given', width, 'rgb(0 95 155 / .92)');
   canvas.setAttribute('aria-label', describe(row));
 }
@@ -83,7 +83,7 @@ function drawView(c, key, view, box) {
   }
   c.lineJoin = c.lineCap = 'round';
   const drawn = penOf(c, .55), { cased, outline } = drawn;
-  const lost = series.occluded_or_lost[row];
+  const lost = isGuess(row);
   if (shown.particles && key.particles) drawCloud(c, key, [frameWidth, frameHeight], at, k);
   if (shown.path) {
     for (let r = Math.max(1, row - 60); r <= row; r++) {

@@ -5,7 +5,6 @@ use std::time::Duration;
 use super::{Follower, Frames, Span, each_frame};
 use crate::Observer;
 use foveate_base::{Error, Result};
-use foveate_core::control::TrackConfidence;
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 use foveate_core::{Status, Tracker};
@@ -31,8 +30,8 @@ pub struct Outcome {
     pub tracked: usize,
     /// Values read from the tracked frames: the sum of [`Step::values`](foveate_core::step::Step::values).
     pub values: usize,
-    /// Frames in which the box is doubtful: see [`is_uncertain`].
-    pub uncertain: usize,
+    /// Frames whose status is occluded.
+    pub occluded: usize,
     /// Frames whose status is lost.
     pub lost: usize,
     /// Frames whose box lies outside the picture.
@@ -45,19 +44,6 @@ pub struct Outcome {
     pub class: Option<(usize, f64)>,
     /// What it is called, where the recogniser's classes have names.
     pub class_name: Option<String>,
-}
-
-/// The P(lost) from which on a box is doubtful.
-const DOUBTFUL: f64 = 0.5;
-
-/// Whether a frame's box is doubtful: the target is believed occluded, or its status is tracking or reacquired and it is at
-/// least as probably lost as not. A frame whose status is lost is lost, not uncertain.
-pub fn is_uncertain(confidence: &TrackConfidence) -> bool {
-    match confidence.status {
-        Status::Occluded => true,
-        Status::Lost => false,
-        Status::Tracking | Status::Reacquired => confidence.p_lost >= DOUBTFUL,
-    }
 }
 
 /// Whether a box shows at least a part of itself in the picture.
@@ -198,8 +184,8 @@ impl Follower for Single<'_> {
         let inside = touches(&seen.bbox, &frame.image);
         o.last = inside.then_some(seen.bbox);
         o.outside += usize::from(!inside);
-        o.uncertain += usize::from(is_uncertain(&seen.step.confidence));
-        o.lost += usize::from(seen.status == Status::Lost);
+        o.occluded += usize::from(seen.status == Status::Occluded);
+        o.lost += usize::from(seen.is_lost());
         o.class = seen.step.class();
         o.class_name = o.class.and_then(|(class, _)| seen.step.class_names.get(class).cloned());
         self.observer.observe(frame, &seen.step)
@@ -214,13 +200,6 @@ fn of(frame: &Frame, image: &Image) -> Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_frame_is_uncertain_or_lost_but_never_both() {
-        let say = |status, p_lost| is_uncertain(&TrackConfidence { status, p_lost, ..TrackConfidence::default() });
-        assert!(say(Status::Occluded, 0.0) && say(Status::Tracking, 0.5) && say(Status::Reacquired, 0.9));
-        assert!(!say(Status::Lost, 0.9) && !say(Status::Tracking, 0.49) && !say(Status::Tracking, f64::NAN));
-    }
 
     #[test]
     fn a_box_outside_is_moved_to_the_nearest_edge() {

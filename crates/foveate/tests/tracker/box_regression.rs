@@ -64,7 +64,7 @@ fn a_target_that_is_not_there_is_lost_and_what_was_learned_is_forgotten() {
         tracker
     };
     let run = |tracker: &mut Tracker, frames: std::ops::Range<usize>| {
-        let update = |i| tracker.update(&frame(i, 3).image).expect("a picture of the first size").is_lost();
+        let update = |i| !tracker.update(&frame(i, 3).image).expect("a picture of the first size").is_usable();
         frames.map(update).last().expect("a frame")
     };
     let mut tracked = start(&["short_term=none"]);

@@ -42,7 +42,7 @@ fn the_members_are_trackers_alone_and_vote() {
     assert!(alone[0] != alone[1] && alone[1] != alone[2], "they share no draw");
     for (i, (bbox, p_lost, status)) in together.iter().enumerate() {
         let ballots: Vec<Ballot> =
-            alone.iter().map(|track| Ballot { bbox: track[i].0, p_lost: track[i].1, is_out: false }).collect();
+            alone.iter().map(|track| Ballot { bbox: track[i].0, p_lost: track[i].1, is_searching: false }).collect();
         let (elected, lost) = Vote::elect(&ballots);
         assert_eq!((bbox, p_lost, *status), (&ballots[elected].bbox, &lost, Status::Tracking), "frame {i}");
         assert!(bbox.iou(&truth(i + 1)) > 0.5, "frame {i}: {bbox:?}");

@@ -22,5 +22,6 @@ mod retina;
 mod saliency;
 mod second_opinion;
 mod sensor;
+mod status;
 mod surface;
 mod verbs;

@@ -53,7 +53,7 @@ fn what_is_put_right_is_not_lost() {
         |tracker: &mut Tracker, image: &Image| tracker.update(image).expect("a picture of the first size").status;
     (0..10).for_each(|_| _ = update(&mut tracker, &there));
     (0..30).for_each(|_| _ = update(&mut tracker, &gone));
-    assert!(update(&mut tracker, &gone).is_occluded_or_lost());
+    assert!(!update(&mut tracker, &gone).is_usable());
     tracker.reset_at(INIT).expect("a box in the picture");
     assert_eq!(update(&mut tracker, &there), Status::Tracking);
     let given = |visible: f64| {
@@ -83,7 +83,7 @@ fn detections_weigh_particles_that_are_drawn_again() {
         (seen.bbox.x - INIT.x, seen.status)
     };
     let (beside, status) = off(Some(INIT.x + 20.0));
-    assert!(status.is_occluded_or_lost(), "it is searched for");
+    assert!(!status.is_usable(), "it is searched for");
     assert!(beside > 15.0, "{beside} px from where it looks best, {:?} without a detection", off(None));
 }
 

@@ -45,12 +45,12 @@ struct Run {
 }
 
 impl Run {
-    /// Failures first, then by the share of frames in which the box is doubtful or lost, then of lost ones.
+    /// Failures first, then by the share of frames that are occluded or lost, then of lost ones.
     fn badness(&self) -> (bool, f64, f64) {
         let share = |n: usize| n as f64 / self.tally.frames.max(1) as f64;
         (
             self.error.is_some(),
-            share(self.tally.uncertain_frames + self.tally.lost_frames),
+            share(self.tally.occluded_frames + self.tally.lost_frames),
             share(self.tally.lost_frames),
         )
     }
@@ -245,13 +245,13 @@ impl Runs {
         order.sort_by(|(_, a), (_, b)| b.badness().partial_cmp(&a.badness()).expect("finite numbers"));
         let mut rows = String::new();
         for (name, run) in order {
-            let Tally { frames, uncertain_frames, lost_frames } = run.tally;
+            let Tally { frames, occluded_frames, lost_frames } = run.tally;
             let report = if root.join(name).join("report.html").is_file() { "report.html" } else { "" };
             let (link, shown) = (address(name), escape(name));
             let figures = run.error.as_ref().map_or_else(
                 || {
                     format!(
-                        "<td>{frames}</td><td>{uncertain_frames}</td><td>{lost_frames}</td><td>{:.1}</td>",
+                        "<td>{frames}</td><td>{occluded_frames}</td><td>{lost_frames}</td><td>{:.1}</td>",
                         100.0 * run.badness().1
                     )
                 },
@@ -260,14 +260,14 @@ impl Runs {
             let _ = writeln!(rows, "<tr><td><a href=\"{link}/{report}\">{shown}</a></td>{figures}</tr>");
         }
         let heads =
-            ["video", "frames", "uncertain", "lost", "uncertain or lost, %"].map(|head| format!("<th>{head}</th>"));
+            ["video", "frames", "occluded", "lost", "occluded or lost, %"].map(|head| format!("<th>{head}</th>"));
         let table = format!(
             "<div class=\"scroll\"><table class=\"numbers\">\n<tr>{}</tr>\n{rows}</table></div>\n",
             heads.concat()
         );
         document(
             &format!("{}, the worst first", counted(self.runs.len(), "video")),
-            "Failures come first, then videos by the share of frames in which the box is doubtful or the target lost.",
+            "Failures come first, then videos by the share of frames in which the target is occluded or lost.",
             "",
             &card("Videos", &table),
         )

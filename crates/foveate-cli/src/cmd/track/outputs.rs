@@ -117,7 +117,7 @@ pub struct Told<'a> {
 
 /// Prints what became of a run.
 pub fn tell(outcome: &Outcome, told: &Told<'_>) {
-    let (frames, uncertain, lost) = (outcome.frames.count, outcome.uncertain, outcome.lost);
+    let (frames, occluded, lost) = (outcome.frames.count, outcome.occluded, outcome.lost);
     let (seconds, total) = (outcome.frames.spent.as_secs_f64(), told.total.as_secs_f64());
     let (fps, total_fps) = (Summary::rate(frames, seconds), Summary::rate(frames, total));
     if told.json {
@@ -128,7 +128,7 @@ pub fn tell(outcome: &Outcome, told: &Told<'_>) {
             fps,
             total_seconds: total,
             total_fps,
-            uncertain_frames: uncertain,
+            occluded_frames: occluded,
             lost_frames: lost,
             outside_frames: outcome.outside,
             bbox: outcome.last,
@@ -147,7 +147,7 @@ pub fn tell(outcome: &Outcome, told: &Told<'_>) {
         return;
     }
     say!(
-        "{} tracked, uncertain in {uncertain}, lost in {lost}; {} a second in the tracker, {total_fps:.0} end to end.",
+        "{} tracked, occluded in {occluded}, lost in {lost}; {} a second in the tracker, {total_fps:.0} end to end.",
         counted(frames, "frame"),
         counted(fps.round() as usize, "frame")
     );

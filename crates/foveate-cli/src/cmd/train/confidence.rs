@@ -168,8 +168,7 @@ fn csv(tracks: &[Judgement]) -> String {
     for (i, track) in tracks.iter().enumerate() {
         let video = quoted(&track.video);
         for j in &track.frames {
-            let [occluded, visible, reported] =
-                [track.occluded, j.off.is_some(), j.status.is_occluded_or_lost()].map(u8::from);
+            let [occluded, visible, reported] = [track.occluded, j.off.is_some(), !j.status.is_usable()].map(u8::from);
             text += &format!("{i},{video},{occluded},{visible},{},{reported},{}", j.p_lost, j.iou);
             j.cues.iter().for_each(|c| text += &format!(",{c}"));
             text.push('\n');

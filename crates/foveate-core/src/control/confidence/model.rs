@@ -1,7 +1,8 @@
-//! The table of P(lost): its cues, their weights, and the rules of the status.
+//! The table of P(lost): its cues, their weights, and the rules of the search and of the status.
 
 use serde::{Deserialize, Serialize};
 
+use crate::control::StatusThresholds;
 use foveate_base::error::within;
 use foveate_base::{Error, Result};
 
@@ -49,7 +50,7 @@ pub type Cues = [f64; CUES];
 /// The most that log odds by the box regression count, either way.
 pub(super) const MOST_ODDS: f64 = 6.0;
 
-/// The model, and the rules of the states.
+/// The model, and the rules of the search and of the status.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ConfidenceModel {
@@ -60,22 +61,24 @@ pub struct ConfidenceModel {
     pub bias: f64,
     /// What a second opinion counts for in the P(lost) that is reported; nothing without one.
     pub second_opinion: Heard,
-    /// What the box regression counts for in whether an occluded or lost target is found; nothing without one.
+    /// What the box regression counts for in whether a search ends; nothing without one.
     pub box_regression: Seen,
     /// What the box regression counts for in whether a target that is tracked is lost; nothing without one.
     pub absence: Absence,
-    /// Own P(lost) (without the second opinion) above which a frame counts as lost, 0 to 1.
+    /// Own P(lost) (without the second opinion) above which a frame speaks for a search, 0 to 1.
     pub enter: f64,
-    /// Own P(lost) below which a frame counts as on the target, 0 to `enter`; a reported P(lost) below it is not reported as a loss.
+    /// Own P(lost) below which a frame speaks against a search, 0 to `enter`.
     pub leave: f64,
-    /// Consecutive frames above `enter` before the target counts as occluded, 1 to 1000.
+    /// Consecutive frames above `enter` before the tracker searches for the target, 1 to 1000.
     pub notice: usize,
-    /// Consecutive frames below `leave` before an occluded or lost target counts as found, 1 to 1000.
+    /// Consecutive frames below `leave` before the search ends, 1 to 1000.
     pub confirm: usize,
     /// The most that one of them counts, 1 to 10: ln((1 − P) / P) relative to that at `leave`, so that a frame that is surer counts for
     /// more. 1: all count alike.
     pub surest: f64,
-    /// Frames in which the status is occluded before it becomes lost, 0 to 100,000.
+    /// Thresholds of the reported P(lost) at which the reported status changes. They change no box.
+    pub status: StatusThresholds,
+    /// Frames in which the status is occluded before it becomes lost, and reacquired before it becomes tracking, 0 to 100,000.
     pub patience: usize,
     /// Standard deviation, in template units, of what the belief does not know of: how the box of the first frame sits on
     /// the target, and how the target changes. Credible regions are wider by it. 0 to 10.
@@ -95,7 +98,7 @@ pub struct Heard {
     pub bias: f64,
 }
 
-/// While the target is occluded or lost, `leave` is compared with another probability than P° by the own cues:
+/// While the tracker searches for the target, `leave` is compared with another probability than P° by the own cues:
 /// log P / (1 − P) = log P° / (1 − P°) + `weight` · log odds by the box regression that the target is not there, −6 to 6, + `bias`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -152,6 +155,7 @@ impl Default for ConfidenceModel {
             notice: 2,
             confirm: 3,
             surest: 1.0,
+            status: StatusThresholds::default(),
             patience: 15,
             localisation_noise: 0.1,
         }
@@ -183,17 +187,18 @@ impl ConfidenceModel {
         ] {
             within(&format!("confidence.{name}"), value, least, most)?;
         }
+        self.status.check()?;
         match self.leave {
             leave if (0.0..=self.enter).contains(&leave) => Ok(()),
             leave => Err(Error::Config(format!("confidence.leave is 0 to confidence.enter; it is {leave}"))),
         }
     }
-    /// P(lost) of a frame by the tracker's own cues: what it acts on, and the status.
+    /// P(lost) of a frame by the tracker's own cues.
     pub(super) fn own(&self, cues: &Cues) -> f64 {
         logistic(self.own_log_odds(cues))
     }
 
-    /// The same for an occluded or lost target, with what the box regression sees there.
+    /// The same while the target is searched for, with what the box regression sees there.
     pub(super) fn returned(&self, own: f64, absent: Option<f64>) -> f64 {
         let Seen { weight, bias } = self.box_regression;
         absent.map_or(own, |absent| logistic(weight * absent + bias - odds(own)))
@@ -219,9 +224,9 @@ impl ConfidenceModel {
         logistic(heard.bias - heard.own * odds(own) + heard.agreement * agreement)
     }
 
-    /// What a frame counts for a target that is out to be found, or one that is not to be lost; 0 where it speaks for neither.
-    pub(super) fn counts(&self, out: bool, p_lost: f64) -> f64 {
-        match out {
+    /// How much a frame counts towards the end of a search, or towards its beginning; 0 where it speaks for neither.
+    pub(super) fn weight_of_frame(&self, searching: bool, p_lost: f64) -> f64 {
+        match searching {
             true if p_lost < self.leave => (odds(p_lost) / odds(self.leave)).clamp(1.0, self.surest),
             false if p_lost > self.enter => 1.0,
             _ => 0.0,
@@ -281,6 +286,14 @@ mod tests {
             (ConfidenceModel { enter: 2.0, ..ConfidenceModel::default() }, "enter"),
             (ConfidenceModel { leave: 0.7, ..ConfidenceModel::default() }, "leave"),
             (ConfidenceModel { confirm: 0, ..ConfidenceModel::default() }, "confirm"),
+            (
+                ConfidenceModel { status: StatusThresholds { enter: 1.5, leave: 0.3 }, ..ConfidenceModel::default() },
+                "confidence.status.enter",
+            ),
+            (
+                ConfidenceModel { status: StatusThresholds { enter: 0.5, leave: 0.6 }, ..ConfidenceModel::default() },
+                "confidence.status.leave",
+            ),
             (ConfidenceModel { surest: 0.5, ..ConfidenceModel::default() }, "surest"),
             (ConfidenceModel { localisation_noise: -1.0, ..ConfidenceModel::default() }, "localisation_noise"),
         ] {

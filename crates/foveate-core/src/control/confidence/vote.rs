@@ -9,13 +9,15 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::state::TrackState;
+use super::search::SearchState;
 use super::{ConfidenceModel, LOST};
-use crate::control::Status;
+use crate::control::status::ReportedStatus;
+use crate::control::{Status, StatusThresholds};
 use crate::geometry::BBox;
 use foveate_base::{Error, Result};
 
-/// Out is a target that is more probably lost than not; it is found below the second.
+/// The target is lost where that is more probable than not; it is found below the second. Both are of the vote's P(lost), and decide which
+/// members begin again and what is reported.
 const OUT: f64 = 0.5;
 const FOUND: f64 = 0.45;
 
@@ -26,8 +28,8 @@ pub struct Ballot {
     pub bbox: BBox,
     /// Its P(lost), 0 to 1.
     pub p_lost: f64,
-    /// Whether it acts as for an occluded or lost target.
-    pub is_out: bool,
+    /// Whether it searches for the target.
+    pub is_searching: bool,
 }
 
 impl Ballot {
@@ -47,7 +49,8 @@ pub struct Vote {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Past {
-    state: TrackState,
+    search: SearchState,
+    reported: ReportedStatus,
 }
 
 impl Vote {
@@ -59,6 +62,7 @@ impl Vote {
             notice: 1,
             confirm: 1,
             surest: 1.0,
+            status: StatusThresholds { enter: OUT, leave: FOUND },
             patience: model.patience,
             ..ConfidenceModel::default()
         };
@@ -86,14 +90,19 @@ impl Vote {
         (elected, (1.0 - there).clamp(0.0, 1.0))
     }
 
-    /// Elects, and says what is believed of the track.
+    /// Whether the target is lost by the vote: members then do not begin again at its box.
+    pub fn is_searching(&self) -> bool {
+        self.past.search.is_searching
+    }
+
+    /// The elected member, the P(lost) of its box, and the reported status, which follows from that.
     pub fn count(&mut self, ballots: &[Ballot]) -> (usize, f64, Status) {
         let (elected, p_lost) = Self::elect(ballots);
         // A target is found by a member that says so by its own rule.
         let told = ballots[elected].bbox;
-        let found = ballots.iter().any(|b| !b.is_out && b.is_on(&told));
-        self.past.state.stand(&self.rule, p_lost, !found);
-        (elected, p_lost, self.past.state.status)
+        let found = ballots.iter().any(|b| !b.is_searching && b.is_on(&told));
+        self.past.search.update(&self.rule, p_lost, !found);
+        (elected, p_lost, self.past.reported.update(p_lost, self.rule.status, self.rule.patience))
     }
 
     /// The state to resume from.
@@ -116,7 +125,7 @@ mod tests {
     use rand::RngExt;
 
     fn at(x: f64, p_lost: f64) -> Ballot {
-        Ballot { bbox: BBox::new(x, 0.0, 10.0, 10.0), p_lost, is_out: p_lost > 0.5 }
+        Ballot { bbox: BBox::new(x, 0.0, 10.0, 10.0), p_lost, is_searching: p_lost > 0.5 }
     }
 
     /// A million worlds: a member drawn at random is right with 1 - P, and then the target is in its box; else it is nowhere. Of the box that
@@ -146,22 +155,30 @@ mod tests {
         assert_eq!(Vote::elect(&[at(3.0, 0.25)]), (0, 0.25));
     }
 
-    /// Of three sure members one dissents: no harm. Two do: it is out, until two agree again and one of them says that it is there.
+    /// Of three sure members one dissents: no harm. Two do: the target is lost, until two agree again. Members begin again at the box once
+    /// one of those two has found the target by its own rule.
     #[test]
     fn two_of_three_decide() {
         let mut vote = Vote::new(&ConfidenceModel { patience: 2, ..ConfidenceModel::default() });
-        let mut status = |ballots: [Ballot; 3]| vote.count(&ballots).2;
+        let mut status = |ballots: [Ballot; 3]| {
+            let (_, p_lost, status) = vote.count(&ballots);
+            assert!(if status.is_usable() { p_lost < OUT } else { p_lost >= FOUND }, "{status:?} at {p_lost}");
+            assert!(status.is_usable() || vote.is_searching());
+            status
+        };
         assert_eq!(status([at(0.0, 0.0), at(1.0, 0.0), at(90.0, 0.0)]), Status::Tracking);
         assert_eq!(status([at(0.0, 0.0), at(40.0, 0.0), at(90.0, 0.0)]), Status::Occluded);
         assert_eq!(status([at(0.0, 0.0), at(1.0, 0.0), at(90.0, 0.0)]), Status::Tracking);
         assert_eq!(status([at(0.0, 0.9), at(1.0, 0.9), at(2.0, 0.9)]), Status::Occluded);
-        for expected in [Status::Occluded, Status::Occluded, Status::Lost] {
+        for expected in [Status::Occluded, Status::Lost, Status::Lost] {
             assert_eq!(status([at(0.0, 0.9), at(1.0, 0.9), at(2.0, 0.9)]), expected);
         }
-        // Sure, but none of them has found it by its own rule.
-        let out = |x| Ballot { is_out: true, ..at(x, 0.0) };
-        assert_eq!(status([out(0.0), out(1.0), out(2.0)]), Status::Lost);
-        assert_eq!(status([at(0.0, 0.0), out(1.0), out(2.0)]), Status::Reacquired);
+        // P(lost) is low, but none of them has found it by its own rule.
+        let searching = |x| Ballot { is_searching: true, ..at(x, 0.0) };
+        assert_eq!(status([searching(0.0), searching(1.0), searching(2.0)]), Status::Reacquired);
+        assert!(vote.is_searching());
+        let (.., status) = vote.count(&[at(0.0, 0.0), searching(1.0), searching(2.0)]);
+        assert_eq!((status, vote.is_searching()), (Status::Reacquired, false));
     }
 
     #[test]

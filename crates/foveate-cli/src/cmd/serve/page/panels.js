@@ -3,7 +3,7 @@ function panels() {
   const row = rowOf(page.frame), detail = page.details.get(page.frame);
   const badge = byId('badge');
   badge.textContent = row ? (row.given ? 'box given' : row.status) : page.rows.length ? 'not tracked yet' : 'no box yet';
-  badge.className = 'badge' + (row ? row.out ? ' off' : ' on' : '');
+  badge.className = 'badge' + (row ? row.usable ? ' on' : ' off' : '');
   byId('figures').replaceChildren(...(row ? [`${row.box.slice(0, 2).map(v => say(v + 1, 1)).join(', ')}  ·  ${row.box.slice(2).map(v => say(v, 1)).join(' × ')} px`] : []));
   if (row && row.ess !== null) byId('figures').append('  ·  ', element('abbr', { title: 'How many particles share the weight: few, the estimate is sharp; nearly all, the picture told nothing.' }, `${say(row.ess, 0)} effective particles`));
   const seconds = row ? row.time : (page.frame - 1) / (page.video.rate || 30);
@@ -56,7 +56,7 @@ function drawGraph() {
   c.clearRect(0, 0, width, height);
   const wide = width / Math.max(n, 20);
   c.fillStyle = colour('lostwash');
-  page.rows.forEach((row, i) => { if (row.out) c.fillRect(x(i) - wide / 2, 0, wide + .5, height); });
+  page.rows.forEach((row, i) => { if (!row.usable) c.fillRect(x(i) - wide / 2, 0, wide + .5, height); });
   const line = (points, ink, thick, dash = []) => {
     c.beginPath(); points.forEach((p, i) => i ? c.lineTo(...p) : c.moveTo(...p));
     c.setLineDash(dash); c.strokeStyle = ink; c.lineWidth = thick; c.stroke(); c.setLineDash([]);
@@ -70,7 +70,7 @@ function drawGraph() {
   for (let i = 0; i < n; i += stretch) points.push([x(i), y(Math.max(...page.rows.slice(i, i + stretch).map(row => row.p_lost ?? 0)))]);
   line(points, colour('lost'), 1.8);
   if (rowOf(page.frame)) line([[x(page.frame - page.first), 0], [x(page.frame - page.first), height]], colour('ink'), 1);
-  canvas.setAttribute('aria-label', `Probability that the target is lost in frames ${page.first} to ${lastTracked()}; ${page.rows.filter(row => row.out).length} are believed occluded or lost`);
+  canvas.setAttribute('aria-label', `Probability that the target is lost in frames ${page.first} to ${lastTracked()}; ${page.rows.filter(row => !row.usable).length} are occluded or lost`);
 }
 byId('graph').addEventListener('click', doing(async event => {
   const area = byId('graph').getBoundingClientRect();

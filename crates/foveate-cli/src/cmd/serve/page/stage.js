@@ -56,14 +56,14 @@ function paint(c, width, height, hand) {
   if (shows('box')) page.targets.forEach((target, i) => {
     const other = rowOf(frame, target), ink = i === page.target ? '#39b6ff' : '#c9a6ff';
     if (!other || page.targets.length < 2) return;
-    if (i !== page.target) cased(outline(other.corners.map(([x, y]) => at(x, y))), ink, 1.6, other.out ? [7, 6] : []);
+    if (i !== page.target) cased(outline(other.corners.map(([x, y]) => at(x, y))), ink, 1.6, other.usable ? [] : [7, 6]);
     const [x, y] = edge(other.box[0], other.box[1]), size = Math.max(11, Math.min(16, width / 45));
     c.font = `700 ${size}px system-ui, sans-serif`;
     c.lineWidth = 3; c.strokeStyle = 'rgb(8 9 11 / .8)'; c.fillStyle = ink;
     c.strokeText(String(i + 1), x + 1, Math.max(size, y - 4));
     c.fillText(String(i + 1), x + 1, Math.max(size, y - 4));
   });
-  if (row && shows('box')) cased(outline(row.corners.map(([x, y]) => at(x, y))), row.out ? '#ff8a4a' : '#39b6ff', 2, row.out ? [7, 6] : []);
+  if (row && shows('box')) cased(outline(row.corners.map(([x, y]) => at(x, y))), row.usable ? '#39b6ff' : '#ff8a4a', 2, row.usable ? [] : [7, 6]);
   if (row?.region && shows('region')) {
     const [x, y, a, b, turn] = row.region;
     if (a !== null) cased(() => c.ellipse(...at(x, y), k * a, k * b, turn, 0, 7), '#ffffff', 1.2, [3, 4]);

@@ -5,7 +5,7 @@ function drawTargets() {
   if (!several) return;
   const choices = page.targets.map((target, i) => {
     const row = rowOf(page.frame, target), now = i === page.target;
-    const button = element('button', { type: 'button', class: 'wide', 'aria-pressed': String(now), title: `Target ${i + 1}` }, `Target ${i + 1}`, row?.out ? ` (${row.status})` : '');
+    const button = element('button', { type: 'button', class: 'wide', 'aria-pressed': String(now), title: `Target ${i + 1}` }, `Target ${i + 1}`, row && !row.usable ? ` (${row.status})` : '');
     button.addEventListener('click', doing(async () => { page.target = i; await show(page.frame); }));
     return button;
   });
