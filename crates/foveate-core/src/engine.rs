@@ -323,6 +323,11 @@ impl Engine {
         self.target.is_some()
     }
 
+    /// Whether detections move or weigh its particles.
+    pub fn uses_detections(&self) -> bool {
+        self.parts.filter.uses_detections()
+    }
+
     /// Whether it searches for the target: what it acts on, which is not the reported status.
     pub fn is_searching(&self) -> bool {
         self.parts.monitor.loss.is_searching()

@@ -181,11 +181,11 @@ impl Tracker {
         Ok(Step { values, ..engine.look(self.preprocessor.scene(sensor.seen())) }.into())
     }
 
-    /// The same, with what a detector of yours found in the picture, in the place of the configuration's own. Detections count
-    /// where the configuration has `proposal = { kind = "mixture" }` or `[detection_likelihood]`.
+    /// The same, with what a detector of yours found in the picture, in the place of the configuration's own.
     ///
     /// # Errors
-    /// As [`Tracker::update`].
+    /// As [`Tracker::update`]; where the configuration uses no detections: it has neither `[detection_likelihood]` nor
+    /// `proposal = { kind = "mixture" }`.
     pub fn update_with<'a>(&'a mut self, image: &'a Image, detections: &'a [Detection]) -> Result<Output<'a>> {
         if self.sensor.is_some() {
             return Err(Error::Invalid(
@@ -196,6 +196,13 @@ impl Tracker {
         Ok(counted(self.committee.step(Scene { image, detections }), &self.preprocessor).into())
     }
 
+        if !self.committee.first().uses_detections() {
+            return Err(Error::Invalid(
+                "update_with: this configuration uses no detections; add [detection_likelihood] to it (settings: \
+                 detection_likelihood.place=0.2), or proposal.kind = \"mixture\" with dynamics.tail_probability = 0, or call update"
+                    .into(),
+            ));
+        }
     /// A picture before the target is given, or before the first update after [`Tracker::load`]: detector and camera motion
     /// compare pictures, and see it; nothing is tracked.
     pub fn skip(&mut self, image: &Image) {

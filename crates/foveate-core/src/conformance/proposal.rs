@@ -2,15 +2,26 @@
 
 use super::assert_mean;
 use crate::control::{CHUNK, Proposal};
-use crate::geometry::State;
-use crate::scene::Scene;
+use crate::geometry::{BBox, State};
+use crate::scene::{Detection, Scene};
 use foveate_base::rng::{Purpose, Streams};
 
 /// Children depend on their parent, the scene and the stream of their chunk; log p/q is finite, and the mean of
-/// p/q over q's draws is 1 for every parent (32 batches of 1,024 children).
+/// p/q over q's draws is 1 for every parent (32 batches of 1,024 children). A proposal that uses no detections gives the same children with
+/// and without them.
 pub fn proposal(proposal: &mut dyn Proposal, scene: Scene<'_>, parent: &State) {
     const N: usize = 16 * CHUNK;
     let parents = [*parent; N];
+    if !proposal.uses_detections() {
+        let detected = [Detection { bbox: BBox::around(parent.x + 1.0, parent.y, 8.0, 8.0), score: 1.0 }];
+        let mut children = |detections: &[Detection]| {
+            let (mut children, mut log_ratio) = ([State::default(); 1], [f64::NAN; 1]);
+            let streams = Streams::new(0, 0).at(1, Purpose::Predict);
+            proposal.propose(Scene { detections, ..scene }, &parents[..1], &mut children, &mut log_ratio, streams);
+            (children, log_ratio)
+        };
+        assert!(children(&[]) == children(&detected), "detections must change nothing where they are not used");
+    }
     let mut propose = |n: usize, streams: Streams| {
         let (mut children, mut log_ratio) = (vec![State::default(); n], vec![f64::NAN; n]);
         proposal.propose(scene, &parents[..n], &mut children, &mut log_ratio, streams);

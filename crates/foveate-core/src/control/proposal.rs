@@ -18,6 +18,10 @@ pub trait Proposal: Send + Sync {
     fn over(&self, _frames: usize) -> Option<Leap> {
         None
     }
+    /// Whether detections of the scene change what is proposed. If not, a tracker refuses detections that nothing else uses.
+    fn uses_detections(&self) -> bool {
+        true
+    }
     /// Fills `children` and `log_ratio`.
     fn propose(
         &mut self,
@@ -73,6 +77,10 @@ impl Proposal for Prior {
 
     fn over(&self, frames: usize) -> Option<Leap> {
         if self.clamp_to_frame { None } else { self.dynamics.over(frames) }
+    }
+
+    fn uses_detections(&self) -> bool {
+        false
     }
 
     // One thread: six normal draws a particle cost less than waking another thread for some thousands of them.

@@ -90,6 +90,11 @@ impl Filter {
         Self { local_search, ..self }
     }
 
+    /// Whether detections move or weigh particles.
+    pub(super) fn uses_detections(&self) -> bool {
+        self.detection_likelihood.is_some() || self.proposal.uses_detections()
+    }
+
     /// Draws all particles anew, about a state.
     pub(super) fn spread(&mut self, state: &State, extent: Extent, streams: Streams) {
         self.waiting = None;

@@ -33,6 +33,41 @@ fn detections_weigh_particles() {
     assert!(with - without > 1.0, "{without} px without, {with} px with it");
 }
 
+/// What nothing uses is refused, with what to do.
+#[test]
+fn detections_that_nothing_uses_are_refused() {
+    let (image, found) = (target(), [Detection { bbox: INIT, score: 1.0 }]);
+    for name in ["natural", "natural-fast", "natural-committee", "digits"] {
+        let config = Config::builtin(name).expect("it ships").expect("it is right");
+        let mut tracker = Tracker::new(&config).expect("parts that fit");
+        tracker.init(&image, INIT).expect("a box in the picture");
+        for detections in [&found[..], &[]] {
+            let error = tracker.update_with(&image, detections).err().expect("nothing uses them").to_string();
+            for words in [
+                "uses no detections",
+                "[detection_likelihood]",
+                "detection_likelihood.place=0.2",
+                "mixture",
+                "call update",
+            ] {
+                assert!(error.contains(words), "{name}: {error}");
+            }
+        }
+        assert!(tracker.update(&image).is_ok(), "{name}: it goes on");
+        for setting in
+            [&["detection_likelihood.place=0.2"][..], &["dynamics.tail_probability=0", "proposal.kind=mixture"]]
+        {
+            let config = setting
+                .iter()
+                .try_fold(config.clone(), |config, setting| config.set(setting))
+                .expect("as the error says");
+            let mut tracker = Tracker::new(&config).expect("parts that fit");
+            tracker.init(&image, INIT).expect("a box in the picture");
+            assert!(tracker.update_with(&image, &found).is_ok(), "{name} with {setting:?}");
+        }
+    }
+}
+
 #[test]
 fn what_is_covered_counts_for_less() {
     let image = target();
