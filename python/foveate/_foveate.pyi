@@ -122,7 +122,8 @@ class Tracker:
         channels: _Channels = "rgb",
     ) -> Tracker: ...
     def init(self, image: _Image, box: _Box) -> Result:
-        """Starts, or starts again, on the target in this box; all that was learned before is forgotten.
+        """Starts, or starts again, on the target in this box. Everything learned before is forgotten and the random streams start again, so
+        that the tracker goes on as a new one would, bit for bit. Only what a detector and the camera motion saw of earlier pictures stays.
 
         Parameters
         ----------
@@ -169,8 +170,13 @@ class Tracker:
         image : uint8 array
             As in :meth:`update`.
         detections : array (n, 4) or (n, 5), or anything with ``xyxy`` and ``confidence``
-            Left, top, width, height and, in a fifth column, score; or for example ``supervision.Detections``. They count where the
-            configuration has ``proposal = { kind = "mixture" }`` or ``[detection_likelihood]``.
+            Left, top, width, height and, in a fifth column, score; or for example ``supervision.Detections``.
+
+        Raises
+        ------
+        foveate.InputError
+            As :meth:`update`; or the configuration uses no detections. ``config={"detection_likelihood.place": 0.2}`` lets them weigh
+            particles; ``config={"proposal.kind": "mixture", "dynamics.tail_probability": 0}`` lets them move particles.
         """
     def track(
         self, video: Video | str | PathLike[str] | int | Iterable[Any], box: _Box | None = None, *, progress: bool | None = None
@@ -209,7 +215,9 @@ class Tracker:
         pictures, and see it; nothing is tracked.
         """
     def reset_at(self, box: _Box) -> None:
-        """Puts the target into this box: particles start about it, its template stays."""
+        """Puts the target into this box: particles start about it, and P(lost) is 0 until the next picture. Everything else stays: the template,
+        what was learned, and the random streams, which go on.
+        """
     def set_visibility(self, visible: float) -> None:
         """Says which share of the target the next pictures can show, 0 to 1, because something covers it; 1 until told otherwise."""
     def save(self) -> bytes:
@@ -220,12 +228,14 @@ class Tracker:
         anew.
         """
     def load(self, saved: bytes) -> None:
-        """Takes up what :meth:`save` gave. After an error the tracker has to be given its target anew.
+        """Takes up what :meth:`save` gave, in a tracker of the same configuration, seed and channels. After an error the tracker has to be
+        given its target anew.
 
         Raises
         ------
         foveate.InputError
-            It is no saved tracker, or one of another version or configuration.
+            It is no saved tracker, one of another version, or one with another configuration, seed or order of channels: the message names
+            what differs. The contents of model files are not compared.
         """
     @property
     def has_target(self) -> bool:
@@ -295,7 +305,7 @@ class MultiTracker:
     def save(self) -> bytes:
         """The whole state, as JSON in UTF-8; as :meth:`Tracker.save`."""
     def load(self, saved: bytes) -> None:
-        """Takes up what :meth:`save` gave; nothing changes where it fails."""
+        """Takes up what :meth:`save` gave, in a tracker of the same configuration, seed and channels; nothing changes where it fails."""
     @property
     def config(self) -> str:
         """The configuration as TOML, every setting written out."""

@@ -17,6 +17,8 @@ use crate::threads;
 pub trait Follows: Send + Sized {
     /// One that knows no target yet.
     fn made(making: &Making) -> Result<Self>;
+    /// The whole state.
+    fn save(&self) -> Value;
     /// Takes up a saved state.
     fn load(&mut self, saved: &Value) -> Result<()>;
     /// Sees a picture without tracking in it.
@@ -26,6 +28,9 @@ pub trait Follows: Send + Sized {
 impl Follows for Tracker {
     fn made(making: &Making) -> Result<Self> {
         making.blueprint.tracker(making.seed)
+    }
+    fn save(&self) -> Value {
+        Tracker::save(self)
     }
     fn load(&mut self, saved: &Value) -> Result<()> {
         Tracker::load(self, saved)
@@ -38,6 +43,9 @@ impl Follows for Tracker {
 impl Follows for MultiTracker {
     fn made(making: &Making) -> Result<Self> {
         making.blueprint.multi_tracker(making.seed)
+    }
+    fn save(&self) -> Value {
+        MultiTracker::save(self)
     }
     fn load(&mut self, saved: &Value) -> Result<()> {
         MultiTracker::load(self, saved)
@@ -96,9 +104,31 @@ impl<T: Follows> Held<T> {
         py.detach(|| threads::run(work).and_then(|result| result)).or_raise(py)
     }
 
-    /// Takes up a saved state.
+    /// The whole state as JSON in UTF-8, with the order of a colour picture's bytes.
+    pub fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        let text = py.detach(|| {
+            let mut saved = self.working().tracker.save();
+            saved["channels"] = self.making.channels.name.into();
+            saved.to_string()
+        });
+        Ok(PyBytes::new(py, text.as_bytes()))
+    }
+
+    /// Takes up a saved state. It is refused where a colour picture's bytes have another order: what was learned is of other colours.
     pub fn load(&self, py: Python<'_>, saved: &[u8]) -> PyResult<()> {
-        py.detach(|| self.working().tracker.load(&parse(saved)?)).or_raise(py)
+        let ours = self.making.channels;
+        let take_up = || {
+            let saved = parse(saved)?;
+            match saved["channels"].as_str().filter(|name| !ours.has_order_of(name)) {
+                Some(theirs) => Err(Error::Invalid(format!(
+                    "the saved state cannot be used: it was saved with channels=\"{theirs}\", this tracker has channels=\"{}\"; make the \
+                     tracker with channels=\"{theirs}\"",
+                    ours.name
+                ))),
+                None => self.working().tracker.load(&saved),
+            }
+        };
+        py.detach(take_up).or_raise(py)
     }
 
     /// What `__reduce__` answers: the function of this name makes it again.

@@ -98,11 +98,10 @@ impl PyMultiTracker {
 
     /// The whole state, as JSON in UTF-8; as :meth:`Tracker.save`.
     fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let saved = py.detach(|| self.0.working().tracker.save().to_string());
-        Ok(PyBytes::new(py, saved.as_bytes()))
+        self.0.save(py)
     }
 
-    /// Takes up what :meth:`save` gave; nothing changes where it fails.
+    /// Takes up what :meth:`save` gave, in a tracker of the same configuration, seed and channels; nothing changes where it fails.
     fn load(&self, py: Python<'_>, saved: &[u8]) -> PyResult<()> {
         self.0.load(py, saved)
     }

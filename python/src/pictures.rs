@@ -49,6 +49,10 @@ impl Channels {
     pub fn order_of_three(self) -> &'static [usize] {
         if self.order.len() == 3 { self.order } else { CHANNELS[0].order }
     }
+    /// Whether the channels of this name have the same colours in the same order.
+    pub fn has_order_of(self, name: &str) -> bool {
+        CHANNELS.iter().any(|c| c.name == name && c.order == self.order)
+    }
     /// Which byte of a pixel is red, green, blue.
     pub fn order(self) -> &'static [usize] {
         self.order

@@ -83,7 +83,8 @@ impl PyTracker {
         Held::new(Making::new(py, profile, config, seed, channels)?).or_raise(py).map(Self::of)
     }
 
-    /// Starts, or starts again, on the target in this box; all that was learned before is forgotten.
+    /// Starts, or starts again, on the target in this box. Everything learned before is forgotten and the random streams start again, so
+    /// that the tracker goes on as a new one would, bit for bit. Only what a detector and the camera motion saw of earlier pictures stays.
     ///
     /// Parameters
     /// ----------
@@ -138,8 +139,13 @@ impl PyTracker {
     /// image : uint8 array
     ///     As in :meth:`update`.
     /// detections : array (n, 4) or (n, 5), or anything with ``xyxy`` and ``confidence``
-    ///     Left, top, width, height and, in a fifth column, score; or for example ``supervision.Detections``. They count where the
-    ///     configuration has ``proposal = { kind = "mixture" }`` or ``[detection_likelihood]``.
+    ///     Left, top, width, height and, in a fifth column, score; or for example ``supervision.Detections``.
+    ///
+    /// Raises
+    /// ------
+    /// foveate.InputError
+    ///     As :meth:`update`; or the configuration uses no detections. ``config={"detection_likelihood.place": 0.2}`` lets them weigh
+    ///     particles; ``config={"proposal.kind": "mixture", "dynamics.tail_probability": 0}`` lets them move particles.
     fn update_with(&self, image: &Bound<'_, PyAny>, detections: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
         let found = read_detections(detections)?;
         let seen = self.0.show(image, |tracker, image| Ok(Seen::of(&tracker.update_with(image, &found)?)))?;
@@ -193,7 +199,8 @@ impl PyTracker {
         })
     }
 
-    /// Puts the target into this box: particles start about it, its template stays.
+    /// Puts the target into this box: particles start about it, and P(lost) is 0 until the next picture. Everything else stays: the template,
+    /// what was learned, and the random streams, which go on.
     #[pyo3(signature = (r#box))]
     fn reset_at(&self, py: Python<'_>, r#box: &Bound<'_, PyAny>) -> PyResult<()> {
         let bbox: BBox = read_box(r#box)?;
@@ -215,16 +222,17 @@ impl PyTracker {
     /// holds that picture, too. The background that a detector learned (``kind = "motion"``, ``"walkers"``) is in neither: it is learned
     /// anew.
     fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        let saved = py.detach(|| serde_json::to_vec(&self.0.working().tracker.save()));
-        Ok(PyBytes::new(py, &saved.map_err(|e| input(py, format!("cannot be saved: {e}")))?))
+        self.0.save(py)
     }
 
-    /// Takes up what :meth:`save` gave. After an error the tracker has to be given its target anew.
+    /// Takes up what :meth:`save` gave, in a tracker of the same configuration, seed and channels. After an error the tracker has to be
+    /// given its target anew.
     ///
     /// Raises
     /// ------
     /// foveate.InputError
-    ///     It is no saved tracker, or one of another version or configuration.
+    ///     It is no saved tracker, one of another version, or one with another configuration, seed or order of channels: the message names
+    ///     what differs. The contents of model files are not compared.
     fn load(&self, py: Python<'_>, saved: &[u8]) -> PyResult<()> {
         self.0.load(py, saved)
     }

@@ -365,6 +365,54 @@ def test_detections_of_others(pictures: Any) -> None:
             tracker.update_with(pictures[3], wrong)
 
 
+def test_detections_that_nothing_uses_are_refused(pictures: Any) -> None:
+    detections = [[43, 31, 24, 24, 0.9]]
+    tracker = foveate.Tracker("fast", config={"particles": 60})
+    tracker.init(pictures[0], FIRST)
+    with pytest.raises(foveate.InputError, match="uses no detections.*detection_likelihood.place=0.2"):
+        tracker.update_with(pictures[1], detections)
+    for config in ({"detection_likelihood.place": 0.2}, {"proposal.kind": "mixture", "dynamics.tail_probability": 0}):
+        tracker = foveate.Tracker("fast", config=config)
+        tracker.init(pictures[0], FIRST)
+        assert tracker.update_with(pictures[1], detections).ok
+
+
+def test_a_state_of_other_settings_is_refused(pictures: Any) -> None:
+    def made(**options: Any) -> foveate.Tracker:
+        return foveate.Tracker(**{"config": {"particles": 60}, "seed": 3, **options})
+
+    tracker = made()
+    follow(tracker, pictures[:3])
+    saved = tracker.save()
+    made().load(saved)
+    made(channels="rgba").load(saved)  # the same colours in the same order
+    for options, words in [
+        ({"seed": 4}, "seed is 3 in the state and 4 in this tracker"),
+        ({"channels": "bgr"}, 'saved with channels="rgb", this tracker has channels="bgr"'),
+        ({"config": {"particles": 60, "box_regression": "none"}}, "box_regression is set in the state and not set in this tracker"),
+        ({"config": {"particles": 60, "variation": "none"}}, "variation is set in the state and not set in this tracker"),
+        ({"config": {"particles": 61}}, "particles is 60 in the state and 61 in this tracker"),
+    ]:
+        with pytest.raises(foveate.InputError, match=words):
+            made(**options).load(saved)
+    many = foveate.MultiTracker(seed=3)
+    foveate.MultiTracker(seed=3).load(many.save())
+    with pytest.raises(foveate.InputError, match="seed is 3 in the state and 4 in this tracker"):
+        foveate.MultiTracker(seed=4).load(many.save())
+
+
+def test_a_second_start_is_a_fresh_one(pictures: Any) -> None:
+    fresh, again = foveate.Tracker("fast"), foveate.Tracker("fast")
+    again.init(pictures[5], (40 + 3 * 5, 30 + 5, 24, 24))
+    for picture in pictures[6:9]:
+        again.update(picture)
+    for tracker in (fresh, again):
+        tracker.init(pictures[0], FIRST)
+    for picture in pictures[1:5]:
+        one, other = fresh.update(picture), again.update(picture)
+        assert (tuple(one.box), one.p_lost) == (tuple(other.box), other.p_lost)
+
+
 def test_the_interpreter_is_free_while_a_tracker_works(pictures: Any) -> None:
     """Threads with a tracker each end with the boxes of one after the other; and one tracker may be shared."""
     wanted = [follow(foveate.Tracker(config={"particles": 60}, seed=s), pictures) for s in range(4)]

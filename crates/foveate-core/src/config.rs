@@ -13,6 +13,7 @@ use crate::identity::box_regression::{self, BoxRegression};
 use crate::identity::encoder::Encoder;
 use crate::identity::gaze_appearance::GazeAppearance;
 use crate::identity::retina::{Foveal, Retina};
+use crate::origin::Origin;
 use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 
@@ -212,6 +213,12 @@ impl Blueprint {
     /// The engine of one target.
     pub(crate) fn engine(&self, seed: u64, target: u64) -> Result<Engine> {
         Ok(Engine::new(self.parts()?, seed, target))
+    }
+    /// What a tracker of this seed and target is made with.
+    pub(crate) fn origin(&self, seed: u64, target: u64) -> Origin {
+        let chain = std::iter::successors(Some(self), |blueprint| blueprint.second.as_deref());
+        let value = |blueprint: &Self| serde_json::to_value(&blueprint.config).expect("a configuration is plain data");
+        Origin { seed, target, configurations: chain.map(value).collect() }
     }
     /// The engines of all members that follow one target.
     pub(crate) fn members(&self, seed: u64, target: u64) -> Result<Vec<Engine>> {

@@ -78,7 +78,7 @@ pub(crate) struct Engine {
     second: Option<Box<Engine>>,
     streams: Streams,
     target: Option<Target>,
-    /// Steps since the tracker was made.
+    /// Steps since the target was given.
     frame: u64,
     /// What the policy is told: how the last frame ended.
     context: Context,

@@ -14,6 +14,7 @@ pub mod identity;
 pub mod multi;
 #[cfg(feature = "onnx")]
 mod onnx;
+mod origin;
 pub mod recognition;
 pub mod reference;
 pub mod scene;

@@ -33,6 +33,7 @@ pub use tracked_target::{Phase, TrackedTarget};
 
 use crate::engine::Engine;
 use crate::geometry::BBox;
+use crate::origin::Origin;
 use crate::scene::{Detection, Image, Preprocessor};
 
 use attention::Priority;
@@ -62,6 +63,7 @@ const SAME: f64 = 0.6;
 
 /// Follows many targets: those that are given, and those that detections start.
 pub struct MultiTracker {
+    origin: Origin,
     settings: Settings,
     room: Room,
     /// Whether memory kept a track from being started.
@@ -106,8 +108,9 @@ struct Work {
 }
 
 impl MultiTracker {
-    pub(crate) fn of(settings: Settings, room: Room, make: Make, fresh: Fresh) -> Self {
+    pub(crate) fn of(origin: Origin, settings: Settings, room: Room, make: Make, fresh: Fresh) -> Self {
         Self {
+            origin,
             settings,
             room,
             full: false,

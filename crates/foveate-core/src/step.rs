@@ -12,7 +12,7 @@ use crate::scene::{Detection, Image};
 /// One frame's results. Views of buffers that the next step overwrites.
 #[non_exhaustive]
 pub struct Step<'a> {
-    /// Steps of the tracker until now: 1 for the first picture after the one the target was given in.
+    /// Steps since the target was given: 1 for the first picture after that.
     pub number: u64,
     /// The picture it is about.
     pub image: &'a Image,

@@ -8,6 +8,7 @@ use crate::config::{Blueprint, Configure};
 use crate::control::Status;
 use crate::engine::{Engine, Parts};
 use crate::geometry::{BBox, Extent, State};
+use crate::origin::Origin;
 use crate::scene::{Detection, Image, Preprocessor, Regions, Scene, Sensor};
 use crate::step::{Region, Step};
 use foveate_base::files::Nowhere;
@@ -28,6 +29,7 @@ use serde::{Deserialize, Serialize};
 /// # Ok::<(), foveate_core::Error>(())
 /// ```
 pub struct Tracker {
+    origin: Origin,
     committee: Committee,
     preprocessor: Preprocessor,
     /// What reads pictures, where not all of them is read.
@@ -81,11 +83,12 @@ impl<'a> From<Step<'a>> for Output<'a> {
 }
 
 /// The format number of saved trackers.
-const FORMAT: u32 = 14;
+const FORMAT: u32 = 15;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {
     format: u32,
+    origin: Origin,
     shape: Option<[usize; 3]>,
     engine: serde_json::Value,
 }
@@ -105,12 +108,12 @@ impl Tracker {
     /// A tracker of these parts, with its own streams of randomness named by `seed`; what is looked at before each step is
     /// the preprocessor's business.
     pub fn from_parts(parts: Parts, preprocessor: Preprocessor, seed: u64) -> Self {
-        Self::of(vec![Engine::new(parts, seed, 0)], preprocessor)
+        Self::of(Origin::by_hand(seed), vec![Engine::new(parts, seed, 0)], preprocessor)
     }
 
     /// Of one engine, or several that vote.
-    pub(crate) fn of(engines: Vec<Engine>, preprocessor: Preprocessor) -> Self {
-        Self { committee: Committee::new(engines), preprocessor, sensor: None, shape: None }
+    fn of(origin: Origin, engines: Vec<Engine>, preprocessor: Preprocessor) -> Self {
+        Self { origin, committee: Committee::new(engines), preprocessor, sensor: None, shape: None }
     }
 
     /// The same, reading pictures through a sensor.
@@ -118,8 +121,9 @@ impl Tracker {
         Self { sensor, ..self }
     }
 
-    /// Starts, or starts again, on the target in this box: its template is what is there, and all that was learned before is
-    /// forgotten.
+    /// Starts, or starts again, on the target in this box: its template is what is there. Everything learned before is forgotten and the
+    /// random streams start again, so that the tracker goes on as a new one would, bit for bit. Only what a detector and the camera motion
+    /// saw of earlier pictures stays, as after [`Tracker::skip`]: for another video make another tracker.
     ///
     /// # Errors
     /// [`Error::Invalid`] where the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture; then nothing
@@ -192,10 +196,6 @@ impl Tracker {
                 "a tracker with [sensor] reads no detections of others; leave [sensor] out".into(),
             ));
         }
-        self.prepare(image)?;
-        Ok(counted(self.committee.step(Scene { image, detections }), &self.preprocessor).into())
-    }
-
         if !self.committee.first().uses_detections() {
             return Err(Error::Invalid(
                 "update_with: this configuration uses no detections; add [detection_likelihood] to it (settings: \
@@ -203,6 +203,10 @@ impl Tracker {
                     .into(),
             ));
         }
+        self.prepare(image)?;
+        Ok(counted(self.committee.step(Scene { image, detections }), &self.preprocessor).into())
+    }
+
     /// A picture before the target is given, or before the first update after [`Tracker::load`]: detector and camera motion
     /// compare pictures, and see it; nothing is tracked.
     pub fn skip(&mut self, image: &Image) {
@@ -249,7 +253,8 @@ impl Tracker {
         Ok(())
     }
 
-    /// Puts the target into this box: particles start about it, its template stays.
+    /// Puts the target into this box: particles start about it, and P(lost) is 0 until the next picture. Everything else stays: the
+    /// template, what policy, discriminant, colour model and recogniser learned, and the random streams, which go on.
     ///
     /// # Errors
     /// [`Error::Invalid`] before [`Tracker::init`], or where the box is not finite or has no area.
@@ -286,7 +291,8 @@ impl Tracker {
     /// The whole state in mid-video, to go on from bit for bit with [`Tracker::load`]. What detector and camera motion saw is
     /// not in it: show the last picture again with [`Tracker::skip`].
     pub fn save(&self) -> serde_json::Value {
-        let saved = Saved { format: FORMAT, shape: self.shape, engine: self.committee.save() };
+        let saved =
+            Saved { format: FORMAT, origin: self.origin.clone(), shape: self.shape, engine: self.committee.save() };
         serde_json::to_value(saved).expect("plain data is JSON")
     }
 
@@ -294,13 +300,16 @@ impl Tracker {
     /// be given its target anew.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where it is not a saved tracker, of another version, or of another configuration.
+    /// [`Error::Invalid`] where it is not a saved tracker, is of another version, or was saved with another configuration or seed: the
+    /// error names the settings that differ. The contents of model files are not compared.
     pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
         let bad = |what: String| Error::Invalid(format!("the saved tracker cannot be used: {what}"));
-        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
-        if saved.format != FORMAT {
-            return Err(bad(format!("its format is {}, this version writes and reads {FORMAT}", saved.format)));
+        // First of all: a state of another format has other fields.
+        if let Some(format) = saved["format"].as_u64().filter(|format| *format != u64::from(FORMAT)) {
+            return Err(bad(format!("its format is {format}, this version writes and reads {FORMAT}")));
         }
+        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
+        self.origin.check(&saved.origin).map_err(bad)?;
         self.committee.load(&saved.engine)?;
         if saved.shape.is_some() != self.committee.has_target() {
             return Err(bad("it has a target without the size of its pictures, or the size without a target".into()));
@@ -342,6 +351,6 @@ impl Blueprint {
     /// As [`Blueprint::tracker`].
     pub fn tracker_of(&self, seed: u64, target: u64) -> Result<Tracker> {
         let sensor = self.config().sensor.clone().map(Sensor::new);
-        Ok(Tracker::of(self.members(seed, target)?, self.preprocessor()).sensing(sensor))
+        Ok(Tracker::of(self.origin(seed, target), self.members(seed, target)?, self.preprocessor()).sensing(sensor))
     }
 }

@@ -26,7 +26,8 @@ impl Blueprint {
         let blueprint = self.clone();
         let make = move |id| blueprint.engine(seed, id).expect("one was made with the same parts");
         let (settings, blueprint) = (self.config.multi_target.unwrap_or_default(), self.clone());
-        Ok(MultiTracker::of(settings, self.room(), Box::new(make), Box::new(move || blueprint.preprocessor())))
+        let (make, fresh) = (Box::new(make), Box::new(move || blueprint.preprocessor()));
+        Ok(MultiTracker::of(self.origin(seed, 0), settings, self.room(), make, fresh))
     }
 }
 

@@ -20,10 +20,12 @@ pub(super) fn attenuate(log_likelihood: &mut [f64], visible: f64) {
 
 impl Engine {
     /// Starts, or starts again, on the target in `bbox`: keeps the template and draws x₀⁽ⁱ⁾ ~ p(x₀). All that was learned is
-    /// forgotten.
+    /// forgotten, and frames are counted anew, so that the random streams start again.
     ///
     /// Fails where the box has no area, is not finite, or does not touch the picture; then nothing has changed.
     pub fn init(&mut self, image: &Image, bbox: BBox) -> Result<()> {
+        crate::start::check(image, &bbox)?;
+        self.frame = 0;
         self.set_template(image, &bbox, (0.0, 0.0))?;
         self.parts.gaze.policy.reset();
         self.foretell(image);

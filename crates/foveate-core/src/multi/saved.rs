@@ -10,17 +10,19 @@ use super::target::{SHAPE, Target};
 use super::{MOST_ID, MultiTracker};
 use crate::geometry::BBox;
 use crate::multi::TrackedTarget;
+use crate::origin::Origin;
 use foveate_base::{Error, Result, memory};
 
 /// Frames that a video may have had before: at 1000 a second, 24 days.
 pub(super) const MOST_FRAMES: usize = 1 << 31;
 
 /// The format number.
-const FORMAT: u32 = 7;
+const FORMAT: u32 = 8;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {
     format: u32,
+    origin: Origin,
     next_id: u64,
     detecting: bool,
     fronts: Fronts,
@@ -50,6 +52,7 @@ impl MultiTracker {
         let targets = |targets: &[Target]| targets.iter().map(SavedTarget::of).collect();
         let saved = Saved {
             format: FORMAT,
+            origin: self.origin.clone(),
             next_id: self.next_id,
             detecting: self.detecting,
             fronts: self.fronts.clone(),
@@ -63,13 +66,19 @@ impl MultiTracker {
         serde_json::to_value(saved).expect("plain data is JSON")
     }
 
-    /// Takes up what `save` gave, among trackers of the same configuration and seed. Nothing changes where it fails.
+    /// Takes up what `save` gave, in a tracker of the same configuration and seed. Nothing changes where it fails.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where these are not saved targets, are of another version, or were saved with another configuration or seed: the
+    /// error names the settings that differ.
     pub fn load(&mut self, saved: &Value) -> Result<()> {
         let bad = |what: String| Error::Invalid(format!("the saved targets cannot be used: {what}"));
-        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
-        if saved.format != FORMAT {
-            return Err(bad(format!("their format is {}, this program writes and reads {FORMAT}", saved.format)));
+        // First of all: targets of another format have other fields.
+        if let Some(format) = saved["format"].as_u64().filter(|format| *format != u64::from(FORMAT)) {
+            return Err(bad(format!("their format is {format}, this program writes and reads {FORMAT}")));
         }
+        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
+        self.origin.check(&saved.origin).map_err(bad)?;
         let ordered = saved.active.is_sorted_by(|a, b| a.track.id < b.track.id);
         let ids = ordered && saved.next_id <= MOST_ID;
         if !ids || saved.active.iter().chain(&saved.terminated).any(|t| t.track.id >= saved.next_id) {

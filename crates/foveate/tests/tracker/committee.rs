@@ -79,8 +79,8 @@ fn one_cannot_go_on_as_several() {
         }
     };
     let error = refused(MEMBERS, &saved(1));
-    assert!(error.contains("not that of a committee"), "{error}");
+    assert!(error.contains("committee is ") && error.contains("and 3 in this tracker"), "{error}");
     let error = refused(MEMBERS, &saved(2));
-    assert!(error.contains("has 2 members, this one 3"), "{error}");
+    assert!(error.contains("committee is 2 in the state and 3 in this tracker"), "{error}");
     refused(1, &saved(2));
 }

@@ -202,6 +202,76 @@ fn a_target_given_again_is_followed_from_there() {
     });
 }
 
+/// The configurations that ship for one target, of fewer particles. One with a detector goes on with the background that it has learned.
+fn shipped() -> impl Iterator<Item = (&'static str, Config)> {
+    Config::names().into_iter().filter_map(|name| {
+        let config = Config::builtin(name).expect("it ships").expect("it is right");
+        let one = config.multi_target.is_none() && config.detector.is_none();
+        one.then(|| (name, Config { particles: config.particles.min(PARTICLES), ..config }))
+    })
+}
+
+/// As OpenCV's trackers do: a second start equals a new tracker, whatever came before, also another video.
+#[test]
+fn a_second_start_is_a_fresh_one_bit_for_bit() {
+    let frames = frames();
+    let other: Vec<Frame> = (0..FRAMES).map(|i| frame(40 - 2 * i, 1)).collect();
+    let again = |name: &str, blueprint: &Blueprint| {
+        let fresh = alone(blueprint, &frames);
+        let mut tracker = blueprint.tracker_of(5, 0).expect("parts that fit");
+        tracker.init(&other[0].image, truth(40)).expect("a box in the picture");
+        go(&mut tracker, &other[1..]);
+        tracker.set_visibility(0.3);
+        for _ in 0..2 {
+            tracker.init(&frames[0].image, INIT).expect("a box in the picture");
+            assert!(go(&mut tracker, &frames[1..]) == fresh, "{name}");
+        }
+    };
+    each(again);
+    for (name, config) in shipped() {
+        again(name, &config.check(&Folder::here()).expect("it ships"));
+    }
+}
+
+/// A state goes on in a tracker of its seed, target and configuration alone; what differs is named.
+#[test]
+fn a_state_of_other_settings_is_refused_by_name() {
+    let frames = frames();
+    let config = natural(PARTICLES).config().clone();
+    let made = |config: &Config, seed: u64, target: u64| {
+        config.clone().check(&Folder::here()).expect("good").tracker_of(seed, target).expect("parts that fit")
+    };
+    let mut tracker = made(&config, 5, 0);
+    tracker.init(&frames[0].image, INIT).expect("a box in the picture");
+    let saved = tracker.save();
+    made(&config, 5, 0).load(&saved).expect("its own settings");
+    // The seed in force counts, not that of the file.
+    made(&Config { seed: 77, ..config.clone() }, 5, 0).load(&saved).expect("its own settings");
+    let refused = |mut tracker: Tracker| tracker.load(&saved).expect_err("other settings").to_string();
+    for (tracker, words) in [
+        (made(&config, 6, 0), "seed is 5 in the state and 6 in this tracker"),
+        (made(&config, 5, 1), "target is 0 in the state and 1 in this tracker"),
+    ] {
+        let error = refused(tracker);
+        assert!(error.contains(words) && error.contains("settings that the state was saved with"), "{error}");
+    }
+    for (setting, key) in [
+        ("box_regression=none", "box_regression is set in the state and not set in this tracker"),
+        ("variation=none", "variation is set in the state and not set in this tracker"),
+        (
+            "second_opinion=none",
+            "second_opinion is \"builtin:natural-middle\" in the state and not set in this tracker",
+        ),
+        ("particles=200", "particles is 210 in the state and 200 in this tracker"),
+        ("confidence.status.leave=0.2", "confidence.status.leave is 0.3 in the state and 0.2 in this tracker"),
+        ("retina.colour=[]", "retina.colour is "),
+        ("committee=3", "committee is "),
+    ] {
+        let error = refused(made(&config.set(setting).expect("a key"), 5, 0));
+        assert!(error.contains(key), "{setting}: {error}");
+    }
+}
+
 #[test]
 fn what_does_not_fit_is_refused() {
     let frames = frames();

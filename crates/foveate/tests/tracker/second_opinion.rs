@@ -90,5 +90,5 @@ fn half_of_a_pair_is_refused() {
     let mut alone = tracker(Config { second_opinion: None, ..pair() });
     alone.init(&frame(0, 3).image, INIT).expect("a box in the picture");
     let error = tracker(pair()).load(&alone.save()).expect_err("one of two is missing").to_string();
-    assert!(error.contains("no second opinion"), "{error}");
+    assert!(error.contains("second_opinion is not set in the state and "), "{error}");
 }
