@@ -1,7 +1,9 @@
 //! A program that runs beside this one, and never longer.
 
 use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, ExitStatus};
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -18,6 +20,7 @@ pub(crate) struct Leash(Arc<Mutex<Held>>);
 #[derive(Debug, Default)]
 struct Held {
     child: Option<Child>,
+    line: Option<Line>,
     /// Nobody wants another one.
     over: bool,
 }
@@ -29,9 +32,18 @@ impl Leash {
 
     /// Holds a child, which ends with the next one.
     pub fn hold(&self, child: Child) {
+        self.put(child, None);
+    }
+
+    /// Holds a [`guarded`] child and the line to it.
+    pub fn hold_with(&self, child: Child, line: Line) {
+        self.put(child, Some(line));
+    }
+
+    fn put(&self, child: Child, line: Option<Line>) {
         self.end();
         let mut held = self.held();
-        held.child = Some(child);
+        (held.child, held.line) = (Some(child), line);
         if held.over {
             drop(held);
             self.end();
@@ -40,9 +52,13 @@ impl Leash {
 
     /// Ends the child.
     pub fn end(&self) {
-        if let Some(mut child) = self.held().child.take() {
+        let mut held = self.held();
+        if let Some(mut child) = held.child.take() {
             let _ = child.kill();
             let _ = child.wait();
+        }
+        if let Some(line) = held.line.take() {
+            line.hang_up();
         }
     }
 
@@ -63,6 +79,20 @@ impl Leash {
         Arc::new(move || leash.end_for_good())
     }
 
+    /// Ends the child where the answer is not dropped before `patience` is over.
+    pub fn end_after(&self, patience: Duration) -> Sender<()> {
+        let (in_time, waits) = channel();
+        let leash = self.clone();
+        let work = move || {
+            if waits.recv_timeout(patience) == Err(RecvTimeoutError::Timeout) {
+                leash.end();
+            }
+        };
+        // Without a thread it is waited for as long as it takes.
+        let _ = thread::start("watching a program", work);
+        in_time
+    }
+
     /// Waits for the child to end by itself. `None` where somebody else ended it.
     pub fn wait(&self) -> Option<ExitStatus> {
         loop {
@@ -74,6 +104,50 @@ impl Leash {
             }
         }
     }
+}
+
+/// Our end of a line to a program: what the program writes to its standard input comes here.
+#[derive(Debug)]
+pub(crate) struct Line(#[cfg(unix)] std::os::unix::net::UnixStream, #[cfg(not(unix))] std::io::PipeReader);
+
+impl Line {
+    pub fn reader(&self) -> std::io::Result<impl Read + Send + 'static> {
+        self.0.try_clone()
+    }
+
+    /// Ends the line: a guarded program ends with it.
+    fn hang_up(&self) {
+        #[cfg(unix)]
+        let _ = self.0.shutdown(std::net::Shutdown::Both);
+    }
+}
+
+/// A command that runs `program`, and the line to it. A shell between the two ends the program when our end of the line closes, however
+/// this process ends.
+#[cfg(unix)]
+pub(crate) fn guarded(program: &Path) -> std::io::Result<(Command, Line)> {
+    const SCRIPT: &str = r#"exec 3<&0
+"$0" "$@" <&3 3<&- &
+child=$!
+{ read -r _ <&3; kill -9 $child; } >/dev/null 2>&1 &
+guard=$!
+wait $child
+status=$?
+kill $guard 2>/dev/null
+exit $status"#;
+    let (ours, theirs) = std::os::unix::net::UnixStream::pair()?;
+    let mut command = Command::new("/bin/sh");
+    command.args(["-c", SCRIPT]).arg(program).stdin(Stdio::from(std::os::fd::OwnedFd::from(theirs)));
+    Ok((command, Line(ours)))
+}
+
+/// A command that runs `program`, and the line to it.
+#[cfg(not(unix))]
+pub(crate) fn guarded(program: &Path) -> std::io::Result<(Command, Line)> {
+    let (ours, theirs) = std::io::pipe()?;
+    let mut command = Command::new(program);
+    command.stdin(Stdio::from(theirs));
+    Ok((command, Line(ours)))
 }
 
 /// What a child says on its error channel, line by line, as long as it says something. A line is cut after 2000 bytes, and its

@@ -9,6 +9,7 @@
 mod facts;
 mod said;
 
+use std::borrow::Cow;
 use std::ffi::OsString;
 use std::io::{BufRead, BufReader, ErrorKind, Read, pipe};
 use std::path::{Path, PathBuf};
@@ -23,8 +24,9 @@ use crate::decoded::{DecodeError, Decoded, Picture};
 use crate::y4m::Y4m;
 use crate::yuv::{Colour, Yuv};
 use facts::Facts;
+pub(crate) use facts::probe;
 use foveate_base::{memory, thread};
-use said::Said;
+pub(crate) use said::Said;
 
 /// The pixels as ffmpeg hands them over.
 pub(crate) type Pixels = Y4m<BufReader<ChildStdout>>;
@@ -32,10 +34,7 @@ pub(crate) type Pixels = Y4m<BufReader<ChildStdout>>;
 /// A running ffmpeg.
 pub(super) struct Ffmpeg {
     program: PathBuf,
-    /// The file, as ffmpeg names it.
-    input: OsString,
-    /// Options before it.
-    kind: &'static [&'static str],
+    input: Input,
     facts: Facts,
     leash: Leash,
     remarks: Remarks,
@@ -51,8 +50,8 @@ pub(super) struct Ffmpeg {
 
 /// The time stamp of a frame in seconds from the first, and how long the frame lasts by its rate; 0 where nobody knows.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Stamp {
-    time: f64,
+pub(crate) struct Stamp {
+    pub time: f64,
     lasts: f64,
 }
 
@@ -83,11 +82,37 @@ pub(crate) fn most_pixels() -> String {
 
 /// Ticks a second of the times that ffmpeg is asked for: the times of 1/90000, 1/1000000 and of common rates are whole numbers of it,
 /// and no other is off by more than a nanosecond. Without it ffmpeg rounds times to the mean frame rate.
-const TICKS: &str = "1:1764000000";
+pub(crate) const TICKS: &str = "1:1764000000";
 /// A corrupt frame so near to the end, in frames, is the end.
 const NEAR: usize = 4;
 /// Times that are nearer than this, in seconds, are those that ffmpeg makes up where its time stamps do not rise.
 const NEAREST: f64 = 1e-6;
+
+/// What ffmpeg opens, and all that it may open for it.
+#[derive(Clone, Debug)]
+pub(crate) struct Input {
+    /// As ffmpeg names it.
+    pub name: OsString,
+    pub protocols: &'static str,
+    pub kinds: Cow<'static, str>,
+    /// Further options.
+    pub options: Vec<String>,
+}
+
+impl Input {
+    /// A file of the disk.
+    pub fn file(path: &Path) -> Self {
+        let mut name = OsString::from("file:");
+        name.push(path);
+        Self { name, protocols: "file", kinds: KINDS.into(), options: kind(path).iter().map(|&o| o.to_owned()).collect() }
+    }
+
+    /// The options that stand before it.
+    pub fn guards(&self) -> impl Iterator<Item = OsString> + '_ {
+        let allowed = ["-protocol_whitelist", self.protocols, "-format_whitelist", &self.kinds];
+        allowed.into_iter().chain(self.options.iter().map(String::as_str)).map(OsString::from)
+    }
+}
 
 impl Ffmpeg {
     /// Starts `program` on a file; the first `skip` frames are thrown away.
@@ -95,10 +120,18 @@ impl Ffmpeg {
     /// # Errors
     /// What is wrong and what to do, where the program is not there or does not start, or the file holds sound alone.
     pub fn open(program: &Path, path: &Path, skip: usize, leash: &Leash, remarks: &Remarks) -> Result<Self, String> {
-        let mut input = OsString::from("file:");
-        input.push(path);
-        let kind = kind(path);
-        let facts = Facts::ask(program, kind, &input);
+        Self::of_input(program, Input::file(path), skip, leash, remarks)
+    }
+
+    /// The same for any input.
+    pub fn of_input(
+        program: &Path,
+        input: Input,
+        skip: usize,
+        leash: &Leash,
+        remarks: &Remarks,
+    ) -> Result<Self, String> {
+        let facts = Facts::ask(program, &input);
         if facts.sound {
             return Err("expected a video, found sound alone; give a file with pictures".into());
         }
@@ -107,7 +140,6 @@ impl Ffmpeg {
         let mut ffmpeg = Self {
             program,
             input,
-            kind,
             facts,
             leash,
             remarks,
@@ -140,10 +172,9 @@ impl Ffmpeg {
         let mut command = Command::new(&self.program);
         command
             .args(["-hide_banner", "-nostdin", "-nostats", "-loglevel", "level+warning", "-copyts"])
-            .args(["-protocol_whitelist", "file", "-format_whitelist", KINDS, "-max_pixels", &most_pixels()])
-            .args(self.kind)
-            .arg("-i")
-            .arg(&self.input)
+            .args(self.input.guards())
+            .args(["-max_pixels", &most_pixels(), "-i"])
+            .arg(&self.input.name)
             .args(["-map", &stream, "-an", "-sn", "-dn", "-map_metadata", "-1", "-vf", &format!("{FORMATS}{guard}")])
             .args(passthrough)
             // One frame goes to both outputs before the next one is made: none waits for the other.
@@ -268,7 +299,7 @@ fn hear(errors: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Result<()
 }
 
 /// The times of the frames from the first, as they come: lines of numbers under a head that states the unit.
-fn read_times(lines: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Result<Receiver<Stamp>, String> {
+pub(crate) fn read_times(lines: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Result<Receiver<Stamp>, String> {
     let (send, times) = sync_channel(1 << 10);
     let read = move || {
         let (mut unit, mut first) = (None, None);

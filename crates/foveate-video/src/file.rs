@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use crate::child::{Interrupt, Leash};
 use crate::decoded::{DecodeError, Picture};
-use crate::ffmpeg::Ffmpeg;
+use crate::ffmpeg::{Ffmpeg, Input};
 use crate::frame::FFMPEG;
 use crate::options::{Decoder, Options};
 use crate::stream::{Bytes, Mp4};
@@ -65,10 +65,7 @@ impl VideoFile {
     }
 
     fn read(path: &Path, mut file: Box<dyn Bytes>, len: u64, options: &Options) -> Result<Self> {
-        let info = SourceInfo { width: 0, height: 0, frames: None, rate: 0.0, reader: String::new() };
-        let (path, options, leash) = (path.to_owned(), options.clone(), Leash::default());
-        let remarks = Remarks::default();
-        let mut video = Self { path, options, leash, info, remarks, reader: None, first: None, next: 0 };
+        let mut video = Self::unread(path.to_owned(), options.clone());
         let mut head = [0; 12];
         let opened = match file.read_exact(&mut head) {
             Ok(()) if is_mp4(&head) => Mp4::new(file, len),
@@ -82,6 +79,27 @@ impl VideoFile {
             Err(DecodeError::Unsupported(why)) => video.hand_over(&why)?,
             Err(DecodeError::Damaged(problem)) => return Err(Error::malformed(&video.path, problem)),
         }
+        video.begun()
+    }
+
+    /// A file that is no file of the system, which ffmpeg opens; `name` stands for it in errors.
+    pub(crate) fn of_input(name: PathBuf, input: Input, ffmpeg: &Path) -> Result<Self> {
+        let mut video = Self::unread(name, Options { ffmpeg: ffmpeg.to_owned(), ..Options::default() });
+        let reader =
+            Ffmpeg::of_input(ffmpeg, input, 0, &video.leash, &video.remarks).map_err(|problem| video.error(problem))?;
+        video.reader = Some(Reader::Ffmpeg(Box::new(reader)));
+        video.begun()
+    }
+
+    fn unread(path: PathBuf, options: Options) -> Self {
+        let info = SourceInfo { width: 0, height: 0, frames: None, rate: 0.0, reader: String::new() };
+        let (leash, remarks) = (Leash::default(), Remarks::default());
+        Self { path, options, leash, info, remarks, reader: None, first: None, next: 0 }
+    }
+
+    /// Decodes the first frame.
+    fn begun(mut self) -> Result<Self> {
+        let video = &mut self;
         let none = "expected frames, found none that is to be shown; check the file with another player";
         let (image, time) = video.picture().unwrap_or_else(|| Err(Error::malformed(&video.path, none)))?;
         let (frames, rate, reader) = match &video.reader {
@@ -91,7 +109,7 @@ impl VideoFile {
         };
         video.info = SourceInfo { width: image.width(), height: image.height(), frames, rate, reader: reader.into() };
         video.first = Some(Frame { index: 0, time, image });
-        Ok(video)
+        Ok(self)
     }
 
     /// Chooses the decoder of an MP4 file.

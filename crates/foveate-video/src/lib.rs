@@ -1,11 +1,13 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
+mod address;
 pub mod ahead;
 pub mod annotation;
 mod aspect;
 mod child;
 pub mod coded;
+mod connection;
 pub mod decode;
 mod decoded;
 pub mod encode;
@@ -29,6 +31,7 @@ mod pattern;
 mod piped;
 mod remarks;
 pub mod select;
+mod skew;
 mod sps;
 mod stream;
 pub mod tiles;
@@ -37,6 +40,7 @@ pub mod vot;
 mod y4m;
 mod yuv;
 
+pub use address::{is_live, without_password};
 pub use ahead::{ahead, ahead_until};
 pub use child::Interrupt;
 pub use coded::{CodedFrame, CodedVideo, Planes};
@@ -45,7 +49,7 @@ pub use encode::{encode_jpeg, encode_png, save_png};
 pub use file::VideoFile;
 pub use folder::{ImageFolder, frames_folder, image_files, is_video};
 pub use frame::{Frame, FrameSource, SourceInfo};
-pub use live::{Live, LiveOptions, is_live, without_password};
+pub use live::{Live, LiveOptions};
 pub use mp4_writer::Mp4Writer;
 pub use newest::{Meter, Pace, newest};
 pub use open::{open, open_with};

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 
 use image::ImageFormat;
 
+use crate::address::{is_live, other_protocol, without_password};
 use crate::decode::image_kind;
-use crate::live::{is_live, without_password};
 use crate::piped::Piped;
 use crate::y4m::MAGIC;
 use crate::{FrameSource, ImageFolder, Options, VideoFile, pattern};
@@ -33,13 +33,21 @@ pub fn open(path: impl AsRef<Path>) -> Result<Box<dyn FrameSource>> {
 pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn FrameSource>> {
     let path = path.as_ref();
     if path == Path::new("-") {
-        return piped("standard input".into(), std::io::stdin(), &[], options);
+        return piped("standard input".into(), std::io::stdin(), &[], unread_input(), options);
     }
     if is_live(path) {
         let address = without_password(&path.to_string_lossy()).into_owned();
         let problem =
             "a stream or a camera, which is not opened as a file is; expected a video file or a folder of images";
         return Err(Error::malformed(address, problem));
+    }
+    if let Some(name) = other_protocol(path).filter(|_| !path.exists()) {
+        let address = path.display();
+        let problem = format!(
+            "{name}:// is not opened; expected rtsp://, http://, https:// or /dev/video; let ffmpeg read it: \
+             `ffmpeg -i {address} -fps_mode passthrough -pix_fmt yuv420p -f yuv4mpegpipe - | foveate track - ...`"
+        );
+        return Err(Error::malformed(path, problem));
     }
     if let Some(files) = pattern::files(path)? {
         return Ok(Box::new(ImageFolder::from_files(files)?));
@@ -51,13 +59,14 @@ pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn Fr
     }
     let mut file = File::open(path).map_err(Error::io(path, cannot))?;
     if options.raw.is_some() {
-        return piped(path.to_owned(), file, &[], options);
+        let length = about.is_file().then_some(about.len());
+        return piped(path.to_owned(), file, &[], length, options);
     }
     let mut head = Vec::new();
     // No more than tells yuv4mpeg: what is read of a fifo cannot be read again.
     file.by_ref().take(MAGIC.len() as u64).read_to_end(&mut head).map_err(Error::io(path, cannot))?;
     if head == MAGIC || !about.is_file() {
-        return piped(path.to_owned(), file, &head, options);
+        return piped(path.to_owned(), file, &head, None, options);
     }
     if head.is_empty() {
         return Err(Error::malformed(path, "the file is empty (0 bytes); expected a video or an image; copy it again"));
@@ -78,18 +87,31 @@ fn is_animated(file: &mut File) -> bool {
     at(b"acTL").is_some_and(|animated| at(b"IDAT").is_none_or(|picture| animated < picture))
 }
 
-/// Raw video, of which `read` was read already.
+/// Raw video, of which `read` was read already, and of which there are so many bytes where that is known.
 fn piped(
     name: PathBuf,
     file: impl Read + Send + 'static,
     read: &[u8],
+    bytes: Option<u64>,
     options: &Options,
 ) -> Result<Box<dyn FrameSource>> {
     let reader = Box::new(BufReader::with_capacity(1 << 16, file));
     Ok(Box::new(match options.raw {
-        Some(raw) => Piped::raw(name, reader, raw)?,
+        Some(raw) => Piped::raw(name, reader, bytes, raw, options.notify)?,
         None => Piped::y4m(name, reader, read)?,
     }))
+}
+
+/// How many bytes standard input still has, where it is a file.
+fn unread_input() -> Option<u64> {
+    #[cfg(unix)]
+    {
+        let mut input = File::from(std::os::fd::AsFd::as_fd(&std::io::stdin()).try_clone_to_owned().ok()?);
+        let about = input.metadata().ok().filter(std::fs::Metadata::is_file)?;
+        about.len().checked_sub(std::io::Seek::stream_position(&mut input).ok()?)
+    }
+    #[cfg(not(unix))]
+    None
 }
 
 #[cfg(test)]

@@ -30,6 +30,8 @@ pub struct Options {
     pub ffmpeg: PathBuf,
     /// The source is bare pixels of this size. `None`: it says itself what it is.
     pub raw: Option<Raw>,
+    /// Is called with a line of text where the first frame gives reason to doubt what was asked for.
+    pub notify: fn(&str),
 }
 
 /// Bare pixels, row by row from the top left, frame after frame without gaps.
@@ -41,6 +43,13 @@ pub struct Raw {
     pub height: usize,
     /// What a pixel is.
     pub pixels: Pixels,
+}
+
+impl Raw {
+    /// Bytes of a frame.
+    pub(crate) fn bytes(self) -> usize {
+        self.width * self.height * if self.pixels == Pixels::Gray { 1 } else { 3 }
+    }
 }
 
 /// What the bytes of a bare pixel are.
@@ -62,6 +71,6 @@ impl Pixels {
 
 impl Default for Options {
     fn default() -> Self {
-        Self { decoder: Decoder::Auto, ffmpeg: "ffmpeg".into(), raw: None }
+        Self { decoder: Decoder::Auto, ffmpeg: "ffmpeg".into(), raw: None, notify: |_| () }
     }
 }

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use crate::decode::MAX_SIDE;
 use crate::decoded::DecodeError;
 use crate::options::{Pixels, Raw};
+use crate::skew::better_width;
 use crate::y4m::Y4m;
 use crate::yuv::Colour;
 use crate::{Frame, FrameSource, Remarks, SourceInfo};
@@ -21,6 +22,7 @@ pub(crate) struct Piped {
     remarks: Remarks,
     kind: Option<Kind>,
     next: usize,
+    notify: fn(&str),
 }
 
 enum Kind {
@@ -46,14 +48,15 @@ impl Piped {
         remarks.set_sides(stored, (width, height));
         let rate = stream.head.rate.unwrap_or(RATE);
         let info = SourceInfo { width, height, frames: None, rate, reader: "yuv4mpeg".into() };
-        Ok(Self { name, info, remarks, kind: Some(Kind::Y4m(stream)), next: 0 })
+        Ok(Self { name, info, remarks, kind: Some(Kind::Y4m(stream)), next: 0, notify: |_| () })
     }
 
-    /// Bare pixels, row by row, frame after frame.
+    /// Bare pixels, row by row, frame after frame; of so many bytes, where their number is known. `notify` learns where the first
+    /// picture looks as if it had another width.
     ///
     /// # Errors
-    /// Where the size is none.
-    pub fn raw(name: PathBuf, reader: Bytes, raw: Raw) -> Result<Self> {
+    /// Where the size is none, or the bytes are no whole number of frames.
+    pub fn raw(name: PathBuf, reader: Bytes, bytes: Option<u64>, raw: Raw, notify: fn(&str)) -> Result<Self> {
         let (width, height) = (raw.width, raw.height);
         if ![width, height].iter().all(|side| (1..=MAX_SIDE).contains(side)) {
             let problem =
@@ -61,8 +64,22 @@ impl Piped {
             return Err(Error::malformed(&name, problem));
         }
         memory::check_picture(width, height)?;
+        let frame = raw.bytes() as u64;
+        if let Some(n) = bytes.filter(|n| n % frame != 0) {
+            let (whole, rest) = (n / frame, n % frame);
+            let problem = format!(
+                "expected whole frames of {frame} bytes ({width} x {height}), found {n} bytes, which are {whole} frames and {rest} bytes; check --raw and --pix"
+            );
+            let cut = if whole > 0 {
+                format!(", or cut an unfinished frame off: head -c {}", whole * frame)
+            } else {
+                String::new()
+            };
+            return Err(Error::malformed(&name, problem + &cut));
+        }
         let info = SourceInfo { width, height, frames: None, rate: RATE, reader: "raw pixels".into() };
-        Ok(Self { name, info, remarks: Remarks::default(), kind: Some(Kind::Raw(reader, raw, vec![])), next: 0 })
+        let (remarks, kind) = (Remarks::default(), Some(Kind::Raw(reader, raw, vec![])));
+        Ok(Self { name, info, remarks, kind, next: 0, notify })
     }
 }
 
@@ -79,7 +96,7 @@ impl Kind {
                 Err(DecodeError::Damaged(problem) | DecodeError::Unsupported(problem)) => Err(problem),
             }),
             Self::Raw(reader, raw, bytes) => {
-                let wanted = raw.width * raw.height * if raw.pixels == Pixels::Gray { 1 } else { 3 };
+                let wanted = raw.bytes();
                 bytes.clear();
                 match reader.take(wanted as u64).read_to_end(bytes) {
                     Ok(0) => return None,
@@ -113,6 +130,14 @@ impl Iterator for Piped {
         }
         let index = self.next;
         self.next += 1;
+        if let (0, Some(Kind::Raw(_, raw, _)), Some(Ok(image))) = (index, &self.kind, &picture)
+            && let Some(better) = better_width(image)
+        {
+            let (name, width, height) = (self.name.display(), raw.width, raw.height);
+            (self.notify)(&format!(
+                "{name}: the rows of the first frame do not fit together at --raw {width}x{height}, but at {better} pixels a row; check --raw and --pix"
+            ));
+        }
         Some(match picture? {
             Ok(image) => Ok(Frame { index, time: index as f64 / self.info.rate, image }),
             Err(problem) => Err(Error::Frame { path: self.name.clone(), frame: index + 1, problem }),
@@ -136,7 +161,7 @@ mod tests {
 
     fn raw(pixels: Pixels, bytes: &[u8]) -> Vec<std::result::Result<Image, String>> {
         let raw = Raw { width: 2, height: 1, pixels };
-        let source = Piped::raw("-".into(), Box::new(Cursor::new(bytes.to_vec())), raw).expect("a size");
+        let source = Piped::raw("-".into(), Box::new(Cursor::new(bytes.to_vec())), None, raw, |_| ()).expect("a size");
         source.map(|frame| frame.map(|f| f.image).map_err(|e| e.to_string())).collect()
     }
 
@@ -150,7 +175,7 @@ mod tests {
         assert_eq!(grey[1], Ok(Image::new(2, 1, 1, vec![3, 4]).expect("sizes agree")));
         assert!(grey[2].as_ref().is_err_and(|e| e.contains("1 of the 2 bytes") && e.contains("frame 3")));
         let size = Raw { width: 0, height: 1, pixels: Pixels::Gray };
-        assert!(Piped::raw("-".into(), Box::new(Cursor::new(vec![])), size).is_err());
+        assert!(Piped::raw("-".into(), Box::new(Cursor::new(vec![])), None, size, |_| ()).is_err());
     }
 
     #[test]

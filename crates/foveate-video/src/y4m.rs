@@ -13,7 +13,7 @@ use crate::yuv::Yuv;
 pub(crate) const MAGIC: &[u8] = b"YUV4MPEG2 ";
 /// The longest line that is read; programs write a hundred bytes.
 const MOST_LINE: usize = 1024;
-const TODO: &str = "write it with `ffmpeg -i IN -pix_fmt yuv420p -f yuv4mpegpipe -`";
+const TODO: &str = "write it with `ffmpeg -i IN -fps_mode passthrough -pix_fmt yuv420p -f yuv4mpegpipe -`";
 
 /// What the first line says.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,19 +42,31 @@ pub(crate) struct Y4m<R> {
 impl<R: Read> Y4m<R> {
     /// Reads the first line. `read` are bytes that were read of the stream before, to see what it is.
     pub fn new(mut reader: R, read: &[u8]) -> Decoded<Self> {
-        let line = line(&mut reader, read)?.ok_or_else(|| {
-            DecodeError::Damaged("expected yuv4mpeg, found nothing: the stream ended before its first byte".into())
-        })?;
+        let mut first = read.to_vec();
+        let ended = line(&mut reader, &mut first);
+        if !first.is_empty() && !first.starts_with(MAGIC.trim_ascii_end()) {
+            return Err(DecodeError::Damaged(format!(
+                "expected yuv4mpeg, which begins with YUV4MPEG2, found {}",
+                found(&first)
+            )));
+        }
+        if !ended? {
+            let problem = "expected yuv4mpeg, found nothing: the stream ended before its first byte";
+            return Err(DecodeError::Damaged(problem.into()));
+        }
+        let line = first;
         let head = parse(&line).map_err(DecodeError::Damaged)?;
         Ok(Self { reader, head, bytes: vec![] })
     }
 
     /// The next picture, 8 bits a sample (deeper ones are cut to their upper bits); grey has no chroma planes.
     pub fn picture(&mut self) -> Option<Decoded<Yuv>> {
-        let found = match line(&mut self.reader, &[]) {
-            Ok(found) => found?,
+        let mut found = vec![];
+        match line(&mut self.reader, &mut found) {
+            Ok(true) => (),
+            Ok(false) => return None,
             Err(error) => return Some(Err(error)),
-        };
+        }
         if found != b"FRAME" && !found.starts_with(b"FRAME ") {
             let shown = String::from_utf8_lossy(&found[..found.len().min(40)]).escape_debug().to_string();
             return Some(Err(DecodeError::damaged(format!("expected a line FRAME before a frame, found \"{shown}\""))));
@@ -89,14 +101,14 @@ impl<R: Read> Y4m<R> {
     }
 }
 
-/// A line without its end; `None` where the stream has ended. `line` has begun with bytes read before.
-fn line(reader: &mut impl Read, read: &[u8]) -> Decoded<Option<Vec<u8>>> {
-    let (mut line, mut byte) = (read.to_vec(), [0]);
+/// Reads a line, without its end, into `line`, which has begun with bytes read before; false where the stream has ended.
+fn line(reader: &mut impl Read, line: &mut Vec<u8>) -> Decoded<bool> {
+    let mut byte = [0];
     loop {
         match reader.read(&mut byte) {
-            Ok(0) if line.is_empty() => return Ok(None),
+            Ok(0) if line.is_empty() => return Ok(false),
             Ok(0) => return Err(DecodeError::damaged("the stream ends in the middle of a line")),
-            Ok(_) if byte[0] == b'\n' => return Ok(Some(line)),
+            Ok(_) if byte[0] == b'\n' => return Ok(true),
             Ok(_) if line.len() < MOST_LINE => line.push(byte[0]),
             Ok(_) => {
                 let problem = format!("expected yuv4mpeg, found a line of more than {MOST_LINE} bytes; {TODO}");
@@ -108,15 +120,50 @@ fn line(reader: &mut impl Read, read: &[u8]) -> Decoded<Option<Vec<u8>>> {
     }
 }
 
+/// What a stream is that begins so, and how to convert it.
+fn found(head: &[u8]) -> String {
+    let kinds: [(&str, usize, &[u8]); 12] = [
+        ("MP4 or QuickTime", 4, b"ftyp"),
+        ("Matroska or WebM", 0, b"\x1a\x45\xdf\xa3"),
+        ("AVI", 8, b"AVI "),
+        ("FLV", 0, b"FLV"),
+        ("Ogg", 0, b"OggS"),
+        ("an MPEG program stream", 0, b"\0\0\x01\xba"),
+        ("H.264 or H.265", 0, b"\0\0\0\x01"),
+        ("H.264 or H.265", 0, b"\0\0\x01"),
+        ("JPEG pictures", 0, b"\xff\xd8\xff"),
+        ("PNG pictures", 0, b"\x89PNG"),
+        ("GIF", 0, b"GIF8"),
+        ("an MPEG transport stream", 0, b"\x47"),
+    ];
+    let kind = kinds.iter().find(|(_, at, name)| head.get(*at..).is_some_and(|head| head.starts_with(name)));
+    let pipe = "ffmpeg -i - -fps_mode passthrough -pix_fmt yuv420p -f yuv4mpegpipe -";
+    let of_files =
+        |name: &str| if name.starts_with("MP4") { "give the file itself, without a pipe, or let" } else { "let" };
+    match kind {
+        Some((name, ..)) => {
+            format!("{name}; {} ffmpeg convert it: `... | {pipe} | foveate track - ...`", of_files(name))
+        }
+        None => {
+            let shown = &head[..head.len().min(40)];
+            let text = shown.iter().all(|byte| (b' '..=b'~').contains(byte));
+            let shown = if text {
+                format!("\"{}\"", String::from_utf8_lossy(shown))
+            } else {
+                let bytes: Vec<String> = shown.iter().take(8).map(|byte| format!("{byte:02x}")).collect();
+                format!("other data, which begins with the bytes {}", bytes.join(" "))
+            };
+            format!(
+                "{shown}; convert a video with `{}`, or give --raw WIDTHxHEIGHT for bare pixels",
+                pipe.replace("-i -", "-i IN")
+            )
+        }
+    }
+}
+
 fn parse(line: &[u8]) -> Result<Head, String> {
     let text = String::from_utf8_lossy(line);
-    let Some(rest) = text.strip_prefix("YUV4MPEG2") else {
-        let shown: String = text.chars().take(40).collect();
-        return Err(format!(
-            "expected yuv4mpeg, which begins with YUV4MPEG2, found \"{}\"; {TODO}",
-            shown.escape_debug()
-        ));
-    };
+    let rest = text.strip_prefix("YUV4MPEG2").unwrap_or_default();
     if text.ends_with('\r') {
         return Err(format!(
             "expected a first line that ends in a line feed alone, found a carriage return before it: the file was changed as if it \
@@ -249,8 +296,14 @@ mod tests {
     fn what_is_no_yuv4mpeg_is_said() {
         for (text, word) in [
             (&b""[..], "nothing"),
-            (b"RIFF....AVI ", "middle of a line"),
-            (b"RIFF....AVI \n", "found \"RIFF"),
+            (b"YUV4MPEG2 W3 H2", "middle of a line"),
+            (b"hello\nworld", "found \"hello\"; convert a video"),
+            (b"\x1f\x8b\x08\0 and more", "begins with the bytes 1f 8b 08 00"),
+            (b"RIFF....AVI \n", "found AVI; let ffmpeg convert it: `... | ffmpeg -i - "),
+            (b"\0\0\0 ftypisom\0\0\x02", "found MP4 or QuickTime; give the file itself"),
+            (b"G@\x11\x10\0B\xf0\xff", "found an MPEG transport stream; let ffmpeg"),
+            (b"\x1a\x45\xdf\xa3\x01", "found Matroska or WebM; let ffmpeg"),
+            (b"\xff\xd8\xff\xe0", "found JPEG pictures; let ffmpeg"),
             (b"YUV4MPEG2 W3\n", "width and height"),
             (b"YUV4MPEG2 W3 H99999999999999999999\n", "sides from 1"),
             (b"YUV4MPEG2 W-3 H2\n", "sides from 1"),
@@ -267,9 +320,10 @@ mod tests {
             (b"YUV4MPEG2 W2048 H2048 C444\nFRAME\nabc", "3 of 12582912 bytes"),
         ] {
             let found = problem(text);
-            assert!(found.contains(word), "{found}");
+            assert!(found.contains(word) && !found.contains(|c: char| c.is_control()), "{found}");
         }
-        assert!(problem(&vec![b'a'; 5000]).contains("more than 1024 bytes"));
+        let long = [b"YUV4MPEG2 ".as_slice(), &[b'a'; 5000]].concat();
+        assert!(problem(&long).contains("more than 1024 bytes"));
     }
 
     /// 20,000 damaged streams, seed 5: an error or pictures, never a panic.

@@ -1,11 +1,11 @@
 //! What ffprobe reports of a video file: numbers and names of ffmpeg's own, none of which is text of the file.
 
 use std::collections::BTreeMap;
-use std::ffi::OsStr;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use super::{KINDS, ratio};
+use super::{Input, ratio};
 
 /// What is known of a video before it is decoded.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,12 +32,12 @@ const PICTURES: [&str; 8] = ["mjpeg", "png", "bmp", "gif", "webp", "tiff", "jpeg
 
 impl Facts {
     /// Asks the ffprobe that lies beside the ffmpeg; nothing is known where it is not there.
-    pub fn ask(program: &Path, kind: &[&str], input: &OsStr) -> Self {
+    pub fn ask(program: &Path, input: &Input) -> Self {
         let found = Command::new(probe(program))
-            .args(["-v", "quiet", "-protocol_whitelist", "file", "-format_whitelist", KINDS])
+            .args(["-v", "quiet"])
+            .args(input.guards())
             .args(["-show_entries", FIELDS, "-of", "default"])
-            .args(kind)
-            .arg(input)
+            .arg(&input.name)
             .stdin(Stdio::null())
             .stderr(Stdio::null())
             .output();
@@ -118,7 +118,7 @@ fn demerits(video: &Section<'_>) -> u8 {
 }
 
 /// Beside `a/ffmpeg`, `a/ffprobe`.
-pub(super) fn probe(program: &Path) -> PathBuf {
+pub(crate) fn probe(program: &Path) -> PathBuf {
     let name = program.file_name().unwrap_or_default().to_string_lossy().replace("ffmpeg", "ffprobe");
     program.with_file_name(name)
 }

@@ -3,7 +3,7 @@
 use crate::Remarks;
 
 #[derive(Debug, Default)]
-pub(super) struct Said {
+pub(crate) struct Said {
     pub complaint: Option<String>,
     /// What it logged of the end of the file, and of the last corrupt frame: how many frames had come.
     pub cut: Option<String>,
@@ -16,7 +16,19 @@ pub(super) struct Said {
 }
 
 /// What ffmpeg logs of a file that was cut off. It ends well all the same.
-const CUT: [&str; 4] = ["ended prematurely", "Error during demuxing", "partial file", "Truncating packet"];
+const CUT: [&str; 8] = [
+    "ended prematurely",
+    "Error during demuxing",
+    "partial file",
+    "Truncating packet",
+    // Of a transfer.
+    "ends prematurely",
+    "Connection timed out",
+    "Connection reset",
+    "Failed to open segment",
+];
+/// The length of a transfer that has none: its end is no cut.
+const NO_LENGTH: &str = "should be 18446744073709551615";
 /// What it logs where our filter for the size refuses a picture.
 const RESIZED: &str = "evaluating the expression 'if(eq(iw,";
 /// What it logs of a frame that it makes up in part.
@@ -28,6 +40,9 @@ impl Said {
         let after = |level: &str| line.split_once(level).map(|(_, text)| text.trim().to_owned());
         let error = after("[error] ").or_else(|| after("[fatal] "));
         let Some(text) = error.clone().or_else(|| after("[warning] ")) else { return };
+        if text.contains(NO_LENGTH) {
+            return;
+        }
         self.resized |= text.contains(RESIZED);
         if self.resized {
             // All that follows comes of it.

@@ -116,14 +116,14 @@ impl SourceArgs {
 
     pub fn options(&self) -> Options {
         let raw = self.raw.map(|(width, height)| Raw { width, height, pixels: self.pix.unwrap_or_default() });
-        Options { decoder: self.decoder, raw, ..Options::default() }
+        Options { decoder: self.decoder, raw, notify: note_line, ..Options::default() }
     }
 
     /// Opens a source.
     pub fn open(&self, path: &Path) -> Result<Opened> {
-        let (live, endless) = (is_live(path), is_endless(path));
+        let (live, mut endless) = (is_live(path), is_endless(path));
         let wrong = |what: &str| Error::Invalid(format!("{}: {what}", path.display()));
-        if endless && self.selection() != Selection::default() && self.from.is_some() {
+        if endless && self.from.is_some() {
             return Err(wrong("--from is for files; leave it out"));
         }
         if self.listen && !live {
@@ -150,8 +150,10 @@ impl SourceArgs {
         } else if live {
             let usual = LiveOptions::default();
             let reconnect = self.reconnect.map_or(usual.reconnect, Duration::from_secs);
-            let options = LiveOptions { listen: self.listen, reconnect, ..usual };
+            let options = LiveOptions { listen: self.listen, reconnect, notify: note_line, ..usual };
             let source = Live::open(path, options)?;
+            // It waits for the tracker, but where somebody wants new frames alone.
+            endless = !source.is_finite() || max_latency.is_some();
             let reconnected = source.reconnections();
             (Box::new(source), Some(reconnected))
         } else {
@@ -196,11 +198,21 @@ impl Counts {
     pub fn note(&self) {
         let dropped = self.meter.as_ref().map_or(0, Meter::dropped);
         let again = self.reconnected.as_ref().map_or(0, |n| n.load(Ordering::Relaxed));
-        if dropped + again > 0 {
-            let (dropped, again) = (counted(dropped as usize, "frame"), counted(again as usize, "time"));
-            note!("foveate: {dropped} of the source dropped; opened again {again}");
+        if dropped > 0 {
+            let frames = counted(dropped as usize, "frame");
+            note!(
+                "foveate: {frames} dropped that came while the tracker was busy; --every-frame without --max-latency tracks in all"
+            );
+        }
+        if again > 0 {
+            note!("foveate: the stream was opened again {}", counted(again as usize, "time"));
         }
     }
+}
+
+/// What a source has to say at once.
+fn note_line(text: &str) {
+    note!("foveate: {text}");
 }
 
 /// Where lines go as frames are tracked.
