@@ -35,6 +35,29 @@ fn open(dir: &Path, options: &[&str]) -> Option<(Browser, Server)> {
     Some((browser, server))
 }
 
+/// A file by http: the page plays it, tracks it, and says where it ended.
+#[test]
+fn the_end_of_a_file_by_http_is_shown() {
+    if !std::process::Command::new("ffmpeg").arg("-version").output().is_ok_and(|o| o.status.success()) {
+        return eprintln!("skipped: no ffmpeg");
+    }
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let Some(mut browser) = Browser::start(dir.path(), &[]) else {
+        return eprintln!("skipped: no chromium that runs here");
+    };
+    let address = served::by_http();
+    let server =
+        Server::start(dir.path(), &["serve", &address, "--address", "127.0.0.1:0", "--config", "natural-fast"]);
+    browser.call("Page.navigate", json!({ "url": server.url }));
+    browser.until("document.querySelectorAll('.entries button').length === 1");
+    let end = format!("The source ended after frame {FRAMES}.");
+    // Without a box it plays to its end.
+    browser.click(".entries button");
+    browser.until("!byId('over').hidden && !page.playing");
+    assert_eq!(browser.value("byId('over').textContent"), json!(end));
+    browser.picture("ended");
+}
+
 #[test]
 fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     let dir = tempfile::tempdir().expect("a temporary folder");

@@ -89,6 +89,41 @@ fn a_stream_that_was_named_is_followed() {
     assert_eq!(server.ask(&json!({ "op": "close", "session": session }).to_string()).0, 200);
 }
 
+/// A file of the clip by HTTP, with its length: every frame is tracked, and the end is reported.
+#[test]
+fn a_file_by_http_is_played_to_its_end() {
+    if !std::process::Command::new("ffmpeg").arg("-version").output().is_ok_and(|o| o.status.success()) {
+        eprintln!("skipped: no ffmpeg");
+        return;
+    }
+    let (dir, address) = (place(), served::by_http());
+    let server =
+        Server::start(dir.path(), &["serve", &address, "--address", "127.0.0.1:0", "--config", "natural-fast"]);
+    let opened = open(&server, "0");
+    let session = &opened["session"];
+    let (_, jpeg) = server.get(&format!("/frame?session={session}&frame=1"));
+    assert_eq!(nearest(&jpeg), 0, "it begins with the first frame");
+    let message = json!({ "op": "start", "session": session, "frame": 1, "box": truth(0), "config": "natural-fast", "policy": null, "seed": 1 });
+    assert_eq!(server.ask(&message.to_string()).0, 200);
+    let (mut frame, mut overlaps) = (1, vec![]);
+    loop {
+        let (status, answer) = server.ask(&json!({ "op": "step", "session": session, "frames": 1 }).to_string());
+        assert_eq!((status, &answer["missed"]), (200, &json!(0)), "{answer}");
+        let target = &answer["targets"][0];
+        for found in boxes_of(target) {
+            overlaps.push(iou(found, truth(frame)));
+            frame += 1;
+        }
+        if target["ended"] == json!(true) {
+            break;
+        }
+    }
+    assert_eq!(frame, FRAMES);
+    let mean = overlaps.iter().sum::<f64>() / overlaps.len() as f64;
+    assert!(mean >= 0.7, "{mean}: {overlaps:?}");
+    assert_eq!(server.get(&format!("/frame?session={session}&frame={}", FRAMES + 1)).0, 404);
+}
+
 /// Frames that a page pushes, as it does with the browser's camera.
 #[test]
 fn pushed_frames_are_followed() {

@@ -142,3 +142,23 @@ pub fn nearest(jpeg: &[u8]) -> usize {
         |t: &usize| -> u64 { picture(*t).iter().zip(image.plane(0)).map(|(a, b)| u64::from(a.abs_diff(*b))).sum() };
     (0..FRAMES).min_by_key(apart).expect("some")
 }
+
+/// The clip as a file by HTTP, with its length; its address.
+pub fn by_http() -> String {
+    let (w, h) = SIZE;
+    let mut file = format!("YUV4MPEG2 W{w} H{h} F50:1 Ip A1:1 Cmono\n").into_bytes();
+    (0..FRAMES).for_each(|t| file.extend([b"FRAME\n".as_slice(), &picture(t)].concat()));
+    let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a port");
+    let address = format!("http://{}/clip.y4m", listener.local_addr().expect("an address"));
+    std::thread::spawn(move || {
+        for mut stream in listener.incoming().flatten() {
+            let file = file.clone();
+            std::thread::spawn(move || {
+                let _ = stream.read(&mut [0; 4096]);
+                let head = format!("HTTP/1.1 200 OK\r\nContent-Length: {}\r\nConnection: close\r\n\r\n", file.len());
+                let _ = stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(&file));
+            });
+        }
+    });
+    address
+}

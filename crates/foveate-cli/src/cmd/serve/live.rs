@@ -30,15 +30,18 @@ struct Pulled {
 }
 
 impl Live {
-    /// Opens a stream or a camera as `foveate track` does: its newest frame is kept, others are dropped.
+    /// Opens a stream or a camera as `foveate track` does: its newest frame is kept, others are dropped. A file with an end waits.
     pub fn open(address: &Path) -> Result<(Self, SourceInfo)> {
-        let source = Stream::open(address, LiveOptions::default())?;
+        let notify = |text: &str| note!("foveate: {text}");
+        let source = Stream::open(address, LiveOptions { notify, ..LiveOptions::default() })?;
         check_size(source.info(), address)?;
         let until = Arc::new(Mutex::new(Instant::now()));
         let deadline = Arc::clone(&until);
         let late = move || Instant::now() > *deadline.lock().unwrap_or_else(PoisonError::into_inner);
-        let (source, meter) = newest(Box::new(source), Pace::default(), late);
-        let info = source.info().clone();
+        let pace = Pace { every_frame: source.is_finite(), ..Pace::default() };
+        let (source, meter) = newest(Box::new(source), pace, late);
+        // The number of frames of a file is an estimate; here it goes on until it ends.
+        let info = SourceInfo { frames: None, ..source.info().clone() };
         let recent = Recent::new(info.width, info.height);
         Ok((Self { recent, stream: Some(Pulled { source, meter, counted: 0, until }) }, info))
     }

@@ -54,6 +54,13 @@ function tellMissed({ missed }) {
   byId('missed').hidden = !missed;
 }
 
+// The end of a stream or camera, once it was reached.
+function tellEnd() {
+  const { live, over } = page.video || {};
+  byId('over').textContent = live && over ? `The source ended after frame ${page.ends}.` : '';
+  byId('over').hidden = !(live && over);
+}
+
 // Videos whose frames the page gives to the tracker, one at a time: `ask` sends it a message, `push(session, frame)` a frame, and
 // answers its number.
 function pushedVideos(ask, push) {

@@ -7,6 +7,7 @@ function transport() {
   byId('scrub').setAttribute('aria-valuetext', `frame ${page.frame}`);
   byId('back').disabled = page.frame <= 1;
   byId('forth').disabled = page.frame >= page.ends;
+  tellEnd();
   const label = page.playing ? 'Pause' : page.rows.length && page.frame >= lastTracked() ? 'Track' : 'Play';
   if (byId('play').getAttribute('aria-label') !== label || !byId('play').firstChild) {
     byId('play').replaceChildren(drawing(page.playing ? icons.pause : icons.play));

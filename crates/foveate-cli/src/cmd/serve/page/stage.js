@@ -101,6 +101,7 @@ async function show(frame) {
     // A container's number of frames is an estimate: here is the end.
     if (page.frame > 1 && /no such frame/.test(error.message)) {
       page.ends = page.frame - 1;
+      video.over = true;
       return show(page.ends);
     }
     throw error;

@@ -77,6 +77,9 @@ function takeIn(target, { rows, detail = null, surface = null, ended }) {
     }
     if (lastTracked(target) > page.ends) page.ends = lastTracked(target);
   }
-  if (ended) page.ends = lastTracked(target);
+  if (ended) {
+    page.ends = lastTracked(target);
+    page.video.over = true;
+  }
   forgetSaved();
 }
