@@ -78,8 +78,14 @@ fn a_track_says_what_it_follows_and_an_experiment_counts() {
     let again = foveate(dir, &["reproduce", "mine.toml", "--out", "out"]);
     assert!(String::from_utf8_lossy(&again.stderr).contains("2 runs, 2 of them"));
 
+    // What ships knows digits alone, and says so.
     let words = track("shipped", &["--recognise"]);
-    assert!(words.contains("Recognised as class ") && read("shipped/boxes.txt") == read("plain/boxes.txt"), "{words}");
+    assert!(words.contains("Recognised as digit ") && read("shipped/boxes.txt") == read("plain/boxes.txt"), "{words}");
+    let warned =
+        foveate(dir, &["track", "video", "-c", "digits", "--no-video", "--until", "2", "--recognise", "-o", "warned"]);
+    let words = String::from_utf8_lossy(&warned.stderr).into_owned();
+    assert!(words.contains("knows the digits 0 to 9 alone") && words.contains("train classifier"), "{words}");
+    assert!(!said(&warned).is_empty() && read("warned/track.csv").contains(",digit "), "{}", read("warned/track.csv"));
     let missing = foveate(dir, &["track", "video", "--recognise", "gone.safetensors"]);
     let words = String::from_utf8_lossy(&missing.stderr).into_owned();
     assert!(!missing.status.success() && words.contains("gone.safetensors"), "{words}");

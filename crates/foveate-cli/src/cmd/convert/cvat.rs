@@ -103,7 +103,7 @@ pub fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
     let unknown = boxes.tracks.iter().filter(|b| b.id < 0).count();
     if unknown > 0 {
         let problem =
-            format!("{} without an id (-1); CVAT for video holds tracks, not detections", counted(unknown, "box"));
+            format!("no id (-1) for {}; CVAT for video holds tracks, not detections", counted(unknown, "box"));
         return Err(Error::Invalid(problem));
     }
     let mut xml = format!(
