@@ -65,6 +65,8 @@ pub struct Annotator {
     windows: Vec<f64>,
     path: Path,
     truth: Vec<Option<BBox>>,
+    /// Whether glimpse, policy and gauges stand beside the frame.
+    has_panel: bool,
     /// The top of the reward surface in the frame at hand.
     best: Option<Gaze>,
 }
@@ -93,8 +95,14 @@ impl Annotator {
             windows: retina.map(windows).unwrap_or_default(),
             path: Path::default(),
             truth: info.truth.clone(),
+            has_panel: true,
             best: None,
         }
+    }
+
+    /// The frame alone: without glimpse, policy and gauges beside it.
+    pub(super) fn frame_alone(info: &RunInfo) -> Self {
+        Self { has_panel: false, ..Self::new(info) }
     }
 
     /// A frame whose box was given, with an even width and height of at least 2 pixels.
@@ -142,7 +150,7 @@ impl Annotator {
     /// The page with the frame on it, and where the panel begins.
     fn page(&self, frame: &Frame) -> (Drawing, View, usize) {
         let (width, height, view) = magnification(&frame.image);
-        let panel = (height * 3 / 8).clamp(150, 480);
+        let panel = if self.has_panel { (height * 3 / 8).clamp(150, 480) } else { 0 };
         let mut page = Drawing::new(even(width + panel), even(height), GROUND);
         page.paste(&frame.image, 0, 0, width, height);
         (page, view, width)
@@ -180,6 +188,9 @@ impl Annotator {
     }
 
     fn side(&self, page: &mut Drawing, left: usize, frame: &Frame, step: Option<&Step<'_>>) {
+        if !self.has_panel {
+            return;
+        }
         let (width, height) = (page.width() - left, page.height() as f64);
         let unit = height / TALL as f64;
         let (pad, size) = (14.0 * unit, (9.0 * unit).max(6.0));

@@ -95,19 +95,18 @@ impl Observer for Film {
     }
 }
 
-/// annotated.mp4 of two trackers on the same frames: the run's own on the left, another, which it drives, on the right.
+/// annotated.mp4 of several trackers on the same frames: the run's own on the left, others, which it drives, to the right of it.
 pub struct SideBySide {
     video: Video,
-    annotators: [Annotator; 2],
+    annotators: Vec<Annotator>,
     name: String,
-    other: Tracker,
-    baseline: Baseline,
+    others: Vec<(Tracker, Baseline)>,
     truth: Vec<Option<BBox>>,
 }
 
 impl SideBySide {
-    /// Will write `path`, as [`Film::create`] does. The other's track goes to `baseline`, whose name is written above the right half, as
-    /// `name` is above the left one.
+    /// Will write `path`, as [`Film::create`] does. The track of each of the others goes to its [`Baseline`], whose name is written above
+    /// its pane, as `name` is above the first one.
     ///
     /// # Errors
     /// Its folder is not there.
@@ -115,52 +114,60 @@ impl SideBySide {
         path: impl Into<PathBuf>,
         info: &RunInfo,
         name: String,
-        other: Tracker,
-        baseline: Baseline,
+        others: Vec<(Tracker, Baseline)>,
     ) -> Result<Self> {
-        let (video, annotators) = (Video::create(path.into(), info)?, [Annotator::new(info), Annotator::new(info)]);
-        Ok(Self { video, annotators, name, other, baseline, truth: info.truth.clone() })
+        let alone = others.iter().map(|_| Annotator::frame_alone(info));
+        let annotators = std::iter::once(Annotator::new(info)).chain(alone).collect();
+        Ok(Self { video: Video::create(path.into(), info)?, annotators, name, others, truth: info.truth.clone() })
     }
 
-    /// Both halves under their names; `said` is written at the right end of each name's line.
-    fn push(&mut self, [left, right]: [Image; 2], said: [String; 2], time: f64) -> Result<()> {
+    /// All panes under their names; `said` is written at the right end of each name's line.
+    fn push(&mut self, panes: &[(Image, String)], time: f64) -> Result<()> {
+        let height = panes.iter().map(|(pane, _)| pane.height()).max().unwrap_or(0);
         // Even, as H.264 has pixels in pairs.
-        let (strip, gap) = (left.height() / 26 * 2, left.height() / 104 * 2);
-        let mut page = Drawing::new(left.width() + gap + right.width(), strip + left.height(), [18, 21, 26]);
+        let (strip, gap) = (height / 26 * 2, height / 104 * 2);
+        let width = panes.iter().map(|(pane, _)| pane.width() + gap).sum::<usize>() - gap;
+        let mut page = Drawing::new(width, strip + height, [18, 21, 26]);
         let (pad, size) = (0.32 * strip as f64, 0.36 * strip as f64);
+        let names = std::iter::once(&*self.name).chain(self.others.iter().map(|(_, baseline)| baseline.name()));
         let mut at = 0;
-        for ((half, name), said) in [left, right].iter().zip([&*self.name, self.baseline.name()]).zip(said) {
-            page.paste(half, at, strip, half.width(), half.height());
+        for ((pane, said), name) in panes.iter().zip(names) {
+            page.paste(pane, at, strip, pane.width(), pane.height());
             page.text((at as f64 + pad, pad), name, size, [236, 238, 240]);
-            let end = (at + half.width()) as f64 - pad;
-            page.text((end - text_width(&said, size), pad), &said, size, [236, 238, 240]);
-            at += half.width() + gap;
+            let end = (at + pane.width()) as f64 - pad;
+            page.text((end - text_width(said, size), pad), said, size, [236, 238, 240]);
+            at += pane.width() + gap;
         }
         self.video.push(&page.into_image(), time)
     }
 
     /// How far the centre is from the true one.
-    fn error(&self, frame: &Frame, estimate: &State) -> String {
+    fn error(truth: &[Option<BBox>], frame: &Frame, estimate: &State) -> String {
         let off = |b: &BBox| (b.centre().0 - estimate.x).hypot(b.centre().1 - estimate.y);
-        let truth = self.truth.get(frame.index).and_then(Option::as_ref);
+        let truth = truth.get(frame.index).and_then(Option::as_ref);
         truth.map(|b| format!("error {:.1} px", off(b))).unwrap_or_default()
     }
 }
 
 impl Observer for SideBySide {
     fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
-        self.other.init(&frame.image, *bbox)?;
-        self.baseline.add(*bbox, 0);
-        let halves = self.annotators.each_mut().map(|annotator| annotator.start(frame, bbox));
-        self.push(halves, Default::default(), frame.time)
+        for (tracker, baseline) in &mut self.others {
+            tracker.init(&frame.image, *bbox)?;
+            baseline.add(*bbox, 0);
+        }
+        let panes: Vec<_> = self.annotators.iter_mut().map(|one| (one.start(frame, bbox), String::new())).collect();
+        self.push(&panes, frame.time)
     }
     fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        let ours = (self.annotators[0].annotate(frame, step), self.error(frame, &step.estimate));
-        let seen = self.other.update(&frame.image)?;
-        self.baseline.add(touching(&seen.bbox, &frame.image), seen.step.values);
-        let (picture, estimate) = (self.annotators[1].annotate(frame, &seen.step), seen.step.estimate);
-        let error = self.error(frame, &estimate);
-        self.push([ours.0, picture], [ours.1, error], frame.time)
+        let [ours, annotators @ ..] = &mut self.annotators[..] else { return Ok(()) };
+        let mut panes = vec![(ours.annotate(frame, step), Self::error(&self.truth, frame, &step.estimate))];
+        for ((tracker, baseline), annotator) in self.others.iter_mut().zip(annotators) {
+            let seen = tracker.update(&frame.image)?;
+            baseline.add(touching(&seen.bbox, &frame.image), seen.step.values);
+            let error = Self::error(&self.truth, frame, &seen.step.estimate);
+            panes.push((annotator.annotate(frame, &seen.step), error));
+        }
+        self.push(&panes, frame.time)
     }
     fn finish(&mut self) -> Result<()> {
         self.video.finish()

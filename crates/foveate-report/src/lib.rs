@@ -203,8 +203,8 @@ pub struct RunInfo {
     pub retina: Option<Arc<dyn Retina>>,
     /// The true boxes from frame 0 on, where they are known, to be drawn beside the estimate; may be shorter than the run.
     pub truth: Vec<Option<BBox>>,
-    /// Another track of the same frames, to be drawn beside the estimate.
-    pub baseline: Option<Baseline>,
+    /// Other tracks of the same frames, to be drawn beside the estimate.
+    pub baselines: Vec<Baseline>,
     /// The time spent in the tracker.
     pub clock: Clock,
     /// What its readers should be warned of.

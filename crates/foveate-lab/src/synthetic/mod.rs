@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 pub use self::clutter::{Clutter, ClutterVideo, NOISE};
 pub use self::multi::{Mover, Multi, MultiFrames, MultiVideo};
-pub use self::occlusion::{Corruption, Occlusion, OcclusionVideo};
+pub use self::occlusion::{Corruption, GLIMPSE, Occlusion, OcclusionVideo};
 use crate::idx::Digits;
 use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};

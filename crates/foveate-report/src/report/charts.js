@@ -18,8 +18,8 @@ const known = series.true_x.some(x => x !== null);
 if (known) {
   chartList.splice(4, 1);
   const off = (xs, ys) => series.true_x.map((x, i) => x === null || xs[i] === null ? null : Math.hypot(x - xs[i], series.true_y[i] - ys[i]));
-  const lines = [{ of: off(series.x, series.y), ink: data.baseline ? 'target' : 'second' }];
-  if (data.baseline) lines.push({ of: off(data.baseline.x, data.baseline.y), name: data.baseline.name, ink: 'baseline', dash: true });
+  const lines = [{ of: off(series.x, series.y), ink: data.baselines.length ? 'target' : 'second' }];
+  data.baselines.forEach(({ name, x, y }, i) => lines.push({ of: off(x, y), name, ink: ['baseline', 'third'][i], dash: true }));
   chartList.unshift({ title: 'Centre error', unit: 'px', from: 0, lines });
 }
 if (!arms.length && !fixed) chartList.splice(1, 0, { title: 'Gaze', unit: 'half-boxes', lines: [{ of: series.u, name: 'u', ink: 'gaze' }, { of: series.v, name: 'v', ink: 'target', dash: true }] });

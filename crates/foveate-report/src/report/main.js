@@ -37,13 +37,13 @@ function write() {
   const name = info.source.split(/[\\/]/).filter(Boolean).pop() || info.source;
   byId('source').textContent = name;
   byId('verdict').textContent = steps === 0 ? 'One frame: the given box.'
-    : lost === 0 ? `Tracked over ${rows} frames, never occluded or lost.`
-    : `Tracked over ${rows} frames, occluded or lost in ${lost} of them, first in frame ${series.frame[lostRuns[0][0]]}.`;
+    : lost === 0 ? `Tracked over ${counted(rows, 'frame')}, never occluded or lost.`
+    : `Tracked over ${counted(rows, 'frame')}, occluded or lost in ${lost} of them, first in frame ${series.frame[lostRuns[0][0]]}.`;
   if (data.classes) byId('verdict').append(` Recognised as ${data.classes[0].name}, with probability ${say(data.classes[0].of[rows - 1], 2)}.`);
   const p = policyAt(keys.length - 1), best = p.indexOf(Math.max(...p));
   if (data.learned && arms.length > 1 && p[best] * arms.length > 2 && keys.some((_, k) => policyAt(k).some(q => q > .01 && q < .99))) byId('verdict').append(` At the end the policy prefers the gaze (${say(arms[best][0], 2)}, ${say(arms[best][1], 2)}) with probability ${p[best].toFixed(2)}.`);
   const every = keys.length > 1 ? keys[1].row - keys[0].row : 1;
-  byId('about').textContent = [info.config_name, `${data.particles} particles`, `seed ${info.seed}`, info.reader, keys.length < rows && `one frame in ${every} is shown here`].filter(Boolean).join(' · ');
+  byId('about').textContent = [info.config_name, counted(data.particles, 'particle'), `seed ${info.seed}`, info.reader, keys.length < rows && `one frame in ${every} is shown here`].filter(Boolean).join(' · ');
   const tile = (value, unit, label) => element('div', {}, element('dt', {}, label), element('dd', {}, value, element('small', {}, unit)));
   const fps = data.summary.fps;
   byId('tiles').append(tile(String(rows), '', 'frames'), ...(fps ? [tile(fps >= 100 ? String(Math.round(fps)) : say(fps), 'frames/s', 'tracking speed')] : []),
@@ -53,7 +53,7 @@ function write() {
     byId('verdict').append(` Of ${gazes} fixed gazes, (${say(best[0], 2)}, ${say(best[1], 2)}) has the largest reward: regret ${say(total[last])}, against ${say(random[last])} of a uniform random policy.`);
   }
   const facts = [['Source', info.source], ['Read as', `${info.reader}, ${frameWidth} × ${frameHeight} px, ${say(data.rate)} frames/s`], ['Command', info.command], ['Configuration', info.config_name], ['Seed', String(info.seed)], ['Program', info.version]];
-  if (keys.length < rows) facts.push(['This page', `shows ${keys.length} of ${rows} frames, one in ${every}, to stay small; the charts have all of them`]);
+  if (keys.length < rows) facts.push(['This page', `shows ${keys.length} of ${counted(rows, 'frame')}, one in ${every}, to stay small; the charts have all of them`]);
   if (data.shown < data.particles) facts.push(['Particles', `${data.shown} of ${data.particles} are drawn, evenly picked, and always the heaviest one`]);
   for (const [term, text] of facts) if (text) byId('facts').append(element('dt', {}, term), element('dd', {}, text));
   byId('config').textContent = info.config_text || '(none)';
@@ -65,7 +65,7 @@ function write() {
   byId('legend').append(
     line('<rect x="3" y="3" width="20" height="14" fill="none" stroke="var(--target)" stroke-width="2.2"/>', strong('Box and path. '), 'The estimate: the mean of the particles, and its last frames. Dashed when occluded or lost.'),
     ...(known ? [line('<rect x="3" y="3" width="20" height="14" fill="none" stroke="var(--second)" stroke-width="2" stroke-dasharray="2 3"/>', strong('Truth. '), 'The true box; the tracker does not know it.')] : []),
-    ...(data.baseline ? [line('<rect x="3" y="3" width="20" height="14" fill="none" stroke="var(--baseline)" stroke-width="2.2"/>', strong(`${data.baseline.name[0].toUpperCase()}${data.baseline.name.slice(1)}. `), 'The box of another tracker on the same frames; dashed in the chart of the centre error.')] : []),
+    ...data.baselines.map(({ name }, i) => line(`<rect x="3" y="3" width="20" height="14" fill="none" stroke="var(--${['baseline', 'third'][i]})" stroke-width="2.2"/>`, strong(`${name[0].toUpperCase()}${name.slice(1)}. `), 'The box of another tracker on the same frames; dashed in the chart of the centre error.')),
     line('<circle cx="6" cy="13" r="3" fill="#6f47e6"/><circle cx="13" cy="8" r="3.2" fill="#e0528f"/><circle cx="20" cy="12" r="3.6" fill="#f2c94c" stroke="#0005"/>', strong('Particles. '), 'Samples of the predicted state. Violet: small weight; yellow: large weight.'),
     line('<ellipse cx="13" cy="10" rx="10" ry="6.5" fill="none" stroke="currentColor" stroke-dasharray="2.5 2.5" stroke-width="1.5"/>', strong('Uncertainty. '), 'The 90 % credible region of the centre.'),
     line('<rect x="6" y="3" width="14" height="14" fill="none" stroke="var(--gaze)" stroke-width="2"/><path d="M13 6.5v7M9.5 10h7" stroke="currentColor" stroke-width="1.8"/>', strong('Gaze. '), 'The cross is the chosen gaze of this frame; the squares are the windows of the retina, fine inside and coarse outside.'),

@@ -99,7 +99,7 @@ pub struct Page {
     info: Value,
     rate: f64,
     truth: Vec<Option<BBox>>,
-    baseline: Option<Baseline>,
+    baselines: Vec<Baseline>,
     cells: Vec<f64>,
     size: [usize; 2],
     particles: usize,
@@ -131,7 +131,7 @@ impl Page {
             }),
             rate: info.rate,
             truth: info.truth.clone(),
-            baseline: info.baseline.clone(),
+            baselines: info.baselines.clone(),
             cells: cells.collect(),
             size: [1, 1],
             particles: 0,
@@ -240,9 +240,8 @@ impl Page {
         Value::Array(lines.collect())
     }
 
-    /// Name, and centre and size a row, of the track beside it. Null without one.
-    fn baseline_columns(&self) -> Value {
-        let Some(baseline) = &self.baseline else { return Value::Null };
+    /// Name, and centre and size a row, of a track beside it.
+    fn columns_of(&self, baseline: &Baseline) -> Value {
         let boxes = baseline.boxes();
         let column = |of: fn(&BBox) -> f64| -> Vec<Value> {
             let boxes = self.rows.iter().map(|row| boxes.get(row[0] as usize - 1));
@@ -265,11 +264,12 @@ impl Page {
             COLUMNS.iter().enumerate().map(|(i, name)| ((*name).into(), Value::Array(column(i)))).collect();
         let fps = if self.seconds > 0.0 { short(self.tracked as f64 / self.seconds) } else { Value::Null };
         let statuses = [Status::Tracking, Status::Occluded, Status::Lost, Status::Reacquired].map(Status::name);
+        let baselines: Vec<Value> = self.baselines.iter().map(|baseline| self.columns_of(baseline)).collect();
         let data = json!({
             "format": 2, "info": self.info, "summary": { "fps": fps }, "size": self.size, "rate": self.rate,
             "particles": self.particles, "shown": self.shown, "features": self.features, "learned": self.learned,
             "cells": self.cells.iter().map(|v| short(*v)).collect::<Vec<_>>(), "template": self.template,
-            "arms": self.arms, "surface": self.surface, "baseline": self.baseline_columns(), "regret": self.regret, "classes": self.classes(),
+            "arms": self.arms, "surface": self.surface, "baselines": baselines, "regret": self.regret, "classes": self.classes(),
             "statuses": statuses, "series": series, "keys": keys,
         });
         html::page(include_str!("page.html"), &self.source, &data, &SCRIPTS, &[])

@@ -1,8 +1,9 @@
 // The frame with the belief drawn on it.
+const BASELINES = ['#b18cff', '#dd8fb8'];
 const layers = [
   { key: 'b', name: 'box', label: 'box', dot: '#39b6ff' },
   ...(series.true_x.some(x => x !== null) ? [{ key: 't', name: 'truth', label: 'truth', dot: '#3fd19b' }] : []),
-  ...(data.baseline ? [{ key: 'f', name: 'baseline', label: data.baseline.name, dot: '#b18cff' }] : []),
+  ...data.baselines.map(({ name }, i) => ({ key: 'fr'[i], name: `baseline${i}`, label: name, dot: BASELINES[i] })),
   { key: 'h', name: 'path', label: 'path', dot: '#39b6ff' },
   { key: 'p', name: 'particles', label: 'particles', dot: '#e0528f' },
   { key: 'u', name: 'ellipse', label: 'uncertainty', dot: '#9aa4ad' },
@@ -96,10 +97,11 @@ function drawView(c, key, view, box) {
     const [x, y] = at(series.true_x[row] - series.true_w[row] / 2, series.true_y[row] - series.true_h[row] / 2);
     cased(() => c.rect(x, y, k * series.true_w[row], k * series.true_h[row]), '#3fd19b', 2, [2, 4]);
   }
-  if (shown.baseline && data.baseline.x[row] !== null) {
-    const { x, y, w, h } = data.baseline, [left, top] = at(x[row] - w[row] / 2, y[row] - h[row] / 2);
-    cased(() => c.rect(left, top, k * w[row], k * h[row]), '#b18cff', 2);
-  }
+  data.baselines.forEach(({ x, y, w, h }, i) => {
+    if (!shown[`baseline${i}`] || x[row] === null) return;
+    const [left, top] = at(x[row] - w[row] / 2, y[row] - h[row] / 2);
+    cased(() => c.rect(left, top, k * w[row], k * h[row]), BASELINES[i], 2);
+  });
   if (shown.box) {
     const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([u, v]) => fixate(row, u, v)).map(f => at(f.x, f.y));
     cased(outline(corners), lost ? '#ff8a4a' : '#39b6ff', 2, lost ? [7, 6] : []);
