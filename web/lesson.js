@@ -1,6 +1,7 @@
-// The second tab: digit scenes, a policy that learns, and a fixed centre beside it on the same frames.
+// The second tab: digit scenes, a policy that learns, and beside it a fixed centre and random gazes on the same frames.
 const SCENES = {
-  'close-up': { hidden: ['Hidden middle', 12, 0, v => `${v} of 28`], noise: 30, policy: 'gp-ucb', digit: 0, about: 'A digit twice as large, seen through a window of 8/28 of its box. The middle of a 0 is empty: a fixed centre sees little of it.' },
+  glimpse: { hidden: ['Bars', 4, 2, v => `${v}`], noise: 30, policy: 'gp-ucb', digit: 2, about: 'The second experiment of the paper by much smaller looks: 25 of the 784 pixels of the box. Few places of the digit tell where it is. The policy learns which; the centre and most random gazes see little.' },
+  'close-up': { hidden: ['Hidden middle', 12, 0, v => `${v} of 28`], noise: 30, policy: 'gp-ucb', digit: 0, about: 'A digit twice as large, seen through a window of 8/28 of its box. The middle of a 0 is empty: a fixed centre sees little of it. Random gazes see more: compare with them, too.' },
   clutter: { hidden: ['Other digits', 36, 18, v => `${v}`], noise: 0, policy: 'hedge', digit: 3, about: 'The first experiment of the paper: one digit moves among others. Nine windows see most of it, so that a fixed centre does well.' },
   bars: { hidden: ['Bars', 4, 2, v => `${v}`], noise: 30, policy: 'gp-ucb', digit: 3, about: 'The second experiment of the paper: noise, and bars that hide the digit; one small look a frame.' },
 };
@@ -42,7 +43,7 @@ async function lessonStep() {
   const picture = await lessonPicture();
   if (lesson.picture !== lesson.template) lesson.picture.close();
   Object.assign(lesson, { picture, now: told, truth: told.truth });
-  lesson.rows.push([told.learning.error, told.fixed.error]);
+  lesson.rows.push([told.learning.error, told.fixed.error, told.random.error]);
   if (told.learning.row.gaze) lesson.gazes.push(told.learning.row.gaze);
   lessonDraw();
 }
@@ -116,6 +117,7 @@ function drawScene() {
   const corners = row => outline(row.corners.map(([x, y]) => at(x, y)));
   if (!now) return cased(corners(lesson.row), '#ffffff', 2, [6, 4]);
   drawCloud(c, now.learning.detail, [about.width, about.height], at, k);
+  cased(corners(now.random.row), '#dd8fb8', 2, [2, 4]);
   cased(corners(now.fixed.row), '#3fd19b', 2, [6, 5]);
   cased(corners(now.learning.row), '#39b6ff', 2);
   const { fixation: [x, y, ux, uy, vx, vy], gaze: [u, v] } = now.learning.row;
@@ -174,11 +176,12 @@ function drawErrors() {
   const line = (points, ink, thick, dash = []) => { c.beginPath(); points.forEach((p, i) => i ? c.lineTo(...p) : c.moveTo(...p)); c.setLineDash(dash); c.strokeStyle = ink; c.lineWidth = thick; c.stroke(); c.setLineDash([]); };
   line([[0, height - .5], [width, height - .5]], colour('line'), 1);
   if (off < high) line([[0, y(off)], [width, y(off)]], colour('soft'), 1, [2, 4]);
+  line(rows.map((row, i) => [x(i), y(row[2])]), colour('third'), 1.8, [2, 4]);
   line(rows.map((row, i) => [x(i), y(row[1])]), colour('second'), 1.8, [6, 4]);
   line(rows.map((row, i) => [x(i), y(row[0])]), colour('target'), 1.8);
   byId('l-axis').replaceChildren(...[high, high / 2, 0].map(v => element('span', {}, String(Math.round(v)))));
   const mean = which => say(rows.reduce((sum, row) => sum + row[which], 0) / rows.length, 2);
-  const told = rows.length ? [[about.policy, 'swatch k-learning', 0], ['fixed centre', 'swatch dash k-fixed', 1]] : [];
+  const told = rows.length ? [[about.policy, 'swatch k-learning', 0], ['fixed centre', 'swatch dash k-fixed', 1], ['random gazes', 'swatch dash k-random', 2]] : [];
   byId('l-means').replaceChildren(...told.map(([name, swatch, which]) => element('span', {}, element('i', { class: swatch }), `${name}: mean `, element('b', {}, mean(which)))));
-  canvas.setAttribute('aria-label', rows.length ? `Error in ${rows.length} frames: ${told.map(([name, , which]) => `${name} ${mean(which)} pixels on average`).join(', ')}` : 'Error of both trackers over time');
+  canvas.setAttribute('aria-label', rows.length ? `Error in ${counted(rows.length, 'frame')}: ${told.map(([name, , which]) => `${name} ${mean(which)} pixels on average`).join(', ')}` : 'Error of the three trackers over time');
 }

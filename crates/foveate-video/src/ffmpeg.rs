@@ -104,7 +104,12 @@ impl Input {
     pub fn file(path: &Path) -> Self {
         let mut name = OsString::from("file:");
         name.push(path);
-        Self { name, protocols: "file", kinds: KINDS.into(), options: kind(path).iter().map(|&o| o.to_owned()).collect() }
+        Self {
+            name,
+            protocols: "file",
+            kinds: KINDS.into(),
+            options: kind(path).iter().map(|&o| o.to_owned()).collect(),
+        }
     }
 
     /// The options that stand before it.

@@ -1,13 +1,13 @@
-//! The paper's digit scenes as a lesson: a policy of gaze that learns, and beside it a fixed centre on the same frames.
+//! The paper's digit scenes as a lesson: a policy of gaze that learns, and beside it a fixed centre and random gazes on the same frames.
 
 use foveate_base::files::Nowhere;
 use foveate_base::{Error, Result};
 use foveate_core::Tracker;
-use foveate_core::config::Config;
+use foveate_core::config::{Blueprint, Config};
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 use foveate_lab::Digits;
-use foveate_lab::synthetic::{Clutter, Drawn, Occlusion};
+use foveate_lab::synthetic::{Clutter, Drawn, GLIMPSE, Occlusion};
 use foveate_report::interactive::{Row, cells, detail, surface};
 use foveate_video::Frame;
 use serde::Deserialize;
@@ -31,6 +31,8 @@ enum Kind {
     Clutter,
     /// A digit that passes behind bars, seen through a small window (section 6.2).
     Bars,
+    /// The same through a window of 5 x 5 pixels, as `foveate demo` has it.
+    Glimpse,
     /// A digit twice as large, seen through a window of a quarter of its box.
     CloseUp,
 }
@@ -67,12 +69,11 @@ impl Scene {
                     Clutter { digit, seed, noise, frames, distractors: hidden, ..Clutter::default() }.video(&digits)?,
                 )
             }
-            Kind::Bars => {
+            Kind::Bars | Kind::Glimpse => {
                 most(8)?;
-                Box::new(
-                    Occlusion { digit, seed, noise, frames, bars: hidden, shade: 90, ..Occlusion::default() }
-                        .video(&digits)?,
-                )
+                let (shade, side) = if matches!(self.kind, Kind::Bars) { (90, 200) } else { (0, 160) };
+                let scene = Occlusion { digit, seed, noise, frames, bars: hidden, shade, ..Occlusion::default() };
+                Box::new(Occlusion { width: side, height: side, ..scene }.video(&digits)?)
             }
             Kind::CloseUp => {
                 most(28)?;
@@ -95,21 +96,23 @@ impl Scene {
     fn config(&self, policy: &str) -> Result<Config> {
         let name = match (self.kind, policy) {
             (Kind::Clutter, _) => "digits-hedge",
-            (Kind::Bars, _) => "digits-partial",
+            (Kind::Bars | Kind::Glimpse, _) => "digits-partial",
             (Kind::CloseUp, "pool") => "digits-pool",
             (Kind::CloseUp, _) => "digits-closeup",
         };
         let config =
             Config::builtin(name).ok_or_else(|| Error::Config(format!("no configuration is called {name}")))?;
-        config?.with_policy(policy)
+        let changes = if matches!(self.kind, Kind::Glimpse) { &GLIMPSE[..] } else { &[] };
+        changes.iter().try_fold(config?.with_policy(policy)?, |config, change| config.set(change))
     }
 }
 
-/// A scene, and two trackers in it.
+/// A scene, and three trackers in it.
 pub struct Lesson {
     video: Box<dyn Drawn>,
     learning: Tracker,
     fixed: Tracker,
+    random: Tracker,
     cells: Vec<f64>,
     policy: String,
     config: String,
@@ -121,14 +124,17 @@ impl Lesson {
     pub fn begin(scene: Scene, policy: &str) -> Result<Self> {
         let video = scene.video()?;
         let blueprint = scene.config(policy)?.check(&Nowhere)?;
-        let fixed = scene.config("fixed")?.check(&Nowhere)?;
-        let (mut learning, mut fixed) = (blueprint.tracker(scene.seed)?, fixed.tracker(scene.seed)?);
         let frame = Frame { index: 0, time: 0.0, image: video.render(0) };
         let first = video.truth()[0];
-        learning.init(&frame.image, first)?;
-        fixed.init(&frame.image, first)?;
+        let begin = |blueprint: &Blueprint| -> Result<Tracker> {
+            let mut tracker = blueprint.tracker(scene.seed)?;
+            tracker.init(&frame.image, first)?;
+            Ok(tracker)
+        };
+        let other = |policy: &str| begin(&scene.config(policy)?.check(&Nowhere)?);
+        let (learning, fixed, random) = (begin(&blueprint)?, other("fixed")?, other("random")?);
         let (cells, config) = (cells(&*blueprint.retina()), blueprint.config().to_toml());
-        Ok(Self { video, learning, fixed, cells, policy: policy.into(), config, frame })
+        Ok(Self { video, learning, fixed, random, cells, policy: policy.into(), config, frame })
     }
 
     pub fn about(&self) -> Value {
@@ -160,10 +166,10 @@ impl Lesson {
                 json!({ "row": row, "detail": detail, "reward": reward, "surface": shown, "error": error(&seen.bbox, &truth) }),
             )
         };
-        let (learning, fixed) = (follow(&mut self.learning)?, follow(&mut self.fixed)?);
-        Ok(
-            json!({ "ended": false, "truth": [truth.x, truth.y, truth.w, truth.h], "learning": learning, "fixed": fixed }),
-        )
+        let (learning, fixed, random) =
+            (follow(&mut self.learning)?, follow(&mut self.fixed)?, follow(&mut self.random)?);
+        let truth = [truth.x, truth.y, truth.w, truth.h];
+        Ok(json!({ "ended": false, "truth": truth, "learning": learning, "fixed": fixed, "random": random }))
     }
 }
 
