@@ -4,6 +4,7 @@
 //! `choose`, `weigh`, `learn`, `record` and `settle` in `engine/gaze.rs`, `redetect` and `search_around` in `engine/redetect.rs`, `monitor` and `adapt` in
 //! `engine/monitor.rs`, `regress` in `engine/regress.rs`. What belongs together is kept together: [`Filter`], [`GazeControl`], [`Monitor`].
 
+mod exclusion;
 mod filter;
 mod gaze;
 mod monitor;
@@ -13,9 +14,12 @@ mod saved;
 mod second_opinion;
 mod template;
 
+pub(crate) use exclusion::Claim;
 pub use filter::Filter;
 pub use gaze::GazeControl;
 pub use monitor::Monitor;
+
+use exclusion::Exclusion;
 
 use crate::control::{Belief, TrackConfidence};
 use crate::gaze::{Context, Plan};
@@ -84,6 +88,8 @@ pub(crate) struct Engine {
     context: Context,
     /// Share of the target that nothing else covers, 0 to 1.
     visible: f64,
+    /// Whose the places of this frame are.
+    exclusion: Exclusion,
     work: Work,
 }
 
@@ -167,6 +173,7 @@ impl Engine {
             frame: 0,
             context: Context::default(),
             visible: 1.0,
+            exclusion: Exclusion::default(),
             work: Work::default(),
         }
     }

@@ -1,7 +1,8 @@
 //! Multi-target tracking: one particle filter a target, and what happens between targets.
 //!
 //! Every frame each detection is assigned to the target it fits best (overlap, motion, appearance; one to one), targets that
-//! overlap are put in order of depth, so that the occluded one relies less on its pixels, and every filter makes its step.
+//! overlap are put in order of depth, so that the occluded one relies less on its pixels, what is seen where they meet is shared among
+//! them, so that they do not end on one of them, and every filter makes its step.
 //! Then tracks that are gone are terminated, and persistent unmatched detections start new ones, after a re-identification
 //! check against terminated ones.
 //!
@@ -31,7 +32,7 @@ pub(crate) use room::Room;
 pub use settings::Settings;
 pub use tracked_target::{Phase, TrackedTarget};
 
-use crate::engine::Engine;
+use crate::engine::{Claim, Engine};
 use crate::geometry::BBox;
 use crate::origin::Origin;
 use crate::scene::{Detection, Image, Preprocessor};
@@ -98,6 +99,9 @@ pub struct MultiTracker {
 struct Work {
     expected: Vec<Expected>,
     meetings: Meetings,
+    /// Where each target is expected, if it is not lost, and who meets whom, both ways round.
+    claims: Vec<Option<Claim>>,
+    neighbours: Vec<(usize, usize)>,
     bodies: Vec<Body>,
     visible: Vec<f64>,
     detections: Vec<Detection>,
@@ -178,6 +182,7 @@ impl MultiTracker {
         self.attend();
         self.assign(image, detections);
         self.occlude(image);
+        self.exclude();
         self.explain(image);
         let (s, detecting) = (&self.settings, self.detecting);
         let (cleared, pool) = (&self.work.cleared, &self.pool);
@@ -317,6 +322,25 @@ impl MultiTracker {
         for (target, &visible) in self.active.iter_mut().zip(&*visible) {
             target.engine.set_visibility(if self.settings.occlusion.explain > 0.0 { 1.0 } else { visible });
             target.track.visible = visible;
+        }
+    }
+
+    /// Two targets cannot be in one place: where boxes meet, each engine gets the places that the others are expected at. Detections, and
+    /// explaining away, tell targets apart in their own way.
+    fn exclude(&mut self) {
+        let Work { expected, meetings, claims, neighbours, .. } = &mut self.work;
+        claims.clear();
+        claims.extend(self.active.iter().zip(&*expected).map(|(t, e)| t.track.sure().then(|| e.claim())));
+        neighbours.clear();
+        if !self.detecting && self.settings.occlusion.explain <= 0.0 {
+            neighbours.extend(meetings.pairs().flat_map(|(i, j)| [(i, j), (j, i)]));
+            neighbours.sort_unstable();
+        }
+        let mut rest = &neighbours[..];
+        for (i, target) in self.active.iter_mut().enumerate() {
+            let (met, others) = rest.split_at(rest.partition_point(|(k, _)| *k == i));
+            rest = others;
+            target.engine.exclude(expected[i].claim(), met.iter().filter_map(|(_, j)| claims[*j]));
         }
     }
 

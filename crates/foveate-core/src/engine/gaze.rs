@@ -104,7 +104,7 @@ impl Engine {
     /// used; their log-likelihoods add, as much of each as it weighs.
     // Deviation: where the paper samples anew for each action, all gazes of a frame weigh the same particles.
     pub(super) fn weigh(&mut self) {
-        let extent = self.target().extent;
+        let (extent, reference) = (self.target().extent, self.reference());
         let (parts, w) = (&mut self.parts, &mut self.work);
         let n = w.predicted.len();
         w.log_likelihood.resize(w.gazes.len() * n, 0.0);
@@ -113,6 +113,7 @@ impl Engine {
         w.rewards.clear();
         for (&gaze, log_likelihood) in w.gazes.iter().zip(w.log_likelihood.chunks_exact_mut(n)) {
             parts.appearance.log_likelihood(&w.predicted, gaze, log_likelihood);
+            self.exclusion.apply(&w.predicted, log_likelihood, reference);
             attenuate(log_likelihood, self.visible);
             w.log_posterior.clone_from(&w.log_prior);
             add(&mut w.log_posterior, 1.0, log_likelihood);
@@ -149,7 +150,7 @@ impl Engine {
     /// What other gazes would have earned, by the belief at the end of the frame: where particles were drawn again, not that by which the
     /// planned ones were scored. No later look at the frame depends on it.
     pub(super) fn record(&mut self, image: &Image) {
-        let extent = self.target().extent;
+        let (extent, reference) = (self.target().extent, self.reference());
         let (parts, w) = (&mut self.parts, &mut self.work);
         w.recorded.clear();
         if w.plan.recorded().is_empty() {
@@ -162,6 +163,7 @@ impl Engine {
         parts.appearance.see(image, &w.predicted, &w.gazes);
         for &gaze in &w.gazes {
             parts.appearance.log_likelihood(&w.predicted, gaze, &mut w.log_posterior);
+            self.exclusion.apply(&w.predicted, &mut w.log_posterior, reference);
             attenuate(&mut w.log_posterior, self.visible);
             w.recorded.push(parts.gaze.reward.reward(&w.predicted, &w.log_prior, &w.log_posterior, believed));
         }

@@ -14,6 +14,10 @@ use crate::scene::Image;
 
 /// Least share in view at which evidence is judged: of what is hidden for the most part, looks say nothing.
 const LEAST_JUDGED: f64 = 0.5;
+/// The same while another target is in its way: a tenth that is covered costs more than a tenth of the evidence.
+const LEAST_JUDGED_BESIDE: f64 = 0.9;
+/// Share of the place where the target is expected below which another target may be what is seen there.
+const OWN_PLACE: f64 = 0.8;
 /// P(lost) by the own cues below which a second opinion that is lost begins again at the estimate: seldom. Where it is led to the first's place
 /// more readily it agrees with it, right or wrong (docs/lab/confidence.md).
 const SURE: f64 = 0.005;
@@ -250,7 +254,18 @@ impl Engine {
 
     /// Whether enough of the target is in view for its evidence to say that it is lost.
     pub(super) fn is_judged(&self) -> bool {
-        self.visible >= LEAST_JUDGED
+        let least = if self.meets_another() { LEAST_JUDGED_BESIDE } else { LEAST_JUDGED };
+        self.visible >= least && !self.is_contested()
+    }
+
+    /// Whether another target may be what is seen where this one is expected.
+    pub fn is_contested(&self) -> bool {
+        self.exclusion.share(&self.work.expected) < OWN_PLACE
+    }
+
+    /// Whether another target claims places that this one may be at.
+    pub fn meets_another(&self) -> bool {
+        !self.exclusion.is_empty()
     }
 }
 

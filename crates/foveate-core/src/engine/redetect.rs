@@ -98,6 +98,7 @@ impl Engine {
 
     /// Looks again at those of the predicted states that `work.redetected` names: log posterior and weights are those of all again.
     fn weigh_drawn(&mut self, image: &Image) {
+        let reference = self.reference();
         let (parts, w) = (&mut self.parts, &mut self.work);
         if w.redetected.is_empty() {
             return;
@@ -111,6 +112,7 @@ impl Engine {
         let gazes = w.gazes.iter().zip(w.plan.weights()).enumerate();
         for (k, (gaze, weight)) in gazes.filter(|(_, (_, weight))| **weight > 0.0) {
             score(appearance, &w.drawn, *gaze, &mut w.scores);
+            self.exclusion.apply(&w.drawn, &mut w.scores, reference);
             attenuate(&mut w.scores, self.visible);
             for (i, l) in w.redetected.iter().zip(&w.scores) {
                 w.log_likelihood[k * n + i] = *l;

@@ -1,6 +1,6 @@
 //! The target's template and place, changed from outside the loop: given, given again, renewed, compared, covered.
 
-use super::{Engine, Target};
+use super::{Claim, Engine, Target};
 use crate::gaze::Context;
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::recognition::Recognition;
@@ -81,6 +81,13 @@ impl Engine {
     pub fn set_visibility(&mut self, visible: f64) {
         self.visible = if visible.is_finite() { visible.clamp(0.0, 1.0) } else { 1.0 };
         self.second.iter_mut().for_each(|second| second.set_visibility(visible));
+    }
+
+    /// Where this target is expected in the next frame, and where those are that it meets: places at which they may be what is seen.
+    pub fn exclude(&mut self, own: Claim, others: impl Iterator<Item = Claim> + Clone) {
+        self.exclusion.begin(own);
+        others.clone().for_each(|other| self.exclusion.add(other));
+        self.second.iter_mut().for_each(|second| second.exclude(own, others.clone()));
     }
 
     /// The state that has this box, upright and at rest, at this target's size. Panics before [`Engine::init`].

@@ -2,6 +2,7 @@
 
 use super::groups::{Fit, best};
 use super::settings::Settings;
+use crate::engine::Claim;
 use crate::geometry::BBox;
 use crate::scene::Detection;
 
@@ -13,6 +14,19 @@ pub(super) struct Expected {
     pub variance: (f64, f64),
     /// Whether it was not seen lately: its place is a guess.
     pub guess: bool,
+}
+
+impl Expected {
+    /// The density of its place, no sharper than boxes are laid.
+    pub fn claim(&self) -> Claim {
+        let BBox { w, h, .. } = self.bbox;
+        Claim { centre: self.bbox.centre(), variance: (off(self.variance.0, w), off(self.variance.1, h)) }
+    }
+}
+
+/// A variance of place, with that of boxes along a side.
+fn off(variance: f64, side: f64) -> f64 {
+    variance + (OFF * side / 2.0).powi(2)
 }
 
 /// Share of its half box, at least, that a detector's centre is off by.
@@ -27,8 +41,7 @@ pub(super) fn by_place(expected: &Expected, detection: &BBox, s: &Settings) -> O
     if far || (detection.w * detection.h / (w * h)).ln().abs() / 2.0 > s.size.ln() {
         return None;
     }
-    let variance = |variance: f64, side: f64| variance + (OFF * side / 2.0).powi(2);
-    let mahalanobis = dx * dx / variance(expected.variance.0, w) + dy * dy / variance(expected.variance.1, h);
+    let mahalanobis = dx * dx / off(expected.variance.0, w) + dy * dy / off(expected.variance.1, h);
     Some((expected.bbox.iou(detection) + (-mahalanobis / 2.0).exp()) / 2.0)
 }
 

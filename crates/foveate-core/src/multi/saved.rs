@@ -40,6 +40,7 @@ struct SavedTarget {
     track: TrackedTarget,
     lost: usize,
     unseen: usize,
+    hidden: usize,
     terminated: usize,
     shape: f64,
     surprise: f64,
@@ -113,7 +114,9 @@ impl Saved {
                     return Err(format!("`{name}` of target {id} is frame {frame}; expected one up to `next`, {next}"));
                 }
             }
-            for (name, count) in [("lost", t.lost), ("unseen", t.unseen), ("not looked at", t.track.waited)] {
+            let counts =
+                [("lost", t.lost), ("unseen", t.unseen), ("hidden", t.hidden), ("not looked at", t.track.waited)];
+            for (name, count) in counts {
                 if count > next {
                     return Err(format!("target {id} was {name} for {count} frames; expected up to `next`, {next}"));
                 }
@@ -125,8 +128,8 @@ impl Saved {
 
 impl SavedTarget {
     fn of(target: &Target) -> Self {
-        let Target { track, lost, unseen, terminated, shape, surprise, .. } = *target;
-        Self { track, lost, unseen, terminated, shape, surprise, engine: target.engine.save() }
+        let Target { track, lost, unseen, hidden, terminated, shape, surprise, .. } = *target;
+        Self { track, lost, unseen, hidden, terminated, shape, surprise, engine: target.engine.save() }
     }
     fn read(self, trackers: &MultiTracker) -> Result<Target> {
         let mut engine = (trackers.make)(self.track.id);
@@ -134,7 +137,7 @@ impl SavedTarget {
         if !engine.has_target() {
             return Err(Error::Invalid(format!("the saved targets cannot be used: {} has no template", self.track.id)));
         }
-        let Self { track, lost, unseen, terminated, shape, surprise, .. } = self;
+        let Self { track, lost, unseen, hidden, terminated, shape, surprise, .. } = self;
         if (0..6).any(|k| track.covariance[k][k] < 0.0) {
             let problem = format!("a variance of {} is less than 0", track.id);
             return Err(Error::Invalid(format!("the saved targets cannot be used: {problem}")));
@@ -143,7 +146,7 @@ impl SavedTarget {
             let expected = format!("expected a logarithm from -{SHAPE} to {SHAPE}, found {shape}");
             return Err(Error::Invalid(format!("the saved targets cannot be used: shape of {}: {expected}", track.id)));
         }
-        let mut target = Target { lost, unseen, terminated, shape, surprise, ..Target::new(engine, track) };
+        let mut target = Target { lost, unseen, hidden, terminated, shape, surprise, ..Target::new(engine, track) };
         target.looking(&trackers.pool, |_| ());
         Ok(target)
     }

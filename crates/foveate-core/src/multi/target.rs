@@ -12,6 +12,9 @@ use crate::scene::{Detection, Image, Scene};
 /// Weight of the newest look in the mean surprise.
 const NEWEST: f64 = 0.3;
 
+/// Frames in a row that another target hides it, after which its box is a guess: no occlusion that passes takes much longer.
+const LONGEST_HIDDEN: usize = 30;
+
 /// [`Target::shape`] is from minus this to this.
 pub(super) const SHAPE: f64 = 20.0;
 
@@ -22,6 +25,8 @@ pub(super) struct Target {
     /// Frames in a row it was lost, and without a detection.
     pub lost: usize,
     pub unseen: usize,
+    /// Frames in a row another target hid it, or may have been what was seen in its place.
+    pub hidden: usize,
     pub terminated: usize,
     /// Logarithm of its box's width over height, less that of its template's.
     pub shape: f64,
@@ -40,6 +45,7 @@ impl Target {
             track,
             lost: 0,
             unseen: 0,
+            hidden: 0,
             terminated: 0,
             shape: 0.0,
             looked_at: true,
@@ -91,7 +97,7 @@ impl Target {
         let state = self.engine.state_at(&bbox);
         let TrackedTarget { id, gaze, class, .. } = self.track;
         self.track = TrackedTarget { born, phase, bbox, state, extent, gaze, class, ..TrackedTarget::unknown(id) };
-        (self.lost, self.unseen, self.shape, self.surprise) = (0, 0, shape(&bbox, extent), 1.0);
+        (self.lost, self.unseen, self.hidden, self.shape, self.surprise) = (0, 0, 0, shape(&bbox, extent), 1.0);
     }
 
     pub fn step(&mut self, image: &Image, s: &Settings, detecting: bool) {
@@ -106,11 +112,15 @@ impl Target {
         let (gaze, bbox) = (step.plan.chosen(), step.bbox());
         let lost = self.engine.is_searching() && detections.is_empty();
         self.unseen = if detections.is_empty() { self.unseen + 1 } else { 0 };
-        self.lost = if lost { self.lost + 1 } else { 0 };
-        let guessed = if detecting { s.guesses(self.unseen) } else { lost };
+        // While another is in its way, looks cannot show that it is gone; it counts as lost once an occlusion has lasted too long.
+        self.lost = if lost { self.lost + usize::from(!self.engine.meets_another()) } else { 0 };
+        let visible = self.track.visible;
+        let hidden = visible < s.occlusion.hidden || (visible < 1.0 && self.engine.is_contested());
+        self.hidden = if hidden { self.hidden + 1 } else { 0 };
+        let guessed = if detecting { s.guesses(self.unseen) } else { lost || self.hidden > LONGEST_HIDDEN };
         let phase = match guessed {
             true => Phase::Lost,
-            false if self.track.visible < s.occlusion.hidden => Phase::Occluded,
+            false if visible < s.occlusion.hidden => Phase::Occluded,
             false => Phase::Tracked,
         };
         let extent = self.engine.extent().expect("it was started");

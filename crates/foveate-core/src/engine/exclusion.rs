@@ -1,0 +1,112 @@
+//! Two targets cannot be in one place: a place's evidence is explained by one of the targets that may be there.
+//!
+//! Where the boxes of two targets meet, each look may be at the other one. The association is joint and soft, as in the joint
+//! probabilistic data association filter: a place belongs to a target by the share that the target's prediction has in the
+//! predictions of all that meet there. What of a look belongs to others counts as much as a look at any other place of the picture.
+//! MacCormick and Blake (2000) call this the exclusion principle; Khan, Balch and Dellaert (2005) have it as a prior.
+
+use crate::geometry::State;
+use crate::reference::ReferenceLikelihood;
+
+/// Where a target is expected: a normal density over places, pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Claim {
+    pub centre: (f64, f64),
+    pub variance: (f64, f64),
+}
+
+impl Claim {
+    /// Log density, but for a constant that all claims share.
+    fn log_density(&self, state: &State) -> f64 {
+        let axis = |off: f64, variance: f64| off * off / variance + variance.ln();
+        -0.5 * (axis(state.x - self.centre.0, self.variance.0) + axis(state.y - self.centre.1, self.variance.1))
+    }
+}
+
+/// The claims on the places of one frame: of this target, and of those that it meets.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Exclusion {
+    own: Claim,
+    others: Vec<Claim>,
+}
+
+impl Exclusion {
+    /// Starts a frame.
+    pub fn begin(&mut self, own: Claim) {
+        self.own = own;
+        self.others.clear();
+    }
+
+    /// Another target's claim.
+    pub fn add(&mut self, other: Claim) {
+        self.others.push(other);
+    }
+
+    /// Whether no other target is in the way.
+    pub fn is_empty(&self) -> bool {
+        self.others.is_empty()
+    }
+
+    /// The share of a place that is this target's, 0 to 1.
+    pub fn share(&self, state: &State) -> f64 {
+        if self.is_empty() {
+            return 1.0;
+        }
+        let own = self.own.log_density(state);
+        1.0 / (1.0 + self.others.iter().map(|other| (other.log_density(state) - own).exp()).sum::<f64>())
+    }
+
+    /// Leaves of each state's log-likelihood what is this target's.
+    pub fn apply(&self, states: &[State], log_likelihood: &mut [f64], reference: ReferenceLikelihood) {
+        if self.is_empty() {
+            return;
+        }
+        for (l, state) in log_likelihood.iter_mut().zip(states) {
+            *l = reference.off + self.share(state) * (*l - reference.off);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn claim(x: f64, sd: f64) -> Claim {
+        Claim { centre: (x, 10.0), variance: (sd * sd, 4.0) }
+    }
+
+    fn at(x: f64) -> State {
+        State { x, y: 12.0, ..State::default() }
+    }
+
+    fn met(own: Claim, others: &[Claim]) -> Exclusion {
+        Exclusion { own, others: others.to_vec() }
+    }
+
+    /// Against Bayes' rule with the densities written out.
+    #[test]
+    fn a_place_is_shared_by_the_densities_there() {
+        let density = |c: &Claim, s: &State| {
+            let axis = |x: f64, v: f64| (-x * x / (2.0 * v)).exp() / (std::f64::consts::TAU * v).sqrt();
+            axis(s.x - c.centre.0, c.variance.0) * axis(s.y - c.centre.1, c.variance.1)
+        };
+        let (own, others) = (claim(0.0, 2.0), [claim(5.0, 1.0), claim(-3.0, 4.0)]);
+        for x in [-8.0, -1.0, 0.0, 2.5, 5.0, 9.0] {
+            let p = density(&own, &at(x));
+            let wanted = p / (p + others.iter().map(|c| density(c, &at(x))).sum::<f64>());
+            assert!((met(own, &others).share(&at(x)) - wanted).abs() < 1e-12, "{x}");
+        }
+        assert_eq!(met(own, &[own]).share(&at(3.0)), 0.5, "two in one place have half of it each");
+    }
+
+    #[test]
+    fn what_is_another_targets_counts_as_any_other_place() {
+        let reference = ReferenceLikelihood { on: -2.0, off: -12.0 };
+        let (states, mut looks) = ([at(0.0), at(40.0), at(20.0)], [-2.0, -2.0, -2.0]);
+        met(claim(0.0, 2.0), &[claim(40.0, 2.0)]).apply(&states, &mut looks, reference);
+        assert_eq!(looks, [-2.0, -12.0, -7.0]);
+        let mut alone = [-2.5, -30.0, f64::NEG_INFINITY];
+        met(claim(0.0, 2.0), &[]).apply(&states, &mut alone, reference);
+        assert_eq!(alone, [-2.5, -30.0, f64::NEG_INFINITY], "not a bit without another target");
+    }
+}
