@@ -169,7 +169,7 @@ pub fn goes_on(bytes: &[u8]) -> bool {
         return loaded;
     }
     // Beside each target, and on it.
-    let at = |b: BBox| [0.0, 0.4].map(|off| Detection { bbox: BBox { x: b.x + off * b.w, ..b }, score: 0.9 });
+    let at = |b: BBox| [0.0, 0.4].map(|off| Detection::new(BBox { x: b.x + off * b.w, ..b }, 0.9));
     let found: Vec<_> = many.targets().iter().flat_map(|target| at(target.bbox)).collect();
     if many.update(&picture(1), &found).is_ok() {
         start().load(&many.save()).expect("what is saved can be loaded");
@@ -245,7 +245,7 @@ impl Bytes<'_> {
         BBox { x: self.number(), y: self.number(), w: self.number(), h: self.number() }
     }
     fn detection(&mut self) -> Detection {
-        Detection { bbox: self.bbox(), score: self.number() }
+        Detection::new(self.bbox(), self.number())
     }
 }
 

@@ -277,7 +277,7 @@ class MultiTracker:
         *,
         channels: _Channels = "rgb",
     ) -> MultiTracker: ...
-    def update(self, image: _Image, detections: _Detections | None = None) -> Targets:
+    def update(self, image: _Image, detections: _Detections | None = None, *, lost: bool = False) -> Targets:
         """The next picture, and what detectors of yours found in it.
 
         Parameters
@@ -295,6 +295,8 @@ class MultiTracker:
         """A target's box in the picture of the last update: a new target, or an active one that starts again. Answers its id, the next
         free one where none is given.
         """
+    def remove(self, id: int) -> None:
+        """Ends the track of the target with this id for good: it is not re-identified later. Raises KeyError where no active target has it."""
     def skip(self, image: _Image) -> None:
         """A picture that is not tracked in: camera motion and detector compare pictures, and see it."""
     def cut(self) -> None:

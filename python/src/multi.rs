@@ -4,6 +4,7 @@ use foveate::MultiTracker;
 use foveate::multi::TrackedTarget;
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1};
+use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 
@@ -11,7 +12,7 @@ use crate::errors::OrRaise;
 use crate::held::{Held, Pickle};
 use crate::making::{Making, profile_name};
 use crate::named::read_box;
-use crate::tracker::read_detections;
+use crate::tracker::{detections_of, found};
 
 /// Follows many targets: those that are given, and those that detections start.
 ///
@@ -29,7 +30,11 @@ use crate::tracker::read_detections;
 /// >>> targets.ids.tolist(), targets.boxes.shape
 /// ([1], (1, 4))
 #[pyclass(frozen, module = "foveate", name = "MultiTracker")]
-pub struct PyMultiTracker(Held<MultiTracker>);
+pub struct PyMultiTracker {
+    held: Held<MultiTracker>,
+    /// Names of the classes of detections so far, by number.
+    names: Py<PyDict>,
+}
 
 #[pymethods]
 impl PyMultiTracker {
@@ -42,30 +47,53 @@ impl PyMultiTracker {
         seed: Option<u64>,
         channels: &str,
     ) -> PyResult<Self> {
-        Held::new(Making::new(py, profile, config, seed, channels)?).or_raise(py).map(Self)
+        let held = Held::new(Making::new(py, profile, config, seed, channels)?).or_raise(py)?;
+        Ok(Self { held, names: PyDict::new(py).unbind() })
     }
 
-    /// The next picture, and what detectors of yours found in it.
+    /// Tracks all targets into the next picture, given what your detector found in it.
     ///
     /// Parameters
     /// ----------
     /// image : uint8 array, (height, width) or (height, width, channels)
     /// detections : array (n, 4) or (n, 5), or anything with ``xyxy`` and ``confidence``, optional
-    ///     Left, top, width, height and score; or for example ``supervision.Detections``. Left out: none.
+    ///     Left, top, width, height and score; or for example ``supervision.Detections``, whose classes and data are carried to the
+    ///     targets. Left out: none. Give scores where there are any: without them no track starts beside another target.
+    /// lost : bool
+    ///     Whether targets in the phase "lost", whose boxes are guesses, are returned too.
     ///
     /// Returns
     /// -------
     /// Targets
-    ///     The active targets, by id.
-    #[pyo3(signature = (image, detections = None))]
+    ///     The targets, by id; ``detection_index`` says which detection became which target.
+    ///
+    /// Raises
+    /// ------
+    /// InputError
+    ///     A detection is not finite, or has no width or height; the message names it.
+    #[pyo3(signature = (image, detections = None, *, lost = false))]
     fn update<'py>(
         &self,
         image: &Bound<'py, PyAny>,
         detections: Option<&Bound<'py, PyAny>>,
+        lost: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let found = detections.map(read_detections).transpose()?.unwrap_or_default();
-        let targets = self.0.show(image, |tracker, image| Ok(tracker.update(image, &found)?.to_vec()))?;
-        arrays(image.py(), &targets)
+        let py = image.py();
+        let given = detections.map(found).transpose()?;
+        let rows = given.as_ref().map(detections_of).transpose()?.unwrap_or_default();
+        let targets = self.held.show(image, |tracker, image| {
+            let results = tracker.update(image, &rows)?.to_vec();
+            Ok(if lost { tracker.targets().to_vec() } else { results })
+        })?;
+        let names = self.names.bind(py);
+        let data = match &given {
+            Some(given) => {
+                names.update(given.getattr("names")?.cast::<PyDict>()?.as_mapping())?;
+                given.getattr("data")?.cast_into::<PyDict>()?
+            }
+            None => PyDict::new(py),
+        };
+        arrays(py, &targets, names, &data)
     }
 
     /// A target's box in the picture of the last update: a new target, or an active one that starts again. Answers its id, the next
@@ -73,12 +101,20 @@ impl PyMultiTracker {
     #[pyo3(signature = (image, r#box, id = None))]
     fn add(&self, image: &Bound<'_, PyAny>, r#box: &Bound<'_, PyAny>, id: Option<u64>) -> PyResult<u64> {
         let bbox = read_box(r#box)?;
-        self.0.show(image, |tracker, image| tracker.add(image, id, bbox))
+        self.held.show(image, |tracker, image| tracker.add(image, id, bbox))
+    }
+
+    /// Ends the track of the target with this id for good: it is not re-identified later. Raises KeyError where no active target has it.
+    fn remove(&self, py: Python<'_>, id: u64) -> PyResult<()> {
+        match py.detach(|| self.held.working().tracker.remove(id)) {
+            true => Ok(()),
+            false => Err(PyKeyError::new_err(format!("no target {id} is active"))),
+        }
     }
 
     /// A picture that is not tracked in: camera motion and detector compare pictures, and see it.
     fn skip(&self, image: &Bound<'_, PyAny>) -> PyResult<()> {
-        self.0.show(image, |tracker, image| {
+        self.held.show(image, |tracker, image| {
             tracker.skip(image);
             Ok(())
         })
@@ -86,50 +122,50 @@ impl PyMultiTracker {
 
     /// The picture changed altogether: all targets are terminated, to be re-identified if they come back.
     fn cut(&self, py: Python<'_>) {
-        py.detach(|| self.0.working().tracker.cut());
+        py.detach(|| self.held.working().tracker.cut());
     }
 
-    /// The active targets of the last picture, by id.
+    /// All active targets of the last picture, by id, with those in the phase "lost", whose boxes are guesses.
     #[getter]
     fn targets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let targets = py.detach(|| self.0.working().tracker.targets().to_vec());
-        arrays(py, &targets)
+        let targets = py.detach(|| self.held.working().tracker.targets().to_vec());
+        arrays(py, &targets, self.names.bind(py), &PyDict::new(py))
     }
 
     /// The whole state, as JSON in UTF-8; as :meth:`Tracker.save`.
     fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
-        self.0.save(py)
+        self.held.save(py)
     }
 
     /// Takes up what :meth:`save` gave, in a tracker of the same configuration, seed and channels; nothing changes where it fails.
     fn load(&self, py: Python<'_>, saved: &[u8]) -> PyResult<()> {
-        self.0.load(py, saved)
+        self.held.load(py, saved)
     }
 
     /// The configuration as TOML, every setting written out.
     #[getter]
     fn config(&self) -> String {
-        self.0.making.text()
+        self.held.making.text()
     }
     /// What names all random numbers.
     #[getter]
     fn seed(&self) -> u64 {
-        self.0.making.seed
+        self.held.making.seed
     }
     /// The order of a colour picture's bytes.
     #[getter]
     fn channels(&self) -> &'static str {
-        self.0.making.channels.name
+        self.held.making.channels.name
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyTuple>> {
         let (py, this) = (slf.py(), slf.get());
-        this.0.pickled(py, "_restore_multi", this.save(py)?)
+        this.held.pickled(py, "_restore_multi", this.save(py)?)
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {
-        let Making { seed, channels, .. } = &self.0.making;
-        let targets = py.detach(|| self.0.working().tracker.targets().len());
+        let Making { seed, channels, .. } = &self.held.making;
+        let targets = py.detach(|| self.held.working().tracker.targets().len());
         format!("<foveate.MultiTracker seed={seed} channels={} targets={targets}>", channels.name)
     }
 }
@@ -138,11 +174,17 @@ impl PyMultiTracker {
 #[pyfunction]
 #[pyo3(signature = (*pickle))]
 pub fn _restore_multi(py: Python<'_>, pickle: Pickle) -> PyResult<PyMultiTracker> {
-    Held::restored(py, pickle).map(PyMultiTracker)
+    let held = Held::restored(py, pickle)?;
+    Ok(PyMultiTracker { held, names: PyDict::new(py).unbind() })
 }
 
-/// Targets as a `Targets` of arrays.
-fn arrays<'py>(py: Python<'py>, targets: &[TrackedTarget]) -> PyResult<Bound<'py, PyAny>> {
+/// Targets as a `Targets` of arrays, with the names of classes, and what came with the detections.
+fn arrays<'py>(
+    py: Python<'py>,
+    targets: &[TrackedTarget],
+    names: &Bound<'py, PyDict>,
+    data: &Bound<'py, PyDict>,
+) -> PyResult<Bound<'py, PyAny>> {
     let n = targets.len();
     let each = |value: fn(&TrackedTarget) -> f64| PyArray1::from_iter(py, targets.iter().map(value));
     let boxes = Array2::from_shape_fn((n, 4), |(i, j)| {
@@ -162,5 +204,12 @@ fn arrays<'py>(py: Python<'py>, targets: &[TrackedTarget]) -> PyResult<Bound<'py
     all.set_item("visible", each(|t| t.visible))?;
     all.set_item("deficit", each(|t| t.deficit))?;
     all.set_item("scores", each(|t| t.detection.map_or(f64::NAN, |d| d.score)))?;
-    py.import("foveate._multi")?.getattr("Targets")?.call((), Some(&all))
+    all.set_item("class_ids", PyArray1::from_iter(py, targets.iter().map(|t| number(t.detected_class))))?;
+    all.set_item("detection_index", PyArray1::from_iter(py, targets.iter().map(|t| number(t.detection_index))))?;
+    py.import("foveate._multi")?.getattr("targets")?.call1((all, names, data))
+}
+
+/// A number, -1 where there is none.
+fn number(number: Option<usize>) -> i64 {
+    number.map_or(-1, |number| number as i64)
 }

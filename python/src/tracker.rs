@@ -1,7 +1,7 @@
 //! One target.
 
 use foveate::{BBox, Detection, Status, Tracker};
-use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple};
 use std::sync::{Mutex, PoisonError};
@@ -147,7 +147,7 @@ impl PyTracker {
     ///     As :meth:`update`; or the configuration uses no detections. ``config={"detection_likelihood.place": 0.2}`` lets them weigh
     ///     particles; ``config={"proposal.kind": "mixture", "dynamics.tail_probability": 0}`` lets them move particles.
     fn update_with(&self, image: &Bound<'_, PyAny>, detections: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
-        let found = read_detections(detections)?;
+        let found = detections_of(&found(detections)?)?;
         let seen = self.0.show(image, |tracker, image| Ok(Seen::of(&tracker.update_with(image, &found)?)))?;
         self.result(image.py(), seen)
     }
@@ -277,14 +277,19 @@ pub fn _restore_tracker(py: Python<'_>, pickle: Pickle) -> PyResult<PyTracker> {
     Held::restored(py, pickle).map(PyTracker::of)
 }
 
-/// Detections from an array of n × 5, made by `foveate._detections` from what is given.
-pub fn read_detections(given: &Bound<'_, PyAny>) -> PyResult<Vec<Detection>> {
-    let rows = given.py().import("foveate._detections")?.call_method1("rows", (given,))?;
-    let rows: PyReadonlyArray2<'_, f64> = rows.extract()?;
-    debug_assert_eq!(rows.shape()[1], 5, "rows() gives five columns");
-    let one = |row: numpy::ndarray::ArrayView1<'_, f64>| Detection {
-        bbox: BBox::new(row[0], row[1], row[2], row[3]),
-        score: row[4],
+/// The detections of a frame, of any form: a `foveate._detections.Found`.
+pub fn found<'py>(given: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    given.py().import("foveate._detections")?.call_method1("read", (given,))
+}
+
+/// Those of a `Found`, as they are tracked with.
+pub fn detections_of(found: &Bound<'_, PyAny>) -> PyResult<Vec<Detection>> {
+    let rows: PyReadonlyArray2<'_, f64> = found.getattr("rows")?.extract()?;
+    let classes: PyReadonlyArray1<'_, i64> = found.getattr("classes")?.extract()?;
+    debug_assert_eq!(rows.shape()[1], 5, "it has five columns");
+    let one = |(row, class): (numpy::ndarray::ArrayView1<'_, f64>, &i64)| Detection {
+        class: usize::try_from(*class).ok(),
+        ..Detection::new(BBox::new(row[0], row[1], row[2], row[3]), row[4])
     };
-    Ok(rows.as_array().rows().into_iter().map(one).collect())
+    Ok(rows.as_array().rows().into_iter().zip(classes.as_array()).map(one).collect())
 }

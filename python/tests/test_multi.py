@@ -88,6 +88,7 @@ def test_supervision(pictures: Any) -> None:
     shown = targets.to_supervision()
     assert shown.tracker_id.tolist() == [1] and shown.data["phase"].tolist() == targets.phases
     np.testing.assert_allclose(shown.xyxy, targets.xyxy)
+    assert shown.data["detection_index"].tolist() == [0] and shown.class_id is None
     assert len(foveate.MultiTracker().update(pictures[0], supervision.Detections.empty()).to_supervision()) == 0
 
 
@@ -99,3 +100,69 @@ def test_ids_stay_numbers(pictures: Any) -> None:
     for t in range(1, 6):
         targets = tracker.update(pictures[t], detections(t))
     assert targets.ids.tolist() == [2**63 - 1], "there is no number for another one"
+
+
+def found(t: int, **more: Any) -> SimpleNamespace:
+    """Two detections with corners, the second one first in odd pictures."""
+    boxes = [[40 + 3 * t, 30 + t, 64 + 3 * t, 54 + t], [100, 80, 120, 100]]
+    values = {"confidence": [0.9, 0.8], "class_id": [4, 6], "data": {"class_name": ["cat", "dog"], "speed": [7.5, 0.0]}} | more
+    order = [1, 0] if t % 2 else [0, 1]
+
+    def sort(x: Any) -> Any:
+        return {k: sort(v) for k, v in x.items()} if isinstance(x, dict) else None if x is None else np.array(x)[order]
+
+    return SimpleNamespace(xyxy=np.array(boxes, float)[order], **{name: sort(value) for name, value in values.items()})
+
+
+def test_classes_names_and_data_are_carried_through(pictures: Any) -> None:
+    tracker = foveate.MultiTracker(config={"particles": 100})
+    for t in range(9):
+        targets = tracker.update(pictures[t], found(t))
+    by_class = {int(c): i for c, i in zip(targets.class_ids, targets.ids)}
+    cat, dog = targets[by_class[4]], targets[by_class[6]]
+    assert (cat.name, cat.detection_index, dog.name, dog.detection_index) == ("cat", 0, "dog", 1)
+    assert cat.box.x < dog.box.x and cat.id in targets and 99 not in targets
+    assert [targets.data["speed"][targets.ids.tolist().index(one.id)] for one in (cat, dog)] == [7.5, 0.0]
+    with pytest.raises(KeyError, match="99"):
+        targets[99]
+    # Without a detection the class and its name stay.
+    targets = tracker.update(pictures[9])
+    assert targets[cat.id].name == "cat" and targets[cat.id].detection_index == -1 and np.isnan(targets[cat.id].score)
+    plain = foveate.MultiTracker(config={"particles": 100})
+    for t in range(5):
+        targets = plain.update(pictures[t], detections(t))
+    assert targets.class_ids.tolist() == [-1] and targets.names == [None] and targets.detection_index.tolist() == [0]
+
+
+def test_boxes_that_are_none_are_named(pictures: Any) -> None:
+    tracker = foveate.MultiTracker(config={"particles": 60})
+    for bad, said in (
+        ([1, 2, -3, 4, 0.5], r"detection 1 is -3 wide and 4 high"),
+        ([1, 2, 3, 0, 0.5], r"detection 1 is 3 wide and 0 high"),
+        ([1, 2, float("nan"), 4, 0.5], "detection 1 is not finite"),
+    ):
+        with pytest.raises(foveate.InputError, match=said):
+            tracker.update(pictures[0], [[5, 5, 20, 20, 0.9], bad])
+    with pytest.raises(foveate.InputError, match="detection 0 is -10 wide"):
+        tracker.update(pictures[0], SimpleNamespace(xyxy=np.array([[30.0, 5, 20, 25]]), confidence=None))
+
+
+def test_guesses_are_left_out_unless_asked_for(pictures: Any) -> None:
+    tracker = foveate.MultiTracker(config={"particles": 100})
+    for t in range(6):
+        tracker.update(pictures[t], detections(t))
+    blank = np.zeros_like(pictures[0])
+    for _ in range(8):
+        targets = tracker.update(blank)
+    assert len(targets) == 0 and tracker.targets.phases == ["lost"]
+    assert tracker.update(blank, lost=True).phases == ["lost"]
+
+
+def test_a_removed_target_is_gone(pictures: Any) -> None:
+    tracker = foveate.MultiTracker("multi-boxes", config={"particles": 60})
+    tracker.add(pictures[0], FIRST)
+    tracker.add(pictures[0], (80, 70, 20, 20), id=7)
+    tracker.remove(7)
+    assert tracker.targets.ids.tolist() == [1] and tracker.update(pictures[1]).ids.tolist() == [1]
+    with pytest.raises(KeyError, match="7"):
+        tracker.remove(7)

@@ -90,6 +90,8 @@ pub struct MultiTracker {
     /// Whether there ever was a detection.
     detecting: bool,
     targets: Vec<TrackedTarget>,
+    /// Those of them whose boxes are results.
+    results: Vec<TrackedTarget>,
     pool: Pool,
     work: Work,
 }
@@ -104,7 +106,9 @@ struct Work {
     neighbours: Vec<(usize, usize)>,
     bodies: Vec<Body>,
     visible: Vec<f64>,
+    /// Detections that no target has yet, and the number of each among all of the frame.
     detections: Vec<Detection>,
+    numbers: Vec<usize>,
     found: Vec<Detection>,
     /// The picture for each target, less what the others show.
     cleared: Vec<Image>,
@@ -133,16 +137,23 @@ impl MultiTracker {
             next_id: 1,
             detecting: false,
             targets: vec![],
+            results: vec![],
             pool: Pool::default(),
             work: Work::default(),
         }
     }
 
-    /// The next picture, and what detectors of yours found in it; the configuration's own detector, where it has one, adds
-    /// what it finds. Answers the active targets, by id. Where there are none, and nothing is detected, it answers none.
+    /// Tracks all targets into the next picture. `detections` are those of your detector, pixels from 0, in any order; if the
+    /// configuration has a detector, its detections are added. Returns the targets whose boxes are results, by id: targets in the phase
+    /// [`Phase::Lost`] are left out, and [`MultiTracker::targets`] has them too. [`TrackedTarget::detection_index`] names the detection that
+    /// was assigned to a target.
+    ///
+    /// A detection without a score has the score NaN. If no detection has a score, or all have the same one, each can start a track, but
+    /// none can start one beside another target.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where the picture has another size than the first one; after [`MultiTracker::cut`] it may.
+    /// [`Error::Invalid`] where the picture has another size than the first one (after [`MultiTracker::cut`] it may), or a detection's box is
+    /// not finite or has no width or height; then nothing has changed.
     /// [`Error::Stopped`] where it was asked to: see [`MultiTracker::stopper`].
     pub fn update(&mut self, image: &Image, detections: &[Detection]) -> Result<&[TrackedTarget]> {
         let size = (image.width(), image.height());
@@ -152,6 +163,7 @@ impl MultiTracker {
                 size.0, size.1, self.size
             )));
         }
+        detections.iter().enumerate().try_for_each(|(index, detection)| detection.check(index))?;
         if self.next >= saved::MOST_FRAMES {
             return Err(Error::Invalid(format!("a video has at most {} frames", saved::MOST_FRAMES)));
         }
@@ -162,15 +174,16 @@ impl MultiTracker {
         found.clear();
         found.extend_from_slice(detections);
         found.extend_from_slice(self.preprocessor.detections());
-        self.step(image, &found);
+        self.step(image, &found, detections.len());
         self.work.found = found;
         if self.pool.stops() {
             return Err(Error::Stopped);
         }
-        Ok(&self.targets)
+        Ok(&self.results)
     }
 
-    fn step(&mut self, image: &Image, detections: &[Detection]) {
+    /// One frame. Of the detections, the first `own` are the caller's.
+    fn step(&mut self, image: &Image, detections: &[Detection], own: usize) {
         self.detecting |= !detections.is_empty();
         self.ranks.look(detections);
         if let Some(flow) = self.preprocessor.flow() {
@@ -180,7 +193,7 @@ impl MultiTracker {
         }
         self.expect();
         self.attend();
-        self.assign(image, detections);
+        self.assign(image, detections, own);
         self.occlude(image);
         self.exclude();
         self.explain(image);
@@ -197,7 +210,7 @@ impl MultiTracker {
             target.looking(pool, |target| target.step(image, s, detecting));
         });
         self.terminate(image);
-        self.initiate(image);
+        self.initiate(image, detections, own);
         self.publish();
     }
 
@@ -220,7 +233,7 @@ impl MultiTracker {
                 self.active[at].looking(&self.pool, |target| target.engine.init(image, bbox))?;
                 self.active[at].begin(born, bbox, Phase::Initiated);
             }
-            Err(_) => self.start(image, id, bbox)?,
+            Err(_) => _ = self.start(image, id, bbox)?,
         }
         self.publish();
         Ok(id)
@@ -237,7 +250,7 @@ impl MultiTracker {
             self.terminated.push(target);
         }
         self.forget();
-        self.targets.clear();
+        self.publish();
     }
 
     /// A picture that is not tracked in, before the first that is, or before the first update after [`MultiTracker::load`]:
@@ -247,9 +260,14 @@ impl MultiTracker {
         self.next += usize::from(!self.resumed);
     }
 
-    /// The active targets of the last picture, by id.
+    /// All active targets of the last picture, by id, with those in the phase [`Phase::Lost`], whose boxes are guesses.
     pub fn targets(&self) -> &[TrackedTarget] {
         &self.targets
+    }
+
+    /// The active target with this id, lost or not, in the last picture.
+    pub fn target(&self, id: u64) -> Option<&TrackedTarget> {
+        self.targets.binary_search_by_key(&id, |target| target.id).ok().map(|at| &self.targets[at])
     }
 
     fn expect(&mut self) {
@@ -278,18 +296,23 @@ impl MultiTracker {
     }
 
     /// Assigns detections to targets, one to one, and keeps the unmatched ones.
-    fn assign(&mut self, image: &Image, detections: &[Detection]) {
-        let Work { expected, detections: left, .. } = &mut self.work;
+    fn assign(&mut self, image: &Image, detections: &[Detection], own: usize) {
+        let Work { expected, detections: left, numbers, .. } = &mut self.work;
         left.clear();
+        numbers.clear();
         let merged = |b: &BBox| self.settings.merges && pairs::holds_several(b, expected);
-        left.extend(detections.iter().filter(|d| pairs::is_box(&d.bbox) && !merged(&d.bbox)));
+        for (k, d) in detections.iter().enumerate().filter(|(_, d)| pairs::is_box(&d.bbox) && !merged(&d.bbox)) {
+            left.push(*d);
+            numbers.push(k);
+        }
         if left.is_empty() {
-            return self.active.iter_mut().for_each(|target| target.track.detection = None);
+            return self.active.iter_mut().for_each(|target| target.track.set_detection(None, None));
         }
         // Tentative tracks take part: what is theirs is left to them.
         self.tentative.expect(self.frame, &self.settings, expected);
         let (active, ranks, s, pool) = (&mut self.active, &self.ranks, &self.settings, &self.pool);
-        let weak = |d: &Detection| ranks.of(d.score) < s.weak;
+        let unknown = s.unknown_rank();
+        let weak = |d: &Detection| ranks.of(d.score).unwrap_or(unknown) < s.weak;
         let mut given = pairs::in_stages(expected, left, &weak, s, &mut |i, j| {
             let target = active.get_mut(i).filter(|target| target.looked_at && !pool.stops())?;
             let state = target.engine.state_at(&left[j].bbox);
@@ -298,13 +321,10 @@ impl MultiTracker {
         given.truncate(self.active.len());
         expected.truncate(self.active.len());
         for (target, given) in self.active.iter_mut().zip(&given) {
-            target.track.detection = given.map(|j| left[j]);
+            let index = given.map(|j| numbers[j]).filter(|k| *k < own);
+            target.track.set_detection(given.map(|j| left[j]), index);
         }
-        let mut j = 0;
-        left.retain(|_| {
-            j += 1;
-            !given.contains(&Some(j - 1))
-        });
+        pairs::retain_both(left, numbers, |j, _| !given.contains(&Some(j)));
     }
 
     /// Tells each engine how much of its target can be seen.
@@ -367,5 +387,7 @@ impl MultiTracker {
     fn publish(&mut self) {
         self.targets.clear();
         self.targets.extend(self.active.iter().map(|t| t.track));
+        self.results.clear();
+        self.results.extend(self.targets.iter().filter(|target| target.sure()));
     }
 }

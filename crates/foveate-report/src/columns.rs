@@ -245,6 +245,12 @@ pub const TRACKS: &[Column] = &[
     Column::new("visible", "", "Share of the target that no other target covers, 0 to 1."),
     Column::new("waited", "frames", "Frames since it was looked at last: 0 where it was in this one."),
     Column::new("detected", "", "1 if a detection was associated with it in this frame, else 0."),
+    Column::from_0(
+        "detection",
+        "",
+        "Number of that detection among those of the frame, in their order; empty without one.",
+    ),
+    Column::from_0("detected_class", "", "Class of its last detection that had one; empty where none had."),
     GAZE_U,
     GAZE_V,
     FIRST_FRAME,

@@ -91,6 +91,8 @@ impl MultiObserver for TracksTable {
                 row.put_all(&[c[0][0].sqrt(), c[1][1].sqrt(), target.deficit, target.visible]);
                 row.put(target.waited);
                 row.put(u8::from(target.detection.is_some()));
+                put_number(row, target.detection_index);
+                put_number(row, target.detected_class);
                 row.put_all(&[target.gaze.u, target.gaze.v]);
                 row.put(target.born + 1);
                 put_class(row, target.class);
@@ -100,6 +102,14 @@ impl MultiObserver for TracksTable {
     }
     fn finish(&mut self) -> Result<()> {
         self.file.finish()
+    }
+}
+
+/// A number, or an empty cell.
+fn put_number(row: &mut Rows, number: Option<usize>) {
+    match number {
+        Some(number) => row.put(number),
+        None => row.put(""),
     }
 }
 

@@ -142,8 +142,10 @@ fn files_of_many_targets_have_the_columns_of_the_dictionary() {
     let bbox = BBox { x: 10.0, y: 12.0, w: 16.0, h: 12.0 };
     let phases = [Phase::Initiated, Phase::Tracked, Phase::Occluded, Phase::Lost, Phase::ReIdentified];
     for (index, phase) in phases.into_iter().enumerate() {
-        let detection = (index == 1).then_some(Detection { bbox, score: 1.0 });
-        let one = TrackedTarget { phase, bbox, deficit: 0.25, detection, ..TrackedTarget::unknown(1) };
+        let detection = (index == 1).then_some(Detection::new(bbox, 1.0));
+        let (detection_index, detected_class) = (detection.map(|_| 3), (index > 0).then_some(2));
+        let about = TrackedTarget { detection, detection_index, detected_class, ..TrackedTarget::unknown(1) };
+        let one = TrackedTarget { phase, bbox, deficit: 0.25, ..about };
         let two = TrackedTarget { class: Some((7, 0.5)), ..TrackedTarget::unknown(2) };
         all.observe(&frame(index), &[one, two][..1 + index % 2]).expect("written");
     }
@@ -159,6 +161,10 @@ fn files_of_many_targets_have_the_columns_of_the_dictionary() {
     check(&tracks, TRACKS);
     let said: Vec<&str> = tracks.lines().skip(1).filter_map(|line| line.split(',').nth(3)).collect();
     assert_eq!(said, ["initiated", "tracked", "initiated", "occluded", "lost", "initiated", "re-identified"]);
+    let at = TRACKS.iter().position(|column| column.name == "detected").expect("a column");
+    let said = |line: &str| line.split(',').skip(at).take(3).collect::<Vec<_>>().join(",");
+    let of_first: Vec<String> = tracks.lines().filter(|line| line.split(',').nth(2) == Some("1")).map(said).collect();
+    assert_eq!(of_first, ["0,,", "1,3,2", "0,,2", "0,,2", "0,,2"], "detection and class, the class stays");
     let targets = read(&path("targets.csv"));
     let want = format!("{}\n1,1,5,5,1,1,1,1,,\n2,2,4,2,0,0,0,0,7,0.5\n", header(TARGETS));
     assert_eq!(targets, want);

@@ -95,7 +95,7 @@ fn multi(tracker: &mut MultiTracker, targets: usize, frames: usize) -> Result<Fr
     for index in 1..=frames.max(1) + WARM {
         let t = index % (2 * TURN);
         let t = t.min(2 * TURN - t);
-        let detections: Vec<_> = (0..targets).map(|k| Detection { bbox: bbox(k, t), score: 1.0 }).collect();
+        let detections: Vec<_> = (0..targets).map(|k| Detection::new(bbox(k, t), 1.0)).collect();
         // A picture comes from a decoder, all of it written just now: not one whose few used pixels are in the cache since last time.
         let image = pictures[t].clone();
         let begin = now();

@@ -30,7 +30,7 @@ pub fn detector(make: &dyn Fn() -> Box<dyn Detector>) {
         }
     }
     let (mut one, mut two, mut late) = (make(), make(), make());
-    let leftover = Detection { bbox: crate::geometry::BBox { x: -9.0, y: 0.0, w: 1.0, h: 1.0 }, score: f64::NAN };
+    let leftover = Detection::new(crate::geometry::BBox { x: -9.0, y: 0.0, w: 1.0, h: 1.0 }, f64::NAN);
     let (mut found, mut again) = (vec![], vec![]);
     for (k, frame) in video.iter().enumerate() {
         found.push(leftover);

@@ -13,7 +13,7 @@ pub fn proposal(proposal: &mut dyn Proposal, scene: Scene<'_>, parent: &State) {
     const N: usize = 16 * CHUNK;
     let parents = [*parent; N];
     if !proposal.uses_detections() {
-        let detected = [Detection { bbox: BBox::around(parent.x + 1.0, parent.y, 8.0, 8.0), score: 1.0 }];
+        let detected = [Detection::new(BBox::around(parent.x + 1.0, parent.y, 8.0, 8.0), 1.0)];
         let mut children = |detections: &[Detection]| {
             let (mut children, mut log_ratio) = ([State::default(); 1], [f64::NAN; 1]);
             let streams = Streams::new(0, 0).at(1, Purpose::Predict);

@@ -97,7 +97,7 @@ mod tests {
     const LIKELIHOOD: DetectionLikelihood = DetectionLikelihood { place: 0.2, size: 0.1, outlier: 0.01 };
 
     fn seen(x: f64, y: f64, scale: f64) -> Detection {
-        Detection { bbox: BBox::around(x, y, 20.0 * scale, 40.0 * scale), score: 1.0 }
+        Detection::new(BBox::around(x, y, 20.0 * scale, 40.0 * scale), 1.0)
     }
 
     #[test]

@@ -230,7 +230,7 @@ mod tests {
     const MIXING: Mixing = Mixing { alpha: 0.4, spread: 0.5, size: Some(0.1), gate: 6.0, update: Update::Replace };
 
     fn detection(x: f64, y: f64, side: f64) -> Detection {
-        Detection { bbox: BBox::around(x, y, side, side), score: 1.0 }
+        Detection::new(BBox::around(x, y, side, side), 1.0)
     }
 
     /// One at the prediction (11.8, 20.9), one three deviations off, one beyond the gate, and one without an area.

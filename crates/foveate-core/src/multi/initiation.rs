@@ -20,6 +20,9 @@ struct Candidate {
     ranks: f64,
     first: usize,
     last: usize,
+    /// Number of its newest detection, in the frame of that.
+    #[serde(skip)]
+    newest: usize,
 }
 
 /// Tentative tracks.
@@ -38,14 +41,15 @@ const JITTER: f64 = 3.0;
 const NEWEST: f64 = 0.5;
 
 impl TentativeTracks {
-    /// Takes the unmatched detections of a frame, whose scores are ranks, and gives what has become targets.
+    /// Takes the unmatched detections of a frame, whose scores are ranks, and gives what has become targets, each with the number of the
+    /// detection that it starts from.
     pub fn grow(
         &mut self,
         frame: usize,
         detections: &[Detection],
         picture: (f64, f64),
         settings: &Settings,
-    ) -> Vec<Detection> {
+    ) -> Vec<(Detection, usize)> {
         let s = &settings.initiation;
         let waits = |c: &Candidate| c.hits >= s.hits || settings.asked(frame - c.first) < s.within.max(1);
         self.candidates.retain(|c| c.may_return(frame, settings) && waits(c));
@@ -59,10 +63,10 @@ impl TentativeTracks {
         for (candidate, j) in self.candidates.iter_mut().zip(given) {
             let Some(j) = j else { continue };
             taken[j] = true;
-            candidate.hit(frame, &detections[j]);
+            candidate.hit(frame, j, &detections[j]);
         }
-        let fresh = detections.iter().zip(&taken).filter(|(_, taken)| !**taken);
-        self.candidates.extend(fresh.map(|(d, _)| Candidate {
+        let fresh = detections.iter().enumerate().filter(|(j, _)| !taken[*j]);
+        self.candidates.extend(fresh.map(|(j, d)| Candidate {
             bbox: d.bbox,
             origin: d.bbox,
             velocity: (0.0, 0.0),
@@ -70,10 +74,11 @@ impl TentativeTracks {
             ranks: d.score,
             first: frame,
             last: frame,
+            newest: j,
         }));
         let enough = |c: &Candidate| c.hits >= s.hits && c.rank() >= s.rank;
         let ripe = |c: &Candidate| c.last == frame && enough(c) && (s.moved <= 0.0 || c.moved(picture) >= s.moved);
-        let born = self.candidates.iter().filter(|c| ripe(c)).map(Candidate::born).collect();
+        let born = self.candidates.iter().filter(|c| ripe(c)).map(|c| (c.born(), c.newest)).collect();
         self.candidates.retain(|c| !ripe(c));
         born
     }
@@ -115,7 +120,7 @@ impl TentativeTracks {
 impl Candidate {
     /// What begins; its score is a mean rank.
     fn born(&self) -> Detection {
-        Detection { bbox: self.bbox, score: self.rank() }
+        Detection::new(self.bbox, self.rank())
     }
     /// Mean rank of its detections' scores, 0 to 1.
     fn rank(&self) -> f64 {
@@ -135,7 +140,7 @@ impl Candidate {
         let (x, y) = (edge::moved((a.x, a.w), (b.x, b.w), width), edge::moved((a.y, a.h), (b.y, b.h), height));
         if x.max(y) < JITTER { 0.0 } else { (2.0 * x / b.w).hypot(2.0 * y / b.h) }
     }
-    fn hit(&mut self, frame: usize, Detection { bbox, score }: &Detection) {
+    fn hit(&mut self, frame: usize, number: usize, Detection { bbox, score, .. }: &Detection) {
         let frames = (frame - self.last).max(1) as f64;
         let ((x, y), (x0, y0)) = (bbox.centre(), self.bbox.centre());
         let share = if self.hits == 1 { 1.0 } else { NEWEST };
@@ -143,6 +148,7 @@ impl Candidate {
         self.velocity.1 += share * ((y - y0) / frames - self.velocity.1);
         (self.bbox, self.last, self.hits) = (*bbox, frame, self.hits + 1);
         self.ranks += score;
+        self.newest = number;
     }
 }
 
@@ -156,7 +162,7 @@ mod tests {
     }
 
     fn found(x: f64) -> Detection {
-        Detection { bbox: BBox { x, y: 5.0, w: 20.0, h: 30.0 }, score: 1.0 }
+        Detection::new(BBox { x, y: 5.0, w: 20.0, h: 30.0 }, 1.0)
     }
 
     #[test]
@@ -170,7 +176,7 @@ mod tests {
             }
             let born = tentative.grow(frame, &detections, (400.0, 300.0), &s);
             match frame {
-                13 => assert_eq!(born[0].bbox.x, 24.0),
+                13 => assert_eq!((born[0].0.bbox.x, born[0].1), (24.0, 1)),
                 _ => assert!(born.is_empty(), "frame {frame}: {born:?}"),
             }
         }
@@ -201,7 +207,7 @@ mod tests {
             let seen = Detection { score: rank, ..found(4.0 * frame as f64) };
             let born = tentative.grow(frame, &[seen], (400.0, 300.0), &s);
             match frame {
-                4 => assert!((born[0].score - 0.54).abs() < 1e-12),
+                4 => assert!((born[0].0.score - 0.54).abs() < 1e-12),
                 _ => assert!(born.is_empty(), "frame {frame}: {born:?}"),
             }
         }
@@ -226,9 +232,11 @@ mod tests {
             let jitter = f64::from(frame as u32 % 3);
             let in_view = BBox { x: 0.0, y: 200.0, w: 10.0 + 2.0 * frame as f64, h: 40.0 };
             let leaves = BBox { x: 0.0, y: 100.0, w: 80.0 - 2.0 * frame as f64, h: 40.0 };
-            let [in_view, leaves] = [in_view, leaves].map(|bbox| Detection { bbox, score: 1.0 });
+            let [in_view, leaves] = [in_view, leaves].map(|bbox| Detection::new(bbox, 1.0));
             let all = [found(100.0 + jitter), in_view, leaves, found(200.0 + 2.0 * frame as f64)];
-            born.extend(tentative.grow(frame, &all, (400.0, 300.0), &s).iter().map(|b| (b.bbox.y, b.bbox.x > 150.0)));
+            born.extend(
+                tentative.grow(frame, &all, (400.0, 300.0), &s).iter().map(|(b, _)| (b.bbox.y, b.bbox.x > 150.0)),
+            );
         }
         assert!(born.contains(&(200.0, false)) && born.contains(&(5.0, true)), "{born:?}");
         assert!(!born.contains(&(5.0, false)) && !born.contains(&(100.0, false)), "{born:?}");

@@ -5,7 +5,7 @@ use std::sync::atomic::AtomicBool;
 
 use super::target::Target;
 use super::tracked_target::{Phase, TrackedTarget};
-use super::{MOST_ID, MOST_REMEMBERED, MultiTracker, SAME};
+use super::{MOST_ID, MOST_REMEMBERED, MultiTracker, SAME, Work};
 use crate::geometry::BBox;
 use crate::scene::{Detection, Image};
 use foveate_base::{Error, Result, memory};
@@ -30,6 +30,18 @@ impl MultiTracker {
     /// Whether memory, or the largest id, ever kept a detection from starting a track: then there are more targets than are followed.
     pub fn is_full(&self) -> bool {
         self.full
+    }
+
+    /// Ends the track of the target with this id, for good: it is not re-identified later, and its id is not used again. Returns whether
+    /// it was active.
+    pub fn remove(&mut self, id: u64) -> bool {
+        self.terminated.retain(|target| target.track.id != id);
+        let at = self.active.binary_search_by_key(&id, |target| target.track.id);
+        if let Ok(at) = at {
+            self.active.remove(at);
+            self.publish();
+        }
+        at.is_ok()
     }
 
     /// Ends the tracks of targets that are gone.
@@ -57,15 +69,17 @@ impl MultiTracker {
     }
 
     /// Persistent unmatched detections start new tracks, after a re-identification check against terminated ones.
-    pub(super) fn initiate(&mut self, image: &Image) {
-        let s = self.settings.initiation;
-        let mut left = std::mem::take(&mut self.work.detections);
+    /// Of `given`, the first `own` are the caller's.
+    pub(super) fn initiate(&mut self, image: &Image, given: &[Detection], own: usize) {
+        let (s, unknown) = (self.settings.initiation, self.settings.unknown_rank());
+        let Work { detections, numbers, .. } = &mut self.work;
+        let (mut left, mut numbers) = (std::mem::take(detections), std::mem::take(numbers));
         let size @ (width, height) = (image.width() as f64, image.height() as f64);
         let fits = |b: &BBox| b.w >= s.side && b.h >= s.side && b.w * b.h <= s.most * width * height;
-        left.iter_mut().for_each(|d| d.score = self.ranks.of(d.score));
-        left.retain(|d| fits(&d.bbox) && !self.is_taken(d));
-        for born in self.tentative.grow(self.frame, &left, size, &self.settings) {
-            let bbox = born.bbox;
+        left.iter_mut().for_each(|d| d.score = self.ranks.of(d.score).unwrap_or(unknown));
+        super::pairs::retain_both(&mut left, &mut numbers, |_, d| fits(&d.bbox) && !self.is_taken(d));
+        for (born, newest) in self.tentative.grow(self.frame, &left, size, &self.settings) {
+            let (bbox, number) = (born.bbox, numbers[newest]);
             if crate::start::check(image, &bbox).is_err() || self.is_taken(&born) {
                 continue;
             }
@@ -74,17 +88,21 @@ impl MultiTracker {
                     target.engine.reset_at(&bbox);
                     let first = target.track.born;
                     target.begin(first, bbox, Phase::ReIdentified);
+                    target.track.set_detection(Some(given[number]), Some(number).filter(|k| *k < own));
                     self.admit(target);
                 }
                 // The box was checked above: all that can be missing is room, or a number.
-                None => self.full |= self.start(image, self.next_id, bbox).is_err(),
+                None => match self.start(image, self.next_id, bbox) {
+                    Ok(target) => target.track.set_detection(Some(given[number]), Some(number).filter(|k| *k < own)),
+                    Err(_) => self.full = true,
+                },
             }
         }
-        self.work.detections = left;
+        (self.work.detections, self.work.numbers) = (left, numbers);
     }
 
     /// Whether active targets are where a track would start, from a detection whose score is a rank.
-    fn is_taken(&self, Detection { bbox, score: rank }: &Detection) -> bool {
+    fn is_taken(&self, Detection { bbox, score: rank, .. }: &Detection) -> bool {
         let s = &self.settings.initiation;
         if *rank >= s.strong {
             return self.active.iter().any(|t| t.track.bbox.iou(bbox) > SAME);
@@ -111,7 +129,7 @@ impl MultiTracker {
         best.1.map(|i| self.terminated.remove(i))
     }
 
-    pub(super) fn start(&mut self, image: &Image, id: u64, bbox: BBox) -> Result<()> {
+    pub(super) fn start(&mut self, image: &Image, id: u64, bbox: BBox) -> Result<&mut Target> {
         if id >= MOST_ID {
             return Err(Error::Invalid(format!("a target's id is below {MOST_ID}; this one is {id}")));
         }
@@ -121,12 +139,12 @@ impl MultiTracker {
         target.begin(self.frame, bbox, Phase::Initiated);
         self.next_id = self.next_id.max(id + 1);
         self.terminated.retain(|t| t.track.id != id);
-        self.admit(target);
-        Ok(())
+        Ok(self.admit(target))
     }
 
-    fn admit(&mut self, target: Target) {
+    fn admit(&mut self, target: Target) -> &mut Target {
         let at = self.active.partition_point(|t| t.track.id < target.track.id);
         self.active.insert(at, target);
+        &mut self.active[at]
     }
 }

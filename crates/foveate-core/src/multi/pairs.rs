@@ -122,6 +122,23 @@ fn pairs(
     best(&fits, rows, columns)
 }
 
+/// Keeps those detections, and their numbers, for which `keep` holds, of place and detection.
+pub(super) fn retain_both(
+    detections: &mut Vec<Detection>,
+    numbers: &mut Vec<usize>,
+    keep: impl Fn(usize, &Detection) -> bool,
+) {
+    let mut kept = 0;
+    for j in 0..detections.len() {
+        if keep(j, &detections[j]) {
+            (detections[kept], numbers[kept]) = (detections[j], numbers[j]);
+            kept += 1;
+        }
+    }
+    detections.truncate(kept);
+    numbers.truncate(kept);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -135,7 +152,7 @@ mod tests {
     }
 
     fn found(x: f64) -> Detection {
-        Detection { bbox: at(x), score: 1.0 }
+        Detection::new(at(x), 1.0)
     }
 
     #[test]
@@ -147,7 +164,7 @@ mod tests {
         assert_eq!(given, [Some(1), Some(0), None]);
         assert_eq!(pairs(&[], &[found(1.0)], &s, &mut never), []);
         assert_eq!(pairs(&[expected(1.0)], &[], &s, &mut never), [None]);
-        let large = Detection { bbox: BBox { x: -30.0, y: -30.0, w: 80.0, h: 120.0 }, score: 1.0 };
+        let large = Detection::new(BBox { x: -30.0, y: -30.0, w: 80.0, h: 120.0 }, 1.0);
         assert_eq!(pairs(&[expected(0.0)], &[large], &s, &mut never), [None], "of another size");
     }
 

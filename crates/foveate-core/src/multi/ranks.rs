@@ -1,7 +1,7 @@
 //! How sure a detector is, on no scale of its own: the rank of a score among those seen so far.
 //!
 //! Detectors give probabilities, log odds, or sums of votes. The share of the recent scores that are not above a score is
-//! the same for all of them, and is 1 for a detector that always says the same.
+//! the same for all of them. A detector that gives no score, or always the same, ranks nothing.
 
 use crate::scene::Detection;
 
@@ -30,12 +30,13 @@ impl Ranks {
         }
     }
 
-    /// The share of the remembered scores that are not above this one, 0 to 1; 1 where none is remembered.
-    pub fn of(&self, score: f64) -> f64 {
-        if self.scores.is_empty() {
-            return 1.0;
+    /// The share of the remembered scores that are not above this one, 0 to 1; `None` where it is no score, or all of them are the same.
+    pub fn of(&self, score: f64) -> Option<f64> {
+        let first = *self.scores.first()?;
+        if !score.is_finite() || self.scores.iter().all(|s| *s == first) {
+            return None;
         }
-        self.scores.iter().filter(|s| **s <= score).count() as f64 / self.scores.len() as f64
+        Some(self.scores.iter().filter(|s| **s <= score).count() as f64 / self.scores.len() as f64)
     }
 }
 
@@ -45,17 +46,18 @@ mod tests {
     use crate::geometry::BBox;
 
     fn scored(score: f64) -> Detection {
-        Detection { bbox: BBox { x: 0.0, y: 0.0, w: 9.0, h: 9.0 }, score }
+        Detection::new(BBox { x: 0.0, y: 0.0, w: 9.0, h: 9.0 }, score)
     }
 
     #[test]
     fn a_rank_is_the_share_that_is_not_above() {
         let mut ranks = Ranks::default();
-        assert_eq!(ranks.of(-3.0), 1.0);
+        assert_eq!(ranks.of(-3.0), None);
         ranks.look(&[scored(5.0), scored(f64::NAN), scored(-1.0), scored(7.0), scored(5.0)]);
-        assert_eq!([-2.0, -1.0, 5.0, 6.0, 9.0, f64::NAN].map(|s| ranks.of(s)), [0.0, 0.25, 0.75, 0.75, 1.0, 0.0]);
+        assert_eq!([-2.0, -1.0, 5.0, 6.0, 9.0].map(|s| ranks.of(s)), [0.0, 0.25, 0.75, 0.75, 1.0].map(Some));
+        assert_eq!(ranks.of(f64::NAN), None);
         // The oldest are forgotten: 1000 times the same.
         (0..REMEMBERED).for_each(|_| ranks.look(&[scored(2.0)]));
-        assert_eq!((ranks.of(2.0), ranks.of(1.9)), (1.0, 0.0));
+        assert_eq!((ranks.of(2.0), ranks.of(1.9)), (None, None), "always the same is no score");
     }
 }

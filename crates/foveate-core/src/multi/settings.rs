@@ -172,6 +172,13 @@ impl Settings {
         frames / self.every
     }
 
+    /// The rank of a detection without a score: strong enough to be assigned and to start a track, not strong enough to start one
+    /// beside another target.
+    pub(super) fn unknown_rank(&self) -> f64 {
+        let least = self.initiation.rank.max(self.weak);
+        0.5 * (least + self.initiation.strong.min(1.0).max(least))
+    }
+
     /// Whether a box counts as a guess after so many frames without a detection.
     pub(super) fn guesses(&self, unseen: usize) -> bool {
         self.asked(unseen) > self.termination.guess

@@ -95,8 +95,9 @@ impl Target {
     pub fn begin(&mut self, born: usize, bbox: BBox, phase: Phase) {
         let extent = self.engine.extent().expect("it was started");
         let state = self.engine.state_at(&bbox);
-        let TrackedTarget { id, gaze, class, .. } = self.track;
-        self.track = TrackedTarget { born, phase, bbox, state, extent, gaze, class, ..TrackedTarget::unknown(id) };
+        let TrackedTarget { id, gaze, class, detected_class, .. } = self.track;
+        let unknown = TrackedTarget::unknown(id);
+        self.track = TrackedTarget { born, phase, bbox, state, extent, gaze, class, detected_class, ..unknown };
         (self.lost, self.unseen, self.hidden, self.shape, self.surprise) = (0, 0, 0, shape(&bbox, extent), 1.0);
     }
 

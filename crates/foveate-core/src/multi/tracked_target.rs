@@ -15,7 +15,7 @@ pub enum Phase {
     Tracked,
     /// Covered by another target for the most part: predicted by its motion rather than by its looks.
     Occluded,
-    /// Believed lost: the box is a guess.
+    /// Believed lost, or hidden by another target for more than a second of video: the box is a guess.
     Lost,
 }
 
@@ -57,9 +57,15 @@ pub struct TrackedTarget {
     pub deficit: f64,
     /// Frames since it was looked at last: 0 where it was in this one.
     pub waited: usize,
-    /// What a detector found and was taken to be this target.
+    /// The detection of this frame that was assigned to this target, or that it starts from.
     #[serde(skip)]
     pub detection: Option<Detection>,
+    /// Its place in the detections that [`crate::multi::MultiTracker::update`] was given, from 0; `None` where the configuration's own
+    /// detector found it.
+    #[serde(skip)]
+    pub detection_index: Option<usize>,
+    /// The class of its last detection that had one.
+    pub detected_class: Option<usize>,
     /// The likeliest class and its probability; `None` without a recogniser.
     pub class: Option<(usize, f64)>,
 }
@@ -80,9 +86,19 @@ impl TrackedTarget {
             deficit: 0.0,
             waited: 0,
             detection: None,
+            detection_index: None,
+            detected_class: None,
             class: None,
         }
     }
+
+    /// Sets the detection of this frame, and its place among those that were given.
+    pub(super) fn set_detection(&mut self, detection: Option<Detection>, index: Option<usize>) {
+        self.detection = detection;
+        self.detection_index = index;
+        self.detected_class = detection.and_then(|d| d.class).or(self.detected_class);
+    }
+
     /// Whether the box is a result, rather than a guess.
     pub fn sure(&self) -> bool {
         self.phase != Phase::Lost

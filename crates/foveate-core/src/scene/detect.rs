@@ -5,14 +5,47 @@
 
 use crate::geometry::BBox;
 use crate::scene::{Image, Map};
+use foveate_base::{Error, Result};
 
 /// A place where something was found, by a detector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detection {
     /// Where, in pixels.
     pub bbox: BBox,
-    /// How sure the detector is; larger is surer.
+    /// How sure the detector is; larger is surer. NaN: it gives no score.
     pub score: f64,
+    /// The number of its class, from 0; `None` where the detector has none.
+    pub class: Option<usize>,
+}
+
+impl Detection {
+    /// A detection without a class.
+    pub fn new(bbox: BBox, score: f64) -> Self {
+        Self { bbox, score, class: None }
+    }
+
+    /// Fails where the box is none, naming the number of the detection and the value.
+    ///
+    /// # Errors
+    /// [`Error::Invalid`] where a number of the box is not finite, or width or height is not above 0.
+    pub(crate) fn check(&self, index: usize) -> Result<()> {
+        let BBox { x, y, w, h } = self.bbox;
+        for (name, value) in [("left", x), ("top", y), ("width", w), ("height", h)] {
+            if !value.is_finite() {
+                return Err(Error::Invalid(format!(
+                    "detection {index} (from 0): {name} is {value}; expected a finite number"
+                )));
+            }
+        }
+        for (name, value) in [("width", w), ("height", h)] {
+            if value <= 0.0 {
+                return Err(Error::Invalid(format!(
+                    "detection {index} (from 0): {name} is {value}; expected pixels above 0, as in left, top, width, height"
+                )));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Finds candidates in a frame: where something moves, or stands out.
@@ -101,7 +134,7 @@ impl Blobs {
             Score::Mass => sum * (cell * cell) as f64,
         };
         let bbox = BBox { x: x as f64, y: y as f64, w: (x1 - x) as f64, h: (y1 - y) as f64 };
-        Some(Detection { bbox, score })
+        Some(Detection::new(bbox, score))
     }
 }
 
@@ -116,7 +149,7 @@ mod tests {
         {
             map.values_mut()[j * 10 + i] = value;
         }
-        let mut found = vec![Detection { bbox: BBox { x: 0.0, y: 0.0, w: 1.0, h: 1.0 }, score: 1.0 }];
+        let mut found = vec![Detection::new(BBox { x: 0.0, y: 0.0, w: 1.0, h: 1.0 }, 1.0)];
         let mut blobs = Blobs::new(8, Score::Peak);
         blobs.find(&map, 0.5, (19, 10), &mut found);
         let boxes = |found: &[Detection]| {

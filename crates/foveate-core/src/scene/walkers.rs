@@ -73,7 +73,7 @@ impl Detector for Walkers {
                     if piece == pieces { even } else { thinnest(map, whole, even, whole.w / pieces as f64 / 3.0) };
                 let (bbox, mass) = tight(map, &BBox { x: left, w: (right - left).max(1.0), ..*whole });
                 if bbox.w * bbox.h >= self.least * picture && mass > 0.0 {
-                    found.push(Detection { bbox, score: mass });
+                    found.push(Detection::new(bbox, mass));
                 }
                 left = right;
             }

@@ -44,7 +44,7 @@ fn picture(squares: &[(u64, BBox)]) -> Image {
 }
 
 fn found(b: BBox) -> Detection {
-    Detection { bbox: b, score: 1.0 }
+    Detection::new(b, 1.0)
 }
 
 fn off(seen: &TrackedTarget, b: &BBox) -> f64 {
@@ -147,8 +147,19 @@ fn a_cut_is_the_end_and_boxes_that_are_none_are_refused() {
     assert_eq!(tracker.targets().len(), 2);
     for bad in [BBox { w: 0.0, ..at(1.0, 1.0) }, BBox { x: f64::NAN, ..at(1.0, 1.0) }, at(500.0, 1.0)] {
         assert!(tracker.add(&first, None, bad).is_err(), "{bad:?}");
-        tracker.update(&first, &[found(bad); 4]).expect("a picture of the first size");
     }
+    // Detections outside the picture are of nobody; those that are no boxes are named, and nothing changes.
+    tracker.update(&first, &[found(at(500.0, 1.0)); 4]).expect("a picture of the first size");
+    let before = tracker.save();
+    for (bad, said) in [
+        (BBox { w: 0.0, ..at(1.0, 1.0) }, "detection 1 (from 0): width is 0"),
+        (BBox { h: -24.0, ..at(1.0, 1.0) }, "detection 1 (from 0): height is -24"),
+        (BBox { x: f64::NAN, ..at(1.0, 1.0) }, "detection 1 (from 0): left is NaN"),
+    ] {
+        let error = tracker.update(&first, &[found(at(1.0, 1.0)), found(bad)]).expect_err("no box").to_string();
+        assert!(error.contains(said), "{error}");
+    }
+    assert_eq!(tracker.save(), before);
     let has = |id| tracker.targets().iter().any(|target| target.id == id);
     assert!(has(5) && !has(7));
     tracker.cut();
@@ -319,11 +330,126 @@ fn frames_without_a_detector_are_bridged() {
     for t in 0..60 {
         let image = picture(&[(1, place(t))][..usize::from(t <= 30)]);
         let detections = if t <= 30 && t % 5 == 0 { vec![found(place(t))] } else { vec![] };
-        let targets = tracker.update(&image, &detections).expect("a picture of the first size");
+        tracker.update(&image, &detections).expect("a picture of the first size");
+        let targets = tracker.targets();
         assert_eq!(targets.len(), usize::from((10..40).contains(&t)), "frame {t}");
         if (10..=30).contains(&t) {
             assert!(off(&targets[0], &place(t)) < 2.0, "frame {t}: {:?}", targets[0].bbox);
             assert!(t == 10 || targets[0].phase == Phase::Tracked, "frame {t}: {:?}", targets[0].phase);
         }
+    }
+}
+
+/// Two that were given boxes cross, and one overtakes the other and hides it: of different looks, or of the same. Nobody is given up, and
+/// the two boxes do not end on one of them. Of the same looks one that was hidden for long may come out as the other.
+#[test]
+fn two_given_boxes_do_not_end_on_one_target() {
+    type Paths = fn(f64) -> [BBox; 2];
+    let cross: Paths = |t| [at(20.0 + 2.0 * t, 12.0 + 0.8 * t), at(20.0 + 2.0 * t, 84.0 - 0.8 * t)];
+    let head_on: Paths = |t| [at(10.0 + 2.2 * t, 44.0), at(205.0 - 2.2 * t, 50.0)];
+    let overtake: Paths = |t| [at(20.0 + 1.7 * t, 40.0), at(65.0 + 0.7 * t, 46.0)];
+    for (path, swaps) in [(cross, false), (head_on, false), (overtake, true)] {
+        for (seed, looks) in [(1, [1, 2]), (2, [3, 4]), (3, [5, 5]), (4, [6, 6])] {
+            let mut tracker = MultiTracker::new(Config { seed, ..builtin("multi-boxes") }).expect("parts that fit");
+            for t in 0..90 {
+                let [a, b] = path(t as f64);
+                let image = picture(&[(looks[1], b), (looks[0], a)]);
+                tracker.update(&image, &[]).expect("a picture of the first size");
+                if t == 0 {
+                    [a, b].into_iter().for_each(|b| assert!(tracker.add(&image, None, b).is_ok()));
+                }
+            }
+            let ([a, b], targets) = (path(89.0), tracker.targets());
+            assert_eq!(targets.iter().map(|t| t.id).collect::<Vec<_>>(), [1, 2], "looks {looks:?}: one is given up");
+            let ends = |a: &BBox, b: &BBox| off(&targets[0], a).max(off(&targets[1], b));
+            let swapped = if swaps && looks[0] == looks[1] { ends(&b, &a) } else { f64::INFINITY };
+            assert!(ends(&a, &b).min(swapped) < 5.0, "looks {looks:?} end at {targets:?}, not at {a:?} and {b:?}");
+        }
+    }
+}
+
+fn builtin(name: &str) -> Config {
+    Config::builtin(name).expect("it ships with the library").expect("it is right")
+}
+
+/// The detection that was assigned to a target, and its class, which stays in frames without one.
+#[test]
+fn a_target_names_its_detection_and_class() {
+    let mut tracker = tracker(1);
+    let places = |t: usize| [at(10.0 + 2.0 * t as f64, 30.0), at(200.0 - 2.0 * t as f64, 70.0)];
+    for t in 0..12 {
+        let [a, b] = places(t);
+        let of = |b: BBox, class, score| Detection { class: Some(class), score, ..found(b) };
+        // The order changes from frame to frame, and there is noise in front.
+        let mut all = vec![of(at((50 * t % 200) as f64, 2.0), 9, 0.5), of(a, 4, 0.9), of(b, 6, 0.8)];
+        if t % 2 == 1 {
+            all.swap(1, 2);
+        }
+        let all = if t == 11 { vec![] } else { all };
+        let seen = tracker.update(&picture(&[(1, a), (2, b)]), &all).expect("a picture of the first size");
+        if t < 2 {
+            continue;
+        }
+        assert_eq!(seen.len(), 2, "frame {t}: {seen:?}");
+        for target in seen {
+            let (place, class) = if off(target, &a) < 6.0 { (a, 4) } else { (b, 6) };
+            let index = all.iter().position(|d| d.bbox == place);
+            assert_eq!((target.detection_index, target.detected_class), (index, Some(class)), "frame {t}");
+            assert_eq!(target.detection, index.map(|k| all[k]), "frame {t}");
+        }
+    }
+}
+
+/// A target that is not to be seen becomes a guess: `update` leaves it out, `targets` has it.
+#[test]
+fn guesses_are_no_results() {
+    let mut tracker = tracker(1);
+    let mut guesses = 0;
+    for t in 0..30 {
+        let here: Vec<_> = (t < 12).then(|| at(60.0 + 2.0 * t as f64, 40.0)).into_iter().collect();
+        let squares: Vec<_> = here.iter().map(|b| (1, *b)).collect();
+        let detections: Vec<_> = here.iter().map(|b| found(*b)).collect();
+        let results = tracker.update(&picture(&squares), &detections).expect("a picture of the first size").to_vec();
+        assert!(results.iter().all(|target| target.phase != Phase::Lost));
+        let sure: Vec<_> = tracker.targets().iter().filter(|target| target.sure()).copied().collect();
+        assert_eq!(results, sure, "frame {t}");
+        guesses += tracker.targets().len() - results.len();
+    }
+    assert!(guesses > 5, "{guesses}");
+}
+
+#[test]
+fn a_target_is_found_by_its_id_and_removed_for_good() {
+    let mut tracker = tracker(1);
+    for t in 0..10 {
+        let squares = passing(t);
+        tracker.update(&picture(&squares), &squares.map(|s| found(s.1))).expect("a picture of the first size");
+    }
+    let place = tracker.target(2).expect("it is active").bbox;
+    assert!(tracker.target(7).is_none());
+    assert!(tracker.remove(2) && !tracker.remove(2) && !tracker.remove(7));
+    assert!(tracker.target(2).is_none() && tracker.targets().len() == 1);
+    // What is detected there is somebody new, who is not compared with it.
+    for t in 10..20 {
+        let squares = passing(t);
+        tracker.update(&picture(&squares), &squares.map(|s| found(s.1))).expect("a picture of the first size");
+    }
+    let ids: Vec<u64> = tracker.targets().iter().map(|target| target.id).collect();
+    assert!(ids == [1, 3] && place.x > 100.0, "{ids:?}");
+}
+
+/// Beside each target lies a box of half of it, as weak boxes of a detector do. Without scores it starts no track, as with low ones.
+#[test]
+fn detections_without_scores_start_no_track_beside_a_target() {
+    for scores in [[0.9, 0.1], [f64::NAN; 2], [1.0; 2]] {
+        let mut tracker = tracker(1);
+        for t in 0..20 {
+            let [(_, a), (_, b)] = passing(0).map(|(k, b)| (k, BBox { x: b.x + t as f64, ..b }));
+            let beside = |b: BBox| BBox { x: b.x + 6.0, y: b.y - 6.0, ..b };
+            let [sure, unsure] = scores.map(|score| move |bbox| Detection { score, ..found(bbox) });
+            let all = [sure(a), sure(b), unsure(beside(a)), unsure(beside(b))];
+            tracker.update(&picture(&[(1, a), (2, b)]), &all).expect("a picture of the first size");
+        }
+        assert_eq!(tracker.targets().len(), 2, "scores {scores:?}: {:?}", tracker.targets());
     }
 }

@@ -28,7 +28,7 @@ fn plain() -> Blueprint {
 /// The truth, and something beside it.
 fn detections(index: usize) -> [Detection; 2] {
     let there = truth(index);
-    [BBox { x: there.x + 14.0, y: there.y - 6.0, w: 20.0, h: 20.0 }, there].map(|bbox| Detection { bbox, score: 1.0 })
+    [BBox { x: there.x + 14.0, y: there.y - 6.0, w: 20.0, h: 20.0 }, there].map(|bbox| Detection::new(bbox, 1.0))
 }
 
 fn step(tracker: &mut Tracker, index: usize, told: bool) -> (BBox, Vec<u64>) {
@@ -80,7 +80,7 @@ fn false_detections_do_not_take_the_track_away() {
     for i in 1..FRAMES {
         let there = truth(i);
         let bbox = BBox { x: there.x + 26.0, y: there.y + 8.0, ..there };
-        let (frame, wrong) = (frame(i, 1), [Detection { bbox, score: 9.0 }]);
+        let (frame, wrong) = (frame(i, 1), [Detection::new(bbox, 9.0)]);
         let iou = tracker.update_with(&frame.image, &wrong).expect("a picture of the first size").bbox.iou(&there);
         assert!(iou > 0.6, "frame {i}: IoU {iou}");
     }

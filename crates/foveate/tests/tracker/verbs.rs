@@ -25,7 +25,7 @@ fn tracker(settings: &[&str]) -> Tracker {
 fn detections_weigh_particles() {
     // Looks say nothing here; one detection, three pixels to the right, does.
     let settings = ["likelihood={ distance = \"cosine\", sharpness = 0.001 }", "detection_likelihood={ place = 0.1 }"];
-    let beside = [Detection { bbox: BBox { x: INIT.x + 3.0, ..INIT }, score: 1.0 }];
+    let beside = [Detection::new(BBox { x: INIT.x + 3.0, ..INIT }, 1.0)];
     let image = target();
     let mean = |output: Output| output.bbox.centre().0 - INIT.centre().0;
     let without = mean(tracker(&settings).update_with(&image, &[]).expect("a picture of the first size"));
@@ -36,7 +36,7 @@ fn detections_weigh_particles() {
 /// What nothing uses is refused, with what to do.
 #[test]
 fn detections_that_nothing_uses_are_refused() {
-    let (image, found) = (target(), [Detection { bbox: INIT, score: 1.0 }]);
+    let (image, found) = (target(), [Detection::new(INIT, 1.0)]);
     for name in ["natural", "natural-fast", "natural-committee", "digits"] {
         let config = Config::builtin(name).expect("it ships").expect("it is right");
         let mut tracker = Tracker::new(&config).expect("parts that fit");
@@ -112,7 +112,7 @@ fn detections_weigh_particles_that_are_drawn_again() {
         let mut tracker = tracker(&settings);
         (0..5).for_each(|_| _ = tracker.update(&there));
         (0..20).for_each(|_| _ = tracker.update(&gone));
-        let at = |x: f64| Detection { bbox: BBox { x, ..INIT }, score: 1.0 };
+        let at = |x: f64| Detection::new(BBox { x, ..INIT }, 1.0);
         let found = detection.map(at);
         let seen = tracker.update_with(&there, found.as_slice()).expect("a picture of the first size");
         (seen.bbox.x - INIT.x, seen.status)

@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn of_boxes_that_overlap_the_best_stays() {
-        let at = |x: f64, score: f64| Detection { bbox: BBox { x, y: 0.0, w: 10.0, h: 10.0 }, score };
+        let at = |x: f64, score: f64| Detection::new(BBox { x, y: 0.0, w: 10.0, h: 10.0 }, score);
         let all = vec![at(40.0, 0.3), at(1.0, 0.8), at(0.0, 0.9), at(5.0, 0.7), at(3.0, 0.6)];
         let left = |overlap: f64, most: usize| {
             let mut found = all.clone();

@@ -96,13 +96,15 @@ impl Detector for ObjectDetector {
         let classes = &self.settings.classes;
         self.reading.each(&self.output, self.settings.confidence, |corners, score, class| {
             if classes.is_empty() || classes.contains(&class) {
-                found.extend(letterbox.back(corners).map(|bbox| Detection { bbox, score }));
+                found.extend(
+                    letterbox.back(corners).map(|bbox| Detection { class: Some(class), ..Detection::new(bbox, score) }),
+                );
             }
         });
         suppress(found, self.settings.overlap, self.settings.most);
         let columns = self.map.width();
         let cells = |from: f64, length: f64| from as usize / CELL..((from + length) as usize).div_ceil(CELL);
-        for Detection { bbox, score } in found.iter() {
+        for Detection { bbox, score, .. } in found.iter() {
             let (across, down) = (cells(bbox.x, bbox.w), cells(bbox.y, bbox.h));
             for row in self.map.values_mut().chunks_exact_mut(columns).take(down.end).skip(down.start) {
                 row[across.start..across.end.min(columns)].iter_mut().for_each(|cell| *cell = cell.max(*score as f32));

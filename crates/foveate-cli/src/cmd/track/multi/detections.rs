@@ -203,7 +203,7 @@ impl Detections {
                 s.confidence >= least && sized && frames.check("", s.frame).is_ok()
             };
             for s in tracks.sightings.iter().filter(counts) {
-                read.entry(s.frame).or_default().push(Detection { bbox: s.bbox, score: s.confidence });
+                read.entry(s.frame).or_default().push(Detection::new(s.bbox, s.confidence));
             }
             let outside = read.values().flatten().filter(|found| is_outside(&found.bbox, about)).count();
             note_unused(path, outside, format_args!("outside the {} x {} picture", about.width, about.height));
