@@ -1,13 +1,20 @@
 """OpenCV's CSRT as a TraX tracker: the peer of `foveate trax` in vot-toolkit.
 
-Needs vot-trax and opencv-contrib-python. In trackers.ini: command = python clients/csrt_trax.py
+Needs vot-trax and opencv-contrib-python: opencv-python, which vot-toolkit brings, has no CSRT. In trackers.ini:
+command = python clients/csrt_trax.py
 """
+
+import sys
 
 import cv2
 from trax import Image, Rectangle, Region, Server, TraxStatus
 
 
 def main() -> None:
+    if not hasattr(cv2, "TrackerCSRT_create"):
+        sys.exit(
+            f"OpenCV {cv2.__version__} of this environment has no CSRT; run: pip uninstall opencv-python; pip install opencv-contrib-python"
+        )
     tracker = None
     with Server([Region.RECTANGLE], [Image.PATH]) as server:
         while True:

@@ -4,7 +4,8 @@
     vot evaluate --workspace WORKSPACE foveate csrt
     vot analysis --workspace WORKSPACE --format json foveate csrt
 
-The stack has an unsupervised, a multistart and a supervised experiment. Needs opencv-python, which vot-toolkit brings.
+The stack has an unsupervised, a multistart and a supervised experiment. Needs OpenCV: vot-toolkit brings opencv-python; the tracker
+csrt needs opencv-contrib-python in its place.
 """
 
 import sys
