@@ -401,23 +401,34 @@ class Video:
 @final
 class Policy:
     """A policy; `foveate.bandits` has its Python side."""
-    def __new__(cls, kind: str, gazes: Sequence[tuple[float, float]], settings: str, seed: int) -> Policy: ...
-    def ask(self) -> tuple[int | None, float, float]:
-        """The next gaze: its arm, where it has one, and where it is."""
+    def __new__(cls, kind: str, arms: int, rate: str, seed: int) -> Policy: ...
+    def ask(self) -> int:
+        """x"""
     def tell(self, rewards: Sequence[float]) -> None:
-        """What the gazes that were asked for are worth, in their order."""
-    def tell_of(self, u: float, v: float, reward: float) -> None:
-        """What a gaze is worth, whether it was asked for or not."""
+        """x"""
     def probabilities(self) -> _Floats | None:
-        """How likely each arm is to be chosen next."""
-    def predict(self, points: Sequence[tuple[float, float]]) -> tuple[_Floats, _Floats] | None:
-        """Mean and standard deviation of the believed reward at each point."""
-    def best(self) -> tuple[float, float] | None:
-        """The point with the largest mean, once something was learned."""
+        """x"""
     def save(self) -> tuple[str, int]:
-        """All that was learned, as JSON, and how often it was asked."""
+        """x"""
     def load(self, saved: str, asked: int) -> None:
-        """Goes on from what `save` gave; an answer that was not told of is forgotten."""
+        """x"""
+
+@final
+class Optimiser:
+    """x"""
+    def __new__(cls, bounds: Sequence[tuple[float, float]], settings: str, seed: int) -> Optimiser: ...
+    def ask(self) -> list[float]:
+        """x"""
+    def tell(self, point: Sequence[float], value: float) -> None:
+        """x"""
+    def best(self) -> list[float] | None:
+        """x"""
+    def predict(self, points: _Floats) -> tuple[_Floats, _Floats]:
+        """x"""
+    def save(self) -> str:
+        """x"""
+    def load(self, saved: str) -> None:
+        """x"""
 
 def draw_marks(
     image: _Image,
@@ -448,11 +459,15 @@ def learn_codes(kind: str, recipe: str, tensors: Mapping[str, _Singles], x: _Sin
 def learn_scores(kind: str, recipe: str, tensors: Mapping[str, _Singles], x: _Singles) -> _Floats:
     """log p(v) of each row of `x`, nats, up to a constant."""
 def softmax_fit(
-    x: _Singles, labels: npt.NDArray[np.uint8], classes: int, l2: float, steps: int, tolerance: float
-) -> tuple[_Singles, _Singles, int]:
-    """Fits softmax regression to rows and their labels (0 to `classes` − 1): weights (n_in × classes), bias, and the steps that it took."""
-def softmax_log_probabilities(weights: _Singles, bias: _Singles, x: _Singles) -> _Floats:
-    """log p(y | x), nats, for each row of `x` and class."""
+    x: _Floats,
+    labels: npt.NDArray[np.uint8],
+    weights: _Floats | None,
+    classes: int,
+    l2: float,
+    steps: int,
+    tolerance: float,
+) -> tuple[_Floats, _Floats, int, bool]:
+    """x"""
 def score_ope(found: _Floats, truth: _Floats) -> str:
     """The figures and curves of one track, as JSON."""
 def score_mot(found: _Floats, truth: _Floats) -> str:

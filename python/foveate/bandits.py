@@ -1,6 +1,7 @@
-"""Bandits over gazes, or over anything else: ``ask`` for one, ``tell`` what it was worth.
+"""Bandits: ``ask`` for an arm or a point, ``tell`` the reward.
 
-They are the policies of the tracker (docs/paper.md has their equations), and know nothing of tracking.
+``Hedge`` and ``Exp3`` are the tracker's policies (docs/paper.md has their equations), ``GpUcb`` is Bayesian optimisation of a box of up
+to 14 dimensions with the tracker's Gaussian process. None needs a tracker.
 
 >>> bandit = Exp3(3, frames=200)
 >>> for _ in range(200):
@@ -19,7 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ._foveate import Policy
+from ._foveate import Optimiser, Policy
 from .errors import ConfigError, InputError
 
 Floats = npt.NDArray[np.float64]
@@ -27,20 +28,21 @@ Floats = npt.NDArray[np.float64]
 __all__ = ["Exp3", "GpUcb", "Hedge"]
 
 
-class _Bandit:
-    """What all have: pickles, and settings to be shown."""
+class _Arms:
+    """Choose among a few arms."""
 
     _policy: Policy
     _made: dict[str, Any]
 
-    def _make(self, kind: str, arms: int, settings: dict[str, Any], seed: int) -> None:
-        self._made = {"kind": kind, "arms": arms, "settings": settings, "seed": seed}
-        gazes = [(float(arm), 0.0) for arm in range(arms)]
-        try:
-            text = json.dumps(settings, allow_nan=False, default=_plain)
-        except (TypeError, ValueError):
-            raise ConfigError(f"{kind}: settings are finite numbers, strings or true and false; they are {settings}") from None
-        self._policy = Policy(kind, gazes, text, seed)
+    def __init__(self, kind: str, arms: int, gamma: float | None, frames: int | None, seed: int) -> None:
+        if gamma is not None and frames is not None:
+            raise InputError("give gamma, a rate, or frames, the number of steps that the best rate is for, not both")
+        rate: Any = gamma if gamma is not None else "anytime" if frames is None else {"frames": frames}
+        self._make(kind, arms, rate, seed)
+
+    def _make(self, kind: str, arms: int, rate: Any, seed: int) -> None:
+        self._made = {"kind": kind, "arms": arms, "rate": rate, "seed": seed}
+        self._policy = Policy(kind, arms, _json(kind, rate), seed)
 
     def __getstate__(self) -> dict[str, Any]:
         return {"made": self._made, "saved": self._policy.save()}
@@ -50,17 +52,7 @@ class _Bandit:
         self._policy.load(*state["saved"])
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({self._made['settings']}, seed={self._made['seed']})"
-
-
-class _Arms(_Bandit):
-    """Those that choose among a few."""
-
-    def __init__(self, kind: str, arms: int, gamma: float | None, frames: int | None, seed: int) -> None:
-        if gamma is not None and frames is not None:
-            raise InputError("give gamma, a rate, or frames, the number of steps that the best rate is for, not both")
-        rate: Any = gamma if gamma is not None else "anytime" if frames is None else {"frames": frames}
-        self._make(kind, arms, {"gamma": rate}, seed)
+        return f"{type(self).__name__}({self._made['arms']}, gamma={self._made['rate']!r}, seed={self._made['seed']})"
 
     @property
     def probabilities(self) -> Floats:
@@ -71,10 +63,8 @@ class _Arms(_Bandit):
 
     def ask(self) -> int:
         """The arm to choose now, from 0."""
-        arm, _, _ = self._policy.ask()
-        assert arm is not None, "a policy with arms answers one"
-        self._asked = arm
-        return arm
+        self._asked = self._policy.ask()
+        return self._asked
 
 
 class Hedge(_Arms):
@@ -132,58 +122,81 @@ class Exp3(_Arms):
         self._policy.tell(_rewards([reward]))
 
 
-class GpUcb(_Bandit):
-    """Bayesian optimisation of a point of a square: a Gaussian process and an upper confidence bound (section 4.4).
+class GpUcb:
+    """Bayesian optimisation of a point of a box: a Gaussian process and an upper confidence bound (GP-UCB; Srinivas et al. 2010).
+
+    The process has a Matern 5/2 kernel with a length scale for each dimension, fitted as rewards arrive (MAP). The first points are a Latin
+    hypercube; each later one maximises mean + kappa * deviation by DIRECT and quasi-Newton steps, where kappa cycles through 2, 1 and
+    0.1. Rewards may have noise. The tracker's policy of the same name moves a gaze in a square and differs in its schedule
+    (docs/configuration.md).
 
     Parameters
     ----------
-    reach : float
-        Half the side of the square of points about (0, 0), above 0 to 10.
+    bounds : sequence of (float, float), optional
+        The smallest and largest value of each dimension; 1 to 14 dimensions.
     seed : int
         Names all draws.
+    reach : float
+        Without bounds: half the side of a square about (0, 0); above 0.
     settings
-        Any key of ``policy = { kind = "gp-ucb" }`` (docs/configuration.md): window, warm_up, start, refit, evaluations, ...
+        ``window``: rewards remembered, the newest, 2 to 2000 (300). ``warm_up``: points before the process is used (twice the dimensions
+        and 3). ``evaluations``: points at which DIRECT reads the bound for each point proposed (1000).
 
     Examples
     --------
-    >>> bandit = GpUcb(reach=1.0, start=1.0)
+    >>> bandit = GpUcb([(-1, 1), (0, 10), (0, 10)])
     >>> for _ in range(40):
-    ...     u, v = bandit.ask()
-    ...     bandit.tell((u, v), 1 - (u - 0.3) ** 2 - (v + 0.2) ** 2)
-    >>> u, v = bandit.best
-    >>> abs(u - 0.3) < 0.1 and abs(v + 0.2) < 0.1
+    ...     x = bandit.ask()
+    ...     bandit.tell(x, 1 - (x[0] - 0.3) ** 2 - (x[1] - 2) ** 2 - (x[2] - 7) ** 2)
+    >>> x = bandit.best
+    >>> abs(x[0] - 0.3) < 0.1 and abs(x[1] - 2) < 0.1 and abs(x[2] - 7) < 0.1
     True
     """
 
-    def __init__(self, reach: float = 0.5, seed: int = 1, **settings: Any) -> None:
-        self._make("gp-ucb", 0, {"reach": reach, **settings}, seed)
+    def __init__(self, bounds: Sequence[tuple[float, float]] | None = None, seed: int = 1, *, reach: float = 0.5, **settings: Any) -> None:
+        pairs = [(-reach, reach)] * 2 if bounds is None else [(float(low), float(high)) for low, high in bounds]
+        self._make(pairs, settings, seed)
 
-    def ask(self) -> tuple[float, float]:
-        """The point to try now."""
-        _, u, v = self._policy.ask()
-        return u, v
+    def _make(self, bounds: list[tuple[float, float]], settings: dict[str, Any], seed: int) -> None:
+        self._made: dict[str, Any] = {"bounds": bounds, "settings": settings, "seed": seed}
+        self._optimiser = Optimiser(bounds, _json("GpUcb", settings), seed)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"made": self._made, "saved": self._optimiser.save()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self._make(**state["made"])
+        self._optimiser.load(state["saved"])
+
+    def __repr__(self) -> str:
+        given = "".join(f", {name}={value!r}" for name, value in self._made["settings"].items())
+        return f"GpUcb({self._made['bounds']}, seed={self._made['seed']}{given})"
+
+    def ask(self) -> tuple[float, ...]:
+        """The point to try now, a number for each dimension."""
+        return tuple(self._optimiser.ask())
 
     def tell(self, point: Sequence[float], reward: float) -> None:
-        """What a point is worth, from -1e100 to 1e100: one that was asked for, or another."""
-        u, v = (float(x) for x in point)
-        reach = self._made["settings"]["reach"]
-        if not (abs(u) <= reach and abs(v) <= reach):
-            raise InputError(f"the point lies within {reach} of (0, 0) along each axis; it is ({u}, {v})")
-        if not abs(reward) <= 1e100:
-            raise InputError(f"a reward is a number from -1e100 to 1e100; it is {reward}")
-        self._policy.tell_of(u, v, float(reward))
+        """The reward of a point, from -1e100 to 1e100: of one that ``ask`` answered, or of another within the bounds."""
+        self._optimiser.tell([float(x) for x in point], float(reward))
 
     @property
-    def best(self) -> tuple[float, float] | None:
-        """The point with the largest mean; ``None`` before anything was learned."""
-        return self._policy.best()
+    def best(self) -> tuple[float, ...] | None:
+        """The point with the largest mean among those that were tried; ``None`` before the first reward."""
+        found = self._optimiser.best()
+        return None if found is None else tuple(found)
 
     def predict(self, points: npt.ArrayLike) -> tuple[Floats, Floats]:
-        """Mean and standard deviation of the believed reward at points of shape (n, 2); two arrays of shape (n,)."""
-        rows = np.asarray(points, dtype=np.float64).reshape(-1, 2)
-        found = self._policy.predict([(u, v) for u, v in rows.tolist()])
-        assert found is not None, "a policy with a surface shows it"
-        return found
+        """Mean and standard deviation of the reward at points of shape (n, dimensions); two arrays of shape (n,)."""
+        rows = np.atleast_2d(np.asarray(points, dtype=np.float64))
+        return self._optimiser.predict(rows)
+
+
+def _json(kind: str, settings: Any) -> str:
+    try:
+        return json.dumps(settings, allow_nan=False, default=_plain)
+    except (TypeError, ValueError):
+        raise ConfigError(f"{kind}: settings are finite numbers, strings or true and false; they are {settings}") from None
 
 
 def _plain(value: Any) -> Any:

@@ -1,12 +1,13 @@
-//! The policies as bandits on their own.
+//! The policies with arms as bandits on their own, and Bayesian optimisation of a box.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use foveate::gaze::{Context, Exp3, GpUcb, Hedge, Plan, Policy, PolicySnapshot, Schedule, Variant};
+use foveate::gaze::{Context, Exp3, Hedge, Plan, Policy, PolicySnapshot, Schedule, Variant};
 use foveate::geometry::Gaze;
+use foveate::gp::optimiser::{Optimiser, Settings};
 use foveate::rng::{Purpose, Streams};
 use foveate::{Error, Result};
-use numpy::{IntoPyArray, PyArray1};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use serde_json::Value;
 
@@ -17,7 +18,7 @@ struct Working {
     plan: Plan,
     /// Times it was asked.
     asked: u64,
-    /// Whether it is to be told what its last answer was worth.
+    /// Whether the reward of its last answer is still to come.
     waiting: bool,
 }
 
@@ -28,49 +29,43 @@ pub struct PyPolicy {
     working: Mutex<Working>,
 }
 
-fn make(kind: &str, gazes: Vec<(f64, f64)>, settings: Value) -> Result<Box<dyn Policy>> {
-    let wrong = |e: serde_json::Error| Error::Config(format!("{kind}: {e}"));
-    let arms = || (0..).zip(&gazes).map(|(k, &(u, v))| Gaze { u, v, arm: Some(k) }).collect::<Vec<_>>();
-    let rate = |value: &Value| serde_json::from_value::<Schedule>(value["gamma"].clone()).map_err(wrong);
+fn make(kind: &str, arms: usize, rate: Schedule) -> Result<Box<dyn Policy>> {
+    let arms = (0..arms).map(|k| Gaze { u: k as f64, v: 0.0, arm: Some(k) }).collect::<Vec<_>>();
     Ok(match kind {
-        "hedge" => Box::new(Hedge::new(arms(), rate(&settings)?)?),
-        "exp3" => Box::new(Exp3::new(arms(), Variant::Unbiased, rate(&settings)?)?),
-        "exp3-ix" => Box::new(Exp3::new(arms(), Variant::Implicit, rate(&settings)?)?),
-        _ => Box::new(GpUcb::new(serde_json::from_value(settings).map_err(wrong)?)?),
+        "hedge" => Box::new(Hedge::new(arms, rate)?),
+        "exp3" => Box::new(Exp3::new(arms, Variant::Unbiased, rate)?),
+        _ => Box::new(Exp3::new(arms, Variant::Implicit, rate)?),
     })
 }
 
-impl PyPolicy {
-    fn working(&self) -> MutexGuard<'_, Working> {
-        self.working.lock().unwrap_or_else(PoisonError::into_inner)
-    }
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[pymethods]
 impl PyPolicy {
     #[new]
-    fn new(py: Python<'_>, kind: &str, gazes: Vec<(f64, f64)>, settings: &str, seed: u64) -> PyResult<Self> {
-        let settings = serde_json::from_str(settings).map_err(|e| input(py, format!("{kind}: {e}")))?;
-        let policy = make(kind, gazes, settings).or_raise(py)?;
+    fn new(py: Python<'_>, kind: &str, arms: usize, rate: &str, seed: u64) -> PyResult<Self> {
+        let rate = serde_json::from_str(rate).map_err(|e| Error::Config(format!("{kind}: gamma: {e}"))).or_raise(py)?;
+        let policy = make(kind, arms, rate).or_raise(py)?;
         let working = Working { policy, plan: Plan::new(), asked: 0, waiting: false };
         Ok(Self { streams: Streams::new(seed, 0), working: Mutex::new(working) })
     }
 
-    /// The next gaze: its arm, where it has one, and where it is.
-    fn ask(&self, py: Python<'_>) -> (Option<usize>, f64, f64) {
+    /// The next arm.
+    fn ask(&self, py: Python<'_>) -> usize {
         py.detach(|| {
-            let Working { policy, plan, asked, waiting } = &mut *self.working();
+            let Working { policy, plan, asked, waiting } = &mut *lock(&self.working);
             policy.plan(&Context::default(), plan, &mut self.streams.at(*asked, Purpose::Look).rng(0));
             (*asked, *waiting) = (*asked + 1, true);
-            let gaze = plan.chosen();
-            (gaze.arm, gaze.u, gaze.v)
+            plan.chosen().arm.expect("the gazes of these policies are arms")
         })
     }
 
-    /// What the gazes that were asked for are worth, in their order.
+    /// The rewards of the arms of the last plan, in their order.
     fn tell(&self, py: Python<'_>, rewards: Vec<f64>) -> PyResult<()> {
         let learn = || {
-            let Working { policy, plan, waiting, .. } = &mut *self.working();
+            let Working { policy, plan, waiting, .. } = &mut *lock(&self.working);
             if !*waiting {
                 return Err(Error::Invalid(
                     "tell is about what ask answered: call ask first, once for each tell".into(),
@@ -89,61 +84,92 @@ impl PyPolicy {
         py.detach(learn).or_raise(py)
     }
 
-    /// What a gaze is worth, whether it was asked for or not.
-    fn tell_of(&self, py: Python<'_>, u: f64, v: f64, reward: f64) {
-        py.detach(|| {
-            let Working { policy, plan, waiting, .. } = &mut *self.working();
-            plan.only(Gaze { u, v, arm: None });
-            policy.learn(plan, &[reward]);
-            *waiting = false;
-        });
-    }
-
     /// How likely each arm is to be chosen next.
     fn probabilities<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
-        match self.working().policy.snapshot() {
+        match lock(&self.working).policy.snapshot() {
             PolicySnapshot::Arms { probabilities, .. } => Some(PyArray1::from_slice(py, probabilities)),
-            _ => None,
-        }
-    }
-
-    /// Mean and standard deviation of the believed reward at each point.
-    #[expect(clippy::type_complexity, reason = "two arrays")]
-    fn predict<'py>(
-        &self,
-        py: Python<'py>,
-        points: Vec<(f64, f64)>,
-    ) -> Option<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
-        let all: Vec<(f64, f64)> = match self.working().policy.snapshot() {
-            PolicySnapshot::Surface(surface) => points.into_iter().map(|(u, v)| surface.at(u, v)).collect(),
-            _ => return None,
-        };
-        let (means, deviations): (Vec<f64>, Vec<f64>) = all.into_iter().unzip();
-        Some((means.into_pyarray(py), deviations.into_pyarray(py)))
-    }
-
-    /// The point with the largest mean, once something was learned.
-    fn best(&self) -> Option<(f64, f64)> {
-        match self.working().policy.snapshot() {
-            PolicySnapshot::Surface(surface) => surface.best().map(|gaze| (gaze.u, gaze.v)),
             _ => None,
         }
     }
 
     /// All that was learned, as JSON, and how often it was asked.
     fn save(&self) -> (String, u64) {
-        let working = self.working();
+        let working = lock(&self.working);
         (working.policy.save().to_string(), working.asked)
     }
 
-    /// Goes on from what `save` gave; an answer that was not told of is forgotten.
+    /// Goes on from what `save` gave; an answer whose reward is still to come is dropped.
     fn load(&self, py: Python<'_>, saved: &str, asked: u64) -> PyResult<()> {
         let load = || {
-            let mut working = self.working();
+            let mut working = lock(&self.working);
             working.policy.load(&crate::held::parse(saved.as_bytes())?)?;
             (working.asked, working.waiting) = (asked, false);
             Ok(())
         };
         load().or_raise(py)
+    }
+}
+
+/// Bayesian optimisation; `foveate.bandits.GpUcb` is its Python side.
+#[pyclass(frozen, module = "foveate._foveate", name = "Optimiser")]
+pub struct PyOptimiser {
+    dimensions: usize,
+    optimiser: Mutex<Optimiser>,
+}
+
+#[pymethods]
+impl PyOptimiser {
+    #[new]
+    fn new(py: Python<'_>, bounds: Vec<(f64, f64)>, settings: &str, seed: u64) -> PyResult<Self> {
+        let wrong = |e: serde_json::Error| Error::Config(format!("optimiser: {e}"));
+        let settings: Result<Settings> = serde_json::from_str(settings).map_err(wrong);
+        let optimiser = settings.and_then(|settings| Optimiser::new(&bounds, settings, seed)).or_raise(py)?;
+        Ok(Self { dimensions: bounds.len(), optimiser: Mutex::new(optimiser) })
+    }
+
+    /// The next point.
+    fn ask(&self, py: Python<'_>) -> Vec<f64> {
+        py.detach(|| lock(&self.optimiser).ask())
+    }
+
+    /// The value of a point.
+    fn tell(&self, py: Python<'_>, point: Vec<f64>, value: f64) -> PyResult<()> {
+        py.detach(|| lock(&self.optimiser).tell(&point, value)).or_raise(py)
+    }
+
+    /// Of the points observed, the one with the largest mean.
+    fn best(&self, py: Python<'_>) -> Option<Vec<f64>> {
+        py.detach(|| lock(&self.optimiser).best().map(<[f64]>::to_vec))
+    }
+
+    /// Mean and standard deviation at each point.
+    #[expect(clippy::type_complexity, reason = "two arrays")]
+    fn predict<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
+        let points = points.as_array();
+        if points.ncols() != self.dimensions {
+            let (expected, found) = (self.dimensions, points.ncols());
+            return Err(input(py, format!("points have {expected} numbers each; these have {found}")));
+        }
+        let points: Vec<Vec<f64>> = points.rows().into_iter().map(|point| point.to_vec()).collect();
+        let (means, deviations): (Vec<f64>, Vec<f64>) = py.detach(|| {
+            let optimiser = lock(&self.optimiser);
+            points.iter().map(|point| optimiser.predict(point)).unzip()
+        });
+        Ok((means.into_pyarray(py), deviations.into_pyarray(py)))
+    }
+
+    /// All that was learned, as JSON.
+    fn save(&self) -> String {
+        lock(&self.optimiser).save().to_string()
+    }
+
+    /// Goes on from what `save` gave.
+    fn load(&self, py: Python<'_>, saved: &str) -> PyResult<()> {
+        let parsed: Result<Value> = crate::held::parse(saved.as_bytes());
+        parsed.and_then(|saved| lock(&self.optimiser).restore(&saved)).or_raise(py)
     }
 }

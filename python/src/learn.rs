@@ -1,14 +1,18 @@
 //! Learners as functions of arrays: a kind, its recipe as JSON, and tensors as model files have them. `foveate.learn` has their protocols.
 
 use std::collections::HashMap;
-use std::time::{Duration, Instant};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::time::Duration;
 
+use foveate::learn::Stop;
 use foveate::learn::autoencoder::{self, Autoencoder};
 use foveate::learn::filters::{self, PatchFilters};
 use foveate::learn::rbm::factored::{self, FactoredRbm, Units};
 use foveate::learn::rbm::io::{Tensor, Tensors};
 use foveate::learn::rbm::{self, Rbm};
-use foveate::learn::softmax::{Fit, Softmax};
+use foveate::learn::softmax::{self, Examples, Fit};
 use foveate::rows::{Rows, RowsMut};
 use foveate::{Error, Result};
 use numpy::ndarray::{Array2, ArrayD};
@@ -41,9 +45,6 @@ fn no(kind: &str) -> Error {
     Error::Invalid(format!("expected autoencoder, factored, filters or rbm, got {kind}"))
 }
 
-/// How long a learner works before Python is asked whether to go on.
-const STRETCH: Duration = Duration::from_millis(100);
-
 /// A learner at work.
 enum Training {
     Autoencoder(autoencoder::Trainer),
@@ -64,19 +65,18 @@ impl Training {
             other => return Err(no(other)),
         })
     }
-    /// Learns for a while; whether that is all.
-    fn go_on(&mut self, rows: Rows<'_>) -> bool {
-        let until = Instant::now() + STRETCH;
-        while Instant::now() < until {
+    /// Learns to the end.
+    fn finish(&mut self, rows: Rows<'_>, stop: Stop<'_>) -> Result<()> {
+        while !stop() {
             match self {
                 Self::Autoencoder(trainer) if !trainer.is_done() => trainer.step(rows),
                 Self::Factored(trainer) if !trainer.is_done() => trainer.step(),
-                Self::Filters(trainer) if !trainer.is_done() => trainer.step(),
+                Self::Filters(trainer) if !trainer.is_done() => trainer.step_until(stop)?,
                 Self::Rbm(trainer) if !trainer.is_done() => trainer.step(rows),
-                _ => return true,
+                _ => return Ok(()),
             }
         }
-        false
+        Err(Error::Stopped)
     }
     /// What was learned; of filters with their cost.
     fn learned(&self) -> Result<Tensors> {
@@ -109,26 +109,46 @@ impl Model {
         };
         model.map_err(Error::Invalid)
     }
-    /// What the model makes of every row, and how many numbers a row that is.
-    fn codes(&self, rows: Rows<'_>) -> (usize, Vec<f32>) {
-        let filled = |width: usize, fill: &dyn Fn(RowsMut<'_>)| {
-            let mut codes = vec![0.0; rows.len() * width];
-            fill(RowsMut::new(&mut codes, width));
-            (width, codes)
-        };
-        match self {
-            Self::Autoencoder(model) => filled(model.layer().shape().1, &|h| model.layer().h_from_v(rows, h)),
-            Self::Factored(model) => filled(model.width(Units::Both), &|h| model.features(rows, Units::Both, h)),
-            Self::Filters(model) => (model.shape().2, model.codes(rows)),
-            Self::Rbm(model) => filled(model.shape().1, &|h| model.h_from_v(rows, h)),
+    /// What the model makes of every row. A row's codes depend on that row alone: some rows at a time give the same.
+    fn codes(&self, rows: Rows<'_>, stop: Stop<'_>) -> Result<Vec<f32>> {
+        let (width, units) = (rows.width(), self.units());
+        let mut codes = Vec::with_capacity(rows.len() * units);
+        for some in rows.data().chunks(width * (PIECE / (width * units)).max(1)) {
+            if stop() {
+                return Err(Error::Stopped);
+            }
+            let (some, from) = (Rows::new(some, width), codes.len());
+            if let Self::Filters(model) = self {
+                codes.extend(model.codes(some));
+                continue;
+            }
+            codes.resize(from + some.len() * units, 0.0);
+            let h = RowsMut::new(&mut codes[from..], units);
+            match self {
+                Self::Autoencoder(model) => model.layer().h_from_v(some, h),
+                Self::Factored(model) => model.features(some, Units::Both, h),
+                Self::Rbm(model) => model.h_from_v(some, h),
+                Self::Filters(_) => {}
+            }
         }
+        Ok(codes)
     }
     /// −F(v), nats, of every row.
-    fn scores(&self, rows: Rows<'_>) -> Result<Vec<f64>> {
+    fn scores(&self, rows: Rows<'_>, stop: Stop<'_>) -> Result<Vec<f64>> {
+        let energy: &dyn Fn(&[f32]) -> f64 = match self {
+            Self::Factored(model) => &|v| model.free_energy(v),
+            Self::Rbm(model) => &|v| model.free_energy(v),
+            _ => return Err(Error::Invalid("this model has no free energy".into())),
+        };
+        rows.iter().map(|v| if stop() { Err(Error::Stopped) } else { Ok(-energy(v)) }).collect()
+    }
+    /// How many codes a row has.
+    fn units(&self) -> usize {
         match self {
-            Self::Factored(model) => Ok(rows.iter().map(|v| -model.free_energy(v)).collect()),
-            Self::Rbm(model) => Ok(rows.iter().map(|v| -model.free_energy(v)).collect()),
-            _ => Err(Error::Invalid("this model has no free energy".into())),
+            Self::Autoencoder(model) => model.layer().shape().1,
+            Self::Factored(model) => model.width(Units::Both),
+            Self::Filters(model) => model.shape().2,
+            Self::Rbm(model) => model.shape().1,
         }
     }
     /// How wide rows are.
@@ -142,28 +162,48 @@ impl Model {
     }
 }
 
-/// Works on the threads of this process, without the interpreter's lock.
-fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T> + Send) -> PyResult<T> {
-    py.detach(|| crate::threads::run(work).and_then(|result| result)).or_raise(py)
-}
+/// Numbers that a piece of work reads before it is asked whether to stop, times the numbers that it makes of each.
+const PIECE: usize = 1 << 26;
+/// How often Python is asked whether Ctrl-C was pressed.
+const LOOK: Duration = Duration::from_millis(50);
 
-/// The values of an array, row by row.
-fn values(x: &Singles<'_>) -> Vec<f32> {
-    x.as_array().iter().copied().collect()
-}
-
-fn rows<'a>(data: &'a [f32], x: &Singles<'_>) -> Result<Rows<'a>> {
-    match x.shape()[1] {
-        0 => Err(Error::Invalid("rows have at least one value, these have none".into())),
-        width => Ok(Rows::new(data, width)),
+/// Works on a thread of its own, without the interpreter's lock. Ctrl-C ends the call within [`LOOK`], whatever the work is at: its
+/// thread is left behind, and ends as soon as it calls `stop`.
+fn interruptible<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce(Stop<'_>) -> Result<T> + Send + 'static,
+) -> PyResult<T> {
+    let (done, mut results) = mpsc::sync_channel(1);
+    let stopped = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stopped);
+    let thread = foveate::thread::start("learning", move || {
+        let result = crate::threads::run(|| work(&|| flag.load(Ordering::Relaxed))).and_then(|result| result);
+        // Nobody waits for it after Ctrl-C.
+        let _ = done.send(result);
+    });
+    let thread = thread.or_raise(py)?;
+    loop {
+        let found;
+        (found, results) = py.detach(move || (results.recv_timeout(LOOK), results));
+        match found {
+            Ok(result) => return result.or_raise(py),
+            Err(RecvTimeoutError::Timeout) => {
+                py.check_signals().inspect_err(|_| stopped.store(true, Ordering::Relaxed))?
+            }
+            Err(RecvTimeoutError::Disconnected) => match thread.join() {
+                Err(panic) => std::panic::resume_unwind(panic),
+                Ok(()) => unreachable!("a thread sends its result before it ends"),
+            },
+        }
     }
 }
 
-/// Calls with the rows of an array.
-fn on_rows<T: Send>(py: Python<'_>, x: &Singles<'_>, work: impl FnOnce(Rows<'_>) -> Result<T> + Send) -> PyResult<T> {
-    let data = values(x);
-    let rows = rows(&data, x).or_raise(py)?;
-    detached(py, || work(rows))
+/// The values of an array, row by row, and how wide rows are.
+fn owned_rows<T: numpy::Element + Copy>(py: Python<'_>, x: &PyReadonlyArray2<'_, T>) -> PyResult<(Vec<T>, usize)> {
+    match x.shape()[1] {
+        0 => Err(Error::Invalid("rows have at least one value, these have none".into())).or_raise(py),
+        width => Ok((x.as_array().iter().copied().collect(), width)),
+    }
 }
 
 fn fits(expected: usize, rows: Rows<'_>) -> Result<()> {
@@ -173,20 +213,22 @@ fn fits(expected: usize, rows: Rows<'_>) -> Result<()> {
     }
 }
 
-/// Makes the model, calls it with the rows.
-fn of_model<T: Send>(
+/// Makes the model, calls it with the rows; answers how many codes a row has, too.
+fn of_model<T: Send + 'static>(
     py: Python<'_>,
     (kind, recipe): (&str, &str),
     tensors: HashMap<String, PyReadonlyArrayDyn<'_, f32>>,
     x: &Singles<'_>,
-    work: impl FnOnce(Model, Rows<'_>) -> Result<T> + Send,
-) -> PyResult<T> {
+    work: impl FnOnce(&Model, Rows<'_>, Stop<'_>) -> Result<T> + Send + 'static,
+) -> PyResult<(usize, T)> {
     let own = |t: PyReadonlyArrayDyn<'_, f32>| (t.shape().to_vec(), t.as_array().iter().copied().collect());
     let tensors: Tensors = tensors.into_iter().map(|(name, t)| (name, own(t))).collect();
-    on_rows(py, x, |rows| {
-        let model = Model::new(kind, recipe, tensors)?;
+    let (kind, recipe) = (kind.to_string(), recipe.to_string());
+    let (data, width) = owned_rows(py, x)?;
+    interruptible(py, move |stop| {
+        let (model, rows) = (Model::new(&kind, &recipe, tensors)?, Rows::new(&data, width));
         fits(model.width(), rows)?;
-        work(model, rows)
+        Ok((model.units(), work(&model, rows, stop)?))
     })
 }
 
@@ -194,17 +236,17 @@ fn of_model<T: Send>(
 #[pyfunction]
 pub fn learn_fit<'py>(
     py: Python<'py>,
-    kind: &str,
-    recipe: &str,
+    kind: String,
+    recipe: String,
     x: Singles<'py>,
 ) -> PyResult<HashMap<String, Bound<'py, PyArrayDyn<f32>>>> {
-    let data = values(&x);
-    let rows = rows(&data, &x).or_raise(py)?;
-    let mut training = detached(py, || Training::new(kind, recipe, rows))?;
-    while !detached(py, || Ok(training.go_on(rows)))? {
-        py.check_signals()?;
-    }
-    let tensors = detached(py, || training.learned())?;
+    let (data, width) = owned_rows(py, &x)?;
+    let tensors = interruptible(py, move |stop| {
+        let rows = Rows::new(&data, width);
+        let mut training = Training::new(&kind, &recipe, rows)?;
+        training.finish(rows, stop)?;
+        training.learned()
+    })?;
     let array = |(shape, values): (Vec<usize>, Vec<f32>)| {
         ArrayD::from_shape_vec(shape, values).expect("values fill their shape")
     };
@@ -220,8 +262,8 @@ pub fn learn_codes<'py>(
     tensors: HashMap<String, PyReadonlyArrayDyn<'py, f32>>,
     x: Singles<'py>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let (width, codes) = of_model(py, (kind, recipe), tensors, &x, |model, rows| Ok(model.codes(rows)))?;
-    Ok(Array2::from_shape_vec((x.shape()[0], width), codes).expect("whole rows").into_pyarray(py))
+    let (units, codes) = of_model(py, (kind, recipe), tensors, &x, |model, rows, stop| model.codes(rows, stop))?;
+    Ok(Array2::from_shape_vec((x.shape()[0], units), codes).expect("whole rows").into_pyarray(py))
 }
 
 /// log p(v) of each row of `x`, nats, up to a constant.
@@ -233,47 +275,34 @@ pub fn learn_scores<'py>(
     tensors: HashMap<String, PyReadonlyArrayDyn<'py, f32>>,
     x: Singles<'py>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-    Ok(of_model(py, (kind, recipe), tensors, &x, |model, rows| model.scores(rows))?.into_pyarray(py))
+    let (_, scores) = of_model(py, (kind, recipe), tensors, &x, |model, rows, stop| model.scores(rows, stop))?;
+    Ok(scores.into_pyarray(py))
 }
 
-type Fitted<'py> = (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray1<f32>>, usize);
+type Fitted<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, usize, bool);
 
-/// Fits softmax regression to rows and their labels (0 to `classes` − 1): weights (n_in × classes), bias, and the steps that it took.
+/// Fits softmax regression to rows, their labels (0 to `classes` − 1) and weights: weights (n_in × classes), bias, the steps that it
+/// took, and whether it converged. Ctrl-C ends it.
 #[pyfunction]
-#[pyo3(signature = (x, labels, classes, l2, steps, tolerance))]
+#[pyo3(signature = (x, labels, weights, classes, l2, steps, tolerance))]
+#[expect(clippy::too_many_arguments, reason = "as Python calls it")]
 pub fn softmax_fit<'py>(
     py: Python<'py>,
-    x: Singles<'py>,
+    x: PyReadonlyArray2<'py, f64>,
     labels: PyReadonlyArray1<'py, u8>,
+    weights: Option<PyReadonlyArray1<'py, f64>>,
     classes: usize,
     l2: f64,
     steps: usize,
     tolerance: f64,
 ) -> PyResult<Fitted<'py>> {
+    let (values, width) = owned_rows(py, &x)?;
     let labels = labels.as_array().to_vec();
-    let fit = Fit { l2, steps, tolerance };
-    let (model, steps) = on_rows(py, &x, |rows| Softmax::fit(rows, &labels, classes, fit))?;
-    let [(_, shape, weights), (_, _, bias)] = model.tensors();
-    let weights = Array2::from_shape_vec((shape[0], shape[1]), weights.to_vec()).expect("whole rows");
-    Ok((weights.into_pyarray(py), PyArray1::from_slice(py, bias), steps))
-}
-
-/// log p(y | x), nats, for each row of `x` and class.
-#[pyfunction]
-pub fn softmax_log_probabilities<'py>(
-    py: Python<'py>,
-    weights: Singles<'py>,
-    bias: PyReadonlyArray1<'py, f32>,
-    x: Singles<'py>,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let (weights, bias) = (weights.as_array().iter().copied().collect(), bias.as_array().to_vec());
-    let classes = bias.len();
-    let log_p = on_rows(py, &x, |rows| {
-        let model = Softmax::new(weights, bias, 1.0)?;
-        fits(model.width(), rows)?;
-        let mut log_p = vec![0.0; rows.len() * classes];
-        model.log_probabilities(rows, &mut log_p);
-        Ok(log_p)
+    let weights = weights.map(|weights| weights.as_array().to_vec());
+    let found = interruptible(py, move |stop| {
+        let examples = Examples { values: &*values, width, labels: &labels, weights: weights.as_deref(), classes };
+        softmax::solve(examples, Fit { l2, steps, tolerance }, stop)
     })?;
-    Ok(Array2::from_shape_vec((x.shape()[0], classes), log_p).expect("whole rows").into_pyarray(py))
+    let weights = Array2::from_shape_vec((x.shape()[1], classes), found.weights).expect("whole rows");
+    Ok((weights.into_pyarray(py), found.bias.into_pyarray(py), found.steps, found.converged))
 }

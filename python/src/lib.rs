@@ -29,13 +29,13 @@ mod _foveate {
     use std::path::PathBuf;
 
     #[pymodule_export]
-    use crate::bandits::PyPolicy;
+    use crate::bandits::{PyOptimiser, PyPolicy};
     #[pymodule_export]
     use crate::draw::draw_marks;
     #[pymodule_export]
     use crate::export::export_boxes;
     #[pymodule_export]
-    use crate::learn::{learn_codes, learn_fit, learn_scores, softmax_fit, softmax_log_probabilities};
+    use crate::learn::{learn_codes, learn_fit, learn_scores, softmax_fit};
     #[pymodule_export]
     use crate::multi::{_restore_multi, PyMultiTracker};
     #[pymodule_export]

@@ -64,6 +64,11 @@ class FeatureLearner(ClassNamePrefixFeaturesOutMixin, TransformerMixin, Learner)
         """How to learn, as the extension calls it; without the seed."""
         raise NotImplementedError
 
+    def _recipe_for(self, rows: int) -> dict[str, Any]:
+        """How to learn from so many rows."""
+        del rows
+        return self._recipe()
+
     def _least(self) -> dict[str, int]:
         """The fewest rows and values to learn from, as scikit-learn calls them."""
         return {"ensure_min_samples": 1}
@@ -72,7 +77,7 @@ class FeatureLearner(ClassNamePrefixFeaturesOutMixin, TransformerMixin, Learner)
         """Learns from the rows of X, shape (n_samples, n_features)."""
         del y
         rows, _ = self._rows(X, **self._least())
-        recipe = self._recipe()
+        recipe = self._recipe_for(len(rows))
         if "batch" in recipe:
             recipe["batch"] = min(recipe["batch"], len(rows))
         tensors = self._learned(rows, recipe, check_random_state(self.random_state))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 from ._base import Density
@@ -21,10 +22,13 @@ class RBM(Density):
         Hidden units.
     visible : {"gaussian", "bernoulli"}
         Real numbers of about unit variance, or numbers from 0 to 1.
-    learning_rate : float
-        Step along the mean gradient of a batch.
-    batch_size, n_iter : int
-        Rows in a batch; passes over the data.
+    learning_rate : float, optional
+        Step along the mean gradient of a batch. Default: 0.1 for ``"bernoulli"``, 0.01 for ``"gaussian"``, whose statistics have no bound.
+    batch_size : int, optional
+        Rows in a batch. Default: a 200th of the rows, 10 at least and 100 at most: enough updates in a pass for a small set, and large
+        matrix products for a large one.
+    n_iter : int, optional
+        Passes over the data. Default: 15, or more if they make fewer than 3000 updates; with fewer the weights hardly leave 0.
     momentum, l2 : float
         0 to below 1; pull of the weights towards 0.
     chains : int
@@ -40,6 +44,8 @@ class RBM(Density):
         Weights.
     intercept_hidden_ : float32 array (n_components,)
     intercept_visible_ : float32 array (n_features,)
+    batch_size_, n_iter_ : int
+        Rows in a batch and passes over the data, as they were in ``fit``.
 
     Examples
     --------
@@ -61,9 +67,9 @@ class RBM(Density):
         n_components: int = 64,
         *,
         visible: Literal["gaussian", "bernoulli"] = "gaussian",
-        learning_rate: float = 0.01,
-        batch_size: int = 100,
-        n_iter: int = 15,
+        learning_rate: float | None = None,
+        batch_size: int | None = None,
+        n_iter: int | None = None,
         momentum: float = 0.9,
         l2: float = 2e-4,
         chains: int = 0,
@@ -81,15 +87,26 @@ class RBM(Density):
         self.gibbs_steps = gibbs_steps
         self.random_state = random_state
 
+    def _recipe_for(self, rows: int) -> dict[str, Any]:
+        recipe = self._recipe()
+        if self.batch_size is None:
+            recipe["batch"] = min(max(rows // 200, 10), 100)
+        if self.n_iter is None:
+            recipe["epochs"] = max(15, math.ceil(3000 / math.ceil(rows / max(1, recipe["batch"]))))
+        self.batch_size_, self.n_iter_ = min(recipe["batch"], rows), recipe["epochs"]
+        return recipe
+
     def _recipe(self) -> dict[str, Any]:
+        """Passes and batch size that depend on the rows are 1: a trained model needs neither."""
+        usual = 0.1 if self.visible == "bernoulli" else 0.01
         steps, chains = self._count("gibbs_steps"), self._count("chains")
         return {
             "visible": self.visible,
             "hidden": self._count("n_components"),
-            "epochs": self._count("n_iter"),
-            "batch": self._count("batch_size"),
+            "epochs": 1 if self.n_iter is None else self._count("n_iter"),
+            "batch": 1 if self.batch_size is None else self._count("batch_size"),
             "shuffle": True,
-            "rate": self._real("learning_rate"),
+            "rate": usual if self.learning_rate is None else self._real("learning_rate"),
             "momentum": self._real("momentum"),
             "negative": {"persistent": {"chains": chains, "steps": steps}} if chains else {"contrastive": {"steps": steps}},
             "l2": self._real("l2"),
