@@ -37,7 +37,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Try it: a learned gaze and a fixed one on a drawn digit whose middle is hidden
+    /// Try it: a learned gaze, a fixed and a random one on a drawn digit, each by small looks
     Demo(cmd::demo::Args),
     /// Follow a target through a video file or a folder of images
     Track(Box<cmd::track::Args>),

@@ -47,7 +47,7 @@ fn completions_and_manual_pages() {
 fn the_demo_is_honest() {
     let place = Place::new();
     let told = said(&place.run(&["demo", "--out", "d"]));
-    for words in ["a drawn 0", "values read a frame", "looks that (", "is worth most", "end to end", "d/report.html"] {
+    for words in ["a drawn 2", "values read a frame", "looks that (", "is worth most", "end to end", "d/report.html"] {
         assert!(told.contains(words), "{words} is missing in\n{told}");
     }
     let error = |policy: &str| -> f64 {
@@ -59,17 +59,27 @@ fn the_demo_is_honest() {
             .parse()
             .expect("a number")
     };
-    assert!(error("gp-ucb") < 2.0 && error("fixed centre") > 10.0, "learning where to look pays here:\n{told}");
+    let least = error("fixed centre").min(error("random gazes"));
+    assert!(error("gp-ucb") < 0.7 * least, "learning where to look pays here:\n{told}");
+    // What is said of ten seeds is what the documents have, with the command that measures it.
+    let ten = told.split("One run is luck. ").nth(1).and_then(|rest| rest.split(" (docs/").next()).expect("ten seeds");
+    let docs = ["README.md", "docs/looking.md"].map(|name| format!("{}/../../{name}", env!("CARGO_MANIFEST_DIR")));
+    for path in &docs {
+        let text = std::fs::read_to_string(path).expect("a document");
+        assert!(text.split_whitespace().collect::<Vec<_>>().join(" ").contains(ten), "{path} has not: {ten}");
+    }
     assert_eq!(place.names("d"), ["annotated.mp4", "boxes.txt", "report.html", "run.json", "surface.png", "track.csv"]);
-    assert!(String::from_utf8_lossy(&place.read("d/report.html")).contains("\"baseline\":{"));
+    assert!(String::from_utf8_lossy(&place.read("d/report.html")).contains("\"baselines\":[{"));
     let clutter = ["demo", "--out", "d", "--scene", "clutter", "--set", "particles=150", "--trace"];
     let told = said(&place.run(&clutter));
-    for words in ["Followed a drawn 3", "occluded in 0 frames", "It learned to look at", "fixed centre"] {
+    for words in ["Followed a drawn 3", "occluded in 0 frames", "It learned to look at", "fixed centre", "random gazes"]
+    {
         assert!(told.contains(words), "{words} is missing in\n{told}");
     }
     assert!(place.path("d/trace.jsonl").is_file());
     let told = said(&place.run(&["demo", "--out", "d", "--policy", "fixed"]));
-    assert!(told.contains("has nothing to learn") && !told.contains("side by side"), "{told}");
+    assert!(told.contains("has nothing to learn") && told.contains("random gazes"), "{told}");
+    assert!(!told.contains("fixed centre") && !told.contains("One run is luck"), "not beside itself: {told}");
     for name in ["natural", "natural-fast", "multi"] {
         let error = errors(&place.run(&["demo", "--out", "d", "--config", name]));
         assert!(error.contains("for real video") && error.contains("digits-hedge"), "{error}");
