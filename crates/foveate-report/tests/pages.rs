@@ -173,7 +173,8 @@ fn shaded_frames_are_explained() {
     let (data, after) = rest.split_once("</script>").expect("their end");
     for lost in [false, true] {
         let mut data: Value = serde_json::from_str(data).expect("JSON");
-        data["series"]["occluded_or_lost"][4] = Value::from(u8::from(lost));
+        let usable = data["series"]["usable"].as_array_mut().expect("a column");
+        *usable = (0..usable.len()).map(|row| Value::from(u8::from(!lost || row != 4))).collect();
         let path = folder.path().join("lost.html");
         std::fs::write(&path, format!("{before}id=\"data\">{data}</script>{after}")).expect("a writable folder");
         let Some(shown) = shown(&path, &folder.path().join("profile")) else { return };
