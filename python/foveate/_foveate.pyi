@@ -403,32 +403,32 @@ class Policy:
     """A policy; `foveate.bandits` has its Python side."""
     def __new__(cls, kind: str, arms: int, rate: str, seed: int) -> Policy: ...
     def ask(self) -> int:
-        """x"""
+        """The next arm."""
     def tell(self, rewards: Sequence[float]) -> None:
-        """x"""
+        """The rewards of the arms of the last plan, in their order."""
     def probabilities(self) -> _Floats | None:
-        """x"""
+        """How likely each arm is to be chosen next."""
     def save(self) -> tuple[str, int]:
-        """x"""
+        """All that was learned, as JSON, and how often it was asked."""
     def load(self, saved: str, asked: int) -> None:
-        """x"""
+        """Goes on from what `save` gave; an answer whose reward is still to come is dropped."""
 
 @final
 class Optimiser:
-    """x"""
+    """Bayesian optimisation; `foveate.bandits.GpUcb` is its Python side."""
     def __new__(cls, bounds: Sequence[tuple[float, float]], settings: str, seed: int) -> Optimiser: ...
     def ask(self) -> list[float]:
-        """x"""
+        """The next point."""
     def tell(self, point: Sequence[float], value: float) -> None:
-        """x"""
+        """The value of a point."""
     def best(self) -> list[float] | None:
-        """x"""
+        """Of the points observed, the one with the largest mean."""
     def predict(self, points: _Floats) -> tuple[_Floats, _Floats]:
-        """x"""
+        """Mean and standard deviation at each point."""
     def save(self) -> str:
-        """x"""
+        """All that was learned, as JSON."""
     def load(self, saved: str) -> None:
-        """x"""
+        """Goes on from what `save` gave."""
 
 def draw_marks(
     image: _Image,
@@ -467,7 +467,9 @@ def softmax_fit(
     steps: int,
     tolerance: float,
 ) -> tuple[_Floats, _Floats, int, bool]:
-    """x"""
+    """Fits softmax regression to rows, their labels (0 to `classes` − 1) and weights: weights (n_in × classes), bias, the steps that it
+    took, and whether it converged. Ctrl-C ends it.
+    """
 def score_ope(found: _Floats, truth: _Floats) -> str:
     """The figures and curves of one track, as JSON."""
 def score_mot(found: _Floats, truth: _Floats) -> str:
