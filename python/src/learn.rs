@@ -300,7 +300,7 @@ pub fn softmax_fit<'py>(
     let labels = labels.as_array().to_vec();
     let weights = weights.map(|weights| weights.as_array().to_vec());
     let found = interruptible(py, move |stop| {
-        let examples = Examples { values: &*values, width, labels: &labels, weights: weights.as_deref(), classes };
+        let examples = Examples { values: &values, width, labels: &labels, weights: weights.as_deref(), classes };
         softmax::solve(examples, Fit { l2, steps, tolerance }, stop)
     })?;
     let weights = Array2::from_shape_vec((x.shape()[1], classes), found.weights).expect("whole rows");

@@ -158,7 +158,7 @@ impl Optimiser {
                 self.bounds
             )));
         }
-        if !(value.abs() <= LARGEST) {
+        if value.is_nan() || value.abs() > LARGEST {
             return Err(Error::Invalid(format!("a value is a number from -1e100 to 1e100; it is {value}")));
         }
         if self.values.len() == self.window {

@@ -140,6 +140,8 @@ pub(super) mod tests {
             deficit: 0.0,
             waited: 0,
             detection: None,
+            detection_index: None,
+            detected_class: None,
             class: Some((7, 0.98)),
         }
     }

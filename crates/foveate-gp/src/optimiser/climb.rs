@@ -9,8 +9,11 @@ const STEPS: usize = 30;
 /// A step that gains less ends the climb.
 const TOLERANCE: f64 = 1e-9;
 
+/// What is climbed: its values at points.
+type Bound<'a, const D: usize> = dyn FnMut(&[[f64; D]], &mut [f64]) + 'a;
+
 struct Hill<'a, const D: usize> {
-    bound: &'a mut dyn FnMut(&[[f64; D]], &mut [f64]),
+    bound: &'a mut Bound<'a, D>,
     /// The point at hand, and its value.
     at: [f64; D],
     here: f64,
@@ -19,11 +22,14 @@ struct Hill<'a, const D: usize> {
 impl<const D: usize> Hill<'_, D> {
     /// Values a step below and a step above, along each axis.
     fn around(&mut self) -> ([f64; D], [f64; D]) {
-        let mut points = [[self.at; D]; 2];
-        for d in 0..D {
-            points[0][d][d] -= STEP;
-            points[1][d][d] += STEP;
-        }
+        let moved = |step: f64| {
+            std::array::from_fn(|d| {
+                let mut point = self.at;
+                point[d] += step;
+                point
+            })
+        };
+        let points: [[[f64; D]; D]; 2] = [-STEP, STEP].map(moved);
         let mut values = [[0.0; D]; 2];
         for (points, values) in points.iter().zip(&mut values) {
             (self.bound)(points, values);
@@ -53,10 +59,7 @@ impl<const D: usize> Objective for Hill<'_, D> {
 }
 
 /// A local maximum near `start`, and its value.
-pub(super) fn climb<const D: usize>(
-    start: [f64; D],
-    bound: &mut dyn FnMut(&[[f64; D]], &mut [f64]),
-) -> ([f64; D], f64) {
+pub(super) fn climb<'a, const D: usize>(start: [f64; D], bound: &'a mut Bound<'a, D>) -> ([f64; D], f64) {
     const { assert!(D <= MOST, "as many variables as a fit has") };
     let mut hill = Hill { bound, at: start, here: 0.0 };
     let mut x = start;

@@ -313,6 +313,8 @@ mod tests {
                         deficit: 0.0,
                         waited: 0,
                         detection: None,
+                        detection_index: None,
+                        detected_class: None,
                         class: Some((if t > 10 { mover.class.into() } else { 11 }, 0.9)),
                     }
                 })

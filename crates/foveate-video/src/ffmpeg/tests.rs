@@ -269,7 +269,8 @@ fn pixels_are_square() {
         return;
     }
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let kinds: [(&str, &str, &[&str], (usize, usize)); 5] = [
+    type Kind = (&'static str, &'static str, &'static [&'static str], (usize, usize));
+    let kinds: [Kind; 5] = [
         ("a.mkv", "64/45", &[], (228, 120)),
         ("b.mkv", "8/9", &[], (160, 135)),
         ("c.ts", "4/3", &["-c:v", "mpeg2video"], (213, 120)),

@@ -13,7 +13,7 @@ fn uneven(n: usize) -> (Vec<f64>, Vec<u8>, Vec<f64>) {
 #[test]
 fn the_gradient_is_that_of_finite_differences() {
     let (values, labels, weights) = uneven(300);
-    let examples = Examples { values: &*values, width: 4, labels: &labels, weights: Some(&weights), classes: 3 };
+    let examples = Examples { values: &values, width: 4, labels: &labels, weights: Some(&weights), classes: 3 };
     let mut problem = Problem::new(examples, 0.3);
     let at: Vec<f64> = (0..15).map(|i| (f64::from(i) * 0.7).cos()).collect();
     let mut cost = |at: &[f64], gradient: &mut [f64]| problem.cost(at, gradient, &|| false).expect("not stopped");
@@ -35,7 +35,7 @@ fn the_gradient_is_that_of_finite_differences() {
 #[test]
 fn the_solution_is_a_minimum_whatever_the_units() {
     let (values, labels, weights) = uneven(400);
-    let examples = Examples { values: &*values, width: 4, labels: &labels, weights: Some(&weights), classes: 3 };
+    let examples = Examples { values: &values, width: 4, labels: &labels, weights: Some(&weights), classes: 3 };
     let fit = Fit { l2: 1e-3, steps: 500, tolerance: 1e-9 };
     let found = solve(examples, fit, &|| false).expect("good examples");
     assert!(found.converged && found.steps < 100, "{} steps", found.steps);
@@ -62,7 +62,7 @@ fn the_solution_is_a_minimum_whatever_the_units() {
 fn a_weight_is_a_row_so_many_times() {
     let (values, labels, weights) = uneven(200);
     let fit = Fit { l2: 1e-2, steps: 500, tolerance: 1e-10 };
-    let examples = Examples { values: &*values, width: 4, labels: &labels, weights: Some(&weights), classes: 3 };
+    let examples = Examples { values: &values, width: 4, labels: &labels, weights: Some(&weights), classes: 3 };
     let weighted = solve(examples, fit, &|| false).expect("good examples");
     let (mut repeated, mut theirs): (Vec<f64>, Vec<u8>) = (vec![], vec![]);
     for ((row, label), weight) in values.chunks_exact(4).zip(&labels).zip(&weights) {
@@ -71,12 +71,12 @@ fn a_weight_is_a_row_so_many_times() {
             theirs.push(*label);
         }
     }
-    let examples = Examples { values: &*repeated, width: 4, labels: &theirs, weights: None, classes: 3 };
+    let examples = Examples { values: &repeated, width: 4, labels: &theirs, weights: None, classes: 3 };
     let plain = solve(examples, fit, &|| false).expect("good examples");
     let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6 * (1.0 + a.abs()));
     assert!(near(&weighted.weights, &plain.weights) && near(&weighted.bias, &plain.bias));
     for wrong in [vec![1.0; 199], vec![0.0; 200], vec![-1.0; 200], vec![f64::NAN; 200]] {
-        let examples = Examples { values: &*values, width: 4, labels: &labels, weights: Some(&wrong), classes: 3 };
+        let examples = Examples { values: &values, width: 4, labels: &labels, weights: Some(&wrong), classes: 3 };
         assert!(solve(examples, fit, &|| false).is_err());
     }
 }
@@ -85,7 +85,7 @@ fn a_weight_is_a_row_so_many_times() {
 #[test]
 fn it_stops_within_256_rows() {
     let (values, labels, _) = uneven(2000);
-    let examples = Examples { values: &*values, width: 4, labels: &labels, weights: None, classes: 3 };
+    let examples = Examples { values: &values, width: 4, labels: &labels, weights: None, classes: 3 };
     let asked = AtomicUsize::new(0);
     let after = |n: usize| {
         asked.store(0, Ordering::Relaxed);
