@@ -9,11 +9,15 @@
 //! point lies close to the largest mean, which gives the last digits of a smooth function.
 
 mod climb;
+mod cube;
 mod search;
+mod settings;
 #[cfg(test)]
 mod tests;
 
+use self::cube::{Cube, moments};
 use self::search::Search;
+pub use self::settings::Settings;
 use foveate_base::{Error, Result};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -22,40 +26,6 @@ use serde_json::Value;
 pub const MOST: usize = 14;
 /// Larger values cannot be squared and summed.
 const LARGEST: f64 = 1e100;
-
-/// How to search.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Settings {
-    /// Values remembered, 2 to 2000: the newest. Memory is 24 bytes × window², taken at the start.
-    pub window: usize,
-    /// Points before the process is used, 2 to 1000; twice the variables and 3 if absent.
-    pub warm_up: Option<usize>,
-    /// Points at which DIRECT may read the bound, for each point proposed; 1 to 100,000.
-    pub evaluations: usize,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self { window: 300, warm_up: None, evaluations: 1000 }
-    }
-}
-
-impl Settings {
-    /// # Errors
-    /// [`Error::Config`] where a number is out of range, naming it.
-    pub fn check(&self) -> Result<()> {
-        let wrong = |name: &str, expected: &str, found: usize| {
-            Err(Error::Config(format!("optimiser: {name} is {expected}; it is {found}")))
-        };
-        match *self {
-            Self { window, .. } if !(2..=2000).contains(&window) => wrong("window", "2 to 2000 values", window),
-            Self { warm_up: Some(n), .. } if !(2..=1000).contains(&n) => wrong("warm_up", "2 to 1000 points", n),
-            Self { evaluations: n, .. } if !(1..=100_000).contains(&n) => wrong("evaluations", "1 to 100000", n),
-            _ => Ok(()),
-        }
-    }
-}
 
 /// Proposes points of a box, and learns from their values.
 ///
@@ -82,20 +52,6 @@ pub struct Optimiser {
     window: usize,
     asked: u64,
     seen: u64,
-}
-
-/// A search of the unit cube, for any number of variables.
-trait Cube: std::fmt::Debug + Send {
-    /// A point for the `asked`-th question, counted from 0, after `seen` values.
-    fn ask(&mut self, asked: u64, seen: u64) -> Vec<f64>;
-    /// Another point and its value, and all values of the window with that one last.
-    fn tell(&mut self, point: &[f64], values: &[f64]);
-    /// Mean and variance of the scaled function.
-    fn predict(&self, point: &[f64]) -> (f64, f64);
-    /// Hyper-parameters, and how many values they were fitted to.
-    fn save(&self) -> Value;
-    /// Takes up what was saved, with the points and values of then; none where it does not fit.
-    fn restore(&mut self, saved: &Value, points: &[Vec<f64>], values: &[f64]) -> Option<()>;
 }
 
 #[derive(Serialize, Deserialize)]
@@ -236,12 +192,4 @@ impl Optimiser {
     fn unit(&self, point: &[f64]) -> Vec<f64> {
         point.iter().zip(&self.bounds).map(|(x, (lower, upper))| (x - lower) / (upper - lower)).collect()
     }
-}
-
-/// Mean and standard deviation; 1 where all are equal.
-fn moments(values: &[f64]) -> (f64, f64) {
-    let n = values.len().max(1) as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let sd = (values.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / n).sqrt();
-    (mean, if sd > 1e-12 * mean.abs() && sd > 0.0 { sd } else { 1.0 })
 }

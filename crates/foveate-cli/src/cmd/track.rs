@@ -50,10 +50,7 @@ first 10,000 frames, and there is no annotated.mp4.
 
 Frames count from 1 everywhere. Boxes on the command line, in boxes.txt, tracks.txt and files of detections count pixels from 1, \
 as OTB and MOTChallenge do; track.csv, tracks.csv, trace.jsonl and --json count pixels from 0. A box that lies outside the picture \
-stands in boxes.txt at the nearest place where it touches the picture, and in track.csv where it is believed to be.
-
-Uncertain frames have the status occluded, or P(lost) of 0.5 or more while the status is tracking or reacquired. Lost frames have the \
-status lost.";
+stands in boxes.txt at the nearest place where it touches the picture, and in track.csv where it is believed to be.";
 
 #[derive(clap::Args)]
 #[command(after_long_help = FILES)]

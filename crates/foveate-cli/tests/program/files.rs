@@ -104,14 +104,14 @@ fn damage_is_reported_wherever_frames_are_counted() {
 #[test]
 fn folders_of_videos_are_told_from_frames() {
     let place = Place::new();
-    std::fs::write(place.path("video/MVI_1.MP4"), "x").expect("a writable folder");
+    std::fs::write(place.path("video/img/MVI_1.MP4"), "x").expect("a writable folder");
     let text = place.failure(&["video"]);
     assert!(text.contains("pictures and 1 video") && text.contains("give video/") && text.contains("/*.MP4"), "{text}");
     std::fs::create_dir(place.path("clips")).expect("a writable folder");
     std::fs::write(place.path("clips/a.mp4"), "x").expect("a writable folder");
     let text = place.failure(&["clips", "--init", "1,1,9,9"]);
     assert!(text.contains("found 1 video") && text.contains("give clips/*.mp4"), "{text}");
-    std::fs::remove_file(place.path("video/MVI_1.MP4")).expect("ours");
+    std::fs::remove_file(place.path("video/img/MVI_1.MP4")).expect("ours");
     std::fs::remove_file(place.path("video/groundtruth_rect.txt")).expect("ours");
     let text = place.failure(&["video"]);
     assert!(text.contains("foveate pick video") && text.contains("--init x,y,w,h"), "{text}");

@@ -1,7 +1,8 @@
 //! The unit cube of `D` variables: where to look next.
 
 use super::climb::climb;
-use super::{Cube, Settings, moments};
+use super::cube::{Cube, moments};
+use super::settings::Settings;
 use crate::direct::{Direct, Form};
 use crate::{Gp, Hyper, Kernel, Priors, Saved, StudentT};
 use foveate_base::Result;

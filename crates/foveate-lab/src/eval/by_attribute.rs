@@ -182,7 +182,7 @@ mod tests {
         let (rows, text) = names(&["my street", "my dog"]);
         assert!(rows.is_empty() && text.is_empty(), "{rows:?} {text}");
         let (rows, text) = names(&["Biker", "Bolt2"]);
-        assert!(rows.contains(&"half a".into()) && text.contains("Halves: --choose chooses"), "{text}");
+        assert!(rows.contains(&"half b".into()) && text.contains("Halves: --choose chooses"), "{text}");
     }
 
     #[test]
