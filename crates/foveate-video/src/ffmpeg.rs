@@ -7,10 +7,9 @@
 //! (playlists, lists of pictures) nor other protocols are allowed.
 
 mod facts;
+mod input;
 mod said;
 
-use std::borrow::Cow;
-use std::ffi::OsString;
 use std::io::{BufRead, BufReader, ErrorKind, Read, pipe};
 use std::path::{Path, PathBuf};
 use std::process::{ChildStdout, Command, Stdio};
@@ -26,6 +25,7 @@ use crate::yuv::{Colour, Yuv};
 use facts::Facts;
 pub(crate) use facts::probe;
 use foveate_base::{memory, thread};
+pub(crate) use input::{Input, KINDS};
 pub(crate) use said::Said;
 
 /// The pixels as ffmpeg hands them over.
@@ -66,11 +66,6 @@ pub(crate) enum Task {
     Live,
 }
 
-/// Kinds of files that hold their frames themselves. Those that name other files or addresses are left out on purpose.
-pub(crate) const KINDS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpeg,mpegts,mpegtsraw,mpegvideo,vob,flv,live_flv,kux,asf,ogg,\
-    h264,hevc,vvc,av1,obu,ivf,m4v,mjpeg,mjpeg_2000,mpjpeg,gif,apng,yuv4mpegpipe,nut,rm,wtv,dv,mxf,vc1,vc1test,h263,h261,dirac,swf,\
-    nsv,bink,smk,ea,roq,gxf,mtv,nuv,cavsvideo,avs2,avs3,dxa,cdxl,fli,flic,lvf,mv,r3d,rpl,sdr2,thp,truehd,viv,xmv,yop";
-
 /// Frames as they are coded, where yuv4mpeg has a name for that; else the nearest that has.
 pub(crate) const FORMATS: &str = "format=yuv420p|yuvj420p|yuv422p|yuvj422p|yuv444p|yuvj444p|gray|yuv420p10|yuv422p10|yuv444p10|gray10|yuv420p12|\
     yuv422p12|yuv444p12|gray12";
@@ -87,37 +82,6 @@ pub(crate) const TICKS: &str = "1:1764000000";
 const NEAR: usize = 4;
 /// Times that are nearer than this, in seconds, are those that ffmpeg makes up where its time stamps do not rise.
 const NEAREST: f64 = 1e-6;
-
-/// What ffmpeg opens, and all that it may open for it.
-#[derive(Clone, Debug)]
-pub(crate) struct Input {
-    /// As ffmpeg names it.
-    pub name: OsString,
-    pub protocols: &'static str,
-    pub kinds: Cow<'static, str>,
-    /// Further options.
-    pub options: Vec<String>,
-}
-
-impl Input {
-    /// A file of the disk.
-    pub fn file(path: &Path) -> Self {
-        let mut name = OsString::from("file:");
-        name.push(path);
-        Self {
-            name,
-            protocols: "file",
-            kinds: KINDS.into(),
-            options: kind(path).iter().map(|&o| o.to_owned()).collect(),
-        }
-    }
-
-    /// The options that stand before it.
-    pub fn guards(&self) -> impl Iterator<Item = OsString> + '_ {
-        let allowed = ["-protocol_whitelist", self.protocols, "-format_whitelist", &self.kinds];
-        allowed.into_iter().chain(self.options.iter().map(String::as_str)).map(OsString::from)
-    }
-}
 
 impl Ffmpeg {
     /// Starts `program` on a file; the first `skip` frames are thrown away.
@@ -286,12 +250,6 @@ impl Ffmpeg {
     }
 }
 
-/// Pictures one after the other begin as one picture does: ffmpeg would take the first alone.
-fn kind(path: &Path) -> &'static [&'static str] {
-    let jpeg = path.extension().is_some_and(|end| ["mjpeg", "mjpg"].iter().any(|name| end.eq_ignore_ascii_case(name)));
-    if jpeg { &["-f", "mjpeg"] } else { &[] }
-}
-
 impl Drop for Ffmpeg {
     fn drop(&mut self) {
         self.leash.end();
@@ -329,13 +287,6 @@ pub(crate) fn read_times(lines: impl Read + Send + 'static, said: Arc<Mutex<Said
     };
     thread::start("reading times from ffmpeg", read).map_err(|error| error.to_string())?;
     Ok(times)
-}
-
-/// `25/2`.
-fn ratio(text: &str) -> Option<f64> {
-    let (over, under) = text.split_once('/')?;
-    let ratio = over.parse::<f64>().ok()? / under.parse::<f64>().ok()?;
-    ratio.is_finite().then_some(ratio)
 }
 
 /// Every frame as it is, none doubled or left out. Before 5.1 the option had another name.

@@ -3,7 +3,7 @@
 //! A file whose end is known is read as a file on the disk is: every frame, with the times of its time stamps. Everything else is a
 //! stream, which is opened again where it breaks off.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
@@ -13,27 +13,8 @@ use crate::address::is_timed;
 use crate::child::{Interrupt, Leash};
 use crate::connection::Connection;
 use crate::ffmpeg::{Input, probe};
-use crate::{Frame, FrameSource, Remarks, SourceInfo, VideoFile};
+use crate::{Frame, FrameSource, LiveOptions, Remarks, SourceInfo, VideoFile};
 use foveate_base::Result;
-
-/// How a stream is to be opened.
-#[derive(Clone, Debug)]
-pub struct LiveOptions {
-    /// The program ffmpeg: a path, or a name to be found as programs are.
-    pub ffmpeg: PathBuf,
-    /// Wait at the address for a sender, in the place of asking one there.
-    pub listen: bool,
-    /// How long to try to open it again after it broke off, or to wait for another sender; zero does not try.
-    pub reconnect: Duration,
-    /// Is called with a line of text when the stream waits for a sender, breaks off, or ends.
-    pub notify: fn(&str),
-}
-
-impl Default for LiveOptions {
-    fn default() -> Self {
-        Self { ffmpeg: "ffmpeg".into(), listen: false, reconnect: Duration::from_secs(60), notify: |_| () }
-    }
-}
 
 /// A stream that gives nothing for so long is opened again.
 const STALL: Duration = Duration::from_secs(10);

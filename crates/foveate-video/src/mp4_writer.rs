@@ -9,8 +9,8 @@ use std::thread::JoinHandle;
 
 use rusty_h264::{Encoder, EncoderConfig, YuvFrame};
 
-use crate::mux::{Track, UNITS, bx, file_type};
-use crate::timing::Timing;
+use crate::mux::{Track, bx, file_type};
+use crate::timing::{Timing, UNITS};
 use crate::yuv::{Colour, Yuv};
 use foveate_base::sink::Sink;
 use foveate_base::{Error, Result, quiet, thread};

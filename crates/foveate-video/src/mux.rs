@@ -6,9 +6,6 @@
 use crate::timing::Timing;
 use crate::yuv::Colour;
 
-/// Time units a frame of constant rate; the timescale is this many times the rate.
-pub(super) const UNITS: u32 = 1000;
-
 /// Frames of one track, as they lie in the file.
 #[derive(Debug, Default)]
 pub(super) struct Track {

@@ -1,6 +1,7 @@
 //! How a video is to be opened.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// What decodes a video file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -72,5 +73,24 @@ impl Pixels {
 impl Default for Options {
     fn default() -> Self {
         Self { decoder: Decoder::Auto, ffmpeg: "ffmpeg".into(), raw: None, notify: |_| () }
+    }
+}
+
+/// How a stream is to be opened.
+#[derive(Clone, Debug)]
+pub struct LiveOptions {
+    /// The program ffmpeg: a path, or a name to be found as programs are.
+    pub ffmpeg: PathBuf,
+    /// Wait at the address for a sender, in the place of asking one there.
+    pub listen: bool,
+    /// How long to try to open it again after it broke off, or to wait for another sender; zero does not try.
+    pub reconnect: Duration,
+    /// Is called with a line of text when the stream waits for a sender, breaks off, or ends.
+    pub notify: fn(&str),
+}
+
+impl Default for LiveOptions {
+    fn default() -> Self {
+        Self { ffmpeg: "ffmpeg".into(), listen: false, reconnect: Duration::from_secs(60), notify: |_| () }
     }
 }

@@ -1,6 +1,7 @@
 //! How long each frame of a video that is written lasts, in whole time units.
 
-use crate::mux::UNITS;
+/// Time units a frame of constant rate; the timescale is this many times the rate.
+pub(super) const UNITS: u32 = 1000;
 
 /// When frames are shown: time units a second, and runs of frames that last equally long, as (frames, units).
 #[derive(Debug, PartialEq)]

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use super::{Input, ratio};
+use super::input::Input;
 
 /// What is known of a video before it is decoded.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -121,4 +121,11 @@ fn demerits(video: &Section<'_>) -> u8 {
 pub(crate) fn probe(program: &Path) -> PathBuf {
     let name = program.file_name().unwrap_or_default().to_string_lossy().replace("ffmpeg", "ffprobe");
     program.with_file_name(name)
+}
+
+/// `25/2`.
+fn ratio(text: &str) -> Option<f64> {
+    let (over, under) = text.split_once('/')?;
+    let ratio = over.parse::<f64>().ok()? / under.parse::<f64>().ok()?;
+    ratio.is_finite().then_some(ratio)
 }
