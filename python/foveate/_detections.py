@@ -93,13 +93,13 @@ def _of_array(detections: object) -> Found:
 
 def _check(found: npt.NDArray[np.float64]) -> None:
     """Refuses boxes that are none; a score may be missing (NaN)."""
-    wrong = ~np.isfinite(found[:, :4]).all(axis=1) | np.isinf(found[:, 4])
-    if wrong.any():
-        i = int(np.flatnonzero(wrong)[0])
+    infinite = np.flatnonzero(~np.isfinite(found[:, :4]).all(axis=1) | np.isinf(found[:, 4]))
+    if len(infinite):
+        i = int(infinite[0])
         raise InputError(f"detection {i} is not finite: {found[i].tolist()}")
-    wrong = (found[:, 2:4] <= 0).any(axis=1)
-    if wrong.any():
-        i = int(np.flatnonzero(wrong)[0])
+    empty = np.flatnonzero((found[:, 2:4] <= 0).any(axis=1))
+    if len(empty):
+        i = int(empty[0])
         raise InputError(
             f"detection {i} is {found[i, 2]:g} wide and {found[i, 3]:g} high: {found[i, :4].tolist()}; expected left, top, width, "
             "height with width and height above 0 (give corners as an object with xyxy)"

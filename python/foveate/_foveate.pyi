@@ -278,18 +278,26 @@ class MultiTracker:
         channels: _Channels = "rgb",
     ) -> MultiTracker: ...
     def update(self, image: _Image, detections: _Detections | None = None, *, lost: bool = False) -> Targets:
-        """The next picture, and what detectors of yours found in it.
+        """Tracks all targets into the next picture, given what your detector found in it.
 
         Parameters
         ----------
         image : uint8 array, (height, width) or (height, width, channels)
         detections : array (n, 4) or (n, 5), or anything with ``xyxy`` and ``confidence``, optional
-            Left, top, width, height and score; or for example ``supervision.Detections``. Left out: none.
+            Left, top, width, height and score; or for example ``supervision.Detections``, whose classes and data are carried to the
+            targets. Left out: none. Give scores where there are any: without them no track starts beside another target.
+        lost : bool
+            Whether targets in the phase "lost", whose boxes are guesses, are returned too.
 
         Returns
         -------
         Targets
-            The active targets, by id.
+            The targets, by id; ``detection_index`` says which detection became which target.
+
+        Raises
+        ------
+        InputError
+            A detection is not finite, or has no width or height; the message names it.
         """
     def add(self, image: _Image, box: _Box, id: int | None = None) -> int:
         """A target's box in the picture of the last update: a new target, or an active one that starts again. Answers its id, the next
@@ -303,7 +311,7 @@ class MultiTracker:
         """The picture changed altogether: all targets are terminated, to be re-identified if they come back."""
     @property
     def targets(self) -> Targets:
-        """The active targets of the last picture, by id."""
+        """All active targets of the last picture, by id, with those in the phase "lost", whose boxes are guesses."""
     def save(self) -> bytes:
         """The whole state, as JSON in UTF-8; as :meth:`Tracker.save`."""
     def load(self, saved: bytes) -> None:

@@ -98,8 +98,8 @@ def test_ids_stay_numbers(pictures: Any) -> None:
     with pytest.raises(foveate.InputError, match="id is below"):
         tracker.add(pictures[0], FIRST)
     for t in range(1, 6):
-        targets = tracker.update(pictures[t], detections(t))
-    assert targets.ids.tolist() == [2**63 - 1], "there is no number for another one"
+        tracker.update(pictures[t], detections(t))
+    assert tracker.targets.ids.tolist() == [2**63 - 1], "there is no number for another one"
 
 
 def found(t: int, **more: Any) -> SimpleNamespace:

@@ -51,7 +51,7 @@ fn the_end_of_a_file_by_http_is_shown() {
     browser.call("Page.navigate", json!({ "url": server.url }));
     let end = format!("The source ended after frame {FRAMES}.");
     // The only source is opened at once, and without a box it plays to its end.
-    browser.until("!byId('over').hidden && !page.playing");
+    browser.until("typeof page === 'object' && !byId('over').hidden && !page.playing");
     assert_eq!(browser.value("byId('over').textContent"), json!(end));
     browser.picture("ended");
 }

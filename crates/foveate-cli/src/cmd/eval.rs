@@ -95,6 +95,13 @@ pub struct Args {
     pub json: bool,
 }
 
+impl Args {
+    /// Folders and files whose results are scored.
+    fn scored(&self) -> Vec<PathBuf> {
+        [&self.results[..], &self.peers].concat()
+    }
+}
+
 /// Runs the command.
 pub fn run(args: Args) -> Result<()> {
     if args.mot {
@@ -107,7 +114,7 @@ pub fn run(args: Args) -> Result<()> {
     if !args.results.is_empty() {
         // Results of others say nothing about being lost.
         let results = begin(&args, vec![])?;
-        let record = Record::of(&args, task.sequences.iter().map(Data::without_pictures).collect())?;
+        let record = Record::of(args.scored(), task.sequences.iter().map(Data::without_pictures).collect())?;
         compare(&args, &task.sequences, &task.others, &record, "")?;
         return results.finish();
     }
@@ -119,9 +126,9 @@ pub fn run(args: Args) -> Result<()> {
         false => Some(choose::Plan::of(&config, &folder, &args.choose, &task.sequences)?),
     };
     let data: Vec<Data> = task.sequences.iter().map(Data::with_pictures).collect::<Result<_>>()?;
-    let entry = Entry::of(blueprint, &kept::program()?)?;
+    let entry = Entry::of(blueprint, &record::program()?)?;
     Settings::of(&entry)?.claim(&store.folder, &store.others)?;
-    let record = Record::of(&args, data.clone())?.running(&entry, &described, &task.seeds, &args.choose);
+    let record = Record::of(args.scored(), data.clone())?.running(&entry, &described, &task.seeds, &args.choose);
     match plan {
         Some(plan) => task.choose(&args, &plan, &data, &store, &record),
         None => task.track(&args, &kept::Runs::new(entry, &task.sequences, &data, &store), &record),
@@ -276,7 +283,7 @@ fn many(args: &Args) -> Result<()> {
     let evaluations: Vec<_> = scored.collect::<Result<_>>()?;
     let results = begin(args, vec![])?;
     let (text, mut scores) = (mot::table::text(&evaluations), mot::table::json(&evaluations));
-    scores["run"] = Record::of(args, sequences.iter().map(Data::of_many).collect::<Result<_>>()?)?.json();
+    scores["run"] = Record::of(args.scored(), sequences.iter().map(Data::of_many).collect::<Result<_>>()?)?.json();
     report(args, "", text.trim_end(), &scores, "table.txt, scores.json")?;
     results.finish()
 }

@@ -13,8 +13,8 @@ use foveate::lab::eval::{Evaluation, Sequence, TrackRun, experiment, run_all, tr
 use foveate::{Error, Result, files};
 
 use super::grid::{Candidate, candidates};
-use super::kept::{self, Kept, program};
-use super::record::Data;
+use super::kept::{self, Kept};
+use super::record::{Data, program};
 use crate::cmd::reproduce::runner::{Entry, Store};
 
 /// The folder of candidates.

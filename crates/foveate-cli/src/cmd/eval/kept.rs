@@ -3,7 +3,7 @@
 
 use foveate::lab::eval::confidence::Judged;
 use foveate::lab::eval::{Sequence, TrackRun, experiment};
-use foveate::{BBox, Error, Result};
+use foveate::{BBox, Result};
 use serde::{Deserialize, Serialize};
 
 use super::one_pass::one_pass;
@@ -96,10 +96,4 @@ pub fn make(entry: &Entry, sequence: &Sequence, seed: u64) -> Result<(Kept, Vec<
     let kept = Kept { sequence: sequence.name.clone(), seed, boxes, seconds, read, judged };
     let text = runner::text(&kept)?;
     Ok((kept, text))
-}
-
-/// A name for the program itself: a rebuilt one may track otherwise.
-pub fn program() -> Result<String> {
-    let path = crate::invocation::program();
-    Ok(experiment::digest(&[&std::fs::read(path).map_err(Error::io(path, "cannot read"))?]))
 }

@@ -9,8 +9,6 @@ use foveate::{Error, Result};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::Args;
-use super::kept::program;
 use crate::cmd::configs::rings;
 use crate::cmd::reproduce::runner::Entry;
 
@@ -99,17 +97,17 @@ impl Data {
 }
 
 impl Record {
-    /// Of an evaluation that runs no tracker.
+    /// Of an evaluation that runs no tracker, and scores the results in these folders and files.
     ///
     /// # Errors
     /// The program's file cannot be read.
-    pub fn of(args: &Args, data: Vec<Data>) -> Result<Self> {
+    pub fn of(results: Vec<PathBuf>, data: Vec<Data>) -> Result<Self> {
         Ok(Self {
             program: concat!("foveate ", env!("CARGO_PKG_VERSION")),
             build: program()?,
             command: crate::invocation::command(),
             tracker: None,
-            results: [&args.results[..], &args.peers].concat(),
+            results,
             data,
         })
     }
@@ -171,6 +169,12 @@ impl Record {
              {rows}</table></div></details></section>\n"
         )
     }
+}
+
+/// A name for the program itself: a rebuilt one may track otherwise.
+pub fn program() -> Result<String> {
+    let path = crate::invocation::program();
+    Ok(experiment::digest(&[&std::fs::read(path).map_err(Error::io(path, "cannot read"))?]))
 }
 
 /// The settings that finished runs have in common: a file beside their folder.
