@@ -12,8 +12,8 @@ use foveate::lab::hide::{Hide, WAYS, Way};
 use foveate::lab::synthetic::{Clutter, NOISE, Occlusion, Synthetic};
 use foveate::lab::{Digits, Split};
 
-use crate::cmd::eval::record::program;
 use crate::cmd::eval::record::Data;
+use crate::cmd::eval::record::program;
 use crate::cmd::reproduce::runner::{self, Entry, Finished, Store};
 use crate::cmd::videos::{Video, of_scene, of_sequence};
 
