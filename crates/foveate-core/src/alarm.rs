@@ -104,7 +104,6 @@ mod tests {
         frame_deficit: 0.0,
         spread: 0.0,
         lost: false,
-        around: [-1.0, -1.0, 1.0, 1.0],
     };
 
     #[test]

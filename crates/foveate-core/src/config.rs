@@ -44,7 +44,6 @@ mod recogniser;
 #[cfg(not(feature = "learn"))]
 #[path = "config/unlearned.rs"]
 mod recogniser;
-mod renamed;
 mod room;
 mod schema;
 mod second;
@@ -76,7 +75,7 @@ impl Config {
             .iter()
             .any(|k| e.contains(&format!("unknown variant `{k}`")));
         let feature = if unlearned { "\nencoders with learned weights need the feature `learn`" } else { "" };
-        format!("{}{}{feature}", plainly::plainly(e), renamed::hint(e))
+        format!("{}{feature}", plainly::plainly(e))
     }
 
     /// Reads a configuration file.
@@ -153,7 +152,7 @@ impl Config {
         }
         if self.sensor.is_some() && self.policy.looks_often() {
             return Err(Error::Config(
-                "sensor: its fovea is at one gaze a frame; policy.kind may be contextual, explore-then-commit, fixed, random, circular, exp3 or gp-ucb"
+                "sensor: its fovea is at one gaze a frame; policy.kind may be explore-then-commit, fixed, random, circular, exp3 or gp-ucb"
                     .into(),
             ));
         }

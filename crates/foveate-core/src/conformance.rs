@@ -177,8 +177,7 @@ fn play(a: &mut dyn Policy, b: &mut dyn Policy, frames: std::ops::Range<u64>) {
 /// Any tracker's state of mind.
 fn context(rng: &mut Rng) -> Context {
     let [ess, deficit, frame_deficit, spread] = std::array::from_fn(|_| rng.random());
-    let around = [-4.0 * ess, -3.0, 5.0, 9.0 * spread];
-    Context { ess, deficit, frame_deficit, spread, lost: deficit > 0.6, around }
+    Context { ess, deficit, frame_deficit, spread, lost: deficit > 0.6 }
 }
 
 /// Every feature is finite and depends on its own row alone, bit for bit, however many rows are encoded at once; its parts are all of

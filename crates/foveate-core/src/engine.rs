@@ -188,7 +188,7 @@ impl Engine {
     pub fn aim(&mut self, scene: Scene<'_>) {
         self.frame += 1;
         self.predict(scene);
-        self.expect(scene.image);
+        self.expect();
         self.choose();
     }
 
@@ -297,19 +297,15 @@ impl Engine {
         (self.work.expected, &self.work.plan)
     }
 
-    /// The mean of the predicted particles, and the picture about it.
-    fn expect(&mut self, image: &Image) {
-        let (extent, states) = (self.target().extent, &self.work.predicted);
+    /// The mean of the predicted particles.
+    fn expect(&mut self) {
+        let states = &self.work.predicted;
         let each = 1.0 / states.len() as f64;
         let sum = states.iter().fold([0.0; 6], |mut sum, s| {
             sum.iter_mut().zip(s.to_array()).for_each(|(sum, x)| *sum += each * x);
             sum
         });
-        let at = State::from_array(sum);
-        let (w, h) = at.half(extent);
-        let (right, bottom) = (image.width() as f64 - 1.0 - at.x, image.height() as f64 - 1.0 - at.y);
-        self.work.expected = at;
-        self.context.around = [-at.x / w, -at.y / h, right / w, bottom / h].map(|edge: f64| edge.clamp(-1e6, 1e6));
+        self.work.expected = State::from_array(sum);
     }
 
     /// Exchanges what it needs only during a step with `buffers`, which other engines may use between steps.

@@ -37,7 +37,6 @@ use crate::geometry::BBox;
 use crate::origin::Origin;
 use crate::scene::{Detection, Image, Preprocessor};
 
-use attention::Priority;
 use foveate_base::{Error, Result};
 use initiation::TentativeTracks;
 use meeting::Meetings;
@@ -285,12 +284,11 @@ impl MultiTracker {
 
     /// Decides who is looked at.
     fn attend(&mut self) {
-        let (attention, Work { meetings, order, .. }) = (&self.settings.attention, &mut self.work);
+        let (attention, order) = (&self.settings.attention, &mut self.work.order);
         let all = attention.suffices(self.active.len());
         self.active.iter_mut().for_each(|target| target.looked_at = all);
         if !all {
-            let meeting = |i: usize| attention.policy == Priority::Crossing && meetings.meets(i);
-            attention.order(self.active.iter().enumerate().map(|(i, target)| target.candidate(meeting(i))), order);
+            attention.order(self.active.iter().map(Target::candidate), order);
             order.iter().take(attention.budget).for_each(|(_, i)| self.active[*i].looked_at = true);
         }
     }

@@ -180,7 +180,7 @@ impl Tracker {
         engine.aim(self.preprocessor.scene(sensor.seen()));
         let extent = engine.extent().expect("there is a target, or the shape were none");
         let (expected, plan) = engine.aimed();
-        sensor.look(source, &expected, extent, (plan.gazes(), plan.wider()))?;
+        sensor.look(source, &expected, extent, plan.gazes())?;
         let values = sensor.values();
         Ok(Step { values, ..engine.look(self.preprocessor.scene(sensor.seen())) }.into())
     }

@@ -3,7 +3,6 @@
 
 pub mod autoencoder;
 pub mod filters;
-pub mod network;
 pub mod rbm;
 pub mod softmax;
 

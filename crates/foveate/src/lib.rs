@@ -61,7 +61,7 @@
 //! | bₜ | [`control::Belief`] |
 //! | selection | [`control::Resampling`] |
 //! | rₜ | [`control::Reward`]: [`control::Concentration`] (the paper's), [`control::LogConcentration`], [`control::VarianceReduction`], [`control::Agreement`] |
-//! | πₜ | [`gaze::Policy`]: [`gaze::Fixed`], [`gaze::Random`], [`gaze::Circular`], [`gaze::Hedge`], [`gaze::Exp3`], [`gaze::GpUcb`], [`gaze::Pool`], [`gaze::ExploreThenCommit`], [`gaze::Contextual`], [`gaze::Anchor`] |
+//! | πₜ | [`gaze::Policy`]: [`gaze::Fixed`], [`gaze::Random`], [`gaze::Circular`], [`gaze::Hedge`], [`gaze::Exp3`], [`gaze::GpUcb`], [`gaze::Pool`], [`gaze::ExploreThenCommit`], [`gaze::Anchor`] |
 //! | the digit videos (sections 6.1, 6.2) | `lab::synthetic` |
 //!
 //! Configurations choose the parts by name ([`config`]). Every part is a trait with one to three methods that matter, and every trait has its

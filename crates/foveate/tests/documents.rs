@@ -167,33 +167,6 @@ fn commands_and_configurations_exist() {
     assert!(checked >= 20, "the commands must be found: {checked} checked");
 }
 
-/// Keys that were renamed: the changelog tells of each, and no other document has the old one as a section.
-#[test]
-fn renamed_keys_are_told() {
-    let renamed = std::fs::read_to_string(source("config/renamed.rs").expect("the table of old names")).expect("text");
-    let pairs: Vec<Vec<&str>> = renamed
-        .lines()
-        .filter(|l| l.starts_with("    (\""))
-        .map(|l| l.split('"').skip(1).step_by(2).collect())
-        .collect();
-    assert!(pairs.len() >= 15, "the table must be found: {} pairs", pairs.len());
-    for (name, text) in documents() {
-        for pair in &pairs {
-            let [old, new] = pair[..] else { panic!("a pair of names: {pair:?}") };
-            if name == "CHANGELOG.md" {
-                let told = text.lines().any(|l| {
-                    l.starts_with('|')
-                        && l.contains(&format!("`{old}`"))
-                        && (l.contains(&format!("`{new}`")) || new.is_empty())
-                });
-                assert!(told, "CHANGELOG.md: no row says that `{old}` is now `{new}`");
-            } else if !is_history(&name) {
-                assert!(!text.contains(&format!("`[{old}]`")), "{name} has [{old}], which is now called {new:?}");
-            }
-        }
-    }
-}
-
 /// Puts `content` between the marks of a block, or fails where it is not there already.
 #[cfg(any(feature = "learn", feature = "report"))]
 fn block(document: &str, name: &str, content: &str) {

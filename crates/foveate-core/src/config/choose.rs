@@ -36,7 +36,7 @@ impl Profile {
 }
 
 /// Policies that [`Config::with_policy`] knows by name.
-pub const POLICIES: [&str; 13] = [
+pub const POLICIES: [&str; 12] = [
     "fixed",
     "random",
     "circular",
@@ -48,7 +48,6 @@ pub const POLICIES: [&str; 13] = [
     "exp3-ix",
     "exp3-s",
     "gp-ucb",
-    "contextual",
     "anchor",
 ];
 

@@ -82,16 +82,6 @@ pub enum EncoderConfig {
         #[serde(default = "two")]
         pool: usize,
     },
-    /// A small convolutional network: `weights` is a model file, or `builtin:natural-network`, as if left out.
-    #[cfg(feature = "learn")]
-    Convolutional {
-        /// The model.
-        #[serde(default = "natural_network")]
-        weights: String,
-        /// Share of its features that are hand-made gradients, as the oriented encoder has them: 0, none of them, to 1.
-        #[serde(default)]
-        gradients: f32,
-    },
     /// A network from an ONNX file, its first output row by row: deep features. It needs a build with ONNX (`--features onnx`) and a
     /// retina: of one window for an input of (N, planes, side, side), any for (N, values).
     Onnx {
@@ -144,11 +134,6 @@ fn natural_sparse() -> String {
 #[cfg(feature = "learn")]
 fn natural_ica() -> String {
     "builtin:natural-ica".into()
-}
-
-#[cfg(feature = "learn")]
-fn natural_network() -> String {
-    "builtin:natural-network".into()
 }
 
 #[cfg(feature = "learn")]

@@ -8,13 +8,11 @@ use super::identity::{Places, channels};
 use crate::identity::convolution::ConvolutionEncoder;
 use crate::identity::encoder::Encoder;
 use crate::identity::factored::FactoredEncoder;
-use crate::identity::network::NetworkEncoder;
 use crate::identity::rbm_encoder::RbmEncoder;
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
 use foveate_base::{Error, Result};
 use foveate_learn::autoencoder::Autoencoder;
 use foveate_learn::filters::PatchFilters;
-use foveate_learn::network::{self, Network};
 use foveate_learn::rbm::factored::FactoredRbm;
 use foveate_learn::rbm::io::command;
 use foveate_learn::rbm::{Metadata, Rbm};
@@ -51,13 +49,6 @@ pub(super) fn first_layer(
             convolution("sparse", weights, given, places, (*pool, *threshold))
         }
         EncoderConfig::Ica { weights, pool } => convolution("ica", weights, given, places, (*pool, 0.0)),
-        EncoderConfig::Convolutional { weights, gradients } => {
-            NetworkEncoder::check(*gradients)?;
-            let (model, metadata) = model(weights, places, Network::from_bytes)?;
-            let retina = trained_retina(weights, &metadata, given, network::KIND)?;
-            let encoder = NetworkEncoder::new(model, retina.cells(), *gradients)?;
-            Ok((retina, Arc::new(encoder)))
-        }
         EncoderConfig::Onnx { .. } | EncoderConfig::Oriented { .. } | EncoderConfig::Raw { .. } => {
             unreachable!("these were made before the learned ones")
         }
@@ -126,7 +117,6 @@ const MODELS: &[(&str, &[u8])] = &[
     ("natural", include_bytes!("../../models/natural.safetensors")),
     ("natural-mcrbm", include_bytes!("../../models/natural-mcrbm.safetensors")),
     ("natural-autoencoder", include_bytes!("../../models/natural-autoencoder.safetensors")),
-    ("natural-network", include_bytes!("../../models/natural-network.safetensors")),
     ("natural-sparse", include_bytes!("../../models/natural-sparse.safetensors")),
     ("natural-ica", include_bytes!("../../models/natural-ica.safetensors")),
     ("natural-kmeans", include_bytes!("../../models/natural-kmeans.safetensors")),

@@ -5,8 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 use super::ranges::Ranges;
 use crate::gaze::{
-    Anchor, Bayes, Circular, Contextual, ExploreThenCommit, Fixed, Forager, GpUcb, Grid, Hedge, Policy, Pool, Random,
-    Schedule,
+    Anchor, Bayes, Circular, ExploreThenCommit, Fixed, GpUcb, Grid, Hedge, Policy, Pool, Random, Schedule,
 };
 use crate::geometry::Gaze;
 use foveate_base::Result;
@@ -85,8 +84,6 @@ pub enum PolicyConfig {
     Exp3S(Exp3SConfig),
     /// Bayesian optimisation over a continuous square of gazes, with partial information (section 4.4).
     GpUcb(Bayes),
-    /// On the target while it is there, and where it was not looked for longest when it is lost; for a sensor.
-    Contextual(Contextual),
     /// The centre gaze beside whatever another policy chooses: two looks a frame.
     Anchor {
         /// The other policy.
@@ -126,7 +123,6 @@ pub(super) fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
         PolicyConfig::Exp3Ix(c) => c.build()?,
         PolicyConfig::Exp3S(c) => c.build()?,
         PolicyConfig::GpUcb(settings) => Box::new(GpUcb::new(settings.clone())?),
-        PolicyConfig::Contextual(settings) => Box::new(Forager::new(*settings)?),
         PolicyConfig::Anchor { policy: inner } => Box::new(Anchor::new(Gaze::CENTRE, policy(inner)?)),
     })
 }
@@ -143,13 +139,13 @@ impl PolicyConfig {
             _ => matches!(self, Self::ExploreThenCommit { .. }),
         }
     }
-    /// Whether it asks for more than rewards: the first picture, or a sensor's width.
+    /// Whether it asks for more than rewards: the first picture.
     #[cfg(feature = "learn")]
     fn asks_for_more(&self) -> bool {
         match self {
             Self::GpUcb(settings) => settings.saliency > 0.0 || settings.rehearsal > 0.0,
             Self::Anchor { policy } => policy.asks_for_more(),
-            _ => matches!(self, Self::Contextual(_)),
+            _ => false,
         }
     }
     /// Fails where a recogniser cannot give it what it asks for.
@@ -159,8 +155,7 @@ impl PolicyConfig {
             return Ok(());
         }
         Err(foveate_base::Error::Config(
-            "recogniser.policy: a recogniser has neither a first picture to foretell rewards from nor a sensor; leave out saliency and \
-             rehearsal, and take another kind than contextual"
+            "recogniser.policy: a recogniser has no first picture to predict rewards from; leave out saliency and rehearsal"
                 .into(),
         ))
     }
@@ -198,7 +193,6 @@ impl Ranges for PolicyConfig {
             Self::Exp3Ix(c) => c.ranges(),
             Self::Exp3S(c) => c.ranges(),
             Self::GpUcb(settings) => settings.check(),
-            Self::Contextual(settings) => settings.check(),
             Self::Anchor { policy } => policy.ranges(),
         }
     }

@@ -32,7 +32,6 @@ impl Policy for Anchor {
         self.inner.plan(context, &mut self.own, rng);
         plan.clear();
         self.own.gazes().iter().zip(self.own.weights()).for_each(|(&gaze, &weight)| plan.weigh(gaze, weight));
-        plan.widen(self.own.wider());
         plan.mark(self.own.chosen_index());
         match self.own.gazes().iter().position(|g| (g.u, g.v) == (self.gaze.u, self.gaze.v)) {
             Some(k) => plan.use_also(k),

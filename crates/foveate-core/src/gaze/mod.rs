@@ -32,7 +32,6 @@ mod anchor;
 mod baseline;
 mod bayes;
 mod commit;
-mod contextual;
 mod exp3;
 mod gains;
 mod gp_ucb;
@@ -47,7 +46,6 @@ pub use self::anchor::Anchor;
 pub use self::baseline::{Circular, Fixed, Random};
 pub use self::bayes::Bayes;
 pub use self::commit::ExploreThenCommit;
-pub use self::contextual::{Contextual, Forager};
 pub use self::exp3::{Exp3, Variant};
 pub use self::gp_ucb::GpUcb;
 pub use self::grid::Grid;
@@ -63,19 +61,12 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// The gazes of one frame: each is scored, the used ones move the belief, one is the policy's own choice.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
     gazes: Vec<Gaze>,
     weights: Vec<f64>,
     marked: Option<usize>,
     recorded: Vec<Gaze>,
-    wider: f64,
-}
-
-impl Default for Plan {
-    fn default() -> Self {
-        Self { gazes: vec![], weights: vec![], marked: None, recorded: vec![], wider: 1.0 }
-    }
 }
 
 impl Plan {
@@ -89,15 +80,6 @@ impl Plan {
         self.weights.clear();
         self.marked = None;
         self.recorded.clear();
-        self.wider = 1.0;
-    }
-    /// How many times as wide a sensor's fovea is to be, with as many values.
-    pub fn wider(&self) -> f64 {
-        self.wider
-    }
-    /// Asks a sensor to read a fovea so many times as wide with as many values; 1 unless asked, and nothing without a sensor.
-    pub fn widen(&mut self, wider: f64) {
-        self.wider = wider;
     }
     /// Asks for one gaze, and uses it.
     pub fn only(&mut self, gaze: Gaze) {
@@ -178,13 +160,11 @@ pub struct Context {
     pub spread: f64,
     /// Whether the target is believed lost.
     pub lost: bool,
-    /// Left, top, right and bottom of the picture about the place where the target is expected now, template units.
-    pub around: [f64; 4],
 }
 
 impl Default for Context {
     fn default() -> Self {
-        Self { ess: 1.0, deficit: 0.0, frame_deficit: 0.0, spread: 0.0, lost: false, around: [-1.0, -1.0, 1.0, 1.0] }
+        Self { ess: 1.0, deficit: 0.0, frame_deficit: 0.0, spread: 0.0, lost: false }
     }
 }
 

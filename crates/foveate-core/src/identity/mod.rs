@@ -26,7 +26,6 @@ mod integral;
 #[cfg(feature = "learn")]
 pub mod multi_fixation;
 #[cfg(feature = "learn")]
-pub mod network;
 mod numbers;
 #[cfg(feature = "learn")]
 pub mod online;

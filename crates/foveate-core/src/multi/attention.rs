@@ -4,8 +4,6 @@
 //! learned of its looks. Who is first follows from a priority, the greatest first:
 //! ```text
 //! round-robin   frames since its last look
-//! uncertainty   standard deviation of its place, template units
-//! crossing      the same, four times as much where its box meets another's
 //! surprise      how far a look moved its estimate a frame, on average, times the square of the frames since the last one
 //! ```
 //! *Surprise* is the index of a restless bandit whose cost grows evenly while it waits (Whittle, 1988): looking now saves
@@ -30,28 +28,17 @@ pub enum Priority {
     /// Who has waited longest.
     #[default]
     RoundRobin,
-    /// Whose place is least certain.
-    Uncertainty,
-    /// The same, those first whose boxes meet.
-    Crossing,
     /// Whom looks surprised most.
     Surprise,
 }
-
-/// What counts for a box that meets another.
-const MEETING: f64 = 4.0;
 
 /// What is known of a target before it is looked at.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
     /// Frames since its last look.
     pub waited: usize,
-    /// Standard deviation of its place, template units.
-    pub uncertainty: f64,
     /// How far a look moved its estimate a frame, template units, on average.
     pub surprise: f64,
-    /// Whether its box meets another's.
-    pub meets: bool,
 }
 
 impl Attention {
@@ -70,11 +57,9 @@ impl Attention {
 
 impl Priority {
     fn of(self, candidate: &Candidate) -> f64 {
-        let Candidate { waited, uncertainty, surprise, meets } = *candidate;
+        let Candidate { waited, surprise } = *candidate;
         match self {
             Self::RoundRobin => waited as f64,
-            Self::Crossing if meets => MEETING * uncertainty,
-            Self::Uncertainty | Self::Crossing => uncertainty,
             Self::Surprise => surprise * ((1 + waited) as f64).powi(2),
         }
     }
@@ -86,12 +71,10 @@ mod tests {
 
     #[test]
     fn priorities_are_what_they_say() {
-        let candidate = |waited, uncertainty, surprise, meets| Candidate { waited, uncertainty, surprise, meets };
-        let all = [candidate(3, 0.1, 0.5, false), candidate(1, 0.4, 0.1, false), candidate(2, 0.2, 0.9, true)];
+        let candidate = |waited, surprise| Candidate { waited, surprise };
+        let all = [candidate(3, 0.5), candidate(1, 0.1), candidate(2, 0.9)];
         for (policy, expected) in [
             (Priority::RoundRobin, [0, 2, 1]),
-            (Priority::Uncertainty, [1, 2, 0]),
-            (Priority::Crossing, [2, 1, 0]),
             (Priority::Surprise, [2, 0, 1]),
         ] {
             let mut order = vec![];

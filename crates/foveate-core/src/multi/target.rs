@@ -54,11 +54,9 @@ impl Target {
         }
     }
 
-    /// What whom to look at depends on.
-    pub fn candidate(&self, meets: bool) -> Candidate {
-        let c = &self.track.covariance;
-        let uncertainty = (0.5 * (c[0][0] + c[1][1])).sqrt() / longer_half(&self.track.state, self.track.extent);
-        Candidate { waited: self.track.waited, uncertainty, surprise: self.surprise, meets }
+    /// The values that the order of attention depends on.
+    pub fn candidate(&self) -> Candidate {
+        Candidate { waited: self.track.waited, surprise: self.surprise }
     }
 
     /// Where it is expected in the next frame.

@@ -172,18 +172,12 @@ impl Sensor {
         Ok(())
     }
 
-    /// Reads the windows about the place where the target is expected, then the fovea at the gaze, so many times as wide as its
-    /// settings say; of many gazes all that they see, as sharply.
+    /// Reads the windows about the place where the target is expected, then the fovea at the gaze, as wide as its settings
+    /// say; of many gazes it reads all that they see, as sharply.
     ///
     /// # Errors
     /// Where the source cannot be read.
-    pub fn look(
-        &mut self,
-        source: &dyn Regions,
-        at: &State,
-        extent: Extent,
-        (gazes, wider): (&[Gaze], f64),
-    ) -> Result<()> {
+    pub fn look(&mut self, source: &dyn Regions, at: &State, extent: Extent, gazes: &[Gaze]) -> Result<()> {
         for k in 0..self.settings.windows.len() {
             self.patch(source, at, extent, Gaze::CENTRE, self.settings.windows[k])?;
         }
@@ -197,7 +191,7 @@ impl Sensor {
             Gaze { u: 0.5 * (left + right), v: 0.5 * (top + bottom), arm: None },
             0.5 * (right - left).max(bottom - top),
         );
-        self.patch(source, at, extent, middle, [reach * wider + far, side * (1.0 + far / reach)])
+        self.patch(source, at, extent, middle, [reach + far, side * (1.0 + far / reach)])
     }
 
     /// The first look at a target, in the frame it was given in: the widest window, and as sharp as the sharpest.
@@ -327,7 +321,7 @@ mod tests {
         let (image, mut sensor) = (picture(3), sensor(0, vec![], [1.0, 64.0]));
         for (x, y) in [(60.0, 40.0), (5.0, 80.0), (129.0, 0.0)] {
             sensor.begin(&image).expect("memory");
-            sensor.look(&image, &State { x, y, ..AT }, EXTENT, (&[Gaze::CENTRE], 1.0)).expect("memory");
+            sensor.look(&image, &State { x, y, ..AT }, EXTENT, &[Gaze::CENTRE]).expect("memory");
             let mut read = 0;
             for (px, py) in (0..90).flat_map(|py| (0..130).map(move |px| (px, py))) {
                 let off = ((px as f64 - x).abs() / EXTENT.half_w).max((py as f64 - y).abs() / EXTENT.half_h);
@@ -340,16 +334,16 @@ mod tests {
         }
     }
 
-    /// However large the target and however wide the look, it reads no more than its settings say; of many gazes all that they see.
+    /// However large the target, it reads no more than its settings say; of many gazes all that they see.
     #[test]
     fn it_reads_no_more_than_it_may() {
         let image = picture(1);
         let mut sensor = sensor(6, vec![[3.0, 8.0]], [0.5, 12.0]);
         let nine: [Gaze; 9] = std::array::from_fn(|k| Gaze { u: 0.25 * ((k / 3) as f64 - 1.0), v: 0.0, arm: None });
-        for (scale, wider) in [(-2.0, 1.0), (0.0, 1.0), (0.0, 7.0), (1.5, 1.0), (6.0, 3.0)] {
+        for scale in [-2.0, 0.0, 1.5, 6.0] {
             for (gazes, fovea) in [(&nine[..1], 144), (&nine, 18 * 18)] {
                 sensor.begin(&image).expect("memory");
-                sensor.look(&image, &State { log_scale: scale, ..AT }, EXTENT, (gazes, wider)).expect("memory");
+                sensor.look(&image, &State { log_scale: scale, ..AT }, EXTENT, gazes).expect("memory");
                 assert!(sensor.values() <= 6 * 9 + 64 + fovea, "{} values at scale {scale}", sensor.values());
             }
         }

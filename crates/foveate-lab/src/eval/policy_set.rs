@@ -56,7 +56,7 @@ fn reach_of(policy: &PolicyConfig) -> Option<f64> {
         PolicyConfig::Exp3S(c) => Some(c.grid.reach),
         PolicyConfig::GpUcb(bayes) => Some(bayes.reach),
         PolicyConfig::Anchor { policy } => reach_of(policy),
-        PolicyConfig::Fixed { .. } | PolicyConfig::Contextual(_) => None,
+        PolicyConfig::Fixed { .. } => None,
     }
 }
 

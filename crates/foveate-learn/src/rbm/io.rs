@@ -123,7 +123,7 @@ pub fn refuse(path: &Path, problem: &str, kind: &str) -> Error {
 
 /// What trains a model of this kind.
 pub fn command(kind: &str) -> String {
-    if kind == "network" { "bench/train_network.py".into() } else { format!("foveate train {kind}") }
+    format!("foveate train {kind}")
 }
 
 /// The bytes of a file of tensors.

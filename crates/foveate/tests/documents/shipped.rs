@@ -44,7 +44,6 @@ fn policy(config: &PolicyConfig) -> String {
         PolicyConfig::Pool { grid, .. } => format!("**pool**, {}", gazes(grid.n)),
         PolicyConfig::ExploreThenCommit { grid, .. } => format!("**explore, then commit**, {}", gazes(grid.n)),
         PolicyConfig::GpUcb(_) => "**GP-UCB**, any gaze".into(),
-        PolicyConfig::Contextual(_) => "**contextual**, any gaze".into(),
         PolicyConfig::Anchor { policy: inner } => format!("centre and {}", policy(inner)),
         _ => "**EXP3**".into(),
     }
@@ -62,7 +61,6 @@ fn encoder(config: &EncoderConfig) -> &'static str {
         EncoderConfig::Kmeans { .. } => "k-means filters (`kmeans`)",
         EncoderConfig::Sparse { .. } => "filters by sparse coding (`sparse`)",
         EncoderConfig::Ica { .. } => "energies of two-layer ICA (`ica`)",
-        EncoderConfig::Convolutional { .. } => "convolutional network (`convolutional`)",
     }
 }
 

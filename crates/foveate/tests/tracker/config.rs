@@ -163,15 +163,14 @@ fn parts_of_a_discriminant_ask_for_one() {
     }
 }
 
-/// A recogniser looks without a first picture to foretell from, and without a sensor.
+/// A recogniser has no first picture to predict rewards from.
 #[test]
 fn a_recogniser_refuses_policies_that_ask_for_more_than_rewards() {
     let config = Config::builtin("natural").expect("it ships").expect("it is right");
     for policy in [
         "kind = \"gp-ucb\", saliency = 1",
         "kind = \"gp-ucb\", rehearsal = 1",
-        "kind = \"contextual\"",
-        "kind = \"anchor\", policy = { kind = \"contextual\" }",
+        "kind = \"anchor\", policy = { kind = \"gp-ucb\", rehearsal = 1 }",
     ] {
         let setting =
             format!("recogniser={{ kind = \"multi-fixation\", weights = \"builtin:x\", policy = {{ {policy} }} }}");
