@@ -98,13 +98,7 @@ mod tests {
         Alarm::new(2).expect("two classes")
     }
 
-    const SURE: Context = Context {
-        ess: 1.0,
-        deficit: 0.0,
-        frame_deficit: 0.0,
-        spread: 0.0,
-        lost: false,
-    };
+    const SURE: Context = Context { ess: 1.0, deficit: 0.0, frame_deficit: 0.0, spread: 0.0, lost: false };
 
     #[test]
     fn another_class_is_a_loss_and_the_same_is_found_again() {

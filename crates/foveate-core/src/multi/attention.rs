@@ -73,10 +73,7 @@ mod tests {
     fn priorities_are_what_they_say() {
         let candidate = |waited, surprise| Candidate { waited, surprise };
         let all = [candidate(3, 0.5), candidate(1, 0.1), candidate(2, 0.9)];
-        for (policy, expected) in [
-            (Priority::RoundRobin, [0, 2, 1]),
-            (Priority::Surprise, [2, 0, 1]),
-        ] {
+        for (policy, expected) in [(Priority::RoundRobin, [0, 2, 1]), (Priority::Surprise, [2, 0, 1])] {
             let mut order = vec![];
             Attention { budget: 1, policy }.order(all.into_iter(), &mut order);
             assert_eq!(order.iter().map(|(_, i)| *i).collect::<Vec<_>>(), expected, "{policy:?}");
