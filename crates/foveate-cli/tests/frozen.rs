@@ -3,6 +3,7 @@
 //! `FOVEATE_WRITE_FROZEN=1` writes `tests/frozen.txt` anew: only where a change of behaviour is wanted.
 #![allow(missing_docs)]
 
+use foveate_testing::{data, need};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -132,12 +133,13 @@ fn cut(sequence: &Path, out: &Path, frames: usize) {
 #[test]
 #[cfg(target_arch = "x86_64")]
 fn real_video_gives_the_frozen_answers() {
-    let Some(data) = std::env::var_os("FOVEATE_DATA").map(PathBuf::from) else { return println!("skipped: no data") };
+    let (tracking, mot) = (need!(data("tracking-wide")), need!(data("mot/TUD-Campus")));
+    let data = tracking.parent().expect("the data");
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder = folder.path();
     let mut lines = String::new();
     for set in ["tracking", "tracking-wide"] {
-        let Ok(entries) = std::fs::read_dir(data.join(set)) else { return println!("skipped: no {set}") };
+        let entries = std::fs::read_dir(data.join(set)).expect("sequences");
         let mut sequences: Vec<_> =
             entries.map(|it| it.expect("one").path()).filter(|it| it.join("img").is_dir()).collect();
         sequences.sort();
@@ -151,24 +153,17 @@ fn real_video_gives_the_frozen_answers() {
             }
         }
     }
-    for name in ["TUD-Campus"] {
-        let sequence = data.join("mot").join(name);
-        if !sequence.exists() {
-            return println!("skipped: no {name}");
-        }
-        let scene = folder.join("mot");
-        std::fs::create_dir_all(scene.join("img1")).expect("a writable folder");
-        for frame in 1..=30 {
-            let picture = format!("img1/{frame:06}.jpg");
-            std::fs::copy(sequence.join(&picture), scene.join(&picture)).expect("a copy");
-        }
-        let all = std::fs::read_to_string(sequence.join("det/det.txt")).expect("detections");
-        let frame =
-            |line: &&str| line.split(',').next().and_then(|it| it.parse::<usize>().ok()).is_some_and(|it| it <= 30);
-        let first: Vec<_> = all.lines().filter(frame).collect();
-        std::fs::write(scene.join("det.txt"), first.join("\n")).expect("a writable folder");
-        writeln!(lines, "{}", multi(folder, "mot", &["--detections", "mot/det.txt"])).expect("a string takes all");
-        writeln!(lines, "{}", multi(folder, "mot", &["--detect", "motion"])).expect("a string takes all");
+    let scene = folder.join("mot");
+    std::fs::create_dir_all(scene.join("img1")).expect("a writable folder");
+    for frame in 1..=30 {
+        let picture = format!("img1/{frame:06}.jpg");
+        std::fs::copy(mot.join(&picture), scene.join(&picture)).expect("a copy");
     }
+    let all = std::fs::read_to_string(mot.join("det/det.txt")).expect("detections");
+    let frame = |line: &&str| line.split(',').next().and_then(|it| it.parse::<usize>().ok()).is_some_and(|it| it <= 30);
+    let first: Vec<_> = all.lines().filter(frame).collect();
+    std::fs::write(scene.join("det.txt"), first.join("\n")).expect("a writable folder");
+    writeln!(lines, "{}", multi(folder, "mot", &["--detections", "mot/det.txt"])).expect("a string takes all");
+    writeln!(lines, "{}", multi(folder, "mot", &["--detect", "motion"])).expect("a string takes all");
     compare(&lines, "real");
 }

@@ -6,6 +6,7 @@ mod browser;
 #[path = "served/mod.rs"]
 mod served;
 
+use foveate_testing::{ffmpeg, need};
 use std::path::Path;
 use std::time::Duration;
 
@@ -22,29 +23,22 @@ fn track(browser: &mut Browser) {
     assert!(mean >= 0.7 && least >= 0.5, "{mean} {least}: {overlaps:?}");
 }
 
-/// The page at its list of videos, in a browser with these options, and its server. `None`, and said, without a browser.
-fn open(dir: &Path, options: &[&str]) -> Option<(Browser, Server)> {
-    let Some(mut browser) = Browser::start(dir, options) else {
-        eprintln!("skipped: no chromium that runs here");
-        return None;
-    };
+/// The page at its list of videos, in a browser with these options, and its server.
+fn open(dir: &Path, options: &[&str]) -> Result<(Browser, Server), String> {
+    let mut browser = Browser::start(dir, options).ok_or("chromium that runs here")?;
     clip(&dir.join("seen/clip"));
     let server = Server::start(dir, &["serve", "seen", "--address", "127.0.0.1:0", "--config", "natural-fast"]);
     browser.call("Page.navigate", json!({ "url": server.url }));
     browser.until("document.querySelectorAll('.entries button').length === 1");
-    Some((browser, server))
+    Ok((browser, server))
 }
 
 /// A file by http: the page plays it, tracks it, and says where it ended.
 #[test]
 fn the_end_of_a_file_by_http_is_shown() {
-    if !std::process::Command::new("ffmpeg").arg("-version").output().is_ok_and(|o| o.status.success()) {
-        return eprintln!("skipped: no ffmpeg");
-    }
+    need!(ffmpeg());
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let Some(mut browser) = Browser::start(dir.path(), &[]) else {
-        return eprintln!("skipped: no chromium that runs here");
-    };
+    let mut browser = need!(Browser::start(dir.path(), &[]).ok_or("chromium that runs here"));
     let address = served::by_http();
     let server =
         Server::start(dir.path(), &["serve", &address, "--address", "127.0.0.1:0", "--config", "natural-fast"]);
@@ -59,7 +53,7 @@ fn the_end_of_a_file_by_http_is_shown() {
 #[test]
 fn a_box_is_drawn_tracked_corrected_and_saved_in_a_browser() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let Some((mut browser, server)) = open(dir.path(), &[]) else { return };
+    let (mut browser, server) = need!(open(dir.path(), &[]));
     browser.click(".entries button");
     browser.until("!byId('stage').hidden && shown && shown.frame === 1");
     // Configurations by purpose: real video first, digits last; what serves another one alone is not offered.
@@ -228,7 +222,7 @@ fn the_browsers_camera_is_followed_by_the_server() {
     std::fs::write(&camera, bytes).expect("a writable folder");
     let capture = format!("--use-file-for-fake-video-capture={}", camera.display());
     let fake = ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream", &capture];
-    let Some((mut browser, server)) = open(dir.path(), &fake) else { return };
+    let (mut browser, server) = need!(open(dir.path(), &fake));
     browser.picture("choose");
     browser.click("#pick-camera");
     browser.until("!byId('stage').hidden && shown && page.frame > 3");

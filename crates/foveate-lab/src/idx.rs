@@ -166,6 +166,7 @@ mod tests {
     use flate2::Compression;
     use flate2::write::GzEncoder;
     use foveate_base::rng::{Purpose, Streams};
+    use foveate_testing::{data, need};
     use rand::RngExt;
     use std::io::Write;
 
@@ -266,12 +267,8 @@ mod tests {
 
     #[test]
     fn mnist_is_read_where_it_is_given() {
-        let data = std::env::var_os("FOVEATE_DATA").map(PathBuf::from);
-        let data = data.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data"));
-        if !data.join("mnist").is_dir() {
-            return println!("skipped: no data");
-        }
-        let test = Digits::load(&data, Split::Test).expect("MNIST");
+        let mnist = need!(data("mnist"));
+        let test = Digits::load(mnist.parent().expect("the data"), Split::Test).expect("MNIST");
         assert_eq!((test.len(), test.of_class(3).len()), (10_000, 1010));
         assert_eq!(test.labels[..10], [7, 2, 1, 0, 4, 1, 4, 9, 5, 9]);
     }

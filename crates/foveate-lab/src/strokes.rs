@@ -280,6 +280,7 @@ fn centre_of_mass(ink: &[f64]) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use foveate_testing::{data, need};
 
     #[test]
     fn digits_fill_the_square_as_mnist_does() {
@@ -304,12 +305,8 @@ mod tests {
     #[test]
     fn they_are_read_as_what_they_are() {
         // The nearest of 6,000 MNIST digits (Euclidean) has the drawn digit's class 94 times in 100; chance is 10.
-        let data = std::env::var_os("FOVEATE_DATA").map(std::path::PathBuf::from);
-        let data = data.unwrap_or_else(|| std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data"));
-        if !data.join("mnist").is_dir() {
-            return println!("skipped: no data");
-        }
-        let known = Digits::load(&data, super::super::Split::Train).expect("MNIST");
+        let mnist = need!(data("mnist"));
+        let known = Digits::load(mnist.parent().expect("the data"), super::super::Split::Train).expect("MNIST");
         let drawn = Digits::drawn(3, 20);
         let far =
             |a: &[u8], b: &[u8]| -> i32 { a.iter().zip(b).map(|(&a, &b)| (i32::from(a) - i32::from(b)).pow(2)).sum() };

@@ -4,6 +4,7 @@
 #[path = "../../foveate-cli/tests/browser/mod.rs"]
 mod browser;
 
+use foveate_testing::need;
 use std::path::{Path, PathBuf};
 
 use foveate_base::files::Folder;
@@ -60,19 +61,16 @@ fn run(folder: &Path, policy: &str) -> PathBuf {
     path
 }
 
-/// What a browser makes of a page, above its scripts; `None` without a browser.
-fn shown(page: &Path, profile: &Path) -> Option<String> {
+/// The page above its scripts, as a browser shows it.
+fn shown(page: &Path, profile: &Path) -> Result<String, String> {
     let profile = format!("--user-data-dir={}", profile.display());
     let address = format!("file://{}", page.display());
     let ask =
         ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=4000", "--dump-dom", &profile, &address];
-    let answer = std::process::Command::new("chromium").args(ask).output().ok()?;
+    let answer = std::process::Command::new("chromium").args(ask).output().map_err(|_| "chromium")?;
     let text = String::from_utf8_lossy(&answer.stdout).into_owned();
     let body = text.split_once("<body").map(|(_, body)| body.split("<script").next().expect("one part").to_owned());
-    if body.is_none() {
-        println!("skipped: chromium shows no page here");
-    }
-    body
+    body.ok_or_else(|| "chromium that shows pages".into())
 }
 
 /// The opening tag of the card that has this attribute.
@@ -91,7 +89,7 @@ fn a_single_gaze_has_no_policy_to_show() {
         let page = run(folder, policy);
         let names = std::fs::read_dir(folder).expect("results").count();
         assert_eq!((folder.join("surface.png").exists(), names), (written, 1 + usize::from(written)), "{policy}");
-        let Some(shown) = shown(&page, &folder.join("profile")) else { continue };
+        let shown = need!(shown(&page, &folder.join("profile")));
         assert!(!shown.contains("script failed"), "{shown}");
         for attribute in ["aria-labelledby=\"where-title\"", "aria-labelledby=\"film-title\""] {
             assert_eq!(card(&shown, attribute).contains("hidden"), !written, "{policy}: {attribute}");
@@ -135,7 +133,7 @@ fn labels_never_overlap() {
         let text = format!("{before}id=\"data\">{long}</script>{}", after.replace("</body>", OVERLAPS));
         let path = folder.path().join(format!("{frames}.html"));
         std::fs::write(&path, text).expect("a writable folder");
-        let Some(shown) = shown(&path, &folder.path().join("profile")) else { return };
+        let shown = need!(shown(&path, &folder.path().join("profile")));
         assert!(!shown.contains("script failed"), "{frames} frames: {}", &shown[..300]);
         assert!(shown.contains("data-overlaps=\"0\""), "{frames} frames: {}", shown.split('>').next().unwrap_or(""));
     }
@@ -158,7 +156,7 @@ fn many(folder: &Path) -> PathBuf {
 fn the_page_of_many_targets_replays() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = many(folder.path());
-    let Some(shown) = shown(&path, &folder.path().join("profile")) else { return };
+    let shown = need!(shown(&path, &folder.path().join("profile")));
     assert!(!shown.contains("script failed"), "{shown}");
     assert!(shown.contains("frame <b>7</b> of 10 · 2 targets"), "it opens where most targets are");
     assert!(shown.contains("id=\"scrub\"") && shown.contains("Legend") && shown.contains("class=\"bars\""));
@@ -177,7 +175,7 @@ fn shaded_frames_are_explained() {
         *usable = (0..usable.len()).map(|row| Value::from(u8::from(!lost || row != 4))).collect();
         let path = folder.path().join("lost.html");
         std::fs::write(&path, format!("{before}id=\"data\">{data}</script>{after}")).expect("a writable folder");
-        let Some(shown) = shown(&path, &folder.path().join("profile")) else { return };
+        let shown = need!(shown(&path, &folder.path().join("profile")));
         assert!(shown.contains("<b>Shaded frames. </b>"), "the legend");
         assert_eq!(shown.contains("<i class=\"swatch shade\"></i>occluded or lost"), lost, "the chart");
     }
@@ -189,10 +187,7 @@ fn shaded_frames_are_explained() {
 fn pages_fit_screens_and_fingers() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (one, many) = (run(folder.path(), "kind = \"random\""), many(folder.path()));
-    let Some(mut browser) = browser::Browser::start(folder.path(), &[]) else {
-        println!("skipped: no chromium that runs here");
-        return;
-    };
+    let mut browser = need!(browser::Browser::start(folder.path(), &[]).ok_or("chromium that runs here"));
     browser.judge_file("one", &one);
     browser.judge_file("many", &many);
 }

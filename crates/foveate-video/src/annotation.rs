@@ -156,6 +156,7 @@ pub(super) fn read_text(path: &Path) -> Result<String> {
 mod tests {
     use super::*;
     use foveate_base::rng::{Purpose, Streams};
+    use foveate_testing::{data, need};
     use rand::RngExt;
 
     fn parse(text: &str) -> Result<Vec<Option<BBox>>> {
@@ -223,12 +224,7 @@ mod tests {
 
     #[test]
     fn the_tracking_data_is_read() {
-        let data = std::env::var_os("FOVEATE_DATA").map(std::path::PathBuf::from);
-        let data = data.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data"));
-        let truth = data.join("tracking/Jogging/groundtruth_rect.txt");
-        if !truth.is_file() {
-            return println!("skipped: no data");
-        }
+        let truth = need!(data("tracking/Jogging/groundtruth_rect.txt"));
         let boxes = read_truth(truth).expect("boxes");
         assert!(boxes.len() == 307 && boxes.iter().all(Option::is_some));
     }

@@ -101,6 +101,7 @@ impl CodedVideo {
 
 #[cfg(test)]
 mod tests {
+    use foveate_testing::{data, need};
     use std::io::Cursor;
 
     use super::*;
@@ -158,12 +159,9 @@ mod tests {
         }
         writer.finish().expect("written");
         check(&std::fs::read(&path).expect("a file"), 40);
-        let data = std::env::var_os("FOVEATE_DATA").map_or_else(|| "../../data".into(), PathBuf::from);
         for name in ["car-detection", "bottle-detection", "hockey"] {
-            match std::fs::read(data.join("clips").join(name).with_extension("mp4")) {
-                Ok(bytes) => check(&bytes, 20),
-                Err(_) => println!("skipped: no data"),
-            }
+            let clip = need!(data(&format!("clips/{name}.mp4")));
+            check(&std::fs::read(clip).expect("a file"), 20);
         }
     }
 }

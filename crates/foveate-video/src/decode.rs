@@ -88,6 +88,7 @@ fn png(bytes: &[u8]) -> std::result::Result<DynamicImage, String> {
 mod tests {
     use super::*;
     use crate::{encode_jpeg, encode_png};
+    use foveate_testing::{data, need, skip};
 
     fn noise(width: usize, height: usize, planes: usize) -> Image {
         let mut x = 7u32;
@@ -153,7 +154,7 @@ mod tests {
     #[test]
     fn a_progressive_jpeg_whose_data_ends_early_is_refused() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/pictures/progressive.jpg");
-        let Ok(bytes) = std::fs::read(path) else { return println!("skipped: not in a clone") };
+        let bytes = need!(std::fs::read(path).map_err(|_| "clone of the repository"));
         let whole = decode_image(&bytes).expect("a picture");
         assert_eq!((whole.width(), whole.height(), whole.planes()), (48, 40, 1));
         let scans = bytes.windows(2).enumerate().filter(|(_, mark)| *mark == [0xff, 0xda]).map(|(at, _)| at);
@@ -173,11 +174,12 @@ mod tests {
             let image = noise(40, 30, planes);
             goods.extend([encode_png(&image), encode_jpeg(&image, 80)].map(|bytes| (bytes, 150)));
         }
-        let root = std::env::var_os("FOVEATE_DATA").map(std::path::PathBuf::from);
-        let root = root.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data"));
-        match crate::image_files(root.join("natural")) {
-            Ok(files) => goods.extend(files.iter().take(5).map(|file| (std::fs::read(file).expect("a file"), 20))),
-            Err(_) => println!("skipped: no data"),
+        match data("natural") {
+            Ok(folder) => {
+                let files = crate::image_files(folder).expect("pictures");
+                goods.extend(files.iter().take(5).map(|file| (std::fs::read(file).expect("a file"), 20)));
+            }
+            Err(missing) => skip(&missing),
         }
         let mut x = 7u64;
         let mut next = move |n: usize| {

@@ -6,6 +6,7 @@
 mod browser;
 mod page;
 
+use foveate_testing::{data, need, skip};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -13,19 +14,16 @@ use browser::Browser;
 use page::{FRAMES, NUMBER, iou, mp4, serve, truth, y4m};
 use serde_json::{Value, json};
 
-/// A browser at the page; `None`, with a word about it, where there is none.
-fn open(folder: &Path, more: &[&str]) -> Option<Browser> {
+/// A browser at the page.
+fn open(folder: &Path, more: &[&str]) -> Result<Browser, String> {
     open_at(page::folder()?, folder, more)
 }
 
-fn open_at(page: PathBuf, folder: &Path, more: &[&str]) -> Option<Browser> {
-    let Some(mut browser) = Browser::start(folder, more) else {
-        eprintln!("skipped: no chromium that runs here");
-        return None;
-    };
+fn open_at(page: PathBuf, folder: &Path, more: &[&str]) -> Result<Browser, String> {
+    let mut browser = Browser::start(folder, more).ok_or("chromium that runs here")?;
     browser.call("Page.navigate", json!({ "url": serve(page) }));
     browser.until("document.readyState === 'complete' && !!byId('config').value");
-    Some(browser)
+    Ok(browser)
 }
 
 /// Chooses files as a person does.
@@ -48,7 +46,7 @@ fn track(browser: &mut Browser, frames: usize) {
 #[test]
 fn a_video_file_is_tracked_corrected_and_saved_by_the_page_alone() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let Some(mut browser) = open(dir.path(), &[]) else { return };
+    let mut browser = need!(open(dir.path(), &[]));
     browser.picture("choose");
     // What is no video is refused, in words.
     let other = dir.path().join("no.mp4");
@@ -184,13 +182,11 @@ fn a_video_that_cannot_be_played_is_refused_with_what_to_do() {
     let mut ffmpeg = std::process::Command::new("ffmpeg");
     ffmpeg.args(["-loglevel", "error", "-i"]).arg(&source).args(["-c:v", "libx265", "-x265-params", "log-level=none"]);
     if !ffmpeg.args(["-tag:v", "hvc1"]).arg(&file).status().is_ok_and(|status| status.success()) {
-        eprintln!("skipped: no ffmpeg with libx265");
-        return;
+        return skip("ffmpeg with libx265");
     }
-    let Some(mut browser) = open(dir.path(), &[]) else { return };
+    let mut browser = need!(open(dir.path(), &[]));
     if browser.value("MediaSource.isTypeSupported('video/mp4; codecs=\"hvc1.1.6.L93.B0\"')") == true {
-        eprintln!("skipped: this browser plays HEVC");
-        return;
+        return skip("browser without HEVC");
     }
     give(&mut browser, &[&file]);
     browser.until("!byId('message').hidden");
@@ -215,7 +211,7 @@ fn a_camera_is_followed() {
     y4m(&file, 20);
     let capture = format!("--use-file-for-fake-video-capture={}", file.display());
     let fake = ["--use-fake-device-for-media-stream", "--use-fake-ui-for-media-stream", &capture];
-    let Some(mut browser) = open(dir.path(), &fake) else { return };
+    let mut browser = need!(open(dir.path(), &fake));
     browser.click("#pick-camera");
     browser.until("!byId('stage').hidden && shown && page.frame > 3");
     // What is shown waits while a box is drawn on it; where it is, its number tells.
@@ -286,10 +282,9 @@ fn a_video_that_the_browser_decodes_is_seen_frame_by_frame() {
     let mut ffmpeg = std::process::Command::new("ffmpeg");
     ffmpeg.args(["-loglevel", "error", "-i"]).arg(&source).args(["-c:v", "libvpx", "-b:v", "2M"]).arg(&file);
     if !ffmpeg.status().is_ok_and(|status| status.success()) {
-        eprintln!("skipped: no ffmpeg with libvpx");
-        return;
+        return skip("ffmpeg with libvpx");
     }
-    let Some(mut browser) = open(dir.path(), &[]) else { return };
+    let mut browser = need!(open(dir.path(), &[]));
     give(&mut browser, &[&file]);
     browser.until("!byId('stage').hidden && shown && shown.frame === 1");
     assert_eq!(browser.value(&format!("{NUMBER}(shown.picture)")), json!(0));
@@ -324,7 +319,7 @@ fn a_video_that_the_browser_decodes_is_seen_frame_by_frame() {
 #[test]
 fn a_policy_learns_in_a_scene_of_digits() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let Some(mut browser) = open(dir.path(), &[]) else { return };
+    let mut browser = need!(open(dir.path(), &[]));
     browser.click("#tab-lesson");
     browser.until("!byId('lesson').hidden && lesson.about !== null");
     // It waits, and says for what.
@@ -367,7 +362,7 @@ fn a_policy_learns_in_a_scene_of_digits() {
 #[test]
 fn a_camera_takes_no_more_memory_the_longer_it_runs() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let Some(mut browser) = open(dir.path(), &["--js-flags=--expose-gc"]) else { return };
+    let mut browser = need!(open(dir.path(), &["--js-flags=--expose-gc"]));
     let frames: usize = std::env::var("FOVEATE_WEB_FRAMES").ok().and_then(|n| n.parse().ok()).unwrap_or(1500);
     let pictures: Vec<Value> = (0..FRAMES)
         .map(|t| {
@@ -451,13 +446,9 @@ fn followed(browser: &mut Browser, file: &Path, init: [f64; 4], most: usize) -> 
 /// The browser's decoder and ours give the same frames, each once, and so the same boxes. Without WebCodecs ours goes on alone.
 #[test]
 fn what_the_browser_decodes_is_what_our_decoder_gives() {
-    let data = std::env::var_os("FOVEATE_DATA").map_or_else(|| Path::new("../../data").to_owned(), Into::into);
-    if !data.join("clips").is_dir() {
-        eprintln!("skipped: no data");
-        return;
-    }
+    let clips = need!(data("clips"));
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let Some(page) = page::folder() else { return };
+    let page = need!(page::folder());
     // The page as in a browser without WebCodecs, and in one whose decoder breaks off: its scripts are changed for that.
     let changed = |name: &str, from: &str, to: &str| {
         let copy = dir.path().join(name);
@@ -472,22 +463,18 @@ fn what_the_browser_decodes_is_what_our_decoder_gives() {
         open_at(copy, &profile, &[])
     };
     let none = "if (typeof VideoDecoder === 'undefined'";
-    let Some(mut with) = changed("with", none, none) else { return };
-    let Some(mut without) = changed("without", none, "if (true") else { return };
+    let mut with = need!(changed("with", none, none));
+    let mut without = need!(changed("without", none, "if (true"));
     let call = "async frame(number) {";
-    let Some(mut breaks) = changed("breaks", call, &format!("{call} if (number === 50) throw new Error('broken');"))
-    else {
-        return;
-    };
+    let mut breaks = need!(changed("breaks", call, &format!("{call} if (number === 50) throw new Error('broken');")));
     // One without and one with frames that are decoded before they are shown; the whole of one.
-    let clips =
+    let runs =
         [("car-detection", [340.0, 150.0, 90.0, 60.0], 377), ("bottle-detection", [250.0, 90.0, 60.0, 120.0], 400)];
-    for (name, init, most) in clips {
-        let file = data.join("clips").join(name).with_extension("mp4");
+    for (name, init, most) in runs {
+        let file = clips.join(name).with_extension("mp4");
         let (frames, boxes, decoded, seconds) = followed(&mut with, &file, init, most);
         if with.value("page.video.reader") != "H.264 (the browser)" {
-            eprintln!("skipped: this browser has no decoder of H.264");
-            return;
+            return skip("decoder of H.264 in the browser");
         }
         assert_eq!(frames, (2..frames.len() + 2).collect::<Vec<_>>(), "each frame once, in order");
         assert!(frames.len() >= most - 1, "{} frames of {name}", frames.len());
@@ -523,13 +510,9 @@ fn what_the_browser_decodes_is_what_our_decoder_gives() {
 #[test]
 #[ignore = "measures"]
 fn frames_a_second() {
-    let data = std::env::var_os("FOVEATE_DATA").map(std::path::PathBuf::from);
-    let Some(folder) = data.map(|data| data.join("tracking/Crossing/img")).filter(|folder| folder.is_dir()) else {
-        eprintln!("skipped: no data");
-        return;
-    };
+    let folder = need!(data("tracking/Crossing/img"));
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let Some(mut browser) = open(dir.path(), &[]) else { return };
+    let mut browser = need!(open(dir.path(), &[]));
     let entries = std::fs::read_dir(folder).expect("pictures").map(|entry| entry.expect("an entry").path());
     let files: Vec<_> = entries.collect();
     give(&mut browser, &files.iter().map(|file| &**file).collect::<Vec<_>>());

@@ -2,6 +2,7 @@
 
 mod page;
 
+use foveate_testing::{data, need, node};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Arc;
@@ -43,19 +44,12 @@ fn mean_iou(a: &[[f64; 4]], b: &[[f64; 4]]) -> f64 {
 /// last bits differ, and tracks differ as those of two seeds do (docs/web.md has figures).
 #[test]
 fn webassembly_and_native_code_agree() {
-    let Some(folder) = page::folder() else { return };
+    let folder = need!(page::folder());
     assert!(Level::Portable.at_most(), "no kernel was used before");
-    if !Command::new("node").arg("--version").output().is_ok_and(|o| o.status.success()) {
-        eprintln!("skipped: no node");
-        return;
-    }
-    let data = std::env::var_os("FOVEATE_DATA").map_or_else(|| Path::new("../../data").to_owned(), PathBuf::from);
-    if !data.join("tracking").is_dir() {
-        eprintln!("skipped: no data");
-        return;
-    }
+    need!(node());
+    let sequences = need!(data("tracking"));
     for (name, config) in [("Crossing", "natural"), ("Couple", "natural-fast"), ("Car1", "natural-fast")] {
-        let sequence = data.join("tracking").join(name);
+        let sequence = sequences.join(name);
         let mut files: Vec<PathBuf> = std::fs::read_dir(sequence.join("img"))
             .expect("pictures")
             .map(|entry| entry.expect("an entry").path())

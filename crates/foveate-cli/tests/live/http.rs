@@ -7,7 +7,8 @@ use std::path::Path;
 use std::process::Output;
 use std::sync::Arc;
 
-use super::{boxes, ffmpeg, run, text, video};
+use super::{boxes, run, text, video};
+use foveate_testing::{ffmpeg, need};
 
 /// How the server answers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,11 +82,9 @@ pub fn serve(folder: &Path, how: Serves) -> String {
     address
 }
 
-/// The clip in several containers; none where ffmpeg is missing.
-pub fn clips(folder: &Path, frames: usize) -> bool {
-    if !ffmpeg() {
-        return false;
-    }
+/// Writes the clip in several containers.
+pub fn clips(folder: &Path, frames: usize) -> Result<(), String> {
+    ffmpeg()?;
     std::fs::write(folder.join("a.y4m"), video(frames)).expect("a writable folder");
     let made = |args: &str, name: &str| {
         let mut command = std::process::Command::new("ffmpeg");
@@ -99,7 +98,7 @@ pub fn clips(folder: &Path, frames: usize) -> bool {
     // Larger than what ffmpeg keeps of a transfer.
     made("-i a.y4m -c:v mjpeg -q:v 2 -pix_fmt yuvj420p", "large.mp4");
     made("-i first.mp4 -c copy -f hls -hls_time 1 -hls_list_size 0", "list.m3u8");
-    true
+    Ok(())
 }
 
 pub fn track(folder: &Path, source: &str, out: &str, more: &[&str]) -> Output {
@@ -123,9 +122,7 @@ fn table(folder: &Path, out: &str) -> (Vec<String>, Vec<f64>) {
 #[test]
 fn a_finite_file_by_http_is_tracked_as_the_file_is() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    if !clips(dir.path(), 60) {
-        return;
-    }
+    need!(clips(dir.path(), 60));
     for name in ["first.mp4", "last.mp4", "a.ts", "a.mkv"] {
         track(dir.path(), name, &format!("file-{name}"), &["--decoder", "ffmpeg"]);
         assert_eq!(boxes(dir.path(), &format!("file-{name}")).len(), 60, "{name}");
@@ -158,9 +155,7 @@ fn a_finite_file_by_http_is_tracked_as_the_file_is() {
 #[test]
 fn frames_of_a_stream_by_http_are_tracked_or_counted() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    if !clips(dir.path(), 60) {
-        return;
-    }
+    need!(clips(dir.path(), 60));
     let address = format!("{}/a.ts", serve(dir.path(), Serves::Unsized));
     track(dir.path(), "a.ts", "file", &[]);
     track(dir.path(), &address, "every", &["--every-frame"]);
@@ -177,9 +172,7 @@ fn frames_of_a_stream_by_http_are_tracked_or_counted() {
 #[test]
 fn a_transfer_that_breaks_off_is_an_error() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    if !clips(dir.path(), 60) {
-        return;
-    }
+    need!(clips(dir.path(), 60));
     for name in ["first.mp4", "a.ts", "a.mkv"] {
         let address = format!("{}/{name}", serve(dir.path(), Serves::CutWhole));
         let output = run(dir.path(), &[&address, "--out", "out", "--reconnect", "0"], vec![]);

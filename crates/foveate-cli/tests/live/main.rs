@@ -4,6 +4,7 @@
 mod http;
 mod senders;
 
+use foveate_testing::{ffmpeg, need};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -232,14 +233,6 @@ fn no_ffmpeg_outlives_the_program() {
     }
 }
 
-fn ffmpeg() -> bool {
-    let there = Command::new("ffmpeg").arg("-version").output().is_ok();
-    if !there {
-        println!("skipped: the program ffmpeg is not installed");
-    }
-    there
-}
-
 fn make(path: PathBuf, options: &str) -> bool {
     let source = "testsrc2=size=320x240:rate=25:duration=2";
     let made = Command::new("ffmpeg")
@@ -254,9 +247,8 @@ fn make(path: PathBuf, options: &str) -> bool {
 #[test]
 fn the_boxes_do_not_depend_on_the_decoder() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    if !ffmpeg() || !make(dir.path().join("a.mp4"), "-c:v libx264 -bf 3 -pix_fmt yuv420p") {
-        return;
-    }
+    let made = make(dir.path().join("a.mp4"), "-c:v libx264 -bf 3 -pix_fmt yuv420p");
+    need!(made.then_some(()).ok_or("ffmpeg with libx264"));
     for decoder in ["builtin", "ffmpeg", "auto"] {
         let output = run(dir.path(), &["a.mp4", "--out", decoder, "--decoder", decoder, "--no-video"], vec![]);
         assert!(output.status.success(), "{}", text(&output.stderr));
@@ -268,9 +260,7 @@ fn the_boxes_do_not_depend_on_the_decoder() {
 /// A camera that sends to us, goes, and comes back: tracking goes on.
 #[test]
 fn a_stream_that_breaks_off_is_opened_again() {
-    if !ffmpeg() {
-        return;
-    }
+    need!(ffmpeg());
     let dir = tempfile::tempdir().expect("a temporary folder");
     let port = 20_000 + std::process::id() % 20_000;
     let address = format!("rtsp://127.0.0.1:{port}/live");

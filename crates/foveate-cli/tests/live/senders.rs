@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::http::clips;
 use super::{boxes, run, text, track, video};
+use foveate_testing::need;
 
 /// `foveate track ADDRESS --listen`, to which ffmpeg sends 50 frames once, and then goes.
 fn listened(folder: &Path, args: &[&str], target: &[&str]) -> (Output, Duration) {
@@ -30,9 +31,7 @@ fn listened(folder: &Path, args: &[&str], target: &[&str]) -> (Output, Duration)
 #[test]
 fn every_frame_of_a_sender_is_tracked_and_its_end_is_the_end() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    if !clips(dir.path(), 50) {
-        return;
-    }
+    need!(clips(dir.path(), 50));
     let port = 20_000 + std::process::id() % 20_000;
     let (rtsp, http) = (format!("rtsp://127.0.0.1:{}/live", port + 1), format!("http://127.0.0.1:{}/live", port + 2));
     let by_rtsp = ["-rtsp_transport", "tcp", "-f", "rtsp", &rtsp];
@@ -61,9 +60,7 @@ fn every_frame_of_a_sender_is_tracked_and_its_end_is_the_end() {
 #[test]
 fn a_pipe_of_another_kind_says_what_it_is() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    if !clips(dir.path(), 5) {
-        return;
-    }
+    need!(clips(dir.path(), 5));
     for (name, kind) in [("first.mp4", "MP4"), ("a.ts", "an MPEG transport stream"), ("a.mkv", "Matroska")] {
         let bytes = std::fs::read(dir.path().join(name)).expect("a file");
         let output = run(dir.path(), &["-", "--out", "out"], bytes.clone());

@@ -1,6 +1,7 @@
 //! `foveate track` of many videos.
 
 use crate::place::{Place, errors};
+use foveate_testing::skip;
 
 /// Three short videos: one with its truth, one without a box, one damaged.
 fn videos(place: &Place) {
@@ -109,7 +110,7 @@ fn a_name_need_not_be_unicode() {
     let place = Place::new();
     let name = std::ffi::OsStr::from_bytes(b"v\xff");
     if std::fs::rename(place.path("video"), place.path("").join(name)).is_err() {
-        return println!("skipped: no such names here");
+        return skip("file system with names that are not Unicode");
     }
     for options in [&["--init", "50,60,28,28"][..], &["--detect"]] {
         let words = [&["track"], options, &["--no-video", "--no-report", "--json"]].concat();
@@ -147,9 +148,7 @@ fn what_means_one_video_is_refused() {
 fn the_first_box_lies_beside_a_video() {
     let place = Place::new();
     let made = place.run(&["synth", "multi", "--frames", "5", "--out", "multi", "--video", "one.mp4"]);
-    if !made.status.success() {
-        return println!("skipped: {}", errors(&made));
-    }
+    assert!(made.status.success(), "{}", errors(&made));
     assert!(place.failure(&["one.mp4"]).contains("no box to start from"));
     std::fs::write(place.path("one.txt"), "30,30,28,28\n").expect("written");
     assert_eq!(place.boxes("beside", &["one.mp4"]), place.boxes("given", &["one.mp4", "--init", "30,30,28,28"]));

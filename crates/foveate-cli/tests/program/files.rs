@@ -1,22 +1,23 @@
 //! Video files as users have them: times, the shape of pixels, damage, folders of a camera. Oracle: the programs ffmpeg and ffprobe.
 
+use foveate_testing::need;
 use std::path::Path;
 use std::process::Command;
 
 use crate::place::{Place, errors};
 
-/// A short video of the test picture; false where ffmpeg is missing.
-fn made(path: &Path, options: &[&str]) -> bool {
+/// Makes a short video of the test picture.
+fn make(path: &Path, options: &[&str]) -> Result<(), String> {
     let made = Command::new("ffmpeg")
         .args(["-v", "error", "-y", "-f", "lavfi", "-i", "testsrc2=size=96x72:rate=25:duration=1.2"])
         .args(options)
         .arg(path)
         .status();
-    let made = made.is_ok_and(|status| status.success());
-    if !made {
-        println!("skipped: no ffmpeg");
+    if made.is_ok_and(|status| status.success()) {
+        Ok(())
+    } else {
+        Err(format!("ffmpeg that writes {}", path.display()))
     }
-    made
 }
 
 /// A field of each frame, or of the stream, as ffprobe reports it.
@@ -45,9 +46,7 @@ fn times_and_pixels_are_those_that_players_show() {
     let place = Place::new();
     let path = place.path("a.mkv");
     let filter = "setsar=4/3,select='not(eq(mod(n,7),2)+eq(mod(n,7),3))'";
-    if !made(&path, &["-vf", filter, "-vsync", "vfr", "-c:v", "mpeg4", "-q:v", "3"]) {
-        return;
-    }
+    need!(make(&path, &["-vf", filter, "-vsync", "vfr", "-c:v", "mpeg4", "-q:v", "3"]));
     let run = place.run(&["track", "a.mkv", "-c", "c.toml", "--init", "30,20,30,30", "--no-report", "-o", "out"]);
     assert!(run.status.success(), "{}", errors(&run));
     let first = errors(&run).lines().next().unwrap_or_default().to_owned();
@@ -76,9 +75,7 @@ fn times_and_pixels_are_those_that_players_show() {
 fn damage_is_reported_wherever_frames_are_counted() {
     let place = Place::new();
     let path = place.path("a.mkv");
-    if !made(&path, &["-c:v", "mpeg4", "-q:v", "2", "-g", "10"]) {
-        return;
-    }
+    need!(make(&path, &["-c:v", "mpeg4", "-q:v", "2", "-g", "10"]));
     let args = ["a.mkv", "--init", "30,20,30,30", "--json"];
     let sound = place.track("sound", &args);
     assert!(sound.status.success(), "{}", errors(&sound));

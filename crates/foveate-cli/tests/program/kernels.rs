@@ -2,13 +2,14 @@
 //! where multiply-adds round twice. The products of an RBM are summed in other orders by each, and agree closely.
 
 use crate::place::{Place, errors};
+use foveate_testing::skip;
 
 /// track.csv of a run with these instructions; `None` where the processor lacks them.
 fn track(place: &Place, config: &str, kernels: &str) -> Option<String> {
     let mut command = place.command(&["track", "video", "-c", config, "--no-video", "--no-report", "-o", kernels]);
     let output = command.env("FOVEATE_KERNELS", kernels).output().expect("it starts");
     if errors(&output).contains("this processor has none") {
-        println!("skipped: no {kernels}");
+        skip(&format!("processor with {kernels}"));
         return None;
     }
     assert!(output.status.success(), "{}", errors(&output));

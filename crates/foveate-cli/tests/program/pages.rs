@@ -2,6 +2,7 @@
 
 use crate::browser::{Browser, is_one_document};
 use crate::place::{Place, errors};
+use foveate_testing::need;
 
 /// An experiment of two quick runs.
 const EXPERIMENT: &str = r#"
@@ -54,10 +55,7 @@ fn pages_without_a_script_have_the_style_of_the_reports() {
     }
     assert_eq!(scores.matches("class=\"drawing\"").count(), 3 + 2);
     assert!(paper.contains("class=\"drawing\"") && !paper.contains("image/svg"), "charts take the colours of the page");
-    let Some(mut browser) = Browser::start(&place.path("."), &[]) else {
-        println!("skipped: no chromium that runs here");
-        return;
-    };
+    let mut browser = need!(Browser::start(&place.path("."), &[]).ok_or("chromium that runs here"));
     for (name, page) in ["runs", "scores", "paper"].into_iter().zip(pages) {
         browser.judge_file(name, &place.path(page));
     }

@@ -1,5 +1,6 @@
 //! `foveate track` as a user meets it: files in, files out, and what it says where something is wrong.
 
+use foveate_testing::need;
 use std::path::Path;
 
 use crate::place::{CONFIG, FRAMES, Place, errors};
@@ -300,10 +301,7 @@ fn a_cut_matroska_file_is_told_of() {
             .is_ok_and(|o| o.status.success())
     };
     let place = Place::new();
-    if !ffmpeg(&["-version"], &place) {
-        eprintln!("skipped: the program ffmpeg is not installed");
-        return;
-    }
+    need!(foveate_testing::ffmpeg());
     let made =
         ["-v", "error", "-f", "lavfi", "-i", "testsrc=size=160x120:rate=25:duration=2", "-c:v", "mpeg4", "a.mkv"];
     assert!(ffmpeg(&made, &place), "a video is made");

@@ -1,5 +1,6 @@
 //! Streams that were named, and frames that a page pushes.
 
+use foveate_testing::{ffmpeg, need};
 use serde_json::{Value, json};
 
 use crate::served::{self, FRAMES, Server, iou, nearest, parts, truth};
@@ -37,10 +38,7 @@ fn sender() -> String {
 
 #[test]
 fn a_stream_that_was_named_is_followed() {
-    if !std::process::Command::new("ffmpeg").arg("-version").output().is_ok_and(|o| o.status.success()) {
-        eprintln!("skipped: no ffmpeg");
-        return;
-    }
+    need!(ffmpeg());
     let dir = place();
     let address = sender();
     let server =
@@ -92,10 +90,7 @@ fn a_stream_that_was_named_is_followed() {
 /// A file of the clip by HTTP, with its length: every frame is tracked, and the end is reported.
 #[test]
 fn a_file_by_http_is_played_to_its_end() {
-    if !std::process::Command::new("ffmpeg").arg("-version").output().is_ok_and(|o| o.status.success()) {
-        eprintln!("skipped: no ffmpeg");
-        return;
-    }
+    need!(ffmpeg());
     let (dir, address) = (place(), served::by_http());
     let server =
         Server::start(dir.path(), &["serve", &address, "--address", "127.0.0.1:0", "--config", "natural-fast"]);

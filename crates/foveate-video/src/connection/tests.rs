@@ -1,4 +1,5 @@
 use super::*;
+use foveate_testing::{ffmpeg, need};
 
 /// Scripts in the place of ffmpeg give frames of 2 x 2 pixels.
 #[cfg(unix)]
@@ -136,9 +137,7 @@ fn what_cannot_be_opened_is_said() {
         "{error}"
     );
     assert!(!error.contains("convert"), "{error}");
-    if std::process::Command::new("ffmpeg").arg("-version").output().is_err() {
-        return println!("skipped: the program ffmpeg is not installed");
-    }
+    need!(ffmpeg());
     let error = open("http://127.0.0.1:9/x.ts", LiveOptions::default());
     assert!(error.contains("refused") && error.contains("check the address"), "{error}");
 }

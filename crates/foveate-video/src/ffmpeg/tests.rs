@@ -1,5 +1,6 @@
 use super::facts::probe;
 use super::*;
+use foveate_testing::{ffmpeg, need};
 
 #[test]
 fn what_ffmpeg_says_is_understood() {
@@ -67,14 +68,6 @@ fn what_ffprobe_says_is_understood() {
     assert_eq!(probe(Path::new("/a/ffmpeg-7.exe")), Path::new("/a/ffprobe-7.exe"));
 }
 
-fn installed() -> bool {
-    let there = Command::new("ffmpeg").arg("-version").output().is_ok();
-    if !there {
-        println!("skipped: the program ffmpeg is not installed");
-    }
-    there
-}
-
 fn make(path: &Path, options: &[&str]) {
     let made = Command::new("ffmpeg")
         .args(["-v", "error", "-f", "lavfi", "-i", "testsrc=size=160x120:rate=25:duration=4"])
@@ -102,9 +95,7 @@ fn read(path: &Path) -> (Vec<Picture>, Option<String>) {
 
 #[test]
 fn a_file_that_was_cut_ends_with_an_error() {
-    if !installed() {
-        return;
-    }
+    need!(ffmpeg());
     let dir = tempfile::tempdir().expect("a temporary folder");
     for name in ["a.mkv", "a.avi"] {
         let whole = dir.path().join(name);
@@ -123,9 +114,7 @@ fn a_file_that_was_cut_ends_with_an_error() {
 /// A title, a comment or the name of a stream that looks like what ffmpeg logs of a frame, with sizes, times and rates.
 #[test]
 fn a_title_makes_no_frames() {
-    if !installed() {
-        return;
-    }
+    need!(ffmpeg());
     let dir = tempfile::tempdir().expect("a temporary folder");
     let plain = dir.path().join("plain.mkv");
     make(&plain, &[]);
@@ -146,9 +135,7 @@ fn a_title_makes_no_frames() {
 /// A list of other files is no video, whatever it is called.
 #[test]
 fn a_file_opens_no_other() {
-    if !installed() {
-        return;
-    }
+    need!(ffmpeg());
     let dir = tempfile::tempdir().expect("a temporary folder");
     make(&dir.path().join("other.ts"), &[]);
     for (name, text) in [
@@ -223,9 +210,7 @@ fn stamps(path: &Path) -> Vec<f64> {
 /// Kinds of files of which ffmpeg alone reads frames of different lengths, their beginnings cut off or late; oracle: ffprobe.
 #[test]
 fn times_are_those_of_ffprobe() {
-    if !installed() {
-        return;
-    }
+    need!(ffmpeg());
     let dir = tempfile::tempdir().expect("a temporary folder");
     let uneven = ["-vf", "select='not(eq(mod(n,7),2)+eq(mod(n,7),3))'", "-vsync", "vfr"];
     let kinds: [(&str, &[&str]); 9] = [
@@ -265,9 +250,7 @@ fn times_are_those_of_ffprobe() {
 /// Pictures are of square pixels, turned as players turn them.
 #[test]
 fn pixels_are_square() {
-    if !installed() {
-        return;
-    }
+    need!(ffmpeg());
     let dir = tempfile::tempdir().expect("a temporary folder");
     type Kind = (&'static str, &'static str, &'static [&'static str], (usize, usize));
     let kinds: [Kind; 5] = [
@@ -292,9 +275,7 @@ fn pixels_are_square() {
 /// The video is tracked, not the picture that lies before it.
 #[test]
 fn a_cover_is_no_video() {
-    if !installed() {
-        return;
-    }
+    need!(ffmpeg());
     let dir = tempfile::tempdir().expect("a temporary folder");
     let (cover, plain, both) = (dir.path().join("cover.jpg"), dir.path().join("a.mkv"), dir.path().join("b.mkv"));
     make(&cover, &["-frames:v", "1", "-c:v", "mjpeg"]);
@@ -316,9 +297,7 @@ fn a_cover_is_no_video() {
 /// All frames before it are given; it is not made as large as the first picture in silence.
 #[test]
 fn a_change_of_size_is_an_error() {
-    if !installed() {
-        return;
-    }
+    need!(ffmpeg());
     let dir = tempfile::tempdir().expect("a temporary folder");
     let (one, other, both) = (dir.path().join("a.mjpeg"), dir.path().join("b.mjpeg"), dir.path().join("c.mjpeg"));
     make(&one, &["-t", "1", "-c:v", "mjpeg"]);
@@ -334,9 +313,7 @@ fn a_change_of_size_is_an_error() {
 /// A hundred bytes are zeros: the frames are given, and the damage is counted.
 #[test]
 fn damage_that_the_decoder_conceals_is_counted() {
-    if !installed() {
-        return;
-    }
+    need!(ffmpeg());
     let dir = tempfile::tempdir().expect("a temporary folder");
     for (name, options) in [("a.mkv", vec![]), ("b.ts", vec!["-c:v", "mpeg2video"])] {
         let path = dir.path().join(name);
@@ -367,9 +344,7 @@ fn sound_is_no_video() {
         let text = crate::open(&path).err().expect("no video").to_string();
         assert!(text.contains("a.mp3") && text.contains("sound"), "{text}");
     }
-    if !installed() {
-        return;
-    }
+    need!(ffmpeg());
     let path = dir.path().join("b.ogg");
     let made = Command::new("ffmpeg")
         .args(["-v", "error", "-f", "lavfi", "-i", "sine=duration=1", "-c:a", "flac"])

@@ -3,16 +3,10 @@
 use crate::ffmpeg::Ffmpeg;
 use crate::stream::*;
 use crate::{Frame, FrameSource, Options, Remarks, SourceInfo, VideoFile};
+use foveate_testing::{data, need, skip};
 use md5::{Digest, Md5};
 use std::path::{Path, PathBuf};
 use std::process::Command;
-
-fn data() -> Option<std::path::PathBuf> {
-    let root = std::env::var_os("FOVEATE_DATA").map(Into::into);
-    let root = root.unwrap_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data"));
-    let clips = root.join("clips");
-    clips.is_dir().then_some(clips)
-}
 
 fn without_ffmpeg() -> Options {
     Options { ffmpeg: "no-such-ffmpeg".into(), ..Options::default() }
@@ -33,7 +27,7 @@ fn md5(yuv: Yuv) -> String {
 /// Every frame of the three clips is the frame that a reference decoder gave, in its order.
 #[test]
 fn clips_decode_exactly() {
-    let Some(clips) = data() else { return println!("skipped: no data") };
+    let clips = need!(data("clips"));
     for name in ["car-detection", "bottle-detection", "hockey"] {
         let sums = std::fs::read_to_string(clips.join(name).with_extension("framemd5")).expect("checksums");
         let sums: Vec<&str> = sums.lines().filter(|line| !line.starts_with('#')).collect();
@@ -59,7 +53,7 @@ fn the_index_is_what_re_mp4_reads() {
     let fragments = "-c:v libx264 -g 8 -bf 2 -pix_fmt yuv420p -movflags frag_keyframe+empty_moov+default_base_moof";
     let mut files: Vec<PathBuf> = made(dir.path(), "fragments.mp4", fragments).into_iter().collect();
     for name in ["car-detection", "bottle-detection", "hockey"] {
-        files.extend(data().map(|clips| clips.join(name).with_extension("mp4")));
+        files.extend(data("clips").ok().map(|clips| clips.join(name).with_extension("mp4")));
     }
     for path in files {
         let ours = open(&path).movie;
@@ -122,7 +116,7 @@ fn h264_of_every_kind_is_what_ffmpeg_decodes() {
     ];
     for (name, options) in kinds {
         let Some(path) = made(dir.path(), name, options) else {
-            println!("skipped: {name}, no ffmpeg with libx264");
+            skip(&format!("ffmpeg that writes {name}"));
             continue;
         };
         let sums = sums(&path);
@@ -161,9 +155,8 @@ fn look(image: &Image) -> Vec<i32> {
 #[test]
 fn every_kind_of_video_is_read_alike() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let Some(plain) = made(dir.path(), "plain.mp4", "-c:v libx264 -qp 8 -pix_fmt yuv420p") else {
-        return println!("skipped: no ffmpeg with libx264");
-    };
+    let plain =
+        need!(made(dir.path(), "plain.mp4", "-c:v libx264 -qp 8 -pix_fmt yuv420p").ok_or("ffmpeg with libx264"));
     let read = |path: &Path| -> (SourceInfo, Vec<Frame>) {
         let video = crate::open(path).expect("a video");
         (video.info().clone(), video.map(|frame| frame.expect("a good frame")).collect())
@@ -187,7 +180,7 @@ fn every_kind_of_video_is_read_alike() {
     ];
     for (name, reader, options) in kinds {
         let Some(path) = made(dir.path(), name, options) else {
-            println!("skipped: {name}, ffmpeg cannot write it");
+            skip(&format!("ffmpeg that writes {name}"));
             continue;
         };
         let (info, frames) = read(&path);
@@ -221,7 +214,7 @@ fn edits_cuts_and_turns_are_followed() {
     for (name, options) in kinds {
         let options = options.replace("IN", &dir.path().to_string_lossy());
         let Some(path) = made(dir.path(), name, &options) else {
-            println!("skipped: {name}, ffmpeg cannot write it");
+            skip(&format!("ffmpeg that writes {name}"));
             continue;
         };
         let mut other =
@@ -321,7 +314,7 @@ fn damaged_videos_do_not_panic() {
 /// 120 damaged clips, seed 12: bits flipped in the index or in the first coded frames, or the end cut off.
 #[test]
 fn damaged_clips_do_not_panic() {
-    let Some(clips) = data() else { return println!("skipped: no data") };
+    let clips = need!(data("clips"));
     let dir = tempfile::tempdir().expect("a temporary folder");
     let path = dir.path().join("a.mp4");
     let mut draw = draws(12);
@@ -384,13 +377,14 @@ fn the_pixels_do_not_depend_on_the_decoder() {
     for (name, options) in kinds {
         match made(dir.path(), name, &options.replace("IN", &dir.path().to_string_lossy())) {
             Some(path) => files.push(path),
-            None => println!("skipped: {name}, no ffmpeg with libx264"),
+            None => skip(&format!("ffmpeg that writes {name}")),
         }
     }
     if files.is_empty() {
         return;
     }
-    let clips = data().map(|clips| ["car-detection", "hockey"].map(|name| clips.join(name).with_extension("mp4")));
+    let clips =
+        data("clips").ok().map(|clips| ["car-detection", "hockey"].map(|name| clips.join(name).with_extension("mp4")));
     files.extend(clips.into_iter().flatten());
     let cut = dir.path().join("cut-off.mp4");
     let fast = made(dir.path(), "fast.mp4", "-c:v libx264 -pix_fmt yuv420p -movflags +faststart").expect("made before");
@@ -443,9 +437,9 @@ fn the_faster_decoder_is_taken() {
 fn pixels_are_square() {
     use crate::Decoder::{Builtin, Ffmpeg};
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let Some(wide) = made(dir.path(), "wide.mp4", "-vf setsar=64/45 -c:v libx264 -pix_fmt yuv420p") else {
-        return println!("skipped: no ffmpeg with libx264");
-    };
+    let wide = need!(
+        made(dir.path(), "wide.mp4", "-vf setsar=64/45 -c:v libx264 -pix_fmt yuv420p").ok_or("ffmpeg with libx264")
+    );
     let bytes = std::fs::read(&wide).expect("just made");
     let at = |name: &[u8]| bytes.windows(4).position(|found| found == name).expect("a box of this name");
     let (pasp, head) = (at(b"pasp"), at(b"tkhd") + 4 + 76);
@@ -481,7 +475,7 @@ fn a_change_of_size_is_called_so_by_every_decoder() {
         let options = format!("-vf scale={sides},setsar=1 -c:v libx264 -bf 0 -pix_fmt yuv420p");
         made(dir.path(), name, &options).map(|path| std::fs::read(path).expect("just made"))
     };
-    let Some(first) = raw("first.h264", "96x64") else { return println!("skipped: no ffmpeg with libx264") };
+    let first = need!(raw("first.h264", "96x64").ok_or("ffmpeg with libx264"));
     for size in ["96x32", "48x32", "64x96"] {
         let second = raw("second.h264", size).expect("made before");
         std::fs::write(dir.path().join("both.h264"), [&*first, &*second].concat()).expect("a writable folder");
@@ -502,9 +496,9 @@ fn a_change_of_size_is_called_so_by_every_decoder() {
 fn zeros_in_the_middle_are_counted_as_damage() {
     use crate::Decoder::{Builtin, Ffmpeg};
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let Some(path) = made(dir.path(), "a.mp4", "-c:v libx264 -pix_fmt yuv420p -movflags +faststart") else {
-        return println!("skipped: no ffmpeg with libx264");
-    };
+    let path = need!(
+        made(dir.path(), "a.mp4", "-c:v libx264 -pix_fmt yuv420p -movflags +faststart").ok_or("ffmpeg with libx264")
+    );
     let damaged = |decoder| {
         let source = crate::open_with(&path, &Options { decoder, ..Options::default() }).expect("a video");
         let (remarks, frames) = (source.remarks(), source.count());
@@ -525,9 +519,7 @@ fn zeros_in_the_middle_are_counted_as_damage() {
 #[test]
 fn a_cover_is_no_video() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let Some(plain) = made(dir.path(), "plain.mp4", "-c:v libx264 -pix_fmt yuv420p") else {
-        return println!("skipped: no ffmpeg with libx264");
-    };
+    let plain = need!(made(dir.path(), "plain.mp4", "-c:v libx264 -pix_fmt yuv420p").ok_or("ffmpeg with libx264"));
     let still = made(dir.path(), "cover.jpg", "-frames:v 1").expect("made before");
     let options = format!("-i {} -i {} -map 1 -map 2 -c copy", still.display(), plain.display());
     let cover = made(dir.path(), "cover.mp4", &options).expect("made before");

@@ -9,15 +9,14 @@ use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 use foveate_video::Mp4Writer;
 
-/// The folder that `web/build` made; `None`, with a word about it, where it was not run.
-pub fn folder() -> Option<PathBuf> {
+/// The folder that `web/build` made.
+pub fn folder() -> Result<PathBuf, String> {
     let usual = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../web/dist");
     let folder = std::env::var_os("FOVEATE_WEB").map_or_else(usual, PathBuf::from);
     if folder.join("foveate.wasm").is_file() {
-        return Some(folder);
+        return Ok(folder);
     }
-    eprintln!("skipped: no page without a server; web/build makes it (FOVEATE_WEB names its folder)");
-    None
+    Err("page without a server: web/build makes it, FOVEATE_WEB names its folder".into())
 }
 
 /// Serves the files of a folder, as any host does; the address.

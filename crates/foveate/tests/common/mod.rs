@@ -137,21 +137,15 @@ pub fn recognising(blueprint: &Blueprint, weights: &str, accumulate: &str, polic
     Config::parse(&text, "test").and_then(|c| c.check(&Folder::here())).expect("a good configuration")
 }
 
-/// What a browser makes of a page, above its scripts, once it stands at this `#fragment`; `None`, and said, where no browser shows it.
-pub fn shown(page: &Path, fragment: &str) -> Option<String> {
+/// What a browser makes of a page, above its scripts, once it stands at this `#fragment`; an error where no browser shows it.
+pub fn shown(page: &Path, fragment: &str) -> Result<String, String> {
     let profile = tempfile::tempdir().expect("a temporary folder");
     let profile = format!("--user-data-dir={}", profile.path().display());
     let address = format!("file://{}#{fragment}", page.display());
     let ask =
         ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=4000", "--dump-dom", &profile, &address];
-    let Ok(answer) = std::process::Command::new("chromium").args(ask).output() else {
-        println!("skipped: no chromium");
-        return None;
-    };
+    let answer = std::process::Command::new("chromium").args(ask).output().map_err(|_| "chromium")?;
     let shown = String::from_utf8_lossy(&answer.stdout);
-    let Some((_, body)) = shown.split_once("<body>") else {
-        println!("skipped: chromium is there but shows no page here");
-        return None;
-    };
-    Some(body.split("<script").next().expect("the page above its scripts").into())
+    let (_, body) = shown.split_once("<body>").ok_or("chromium that shows pages")?;
+    Ok(body.split("<script").next().expect("the page above its scripts").into())
 }

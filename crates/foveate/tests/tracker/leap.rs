@@ -6,6 +6,7 @@ use foveate::config::Config;
 use foveate::files::Folder;
 use foveate::scene::Image;
 use foveate::video::{Frame, annotation};
+use foveate_testing::{data, need};
 
 const SIDE: f64 = 24.0;
 
@@ -55,11 +56,8 @@ fn a_leap_is_followed_in_the_frame_itself() {
 /// has no say in that; else he is taken up again when the box has left the picture.
 #[test]
 fn what_hid_the_target_has_no_say_in_doubt() {
-    let Some(data) = std::env::var_os("FOVEATE_DATA") else { return eprintln!("skipped: no data (FOVEATE_DATA)") };
-    let folder = std::path::Path::new(&data).join("tracking/Jogging");
-    let Ok(truth) = annotation::read_truth(folder.join("groundtruth_rect.txt")) else {
-        return eprintln!("skipped: no data in {}", folder.display());
-    };
+    let folder = need!(data("tracking/Jogging"));
+    let truth = annotation::read_truth(folder.join("groundtruth_rect.txt")).expect("its truth");
     let back = |doubt: f64, seed: u64| {
         let mut config = Config::builtin("natural").expect("it ships").expect("it is right");
         config.local_search.iter_mut().for_each(|search| search.doubt = doubt);

@@ -5,7 +5,7 @@ use foveate::lab::synthetic::{Clutter, Drawn, NOISE, Occlusion};
 use foveate::scene::motion::first_box;
 use foveate::scene::{Detector, Motion, StillCamera};
 use foveate::video::open;
-use std::path::PathBuf;
+use foveate_testing::{data, need};
 
 /// Share of the frames from `from` on whose best candidate's centre is within 6 pixels of the digit's box's, and
 /// candidates a frame.
@@ -65,9 +65,6 @@ fn the_first_box_is_where_the_digit_is() {
 /// In TUD-Campus people of half the picture's height walk past a camera that stands still to a pixel.
 #[test]
 fn cameras_of_real_videos_stand_or_move() {
-    let Some(data) = std::env::var_os("FOVEATE_DATA").map(PathBuf::from) else {
-        return eprintln!("skipped: no data (FOVEATE_DATA)");
-    };
     for (video, moves) in [
         ("mot/TUD-Campus/img1", false),
         ("mot/PETS09-S2L1/img1", false),
@@ -76,11 +73,7 @@ fn cameras_of_real_videos_stand_or_move() {
         ("tracking-wide/BlurBody/img", true),
         ("tracking-wide/Traffic/img", true),
     ] {
-        let folder = data.join(video);
-        if !folder.is_dir() {
-            eprintln!("skipped: no data in {}", folder.display());
-            continue;
-        }
+        let folder = need!(data(video));
         let mut camera = StillCamera::default();
         for frame in open(&folder).expect("pictures").take(60) {
             camera.look(&frame.expect("a picture").image, false);

@@ -1,6 +1,7 @@
 //! What observers write is what the tracker said: a short real run, read back from its files.
 
 use foveate::files::Folder;
+use foveate_testing::need;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -187,7 +188,7 @@ fn the_report_needs_no_network_and_no_trust() {
 fn the_report_runs_in_a_browser() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     report(folder.path());
-    let Some(markup) = shown(&folder.path().join("report.html"), "frame=5") else { return };
+    let markup = need!(shown(&folder.path().join("report.html"), "frame=5"));
     assert!(
         markup.contains("frame <b>5</b> of 12"),
         "the replay stands at frame 5: {}",

@@ -1,5 +1,6 @@
 //! A policy with a reward surface as results show it: report, trace, video and picture of a short real run.
 
+use foveate_testing::need;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -160,7 +161,7 @@ fn the_report_has_a_surface_for_each_picture_and_draws_it() {
         assert_eq!(key["surface"]["mean"].as_str().map(str::len), Some((21 * 21usize).div_ceil(3) * 4));
         assert_eq!(key["surface"]["best"], serde_json::json!([0.5, -0.25]));
     }
-    let Some(markup) = shown(&path, "frame=30") else { return };
+    let markup = need!(shown(&path, "frame=30"));
     assert!(
         markup.contains("mean reward") && markup.contains("standard deviation") && !markup.contains("script failed")
     );

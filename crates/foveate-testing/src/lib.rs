@@ -1,0 +1,98 @@
+//! Requirements of tests: programs, data and processors that a machine may lack.
+//!
+//! A test that needs one begins with [`need!`]. Where it is missing, the test returns and is recorded as skipped: a line
+//! `test: reason` on standard error, and in the file that the environment variable `FOVEATE_SKIPPED` names, if it is set.
+//! With `FOVEATE_STRICT=1` the test fails instead.
+#![forbid(unsafe_code)]
+
+use std::fs::File;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// Takes the value of a requirement, a `Result<T, String>`, or returns from the test and records it as skipped.
+///
+/// ```
+/// use foveate_testing::{data, need};
+///
+/// fn test() {
+///     let clips = need!(data("clips"));
+///     assert!(clips.is_dir());
+/// }
+/// ```
+#[macro_export]
+macro_rules! need {
+    ($requirement:expr) => {
+        match $requirement {
+            Ok(value) => value,
+            Err(missing) => return $crate::skip(&missing),
+        }
+    };
+}
+
+/// Records that this test, or a part of it, does not run for want of `missing`.
+///
+/// # Panics
+/// With `FOVEATE_STRICT=1`.
+pub fn skip(missing: &str) {
+    let thread = std::thread::current();
+    let test = thread.name().unwrap_or("a test");
+    let strict = std::env::var_os("FOVEATE_STRICT").is_some_and(|value| value == "1");
+    assert!(!strict, "{test} needs {missing} (FOVEATE_STRICT=1)");
+    eprintln!("skipped: {test}: no {missing}");
+    if let Some(path) = std::env::var_os("FOVEATE_SKIPPED") {
+        let line = format!("{test}: no {missing}\n");
+        let written =
+            File::options().create(true).append(true).open(path).and_then(|mut it| it.write_all(line.as_bytes()));
+        written.expect("FOVEATE_SKIPPED names a writable file");
+    }
+}
+
+/// A file or folder of the test data: below the folder that `FOVEATE_DATA` names, or `data` beside `crates`.
+///
+/// # Errors
+/// Where it does not exist.
+pub fn data(path: &str) -> Result<PathBuf, String> {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data");
+    let found = std::env::var_os("FOVEATE_DATA").map_or_else(beside, PathBuf::from).join(path);
+    if found.exists() { Ok(found) } else { Err(format!("data: {path} (FOVEATE_DATA)")) }
+}
+
+/// The program ffmpeg.
+///
+/// # Errors
+/// Where it is not installed.
+pub fn ffmpeg() -> Result<(), String> {
+    program("ffmpeg", "-version")
+}
+
+/// The program node.
+///
+/// # Errors
+/// Where it is not installed.
+pub fn node() -> Result<(), String> {
+    program("node", "--version")
+}
+
+fn program(name: &str, version: &str) -> Result<(), String> {
+    let status = Command::new(name).arg(version).stdout(Stdio::null()).stderr(Stdio::null()).status();
+    if status.is_ok_and(|status| status.success()) { Ok(()) } else { Err(format!("program {name}")) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_requirement_that_is_met_gives_its_value() {
+        let reached = std::cell::Cell::new(0);
+        let test = |requirement: Result<u32, String>| reached.set(need!(requirement));
+        test(Ok(3));
+        assert_eq!(reached.get(), 3);
+    }
+
+    #[test]
+    fn data_that_do_not_exist_are_named() {
+        assert!(data("no/such").is_err_and(|missing| missing.contains("no/such")));
+    }
+}
