@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Runs other trackers (CSRT, KCF, dlib) on the digit videos of `foveate reproduce`, to compare them in its tables.
+"""Runs other trackers (CSRT, KCF, dlib) on the digit videos of `cargo run --release -p paper -- reproduce`, to compare them in its tables.
 
 Usage:
   pip install opencv-contrib-python dlib
   cargo build --release
   bench/peers.py --foveate target/release/foveate --data data --seeds 10 --out peers.csv
-  foveate reproduce table1 table3 --data data --peer peers.csv
+  cargo run --release -p paper -- reproduce table1 table3 --data data --peer peers.csv
 
 --data is the folder with MNIST's test files, --seeds the number of videos of each digit; --experiment, --digits and
 --frames choose a part. Trackers that are not installed are left out. One thread.

@@ -1,10 +1,9 @@
-"""Many videos, or the runs of an experiment, on Ray: killed workers are replaced, failures are listed.
+"""Many videos, or the runs of an evaluation, on Ray: killed workers are replaced, failures are listed.
 
     python -m foveate.ray --videos 'clips/*.mp4' --out runs -- --profile fast --no-video
-    python -m foveate.ray reproduce table1 --out out/table1 -- --data data
     python -m foveate.ray eval --out out-eval -- --seqs data/tracking --seeds 5
 
-What follows ``--`` goes to ``foveate track``, ``foveate reproduce`` or ``foveate eval``.
+What follows ``--`` goes to ``foveate track`` or ``foveate eval``.
 
 Videos: a task each. Each video has a folder ``OUT/NAME`` with the files of ``foveate track``, and a summary ``OUT/NAME.json``,
 which appears when everything is whole: a second call passes over videos that have one. ``OUT/index.html`` has all, the worst first;
@@ -14,7 +13,7 @@ where ``--init`` is not given. A video that ``foveate track`` refuses is not tri
 ``'s3://bucket/*.mp4'`` and other addresses that the package fsspec knows work, too, for videos and for ``--out``: each task copies its
 video to its machine, and its results from there when they are whole, the summary last.
 
-``reproduce`` and ``eval``: a task for each of ``--parts`` parts of the runs (``--shard``), which keep them in ``OUT/runs``; then the
+``eval``: a task for each of ``--parts`` parts of the runs (``--shard``), which keep them in ``OUT/runs``; then the
 program itself makes tables and page of them, here. A second call does only the runs that are not there yet.
 
 What a worker that dies was doing is tried again, ``--retries`` times. On a cluster all paths, this folder among them, must be shared by
@@ -85,7 +84,7 @@ def track(video: str, out: str, options: Sequence[str], folder: str = ".") -> st
 
 
 def part(command: Sequence[str], out: str, which: str, options: Sequence[str], folder: str = ".") -> str:
-    """Does a part of the runs of ``foveate reproduce`` or ``eval``, such as ``"1/4"``; answers the error."""
+    """Does a part of the runs of ``foveate eval``, such as ``"1/4"``; answers the error."""
     with _places.nearby(out) as here:
         return _called([*command, "--out", here, "--shard", which, *options], folder)[1]
 
@@ -195,7 +194,7 @@ def run(found: Mapping[str, str], out: str, options: Sequence[str], retries: int
 def run_parts(
     command: Sequence[str], out: str, options: Sequence[str], parts: int | None, retries: int, workers: int | None
 ) -> int:
-    """Does the runs of ``foveate reproduce`` or ``eval`` in parts, then the command itself; answers the exit status."""
+    """Does the runs of ``foveate eval`` in parts, then the command itself; answers the exit status."""
     ray = started(workers)
     count = parts or PARTS * processors(ray)
     began, folder, whole = time.monotonic(), os.getcwd(), _places.absolute(out)
@@ -209,8 +208,8 @@ def run_parts(
     print(f"{counted(count, 'part')} in {time.monotonic() - began:.1f} s", file=sys.stderr)
     sys.stdout.flush()
     with _places.nearby(whole) as here:
-        merge = ["--merge", here] if command[0] == "eval" else []
-        status = subprocess.run([sys.executable, "-c", _HERE, *command, "--out", here, *merge, *options]).returncode
+        merge = [*command, "--out", here, "--merge", here, *options]
+        status = subprocess.run([sys.executable, "-c", _HERE, *merge]).returncode
     if here != whole:
         print(f"{here} is kept as {out}")
     return status
@@ -228,14 +227,12 @@ def _main(arguments: Sequence[str] | None) -> int:
     given = list(sys.argv[1:] if arguments is None else arguments)
     end = given.index("--") if "--" in given else len(given)
     own, options = given[:end], given[end + 1 :]
-    command = own[0] if own and own[0] in ("reproduce", "eval") else None
+    command = own[0] if own and own[0] == "eval" else None
     about = (__doc__ or "").splitlines()[0]
     parser = argparse.ArgumentParser(prog="python -m foveate.ray" + f" {command}" * bool(command), description=about)
-    parser.epilog = f"After -- options of foveate {command or 'track'}. In place of --videos: reproduce NAME ..., or eval."
+    parser.epilog = f"After -- options of foveate {command or 'track'}. In place of --videos: eval."
     if command is None:
         parser.add_argument("--videos", nargs="+", required=True, metavar="GLOB", help="video files, folders of images, addresses")
-    if command == "reproduce":
-        parser.add_argument("names", nargs="*", metavar="NAME", help="experiments, as foveate reproduce has them")
     parser.add_argument("--out", required=True, metavar="DIR", help="folder or address for the results")
     parser.add_argument("--retries", type=int, default=3, metavar="N", help="tries after a worker died (3)")
     parser.add_argument("--workers", type=int, default=None, metavar="N", help="processes at a time (all processors)")
@@ -246,8 +243,7 @@ def _main(arguments: Sequence[str] | None) -> int:
     args = parser.parse_args(own[1:])
     if args.parts is not None and not 1 <= args.parts <= 100_000:
         parser.error(f"argument --parts: expected 1 to 100000, got {args.parts}")
-    words = [command, *getattr(args, "names", [])]
-    return run_parts(words, args.out, options, args.parts, args.retries, args.workers)
+    return run_parts([command], args.out, options, args.parts, args.retries, args.workers)
 
 
 if __name__ == "__main__":

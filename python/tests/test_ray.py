@@ -216,7 +216,7 @@ def test_without_ray_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest
     with pytest.raises(SystemExit, match="pip install ray"):
         foveate.ray.run({}, str(tmp_path / "runs"), [], 1, None)
     with pytest.raises(SystemExit, match="pip install ray"):
-        foveate.ray.main(["reproduce", "table3", "--out", str(tmp_path / "runs"), "--", "--quick"])
+        foveate.ray.main(["eval", "--out", str(tmp_path / "runs"), "--", "--seqs", "none"])
     assert not (tmp_path / "runs").exists()
 
 
@@ -269,7 +269,7 @@ def on_ray(folder: Path, arguments: list[str], kill: int, task: bytes = b"part")
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="skipped: no /proc")
-def test_evaluation_and_experiments_on_ray(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_evaluation_on_ray(tmp_path: Path) -> None:
     pytest.importorskip("ray", reason="skipped: no package ray")
 
     for digit in ("3", "7"):
@@ -284,19 +284,6 @@ def test_evaluation_and_experiments_on_ray(tmp_path: Path, monkeypatch: pytest.M
         on_ray(tmp_path, ["eval", "--out", address, "--workers", "2", "--parts", "3", "--", *options], kill=1)
         for name in ("confidence.json", "reliability.svg", "foveate/seed-4/video-7.txt"):
             assert (tmp_path / "far" / name).read_bytes() == (tmp_path / "alone" / name).read_bytes(), name
-
-    # The digits are drawn where there are no data.
-    monkeypatch.setenv("FOVEATE_DATA", str(tmp_path))
-    options = ["--quick"]
-    program(tmp_path, "reproduce", "table3", "--out", "one", *options)
-    again = ["reproduce", "table3", "--out", "many", "--workers", "2"]
-    on_ray(tmp_path, [*again, "--parts", "3", "--", *options], kill=2)
-    for name in ("table3.json", "table3.csv"):
-        assert (tmp_path / "many" / name).read_bytes() == (tmp_path / "one" / name).read_bytes(), name
-    # Again: nothing is left to do, in any number of parts.
-    before = sorted((path.name, path.stat().st_mtime_ns) for path in (tmp_path / "many/runs").iterdir())
-    on_ray(tmp_path, [*again, "--parts", "2", "--", *options], kill=0)
-    assert sorted((path.name, path.stat().st_mtime_ns) for path in (tmp_path / "many/runs").iterdir()) == before
 
 
 def test_what_the_program_refuses_is_told_once(tmp_path: Path) -> None:

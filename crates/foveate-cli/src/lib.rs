@@ -7,9 +7,20 @@
 #![deny(clippy::print_stdout, clippy::print_stderr)]
 
 #[macro_use]
-mod terminal;
+pub mod terminal;
 mod cmd;
 mod invocation;
+pub mod runs;
+
+/// The configuration of a run, by file or by name.
+pub mod configure {
+    pub use crate::cmd::configure::{Changes, read};
+}
+/// Videos with known boxes.
+pub mod videos {
+    pub use crate::cmd::videos::{Video, of_sequence};
+}
+pub use invocation::{command, set as start};
 
 /// Boxes in the files of other programs: what `foveate convert` writes.
 pub mod convert {
@@ -24,6 +35,15 @@ use clap::{CommandFactory, Parser, Subcommand};
 #[derive(Parser)]
 #[command(name = "foveate", version, about = "Follow one target or many through video, on a CPU", max_term_width = 100)]
 struct Cli {
+    #[command(flatten)]
+    common: Common,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// Options of every command.
+#[derive(clap::Args, Clone, Copy, Debug)]
+pub struct Common {
     /// Threads to use, 0 for all processors; results do not depend on it
     #[arg(long, global = true, default_value_t = 0, value_name = "N", hide_default_value = true, value_parser = clap::value_parser!(u16).range(..=1024))]
     threads: u16,
@@ -31,8 +51,6 @@ struct Cli {
     /// quarter of the machine's
     #[arg(long, global = true, value_name = "SIZE", value_parser = foveate::memory::parse)]
     max_memory: Option<u64>,
-    #[command(subcommand)]
-    command: Command,
 }
 
 #[derive(Subcommand)]
@@ -57,8 +75,6 @@ enum Command {
     Eval(cmd::eval::Args),
     /// Convert boxes between OTB, VOT, GOT-10k, MOTChallenge, COCO and CVAT
     Convert(cmd::convert::Args),
-    /// The paper on one command: its tables and figures beside ours, on one page
-    Reproduce(cmd::reproduce::Args),
     /// Track for vot-toolkit and other clients of the TraX protocol, on standard input and output
     Trax(cmd::trax::Args),
     /// List the configurations that ship with the program, or print one
@@ -88,24 +104,39 @@ fn threads(number: usize) -> foveate::Result<rayon::ThreadPool> {
     pool.map_err(|error| foveate::Error::Memory(format!("{error}, or give a smaller --threads")))
 }
 
+impl Common {
+    /// Runs a command with so many threads and so much memory, and reports its error on standard error. Returns the exit status: 0,
+    /// 1 after an error, or that of the signal which stopped the command.
+    pub fn run(self, command: impl FnOnce() -> foveate::Result<()> + Send) -> u8 {
+        foveate::memory::set_limit(self.max_memory.unwrap_or(0));
+        if let Err(error) = kernels() {
+            note!("foveate: {error}");
+            return 1;
+        }
+        // A decoder's panic is told as an error of its file, once.
+        let told = std::panic::take_hook();
+        std::panic::set_hook(Box::new(move |info| {
+            if !foveate::quiet::is_caught() {
+                told(info);
+            }
+        }));
+        match threads(self.threads.into()).and_then(|pool| pool.install(command)) {
+            Ok(()) => 0,
+            Err(error) => {
+                note!("foveate: {error}");
+                // After a signal the status says which.
+                if terminal::stopping() { terminal::stop_status() as u8 } else { 1 }
+            }
+        }
+    }
+}
+
 /// Runs the program with these arguments, its own name first; `program` is the file that has its code. Answers the exit status:
 /// 0, or 1 after an error that was told on standard error. Wrong arguments, `--help` and a second Ctrl-C end the process.
 pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
     invocation::set(&arguments, program);
     let cli = Cli::parse_from(arguments);
-    foveate::memory::set_limit(cli.max_memory.unwrap_or(0));
-    if let Err(error) = kernels() {
-        note!("foveate: {error}");
-        return 1;
-    }
-    // A decoder's panic is told as an error of its file, once.
-    let told = std::panic::take_hook();
-    std::panic::set_hook(Box::new(move |info| {
-        if !foveate::quiet::is_caught() {
-            told(info);
-        }
-    }));
-    let run = || match cli.command {
+    cli.common.run(|| match cli.command {
         Command::Demo(args) => cmd::demo::run(args),
         Command::Track(args) => cmd::track::run(*args),
         Command::Look(args) => cmd::look::run(args),
@@ -116,18 +147,9 @@ pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
         Command::Train(args) => cmd::train::run(args),
         Command::Eval(args) => cmd::eval::run(args),
         Command::Convert(args) => cmd::convert::run(args),
-        Command::Reproduce(args) => cmd::reproduce::run(args),
         Command::Trax(args) => cmd::trax::run(args),
         Command::Configs(args) => cmd::configs::run(args),
         Command::Completions(args) => cmd::completions::run(args, Cli::command()),
         Command::Man(args) => cmd::man::run(args, Cli::command()),
-    };
-    match threads(cli.threads.into()).and_then(|pool| pool.install(run)) {
-        Ok(()) => 0,
-        Err(error) => {
-            note!("foveate: {error}");
-            // After a signal the status says which.
-            if terminal::stopping() { terminal::stop_status() as u8 } else { 1 }
-        }
-    }
+    })
 }

@@ -8,11 +8,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use indicatif::{ProgressBar, ProgressStyle};
 
 /// A line on standard output, as `println!` writes it. Where the reader has gone (`foveate eval | head`) the work goes on without it.
+#[macro_export]
 macro_rules! say {
     ($($words:tt)*) => { $crate::terminal::put(format_args!("{}\n", format_args!($($words)*))) };
 }
 
 /// A line on standard error, where that can be written: `eprintln!` panics where it cannot, on a full device.
+#[macro_export]
 macro_rules! note {
     ($($words:tt)*) => { $crate::terminal::note(format_args!("{}\n", format_args!($($words)*))) };
 }

@@ -1,6 +1,6 @@
 //! The time of a frame with many targets and few looks: it should be that of the looks, however many targets there are.
 //!
-//! Digits of 28 px as in `foveate reproduce objects`, drawn by a pen, on a canvas as dense as there; so many looks a frame, one thread.
+//! Digits of 28 px as in `paper reproduce objects`, drawn by a pen, on a canvas as dense as there; so many looks a frame, one thread.
 //!
 //! `cargo bench --features lab --bench attention -- [frames]`; one JSON line a figure.
 

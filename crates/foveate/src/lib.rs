@@ -138,7 +138,7 @@
 //! | `report` | yes | `report`: tables, annotated video, the report page, runs from a source to observers |
 //! | `learn` | no | `learn`: RBMs, autoencoder, k-means, softmax; learned encoders and recognisers, and the models that ship |
 //! | `onnx` | no | encoders and object detectors from ONNX files (`encoder.kind`, `detector.kind`: `onnx`); its build takes minutes |
-//! | `lab` | no | `lab`: evaluation, training runs, synthetic scenes, experiments |
+//! | `lab` | no | `lab`: evaluation, training runs, synthetic scenes |
 #![forbid(unsafe_code)]
 
 pub use foveate_base::{error, files, memory, quiet, rng, rows, sink, text, thread};

@@ -61,7 +61,13 @@ fn source(name: &str) -> Option<PathBuf> {
     crates.sort();
     let sources = crates.iter().map(|folder| folder.join("src"));
     let places: Vec<PathBuf> = sources
-        .chain([root().join("crates/foveate/tests"), root().join("crates/foveate"), root(), root().join("crates")])
+        .chain([
+            root().join("paper/src"),
+            root().join("crates/foveate/tests"),
+            root().join("crates/foveate"),
+            root(),
+            root().join("crates"),
+        ])
         .collect();
     places.into_iter().map(|place| place.join(name)).find(|path| path.is_file())
 }
@@ -134,18 +140,27 @@ fn links_lead_somewhere() {
 /// What follows `foveate` where a document shows a command.
 #[test]
 fn commands_and_configurations_exist() {
-    let main = std::fs::read_to_string(root().join("crates/foveate-cli/src/lib.rs")).expect("the program");
-    let commands = main.split("enum Command {").nth(1).expect("its commands").split("\n}").next().expect("one part");
-    let commands: Vec<String> = commands
-        .lines()
-        .filter_map(|l| l.trim().split_once('(').filter(|(name, _)| name.starts_with(char::is_uppercase)))
-        .map(|(name, _)| name.to_lowercase())
-        .collect();
+    let commands = |file: &str| -> Vec<String> {
+        let main = std::fs::read_to_string(root().join(file)).expect("the program");
+        let commands =
+            main.split("enum Command {").nth(1).expect("its commands").split("\n}").next().expect("one part");
+        let named = |l: &str| {
+            Some(l.trim().split_once('(').filter(|(n, _)| n.starts_with(char::is_uppercase))?.0.to_lowercase())
+        };
+        commands.lines().filter_map(named).collect()
+    };
+    let papers = commands("paper/src/main.rs");
+    let commands = commands("crates/foveate-cli/src/lib.rs");
     assert!(commands.iter().any(|c| c == "track"), "the commands must be found: {commands:?}");
     let mut checked = 0;
     for (name, text) in documents().into_iter().filter(|(name, _)| !is_history(name)) {
         let blocks = text.split("```").skip(1).step_by(2).flat_map(str::lines);
         let shown = blocks.chain(text.lines().flat_map(code));
+        for command in shown.clone().filter_map(|shown| shown.strip_prefix("cargo run --release -p paper -- ")) {
+            let word = command.split_whitespace().next().expect("a word after it");
+            let known = commands.iter().chain(&papers).any(|c| c == word);
+            assert!(known, "{name} shows `{command}` of the crate paper: there is no such command");
+        }
         for command in shown.filter(|shown| shown.starts_with("foveate ")) {
             let word = command.split_whitespace().nth(1).expect("a word after it");
             let known = commands.iter().any(|c| c == word) || word == "help" || word.starts_with(['-', '.']);

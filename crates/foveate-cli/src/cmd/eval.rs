@@ -19,8 +19,8 @@ use foveate::{Error, Result, files};
 
 use self::record::{Data, Record, Settings};
 use super::configure::{Changes, Profile, config_name, read};
-use super::reproduce::runner::{self, Entry, Store};
 use super::results::InPlace;
+use crate::runs::{self, Entry, Store};
 use crate::terminal;
 
 /// Scores trackers on sequences whose true boxes are known (one-pass evaluation, as OTB does it).
@@ -79,7 +79,7 @@ pub struct Args {
     pub side_by_side: bool,
     /// Do only part I of N of the runs, and no scores: for several machines, whose folders are put together by --merge. A run is
     /// a sequence with a seed (with --choose also a candidate), in one thread, kept in runs/ of --out
-    #[arg(long, value_name = "I/N", value_parser = runner::parse_shard, conflicts_with_all = ["results", "mot"])]
+    #[arg(long, value_name = "I/N", value_parser = runs::parse_shard, conflicts_with_all = ["results", "mot"])]
     pub shard: Option<(u32, u32)>,
     /// Take finished runs from these folders of other --out (or this one), and do those that they lack; may be repeated
     #[arg(long, value_name = "DIR", conflicts_with_all = ["results", "mot"])]
@@ -182,7 +182,7 @@ impl Task {
         let runs: RefCell<Vec<Case>> = RefCell::new(vec![]);
         let run_tracker = |sequence: &Sequence, seed| {
             if terminal::stopping() {
-                return Err(runner::stopped(&args.out));
+                return Err(runs::stopped(&args.out));
             }
             let next = made.borrow_mut().next();
             let (run, judged) = next.map_or_else(|| kept.one(sequence, seed), Ok)?.apart();
@@ -221,9 +221,9 @@ fn begin(args: &Args, more: Vec<String>) -> Result<InPlace> {
 /// Only a part of the runs was to be done, or it was asked to stop.
 fn undone(args: &Args) -> Result<()> {
     if terminal::stopping() {
-        return Err(runner::stopped(&args.out));
+        return Err(runs::stopped(&args.out));
     }
-    runner::part_is_done(&args.out);
+    runs::part_is_done(&args.out);
     Ok(())
 }
 

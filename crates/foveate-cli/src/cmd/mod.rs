@@ -2,13 +2,12 @@
 
 pub mod completions;
 pub mod configs;
-mod configure;
+pub mod configure;
 pub mod convert;
 pub mod demo;
 pub mod eval;
 pub mod look;
 pub mod man;
-pub mod reproduce;
 mod results;
 pub mod serve;
 pub mod synth;
@@ -16,7 +15,7 @@ pub mod tiles;
 pub mod track;
 pub mod train;
 pub mod trax;
-mod videos;
+pub mod videos;
 
 use std::path::Path;
 

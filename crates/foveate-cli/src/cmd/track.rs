@@ -6,7 +6,7 @@ use std::time::Instant;
 use foveate::config::{Blueprint, Config, DetectorConfig, RecogniserConfig};
 use foveate::files::Folder;
 use foveate::geometry::BBox;
-use foveate::lab::eval::policy_set;
+use foveate::lab::eval::regret::comparison_gazes;
 use foveate::report::SurfacePicture;
 use foveate::report::run::{self, SingleRun, Span, check_box, follow, follow_tiles};
 use foveate::video::{Frame, SourceInfo};
@@ -239,7 +239,7 @@ fn one(args: &Args) -> Result<Tally> {
 }
 
 fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally> {
-    let shadow = if args.regret { policy_set::comparison_gazes(&blueprint.config().policy).gazes() } else { vec![] };
+    let shadow = if args.regret { comparison_gazes(&blueprint.config().policy).gazes() } else { vec![] };
     let blueprint = blueprint.shadowing(shadow.clone());
     let seed = args.seed.unwrap_or(blueprint.config().seed);
     let mut tracker = blueprint.tracker(seed)?;

@@ -24,6 +24,12 @@ kind = "hedge"
 gamma = 0.5
 "#;
 
+/// The program that is tested: `foveate`, or another with its commands.
+const PROGRAM: &str = match (option_env!("CARGO_BIN_EXE_foveate"), option_env!("CARGO_BIN_EXE_paper")) {
+    (Some(program), _) | (None, Some(program)) => program,
+    (None, None) => panic!("tests are built with a program"),
+};
+
 pub struct Place(tempfile::TempDir);
 
 impl Place {
@@ -42,7 +48,7 @@ impl Place {
         self.command(args).output().expect("it starts")
     }
     pub fn command(&self, args: &[&str]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
+        let mut command = Command::new(PROGRAM);
         command.current_dir(self.0.path()).args(args);
         command
     }

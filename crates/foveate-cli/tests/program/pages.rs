@@ -1,24 +1,8 @@
-//! The pages of evaluations, reproductions and many videos: one style, no script, opened in a browser where there is one.
+//! The pages of evaluations and many videos: one style, no script, opened in a browser where there is one.
 
 use crate::browser::{Browser, is_one_document};
 use crate::place::{Place, errors};
 use foveate_testing::need;
-
-/// An experiment of two quick runs.
-const EXPERIMENT: &str = r#"
-title = "Two lines"
-about = "To see the page."
-seeds = 1
-frames = 12
-digits = [3]
-scene = [{ name = "bars", video = { scene = "occlusion" } }]
-[[line]]
-name = "Hedge, of nine gazes that lie on a grid over the target, for a long name"
-config = "digits-hedge"
-[[line]]
-name = "fixed"
-config = "digits"
-"#;
 
 #[test]
 fn pages_without_a_script_have_the_style_of_the_reports() {
@@ -27,7 +11,6 @@ fn pages_without_a_script_have_the_style_of_the_reports() {
         let done = place.command(args).env("FOVEATE_DATA", place.path("none")).output().expect("it starts");
         assert!(done.status.success(), "{}", errors(&done));
     };
-    std::fs::write(place.path("mine.toml"), EXPERIMENT).expect("a writable folder");
     run(&["synth", "clutter", "--frames", "10", "--seed", "5", "--out", "a-video-with-a-rather-long-name"]);
     run(&[
         "track",
@@ -41,22 +24,20 @@ fn pages_without_a_script_have_the_style_of_the_reports() {
         "a-video-with-a-rather-long-name",
     ]);
     run(&["eval", "--config", "c.toml", "--seqs", "video", "a-video-with-a-rather-long-name", "--out", "scores"]);
-    run(&["reproduce", "mine.toml", "--set", "particles=60", "--out", "paper"]);
-    let pages = ["runs/index.html", "scores/report.html", "paper/index.html"];
+    let pages = ["runs/index.html", "scores/report.html"];
     let texts = pages.map(|page| String::from_utf8(place.read(page)).expect("text"));
     for text in &texts {
         is_one_document(text);
         assert!(text.contains(foveate::report::STYLE) && !text.contains("<script"), "one style, and no script");
     }
     // The curves are in the page, with their names below them; each run has its own.
-    let [_, scores, paper] = &texts;
+    let [_, scores] = &texts;
     for chart in ["Success, and its mean (AUC)", "Precision, and its value at 20 px", "Reliability of P(lost)"] {
         assert!(scores.contains(&format!("aria-label=\"{chart}\"")), "{chart}");
     }
     assert_eq!(scores.matches("class=\"drawing\"").count(), 3 + 2);
-    assert!(paper.contains("class=\"drawing\"") && !paper.contains("image/svg"), "charts take the colours of the page");
     let mut browser = need!(Browser::start(&place.path("."), &[]).ok_or("chromium that runs here"));
-    for (name, page) in ["runs", "scores", "paper"].into_iter().zip(pages) {
+    for (name, page) in ["runs", "scores"].into_iter().zip(pages) {
         browser.judge_file(name, &place.path(page));
     }
 }

@@ -1,4 +1,4 @@
-//! Recognition as a user meets it: a model is trained, a track says what it follows, an experiment counts how often.
+//! Recognition as a user meets it: a model is trained, a track says what it follows.
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -28,7 +28,7 @@ fn write_digits(dir: &Path) {
 }
 
 #[test]
-fn a_track_says_what_it_follows_and_an_experiment_counts() {
+fn a_track_says_what_it_follows() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let dir = dir.path();
     write_digits(dir);
@@ -54,29 +54,6 @@ fn a_track_says_what_it_follows_and_an_experiment_counts() {
     let wrong = ["track", "video", "-c", "digits", "--recognise", "m.safetensors", "--set", "recogniser.none=1"];
     let told = String::from_utf8_lossy(&foveate(dir, &wrong).stderr).into_owned();
     assert!(told.contains("recogniser.none=1") && told.contains("unknown field"), "{told}");
-
-    let experiment = r#"
-        title = "mine"
-        about = ""
-        measure = "accuracy"
-        digits = [3, 8]
-        seeds = 1
-        frames = 6
-        scene = [{ name = "clean", video = { scene = "clutter" } }]
-        [[line]]
-        name = "digits"
-        config = "digits"
-        change.recogniser = { kind = "multi-fixation", weights = "m.safetensors", policy = { kind = "exp3" } }
-    "#;
-    std::fs::write(dir.join("mine.toml"), experiment).expect("a writable folder");
-    let first = foveate(dir, &["reproduce", "mine.toml", "--out", "out"]);
-    said(&first);
-    let table: serde_json::Value = serde_json::from_str(&read("out/mine.json")).expect("JSON");
-    let line = &table["lines"][0];
-    assert_eq!((line["videos"].as_u64(), line["policy"].as_str()), (Some(2), Some("fixed")));
-    assert!(line["details"]["right by the last looks alone"].is_f64());
-    let again = foveate(dir, &["reproduce", "mine.toml", "--out", "out"]);
-    assert!(String::from_utf8_lossy(&again.stderr).contains("2 runs, 2 of them"));
 
     // What ships knows digits alone, and says so.
     let words = track("shipped", &["--recognise"]);

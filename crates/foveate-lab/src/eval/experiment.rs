@@ -116,7 +116,7 @@ pub fn reported(runs: &[&Run]) -> [Option<f64>; 2] {
 }
 
 /// The quantile `q` of at least one value, linear between neighbours.
-pub(super) fn quantile(values: &[f64], q: f64) -> f64 {
+pub fn quantile(values: &[f64], q: f64) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let at = q * (sorted.len() - 1) as f64;

@@ -128,7 +128,7 @@ pub fn centre_error(a: &BBox, b: &BBox) -> f64 {
 }
 
 /// Mean, and standard deviation with n in the denominator; the second is infinite where a value is.
-pub(super) fn mean_sd(values: &[f64]) -> (f64, f64) {
+pub fn mean_sd(values: &[f64]) -> (f64, f64) {
     let n = values.len().max(1) as f64;
     let mean = values.iter().sum::<f64>() / n;
     if !mean.is_finite() {

@@ -4,6 +4,8 @@ use std::path::Path;
 
 use foveate_base::Result;
 use foveate_base::sink::Sink;
+use foveate_core::config::PolicyConfig;
+use foveate_core::gaze::Grid;
 use foveate_core::geometry::{BBox, Gaze};
 use foveate_core::step::Step;
 use foveate_report::Observer;
@@ -14,6 +16,29 @@ use kuva::prelude::{Figure, Layout, LegendPosition, LineStyle, Plot, SvgBackend,
 
 /// Frames over which rewards are averaged in plots.
 const WINDOW: usize = 20;
+
+/// The gazes to measure a policy's regret against: 3 × 3 over its reach.
+pub fn comparison_gazes(policy: &PolicyConfig) -> Grid {
+    Grid { n: 3, reach: reach(policy).unwrap_or(Grid::default().reach) }
+}
+
+/// How far a policy looks, in template units; `None` where it has one gaze.
+pub fn reach(policy: &PolicyConfig) -> Option<f64> {
+    match policy {
+        PolicyConfig::Random { grid }
+        | PolicyConfig::Circular { grid }
+        | PolicyConfig::Hedge { grid, .. }
+        | PolicyConfig::Pool { grid, .. }
+        | PolicyConfig::ExploreThenCommit { grid, .. } => Some(grid.reach),
+        PolicyConfig::Exp3(c) => Some(c.grid.reach),
+        PolicyConfig::Exp3AsPrinted(c) => Some(c.grid.reach),
+        PolicyConfig::Exp3Ix(c) => Some(c.grid.reach),
+        PolicyConfig::Exp3S(c) => Some(c.grid.reach),
+        PolicyConfig::GpUcb(bayes) => Some(bayes.reach),
+        PolicyConfig::Anchor { policy } => reach(policy),
+        PolicyConfig::Fixed { .. } => None,
+    }
+}
 
 /// Keeps the rewards of the policy's gaze and of fixed ones; at the end, when it is known which fixed gaze was best,
 /// writes the regret ([`RegretLog::csv`]) and its plot. The sums go on where the target is given again.

@@ -120,7 +120,7 @@ fn figures(first: &str, lines: &[(String, Score)]) -> String {
 }
 
 /// Columns as wide as needed, two spaces apart; the first to the left, the others to the right.
-pub(super) fn aligned(lines: &[Vec<String>]) -> String {
+pub fn aligned(lines: &[Vec<String>]) -> String {
     let columns = lines.iter().map(Vec::len).max().unwrap_or(0);
     let width =
         |c: usize| lines.iter().filter_map(|line| line.get(c)).map(|cell| cell.chars().count()).max().unwrap_or(0);

@@ -17,7 +17,7 @@ use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 
 /// What makes of the configuration `digits-partial` one whose look is a sharp window of 5 x 5 pixels, a 31st of the digit's box. A smaller
-/// look tells less, so there are more particles, and each look counts for less. As the experiment `budget` of `foveate reproduce` has it.
+/// look tells less, so there are more particles, and each look counts for less. As the experiment `budget` of `paper reproduce` has it.
 pub const GLIMPSE: [&str; 4] =
     ["particles=2000", "retina.rings=[[5,1]]", "likelihood.sharpness=13", "likelihood.distance.presence.extra=0.7"];
 

@@ -15,7 +15,7 @@ use foveate::{Error, Result, files};
 use super::grid::{Candidate, candidates};
 use super::kept::{self, Kept};
 use super::record::{Data, program};
-use crate::cmd::reproduce::runner::{Entry, Store};
+use crate::runs::{Entry, Store};
 
 /// The folder of candidates.
 const CANDIDATES: &str = "candidates";

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::one_pass::one_pass;
 use super::record::{Data, Settings};
-use crate::cmd::reproduce::runner::{self, Entry, Finished, Store};
+use crate::runs::{self, Entry, Finished, Store};
 
 /// A finished run, as its file has it.
 #[derive(Clone, Serialize, Deserialize)]
@@ -94,6 +94,6 @@ pub fn key(purpose: &str, entry: &Entry, sequence: &Sequence, data: &Data, seed:
 pub fn make(entry: &Entry, sequence: &Sequence, seed: u64) -> Result<(Kept, Vec<u8>)> {
     let (TrackRun { boxes, seconds, read }, judged) = one_pass(&entry.blueprint, sequence, seed)?;
     let kept = Kept { sequence: sequence.name.clone(), seed, boxes, seconds, read, judged };
-    let text = runner::text(&kept)?;
+    let text = runs::text(&kept)?;
     Ok((kept, text))
 }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::cmd::configs::rings;
-use crate::cmd::reproduce::runner::Entry;
+use crate::runs::Entry;
 
 /// The program, its arguments, and the data.
 #[derive(Clone, Debug, Serialize)]

@@ -14,8 +14,8 @@ use serde::{Deserialize, Serialize};
 
 use super::init::first_box;
 use super::{Args, Tally, one};
-use crate::cmd::reproduce::runner::Entry;
 use crate::cmd::results::is_finished;
+use crate::runs::Entry;
 use crate::terminal;
 
 /// What is known of the videos so far, for a second call and for programs.

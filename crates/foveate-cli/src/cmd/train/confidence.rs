@@ -14,8 +14,8 @@ use serde::Serialize;
 
 use super::confidence_tracks::{Tracked, Videos};
 use crate::cmd::configure::{self, Changes};
-use crate::cmd::reproduce::runner::{self, Store};
 use crate::cmd::results::{spare, writable};
+use crate::runs::{self, Store};
 use crate::terminal;
 
 /// Fit the probability of being lost, on sequences or drawn scenes with truth.
@@ -90,7 +90,7 @@ pub fn run(args: &Args) -> Result<()> {
         let jobs = videos.jobs(&args.tracked, blueprint)?;
         kept.extend(jobs.keys());
         let Some(made) = jobs.tracks(&store, &format!("confidence, round {round}"))? else {
-            return Err(runner::stopped(&store.folder));
+            return Err(runs::stopped(&store.folder));
         };
         tracks.extend(made);
         if round < args.rounds {

@@ -14,8 +14,8 @@ use foveate::lab::{Digits, Split};
 
 use crate::cmd::eval::record::Data;
 use crate::cmd::eval::record::program;
-use crate::cmd::reproduce::runner::{self, Entry, Finished, Store};
 use crate::cmd::videos::{Video, of_scene, of_sequence};
+use crate::runs::{self, Entry, Finished, Store};
 
 /// What is to be tracked.
 #[derive(clap::Args)]
@@ -91,7 +91,7 @@ impl Videos {
             SceneName::Clutter => Synthetic::Clutter(Clutter { digit, seed, noise: NOISE, ..Clutter::default() }),
             SceneName::Partial => Synthetic::Occlusion(Occlusion { digit, side, seed, ..Occlusion::default() }),
         };
-        let pixels = runner::pixels(&digits);
+        let pixels = runs::pixels(&digits);
         Ok(Self::Scenes((0..10).map(scene).collect(), digits, pixels))
     }
 
@@ -147,7 +147,7 @@ impl Jobs<'_> {
     pub fn tracks(&self, store: &Store, label: &str) -> Result<Option<Vec<Judgement>>> {
         let make = |job: &Job| {
             let tracks = self.made(job)?;
-            let text = runner::text(&tracks)?;
+            let text = runs::text(&tracks)?;
             Ok((tracks, text))
         };
         let frames = |job: &Job| self.videos.frames(job.video);

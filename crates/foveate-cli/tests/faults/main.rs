@@ -1,0 +1,124 @@
+//! Every operation on a file fails once, and the program is killed at any moment: nothing half-written gets a final name, an error
+//! names the file, and the next run ends as if nothing had been.
+//!
+//! The failures are those of `foveate_base::files::faults`; tests are built with them, programs that are released are not.
+#![cfg(debug_assertions)]
+
+mod job;
+#[path = "../place/mod.rs"]
+mod place;
+
+use job::{Job, files};
+use place::{Place, errors};
+
+/// Digits that are rectangles, as IDX files, for training.
+fn digits(place: &Place) {
+    std::fs::create_dir(place.path("data")).expect("a new folder");
+    let n = 60u32;
+    let mut images = [2051, n, 28, 28].map(u32::to_be_bytes).concat();
+    let mut labels = [2049, n].map(u32::to_be_bytes).concat();
+    for i in 0..n {
+        let inside = |p: u32| (4 + i % 7..20 + i % 5).contains(&(p % 28)) && (6..14 + i % 11).contains(&(p / 28));
+        images.extend((0..784).map(|p| if inside(p) { 255 } else { 0 }));
+        labels.push((i % 10) as u8);
+    }
+    std::fs::write(place.path("data/train-images-idx3-ubyte"), images).expect("a writable folder");
+    std::fs::write(place.path("data/train-labels-idx1-ubyte"), labels).expect("a writable folder");
+}
+
+fn track() -> Job {
+    Job::new(
+        Place::new(),
+        &["track", "video", "-c", "c.toml", "--until", "3", "-o", "out", "--save-state", "out.json", "--threads", "1"],
+    )
+}
+
+fn train() -> Job {
+    let place = Place::new();
+    digits(&place);
+    Job::new(
+        place,
+        &[
+            "train",
+            "rbm",
+            "--data",
+            "data",
+            "--set",
+            "digits",
+            "--hidden",
+            "8",
+            "--epochs",
+            "3",
+            "--glimpses",
+            "200",
+            "--held-out",
+            "20",
+            "--out",
+            "out.safetensors",
+            "--threads",
+            "1",
+        ],
+    )
+}
+
+fn eval() -> Job {
+    Job::new(Place::new(), &["eval", "--seqs", "video", "--config", "c.toml", "--out", "out", "--threads", "1"])
+}
+
+#[test]
+fn each_failure_of_a_run_leaves_everything_whole() {
+    for (job, most) in [(track(), 2), (train(), 2), (eval(), 1)] {
+        let counts = job.fail_each(most);
+        assert!(counts.iter().all(|n| *n > 0), "{:?}: {counts:?}", job.args);
+        job.kill(2);
+    }
+}
+
+/// An output that fails in mid-run costs that file, an error and the status; the others are as they are without it.
+#[test]
+fn an_output_that_fails_ends_alone() {
+    let place = Place::new();
+    let run = |out: &str, fault: Option<&str>| {
+        let mut command = place.command(&["track", "video", "-c", "c.toml", "-o", out, "--trace", "--no-report"]);
+        command.envs(fault.map(|fault| ("FOVEATE_FAULT", fault)));
+        command.output().expect("it starts")
+    };
+    assert!(run("whole", None).status.success());
+    let names = ["annotated.mp4", "boxes.txt", "run.json", "trace.jsonl", "track.csv"];
+    assert_eq!(place.names("whole"), names);
+    for lost in ["annotated.mp4", "trace.jsonl", "track.csv"] {
+        let output = run("out", Some(&format!("write@{lost}:1")));
+        let said = errors(&output);
+        assert!(output.status.code() == Some(1) && said.contains(&format!("{lost} was not written")), "{said}");
+        let left: Vec<_> = names.into_iter().filter(|name| *name != lost).collect();
+        assert_eq!(place.names("out"), left);
+        for name in left.iter().filter(|name| **name != "run.json") {
+            assert!(place.read(&format!("out/{name}")) == place.read(&format!("whole/{name}")), "{lost}: {name}");
+        }
+    }
+    // Nor does a run that lost a file take the place of one that finished.
+    let good = files(&place.path("whole"));
+    let said = errors(&run("whole", Some("write@track.csv:1")));
+    assert!(
+        said.contains("whole/track.csv") && said.contains("whole.unplaced-") && !said.contains(".whole."),
+        "{said}"
+    );
+    assert!(files(&place.path("whole")) == good);
+    // Everything fails: nothing is put in the place of an earlier run.
+    let output = run("whole", Some("write:1+"));
+    assert!(output.status.code() == Some(1), "{}", errors(&output));
+    assert_eq!(place.names("whole"), names);
+}
+
+/// `cargo test -p foveate-cli --test faults -- --ignored --nocapture`: all failures of all commands, and a hundred kills of each; of one
+/// command with `FOVEATE_FAULTS=train`.
+#[test]
+#[ignore = "takes many minutes"]
+fn every_failure_and_a_hundred_kills() {
+    let asked = std::env::var("FOVEATE_FAULTS").unwrap_or_default();
+    for job in [track(), train(), eval()].into_iter().filter(|job| job.args[0].contains(&asked)) {
+        let counts = job.fail_each(usize::MAX);
+        println!("{:?}: failures of open, write, sync, rename: {counts:?}", job.args);
+        job.kill(100);
+    }
+}

@@ -1,0 +1,94 @@
+//! Recognition along real tracks (the paper's table 2): how often the decision is right, frame by frame.
+
+use serde::{Deserialize, Serialize};
+
+use foveate::Tracker;
+use foveate::lab::eval::metrics::centre_error;
+use foveate::lab::synthetic::Drawn;
+use foveate::video::Frame;
+use foveate::{Error, Result};
+
+/// One tracker with a recogniser on one video, from the second frame on.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Recognised {
+    /// What the target is.
+    pub digit: u8,
+    /// Distance of the estimated centre from the true one, pixels.
+    pub errors: Vec<f64>,
+    /// The likeliest class over all frames so far.
+    pub decided: Vec<u8>,
+    /// The likeliest class by each frame's own decision.
+    pub own: Vec<u8>,
+    /// The probability of the true class over all frames so far.
+    pub probability: Vec<f32>,
+}
+
+impl Recognised {
+    /// Follows a video's target from its true first box.
+    ///
+    /// # Errors
+    /// The tracker has no recogniser of ten classes or more, or refuses the first box.
+    pub fn follow(video: &dyn Drawn, tracker: &mut Tracker) -> Result<Self> {
+        let digit = video.label();
+        let mut run = Self { digit, ..Self::default() };
+        for (index, truth) in video.truth().iter().enumerate() {
+            let frame = Frame { index, time: index as f64 / 30.0, image: video.render(index) };
+            if index == 0 {
+                tracker.init(&frame.image, *truth)?;
+                continue;
+            }
+            let step = tracker.update(&frame.image)?.step;
+            let (Some((decided, _)), Some((own, _)), true) = (step.class(), step.own_class(), step.classes.len() == 10)
+            else {
+                return Err(Error::Config(
+                    "to recognise digits the configuration needs a recogniser of ten classes".into(),
+                ));
+            };
+            run.errors.push(centre_error(&step.bbox(), truth));
+            run.decided.push(decided as u8);
+            run.own.push(own as u8);
+            run.probability.push(step.classes[usize::from(digit)] as f32);
+        }
+        Ok(run)
+    }
+
+    /// Whether these could be the results of a video of so many frames: a check of what was read from a file.
+    pub fn is_of(&self, frames: usize) -> bool {
+        let n = self.errors.len();
+        n + 1 == frames && [self.decided.len(), self.own.len(), self.probability.len()] == [n; 3]
+    }
+
+    /// Share of frames whose decision over all frames so far is right.
+    pub fn accuracy(&self) -> f64 {
+        self.share(&self.decided)
+    }
+    /// Share of frames whose own decision, on the last looks, is right.
+    pub fn single(&self) -> f64 {
+        self.share(&self.own)
+    }
+    /// Whether the last decision is right.
+    pub fn right_at_end(&self) -> bool {
+        self.decided.last() == Some(&self.digit)
+    }
+    fn share(&self, classes: &[u8]) -> f64 {
+        classes.iter().filter(|c| **c == self.digit).count() as f64 / classes.len().max(1) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decisions_are_counted() {
+        let run = Recognised {
+            digit: 5,
+            errors: vec![1.0, 2.0, 20.0, 30.0],
+            decided: vec![1, 5, 5, 1],
+            own: vec![1, 5, 1, 1],
+            probability: vec![0.5; 4],
+        };
+        assert!(run.is_of(5) && !run.is_of(4));
+        assert_eq!((run.accuracy(), run.single(), run.right_at_end()), (0.5, 0.25, false));
+    }
+}

@@ -1,0 +1,173 @@
+//! One line of an experiment: a configuration, and what is changed of it.
+
+use crate::eval::learning::Template;
+use crate::eval::policy_set;
+use foveate::config::{Config, Exp3Config, PolicyConfig, RECOGNISERS, RecogniserConfig};
+use foveate::files::Folder;
+use foveate::gaze::Grid;
+use foveate::identity::accumulate::Accumulate;
+use foveate::lab::eval::experiment::digest;
+use foveate::{Error, Result};
+use serde::{Deserialize, Serialize};
+
+use crate::DIGITS;
+use foveate_cli::configure::{self, Changes};
+use foveate_cli::runs::Entry;
+
+/// Which settings a line shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Group {
+    /// As this project recommends.
+    #[default]
+    Recommended,
+    /// The authors' own parameters.
+    Authors,
+    /// As the paper prints it.
+    Printed,
+    /// Another tracker.
+    Peer,
+}
+
+impl Group {
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Recommended => "as recommended",
+            Self::Authors => "authors' parameters",
+            Self::Printed => "as printed",
+            Self::Peer => "other trackers",
+        }
+    }
+}
+
+/// One line of a table: a configuration with a policy.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LineSpec {
+    pub name: String,
+    #[serde(default)]
+    pub group: Group,
+    /// The paper's row that it stands beside.
+    pub row: Option<String>,
+    /// An earlier line: configuration, policy and changes are those of that one where they are not given, and changes are laid over its.
+    pub like: Option<String>,
+    /// One that ships with the program, or a file; left out where `like` says it.
+    #[serde(default)]
+    pub config: String,
+    /// One of `policy_set::policies` by its name; the configuration's own if left out.
+    pub policy: Option<String>,
+    /// Laid over the configuration.
+    #[serde(default)]
+    pub change: toml::Table,
+    /// Names of the scenes it is run on; all if left out.
+    pub scenes: Option<Vec<String>>,
+    /// The line it is compared with, video by video; the fixed centre of the same configuration if left out.
+    pub against: Option<String>,
+    /// Where a recogniser looks.
+    pub looks: Option<Looks>,
+    /// What the template is read from, where a learning curve is drawn.
+    #[serde(default)]
+    pub template: Template,
+    /// Each of many targets has a tracker that knows nothing of the others.
+    #[serde(default)]
+    pub alone: bool,
+}
+
+/// Where a recogniser looks.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Looks {
+    Random,
+    Circular,
+    /// EXP3.
+    Learned,
+    Fixed,
+}
+
+impl LineSpec {
+    /// Whether it is run on a scene.
+    pub fn is_run_on(&self, scene: &str) -> bool {
+        self.scenes.as_ref().is_none_or(|names| names.iter().any(|n| n == scene))
+    }
+
+    /// Takes what it leaves out from the line it is like.
+    pub fn follow(&mut self, other: &Self) {
+        if self.config.is_empty() {
+            self.config.clone_from(&other.config);
+        }
+        if self.policy.is_none() {
+            self.policy.clone_from(&other.policy);
+        }
+        let own = std::mem::replace(&mut self.change, other.change.clone());
+        lay(&mut self.change, &own);
+    }
+
+    /// What is run, with `settings` as [`Config::set`] takes them in the place of its own.
+    pub fn entry(&self, settings: &[String]) -> Result<Entry> {
+        let (mut config, files) = configure::read(&self.config, &Changes::default())?;
+        if let Some(name) = &self.policy {
+            let all = policy_set::policies(&config.policy);
+            let found = all.iter().find(|policy| policy_set::policy_name(policy) == *name).cloned();
+            config.policy = found.ok_or_else(|| {
+                let names: Vec<String> = all.iter().map(policy_set::policy_name).collect();
+                Error::Config(format!("line {}: there is no policy {name}; there are {}", self.name, names.join(", ")))
+            })?;
+        }
+        let mut text = toml::Table::try_from(&config).map_err(|e| Error::Config(format!("line {}: {e}", self.name)))?;
+        lay(&mut text, &self.change);
+        let config = Config::parse(&text.to_string(), &format!("line {}", self.name))?;
+        let in_line = |e: Error| Error::Config(format!("line {}: {e}", self.name));
+        let config = settings.iter().try_fold(config, |config, setting| config.set(setting)).map_err(in_line)?;
+        // The seed of each run is its job's.
+        let blueprint = Config { seed: 0, ..config }.check(&files).map_err(in_line)?;
+        let Some(looks) = self.looks else { return Entry::of(blueprint, "") };
+        let model = RECOGNISERS.iter().find(|model| DIGITS.ends_with(model.0)).map_or(&[][..], |model| model.1);
+        Entry::of(blueprint.recognising(looks.recogniser(), &Folder::here())?, &digest(&[model]))
+    }
+}
+
+impl Looks {
+    /// The shipped recogniser of digits, looking so.
+    fn recogniser(self) -> RecogniserConfig {
+        let grid = Grid { reach: 0.5, ..Grid::default() };
+        let policy = match self {
+            Self::Random => PolicyConfig::Random { grid },
+            Self::Circular => PolicyConfig::Circular { grid },
+            Self::Learned => PolicyConfig::Exp3(Exp3Config { grid, ..Exp3Config::default() }),
+            Self::Fixed => policy_set::FIXED,
+        };
+        let (weights, accumulate, policy) = (DIGITS.into(), Accumulate::Sum, Some(policy));
+        RecogniserConfig::MultiFixation { weights, accumulate, policy, alarm: false }
+    }
+}
+
+/// Lays one table over another: values take the place of values, tables are laid over tables unless they are of another
+/// `kind`.
+fn lay(below: &mut toml::Table, above: &toml::Table) {
+    for (key, value) in above {
+        match (below.get_mut(key), value) {
+            (Some(toml::Value::Table(old)), toml::Value::Table(new))
+                if new.get("kind").is_none_or(|kind| old.get("kind") == Some(kind)) =>
+            {
+                lay(old, new);
+            }
+            _ => drop(below.insert(key.clone(), value.clone())),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_are_laid_over() {
+        let mut below: toml::Table =
+            toml::from_str("a = 1\n[r]\nkind = 'x'\nt = 0.5\n[s]\nu = 1\nv = 2").expect("TOML");
+        let above = toml::from_str("[r]\nkind = 'y'\n[s]\nu = 3\n[n]\nw = 1").expect("TOML");
+        lay(&mut below, &above);
+        let wanted: toml::Table =
+            toml::from_str("a = 1\n[r]\nkind = 'y'\n[s]\nu = 3\nv = 2\n[n]\nw = 1").expect("TOML");
+        assert_eq!(below, wanted);
+    }
+}

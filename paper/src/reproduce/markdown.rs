@@ -1,0 +1,218 @@
+//! docs/results.md, and the blocks of other documents that come from results.
+//!
+//! A block begins with `<!-- results:NAME:begin -->` and ends with `<!-- results:NAME:end -->`, each on a line of its own.
+//! NAME is that of an experiment, or `summary`.
+
+use foveate::{Error, Result};
+
+use super::line::Group;
+use super::multi_table;
+use super::plan::Measure;
+use super::results::{Line, Results};
+
+/// docs/results.md.
+pub fn document(all: &[Results]) -> String {
+    let mut out = String::from(
+        "# Results\n\nWritten by `cargo run --release -p paper -- reproduce all --data data --write-docs .`; what is changed here by hand is lost.\n\n",
+    );
+    out += &conditions(all);
+    out += "\n\n## The paper beside ours\n\n";
+    out += &summary(all);
+    for results in all {
+        out += &format!("\n## {}\n\n{}\n\n{}", results.title, results.about, table(results));
+        if !results.paper.is_empty() {
+            out += &digits(results);
+        }
+        let checks: Vec<String> = results.checks.iter().map(|c| format!("- {}\n", c.text())).collect();
+        out += &if checks.is_empty() { String::new() } else { format!("\n{}", checks.concat()) };
+        out.truncate(out.trim_end().len());
+        out.push('\n');
+    }
+    out
+}
+
+/// What the figures are of.
+fn conditions(all: &[Results]) -> String {
+    let Some(first) = all.first() else { return "Nothing was run.".into() };
+    format!(
+        "{}, {} frames a video. Means over videos, with 95 % bootstrap intervals in brackets. Off at end: the last 20 frames are more than\n\
+         15 px off on average. Differences are taken video by video. Random numbers are named by seed: the same command gives the same figures.",
+        first.digits_from, first.frames
+    )
+}
+
+/// The paper's rows beside the same rows of ours, with each group of settings.
+pub fn summary(all: &[Results]) -> String {
+    let mut out = String::from(
+        "| table | policy | the paper | as recommended | median | off at end | authors' parameters | as printed |\n\
+         | --- | --- | --- | --- | --- | --- | --- | --- |\n",
+    );
+    for results in all.iter().filter(|r| !r.paper.is_empty()) {
+        let scene = results.scenes().first().copied().unwrap_or("").to_owned();
+        let unit = unit(results);
+        let first = |group: Group, row: Option<&str>| {
+            let same = |line: &Line| row.map_or(line.policy == "fixed", |row| line.row.as_deref() == Some(row));
+            results.lines.iter().find(|line| line.group == group && line.scene == scene && same(line))
+        };
+        let short = |group, row| first(group, row).map_or("-".into(), |line| short(line, unit));
+        let name = results.title.split(':').next().unwrap_or("");
+        let rows =
+            results.paper.iter().map(|p| (Some(p.row.as_str()), p.row.clone(), format!("{:.2} {unit}", p.average)));
+        for (row, shown, paper) in rows.chain([(None, "fixed centre".to_owned(), "-".to_owned())]) {
+            let Some(ours) = first(Group::Recommended, row) else { continue };
+            let shown = if row.is_some() { format!("{shown}: {}", ours.name) } else { shown };
+            out += &format!(
+                "| {name} | {shown} | {paper} | {:.2} {unit} [{:.2}, {:.2}] | {:.2} | {:.0} % | {} | {} |\n",
+                ours.tally.mean,
+                ours.tally.interval[0],
+                ours.tally.interval[1],
+                ours.tally.median,
+                100.0 * ours.tally.off_at_end,
+                short(Group::Authors, row),
+                short(Group::Printed, row),
+            );
+        }
+    }
+    out
+}
+
+fn unit(results: &Results) -> &'static str {
+    match results.measure {
+        Measure::Error => "px",
+        Measure::Accuracy => "%",
+    }
+}
+
+fn short(line: &Line, unit: &str) -> String {
+    format!("{:.2} {unit}, {:.0} % off at end", line.tally.mean, 100.0 * line.tally.off_at_end)
+}
+
+/// One table for each scene: means, medians, videos off at end, differences; which settings a line has, where they differ. Or that of
+/// many targets.
+pub fn table(results: &Results) -> String {
+    if !results.multi.is_empty() {
+        return multi_table::markdown(&results.multi);
+    }
+    let unit = unit(results);
+    let mixed = results.lines.iter().any(|l| l.group != Group::Recommended);
+    let settings = |text: &str| if mixed { format!(" {text} |") } else { String::new() };
+    let mut out = String::new();
+    for scene in results.scenes() {
+        out += &format!(
+            "{scene}, {} videos a line:\n\n|{} line | mean {unit} | median {unit} | off at end | difference | from |\n|{} --- | --- | --- | --- | --- | --- |\n",
+            results.lines.iter().find(|l| l.scene == scene).map_or(0, |l| l.tally.videos),
+            settings("settings"),
+            settings("---"),
+        );
+        for line in results.lines.iter().filter(|l| l.scene == scene) {
+            let t = &line.tally;
+            let (difference, from) = match (t.against, &line.other) {
+                (Some(d), Some(other)) => (format!("{:+.2} [{:+.2}, {:+.2}]", d.mean, d.low, d.high), other.as_str()),
+                _ => (String::new(), ""),
+            };
+            out += &format!(
+                "|{} {} | {:.2} [{:.2}, {:.2}] | {:.2} | {:.0} % | {difference} | {from} |\n",
+                settings(line.group.title()),
+                line.name,
+                t.mean,
+                t.interval[0],
+                t.interval[1],
+                t.median,
+                100.0 * t.off_at_end,
+            );
+        }
+        out += "\n";
+    }
+    out
+}
+
+/// Digit by digit, beside the paper's: means, in brackets deviations over time.
+fn digits(results: &Results) -> String {
+    let scene = results.scenes().first().copied().unwrap_or("").to_owned();
+    let heads: String = results.digits.iter().map(|d| format!(" {d} |")).collect();
+    let rule: String = results.digits.iter().map(|_| " --- |").collect();
+    let mut out = format!("Digit by digit ({scene}):\n\n| line |{heads} mean |\n| --- |{rule} --- |\n");
+    let cell = |mean: f64, spread: Option<f64>| match spread.filter(|s| *s > 0.0) {
+        Some(spread) => format!(" {mean:.2} ({spread:.2}) |"),
+        None => format!(" {mean:.2} |"),
+    };
+    for row in &results.paper {
+        let cells: String = (results.digits.iter())
+            .map(|&d| {
+                row.digits
+                    .get(usize::from(d))
+                    .map_or(" |".into(), |m| cell(*m, row.spread.get(usize::from(d)).copied()))
+            })
+            .collect();
+        out += &format!("| **the paper: {}** |{cells} {:.2} |\n", row.row, row.average);
+    }
+    for line in results.lines.iter().filter(|l| l.scene == scene) {
+        let cells: String = line.tally.digits.iter().map(|d| cell(d.mean, Some(d.spread))).collect();
+        out += &format!("| {} |{cells} {:.2} |\n", line.name, line.tally.mean);
+    }
+    out
+}
+
+/// A document with its blocks filled in; those without results are left as they are.
+pub fn fill(text: &str, name: &str, all: &[Results]) -> Result<String> {
+    let mut out = String::new();
+    let mut lines = text.lines();
+    while let Some(line) = lines.next() {
+        out += line;
+        out.push('\n');
+        let Some(block) = line.strip_prefix("<!-- results:").and_then(|l| l.strip_suffix(":begin -->")) else {
+            continue;
+        };
+        let end = format!("<!-- results:{block}:end -->");
+        let old: Vec<&str> = lines.by_ref().take_while(|line| *line != end).collect();
+        if !text.lines().any(|line| line == end) {
+            return Err(Error::Invalid(format!("{name}: {line} has no end; put {end} where the block ends")));
+        }
+        out += &match all.iter().find(|r| r.experiment == block) {
+            _ if block == "summary" => summary(all),
+            Some(results) => table(results).trim_end().to_owned() + "\n",
+            None => old.iter().flat_map(|line| [line, "\n"]).collect(),
+        };
+        out += &format!("{end}\n");
+    }
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::super::docs;
+    use super::*;
+
+    /// README.md and the documents say what the stored results say; with `FOVEATE_WRITE_DOCS` set, they are written anew.
+    #[test]
+    fn documents_agree_with_the_results() {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        if std::env::var_os("FOVEATE_WRITE_DOCS").is_some() {
+            docs::write(&root, &[]).expect("a checkout");
+        }
+        let all = docs::stored(&root).expect("results are readable");
+        assert!(all.iter().any(|r| r.experiment == "table1"), "results are kept in experiments/results");
+        let read = |name: &str| std::fs::read_to_string(root.join(name)).expect("a document");
+        let again = "write it anew: FOVEATE_WRITE_DOCS=1 cargo test -p paper documents_agree";
+        assert!(read("docs/results.md") == document(&all), "docs/results.md is not of the stored results; {again}");
+        for name in docs::FILLED {
+            let filled = fill(&read(name), name, &all).expect(name);
+            assert!(read(name) == filled, "{name} is not of the stored results; {again}");
+        }
+    }
+
+    #[test]
+    fn blocks_are_filled_and_the_rest_is_kept() {
+        let text = "a\n<!-- results:summary:begin -->\nold\n<!-- results:summary:end -->\nb\n";
+        let filled = fill(text, "t", &[]).expect("a whole block");
+        assert!(
+            filled.starts_with("a\n<!-- results:summary:begin -->\n| table |") && filled.ends_with(":end -->\nb\n")
+        );
+        assert!(!filled.contains("old") && fill(&filled, "t", &[]).expect("the same") == filled);
+        let other = "<!-- results:table1:begin -->\nold\n<!-- results:table1:end -->\n";
+        assert_eq!(fill(other, "t", &[]).expect("no results, no change"), other);
+        assert!(fill("<!-- results:summary:begin -->\n", "t", &[]).is_err_and(|e| e.to_string().contains("no end")));
+    }
+}

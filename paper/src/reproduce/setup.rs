@@ -1,0 +1,98 @@
+//! What experiments are run on: digits, sequences, finished runs; and what the command line changes of them.
+
+use std::path::PathBuf;
+
+use foveate::config::Config;
+use foveate::lab::eval::experiment::digest;
+use foveate::lab::synthetic::{Drawn, Synthetic};
+use foveate::lab::{Digits, Split};
+use foveate::{Result, Tracker};
+use foveate_cli::note;
+use foveate_cli::runs::{self, Entry, Finished, Store};
+use serde::Serialize;
+
+/// One run: the indices of its entry and its scene, the video, and the seed of the tracker's randomness.
+pub struct Job {
+    pub entry: usize,
+    pub scene: usize,
+    pub video: Synthetic,
+    pub seed: u64,
+}
+
+/// The file of a finished run.
+#[derive(Serialize)]
+struct Stored<'a, R> {
+    configuration: &'a Config,
+    video: &'a Synthetic,
+    seed: u64,
+    digits: &'a str,
+    #[serde(flatten)]
+    run: &'a R,
+}
+
+/// Follows the target of a video.
+pub type Following<R> = dyn Fn(&dyn Drawn, &mut Tracker) -> Result<R> + Sync;
+
+/// Digits drawn of each class where there is no MNIST.
+const DRAWN: usize = 40;
+
+/// What experiments are run on.
+pub struct Setup {
+    pub digits: Digits,
+    /// What the digits are.
+    pub from: String,
+    /// Whether they are MNIST's.
+    pub mnist: bool,
+    /// The folder whose `tracking/` has real sequences.
+    pub data: PathBuf,
+    pub store: Store,
+    /// Where files go.
+    pub out: PathBuf,
+    /// Settings that take the place of those of every configuration.
+    pub settings: Vec<String>,
+    pub quick: bool,
+}
+
+impl Setup {
+    /// On the data of a folder; without one, of $FOVEATE_DATA or `data`, or digits drawn by a pen.
+    pub fn of(data: Option<PathBuf>, store: Store, out: PathBuf) -> Result<Self> {
+        let usual = || std::env::var_os("FOVEATE_DATA").map_or_else(|| "data".into(), PathBuf::from);
+        let (given, data) = (data.is_some(), data.unwrap_or_else(usual));
+        let (digits, from, mnist) = match Digits::load(&data, Split::Test) {
+            Ok(digits) => (digits, "MNIST test digits", true),
+            Err(error) if given => return Err(error),
+            Err(error) => {
+                let note = "digits drawn by a pen, NOT MNIST: figures are not to be compared with those on MNIST";
+                note!("foveate: {note} ({error}; --data DIR says where they are)");
+                (Digits::drawn(1, DRAWN), note, false)
+            }
+        };
+        Ok(Self { digits, from: from.into(), mnist, data, store, out, settings: vec![], quick: false })
+    }
+
+    /// The runs of all jobs, in their order; `follow` makes those that are not kept yet.
+    pub fn runs<R: Finished>(
+        &self,
+        name: &str,
+        entries: &[Entry],
+        jobs: &[Job],
+        follow: &Following<R>,
+    ) -> Result<Vec<Option<R>>> {
+        let pixels = runs::pixels(&self.digits);
+        let key = |job: &Job| {
+            let scene = serde_json::to_vec(&job.video).expect("settings are plain data");
+            let seed = job.seed.to_le_bytes();
+            digest(&[entries[job.entry].key.as_bytes(), &scene, &seed, pixels.as_bytes()])
+        };
+        let make = |job: &Job| {
+            let blueprint = &entries[job.entry].blueprint;
+            let mut tracker = blueprint.tracker_of(job.seed, u64::from(job.video.digit()))?;
+            let run = follow(&*job.video.video(&self.digits)?, &mut tracker)?;
+            let (configuration, video, seed) = (blueprint.config(), &job.video, job.seed);
+            let stored = Stored { configuration, video, seed, digits: &self.from, run: &run };
+            let text = runs::text(&stored)?;
+            Ok((run, text))
+        };
+        self.store.finished(name, jobs, &|job| job.video.frames(), &key, &make)
+    }
+}

@@ -1,0 +1,14 @@
+//! The paper's experiments as a reader runs them.
+
+#[path = "../../../crates/foveate-cli/tests/browser/mod.rs"]
+mod browser;
+#[cfg(debug_assertions)]
+mod faults;
+#[cfg(debug_assertions)]
+#[path = "../../../crates/foveate-cli/tests/faults/job.rs"]
+mod job;
+mod pages;
+#[path = "../../../crates/foveate-cli/tests/place/mod.rs"]
+mod place;
+mod recognise;
+mod reproduce;
