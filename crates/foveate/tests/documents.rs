@@ -50,7 +50,7 @@ fn is_history(name: &str) -> bool {
 }
 
 /// What stands between backticks, line by line; a line is a row of a table or of a paragraph.
-fn code(line: &str) -> impl Iterator<Item = &str> {
+fn code(line: &str) -> impl Iterator<Item = &str> + Clone {
     line.split('`').skip(1).step_by(2)
 }
 
