@@ -290,7 +290,7 @@ pub fn calls(bytes: &[u8]) {
             3 => drop(tracker.update_with(&image, &[bytes.detection()])),
             4 => drop(tracker.reset_at(bytes.bbox())),
             5 => tracker.set_visibility(bytes.number()),
-            6 => tracker.skip(&image),
+            6 => drop(tracker.skip(&image)),
             _ => {
                 let mut again = one().tracker(1).expect("parts that fit");
                 again.load(&tracker.save()).expect("what is saved can be loaded");

@@ -36,7 +36,7 @@ impl Follows for Tracker {
         Tracker::load(self, saved)
     }
     fn skip(&mut self, image: &Image) {
-        Tracker::skip(self, image);
+        Tracker::skip(self, image).expect("a picture in memory can be read");
     }
 }
 

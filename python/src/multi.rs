@@ -1,7 +1,7 @@
 //! Many targets.
 
 use foveate::MultiTracker;
-use foveate::multi::TrackedTarget;
+use foveate::Seen;
 use numpy::ndarray::{Array2, Array3};
 use numpy::{IntoPyArray, PyArray1};
 use pyo3::exceptions::PyKeyError;
@@ -181,12 +181,12 @@ pub fn _restore_multi(py: Python<'_>, pickle: Pickle) -> PyResult<PyMultiTracker
 /// Targets as a `Targets` of arrays, with the names of classes, and what came with the detections.
 fn arrays<'py>(
     py: Python<'py>,
-    targets: &[TrackedTarget],
+    targets: &[Seen<'_>],
     names: &Bound<'py, PyDict>,
     data: &Bound<'py, PyDict>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let n = targets.len();
-    let each = |value: fn(&TrackedTarget) -> f64| PyArray1::from_iter(py, targets.iter().map(value));
+    let each = |value: fn(&Seen<'_>) -> f64| PyArray1::from_iter(py, targets.iter().map(value));
     let boxes = Array2::from_shape_fn((n, 4), |(i, j)| {
         let b = &targets[i].bbox;
         [b.x, b.y, b.w, b.h][j]
@@ -202,7 +202,7 @@ fn arrays<'py>(
     all.set_item("covariances", covariances.into_pyarray(py))?;
     all.set_item("gazes", gazes.into_pyarray(py))?;
     all.set_item("visible", each(|t| t.visible))?;
-    all.set_item("deficit", each(|t| t.deficit))?;
+    all.set_item("deficit", each(|t| t.consistency.deficit))?;
     all.set_item("scores", each(|t| t.detection.map_or(f64::NAN, |d| d.score)))?;
     all.set_item("class_ids", PyArray1::from_iter(py, targets.iter().map(|t| number(t.detected_class))))?;
     all.set_item("detection_index", PyArray1::from_iter(py, targets.iter().map(|t| number(t.detection_index))))?;

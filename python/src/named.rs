@@ -2,7 +2,7 @@
 
 use foveate::BBox;
 use foveate::geometry::State;
-use foveate::step::Region;
+use foveate::seen::Region;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;

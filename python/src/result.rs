@@ -1,8 +1,8 @@
 //! What is known of the target in one picture, kept for Python.
 
 use foveate::geometry::State;
-use foveate::step::Region;
-use foveate::{BBox, Output, Status};
+use foveate::seen::Region;
+use foveate::{BBox, Status};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
@@ -15,7 +15,7 @@ use crate::named;
 /// Credible regions of a normal belief are all this one, larger or smaller: it is the one of one standard deviation.
 const ONE_SD: f64 = 0.393_469_340_287_366_6; // 1 − e^(−1/2)
 
-/// A copy of an [`Output`], without what is for observers of the algorithm alone.
+/// A copy of a [`foveate::Seen`], without what is for observers of the algorithm alone.
 pub struct Seen {
     bbox: BBox,
     status: Status,
@@ -56,25 +56,23 @@ impl Seen {
     }
 
     /// Takes what Python may ask for.
-    pub fn of(output: &Output<'_>) -> Self {
-        let step = &output.step;
-        let gaze = step.plan.chosen();
-        let names = (0..step.classes.len()).map(|c| step.class_name(c).into_owned());
+    pub fn of(seen: &foveate::Seen<'_>) -> Self {
+        let names = (0..seen.classes.len()).map(|c| seen.class_name(c).into_owned());
         Self {
-            bbox: output.bbox,
-            status: output.status,
-            p_lost: output.p_lost,
-            state: output.state,
-            covariance: output.covariance,
-            one_sd: output.region(ONE_SD),
-            ess: step.ess,
-            log_evidence: step.log_evidence,
-            gaze: (gaze.u, gaze.v),
-            gazes: step.plan.gazes().iter().flat_map(|g| [g.u, g.v]).collect(),
-            rewards: step.rewards.to_vec(),
-            particles: step.predicted.iter().flat_map(State::to_array).collect(),
-            weights: step.weights.to_vec(),
-            classes: names.zip(step.classes.iter().copied()).collect(),
+            bbox: seen.bbox,
+            status: seen.status,
+            p_lost: seen.p_lost,
+            state: seen.state,
+            covariance: seen.covariance,
+            one_sd: seen.region(ONE_SD),
+            ess: seen.ess,
+            log_evidence: seen.log_evidence,
+            gaze: (seen.gaze.u, seen.gaze.v),
+            gazes: seen.plan.gazes().iter().flat_map(|g| [g.u, g.v]).collect(),
+            rewards: seen.rewards.to_vec(),
+            particles: seen.particles.iter().flat_map(State::to_array).collect(),
+            weights: seen.weights.to_vec(),
+            classes: names.zip(seen.classes.iter().copied()).collect(),
         }
     }
 }

@@ -193,10 +193,7 @@ impl PyTracker {
     /// A picture before the target is given, or again before the first update after :meth:`load`: camera motion and detector compare
     /// pictures, and see it; nothing is tracked.
     fn skip(&self, image: &Bound<'_, PyAny>) -> PyResult<()> {
-        self.0.show(image, |tracker, image| {
-            tracker.skip(image);
-            Ok(())
-        })
+        self.0.show(image, |tracker, image| tracker.skip(image))
     }
 
     /// Puts the target into this box: particles start about it, and P(lost) is 0 until the next picture. Everything else stays: the template,

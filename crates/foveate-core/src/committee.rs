@@ -5,11 +5,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::control::{Ballot, TrackConfidence, Vote};
+use crate::control::{Ballot, Vote};
 use crate::engine::{Engine, Parts};
 use crate::geometry::{BBox, Extent, State};
 use crate::scene::{Flow, Image, Meter, Scene};
-use crate::step::Step;
+use crate::seen::{Phase, Seen};
 use crate::threads;
 use foveate_base::{Error, Result};
 
@@ -59,7 +59,7 @@ impl Committee {
     }
 
     /// One frame: every member's, and the vote.
-    pub fn step<'a>(&'a mut self, scene: Scene<'a>) -> Step<'a> {
+    pub fn step<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
         if self.members.len() == 1 {
             return self.members[0].step(scene);
         }
@@ -78,8 +78,8 @@ impl Committee {
         self.meter.clear();
         self.members.iter().for_each(|member| self.meter.add_all(member.meter()));
         let values = self.meter.pixels() * scene.image.planes();
-        let step = self.members[elected].report(scene);
-        Step { values, confidence: TrackConfidence { p_lost, status, ..step.confidence }, ..step }
+        let phase = Phase::of(status);
+        Seen { values, p_lost, status, phase, ..self.members[elected].report(scene) }
     }
 
     /// Members that are lost begin again where the target is.
@@ -195,7 +195,7 @@ mod tests {
             let image = picture(10 + i / 2);
             let here = target(10 + i / 2);
             let told = committee.step(Scene { image: &image, detections: &[] });
-            assert!(told.bbox().iou(&here) > 0.3, "frame {i}: {:?}", told.bbox());
+            assert!(told.bbox.iou(&here) > 0.3, "frame {i}: {:?}", told.bbox);
             if committee.members[2].told().0.iou(&here) > 0.3 {
                 fetched = fetched.or(Some(i));
             }

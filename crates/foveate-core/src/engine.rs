@@ -29,7 +29,7 @@ use crate::identity::{self, Appearance, Percept};
 use crate::recognition::{Recognition, Recognized};
 use crate::reference::ReferenceLikelihood;
 use crate::scene::{Image, Meter, Scene};
-use crate::step::Step;
+use crate::seen::{Phase, Seen, best};
 use foveate_base::rng::Purpose::Recognize;
 use foveate_base::rng::Streams;
 use serde::{Deserialize, Serialize};
@@ -179,7 +179,7 @@ impl Engine {
     }
 
     /// One frame of Algorithm 1. Panics before [`Engine::init`].
-    pub fn step<'a>(&'a mut self, scene: Scene<'a>) -> Step<'a> {
+    pub fn step<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
         self.aim(scene);
         self.look(scene)
     }
@@ -193,7 +193,7 @@ impl Engine {
     }
 
     /// The second half, after [`Engine::aim`], with the picture: what was seen, and what follows.
-    pub fn look<'a>(&'a mut self, scene: Scene<'a>) -> Step<'a> {
+    pub fn look<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
         let image = scene.image;
         self.work.around = None;
         self.see(image);
@@ -251,36 +251,45 @@ impl Engine {
     }
 
     /// Everything that the last frame, which is `scene`, computed. Panics before the first step.
-    pub fn report<'a>(&'a self, scene: Scene<'a>) -> Step<'a> {
+    pub fn report<'a>(&'a self, scene: Scene<'a>) -> Seen<'a> {
         let (parts, w) = (&self.parts, &self.work);
         let (estimate, confidence) = w.told.expect("a step was made");
         let recognized = parts.recognition.as_ref().map_or(Recognized::default(), Recognition::recognized);
-        Step {
-            number: self.frame,
-            image: scene.image,
-            values: w.pixels * scene.image.planes(),
-            detections: scene.detections,
-            estimate: estimate.mean,
+        let extent = self.target().extent;
+        let TrackConfidence { p_lost, own, status, cues } = confidence;
+        Seen {
+            phase: Phase::of(status),
+            status,
+            p_lost,
+            state: estimate.mean,
             covariance: estimate.covariance,
+            extent,
+            gaze: w.plan.chosen(),
+            visible: self.visible,
+            consistency: parts.monitor.consistency(),
+            class: best(recognized.classes),
+            own_p_lost: own,
+            cues,
             ess: estimate.ess,
             log_evidence: w.log_evidence,
-            consistency: parts.monitor.consistency(),
-            confidence,
             localisation_noise: parts.monitor.model().localisation_noise,
-            extent: self.target().extent,
-            predicted: &w.predicted,
+            values: w.pixels * scene.image.planes(),
+            picture: Some(scene.image),
+            detections: scene.detections,
+            particles: &w.predicted,
             weights: &w.weights,
+            ancestors: &w.ancestors,
             plan: &w.plan,
             rewards: &w.rewards,
             recorded: &w.recorded,
             gaze_evidence: &w.gaze_evidence,
-            ancestors: &w.ancestors,
             percept: &w.percept,
             classes: recognized.classes,
             class_names: recognized.names,
             own_classes: recognized.own,
             recognition_gazes: recognized.gazes,
             snapshot: parts.gaze.policy.snapshot(),
+            ..Seen::given(scene.image.shape(), &estimate.mean.bbox(extent))
         }
     }
 

@@ -18,8 +18,8 @@ mod origin;
 pub mod recognition;
 pub mod reference;
 pub mod scene;
+pub mod seen;
 pub mod start;
-pub mod step;
 mod threads;
 pub mod tracker;
 
@@ -31,4 +31,5 @@ pub use foveate_kernels::Level as KernelLevel;
 pub use geometry::BBox;
 pub use multi::MultiTracker;
 pub use scene::{Detection, Image};
-pub use tracker::{Output, Tracker};
+pub use seen::Seen;
+pub use tracker::Tracker;

@@ -26,16 +26,17 @@ mod room;
 mod saved;
 pub mod settings;
 mod target;
-mod tracked_target;
+mod track;
 
+pub use crate::seen::Phase;
 pub(crate) use room::Room;
 pub use settings::Settings;
-pub use tracked_target::{Phase, TrackedTarget};
 
 use crate::engine::{Claim, Engine};
 use crate::geometry::BBox;
 use crate::origin::Origin;
 use crate::scene::{Detection, Image, Preprocessor};
+use crate::seen::Seen;
 
 use foveate_base::{Error, Result};
 use initiation::TentativeTracks;
@@ -78,6 +79,8 @@ pub struct MultiTracker {
     /// Whether it was loaded since the last update: pictures that are skipped then were counted before.
     resumed: bool,
     size: Option<(usize, usize)>,
+    /// Width, height and planes of the last picture.
+    shape: [usize; 3],
     /// By id.
     active: Vec<Target>,
     /// By time of termination.
@@ -88,9 +91,9 @@ pub struct MultiTracker {
     next_id: u64,
     /// Whether there ever was a detection.
     detecting: bool,
-    targets: Vec<TrackedTarget>,
+    targets: Vec<Seen<'static>>,
     /// Those of them whose boxes are results.
-    results: Vec<TrackedTarget>,
+    results: Vec<Seen<'static>>,
     pool: Pool,
     work: Work,
 }
@@ -128,6 +131,7 @@ impl MultiTracker {
             next: 0,
             resumed: false,
             size: None,
+            shape: [1, 1, 1],
             active: vec![],
             terminated: Vec::with_capacity(MOST_REMEMBERED + 1), // so that a termination allocates nothing
             tentative: TentativeTracks::default(),
@@ -144,7 +148,7 @@ impl MultiTracker {
 
     /// Tracks all targets into the next picture. `detections` are those of your detector, pixels from 0, in any order; if the
     /// configuration has a detector, its detections are added. Returns the targets whose boxes are results, by id: targets in the phase
-    /// [`Phase::Lost`] are left out, and [`MultiTracker::targets`] has them too. [`TrackedTarget::detection_index`] names the detection that
+    /// [`Phase::Lost`] are left out, and [`MultiTracker::targets`] has them too. [`Seen::detection_index`] names the detection that
     /// was assigned to a target.
     ///
     /// A detection without a score has the score NaN. If no detection has a score, or all have the same one, each can start a track, but
@@ -154,7 +158,7 @@ impl MultiTracker {
     /// [`Error::Invalid`] where the picture has another size than the first one (after [`MultiTracker::cut`] it may), or a detection's box is
     /// not finite or has no width or height; then nothing has changed.
     /// [`Error::Stopped`] where it was asked to: see [`MultiTracker::stopper`].
-    pub fn update(&mut self, image: &Image, detections: &[Detection]) -> Result<&[TrackedTarget]> {
+    pub fn update(&mut self, image: &Image, detections: &[Detection]) -> Result<&[Seen<'static>]> {
         let size = (image.width(), image.height());
         if self.size.is_some_and(|first| first != size) {
             return Err(Error::Invalid(format!(
@@ -166,7 +170,7 @@ impl MultiTracker {
         if self.next >= saved::MOST_FRAMES {
             return Err(Error::Invalid(format!("a video has at most {} frames", saved::MOST_FRAMES)));
         }
-        self.size = Some(size);
+        (self.size, self.shape) = (Some(size), image.shape());
         (self.frame, self.next, self.resumed) = (self.next, self.next + 1, false);
         self.preprocessor.look_or_watch(image, self.frame.is_multiple_of(self.settings.every));
         let mut found = std::mem::take(&mut self.work.found);
@@ -260,12 +264,12 @@ impl MultiTracker {
     }
 
     /// All active targets of the last picture, by id, with those in the phase [`Phase::Lost`], whose boxes are guesses.
-    pub fn targets(&self) -> &[TrackedTarget] {
+    pub fn targets(&self) -> &[Seen<'static>] {
         &self.targets
     }
 
     /// The active target with this id, lost or not, in the last picture.
-    pub fn target(&self, id: u64) -> Option<&TrackedTarget> {
+    pub fn target(&self, id: u64) -> Option<&Seen<'static>> {
         self.targets.binary_search_by_key(&id, |target| target.id).ok().map(|at| &self.targets[at])
     }
 
@@ -384,8 +388,8 @@ impl MultiTracker {
 
     fn publish(&mut self) {
         self.targets.clear();
-        self.targets.extend(self.active.iter().map(|t| t.track));
+        self.targets.extend(self.active.iter().map(|t| t.track.seen(self.shape)));
         self.results.clear();
-        self.results.extend(self.targets.iter().filter(|target| target.sure()));
+        self.results.extend(self.targets.iter().filter(|target| target.is_usable()));
     }
 }

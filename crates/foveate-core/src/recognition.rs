@@ -40,7 +40,7 @@ pub struct Recognition {
     classes: Vec<f64>,
 }
 
-/// What was recognised, as [`crate::step::Step`] shows it.
+/// What was recognised, as [`crate::seen::Seen`] shows it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Recognized<'a> {
     /// p(c | all frames so far), after accumulation; empty without a recogniser.

@@ -5,12 +5,11 @@
 
 use crate::committee::Committee;
 use crate::config::{Blueprint, Configure};
-use crate::control::Status;
 use crate::engine::{Engine, Parts};
 use crate::geometry::{BBox, Extent, State};
 use crate::origin::Origin;
 use crate::scene::{Detection, Image, Preprocessor, Regions, Scene, Sensor};
-use crate::step::{Region, Step};
+use crate::seen::Seen;
 use foveate_base::files::Nowhere;
 use foveate_base::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -36,50 +35,6 @@ pub struct Tracker {
     sensor: Option<Sensor>,
     /// Width, height and planes of the pictures.
     shape: Option<[usize; 3]>,
-}
-
-/// What is known of the target in one picture. Views of the tracker's buffers: copy what you keep.
-pub struct Output<'a> {
-    /// Its box; left and top from 0, pixels.
-    pub bbox: BBox,
-    /// The status of the track, which follows from `p_lost`: the one answer to "is the box a result?".
-    pub status: Status,
-    /// The probability that the box is not on the target (IoU below 0.1) or the target not to be seen.
-    pub p_lost: f64,
-    /// Mean of the belief, moved by the box regression where there is one: centre, velocity a frame, log scale relative to the first frame, angle.
-    pub state: State,
-    /// Its covariance over x, y, vx, vy, log scale, angle.
-    pub covariance: [[f64; 6]; 6],
-    /// Everything that the frame computed.
-    pub step: Step<'a>,
-}
-
-impl Output<'_> {
-    /// The credible region of the target's centre that holds this share (0 to below 1) of the probability.
-    pub fn region(&self, share: f64) -> Region {
-        self.step.region(share)
-    }
-    /// Whether the box is a result: the status is tracking or reacquired. Else the box is a guess.
-    pub fn is_usable(&self) -> bool {
-        self.status.is_usable()
-    }
-    /// Whether the status is lost. It is not while the target is occluded, whose box is no result either: see [`Output::is_usable`].
-    pub fn is_lost(&self) -> bool {
-        self.status.is_lost()
-    }
-}
-
-impl<'a> From<Step<'a>> for Output<'a> {
-    fn from(step: Step<'a>) -> Self {
-        Self {
-            bbox: step.bbox(),
-            status: step.confidence.status,
-            p_lost: step.confidence.p_lost,
-            state: step.estimate,
-            covariance: step.covariance,
-            step,
-        }
-    }
 }
 
 /// The format number of saved trackers.
@@ -121,76 +76,58 @@ impl Tracker {
         Self { sensor, ..self }
     }
 
-    /// Starts, or starts again, on the target in this box: its template is what is there. Everything learned before is forgotten and the
+    /// Starts, or starts again, on the target in this box of a picture: an [`Image`], or any source of [`Regions`] for a configuration with
+    /// `[sensor]`. The template is what is there. Everything learned before is forgotten and the
     /// random streams start again, so that the tracker goes on as a new one would, bit for bit. Only what a detector and the camera motion
     /// saw of earlier pictures stays, as after [`Tracker::skip`]: for another video make another tracker.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture; then nothing
-    /// has changed.
-    pub fn init(&mut self, image: &Image, bbox: BBox) -> Result<()> {
-        if self.sensor.is_some() {
-            return self.init_from(image, bbox);
+    /// [`Error::Invalid`] if the box is not finite, smaller than 2 × 2 pixels, or does not touch the picture; then nothing has changed.
+    /// [`Error::Invalid`] if the picture serves regions only and the configuration has no `[sensor]`. An error of a source that cannot be
+    /// read.
+    pub fn init(&mut self, picture: &dyn Regions, bbox: BBox) -> Result<()> {
+        if let Some(sensor) = &mut self.sensor {
+            sensor.begin(picture)?;
         }
-        crate::start::check(image, &bbox)?;
+        crate::start::check(visible(self.sensor.as_ref(), picture)?, &bbox)?;
+        if let Some(sensor) = &mut self.sensor {
+            sensor.imprint(picture, &State::of(&bbox), Extent::of(&bbox))?;
+        }
+        let image = visible(self.sensor.as_ref(), picture)?;
         self.preprocessor.look(image);
-        self.shape = Some(image.shape());
+        self.shape = Some(picture.shape());
         self.committee.init(image, bbox)
     }
 
-    /// The same from a source that serves regions of a picture, for a configuration with `[sensor]`: the first look is as wide as
-    /// its widest window and as sharp as its sharpest.
+    /// Tracks the target into the next picture of the video. With `[sensor]` the overview is read first, then the windows around the
+    /// expected place and the fovea at the gaze.
     ///
     /// # Errors
-    /// As [`Tracker::init`]; where the configuration has no `[sensor]`; where the source cannot be read.
-    pub fn init_from(&mut self, source: &dyn Regions, bbox: BBox) -> Result<()> {
-        let sensor = self.sensor.as_mut().ok_or_else(unsensed)?;
-        sensor.begin(source)?;
-        crate::start::check(sensor.seen(), &bbox)?;
-        sensor.imprint(source, &State::of(&bbox), Extent::of(&bbox))?;
-        self.preprocessor.look(sensor.seen());
-        self.shape = Some(source.shape());
-        self.committee.init(sensor.seen(), bbox)
-    }
-
-    /// The next picture of the video.
-    ///
-    /// # Errors
-    /// [`Error::Invalid`] before [`Tracker::init`], or where the picture has another size or other planes than the first.
-    pub fn update<'a>(&'a mut self, image: &'a Image) -> Result<Output<'a>> {
-        if self.sensor.is_some() {
-            return self.update_from(image);
+    /// [`Error::Invalid`] before [`Tracker::init`], if the picture has another size or other planes than the first, or if it serves regions
+    /// only and the configuration has no `[sensor]`. If a source cannot be read: then give the target anew.
+    pub fn update<'a>(&'a mut self, picture: &'a dyn Regions) -> Result<Seen<'a>> {
+        self.check_shape(picture.shape())?;
+        if self.sensor.is_none() {
+            return self.step(visible(None, picture)?, None);
         }
-        self.prepare(image)?;
-        Ok(counted(self.committee.step(self.preprocessor.scene(image)), &self.preprocessor).into())
-    }
-
-    /// The next picture of the video from a source that serves regions of it, for a configuration with `[sensor]`: first its
-    /// overview is read, then what is about the place where the target is expected, and where the policy looks.
-    ///
-    /// # Errors
-    /// As [`Tracker::update`]; where the configuration has no `[sensor]`; where the source cannot be read: then give the target
-    /// anew.
-    pub fn update_from<'a>(&'a mut self, source: &dyn Regions) -> Result<Output<'a>> {
-        self.check_shape(source.shape())?;
-        let sensor = self.sensor.as_mut().ok_or_else(unsensed)?;
-        sensor.begin(source)?;
+        let sensor = self.sensor.as_mut().expect("checked above");
+        sensor.begin(picture)?;
         look(&mut self.preprocessor, &mut self.committee, sensor.seen());
         let engine = self.committee.first_mut();
         engine.aim(self.preprocessor.scene(sensor.seen()));
         let extent = engine.extent().expect("there is a target, or the shape were none");
         let (expected, plan) = engine.aimed();
-        sensor.look(source, &expected, extent, plan.gazes())?;
+        sensor.look(picture, &expected, extent, plan.gazes())?;
         let values = sensor.values();
-        Ok(Step { values, ..engine.look(self.preprocessor.scene(sensor.seen())) }.into())
+        Ok(Seen { values, ..engine.look(self.preprocessor.scene(sensor.seen())) })
     }
 
-    /// The same, with what a detector of yours found in the picture, in the place of the configuration's own.
+    /// The same with the detections of your own detector, which replace those of the configuration's.
     ///
     /// # Errors
     /// As [`Tracker::update`]; where the configuration uses no detections: it has neither `[detection_likelihood]` nor
     /// `proposal = { kind = "mixture" }`.
-    pub fn update_with<'a>(&'a mut self, image: &'a Image, detections: &'a [Detection]) -> Result<Output<'a>> {
+    pub fn update_with<'a>(&'a mut self, image: &'a Image, detections: &'a [Detection]) -> Result<Seen<'a>> {
         if self.sensor.is_some() {
             return Err(Error::Invalid(
                 "a tracker with [sensor] reads no detections of others; leave [sensor] out".into(),
@@ -203,39 +140,37 @@ impl Tracker {
                     .into(),
             ));
         }
-        self.prepare(image)?;
-        Ok(counted(self.committee.step(Scene { image, detections }), &self.preprocessor).into())
+        self.check_shape(image.shape())?;
+        self.step(image, Some(detections))
     }
 
-    /// A picture before the target is given, or before the first update after [`Tracker::load`]: detector and camera motion
-    /// compare pictures, and see it; nothing is tracked.
-    pub fn skip(&mut self, image: &Image) {
-        match &self.sensor {
-            Some(_) => self.skip_from(image).expect("a picture in memory can be read"),
-            None => self.preprocessor.look(image),
-        }
+    /// One frame of a whole picture, with these detections or those of the configuration's detector.
+    fn step<'a>(&'a mut self, image: &'a Image, detections: Option<&'a [Detection]>) -> Result<Seen<'a>> {
+        look(&mut self.preprocessor, &mut self.committee, image);
+        let detections = detections.unwrap_or(self.preprocessor.detections());
+        let seen = self.committee.step(Scene { image, detections });
+        // Camera motion and detectors read whole pictures.
+        let values = if self.preprocessor.looks_everywhere() { image.bytes().len() } else { seen.values };
+        Ok(Seen { values, ..seen })
     }
 
-    /// The same from a source that serves regions, for a configuration with `[sensor]`: its overview is read.
+    /// Shows a picture that is not tracked in to the detector and the camera motion, which compare pictures: one before the target is
+    /// given, or the last one before [`Tracker::load`]. With `[sensor]` the overview is read.
     ///
     /// # Errors
-    /// Where the configuration has no `[sensor]`, or the source cannot be read.
-    pub fn skip_from(&mut self, source: &dyn Regions) -> Result<()> {
-        let sensor = self.sensor.as_mut().ok_or_else(unsensed)?;
-        sensor.begin(source)?;
-        self.preprocessor.look(sensor.seen());
+    /// [`Error::Invalid`] if the picture serves regions only and the configuration has no `[sensor]`. An error of a source that cannot be
+    /// read.
+    pub fn skip(&mut self, picture: &dyn Regions) -> Result<()> {
+        if let Some(sensor) = &mut self.sensor {
+            sensor.begin(picture)?;
+        }
+        self.preprocessor.look(visible(self.sensor.as_ref(), picture)?);
         Ok(())
     }
 
     /// What was read of the last picture, painted into a picture of its own; `None` without `[sensor]`.
     pub fn sensed(&self) -> Option<&Image> {
         self.sensor.as_ref().map(Sensor::seen)
-    }
-
-    fn prepare(&mut self, image: &Image) -> Result<()> {
-        self.check_shape(image.shape())?;
-        look(&mut self.preprocessor, &mut self.committee, image);
-        Ok(())
     }
 
     /// Whether there is a target, and the picture is like the first one.
@@ -327,14 +262,10 @@ fn look(preprocessor: &mut Preprocessor, committee: &mut Committee, image: &Imag
     }
 }
 
-/// The step, with all values of a whole picture counted where the preprocessor reads it.
-fn counted<'a>(step: Step<'a>, preprocessor: &Preprocessor) -> Step<'a> {
-    let values = if preprocessor.looks_everywhere() { step.image.bytes().len() } else { step.values };
-    Step { values, ..step }
-}
-
-fn unsensed() -> Error {
-    Error::Invalid("this configuration reads whole pictures; add [sensor] to read regions".into())
+/// The picture as the tracker sees it: what the sensor has read, or the whole.
+fn visible<'a>(sensor: Option<&'a Sensor>, picture: &'a dyn Regions) -> Result<&'a Image> {
+    let unsensed = || Error::Invalid("this configuration reads whole pictures; add [sensor] to read regions".into());
+    sensor.map(Sensor::seen).or_else(|| picture.whole()).ok_or_else(unsensed)
 }
 
 impl Blueprint {

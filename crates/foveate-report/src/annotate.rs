@@ -9,11 +9,11 @@ use crate::RunInfo;
 use crate::draw::{CORNERS, Colour, Drawing, Point, text_width};
 use crate::eye::{Eye, windows};
 use crate::heat::{Heat, ramp, span};
+use foveate_core::Seen;
 use foveate_core::control::Status;
 use foveate_core::gaze::PolicySnapshot;
 use foveate_core::geometry::{BBox, Extent, Gaze, State};
 use foveate_core::scene::Image;
-use foveate_core::step::Step;
 use foveate_video::Frame;
 
 /// Height that small frames are magnified towards, pixels.
@@ -118,32 +118,32 @@ impl Annotator {
     }
 
     /// A frame that was tracked, as large as that of [`Annotator::start`].
-    pub fn annotate(&mut self, frame: &Frame, step: &Step<'_>) -> Image {
-        self.path.push(&step.estimate);
-        self.best = if let PolicySnapshot::Surface(surface) = step.snapshot { surface.best() } else { None };
+    pub fn annotate(&mut self, frame: &Frame, seen: &Seen<'_>) -> Image {
+        self.path.push(&seen.state);
+        self.best = if let PolicySnapshot::Surface(surface) = seen.snapshot { surface.best() } else { None };
         let (mut page, view, panel) = self.page(frame);
-        for b in step.detections.iter().map(|d| d.bbox) {
+        for b in seen.detections.iter().map(|d| d.bbox) {
             let corners =
                 [(b.x, b.y), (b.x + b.w - 1.0, b.y), (b.x + b.w - 1.0, b.y + b.h - 1.0), (b.x, b.y + b.h - 1.0)];
             page.outline(&corners.map(|corner| view.at(corner)), view.bold, SOFT, 0.9);
         }
-        self.particles(&mut page, view, step);
+        self.particles(&mut page, view, seen);
         self.path.draw(&mut page, view, 1.6, TARGET, 0.85);
         if let Some(Some(b)) = self.truth.get(frame.index) {
             dashed(&mut page, view, b);
         }
-        let colour = if step.is_usable() { TARGET } else { LOST };
-        outline(&mut page, view, &step.estimate, step.extent, Gaze::CENTRE, 1.0, 2.0, colour);
-        self.fixation(&mut page, view, step);
-        label(&mut page, view, step);
-        credible(&mut page, view, step);
-        match step.confidence.status {
+        let colour = if seen.is_usable() { TARGET } else { LOST };
+        outline(&mut page, view, &seen.state, seen.extent, Gaze::CENTRE, 1.0, 2.0, colour);
+        self.fixation(&mut page, view, seen);
+        label(&mut page, view, seen);
+        credible(&mut page, view, seen);
+        match seen.status {
             Status::Tracking => (),
             status @ Status::Reacquired => banner(&mut page, view, frame, status.name(), [0, 110, 75]),
             status => banner(&mut page, view, frame, status.name(), [190, 74, 0]),
         }
         // What was drawn over the panel's place is behind it.
-        self.side(&mut page, panel, frame, Some(step));
+        self.side(&mut page, panel, frame, Some(seen));
         page.into_image()
     }
 
@@ -156,30 +156,30 @@ impl Annotator {
         (page, view, width)
     }
 
-    fn particles(&self, page: &mut Drawing, view: View, step: &Step<'_>) {
-        let most = step.weights.iter().copied().fold(0.0, f64::max);
-        let mut order: Vec<usize> = (0..step.weights.len()).collect();
-        order.sort_by(|a, b| step.weights[*a].total_cmp(&step.weights[*b]));
+    fn particles(&self, page: &mut Drawing, view: View, seen: &Seen<'_>) {
+        let most = seen.weights.iter().copied().fold(0.0, f64::max);
+        let mut order: Vec<usize> = (0..seen.weights.len()).collect();
+        order.sort_by(|a, b| seen.weights[*a].total_cmp(&seen.weights[*b]));
         for i in order {
-            let share = (step.weights[i] / most).sqrt();
-            let at = view.at((step.predicted[i].x, step.predicted[i].y));
+            let share = (seen.weights[i] / most).sqrt();
+            let at = view.at((seen.particles[i].x, seen.particles[i].y));
             page.disc(at, view.bold * (1.3 + 0.9 * share), tint(share), 0.4 + 0.5 * share);
         }
     }
 
-    fn fixation(&self, page: &mut Drawing, view: View, step: &Step<'_>) {
-        let chosen = step.plan.chosen_index();
+    fn fixation(&self, page: &mut Drawing, view: View, seen: &Seen<'_>) {
+        let chosen = seen.plan.chosen_index();
         if let Some(best) = self.best {
-            let at = step.estimate.fixate(best, step.extent);
+            let at = seen.state.fixate(best, seen.extent);
             page.ring(view.at((at.x, at.y)), 6.0 * view.bold, 4.2 * view.bold, BLACK, 0.6);
             page.ring(view.at((at.x, at.y)), 6.0 * view.bold, 2.0 * view.bold, INK, 1.0);
         }
-        for (k, gaze) in step.plan.used() {
-            let at = step.estimate.fixate(gaze, step.extent);
+        for (k, gaze) in seen.plan.used() {
+            let at = seen.state.fixate(gaze, seen.extent);
             if k == chosen {
                 for (i, reach) in self.windows.iter().enumerate().rev() {
                     let thick = if i == 0 { 1.6 } else { 0.8 };
-                    outline(page, view, &step.estimate, step.extent, gaze, *reach, thick, GAZE);
+                    outline(page, view, &seen.state, seen.extent, gaze, *reach, thick, GAZE);
                 }
             }
             let (arm, colour) = if k == chosen { (7.0, INK) } else { (4.0, GAZE) };
@@ -187,7 +187,7 @@ impl Annotator {
         }
     }
 
-    fn side(&self, page: &mut Drawing, left: usize, frame: &Frame, step: Option<&Step<'_>>) {
+    fn side(&self, page: &mut Drawing, left: usize, frame: &Frame, seen: Option<&Seen<'_>>) {
         if !self.has_panel {
             return;
         }
@@ -208,25 +208,25 @@ impl Annotator {
         page.text((x, y), "glimpse", size, SOFT);
         y += 1.9 * size;
         page.fill(x - 0.5, y - 0.5, square, square, SUNKEN, 1.0);
-        if let (Some(eye), Some(step)) = (&self.eye, step) {
+        if let (Some(eye), Some(seen)) = (&self.eye, seen) {
             let side = square.round() as usize;
-            page.paste(&eye.picture(&step.percept.glimpse), x.round() as usize, y.round() as usize, side, side);
+            page.paste(&eye.picture(&seen.percept.glimpse), x.round() as usize, y.round() as usize, side, side);
         }
         y += square + 0.8 * pad;
         page.text((x, y), "gaze", size, SOFT);
         y += 1.9 * size;
         page.fill(x - 0.5, y - 0.5, square, square, SUNKEN, 1.0);
-        if let Some(step) = step {
-            policy(page, (x, y), square, step, self.best, unit);
+        if let Some(seen) = seen {
+            policy(page, (x, y), square, seen, self.best, unit);
         }
         y += square + 0.9 * pad;
-        let Some(step) = step else { return };
-        let n = step.weights.len() as f64;
-        let reward = step.rewards[step.plan.chosen_index()];
+        let Some(seen) = seen else { return };
+        let n = seen.weights.len() as f64;
+        let reward = seen.rewards[seen.plan.chosen_index()];
         for (name, value, share, colour) in [
             ("reward", format!("{reward:.2}"), reward, GAZE),
-            ("ESS", format!("{:.0} of {n}", step.ess), step.ess / n, TARGET),
-            ("P(lost)", format!("{:.2}", step.confidence.p_lost), step.confidence.p_lost, LOST),
+            ("ESS", format!("{:.0} of {n}", seen.ess), seen.ess / n, TARGET),
+            ("P(lost)", format!("{:.2}", seen.p_lost), seen.p_lost, LOST),
         ] {
             page.text((x, y), name, size, SOFT);
             page.text((x + inner - text_width(&value, size), y), &value, size, INK);
@@ -261,12 +261,12 @@ pub(super) fn magnified(image: &Image) -> (Drawing, View) {
 }
 
 /// The policy over the template's box, on a square of the page.
-fn policy(page: &mut Drawing, (x, y): Point, side: f64, step: &Step<'_>, best: Option<Gaze>, unit: f64) {
+fn policy(page: &mut Drawing, (x, y): Point, side: f64, seen: &Seen<'_>, best: Option<Gaze>, unit: f64) {
     const REACH: f64 = 1.25;
     let at = |u: f64, v: f64| (x + side * (u / REACH + 1.0) / 2.0, y + side * (v / REACH + 1.0) / 2.0);
     let corners = CORNERS.map(|(u, v)| at(u, v));
     page.outline(&corners, 1.4 * unit, TARGET, 0.9);
-    match step.snapshot {
+    match seen.snapshot {
         PolicySnapshot::Blank => (),
         PolicySnapshot::Arms { gazes, probabilities } => {
             let full = side * 0.17;
@@ -292,7 +292,7 @@ fn policy(page: &mut Drawing, (x, y): Point, side: f64, step: &Step<'_>, best: O
             }
         }
     }
-    let gaze = step.plan.chosen();
+    let gaze = seen.plan.chosen();
     let (cx, cy) = at(gaze.u, gaze.v);
     page.ring((cx, cy), 7.0 * unit, 1.8 * unit, GAZE, 1.0);
     page.disc((cx, cy), 1.8 * unit, INK, 1.0);
@@ -346,9 +346,9 @@ fn dashed(page: &mut Drawing, view: View, b: &BBox) {
 }
 
 /// The 90 % credible region of the centre.
-fn credible(page: &mut Drawing, view: View, step: &Step<'_>) {
+fn credible(page: &mut Drawing, view: View, seen: &Seen<'_>) {
     const POINTS: usize = 48;
-    let (r, (sin, cos)) = (step.region(0.9), step.region(0.9).turn.sin_cos());
+    let (r, (sin, cos)) = (seen.region(0.9), seen.region(0.9).turn.sin_cos());
     let at = |i: usize| {
         let (s, c) = (std::f64::consts::TAU * i as f64 / POINTS as f64).sin_cos();
         let (u, v) = (r.half[0] * c, r.half[1] * s);
@@ -360,9 +360,9 @@ fn credible(page: &mut Drawing, view: View, step: &Step<'_>) {
 }
 
 /// The class of the target above its box, or below where there is no room.
-fn label(page: &mut Drawing, view: View, step: &Step<'_>) {
-    let Some((class, p)) = step.class() else { return };
-    let (text, size, b) = (format!("{}  {:.0} %", step.class_name(class), 100.0 * p), 9.0 * view.bold, step.bbox());
+fn label(page: &mut Drawing, view: View, seen: &Seen<'_>) {
+    let Some((class, p)) = seen.class else { return };
+    let (text, size, b) = (format!("{}  {:.0} %", seen.class_name(class), 100.0 * p), 9.0 * view.bold, seen.bbox);
     let (x, top) = view.at((b.x, b.y));
     let y = if top >= 2.4 * size { top - 2.2 * size } else { view.at((b.x, b.y + b.h)).1 + 0.8 * size };
     page.fill(x - 0.4 * size, y - 0.4 * size, text_width(&text, size) + 0.8 * size, 1.8 * size, BLACK, 0.55);

@@ -8,11 +8,10 @@ use crate::{Annotator, Baseline, MultiAnnotator, MultiObserver, Observer, RunInf
 use foveate_base::files::folder_of;
 use foveate_base::sink::{Memory, Sink};
 use foveate_base::{Error, Result};
+use foveate_core::Seen;
 use foveate_core::Tracker;
 use foveate_core::geometry::{BBox, State};
-use foveate_core::multi::TrackedTarget;
 use foveate_core::scene::Image;
-use foveate_core::step::Step;
 use foveate_video::{Frame, Mp4Writer};
 
 /// Frames a second where the source does not say.
@@ -87,8 +86,8 @@ impl Observer for Film {
     fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
         self.video.push(&self.annotator.start(frame, bbox), frame.time)
     }
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        self.video.push(&self.annotator.annotate(frame, step), frame.time)
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+        self.video.push(&self.annotator.annotate(frame, seen), frame.time)
     }
     fn finish(&mut self) -> Result<()> {
         self.video.finish()
@@ -158,14 +157,14 @@ impl Observer for SideBySide {
         let panes: Vec<_> = self.annotators.iter_mut().map(|one| (one.start(frame, bbox), String::new())).collect();
         self.push(&panes, frame.time)
     }
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
         let [ours, annotators @ ..] = &mut self.annotators[..] else { return Ok(()) };
-        let mut panes = vec![(ours.annotate(frame, step), Self::error(&self.truth, frame, &step.estimate))];
+        let mut panes = vec![(ours.annotate(frame, seen), Self::error(&self.truth, frame, &seen.state))];
         for ((tracker, baseline), annotator) in self.others.iter_mut().zip(annotators) {
             let seen = tracker.update(&frame.image)?;
-            baseline.add(touching(&seen.bbox, &frame.image), seen.step.values);
-            let error = Self::error(&self.truth, frame, &seen.step.estimate);
-            panes.push((annotator.annotate(frame, &seen.step), error));
+            baseline.add(touching(&seen.bbox, &frame.image), seen.values);
+            let error = Self::error(&self.truth, frame, &seen.state);
+            panes.push((annotator.annotate(frame, &seen), error));
         }
         self.push(&panes, frame.time)
     }
@@ -191,7 +190,7 @@ impl MultiFilm {
 }
 
 impl MultiObserver for MultiFilm {
-    fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         self.video.push(&self.annotator.annotate(frame, targets), frame.time)
     }
     fn finish(&mut self) -> Result<()> {

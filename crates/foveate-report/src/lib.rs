@@ -1,5 +1,5 @@
 #![doc = include_str!("../README.md")]
-//! Observers read each step of a run and write files. The tracking loop does not know them. Every file appears under its
+//! Observers read each seen of a run and write files. The tracking loop does not know them. Every file appears under its
 //! name when it is whole: at [`Observer::finish`].
 //!
 //! | one target | many targets | file |
@@ -65,10 +65,10 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use foveate_base::Result;
+use foveate_core::Seen;
 use foveate_core::config::Blueprint;
 use foveate_core::geometry::{BBox, Gaze};
 use foveate_core::identity::Retina;
-use foveate_core::step::Step;
 use foveate_video::{Frame, SourceInfo};
 
 /// Observes a run with one target.
@@ -86,7 +86,7 @@ pub trait Observer {
     ///
     /// # Errors
     /// A file cannot be written.
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()>;
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()>;
     /// The end: files get their names.
     ///
     /// # Errors
@@ -98,8 +98,8 @@ impl Observer for Box<dyn Observer> {
     fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
         (**self).start(frame, bbox)
     }
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        (**self).observe(frame, step)
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+        (**self).observe(frame, seen)
     }
     fn finish(&mut self) -> Result<()> {
         (**self).finish()
@@ -111,8 +111,8 @@ impl Observer for Vec<Box<dyn Observer>> {
     fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
         self.iter_mut().try_for_each(|o| o.start(frame, bbox))
     }
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        self.iter_mut().try_for_each(|o| o.observe(frame, step))
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+        self.iter_mut().try_for_each(|o| o.observe(frame, seen))
     }
     fn finish(&mut self) -> Result<()> {
         self.iter_mut().map(|o| o.finish()).fold(Ok(()), Result::and)

@@ -2,9 +2,8 @@
 
 use crate::{MultiObserver, Observer};
 use foveate_base::Result;
+use foveate_core::Seen;
 use foveate_core::geometry::BBox;
-use foveate_core::multi::TrackedTarget;
-use foveate_core::step::Step;
 use foveate_video::Frame;
 
 /// Shows an observer the first frames of a run and no more: what it keeps, in memory or on disk, stays bounded.
@@ -31,8 +30,8 @@ impl<O: Observer> Observer for Limited<O> {
     fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
         if self.wants() { self.observer.start(frame, bbox) } else { Ok(()) }
     }
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        if self.wants() { self.observer.observe(frame, step) } else { Ok(()) }
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+        if self.wants() { self.observer.observe(frame, seen) } else { Ok(()) }
     }
     fn finish(&mut self) -> Result<()> {
         self.observer.finish()
@@ -40,7 +39,7 @@ impl<O: Observer> Observer for Limited<O> {
 }
 
 impl<O: MultiObserver> MultiObserver for Limited<O> {
-    fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         if self.wants() { self.observer.observe(frame, targets) } else { Ok(()) }
     }
     fn finish(&mut self) -> Result<()> {

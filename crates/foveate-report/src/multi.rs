@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 
 use crate::annotate::{Path, View, cross, magnified, outline};
 use crate::draw::{CORNERS, Colour, Drawing, text_width};
+use foveate_core::Seen;
 use foveate_core::geometry::Gaze;
-use foveate_core::multi::{Phase, TrackedTarget};
+use foveate_core::multi::Phase;
 use foveate_core::scene::Image;
 use foveate_video::Frame;
 
@@ -32,7 +33,7 @@ pub fn colour(id: u64) -> Colour {
 }
 
 /// `id 3` or, with a recogniser, `id 3: 7 98 %`: id, class, probability.
-pub fn name(target: &TrackedTarget) -> String {
+pub fn name(target: &Seen<'_>) -> String {
     let class = target.class.map(|(class, p)| format!(": {class} {:.0} %", 100.0 * p));
     format!("id {}{}", target.id, class.unwrap_or_default())
 }
@@ -50,7 +51,7 @@ pub struct MultiAnnotator {
 
 impl MultiAnnotator {
     /// A frame with its active targets. Small frames are magnified to about 480 rows, by a whole number.
-    pub fn annotate(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Image {
+    pub fn annotate(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Image {
         self.skip(targets);
         let (mut page, view) = magnified(&frame.image);
         for target in targets {
@@ -66,7 +67,7 @@ impl MultiAnnotator {
     }
 
     /// A frame that is not drawn: only the paths go on.
-    pub fn skip(&mut self, targets: &[TrackedTarget]) {
+    pub fn skip(&mut self, targets: &[Seen<'_>]) {
         self.paths.retain(|id, _| targets.iter().any(|target| target.id == *id));
         for target in targets {
             let path = self.paths.entry(target.id).or_default();
@@ -79,7 +80,7 @@ impl MultiAnnotator {
 }
 
 /// The rotated box, corners alone where it is occluded or lost, and a cross at the gaze.
-fn body(page: &mut Drawing, view: View, target: &TrackedTarget) {
+fn body(page: &mut Drawing, view: View, target: &Seen<'_>) {
     let ink = colour(target.id);
     if is_occluded_or_lost(target.phase) {
         corners(page, view, target, ink);
@@ -90,7 +91,7 @@ fn body(page: &mut Drawing, view: View, target: &TrackedTarget) {
     cross(page, view, (at.x, at.y), 5.0, 1.6, ink);
 }
 
-fn corners(page: &mut Drawing, view: View, target: &TrackedTarget, ink: Colour) {
+fn corners(page: &mut Drawing, view: View, target: &Seen<'_>, ink: Colour) {
     const LONG: f64 = 0.4;
     let f = target.state.fixate(Gaze::CENTRE, target.extent);
     let at = |u: f64, v: f64| view.at((f.x + u * f.ux + v * f.vx, f.y + u * f.uy + v * f.vy));
@@ -102,7 +103,7 @@ fn corners(page: &mut Drawing, view: View, target: &TrackedTarget, ink: Colour) 
 }
 
 /// Its name and phase above its box, or below where there is no room.
-fn label(page: &mut Drawing, view: View, target: &TrackedTarget) {
+fn label(page: &mut Drawing, view: View, target: &Seen<'_>) {
     let note = match target.phase {
         Phase::Initiated | Phase::Tracked => String::new(),
         phase => format!(" {}", phase.name()),
@@ -121,29 +122,15 @@ fn label(page: &mut Drawing, view: View, target: &TrackedTarget) {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use foveate_core::geometry::{BBox, Extent, State};
+    use foveate_core::geometry::{BBox, State};
 
     /// A target of 20 px about (x, 20), turned by half a right angle.
-    pub fn seen(id: u64, x: f64, phase: Phase) -> TrackedTarget {
+    pub fn seen(id: u64, x: f64, phase: Phase) -> Seen<'static> {
         let bbox = BBox::around(x, 20.0, 20.0, 20.0);
         let state = State { angle: std::f64::consts::FRAC_PI_4, ..State::of(&bbox) };
-        TrackedTarget {
-            id,
-            born: 0,
-            phase,
-            bbox,
-            state,
-            extent: Extent::of(&bbox),
-            covariance: [[0.0; 6]; 6],
-            gaze: Gaze::CENTRE,
-            visible: 1.0,
-            deficit: 0.0,
-            waited: 0,
-            detection: None,
-            detection_index: None,
-            detected_class: None,
-            class: Some((7, 0.98)),
-        }
+        let mut seen = Seen::given([120, 60, 1], &bbox).in_phase(phase);
+        (seen.id, seen.state, seen.class) = (id, state, Some((7, 0.98)));
+        seen
     }
 
     pub fn frame(index: usize) -> Frame {

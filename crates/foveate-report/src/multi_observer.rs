@@ -1,7 +1,7 @@
 //! What observers of many targets are told.
 
 use foveate_base::Result;
-use foveate_core::multi::TrackedTarget;
+use foveate_core::Seen;
 use foveate_video::Frame;
 
 /// Observes a run with many targets.
@@ -14,7 +14,7 @@ pub trait MultiObserver {
     ///
     /// # Errors
     /// A file cannot be written.
-    fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()>;
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()>;
     /// The end: files get their names.
     ///
     /// # Errors
@@ -24,7 +24,7 @@ pub trait MultiObserver {
 
 /// Each of them in turn. Where one fails, `finish` still comes to all; the first error is returned.
 impl MultiObserver for Vec<Box<dyn MultiObserver>> {
-    fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         self.iter_mut().try_for_each(|o| o.observe(frame, targets))
     }
     fn finish(&mut self) -> Result<()> {

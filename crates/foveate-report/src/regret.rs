@@ -11,8 +11,8 @@
 use crate::columns::REGRET;
 use crate::csv::Rows;
 use foveate_base::{Error, Result};
+use foveate_core::Seen;
 use foveate_core::geometry::Gaze;
-use foveate_core::step::Step;
 use foveate_video::Frame;
 
 /// The rewards of a run: of the policy's own gaze, and of some fixed gazes, frame by frame.
@@ -74,10 +74,10 @@ impl RegretLog {
     ///
     /// # Errors
     /// A fixed gaze was not scored in this frame; the log stays as it was.
-    pub fn enter(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
+    pub fn enter(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
         let offered = self.offered.len();
         for gaze in &self.gazes {
-            let Some(reward) = step.reward_of(*gaze) else {
+            let Some(reward) = seen.reward_of(*gaze) else {
                 self.offered.truncate(offered);
                 return Err(Error::Invalid(format!(
                     "regret needs the reward of gaze ({}, {}) in every frame, and frame {} has none; have these gazes \
@@ -90,8 +90,8 @@ impl RegretLog {
             self.offered.push(reward);
         }
         self.frames.push(frame.index + 1);
-        self.chosen.push(step.plan.chosen());
-        self.earned.push(step.rewards[step.plan.chosen_index()]);
+        self.chosen.push(seen.plan.chosen());
+        self.earned.push(seen.rewards[seen.plan.chosen_index()]);
         Ok(())
     }
 

@@ -24,9 +24,9 @@ use crate::template::{Crop, FirstFrame};
 use crate::{Observer, RunInfo};
 use foveate_base::Result;
 use foveate_base::sink::Sink;
+use foveate_core::Seen;
 use foveate_core::gaze::PolicySnapshot;
 use foveate_core::geometry::{BBox, Extent, Gaze, State};
-use foveate_core::step::Step;
 use foveate_video::Frame;
 
 /// Particles drawn on a picture.
@@ -96,23 +96,23 @@ impl Observer for Report {
         Ok(())
     }
 
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        let gaze = step.plan.chosen();
-        let arm = self.arm(gaze, step.snapshot);
-        let row = self.page.tracked(frame, step, arm);
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+        let gaze = seen.plan.chosen();
+        let arm = self.arm(gaze, seen.snapshot);
+        let row = self.page.tracked(frame, seen, arm);
         if !self.log.gazes().is_empty() {
-            self.log.enter(frame, step)?;
+            self.log.enter(frame, seen)?;
         }
         if !self.keys.wants(row) {
             return Ok(());
         }
-        let (particles, weights) = particles(step);
-        let (features, span) = quantised(&step.percept.features);
-        self.page.features = step.percept.features.len();
+        let (particles, weights) = particles(seen);
+        let (features, span) = quantised(&seen.percept.features);
+        self.page.features = seen.percept.features.len();
         self.page.shown = weights.len();
-        let also = step.plan.used().filter(|(k, _)| *k != step.plan.chosen_index());
+        let also = seen.plan.used().filter(|(k, _)| *k != seen.plan.chosen_index());
         let (mut policy, mut surface) = (vec![], None);
-        match step.snapshot {
+        match seen.snapshot {
             PolicySnapshot::Blank => (),
             PolicySnapshot::Arms { probabilities, .. } => {
                 policy = probabilities.iter().flat_map(|p| word(*p)).collect()
@@ -125,10 +125,10 @@ impl Observer for Report {
         }
         self.keep(Key {
             row,
-            jpeg: picture(step.image),
+            jpeg: picture(&frame.image),
             particles: base64(&particles),
             weights: base64(&weights),
-            glimpse: base64(&levels(&step.percept.glimpse)),
+            glimpse: base64(&levels(&seen.percept.glimpse)),
             template: base64(&levels(&self.template(gaze))),
             features: base64(&features),
             span,
@@ -151,18 +151,18 @@ impl Observer for Report {
 
 /// The particles that are drawn, evenly picked and always with the heaviest: places as two words each over −1 to 2
 /// pictures, and weights relative to the heaviest.
-pub fn particles(step: &Step<'_>) -> (Vec<u8>, Vec<u8>) {
-    let every = step.weights.len().div_ceil(MOST_PARTICLES);
-    let heaviest = (0..step.weights.len()).max_by(|a, b| step.weights[*a].total_cmp(&step.weights[*b])).unwrap_or(0);
-    let most = step.weights[heaviest];
+pub fn particles(seen: &Seen<'_>) -> (Vec<u8>, Vec<u8>) {
+    let every = seen.weights.len().div_ceil(MOST_PARTICLES);
+    let heaviest = (0..seen.weights.len()).max_by(|a, b| seen.weights[*a].total_cmp(&seen.weights[*b])).unwrap_or(0);
+    let most = seen.weights[heaviest];
     let picked =
-        (0..step.weights.len()).step_by(every).map(|i| if i / every == heaviest / every { heaviest } else { i });
-    let (w, h) = (step.image.width() as f64, step.image.height() as f64);
+        (0..seen.weights.len()).step_by(every).map(|i| if i / every == heaviest / every { heaviest } else { i });
+    let (w, h) = (seen.shape[0] as f64, seen.shape[1] as f64);
     let (mut places, mut weights) = (vec![], vec![]);
     for i in picked {
-        let state = &step.predicted[i];
+        let state = &seen.particles[i];
         places.extend(word((state.x / w + 1.0) / 3.0).into_iter().chain(word((state.y / h + 1.0) / 3.0)));
-        weights.push((255.0 * step.weights[i] / most).round() as u8);
+        weights.push((255.0 * seen.weights[i] / most).round() as u8);
     }
     (places, weights)
 }

@@ -10,10 +10,10 @@ use crate::{Observer, RunInfo};
 use foveate_base::Result;
 use foveate_base::sink::Sink;
 use foveate_base::text::counted;
+use foveate_core::Seen;
 use foveate_core::gaze::PolicySnapshot;
 use foveate_core::geometry::{BBox, Gaze};
 use foveate_core::scene::Image;
-use foveate_core::step::Step;
 use foveate_video::{Frame, encode_png};
 
 /// Points along a side at which a surface is asked for; each frame, for no frame knows that it is the last.
@@ -103,10 +103,10 @@ impl Observer for SurfacePicture {
         Ok(())
     }
 
-    fn observe(&mut self, _: &Frame, step: &Step<'_>) -> Result<()> {
+    fn observe(&mut self, _: &Frame, seen: &Seen<'_>) -> Result<()> {
         self.frames += 1;
-        self.shows = Self::shows(step.snapshot);
-        match step.snapshot {
+        self.shows = Self::shows(seen.snapshot);
+        match seen.snapshot {
             PolicySnapshot::Blank => (),
             PolicySnapshot::Arms { gazes, probabilities } => {
                 self.arms.clear();

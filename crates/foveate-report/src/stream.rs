@@ -15,10 +15,9 @@ use serde::Serialize;
 use crate::tracks::mot_line;
 use crate::{MultiObserver, Observer};
 use foveate_base::{Error, Result};
+use foveate_core::Seen;
 use foveate_core::Status;
 use foveate_core::geometry::BBox;
-use foveate_core::multi::TrackedTarget;
-use foveate_core::step::Step;
 use foveate_video::{Frame, Meter, Remarks};
 
 /// How lines are written.
@@ -135,8 +134,8 @@ impl Observer for Stream {
     fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
         self.one(frame, bbox, 0.0, None)
     }
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        self.one(frame, &step.bbox(), step.confidence.p_lost, Some(step.confidence.status))
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+        self.one(frame, &seen.bbox, seen.p_lost, Some(seen.status))
     }
     fn finish(&mut self) -> Result<()> {
         Ok(())
@@ -144,15 +143,15 @@ impl Observer for Stream {
 }
 
 impl MultiObserver for Stream {
-    fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         if self.format == Format::Mot {
-            for target in targets.iter().filter(|target| target.sure()) {
-                mot_line(&mut self.line, frame, target.id, &target.bbox, (1.0 - target.deficit).max(0.0));
+            for target in targets.iter().filter(|target| target.is_usable()) {
+                mot_line(&mut self.line, frame, target.id, &target.bbox, (1.0 - target.consistency.deficit).max(0.0));
             }
             return self.send();
         }
-        let of = |t: &TrackedTarget| {
-            let (id, bbox, deficit) = (t.id, t.bbox, t.deficit);
+        let of = |t: &Seen<'_>| {
+            let (id, bbox, deficit) = (t.id, t.bbox, t.consistency.deficit);
             Target { id, bbox, phase: t.phase.name(), deficit }
         };
         let (dropped, latency_ms) = self.measured();
@@ -225,7 +224,8 @@ mod tests {
         }
         let out = Shared::default();
         let mut stream = Stream::new(out.clone(), Format::Json, Some(Meter::default()), Remarks::default());
-        let target = TrackedTarget { bbox, ..TrackedTarget::unknown(3) };
+        let mut target = Seen::given([40, 30, 1], &bbox);
+        target.id = 3;
         MultiObserver::observe(&mut stream, &frame(), &[target]).expect("written");
         let text = String::from_utf8_lossy(&out.0.lock().expect("one thread")).into_owned();
         assert!(text.contains("\"targets\":[{\"id\":3,\"bbox\":{\"x\":1.0") && text.ends_with("}\n"), "{text}");

@@ -8,10 +8,9 @@ use crate::film::writable;
 use crate::pictures::resized;
 use crate::{MultiAnnotator, MultiObserver, Observer, RunInfo};
 use foveate_base::{Error, Result, files};
+use foveate_core::Seen;
 use foveate_core::geometry::{BBox, Extent, Gaze, State};
-use foveate_core::multi::TrackedTarget;
 use foveate_core::scene::Image;
-use foveate_core::step::Step;
 use foveate_video::{Frame, encode_png};
 
 const PAPER: Colour = [255; 3];
@@ -116,8 +115,8 @@ impl Observer for Strip {
         self.keep(frame, &State::of(bbox), Extent::of(bbox), None);
         Ok(())
     }
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        self.keep(frame, &step.estimate, step.extent, Some(step.plan.chosen()));
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+        self.keep(frame, &seen.state, seen.extent, Some(seen.plan.chosen()));
         Ok(())
     }
     fn finish(&mut self) -> Result<()> {
@@ -166,7 +165,7 @@ impl MultiStrip {
 }
 
 impl MultiObserver for MultiStrip {
-    fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         if self.frames.contains(&frame.index) {
             self.pictures.push(self.annotator.annotate(frame, targets));
         } else {

@@ -8,8 +8,8 @@ use crate::csv::{Csv, Rows};
 use crate::run::touching;
 use foveate_base::Result;
 use foveate_base::sink::Sink;
+use foveate_core::Seen;
 use foveate_core::geometry::{BBox, State};
-use foveate_core::step::Step;
 use foveate_video::Frame;
 
 /// boxes.txt in OTB's format: [`crate::columns::BOXES`], pixels counted from 1, the first frame included. A box that lies
@@ -42,8 +42,8 @@ impl Observer for Boxes {
     fn start(&mut self, _: &Frame, bbox: &BBox) -> Result<()> {
         self.put(bbox)
     }
-    fn observe(&mut self, _: &Frame, step: &Step<'_>) -> Result<()> {
-        self.put(&touching(&step.bbox(), step.image))
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+        self.put(&touching(&seen.bbox, &frame.image))
     }
     fn finish(&mut self) -> Result<()> {
         self.file.finish()
@@ -86,24 +86,24 @@ impl Observer for Table {
         })
     }
 
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        let (c, gaze) = (&step.covariance, step.plan.chosen());
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+        let (c, gaze) = (&seen.covariance, seen.plan.chosen());
         self.file.write(|row| {
-            put_box(row, frame, &step.bbox(), &step.estimate);
+            put_box(row, frame, &seen.bbox, &seen.state);
             row.put_all(c.iter().enumerate().flat_map(|(i, line)| &line[i..]));
-            row.put_all(&[c[0][0].sqrt(), c[1][1].sqrt(), step.ess, step.log_evidence]);
-            match step.consistency.is_informative {
-                true => row.put(step.consistency.deficit),
+            row.put_all(&[c[0][0].sqrt(), c[1][1].sqrt(), seen.ess, seen.log_evidence]);
+            match seen.consistency.is_informative {
+                true => row.put(seen.consistency.deficit),
                 false => row.put(""),
             }
-            row.put(step.confidence.p_lost);
-            row.put(step.confidence.status.name());
-            row.put(u8::from(step.is_usable()));
-            row.put_all(&[gaze.u, gaze.v, step.rewards[step.plan.chosen_index()], step.percept.distance]);
-            row.put(step.values);
-            row.put(step.share_read());
-            if let Some((class, p)) = step.class() {
-                row.put_text(&step.class_name(class));
+            row.put(seen.p_lost);
+            row.put(seen.status.name());
+            row.put(u8::from(seen.is_usable()));
+            row.put_all(&[gaze.u, gaze.v, seen.rewards[seen.plan.chosen_index()], seen.percept.distance]);
+            row.put(seen.values);
+            row.put(seen.share_read());
+            if let Some((class, p)) = seen.class {
+                row.put_text(&seen.class_name(class));
                 row.put(p);
             }
             row.end();

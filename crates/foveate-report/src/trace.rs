@@ -8,10 +8,10 @@ use crate::Observer;
 use crate::heat::Heat;
 use foveate_base::Result;
 use foveate_base::sink::Sink;
+use foveate_core::Seen;
 use foveate_core::control::{Consistency, TrackConfidence};
 use foveate_core::gaze::PolicySnapshot;
 use foveate_core::geometry::{BBox, Extent, Gaze, State};
-use foveate_core::step::Step;
 use foveate_video::Frame;
 
 /// Writes what [`Step`] holds, under its names: the keys [`crate::columns::TRACE`]. Numbers that are not finite are `null`;
@@ -126,38 +126,43 @@ impl Observer for Trace {
         self.put(&Given { frame: frame.index + 1, time: frame.time, given: bbox })
     }
 
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        let p = step.percept;
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+        let p = seen.percept;
         self.put(&Tracked {
             frame: frame.index + 1,
             time: frame.time,
-            bbox: step.bbox(),
-            estimate: step.estimate,
-            covariance: step.covariance,
-            ess: step.ess,
-            log_evidence: step.log_evidence,
-            consistency: step.consistency,
-            confidence: step.confidence,
-            extent: step.extent,
-            predicted: step.predicted.iter().map(State::to_array).collect(),
-            weights: step.weights,
-            ancestors: step.ancestors,
-            plan: Plan {
-                gazes: step.plan.gazes(),
-                used: step.plan.weights().iter().map(|weight| *weight > 0.0).collect(),
-                weights: step.plan.weights(),
-                chosen: step.plan.chosen_index(),
+            bbox: seen.bbox,
+            estimate: seen.state,
+            covariance: seen.covariance,
+            ess: seen.ess,
+            log_evidence: seen.log_evidence,
+            consistency: seen.consistency,
+            confidence: TrackConfidence {
+                p_lost: seen.p_lost,
+                own: seen.own_p_lost,
+                status: seen.status,
+                cues: seen.cues,
             },
-            rewards: step.rewards,
-            recorded_gazes: step.plan.recorded(),
-            recorded_rewards: step.recorded,
-            gaze_evidence: step.gaze_evidence,
+            extent: seen.extent,
+            predicted: seen.particles.iter().map(State::to_array).collect(),
+            weights: seen.weights,
+            ancestors: seen.ancestors,
+            plan: Plan {
+                gazes: seen.plan.gazes(),
+                used: seen.plan.weights().iter().map(|weight| *weight > 0.0).collect(),
+                weights: seen.plan.weights(),
+                chosen: seen.plan.chosen_index(),
+            },
+            rewards: seen.rewards,
+            recorded_gazes: seen.plan.recorded(),
+            recorded_rewards: seen.recorded,
+            gaze_evidence: seen.gaze_evidence,
             percept: Percept { gaze: p.gaze, glimpse: &p.glimpse, features: &p.features, distance: p.distance },
-            classes: step.classes,
-            class: step.class().and_then(|(class, _)| step.class_names.get(class)).map(String::as_str),
-            own_classes: step.own_classes,
-            recognition_gazes: step.recognition_gazes,
-            snapshot: match step.snapshot {
+            classes: seen.classes,
+            class: seen.class.and_then(|(class, _)| seen.class_names.get(class)).map(String::as_str),
+            own_classes: seen.own_classes,
+            recognition_gazes: seen.recognition_gazes,
+            snapshot: match seen.snapshot {
                 PolicySnapshot::Arms { gazes, probabilities } => Some(Snapshot::Arms { gazes, probabilities }),
                 PolicySnapshot::Surface(surface) => {
                     let Heat { n, reach, mean, .. } = Heat::of(surface, POINTS);

@@ -9,8 +9,9 @@ use crate::columns::{TARGETS, TRACKS};
 use crate::csv::{Csv, Rows};
 use foveate_base::Result;
 use foveate_base::sink::Sink;
+use foveate_core::Seen;
 use foveate_core::geometry::BBox;
-use foveate_core::multi::{Phase, TrackedTarget};
+use foveate_core::multi::Phase;
 use foveate_video::Frame;
 
 /// tracks.txt in MOTChallenge's format: [`crate::columns::TRACKS_TXT`], frames and pixels counted from 1. Lost targets, whose
@@ -37,10 +38,10 @@ impl MotFile {
 }
 
 impl MultiObserver for MotFile {
-    fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         self.line.clear();
-        for target in targets.iter().filter(|target| target.sure()) {
-            mot_line(&mut self.line, frame, target.id, &target.bbox, (1.0 - target.deficit).max(0.0));
+        for target in targets.iter().filter(|target| target.is_usable()) {
+            mot_line(&mut self.line, frame, target.id, &target.bbox, (1.0 - target.consistency.deficit).max(0.0));
         }
         self.file.write(self.line.as_bytes())?;
         self.file.flush()
@@ -78,7 +79,7 @@ impl TracksTable {
 }
 
 impl MultiObserver for TracksTable {
-    fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         self.file.write(|row| {
             for target in targets {
                 let (b, c) = (target.bbox, &target.covariance);
@@ -88,7 +89,7 @@ impl MultiObserver for TracksTable {
                 row.put(target.phase.name());
                 row.put_all(&[b.x, b.y, b.w, b.h]);
                 row.put_all(&target.state.to_array());
-                row.put_all(&[c[0][0].sqrt(), c[1][1].sqrt(), target.deficit, target.visible]);
+                row.put_all(&[c[0][0].sqrt(), c[1][1].sqrt(), target.consistency.deficit, target.visible]);
                 row.put(target.waited);
                 row.put(u8::from(target.detection.is_some()));
                 put_number(row, target.detection_index);
@@ -152,7 +153,7 @@ impl TargetsTable {
 }
 
 impl MultiObserver for TargetsTable {
-    fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         for target in targets {
             let number = frame.index + 1;
             let track = self.tracks.entry(target.id).or_insert_with(|| Track { first: number, ..Track::default() });

@@ -4,9 +4,10 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use foveate_base::files::Folder;
+use foveate_core::Seen;
 use foveate_core::config::Config;
 use foveate_core::geometry::{BBox, Gaze};
-use foveate_core::multi::{Phase, TrackedTarget};
+use foveate_core::multi::Phase;
 use foveate_core::scene::{Detection, Image};
 use foveate_report::columns::{BOXES, Column, REGRET, TARGETS, TRACE, TRACK, TRACKS, TRACKS_TXT};
 use foveate_report::regret::RegretLog;
@@ -82,8 +83,8 @@ fn files_of_one_target_have_the_columns_of_the_dictionary() {
     for index in 1..4 {
         let frame = frame(index);
         let seen = tracker.update(&frame.image).expect("a picture of the first size");
-        names.push(seen.step.confidence.status.name());
-        all.observe(&frame, &seen.step).expect("written");
+        names.push(seen.status.name());
+        all.observe(&frame, &seen).expect("written");
     }
     all.finish().expect("named");
 
@@ -144,9 +145,11 @@ fn files_of_many_targets_have_the_columns_of_the_dictionary() {
     for (index, phase) in phases.into_iter().enumerate() {
         let detection = (index == 1).then_some(Detection::new(bbox, 1.0));
         let (detection_index, detected_class) = (detection.map(|_| 3), (index > 0).then_some(2));
-        let about = TrackedTarget { detection, detection_index, detected_class, ..TrackedTarget::unknown(1) };
-        let one = TrackedTarget { phase, bbox, deficit: 0.25, ..about };
-        let two = TrackedTarget { class: Some((7, 0.5)), ..TrackedTarget::unknown(2) };
+        let given = Seen::given([64, 48, 1], &bbox);
+        let (mut one, mut two) = (given.in_phase(phase), given);
+        (one.detection, one.detection_index, one.detected_class) = (detection, detection_index, detected_class);
+        one.consistency.deficit = 0.25;
+        (two.id, two.class) = (2, Some((7, 0.5)));
         all.observe(&frame(index), &[one, two][..1 + index % 2]).expect("written");
     }
     all.finish().expect("named");

@@ -8,9 +8,10 @@ use foveate_testing::need;
 use std::path::{Path, PathBuf};
 
 use foveate_base::files::Folder;
+use foveate_core::Seen;
 use foveate_core::config::Config;
 use foveate_core::geometry::BBox;
-use foveate_core::multi::{Phase, TrackedTarget};
+use foveate_core::multi::Phase;
 use foveate_core::scene::Image;
 use foveate_report::{MultiObserver, MultiReport, Observer, Report, RunInfo, SurfacePicture};
 use foveate_video::Frame;
@@ -55,7 +56,7 @@ fn run(folder: &Path, policy: &str) -> PathBuf {
     for index in 1..FRAMES {
         let frame = frame(index);
         let seen = tracker.update(&frame.image).expect("a picture of the first size");
-        all.observe(&frame, &seen.step).expect("kept");
+        all.observe(&frame, &seen).expect("kept");
     }
     all.finish().expect("written");
     path
@@ -144,8 +145,9 @@ fn many(folder: &Path) -> PathBuf {
     let path = folder.join("many.html");
     let mut report = MultiReport::create(&path, RunInfo::default()).expect("a writable folder");
     for index in 0..FRAMES {
-        let one = TrackedTarget { phase: Phase::Tracked, bbox: INIT, ..TrackedTarget::unknown(1) };
-        let two = TrackedTarget { phase: Phase::Lost, ..TrackedTarget::unknown(2) };
+        let given = Seen::given(frame(index).image.shape(), &INIT);
+        let (one, mut two) = (given.in_phase(Phase::Tracked), given.in_phase(Phase::Lost));
+        two.id = 2;
         report.observe(&frame(index), &[one, two][..1 + usize::from(index == 6)]).expect("kept");
     }
     report.finish().expect("written");

@@ -158,10 +158,10 @@ impl Lesson {
         self.frame = Frame { index, time: index as f64 / RATE, image };
         let follow = |tracker: &mut Tracker| -> Result<Value> {
             let seen = tracker.update(&self.frame.image)?;
-            let detail: Value = serde_json::from_str(&detail(index + 1, &seen.step)).unwrap_or_default();
-            let reward = seen.step.rewards.get(seen.step.plan.chosen_index()).copied().unwrap_or(0.0);
-            let shown = surface(seen.step.snapshot);
-            let row = Row::tracked(&self.frame, &seen.step);
+            let detail: Value = serde_json::from_str(&detail(index + 1, &seen)).unwrap_or_default();
+            let reward = seen.rewards.get(seen.plan.chosen_index()).copied().unwrap_or(0.0);
+            let shown = surface(seen.snapshot);
+            let row = Row::tracked(&self.frame, &seen);
             Ok(
                 json!({ "row": row, "detail": detail, "reward": reward, "surface": shown, "error": error(&seen.bbox, &truth) }),
             )

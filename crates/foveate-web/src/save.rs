@@ -77,7 +77,7 @@ impl Saving {
                 }
                 None => {
                     let seen = self.tracker.update(&frame.image)?;
-                    files.try_for_each(|file| file.observe(&frame, &seen.step))?;
+                    files.try_for_each(|file| file.observe(&frame, &seen))?;
                 }
             }
             self.next += 1;

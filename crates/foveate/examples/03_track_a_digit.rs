@@ -27,8 +27,8 @@ fn main() -> foveate::Result<()> {
     println!("frame   truth (x, y)    estimate     error   ESS");
     for frame in frames {
         let frame = frame?;
-        let step = tracker.update(&frame.image)?.step;
-        let ((x, y), estimate) = (truth[frame.index].centre(), step.estimate);
+        let step = tracker.update(&frame.image)?;
+        let ((x, y), estimate) = (truth[frame.index].centre(), step.state);
         errors.push((estimate.x - x).hypot(estimate.y - y));
         if frame.index % 10 == 0 {
             let (i, error) = (frame.index, errors[errors.len() - 1]);

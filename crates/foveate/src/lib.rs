@@ -43,12 +43,12 @@
 //!               │                          ▼                            │
 //!               └───────────────────── x̃ ~ q(xₜ|xₜ₋₁) ◄─────────────────┘
 //!                                          │
-//!                                          └─►  Step  ─►  report: tables, trace, video, page
+//!                                          └─►  Seen  ─►  report: tables, trace, video, page
 //! ```
 //!
 //! | in the paper | here |
 //! | --- | --- |
-//! | the full algorithm (section 5) | [`Tracker`]; everything that a frame computed: [`step::Step`] |
+//! | the full algorithm (section 5) | [`Tracker`]; everything that a frame computed: [`Seen`] |
 //! | xₜ, aₜ, and where a gaze falls | [`geometry::State`], [`geometry::Gaze`], [`geometry::Fixation`] |
 //! | vₜ, the foveated glimpse | [`identity::Retina`]: [`identity::Foveal`], on a [`identity::Pyramid`] |
 //! | hₜ, first-layer features | [`identity::Encoder`]: [`identity::encoder::Raw`], [`identity::oriented::Oriented`]; with the feature `learn` RBMs and others, with `onnx` networks from ONNX files |

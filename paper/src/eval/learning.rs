@@ -48,8 +48,8 @@ impl Learning {
                 tracker.init(&template.of(frame, truth).image, *truth)?;
                 continue;
             }
-            let step = tracker.update(&frame.image)?.step;
-            learning.run.errors.push(centre_error(&step.bbox(), truth));
+            let step = tracker.update(&frame.image)?;
+            learning.run.errors.push(centre_error(&step.bbox, truth));
             learning.run.lost.push(!step.is_usable());
             let centre = centre(step.snapshot).ok_or_else(|| {
                 Error::Config("a learning curve needs a policy with probabilities over gazes of which one is the centre, as hedge with an odd grid has".into())

@@ -8,14 +8,14 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use foveate::Tracker;
-use foveate::geometry::{BBox, Extent, State};
+use foveate::geometry::BBox;
 use foveate::lab::eval::experiment::quantile;
 use foveate::lab::eval::mot::{Crossings, Score, TrackBox, Tracks, score};
 use foveate::lab::synthetic::MultiVideo;
-use foveate::multi::{MultiTracker, Phase, TrackedTarget};
+use foveate::multi::MultiTracker;
 use foveate::report::multi_observer::MultiObserver;
 use foveate::video::Frame;
-use foveate::{Error, Result};
+use foveate::{Error, Result, Seen};
 
 /// Follows all targets of a video: the first frame's boxes, then frame by frame.
 pub trait Follower {
@@ -24,13 +24,13 @@ pub trait Follower {
     /// One more frame.
     fn step(&mut self, frame: &Frame) -> Result<()>;
     /// The targets after the last frame, by id: places in `boxes`, counted from 1.
-    fn seen(&self) -> &[TrackedTarget];
+    fn seen(&self) -> &[Seen<'static>];
 }
 
 /// One tracker a target, none of which knows of the others.
 pub struct Alone {
     trackers: Vec<Tracker>,
-    seen: Vec<TrackedTarget>,
+    seen: Vec<Seen<'static>>,
 }
 
 impl Alone {
@@ -48,30 +48,23 @@ impl Follower for Alone {
         self.seen.clear();
         for (i, (tracker, bbox)) in self.trackers.iter_mut().zip(boxes).enumerate() {
             tracker.init(&frame.image, *bbox)?;
-            let (born, state, extent) = (frame.index, State::of(bbox), Extent::of(bbox));
-            self.seen.push(TrackedTarget { born, bbox: *bbox, state, extent, ..TrackedTarget::unknown(i as u64 + 1) });
+            let mut seen = Seen::given(frame.image.shape(), bbox);
+            (seen.id, seen.born) = (i as u64 + 1, frame.index);
+            self.seen.push(seen);
         }
         Ok(())
     }
 
     fn step(&mut self, frame: &Frame) -> Result<()> {
         for (tracker, seen) in self.trackers.iter_mut().zip(&mut self.seen) {
-            let step = tracker.update(&frame.image)?.step;
-            *seen = TrackedTarget {
-                phase: if step.is_usable() { Phase::Tracked } else { Phase::Lost },
-                bbox: step.bbox(),
-                state: step.estimate,
-                covariance: step.covariance,
-                gaze: step.plan.chosen(),
-                deficit: step.consistency.deficit,
-                class: step.class(),
-                ..*seen
-            };
+            let (id, born) = (seen.id, seen.born);
+            *seen = tracker.update(&frame.image)?.without_views();
+            (seen.id, seen.born) = (id, born);
         }
         Ok(())
     }
 
-    fn seen(&self) -> &[TrackedTarget] {
+    fn seen(&self) -> &[Seen<'static>] {
         &self.seen
     }
 }
@@ -84,7 +77,7 @@ impl Follower for MultiTracker {
     fn step(&mut self, frame: &Frame) -> Result<()> {
         self.update(&frame.image, &[]).map(drop)
     }
-    fn seen(&self) -> &[TrackedTarget] {
+    fn seen(&self) -> &[Seen<'static>] {
         self.targets()
     }
 }
@@ -142,7 +135,7 @@ impl Run {
                 bbox: seen.bbox,
                 log_scale: seen.state.log_scale,
                 angle: seen.state.angle,
-                sure: seen.sure(),
+                sure: seen.is_usable(),
                 class: seen.class.map(|(class, _)| class),
             }));
             observer.observe(&frame, follower.seen())?;
@@ -281,12 +274,13 @@ pub fn fps(runs: &[&Run]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use foveate::geometry::Gaze;
+    use foveate::geometry::State;
     use foveate::lab::Digits;
     use foveate::lab::synthetic::Multi;
+    use foveate::multi::Phase;
 
     /// Says what is true, but for a size 10 % too large, an angle 3 degrees off, and a last target that is lost.
-    struct Oracle(MultiVideo, Vec<TrackedTarget>);
+    struct Oracle(MultiVideo, Vec<Seen<'static>>);
 
     impl Oracle {
         fn at(&mut self, t: usize) {
@@ -300,23 +294,11 @@ mod tests {
                         angle: truth.angle - 3f64.to_radians(),
                         ..truth
                     };
-                    TrackedTarget {
-                        id,
-                        born: 0,
-                        phase: if id as usize == last { Phase::Lost } else { Phase::Tracked },
-                        bbox: state.bbox(mover.extent),
-                        state,
-                        extent: mover.extent,
-                        covariance: [[0.0; 6]; 6],
-                        gaze: Gaze::CENTRE,
-                        visible: 1.0,
-                        deficit: 0.0,
-                        waited: 0,
-                        detection: None,
-                        detection_index: None,
-                        detected_class: None,
-                        class: Some((if t > 10 { mover.class.into() } else { 11 }, 0.9)),
-                    }
+                    let phase = if id as usize == last { Phase::Lost } else { Phase::Tracked };
+                    let mut seen = Seen::given([1; 3], &state.bbox(mover.extent)).in_phase(phase);
+                    (seen.id, seen.state, seen.extent) = (id, state, mover.extent);
+                    seen.class = Some((if t > 10 { mover.class.into() } else { 11 }, 0.9));
+                    seen
                 })
                 .collect();
         }
@@ -332,7 +314,7 @@ mod tests {
             self.at(frame.index);
             Ok(())
         }
-        fn seen(&self) -> &[TrackedTarget] {
+        fn seen(&self) -> &[Seen<'static>] {
             &self.1
         }
     }

@@ -37,17 +37,17 @@ impl Recognised {
                 tracker.init(&frame.image, *truth)?;
                 continue;
             }
-            let step = tracker.update(&frame.image)?.step;
-            let (Some((decided, _)), Some((own, _)), true) = (step.class(), step.own_class(), step.classes.len() == 10)
+            let seen = tracker.update(&frame.image)?;
+            let (Some((decided, _)), Some((own, _)), true) = (seen.class, seen.own_class(), seen.classes.len() == 10)
             else {
                 return Err(Error::Config(
                     "to recognise digits the configuration needs a recogniser of ten classes".into(),
                 ));
             };
-            run.errors.push(centre_error(&step.bbox(), truth));
+            run.errors.push(centre_error(&seen.bbox, truth));
             run.decided.push(decided as u8);
             run.own.push(own as u8);
-            run.probability.push(step.classes[usize::from(digit)] as f32);
+            run.probability.push(seen.classes[usize::from(digit)] as f32);
         }
         Ok(run)
     }

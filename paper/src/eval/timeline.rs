@@ -5,12 +5,11 @@
 use kuva::plot::{LinePlot, StackedAreaPlot};
 use kuva::prelude::{Figure, Layout, LegendPosition, Plot, SvgBackend, TickFormat};
 
-use foveate::Result;
+use foveate::{Result, Seen};
 use foveate::gaze::PolicySnapshot;
 use foveate::geometry::{BBox, Gaze};
 use foveate::lab::eval::metrics::centre_error;
 use foveate::report::Observer;
-use foveate::step::Step;
 use foveate::video::Frame;
 
 /// Okabe and Ito's colours, which all eyes can tell apart, and two greys.
@@ -159,16 +158,16 @@ impl Observer for Timeline {
     fn start(&mut self, _: &Frame, _: &BBox) -> Result<()> {
         Ok(())
     }
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
         self.frames.push(frame.index);
-        self.boxes.push(step.bbox());
-        self.gazes.push(step.plan.chosen());
-        self.rewards.push(step.rewards[step.plan.chosen_index()]);
-        if let PolicySnapshot::Arms { gazes, probabilities } = step.snapshot {
+        self.boxes.push(seen.bbox);
+        self.gazes.push(seen.plan.chosen());
+        self.rewards.push(seen.rewards[seen.plan.chosen_index()]);
+        if let PolicySnapshot::Arms { gazes, probabilities } = seen.snapshot {
             self.arms = gazes.to_vec();
             self.policy.push(probabilities.to_vec());
         }
-        self.classes.push(step.classes.to_vec());
+        self.classes.push(seen.classes.to_vec());
         Ok(())
     }
     fn finish(&mut self) -> Result<()> {

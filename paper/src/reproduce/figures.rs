@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use crate::eval::timeline::Timeline;
+use foveate::Seen;
 use foveate::geometry::BBox;
 use foveate::lab::eval::sequence::find_sequences;
 use foveate::lab::synthetic::Drawn;
 use foveate::report::run::{SingleRun, Span, follow};
 use foveate::report::{Observer, RunInfo, Strip, SurfacePicture};
-use foveate::step::Step;
 use foveate::video::{Frame, FrameSource, encode_png, open};
 use foveate::{Error, Result};
 use serde_json::{Value, json};
@@ -41,8 +41,8 @@ impl Observer for Recording {
     fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
         self.each(|o| o.start(frame, bbox))
     }
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        self.each(|o| o.observe(frame, step))
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+        self.each(|o| o.observe(frame, seen))
     }
     fn finish(&mut self) -> Result<()> {
         self.each(|o| o.finish())

@@ -89,7 +89,13 @@ fn many_targets_have_the_boxes_of_the_program() {
         let here = found.sightings.iter().filter(|s| s.frame == frame.index);
         let here: Vec<Detection> = here.map(|s| Detection::new(s.bbox, s.confidence)).collect();
         for target in tracker.update(&frame.image, &here).expect("pictures of one size") {
-            ours.push([frame.index as f64 + 1.0, target.id as f64, target.state.x, target.state.y, target.deficit]);
+            ours.push([
+                frame.index as f64 + 1.0,
+                target.id as f64,
+                target.state.x,
+                target.state.y,
+                target.consistency.deficit,
+            ]);
         }
     }
     assert!(ours.len() > FRAMES / 2, "the detections start a track");

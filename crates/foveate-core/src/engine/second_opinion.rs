@@ -12,7 +12,7 @@ impl Engine {
     pub(super) fn agreement(&mut self, image: &Image, estimate: &Estimate) -> Option<f64> {
         let here = estimate.mean.bbox(self.target().extent);
         let second = self.second.as_mut()?;
-        Some(second.step(Scene { image, detections: &[] }).bbox().iou(&here))
+        Some(second.step(Scene { image, detections: &[] }).bbox.iou(&here))
     }
 
     /// A second opinion that has lost the target begins again where the first is, which has to be certain: else agreement would be the

@@ -71,8 +71,8 @@ pub struct Plan {
 
 impl Plan {
     /// An empty plan.
-    pub fn new() -> Self {
-        Self::default()
+    pub const fn new() -> Self {
+        Self { gazes: Vec::new(), weights: Vec::new(), marked: None, recorded: Vec::new() }
     }
     /// Forgets all gazes; keeps the room.
     pub fn clear(&mut self) {
@@ -169,7 +169,7 @@ impl Default for Context {
 }
 
 /// A reward surface over the template, as a policy believes it to be.
-pub trait Surface {
+pub trait Surface: Sync {
     /// Half the side of the square of gazes it is over, in template units.
     fn reach(&self) -> f64;
     /// Mean and standard deviation of the believed reward of looking at (u, v).

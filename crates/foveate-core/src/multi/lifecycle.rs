@@ -4,10 +4,11 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use super::target::Target;
-use super::tracked_target::{Phase, TrackedTarget};
+use super::track::Track;
 use super::{MOST_ID, MOST_REMEMBERED, MultiTracker, SAME, Work};
 use crate::geometry::BBox;
 use crate::scene::{Detection, Image};
+use crate::seen::Phase;
 use foveate_base::{Error, Result, memory};
 
 impl MultiTracker {
@@ -134,7 +135,7 @@ impl MultiTracker {
             return Err(Error::Invalid(format!("a target's id is below {MOST_ID}; this one is {id}")));
         }
         self.check_room(1, &bbox, (image.width(), image.height()))?;
-        let mut target = Target::new((self.make)(id), TrackedTarget::unknown(id));
+        let mut target = Target::new((self.make)(id), Track::unknown(id));
         target.looking(&self.pool, |target| target.engine.init(image, bbox))?;
         target.begin(self.frame, bbox, Phase::Initiated);
         self.next_id = self.next_id.max(id + 1);

@@ -7,9 +7,9 @@ use super::initiation::TentativeTracks;
 use super::occlusion::Fronts;
 use super::ranks::Ranks;
 use super::target::{SHAPE, Target};
+use super::track::Track;
 use super::{MOST_ID, MultiTracker};
 use crate::geometry::BBox;
-use crate::multi::TrackedTarget;
 use crate::origin::Origin;
 use foveate_base::{Error, Result, memory};
 
@@ -37,7 +37,7 @@ struct Saved {
 
 #[derive(Serialize, Deserialize)]
 struct SavedTarget {
-    track: TrackedTarget,
+    track: Track,
     lost: usize,
     unseen: usize,
     hidden: usize,
@@ -94,7 +94,8 @@ impl MultiTracker {
         (self.next, self.frame, self.size, self.resumed) = (saved.next, saved.next, saved.size, true);
         (self.next_id, self.detecting) = (saved.next_id, saved.detecting);
         (self.fronts, self.tentative, self.ranks) = (saved.fronts, saved.tentative, saved.ranks);
-        (self.preprocessor, self.full) = ((self.fresh)(), false);
+        let (width, height) = size;
+        (self.preprocessor, self.full, self.shape) = ((self.fresh)(), false, [width, height, 1]);
         self.publish();
         Ok(())
     }

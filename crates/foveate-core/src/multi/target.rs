@@ -4,10 +4,11 @@ use super::attention::Candidate;
 use super::edge;
 use super::pool::Pool;
 use super::settings::Settings;
-use super::tracked_target::{Phase, TrackedTarget};
+use super::track::Track;
 use crate::engine::Engine;
 use crate::geometry::{BBox, Extent, State};
 use crate::scene::{Detection, Image, Scene};
+use crate::seen::Phase;
 
 /// Weight of the newest look in the mean surprise.
 const NEWEST: f64 = 0.3;
@@ -21,7 +22,7 @@ pub(super) const SHAPE: f64 = 20.0;
 /// One target.
 pub(super) struct Target {
     pub engine: Engine,
-    pub track: TrackedTarget,
+    pub track: Track,
     /// Frames in a row it was lost, and without a detection.
     pub lost: usize,
     pub unseen: usize,
@@ -39,7 +40,7 @@ pub(super) struct Target {
 
 impl Target {
     /// As yet without a box.
-    pub fn new(engine: Engine, track: TrackedTarget) -> Self {
+    pub fn new(engine: Engine, track: Track) -> Self {
         Self {
             engine,
             track,
@@ -93,9 +94,9 @@ impl Target {
     pub fn begin(&mut self, born: usize, bbox: BBox, phase: Phase) {
         let extent = self.engine.extent().expect("it was started");
         let state = self.engine.state_at(&bbox);
-        let TrackedTarget { id, gaze, class, detected_class, .. } = self.track;
-        let unknown = TrackedTarget::unknown(id);
-        self.track = TrackedTarget { born, phase, bbox, state, extent, gaze, class, detected_class, ..unknown };
+        let Track { id, gaze, class, detected_class, .. } = self.track;
+        let unknown = Track::unknown(id);
+        self.track = Track { born, phase, bbox, state, extent, gaze, class, detected_class, ..unknown };
         (self.lost, self.unseen, self.hidden, self.shape, self.surprise) = (0, 0, 0, shape(&bbox, extent), 1.0);
     }
 
@@ -107,8 +108,8 @@ impl Target {
         let detections = self.track.detection.as_slice();
         let step = self.engine.step(Scene { image, detections });
         let (estimate, covariance, deficit, class) =
-            (step.estimate, step.covariance, step.consistency.deficit, step.class());
-        let (gaze, bbox) = (step.plan.chosen(), step.bbox());
+            (step.state, step.covariance, step.consistency.deficit, step.class);
+        let (gaze, bbox, p_lost) = (step.gaze, step.bbox, step.p_lost);
         let lost = self.engine.is_searching() && detections.is_empty();
         self.unseen = if detections.is_empty() { self.unseen + 1 } else { 0 };
         // While another is in its way, looks cannot show that it is gone; it counts as lost once an occlusion has lasted too long.
@@ -126,7 +127,7 @@ impl Target {
         let moved = (estimate.x - next.x).hypot(estimate.y - next.y) / longer_half(&estimate, extent);
         let moved = moved / (1 + waited) as f64;
         self.surprise += NEWEST * (moved - self.surprise);
-        self.track = TrackedTarget { phase, state: estimate, covariance, extent, gaze, deficit, class, ..self.track };
+        self.track = Track { phase, p_lost, state: estimate, covariance, extent, gaze, deficit, class, ..self.track };
         if let Some(Detection { bbox: b, .. }) = self.track.detection {
             self.shape += s.shape * (shape(&b, extent) - self.shape);
         }
@@ -154,7 +155,7 @@ impl Target {
             phase => phase,
         };
         let waited = self.track.waited + 1;
-        self.track = TrackedTarget { phase, state, covariance, waited, ..self.track };
+        self.track = Track { phase, state, covariance, waited, ..self.track };
         self.track.bbox = self.shaped(state.bbox(self.track.extent));
     }
 

@@ -52,10 +52,17 @@ pub trait Regions: Sync {
     /// # Errors
     /// Where the source cannot be read.
     fn read(&self, window: Window, out: &mut [u8]) -> Result<usize>;
+    /// The whole picture, if it is in memory: a configuration without `[sensor]` needs it.
+    fn whole(&self) -> Option<&Image> {
+        None
+    }
 }
 
 /// Any picture plays a sensor.
 impl Regions for Image {
+    fn whole(&self) -> Option<&Image> {
+        Some(self)
+    }
     fn shape(&self) -> [usize; 3] {
         [self.width(), self.height(), self.planes()]
     }

@@ -9,9 +9,9 @@ use super::experiment::quantile;
 use super::reliability::{Bin, reliability};
 use super::table::aligned;
 use foveate_base::Result;
+use foveate_core::Seen;
 use foveate_core::control::{ConfidenceModel, Cues, LossMonitor, Status};
 use foveate_core::geometry::BBox;
-use foveate_core::step::Step;
 use foveate_report::Observer;
 use foveate_video::Frame;
 
@@ -41,19 +41,19 @@ pub struct Judged {
 }
 
 impl Judged {
-    /// Of a step and the truth.
-    pub fn of(step: &Step<'_>, truth: Option<BBox>) -> Self {
-        let (unit, c) = (step.unit(), &step.covariance);
+    /// Of a seen and the truth.
+    pub fn of(seen: &Seen<'_>, truth: Option<BBox>) -> Self {
+        let (unit, c) = (seen.unit(), &seen.covariance);
         let off = truth.map(|truth| {
-            let (there, here) = (truth.centre(), step.bbox().centre());
+            let (there, here) = (truth.centre(), seen.bbox.centre());
             [(there.0 - here.0) / unit, (there.1 - here.1) / unit]
         });
         let area = unit * unit;
         Self {
-            p_lost: step.confidence.p_lost,
-            status: step.confidence.status,
-            cues: step.confidence.cues,
-            iou: truth.map_or(0.0, |truth| step.bbox().iou(&truth)),
+            p_lost: seen.p_lost,
+            status: seen.status,
+            cues: seen.cues,
+            iou: truth.map_or(0.0, |truth| seen.bbox.iou(&truth)),
             off,
             covariance: [c[0][0] / area, c[0][1] / area, c[1][1] / area],
         }
@@ -97,10 +97,10 @@ impl Observer for Recorder<'_> {
     fn start(&mut self, _: &Frame, _: &BBox) -> Result<()> {
         Ok(())
     }
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
         let truth = self.truth.get(frame.index).copied().flatten();
-        self.frames.push(Judged::of(step, truth));
-        self.read = [self.read[0] + step.values as f64, self.read[1] + step.share_read()];
+        self.frames.push(Judged::of(seen, truth));
+        self.read = [self.read[0] + seen.values as f64, self.read[1] + seen.share_read()];
         Ok(())
     }
     fn finish(&mut self) -> Result<()> {

@@ -54,7 +54,7 @@ pub fn follow(
             tracker.init(&image, there.ok_or_else(absent)?)?;
             continue;
         }
-        frames.push(Judged::of(&tracker.update(&image)?.step, there));
+        frames.push(Judged::of(&tracker.update(&image)?, there));
     }
     Ok(frames)
 }

@@ -47,9 +47,9 @@ impl Run {
                 continue;
             }
             let began = Instant::now();
-            let step = tracker.update(&frame.image)?.step;
+            let step = tracker.update(&frame.image)?;
             run.seconds += began.elapsed().as_secs_f64();
-            run.errors.push(centre_error(&step.bbox(), truth));
+            run.errors.push(centre_error(&step.bbox, truth));
             run.lost.push(!step.is_usable());
         }
         Ok(run)

@@ -4,10 +4,10 @@ use std::path::Path;
 
 use foveate_base::Result;
 use foveate_base::sink::Sink;
+use foveate_core::Seen;
 use foveate_core::config::PolicyConfig;
 use foveate_core::gaze::Grid;
 use foveate_core::geometry::{BBox, Gaze};
-use foveate_core::step::Step;
 use foveate_report::Observer;
 use foveate_report::regret::RegretLog;
 use foveate_video::Frame;
@@ -69,8 +69,8 @@ impl Observer for RegretFiles {
     fn start(&mut self, _: &Frame, _: &BBox) -> Result<()> {
         Ok(())
     }
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        self.log.enter(frame, step)
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+        self.log.enter(frame, seen)
     }
     fn finish(&mut self) -> Result<()> {
         if !std::mem::replace(&mut self.finished, true) {

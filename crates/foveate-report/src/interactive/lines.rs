@@ -14,8 +14,8 @@ use crate::stream::Format;
 use crate::{Boxes, Observer, Stream, Table};
 use foveate_base::Result;
 use foveate_base::sink::{Memory, Sink};
+use foveate_core::Seen;
 use foveate_core::geometry::BBox;
-use foveate_core::step::Step;
 use foveate_video::{Frame, Meter, Remarks};
 
 /// The files.
@@ -184,8 +184,8 @@ impl tracking::Log for LineLog {
         self.take(frame.index);
         Ok(())
     }
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        self.observers.iter_mut().try_for_each(|o| o.observe(frame, step))?;
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+        self.observers.iter_mut().try_for_each(|o| o.observe(frame, seen))?;
         self.take(frame.index);
         Ok(())
     }

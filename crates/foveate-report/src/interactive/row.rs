@@ -7,10 +7,10 @@ use serde::Serialize;
 use crate::draw::CORNERS;
 use crate::heat::Heat;
 use crate::report;
+use foveate_core::Seen;
 use foveate_core::gaze::PolicySnapshot;
 use foveate_core::geometry::{BBox, Extent, Gaze, State};
 use foveate_core::identity::Retina;
-use foveate_core::step::Step;
 use foveate_video::Frame;
 
 /// Points along a side of a reward surface.
@@ -69,21 +69,21 @@ impl Row {
     }
 
     /// Of a frame that was tracked.
-    pub fn tracked(frame: &Frame, step: &Step<'_>) -> Self {
-        let (b, gaze, region) = (step.bbox(), step.plan.chosen(), step.region(0.9));
-        let f = step.estimate.fixate(gaze, step.extent);
+    pub fn tracked(frame: &Frame, seen: &Seen<'_>) -> Self {
+        let (b, gaze, region) = (seen.bbox, seen.plan.chosen(), seen.region(0.9));
+        let f = seen.state.fixate(gaze, seen.extent);
         Self {
             bbox: [b.x, b.y, b.w, b.h],
-            corners: corners(&step.estimate, step.extent),
+            corners: corners(&seen.state, seen.extent),
             given: false,
-            p_lost: step.confidence.p_lost,
-            status: step.confidence.status.name(),
-            usable: step.is_usable(),
+            p_lost: seen.p_lost,
+            status: seen.status.name(),
+            usable: seen.is_usable(),
             gaze: Some([gaze.u, gaze.v]),
             fixation: Some([f.x, f.y, f.ux, f.uy, f.vx, f.vy]),
             region: Some([region.x, region.y, region.half[0], region.half[1], region.turn]),
-            distance: Some(step.percept.distance),
-            ess: Some(step.ess),
+            distance: Some(seen.percept.distance),
+            ess: Some(seen.ess),
             ..Self::given(frame, &b)
         }
     }
@@ -114,11 +114,11 @@ struct Detail {
 }
 
 /// What a frame (from 1) looked like from inside, as JSON text: particles, glimpse, gazes, probabilities of gazes.
-pub fn detail(frame: usize, step: &Step<'_>) -> String {
-    let (particles, weights) = report::particles(step);
-    let chosen = step.plan.chosen_index();
-    let also = step.plan.used().filter(|(k, _)| *k != chosen).map(|(_, gaze)| [gaze.u, gaze.v]).collect();
-    let arms = match step.snapshot {
+pub fn detail(frame: usize, seen: &Seen<'_>) -> String {
+    let (particles, weights) = report::particles(seen);
+    let chosen = seen.plan.chosen_index();
+    let also = seen.plan.used().filter(|(k, _)| *k != chosen).map(|(_, gaze)| [gaze.u, gaze.v]).collect();
+    let arms = match seen.snapshot {
         PolicySnapshot::Arms { gazes, probabilities } if gazes.len() > 1 => {
             gazes.iter().zip(probabilities).map(|(gaze, p)| [gaze.u, gaze.v, *p]).collect()
         }
@@ -129,7 +129,7 @@ pub fn detail(frame: usize, step: &Step<'_>) -> String {
         frame,
         particles: text(&particles),
         weights: text(&weights),
-        glimpse: text(&report::levels(&step.percept.glimpse)),
+        glimpse: text(&report::levels(&seen.percept.glimpse)),
         also,
         arms,
     };

@@ -8,9 +8,9 @@ use super::row::{self, Row, Surface};
 use super::texts::Texts;
 use foveate_base::files::Files;
 use foveate_base::{Error, Result};
+use foveate_core::Seen;
 use foveate_core::config::{Blueprint, Config};
 use foveate_core::geometry::BBox;
-use foveate_core::step::Step;
 use foveate_core::{Tracker, start};
 use foveate_video::Frame;
 
@@ -69,7 +69,7 @@ pub trait Log: Send {
     ///
     /// # Errors
     /// It cannot be written down.
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()>;
+    fn observe(&mut self, frame: &Frame, step: &Seen<'_>) -> Result<()>;
     /// All frames from `index` (from 0) on are forgotten.
     fn cut(&mut self, index: usize);
 }
@@ -79,7 +79,7 @@ impl Log for () {
     fn start(&mut self, _: &Frame, _: &BBox) -> Result<()> {
         Ok(())
     }
-    fn observe(&mut self, _: &Frame, _: &Step<'_>) -> Result<()> {
+    fn observe(&mut self, _: &Frame, _: &Seen<'_>) -> Result<()> {
         Ok(())
     }
     fn cut(&mut self, _: usize) {}
@@ -215,7 +215,7 @@ impl Tracking {
             self.read(from)?.ok_or_else(|| Error::Invalid("the video has become shorter; open it again".into()))?;
         let mut tracker = self.setup.blueprint.tracker(self.setup.seed)?;
         tracker.load(&state)?;
-        tracker.skip(&frame.image);
+        tracker.skip(&frame.image)?;
         self.tracker = tracker;
         let given = self.given.clone();
         self.cut(from + 1);
@@ -270,10 +270,10 @@ impl Tracking {
             return Ok(());
         };
         let seen = self.tracker.update(&frame.image)?;
-        self.log.observe(&frame, &seen.step)?;
+        self.log.observe(&frame, &seen)?;
         self.count += 1;
-        self.rows.push(Row::tracked(&frame, &seen.step));
-        self.details.put(index, row::detail(index + 1, &seen.step));
+        self.rows.push(Row::tracked(&frame, &seen));
+        self.details.put(index, row::detail(index + 1, &seen));
         while self.details.bytes > self.details.most {
             self.details.drop_first();
         }

@@ -16,8 +16,9 @@ use crate::{MultiObserver, RunInfo};
 use foveate_base::Result;
 use foveate_base::sink::Sink;
 use foveate_base::text::counted;
+use foveate_core::Seen;
 use foveate_core::geometry::Gaze;
-use foveate_core::multi::{Phase, TrackedTarget};
+use foveate_core::multi::Phase;
 use foveate_video::{Frame, encode_jpeg};
 
 mod bars;
@@ -100,7 +101,7 @@ impl MultiReport {
         })
     }
 
-    fn follow(&mut self, frame: &Frame, target: &TrackedTarget) {
+    fn follow(&mut self, frame: &Frame, target: &Seen<'_>) {
         let (at, scale) = (frame.index, target.state.log_scale.exp());
         let track = self.tracks.entry(target.id).or_insert_with(|| Track {
             spans: vec![],
@@ -210,7 +211,7 @@ impl Track {
 }
 
 impl Drawn {
-    fn new(target: &TrackedTarget) -> Self {
+    fn new(target: &Seen<'_>) -> Self {
         let f = target.state.fixate(Gaze::CENTRE, target.extent);
         let gaze = target.state.fixate(target.gaze, target.extent);
         let corners = CORNERS.into_iter().flat_map(|(u, v)| [f.x + u * f.ux + v * f.vx, f.y + u * f.uy + v * f.vy]);
@@ -225,7 +226,7 @@ impl Drawn {
 }
 
 impl MultiObserver for MultiReport {
-    fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         let number = frame.index + 1;
         self.size = (frame.image.width(), frame.image.height());
         targets.iter().for_each(|target| self.follow(frame, target));

@@ -8,9 +8,9 @@ use serde_json::{Map, Value, json};
 use super::html::{self, Template, bytes_of, short};
 use crate::regret::RegretLog;
 use crate::{Baseline, RunInfo};
+use foveate_core::Seen;
 use foveate_core::control::Status;
 use foveate_core::geometry::{BBox, Extent, State};
-use foveate_core::step::Step;
 use foveate_video::Frame;
 
 /// One number a frame of each; NaN where there is none.
@@ -168,36 +168,36 @@ impl Page {
     }
 
     /// A row for a frame that was tracked; returns its index.
-    pub fn tracked(&mut self, frame: &Frame, step: &Step<'_>, arm: Option<usize>) -> usize {
-        let index = self.given(frame, &step.estimate, step.extent);
-        self.particles = step.weights.len();
-        self.classes[index].extend_from_slice(step.classes);
+    pub fn tracked(&mut self, frame: &Frame, seen: &Seen<'_>, arm: Option<usize>) -> usize {
+        let index = self.given(frame, &seen.state, seen.extent);
+        self.particles = seen.weights.len();
+        self.classes[index].extend_from_slice(seen.classes);
         if self.class_names.is_empty() {
-            self.class_names = step.class_names.to_vec();
+            self.class_names = seen.class_names.to_vec();
         }
         self.tracked += 1;
-        let (c, gaze) = (&step.covariance, step.plan.chosen());
-        let low = step.rewards.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = step.rewards.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let (c, gaze) = (&seen.covariance, seen.plan.chosen());
+        let low = seen.rewards.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = seen.rewards.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         self.rows[index][14..].copy_from_slice(&[
             c[0][0],
             c[0][1],
             c[1][1],
             c[0][0].sqrt(),
             c[1][1].sqrt(),
-            step.ess,
-            step.log_evidence,
-            f64::from(u8::from(step.is_usable())),
+            seen.ess,
+            seen.log_evidence,
+            f64::from(u8::from(seen.is_usable())),
             gaze.u,
             gaze.v,
             arm.map_or(f64::NAN, |arm| arm as f64),
-            step.rewards[step.plan.chosen_index()],
+            seen.rewards[seen.plan.chosen_index()],
             low,
             high,
-            step.percept.distance,
-            step.confidence.p_lost,
-            f64::from(step.confidence.status as u8),
-            step.localisation_noise * step.unit(),
+            seen.percept.distance,
+            seen.p_lost,
+            f64::from(seen.status as u8),
+            seen.localisation_noise * seen.unit(),
         ]);
         index
     }

@@ -106,15 +106,15 @@ impl Follower for Multi<'_> {
 mod tests {
     use super::*;
     use foveate_base::files::Nowhere;
+    use foveate_core::Seen;
     use foveate_core::config::Config;
-    use foveate_core::multi::TrackedTarget;
     use foveate_core::scene::Image;
     use foveate_video::{ImageFolder, save_png};
 
     struct Unseen;
 
     impl MultiObserver for Unseen {
-        fn observe(&mut self, _: &Frame, _: &[TrackedTarget]) -> Result<()> {
+        fn observe(&mut self, _: &Frame, _: &[Seen<'_>]) -> Result<()> {
             Ok(())
         }
         fn finish(&mut self) -> Result<()> {

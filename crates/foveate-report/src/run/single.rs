@@ -28,7 +28,7 @@ pub struct Outcome {
     pub frames: Frames,
     /// Frames that were tracked: those whose box was given are none.
     pub tracked: usize,
-    /// Values read from the tracked frames: the sum of [`Step::values`](foveate_core::step::Step::values).
+    /// Values read from the tracked frames: the sum of [`Step::values`](foveate_core::Seen::values).
     pub values: usize,
     /// Frames whose status is occluded.
     pub occluded: usize,
@@ -141,10 +141,9 @@ fn through(
 impl Follower for Single<'_> {
     fn skip(&mut self, frame: &Frame) -> Result<()> {
         match self.tiles.and_then(|tiles| tiles.frame(frame.index)) {
-            Some(tiles) => self.tracker.skip_from(&tiles)?,
+            Some(tiles) => self.tracker.skip(&tiles),
             None => self.tracker.skip(&frame.image),
         }
-        Ok(())
     }
     fn track(&mut self, frame: &Frame, spent: &mut dyn FnMut(Duration)) -> Result<()> {
         let tiles = self.tiles.and_then(|tiles| tiles.frame(frame.index));
@@ -152,7 +151,7 @@ impl Follower for Single<'_> {
         let given = self.again.iter().find(|(at, _)| *at == frame.index).map(|(_, bbox)| *bbox);
         if let Some(bbox) = given.or(self.init.take()) {
             match &tiles {
-                Some(tiles) => self.tracker.init_from(tiles, bbox)?,
+                Some(tiles) => self.tracker.init(tiles, bbox)?,
                 None => self.tracker.init(&frame.image, bbox)?,
             }
             spent(decoding());
@@ -169,26 +168,26 @@ impl Follower for Single<'_> {
             ));
         }
         let seen = match &tiles {
-            Some(tiles) => self.tracker.update_from(tiles)?,
+            Some(tiles) => self.tracker.update(tiles)?,
             None => self.tracker.update(&frame.image)?,
         };
         spent(decoding());
-        let shown = tiles.map(|_| of(frame, seen.step.image));
+        let shown = tiles.as_ref().and(seen.picture).map(|picture| of(frame, picture));
         let frame = shown.as_ref().unwrap_or(frame);
         if !self.endless {
             self.outcome.boxes.push(touching(&seen.bbox, &frame.image));
         }
         let o = &mut self.outcome;
         o.tracked += 1;
-        o.values += seen.step.values;
+        o.values += seen.values;
         let inside = touches(&seen.bbox, &frame.image);
         o.last = inside.then_some(seen.bbox);
         o.outside += usize::from(!inside);
         o.occluded += usize::from(seen.status == Status::Occluded);
         o.lost += usize::from(seen.is_lost());
-        o.class = seen.step.class();
-        o.class_name = o.class.and_then(|(class, _)| seen.step.class_names.get(class).cloned());
-        self.observer.observe(frame, &seen.step)
+        o.class = seen.class;
+        o.class_name = o.class.and_then(|(class, _)| seen.class_names.get(class).cloned());
+        self.observer.observe(frame, &seen)
     }
 }
 

@@ -28,8 +28,16 @@ fn track(settings: &[&str]) -> Vec<(State, String)> {
         .map(|i| {
             let frame = frame(i, 3);
             let seen = tracker.update(&frame.image).expect("a picture of the first size");
-            let step = &seen.step;
-            (seen.state, format!("{:?} {:?} {:?}", step.confidence, step.predicted, step.weights))
+            let step = &seen;
+            (
+                seen.state,
+                format!(
+                    "{:?} {:?} {:?}",
+                    (step.p_lost, step.own_p_lost, step.status, step.cues),
+                    step.particles,
+                    step.weights
+                ),
+            )
         })
         .collect()
 }

@@ -58,7 +58,7 @@ fn what_they_read_is_counted_once() {
         let mut tracker = config.tracker(SEED).expect("parts that fit");
         tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
         let frame = frame(1, 3);
-        tracker.update(&frame.image).expect("a picture of the first size").step.values
+        tracker.update(&frame.image).expect("a picture of the first size").values
     };
     let (one, three) = (reads(1), reads(MEMBERS));
     assert!(one <= three && three < 2 * one, "one reads {one}, three {three}");

@@ -1,11 +1,11 @@
 //! Nothing but seed, configuration and video changes a track: not threads, observers, other targets, or a pause.
 
 use crate::common::{INIT, POLICIES, blueprint, frame, learning_for_now, natural, truth};
+use foveate::Seen;
 use foveate::Tracker;
 use foveate::config::{Blueprint, Config};
 use foveate::files::Folder;
 use foveate::report::{Observer, Table, Trace};
-use foveate::step::Step;
 use foveate::video::Frame;
 
 const FRAMES: usize = 14;
@@ -13,13 +13,13 @@ const FRAMES: usize = 14;
 const PARTICLES: usize = 210;
 
 /// All numbers of a step, as bits.
-fn bits(step: &Step<'_>) -> Vec<u64> {
+fn bits(step: &Seen<'_>) -> Vec<u64> {
     let mut all: Vec<u64> = Vec::new();
     let mut add = |values: &[f64]| all.extend(values.iter().map(|v| v.to_bits()));
-    add(&step.estimate.to_array());
+    add(&step.state.to_array());
     step.covariance.iter().for_each(|row| add(row));
     add(&[step.ess, step.log_evidence, step.consistency.deficit, step.consistency.tempered_ess, step.percept.distance]);
-    step.predicted.iter().for_each(|state| add(&state.to_array()));
+    step.particles.iter().for_each(|state| add(&state.to_array()));
     add(step.weights);
     add(step.rewards);
     add(step.gaze_evidence);
@@ -41,7 +41,7 @@ fn started(blueprint: &Blueprint, target: u64, frames: &[Frame]) -> Tracker {
 }
 
 fn go(tracker: &mut Tracker, frames: &[Frame]) -> Vec<Vec<u64>> {
-    frames.iter().map(|frame| bits(&tracker.update(&frame.image).expect("a picture of the first size").step)).collect()
+    frames.iter().map(|frame| bits(&tracker.update(&frame.image).expect("a picture of the first size"))).collect()
 }
 
 fn alone(blueprint: &Blueprint, frames: &[Frame]) -> Vec<Vec<u64>> {
@@ -88,10 +88,10 @@ fn observers_and_other_targets_change_nothing() {
         other.init(&frames[0].image, elsewhere).expect("a box in the picture");
         let mut tracker = started(blueprint, 0, &frames);
         for (frame, plain) in frames[1..].iter().zip(&plain) {
-            let step = tracker.update(&frame.image).expect("a picture of the first size").step;
+            let step = tracker.update(&frame.image).expect("a picture of the first size");
             observers.observe(frame, &step).expect("room on the disk");
             assert!(bits(&step) == *plain, "{name}");
-            let mut twin = bits(&other.update(&frame.image).expect("a picture of the first size").step);
+            let mut twin = bits(&other.update(&frame.image).expect("a picture of the first size"));
             twin.truncate(plain.len());
             assert!(twin != *plain, "another target has randomness of its own");
         }
@@ -107,10 +107,9 @@ fn gazes_that_are_only_scored_change_nothing() {
         let mut plain = started(blueprint, 0, &frames);
         let mut shadowed = started(&blueprint.clone().shadowing(far), 0, &frames);
         for frame in &frames[1..] {
-            let [a, b] =
-                [&mut plain, &mut shadowed].map(|tracker| tracker.update(&frame.image).expect("a picture").step);
+            let [a, b] = [&mut plain, &mut shadowed].map(|tracker| tracker.update(&frame.image).expect("a picture"));
             assert!(bits(&a) == bits(&b), "{name}");
-            assert_eq!((b.bbox(), b.recorded.len(), a.recorded.len()), (a.bbox(), 16, 0), "{name}");
+            assert_eq!((b.bbox, b.recorded.len(), a.recorded.len()), (a.bbox, 16, 0), "{name}");
             assert!(b.recorded.iter().all(|reward| (0.0..=1.0).contains(reward)), "{name}");
         }
         assert_eq!(plain.save(), shadowed.save(), "{name}");
@@ -125,7 +124,7 @@ fn recorded_rewards_are_those_of_gazes_that_are_scored() {
     let mut hedge = started(&blueprint(POLICIES[3], true, 1.0, false, PARTICLES), 0, &frames);
     let fixed = blueprint(POLICIES[0], true, 1.0, false, PARTICLES).shadowing(gazes.clone());
     let mut fixed = started(&fixed, 0, &frames);
-    let [a, b] = [&mut hedge, &mut fixed].map(|tracker| tracker.update(&frames[1].image).expect("a picture").step);
+    let [a, b] = [&mut hedge, &mut fixed].map(|tracker| tracker.update(&frames[1].image).expect("a picture"));
     for gaze in gazes {
         let [a, b] = [&a, &b].map(|step| step.reward_of(gaze).expect("scored or recorded"));
         assert!((a - b).abs() < 1e-5, "{gaze:?}: {a} {b}");
@@ -145,7 +144,7 @@ fn a_saved_tracker_goes_on_bit_for_bit() {
             let mut fresh = blueprint.tracker(5).expect("parts that fit");
             fresh.load(&serde_json::from_str(&text).expect("JSON")).expect("what was saved fits");
             assert_eq!(fresh.save(), saved, "{name}");
-            fresh.skip(&frames[pause - 1].image); // camera motion compares pictures, and is not saved
+            fresh.skip(&frames[pause - 1].image).expect("a picture in memory"); // camera motion compares pictures, and is not saved
             assert!(go(&mut fresh, &frames[pause..]) == whole[pause - 1..], "{name}, paused before frame {pause}");
         }
     });
@@ -196,8 +195,8 @@ fn a_target_given_again_is_followed_from_there() {
             assert!(once == twice, "{name}, given again in frame {again}");
             let mut tracker = tracker;
             let end = &frames[FRAMES - 1];
-            let step = tracker.update(&end.image).expect("a picture of the first size").step;
-            assert!(step.bbox().iou(&truth(FRAMES - 1)) > 0.3, "{name}: {:?} after frame {again}", step.bbox());
+            let step = tracker.update(&end.image).expect("a picture of the first size");
+            assert!(step.bbox.iou(&truth(FRAMES - 1)) > 0.3, "{name}: {:?} after frame {again}", step.bbox);
         }
     });
 }

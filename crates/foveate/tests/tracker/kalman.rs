@@ -2,6 +2,7 @@
 //! seen in noise. Means, variances and evidence; any proposal; resampling always or below a threshold; the parts put
 //! together here, and the whole tracker.
 
+use foveate::Seen;
 use foveate::conformance;
 use foveate::conformance::blank_image;
 use foveate::control::{
@@ -15,7 +16,6 @@ use foveate::reference::ReferenceLikelihood;
 use foveate::rng::{Purpose, Streams};
 use foveate::scene::{Image, Preprocessor, Scene};
 use foveate::start::StartSpread;
-use foveate::step::Step;
 use foveate::{Filter, GazeControl, Monitor, Parts, Tracker};
 use rand::RngExt;
 use rand_distr::StandardNormal;
@@ -284,7 +284,7 @@ fn track(
     particles: usize,
     observations: &[[f64; 4]],
     seed: u64,
-    look: &mut dyn FnMut(&Step<'_>, &[f64; 4]),
+    look: &mut dyn FnMut(&Seen<'_>, &[f64; 4]),
 ) -> Filtered {
     let resampling = Resampling { scheme: Scheme::Systematic, below: 0.1 };
     let filter = Filter::new(proposal, particles).expect("some particles");
@@ -301,14 +301,14 @@ fn track(
         let picture = picture(&observation);
         let seen = tracker.update(&picture).expect("a picture of the first size");
         beliefs.push((State { x: seen.state.x - x, y: seen.state.y - y, ..seen.state }, seen.covariance));
-        log_evidence += seen.step.log_evidence;
-        look(&seen.step, &observation);
+        log_evidence += seen.log_evidence;
+        look(&seen, &observation);
     }
     (beliefs, log_evidence)
 }
 
 /// Whether all particles go on with their weights.
-fn carries(step: &Step<'_>) -> bool {
+fn carries(step: &Seen<'_>) -> bool {
     step.ancestors.iter().enumerate().all(|(i, a)| i == *a)
 }
 
@@ -326,7 +326,7 @@ fn weights_of_the_tracker_are_carried_until_it_selects() {
         let (mut before, mut frames) = (vec![1.0 / N as f64; N], [0, 0]);
         track(prior_of_unit(), N, &observations(SPREAD_START, seed), seed, &mut |step, observation| {
             let unnormalized: Vec<f64> =
-                step.predicted.iter().zip(&before).map(|(s, w)| w * log_likelihood(s, observation).exp()).collect();
+                step.particles.iter().zip(&before).map(|(s, w)| w * log_likelihood(s, observation).exp()).collect();
             let evidence: f64 = unnormalized.iter().sum();
             assert!((step.log_evidence - evidence.ln()).abs() < 1e-9, "{} is not ln {evidence}", step.log_evidence);
             for (got, exact) in step.weights.iter().zip(&unnormalized) {
@@ -349,7 +349,7 @@ fn weights_of_the_tracker_are_carried_until_it_selects() {
 fn tracker_agrees(make: &dyn Fn() -> Box<dyn Proposal>) {
     let (carried, frames) = (std::cell::Cell::new(0), 3 * TRACKER_RUNS * FRAMES);
     let run = |observations: &[[f64; 4]], seed| {
-        let mut count = |step: &Step<'_>, _: &[f64; 4]| carried.set(carried.get() + usize::from(carries(step)));
+        let mut count = |step: &Seen<'_>, _: &[f64; 4]| carried.set(carried.get() + usize::from(carries(step)));
         track(make(), TRACKER_PARTICLES, observations, seed, &mut count)
     };
     agrees_with(SPREAD_START, TRACKER_RUNS, 5.0, &run);

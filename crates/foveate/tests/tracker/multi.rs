@@ -3,10 +3,11 @@
 
 use foveate::files::Folder;
 
+use foveate::Seen;
 use foveate::config::Config;
 use foveate::control::CameraMotion;
 use foveate::geometry::BBox;
-use foveate::multi::{MultiTracker, Phase, TrackedTarget};
+use foveate::multi::{MultiTracker, Phase};
 use foveate::rng::{Purpose, Streams};
 use foveate::scene::{Detection, Image};
 use rand::RngExt;
@@ -47,7 +48,7 @@ fn found(b: BBox) -> Detection {
     Detection::new(b, 1.0)
 }
 
-fn off(seen: &TrackedTarget, b: &BBox) -> f64 {
+fn off(seen: &Seen<'_>, b: &BBox) -> f64 {
     (seen.bbox.centre().0 - b.centre().0).hypot(seen.bbox.centre().1 - b.centre().1)
 }
 
@@ -167,7 +168,7 @@ fn a_cut_is_the_end_and_boxes_that_are_none_are_refused() {
 }
 
 /// All that is known of one target, frame by frame.
-fn life(id: u64, seed: u64, others: &[(u64, BBox)]) -> Vec<TrackedTarget> {
+fn life(id: u64, seed: u64, others: &[(u64, BBox)]) -> Vec<Seen<'_>> {
     let mut tracker = tracker(seed);
     let mut life = vec![];
     for t in 0..25usize {
@@ -295,7 +296,7 @@ fn pictures_shown_again_after_loading_are_not_counted_twice() {
     let config = Config::builtin("multi").expect("it ships with the library").expect("it is right");
     let config = Config { particles: 100, camera_motion: Some(CameraMotion::default()), ..config };
     let blueprint = config.check(&Folder::here()).expect("parts that fit");
-    let run = |tracker: &mut MultiTracker, frames: std::ops::Range<usize>| -> Vec<TrackedTarget> {
+    let run = |tracker: &mut MultiTracker, frames: std::ops::Range<usize>| -> Vec<Seen<'_>> {
         let step = |t| {
             let (squares, detections) = visits(t);
             tracker.update(&picture(&squares), &detections).expect("a picture of the first size").to_vec()
@@ -411,7 +412,7 @@ fn guesses_are_no_results() {
         let detections: Vec<_> = here.iter().map(|b| found(*b)).collect();
         let results = tracker.update(&picture(&squares), &detections).expect("a picture of the first size").to_vec();
         assert!(results.iter().all(|target| target.phase != Phase::Lost));
-        let sure: Vec<_> = tracker.targets().iter().filter(|target| target.sure()).copied().collect();
+        let sure: Vec<_> = tracker.targets().iter().filter(|target| target.is_usable()).copied().collect();
         assert_eq!(results, sure, "frame {t}");
         guesses += tracker.targets().len() - results.len();
     }

@@ -6,13 +6,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::common::shown;
+use foveate::Seen;
 use foveate::config::Config;
 use foveate::geometry::BBox;
 use foveate::identity::retina::FovealConfig;
 use foveate::identity::{Foveal, Retina};
 use foveate::report::{Annotator, Boxes, Film, Observer, Report, RunInfo, Table, Trace};
 use foveate::scene::Image;
-use foveate::step::Step;
 use foveate::video::Frame;
 use foveate::{Error, Result};
 
@@ -57,14 +57,14 @@ fn info() -> RunInfo {
 }
 
 /// Runs the tracker; each step is shown to `observer` and to `look`.
-fn run(observer: &mut dyn Observer, mut look: impl FnMut(&Frame, &Step<'_>)) {
+fn run(observer: &mut dyn Observer, mut look: impl FnMut(&Frame, &Seen<'_>)) {
     let blueprint = Config::parse(CONFIG, "test").and_then(|c| c.check(&Folder::here())).expect("a good configuration");
     let mut tracker = blueprint.tracker(7).expect("parts that fit");
     tracker.init(&frame(0).image, INIT).expect("a box in the picture");
     observer.start(&frame(0), &INIT).expect("room on the disk");
     for index in 1..FRAMES {
         let frame = frame(index);
-        let step = tracker.update(&frame.image).expect("a picture of the first size").step;
+        let step = tracker.update(&frame.image).expect("a picture of the first size");
         observer.observe(&frame, &step).expect("room on the disk");
         look(&frame, &step);
     }
@@ -84,9 +84,9 @@ fn boxes_and_table_read_back() {
     ];
     let (mut said, mut rows) = (vec![INIT], vec![]);
     run(&mut observers, |_, step| {
-        said.push(step.bbox());
+        said.push(step.bbox);
         let c = &step.covariance;
-        rows.push((step.estimate.to_array(), c[0][1], c[5][5], step.ess, step.log_evidence, step.plan.chosen().u));
+        rows.push((step.state.to_array(), c[0][1], c[5][5], step.ess, step.log_evidence, step.plan.chosen().u));
     });
     assert!(!boxes.exists() && !table.exists(), "files appear when they are whole");
     observers.finish().expect("renamed");
@@ -132,7 +132,7 @@ fn the_trace_holds_every_quantity_bit_for_bit() {
     let path = folder.path().join("trace.jsonl");
     let mut trace = Trace::create(&path).expect("a writable folder");
     let mut said = vec![];
-    run(&mut trace, |_, step| said.push((step.weights.to_vec(), step.predicted[7].to_array(), step.percept.clone())));
+    run(&mut trace, |_, step| said.push((step.weights.to_vec(), step.particles[7].to_array(), step.percept.clone())));
     trace.finish().expect("renamed");
     let lines: Vec<serde_json::Value> =
         read(&path).lines().map(|line| serde_json::from_str(line).expect("an object a line")).collect();
@@ -209,7 +209,7 @@ fn the_annotated_frame_shows_box_and_lost() {
     run(&mut blank, |frame, step| {
         let picture = annotator.annotate(frame, step);
         // The middle of the box's left edge, on the magnified frame, is the target's blue.
-        let edge = step.estimate.fixate(foveate::geometry::Gaze { u: -1.0, v: 0.9, arm: None }, step.extent);
+        let edge = step.state.fixate(foveate::geometry::Gaze { u: -1.0, v: 0.9, arm: None }, step.extent);
         let (x, y) = ((10.0 * (edge.x + 0.5)).round() as usize, (10.0 * (edge.y + 0.5)).round() as usize);
         let blue = (x - 2..=x + 2).any(|x| picture.at(2, x, y) > 200 && picture.at(0, x, y) < 120);
         sizes.push((picture.width(), picture.height(), blue));
@@ -244,7 +244,7 @@ impl Observer for Broken<'_> {
     fn start(&mut self, _: &Frame, _: &BBox) -> Result<()> {
         Ok(())
     }
-    fn observe(&mut self, _: &Frame, _: &Step<'_>) -> Result<()> {
+    fn observe(&mut self, _: &Frame, _: &Seen<'_>) -> Result<()> {
         Ok(())
     }
     fn finish(&mut self) -> Result<()> {

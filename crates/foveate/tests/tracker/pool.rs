@@ -3,6 +3,7 @@
 use foveate::files::Folder;
 
 use crate::common::{INIT, blueprint, frame, truth};
+use foveate::Seen;
 use foveate::config::{Blueprint, Config};
 use foveate::control::{Autoregressive, Belief, ConfidenceModel, ConsistencySettings, Prior, VarianceReduction};
 use foveate::gaze::{Context, Grid, Plan, Policy, Pool};
@@ -12,7 +13,6 @@ use foveate::reference::ReferenceLikelihood;
 use foveate::rng::{Rng, Streams};
 use foveate::scene::{Image, Preprocessor};
 use foveate::start::StartSpread;
-use foveate::step::Step;
 use foveate::video::Frame;
 use foveate::{Filter, GazeControl, Monitor, Parts, Tracker};
 
@@ -67,11 +67,11 @@ fn tracker(policy: Box<dyn Policy>) -> Tracker {
     Tracker::from_parts(parts, Preprocessor::default(), 1)
 }
 
-fn first_step<T>(policy: Box<dyn Policy>, look: impl FnOnce(&Step<'_>) -> T) -> T {
+fn first_step<T>(policy: Box<dyn Policy>, look: impl FnOnce(&Seen<'_>) -> T) -> T {
     let (mut tracker, picture) = (tracker(policy), Image::grey(100, 100, 0));
     let bbox = foveate::geometry::BBox::around(50.0, 50.0, 20.0, 20.0);
     tracker.init(&picture, bbox).expect("a box in the picture");
-    let step = tracker.update(&picture).expect("a picture of the first size").step;
+    let step = tracker.update(&picture).expect("a picture of the first size");
     look(&step)
 }
 
@@ -116,7 +116,7 @@ fn the_pool_of_normal_laws_in_closed_form() {
             for (w, exact) in step.plan.weights().iter().zip(weights) {
                 assert!((w - exact).abs() < 1e-12, "{w} is not {exact}");
             }
-            let belief = Belief { states: step.predicted, weights: step.weights };
+            let belief = Belief { states: step.particles, weights: step.weights };
             let (got, cov) = (belief.mean(), belief.covariance());
             assert!((got.x - x).abs() < 0.15 && (got.y - y).abs() < 0.15, "{got:?} is not {x}, {y}");
             for variance in [cov[0][0], cov[1][1]] {
@@ -129,9 +129,8 @@ fn the_pool_of_normal_laws_in_closed_form() {
 /// Equal weights of sum K are the product of the likelihoods, as policies that use several gazes have always had it.
 #[test]
 fn equal_weights_are_the_product() {
-    let bits = |step: &Step<'_>| -> Vec<u64> {
-        let numbers =
-            step.weights.iter().chain([&step.log_evidence, &step.consistency.deficit, &step.confidence.p_lost]);
+    let bits = |step: &Seen<'_>| -> Vec<u64> {
+        let numbers = step.weights.iter().chain([&step.log_evidence, &step.consistency.deficit, &step.p_lost]);
         numbers.map(|v| v.to_bits()).collect()
     };
     let (product, pooled) = (first_step(Box::new(All(grid())), bits), first_step(pool([0.0; 4], 4.0), bits));
@@ -169,8 +168,8 @@ fn a_covered_gaze_loses_its_weight_and_gets_it_back() {
         let mut left = vec![];
         for index in 1..66 {
             let frame = covered(index);
-            let step = tracker.update(&frame.image).expect("a picture of the first size").step;
-            let iou = step.bbox().iou(&truth(index));
+            let step = tracker.update(&frame.image).expect("a picture of the first size");
+            let iou = step.bbox.iou(&truth(index));
             assert!(iou > 0.9, "seed {seed}, frame {index}: IoU {iou}");
             left.push((step.plan.weights()[0] + step.plan.weights()[1]) / step.plan.looks());
         }

@@ -37,9 +37,9 @@ fn step(tracker: &mut Tracker, index: usize, told: bool) -> (BBox, Vec<u64>) {
         true => tracker.update_with(&frame.image, &detections),
         false => tracker.update(&frame.image),
     };
-    let step = step.expect("a picture of the first size").step;
-    let bits = step.weights.iter().chain(step.predicted.iter().map(|s| &s.x)).map(|v| v.to_bits()).collect();
-    (step.bbox(), bits)
+    let step = step.expect("a picture of the first size");
+    let bits = step.weights.iter().chain(step.particles.iter().map(|s| &s.x)).map(|v| v.to_bits()).collect();
+    (step.bbox, bits)
 }
 
 fn started(blueprint: &Blueprint) -> Tracker {
@@ -72,7 +72,7 @@ fn threads_change_nothing_and_a_saved_tracker_goes_on() {
     (1..8).for_each(|i| drop(step(&mut tracker, i, true)));
     let mut resumed = blueprint.tracker(5).expect("parts that fit");
     resumed.load(&tracker.save()).expect("it was saved");
-    resumed.skip(&frame(7, 1).image); // camera motion needs the picture before
+    resumed.skip(&frame(7, 1).image).expect("a picture in memory"); // camera motion needs the picture before
     assert!((8..FRAMES).all(|i| step(&mut resumed, i, true) == all[i - 1]));
 }
 
@@ -134,7 +134,7 @@ fn the_runner_asks_the_detector() {
         fn start(&mut self, _: &Frame, _: &BBox) -> foveate::Result<()> {
             Ok(())
         }
-        fn observe(&mut self, _: &Frame, step: &foveate::step::Step<'_>) -> foveate::Result<()> {
+        fn observe(&mut self, _: &Frame, step: &foveate::Seen<'_>) -> foveate::Result<()> {
             self.0.push(step.detections.len());
             Ok(())
         }

@@ -32,12 +32,12 @@ fn started(blueprint: &Blueprint, frames: &[Frame]) -> Tracker {
 
 /// All numbers about classes of one step.
 fn said(tracker: &mut Tracker, frame: &Frame) -> Vec<f64> {
-    let step = tracker.update(&frame.image).expect("a picture of the first size").step;
+    let step = tracker.update(&frame.image).expect("a picture of the first size");
     assert_eq!((step.classes.len(), step.own_classes.len()), (3, 3));
     for p in [step.classes, step.own_classes] {
         assert!((p.iter().sum::<f64>() - 1.0).abs() < 1e-9 && p.iter().all(|p| (0.0..=1.0).contains(p)), "{p:?}");
     }
-    let (class, p) = step.class().expect("there is a recogniser");
+    let (class, p) = step.class.expect("there is a recogniser");
     assert!(step.classes.iter().all(|q| *q <= p) && step.classes[class] == p);
     let gazes = step.recognition_gazes.iter().flat_map(|g| [g.u, g.v]);
     step.classes.iter().chain(step.own_classes).copied().chain(gazes).collect()
@@ -52,11 +52,11 @@ fn recognition_changes_no_bit_of_the_track() {
         let (mut a, mut b) =
             (started(&recognising(&raw(policy), &model, RULES[0], looking), &frames), started(&raw(policy), &frames));
         for frame in &frames[1..] {
-            let [a, b] = [&mut a, &mut b].map(|tracker| tracker.update(&frame.image).expect("a picture").step);
-            assert!(a.predicted == b.predicted && a.weights == b.weights && a.ancestors == b.ancestors, "{policy}");
+            let [a, b] = [&mut a, &mut b].map(|tracker| tracker.update(&frame.image).expect("a picture"));
+            assert!(a.particles == b.particles && a.weights == b.weights && a.ancestors == b.ancestors, "{policy}");
             assert!(a.plan == b.plan && a.rewards == b.rewards && a.percept == b.percept, "{policy}");
-            assert_eq!((a.estimate, a.log_evidence), (b.estimate, b.log_evidence), "{policy}");
-            assert!(b.classes.is_empty() && b.class().is_none() && a.class().is_some());
+            assert_eq!((a.state, a.log_evidence), (b.state, b.log_evidence), "{policy}");
+            assert!(b.classes.is_empty() && b.class.is_none() && a.class.is_some());
         }
     }
 }
@@ -94,7 +94,7 @@ fn what_is_recognised_survives_a_pause_and_is_forgotten_with_the_target() {
                 serde_json::json!({ "evidence": [0.0, 0.0, 0.0], "past": "gone" });
             assert_eq!(later.load(&damaged).is_err(), looking == ALARMING);
             whole.init(&frames[0].image, INIT).expect("a box in the picture");
-            let again = whole.update(&frames[1].image).expect("a picture of the first size").step;
+            let again = whole.update(&frames[1].image).expect("a picture of the first size");
             assert!(rule != RULES[1] || again.classes.contains(&1.0), "one frame, one vote: {:?}", again.classes);
         }
     }
@@ -137,8 +137,8 @@ fn tables_traces_and_reports_say_the_class() {
     observers.start(&frames[0], &INIT).expect("room on the disk");
     let mut said = vec![];
     for frame in &frames[1..] {
-        let step = tracker.update(&frame.image).expect("a picture of the first size").step;
-        said.push((step.class().expect("a recogniser"), step.classes.to_vec()));
+        let step = tracker.update(&frame.image).expect("a picture of the first size");
+        said.push((step.class.expect("a recogniser"), step.classes.to_vec()));
         observers.observe(frame, &step).expect("room on the disk");
     }
     observers.finish().expect("renamed");

@@ -26,7 +26,7 @@ fn tracker(prior: &str, weight: f64) -> foveate::Tracker {
 }
 
 fn looks(tracker: &mut foveate::Tracker, frames: std::ops::Range<usize>) -> Vec<Gaze> {
-    frames.map(|t| tracker.update(&frame(t).image).expect("a frame").step.plan.chosen()).collect()
+    frames.map(|t| tracker.update(&frame(t).image).expect("a frame").plan.chosen()).collect()
 }
 
 #[test]

@@ -18,7 +18,7 @@ fn track(mut tracker: Tracker) -> Vec<(BBox, f64, f64)> {
         .map(|i| {
             let frame = frame(i, 3);
             let seen = tracker.update(&frame.image).expect("a picture of the first size");
-            (seen.bbox, seen.p_lost, seen.step.confidence.cues[heard])
+            (seen.bbox, seen.p_lost, seen.cues[heard])
         })
         .collect()
 }
@@ -73,7 +73,7 @@ fn what_it_reads_is_counted() {
         let mut tracker = tracker(config.expect("keys"));
         tracker.init(&frame(0, 3).image, INIT).expect("a box in the picture");
         let frame = frame(1, 3);
-        tracker.update(&frame.image).expect("a picture of the first size").step.values
+        tracker.update(&frame.image).expect("a picture of the first size").values
     };
     let (small, large) = (reads(&[]), reads(&["dynamics.position=0.5"]));
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -79,12 +79,12 @@ fn what_is_not_read_cannot_be_seen() {
     assert!(config.box_regression.is_some() && config.second_opinion.is_some(), "they, too, see what was read alone");
     let mut watching = tracker("foveated");
     let mut frames = vec![Watched::new(picture(0))];
-    watching.init_from(&frames[0], BOX).expect("a box in the picture");
+    watching.init(&frames[0], BOX).expect("a box in the picture");
     let mut seen: Vec<Seen> = vec![];
     for t in 1..12 {
         let frame = Watched::new(picture(t));
-        let output = watching.update_from(&frame).expect("a picture like the first");
-        seen.push((output.bbox, output.p_lost.to_bits(), output.step.values));
+        let output = watching.update(&frame).expect("a picture like the first");
+        seen.push((output.bbox, output.p_lost.to_bits(), output.values));
         frames.push(frame);
     }
     let truth = BBox::new(60.0 + 22.0, 40.0 + 11.0, 40.0, 30.0);
@@ -98,9 +98,9 @@ fn what_is_not_read_cannot_be_seen() {
         let (image, poisoned) = frame.poisoned();
         assert!(poisoned > 200 * 150 / 4, "most was not read");
         let output = blind.update(&image).expect("a picture like the first");
-        assert_eq!(&(output.bbox, output.p_lost.to_bits(), output.step.values), expected);
+        assert_eq!(&(output.bbox, output.p_lost.to_bits(), output.values), expected);
         assert_eq!(expected.2, values(frame), "what was read is what is counted");
-        assert!((output.step.share_read() - values(frame) as f64 / 90_000.0).abs() < 1e-12);
+        assert!((output.share_read() - values(frame) as f64 / 90_000.0).abs() < 1e-12);
     }
 }
 
@@ -110,7 +110,7 @@ fn a_tracker_behind_a_sensor_goes_on_from_its_saved_state() {
     one.init(&picture(0), BOX).expect("a box in the picture");
     (1..5).for_each(|t| assert!(one.update(&picture(t)).expect("a picture").bbox.w > 0.0));
     other.load(&one.save()).expect("it was saved");
-    other.skip(&picture(4));
+    other.skip(&picture(4)).expect("a picture in memory");
     for t in 5..9 {
         let (image, expected) = (picture(t), one.update(&picture(t)).expect("a picture").bbox);
         assert_eq!(other.update(&image).expect("a picture").bbox, expected);
@@ -129,19 +129,19 @@ fn through_a_narrow_window_it_settles_on_a_part() {
     for t in 1..9 {
         let image = picture(t);
         let output = one.update(&image).expect("a picture");
-        assert_eq!(output.step.plan.gazes().len(), if t <= 6 { 9 } else { 1 });
-        assert_eq!(output.step.percept.gaze, output.step.plan.chosen());
-        values.push(output.step.values);
+        assert_eq!(output.plan.gazes().len(), if t <= 6 { 9 } else { 1 });
+        assert_eq!(output.percept.gaze, output.plan.chosen());
+        values.push(output.values);
     }
     assert!(values[7] * 2 < values[0], "a part is fewer values than all: {values:?}");
     other.load(&one.save()).expect("it was saved");
-    other.skip(&picture(8));
+    other.skip(&picture(8)).expect("a picture in memory");
     for t in 9..16 {
         let image = picture(t);
         let expected = one.update(&image).expect("a picture");
-        let (bbox, chosen) = (expected.bbox, expected.step.plan.chosen());
+        let (bbox, chosen) = (expected.bbox, expected.plan.chosen());
         let output = other.update(&image).expect("a picture");
-        assert_eq!((output.bbox, output.step.plan.chosen()), (bbox, chosen));
+        assert_eq!((output.bbox, output.plan.chosen()), (bbox, chosen));
     }
     let truth = BBox::new(60.0 + 30.0, 40.0 + 15.0, 40.0, 30.0);
     assert!(one.update(&picture(15)).expect("a picture").bbox.iou(&truth) > 0.5, "it follows");
@@ -161,10 +161,10 @@ fn behind_a_sensor_no_policy_looks_twice_or_rehearses() {
 #[test]
 fn who_reads_whole_pictures_serves_no_regions() {
     let mut whole = Tracker::new(Config::builtin("natural").expect("it ships").expect("it is right")).expect("it fits");
-    let said = whole.init_from(&picture(0), BOX).expect_err("no sensor").to_string();
+    let said = whole.init(&picture(0), BOX).expect_err("no sensor").to_string();
     assert!(said.contains("[sensor]"), "{said}");
     whole.init(&picture(0), BOX).expect("a box in the picture");
-    assert_eq!(whole.update(&picture(1)).expect("a picture").step.share_read(), 1.0, "camera motion reads all");
+    assert_eq!(whole.update(&picture(1)).expect("a picture").share_read(), 1.0, "camera motion reads all");
 }
 
 /// Of a picture of 3840 × 2160 in tiles of 64 × 64, at most 0.2 % of the values are decoded a frame, whole tiles counted.
@@ -186,13 +186,13 @@ fn a_4k_picture_is_followed_by_its_tiles() {
     let mut tracker = tracker("foveated");
     conformance_of_a_corner(&video);
     let frame = |t| video.frame(t).expect("three frames");
-    tracker.init_from(&frame(0), BBox::new(1600.0, 800.0, 480.0, 360.0)).expect("a box in the picture");
+    tracker.init(&frame(0), BBox::new(1600.0, 800.0, 480.0, 360.0)).expect("a box in the picture");
     for t in 1..3 {
         let tiles = frame(t);
-        let output = tracker.update_from(&tiles).expect("a picture like the first");
+        let output = tracker.update(&tiles).expect("a picture like the first");
         let truth = BBox::new(1600.0 + 24.0 * t as f64, 800.0 + 12.0 * t as f64, 480.0, 360.0);
         assert!(output.bbox.iou(&truth) > 0.7, "frame {t}: {:?} is not {truth:?}", output.bbox);
-        assert!(output.step.share_read() <= 0.002, "{} of the picture", output.step.share_read());
+        assert!(output.share_read() <= 0.002, "{} of the picture", output.share_read());
         assert!(!tiles.decoding().is_zero(), "tiles were decoded");
     }
 }

@@ -54,9 +54,8 @@ fn run(config: &Config, scene: &[(Image, BBox)]) -> Vec<Row> {
     tracker.init(&scene[0].0, scene[0].1).expect("a box in the picture");
     let row = |(image, truth): &(Image, BBox)| {
         let seen = tracker.update(image).expect("a picture of the first size");
-        assert_eq!((seen.is_lost(), seen.is_usable()), (seen.step.is_lost(), seen.step.is_usable()));
         assert_eq!(seen.is_lost(), seen.status == Status::Lost);
-        let consistency = seen.step.consistency;
+        let consistency = seen.consistency;
         let deficit = consistency.is_informative.then_some(consistency.deficit);
         Row { p_lost: seen.p_lost, status: seen.status, deficit, iou: seen.bbox.iou(truth) }
     };

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::common::shown;
+use foveate::Seen;
 use foveate::control::{Autoregressive, ConfidenceModel, ConsistencySettings, Prior, VarianceReduction};
 use foveate::gaze::{Context, Plan, Policy, PolicySnapshot, Surface};
 use foveate::geometry::{BBox, Gaze};
@@ -17,7 +18,6 @@ use foveate::report::heat::Heat;
 use foveate::report::{Annotator, Observer, Report, RunInfo, SurfacePicture, Trace};
 use foveate::rng::Rng;
 use foveate::scene::{Image, Preprocessor};
-use foveate::step::Step;
 use foveate::video::Frame;
 use foveate::{Filter, GazeControl, Monitor, Parts, Tracker};
 use rand::RngExt;
@@ -97,13 +97,13 @@ fn info() -> RunInfo {
     RunInfo { source: "a/wanderer".into(), rate: 25.0, retina: Some(retina()), ..RunInfo::default() }
 }
 
-fn run(observer: &mut dyn Observer, mut look: impl FnMut(&Frame, &Step<'_>)) {
+fn run(observer: &mut dyn Observer, mut look: impl FnMut(&Frame, &Seen<'_>)) {
     let mut tracker = tracker();
     tracker.init(&frame(0).image, INIT).expect("a box in the picture");
     observer.start(&frame(0), &INIT).expect("room on the disk");
     for index in 1..FRAMES {
         let frame = frame(index);
-        let step = tracker.update(&frame.image).expect("a picture of the first size").step;
+        let step = tracker.update(&frame.image).expect("a picture of the first size");
         observer.observe(&frame, &step).expect("room on the disk");
         look(&frame, &step);
     }

@@ -6,7 +6,7 @@ use foveate::config::Config;
 use foveate::control::Status;
 use foveate::geometry::BBox;
 use foveate::scene::{Detection, Image};
-use foveate::{Output, Tracker};
+use foveate::{Seen, Tracker};
 
 fn target() -> Image {
     frame(0, 1).image
@@ -27,7 +27,7 @@ fn detections_weigh_particles() {
     let settings = ["likelihood={ distance = \"cosine\", sharpness = 0.001 }", "detection_likelihood={ place = 0.1 }"];
     let beside = [Detection::new(BBox { x: INIT.x + 3.0, ..INIT }, 1.0)];
     let image = target();
-    let mean = |output: Output| output.bbox.centre().0 - INIT.centre().0;
+    let mean = |output: Seen<'_>| output.bbox.centre().0 - INIT.centre().0;
     let without = mean(tracker(&settings).update_with(&image, &[]).expect("a picture of the first size"));
     let with = mean(tracker(&settings).update_with(&image, &beside).expect("a picture of the first size"));
     assert!(with - without > 1.0, "{without} px without, {with} px with it");
@@ -157,7 +157,7 @@ fn the_fusion_of_cues_learns_and_goes_on_from_what_was_saved() {
     let saved = on.save();
     let mut resumed = tracker(&["fusion.gain=20.0", "fusion.learning_rate=0.2"]);
     resumed.load(&saved).expect("its own state");
-    resumed.skip(&frame(11, 1).image);
+    resumed.skip(&frame(11, 1).image).expect("a picture in memory");
     assert_eq!(boxes(&mut resumed, 12..20), boxes(&mut on, 12..20));
     let error = none.load(&saved).expect_err("a state with fusion").to_string();
     assert!(error.contains("fusion is set in the state and not set in this tracker"), "{error}");
@@ -186,7 +186,7 @@ fn the_first_layer_is_trained_and_goes_on_from_what_was_saved() {
         let saved = on.save();
         let mut resumed = learned(&settings);
         resumed.load(&saved).expect("its own state");
-        resumed.skip(&frame(7, 1).image);
+        resumed.skip(&frame(7, 1).image).expect("a picture in memory");
         assert_eq!(boxes(&mut resumed, 8..12), boxes(&mut on, 8..12), "{particles}");
         let error = frozen.load(&saved).expect_err("a state with training").to_string();
         assert!(error.contains("online_training is set in the state and not set in this tracker"), "{error}");

@@ -3,10 +3,9 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use foveate::Seen;
 use foveate::geometry::BBox;
-use foveate::multi::TrackedTarget;
 use foveate::report::{MultiObserver, Observer};
-use foveate::step::Step;
 use foveate::video::Frame;
 use foveate::{Error, Result};
 
@@ -59,8 +58,8 @@ impl<O: Observer> Observer for Spared<O> {
     fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
         self.told(|observer| observer.start(frame, bbox))
     }
-    fn observe(&mut self, frame: &Frame, step: &Step<'_>) -> Result<()> {
-        self.told(|observer| observer.observe(frame, step))
+    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+        self.told(|observer| observer.observe(frame, seen))
     }
     fn finish(&mut self) -> Result<()> {
         self.told(Observer::finish)
@@ -68,7 +67,7 @@ impl<O: Observer> Observer for Spared<O> {
 }
 
 impl<O: MultiObserver> MultiObserver for Spared<O> {
-    fn observe(&mut self, frame: &Frame, targets: &[TrackedTarget]) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         self.told(|observer| observer.observe(frame, targets))
     }
     fn finish(&mut self) -> Result<()> {

@@ -1,46 +1,20 @@
-//! One target in one frame, as plain data.
+//! The plain data of one active target, from frame to frame.
 
+use crate::control::Consistency;
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::scene::Detection;
+use crate::seen::{Phase, Seen};
 
-/// How a target fares in a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Phase {
-    /// Its box was given or detected in this frame; its template is what is there.
-    Initiated,
-    /// Re-identified after its termination: the old id is reused.
-    ReIdentified,
-    /// Tracked, and believed to be where it is reported.
-    Tracked,
-    /// Covered by another target for the most part: predicted by its motion rather than by its looks.
-    Occluded,
-    /// Believed lost, or hidden by another target for more than a second of video: the box is a guess.
-    Lost,
-}
-
-impl Phase {
-    /// As files and pictures have it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Initiated => "initiated",
-            Self::ReIdentified => "re-identified",
-            Self::Tracked => "tracked",
-            Self::Occluded => "occluded",
-            Self::Lost => "lost",
-        }
-    }
-}
-
-/// One active target in one frame.
+/// One active target.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct TrackedTarget {
+pub(super) struct Track {
     /// Who it is: 1, 2, ... in order of initiation, or as given; never used twice.
     pub id: u64,
     /// The frame it was first given or detected in, from 0.
     pub born: usize,
-    /// How it fares.
     pub phase: Phase,
+    #[serde(default)]
+    pub p_lost: f64,
     /// Its upright box, pixels from 0.
     pub bbox: BBox,
     /// Mean of the belief.
@@ -70,13 +44,14 @@ pub struct TrackedTarget {
     pub class: Option<(usize, f64)>,
 }
 
-impl TrackedTarget {
+impl Track {
     /// A target of which only the id is known.
     pub fn unknown(id: u64) -> Self {
         Self {
             id,
             born: 0,
             phase: Phase::Initiated,
+            p_lost: 0.0,
             bbox: BBox { x: 0.0, y: 0.0, w: 1.0, h: 1.0 },
             state: State::default(),
             extent: Extent { half_w: 0.5, half_h: 0.5 },
@@ -102,5 +77,15 @@ impl TrackedTarget {
     /// Whether the box is a result, rather than a guess.
     pub fn sure(&self) -> bool {
         self.phase != Phase::Lost
+    }
+
+    /// The result for a picture of this width, height and number of planes.
+    pub(super) fn seen(&self, shape: [usize; 3]) -> Seen<'static> {
+        let Self { id, born, phase, p_lost, bbox, state, extent, covariance, gaze, visible, deficit, .. } = *self;
+        let Self { waited, detection, detection_index, detected_class, class, .. } = *self;
+        let consistency = Consistency { deficit, ..Consistency::default() };
+        let given = Seen::given(shape, &bbox).in_phase(phase);
+        let life = Seen { id, born, waited, detection, detection_index, detected_class, class, ..given };
+        Seen { p_lost, state, extent, covariance, gaze, visible, consistency, ..life }
     }
 }
