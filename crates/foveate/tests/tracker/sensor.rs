@@ -159,9 +159,10 @@ fn behind_a_sensor_no_policy_looks_twice_or_rehearses() {
 }
 
 #[test]
-fn who_reads_whole_pictures_serves_no_regions() {
+fn regions_need_a_sensor() {
     let mut whole = Tracker::new(Config::builtin("natural").expect("it ships").expect("it is right")).expect("it fits");
-    let said = whole.init(&picture(0), BOX).expect_err("no sensor").to_string();
+    let regions = Watched { image: picture(0), read: Mutex::default() };
+    let said = whole.init(&regions, BOX).expect_err("no sensor").to_string();
     assert!(said.contains("[sensor]"), "{said}");
     whole.init(&picture(0), BOX).expect("a box in the picture");
     assert_eq!(whole.update(&picture(1)).expect("a picture").share_read(), 1.0, "camera motion reads all");
