@@ -5,12 +5,12 @@
 use kuva::plot::{LinePlot, StackedAreaPlot};
 use kuva::prelude::{Figure, Layout, LegendPosition, Plot, SvgBackend, TickFormat};
 
-use foveate::{Result, Seen};
 use foveate::gaze::PolicySnapshot;
 use foveate::geometry::{BBox, Gaze};
 use foveate::lab::eval::metrics::centre_error;
 use foveate::report::Observer;
 use foveate::video::Frame;
+use foveate::{Result, Seen};
 
 /// Okabe and Ito's colours, which all eyes can tell apart, and two greys.
 const COLOURS: [&str; 10] =
