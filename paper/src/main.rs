@@ -8,6 +8,7 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use foveate::extend::Parts;
 
 /// The shipped classifier of digits.
 const DIGITS: &str = "builtin:digits";
@@ -37,15 +38,15 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let (arguments, program): (Vec<_>, _) =
-        (std::env::args_os().collect(), std::env::current_exe().unwrap_or_default());
+    let arguments: Vec<_> = std::env::args_os().collect();
     let cli = Cli::parse_from(&arguments);
+    // The paper's parts, for configurations to name.
+    let parts = Parts::new();
     match cli.command {
-        Command::Program(_) => foveate_cli::main(arguments, program),
+        Command::Program(_) => foveate_cli::main_with(parts),
         Command::Reproduce(args) => {
-            foveate_cli::start(&arguments, program);
-            cli.common.run(|| reproduce::run(args))
+            foveate_cli::start(&arguments, std::env::current_exe().unwrap_or_default(), parts);
+            cli.common.run(|| reproduce::run(args)).into()
         }
     }
-    .into()
 }

@@ -2,6 +2,7 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use foveate::extend::SavedState;
 use foveate::gaze::{Context, Exp3, Hedge, Plan, Policy, PolicySnapshot, Schedule, Variant};
 use foveate::geometry::Gaze;
 use foveate::gp::optimiser::{Optimiser, Settings};
@@ -102,7 +103,7 @@ impl PyPolicy {
     fn load(&self, py: Python<'_>, saved: &str, asked: u64) -> PyResult<()> {
         let load = || {
             let mut working = lock(&self.working);
-            working.policy.load(&crate::held::parse(saved.as_bytes())?)?;
+            working.policy.load(&SavedState::new(&crate::held::parse(saved.as_bytes())?))?;
             (working.asked, working.waiting) = (asked, false);
             Ok(())
         };

@@ -4,11 +4,48 @@
 //! for stream `i`; the bits of stream `i` depend on its name alone, never on the number of threads, on
 //! who observes, or on other targets in the scene.
 
+use std::convert::Infallible;
+
+use rand::{RngExt, TryRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 
 /// The generator behind every draw: xoshiro256++ (Blackman & Vigna 2019).
-pub type Rng = Xoshiro256PlusPlus;
+///
+/// It has the draws that parts need most; for others it is a generator of the crate `rand`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Rng(Xoshiro256PlusPlus);
+
+impl Rng {
+    /// A number from 0 to below 1, each as likely as another.
+    pub fn uniform(&mut self) -> f64 {
+        self.random()
+    }
+    /// A whole number from 0 to below `n`, each as likely as another.
+    ///
+    /// # Panics
+    /// If `n` is 0.
+    pub fn below(&mut self, n: usize) -> usize {
+        self.random_range(..n)
+    }
+}
+
+impl TryRng for Rng {
+    type Error = Infallible;
+
+    #[inline]
+    fn try_next_u32(&mut self) -> Result<u32, Infallible> {
+        self.0.try_next_u32()
+    }
+    #[inline]
+    fn try_next_u64(&mut self) -> Result<u64, Infallible> {
+        self.0.try_next_u64()
+    }
+    #[inline]
+    fn try_fill_bytes(&mut self, bytes: &mut [u8]) -> Result<(), Infallible> {
+        self.0.try_fill_bytes(bytes)
+    }
+}
 
 /// What a draw is for. Two purposes never share bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -53,7 +90,7 @@ impl Streams {
     }
     /// Stream `i`.
     pub fn rng(self, i: u64) -> Rng {
-        Rng::seed_from_u64(mix(self.key ^ mix(i)))
+        Rng(Xoshiro256PlusPlus::seed_from_u64(mix(self.key ^ mix(i))))
     }
 }
 

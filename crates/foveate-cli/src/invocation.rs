@@ -1,21 +1,34 @@
-//! How the program was called: by itself, or from another language's package.
+//! The invocation of the program: its arguments, its file, and the parts that it adds to those of the library.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use foveate::extend::Parts;
 use foveate::video::without_password;
 
-static INVOCATION: OnceLock<(Vec<OsString>, PathBuf)> = OnceLock::new();
+struct Invocation {
+    /// With the program's own name.
+    words: Vec<OsString>,
+    program: PathBuf,
+    parts: Parts,
+}
 
-/// Says how the program was called. A second call in one process changes nothing.
-pub fn set(arguments: &[OsString], program: PathBuf) {
-    let _ = INVOCATION.set((arguments.to_vec(), program));
+static INVOCATION: OnceLock<Invocation> = OnceLock::new();
+
+/// Sets the invocation, once in a process: a second call changes nothing.
+pub fn set(arguments: &[OsString], program: PathBuf, parts: Parts) {
+    let _ = INVOCATION.set(Invocation { words: arguments.to_vec(), program, parts });
+}
+
+/// The parts that configurations may name beside those of the library.
+pub fn parts() -> Parts {
+    INVOCATION.get().map_or_else(Parts::new, |it| it.parts.clone())
 }
 
 /// The arguments, without the program's own name.
 pub fn words() -> impl Iterator<Item = String> {
-    let words = INVOCATION.get().map_or(&[][..], |(words, _)| words.get(1..).unwrap_or(&[]));
+    let words = INVOCATION.get().map_or(&[][..], |it| it.words.get(1..).unwrap_or(&[]));
     words.iter().map(|word| word.to_string_lossy().into_owned())
 }
 
@@ -26,11 +39,11 @@ pub fn arguments() -> String {
 
 /// The command in one line: the program as it was called, and its arguments.
 pub fn command() -> String {
-    let name = INVOCATION.get().and_then(|(words, _)| words.first()).map(|word| word.to_string_lossy().into_owned());
+    let name = INVOCATION.get().and_then(|it| it.words.first()).map(|word| word.to_string_lossy().into_owned());
     format!("{} {}", name.unwrap_or_else(|| "foveate".into()), arguments())
 }
 
 /// The file that has the program's code.
 pub fn program() -> &'static Path {
-    INVOCATION.get().map_or(Path::new("foveate"), |(_, program)| program)
+    INVOCATION.get().map_or(Path::new("foveate"), |it| &it.program)
 }

@@ -1,7 +1,7 @@
 //! The `foveate` command: follow one target or many through video, on a CPU.
 //!
-//! [`main`] is the whole program: the binary calls it, and so does the Python package. What it calls is for programs to use
-//! through the crate `foveate`.
+//! [`main_with`] is the whole program, with parts of your own beside those of the library. Programs that only track use the crate
+//! `foveate`.
 #![forbid(unsafe_code)]
 // `say!` instead: a reader that has gone is no reason to panic.
 #![deny(clippy::print_stdout, clippy::print_stderr)]
@@ -29,8 +29,10 @@ pub mod convert {
 
 use std::ffi::OsString;
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use foveate::extend::Parts;
 
 #[derive(Parser)]
 #[command(name = "foveate", version, about = "Follow one target or many through video, on a CPU", max_term_width = 100)]
@@ -131,10 +133,29 @@ impl Common {
     }
 }
 
-/// Runs the program with these arguments, its own name first; `program` is the file that has its code. Answers the exit status:
-/// 0, or 1 after an error that was told on standard error. Wrong arguments, `--help` and a second Ctrl-C end the process.
+/// The whole program, with `parts` that configurations may name beside those of the library: the `main` of a program of yours.
+///
+/// ```no_run
+/// use foveate::extend::Parts;
+///
+/// fn main() -> std::process::ExitCode {
+///     foveate_cli::main_with(Parts::new()) // .with_policy("my-policy", |settings: MySettings| Ok(MyPolicy::new(settings)))
+/// }
+/// ```
+pub fn main_with(parts: Parts) -> ExitCode {
+    let program = std::env::current_exe().unwrap_or_default();
+    run(std::env::args_os().collect(), program, parts).into()
+}
+
+/// Runs the program with these arguments, its own name first; `program` is the file that has its code: for another language's package.
+/// Returns the exit status: 0, or 1 after an error, which is on standard error. Wrong arguments, `--help` and a second Ctrl-C end the
+/// process.
 pub fn main(arguments: Vec<OsString>, program: PathBuf) -> u8 {
-    invocation::set(&arguments, program);
+    run(arguments, program, Parts::new())
+}
+
+fn run(arguments: Vec<OsString>, program: PathBuf, parts: Parts) -> u8 {
+    invocation::set(&arguments, program, parts);
     let cli = Cli::parse_from(arguments);
     cli.common.run(|| match cli.command {
         Command::Demo(args) => cmd::demo::run(args),

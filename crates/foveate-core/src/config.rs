@@ -8,7 +8,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::control::{LocalSearch, Redetection};
-use crate::engine::{Engine, Filter, GazeControl, Monitor, Parts};
+use crate::engine::{Engine, Filter, GazeControl, Monitor};
+use crate::identity::Appearance;
 use crate::identity::box_regression::{self, BoxRegression};
 use crate::identity::encoder::Encoder;
 use crate::identity::gaze_appearance::GazeAppearance;
@@ -22,6 +23,7 @@ mod builtin;
 mod choose;
 mod encoders;
 mod identity;
+mod kinds;
 #[cfg(feature = "learn")]
 mod learned;
 mod multi;
@@ -30,6 +32,8 @@ mod onnx;
 #[cfg(not(feature = "onnx"))]
 #[path = "config/no_onnx.rs"]
 mod onnx;
+mod own;
+mod parts;
 mod plainly;
 mod policies;
 mod proposals;
@@ -44,16 +48,21 @@ mod recogniser;
 #[cfg(not(feature = "learn"))]
 #[path = "config/unlearned.rs"]
 mod recogniser;
+mod rewards;
 mod room;
 mod schema;
 mod second;
+mod sections;
 mod set;
 mod shadow;
 
 pub use bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
 pub use builtin::{BUILTIN, OFFERED, about};
-pub use choose::{Configure, POLICIES, Profile};
+pub use choose::{Configure, Profile};
 pub use encoders::EncoderConfig;
+pub use kinds::POLICIES;
+pub use own::OwnPart;
+pub use parts::{EncoderSite, ObservationSite, Parts, ProposalSite};
 pub use policies::PolicyConfig;
 use policies::policy;
 pub use proposals::{DetectorConfig, DetectorParts, ProposalConfig};
@@ -61,27 +70,44 @@ use ranges::Ranges;
 #[cfg(feature = "learn")]
 pub use reading::RECOGNISERS;
 pub use recogniser::RecogniserConfig;
-pub use schema::{Config, DynamicsConfig, LikelihoodConfig, RetinaConfig, RewardConfig};
+pub use rewards::RewardConfig;
+pub use schema::{Config, DynamicsConfig, LikelihoodConfig, RetinaConfig};
 
 impl Config {
     /// Reads a configuration; `name` stands for it in errors.
     pub fn parse(text: &str, name: &str) -> Result<Self> {
-        toml::from_str(text).map_err(|e| Error::Config(format!("{name}: {}", Self::problem(&e.to_string()))))
+        Self::parse_with(text, name, &Parts::new())
+    }
+
+    /// Reads a configuration whose sections may name `parts` beside those of the library; `name` stands for it in errors.
+    pub fn parse_with(text: &str, name: &str, parts: &Parts) -> Result<Self> {
+        sections::reading(parts, || toml::from_str(text))
+            .map_err(|e: toml::de::Error| Error::Config(format!("{name}: {}", Self::problem(&e.to_string()))))
+    }
+
+    /// The same configuration, whose sections may name `parts` from now on.
+    pub fn with_parts(self, parts: &Parts) -> Self {
+        Self { parts: parts.clone(), ..self }
     }
 
     /// A parser's error in plain words, with what helps.
     fn problem(e: &str) -> String {
         let unlearned = ["rbm", "mcrbm", "autoencoder", "kmeans", "sparse", "ica"]
             .iter()
-            .any(|k| e.contains(&format!("unknown variant `{k}`")));
+            .any(|k| e.contains(&format!("unknown kind `{k}`")));
         let feature = if unlearned { "\nencoders with learned weights need the feature `learn`" } else { "" };
         format!("{}{feature}", plainly::plainly(e))
     }
 
     /// Reads a configuration file.
     pub fn read(files: &dyn Files, path: &Path) -> Result<Self> {
+        Self::read_with(files, path, &Parts::new())
+    }
+
+    /// Reads a configuration file whose sections may name `parts` beside those of the library.
+    pub fn read_with(files: &dyn Files, path: &Path, parts: &Parts) -> Result<Self> {
         let not_text = |e| Error::malformed(path, format!("a configuration is UTF-8 text ({e})"));
-        Self::parse(&String::from_utf8(files.read(path)?).map_err(not_text)?, &path.display().to_string())
+        Self::parse_with(&String::from_utf8(files.read(path)?).map_err(not_text)?, &path.display().to_string(), parts)
     }
 
     /// As TOML text, every setting written out.
@@ -168,10 +194,21 @@ impl Config {
                     .into(),
             ));
         }
+        for (section, given) in [
+            ("discriminant", self.discriminant.is_some()),
+            ("colour", self.colour.is_some()),
+            ("sensor", self.sensor.is_some()),
+        ] {
+            if given && self.observation_model.is_some() {
+                return Err(Error::Config(format!(
+                    "{section}: it is a part of the library's observation model; leave out [{section}], or [observation_model]"
+                )));
+            }
+        }
         let (retina, encoder) = self.identity(files)?;
         let variation = self.variation.as_ref().map(|it| it.penalty(files, &*encoder)).transpose()?.flatten();
-        let recogniser = self.recogniser.as_ref().map(|r| r.read(files)).transpose()?;
-        let detector = self.detector.as_ref().map(|d| d.read(files)).transpose()?;
+        let recogniser = self.recogniser.as_ref().map(|r| r.read(files, &self.parts)).transpose()?;
+        let detector = self.detector.as_ref().map(|d| d.read_with(files, &self.parts)).transpose()?;
         let boxes = self.box_regression.as_ref().map(|it| it.read(files).map(Arc::new)).transpose()?;
         let second = self.second(files)?.map(Box::new);
         let (retina, shadow) = (Arc::new(retina), vec![]);
@@ -227,10 +264,37 @@ impl Blueprint {
     ///
     /// # Errors
     /// None for a checked configuration; [`Error::Config`] where a part cannot be made after all.
-    pub fn parts(&self) -> Result<Parts> {
+    pub fn parts(&self) -> Result<crate::engine::Parts> {
         let c = &self.config;
         let DynamicsConfig::Autoregressive(dynamics) = &c.dynamics;
+        let site = ProposalSite::new(*dynamics, c.clamp_to_frame);
+        let filter = Filter::new(proposals::proposal(&c.proposal, site, &c.parts)?, c.particles)?
+            .resampling(c.resampling)
+            .starting(c.start)
+            .compensating(c.camera_motion)
+            .weighing(c.detection_likelihood)
+            .redetecting(c.redetection.clone().map(Redetection::new))
+            .searching_around(c.local_search.map(LocalSearch::new));
+        let gaze = GazeControl::new(self.shadowed(policy(&c.policy, &c.parts)?), c.reward.reward(&c.parts)?);
+        let monitor = Monitor::new(c.consistency.clone(), c.confidence.clone())
+            .remembering(&c.consistency, c.short_term.map(|it| (it.threshold, it.gate)))
+            .searching(c.distractors.clone());
+        let recognition = self.recogniser.as_ref().map(reading::Recogniser::recognition).transpose()?;
+        let second = self.second.as_ref().map(|second| second.parts()).transpose()?;
+        let regression = self.boxes.clone().zip(c.box_regression.clone());
+        Ok(crate::engine::Parts::new(filter, gaze, self.observation_model()?, monitor)
+            .recognising(recognition)
+            .regressing(regression.map(|(network, settings)| BoxRegression::new(network, settings)))
+            .seconded(second))
+    }
+    /// log p(hₜ | xₜ, aₜ): retina, encoder and distance with all that is learned while tracking, or one of the user's own.
+    fn observation_model(&self) -> Result<Box<dyn Appearance>> {
+        let c = &self.config;
         let (retina, encoder) = (self.retina.clone(), self.encoder.clone());
+        if let Some(own) = &c.observation_model {
+            let site = ObservationSite::new(retina, encoder, c.likelihood.distance, c.likelihood.rule()?);
+            return c.parts.observation_model(own, site);
+        }
         let appearance = GazeAppearance::new(retina, encoder, c.likelihood.distance, c.likelihood.rule()?)?
             .discounting_background(c.likelihood.background_discount)
             .steady(c.sensor.is_some() && covers_the_box(&self.retina))
@@ -244,24 +308,7 @@ impl Blueprint {
         };
         #[cfg(feature = "learn")]
         let appearance = appearance.training(c.online_training)?;
-        let filter = Filter::new(proposals::proposal(&c.proposal, *dynamics, c.clamp_to_frame), c.particles)?
-            .resampling(c.resampling)
-            .starting(c.start)
-            .compensating(c.camera_motion)
-            .weighing(c.detection_likelihood)
-            .redetecting(c.redetection.clone().map(Redetection::new))
-            .searching_around(c.local_search.map(LocalSearch::new));
-        let gaze = GazeControl::new(self.shadowed(policy(&c.policy)?), c.reward.reward()?);
-        let monitor = Monitor::new(c.consistency.clone(), c.confidence.clone())
-            .remembering(&c.consistency, c.short_term.map(|it| (it.threshold, it.gate)))
-            .searching(c.distractors.clone());
-        let recognition = self.recogniser.as_ref().map(reading::Recogniser::recognition).transpose()?;
-        let second = self.second.as_ref().map(|second| second.parts()).transpose()?;
-        let regression = self.boxes.clone().zip(c.box_regression.clone());
-        Ok(Parts::new(filter, gaze, Box::new(appearance), monitor)
-            .recognising(recognition)
-            .regressing(regression.map(|(network, settings)| BoxRegression::new(network, settings)))
-            .seconded(second))
+        Ok(Box::new(appearance))
     }
     /// The same, with another retina and encoder, of whose features it is not known how they vary.
     pub fn with(&self, retina: Arc<Foveal>, encoder: Arc<dyn Encoder>) -> Self {

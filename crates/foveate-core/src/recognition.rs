@@ -12,6 +12,7 @@ use crate::geometry::{Extent, Gaze, State};
 use crate::identity::accumulate::{Accumulate, Accumulator};
 use crate::identity::pyramid::Region;
 use crate::identity::{Encoder, Pyramid, Recognizer, Retina};
+use crate::saved_state::SavedState;
 use crate::scene::{Image, Meter};
 use foveate_base::rng::Rng;
 use foveate_base::rows::{Rows, RowsMut};
@@ -181,8 +182,9 @@ impl Recognition {
     /// Takes up what `save` gave. Fails where it does not fit; it has to be reset then.
     pub fn load(&mut self, saved: &Value) -> Result<()> {
         self.reset();
-        self.recognizer.load(&saved["looks"])?;
-        self.policy.load(&saved["policy"])?;
+        let part = |key: &str| SavedState::new(&saved[key]);
+        self.recognizer.load(&part("looks"))?;
+        self.policy.load(&part("policy"))?;
         self.accumulator.load(&saved["evidence"])?;
         self.accumulator.posterior(&mut self.classes);
         match (&mut self.alarm, saved.get("alarm")) {

@@ -74,6 +74,7 @@
 //!
 //! ```
 //! use foveate::config::Config;
+//! use foveate::extend::SavedState;
 //! use foveate::gaze::{Context, Grid, Plan, Policy};
 //! use foveate::geometry::Gaze;
 //! use foveate::rng::Rng;
@@ -94,11 +95,11 @@
 //!             self.at = (self.at + 1) % self.gazes.len();
 //!         }
 //!     }
-//!     fn save(&self) -> serde_json::Value {
-//!         self.at.into()
+//!     fn save(&self) -> SavedState {
+//!         SavedState::new(&self.at)
 //!     }
-//!     fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
-//!         let at = saved.as_u64().map(|at| at as usize).filter(|at| *at < self.gazes.len());
+//!     fn load(&mut self, saved: &SavedState) -> Result<()> {
+//!         let at = saved.read().ok().filter(|at| *at < self.gazes.len());
 //!         self.at = at.ok_or_else(|| Error::Invalid(format!("no place in the grid: {saved}")))?;
 //!         Ok(())
 //!     }

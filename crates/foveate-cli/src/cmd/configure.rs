@@ -9,6 +9,8 @@ use foveate::config::Config;
 use foveate::files::Folder;
 use foveate::{Error, Result};
 
+use crate::invocation;
+
 /// Configurations for real video, by the time they take.
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
 pub enum Profile {
@@ -75,10 +77,10 @@ impl Changes {
 
 /// A configuration by file or by name, with changes; and the folder that its model files are relative to.
 pub fn read(name: &str, changes: &Changes) -> Result<(Config, Folder)> {
-    let path = Path::new(name);
+    let (path, parts) = (Path::new(name), invocation::parts());
     let (config, folder) = match Config::builtin(name) {
-        _ if path.is_file() => (Config::read(&Folder::here(), path)?, Folder::of(path)),
-        Some(config) => (config?, Folder::here()),
+        _ if path.is_file() => (Config::read_with(&Folder::here(), path, &parts)?, Folder::of(path)),
+        Some(config) => (config?.with_parts(&parts), Folder::here()),
         None => {
             return Err(Error::Config(format!(
                 "there is no configuration file {name}, and none of that name ships with the program; those that do: {}",

@@ -137,7 +137,7 @@ impl Ranges for Exp3SConfig {
 
 #[cfg(test)]
 mod tests {
-    use crate::config::PolicyConfig;
+    use crate::config::{Parts, PolicyConfig};
 
     #[derive(serde::Serialize, serde::Deserialize)]
     struct Section {
@@ -161,7 +161,7 @@ mod tests {
             "kind = \"hedge\"\ngamma = { frames = 300 }",
         ] {
             let section = read(&format!("[policy]\n{text}")).expect(text);
-            crate::config::policy(&section.policy).map(|_| ()).expect("settings in range");
+            crate::config::policy(&section.policy, &Parts::new()).map(|_| ()).expect("settings in range");
             let again = toml::to_string(&section).expect("plain data");
             assert_eq!(read(&again).expect("what was written").policy, section.policy, "{again}");
         }

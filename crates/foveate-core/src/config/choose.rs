@@ -35,22 +35,6 @@ impl Profile {
     }
 }
 
-/// Policies that [`Config::with_policy`] knows by name.
-pub const POLICIES: [&str; 12] = [
-    "fixed",
-    "random",
-    "circular",
-    "hedge",
-    "pool",
-    "explore-then-commit",
-    "exp3",
-    "exp3-as-printed",
-    "exp3-ix",
-    "exp3-s",
-    "gp-ucb",
-    "anchor",
-];
-
 impl Config {
     /// The same with another gaze policy, of that one's default settings; as it is where it has that policy.
     ///

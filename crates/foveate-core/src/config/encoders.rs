@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::own::OwnPart;
 use crate::identity::onnx::Planes;
 use crate::identity::oriented;
 #[cfg(feature = "learn")]
@@ -11,7 +12,8 @@ use foveate_learn::rbm::factored::Units;
 
 /// The first layers there are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields, remote = "Self")]
+#[non_exhaustive]
 pub enum EncoderConfig {
     /// A restricted Boltzmann machine: `weights` is a model file, or `builtin:digits` or `builtin:natural`.
     #[cfg(feature = "learn")]
@@ -109,6 +111,9 @@ pub enum EncoderConfig {
         #[serde(default = "yes")]
         standardise: bool,
     },
+    /// A registered one.
+    #[serde(skip)]
+    Own(OwnPart),
 }
 
 #[cfg(feature = "learn")]

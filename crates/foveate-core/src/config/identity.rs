@@ -3,7 +3,9 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::{Config, EncoderConfig, RetinaConfig};
+use super::encoders::EncoderConfig;
+use super::parts::EncoderSite;
+use super::{Config, RetinaConfig};
 use crate::identity::encoder::{Encoder, Raw};
 use crate::identity::oriented::Oriented;
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
@@ -14,7 +16,11 @@ impl Config {
     /// The retina and the first layer, of model files from `files`.
     pub fn identity(&self, files: &dyn Files) -> Result<(Foveal, Arc<dyn Encoder>)> {
         let given = self.retina.as_ref().map(|RetinaConfig::Foveal(config)| config.clone());
-        first_layer(&self.encoder, given, (files, Path::new("")))
+        let places = (files, Path::new(""));
+        match &self.encoder {
+            EncoderConfig::Own(part) => self.parts.encoder(part, &EncoderSite::new(given, files, places.1)),
+            builtin => first_layer(builtin, given, places),
+        }
     }
 }
 
@@ -28,6 +34,7 @@ pub(super) fn first_layer(
     places: Places<'_>,
 ) -> Result<(Foveal, Arc<dyn Encoder>)> {
     match encoder {
+        EncoderConfig::Own(part) => Err(Error::Config(format!("encoder.kind: `{}` cannot be used here", part.kind()))),
         EncoderConfig::Onnx { model, planes, mean, std } => {
             super::onnx::first_layer(model, *planes, (mean, std), given, places)
         }

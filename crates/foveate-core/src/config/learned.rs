@@ -49,7 +49,10 @@ pub(super) fn first_layer(
             convolution("sparse", weights, given, places, (*pool, *threshold))
         }
         EncoderConfig::Ica { weights, pool } => convolution("ica", weights, given, places, (*pool, 0.0)),
-        EncoderConfig::Onnx { .. } | EncoderConfig::Oriented { .. } | EncoderConfig::Raw { .. } => {
+        EncoderConfig::Onnx { .. }
+        | EncoderConfig::Oriented { .. }
+        | EncoderConfig::Raw { .. }
+        | EncoderConfig::Own(_) => {
             unreachable!("these were made before the learned ones")
         }
     }

@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::bandits::{Exp3AsPrintedConfig, Exp3Config, Exp3IxConfig, Exp3SConfig};
+use super::own::OwnPart;
+use super::parts::Parts;
 use super::ranges::Ranges;
 use crate::gaze::{
     Anchor, Bayes, Circular, ExploreThenCommit, Fixed, GpUcb, Grid, Hedge, Policy, Pool, Random, Schedule,
@@ -13,7 +15,8 @@ use foveate_base::error::within;
 
 /// The policies there are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields, remote = "Self")]
+#[non_exhaustive]
 pub enum PolicyConfig {
     /// Always the same gaze: the baseline that the paper lacks.
     Fixed {
@@ -89,6 +92,9 @@ pub enum PolicyConfig {
         /// The other policy.
         policy: Box<PolicyConfig>,
     },
+    /// A registered one.
+    #[serde(skip)]
+    Own(OwnPart),
 }
 
 fn anytime() -> Schedule {
@@ -104,7 +110,7 @@ fn fading() -> f64 {
 }
 
 /// The policy of these settings.
-pub(super) fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
+pub(super) fn policy(config: &PolicyConfig, parts: &Parts) -> Result<Box<dyn Policy>> {
     Ok(match config {
         PolicyConfig::Fixed { u, v } => Box::new(Fixed::new(Gaze { u: *u, v: *v, arm: None })),
         PolicyConfig::Random { grid } => Box::new(Random::new(grid.gazes())),
@@ -123,7 +129,8 @@ pub(super) fn policy(config: &PolicyConfig) -> Result<Box<dyn Policy>> {
         PolicyConfig::Exp3Ix(c) => c.build()?,
         PolicyConfig::Exp3S(c) => c.build()?,
         PolicyConfig::GpUcb(settings) => Box::new(GpUcb::new(settings.clone())?),
-        PolicyConfig::Anchor { policy: inner } => Box::new(Anchor::new(Gaze::CENTRE, policy(inner)?)),
+        PolicyConfig::Anchor { policy: inner } => Box::new(Anchor::new(Gaze::CENTRE, policy(inner, parts)?)),
+        PolicyConfig::Own(part) => parts.policy(part)?,
     })
 }
 
@@ -194,6 +201,7 @@ impl Ranges for PolicyConfig {
             Self::Exp3S(c) => c.ranges(),
             Self::GpUcb(settings) => settings.check(),
             Self::Anchor { policy } => policy.ranges(),
+            Self::Own(_) => Ok(()),
         }
     }
 }

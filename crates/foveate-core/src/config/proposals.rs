@@ -6,26 +6,33 @@ use serde::{Deserialize, Serialize};
 
 use super::Blueprint;
 use super::onnx::Network;
+use super::own::OwnPart;
+use super::parts::{Parts, ProposalSite};
 use super::ranges::Ranges;
-use crate::control::{Autoregressive, Mixing, Mixture, Prior, Proposal};
+use crate::control::{Mixing, Mixture, Prior, Proposal};
 use crate::scene::{Detector, Flow, Image, Motion, Preprocessor, Saliency, Walkers, object_detector};
 use foveate_base::Result;
 use foveate_base::files::Files;
 
 /// The proposals there are.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields, remote = "Self")]
+#[non_exhaustive]
 pub enum ProposalConfig {
     /// The transition prior (section 6.1).
     #[default]
     Prior,
     /// Some particles start at what a detector found (section 6.3).
     Mixture(Mixing),
+    /// A registered one.
+    #[serde(skip)]
+    Own(OwnPart),
 }
 
 /// The detectors there are; all but `onnx` need no model.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields, remote = "Self")]
+#[non_exhaustive]
 pub enum DetectorConfig {
     /// What differs from the background learned so far; for a camera that stands still.
     Motion,
@@ -37,6 +44,9 @@ pub enum DetectorConfig {
     Flow,
     /// Objects of known classes, by a network from an ONNX file. It needs a build with ONNX (`--features onnx`).
     Onnx(object_detector::Settings),
+    /// A registered one.
+    #[serde(skip)]
+    Own(OwnPart),
 }
 
 impl DetectorConfig {
@@ -45,7 +55,10 @@ impl DetectorConfig {
         [("motion", Self::Motion), ("walkers", Self::Walkers), ("saliency", Self::Saliency), ("flow", Self::Flow)];
 
     /// Its name in a configuration.
-    pub fn name(&self) -> &'static str {
+    pub fn name(&self) -> &str {
+        if let Self::Own(part) = self {
+            return part.kind();
+        }
         Self::ALL.into_iter().find(|(_, one)| one == self).map_or("onnx", |(name, _)| name)
     }
 
@@ -54,12 +67,17 @@ impl DetectorConfig {
     /// # Errors
     /// Where its model cannot be read, is no detector, or needs a feature that this build is without.
     pub fn read(&self, files: &dyn Files) -> Result<DetectorParts> {
+        self.read_with(files, &Parts::new())
+    }
+    /// The same; registered detectors are among `parts`.
+    pub(super) fn read_with(&self, files: &dyn Files, parts: &Parts) -> Result<DetectorParts> {
         self.ranges()?;
         let network = match self {
             Self::Onnx(settings) => Some(super::onnx::detector(settings, files)?),
+            Self::Own(part) => parts.detector(part).map(|_| None)?,
             _ => None,
         };
-        Ok(DetectorParts { config: self.clone(), network })
+        Ok(DetectorParts { config: self.clone(), network, parts: parts.clone() })
     }
 }
 
@@ -68,6 +86,7 @@ impl DetectorConfig {
 pub struct DetectorParts {
     config: DetectorConfig,
     network: Option<Network>,
+    parts: Parts,
 }
 
 impl DetectorParts {
@@ -78,6 +97,7 @@ impl DetectorParts {
             (DetectorConfig::Walkers, _) => Box::<Walkers>::default(),
             (DetectorConfig::Saliency, _) => Box::<Saliency>::default(),
             (DetectorConfig::Flow, _) => Box::<Flow>::default(),
+            (DetectorConfig::Own(part), _) => self.parts.detector(part).expect("one was made with the same settings"),
             (DetectorConfig::Onnx(_), network) => {
                 super::onnx::boxed(network.as_ref().expect("it is read where the parts are made"))
             }
@@ -98,7 +118,9 @@ impl DetectorParts {
                 walkers.learn_background(background);
                 Box::new(walkers)
             }
-            DetectorConfig::Saliency | DetectorConfig::Flow | DetectorConfig::Onnx(_) => self.detector(),
+            DetectorConfig::Saliency | DetectorConfig::Flow | DetectorConfig::Onnx(_) | DetectorConfig::Own(_) => {
+                self.detector()
+            }
         }
     }
 }
@@ -115,23 +137,25 @@ impl Ranges for DetectorConfig {
     fn ranges(&self) -> Result<()> {
         match self {
             Self::Onnx(settings) => settings.check(),
-            Self::Motion | Self::Walkers | Self::Saliency | Self::Flow => Ok(()),
+            Self::Motion | Self::Walkers | Self::Saliency | Self::Flow | Self::Own(_) => Ok(()),
         }
     }
 }
 
 /// The proposal of a configuration.
-pub(super) fn proposal(config: &ProposalConfig, motion: Autoregressive, clamp_to_frame: bool) -> Box<dyn Proposal> {
-    match config {
+pub(super) fn proposal(config: &ProposalConfig, site: ProposalSite, parts: &Parts) -> Result<Box<dyn Proposal>> {
+    let ProposalSite { dynamics: motion, clamp_to_frame } = site;
+    Ok(match config {
         ProposalConfig::Prior => Box::new(Prior::new(Arc::new(motion)).clamp_to_frame(clamp_to_frame)),
         ProposalConfig::Mixture(mixing) => Box::new(Mixture::new(motion, *mixing).clamp_to_frame(clamp_to_frame)),
-    }
+        ProposalConfig::Own(part) => parts.proposal(part, site)?,
+    })
 }
 
 impl Ranges for ProposalConfig {
     fn ranges(&self) -> Result<()> {
         match self {
-            Self::Prior => Ok(()),
+            Self::Prior | Self::Own(_) => Ok(()),
             Self::Mixture(mixing) => mixing.check(),
         }
     }

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::identity::first_layer;
+use super::parts::Parts;
 use super::policies::{PolicyConfig, policy};
 use super::ranges::Ranges;
 use super::{Blueprint, RecogniserConfig};
@@ -30,6 +31,7 @@ pub(super) struct Recogniser {
     accumulate: Accumulate,
     policy: Option<PolicyConfig>,
     alarm: bool,
+    parts: Parts,
 }
 
 #[derive(Clone)]
@@ -40,7 +42,7 @@ enum Machine {
 
 impl RecogniserConfig {
     /// Reads the model, and the first layer, whose place is relative to the model's.
-    pub(super) fn read(&self, files: &dyn Files) -> Result<Recogniser> {
+    pub(super) fn read(&self, files: &dyn Files, parts: &Parts) -> Result<Recogniser> {
         let (weights, accumulate, policy, alarm) = match self {
             Self::MultiFixation { weights, accumulate, policy, alarm } => (weights, accumulate, policy.clone(), *alarm),
             Self::Classifier { weights, accumulate } => (weights, accumulate, None, false),
@@ -79,7 +81,8 @@ impl RecogniserConfig {
             let (retina, encoder) = first_layer(&layer, Some(config), (files, &beside))?;
             (retina, Some(encoder))
         };
-        let read = Recogniser { retina: Arc::new(retina), encoder, machine, accumulate: *accumulate, policy, alarm };
+        let (retina, accumulate, parts) = (Arc::new(retina), *accumulate, parts.clone());
+        let read = Recogniser { retina, encoder, machine, accumulate, policy, alarm, parts };
         read.recognition().map_err(|e| Error::Config(format!("{weights}: {e}")))?;
         Ok(read)
     }
@@ -90,7 +93,7 @@ impl Blueprint {
     /// same.
     pub fn recognising(mut self, config: RecogniserConfig, files: &dyn Files) -> Result<Self> {
         config.ranges()?;
-        self.recogniser = Some(config.read(files)?);
+        self.recogniser = Some(config.read(files, &self.config.parts)?);
         self.config.recogniser = Some(config);
         Ok(self)
     }
@@ -108,7 +111,7 @@ impl Recogniser {
     /// What a tracker has of it.
     pub(super) fn recognition(&self) -> Result<Recognition> {
         let policy: Box<dyn Policy> = match (&self.policy, &self.machine) {
-            (Some(config), _) => policy(config)?,
+            (Some(config), _) => policy(config, &self.parts)?,
             (None, Machine::Fixations(machine)) => {
                 let places = machine.rbm().places().points().iter().enumerate();
                 let gaze = |(k, at): (usize, &[f32; 2])| Gaze { u: at[0].into(), v: at[1].into(), arm: Some(k) };

@@ -3,14 +3,16 @@
 use serde::{Deserialize, Serialize};
 
 use super::encoders::EncoderConfig;
+use super::own::OwnPart;
+use super::parts::Parts;
 use super::policies::PolicyConfig;
 use super::proposals::{DetectorConfig, ProposalConfig};
 use super::ranges::{Ranges, alone, committee, in_range, is_alone, particles};
 use super::recogniser::RecogniserConfig;
+use super::rewards::RewardConfig;
 use crate::control::{
-    Agreement, Autoregressive, CameraMotion, Concentration, ConfidenceModel, ConsistencySettings, DetectionLikelihood,
-    DistractorSettings, LocalSearchSettings, LogConcentration, RedetectionSettings, Resampling, Reward,
-    VarianceReduction,
+    Autoregressive, CameraMotion, ConfidenceModel, ConsistencySettings, DetectionLikelihood, DistractorSettings,
+    LocalSearchSettings, RedetectionSettings, Resampling,
 };
 use crate::identity::calibrate::Calibration;
 use crate::identity::gaze_appearance::Sharpness;
@@ -59,6 +61,9 @@ pub struct Config {
     pub retina: Option<RetinaConfig>,
     /// The first layer.
     pub encoder: EncoderConfig,
+    /// An observation model of your own in the place of retina, encoder and distance; none unless given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub observation_model: Option<OwnPart>,
     /// d and how sharply it counts.
     #[serde(deserialize_with = "in_range")]
     pub likelihood: LikelihoodConfig,
@@ -122,6 +127,9 @@ pub struct Config {
     /// What happens between targets, where many are followed.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub multi_target: Option<crate::multi::Settings>,
+    /// The parts that its sections may name beside those of the library; see [`Config::with_parts`].
+    #[serde(skip, default = "super::sections::parts")]
+    pub parts: Parts,
 }
 
 /// The transition models there are.
@@ -155,46 +163,6 @@ pub struct LikelihoodConfig {
     /// Share, 0 to 1, taken off whatever was already there in the first frame; for a fixed camera.
     #[serde(default)]
     pub background_discount: f32,
-}
-
-/// The rewards there are, each with a temperature of its own: the power the likelihood is raised to first.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum RewardConfig {
-    /// Σw², the paper's.
-    Concentration {
-        /// Power to which the likelihood is raised first, 0 to 1.
-        #[serde(default = "one")]
-        temperature: f64,
-    },
-    /// log(N Σw²) / log N.
-    LogConcentration {
-        /// Power to which the likelihood is raised first, 0 to 1.
-        #[serde(default = "one")]
-        temperature: f64,
-    },
-    /// How much the boxes that the look alone would believe in overlap that of all looks of the frame: for policies that ask for many.
-    Agreement {
-        /// Power to which the likelihood is raised first, 0 to 1.
-        #[serde(default = "one")]
-        temperature: f64,
-    },
-    /// The share of the uncertainty about place that the look removed.
-    VarianceReduction {
-        /// Power to which the likelihood is raised first, 0 to 1.
-        #[serde(default = "one")]
-        temperature: f64,
-    },
-}
-
-impl Default for RewardConfig {
-    fn default() -> Self {
-        Self::VarianceReduction { temperature: 1.0 / 3.0 }
-    }
-}
-
-fn one() -> f64 {
-    1.0
 }
 
 impl Ranges for Config {
@@ -270,12 +238,6 @@ impl Ranges for LikelihoodConfig {
     }
 }
 
-impl Ranges for RewardConfig {
-    fn ranges(&self) -> Result<()> {
-        self.reward().map(|_| ())
-    }
-}
-
 impl LikelihoodConfig {
     /// How sharply distances count.
     pub(super) fn rule(&self) -> Result<Sharpness> {
@@ -287,17 +249,5 @@ impl LikelihoodConfig {
                  {{ nats = 12, least = 10, most = 200 }}"
             ))),
         }
-    }
-}
-
-impl RewardConfig {
-    /// The reward of this name.
-    pub(super) fn reward(&self) -> Result<Box<dyn Reward>> {
-        Ok(match *self {
-            Self::Agreement { temperature } => Box::new(Agreement::new(temperature)?),
-            Self::Concentration { temperature } => Box::new(Concentration::new(temperature)?),
-            Self::LogConcentration { temperature } => Box::new(LogConcentration::new(temperature)?),
-            Self::VarianceReduction { temperature } => Box::new(VarianceReduction::new(temperature)?),
-        })
     }
 }

@@ -17,8 +17,8 @@ impl Config {
             ));
         }
         let config = match named.strip_prefix("builtin:") {
-            Some(name) => name.config().map_err(|error| wrong(error.to_string()))?,
-            None => Self::read(files, Path::new(named))?,
+            Some(name) => name.config().map_err(|error| wrong(error.to_string()))?.with_parts(&self.parts),
+            None => Self::read_with(files, Path::new(named), &self.parts)?,
         };
         let without = [
             ("committee", config.committee > 1),

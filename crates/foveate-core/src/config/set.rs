@@ -1,6 +1,7 @@
 //! One setting of a configuration changed by its key, as a command line has it: `policy.kind=hedge`.
 
 use super::Config;
+use super::sections::reading;
 use foveate_base::{Error, Result};
 
 impl Config {
@@ -41,7 +42,8 @@ impl Config {
         }
         // Its place in text that nobody wrote is of no use.
         let text = toml::to_string(&whole).expect("it is a table");
-        toml::from_str(&text).map_err(|e| Error::Config(format!("{setting}: {}", Self::problem(e.message()))))
+        reading(&self.parts, || toml::from_str(&text))
+            .map_err(|e: toml::de::Error| Error::Config(format!("{setting}: {}", Self::problem(e.message()))))
     }
 }
 

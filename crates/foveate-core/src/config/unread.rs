@@ -1,6 +1,7 @@
 //! No recogniser can be read: this build has no learned weights.
 
 use super::RecogniserConfig;
+use super::parts::Parts;
 use crate::recognition::Recognition;
 use foveate_base::Result;
 use foveate_base::files::Files;
@@ -9,7 +10,7 @@ use foveate_base::files::Files;
 pub(super) enum Recogniser {}
 
 impl RecogniserConfig {
-    pub(super) fn read(&self, _: &dyn Files) -> Result<Recogniser> {
+    pub(super) fn read(&self, _: &dyn Files, _: &Parts) -> Result<Recogniser> {
         match *self {}
     }
 }

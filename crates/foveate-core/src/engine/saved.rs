@@ -10,6 +10,7 @@ use crate::geometry::State;
 use crate::identity::box_regression::BoxRegression;
 use crate::identity::surroundings::Surroundings;
 use crate::recognition::Recognition;
+use crate::saved_state::SavedState;
 use foveate_base::{Error, Result};
 
 /// More frames than any video has.
@@ -26,7 +27,7 @@ struct Saved {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     waiting: Option<Waiting>,
     visible: f64,
-    policy: serde_json::Value,
+    policy: SavedState,
     appearance: serde_json::Value,
     consistency: serde_json::Value,
     /// The same with what was learned for now; none without a short-term memory.

@@ -2,10 +2,11 @@
 
 use super::{Context, Plan, Policy, PolicySnapshot, misfit};
 use crate::geometry::Gaze;
+use crate::saved_state::SavedState;
 use foveate_base::Result;
 use foveate_base::rng::Rng;
 use rand::RngExt;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
 
 /// Always the same gaze. The paper has no such baseline; it is a strong one. What is learned of the target is learned of that place.
 #[derive(Clone, Debug)]
@@ -82,6 +83,12 @@ impl Circular {
     }
 }
 
+/// The state of [`Circular`], as it is saved.
+#[derive(Serialize, Deserialize)]
+struct Turn {
+    turn: usize,
+}
+
 impl Policy for Circular {
     fn plan(&mut self, _: &Context, plan: &mut Plan, _: &mut Rng) {
         plan.only(self.gazes[self.turn]);
@@ -92,13 +99,16 @@ impl Policy for Circular {
     fn snapshot(&self) -> PolicySnapshot<'_> {
         PolicySnapshot::Arms { gazes: &self.gazes, probabilities: &self.probabilities }
     }
-    fn save(&self) -> Value {
-        json!({ "turn": self.turn })
+    fn save(&self) -> SavedState {
+        SavedState::new(&Turn { turn: self.turn })
     }
-    fn load(&mut self, saved: &Value) -> Result<()> {
-        let turn = saved["turn"].as_u64().filter(|&turn| turn < self.gazes.len() as u64);
-        let turn = turn.ok_or_else(|| misfit(&format!("a turn among {} gazes", self.gazes.len()), saved))?;
-        self.turn_to(turn as usize);
+    fn load(&mut self, saved: &SavedState) -> Result<()> {
+        let Turn { turn } = saved
+            .read()
+            .ok()
+            .filter(|it: &Turn| it.turn < self.gazes.len())
+            .ok_or_else(|| misfit(&format!("a turn among {} gazes", self.gazes.len()), saved))?;
+        self.turn_to(turn);
         Ok(())
     }
     fn reset(&mut self) {

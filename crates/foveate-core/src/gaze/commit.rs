@@ -11,9 +11,10 @@
 use super::gains::Gains;
 use super::{Context, Plan, Policy, PolicySnapshot, Schedule, misfit};
 use crate::geometry::Gaze;
+use crate::saved_state::SavedState;
 use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
 
 /// Looks at all gazes for so many frames, then at the best of them, and at all of them again in every so many-th frame.
 #[derive(Clone, Debug)]
@@ -57,6 +58,13 @@ fn far(gaze: &Gaze) -> f64 {
     gaze.u.hypot(gaze.v)
 }
 
+/// The state of [`ExploreThenCommit`], as it is saved.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    gains: SavedState,
+    t: u64,
+}
+
 impl Policy for ExploreThenCommit {
     fn plan(&mut self, _: &Context, plan: &mut Plan, _: &mut Rng) {
         let gazes = &self.gains.gazes;
@@ -85,12 +93,12 @@ impl Policy for ExploreThenCommit {
     fn snapshot(&self) -> PolicySnapshot<'_> {
         PolicySnapshot::Arms { gazes: &self.gains.gazes, probabilities: &self.gains.p }
     }
-    fn save(&self) -> Value {
-        json!({ "gains": self.gains.save(), "t": self.t })
+    fn save(&self) -> SavedState {
+        SavedState::new(&Saved { gains: self.gains.save(), t: self.t })
     }
-    fn load(&mut self, saved: &Value) -> Result<()> {
-        let t = saved["t"].as_u64().ok_or_else(|| misfit("gains and a number of frames", saved))?;
-        self.gains.load(&saved["gains"])?;
+    fn load(&mut self, saved: &SavedState) -> Result<()> {
+        let Saved { gains, t } = saved.read().map_err(|_| misfit("gains and a number of frames", saved))?;
+        self.gains.load(&gains)?;
         self.t = t;
         self.weigh();
         Ok(())

@@ -16,10 +16,10 @@
 use super::gains::{Gains, draw};
 use super::{Context, Plan, Policy, PolicySnapshot, Schedule};
 use crate::geometry::Gaze;
+use crate::saved_state::SavedState;
 use foveate_base::error::within;
 use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
-use serde_json::Value;
 use std::f64::consts::E;
 
 /// Below this the paper's p(i) is not divided by: it underflows within minutes, and the reward would be infinite.
@@ -148,10 +148,10 @@ impl Policy for Exp3 {
     fn snapshot(&self) -> PolicySnapshot<'_> {
         PolicySnapshot::Arms { gazes: &self.gains.gazes, probabilities: &self.mixed }
     }
-    fn save(&self) -> Value {
+    fn save(&self) -> SavedState {
         self.gains.save()
     }
-    fn load(&mut self, saved: &Value) -> Result<()> {
+    fn load(&mut self, saved: &SavedState) -> Result<()> {
         self.gains.load(saved)?;
         self.weigh();
         Ok(())

@@ -2,10 +2,11 @@
 
 use super::{Schedule, misfit};
 use crate::geometry::Gaze;
+use crate::saved_state::SavedState;
 use foveate_base::Result;
 use foveate_base::rng::Rng;
 use rand::RngExt;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
 
 /// A gain for each gaze, and p(i) ∝ exp(η G(i)).
 #[derive(Clone, Debug)]
@@ -44,17 +45,17 @@ impl Gains {
         self.p.iter_mut().for_each(|p| *p /= sum);
     }
     /// Gains and frames; p follows from them.
-    pub(super) fn save(&self) -> Value {
-        json!({ "gain": self.gain, "frames": self.frames })
+    pub(super) fn save(&self) -> SavedState {
+        SavedState::new(&Saved { gain: self.gain.clone(), frames: self.frames })
     }
-    /// What [`Gains::save`] gave, but for p.
-    pub(super) fn load(&mut self, saved: &Value) -> Result<()> {
-        let numbers = |v: &Value| v.as_array()?.iter().map(|g| g.as_f64().filter(|g| g.is_finite())).collect();
-        let gain: Option<Vec<f64>> = numbers(&saved["gain"]);
+    /// Restores the gains and frames that [`Gains::save`] returned, but not p.
+    pub(super) fn load(&mut self, saved: &SavedState) -> Result<()> {
         let k = self.gazes.len();
-        let (Some(gain), Some(frames)) = (gain.filter(|gain| gain.len() == k), saved["frames"].as_u64()) else {
-            return Err(misfit(&format!("the gains of {k} gazes and a number of frames"), saved));
-        };
+        let Saved { gain, frames } = saved
+            .read()
+            .ok()
+            .filter(|it: &Saved| it.gain.len() == k && it.gain.iter().all(|g| g.is_finite()))
+            .ok_or_else(|| misfit(&format!("the gains of {k} gazes and a number of frames"), saved))?;
         (self.gain, self.frames) = (gain, frames);
         Ok(())
     }
@@ -63,6 +64,13 @@ impl Gains {
         self.gain.fill(0.0);
         self.frames = 0;
     }
+}
+
+/// The state of [`Gains`], as it is saved.
+#[derive(Serialize, Deserialize)]
+struct Saved {
+    gain: Vec<f64>,
+    frames: u64,
 }
 
 /// Draws an index with these probabilities, which sum to 1 but for rounding.

@@ -13,13 +13,14 @@ use super::bayes::Bayes;
 use super::prior::Prior;
 use super::{Context, Expectation, Plan, Policy, PolicySnapshot, Surface, misfit};
 use crate::geometry::Gaze;
+use crate::saved_state::SavedState;
 use foveate_base::Result;
 use foveate_base::rng::Rng;
 use foveate_gp::direct::{Direct, Form};
 use foveate_gp::{Gp, Priors, Saved};
 use rand::RngExt;
 use serde::Deserialize;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::f64::consts::PI;
 
 /// The policy.
@@ -142,11 +143,11 @@ impl Policy for GpUcb {
     fn snapshot(&self) -> PolicySnapshot<'_> {
         PolicySnapshot::Surface(self)
     }
-    fn save(&self) -> Value {
-        json!({ "seen": self.seen, "poor": self.poor, "rewards": self.rewards, "process": self.process.save(),
-            "prior": self.prior.values() })
+    fn save(&self) -> SavedState {
+        SavedState::new(&json!({ "seen": self.seen, "poor": self.poor, "rewards": self.rewards,
+            "process": self.process.save(), "prior": self.prior.values() }))
     }
-    fn load(&mut self, saved: &Value) -> Result<()> {
+    fn load(&mut self, saved: &SavedState) -> Result<()> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
         struct Memory {
@@ -158,7 +159,7 @@ impl Policy for GpUcb {
             prior: Vec<f64>,
         }
         let wrong = || misfit(&format!("what gp-ucb learned from {} rewards at most", self.settings.window), saved);
-        let memory = Memory::deserialize(saved).map_err(|_| wrong())?;
+        let memory: Memory = saved.read().map_err(|_| wrong())?;
         let inside = |x: &f64| x.abs() <= self.settings.reach;
         let fits = memory.rewards.len() == memory.process.points.len()
             && memory.seen >= memory.rewards.len() as u64

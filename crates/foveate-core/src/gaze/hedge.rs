@@ -7,9 +7,9 @@
 use super::gains::{Gains, draw};
 use super::{Context, Plan, Policy, PolicySnapshot, Schedule};
 use crate::geometry::Gaze;
+use crate::saved_state::SavedState;
 use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
-use serde_json::Value;
 
 /// Weighs gazes by the exponential of what they earned.
 #[derive(Clone, Debug)]
@@ -65,10 +65,10 @@ impl Policy for Hedge {
     fn snapshot(&self) -> PolicySnapshot<'_> {
         PolicySnapshot::Arms { gazes: &self.gains.gazes, probabilities: &self.gains.p }
     }
-    fn save(&self) -> Value {
+    fn save(&self) -> SavedState {
         self.gains.save()
     }
-    fn load(&mut self, saved: &Value) -> Result<()> {
+    fn load(&mut self, saved: &SavedState) -> Result<()> {
         self.gains.load(saved)?;
         self.weigh();
         Ok(())
@@ -101,7 +101,10 @@ mod tests {
         assert!(Hedge::new(vec![], 1.0).is_err());
         assert!([0.0, -1.0, f64::NAN, f64::INFINITY].iter().all(|&g| Hedge::new(vec![Gaze::CENTRE], g).is_err()));
         let mut policy = hedge(0.5);
-        assert!(policy.load(&json!({ "gain": [1.0, 2.0], "frames": 2 })).is_err(), "nine gazes, two gains");
+        assert!(
+            policy.load(&SavedState::new(&json!({ "gain": [1.0, 2.0], "frames": 2 }))).is_err(),
+            "nine gazes, two gains"
+        );
     }
 
     /// The theorem holds for every sequence, so no slack: adversaries that see pₜ, drifting and random rewards.

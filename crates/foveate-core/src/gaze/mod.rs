@@ -10,10 +10,10 @@ macro_rules! learned_by {
         fn snapshot(&self) -> $crate::gaze::PolicySnapshot<'_> {
             self.$field.snapshot()
         }
-        fn save(&self) -> serde_json::Value {
+        fn save(&self) -> $crate::saved_state::SavedState {
             self.$field.save()
         }
-        fn load(&mut self, saved: &serde_json::Value) -> foveate_base::Result<()> {
+        fn load(&mut self, saved: &$crate::saved_state::SavedState) -> foveate_base::Result<()> {
             self.$field.load(saved)
         }
         fn reset(&mut self) {
@@ -55,10 +55,10 @@ pub use self::schedule::Schedule;
 pub use self::shadow::Shadow;
 
 use crate::geometry::Gaze;
+use crate::saved_state::SavedState;
 use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 
 /// The gazes of one frame: each is scored, the used ones move the belief, one is the policy's own choice.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -224,12 +224,12 @@ pub trait Policy: Send + Sync {
         PolicySnapshot::Blank
     }
     /// All that was learned.
-    fn save(&self) -> Value {
-        Value::Null
+    fn save(&self) -> SavedState {
+        SavedState::empty()
     }
-    /// Goes on from what `save` gave on a policy with the same settings. Fails, unchanged, where it does not fit.
-    fn load(&mut self, saved: &Value) -> Result<()> {
-        if saved.is_null() { Ok(()) } else { Err(misfit("nothing, for this policy learns nothing", saved)) }
+    /// Restores a state that `save` returned for a policy with the same settings. If the state does not fit, this fails and changes nothing.
+    fn load(&mut self, saved: &SavedState) -> Result<()> {
+        if saved.is_empty() { Ok(()) } else { Err(misfit("nothing, for this policy learns nothing", saved)) }
     }
     /// Forgets all that was learned.
     fn reset(&mut self) {}
@@ -243,7 +243,7 @@ pub trait Policy: Send + Sync {
 }
 
 /// A saved state that does not fit.
-fn misfit(expected: &str, found: &Value) -> Error {
+fn misfit(expected: &str, found: &SavedState) -> Error {
     let found: String = found.to_string().chars().take(80).collect();
     Error::Invalid(format!(
         "saved policy: expected {expected}, found {found}; load a state that was saved with the same policy and settings"

@@ -5,13 +5,14 @@
 
 use super::Recognizer;
 use crate::geometry::Gaze;
+use crate::saved_state::SavedState;
 use foveate_base::rows::Rows;
 use foveate_base::{Error, Result};
 use foveate_learn::rbm::io::{pack, unpack};
 use foveate_learn::rbm::{Metadata, io};
 use foveate_learn::softmax::Softmax;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::json;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -99,11 +100,11 @@ impl Recognizer for Classifier {
         self.softmax.log_probabilities(Rows::new(features, features.len()), log_p);
     }
     fn reset(&mut self) {}
-    fn save(&self) -> Value {
+    fn save(&self) -> SavedState {
         // It stands on one look, and remembers none.
-        json!({ "looks": [] })
+        SavedState::new(&json!({ "looks": [] }))
     }
-    fn load(&mut self, saved: &Value) -> Result<()> {
+    fn load(&mut self, saved: &SavedState) -> Result<()> {
         if *saved == Recognizer::save(self) {
             return Ok(());
         }

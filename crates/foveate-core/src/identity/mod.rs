@@ -55,6 +55,7 @@ pub use retina::{Foveal, Retina};
 
 use crate::geometry::{Extent, Gaze, State};
 use crate::reference::ReferenceLikelihood;
+use crate::saved_state::SavedState;
 use crate::scene::{Image, Meter};
 use foveate_base::Result;
 use foveate_base::rng::Streams;
@@ -200,7 +201,7 @@ pub trait Recognizer: Send + Sync {
     /// Forgets all looks.
     fn reset(&mut self);
     /// The looks it remembers.
-    fn save(&self) -> serde_json::Value;
+    fn save(&self) -> SavedState;
     /// Takes up what `save` gave. Fails where it does not fit.
-    fn load(&mut self, saved: &serde_json::Value) -> Result<()>;
+    fn load(&mut self, saved: &SavedState) -> Result<()>;
 }

@@ -6,12 +6,11 @@
 
 use super::Recognizer;
 use crate::geometry::Gaze;
+use crate::saved_state::SavedState;
 use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 use foveate_learn::rbm::fixations::{About, FixationRbm, Reading};
 use foveate_learn::softmax::{Softmax, normalize};
-use serde::Deserialize;
-use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -113,11 +112,11 @@ impl Recognizer for MultiFixation {
     fn reset(&mut self) {
         self.reading.clear();
     }
-    fn save(&self) -> Value {
-        serde_json::to_value(&self.reading).expect("numbers become JSON")
+    fn save(&self) -> SavedState {
+        SavedState::new(&self.reading)
     }
-    fn load(&mut self, saved: &Value) -> Result<()> {
-        let reading = Reading::deserialize(saved).ok().filter(|reading| reading.fits(&self.rbm));
+    fn load(&mut self, saved: &SavedState) -> Result<()> {
+        let reading = saved.read().ok().filter(|reading: &Reading| reading.fits(&self.rbm));
         self.reading = reading.ok_or_else(|| Error::Invalid("the saved looks are of another recogniser".into()))?;
         Ok(())
     }
@@ -196,7 +195,7 @@ mod tests {
             let mut again = [0.0; 2];
             other.log_probabilities(&mut again);
             assert_eq!(again, log_p);
-            assert!(other.load(&Value::from(3)).is_err());
+            assert!(other.load(&SavedState::new(&3)).is_err());
             crate::conformance::recognizer(&|| Box::new(recogniser.clone()));
         }
     }

@@ -36,7 +36,8 @@ pub fn reach(policy: &PolicyConfig) -> Option<f64> {
         PolicyConfig::Exp3S(c) => Some(c.grid.reach),
         PolicyConfig::GpUcb(bayes) => Some(bayes.reach),
         PolicyConfig::Anchor { policy } => reach(policy),
-        PolicyConfig::Fixed { .. } => None,
+        // A fixed gaze, or a policy of the user's own.
+        _ => None,
     }
 }
 

@@ -113,6 +113,9 @@ fn fields(lines: &[&str], indent: usize, all_default: bool) -> Vec<Field> {
         }
         let attributes: String =
             lines[..at].iter().rev().take_while(|l| l.trim_start().starts_with("#[")).copied().collect();
+        if attributes.contains("serde(skip") && !attributes.contains("skip_serializing_if") {
+            continue;
+        }
         let kind = kind.trim_end_matches(',');
         let inner = |kind: &str, outer: &str| {
             kind.strip_prefix(outer).and_then(|k| k.strip_prefix('<')?.strip_suffix('>')).map(str::to_owned)
@@ -130,7 +133,8 @@ fn variants(lines: &[&str]) -> Vec<Variant> {
     let mut found = vec![];
     for (at, line) in lines.iter().enumerate() {
         let code = line.trim_start();
-        if line.len() - code.len() != 4 || !code.starts_with(char::is_uppercase) {
+        let skipped = at > 0 && lines[at - 1].trim() == "#[serde(skip)]";
+        if line.len() - code.len() != 4 || !code.starts_with(char::is_uppercase) || skipped {
             continue;
         }
         let name: String = code.chars().take_while(|c| c.is_alphanumeric()).collect();

@@ -8,6 +8,7 @@ mod common;
 mod config;
 mod damage;
 mod determinism;
+mod extend;
 mod kalman;
 mod leap;
 mod motion;

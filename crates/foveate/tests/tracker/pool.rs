@@ -6,6 +6,7 @@ use crate::common::{INIT, blueprint, frame, truth};
 use foveate::Seen;
 use foveate::config::{Blueprint, Config};
 use foveate::control::{Autoregressive, Belief, ConfidenceModel, ConsistencySettings, Prior, VarianceReduction};
+use foveate::extend::SavedState;
 use foveate::gaze::{Context, Grid, Plan, Policy, Pool};
 use foveate::geometry::{Extent, Gaze, State};
 use foveate::identity::{Appearance, Percept};
@@ -82,7 +83,7 @@ fn grid() -> Vec<Gaze> {
 /// A pool whose weights, of this sum, are as `log_weights` say.
 fn pool(log_weights: [f64; 4], looks: f64) -> Box<dyn Policy> {
     let mut pool = Pool::new(grid(), 1.0, 0.0, looks).expect("four gazes");
-    pool.load(&serde_json::json!({ "gain": log_weights, "frames": 1 })).expect("four gains");
+    pool.load(&SavedState::new(&serde_json::json!({ "gain": log_weights, "frames": 1 }))).expect("four gains");
     Box::new(Held(pool))
 }
 
