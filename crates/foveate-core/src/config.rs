@@ -36,6 +36,7 @@ mod own;
 mod parts;
 mod plainly;
 mod policies;
+mod probe;
 mod proposals;
 mod ranges;
 #[cfg(feature = "learn")]
@@ -216,6 +217,10 @@ impl Config {
             Blueprint { config: self, retina, encoder, variation, boxes, shadow, detector, recogniser, second };
         blueprint.fits()?;
         blueprint.parts()?;
+        if matches!(blueprint.config.encoder, EncoderConfig::Own(_)) && blueprint.config.observation_model.is_none() {
+            let distance = blueprint.config.likelihood.distance;
+            probe::encoder(&*blueprint.retina, &*blueprint.encoder, distance, &mut *blueprint.observation_model()?)?;
+        }
         Ok(blueprint)
     }
 }

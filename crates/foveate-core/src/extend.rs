@@ -1,13 +1,19 @@
 //! Parts of your own: the traits to implement, their laws, and the names under which a configuration finds them.
 //!
 //! Register a constructor under a name in [`Parts`]. A configuration with these parts may then have a section with `kind = "name"`; the
-//! other keys of the section are the settings that the constructor receives.
+//! other keys of the section are the settings that the constructor receives. `docs/extend.md` shows a part of each kind.
 
 pub use crate::config::{EncoderSite, ObservationSite, Parts, ProposalSite};
 pub use crate::conformance;
-pub use crate::control::{Proposal, Reward};
-pub use crate::gaze::Policy;
-pub use crate::identity::{Appearance, Encoder};
+pub use crate::control::{Autoregressive, Dynamics, Prior, Proposal, Reward};
+pub use crate::gaze::{Context, Expectation, Grid, Plan, Policy, PolicySnapshot, Surface};
+pub use crate::geometry::{Extent, Fixation, Gaze, State};
+pub use crate::identity::encoder::standardise;
+pub use crate::identity::retina::{Cell, FovealConfig};
+pub use crate::identity::{Appearance, Encoder, Foveal, Percept, Retina};
+pub use crate::reference::ReferenceLikelihood;
 pub use crate::saved_state::SavedState;
-pub use crate::scene::Detector;
-pub use foveate_base::rng::{Rng, Streams};
+pub use crate::scene::detect::{Blobs, Score};
+pub use crate::scene::{Detector, Map, Scene};
+pub use foveate_base::rng::{Purpose, Rng, Streams};
+pub use foveate_base::rows::{Rows, RowsMut};

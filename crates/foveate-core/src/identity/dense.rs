@@ -7,6 +7,7 @@ use foveate_kernels as kernels;
 use kernels::{HALVES, Lengths};
 
 use super::encoder::Encoder;
+use super::oriented::Oriented;
 use super::pyramid::Pyramid;
 use super::retina::{Cell, Retina};
 use crate::geometry::{Extent, Fixation, Gaze, State};
@@ -84,8 +85,8 @@ impl Lattice {
 impl Dense {
     /// Fails where the encoder is not the oriented one, or the cells are not as it has them: grey ones in a square, and two
     /// channels of colour as large as blocks.
-    pub fn new(retina: &dyn Retina, encoder: &dyn Encoder) -> Option<Self> {
-        let (blocks, lengths) = encoder.oriented()?;
+    pub fn new(retina: &dyn Retina, encoder: &(dyn Encoder + 'static)) -> Option<Self> {
+        let (blocks, lengths) = encoder.downcast::<Oriented>()?.blocks();
         let (side, cells) = (kernels::BLOCK * blocks + 2, retina.cells());
         let pitch = 2.0 * cells.first()?.half;
         let corners = [cells.first()?, cells.get(side * side - 1)?];

@@ -1,18 +1,24 @@
 //! From glimpses to features: the first layer of the identity pathway (section 2.1).
 
+use std::any::Any;
+
 use foveate_kernels as kernels;
 
 use foveate_base::rows::{Rows, RowsMut};
 
 /// Maps glimpses to features, row by row.
 ///
-/// A row's features must depend on that row alone: the tracker splits batches as it pleases.
-/// If they do not, results change with the number of threads, and `conformance::encoder` fails.
-/// Features must be non-negative and finite for the Bhattacharyya distance.
-pub trait Encoder: Send + Sync {
-    /// (n_v, n_h): values in a glimpse, values in a feature vector.
+/// A row's features must depend on that row alone: the tracker splits batches as it pleases. If they depend on others, results change with
+/// the number of threads, and `conformance::encoder` fails.
+///
+/// The features must suit the distance of the configuration. Cosine and Euclidean distance take any finite values; with the cosine
+/// distance, take out the mean in [`Encoder::condition`], or all glimpses are nearly alike. The Bhattacharyya distances need values of 0
+/// or more, `bernoulli` values from 0 to 1. The sharpness of the likelihood must suit the size of the distances.
+/// [`crate::Config::check`] tries an encoder of your own on a test picture, and refuses one that does not suit.
+pub trait Encoder: Any + Send + Sync {
+    /// (n_v, n_h): values in a glimpse, which is the retina's `glimpse_len`, and values in a feature vector.
     fn shape(&self) -> (usize, usize);
-    /// Brings a glimpse (values 0 to 1) to what the encoder was trained on, in place. `cells` tells each value's channel.
+    /// Prepares a glimpse (values 0 to 1) for [`Encoder::encode`], in place; for example by [`standardise`].
     fn condition(&self, _glimpse: &mut [f32]) {}
     /// Encodes conditioned glimpses.
     fn encode(&self, glimpses: Rows<'_>, features: RowsMut<'_>);
@@ -28,15 +34,12 @@ pub trait Encoder: Send + Sync {
     fn parts(&self) -> Vec<usize> {
         vec![self.shape().1]
     }
-    /// The encoder by an RBM that this is; one that can be trained while it tracks.
-    #[cfg(feature = "learn")]
-    fn rbm(&self) -> Option<&super::RbmEncoder> {
-        None
-    }
-    /// Blocks along a side, and lengths of the parts, where its features are those of `kernels::oriented_features`: places of
-    /// a lattice then share their gradients.
-    fn oriented(&self) -> Option<(usize, kernels::Lengths)> {
-        None
+}
+
+impl dyn Encoder {
+    /// The encoder as this type, if it is of this type.
+    pub(crate) fn downcast<E: Encoder>(&self) -> Option<&E> {
+        (self as &dyn Any).downcast_ref()
     }
 }
 

@@ -74,15 +74,16 @@ impl Oriented {
             ((side - 2) / kernels::BLOCK, kernels::Lengths { length, flat: FLAT, neither: NEITHER });
         Ok(Self { blocks, cells, colour: channels.len() - cells, lengths })
     }
+
+    /// Blocks along a side, and the lengths of the parts, for `kernels::oriented_features`.
+    pub(super) fn blocks(&self) -> (usize, kernels::Lengths) {
+        (self.blocks, self.lengths)
+    }
 }
 
 impl Encoder for Oriented {
     fn shape(&self) -> (usize, usize) {
         (self.cells + self.colour, self.lengths.sizes(self.blocks, self.colour).iter().sum())
-    }
-
-    fn oriented(&self) -> Option<(usize, kernels::Lengths)> {
-        Some((self.blocks, self.lengths))
     }
 
     fn parts(&self) -> Vec<usize> {

@@ -78,7 +78,4 @@ impl Encoder for RbmEncoder {
         self.packed.overlaps(glimpses.data(), self.rbm.hidden_bias(), root, totals, overlaps);
         true
     }
-    fn rbm(&self) -> Option<&RbmEncoder> {
-        Some(self)
-    }
 }

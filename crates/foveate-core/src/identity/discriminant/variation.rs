@@ -17,6 +17,7 @@ use base64::{Engine as _, engine::general_purpose::STANDARD};
 use serde::{Deserialize, Serialize};
 
 use crate::identity::Encoder;
+use crate::identity::oriented::Oriented;
 use foveate_base::error::within;
 use foveate_base::files::Files;
 use foveate_base::{Error, Result};
@@ -47,7 +48,7 @@ impl Variation {
     ///
     /// # Errors
     /// As [`Variation::read`]; [`Error::Config`] where it is not the covariance of such features.
-    pub(crate) fn penalty(&self, files: &dyn Files, encoder: &dyn Encoder) -> Result<Option<Arc<[f32]>>> {
+    pub(crate) fn penalty(&self, files: &dyn Files, encoder: &(dyn Encoder + 'static)) -> Result<Option<Arc<[f32]>>> {
         self.read(files)?.map(|covariance| covariance.penalty(self.weight, encoder)).transpose()
     }
 
@@ -171,8 +172,8 @@ impl Covariance {
     ///
     /// # Errors
     /// [`Error::Config`] where it is not the covariance of such features.
-    fn penalty(&self, weight: f64, encoder: &dyn Encoder) -> Result<Arc<[f32]>> {
-        let Some((_, lengths)) = encoder.oriented() else {
+    fn penalty(&self, weight: f64, encoder: &(dyn Encoder + 'static)) -> Result<Arc<[f32]>> {
+        let Some((_, lengths)) = encoder.downcast::<Oriented>().map(Oriented::blocks) else {
             return Err(Error::Config(
                 "variation: it is known of features of encoder.kind = \"oriented\" alone; set variation.weight to 0, or leave \
                  [variation] out"

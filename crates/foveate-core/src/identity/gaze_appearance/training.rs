@@ -2,8 +2,8 @@
 
 use super::{GazeAppearance, looks};
 use crate::geometry::{Gaze, State};
-use crate::identity::Appearance;
 use crate::identity::online::{LOOKS, Settings, Training};
+use crate::identity::{Appearance, RbmEncoder};
 use crate::scene::Image;
 use foveate_base::{Error, Result};
 
@@ -13,7 +13,7 @@ impl GazeAppearance {
         let Some(settings) = settings else { return Ok(self) };
         let rbm = self
             .encoder
-            .rbm()
+            .downcast::<RbmEncoder>()
             .ok_or_else(|| Error::Config("online_training: it trains an RBM, and the first layer is none".into()))?;
         Ok(Self { training: Some(Training::new(settings, rbm)), ..self })
     }
