@@ -142,10 +142,15 @@ macro_rules! levels {
                     $body::<{ $crate::level::AVX512 }>($($arg),*)
                 }
                 assert!(level <= $crate::level::Level::best(), "this processor has no {level:?}");
-                // SAFETY: the processor has at least `level`, so it has the instructions.
                 match level {
-                    $crate::level::Level::Avx512 | $crate::level::Level::Avx512Bf16 => return unsafe { avx512($($arg),*) },
-                    $crate::level::Level::Avx2 => return unsafe { avx2($($arg),*) },
+                    $crate::level::Level::Avx512 | $crate::level::Level::Avx512Bf16 => {
+                        // SAFETY: the processor has at least `level`, so it has the instructions.
+                        return unsafe { avx512($($arg),*) };
+                    }
+                    $crate::level::Level::Avx2 => {
+                        // SAFETY: the processor has at least `level`, so it has the instructions.
+                        return unsafe { avx2($($arg),*) };
+                    }
                     $crate::level::Level::Portable => {}
                 }
             }

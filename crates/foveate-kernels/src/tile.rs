@@ -52,17 +52,19 @@ pub(crate) fn multiply(kernel: Kernel, rows: usize, depth: usize, words: &[u32],
 fn fixed<const ROWS: usize>(kernel: Kernel, depth: usize, words: &[u32], lines: &[Line], sums: &mut [[f32; TILE]]) {
     let sums: &mut [[f32; TILE]; ROWS] = sums.try_into().expect("one row of sums for each row of words");
     assert!(words.len() == ROWS * depth && lines.len() == 4 * depth);
-    // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
     #[cfg(target_arch = "x86_64")]
     match kernel {
         Kernel::Bf16 => {
             assert_eq!(Level::best(), Level::Avx512Bf16);
+            // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
             return unsafe { x86::bf16(depth, words, lines, sums) };
         }
         Kernel::F32(level) if level >= Level::Avx512 && level <= Level::best() => {
+            // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
             return unsafe { x86::f32_avx512(depth, words, lines, sums) };
         }
         Kernel::F32(level) if level >= Level::Avx2 && level <= Level::best() => {
+            // SAFETY: the lengths were just checked, and the processor has the instructions of `kernel`.
             return unsafe { x86::f32_avx2(depth, words, lines, sums) };
         }
         _ => {}
