@@ -208,11 +208,8 @@ fn block(document: &str, name: &str, content: &str) {
 fn generated_parts_are_what_the_code_says() {
     let folders = ["core", "learn", "gp"].map(|name| root().join(format!("crates/foveate-{name}/src")));
     let folders: Vec<&Path> = folders.iter().map(PathBuf::as_path).collect();
-    block("docs/configuration.md", "configurations", &shipped::configurations(&[], 7));
+    block("docs/configuration.md", "configurations", &shipped::configurations());
     block("docs/configuration.md", "keys", &configuration::reference(&folders));
-    let front = ["natural", "natural-fast", "foveated", "narrow", "multi", "multi-motion", "multi-boxes"];
-    let digits = ["digits-hedge", "digits-partial", "digits-closeup", "digits-pool"];
-    block("README.md", "configurations", &shipped::configurations(&[&front[..], &digits].concat(), 4));
 }
 
 #[cfg(feature = "report")]

@@ -9,7 +9,7 @@ use super::plan::EXPERIMENTS;
 use super::results::Results;
 
 /// Documents with blocks that come from results.
-pub const FILLED: [&str; 2] = ["README.md", "docs/why.md"];
+pub const FILLED: [&str; 1] = ["docs/why.md"];
 
 /// The results kept in `experiments/results` of a checkout, in the order of the page.
 pub fn stored(root: &Path) -> Result<Vec<Results>> {

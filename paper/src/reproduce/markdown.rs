@@ -185,7 +185,7 @@ mod tests {
     use super::super::docs;
     use super::*;
 
-    /// README.md and the documents say what the stored results say; with `FOVEATE_WRITE_DOCS` set, they are written anew.
+    /// The documents say what the stored results say; with `FOVEATE_WRITE_DOCS` set, they are written anew.
     #[test]
     fn documents_agree_with_the_results() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");

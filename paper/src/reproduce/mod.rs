@@ -69,7 +69,7 @@ pub struct Args {
     /// Results of other trackers on the same videos, as bench/peers.py writes them; may be repeated
     #[arg(long, value_name = "FILE")]
     peer: Vec<PathBuf>,
-    /// Put the tables into a checkout of the project: experiments/results, docs and README.md
+    /// Put the tables into a checkout of the project: experiments/results, docs
     #[arg(long, value_name = "CHECKOUT", conflicts_with_all = ["quick", "shard", "set"])]
     write_docs: Option<PathBuf>,
 }

@@ -3,15 +3,12 @@
 use foveate::config::{BUILTIN, Config, EncoderConfig, PolicyConfig};
 use foveate::files::Nowhere;
 
-/// A table of the configurations that ship: what each is for, and which policy, retina and encoder run in it. Of `which`,
-/// or of all; with all columns, or the first ones.
-pub fn configurations(which: &[&str], columns: usize) -> String {
+/// A table of the configurations that ship: the purpose of each, and its policy, retina and encoder.
+pub fn configurations() -> String {
     let head = ["configuration", "for", "policy", "retina", "encoder", "particles", "P(lost)"];
-    let line = |cells: &[&str]| format!("| {} |\n", cells[..columns].join(" | "));
-    let mut out = line(&head) + &line(&["---"; 7]);
-    let all: Vec<&str> = BUILTIN.iter().map(|(name, _)| *name).collect();
-    for name in if which.is_empty() { &all } else { which } {
-        let (_, text) = BUILTIN.iter().find(|(builtin, _)| builtin == name).expect("it ships");
+    let line = |cells: [&str; 7]| format!("| {} |\n", cells.join(" | "));
+    let mut out = line(head) + &line(["---"; 7]);
+    for (name, text) in BUILTIN {
         let config = Config::parse(text, name).expect("it ships");
         let (retina, _) = config.identity(&Nowhere).expect("its model ships");
         let (rings, colour) = (&retina.config().rings, &retina.config().colour);
@@ -21,7 +18,7 @@ pub fn configurations(which: &[&str], columns: usize) -> String {
         let looks = format!("{} ring{s} ({}){colours}", rings.len(), windows.join(", "));
         let (name, particles) = (format!("`{name}`"), config.particles.to_string());
         let (policy, encoder, lost) = (policy(&config.policy), encoder(&config.encoder), lost(&config));
-        out += &line(&[&name, &purpose(text), &policy, &looks, encoder, &particles, lost]);
+        out += &line([&name, &purpose(text), &policy, &looks, encoder, &particles, lost]);
     }
     out
 }
