@@ -16,7 +16,7 @@ use foveate_base::{Error, Result};
 pub struct StartSpread {
     /// Standard deviation of the position.
     pub position: f64,
-    /// Standard deviation of the velocity, a frame.
+    /// Standard deviation of the velocity, template units a frame.
     pub velocity: f64,
     /// Standard deviation of the log scale.
     pub log_scale: f64,

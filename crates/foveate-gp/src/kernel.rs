@@ -10,7 +10,7 @@ pub enum Kernel {
     /// σₘ² exp(−r²/2), the paper's.
     #[default]
     SquaredExponential,
-    /// σₘ² (1 + √5 r + 5r²/3) exp(−√5 r): twice differentiable, for surfaces with edges.
+    /// σₘ² (1 + √5 r + 5r²/3) exp(−√5 r), for surfaces with edges.
     Matern52,
 }
 

@@ -13,9 +13,9 @@ use foveate_base::error::within;
 pub struct Exp3Config {
     /// The gazes.
     pub grid: Grid,
-    /// Share of frames that explore, above 0 to 1; the learning rate is γ/K.
+    /// Share of frames that explore; the learning rate is γ/K, above 0 to 1.
     pub gamma: Schedule,
-    /// Times that learning rate, 0.001 to 1000; the theorem holds up to 1, more learns sooner from rewards that differ little.
+    /// Factor of the learning rate; the bound holds up to 1, 0.001 to 1000.
     pub haste: f64,
 }
 
@@ -49,7 +49,7 @@ pub struct Exp3IxConfig {
     pub grid: Grid,
     /// Damping, above 0 to 1; the learning rate is 2γ.
     pub gamma: Schedule,
-    /// Times that learning rate, 0.001 to 1000; the theorem holds up to 1, more learns sooner from rewards that differ little.
+    /// Factor of the learning rate; the bound holds up to 1, 0.001 to 1000.
     pub haste: f64,
 }
 
@@ -65,11 +65,11 @@ impl Default for Exp3IxConfig {
 pub struct Exp3SConfig {
     /// The gazes.
     pub grid: Grid,
-    /// Share of frames that explore, above 0 to 1; the learning rate is γ/K.
+    /// Share of frames that explore; the learning rate is γ/K, above 0 to 1.
     pub gamma: Schedule,
     /// Share of the weight that all gazes get each frame, above 0 to 1; about one over the frames between changes.
     pub share: f64,
-    /// Times that learning rate, 0.001 to 1000; the theorem holds up to 1, more learns sooner from rewards that differ little.
+    /// Factor of the learning rate; the bound holds up to 1, 0.001 to 1000.
     pub haste: f64,
 }
 

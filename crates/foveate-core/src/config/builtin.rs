@@ -69,7 +69,7 @@ pub const OFFERED: &[(&str, &[(&str, &str)])] = &[
 ];
 
 const NATURAL_COMMITTEE: &str = concat!(
-    "# Any target in real video, by three trackers that vote: `natural` three times, with other dice. docs/confidence.md, \"A committee\".\n",
+    "# Real video: three `natural` trackers with different seeds that vote.\n",
     "committee = 3\n",
     include_str!("../../configs/natural.toml")
 );

@@ -15,12 +15,12 @@ use foveate_learn::rbm::factored::Units;
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields, remote = "Self")]
 #[non_exhaustive]
 pub enum EncoderConfig {
-    /// A restricted Boltzmann machine: `weights` is a model file, or `builtin:digits` or `builtin:natural`.
+    /// Hidden units of a restricted Boltzmann machine.
     #[cfg(feature = "learn")]
     Rbm {
         /// The model.
         weights: String,
-        /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
+        /// Precision of the weights.
         #[serde(default)]
         precision: Precision,
     },
@@ -41,21 +41,20 @@ pub enum EncoderConfig {
         /// The model.
         #[serde(default = "natural_autoencoder")]
         weights: String,
-        /// How its weights are rounded: `f32`, not at all, or `bf16`, which is faster.
+        /// Precision of the weights.
         #[serde(default)]
         precision: Precision,
     },
-    /// k-means filters convolved with the rings: `weights` is a model file, or `builtin:natural-kmeans`, as if left out. It serves
-    /// any retina; left out, the one it was trained with is taken.
+    /// k-means filters convolved with the rings of any retina; by default that of the training.
     #[cfg(feature = "learn")]
     Kmeans {
         /// The model.
         #[serde(default = "natural_kmeans")]
         weights: String,
-        /// What filters say is averaged over a grid of this many cells along a side of each ring.
+        /// Side of the pooling grid of each ring.
         #[serde(default = "two")]
         pool: usize,
-        /// A filter counts for what its product with a whitened patch is above this: 0 unless given.
+        /// Threshold of a filter's response to a whitened patch.
         #[serde(default)]
         threshold: f32,
     },
@@ -66,7 +65,7 @@ pub enum EncoderConfig {
         /// The model.
         #[serde(default = "natural_sparse")]
         weights: String,
-        /// What filters say is averaged over a grid of this many cells along a side of each ring.
+        /// Side of the pooling grid of each ring.
         #[serde(default = "two")]
         pool: usize,
         /// A filter counts for what its product with a whitened patch, or the negative, is above this; 0 unless given.
@@ -84,30 +83,30 @@ pub enum EncoderConfig {
         #[serde(default = "two")]
         pool: usize,
     },
-    /// A network from an ONNX file, its first output row by row: deep features. It needs a build with ONNX (`--features onnx`) and a
-    /// retina: of one window for an input of (N, planes, side, side), any for (N, values).
+    /// First output of a network in an ONNX file. It needs a build with `--features onnx` and a retina; an input of
+    /// (N, planes, side, side) needs one window.
     Onnx {
         /// The ONNX file, relative to the configuration.
         model: String,
-        /// What a network of three planes is fed.
+        /// Planes of a three-plane input.
         #[serde(default)]
         planes: Planes,
-        /// Taken off the values, 0 to 1, that it is fed: none, one number, or one a plane.
+        /// Mean subtracted from the input (0 to 1): none, one number, or one a plane.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         mean: Vec<f32>,
-        /// What they are divided by then: none, one number, or one a plane.
+        /// Divisor of the input: none, one number, or one a plane.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         std: Vec<f32>,
     },
-    /// Gradients in eight directions, grey and colour of a retina of one ring.
+    /// Gradients in eight directions, grey and colour. It needs a retina of one ring.
     Oriented {
         /// What each of them counts.
         #[serde(default)]
         weights: oriented::Weights,
     },
-    /// The glimpse itself.
+    /// Pixels of the glimpse.
     Raw {
-        /// Whether its mean is taken out and its contrast brought to 1.
+        /// Whether the glimpse is normalised to mean 0 and contrast 1.
         #[serde(default = "yes")]
         standardise: bool,
     },

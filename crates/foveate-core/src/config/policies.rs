@@ -18,16 +18,16 @@ use foveate_base::error::within;
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields, remote = "Self")]
 #[non_exhaustive]
 pub enum PolicyConfig {
-    /// Always the same gaze: the baseline that the paper lacks.
+    /// Always the same gaze.
     Fixed {
-        /// Across, in template units.
+        /// Horizontal, template units.
         #[serde(default)]
         u: f64,
-        /// Down, in template units.
+        /// Vertical, downwards, template units.
         #[serde(default)]
         v: f64,
     },
-    /// Uniformly at random among the grid's gazes (section 4.1).
+    /// A random gaze of the grid (section 4.1).
     Random {
         /// The gazes.
         #[serde(default)]
@@ -44,40 +44,39 @@ pub enum PolicyConfig {
         /// The gazes.
         #[serde(default)]
         grid: Grid,
-        /// Learning rate, above 0; left out, the theory's for any number of frames.
+        /// Learning rate, above 0. The default follows the theory for any number of frames.
         #[serde(default = "anytime")]
         gamma: Schedule,
     },
-    /// All the grid's gazes in every frame, each weighed by what it told lately: a logarithmic opinion pool.
+    /// A logarithmic opinion pool: all gazes of the grid in every frame, with learned weights.
     Pool {
         /// The gazes.
         #[serde(default)]
         grid: Grid,
-        /// Learning rate, above 0; left out, the theory's for any number of frames.
+        /// Learning rate, above 0. The default follows the theory for any number of frames.
         #[serde(default = "anytime")]
         gamma: Schedule,
-        /// Share of what was learned that fades each frame, 0 to 1.
+        /// Share of the learned weights that fades each frame, 0 to 1.
         #[serde(default = "fading")]
         forget: f64,
-        /// What the weights sum to, as many looks as they count for, 0.001 to 1000; left out, one for each gaze: equal weights
-        /// are then the product of the likelihoods.
+        /// Sum of the weights, 0.001 to 1000. The default is the number of gazes.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         looks: Option<f64>,
     },
-    /// Scores all gazes of the grid for some frames, then keeps the best one, and learns appearance there; for a retina that sees a part
-    /// of the target. A sensor reads all that they see while all are looked at.
+    /// Scores all gazes of the grid for some frames, then keeps the best one and learns appearance there. For a
+    /// retina that sees a part of the target.
     ExploreThenCommit {
         /// The gazes.
         #[serde(default)]
         grid: Grid,
-        /// Frames of exploring, 0 to 1000000.
+        /// Frames of exploration.
         #[serde(default = "exploring")]
         frames: u64,
-        /// Every so many-th frame explores again, 0 to 1000000; 0: none.
+        /// Interval of later exploration in frames; 0 never explores again.
         #[serde(default)]
         every: u64,
     },
-    /// EXP3, with the reward of one gaze a frame (section 4.3) and Auer et al.'s unbiased estimate.
+    /// EXP3: the reward of one gaze a frame (section 4.3), with the unbiased estimate of Auer et al.
     Exp3(Exp3Config),
     /// EXP3 exactly as the paper prints it, which divides by another probability than it drew with.
     Exp3AsPrinted(Exp3AsPrintedConfig),
@@ -85,9 +84,9 @@ pub enum PolicyConfig {
     Exp3Ix(Exp3IxConfig),
     /// EXP3.S (Auer et al. 2002): gazes share weight, for rewards that change.
     Exp3S(Exp3SConfig),
-    /// Bayesian optimisation over a continuous square of gazes, with partial information (section 4.4).
+    /// Bayesian optimisation over a continuous square of gazes (section 4.4).
     GpUcb(Bayes),
-    /// The centre gaze beside whatever another policy chooses: two looks a frame.
+    /// Two gazes a frame: the centre and the choice of another policy.
     Anchor {
         /// The other policy.
         policy: Box<PolicyConfig>,

@@ -19,10 +19,10 @@ use foveate_base::files::Files;
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields, remote = "Self")]
 #[non_exhaustive]
 pub enum ProposalConfig {
-    /// The transition prior (section 6.1).
+    /// The motion model (section 6.1).
     #[default]
     Prior,
-    /// Some particles start at what a detector found (section 6.3).
+    /// Some particles start at detections (section 6.3).
     Mixture(Mixing),
     /// A registered one.
     #[serde(skip)]
@@ -34,15 +34,15 @@ pub enum ProposalConfig {
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields, remote = "Self")]
 #[non_exhaustive]
 pub enum DetectorConfig {
-    /// What differs from the background learned so far; for a camera that stands still.
+    /// Differences from a learned background. For a fixed camera.
     Motion,
-    /// The same, with boxes for upright walkers: parts above each other are joined, what is too wide is cut.
+    /// As `motion`, with boxes of upright pedestrians: parts above each other are joined, wide ones split.
     Walkers,
-    /// What is unlike its surroundings (Itti and Koch).
+    /// Salient regions (Itti and Koch).
     Saliency,
-    /// What moves otherwise than the camera.
+    /// Regions that move differently from the camera.
     Flow,
-    /// Objects of known classes, by a network from an ONNX file. It needs a build with ONNX (`--features onnx`).
+    /// Objects of known classes, by a network in an ONNX file. It needs a build with `--features onnx`.
     Onnx(object_detector::Settings),
     /// A registered one.
     #[serde(skip)]

@@ -15,27 +15,27 @@ use foveate_base::files::Files;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum RecogniserConfig {
-    /// A multi-fixation RBM over the last few looks (section 2.2), with the retina and first layer it was trained on.
+    /// A multi-fixation RBM over the last looks (section 2.2), with the retina and first layer of its training.
     MultiFixation {
-        /// A model file of `foveate train fixations`, or `builtin:` and the name of one that ships with the program.
+        /// A file of `foveate train fixations`, or `builtin:NAME`.
         weights: String,
-        /// How frames add up.
+        /// Accumulation over frames.
         #[serde(default)]
         accumulate: Accumulate,
-        /// Where it looks; left out, at random among the places it was trained at.
+        /// Its gaze policy; by default random among the places of its training.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         policy: Option<PolicyConfig>,
-        /// Whether a class that is no longer seen means that the target is lost; without it, the track is the same as without a
+        /// Whether a change of class counts as evidence of loss. Without it the track does not depend on the
         /// recogniser.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         alarm: bool,
     },
-    /// A classifier of single looks at the middle, with the retina and first layer it was trained on; its classes have names.
+    /// A classifier of single looks at the middle, with the retina and first layer of its training.
     Classifier {
-        /// A model file of `foveate train classifier`.
+        /// A file of `foveate train classifier`.
         weights: String,
-        /// How frames add up. The frames of a track are alike, and a classifier that is wrong of one is wrong of the next: unless
-        /// told otherwise, no more than the last few count.
+        /// Accumulation over frames. Errors of neighbouring frames are correlated, so by default only the last few
+        /// count.
         #[serde(default = "a_few")]
         accumulate: Accumulate,
     },

@@ -26,10 +26,10 @@ use foveate_base::{Error, Result};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Config {
-    /// Names all randomness: same seed, same track.
+    /// Seed of all random streams. The same seed gives the same track.
     #[serde(default)]
     pub seed: u64,
-    /// N, at least 1.
+    /// Number of particles N, at least 1.
     #[serde(deserialize_with = "particles")]
     pub particles: usize,
     /// The selection step.
@@ -38,7 +38,7 @@ pub struct Config {
     /// p(xₜ | xₜ₋₁).
     #[serde(deserialize_with = "in_range")]
     pub dynamics: DynamicsConfig,
-    /// Whether the target's centre stays in the picture, at its edge if need be.
+    /// Whether the target's centre is clamped to the picture.
     #[serde(default)]
     pub clamp_to_frame: bool,
     /// q(xₜ | xₜ₋₁, scene).
@@ -70,11 +70,11 @@ pub struct Config {
     /// What tells the target from what is around it, learned while tracking; not at all unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub discriminant: Option<discriminant::Settings>,
-    /// Prior covariance of a target's features along a track, for the discriminant. None unless given.
+    /// Covariance of a target's features along a track, a prior for the discriminant.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub variation: Option<discriminant::Variation>,
-    /// A second discriminant with a short memory: it also learns from frames in which the target looks less like itself, and moves the box;
-    /// the first judges whether it is lost. None unless given.
+    /// A second discriminant that also learns from frames with a larger deficit. It moves the box; the first
+    /// discriminant decides whether the target is lost.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub short_term: Option<discriminant::ShortTerm>,
     /// The colours of the target against those of its surroundings, learned while tracking; not at all unless given.
@@ -108,11 +108,11 @@ pub struct Config {
     /// How probable it is that the target is lost.
     #[serde(default, deserialize_with = "in_range")]
     pub confidence: ConfidenceModel,
-    /// How many trackers of this configuration follow the target and vote: 1 (nobody votes) to 64.
+    /// Number of trackers of this configuration that follow the target and vote, 1 to 64.
     #[serde(default = "alone", skip_serializing_if = "is_alone", deserialize_with = "committee")]
     pub committee: usize,
-    /// A configuration file, or `builtin:` and the name of one that ships with the program: a tracker of the same target whose box is
-    /// compared with this one's, for the P(lost) that is reported. None unless given.
+    /// Configuration of a second tracker of the same target, a file or `builtin:NAME`. The reported P(lost) depends
+    /// on how well both boxes agree.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub second_opinion: Option<String>,
     /// The recogniser; left out, nothing is recognised.
@@ -144,7 +144,7 @@ pub enum DynamicsConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum RetinaConfig {
-    /// Concentric windows of ever coarser cells.
+    /// Concentric windows with coarser cells outside.
     Foveal(FovealConfig),
 }
 
@@ -152,15 +152,15 @@ pub enum RetinaConfig {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LikelihoodConfig {
-    /// d.
+    /// Distance d between features.
     pub distance: distance::Kind,
-    /// Nats per unit of distance; give this, or `calibrate`.
+    /// Nats per unit of distance. Give this or `calibrate`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sharpness: Option<f64>,
-    /// The rule to choose the sharpness by on the first frame.
+    /// Rule that chooses the sharpness on frame 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub calibrate: Option<Calibration>,
-    /// Share, 0 to 1, taken off whatever was already there in the first frame; for a fixed camera.
+    /// Share of brightness removed from pixels that have not changed since frame 1. For a fixed camera, 0 to 1.
     #[serde(default)]
     pub background_discount: f32,
 }

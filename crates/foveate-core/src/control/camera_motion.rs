@@ -23,11 +23,11 @@ use foveate_base::error::within;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct CameraMotion {
-    /// Share of the camera's motion, 0 to 1.
+    /// Share of the camera's motion that particles follow, 0 to 1.
     pub camera: f64,
-    /// Share of what the flow at a state's place has beyond that, 0 to 1.
+    /// Share of the local flow beyond the camera's motion that particles follow, 0 to 1.
     pub local: f64,
-    /// Share of the states that are moved, 0 to 1; the others are where a camera that stands would leave them.
+    /// Share of the particles that follow it; the others assume a fixed camera, 0 to 1.
     pub share: f64,
 }
 

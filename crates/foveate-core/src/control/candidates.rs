@@ -25,7 +25,7 @@ const SOFT: f64 = 0.25;
 pub(super) struct Draw {
     /// How many of the best places are kept.
     pub places: usize,
-    /// Share of the particles that start again, 0 to 1.
+    /// Share of the particles that restart, 0 to 1.
     pub share: f64,
     /// Standard deviation about a place, template units.
     pub spread: f64,

@@ -33,18 +33,17 @@ pub struct Consistency {
 pub struct ConsistencySettings {
     /// Weight of the newest frame in the smoothed deficit, 0 to 1.
     pub memory: f64,
-    /// Smoothed deficit above which a frame is not learned from.
+    /// Smoothed deficit above which a frame is not learned.
     pub threshold: f64,
-    /// The threshold while the tracker searches for the target; the smaller of the two applies.
+    /// The same threshold during a search; the smaller one applies.
     pub while_lost: f64,
-    /// Power the weights are softened with.
+    /// Exponent that softens the weights.
     pub temperature: f64,
-    /// Share of N above which the softened weights say that nothing fits; counts as deficit.
+    /// Effective sample size of the softened weights, as a share of N, above which nothing fits.
     pub flat: f64,
-    /// Frames after the start, assumed to be on the target, whose mean evidence lowers frame 1's reference likelihood, which is measured
-    /// without noise. 0 to 1000.
+    /// Frames after the start whose mean evidence corrects the reference likelihood of frame 1, 0 to 1000.
     pub settle: usize,
-    /// Discriminant and colour model learn from every frame while the reference settles, and then from every so many: 1 to 1000.
+    /// Interval of learning after the first `settle` frames, 1 to 1000.
     pub every: u64,
 }
 

@@ -21,11 +21,11 @@ use foveate_base::error::within;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DetectionLikelihood {
-    /// Standard deviation of a detection's centre, in half boxes of it, 0.01 to 10.
+    /// Standard deviation of a detection's centre, in half sides of its box, 0.01 to 10.
     pub place: f64,
-    /// Standard deviation of the logarithm of its size, 0.01 to 100; large where sizes mean nothing.
+    /// Standard deviation of its log size; set it large if the detector's sizes are unreliable, 0.01 to 100.
     pub size: f64,
-    /// Share of the peak that a state keeps however far it is from all detections, 1e-9 to 1.
+    /// Lower bound of the likelihood far from all detections, relative to the peak, 1e-9 to 1.
     pub outlier: f64,
 }
 

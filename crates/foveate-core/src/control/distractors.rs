@@ -14,14 +14,14 @@ use foveate_base::error::within;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DistractorSettings {
-    /// How far they are from the target at most, across and down; 1 to 50.
+    /// Largest distance from the target, 1 to 50.
     pub reach: f64,
     /// Distance of neighbouring places, 0.1 to 10.
     pub step: f64,
-    /// Number of frames with a certain target whose distractors are remembered, 0 to 1000: a later estimate that resembles one raises
-    /// P(lost).
+    /// Number of confident frames whose distractors are remembered; an estimate that resembles one raises P(lost),
+    /// 0 to 1000.
     pub remembered: usize,
-    /// Whether the discriminant learns those of frame 1, too, and never forgets them: hard negatives.
+    /// Whether the discriminant keeps the distractors of frame 1 as hard negatives.
     pub first_frame: bool,
 }
 

@@ -56,23 +56,23 @@ pub trait Dynamics: Send + Sync {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Autoregressive {
-    /// Share of the velocity that is kept from frame to frame: 1 is constant velocity, 0 a random walk.
+    /// Share of the velocity kept from frame to frame: 1 is constant velocity, 0 a random walk.
     pub damping: f64,
-    /// Standard deviation of the velocity's noise, lengths a frame.
+    /// Standard deviation of the velocity noise, template units a frame.
     pub velocity: f64,
-    /// Standard deviation of the position's own noise, lengths.
+    /// Standard deviation of the position noise, template units.
     pub position: f64,
-    /// Share of the logarithm of scale that is kept: 1 is a random walk, below 1 it returns to the first size.
+    /// Share of the log scale kept: 1 is a random walk, below 1 it returns to the first size.
     pub scale_pull: f64,
-    /// Standard deviation of the noise on the natural logarithm of scale.
+    /// Standard deviation of the log scale noise.
     pub log_scale: f64,
-    /// Share of the angle that is kept: 1 is a random walk, below 1 it returns upright.
+    /// Share of the angle kept: 1 is a random walk, below 1 it returns upright.
     pub angle_pull: f64,
-    /// Standard deviation of the angle's noise, radians.
+    /// Standard deviation of the angle noise, radians.
     pub angle: f64,
-    /// Share of the states whose noise is that of the heavy tail, for cameras held in a hand: 0 to 1.
+    /// Share of the particles with heavy-tailed noise, for hand-held cameras, 0 to 1.
     pub tail_probability: f64,
-    /// How many times as large their noises of position, scale and angle are, 1 to 100.
+    /// Factor of the heavy-tailed noise of position, scale and angle, 1 to 100.
     pub tail_scale: f64,
 }
 

@@ -20,18 +20,18 @@ use foveate_base::error::within;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LocalSearchSettings {
-    /// A place counts only if its log-likelihood lies at most this share of the way from the reference likelihood of frame 1 on the target
-    /// to that off it; 0 to 2.
+    /// Least fit of a place: 0 is the reference log-likelihood of frame 1 on the target, 1 that off it, 0 to 2.
     pub fit: f64,
     /// Prior probability of a leap to anywhere in the neighbourhood, above 0 to 1.
     pub chance: f64,
-    /// Share of the particles that start again, above 0 to 1.
+    /// Share of the particles that restart, above 0 to 1.
     pub share: f64,
-    /// Places they start from, 1 to 6.
+    /// Number of places they restart from, 1 to 6.
     pub places: usize,
-    /// Standard deviation about a place, template units, above 0 to 10.
+    /// Standard deviation about a place, above 0 to 10.
     pub spread: f64,
-    /// P(lost) of the previous frame from which on `[short_term]` is ignored in this search, 0 to 1: it may have learned an occluder.
+    /// P(lost) of the previous frame from which on this search ignores `[short_term]`, which may have learned an
+    /// occluder, 0 to 1.
     pub doubt: f64,
 }
 

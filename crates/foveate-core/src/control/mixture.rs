@@ -40,29 +40,29 @@ use foveate_base::rng::{Rng, Streams};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Mixing {
-    /// α: share of the children that start at a detection, 0 to 0.99.
+    /// α, the share of particles that start at a detection, 0 to 0.99.
     pub alpha: f64,
-    /// Standard deviation of their places around the detection's centre, 0.01 to 10.
+    /// Standard deviation of their positions about the detection's centre, 0.01 to 10.
     pub spread: f64,
-    /// Standard deviation of their log scale around that of the detection's box, 0.001 to 5. Left out, or where the
-    /// dynamics do not let the size change, the box's size does not count.
+    /// Standard deviation of their log scale about that of the detection, 0.001 to 5. If left out, or if the
+    /// dynamics keep the size, the detection's size is ignored.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub size: Option<f64>,
-    /// Distance from where the parent leads within which a detection counts, 0 to 1000.
+    /// Largest distance of a detection from a particle's predicted position, 0 to 1000.
     pub gate: f64,
-    /// What a child that starts at a detection makes of it.
+    /// How a detection changes the prediction of a particle.
     #[serde(skip_serializing_if = "Update::is_replace")]
     pub update: Update,
 }
 
-/// What a child that starts at a detection makes of it.
+/// How a detection changes the prediction of a particle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Update {
-    /// The detection, with its deviations, replaces what the parent expects.
+    /// The detection replaces the prediction.
     #[default]
     Replace,
-    /// The detection is a measurement with these deviations: the child comes from the posterior.
+    /// The detection is a measurement. The particle is drawn from the posterior.
     Kalman,
 }
 

@@ -13,14 +13,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Scheme {
-    /// Independent draws: what the paper's "resample with replacement" says, and the noisiest.
+    /// Independent draws, the paper's "resample with replacement". It has the largest variance.
     Multinomial,
     /// One uniform draw in each of m equal strata.
     Stratified,
-    /// One uniform draw, shared by all strata (Kitagawa 1996): the authors' own choice.
+    /// One uniform draw shared by all strata (Kitagawa 1996), as in the authors' code.
     #[default]
     Systematic,
-    /// ⌊m·w⌋ places for certain, the remaining ones multinomial (Liu & Chen 1998).
+    /// ⌊m·w⌋ copies of each particle, the rest multinomial (Liu & Chen 1998).
     Residual,
 }
 
@@ -28,9 +28,9 @@ pub enum Scheme {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Resampling {
-    /// How.
+    /// Resampling scheme.
     pub scheme: Scheme,
-    /// When: while the effective sample size is below this share of the particles, 0 (never) to 1 (every frame).
+    /// Resample if the effective sample size is below this share of the particles: 0 is never, 1 every frame.
     pub below: f64,
 }
 

@@ -49,9 +49,9 @@ impl Status {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct StatusThresholds {
-    /// Reported P(lost) from which on the box is not usable: the status becomes occluded, or lost after reacquired. 0 to 1.
+    /// Reported P(lost) from which on the status is occluded, or lost after reacquired, 0 to 1.
     pub enter: f64,
-    /// Reported P(lost) below which the box is usable again, 0 to `enter`: the status becomes tracking, or reacquired after lost.
+    /// Reported P(lost) below which the status is tracking, or reacquired after lost, 0 to `enter`.
     pub leave: f64,
 }
 

@@ -9,38 +9,38 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Bayes {
-    /// Half the side of the square of gazes, above 0 to 10.
+    /// Half the side of the square of gazes.
     pub reach: f64,
-    /// How alike the rewards of two gazes are.
+    /// Covariance of the rewards of two gazes.
     pub kernel: Kernel,
-    /// Rewards remembered, 2 to 1000; all of a short video's if large enough.
+    /// Number of past rewards used, 2 to 1000.
     pub window: usize,
-    /// Gazes drawn at random before anything is believed; the paper's 10.
+    /// Random gazes at the start; the paper's 10.
     pub warm_up: usize,
-    /// Half the side of the square they are drawn from, 0 to `reach`.
+    /// Half the side of the square of the random gazes, 0 to `reach`.
     pub start: f64,
-    /// Frames between two adjustments of the hyper-parameters, at least 1; the paper's is 1.
+    /// Frames between two fits of the hyper-parameters; the paper's is 1.
     pub refit: usize,
-    /// Evaluations of the posterior that DIRECT may make, 1 to 100,000.
+    /// Evaluations of the posterior by DIRECT.
     pub evaluations: usize,
     /// δ of βₜ, above 0 to below 1.
     pub delta: f64,
-    /// What √βₜ is multiplied with, 0 to 10; the paper's is 1, 0 never explores.
+    /// Factor of √βₜ; the paper's is 1, 0 never explores, 0 to 10.
     pub exploration: f64,
-    /// Whether the window's rewards are brought to mean 0 and deviation 1.
+    /// Whether rewards are normalised to mean 0 and deviation 1.
     pub standardise: bool,
-    /// They are divided by this at least, so that equal rewards are not blown up to noise; 0 to 1.
+    /// Least divisor of that normalisation, 0 to 1.
     pub floor: f64,
-    /// After a reward this many deviations below the window's mean, exploit (no exploration) in the next frame.
+    /// After a reward this many deviations below the mean, the next frame does not explore.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub guard: Option<f64>,
-    /// How much the tracker's deficit holds exploration back, 0 (not at all) to 1: at full deficit √βₜ is 1 − caution of itself.
+    /// How far the evidence deficit reduces exploration: at full deficit √βₜ is multiplied by 1 − caution, 0 to 1.
     pub caution: f64,
-    /// What saliency counts before anything is learned, 0 (nothing) to 10: the process' mean at a gaze whose saliency is one
-    /// deviation above that of the others, in units of the process' deviation. The first gazes are drawn by it.
+    /// Prior mean at a gaze with saliency one deviation above the mean, in deviations of the process. The first
+    /// gazes follow it, 0 to 10.
     pub saliency: f64,
-    /// Like `saliency`, but the prior mean is the reward that each gaze would earn in frame 1, with a position uncertainty of a tenth
-    /// of the box. Not behind a sensor; 0 to 10.
+    /// Like `saliency`, with the reward of each gaze in frame 1 under a position uncertainty of a tenth of the box.
+    /// Not with a sensor, 0 to 10.
     pub rehearsal: f64,
 }
 

@@ -10,9 +10,9 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Grid {
-    /// Gazes along a side, at least 1; 1 is the centre alone.
+    /// Gazes along a side; 1 is the centre alone.
     pub n: usize,
-    /// How far from the centre the outer gazes lie, in template units: 1 is the box's edge.
+    /// Distance of the outer gazes from the centre, template units; 1 is the edge of the box.
     pub reach: f64,
 }
 

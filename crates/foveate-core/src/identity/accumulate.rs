@@ -8,18 +8,18 @@ use foveate_kernels::{exp_from, largest_finite};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-/// How frames add up.
+/// Accumulation over frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Accumulate {
-    /// p(c) ∝ exp Σₜ log pₜ(c): each frame's evidence counts in full, as if frames were independent.
+    /// p(c) ∝ exp Σₜ log pₜ(c), as if frames were independent.
     #[default]
     Sum,
-    /// p(c) = the share of frames whose likeliest class is c: the authors' counter.
+    /// Share of frames with most likely class c, as in the authors' code.
     Count,
-    /// As `Sum`, but what is t frames old counts (1 − 1/memory)ᵗ: for targets that change what they are.
+    /// As `Sum`, with weight (1 − 1/memory)ᵗ after t frames.
     Forgetting {
-        /// Frames that count, 1 (the last alone) to a million.
+        /// Effective number of frames, 1 to a million.
         memory: f64,
     },
 }

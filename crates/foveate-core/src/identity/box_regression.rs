@@ -46,11 +46,11 @@ const MOST_FRAMES: u64 = 1 << 48;
 pub struct Settings {
     /// A file of `bench/train_box_regression.py`, or `builtin:natural-boxes`.
     pub weights: String,
-    /// How much of the way the box goes, 0 to 1; less where the network takes the target to be elsewhere.
+    /// Share of the correction that is applied; less if the network does not find the target there, 0 to 1.
     pub gain: f64,
-    /// Frames from one look to the next, 1 to 100.
+    /// Frames between two evaluations, 1 to 100.
     pub every: usize,
-    /// How much the last look counts in the running mean of what is said, above 0 to 1.
+    /// Weight of the newest correction in the running mean, above 0 to 1.
     pub rate: f64,
 }
 

@@ -32,11 +32,11 @@ const LOOKALIKE: f64 = 0.05;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
-    /// Nats between the target, slightly off, and the most target-like places elsewhere.
+    /// Nats between the slightly displaced target and the most similar places elsewhere.
     pub nats: f64,
-    /// Least sharpness, nats per unit of distance.
+    /// Least sharpness.
     pub least: f64,
-    /// Greatest sharpness, nats per unit of distance.
+    /// Largest sharpness.
     pub most: f64,
 }
 

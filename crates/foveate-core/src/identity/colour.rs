@@ -25,13 +25,13 @@ use foveate_base::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
-    /// Mixing weight of its distance where the contrast of frame 1 is large; 0 to 1.
+    /// Mixing weight of its distance if target and surroundings differ strongly in frame 1, 0 to 1.
     pub mixing_weight: f64,
-    /// Learning rate: weight of the newest frame among those since the first, 0 to 1.
+    /// Weight of the newest frame, 0 to 1.
     pub learning_rate: f64,
-    /// Weight of the first frame, 0 to 1.
+    /// Weight of frame 1, 0 to 1.
     pub first_frame_weight: f64,
-    /// Gate: nothing is learned from a frame whose evidence deficit is above this, 0 to 2.
+    /// Evidence deficit above which a frame is not learned, 0 to 2.
     pub gate: f64,
 }
 

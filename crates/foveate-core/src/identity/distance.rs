@@ -20,23 +20,22 @@ pub trait Distance: Send + Sync {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
-    /// √(1 − Σ √(âᵢ b̂ᵢ)) of activations normalised to sum 1, as in the authors' code (also called Hellinger's).
+    /// √(1 − Σ √(âᵢ b̂ᵢ)) of activations normalised to sum 1, as in the authors' code (Hellinger).
     Bhattacharyya,
-    /// 1 − Σ √(âᵢ b̂ᵢ): its square; flatter near the template, as a Gaussian is.
+    /// 1 − Σ √(âᵢ b̂ᵢ), its square.
     BhattacharyyaSquared,
-    /// Mean over units of −ln(√(aᵢbᵢ) + √((1−aᵢ)(1−bᵢ))): each unit a coin of its own.
+    /// Mean over units of −ln(√(aᵢbᵢ) + √((1−aᵢ)(1−bᵢ))): units as Bernoulli variables.
     Bernoulli,
     /// 1 − cosine of the angle between the vectors.
     Cosine,
     /// Root mean square difference.
     Euclidean,
-    /// Is what the template shows still there? Mean over cells of min(e², cap²) / cap², where e is what is missing of a
-    /// template value (τ − v), or `extra` times what was added to it (v − τ): something bright may lie beside or around the
-    /// target, but the target's own ink cannot go. For raw glimpses of bright things on dark.
+    /// Mean over cells of min(e², cap²) / cap², with e = τ − v where the template τ is brighter and `extra` · (v −
+    /// τ) elsewhere. For pixels of bright objects on dark.
     Presence {
-        /// Weight of what was added beside that of what is missing, 0 to 1.
+        /// Weight of additional brightness, 0 to 1.
         extra: f32,
-        /// Differences count no more than this, above 0.
+        /// Upper bound of a difference, above 0.
         cap: f32,
     },
 }

@@ -30,7 +30,7 @@ pub struct Settings {
     pub noise: f32,
     /// How far from the estimate looks at the target are, template units; 0 to 1.
     pub reach: f64,
-    /// Gate: nothing is learned from a frame whose evidence deficit is above this, 0 to 2.
+    /// Evidence deficit above which a frame is not learned, 0 to 2.
     pub gate: f64,
 }
 

@@ -17,14 +17,14 @@ pub use encoder::OnnxEncoder;
 use foveate_base::error::within;
 use foveate_base::{Error, Result};
 
-/// What a network of three planes is fed.
+/// Planes of a three-plane input.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Planes {
-    /// Red, green and blue; of a retina without colour the grey, three times.
+    /// Red, green and blue; grey three times without colour.
     #[default]
     Rgb,
-    /// Grey, red − green, blue − yellow, as the retina reads them; of a retina without colour the grey, three times.
+    /// Grey, red − green, blue − yellow; grey three times without colour.
     Opponent,
 }
 

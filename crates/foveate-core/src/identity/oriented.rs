@@ -22,11 +22,11 @@ use foveate_base::{Error, Result};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Weights {
-    /// Weight of the gradients, 0 to 1000; 0 leaves them out.
+    /// Weight of the gradients, 0 to 1000.
     pub gradients: f32,
-    /// Weight of grey, likewise.
+    /// Weight of grey.
     pub grey: f32,
-    /// Weight of both colour channels together, likewise.
+    /// Weight of both colour channels together.
     pub colour: f32,
 }
 

@@ -11,11 +11,10 @@ use super::encoder::{Channels, Encoder};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Precision {
-    /// Not at all.
+    /// Full precision.
     F32,
-    /// To 8 significant bits. Features are within 4e-4 of the unrounded ones (root mean square, 240 inputs), and a row's
-    /// still depend on that row alone. A frame takes three fifths of the time where the processor multiplies bf16, as long
-    /// elsewhere; on cluttered digits the track's scores are the same (AUC 0.668 both ways, 6 videos of 5 seeds).
+    /// 8 significant bits. Features differ by 4e-4 (root mean square). A frame takes three fifths of the time on
+    /// processors with bf16.
     #[default]
     Bf16,
 }

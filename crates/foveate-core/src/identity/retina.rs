@@ -54,9 +54,9 @@ pub trait Retina: Send + Sync {
 pub struct FovealConfig {
     /// Template pixels along a side of the target's box.
     pub side: f64,
-    /// Windows from the inside out: `[window, cell]` in template pixels.
+    /// Windows from the inside out, in template pixels.
     pub rings: Vec<[usize; 2]>,
-    /// Further windows read from the colour opponent channels (red − green, blue − yellow): `[window, cell]`.
+    /// Windows of the colour opponent channels (red − green, blue − yellow).
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub colour: Vec<[usize; 2]>,
 }
@@ -68,7 +68,7 @@ impl FovealConfig {
     }
 }
 
-/// Concentric windows of ever coarser cells.
+/// Concentric windows with coarser cells outside.
 #[derive(Clone, Debug)]
 pub struct Foveal {
     config: FovealConfig,

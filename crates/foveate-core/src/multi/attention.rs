@@ -15,13 +15,13 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Attention {
-    /// Looks a frame, one a target; 0: all are looked at. Up to 1,000,000.
+    /// Number of targets updated in a frame; 0 updates all.
     pub budget: usize,
-    /// Who is looked at first.
+    /// Order of the targets.
     pub policy: Priority,
 }
 
-/// Who is looked at first.
+/// Order of the targets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Priority {

@@ -10,26 +10,26 @@ use foveate_base::error::within;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
-    /// Farthest a detection may lie from where its target is expected, above 0 to 100.
+    /// Largest distance of a detection from the predicted position of its target, above 0 to 100.
     pub gate: f64,
-    /// The most a detection's size may differ from its target's: a factor, 1 to 100.
+    /// Largest ratio of the sizes of detection and target, 1 to 100.
     pub size: f64,
     /// Least score of a pair of target and detection, 0 to 1.
     pub score: f64,
-    /// Weight of looks in that score, 0 to 1; the rest is overlap and motion, in equal parts.
+    /// Weight of appearance in that score; overlap and motion share the rest, 0 to 1.
     pub looks: f64,
-    /// Evidence deficit at which the template of a target in full view is updated from its detection, 0 to 3 (above 2: never).
+    /// Evidence deficit at which the template of a fully visible target is updated from its detection; never above
+    /// 2, 0 to 3.
     pub renew: f64,
     /// Weight of the newest detection in the shape of a target's box, 0 to 1.
     pub shape: f64,
-    /// Rank of a detection's score among the recent ones, 0 to 1, below which it is weak: it is given to a target only after
-    /// the others (two-stage association). 0: none is weak.
+    /// Rank among recent scores below which a detection is weak and is assigned last (two-stage association), 0 to
+    /// 1.
     pub weak: f64,
-    /// The detector is asked in one of so many frames, 1 to 1000, and the others do not count as frames without a detection. Detections
-    /// of your own may come in any frame.
+    /// Interval of the detector in frames. Frames between do not count as frames without a detection, 1 to 1000.
     pub every: usize,
-    /// Whether the detector may put several targets into one box, as one of motion does: then a box that holds most of two
-    /// or more is given to none.
+    /// Whether the detector may merge targets into one box, as motion does. A box that holds most of two or more
+    /// targets is then assigned to none.
     pub merges: bool,
     /// Whom to look at, where looks are few.
     pub attention: Attention,
@@ -47,22 +47,22 @@ pub struct Settings {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Initiation {
-    /// Detections it takes, 1 to 1000.
+    /// Detections that start a track, 1 to 1000.
     pub hits: usize,
-    /// Frames in which the detector is asked that they may be spread over, at least `hits`, to 1000.
+    /// Detector frames that they may span, at least `hits`.
     pub within: usize,
-    /// How far they must have moved since the first of them, 0 to 100: what never moves is a change of the ground.
+    /// Least movement since the first of them; a box that never moves is a change of the background, 0 to 100.
     pub moved: f64,
-    /// Intersection over union with an active target at which no track starts, 0 to 1.
+    /// IoU with an active target that prevents a start, 0 to 1.
     pub overlap: f64,
-    /// Share of the detection that active targets cover at which no track starts, 0 to 1.
+    /// Share of the detection covered by active targets that prevents a start, 0 to 1.
     pub covered: f64,
-    /// Least mean rank of their scores among the recent ones, 0 to 1.
+    /// Least mean rank of their scores, 0 to 1.
     pub rank: f64,
-    /// Mean rank from which on active targets hinder a start only where they have nearly the same box, 0 to 2 (above 1:
-    /// never).
+    /// Mean rank from which on only an active target with nearly the same box prevents a start; never above 1, 0 to
+    /// 2.
     pub strong: f64,
-    /// Least width and height, pixels, 2 to 10000.
+    /// Least width and height in pixels, 2 to 10000.
     pub side: f64,
     /// Largest share of the picture, 0 to 1.
     pub most: f64,
@@ -72,14 +72,14 @@ pub struct Initiation {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Termination {
-    /// Frames in a row it may be believed lost, 1 to 1,000,000.
+    /// Consecutive frames as lost before a track ends.
     pub lost: usize,
-    /// Frames in a row without a detection of its own, of those in which the detector is asked, 1 to 1,000,000.
+    /// Consecutive detector frames without a detection before a track ends.
     pub unseen: usize,
-    /// Of these, the frames after which its box counts as a guess, 0 to 1,000,000. Until then it goes on, whatever it looks
-    /// like; without a detector looks alone decide.
+    /// Detector frames without a detection after which the box counts as a guess. Without a detector appearance
+    /// alone decides.
     pub guess: usize,
-    /// Share of its box that must lie within the picture, 0 to 1.
+    /// Least share of the box inside the picture, 0 to 1.
     pub inside: f64,
 }
 
@@ -87,9 +87,9 @@ pub struct Termination {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Reidentification {
-    /// Frames a terminated target is remembered, 0 to 1,000,000.
+    /// Frames for which a terminated target is remembered.
     pub frames: usize,
-    /// Similarity at which a new track is a remembered target, 0 to 2 (1: as in its first frame; above 1: never).
+    /// Similarity at which a new track is a remembered target; 1 is that of frame 1, never above 1, 0 to 2.
     pub similarity: f64,
 }
 
@@ -97,15 +97,15 @@ pub struct Reidentification {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Occlusion {
-    /// Weight of "the lower edge is nearer" against similarity, 0 to 100: a whole height lower weighs as much as this
-    /// difference in similarity. For things that stand on the ground, seen from the side; else 0.
+    /// Weight of the lower edge in the depth order: one box height counts as this difference in similarity. For
+    /// objects that stand on the ground, 0 to 100.
     pub ground: f64,
-    /// Advantage of the one that was in front a frame ago, in similarity, 0 to 2.
+    /// Advantage of the target in front in the last frame, in similarity, 0 to 2.
     pub habit: f64,
-    /// Share in view below which a target counts as hidden, 0 to 1.
+    /// Visible share below which a target counts as hidden, 0 to 1.
     pub hidden: f64,
-    /// Fraction of each target's template that is subtracted from the picture before the others are scored, 0 to 1. For bright things on
-    /// dark that hide little of each other. Above 0, occluded targets are still tested for loss.
+    /// Share of each target's template that is subtracted before the others are scored. For bright objects on dark.
+    /// Above 0, occluded targets are tested for loss, 0 to 1.
     pub explain: f64,
 }
 

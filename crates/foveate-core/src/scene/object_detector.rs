@@ -27,19 +27,19 @@ pub struct Settings {
     /// Least score of a box, 0 to 1.
     #[serde(default = "confidence")]
     pub confidence: f64,
-    /// Of two boxes with a larger intersection over union than this the better one counts, 0 to 1; 1 keeps all.
+    /// Of two boxes with a larger IoU the weaker is dropped, 0 to 1.
     #[serde(default = "overlap")]
     pub overlap: f64,
-    /// Classes that count, by their numbers from 0; empty, all do.
+    /// Numbers of the classes to keep, from 0; all if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub classes: Vec<usize>,
-    /// Boxes a picture, at most: the best.
+    /// Most boxes a picture.
     #[serde(default = "most")]
     pub most: usize,
-    /// How the output is laid out.
+    /// Layout of the network's output.
     #[serde(default)]
     pub layout: Layout,
-    /// Side of the square picture that the network is fed, pixels, where its file leaves it open.
+    /// Side of the network's square input in pixels, if its file leaves it open.
     #[serde(default = "side")]
     pub side: usize,
 }
@@ -48,15 +48,16 @@ pub struct Settings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Layout {
-    /// `yolov8` or `yolov5`, by which of the two sides is longer: there are more boxes than numbers a box. Where a box has six numbers,
-    /// it may be `yolov5` of one class or `end-to-end`, and must be said.
+    /// `yolov8` or `yolov5`, by the shape. Boxes of six numbers are ambiguous (`yolov5` with one class, `end-to-
+    /// end`): name the layout.
     #[default]
     Auto,
-    /// (1, 4 + classes, boxes): centre x, centre y, width, height, a score for each class; YOLOv8, YOLO11.
+    /// (1, 4 + classes, boxes): centre x, y, width, height, class scores. YOLOv8, YOLO11.
     Yolov8,
-    /// (1, boxes, 5 + classes): centre x, centre y, width, height, a score that there is an object, one for each class; YOLOv5.
+    /// (1, boxes, 5 + classes): centre x, y, width, height, object score, class scores. YOLOv5.
     Yolov5,
-    /// (1, boxes, 6): left, top, right, bottom, score, class; YOLOv10, YOLO26, and exports with non-maximum suppression in them.
+    /// (1, boxes, 6): left, top, right, bottom, score, class. YOLOv10, YOLO26, exports with non-maximum
+    /// suppression.
     EndToEnd,
 }
 

@@ -94,13 +94,13 @@ pub type Patch = [f64; 2];
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorSettings {
-    /// Values along the shorter side of an overview of the whole picture, 0 to 4096; 0: none.
+    /// Values along the shorter side of an overview of the picture; 0 reads none, 0 to 4096.
     #[serde(default)]
     pub overview: usize,
-    /// Windows about the place where the target is expected, the widest first.
+    /// Windows about the predicted position, the widest first.
     #[serde(default)]
     pub windows: Vec<Patch>,
-    /// What is read at the gaze. Where a policy asks for many gazes a frame, all that they see is read, as sharply.
+    /// Window at the gaze. If a policy scores several gazes, all of their area is read at this resolution.
     #[serde(default = "two_boxes")]
     pub fovea: Patch,
 }

@@ -18,86 +18,78 @@ policy = { kind = "fixed" }
 
 /// What a section is for and when to change it: the first words of its reference.
 const INTRODUCTIONS: [(&str, &str); 23] = [
-    ("resampling", "The selection step of the particle filter. Change it to compare schemes."),
+    ("resampling", "The selection step of the particle filter."),
     (
         "dynamics",
-        "The motion model p(xₜ | xₜ₋₁): how far a target may move, grow and turn from one frame to the next. Raise `velocity` and \
-         `position` for targets that jerk. Set `log_scale` or `angle` to 0 where size or angle never changes.",
+        "The motion model p(xₜ | xₜ₋₁). Raise `velocity` and `position` for targets that jerk. Set `log_scale` or `angle` to 0 if size or \
+         angle never changes.",
     ),
-    ("proposal", "Where particles are drawn from: the motion model alone, or detections for some of them."),
+    ("proposal", "The distribution that particles are drawn from: the motion model, or detections for some of them."),
     (
         "detection_likelihood",
-        "Lets detections weigh the particles, p(detections | xₜ). For detections that are known to be the target's.",
+        "Weights particles by p(detections | xₜ). Use it for detections that are known to belong to the target.",
     ),
     (
         "camera_motion",
-        "Ego-motion compensation: particles move with the estimated motion of the camera before the motion model. For moving cameras.",
+        "Moves particles with the estimated motion of the camera before the motion model. For moving cameras.",
     ),
     (
         "detector",
-        "A detector that is built in, or a network in an ONNX file ([onnx.md](onnx.md)), runs once a frame. It feeds `[proposal]` and \
-         `[detection_likelihood]`, and starts the tracks of many targets. Detections of your own take its place.",
+        "A detector that runs once a frame. It feeds `[proposal]` and `[detection_likelihood]` and starts the tracks of many targets. \
+         Detections of your own replace it.",
     ),
     ("start", "The spread of the first particles about the given box, p(x₀)."),
     (
         "retina",
-        "Which cells about a gaze are read: concentric windows, from fine to coarse. One window is no fovea. An encoder with learned \
-         weights brings the retina that it was trained with.",
+        "The cells that are read about a gaze: concentric windows, from fine to coarse. An encoder with learned weights brings the retina \
+         of its training.",
     ),
     (
         "encoder",
-        "The features of a glimpse. `oriented` is for real video, `raw` for digits; the others have learned weights, `onnx` those of a network \
-         of yours ([onnx.md](onnx.md)).",
+        "The features of a glimpse. Use `oriented` for real video and `raw` for digits; `onnx` is described in [onnx.md](onnx.md).",
     ),
     (
         "likelihood",
-        "p(hₜ | xₜ, aₜ) = exp(−sharpness × distance), between the features that a particle sees and those of the template.",
+        "p(hₜ | xₜ, aₜ) = exp(−sharpness × distance), between the features of a particle and those of the template.",
     ),
-    ("discriminant", "A ridge regression that learns, while tracking, to tell the target from its surroundings."),
+    ("discriminant", "A ridge regression that learns, while tracking, to separate the target from its surroundings."),
     (
         "colour",
-        "A colour model: histograms of the target and of its surroundings, updated while tracking. For targets that deform. It counts \
-         less the more the two look alike.",
+        "Colour histograms of the target and of its surroundings, updated while tracking. For targets that deform. The more alike the two \
+         are, the smaller the weight.",
     ),
     (
         "box_regression",
-        "A small convolutional network, trained beforehand, that moves the reported box to the target's borders. The belief stays as it is; \
-         P(lost) hears it where `[confidence]` says so. For real video.",
+        "A small convolutional network that moves the reported box to the target's borders. The filter does not use it; P(lost) uses it as \
+         `[confidence]` says.",
     ),
     (
         "distractors",
-        "Local distractor search: places near the target that look like it are found in every frame and learned as not the target. It \
-         needs `[discriminant]`. Lengths are in template units.",
+        "Searches every frame for places near the target that look like it, and learns them as background. It needs `[discriminant]`. \
+         Lengths are in template units.",
     ),
     (
         "sensor",
-        "Which values are read of each frame, where not all of them may be: a region read-out, tiles of a large picture. A window is \
-         `[reach, values]`: half its side in template units, and the most values along a side of it, of each plane. Whole pictures are \
-         read unless it is given.",
+        "The values that are read of each frame, for a camera with region read-out or tiles of a large picture. A window is \
+         `[reach, values]`: half its side in template units, and the most values along a side in each plane.",
     ),
     (
         "policy",
-        "Where to look: which gazes are scored in a frame, and which of them move the belief. For real video keep `fixed`. The learned \
-         policies are for windows that are small beside the target.",
+        "The gazes that are scored in a frame. Keep `fixed` for real video; learned policies are for windows that are small beside the target.",
     ),
-    ("reward", "What a policy learns from. `fixed`, `random` and `circular` learn nothing."),
-    (
-        "consistency",
-        "The consistency monitor. It compares the evidence of each frame with the likelihoods that were measured in frame 1, on the \
-         target and off it.",
-    ),
+    ("reward", "The reward of a learned policy."),
+    ("consistency", "Compares the evidence of each frame with the likelihoods of frame 1, on the target and off it."),
     (
         "confidence",
-        "The logistic model of P(lost), and the rules of the track status. Fit it with `foveate train confidence` after a change of \
-         likelihood, encoder or dynamics.",
+        "The logistic model of P(lost) and the rules of the status. Fit it with `foveate train confidence` after a change of likelihood, \
+         encoder or dynamics.",
     ),
-    ("recogniser", "Says which class the target is. It changes no track, unless `alarm` is set."),
-    ("redetection", "Global re-detection of a target that is believed lost. Lengths are in template units."),
+    ("recogniser", "Reports the class of the target. Without `alarm` it changes no track."),
+    ("redetection", "Searches the whole picture for a lost target. Lengths are in template units."),
     (
         "local_search",
-        "A target that leaps farther than the particles reach, in videos of few frames a second: in the same frame, the places around the \
-         estimate that look most like it are looked at more closely, and some particles start where one fits better than the estimate. It \
-         needs `[distractors]`. Lengths are in template units.",
+        "Finds a target that leaps farther than the particles reach, in the same frame, among the places near the estimate. It needs \
+         `[distractors]`. Lengths are in template units.",
     ),
     ("multi_target", "Data association, initiation, termination, re-identification and occlusion of many targets."),
 ];
@@ -116,9 +108,9 @@ pub fn reference(folders: &[&std::path::Path]) -> String {
         let item = resolve(&items, &field.kind).expect("it is a section");
         let presence = match (field.required, field.optional, written.get(&field.name)) {
             (true, ..) => "Required.".into(),
-            (_, true, _) => "Optional: without the section this part is off.".into(),
-            (_, _, Some(value)) if item.tagged => format!("Optional: without the section it is `{value}`."),
-            _ => "Optional: without the section the defaults are in force.".into(),
+            (_, true, _) => "Optional, off by default.".into(),
+            (_, _, Some(value)) if item.tagged => format!("Optional, `{value}` by default."),
+            _ => "Optional.".into(),
         };
         let introduction = INTRODUCTIONS.iter().find(|(name, _)| *name == field.name).map(|(_, text)| *text);
         let introduction = introduction.map_or_else(|| sentence(&field.docs), str::to_owned);
@@ -140,7 +132,7 @@ fn section(items: &[Item], name: &str, item: &Item) -> String {
             format!("\n{}", part.table(fields))
         }
         Body::Enum(variants) => {
-            let (mut out, mut told) = (String::new(), vec![]);
+            let (mut out, mut told, mut shown) = (String::new(), vec![], vec![]);
             for variant in variants {
                 let fields = match &variant.holds {
                     Some(kind) => match &resolve(items, kind).expect("a struct of settings").body {
@@ -153,10 +145,16 @@ fn section(items: &[Item], name: &str, item: &Item) -> String {
                 dummy.insert("kind".into(), Value::String(variant.name.clone()));
                 let part = Part { items, path: vec![name.into()], given: given(dummy) };
                 out += &format!("\n**`kind = \"{}\"`**: {}\n", variant.name, sentence(&variant.docs));
-                if !fields.is_empty() {
-                    let rows: Vec<Row> = fields.iter().flat_map(|field| part.rows(field, "")).collect();
-                    out += &format!("\n{}", table(&rows));
+                let rows = fields.iter().flat_map(|field| part.rows(field, ""));
+                let (again, new): (Vec<Row>, Vec<Row>) = rows.partition(|row| shown.contains(row));
+                if !again.is_empty() {
+                    let keys: Vec<&str> = again.iter().map(|row| row[0].as_str()).collect();
+                    out += &format!("Also {}, as above.\n", keys.join(", "));
                 }
+                if !new.is_empty() {
+                    out += &format!("\n{}", table(&new));
+                }
+                shown.extend(new);
                 for field in fields.iter().filter(|field| !told.contains(&field.kind)).collect::<Vec<_>>() {
                     out += &part.words(field);
                     told.push(field.kind.clone());
@@ -192,7 +190,8 @@ struct Part<'a> {
     given: Table,
 }
 
-type Row = [String; 5];
+/// Key, type with range, default, meaning.
+type Row = [String; 4];
 
 impl Part<'_> {
     /// The table of some fields, and what the words mean that they take.
@@ -247,7 +246,15 @@ impl Part<'_> {
         };
         let range =
             if ["number", "integer"].iter().any(|k| kind.starts_with(k)) { self.range(key, &field.kind) } else { None };
-        [format!("`{key}`"), kind.into(), default, range.unwrap_or_default(), sentence(&field.docs)]
+        let docs = sentence(&field.docs);
+        let (kind, docs) = match range {
+            Some(range) => {
+                let plain = docs.strip_suffix(&format!(", {range}.")).map(|rest| format!("{rest}."));
+                (format!("{kind}, {range}"), plain.unwrap_or(docs))
+            }
+            None => (kind.into(), docs),
+        };
+        [format!("`{key}`"), kind, default, docs]
     }
 
     /// What a value is where it is left out: the configuration read, and written out.
@@ -347,7 +354,7 @@ fn sentence(docs: &str) -> String {
 }
 
 fn table(rows: &[Row]) -> String {
-    let mut out = "| key | type | default | range | meaning |\n| --- | --- | --- | --- | --- |\n".to_owned();
+    let mut out = "| key | type | default | meaning |\n| --- | --- | --- | --- |\n".to_owned();
     for row in rows {
         out += &format!("| {} |\n", row.join(" | "));
     }

@@ -54,10 +54,10 @@ pub(super) const MOST_ODDS: f64 = 6.0;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ConfidenceModel {
-    /// wₖ, one for each of the tracker's own cues; those of the last may be left out, and are 0.
+    /// Weights wₖ of the cues; missing ones are 0.
     #[serde(deserialize_with = "padded")]
     pub weights: [f64; OWN],
-    /// b.
+    /// Bias b.
     pub bias: f64,
     /// What a second opinion counts for in the P(lost) that is reported; nothing without one.
     pub second_opinion: Heard,
@@ -65,23 +65,22 @@ pub struct ConfidenceModel {
     pub box_regression: Seen,
     /// What the box regression counts for in whether a target that is tracked is lost; nothing without one.
     pub absence: Absence,
-    /// Own P(lost) (without the second opinion) above which a frame speaks for a search, 0 to 1.
+    /// Own P(lost), without the second tracker, above which a frame counts towards a search, 0 to 1.
     pub enter: f64,
-    /// Own P(lost) below which a frame speaks against a search, 0 to `enter`.
+    /// Own P(lost) below which a frame counts towards the end of a search, 0 to `enter`.
     pub leave: f64,
-    /// Consecutive frames above `enter` before the tracker searches for the target, 1 to 1000.
+    /// Consecutive frames above `enter` that start a search, 1 to 1000.
     pub notice: usize,
-    /// Consecutive frames below `leave` before the search ends, 1 to 1000.
+    /// Consecutive frames below `leave` that end a search, 1 to 1000.
     pub confirm: usize,
-    /// The most that one of them counts, 1 to 10: ln((1 − P) / P) relative to that at `leave`, so that a frame that is surer counts for
-    /// more. 1: all count alike.
+    /// Largest count of one such frame: its logit relative to that of `leave`, 1 to 10.
     pub surest: f64,
     /// Thresholds of the reported P(lost) at which the reported status changes. They change no box.
     pub status: StatusThresholds,
-    /// Frames in which the status is occluded before it becomes lost, and reacquired before it becomes tracking, 0 to 100,000.
+    /// Frames until occluded becomes lost and reacquired becomes tracking.
     pub patience: usize,
-    /// Standard deviation, in template units, of what the belief does not know of: how the box of the first frame sits on
-    /// the target, and how the target changes. Credible regions are wider by it. 0 to 10.
+    /// Standard deviation, template units, added to credible regions for an inexact first box and a changing
+    /// target, 0 to 10.
     pub localisation_noise: f64,
 }
 
@@ -90,9 +89,9 @@ pub struct ConfidenceModel {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Heard {
-    /// Weight of the log odds by the own cues.
+    /// Weight of the logit by the own cues.
     pub own: f64,
-    /// Weight of the cue *agreement*; negative.
+    /// Weight of the agreement of both boxes, negative.
     pub agreement: f64,
     /// Bias.
     pub bias: f64,
@@ -103,7 +102,7 @@ pub struct Heard {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Seen {
-    /// Weight of the network's log odds that the target is not there.
+    /// Weight of the network's logit of absence.
     pub weight: f64,
     /// Bias.
     pub bias: f64,
@@ -113,9 +112,9 @@ pub struct Seen {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Absence {
-    /// How much the last look counts in the running mean, above 0 to 1.
+    /// Weight of the newest evaluation in the running mean, above 0 to 1.
     pub rate: f64,
-    /// Weight of the mean log odds; 0: off.
+    /// Weight of the mean logit; 0 is off.
     pub weight: f64,
     /// Bias.
     pub bias: f64,

@@ -9,23 +9,22 @@ use super::MOST;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RedetectionSettings {
-    /// Frames between two searches, at least 1.
+    /// Frames between two searches.
     pub every: u64,
-    /// Distance of neighbouring places, above 0 to 10; it grows where there would be more than 16,000.
+    /// Distance of neighbouring places; it grows if there were more than 16,000, above 0 to 10.
     pub step: f64,
-    /// Places scored in a frame, about, 64 to 16,000. A picture that has more of them is searched in parts, over several
-    /// frames; 16,000 for the whole picture in every frame.
+    /// Approximate number of places scored in a frame. A picture with more places is searched in parts, over
+    /// several frames.
     pub budget: usize,
-    /// Share of the particles that start again, 0 to 1.
+    /// Share of the particles that restart, 0 to 1.
     pub share: f64,
-    /// Places they start from, 1 to 1000.
+    /// Number of places they restart from, 1 to 1000.
     pub places: usize,
-    /// A place counts only if its log-likelihood lies at most this share of the way from the reference likelihood of frame 1 on the target
-    /// to that off it; 0 to 2.
+    /// Least fit of a place: 0 is the reference log-likelihood of frame 1 on the target, 1 that off it, 0 to 2.
     pub fit: f64,
     /// Standard deviation about a place, above 0 to 10.
     pub spread: f64,
-    /// Prior probability that a lost target is anywhere at all, and not where it was expected; above 0 to 1.
+    /// Prior probability that a lost target is anywhere in the picture, above 0 to 1.
     pub chance: f64,
 }
 

@@ -8,22 +8,21 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Settings {
-    /// Mixing weight of its score in the distance; the template has the rest. 0 to 1.
+    /// Mixing weight of its score in the distance; the template has the rest, 0 to 1.
     pub mixing_weight: f64,
-    /// Learning rate: weight of the newest frame among those since the first, 0 to 1.
+    /// Weight of the newest frame, 0 to 1.
     pub learning_rate: f64,
-    /// Weight of the first frame, 0 to 1.
+    /// Weight of frame 1, 0 to 1.
     pub first_frame_weight: f64,
-    /// What is added to the diagonal, 1e-6 to 1e3; features have a length of about 1.
+    /// Ridge added to the diagonal; features have a length of about 1.
     pub ridge: f64,
-    /// Probability, 0 to 0.9, with which each part of the features is left out of what is learned, in expectation: gradients, grey and
-    /// colour of the oriented encoder. Of features without parts nothing is left out.
+    /// Probability of dropping each part of the features (gradients, grey, colour), in expectation, 0 to 0.9.
     pub dropout: f64,
-    /// Standard deviation of the labels along u and v, template units, 0.01 to 10.
+    /// Standard deviation of the labels in position, template units, 0.01 to 10.
     pub spread: f64,
-    /// Standard deviation of the labels in the logarithm of scale, 0.01 to 10.
+    /// Standard deviation of the labels in log scale, 0.01 to 10.
     pub log_scale: f64,
-    /// Gate: nothing is learned from a frame whose evidence deficit is above this, 0 to 2.
+    /// Evidence deficit above which a frame is not learned, 0 to 2.
     pub gate: f64,
 }
 

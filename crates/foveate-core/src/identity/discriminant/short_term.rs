@@ -19,9 +19,9 @@ use foveate_base::error::within;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ShortTerm {
-    /// Smoothed deficit, computed with the short-term discriminant, above which it learns nothing; 0 to 100.
+    /// Smoothed deficit above which it does not learn, 0 to 100.
     pub threshold: f64,
-    /// Deficit of one frame above which it learns nothing, 0 to 2.
+    /// Deficit of one frame above which it does not learn, 0 to 2.
     pub gate: f64,
 }
 
