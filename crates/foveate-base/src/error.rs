@@ -1,11 +1,11 @@
-//! Everything that can go wrong, said in four parts: where, what was expected, what was found, what to do.
+//! Errors. Each states four parts: the place, the expected value, the value found, and the remedy.
 //!
 //! Errors happen at the border only: before the first frame (configuration, models), or in a source.
 //! Inside the library a broken promise is a panic that names the promise.
 
 use std::path::PathBuf;
 
-/// What went wrong, and what to do about it.
+/// An error and its remedy.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -19,12 +19,12 @@ pub enum Error {
         /// The operating system's answer.
         source: std::io::Error,
     },
-    /// A file is there, but is not what it should be.
+    /// A file exists but has another content than expected.
     #[error("{}: {problem}", path.display())]
     Malformed {
         /// The file.
         path: PathBuf,
-        /// What was expected, what was found, and what to do.
+        /// The expected content, the content found, and the remedy.
         problem: String,
     },
     /// One frame of a source could not be decoded; earlier frames are good.
@@ -34,7 +34,7 @@ pub enum Error {
         path: PathBuf,
         /// Index of the frame in the source, counted from 1.
         frame: usize,
-        /// What was expected, what was found, and what to do.
+        /// The expected content, the content found, and the remedy.
         problem: String,
     },
     /// A setting is misspelled, missing or out of range.
@@ -43,7 +43,7 @@ pub enum Error {
     /// More memory would be needed than [`crate::memory::limit`] allows.
     #[error("{0}")]
     Memory(String),
-    /// The work was asked to stop before it was done.
+    /// The work was interrupted.
     #[error("asked to stop before it was done")]
     Stopped,
     /// Two parts do not fit each other, or a value given by a caller is out of range.
@@ -64,10 +64,10 @@ impl Error {
     }
 }
 
-/// Fails where the setting `key` is not a number from `least` to `most`.
+/// Fails if the setting `key` is not a number from `least` to `most`.
 ///
 /// # Errors
-/// [`Error::Config`], which says the key, the range and the value.
+/// [`Error::Config`] with the key, the range and the value.
 pub fn within(key: &str, value: f64, least: f64, most: f64) -> Result<()> {
     if (least..=most).contains(&value) {
         return Ok(());

@@ -17,11 +17,11 @@ pub const PICTURE: u64 = 1 << 28;
 /// The most bytes of a text: boxes, settings, saved states.
 pub const TEXT: u64 = 1 << 28;
 
-/// Writes `bytes` to `path`: afterwards the file has all of them, or is as it was before. A link stays, and leads to the new file;
-/// a device or a fifo is written to.
+/// Writes `bytes` to `path`. Afterwards the file has all of them or is unchanged. A link is kept and points to the
+/// new file; a device or a fifo is written to.
 ///
 /// # Errors
-/// [`Error::Io`] naming `path` where it cannot be written; nothing is left behind then.
+/// [`Error::Io`] with `path` if it cannot be written; no partial file is left.
 pub fn write(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     whole(path.as_ref(), bytes, Part::beside)
 }
@@ -43,7 +43,7 @@ fn whole(path: &Path, bytes: &[u8], begin: fn(&Path) -> std::io::Result<Part>) -
 /// The bytes of a regular file of at most `most` bytes: a device, a pipe or a folder is none, and is not waited for.
 ///
 /// # Errors
-/// [`Error::Io`] naming the file where it cannot be read, [`Error::Malformed`] where it is of another kind or larger.
+/// [`Error::Io`] with the file if it cannot be read, [`Error::Malformed`] if it is of another kind or larger.
 pub fn read(path: impl AsRef<Path>, most: u64) -> Result<Vec<u8>> {
     let path = path.as_ref();
     let told = std::fs::metadata(path).map_err(Error::io(path, "cannot read"))?;
@@ -70,18 +70,18 @@ pub fn read(path: impl AsRef<Path>, most: u64) -> Result<Vec<u8>> {
 /// The text of a regular file of at most `most` bytes.
 ///
 /// # Errors
-/// As [`read`]; and [`Error::Malformed`] where it is not UTF-8.
+/// As [`read`], and [`Error::Malformed`] if it is not UTF-8.
 pub fn read_text(path: impl AsRef<Path>, most: u64) -> Result<String> {
     let path = path.as_ref();
     String::from_utf8(read(path, most)?).map_err(|e| Error::malformed(path, format!("not UTF-8 text: {e}")))
 }
 
-/// Where files are read from: a folder, or, where there are none (a browser), [`Nowhere`].
+/// The source of files: a folder, or [`Nowhere`] in a browser, which has no files.
 pub trait Files {
     /// The bytes of a file.
     ///
     /// # Errors
-    /// [`Error::Io`] naming the file where it cannot be read.
+    /// [`Error::Io`] with the file if it cannot be read.
     fn read(&self, path: &Path) -> Result<Vec<u8>>;
 }
 
@@ -110,7 +110,7 @@ impl Files for Folder {
     }
 }
 
-/// No files: what ships with the library is all there is.
+/// No files. Only the models and configurations inside the library are available.
 #[derive(Clone, Copy, Debug)]
 pub struct Nowhere;
 

@@ -1,39 +1,40 @@
-//! How much memory this process may take for what files, streams and settings ask for.
+//! The memory limit of this process for files, streams and settings.
 //!
-//! Asked before the memory is: a picture that claims 16384 × 16384 pixels, a million particles or ten thousand targets are
-//! answered by an error, not by the system's killer. The limit is the process's, as memory is; it never changes a result,
-//! only whether there is one. What is counted is an estimate of the largest parts: pictures in all their copies, particles, targets.
-//! Then the system is asked whether it has so much, for a failed allocation later on would end the program.
+//! Code that allocates according to a file or a setting first calls [`check`]. A picture that claims 16384 × 16384
+//! pixels, a million particles or ten thousand targets then give an error instead of an out-of-memory kill. The limit
+//! holds for the whole process and never changes a result. It applies to an estimate of the largest parts: pictures
+//! in all their copies, particles, targets. The check also asks the operating system, because a later failed
+//! allocation would abort the program.
 
 use std::hint::black_box;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::{Error, Result};
 
-/// 0 until it is set or asked for.
+/// 0 until it is first set or read.
 static LIMIT: AtomicU64 = AtomicU64::new(0);
 
-/// Where the machine does not say how much it has.
+/// The default if the machine's memory is unknown.
 const UNKNOWN: u64 = 4 << 30;
 /// The limit of small machines.
 const LEAST: u64 = 1 << 30;
 
-/// What errors advise where the limit is too low; a front end with another way to raise it puts that in its place.
+/// The advice in errors about a low limit. A front end with another option replaces it.
 pub const ADVICE: &str = "allow more with --max-memory (in the library: memory::set_limit)";
 
 /// Bytes that a pixel of a picture takes in a whole run, in all copies together: as it was decoded, those that wait for their turn,
 /// that of the frame before, box means and sums of colours, the film and its encoder, which has most. docs/robustness.md has it measured.
 pub const PIXEL: u64 = 80;
 
-/// Room for so many values. It only grows (what is cut off and added again would be filled with zeros first), and by a half more than is
-/// needed, so that a region that moves about its size does not ask for more in every few frames.
+/// Resizes a buffer for so many values. It only grows, because removed and added values would be filled with zeros
+/// again. It grows by half more than needed, so that a region of varying size does not allocate every few frames.
 pub fn grow<T: Clone + Default>(room: &mut Vec<T>, count: usize) {
     if room.len() < count {
         room.resize(count + count / 2, T::default());
     }
 }
 
-/// Bytes that may be asked for: those that were set, or a quarter of the machine's memory, 1 GiB at least.
+/// The limit in bytes: the one set, or a quarter of the machine's memory, at least 1 GiB.
 pub fn limit() -> u64 {
     match LIMIT.load(Ordering::Relaxed) {
         0 => {
@@ -64,19 +65,21 @@ pub fn parse(text: &str) -> std::result::Result<u64, String> {
     if (f64::from(1 << 24)..1e15).contains(&bytes) { Ok(bytes as u64) } else { Err(wrong()) }
 }
 
-/// Bytes that a pixel takes where it is decoded: the picture twice, in three planes.
+/// Bytes a pixel while decoding: the picture twice, in three planes.
 const DECODED: u64 = 6;
 
-/// Fails where `bytes` are more than the limit, or more than the system gives at once; `what` asks for them.
+/// Fails if `bytes` exceed the limit or the memory that the system grants at once. `what` names the purpose in the
+/// error.
 ///
 /// # Errors
-/// [`Error::Memory`], which says what asked for how much, how much there may be, and what to do.
+/// [`Error::Memory`] with the purpose, the bytes, the limit and the remedy.
 pub fn check(what: impl std::fmt::Display, bytes: u64) -> Result<()> {
     allowed(&what, bytes)?;
     given(&what, bytes)
 }
 
-/// Fails where the system does not give `bytes` at once: a process may have less than the machine (`ulimit -v`). They are not touched.
+/// Fails if the system does not grant `bytes` at once: a process may have less than the machine (`ulimit -v`). The
+/// memory is not written.
 fn given(what: &impl std::fmt::Display, bytes: u64) -> Result<()> {
     let mut room = Vec::<u8>::new();
     let taken = usize::try_from(bytes).is_ok_and(|bytes| room.try_reserve_exact(bytes).is_ok());
@@ -102,8 +105,8 @@ fn allowed(what: &impl std::fmt::Display, bytes: u64) -> Result<()> {
     )))
 }
 
-/// Fails where a run on pictures of this size, whose headers may claim anything, takes more than the limit, or decoding one more than the
-/// system gives.
+/// Fails if a run on pictures of this size exceeds the limit, or decoding one exceeds the memory of the system. The
+/// size comes from an untrusted header.
 ///
 /// # Errors
 /// As [`check`].

@@ -8,8 +8,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 thread_local!(static QUIET: Cell<bool> = const { Cell::new(false) });
 
-/// Whether a panic of this thread, now, becomes an error by [`catch`]. The panic hook is the program's and is left alone;
-/// one that asks here first can keep silent about what is reported as an error anyway.
+/// Whether [`catch`] turns a panic of this thread into an error now. The library does not change the panic hook. A
+/// hook of the program can call this to suppress messages of panics that are reported as errors.
 pub fn is_caught() -> bool {
     QUIET.get()
 }

@@ -1,8 +1,7 @@
 //! Randomness named by (seed, target, frame, purpose, index), so that nothing else can change it.
 //!
-//! No module owns a generator. A caller who needs many independent draws takes [`Streams`] and asks
-//! for stream `i`; the bits of stream `i` depend on its name alone, never on the number of threads, on
-//! who observes, or on other targets in the scene.
+//! No module owns a generator. A caller that needs many independent draws uses stream `i` of [`Streams`]. Its bits
+//! depend on its name alone, not on the number of threads, on observers, or on other targets in the scene.
 
 use std::convert::Infallible;
 

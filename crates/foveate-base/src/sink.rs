@@ -24,7 +24,7 @@ enum Target {
     Memory(Memory),
 }
 
-/// Bytes in memory in the place of a file, for where there are no files. Clones share them.
+/// Bytes in memory instead of a file, for systems without files. Clones share them.
 #[derive(Clone, Debug, Default)]
 pub struct Memory(Arc<Mutex<Vec<u8>>>);
 
@@ -72,15 +72,15 @@ impl Target {
 }
 
 impl Sink {
-    /// Starts a file that will be `path`. Fails where its folder cannot be written.
+    /// Creates a temporary file that becomes `path`. Fails if the folder is not writable.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self> {
         let path = path.into();
         let part = Part::beside(&path).map_err(Error::io(&path, "cannot write"))?;
         Ok(Self { path, file: Some(BufWriter::new(Target::Part(part))) })
     }
 
-    /// Starts a file that has its name from the beginning and grows with every flush: for runs without an end, whose results are to
-    /// be read meanwhile, and after the program was killed. Fails where its folder cannot be written.
+    /// Creates a file under its final name that grows with every flush. For endless runs whose results are read
+    /// meanwhile or after a kill. Fails if the folder is not writable.
     pub fn grow(path: impl Into<PathBuf>) -> Result<Self> {
         let path = path.into();
         let file = attempt(Operation::Open, &path).and_then(|()| File::create(&path));
@@ -101,7 +101,7 @@ impl Sink {
         }
     }
 
-    /// Hands what was added to the operating system, so that it outlives this program.
+    /// Passes new bytes to the operating system, so that they survive the end of this program.
     pub fn flush(&mut self) -> Result<()> {
         self.file.as_mut().map_or(Ok(()), BufWriter::flush).map_err(Error::io(&self.path, "cannot write"))
     }

@@ -6,16 +6,17 @@ use std::thread::{Builder, JoinHandle};
 use crate::memory::{listed, shown};
 use crate::{Error, Result};
 
-/// Address space that a new thread takes before its work begins: its stack of 2 MiB, guard pages and signal stack, and what its first
-/// allocations map.
+/// Address space of a new thread before its work begins: a stack of 2 MiB, guard pages, a signal stack, and the
+/// mappings of its first allocations.
 const ROOM: u64 = 3 << 20;
 
-/// Starts a thread. `std::thread::spawn` panics where the system gives none, as in a container with few processes or little memory; and
-/// where it gives a thread a stack but no signal stack, the new thread panics, which ends the process. So where address space is limited
-/// (`ulimit -v`), the room for both is asked for first, and the next thread waits until this one has taken it.
+/// Starts a thread. `std::thread::spawn` panics if the system grants none, for example in a container with few
+/// processes or little memory. If a thread gets a stack but no signal stack, it panics and ends the process. So with
+/// limited address space (`ulimit -v`) this function checks for both first, and the next thread waits until this one
+/// has started.
 ///
 /// # Errors
-/// [`Error::Memory`], which says what the thread is for: `what`, as in "reading frames ahead".
+/// [`Error::Memory`] with the purpose of the thread, `what`, such as "reading frames ahead".
 pub fn start<T: Send + 'static>(what: &str, work: impl FnOnce() -> T + Send + 'static) -> Result<JoinHandle<T>> {
     let Some(limit) = address_space() else {
         return Builder::new().spawn(work).map_err(|error| refused(what, &error));
@@ -31,7 +32,7 @@ pub fn start<T: Send + 'static>(what: &str, work: impl FnOnce() -> T + Send + 's
     Ok(thread)
 }
 
-/// The same for a thread of a pool, whose work takes and gives nothing: for rayon's `spawn_handler`.
+/// The same for a thread of a pool, for rayon's `spawn_handler`.
 ///
 /// # Errors
 /// Those of [`start`].
@@ -56,7 +57,7 @@ fn has_room(limit: u64, taken: Option<u64>) -> std::result::Result<(), String> {
     }
 }
 
-/// Bytes of address space that this process may have; none where there is no limit, or no telling.
+/// The limit of this process's address space in bytes; `None` if there is no limit or it is unknown.
 fn address_space() -> Option<u64> {
     static LIMIT: OnceLock<Option<u64>> = OnceLock::new();
     *LIMIT.get_or_init(|| limit_in(&std::fs::read_to_string("/proc/self/limits").ok()?))

@@ -35,8 +35,8 @@ pub(super) struct Outcome {
     pub at_hand: bool,
 }
 
-/// Moves `x`, within `bounds`, to a minimum near it: never to a larger value. `value` is that of `x`, the point at hand.
-/// Ends where a Newton step would gain less than `tolerance`.
+/// Moves `x`, within `bounds`, to a nearby minimum, never to a larger value. `value` is the value at `x`. Ends if a
+/// Newton step would gain less than `tolerance`.
 pub(super) fn minimise(
     objective: &mut impl Objective,
     x: &mut [f64],
@@ -101,7 +101,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// −B⁻¹ g over the variables that are not pushed against a bound; none where B is not positive or g not finite.
+/// −B⁻¹ g over the variables that are not at a bound; `None` if B is not positive or g not finite.
 fn newton(b: &[Row; MOST], g: &Row, x: &[f64], bounds: &[(f64, f64)]) -> Option<Row> {
     let (mut free, mut count) = ([0; MOST], 0);
     for (i, (&x, &(lower, upper))) in x.iter().zip(bounds).enumerate() {

@@ -133,7 +133,7 @@ impl<const D: usize> Direct<D> {
         })
     }
 
-    /// `evaluate` says how many of the points it evaluated, all unless the target was reached.
+    /// `evaluate` returns how many of the points it evaluated: all, unless the target was reached.
     fn search(
         &mut self,
         lower: [f64; D],

@@ -1,4 +1,4 @@
-//! The Cholesky factor of K + σₙ² I, its inverse, and what is made with them; points by coordinate.
+//! The Cholesky factor of K + σₙ² I, its inverse, and their products; points are stored by coordinate.
 
 use super::Kernel;
 use foveate_kernels::{self as kernels, Points, Posterior, SQUARE};
@@ -96,7 +96,7 @@ impl Factor {
         }
     }
 
-    /// Adds the last of `points` to the factor; false where the factor must be made anew.
+    /// Adds the last of `points` to the factor; false if the factor must be computed again.
     pub fn extend<const D: usize>(&mut self, points: &[[f64; D]], shape: Shape) -> bool {
         let n = self.n;
         let [.., point] = points else { return true };

@@ -4,9 +4,9 @@ use super::bfgs::{MOST, Objective, Row, minimise};
 use super::posterior::shape;
 use super::{Gp, Hyper, Priors};
 
-/// A Newton step that gains less ends the fit; in nats, of a posterior density that says nothing below 1.
+/// A Newton step that gains less ends the fit, in nats; differences of the log posterior below 1 are insignificant.
 const TOLERANCE: f64 = 1e-6;
-/// Added to the curvature: where nothing is known of a hyper-parameter it is believed within a factor of e³.
+/// Added to the curvature: without data a hyper-parameter has a prior factor of e³.
 const RIDGE: f64 = 0.1;
 
 /// How a fit went.
@@ -23,8 +23,8 @@ pub struct Fit {
 }
 
 impl<const D: usize> Gp<D> {
-    /// Moves the hyper-parameters, from where they are, uphill to a mode of their posterior density under `priors`; the
-    /// density is that by (ℓ, σₘ², σₙ²), the steps are in their logarithms.
+    /// Moves the hyper-parameters uphill from their current values to a mode of the posterior density under `priors`.
+    /// The density is with respect to (ℓ, σₘ², σₙ²), the steps are in their logarithms.
     ///
     /// The start is first brought within the priors' bounds; from there the density never becomes less. BFGS begins from the
     /// average information, so that a start near the mode takes two or three steps. Each costs n³/2 operations.

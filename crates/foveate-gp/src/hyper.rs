@@ -1,5 +1,5 @@
-//! What is believed of the hyper-parameters before anything was observed (section 4.4: independent Student-t priors on the
-//! length scales, uniform ones on magnitude and noise; the paper gives no numbers).
+//! Priors of the hyper-parameters (section 4.4: independent Student-t priors on the length scales, uniform priors on
+//! magnitude and noise; the paper gives no numbers).
 
 use super::Hyper;
 use foveate_base::{Error, Result};
@@ -66,7 +66,7 @@ impl StudentT {
     }
 }
 
-/// What is believed of all of them: independent.
+/// Independent priors of all hyper-parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Priors<const D: usize> {
     length_scales: [StudentT; D],
@@ -75,8 +75,8 @@ pub struct Priors<const D: usize> {
 }
 
 impl<const D: usize> Priors<D> {
-    /// Uniform on σₘ² and σₙ² between bounds, 0 < lower < upper. (What is uniform in σ² has its mode where what is uniform
-    /// in σ has it, at a likelihood's largest value: neither adds a term.)
+    /// Uniform on σₘ² and σₙ² between bounds, 0 < lower < upper. A uniform prior in σ² and one in σ have the same
+    /// mode, the maximum of the likelihood.
     pub fn new(length_scales: [StudentT; D], signal_variance: (f64, f64), noise_variance: (f64, f64)) -> Result<Self> {
         Ok(Self {
             length_scales,

@@ -3,7 +3,7 @@
 use foveate_kernels::Covariance;
 use serde::{Deserialize, Serialize};
 
-/// How alike f is at two points, by their distance r² = Σ_d ((x_d − x'_d) / ℓ_d)².
+/// Covariance of f at two points, by their distance r² = Σ_d ((x_d − x'_d) / ℓ_d)².
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kernel {
@@ -36,7 +36,7 @@ pub struct Hyper<const D: usize> {
 }
 
 impl<const D: usize> Hyper<D> {
-    /// Each where arithmetic holds: within [1e-12, 1e12] (noise: [0, 1e12]); what is not a number becomes 1.
+    /// Clamps each value to [1e-12, 1e12] (noise: [0, 1e12]), where arithmetic is safe; NaN becomes 1.
     pub(super) fn bounded(self) -> Self {
         let within = |x: f64, low: f64| if x.is_nan() { 1.0 } else { x.clamp(low, 1e12) };
         Self {

@@ -18,8 +18,8 @@
 //!   values, no noise. Points and values beyond ±1e100 count as ±1e100, hyper-parameters outside [1e-12, 1e12] (noise: [0, 1e12])
 //!   as the nearest inside.
 //! - 1e-10 σₘ² is added to the diagonal ([`Gp::jitter`]); a hundred times that, and so on, should the factor break down.
-//! - The state is a function of kernel, window, hyper-parameters, points and values alone, down to the last bit: a process
-//!   rebuilt from what [`Gp::save`] gives goes on with the same bits.
+//! - The state depends only on kernel, window, hyper-parameters, points and values, to the last bit: a process
+//!   restored from [`Gp::save`] continues with the same bits.
 #![forbid(unsafe_code)]
 
 mod bfgs;

@@ -46,7 +46,7 @@ pub struct Optimiser {
     /// Smallest and largest value of each variable.
     bounds: Vec<(f64, f64)>,
     search: Box<dyn Cube>,
-    /// What was observed, where, oldest first.
+    /// Observed points and values, oldest first.
     points: Vec<Vec<f64>>,
     values: Vec<f64>,
     window: usize,
@@ -68,8 +68,8 @@ impl Optimiser {
     /// Nothing observed yet. `bounds` are the smallest and largest value of each variable; `seed` names all draws.
     ///
     /// # Errors
-    /// [`Error::Config`] where a setting is out of range, there are no variables or more than [`MOST`], or bounds are not finite or not in
-    /// order; [`Error::Memory`] where the window does not fit.
+    /// [`Error::Config`] if a setting is out of range, the number of variables is 0 or above [`MOST`], or bounds are
+    /// not finite or not in order; [`Error::Memory`] if the window does not fit.
     pub fn new(bounds: &[(f64, f64)], settings: Settings, seed: u64) -> Result<Self> {
         settings.check()?;
         if let Some((i, (lower, upper))) = bounds.iter().enumerate().find(|(_, (l, u))| !(l < u && (u - l).is_finite()))
@@ -93,7 +93,8 @@ impl Optimiser {
         Ok(Self { bounds: bounds.to_vec(), search, points, values, window, asked: 0, seen: 0 })
     }
 
-    /// The point to evaluate now. Asked again before it is told anything, it answers the same point once the warm-up is over.
+    /// Returns the next point to evaluate. Until the next call of `tell`, repeated calls after the warm-up return the
+    /// same point.
     pub fn ask(&mut self) -> Vec<f64> {
         let unit = self.search.ask(self.asked, self.seen);
         self.asked += 1;
@@ -101,10 +102,10 @@ impl Optimiser {
         unit.into_iter().zip(&self.bounds).map(place).collect()
     }
 
-    /// The value of a point, whether it was asked for or not; larger is better. Values may have noise.
+    /// Records the value of a point, suggested or not; larger is better. Values may be noisy.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where the point is not within the bounds, or the value not within ±1e100.
+    /// [`Error::Invalid`] if the point is outside the bounds or the value outside ±1e100.
     pub fn tell(&mut self, point: &[f64], value: f64) -> Result<()> {
         let inside = |(x, (lower, upper)): (&f64, &(f64, f64))| (lower..=upper).contains(&x);
         if point.len() != self.bounds.len() || !point.iter().zip(&self.bounds).all(inside) {
@@ -155,10 +156,11 @@ impl Optimiser {
         })
     }
 
-    /// Goes on from what [`save`](Self::save) gave, with the same points to the last bit if bounds, settings and seed are the same.
+    /// Restores a state of [`save`](Self::save). The points that follow are the same to the last bit if bounds,
+    /// settings and seed are.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where it does not fit these bounds and settings; nothing is changed then.
+    /// [`Error::Invalid`] if the state does not fit these bounds and settings; the optimiser is then unchanged.
     pub fn restore(&mut self, saved: &Value) -> Result<()> {
         let wrong = || {
             let (n, window) = (self.bounds.len(), self.window);

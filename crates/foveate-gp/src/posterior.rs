@@ -1,4 +1,4 @@
-//! The process and what it predicts.
+//! The Gaussian process and its predictions.
 
 use super::factor::{Factor, Shape};
 use super::{Hyper, Kernel};
@@ -19,7 +19,7 @@ pub struct Gp<const D: usize> {
     pub(super) factor: Factor,
 }
 
-/// All that a process knows, beside its kernel and its window; JSON keeps the bits.
+/// The state of a process without kernel and window. JSON preserves the bits.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound(serialize = "[f64; D]: Serialize", deserialize = "[f64; D]: Deserialize<'de>"), deny_unknown_fields)]
 pub struct Saved<const D: usize> {
@@ -52,8 +52,8 @@ impl<const D: usize> Gp<D> {
         gp
     }
 
-    /// Observes `y` at `x`, and forgets the oldest observation where the window is full. One that is not finite is left out:
-    /// false then.
+    /// Adds the observation `y` at `x`, and drops the oldest one if the window is full. Returns false, without
+    /// change, if a value is not finite.
     pub fn push(&mut self, x: [f64; D], y: f64) -> bool {
         if !(y.is_finite() && x.iter().all(|x| x.is_finite())) {
             return false;
@@ -109,7 +109,7 @@ impl<const D: usize> Gp<D> {
     pub fn hyper(&self) -> &Hyper<D> {
         &self.hyper
     }
-    /// What stands on the diagonal beside the noise.
+    /// The term on the diagonal beside the noise.
     pub fn jitter(&self) -> f64 {
         self.factor.jitter
     }
@@ -176,7 +176,7 @@ impl<const D: usize> Gp<D> {
         Saved { hyper: self.hyper, points: self.points.clone(), values: self.values.clone() }
     }
 
-    /// Takes up what was saved, bit for bit where kernel and window are the same.
+    /// Restores a saved state, bit for bit if kernel and window are the same.
     pub fn restore(&mut self, saved: &Saved<D>) -> Result<()> {
         let finite = |xs: &[f64]| xs.iter().all(|x| x.is_finite());
         let n = saved.points.len();

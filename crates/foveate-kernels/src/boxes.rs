@@ -38,8 +38,8 @@ pub struct BoxScratch {
     wide: Vec<u32>,
 }
 
-/// `out` (`region.height` × `region.width`) ← means in [0, 1] over boxes of `size` = (width, height) pixels of `image`,
-/// whose border goes on outside. Returns `out` with its place.
+/// `out` (`region.height` × `region.width`) ← means in [0, 1] over boxes of `size` = (width, height) pixels of
+/// `image`, with repeated border pixels outside. Returns `out` with its position.
 ///
 /// The box of pixel (x, y) begins at (x - (width - 1) / 2, y - (height - 1) / 2), rounded down: an even box has its middle
 /// half a pixel on, and so has the plane. Exact but for the rounding of the result, 1.2e-7 relative. Allocates only

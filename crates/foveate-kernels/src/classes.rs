@@ -1,4 +1,4 @@
-//! Sums over hidden units for every class at once: what classification by free energy needs beside the logistic.
+//! Sums over hidden units for all classes at once, for classification by free energy.
 
 use crate::level::{levels, multiply_add};
 use crate::sums::fold;

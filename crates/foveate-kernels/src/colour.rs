@@ -17,7 +17,7 @@ levels! {
     pub fn luma / luma_at (planes: [&[u8]; 3], out: &mut [u8]) = luma_body
 }
 levels! {
-    /// `out` ← (red − green) / 2 + 128, 128 where they are equal; the half is rounded towards 128.
+    /// `out` ← (red − green) / 2 + 128; the half is rounded towards 128.
     pub fn red_green / red_green_at (planes: [&[u8]; 3], out: &mut [u8]) = red_green_body
 }
 levels! {

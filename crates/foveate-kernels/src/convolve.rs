@@ -1,5 +1,5 @@
-//! Layers of a convolutional network on a small square map: filters, what is negative cut off, means over neighbouring places; and the
-//! correlation of two maps.
+//! Layers of a convolutional network on a small square map: filters, rectification, mean pooling; and the correlation
+//! of two maps.
 //!
 //! Maps have their channels side by side: value c of place (x, y) is at (y · side + x) · channels + c.
 
@@ -13,17 +13,17 @@ const PLACES: usize = 4;
 /// The numbers of a layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layer<'a> {
-    /// Places along a side of what it reads.
+    /// Side of the input map.
     pub side: usize,
-    /// Channels of what it reads.
+    /// Channels of the input map.
     pub channels: usize,
     /// Places along a side of a filter.
     pub size: usize,
     /// Places from a filter to the next.
     pub stride: usize,
-    /// Places along a side of those whose mean is taken, 1 or 2.
+    /// Side of the pooling window, 1 or 2.
     pub pool: usize,
-    /// Whether what is negative is cut off.
+    /// Whether negative values become 0.
     pub cut: bool,
     /// For each row, column and channel of a filter, the weights of all filters.
     pub weights: &'a [f32],
@@ -32,11 +32,13 @@ pub struct Layer<'a> {
 }
 
 levels! {
-    /// `out` ← means over `pool` × `pool` places of bias + filter · `map`, or 0 where that is negative and cut off, with the filters at all
-    /// places where they lie in the map: `(((side - size) / stride + 1) / pool)²` places of as many channels as there are filters.
+    /// `out` ← means over `pool` × `pool` places of bias + filter · `map`, rectified if configured, at all places
+    /// where the filters lie inside the map: `(((side - size) / stride + 1) / pool)²` places with one channel a
+    /// filter.
     ///
     /// # Panics
-    /// If filters are no multiple of 16, places of filters along a side no multiple of 4 where means are taken, or a length is another.
+    /// If the number of filters is not a multiple of 16, the places of filters along a side are not a multiple of 4
+    /// with pooling, or a length is wrong.
     pub fn convolve / convolve_at (layer: &Layer<'_>, map: &[f32], out: &mut [f32]) = convolve_body
 }
 

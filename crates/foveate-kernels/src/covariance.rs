@@ -1,4 +1,4 @@
-//! Covariances of a Gaussian process, and what its posterior and its likelihood's gradient take from them.
+//! Covariances of a Gaussian process, and their sums in the posterior and in the gradient of the likelihood.
 //!
 //! Points are held by coordinate, divided by the length scales: coordinate d of point i at `[d * stride + i]`, `stride` a
 //! multiple of [`SQUARE`], zeros after the last point. With s the squared distance of two of them,

@@ -141,7 +141,7 @@ impl End for Overlaps<'_> {
     }
 }
 
-/// Adds what is above a threshold to a cell of each row's own.
+/// Adds the excess above a threshold to the cell of each row.
 pub(crate) struct Pooled<'a> {
     /// gain × sum − threshold counts; the gains of rows not yet taken, back on the sums' scale.
     gains: &'a [f32],
@@ -189,7 +189,7 @@ impl End for Pooled<'_> {
     }
 }
 
-/// Adds, to the cell of each row, the root of what the squares of each subspace of columns add up to.
+/// Adds the Euclidean norm of each subspace of columns to the cell of each row.
 pub(crate) struct Energies<'a> {
     /// As [`Pooled`]'s.
     gains: &'a [f32],

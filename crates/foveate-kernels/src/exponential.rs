@@ -8,7 +8,7 @@ use crate::wide::same_bits;
 /// Maxima, and sums, side by side.
 const LANES: usize = 8;
 
-/// e^z for z in [-708, 0]: relative error below 1e-15. 0 below, and for what is not a number; 0 above 0.
+/// e^z for z in [-708, 0] with a relative error below 1e-15. 0 outside and for NaN.
 #[inline(always)]
 pub(crate) fn exp(z: f64) -> f64 {
     /// Adding this to a small number leaves it, rounded, plus the exponent's bias, in the low bits.
@@ -64,8 +64,7 @@ same_bits! {
     fn largest_at(x: &[f64]) -> f64 = largest_body
 }
 
-/// out ← e^(x − top), where x − top is from −708 to 0; 0 elsewhere and for what is not a number. Returns Σ out, of
-/// eight sums side by side.
+/// out ← e^(x − top) if x − top is from −708 to 0; 0 otherwise and for NaN. Returns Σ out, in eight parallel sums.
 ///
 /// Relative error below 1e-15; the same bits on every processor. Panics if the lengths differ.
 pub fn exp_from(x: &[f64], top: f64, out: &mut [f64]) -> f64 {
@@ -73,7 +72,7 @@ pub fn exp_from(x: &[f64], top: f64, out: &mut [f64]) -> f64 {
     exp_from_at(Level::best(), x, top, out)
 }
 
-/// The largest finite number of `x`; −∞ where there is none.
+/// The largest finite number of `x`; −∞ if there is none.
 pub fn largest_finite(x: &[f64]) -> f64 {
     largest_at(Level::best(), x)
 }

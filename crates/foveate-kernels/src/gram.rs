@@ -74,7 +74,7 @@ fn add_each<const V: u8, const GROUP: usize>(rows: &[f32], width: usize, share: 
     }
 }
 
-/// Adds to `sums` what the rows have from column `j` on, each times its factor.
+/// Adds the rows from column `j` on, each times its factor, to `sums`.
 #[inline(always)]
 fn add_to<const V: u8, const GROUP: usize, const N: usize>(
     rows: &[f32],

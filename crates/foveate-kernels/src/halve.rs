@@ -21,12 +21,12 @@ levels! {
 }
 
 levels! {
-    /// `out` ← what [`halve`] makes of the [`intensity`] of planes of `width` columns, in whole numbers up to the last step:
-    /// exact but for its rounding. `sums` (as many as columns) is room.
+    /// `out` ← [`halve`] of the [`intensity`] of planes of `width` columns, in integers up to the final rounding.
+    /// `sums` (one a column) is a scratch buffer.
     ///
     /// # Panics
-    /// If the planes are not whole rows of at least one value and alike, `sums` not `width`, or `out` not half the columns and
-    /// rows, rounded up.
+    /// If the planes differ in length or are not whole rows of at least one value, if `sums` is not `width`, or if
+    /// `out` is not half the columns and rows, rounded up.
     pub fn half_intensity / half_intensity_at (planes: [&[u8]; 3], width: usize, sums: &mut [u16], out: &mut [f32]) =
         half_intensity_body
 }
@@ -37,7 +37,8 @@ levels! {
     /// planes. `sums` (as many as columns) is room.
     ///
     /// # Panics
-    /// If the planes are not whole rows of at least one value and alike, `sums` not `width`, or `out` not a value a square.
+    /// If the planes differ in length or are not whole rows of at least one value, if `sums` is not `width`, or if
+    /// `out` is not one value a square.
     pub fn square_intensity / square_intensity_at
         (planes: [&[u8]; 3], width: usize, side: usize, most: usize, sums: &mut [u16], out: &mut [f32]) = square_intensity_body
 }

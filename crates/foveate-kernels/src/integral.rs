@@ -1,9 +1,9 @@
-//! Integral images of what a table says of the colours of pixels: sums over any box are four reads.
+//! Integral images of a table lookup by pixel colour: the sum over any box is four reads.
 
 use crate::colour::assert_one_size;
 use crate::level::levels;
 
-/// Colours that are told apart by [`colour_bins`]: 16 levels of red, green and blue.
+/// Number of colours of [`colour_bins`]: 16 levels of red, green and blue.
 pub const COLOUR_BINS: usize = 4096;
 
 levels! {
@@ -19,8 +19,8 @@ levels! {
     /// every `step`-th one, and `here[0]` ← 0. Sums wrap around; differences of these are right all the same.
     ///
     /// # Panics
-    /// If there are fewer bins than `here` wants, rows differ in length, `step` is 0, or the table is not a power of two of
-    /// numbers. A bin past its end counts as the bin that its lower bits name.
+    /// If there are fewer bins than `here` needs, rows differ in length, `step` is 0, or the length of the table is
+    /// not a power of two. A bin past its end wraps to its lower bits.
     pub fn integral_row / integral_row_at (
         bins: &[u16], step: usize, table: &[u16], above: &[u32], here: &mut [u32]
     ) = integral_row_body

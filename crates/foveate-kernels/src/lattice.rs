@@ -1,5 +1,5 @@
-//! The features of [`oriented_features`](crate::oriented_features) at all places of a lattice, whose glimpses share cells: gradients
-//! are taken once, of all cells, and summed up once a block.
+//! The features of [`oriented_features`](crate::oriented_features) at all places of a lattice. Its glimpses share
+//! cells, so gradients are computed once a cell and summed once a block.
 
 #[cfg(target_arch = "x86_64")]
 use crate::level::FUSED;
@@ -48,8 +48,8 @@ pub struct Maps<'a> {
 }
 
 levels! {
-    /// `out` ← what [`oriented_features`](crate::oriented_features) gives of the glimpse that begins with the half block of this index, up to the
-    /// order of its sums.
+    /// `out` ← [`oriented_features`](crate::oriented_features) of the glimpse that begins with the half block of this
+    /// index, up to the order of its sums.
     ///
     /// # Panics
     /// If the glimpse reaches past the maps, blocks are more than 8, or `out` is not as long as [`Lengths::sizes`] add up to with two values

@@ -21,10 +21,10 @@ pub(crate) const FUSED: u8 = 1;
 /// See [`FUSED`].
 #[cfg(target_arch = "x86_64")]
 pub(crate) const AVX512: u8 = 2;
-/// What it may use where nothing is asked of the processor.
+/// The level without special instructions.
 pub(crate) const BASE: u8 = if cfg!(any(target_arch = "aarch64", target_feature = "fma")) { FUSED } else { 0 };
 
-/// The highest level that may be taken, where one was asked for.
+/// The highest permitted level, if one was set.
 static MOST: OnceLock<Level> = OnceLock::new();
 
 static BEST: LazyLock<Level> = LazyLock::new(|| machine().min(MOST.get().copied().unwrap_or(Level::Avx512Bf16)));
@@ -48,17 +48,17 @@ fn machine() -> Level {
 }
 
 impl Level {
-    /// Those that may be asked for, by name.
+    /// Levels by name.
     pub const ALL: [(&'static str, Self); 3] =
         [("portable", Self::Portable), ("avx2", Self::Avx2), ("avx512", Self::Avx512)];
 
-    /// Takes no higher level than this one in the whole process, from the first kernel on. False where the processor has not even
-    /// this one, or a higher one was taken before.
+    /// Limits the whole process to this level, from the first kernel on. Returns false if the processor lacks this
+    /// level or a higher one is already in use.
     pub fn at_most(self) -> bool {
         self <= machine() && *MOST.get_or_init(|| self) == self && Self::best() <= self
     }
 
-    /// The highest level this processor has, or that was asked for.
+    /// The highest level of this processor, or the limit that was set.
     #[inline]
     pub fn best() -> Self {
         *BEST
@@ -71,7 +71,7 @@ impl Level {
     }
 }
 
-/// `a × b + c`, rounded once where fused: without the instruction `mul_add` is a slow library call.
+/// `a × b + c`, rounded once if fused. Without the instruction `mul_add` is a slow library call.
 #[inline(always)]
 pub(crate) fn multiply_add<const V: u8>(a: f32, b: f32, c: f32) -> f32 {
     if V >= FUSED { a.mul_add(b, c) } else { a * b + c }
@@ -83,14 +83,14 @@ pub(crate) fn fused<const V: u8>(a: f64, b: f64, c: f64) -> f64 {
     if V >= FUSED { a.mul_add(b, c) } else { a * b + c }
 }
 
-/// The greater of two; `b` where `a` is not a number. `f32::max` takes several instructions where the processor's own treats what
-/// is not a number otherwise, and in WebAssembly a call.
+/// The greater of two; `b` if `a` is NaN. `f32::max` takes several instructions on processors that treat NaN
+/// differently, and a call in WebAssembly.
 #[inline(always)]
 pub(crate) fn greater(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
-/// The lesser of two; `b` where `a` is not a number.
+/// The lesser of two; `b` if `a` is NaN.
 #[inline(always)]
 pub(crate) fn lesser(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }

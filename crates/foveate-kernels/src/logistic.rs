@@ -131,7 +131,7 @@ mod tests {
         }
     }
 
-    /// An element's result does not depend on where it stands.
+    /// An element's result does not depend on its position.
     #[test]
     fn place_does_not_matter() {
         let xs: Vec<f32> = (0..101).map(|i| (i as f32 * 0.37 - 18.0) * 1.1).collect();

@@ -27,8 +27,8 @@ impl Normals {
     pub fn new(seed: u64) -> Self {
         Self { generators: seeded(Level::best(), seed) }
     }
-    /// Fills `out` with the next numbers. They come by sixteens: what `out` leaves of the last sixteen is dropped, so
-    /// a shorter `out` gets the first numbers of a longer one.
+    /// Fills `out` with the next numbers. They are computed in groups of sixteen, and the rest of the last group is
+    /// dropped, so a shorter `out` gets the first numbers of a longer one.
     pub fn fill(&mut self, out: &mut [f64]) {
         fill(Level::best(), &mut self.generators, out);
     }

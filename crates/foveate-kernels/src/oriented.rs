@@ -11,7 +11,7 @@ pub(crate) use parts::{bring_to_length, places};
 use crate::level::{AVX512, FUSED};
 use crate::level::{greater, levels, multiply_add};
 
-/// Directions of gradients that are told apart, 45° from one to the next.
+/// Number of gradient directions, 45° apart.
 pub const DIRECTIONS: usize = 8;
 /// Pixels along a block's side.
 pub const BLOCK: usize = 4;
@@ -30,8 +30,8 @@ levels! {
 }
 
 levels! {
-    /// `out` ← what [`oriented`] finds in the grey cells of a glimpse and what its two channels of colour have, each part as
-    /// [`Lengths`] has it.
+    /// `out` ← [`oriented`] of the grey cells of a glimpse and its two colour channels, each part scaled by
+    /// [`Lengths`].
     ///
     /// # Panics
     /// If `glimpse` is not `(4 blocks + 2)²` values and those of two channels, or `out` not as long as [`Lengths::sizes`] add up to.
@@ -96,7 +96,7 @@ pub(crate) const WIDTH: usize = AT_ONCE * BLOCK;
 /// The side of the largest patch.
 const WIDEST: usize = MOST_BLOCKS * BLOCK + 2;
 
-/// Of a patch whose rows are `stride` apart, and go on for as many pixels as whole strips of blocks have.
+/// For a patch with rows `stride` apart that are as long as whole strips of blocks.
 #[inline(always)]
 fn histograms<const V: u8>(patch: &[f32], stride: usize, blocks: usize, gradients: &mut [f32], squares: &mut [f32]) {
     for (block, first) in (0..blocks).flat_map(|block| (0..blocks).step_by(AT_ONCE).map(move |first| (block, first))) {
@@ -110,7 +110,7 @@ fn histograms<const V: u8>(patch: &[f32], stride: usize, blocks: usize, gradient
     }
 }
 
-/// Of a strip of blocks, whose border begins with the first value, the directions, block after block, and two rows of sums of four.
+/// For a strip of blocks with its border: the directions, block after block, and two rows of sums of four.
 #[inline(always)]
 fn sum_strip<const V: u8>(
     patch: &[f32],
@@ -206,7 +206,7 @@ fn across<const V: u8>(sums: &[[f32; WIDTH]; DIRECTIONS]) -> [f32; AT_ONCE * DIR
     out
 }
 
-/// Copies what `count` of a strip's blocks have; of all of them without a call.
+/// Copies `count` of a strip's blocks.
 #[inline(always)]
 fn put<const N: usize>(from: &[f32; N], count: usize, to: &mut [f32]) {
     match to.first_chunk_mut().filter(|_| count == AT_ONCE) {

@@ -1,4 +1,4 @@
-//! The features of many glimpses: logistic(v W + b), the matrix product and what follows it in one pass.
+//! The features of many glimpses: logistic(v W + b), matrix product and logistic in one pass.
 //!
 //! W (n_v × n_h) is packed once, in tiles of 64 columns: for each word of 32 bits of a glimpse, 64 words
 //! side by side. A word is one f32, or two bf16 (the upper halves of two f32, rounded to nearest): then

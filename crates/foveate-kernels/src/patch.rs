@@ -1,4 +1,4 @@
-//! Patches of 8 × 8 values of a map: what the search for optical flow computes of them.
+//! Sums over patches of 8 × 8 values of a map, for optical flow.
 
 use crate::level::levels;
 use crate::sums::{dot_body, sum_body};
@@ -26,7 +26,7 @@ impl Default for Patch {
 }
 
 levels! {
-    /// `patch` ← the patch whose first value is at row 1, column 1 of `map`, which has `stride` values a row. Returns
+    /// `patch` ← the patch with its first value at row 1, column 1 of `map`, which has `stride` values a row. Returns
     /// Σ across², Σ across · down, Σ down².
     ///
     /// # Panics
@@ -35,8 +35,8 @@ levels! {
 }
 
 levels! {
-    /// Σ r², Σ r · across, Σ r · down of r, how far a map differs from a patch where it was moved to, less its mean: bilinear
-    /// between the values of `map` and their neighbours, `part` = (across, down) of the way, 0 to 1.
+    /// Σ r², Σ r · across, Σ r · down of r, the difference of a map from a moved patch, less its mean. Values are
+    /// bilinear between `map` and its neighbours, `part` = (across, down) of the way, 0 to 1.
     ///
     /// # Panics
     /// If `map` has not nine rows of nine values.

@@ -205,8 +205,8 @@ levels! {
 }
 
 levels! {
-    /// Σ min(e, `cap`)², where e is what is missing of the template, template - v, or `extra` times what was added to it,
-    /// v - template. `extra` must not be negative, and `cap` above 0; then so is no e.
+    /// Σ min(e, `cap`)², with e = template - v if the template is brighter, else `extra` · (v - template). `extra`
+    /// must not be negative and `cap` must be above 0.
     pub fn presence / presence_at (v: &[f32], template: &[f32], extra: f32, cap: f32) -> f32 = presence_body
 }
 

@@ -1,7 +1,7 @@
 //! Bilinear reads of a plane at the cells of a template carried by an affine map: the eye of a particle.
 //!
-//! Cell i lies at (x, y) = (cx, cy) + du\[i\] (ux, uy) + dv\[i\] (vx, vy) of the image; the value there is
-//! interpolated between the four samples around it. Outside the plane its border goes on.
+//! Cell i is at (x, y) = (cx, cy) + du\[i\] (ux, uy) + dv\[i\] (vx, vy) of the image. Its value is interpolated
+//! between four samples. Outside the plane, border pixels repeat.
 
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
 mod wasm;
@@ -12,8 +12,8 @@ use crate::sums::copy_short;
 #[cfg(target_arch = "x86_64")]
 use crate::{level::AVX512, upright::Grid};
 
-/// Blocks of cells whose places are all computed before any is read: a load waits long for a store just before it
-/// (Zen 4: 1.1 ns a cell block by block, 0.65 so).
+/// Cells whose positions are computed before any is read, because a load waits long for a store just before it (Zen
+/// 4: 1.1 ns a cell block by block, 0.65 ns this way).
 const BLOCKS: usize = 16;
 
 levels! {

@@ -1,7 +1,7 @@
-//! Cholesky factors in double precision: A = UᵀU, the inverse W = U⁻ᵀ of its transpose, and what is summed over A⁻¹ = WᵀW.
+//! Cholesky factors in double precision: A = UᵀU, the inverse W = U⁻ᵀ of its transpose, and sums over A⁻¹ = WᵀW.
 //!
-//! A matrix is rows of `stride` numbers, as many as columns; `stride` is a multiple of [`SQUARE`]. U is the upper triangle of
-//! its matrix, W the lower one; what lies on the other side of the diagonal has no meaning but is finite.
+//! A matrix is rows of `stride` numbers, as many as columns; `stride` is a multiple of [`SQUARE`]. U is the upper
+//! triangle of its matrix, W the lower one; the other side of the diagonal is finite and unused.
 //!
 //! Each entry is one sum over k in order, however the work is cut into tiles: a factor that grew by rows ([`extend`]) has
 //! the bits of one made at once ([`factor`]).
@@ -81,7 +81,7 @@ pub(crate) fn store<T: Vector, const R: usize, const C: usize>(
     }
 }
 
-/// The rows of a block, of which each still lacks what those above it in the block take away, times their reciprocals.
+/// The rows of a block before the elimination by the rows above them in the block, times their reciprocals.
 #[inline(always)]
 pub(crate) fn finish<T: Vector, const R: usize, const C: usize>(
     mut acc: Tile<T, R, C>,
@@ -103,7 +103,7 @@ pub(crate) fn finish<T: Vector, const R: usize, const C: usize>(
     acc
 }
 
-/// U's block of `rows` on the diagonal at `top`: what lies right of the diagonal, and the reciprocals.
+/// U's block of `rows` on the diagonal at `top`: the part right of the diagonal, and the reciprocals.
 #[inline(always)]
 pub(crate) fn corner<const R: usize>(
     u: &[f64],
@@ -289,10 +289,10 @@ fn solve_back_body<const V: u8>(u: &[f64], stride: usize, reciprocal: &[f64], b:
 }
 
 levels! {
-    /// A = UᵀU in place, A's leading `n` × `n` part given by its upper triangle. `reciprocal` gets 1 / U's diagonal.
-    /// Returns the rows that could be factored: `n`, or the first row whose pivot is not above `floor`.
+    /// A = UᵀU in place, from the upper triangle of A's leading `n` × `n` part. `reciprocal` receives 1 / U's
+    /// diagonal. Returns the number of factored rows: `n`, or the first row with a pivot not above `floor`.
     ///
-    /// Reads and overwrites tiles of [`SQUARE`] columns: what is left of the diagonal in the same tile must be finite.
+    /// Reads and overwrites tiles of [`SQUARE`] columns: values left of the diagonal in the same tile must be finite.
     pub fn factor / factor_at (
         a: &mut [f64], stride: usize, n: usize, floor: f64, reciprocal: &mut [f64],
     ) -> usize = factor_body
@@ -304,8 +304,8 @@ levels! {
 }
 
 levels! {
-    /// Adds a row to the factor: `column` is A's next column down to the diagonal, and becomes U's above the diagonal.
-    /// False where the pivot is not above `floor`; the factor is then as it was.
+    /// Adds a row to the factor: `column` is A's next column down to the diagonal, and becomes U's above the
+    /// diagonal. Returns false, without change, if the pivot is not above `floor`.
     pub fn extend / extend_at (
         u: &mut [f64], stride: usize, floor: f64, reciprocal: &mut [f64], column: &mut [f64],
     ) -> bool = extend_body

@@ -40,7 +40,8 @@ impl Grid {
         Some(Self { columns, rows, size, across, down })
     }
 
-    /// Reads the cells under a map without turns. `false`, and some values mean nothing, where they are spread too far.
+    /// Reads the cells under a map without rotation. Returns `false`, with some values undefined, if they are spread
+    /// too far.
     ///
     /// # Safety
     /// The processor has AVX-512, and the plane has been checked, and has two columns and two rows at least.
@@ -86,8 +87,8 @@ impl Grid {
     }
 }
 
-/// Where `origin + step · d` lies on a side of so many samples: the sample before it, at most the last but one if there are
-/// two, and the fraction of the way to the next.
+/// Position of `origin + step · d` on a side of so many samples: the sample before it, at most the last but one if
+/// there are two, and the fraction to the next.
 #[inline(always)]
 fn along<const V: u8>(origin: f32, step: f32, d: &[f32; CELLS], side: usize) -> ([i32; CELLS], [f32; CELLS]) {
     let (end, last) = ((side - 1) as f32, side.saturating_sub(2) as i32);
@@ -115,7 +116,7 @@ struct Columns {
 }
 
 impl Columns {
-    /// Interpolates at the cells of each row; `row` is where its samples begin. They are written `columns` apart.
+    /// Interpolates at the cells of each row; its samples begin at `row`. The output stride is `columns`.
     ///
     /// # Safety
     /// The processor has AVX-512; the samples lie in a plane, and are spread over at most 32 · `PAIRS`.

@@ -2,8 +2,8 @@
 
 use crate::level::{BASE, fused};
 
-/// Doubles in a register. The implementations for registers that not every processor has may only be named in code
-/// compiled for their level, which the macro `levels` runs only where it is there.
+/// Doubles in a register. Implementations for special registers may only be used in code compiled for their level,
+/// which the macro `levels` runs only if the processor has it.
 pub(crate) trait Vector: Copy {
     /// How many.
     const N: usize;

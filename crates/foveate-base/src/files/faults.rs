@@ -1,8 +1,9 @@
 //! Failures of the file system on request, for tests: the one seam that every operation of ours on a file to be written goes through.
 //!
-//! In builds with debug assertions `FOVEATE_FAULT=write:3` fails the third write of the process, half-way, as a full disk does;
-//! `open`, `sync` and `rename` are the other operations, `write:3+` fails the third and all that follow, and `write@film.mp4:1` the first
-//! on a file of that name. `FOVEATE_FAULT_LOG` names a file that gets a line for each failure. Release builds read neither and have none of this.
+//! In builds with debug assertions, `FOVEATE_FAULT=write:3` makes the third write of the process fail half-way, like
+//! a full disk. The other operations are `open`, `sync` and `rename`. `write:3+` fails the third and all later ones,
+//! `write@film.mp4:1` the first on a file of that name. `FOVEATE_FAULT_LOG` is a file that gets a line for each
+//! failure. Release builds ignore both.
 
 #[cfg(not(debug_assertions))]
 use std::{io, path::Path};
@@ -16,11 +17,11 @@ pub enum Operation {
     Write,
     /// What was written is made to last.
     Sync,
-    /// A file or folder gets its name.
+    /// Renames a file or folder to its final name.
     Rename,
 }
 
-/// To be called before the operation: the failure that a test asked for, or nothing.
+/// Call this before the operation. Returns the failure that a test configured, if any.
 ///
 /// # Errors
 /// [`std::io::ErrorKind::StorageFull`], on request only.
@@ -66,7 +67,7 @@ mod asked {
         Some(Asked { operation, name, at: n, and_on: at_least.is_some(), log: std::env::var_os("FOVEATE_FAULT_LOG") })
     }
 
-    /// To be called before the operation: the failure that a test asked for, or nothing.
+    /// Call this before the operation. Returns the failure that a test configured, if any.
     ///
     /// # Errors
     /// [`io::ErrorKind::StorageFull`], on request only.

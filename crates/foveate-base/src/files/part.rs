@@ -1,4 +1,4 @@
-//! A file in the making, under a name that nobody can guess, which becomes another file when it is whole.
+//! A temporary file with a random name that replaces another file once it is complete.
 
 use std::collections::HashSet;
 use std::fs::File;
@@ -22,18 +22,17 @@ const LINKS: usize = 40;
 
 /// A file under a temporary name. Dropped before [`Part::keep`], it is gone.
 ///
-/// Of a name that somebody gave ([`Part::beside`]) a link stays, and the file that it leads to is made; what is no file, such as a
-/// device or a fifo, is not replaced but written to. Of a name in a folder of results ([`Part::inside`]), in which others may write, both
-/// are replaced.
+/// For a name that the user gave ([`Part::beside`]), a link is kept and its target is written; a device or a fifo is
+/// written to, not replaced. In a folder of results ([`Part::inside`]), which others may write to, both are replaced.
 #[derive(Debug)]
 pub struct Part {
     path: PathBuf,
     file: Option<File>,
-    /// The name that it gets; none where it is written to what is there.
+    /// The final name; `None` if an existing device or fifo is written to.
     to: Option<PathBuf>,
 }
 
-/// A name beside `path` that nobody else uses or can guess, for what becomes `path` when it is whole: `.NAME.PROCESS-RANDOM.tmp`.
+/// A unique, random name in the folder of `path` for its temporary file: `.NAME.PROCESS-RANDOM.tmp`.
 pub fn temporary(path: &Path) -> PathBuf {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let count = COUNT.fetch_add(1, Ordering::Relaxed);
@@ -44,7 +43,8 @@ pub fn temporary(path: &Path) -> PathBuf {
 }
 
 impl Part {
-    /// Makes an empty file in the folder of `path`; no file that is there is taken. Of a fifo it waits for who reads.
+    /// Creates an empty file in the folder of `path`; never reuses an existing file. For a fifo it waits for a
+    /// reader.
     ///
     /// # Errors
     /// Where the folder cannot be written.
@@ -76,7 +76,7 @@ impl Part {
         &self.path
     }
 
-    /// Makes what was written last, and gives it its name.
+    /// Syncs the file to disk and renames it to its final name.
     ///
     /// # Errors
     /// Where either fails: then the file of that name is as it was, and this one is gone.
@@ -112,7 +112,7 @@ impl Drop for Part {
     }
 }
 
-/// The file that a name leads to by links; it need not be there.
+/// The target of a name after all links; it need not exist.
 fn followed(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
     for _ in 0..LINKS {
@@ -122,7 +122,7 @@ fn followed(path: &Path) -> PathBuf {
     path
 }
 
-/// Writes some of `bytes`; where a test asks for a failure, half of them.
+/// Writes some of `bytes`; half of them if a test configured a failure.
 pub(crate) fn write(file: &mut File, path: &Path, bytes: &[u8]) -> io::Result<usize> {
     if let Err(error) = attempt(Operation::Write, path) {
         file.write_all(&bytes[..bytes.len() / 2])?;
@@ -140,7 +140,7 @@ pub fn rename(from: &Path, to: &Path) -> io::Result<()> {
     std::fs::rename(from, to)
 }
 
-/// Makes a folder, which must not be there; what killed processes left beside it goes.
+/// Creates a folder that must not exist, and removes temporary folders of killed processes beside it.
 ///
 /// # Errors
 /// As [`std::fs::create_dir`].
@@ -150,7 +150,7 @@ pub fn create_dir(path: &Path) -> io::Result<()> {
     std::fs::create_dir(path)
 }
 
-/// Makes the name of `path` last, where the system can: a rename is whole without it, but may be undone by a loss of power.
+/// Syncs the folder of `path`, if the system supports it. Without this, a loss of power may undo a rename.
 pub fn sync_folder(path: &Path) {
     if cfg!(unix) {
         // Some file systems cannot, and some folders may be written but not read.
@@ -158,12 +158,12 @@ pub fn sync_folder(path: &Path) {
     }
 }
 
-/// The folder that a file lies in: the one here, where its path has none.
+/// The folder of a file; the current one if the path has none.
 pub fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-/// Writes a file of a folder that gets its own name later, when all of it is whole: see [`settle`].
+/// Writes a file in a temporary folder that is renamed later, once it is complete: see [`settle`].
 ///
 /// # Errors
 /// As [`std::fs::write`].
@@ -177,7 +177,7 @@ pub fn put(path: &Path, bytes: &[u8]) -> io::Result<()> {
     Ok(())
 }
 
-/// Makes what was written below a folder last, all at once: for thousands of files that is twice as fast as one by one.
+/// Syncs all files below a folder at once. For thousands of files this takes half the time of one sync each.
 ///
 /// # Errors
 /// Where it cannot be read, or a file not be written.

@@ -4,7 +4,7 @@ use serde_json::Value;
 
 /// A search of the unit cube, for any number of variables.
 pub(super) trait Cube: std::fmt::Debug + Send {
-    /// A point for the `asked`-th question, counted from 0, after `seen` values.
+    /// The point of call number `asked`, counted from 0, after `seen` values.
     fn ask(&mut self, asked: u64, seen: u64) -> Vec<f64>;
     /// Another point and its value, and all values of the window with that one last.
     fn tell(&mut self, point: &[f64], values: &[f64]);
@@ -12,11 +12,11 @@ pub(super) trait Cube: std::fmt::Debug + Send {
     fn predict(&self, point: &[f64]) -> (f64, f64);
     /// Hyper-parameters, and how many values they were fitted to.
     fn save(&self) -> Value;
-    /// Takes up what was saved, with the points and values of then; none where it does not fit.
+    /// Restores a saved state with its points and values; `None` if it does not fit.
     fn restore(&mut self, saved: &Value, points: &[Vec<f64>], values: &[f64]) -> Option<()>;
 }
 
-/// Mean and standard deviation; 1 where all are equal.
+/// Mean and standard deviation; the deviation is 1 if all values are equal.
 pub(super) fn moments(values: &[f64]) -> (f64, f64) {
     let n = values.len().max(1) as f64;
     let mean = values.iter().sum::<f64>() / n;

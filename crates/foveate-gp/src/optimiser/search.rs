@@ -1,4 +1,4 @@
-//! The unit cube of `D` variables: where to look next.
+//! The choice of the next point in the unit cube of `D` variables.
 
 use super::climb::climb;
 use super::cube::{Cube, moments};
@@ -100,7 +100,7 @@ impl<const D: usize> Search<D> {
         best.0
     }
 
-    /// Fits the hyper-parameters, from where they are and from the first ones, and keeps the better.
+    /// Fits the hyper-parameters from their current and from their initial values, and keeps the better result.
     fn fit(&mut self) {
         let here = self.process.fit(&self.priors, STEPS);
         let kept = *self.process.hyper();

@@ -23,7 +23,7 @@ impl Default for Settings {
 
 impl Settings {
     /// # Errors
-    /// [`Error::Config`] where a number is out of range, naming it.
+    /// [`Error::Config`] with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         let wrong = |name: &str, expected: &str, found: usize| {
             Err(Error::Config(format!("optimiser: {name} is {expected}; it is {found}")))

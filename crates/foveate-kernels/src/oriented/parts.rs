@@ -11,7 +11,7 @@ pub struct Lengths {
     pub length: [f32; 3],
     /// Root mean squares that are added to a part's own before it is divided by it: of less it stays short.
     pub flat: [f32; 3],
-    /// The value of a colour channel where there is no colour.
+    /// The value of a colour channel without colour.
     pub neither: f32,
 }
 
@@ -25,8 +25,8 @@ impl Lengths {
     }
 }
 
-/// Where gradients, sums over half blocks and colour are written: where their parts of `out` will be, the sums in `room` (4 a block) where
-/// grey is no part; colour is empty where it is none.
+/// The destinations of gradients, sums over half blocks and colour: their parts of `out`. The sums go to `room` (4 a
+/// block) if grey is no part; colour is empty if unused.
 #[inline(always)]
 pub(crate) fn places<'a>(
     lengths: &Lengths,
@@ -41,7 +41,7 @@ pub(crate) fn places<'a>(
     [gradients, squares, if opponent > 0.0 { &mut rest[..colour] } else { &mut [] }]
 }
 
-/// Brings all parts of what was written to [`places`] to their lengths.
+/// Scales all parts written to [`places`] to their lengths.
 #[inline(always)]
 pub(crate) fn bring_to_length<const V: u8>(lengths: &Lengths, blocks: usize, colour: usize, out: &mut [f32]) {
     let (Lengths { length, flat, .. }, count) = (lengths, blocks * blocks);
