@@ -1,4 +1,4 @@
-//! Addresses of streams and cameras: which of them are opened, and what ffmpeg may open for each.
+//! Addresses of streams and cameras: the supported ones, and the inputs that ffmpeg may open for each.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -95,7 +95,7 @@ pub fn without_password(address: &str) -> Cow<'_, str> {
     }
 }
 
-/// The name of a protocol that is not opened, where this is an address of one.
+/// The name of the protocol if it is an unsupported one.
 pub(crate) fn other_protocol(address: &Path) -> Option<&str> {
     let (name, _) = address.to_str()?.split_once("://")?;
     let named = name.starts_with(|c: char| c.is_ascii_alphabetic())

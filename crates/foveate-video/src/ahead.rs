@@ -14,11 +14,11 @@ pub fn ahead(source: Box<dyn FrameSource>) -> Box<dyn FrameSource> {
     ahead_until(source, || false)
 }
 
-/// How often it is asked whether to stop while no frame comes.
+/// Interval of the calls of `stop` while no frame arrives.
 const PATIENCE: Duration = Duration::from_millis(50);
 
-/// [`ahead`], until `stop` says so: then it ends, also where the source blocks. It is asked before every frame, and all along
-/// while none comes.
+/// [`ahead`], until `stop` returns true. It then ends, even if the source blocks. `stop` is called before every
+/// frame, and repeatedly while none arrives.
 pub fn ahead_until(mut source: Box<dyn FrameSource>, stop: impl Fn() -> bool + Send + 'static) -> Box<dyn FrameSource> {
     let (info, interrupt, remarks) = (source.info().clone(), source.interrupt(), source.remarks());
     let (send, frames) = sync_channel(DEPTH);

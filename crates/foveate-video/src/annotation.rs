@@ -1,8 +1,8 @@
 //! Boxes in text files: ground truth of OTB, GOT-10k and LaSOT, and trackers' results.
 //!
-//! One frame a line, `x,y,w,h` in pixels, separated by comma, semicolon, tab or space. A blank line
-//! before the last one, or a line with NaN, says that there is no box in that frame.
-//! In the files the first pixel is (1, 1); a [`BBox`] counts from 0.
+//! One frame a line, `x,y,w,h` in pixels, separated by comma, semicolon, tab or space. A blank line before the last
+//! one, or a line with NaN, is a frame without a box. In the files the first pixel is (1, 1); a [`BBox`] counts from
+//! 0.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use foveate_core::geometry::BBox;
 /// Numbers beyond this are damage, not pixels.
 pub(super) const LARGEST: f64 = 1e7;
 
-/// The boxes of a file, 0-based; `None` where there is none.
+/// The boxes of a file, 0-based; `None` for frames without a box.
 ///
 /// Errors: the file cannot be read, or a line is neither four numbers nor NaN; the error names the line.
 pub fn read_boxes(path: impl AsRef<Path>) -> Result<Vec<Option<BBox>>> {
@@ -20,8 +20,7 @@ pub fn read_boxes(path: impl AsRef<Path>) -> Result<Vec<Option<BBox>>> {
     parse_boxes(&read_text(path)?, path)
 }
 
-/// The boxes of a target, 0-based: as [`read_boxes`], but a box without area is no box, and an error
-/// where no frame has one.
+/// The boxes of a target, 0-based: as [`read_boxes`], but a box without area is no box. Fails if no frame has one.
 pub fn read_truth(path: impl AsRef<Path>) -> Result<Vec<Option<BBox>>> {
     let path = path.as_ref();
     let mut boxes = read_boxes(path)?;
@@ -70,14 +69,14 @@ fn numbers(path: &Path, between: &[char]) -> Result<Vec<f64>> {
     parsed.collect()
 }
 
-/// GOT-10k's file of labels beside its boxes: not 0 where the target is absent.
+/// GOT-10k's file of labels beside its boxes: not 0 if the target is absent.
 pub const ABSENCE: &str = "absence.label";
 
 /// All such files: GOT-10k's, a label a line, and LaSOT's two, with commas between labels.
 const LABELS: [&str; 3] = [ABSENCE, "full_occlusion.txt", "out_of_view.txt"];
 
-/// Takes out the boxes of frames in which the target is absent by the labels of GOT-10k or LaSOT in this folder, where there are
-/// any. How many boxes that were.
+/// Removes the boxes of frames in which the target is absent according to the labels of GOT-10k or LaSOT in this
+/// folder, if any. Returns the number of removed boxes.
 ///
 /// Errors: a file cannot be read, a label is not a finite number, or there is not a label for each frame.
 pub fn hide_absent(truth: &mut [Option<BBox>], folder: &Path) -> Result<usize> {

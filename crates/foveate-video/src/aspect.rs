@@ -21,7 +21,7 @@ impl Default for Aspect {
 }
 
 impl Aspect {
-    /// `None` where a side is 0, which files write for "unknown", or the ratio makes no sense.
+    /// `None` if a side is 0, which means "unknown" in files, or if the ratio is implausible.
     pub fn new(across: u32, down: u32) -> Option<Self> {
         let (mut n, mut rest) = (across, down);
         while rest > 0 {

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use foveate_base::thread;
 
-/// What is asked of a source that blocks: to end now. Its next frame is then an error or the end.
+/// A handle that ends a blocking source. Its next frame is then an error or the end.
 pub type Interrupt = Arc<dyn Fn() + Send + Sync>;
 
 /// The child of a source, which others may end.
@@ -21,7 +21,7 @@ pub(crate) struct Leash(Arc<Mutex<Held>>);
 struct Held {
     child: Option<Child>,
     line: Option<Line>,
-    /// Nobody wants another one.
+    /// No further child is needed.
     over: bool,
 }
 
@@ -68,18 +68,18 @@ impl Leash {
         self.end();
     }
 
-    /// Whether no child is wanted any more.
+    /// Whether no further child is needed.
     pub fn is_over(&self) -> bool {
         self.held().over
     }
 
-    /// For others, to end it for good.
+    /// A handle for other threads that ends it permanently.
     pub fn interrupt(&self) -> Interrupt {
         let leash = self.clone();
         Arc::new(move || leash.end_for_good())
     }
 
-    /// Ends the child where the answer is not dropped before `patience` is over.
+    /// Ends the child unless the returned guard is dropped within `patience`.
     pub fn end_after(&self, patience: Duration) -> Sender<()> {
         let (in_time, waits) = channel();
         let leash = self.clone();
@@ -93,7 +93,7 @@ impl Leash {
         in_time
     }
 
-    /// Waits for the child to end by itself. `None` where somebody else ended it.
+    /// Waits until the child exits. `None` if another thread ended it.
     pub fn wait(&self) -> Option<ExitStatus> {
         loop {
             let ended = self.held().child.as_mut().map(Child::try_wait)?;
@@ -106,7 +106,7 @@ impl Leash {
     }
 }
 
-/// Our end of a line to a program: what the program writes to its standard input comes here.
+/// Our end of a pipe to a program: bytes that the program writes to its standard input arrive here.
 #[derive(Debug)]
 pub(crate) struct Line(#[cfg(unix)] std::os::unix::net::UnixStream, #[cfg(not(unix))] std::io::PipeReader);
 
@@ -150,8 +150,8 @@ pub(crate) fn guarded(program: &Path) -> std::io::Result<(Command, Line)> {
     Ok((command, Line(ours)))
 }
 
-/// What a child says on its error channel, line by line, as long as it says something. A line is cut after 2000 bytes, and its
-/// control characters are shown as escapes: what it says may come from a video.
+/// The lines of a child's standard error. A line is cut after 2000 bytes, and control characters are escaped, because
+/// its content may come from a video.
 pub(crate) fn listen(
     errors: impl Read + Send + 'static,
     mut told: impl FnMut(String) + Send + 'static,

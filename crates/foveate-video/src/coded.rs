@@ -22,7 +22,7 @@ pub struct CodedFrame {
     pub offset: u64,
     /// Bytes.
     pub size: u32,
-    /// Its number in the order of presentation, from 0; `None` where it is decoded, but not shown.
+    /// Its number in the order of presentation, from 0; `None` if it is decoded but not shown.
     pub place: Option<u32>,
     /// Whether it needs no other frame.
     pub key: bool,
@@ -38,7 +38,7 @@ pub enum Planes {
 }
 
 impl CodedVideo {
-    /// Reads the index of a file of `len` bytes; `name` stands for it in errors.
+    /// Reads the index of a file of `len` bytes; errors call it `name`.
     ///
     /// # Errors
     /// It cannot be read, or is no MP4 file with H.264.
@@ -65,11 +65,12 @@ impl CodedVideo {
         self.mp4.samples().map(frame)
     }
 
-    /// The frame of a place whose planes another decoder gave, `width` by `height` as coded; the same that
-    /// [`VideoFile`](crate::VideoFile) gives where the planes are the same.
+    /// The frame at a position from planes of another decoder, `width` by `height` as coded. With equal planes it
+    /// equals that of [`VideoFile`](crate::VideoFile).
     ///
     /// # Errors
-    /// There is no such place, the bytes are not as many as the size says, or the picture is not of the video's size.
+    /// The position does not exist, the number of bytes does not fit the size, or the picture is not of the video's
+    /// size.
     pub fn picture(
         &self,
         place: usize,

@@ -1,6 +1,6 @@
 //! A stream or a camera as an ffmpeg of its own gives it. Where it breaks off, another one is started.
 //!
-//! ffmpeg may open what the address names and nothing else: each scheme has its protocols and its kinds of streams.
+//! ffmpeg may open only the address itself: each scheme has its protocols and kinds of streams.
 
 use std::ffi::OsString;
 use std::io::BufReader;
@@ -27,7 +27,7 @@ const PATIENCE: Duration = Duration::from_millis(200);
 /// Time stamps that lie further apart than this do not belong together.
 const GAP: f64 = 10.0;
 
-/// A stream, opened again where it breaks off.
+/// A stream that is opened again if it breaks off.
 pub(crate) struct Connection {
     address: PathBuf,
     /// The address as errors may show it.
@@ -41,7 +41,7 @@ pub(crate) struct Connection {
     passthrough: [&'static str; 2],
     pixels: Option<Pixels>,
     times: Option<Receiver<Stamp>>,
-    /// Frames have time stamps that can be believed.
+    /// Whether time stamps are reliable.
     pub timed: bool,
     clock: Clock,
     complaint: Arc<Mutex<Option<String>>>,
@@ -108,7 +108,7 @@ impl Clock {
 }
 
 impl Connection {
-    /// Opens a stream and waits for its first frame. It is opened again where it gives nothing for `stall`.
+    /// Opens a stream and waits for its first frame. Reconnects if no frame arrives for `stall`.
     ///
     /// # Errors
     /// Where the address is of an unknown scheme, ffmpeg is not there, or it finds no video.
@@ -190,7 +190,7 @@ impl Connection {
         reason.unwrap_or_else(|| "no reason".into())
     }
 
-    /// Starts an ffmpeg, which is ended where it gives no frame until `due`.
+    /// Starts ffmpeg, and ends it if no frame arrives until `due`.
     fn connect(&mut self, due: Option<Instant>) -> std::result::Result<(), String> {
         let program = &*self.options.ffmpeg;
         self.watch.set(due);
@@ -223,7 +223,7 @@ impl Connection {
         Ok(())
     }
 
-    /// The next frame of this connection; its ffmpeg is ended where that does not come until `due`.
+    /// The next frame of this connection. Ends ffmpeg if it does not arrive until `due`.
     fn frame(&mut self, due: Option<Instant>) -> Option<Frame> {
         self.watch.set(due);
         let pixels = self.pixels.as_mut()?;

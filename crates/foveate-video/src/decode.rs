@@ -12,14 +12,14 @@ use foveate_core::scene::Image;
 /// The longest side of a picture that is read, in pixels. A header can claim more than memory holds.
 pub const MAX_SIDE: usize = 16384;
 
-/// A picture from the bytes of a PNG or JPEG file, told apart by content.
+/// Decodes a picture from the bytes of a PNG or JPEG file; the content decides which.
 ///
 /// Grey stays one plane, colour becomes three; 16 bits are reduced to 8, transparency is dropped,
 /// and a camera's orientation mark is applied, so the picture is as people see it.
 ///
 /// # Errors
-/// What was expected and found, in words, where the bytes are of another kind, damaged, cut off,
-/// have a side above [`MAX_SIDE`], or claim more pixels than [`memory::limit`] allows.
+/// A text with expectation and finding if the bytes are of another kind, damaged or truncated, have a side above
+/// [`MAX_SIDE`], or claim more pixels than [`memory::limit`] allows.
 pub fn decode_image(bytes: &[u8]) -> std::result::Result<Image, String> {
     let kind = image_kind(bytes).ok_or_else(|| match bytes {
         [] => "the file is empty (0 bytes); expected a PNG or JPEG picture".to_owned(),

@@ -13,7 +13,7 @@ pub(crate) enum DecodeError {
 }
 
 impl DecodeError {
-    /// Damage that is known only by what was found.
+    /// Damage without a known cause.
     pub fn damaged(found: impl std::fmt::Display) -> Self {
         Self::Damaged(format!("{found}; the file is damaged or cut off, copy it again"))
     }

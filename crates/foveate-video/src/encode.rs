@@ -30,7 +30,7 @@ pub fn encode_jpeg(image: &Image, quality: u8) -> Vec<u8> {
 /// Writes the picture as a PNG file, which is whole or not there.
 ///
 /// # Errors
-/// [`foveate_base::Error::Io`] naming `path` where it cannot be written.
+/// [`foveate_base::Error::Io`] with `path` if it cannot be written.
 pub fn save_png(path: impl AsRef<Path>, image: &Image) -> Result<()> {
     files::write(path, &encode_png(image))
 }

@@ -26,10 +26,10 @@ pub(super) struct Feed {
 }
 
 impl Feed {
-    /// Starts `program`, and a thread that hands it the coded frames that `next` gives (as Annex B, with start codes), to the last.
+    /// Starts `program` and a thread that writes the coded frames of `next` to it (as Annex B, with start codes).
     ///
     /// # Errors
-    /// What is wrong and what to do, where the program is not there or does not start.
+    /// Cause and remedy if the program is missing or does not start.
     pub fn start(
         program: &Path,
         leash: &Leash,
@@ -72,7 +72,7 @@ impl Feed {
         Ok(Self { leash: leash.clone(), output, pixels: None, complaint, listener })
     }
 
-    /// The next picture; `None` at the end, an error where the program stops before it.
+    /// The next picture; `None` at the end, an error if the program stops early.
     pub fn picture(&mut self) -> Option<Decoded<Yuv>> {
         if let Some(output) = self.output.take() {
             self.pixels = Y4m::new(BufReader::new(output), &[]).ok();

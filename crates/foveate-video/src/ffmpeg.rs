@@ -1,10 +1,10 @@
 //! Any video the external program ffmpeg reads, as raw frames through a pipe.
 //!
-//! Pixels come as yuv4mpeg on its standard output, and the times of the same frames, as numbers, from a second writer of ffmpeg's on
-//! the pipe that is its standard input. Colours and rate are asked of ffprobe, field by field, none of which is text of the file.
-//! Nothing that a file says of itself, as a title, goes through any of these; what ffmpeg logs is for people alone.
-//! The program is optional and runs as a separate process. It opens this file and no other: neither kinds of files that name others
-//! (playlists, lists of pictures) nor other protocols are allowed.
+//! Pixels arrive as yuv4mpeg on its standard output. The times of the same frames arrive as numbers from a second
+//! writer of ffmpeg on the pipe of its standard input. ffprobe reports colours and rate, field by field, and none of
+//! these is text of the file. No metadata of a file, such as a title, passes through these channels; the log of
+//! ffmpeg is for people only. The program is optional and runs as a separate process. It opens this file only:
+//! formats that name other files (playlists, lists of pictures) and other protocols are forbidden.
 
 mod facts;
 mod input;
@@ -28,7 +28,7 @@ use foveate_base::{memory, thread};
 pub(crate) use input::{Input, KINDS};
 pub(crate) use said::Said;
 
-/// The pixels as ffmpeg hands them over.
+/// The pixels in ffmpeg's layout.
 pub(crate) type Pixels = Y4m<BufReader<ChildStdout>>;
 
 /// A running ffmpeg.
@@ -48,14 +48,14 @@ pub(super) struct Ffmpeg {
     frames: usize,
 }
 
-/// The time stamp of a frame in seconds from the first, and how long the frame lasts by its rate; 0 where nobody knows.
+/// The time stamp of a frame in seconds from the first, and its duration by the rate; 0 if unknown.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Stamp {
     pub time: f64,
     lasts: f64,
 }
 
-/// What ffmpeg is needed for: where it is missing, something else can be done about each.
+/// The purpose of ffmpeg. If it is missing, the advice depends on this.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Task {
     /// A file that our own decoders do not read.
@@ -66,7 +66,7 @@ pub(crate) enum Task {
     Live,
 }
 
-/// Frames as they are coded, where yuv4mpeg has a name for that; else the nearest that has.
+/// Frames as coded if yuv4mpeg supports the format; otherwise the nearest supported one.
 pub(crate) const FORMATS: &str = "format=yuv420p|yuvj420p|yuv422p|yuvj422p|yuv444p|yuvj444p|gray|yuv420p10|yuv422p10|yuv444p10|gray10|yuv420p12|\
     yuv422p12|yuv444p12|gray12";
 
@@ -75,19 +75,19 @@ pub(crate) fn most_pixels() -> String {
     (memory::limit() / memory::PIXEL).to_string()
 }
 
-/// Ticks a second of the times that ffmpeg is asked for: the times of 1/90000, 1/1000000 and of common rates are whole numbers of it,
-/// and no other is off by more than a nanosecond. Without it ffmpeg rounds times to the mean frame rate.
+/// Ticks a second of the times from ffmpeg. Times in 1/90000, 1/1000000 and of common rates are integers in this
+/// unit, and others are off by at most a nanosecond. Without it ffmpeg rounds times to the mean frame rate.
 pub(crate) const TICKS: &str = "1:1764000000";
 /// A corrupt frame so near to the end, in frames, is the end.
 const NEAR: usize = 4;
-/// Times that are nearer than this, in seconds, are those that ffmpeg makes up where its time stamps do not rise.
+/// Times closer than this, in seconds, were invented by ffmpeg because time stamps do not rise.
 const NEAREST: f64 = 1e-6;
 
 impl Ffmpeg {
     /// Starts `program` on a file; the first `skip` frames are thrown away.
     ///
     /// # Errors
-    /// What is wrong and what to do, where the program is not there or does not start, or the file holds sound alone.
+    /// Cause and remedy if the program is missing or does not start, or if the file has sound only.
     pub fn open(program: &Path, path: &Path, skip: usize, leash: &Leash, remarks: &Remarks) -> Result<Self, String> {
         Self::of_input(program, Input::file(path), skip, leash, remarks)
     }
@@ -206,7 +206,7 @@ impl Ffmpeg {
         Ok((image, self.last))
     }
 
-    /// Why there is no frame any more; `None` where the video is at its end.
+    /// Why frames stopped; `None` at the end of the video.
     fn end(&mut self) -> Option<Decoded<Picture>> {
         let ended = self.leash.wait();
         // What it said last may still be on its way; the channel of times ends when the program has.
@@ -256,7 +256,7 @@ impl Drop for Ffmpeg {
     }
 }
 
-/// Listens to what it says.
+/// Reads its log.
 fn hear(errors: impl Read + Send + 'static, said: Arc<Mutex<Said>>) -> Result<(), String> {
     listen(errors, move |line| said.lock().unwrap_or_else(PoisonError::into_inner).hear(&line)).map(drop)
 }
@@ -300,7 +300,7 @@ pub(crate) fn passthrough(program: &Path, task: Task) -> Result<[&'static str; 2
     Ok(if knows { ["-fps_mode", "passthrough"] } else { ["-vsync", "0"] })
 }
 
-/// Why ffmpeg does not start, and what to do.
+/// Why ffmpeg does not start, with the remedy.
 pub(crate) fn missing(program: &Path, task: Task, error: &std::io::Error) -> String {
     let found = match error.kind() {
         ErrorKind::NotFound => "which was not found".to_owned(),

@@ -1,8 +1,8 @@
 //! Video files as sources of frames, in the order of presentation.
 //!
-//! H.264 in MP4 is read without help; all else, and what our decoders call unsupported, goes to the
-//! external program ffmpeg. It decodes long H.264 too, where it is installed, for it is faster; the pixels are the same.
-//! In memory are one frame, the few that wait for their turn, and the index.
+//! The library reads H.264 in MP4 itself. The external program ffmpeg reads everything else, and streams that our
+//! decoders do not support. If installed, it also decodes long H.264, because it is faster; the pixels are the same.
+//! Memory holds one frame, the few frames that wait for their turn, and the index.
 
 use std::fs::File;
 use std::io::{Read, Seek};
@@ -47,7 +47,7 @@ impl VideoFile {
     /// Opens a video file with a decoder of choice, and decodes its first frame.
     ///
     /// # Errors
-    /// As [`VideoFile::open`], and where the decoder chosen cannot read it.
+    /// As [`VideoFile::open`], and if the chosen decoder cannot read it.
     pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Self> {
         let path = path.as_ref();
         let file = File::open(path).map_err(Error::io(path, "cannot open"))?;
@@ -55,7 +55,8 @@ impl VideoFile {
         Self::read(path, Box::new(file), len, options)
     }
 
-    /// Opens H.264 in MP4 that is no file of the system, `len` bytes of it, with our own decoders; `name` stands for it in errors.
+    /// Opens H.264 in MP4 from `len` bytes that are not a file of the system, with our own decoders; errors call it
+    /// `name`.
     ///
     /// # Errors
     /// Where it cannot be read, is no MP4 file with H.264, or its first frame cannot be decoded.
@@ -82,7 +83,7 @@ impl VideoFile {
         video.begun()
     }
 
-    /// A file that is no file of the system, which ffmpeg opens; `name` stands for it in errors.
+    /// Opens bytes that are not a file of the system with ffmpeg; errors call them `name`.
     pub(crate) fn of_input(name: PathBuf, input: Input, ffmpeg: &Path) -> Result<Self> {
         let mut video = Self::unread(name, Options { ffmpeg: ffmpeg.to_owned(), ..Options::default() });
         let reader =
@@ -128,7 +129,7 @@ impl VideoFile {
         Ok(())
     }
 
-    /// The next picture, from the next better decoder where one does not support it.
+    /// The next picture, from the next better decoder if one does not support it.
     fn picture(&mut self) -> Option<Result<Picture>> {
         loop {
             let outcome = match self.reader.as_mut()? {

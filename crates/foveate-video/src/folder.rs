@@ -9,7 +9,7 @@ use foveate_base::text::counted;
 use foveate_base::{Error, Result, files};
 use foveate_core::scene::Image;
 
-/// Frames a second where nothing says otherwise.
+/// Default frames a second.
 const RATE: f64 = 30.0;
 
 /// Frames from the PNG and JPEG files of one folder.

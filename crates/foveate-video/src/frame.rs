@@ -1,4 +1,4 @@
-//! Frames, and where they come from.
+//! Frames and their sources.
 
 use crate::Remarks;
 use crate::child::Interrupt;
@@ -16,7 +16,7 @@ pub struct Frame {
     pub image: Image,
 }
 
-/// A source of frames: an iterator that gives an error where the source breaks, and then ends.
+/// A source of frames: an iterator that returns an error if the source breaks, and then ends.
 ///
 /// What came before an error is good. `info` is known before the first frame is decoded.
 pub trait FrameSource: Iterator<Item = Result<Frame>> + Send {
@@ -35,11 +35,11 @@ pub trait FrameSource: Iterator<Item = Result<Frame>> + Send {
         }
         Ok(())
     }
-    /// How to end a read that blocks, from another thread; `None` where reads do not block for long.
+    /// A handle that ends a blocking read from another thread; `None` if reads do not block for long.
     fn interrupt(&self) -> Option<Interrupt> {
         None
     }
-    /// What people should know of the video; it is filled while frames are read.
+    /// Remarks on the video for people, filled while frames are read.
     fn remarks(&self) -> Remarks {
         Remarks::default()
     }
@@ -61,7 +61,8 @@ pub struct SourceInfo {
 }
 
 impl SourceInfo {
-    /// The number of frames where it was counted. What ffmpeg reads has only an estimate, from length and rate.
+    /// The exact number of frames, if known. For files that ffmpeg reads only an estimate from length and rate
+    /// exists.
     pub fn exact_frames(&self) -> Option<usize> {
         self.frames.filter(|_| self.reader != FFMPEG)
     }

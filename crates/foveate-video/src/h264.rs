@@ -1,5 +1,5 @@
-//! H.264 frames to pictures, by rusty_h264 (the fast one) or rust_h264 (the one that knows interlacing,
-//! 10 bits and 4:2:2). Both are pure Rust; a panic in either is an error of the file.
+//! Decodes H.264 frames with rusty_h264 (fast) or rust_h264 (with interlacing, 10 bits and 4:2:2). Both are pure
+//! Rust; a panic in either becomes an error of the file.
 
 use rust_h264::nal::parse_avcc;
 
@@ -9,14 +9,14 @@ use crate::sps::Sps;
 use crate::yuv::Yuv;
 use foveate_base::{memory, quiet};
 
-/// What the decoders need to know before the first frame.
+/// The parameters that decoders need before the first frame.
 #[derive(Clone, Debug)]
 pub(super) struct Setup {
     /// Sequence and picture parameter sets, as NAL units.
     parameters: Vec<Vec<u8>>,
     /// Bytes in the length before each NAL unit of a frame: 1, 2 or 4.
     prefix: usize,
-    /// The first sequence parameter set, where it could be read.
+    /// The first sequence parameter set, if readable.
     pub sps: Option<Sps>,
 }
 
@@ -49,7 +49,7 @@ impl Setup {
         Ok(Self { parameters, prefix, sps })
     }
 
-    /// Fails where a frame changes the size of pictures to one that is too large.
+    /// Fails if a frame changes the picture size to one that is too large.
     fn check(units: &[&[u8]]) -> Decoded<()> {
         units.iter().filter(|unit| is_sequence_set(unit)).try_for_each(|set| check_size(set).map(drop))
     }
@@ -83,7 +83,7 @@ impl Setup {
         annex_b(self.parameters.iter().map(Vec::as_slice))
     }
 
-    /// A frame with start codes; `None` where it holds no picture, or is cut off.
+    /// A frame with start codes; `None` if it has no picture or is truncated.
     pub fn with_start_codes(&self, frame: &[u8]) -> Option<Vec<u8>> {
         let units = self.units(frame).ok()?;
         units.iter().any(|unit| matches!(unit[0] & 31, 1..=5)).then(|| annex_b(units.into_iter()))
@@ -113,8 +113,8 @@ fn is_sequence_set(nal: &[u8]) -> bool {
     nal.first().is_some_and(|head| head & 31 == 7)
 }
 
-/// What a sequence parameter set says. Its size may be anything, and the decoders take their memory by it: a picture, and up to
-/// sixteen that others refer to.
+/// The content of a sequence parameter set. Its size is untrusted, and decoders allocate by it: a picture and up to
+/// sixteen reference pictures.
 fn check_size(set: &[u8]) -> Decoded<Sps> {
     let unread = || DecodeError::Unsupported("settings (a sequence parameter set) that cannot be read".into());
     let sps = sps::parse(set).ok_or_else(unread)?;
@@ -142,7 +142,7 @@ impl Decoder {
         Ok(decoder)
     }
 
-    /// The decoder that knows more.
+    /// The decoder that supports more.
     pub fn wide(setup: &Setup) -> Decoded<Self> {
         let mut decoder = Box::new(rust_h264::decoder::Decoder::new());
         let bytes = setup.start();
@@ -163,8 +163,8 @@ impl Decoder {
         }
     }
 
-    /// Decodes one frame as the file stores it. `None` where it holds no picture, only settings.
-    /// After an error the decoder is of no more use.
+    /// Decodes one frame as stored in the file. `None` if it has settings only. After an error the decoder is
+    /// unusable.
     pub fn decode(&mut self, setup: &Setup, frame: &[u8]) -> Decoded<Option<Yuv>> {
         let units = setup.units(frame)?;
         Setup::check(&units)?;
@@ -209,7 +209,7 @@ fn guard<T>(decode: impl FnOnce() -> Decoded<T>) -> Decoded<T> {
         .unwrap_or_else(|panic| Err(DecodeError::damaged(format!("the coded picture makes no sense ({panic})"))))
 }
 
-/// Of what the decoders call unsupported, some can only come of damage.
+/// Whether an "unsupported" error of a decoder can only come from damage.
 fn is_damage(what: &str) -> bool {
     ["invalid", "without reference", "out of range", "missing", "mb_type"].iter().any(|sign| what.contains(sign))
 }

@@ -1,8 +1,8 @@
 //! JPEG bytes to pictures, and whether all of the picture is there.
 //!
-//! Decoders of JPEG are lenient: what a file lacks becomes zeros, and then grey, without a word. Here the end mark is moved
-//! away by a stretch of ones. No code of a Huffman table consists of ones alone, so a decoder that goes on reading where the picture ought to have ended
-//! fails there; one that has all it needs never gets so far.
+//! JPEG decoders are lenient: missing data silently become zeros, then grey. This module inserts ones before the end
+//! mark. No Huffman code consists of ones alone, so a decoder that reads past the end of a truncated picture fails; a
+//! decoder of a complete picture never reads that far.
 
 use image::metadata::Orientation;
 use image::{DynamicImage, GrayImage, RgbImage};
@@ -20,7 +20,7 @@ const ONES: usize = 16;
 /// The picture, as people see it: grey or colour, its orientation mark applied.
 ///
 /// # Errors
-/// In words, where the data is damaged or cut off, with an end mark or without, or asks for more memory than there may be.
+/// A text if the data are damaged or truncated, with or without an end mark, or exceed the memory limit.
 pub(crate) fn decode(bytes: &[u8], most: usize) -> Result<DynamicImage, String> {
     let Some(end) = end_mark(bytes) else {
         let n = bytes.len();

@@ -1,7 +1,7 @@
 //! Streams, cameras and files at an address, through the program ffmpeg: `rtsp://`, `http://`, `/dev/video0`.
 //!
-//! A file whose end is known is read as a file on the disk is: every frame, with the times of its time stamps. Everything else is a
-//! stream, which is opened again where it breaks off.
+//! A file with a known end is read like a file on disk: every frame, with its time stamps. Everything else is a
+//! stream, which is opened again if it breaks off.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -64,7 +64,7 @@ impl Live {
         Ok(Self { source: Source::File(Box::new(file)), reconnections })
     }
 
-    /// Whether it is a file whose end is known: it waits for its reader, and none of its frames is dropped before it is read.
+    /// Whether it is a file with a known end. It waits for its reader, and no frame is dropped.
     pub fn is_finite(&self) -> bool {
         matches!(self.source, Source::File(_))
     }
@@ -112,12 +112,12 @@ impl FrameSource for Live {
 struct About {
     /// It has a length: in bytes, or of a playlist in seconds.
     finite: bool,
-    /// Its format has time stamps; `None` where nobody knows.
+    /// Whether its format has time stamps; `None` if unknown.
     timed: Option<bool>,
 }
 
 impl About {
-    /// Asks ffprobe, over a connection of its own. Nothing is known where it is missing, is refused, or takes too long.
+    /// Runs ffprobe over a separate connection. Returns nothing if it is missing, refused or too slow.
     fn ask(program: &Path, input: &Input) -> Self {
         let child = Command::new(probe(program))
             .args(["-v", "quiet", "-nofind_stream_info", "-rw_timeout", &PROBE.as_micros().to_string()])

@@ -1,8 +1,8 @@
 //! Tracks of many targets in text files, as MOTChallenge has them: truth, results, and detections.
 //!
-//! One box a line, in any order: `frame,id,x,y,w,h,conf,...`, separated by comma, semicolon, tab or space. Frames and pixels
-//! count from 1 in the files, from 0 in memory. Confidence may be left out (1); what follows it (class and
-//! visibility, or a place in the world) is read over. Detections have the id −1.
+//! One box a line, in any order: `frame,id,x,y,w,h,conf,...`, separated by comma, semicolon, tab or space. Frames and
+//! pixels count from 1 in the files, from 0 in memory. Confidence is optional (1); later fields (class and
+//! visibility, or world coordinates) are skipped. Detections have the id −1.
 
 use std::path::Path;
 
@@ -37,7 +37,7 @@ impl Tracks {
     /// Reads a file; an empty one has no boxes.
     ///
     /// # Errors
-    /// The file cannot be read, or a line is not as the module says; the error names the line.
+    /// The file cannot be read, or a line does not have this format; the error names the line.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         Self::parse(&read_text(path)?, path)
@@ -76,7 +76,7 @@ impl Tracks {
     }
 }
 
-/// The frames that `seqinfo.ini` of a sequence's folder promises (`seqLength`); `None` where there is no such file.
+/// The number of frames in a sequence's `seqinfo.ini` (`seqLength`); `None` without this file.
 ///
 /// # Errors
 /// The file cannot be read or has no `seqLength` that is a whole number.

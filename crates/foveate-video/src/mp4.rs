@@ -1,8 +1,8 @@
 //! MP4 files: which bytes are which frame, and when it is shown (ISO/IEC 14496-12, plain and fragmented).
 //!
-//! Only the index is held in memory. Every count in it is checked against what the bytes can hold and the memory
-//! that there may be, and every read against the end: nothing a file says can panic, hang, or take more memory than
-//! its size explains. That is why this is not done by re_mp4, which serves as the oracle of the tests.
+//! Only the index is held in memory. Every count in it is checked against the number of bytes and the memory limit,
+//! and every read against the end, so no file can cause a panic, a hang, or memory beyond its size. re_mp4 does not
+//! guarantee this; it is the oracle of the tests.
 
 mod boxes;
 
@@ -23,7 +23,7 @@ const FRAME: u64 = 3 * size_of::<Sample>() as u64;
 /// Of a fragment's sample flags: it needs others.
 const NOT_A_KEY: u32 = 0x1_0000;
 
-/// What the index says of the first H.264 track.
+/// The index of the first H.264 track.
 #[derive(Debug)]
 pub(super) struct Movie {
     /// The decoder configuration record: parameter sets and the width of length prefixes.
@@ -34,11 +34,11 @@ pub(super) struct Movie {
     pub timescale: u32,
     /// How often the picture is to be turned by 90 degrees, clockwise, 0 to 3.
     pub turns: u8,
-    /// Width over height of a pixel, where the container states it.
+    /// Width over height of a pixel, if the container has it.
     pub aspect: Option<Aspect>,
     /// Matrix coefficients and full range, as the container has them.
     pub colour: Option<(u16, bool)>,
-    /// What is missing after the last of the samples, where the index ends too early.
+    /// The missing part after the last sample, if the index ends too early.
     pub cut: Option<String>,
 }
 
@@ -49,9 +49,9 @@ pub(super) struct Sample {
     pub size: u32,
     /// Presentation time, in units of the timescale, from any origin.
     pub time: i64,
-    /// False where an edit list cuts the frame away; it is decoded all the same.
+    /// False if an edit list removes the frame; it is decoded all the same.
     pub shown: bool,
-    /// Whether the index says that it needs no other frame.
+    /// Whether the index marks it as a key frame.
     pub key: bool,
 }
 
@@ -115,7 +115,7 @@ pub(super) fn read(file: &mut (impl Read + Seek), len: u64) -> Decoded<Movie> {
     track(&moov, &moofs, len, cut)
 }
 
-/// The video track of the index: where there are several, the first that is enabled and holds more than pictures for a cover.
+/// The video track of the index: the first one that is enabled and has more than cover pictures.
 fn track(moov: &[u8], moofs: &[(u64, Vec<u8>)], len: u64, cut: Option<String>) -> Decoded<Movie> {
     let handler = |trak| path(trak, &[b"mdia", b"hdlr"]).and_then(|hdlr| hdlr.get(8..12));
     let traks = || boxes(moov).filter(|(name, _)| name == b"trak").map(|(_, trak)| trak);
@@ -169,7 +169,8 @@ fn track(moov: &[u8], moofs: &[(u64, Vec<u8>)], len: u64, cut: Option<String>) -
     Ok(Movie { avcc, samples, timescale: scale, turns, aspect, colour, cut })
 }
 
-/// What speaks against a video track, where there are others: that it is not enabled; more, that it holds a single picture, as of a cover.
+/// Penalty of a track in the choice of the video: for a disabled track, and more for a single picture such as a
+/// cover.
 fn demerits(trak: &[u8]) -> u8 {
     let enabled = child(trak, b"tkhd").and_then(full).is_some_and(|(flags, _)| flags & 1 != 0);
     let stsd = path(trak, &[b"mdia", b"minf", b"stbl", b"stsd"]).and_then(|stsd| stsd.get(8..));
@@ -181,7 +182,8 @@ fn demerits(trak: &[u8]) -> u8 {
     u8::from(!enabled) + 2 * u8::from(still || single)
 }
 
-/// The shape of a pixel where the track's head states sides (in 1/65536 of a pixel) of another ratio than the pictures have.
+/// The shape of a pixel, if the sides in the track's header (in 1/65536 of a pixel) have another ratio than the
+/// pictures.
 fn stretched(tkhd: &[u8], (width, height): (u16, u16)) -> Option<Aspect> {
     let [wide, high] = rows_at::<2>(tkhd, if tkhd.first() == Some(&1) { 88 } else { 76 }).next()?;
     let (over, under) = (u64::from(wide) * u64::from(height), u64::from(high) * u64::from(width));
@@ -212,7 +214,7 @@ fn track_head(tkhd: &[u8]) -> Option<(u32, u8)> {
     ))
 }
 
-/// The frames of a file that is not fragmented; beside them what the tables fail to say.
+/// The frames of a file without fragments, with the gaps in its tables.
 fn sample_table(stbl: &[u8], len: u64) -> Decoded<(Vec<Sample>, Option<String>)> {
     let Some(stsz) = child(stbl, b"stsz") else {
         return Err(DecodeError::Unsupported("an index without sample sizes (box \"stsz\")".into()));
@@ -330,7 +332,7 @@ fn fragments(
     Ok(())
 }
 
-/// Takes memory for so many frames more, where there may be as much.
+/// Reserves memory for so many more frames, within the limit.
 fn make_room(samples: &mut Vec<Sample>, more: u32) -> foveate_base::Result<()> {
     let (frames, more) = (samples.len() + more as usize, more as usize);
     if frames > samples.capacity() {
@@ -340,7 +342,7 @@ fn make_room(samples: &mut Vec<Sample>, more: u32) -> foveate_base::Result<()> {
     Ok(())
 }
 
-/// Hides what the edit list leaves out; all of it shown where nothing would be left.
+/// Hides the frames that the edit list removes; shows all if none would remain.
 fn edit(samples: &mut [Sample], elst: &[u8], scale: u32, movie_scale: u32) -> Decoded<()> {
     let long = elst.first() == Some(&1);
     let wide = |high: u32, low: u32| (u64::from(high) << 32 | u64::from(low)) as i64;

@@ -58,7 +58,7 @@ struct Group {
     bits: Option<f64>,
 }
 
-/// A group that is being coded, or was: where there are no threads it is at once.
+/// A group that is being encoded or is done; without threads it is done at once.
 enum Coding {
     Thread(JoinHandle<Coded>),
     Done(Coded),
@@ -71,15 +71,15 @@ impl Mp4Writer {
     /// Starts a video that will be `path`, of about `rate` frames a second. Odd sides are padded by one column or row.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where a side is 0, the picture is larger than H.264 allows, or the rate is not
-    /// above 0 and below 4 million; [`Error::Io`] where the folder cannot be written.
+    /// [`Error::Invalid`] if a side is 0, the picture is larger than H.264 allows, or the rate is not above 0 and
+    /// below 4 million; [`Error::Io`] if the folder is not writable.
     pub fn create(path: impl AsRef<Path>, width: usize, height: usize, rate: f64) -> Result<Self> {
         let path = path.as_ref();
         let timescale = Self::check(path, width, height, rate)?;
         Self::begin(Sink::create(path)?, width, height, timescale)
     }
 
-    /// The same into something else than a file of its own; `name` stands for it in errors.
+    /// The same into any writer; errors call it `name`.
     ///
     /// # Errors
     /// As [`Mp4Writer::create`].
@@ -127,8 +127,8 @@ impl Mp4Writer {
         })
     }
 
-    /// Aims at this bit rate, bits a second: where the finest quantiser would need more, a coarser one is taken, down to a bound.
-    /// Without an aim, or one that is not above 0, the finest quantiser is taken.
+    /// Sets a target bit rate, bits a second: if the finest quantiser exceeds it, a coarser one is used, down to a
+    /// bound. Without a positive target the finest quantiser is used.
     #[must_use]
     pub fn aiming_at(self, bit_rate: Option<f64>) -> Self {
         let rate = f64::from(self.timescale) / f64::from(UNITS);
@@ -139,8 +139,8 @@ impl Mp4Writer {
     /// Times keep a millionth of a second; a frame whose time does not rise is shown for one unit of the file's clock.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where its size is not that of the video, or the time no number; [`Error::Io`] where an earlier one
-    /// cannot be written.
+    /// [`Error::Invalid`] if its size is not that of the video or the time is NaN; [`Error::Io`] if an earlier
+    /// picture cannot be written.
     pub fn push(&mut self, image: &Image, time: f64) -> Result<()> {
         if (image.width(), image.height()) != (self.width, self.height) {
             return Err(Error::Invalid(format!(
@@ -164,10 +164,10 @@ impl Mp4Writer {
         Ok(())
     }
 
-    /// Writes what is left and gives the file its name. A video needs a frame: without one there is no file.
+    /// Writes the remaining frames and renames the file to its final name. Without a frame there is no file.
     ///
     /// # Errors
-    /// [`Error::Io`] where the file cannot be written; nothing is left behind then.
+    /// [`Error::Io`] if the file cannot be written; no partial file is left.
     pub fn finish(mut self) -> Result<()> {
         self.start_group()?;
         while let Some(group) = self.busy.pop_front() {
@@ -182,7 +182,7 @@ impl Mp4Writer {
         self.sink.finish()
     }
 
-    /// Sends the group to be coded; writes the oldest where as many as there are threads are under way.
+    /// Submits the group for encoding, and writes the oldest one if one is in progress on every thread.
     fn start_group(&mut self) -> Result<()> {
         let frames = std::mem::take(&mut self.group);
         if frames.is_empty() {
@@ -261,7 +261,7 @@ fn refused(problem: String) -> Error {
     Error::Invalid(format!("the annotated video: {problem}"))
 }
 
-/// [`encode`], where a panic of the encoder is an error too.
+/// [`encode`] with panics of the encoder turned into errors.
 fn coded(frames: Vec<Yuv>, quantiser: u8) -> Coded {
     quiet::catch(|| encode(frames, quantiser)).unwrap_or_else(|panic| Err(format!("the encoder failed ({panic})")))
 }

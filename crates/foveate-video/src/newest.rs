@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use crate::{Frame, FrameSource, Interrupt, Remarks, SourceInfo};
 use foveate_base::{Error, Result, quiet, thread};
 
-/// How often it is asked whether to stop while no frame comes.
+/// Interval of the calls of `stop` while no frame arrives.
 const PATIENCE: Duration = Duration::from_millis(50);
 
 /// What becomes of frames that come while the tracker is busy.
@@ -65,7 +65,7 @@ impl Shared {
     }
 }
 
-/// The frames of `source` as they come, read on a thread of their own, until `stop` says so.
+/// The newest frames of `source`, read on a separate thread until `stop` returns true.
 pub fn newest(
     mut source: Box<dyn FrameSource>,
     pace: Pace,
@@ -99,7 +99,7 @@ pub fn newest(
     (Box::new(newest), meter)
 }
 
-/// Puts a frame into the slot; false where nobody waits any more.
+/// Puts a frame into the slot; false if the reader is gone.
 fn put(shared: &Shared, frame: (Frame, Instant), wait: bool, meter: &Meter) -> bool {
     let mut slot = shared.slot();
     while wait && slot.frame.is_some() && !shared.gone.load(Ordering::Relaxed) {

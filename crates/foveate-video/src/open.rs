@@ -1,4 +1,4 @@
-//! A path to a source of frames, by what the path is.
+//! Opens a source of frames by the kind of its path.
 
 use std::fs::File;
 use std::io::{BufReader, Read};
@@ -16,12 +16,13 @@ use foveate_base::{Error, Result};
 /// Videos that begin as a picture does, by how their names end.
 const MOVING: [&str; 3] = ["mjpeg", "mjpg", "apng"];
 
-/// Opens a folder of images, a numbered pattern of images (`frame%04d.png`), a video file, or one image (a source of one frame), told apart by content; what ends in `.mjpeg`, `.mjpg`
-/// or `.apng` is a video. `-` is standard input; it, a fifo and a file `.y4m` are read as yuv4mpeg.
+/// Opens a folder of images, a numbered pattern of images (`frame%04d.png`), a video file, or one image (a source of
+/// one frame). The content decides; files with the endings `.mjpeg`, `.mjpg` and `.apng` are videos. `-` is standard
+/// input. Standard input, a fifo and a file `.y4m` are read as yuv4mpeg.
 ///
 /// # Errors
-/// Where nothing is there, the folder has no images, the file is empty or of a kind that cannot be
-/// read; each names the path, what was expected and what to do.
+/// The path does not exist, the folder has no images, or the file is empty or of an unsupported kind. Each error has
+/// the path, the expectation and the remedy.
 pub fn open(path: impl AsRef<Path>) -> Result<Box<dyn FrameSource>> {
     open_with(path, &Options::default())
 }
@@ -29,7 +30,7 @@ pub fn open(path: impl AsRef<Path>) -> Result<Box<dyn FrameSource>> {
 /// [`open`], with a decoder of choice, on which the frames do not depend, or from bare pixels.
 ///
 /// # Errors
-/// As [`open`], and where the decoder chosen cannot read it.
+/// As [`open`], and if the chosen decoder cannot read it.
 pub fn open_with(path: impl AsRef<Path>, options: &Options) -> Result<Box<dyn FrameSource>> {
     let path = path.as_ref();
     if path == Path::new("-") {
@@ -87,7 +88,7 @@ fn is_animated(file: &mut File) -> bool {
     at(b"acTL").is_some_and(|animated| at(b"IDAT").is_none_or(|picture| animated < picture))
 }
 
-/// Raw video, of which `read` was read already, and of which there are so many bytes where that is known.
+/// Raw video, with the bytes `read` that were already read, and its number of bytes if known.
 fn piped(
     name: PathBuf,
     file: impl Read + Send + 'static,
@@ -102,7 +103,7 @@ fn piped(
     }))
 }
 
-/// How many bytes standard input still has, where it is a file.
+/// The number of bytes left in standard input, if it is a file.
 fn unread_input() -> Option<u64> {
     #[cfg(unix)]
     {

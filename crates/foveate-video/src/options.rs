@@ -6,8 +6,8 @@ use std::time::Duration;
 /// What decodes a video file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Decoder {
-    /// The program ffmpeg where it is installed and faster for the file, else the decoders of this library, and ffmpeg again for
-    /// what these cannot read.
+    /// ffmpeg if it is installed and faster for the file, otherwise the decoders of this library, and ffmpeg again
+    /// for files that these cannot read.
     #[default]
     Auto,
     /// The decoders of this library alone: H.264 in MP4.
@@ -29,9 +29,9 @@ pub struct Options {
     pub decoder: Decoder,
     /// The program ffmpeg: a path, or a name to be found as programs are.
     pub ffmpeg: PathBuf,
-    /// The source is bare pixels of this size. `None`: it says itself what it is.
+    /// Size of raw pixels. `None` if the source has a header.
     pub raw: Option<Raw>,
-    /// Is called with a line of text where the first frame gives reason to doubt what was asked for.
+    /// Called with a line of text if the first frame suggests wrong options.
     pub notify: fn(&str),
 }
 
@@ -81,7 +81,7 @@ impl Default for Options {
 pub struct LiveOptions {
     /// The program ffmpeg: a path, or a name to be found as programs are.
     pub ffmpeg: PathBuf,
-    /// Wait at the address for a sender, in the place of asking one there.
+    /// Whether to listen at the address for a sender instead of connecting to it.
     pub listen: bool,
     /// How long to try to open it again after it broke off, or to wait for another sender; zero does not try.
     pub reconnect: Duration,

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use crate::folder::is_image;
 use foveate_base::{Error, Result};
 
-/// The files of a pattern, by number: `%d` stands for a number, `%04d` for one of at least four digits with zeros in front. `None`
-/// where the path is no pattern, or a file has this very name.
+/// The files of a pattern, by number: `%d` is a number, `%04d` one of at least four digits with leading zeros. `None`
+/// if the path is no pattern or a file has exactly this name.
 ///
 /// # Errors
 /// Where the folder cannot be read, has no file of the pattern, or a number is missing between the first and the last.
@@ -46,7 +46,7 @@ pub fn files(path: &Path) -> Result<Option<Vec<PathBuf>>> {
     Ok(Some(found.into_iter().map(|(_, file)| file).collect()))
 }
 
-/// What is before the number, its least count of digits, and what is after it.
+/// The part before the number, its least number of digits, and the part after it.
 fn parts(name: &str) -> Option<(&str, usize, &str)> {
     let (before, rest) = name.split_once('%')?;
     let (digits, after) = rest.split_once('d')?;

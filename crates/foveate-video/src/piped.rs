@@ -30,7 +30,7 @@ enum Kind {
     Raw(Bytes, Raw, Vec<u8>),
 }
 
-/// What frames a second are taken to be where nobody says.
+/// Default frames a second.
 const RATE: f64 = 30.0;
 
 impl Piped {
@@ -51,8 +51,8 @@ impl Piped {
         Ok(Self { name, info, remarks, kind: Some(Kind::Y4m(stream)), next: 0, notify: |_| () })
     }
 
-    /// Bare pixels, row by row, frame after frame; of so many bytes, where their number is known. `notify` learns where the first
-    /// picture looks as if it had another width.
+    /// Raw pixels, row by row, frame after frame; `bytes` in all, if known. Calls `notify` if the first picture seems
+    /// to have another width.
     ///
     /// # Errors
     /// Where the size is none, or the bytes are no whole number of frames.

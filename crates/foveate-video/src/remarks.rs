@@ -1,4 +1,4 @@
-//! What a source found in its video that people should know of, beside its frames.
+//! Remarks of a source on its video, for people.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -9,12 +9,12 @@ pub struct Remarks(Arc<Mutex<Found>>);
 
 #[derive(Debug, Default)]
 struct Found {
-    /// Stored sides, and those shown, where pixels are not square.
+    /// Stored and displayed sides, if pixels are not square.
     sides: Option<[(usize, usize); 2]>,
     /// Damaged frames, counted from 1, and what the decoder reported of the first.
     damaged: BTreeSet<usize>,
     report: String,
-    /// Frames whose time stamp does not rise, and the first of them.
+    /// Number of frames with a time stamp that does not rise, and the first of them.
     untimed: u64,
     first_untimed: usize,
 }

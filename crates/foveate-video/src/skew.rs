@@ -4,18 +4,18 @@ use foveate_core::scene::Image;
 
 /// Pairs of pixels that are compared for each width, at most.
 const SAMPLES: usize = 4096;
-/// Rows fit together where neighbours differ by less than this on average, in grey levels.
+/// Rows match if neighbours differ by less than this on average, in grey levels.
 const FITS: f64 = 2.0;
-/// Another width is better where neighbours differ by less than this part.
+/// Another width is better if neighbours differ by less than this fraction.
 const PART: f64 = 0.5;
-/// It is the width of a row where neighbours differ by less than this part of what they differ by beside it.
+/// A width is that of a row if neighbours differ by less than this fraction of the difference at nearby widths.
 const NEAR: f64 = 0.8;
 
 /// So many pixels beside the width of a row, pixels fit together less well.
 const BESIDE: usize = 4;
 
-/// The width at which the pixels of a picture fit together far better than at its own, where there is one from half of it to 1.7 times
-/// as wide. Pictures of diagonal stripes look the same as skewed ones.
+/// The width, from half to 1.7 times the given one, at which rows of a picture match far better, if any. Diagonal
+/// stripes look like skewed pictures.
 pub(crate) fn better_width(image: &Image) -> Option<usize> {
     let (width, pixels) = (image.width(), &image.bytes()[..image.width() * image.height()]);
     let (narrowest, widest) = (width.div_ceil(2), width * 17 / 10);

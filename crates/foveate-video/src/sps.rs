@@ -1,5 +1,5 @@
-//! The part of an H.264 sequence parameter set that the decoders keep to themselves: the size of the
-//! picture, where it is cropped, the shape of a pixel, and how colours are coded (ITU-T H.264, 7.3.2.1.1 and E.1.1).
+//! The part of an H.264 sequence parameter set that the decoders do not expose: picture size, cropping, pixel shape
+//! and colour coding (ITU-T H.264, 7.3.2.1.1 and E.1.1).
 
 use crate::aspect::Aspect;
 
@@ -9,19 +9,19 @@ pub(super) struct Sps {
     /// Width and height of the shown picture in pixels.
     pub width: usize,
     pub height: usize,
-    /// The same as coded, in whole blocks, before anything is cropped: what decoders take memory for.
+    /// The coded size, in whole blocks, before cropping: the size that decoders allocate.
     pub coded: (usize, usize),
     /// Whether pixels are cropped away at the left or the top.
     pub cropped_before: bool,
-    /// Matrix coefficients as in table E-5, where given; 2 is "unspecified".
+    /// Matrix coefficients of table E-5, if present; 2 is "unspecified".
     pub matrix: Option<u16>,
     /// Samples use 0 to 255, not 16 to 235.
     pub full_range: bool,
-    /// Width over height of a pixel, where stated.
+    /// Width over height of a pixel, if present.
     pub aspect: Option<Aspect>,
 }
 
-/// Reads a NAL unit of type 7, with its head byte. `None` where it is cut off or makes no sense.
+/// Reads a NAL unit of type 7, with its header byte. `None` if it is truncated or invalid.
 pub(super) fn parse(nal: &[u8]) -> Option<Sps> {
     let payload = nal.get(1..)?;
     let mut rbsp = Vec::with_capacity(payload.len());

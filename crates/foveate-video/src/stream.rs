@@ -17,7 +17,7 @@ use crate::yuv::{Colour, Yuv};
 use foveate_base::memory;
 use foveate_core::scene::Image;
 
-/// Bytes that can be read at any place: a file, or what stands for one.
+/// Bytes with random access: a file or its equivalent.
 pub trait Bytes: Read + Seek + Send {}
 impl<T: Read + Seek + Send> Bytes for T {}
 
@@ -35,7 +35,7 @@ pub(super) struct Mp4 {
     decoder: Decoder,
     aspect: Aspect,
     remarks: Remarks,
-    /// Samples in the order of presentation, and the place of each sample in it, where it is shown.
+    /// Samples in the order of presentation, and the position of each shown sample in it.
     order: Vec<u32>,
     rank: Vec<Option<u32>>,
     /// How many places of the order are done, and how many samples are decoded.
@@ -45,7 +45,7 @@ pub(super) struct Mp4 {
     bytes: Vec<u8>,
     /// The first sample needs others that are not there (an open group of pictures).
     open: bool,
-    /// ffmpeg, where it decodes in the place of our own decoders, and the samples that it gives next, in order.
+    /// ffmpeg, if it decodes instead of our own decoders, and its next samples in order.
     fed_out: Option<(Feed, std::vec::IntoIter<u32>)>,
 }
 
@@ -135,7 +135,7 @@ impl Mp4 {
         Ok(())
     }
 
-    /// The next picture that ffmpeg gives; where it stops early, our own decoders go on.
+    /// The next picture from ffmpeg; if it stops early, our own decoders continue.
     fn fed(&mut self) -> Option<(Yuv, f64)> {
         let (feed, order) = self.fed_out.as_mut()?;
         let rank = &self.rank;
@@ -153,7 +153,8 @@ impl Mp4 {
         None
     }
 
-    /// Starts again with the decoder that knows more, up to the frames that are out. False where it is that one.
+    /// Restarts with the decoder that supports more, up to the frames already returned. False if it is already in
+    /// use.
     pub fn widen(&mut self) -> bool {
         let wide = match self.decoder {
             Decoder::Rusty(_) => Decoder::wide(&self.setup).ok(),
@@ -187,7 +188,7 @@ impl Mp4 {
         if self.fed_out.is_some() { "H.264 (ffmpeg)" } else { self.decoder.name() }
     }
 
-    /// Mean frames a second; 30 where the times do not tell.
+    /// Mean frames a second; 30 if unknown from the times.
     pub fn rate(&self) -> f64 {
         let last = self.order.last().map_or(0.0, |&last| self.time(last));
         if last > 0.0 { (self.order.len() - 1) as f64 / last } else { 30.0 }
@@ -198,7 +199,7 @@ impl Mp4 {
         Some(next.and_then(|(yuv, time)| Ok((self.image(&yuv)?, time))))
     }
 
-    /// A picture as it is shown: in the video's colours, of square pixels, turned as it says.
+    /// A picture as displayed: in the video's colours, with square pixels and rotation.
     ///
     /// # Errors
     /// It would be too large.
@@ -221,12 +222,13 @@ impl Mp4 {
         &self.movie.avcc
     }
 
-    /// The samples in decoding order, and of each its place in the order of presentation, where it is shown.
+    /// The samples in decoding order, each with its position in the order of presentation, if shown.
     pub fn samples(&self) -> impl Iterator<Item = (&Sample, Option<u32>)> {
         self.movie.samples.iter().zip(self.rank.iter().copied())
     }
 
-    /// Seconds of a place in the order of presentation, from the first frame shown; `None` where there is none.
+    /// Time in seconds of a position in the order of presentation, from the first shown frame; `None` if there is no
+    /// such position.
     pub fn time_of(&self, place: usize) -> Option<f64> {
         self.order.get(place).map(|&sample| self.time(sample))
     }
@@ -266,7 +268,7 @@ impl Mp4 {
         mp4::read_at(&mut self.file, sample.offset, &mut self.bytes)
     }
 
-    /// The number of the frame that a sample becomes, from 1; 1 where it is not shown.
+    /// The frame number of a sample, from 1; 1 if it is not shown.
     fn number(&self, sample: usize) -> usize {
         self.rank[sample].map_or(1, |place| place as usize + 1)
     }
@@ -290,7 +292,7 @@ impl Mp4 {
     }
 }
 
-/// Fails where there may not be memory for a coded frame of so many bytes.
+/// Fails if a coded frame of so many bytes exceeds the memory limit.
 fn may_be_held(size: u32) -> foveate_base::Result<()> {
     memory::check(format_args!("a coded frame of {size} bytes"), size.into())
 }

@@ -1,8 +1,8 @@
 //! Pictures cut into tiles at several resolutions, of which only those are decoded that are looked at.
 //!
-//! A folder a frame, whose name is its number; in it a folder a level, `0` the picture itself, `1` half of it, and so on; in that a PNG or JPEG file a tile,
-//! `COLUMN_ROW.png`, counted from 0. All tiles of a level are as large as its first but those at the right and the bottom.
-//! [`write_tiles`] makes such a folder.
+//! One folder a frame, named by its number. In it one folder a level: `0` is the picture itself, `1` half its size,
+//! and so on. In that one PNG or JPEG file a tile, `COLUMN_ROW.png`, counted from 0. All tiles of a level have the
+//! size of the first, except those at the right and the bottom. [`write_tiles`] writes such a folder.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use foveate_base::{Error, Result, files, memory};
 use foveate_core::scene::Image;
 use foveate_core::scene::sensor::{Regions, Window};
 
-/// Frames a second of a folder, which does not say.
+/// Frames a second of a folder, which has no rate.
 const RATE: f64 = 30.0;
 /// The most levels that are looked for.
 const LEVELS: usize = 16;
@@ -27,7 +27,7 @@ pub struct TileFolder {
     shape: [usize; 3],
     /// Tile sizes of the levels.
     tiles: Vec<(usize, usize)>,
-    /// So many times its sides are halved for those who read it.
+    /// Number of times that its sides are halved for readers.
     halvings: usize,
 }
 
@@ -88,8 +88,8 @@ impl TileFolder {
         let folders = std::fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
         folders.filter(|path| is_frame(path)).any(|frame| file(&frame, 0, (0, 0)).is_some())
     }
-    /// Its frames in order, with number and time but pictures of one pixel: what is looked at comes from [`TileFolder::frame`]. The
-    /// first one is an error where there is no memory for a picture of the size that is read, which trackers paint.
+    /// Its frames in order, with number and time but pictures of one pixel: pixels come from [`TileFolder::frame`].
+    /// The first one is an error if a picture of the read size, which trackers fill, exceeds the memory limit.
     pub fn frames(&self) -> TileFrames {
         let [width, height, _] = self.served();
         let reader = format!("tiles of {} x {} at {} resolutions", self.tiles[0].0, self.tiles[0].1, self.tiles.len());
@@ -147,7 +147,7 @@ impl Regions for Tiles<'_> {
     fn shape(&self) -> [usize; 3] {
         self.folder.served()
     }
-    /// From the coarsest level whose pixels are no larger than the bins. All values of a tile that was not decoded before count.
+    /// Reads the coarsest level with pixels no larger than the bins. All values of a newly decoded tile count.
     fn read(&self, window: Window, out: &mut [u8]) -> Result<usize> {
         let [width, height, planes] = self.folder.shape;
         let halvings = self.folder.halvings;
@@ -202,7 +202,7 @@ impl Regions for Tiles<'_> {
     }
 }
 
-/// Whether this is the folder of a frame, whose name is a number. Others may lie beside them.
+/// Whether this is the folder of a frame: its name is a number. Other folders are ignored.
 fn is_frame(path: &Path) -> bool {
     let name = path.file_name().unwrap_or_default().as_encoded_bytes();
     !name.is_empty() && name.iter().all(u8::is_ascii_digit) && path.is_dir()

@@ -10,7 +10,8 @@ pub(super) struct Timing {
     pub runs: Vec<(u32, u32)>,
 }
 
-/// Units a second where frames last differently long: the usual one, in which milliseconds are whole, else microseconds.
+/// Units a second for frames of varying duration: the usual one, in which milliseconds are integers, otherwise
+/// microseconds.
 const SCALES: [u32; 2] = [90_000, 1_000_000];
 /// Times that are nearer than this, in seconds, are equal.
 const NEAR: f64 = 1e-6;

@@ -9,12 +9,12 @@ use foveate_core::geometry::BBox;
 /// Width and height of a mask may be this at most, in pixels.
 const WIDEST: u64 = 65_535;
 
-/// The box of a region: a rectangle `x,y,w,h`, the axis-aligned box about a polygon `x,y,x,y,x,y,...`, as vot-toolkit converts it
-/// (from the least to the largest coordinate), or the box about the pixels of a mask (`m` in files, `mask:` in TraX).
-/// `None` for a code (one number), where a number is NaN, and for a mask without a pixel: no box there.
+/// The box of a region: a rectangle `x,y,w,h`, the axis-aligned box about a polygon `x,y,x,y,x,y,...`, as vot-toolkit
+/// converts it (from the least to the largest coordinate), or the box about the pixels of a mask (`m` in files,
+/// `mask:` in TraX). `None`, which is no box, for a code (one number), a NaN, and an empty mask.
 ///
 /// # Errors
-/// In words, where it is none of these.
+/// A text if it is none of these.
 pub fn parse_region(text: &str) -> std::result::Result<Option<BBox>, String> {
     let word = text.trim_start();
     if let Some(runs) = word.strip_prefix("mask:").or_else(|| word.strip_prefix('m')) {
@@ -47,8 +47,9 @@ pub fn parse_region(text: &str) -> std::result::Result<Option<BBox>, String> {
     }
 }
 
-/// The box about the pixels of a mask `x,y,w,h,run,run,...`: the runs are, row by row in the rectangle, numbers of pixels that
-/// alternately are not and are of the target; what follows the last one is not. `None` where no pixel is.
+/// The box about the pixels of a mask `x,y,w,h,run,run,...`. The runs are numbers of pixels, row by row in the
+/// rectangle, alternately outside and inside the target; pixels after the last run are outside. `None` for an empty
+/// mask.
 ///
 /// A mask of one pixel has a box of 1 x 1. No picture is made of it, so that a large one costs nothing.
 fn mask(text: &str) -> std::result::Result<Option<BBox>, String> {
@@ -90,7 +91,7 @@ fn mask(text: &str) -> std::result::Result<Option<BBox>, String> {
     }))
 }
 
-/// The boxes of a `groundtruth.txt`, a region a line; `None` where there is none, or it has no area.
+/// The boxes of a `groundtruth.txt`, one region a line; `None` for frames without a box or area.
 ///
 /// # Errors
 /// The file cannot be read, a line is no region (the error names it), or no frame has a box.
@@ -112,7 +113,7 @@ pub fn parse_truth(text: &str, path: &Path) -> Result<Vec<Option<BBox>>> {
     })
 }
 
-/// The text of boxes: `x,y,w,h` a line, `nan,nan,nan,nan` where there is none.
+/// The text of boxes: `x,y,w,h` a line, `nan,nan,nan,nan` for a frame without a box.
 pub fn format_truth(truth: &[Option<BBox>]) -> String {
     let line =
         |b: &Option<BBox>| b.map_or("nan,nan,nan,nan\n".into(), |BBox { x, y, w, h }| format!("{x},{y},{w},{h}\n"));

@@ -1,6 +1,6 @@
 //! yuv4mpeg: raw video with one line of text before it and before every frame (`YUV4MPEG2 W360 H240 F30:1 C420 XCOLORRANGE=LIMITED`).
 //!
-//! What it says cannot be forged by what the pictures show: a frame is as long as the first line says.
+//! The content of pictures cannot forge headers: the first line fixes the length of a frame.
 
 use std::io::{ErrorKind, Read};
 
@@ -15,20 +15,20 @@ pub(crate) const MAGIC: &[u8] = b"YUV4MPEG2 ";
 const MOST_LINE: usize = 1024;
 const TODO: &str = "write it with `ffmpeg -i IN -fps_mode passthrough -pix_fmt yuv420p -f yuv4mpegpipe -`";
 
-/// What the first line says.
+/// The content of the first line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Head {
     pub width: usize,
     pub height: usize,
-    /// Frames a second, where it says so.
+    /// Frames a second, if present.
     pub rate: Option<f64>,
-    /// Width and height of the chroma planes; none where it is grey.
+    /// Width and height of the chroma planes; `None` if grey.
     chroma: Option<(usize, usize)>,
     /// Bits a sample, 8 to 16.
     depth: u32,
-    /// Samples use the full range, where it says so. Grey that says nothing does: so write the programs that write it.
+    /// Whether samples use the full range. Grey without a statement does, as programs write it.
     pub full_range: Option<bool>,
-    /// The shape of a pixel; square where it does not say.
+    /// The shape of a pixel; square by default.
     pub aspect: Aspect,
 }
 
@@ -40,7 +40,7 @@ pub(crate) struct Y4m<R> {
 }
 
 impl<R: Read> Y4m<R> {
-    /// Reads the first line. `read` are bytes that were read of the stream before, to see what it is.
+    /// Reads the first line. `read` are the bytes already read to detect the format.
     pub fn new(mut reader: R, read: &[u8]) -> Decoded<Self> {
         let mut first = read.to_vec();
         let ended = line(&mut reader, &mut first);
@@ -101,7 +101,7 @@ impl<R: Read> Y4m<R> {
     }
 }
 
-/// Reads a line, without its end, into `line`, which has begun with bytes read before; false where the stream has ended.
+/// Reads a line, without its end, into `line` after the bytes already there; false at the end of the stream.
 fn line(reader: &mut impl Read, line: &mut Vec<u8>) -> Decoded<bool> {
     let mut byte = [0];
     loop {

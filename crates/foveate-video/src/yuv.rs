@@ -11,7 +11,7 @@ use foveate_core::scene::Image;
 pub(crate) struct Yuv {
     pub width: usize,
     pub height: usize,
-    /// Width and height of `u` and `v`: those of the picture, or half of them, rounded up; 0 where it is grey.
+    /// Width and height of `u` and `v`: those of the picture, or half of them, rounded up; 0 if grey.
     pub chroma: (usize, usize),
     pub y: Vec<u8>,
     pub u: Vec<u8>,
@@ -28,7 +28,7 @@ pub(crate) struct Colour {
 }
 
 impl Colour {
-    /// From H.264's matrix coefficients (table E-5), and the size where they are missing or unspecified.
+    /// From H.264's matrix coefficients (table E-5), or from the size if they are missing or unspecified.
     pub fn new(matrix: Option<u16>, full_range: bool, width: usize, height: usize) -> Self {
         let (kr, kb) = match matrix {
             Some(1) => (0.2126, 0.0722),
@@ -46,14 +46,14 @@ impl Colour {
         self.kr == 0.2126
     }
 
-    /// Luma offset, and what a step of luma and of chroma is worth, of 255 steps.
+    /// Luma offset, and the scale of luma and chroma to 255 levels.
     fn steps(&self) -> (f64, f64, f64) {
         if self.full_range { (0.0, 1.0, 1.0) } else { (16.0, 255.0 / 219.0, 255.0 / 224.0) }
     }
 }
 
 impl Yuv {
-    /// Whether the planes have the lengths their sizes say.
+    /// Whether the lengths of the planes fit their sizes.
     pub fn is_valid(&self) -> bool {
         let n = self.chroma.0 * self.chroma.1;
         let side = |full: usize, part: usize| part == full || part == full.div_ceil(2);
@@ -69,7 +69,7 @@ impl Yuv {
         self.chroma == (0, 0)
     }
 
-    /// Red, green and blue planes; one plane where it is grey. Panics if the picture is not valid.
+    /// Red, green and blue planes; one plane if grey. Panics if the picture is not valid.
     pub fn to_rgb(&self, colour: Colour) -> Image {
         assert!(self.is_valid(), "the planes of a decoded picture have the sizes it states");
         let (black, luma, chroma) = colour.steps();
@@ -112,8 +112,8 @@ impl Yuv {
         Image::new(width, self.height, 3, data).expect("three planes of the size of luma")
     }
 
-    /// A picture of even sides (the last column and row are repeated where the image's are odd), half-size
-    /// chroma, limited range; grey images have neutral chroma.
+    /// A picture of even sides (the last column and row repeat if a side is odd), half-size chroma, limited range;
+    /// grey images have neutral chroma.
     pub fn from_image(image: &Image, colour: Colour) -> Self {
         let (black, luma, chroma) = colour.steps();
         let (kr, kb) = (colour.kr, colour.kb);

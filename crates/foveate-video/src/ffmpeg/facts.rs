@@ -10,7 +10,7 @@ use super::input::Input;
 /// What is known of a video before it is decoded.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Facts {
-    /// The number of the stream that is the video; `None` where ffprobe is not there or knows none.
+    /// The number of the video stream; `None` if ffprobe is missing or finds none.
     pub stream: Option<usize>,
     /// The file has sound and no video.
     pub sound: bool,
@@ -31,7 +31,7 @@ const FIELDS: &str = "stream=index,codec_type,codec_name,width,height,pix_fmt,co
 const PICTURES: [&str; 8] = ["mjpeg", "png", "bmp", "gif", "webp", "tiff", "jpeg2000", "jpegls"];
 
 impl Facts {
-    /// Asks the ffprobe that lies beside the ffmpeg; nothing is known where it is not there.
+    /// Runs the ffprobe beside the ffmpeg. Without it all facts are unknown.
     pub fn ask(program: &Path, input: &Input) -> Self {
         let found = Command::new(probe(program))
             .args(["-v", "quiet"])
@@ -86,7 +86,7 @@ impl Facts {
 
 type Section<'a> = BTreeMap<&'a str, &'a str>;
 
-/// The streams by number, and what is reported of the file. A stream that stands in a program, too, counts once.
+/// The streams by number, and the remarks on the file. A stream that is also in a program counts once.
 fn sections(text: &str) -> (BTreeMap<usize, Section<'_>>, Section<'_>) {
     let (mut streams, mut format, mut now): (BTreeMap<usize, Section<'_>>, _, _) = Default::default();
     for line in text.lines() {
@@ -110,7 +110,7 @@ fn is_cover(video: &Section<'_>) -> bool {
     marks.iter().any(|mark| video.get(mark) == Some(&"1"))
 }
 
-/// What speaks against a stream, where there are others: that it is a cover or thumbnails; less, that it is not the default.
+/// Penalty of a stream in the choice of the video: high for covers and thumbnails, lower if it is not the default.
 fn demerits(video: &Section<'_>) -> u8 {
     let pictures = video.get("codec_name").is_some_and(|name| PICTURES.contains(name));
     let default = video.get("DISPOSITION:default") == Some(&"1");

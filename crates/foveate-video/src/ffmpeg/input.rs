@@ -1,4 +1,4 @@
-//! What ffmpeg opens, and what it may open for it.
+//! The input of ffmpeg, and the protocols and formats it may use.
 
 use std::borrow::Cow;
 use std::ffi::OsString;

@@ -29,7 +29,7 @@ const CUT: [&str; 8] = [
 ];
 /// The length of a transfer that has none: its end is no cut.
 const NO_LENGTH: &str = "should be 18446744073709551615";
-/// What it logs where our filter for the size refuses a picture.
+/// The log line if our size filter refuses a picture.
 const RESIZED: &str = "evaluating the expression 'if(eq(iw,";
 /// What it logs of a frame that it makes up in part.
 const CORRUPT: [&str; 2] = ["corrupt decoded frame", "corrupt input packet"];
