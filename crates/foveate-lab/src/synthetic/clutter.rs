@@ -65,7 +65,7 @@ impl Default for Clutter {
     }
 }
 
-/// A video made of [`Clutter`] and digits: what is needed to draw any of its frames.
+/// A video of [`Clutter`] and digits that can draw any of its frames.
 #[derive(Clone, Debug)]
 pub struct ClutterVideo {
     settings: Clutter,

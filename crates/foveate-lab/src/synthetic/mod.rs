@@ -1,7 +1,7 @@
 //! Synthetic digit videos with known truth: [`Clutter`] and [`Multi`] (section 6.1), [`Occlusion`] (section 6.2).
 //!
-//! A video is settings and a few small pictures; frame `t` depends on the settings and `t` alone, so that any
-//! frame can be drawn without the others, and what is drawn does not depend on who asks.
+//! A video is settings and a few small pictures. Frame `t` depends on the settings and `t` alone, so any frame can be
+//! drawn without the others.
 
 mod clutter;
 mod multi;
@@ -69,7 +69,7 @@ pub enum Synthetic {
 }
 
 impl Synthetic {
-    /// Draws what the frames are made of. Fails as [`Clutter::video`] and [`Occlusion::video`] do.
+    /// Draws the random parts of the frames. Fails as [`Clutter::video`] and [`Occlusion::video`] do.
     pub fn video(&self, digits: &Digits) -> Result<Box<dyn Drawn>> {
         Ok(match self {
             Self::Clutter(settings) => Box::new(settings.video(digits)?),
@@ -135,21 +135,21 @@ impl<V: Drawn> FrameSource for DrawnFrames<V> {
     }
 }
 
-/// How a digit covers what lies below it.
+/// How a digit covers the pixels below it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Ink {
-    /// Pixels with ink replace what lies below, black ones are transparent: the authors' way.
+    /// Pixels with ink replace those below, black ones are transparent, as in the authors' code.
     #[default]
     Replace,
     /// The brighter of the two stays: strokes melt into each other.
     Brighter,
-    /// The whole 28 × 28 square replaces what lies below.
+    /// The whole 28 × 28 square replaces the pixels below.
     Opaque,
 }
 
 impl Ink {
-    /// Draws a square digit with its top-left pixel at (x, y) of a canvas, cut where that ends.
+    /// Draws a square digit with its top-left pixel at (x, y) of a canvas, clipped to it.
     fn draw(self, canvas: &mut [u8], width: usize, digit: &[u8], x: usize, y: usize) {
         let side = digit.len().isqrt();
         for (below, ink) in canvas.chunks_exact_mut(width).skip(y).zip(digit.chunks_exact(side)) {
@@ -158,7 +158,7 @@ impl Ink {
             }
         }
     }
-    /// One pixel with ink over what lies below.
+    /// One pixel with ink over the pixel below.
     fn over(self, below: u8, ink: u8) -> u8 {
         match self {
             Self::Replace if ink == 0 => below,

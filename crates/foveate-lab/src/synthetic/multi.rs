@@ -76,7 +76,7 @@ impl Default for Multi {
     }
 }
 
-/// One moving digit: its picture, and where it truly is.
+/// One moving digit: its picture and true states.
 #[derive(Clone, Debug)]
 pub struct Mover {
     /// Its class.
@@ -133,7 +133,7 @@ pub struct MultiVideo {
 }
 
 impl Multi {
-    /// Draws paths, sizes and angles, again and again until there are enough crossings.
+    /// Draws paths, sizes and angles until there are enough crossings.
     ///
     /// # Errors
     /// A setting is out of range, the digits lack a class, or no paths are found in 2000 tries.

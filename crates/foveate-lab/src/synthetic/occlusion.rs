@@ -16,8 +16,9 @@ use foveate_base::rng::{Purpose, Streams};
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 
-/// What makes of the configuration `digits-partial` one whose look is a sharp window of 5 x 5 pixels, a 31st of the digit's box. A smaller
-/// look tells less, so there are more particles, and each look counts for less. As the experiment `budget` of `paper reproduce` has it.
+/// Settings that give the configuration `digits-partial` a sharp window of 5 x 5 pixels, a 31st of the digit's box. A
+/// smaller look carries less evidence, so there are more particles and a flatter likelihood. The experiment `budget`
+/// of the paper's crate uses the same.
 pub const GLIMPSE: [&str; 4] =
     ["particles=2000", "retina.rings=[[5,1]]", "likelihood.sharpness=13", "likelihood.distance.presence.extra=0.7"];
 
@@ -28,7 +29,7 @@ pub enum Corruption {
     /// Black or white take its place, by a coin.
     #[default]
     Replaced,
-    /// It becomes 255 less what it was: much harder, as no hit is harmless.
+    /// It becomes 255 minus its value. This is much harder, because every hit changes the pixel.
     Inverted,
 }
 
@@ -110,8 +111,8 @@ impl Occlusion {
         Ok(OcclusionVideo { settings: self.clone(), target, bars, truth })
     }
 
-    /// Bars upright or level in turn, each about a place of its own stretch of the path; a place where the bar would touch
-    /// the first box is drawn again, and left out after 1000 tries.
+    /// Alternating vertical and horizontal bars, each about a point of its section of the path. A bar that would
+    /// touch the first box is drawn again, and dropped after 1000 attempts.
     fn bars_across(&self, truth: &[BBox], streams: Streams) -> Vec<BBox> {
         let mut rng = streams.rng(1);
         let [short, long] = self.bar.map(|b| (b * self.side) as f64 / SIDE as f64);
@@ -166,12 +167,12 @@ impl OcclusionVideo {
     pub fn bars(&self) -> &[BBox] {
         &self.bars
     }
-    /// Share of the target's box that bars cover in frame `t`, 0 to 1; where bars overlap, counted twice.
+    /// Share of the target's box that bars cover in frame `t`, 0 to 1; overlapping bars count twice.
     pub fn covered(&self, t: usize) -> f64 {
         let truth = &self.truth[t];
         (self.bars.iter().map(|bar| bar.intersection(truth)).sum::<f64>() / (truth.w * truth.h)).min(1.0)
     }
-    /// Fills a box of the canvas, cut where that ends.
+    /// Fills a box of the canvas, clipped to it.
     fn fill(&self, canvas: &mut [u8], area: &BBox, grey: u8) {
         let clip = |from: f64, length: f64, end: usize| {
             let to = (from + length).round().clamp(0.0, end as f64) as usize;
@@ -223,7 +224,7 @@ impl Drawn for OcclusionVideo {
     }
 }
 
-/// A digit at another size, bilinear, its edges where they were.
+/// A digit at another size, bilinear, aligned at its edges.
 fn enlarged(digit: &[u8], side: usize) -> Vec<u8> {
     let step = SIDE as f64 / side as f64;
     let at = |x: usize, y: usize| f64::from(digit[y.min(SIDE - 1) * SIDE + x.min(SIDE - 1)]);

@@ -17,10 +17,10 @@ pub(super) struct Path {
 }
 
 impl Path {
-    /// Upper-left corners of the target: a cubic spline through uniform points, equally sampled in its
-    /// parameter, as long as the speed asks for. A point near a fault of the curve is drawn again: a
-    /// fault is a place off the canvas, a step of 5 px or more (none of the authors' videos has one;
-    /// 2.3 times the mean where that is more), or two points nearer than a tenth of the canvas.
+    /// Upper-left corners of the target: a cubic spline through uniform points, equally sampled in its parameter,
+    /// with a length for the given speed. A point near a fault of the curve is drawn again. Faults are a position off
+    /// the canvas, a step of 5 px or more (none of the authors' videos has one; 2.3 times the mean if that is more),
+    /// and two points nearer than a tenth of the canvas.
     pub fn draw(&self, rng: &mut Rng) -> Result<Vec<[f64; 2]>> {
         const TRIES: usize = 100_000;
         let (room, frames) = (self.room, self.frames);

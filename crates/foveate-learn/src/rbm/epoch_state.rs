@@ -1,6 +1,6 @@
-//! Where a training by mini-batches stands, and in which order its rows come.
+//! Progress of a training by mini-batches, and the order of its rows.
 
-/// What every trainer tells of itself; it has a `recipe` with `epochs`, and an [`EpochState`] called `state`.
+/// The progress of every trainer. It needs a `recipe` with `epochs` and an [`EpochState`] called `state`.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! training_accessors {
@@ -67,7 +67,7 @@ impl EpochState {
             (self.epoch, self.batch) = (self.epoch + 1, 0);
         }
     }
-    /// The error of a training whose numbers are no longer finite.
+    /// The error of a diverged training.
     pub fn diverged(&self, rate: f32) -> Error {
         let epoch = self.epoch + 1;
         Error::Invalid(format!(

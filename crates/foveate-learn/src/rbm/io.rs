@@ -1,7 +1,7 @@
 //! Model files: safetensors (readable from Python), with a JSON text under the metadata key `foveate`.
 //!
-//! That text says the format, the kind, where the model comes from, and a SHA-256 of all the rest, so that a damaged
-//! file is not taken for a model. The same model gives the same bytes.
+//! The metadata have the format, the kind, the origin of the model, and a SHA-256 of the rest, so that a damaged file
+//! is detected. The same model gives the same bytes.
 
 use super::{Rbm, Visible};
 use foveate_base::{Error, Result, files};
@@ -50,7 +50,7 @@ struct Header<T> {
     sha256: String,
 }
 
-/// What a model file says beside the tensors, where these are all of the model.
+/// The metadata of a model file whose tensors are the whole model.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct About {
@@ -140,8 +140,8 @@ pub fn pack(kind: &str, about: impl Serialize, tensors: &[Tensor<'_>]) -> Vec<u8
     safetensors::serialize(views, Some(metadata)).expect("a short header and distinct names")
 }
 
-/// What a file of tensors holds, and whether its seal is whole: to be asked last, for a better reason may be found
-/// before. Any problem is said in words.
+/// The content of a file of tensors, and whether its checksum is valid. Check that last, because other checks give
+/// better reasons. Problems are texts.
 pub fn unpack<T: Serialize + DeserializeOwned>(
     bytes: &[u8],
     kind: &str,
@@ -182,7 +182,7 @@ pub fn unpack<T: Serialize + DeserializeOwned>(
 /// The largest number of a model, either way: products of four, summed up over a million, are numbers still.
 const LARGEST: f32 = 1e8;
 
-/// The model in the bytes of a model file, which `take` makes of its tensors, all of them, and what the file says beside.
+/// The model in the bytes of a model file, built by `take` from all of its tensors, and the metadata of the file.
 ///
 /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
 pub fn open<T: Serialize + DeserializeOwned, M>(
@@ -201,7 +201,7 @@ pub fn open<T: Serialize + DeserializeOwned, M>(
     Ok((model, about))
 }
 
-/// The kind of a file of tensors; none where it is not one of ours.
+/// The kind of a file of tensors; `None` if it is not one of ours.
 pub fn kind(bytes: &[u8]) -> Option<String> {
     let (_, metadata) = SafeTensors::read_metadata(bytes).ok()?;
     let text = metadata.metadata().as_ref()?.get(KEY)?;

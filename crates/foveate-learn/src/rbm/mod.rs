@@ -1,6 +1,6 @@
 //! Restricted Boltzmann machines: the features of the identity pathway (section 2.1), and how they are learned.
 //!
-//! Atoms: nothing here knows of images, gazes or targets; data are rows of numbers.
+//! Building blocks without images, gazes or targets; data are rows of numbers.
 
 mod checkpoint;
 pub mod epoch_state;

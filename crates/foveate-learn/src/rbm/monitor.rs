@@ -1,8 +1,8 @@
 //! How well a machine fits rows it has, or has not, seen.
 //!
 //! None of these is the likelihood (see `likelihood`), but all are cheap: the squared error of a mean-field
-//! reconstruction; the pseudo-log-likelihood Σᵢ log p(vᵢ | v₋ᵢ) (Besag 1975), exact; and the free energy, whose gap
-//! between held-out and training rows grows when a machine overfits (Hinton 2010, section 6).
+//! reconstruction; the exact pseudo-log-likelihood Σᵢ log p(vᵢ | v₋ᵢ) (Besag 1975); and the free energy. Its gap
+//! between held-out and training rows grows if a machine overfits (Hinton 2010, section 6).
 
 use super::units::softplus;
 use super::{Rbm, Visible};
@@ -12,7 +12,8 @@ use rayon::prelude::*;
 
 /// Rows done at a time by one thread.
 const CHUNK: usize = 100;
-/// Weights up to here may be multiplied eight at a time, as e^w − 1: single precision still knows 1 + h (e^−w − 1) from 0.
+/// Weights up to here may be multiplied eight at a time, as e^w − 1: single precision still distinguishes 1 + h (e^−w
+/// − 1) from 0.
 const TAME: f32 = 8.0;
 
 /// Means over some rows.
@@ -125,7 +126,7 @@ fn log_product(h: &[f32], e: &[f32]) -> f64 {
     h.chunks(8).zip(e.chunks(8)).map(|pair| product(pair).ln()).sum()
 }
 
-/// Mean over rows of what `sum` gives for chunks of them; the same for any number of threads.
+/// Mean over rows from `sum` over chunks of them; the same for any number of threads.
 fn mean(rows: Rows<'_>, sum: impl Fn(Rows<'_>) -> f64 + Sync) -> f64 {
     let chunks: Vec<&[f32]> = rows.data().chunks(CHUNK * rows.width()).collect();
     let sums: Vec<f64> = chunks.into_par_iter().map(|chunk| sum(Rows::new(chunk, rows.width()))).collect();

@@ -8,11 +8,11 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par};
 use foveate_base::rows::Rows;
 
-/// Weights of at most this many entries are multiplied by plain loops: with two rows they would fall under faer's
-/// threshold (16³ multiplications) for another kernel, whose last bits differ.
+/// Weights with at most this many entries are multiplied by plain loops: with two rows faer would use another kernel
+/// below its threshold (16³ multiplications), with other last bits.
 const SMALL: usize = 2048;
 
-/// Most columns a single row is multiplied by at a time: what its scratch on the stack holds, twice.
+/// Most columns that a single row is multiplied by at a time; its scratch on the stack holds twice as many values.
 const LANE: usize = 1024;
 
 /// Lets every thread of the present pool take the scratch that products need (once a thread, address space of twice the

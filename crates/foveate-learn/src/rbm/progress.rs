@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// What a checkpoint says beside its tensors.
+/// The metadata of a checkpoint.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Progress<R> {
@@ -17,12 +17,12 @@ struct Progress<R> {
     data_sha256: String,
     /// Epochs that are done.
     epoch: usize,
-    /// Batches of that epoch that are done; 0 where a whole epoch is one step.
+    /// Number of finished batches of that epoch; 0 if a whole epoch is one step.
     batch: usize,
 }
 
-/// Writes a checkpoint; the file is whole or as it was before. With the recipe come how far it is, and what names the rows that
-/// are learned from.
+/// Writes a checkpoint with the recipe, the progress and a checksum of the training rows; the file is whole or
+/// unchanged.
 pub fn save<R: Serialize>(
     path: &Path,
     kind: &str,
@@ -38,7 +38,7 @@ pub fn epoch_of<R: Serialize + DeserializeOwned>(path: &Path, kind: &str) -> Res
     read.map(|found| found.0.epoch).map_err(|problem| Error::malformed(path, problem))
 }
 
-/// A checkpoint that was written with the recipe and on the data that are asked for.
+/// A checkpoint with the requested recipe and data.
 pub struct Checkpoint<'a> {
     path: &'a Path,
     /// Epochs done, and batches done of the next.
@@ -48,8 +48,8 @@ pub struct Checkpoint<'a> {
 }
 
 impl<'a> Checkpoint<'a> {
-    /// Opens one. `as_long` gives a recipe as many epochs as are asked for now: those alone may differ. `what` is what
-    /// `data_sha256` names, for people.
+    /// Opens a checkpoint. `as_long` sets the requested number of epochs in a recipe; only that may differ. `what`
+    /// names the data of `data_sha256` in errors.
     ///
     /// Fails, with the reason, if the recipe or the data are others, or the file is damaged.
     pub fn open<R: Clone + PartialEq + Serialize + DeserializeOwned>(
@@ -82,7 +82,7 @@ impl<'a> Checkpoint<'a> {
             _ => Err(self.refuse(&format!("the tensor {name} is missing or does not fit"))),
         }
     }
-    /// Where the training stands, if an epoch has so many batches.
+    /// The progress of the training, if an epoch has so many batches.
     pub fn state(&self, batches: usize) -> Result<EpochState> {
         match self.progress {
             (epoch, batch) if batch < batches => Ok(EpochState::at(epoch, batch)),

@@ -23,7 +23,7 @@ pub struct Rbm {
 }
 
 impl Rbm {
-    /// A machine from its parameters; `weights` is n_v × n_h, row-major. The lengths of the biases say n_v and n_h.
+    /// A machine from its parameters; `weights` is n_v × n_h, row-major. The lengths of the biases are n_v and n_h.
     ///
     /// Fails if a side is empty, the shapes do not fit, or a number is not finite.
     pub fn new(visible: Visible, weights: Vec<f32>, visible_bias: Vec<f32>, hidden_bias: Vec<f32>) -> Result<Self> {
@@ -83,7 +83,7 @@ impl Rbm {
             Visible::Gaussian => add_bias(v.data(), &self.visible_bias),
         }
     }
-    /// Whᵀ, row by row: what hidden states say of v, without its bias.
+    /// Whᵀ, row by row: the input of v from hidden states, without its bias.
     pub(super) fn reconstruct(&self, h: Rows<'_>, v: &mut [f32]) {
         rows_times_transposed(h, &self.weights, v);
     }

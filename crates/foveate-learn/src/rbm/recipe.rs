@@ -34,8 +34,8 @@ pub struct Recipe {
     pub l1: f32,
     /// Pull of the hidden units' mean activity towards a target.
     pub sparsity: Option<Sparsity>,
-    /// The epoch (from 0) from whose first batch on the mean of the parameters over all batches is kept (Polyak & Juditsky 1992):
-    /// the learned machine is that mean.
+    /// The epoch, from 0, at which averaging of the parameters over all batches begins (Polyak & Juditsky 1992). The
+    /// learned machine is that mean.
     pub average_from: Option<usize>,
     /// Standard deviation of the first weights.
     pub initial_sd: f32,

@@ -121,7 +121,7 @@ impl Trainer {
     pub fn batches(&self, rows: usize) -> usize {
         rows.div_ceil(self.recipe.batch)
     }
-    /// The machine as it stands: the mean of the parameters if that has begun, else the last ones.
+    /// The current machine: the mean of the parameters if averaging has begun, otherwise the last ones.
     pub fn learned(&self) -> Rbm {
         match &self.mean {
             Some(mean) if self.mean_has_begun() => {

@@ -1,4 +1,4 @@
-//! PCA whitening: rows become uncorrelated numbers of variance 1, and what hardly varies is left out.
+//! PCA whitening: rows become uncorrelated numbers of variance 1; directions of small variance are dropped.
 //!
 //! x = (v − m) U Λ^(−½), with the leading eigenvectors U and eigenvalues Λ of the rows' covariance. A machine that learns
 //! covariances must not spend its units on those of second order that a linear map can take away.
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 /// Rows whose products one task sums: fixed, so that any number of threads gives the same bits.
 const CHUNK: usize = 4096;
-/// Directions of less variance than this share of the largest are rounding, whatever is asked for.
+/// Directions with less variance than this share of the largest are rounding errors and are always dropped.
 const ROUNDING: f64 = 1e-6;
 
 /// A fitted whitening: from `n_v` numbers to `n_x`.

@@ -1,4 +1,5 @@
-//! CLEAR MOT (Bernardin and Stiefelhagen, EURASIP Journal on Image and Video Processing 2008): what is missed, made up and mixed up.
+//! CLEAR MOT (Bernardin and Stiefelhagen, EURASIP Journal on Image and Video Processing 2008): misses, false
+//! positives and identity switches.
 
 use serde::Serialize;
 
@@ -17,7 +18,7 @@ pub struct Clear {
     pub matches: usize,
     /// True boxes that were not.
     pub misses: usize,
-    /// Boxes found where nobody is.
+    /// False positives.
     pub false_positives: usize,
     /// Times a target is found under another id than the last time it was found.
     pub switches: usize,
@@ -64,7 +65,7 @@ impl Clear {
 pub(super) struct Counter {
     clear: Clear,
     targets: Vec<Target>,
-    /// Frames in which both truth and results have somebody.
+    /// Frames with boxes in both truth and results.
     shared: usize,
 }
 

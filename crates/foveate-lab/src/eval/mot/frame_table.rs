@@ -1,4 +1,4 @@
-//! Tracks as the scores want them: frame by frame, who is there, with ids counted from 0.
+//! Tracks by frame for the scores, with ids counted from 0.
 
 use std::collections::BTreeSet;
 
@@ -24,10 +24,10 @@ impl FrameTable {
     }
 }
 
-/// Intersection over union, 0 to 1; 0 where a box has no area.
+/// Intersection over union, 0 to 1; 0 if a box has no area.
 ///
-/// From the corners in the file's coordinates, so that rounding, and with it who passes a threshold, is that of the
-/// peers who read the same file.
+/// Computed from the corners in the file's coordinates, so that rounding, and so each comparison with a threshold,
+/// equals that of other tools on the same file.
 fn overlap(a: &BBox, b: &BBox) -> f64 {
     let corners = |r: &BBox| (r.x + 1.0, r.y + 1.0, r.x + 1.0 + r.w, r.y + 1.0 + r.h);
     let (a, b) = (corners(a), corners(b));
@@ -39,7 +39,7 @@ fn overlap(a: &BBox, b: &BBox) -> f64 {
 
 /// All of a sequence that scores need.
 pub(super) struct FrameTables {
-    /// Frames in which somebody is, in order.
+    /// Frames with at least one box, in order.
     pub frames: Vec<FrameTable>,
     /// Number of targets, of tracks.
     pub ids: (usize, usize),

@@ -33,7 +33,7 @@ pub struct AtAlpha {
     pub matches: usize,
 }
 
-/// Means over the thresholds, and what they are means of.
+/// Means over the thresholds, and their terms.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Hota {
     /// Mean of √(DetA · AssA): not the root of the means' product.
@@ -59,7 +59,7 @@ pub struct Hota {
 }
 
 impl Hota {
-    /// Over several sequences: matches count alike, at each threshold.
+    /// Over several sequences: all matches have equal weight, at each threshold.
     pub fn pooled<'a>(all: impl Iterator<Item = &'a Self>) -> Self {
         let all: Vec<_> = all.collect();
         let boxes = all.iter().fold((0, 0), |(a, b), one| (a + one.boxes.0, b + one.boxes.1));

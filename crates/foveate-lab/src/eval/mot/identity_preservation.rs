@@ -1,4 +1,4 @@
-//! What becomes of identities where targets cross: the share of crossings after which both targets have the tracks they had.
+//! Identity preservation: the share of crossings after which both targets keep their tracks.
 
 use std::collections::HashMap;
 
@@ -23,8 +23,8 @@ pub struct Crossings {
 }
 
 impl Crossings {
-    /// Counts the crossings in the truth and how they ended in the results. A target has a track where they overlap by
-    /// half (intersection over union).
+    /// Counts the crossings in the truth and their outcomes in the results. A target has a track if their IoU is at
+    /// least 0.5.
     pub fn of(truth: &Tracks, results: &Tracks) -> Self {
         let (truth_at, found_at) = (by_frame(truth), by_frame(results));
         let frames = truth.frames();

@@ -4,12 +4,12 @@
 //! [`hota`] balances detection with association. [`sequences`] finds truth and results in files, [`table`] shows scores.
 //! Scores equal those of TrackEval 1.0 on the same files, read as its benchmark MOT15.
 //!
-//! What is done before: boxes of the truth whose seventh column, cut to a whole number, is 0 are removed, and a result on such
-//! a box is a false positive. What is not: results are not thresholded by their confidence, results on
-//! distractors are not forgiven (MOT16 and later mark them by class; the class column is not read), and there are no
-//! regions to ignore. motmetrics 1.4 gives the same misses, false positives, MOTP, IDF1, IDP and IDR; its switches (so MOTA) can differ,
-//! as it keeps a pair together through frames in which the target was not found, and it defines fragmentations and mostly tracked otherwise.
-//! Two boxes match where their intersection over union is at least 0.5 (HOTA: each α).
+//! Preprocessing: boxes of the truth with a seventh column that truncates to 0 are removed, and a result on such a
+//! box is a false positive. Not supported: thresholds on the confidence of results, ignored distractors (MOT16 and
+//! later mark them by class; the class column is not read), and ignored regions. motmetrics 1.4 gives the same
+//! misses, false positives, MOTP, IDF1, IDP and IDR. Its switches, and so MOTA, can differ, because it keeps a pair
+//! through frames in which the target is missed; it also defines fragmentations and mostly tracked differently. Two
+//! boxes match if their IoU is at least 0.5 (HOTA: each α).
 
 pub mod clear;
 mod frame_table;
@@ -46,13 +46,13 @@ pub struct Score {
     pub truth_ids: usize,
     /// Tracks.
     pub result_ids: usize,
-    /// MOTA and what goes with it.
+    /// MOTA and its counts.
     #[serde(flatten)]
     pub clear: Clear,
-    /// IDF1 and what goes with it.
+    /// IDF1 and its counts.
     #[serde(flatten)]
     pub identity: Identity,
-    /// HOTA and what goes with it.
+    /// HOTA and its terms.
     #[serde(flatten)]
     pub hota: Hota,
 }
@@ -84,7 +84,7 @@ pub fn score(truth: &Tracks, results: &Tracks) -> Result<Score> {
 }
 
 impl Score {
-    /// Over several sequences: counts are added, and figures follow from the sums, so that every box counts alike.
+    /// Over several sequences: scores follow from summed counts, so that every box has equal weight.
     pub fn pooled<'a>(all: impl Iterator<Item = &'a Self> + Clone) -> Self {
         let sum = |count: fn(&Self) -> usize| all.clone().map(count).sum();
         Self {
@@ -100,7 +100,7 @@ impl Score {
     }
 }
 
-/// a / b; 0 where there is nothing to divide by.
+/// a / b; 0 if b is 0.
 fn ratio(a: f64, b: f64) -> f64 {
     if b > 0.0 { a / b } else { 0.0 }
 }

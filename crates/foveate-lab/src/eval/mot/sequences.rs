@@ -19,7 +19,7 @@ pub struct Sequence {
     pub truth_file: PathBuf,
     /// The truth.
     pub truth: Tracks,
-    /// Its number of frames, where `seqinfo.ini` says it.
+    /// Its number of frames from `seqinfo.ini`, if present.
     pub frames: Option<usize>,
 }
 
@@ -101,8 +101,8 @@ fn of_folder(folder: &Path) -> Result<Sequence> {
     Ok(Sequence { name, truth_file, truth, frames })
 }
 
-/// Scores a tracker: `<sequence>.txt`, `data/<sequence>.txt` (as TrackEval has it) or `<sequence>/tracks.txt` in a
-/// folder; or one file, where there is one sequence.
+/// Scores a tracker: `<sequence>.txt`, `data/<sequence>.txt` (TrackEval's layout) or `<sequence>/tracks.txt` in a
+/// folder; or one file for a single sequence.
 ///
 /// # Errors
 /// There is no result for any of the sequences; a file is damaged, goes beyond `seqLength`, or cannot be scored ([`score`]).

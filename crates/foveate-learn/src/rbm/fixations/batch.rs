@@ -67,8 +67,8 @@ pub(super) fn gather(z: &[f32], a: &[f32], factors: usize, window: usize, sequen
     }
 }
 
-/// For one row x of excitations (n_h): `on`[l] ← p(h | x, y = l), n_c × n_h, and `log_p` ← log p(y | x) (exact: h is summed
-/// out). Answers the logarithm of what `log_p` was divided by.
+/// For one row x of excitations (n_h): `on`[l] ← p(h | x, y = l), n_c × n_h, and `log_p` ← log p(y | x) (exact: h is
+/// summed out). Returns the logarithm of the normaliser of `log_p`.
 pub(super) fn classify(x: &[f32], labels: &[f32], bias: &[f32], on: &mut [f32], log_p: &mut [f64]) -> f64 {
     let n_h = x.len();
     on.chunks_exact_mut(n_h).for_each(|on| on.copy_from_slice(x));

@@ -21,7 +21,7 @@ struct Settings {
 const PREFIXES: [&str; 4] = ["", "first.", "second.", "mean."];
 
 impl Trainer {
-    /// Writes a checkpoint; the file is whole or as it was before. `data` names what is learned from, in all epochs.
+    /// Writes a checkpoint; the file is whole or unchanged. `data` identifies the training data of all epochs.
     ///
     /// Fails if the training has diverged, or the file cannot be written.
     pub fn save(&self, path: &Path, data: &str) -> Result<()> {
@@ -51,7 +51,8 @@ impl Trainer {
         fresh.learned()?;
         Ok(fresh)
     }
-    /// The epoch a checkpoint was written in, counted from 0: what data to go on with. Fails if it is no checkpoint.
+    /// The epoch of a checkpoint, counted from 0, which determines the data to continue with. Fails if it is no
+    /// checkpoint.
     pub fn epoch_of(path: &Path) -> Result<usize> {
         progress::epoch_of::<Settings>(path, KIND)
     }

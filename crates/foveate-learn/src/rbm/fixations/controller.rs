@@ -1,9 +1,9 @@
 //! Where to fixate next, for the sake of the class (Larochelle & Hinton 2010, section 4.2).
 //!
-//! f(s, a) = wₐᵀs + bₐ foretells log p(y | x₁..k) after a fixation at place a, s being p(h | x₁..k₋₁) and a bit for every
-//! place already seen. It is learned on |f − log p(y | x₁..k)| by stochastic gradient, places being drawn in proportion
-//! to exp f while learning; in use the best is taken. No place is fixated twice. This is what section 2.2 of the paper
-//! leaves for future work.
+//! f(s, a) = wₐᵀs + bₐ predicts log p(y | x₁..k) after a fixation at place a. s is p(h | x₁..k₋₁) and one bit for
+//! each place already fixated. f is trained on |f − log p(y | x₁..k)| by stochastic gradient, with places drawn in
+//! proportion to exp f; in use the best place is taken. No place is fixated twice. Section 2.2 of the paper leaves
+//! this for future work.
 
 use super::batch::add;
 use foveate_base::rng::Rng;
@@ -12,7 +12,7 @@ use foveate_kernels::dot;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-/// A score for each place, linear in what was seen so far.
+/// A score for each place, linear in the fixations so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Controller {
@@ -35,7 +35,7 @@ impl Controller {
         let (n, b) = (self.weights.len(), self.hidden + 1);
         (1..=n).find(|p| p * (p + b) >= n).expect("made with a place")
     }
-    /// f(s, a) for every place, in nats; `hidden` is p(h | x so far), `seen` says which places were fixated.
+    /// f(s, a) for every place, in nats; `hidden` is p(h | x so far), `seen` marks the fixated places.
     pub fn scores(&self, hidden: &[f32], seen: &[bool], scores: &mut [f32]) {
         for (w, score) in self.weights.chunks_exact(self.hidden + seen.len() + 1).zip(scores) {
             let bits = &w[self.hidden..];

@@ -4,7 +4,7 @@ use super::Code;
 use foveate_base::rows::Rows;
 use foveate_base::{Error, Result};
 
-/// Sequences of `window` fixations each: what was seen, where, and of what.
+/// Sequences of `window` fixations each: glimpses, places and classes.
 #[derive(Clone, Copy, Debug)]
 pub struct Sequences<'a> {
     glimpses: Rows<'a>,
@@ -19,7 +19,7 @@ impl<'a> Sequences<'a> {
     /// `glimpses` has a row for each fixation, sequence after sequence, values from 0 to 1; `codes` one for each row;
     /// `labels` one for each sequence, or none at all.
     ///
-    /// Fails where the numbers of rows do not fit, there is no sequence, or a value is out of range.
+    /// Fails if the numbers of rows do not fit, there is no sequence, or a value is out of range.
     pub fn new(glimpses: Rows<'a>, codes: &'a [Code], labels: &'a [u8], window: usize) -> Result<Self> {
         let n = codes.len().checked_div(window).unwrap_or(0);
         if n == 0 || n * window != codes.len() || glimpses.len() != codes.len() || ![0, n].contains(&labels.len()) {
@@ -62,7 +62,7 @@ impl<'a> Sequences<'a> {
     pub fn labels(&self) -> &'a [u8] {
         self.labels
     }
-    /// Fails where they do not fit a machine.
+    /// Fails if they do not fit a machine.
     pub(super) fn check(&self, n_v: usize, places: usize, classes: usize, window: usize) -> Result<()> {
         let (place, label) = self.largest;
         let labelled = classes == 0 || self.labels.len() == self.len();

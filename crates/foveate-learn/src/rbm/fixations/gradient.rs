@@ -1,9 +1,9 @@
 //! The gradient of a cost on a mini-batch: exact for log p(y | x), contrastive divergence for log p(x, y).
 //!
-//! Every part of every cost asks for ∂/∂θ of Σ −F(x, y) with some weights. With δ the weight of a row times p(h | x, y), and
-//! g = Σₖ (V zₖ) ∘ (Fᵀxₖ), that is: ∂P = gᵀδ, ∂g = δPᵀ, and from there to V and F as usual. So the discriminative, the
-//! positive and the negative part share one pass back: rows of the data carry the first two, rows of the reconstruction
-//! the third.
+//! Every part of every cost needs ∂/∂θ of Σ −F(x, y) with some weights. With δ the weight of a row times p(h | x, y),
+//! and g = Σₖ (V zₖ) ∘ (Fᵀxₖ), this is ∂P = gᵀδ, ∂g = δPᵀ, and from there to V and F as usual. So the discriminative,
+//! the positive and the negative part share one backward pass: rows of the data carry the first two, rows of the
+//! reconstruction the third.
 
 use super::super::units::{add_bias, add_rows, sample_binary};
 use super::batch::{add, add_gated, classify, gates_of, gather, outer, times, times_transposed};
@@ -18,7 +18,7 @@ use rayon::prelude::*;
 /// Rows whose gradient of U is summed together: fixed, so that no sum depends on the number of threads.
 const TOGETHER: usize = 32;
 
-/// A mini-batch and all that is computed of it. Data first, then reconstruction, where a field has both.
+/// A mini-batch and its intermediate results. If a field has both, data come before reconstruction.
 #[derive(Debug, Default)]
 pub(super) struct Work {
     /// Glimpses less μ, 2 N × n_v.
@@ -46,7 +46,7 @@ pub(super) struct Work {
     scratch: Vec<f32>,
 }
 
-/// What the batch said of the classes, at the end of each sequence.
+/// The class probabilities at the end of each sequence of the batch.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Tally {
     pub(super) log_posterior: f64,
@@ -227,7 +227,7 @@ pub(super) fn gradient(
     tally
 }
 
-/// From the derivative of a term (V z) ∘ a to those of V and of a, the second in the place of a.
+/// From the derivative of a term (V z) ∘ a to those of V and of a; the second overwrites a.
 fn back(code: Code, term: &[f32], a: &mut [f32], z: &[f32], gates: &mut [f32]) {
     let d = term.len();
     for (place, share) in code.parts() {

@@ -7,13 +7,13 @@ use foveate_base::{Result, files};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
-/// What a model file says beside the numbers.
+/// The metadata of a model file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct About {
     /// Where it comes from.
     pub metadata: Metadata,
-    /// The first layer whose features it reads, as JSON; empty where it reads the glimpses themselves. Not read here.
+    /// The first layer of its input features, as JSON; empty if it reads glimpses directly. Not used here.
     pub first_layer: String,
     /// What its log-probabilities are divided by, fitted on held-out sequences; 1 leaves them as they are.
     pub temperature: f32,
@@ -27,7 +27,7 @@ pub(super) struct File {
     pub about: About,
 }
 
-/// Takes the tensors with these names into parameters of this shape, or says what is wrong.
+/// Reads the tensors with these names into parameters of this shape, or fails with a text.
 pub(super) fn take(tensors: &mut Tensors, shape: Shape, prefix: &str) -> std::result::Result<Parameters, String> {
     // Nothing is allocated for what a file says that it has.
     let mut parameters = Parameters::zeros(Shape { n_v: 0, factors: 0, hidden: 0, places: 0, classes: 0 });

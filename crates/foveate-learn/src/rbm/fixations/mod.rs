@@ -5,12 +5,12 @@
 //! join them to n_h hidden units, y is one of n_c classes (none, for the paper's layer-by-layer training), K ≤ `window`.
 //! zₖ is one-hot, or shares of the places around a continuous gaze ([`Code`]).
 //!
-//! Deviation: W(k) meets xₖ less the mean μ of what was learned from (Montavon & Müller 2012): learning is several times
-//! faster, and a fixation that shows nothing unusual says nothing, however many there are.
+//! Deviation: W(k) applies to xₖ minus the mean μ of the training data (Montavon & Müller 2012). Learning is several
+//! times faster, and average fixations carry no evidence, however many there are.
 //!
 //! Deviation: the paper prints the three-way term of the energy with a plus. Its own conditional p(h | x, z) needs the minus.
 //!
-//! [`FixationRbm`] is the machine, [`Trainer`] learns it by a [`Cost`], [`Controller`] says where to fixate next.
+//! [`FixationRbm`] is the machine, [`Trainer`] trains it by a [`Cost`], [`Controller`] chooses the next fixation.
 
 mod batch;
 mod checkpoint;

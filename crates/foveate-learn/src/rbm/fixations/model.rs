@@ -22,7 +22,7 @@ pub struct FixationRbm {
     pub(super) window: usize,
 }
 
-/// A term for each of the last fixations, and what follows from them: glimpse by glimpse, without allocation.
+/// A term for each of the last fixations and the resulting probabilities: glimpse by glimpse, without allocation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Reading {
@@ -135,7 +135,7 @@ impl FixationRbm {
         add_bias(&mut o, &self.parameters.hidden_bias);
         o
     }
-    /// logistic(c + Σₖ (xₖ − μ)ᵀW(k)), what the glimpses say of the hidden units without a class: a row of n_h for each sequence of
+    /// logistic(c + Σₖ (xₖ − μ)ᵀW(k)), the hidden probabilities without a class: a row of n_h for each sequence of
     /// `window` glimpses.
     pub fn hidden_probabilities(&self, glimpses: Rows<'_>, codes: &[Code], window: usize) -> Vec<f32> {
         let mut h = self.excitations(glimpses, codes, window);
@@ -170,7 +170,7 @@ impl Reading {
     pub fn clear(&mut self) {
         self.count = 0;
     }
-    /// Fixations it stands on, at most the machine's window.
+    /// Number of fixations so far, at most the machine's window.
     pub fn count(&self) -> usize {
         self.count
     }
@@ -179,7 +179,7 @@ impl Reading {
         let sizes = |r: &Self| [r.terms.len(), r.gates.len(), r.excitation.len(), r.on.len()];
         sizes(self) == sizes(&rbm.reading()) && self.count <= rbm.window
     }
-    /// Takes in a glimpse; the oldest is forgotten where there are `window` of them.
+    /// Adds a glimpse and drops the oldest of more than `window`.
     pub fn fixate(&mut self, rbm: &FixationRbm, glimpse: &[f32], code: Code) {
         let d = rbm.shape.factors;
         if self.count == rbm.window {
@@ -203,7 +203,7 @@ impl Reading {
         self.terms.chunks_exact(d).take(self.count).for_each(|term| add(sum, 1.0, term));
         times(Rows::new(sum, d), &rbm.parameters.pooling, &mut self.excitation);
     }
-    /// What the fixations say of the hidden units, without a class: length n_h.
+    /// The hidden probabilities given the fixations, without a class: length n_h.
     pub fn hidden_probabilities(&mut self, rbm: &FixationRbm, out: &mut [f32]) {
         self.excite(rbm);
         out.copy_from_slice(&self.excitation);

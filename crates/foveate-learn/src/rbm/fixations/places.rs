@@ -32,7 +32,7 @@ impl Code {
 #[serde(try_from = "Vec<[f32; 2]>", into = "Vec<[f32; 2]>")]
 pub struct Places {
     at: Vec<[f32; 2]>,
-    /// Distinct u, distinct v, and for each pair of them the place there, where the places are a whole lattice.
+    /// Distinct u, distinct v, and the place of each pair, if the places form a full lattice.
     lattice: Option<(Vec<f32>, Vec<f32>, Vec<u16>)>,
 }
 

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Cost {
-    /// −log p(x₁..K, y), by CD-1: what the paper does (without y), layer by layer, before a classifier of its own.
+    /// −log p(x₁..K, y), by CD-1, as in the paper (without y), layer by layer, before a separate classifier.
     Generative,
     /// −log p(y | x₁..K) − α log p(x₁..K, y), the first exact, the second by CD-1 (Larochelle & Hinton 2010, equation 8).
     Hybrid,
@@ -21,7 +21,7 @@ pub enum Cost {
 pub enum Gates {
     /// Any real numbers: the paper's V z.
     Linear,
-    /// 0 to 1, by a logistic function of what is learned (Larochelle & Hinton 2010).
+    /// 0 to 1, by a logistic function of the parameters (Larochelle & Hinton 2010).
     Logistic,
 }
 

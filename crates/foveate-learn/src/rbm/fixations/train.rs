@@ -11,7 +11,7 @@ use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
-/// Adam's shares of the past in the moments, and what keeps its divisor from 0.
+/// Adam's decay rates of the moments, and the constant in its divisor.
 const PAST: (f32, f32) = (0.9, 0.999);
 const LEAST: f32 = 1e-8;
 /// Parameters a thread moves at a time.
@@ -25,7 +25,7 @@ pub struct Trainer {
     pub(super) recipe: Recipe,
     pub(super) shape: Shape,
     pub(super) places: Places,
-    /// Here `gates` is what V is made of.
+    /// Here `gates` are the parameters of V.
     pub(super) parameters: Parameters,
     pub(super) offset: Offset,
     pub(super) first: Parameters,
@@ -93,15 +93,15 @@ impl Trainer {
     pub fn batches(&self, sequences: usize) -> usize {
         sequences.div_ceil(self.recipe.batch)
     }
-    /// Of the sequences learned from since the last call: the mean of log p(y | x₁..K) in nats, and the share whose most
-    /// likely class was wrong, each before its step. NaN if there were none.
+    /// The mean of log p(y | x₁..K) in nats and the share of wrong most likely classes, over the sequences since the
+    /// last call, each before its step. NaN if there were none.
     pub fn take_tally(&mut self) -> (f64, f64) {
         let (Tally { log_posterior, wrong }, n) = (self.tally, self.tallied as f64);
         (self.tally, self.tallied) = (Tally::default(), 0);
         (log_posterior / n, wrong as f64 / n)
     }
-    /// The machine as it stands: the mean of the parameters, or the last ones if none is kept. Fails if the training has
-    /// diverged.
+    /// The current machine: the mean of the parameters, or the last ones if no mean is kept. Fails if the training
+    /// has diverged.
     pub fn learned(&self) -> Result<FixationRbm> {
         let mut parameters = if self.recipe.average > 0.0 { self.mean.clone() } else { self.parameters.clone() };
         effective(self.recipe.gates, &mut parameters.gates);
@@ -115,7 +115,7 @@ impl Trainer {
             self.step(data);
         }
     }
-    /// One mini-batch. Panics where the data do not fit those the training began with.
+    /// Trains on one mini-batch. Panics if the data do not fit those of the first batch.
     pub fn step(&mut self, data: Sequences<'_>) {
         let (s, window) = (self.shape, self.recipe.window);
         data.check(s.n_v, s.places, s.classes, window).expect("training goes on with data like those it began with");
@@ -191,7 +191,7 @@ impl Trainer {
     }
 }
 
-/// V from what is learned.
+/// V from the parameters.
 pub(super) fn effective(gates: Gates, values: &mut [f32]) {
     if gates == Gates::Logistic {
         kernels::logistic(values);
