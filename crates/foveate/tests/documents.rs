@@ -215,7 +215,20 @@ fn generated_parts_are_what_the_code_says() {
 #[cfg(feature = "report")]
 #[test]
 fn every_column_is_told() {
-    block("docs/outputs.md", "outputs", &foveate::report::columns::dictionary());
+    block("docs/columns.md", "outputs", &foveate::report::columns::dictionary());
+}
+
+/// The figures of docs/why.md, each a mean with its interval, are in docs/results.md, which is made from the stored results.
+#[test]
+fn figures_of_the_changes_are_results() {
+    let read = |name: &str| std::fs::read_to_string(root().join(name)).expect("a document");
+    let (why, results) = (read("docs/why.md"), read("docs/results.md"));
+    let cells = why.lines().flat_map(|line| line.split('|')).map(str::trim);
+    let figures: Vec<&str> = cells.filter(|c| c.starts_with(char::is_numeric) && c.ends_with(']')).collect();
+    assert!(figures.len() >= 20, "the figures must be found: {figures:?}");
+    for figure in figures {
+        assert!(results.contains(&format!("| {figure} |")), "docs/why.md has {figure}, docs/results.md has not");
+    }
 }
 
 /// The table of dependencies names every crate that a crate of the project needs, and no other.
