@@ -1,4 +1,4 @@
-//! Results that are part of the repository, and the documents made of them.
+//! Results that are part of the repository, and docs/results.md, which is made from them.
 
 use std::path::Path;
 
@@ -7,9 +7,6 @@ use foveate::{Error, Result, files};
 use super::markdown;
 use super::plan::EXPERIMENTS;
 use super::results::Results;
-
-/// Documents with blocks that come from results.
-pub const FILLED: [&str; 1] = ["docs/why.md"];
 
 /// The results kept in `experiments/results` of a checkout, in the order of the page.
 pub fn stored(root: &Path) -> Result<Vec<Results>> {
@@ -24,7 +21,7 @@ pub fn stored(root: &Path) -> Result<Vec<Results>> {
     Ok(all)
 }
 
-/// Puts results into a checkout, and writes its documents anew.
+/// Puts results into a checkout, and writes docs/results.md anew.
 pub fn write(root: &Path, fresh: &[&Results]) -> Result<()> {
     let folder = root.join("paper/experiments/results");
     if !root.join("docs").is_dir() || !folder.is_dir() {
@@ -37,11 +34,5 @@ pub fn write(root: &Path, fresh: &[&Results]) -> Result<()> {
         files::write(folder.join(format!("{}.json", results.experiment)), results.json()?.as_bytes())?;
     }
     let all = stored(root)?;
-    files::write(root.join("docs/results.md"), markdown::document(&all).as_bytes())?;
-    for name in FILLED {
-        let path = root.join(name);
-        let text = std::fs::read_to_string(&path).map_err(Error::io(&path, "cannot read the document"))?;
-        files::write(&path, markdown::fill(&text, name, &all)?.as_bytes())?;
-    }
-    Ok(())
+    files::write(root.join("docs/results.md"), markdown::document(&all).as_bytes())
 }

@@ -1,9 +1,4 @@
-//! docs/results.md, and the blocks of other documents that come from results.
-//!
-//! A block begins with `<!-- results:NAME:begin -->` and ends with `<!-- results:NAME:end -->`, each on a line of its own.
-//! NAME is that of an experiment, or `summary`.
-
-use foveate::{Error, Result};
+//! docs/results.md.
 
 use super::line::Group;
 use super::multi_table;
@@ -42,7 +37,7 @@ fn conditions(all: &[Results]) -> String {
 }
 
 /// The paper's rows beside the same rows of ours, with each group of settings.
-pub fn summary(all: &[Results]) -> String {
+fn summary(all: &[Results]) -> String {
     let mut out = String::from(
         "| table | policy | the paper | as recommended | median | off at end | authors' parameters | as printed |\n\
          | --- | --- | --- | --- | --- | --- | --- | --- |\n",
@@ -87,9 +82,9 @@ fn short(line: &Line, unit: &str) -> String {
     format!("{:.2} {unit}, {:.0} % off at end", line.tally.mean, 100.0 * line.tally.off_at_end)
 }
 
-/// One table for each scene: means, medians, videos off at end, differences; which settings a line has, where they differ. Or that of
-/// many targets.
-pub fn table(results: &Results) -> String {
+/// One table for each scene: means, medians, videos off at end, and differences. The settings of a line and the line that it is
+/// compared with have columns if they vary. Or the table of many targets.
+fn table(results: &Results) -> String {
     if !results.multi.is_empty() {
         return multi_table::markdown(&results.multi);
     }
@@ -98,20 +93,34 @@ pub fn table(results: &Results) -> String {
     let settings = |text: &str| if mixed { format!(" {text} |") } else { String::new() };
     let mut out = String::new();
     for scene in results.scenes() {
+        let lines: Vec<&Line> = results.lines.iter().filter(|l| l.scene == scene).collect();
+        let mut others: Vec<&str> = lines.iter().filter_map(|l| l.tally.against.and(l.other.as_deref())).collect();
+        others.sort_unstable();
+        others.dedup();
+        let (from, rule) = match others[..] {
+            [] => (String::new(), ""),
+            [only] => (format!(" minus {only} |"), " --- |"),
+            _ => (" difference | from |".to_owned(), " --- | --- |"),
+        };
         out += &format!(
-            "{scene}, {} videos a line:\n\n|{} line | mean {unit} | median {unit} | off at end | difference | from |\n|{} --- | --- | --- | --- | --- | --- |\n",
-            results.lines.iter().find(|l| l.scene == scene).map_or(0, |l| l.tally.videos),
+            "{scene}, {} videos a line:\n\n|{} line | mean {unit} | median {unit} | off at end |{from}\n|{} --- | --- | --- | --- |{rule}\n",
+            lines.first().map_or(0, |l| l.tally.videos),
             settings("settings"),
             settings("---"),
         );
-        for line in results.lines.iter().filter(|l| l.scene == scene) {
+        for line in lines {
             let t = &line.tally;
             let (difference, from) = match (t.against, &line.other) {
                 (Some(d), Some(other)) => (format!("{:+.2} [{:+.2}, {:+.2}]", d.mean, d.low, d.high), other.as_str()),
                 _ => (String::new(), ""),
             };
+            let last = match others.len() {
+                0 => String::new(),
+                1 => format!(" {difference} |"),
+                _ => format!(" {difference} | {from} |"),
+            };
             out += &format!(
-                "|{} {} | {:.2} [{:.2}, {:.2}] | {:.2} | {:.0} % | {difference} | {from} |\n",
+                "|{} {} | {:.2} [{:.2}, {:.2}] | {:.2} | {:.0} % |{last}\n",
                 settings(line.group.title()),
                 line.name,
                 t.mean,
@@ -153,31 +162,6 @@ fn digits(results: &Results) -> String {
     out
 }
 
-/// A document with its blocks filled in; those without results are left as they are.
-pub fn fill(text: &str, name: &str, all: &[Results]) -> Result<String> {
-    let mut out = String::new();
-    let mut lines = text.lines();
-    while let Some(line) = lines.next() {
-        out += line;
-        out.push('\n');
-        let Some(block) = line.strip_prefix("<!-- results:").and_then(|l| l.strip_suffix(":begin -->")) else {
-            continue;
-        };
-        let end = format!("<!-- results:{block}:end -->");
-        let old: Vec<&str> = lines.by_ref().take_while(|line| *line != end).collect();
-        if !text.lines().any(|line| line == end) {
-            return Err(Error::Invalid(format!("{name}: {line} has no end; put {end} where the block ends")));
-        }
-        out += &match all.iter().find(|r| r.experiment == block) {
-            _ if block == "summary" => summary(all),
-            Some(results) => table(results).trim_end().to_owned() + "\n",
-            None => old.iter().flat_map(|line| [line, "\n"]).collect(),
-        };
-        out += &format!("{end}\n");
-    }
-    Ok(out)
-}
-
 #[cfg(test)]
 mod tests {
     use std::path::Path;
@@ -185,7 +169,7 @@ mod tests {
     use super::super::docs;
     use super::*;
 
-    /// The documents say what the stored results say; with `FOVEATE_WRITE_DOCS` set, they are written anew.
+    /// docs/results.md agrees with the stored results; with `FOVEATE_WRITE_DOCS` set, it is written anew.
     #[test]
     fn documents_agree_with_the_results() {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -197,22 +181,5 @@ mod tests {
         let read = |name: &str| std::fs::read_to_string(root.join(name)).expect("a document");
         let again = "write it anew: FOVEATE_WRITE_DOCS=1 cargo test -p paper documents_agree";
         assert!(read("docs/results.md") == document(&all), "docs/results.md is not of the stored results; {again}");
-        for name in docs::FILLED {
-            let filled = fill(&read(name), name, &all).expect(name);
-            assert!(read(name) == filled, "{name} is not of the stored results; {again}");
-        }
-    }
-
-    #[test]
-    fn blocks_are_filled_and_the_rest_is_kept() {
-        let text = "a\n<!-- results:summary:begin -->\nold\n<!-- results:summary:end -->\nb\n";
-        let filled = fill(text, "t", &[]).expect("a whole block");
-        assert!(
-            filled.starts_with("a\n<!-- results:summary:begin -->\n| table |") && filled.ends_with(":end -->\nb\n")
-        );
-        assert!(!filled.contains("old") && fill(&filled, "t", &[]).expect("the same") == filled);
-        let other = "<!-- results:table1:begin -->\nold\n<!-- results:table1:end -->\n";
-        assert_eq!(fill(other, "t", &[]).expect("no results, no change"), other);
-        assert!(fill("<!-- results:summary:begin -->\n", "t", &[]).is_err_and(|e| e.to_string().contains("no end")));
     }
 }
