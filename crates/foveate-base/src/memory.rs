@@ -146,7 +146,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_too_much_is_said_with_figures() {
+    fn exceeding_the_limit_is_reported_with_figures() {
         assert!(limit() >= LEAST);
         set_limit(200 << 20);
         assert!(check("a little", 200 << 20).is_ok() && check_picture(1920, 1080).is_ok());

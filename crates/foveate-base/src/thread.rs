@@ -77,12 +77,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_thread_gives_what_it_made() {
+    fn a_thread_returns_its_result() {
         assert_eq!(start("counting", || 7).expect("a thread").join().expect("no panic"), 7);
     }
 
     #[test]
-    fn a_refused_thread_is_an_error_that_says_for_what() {
+    fn a_refused_thread_is_an_error_with_its_purpose() {
         let said = refused("reading frames ahead", &std::io::ErrorKind::WouldBlock).to_string();
         assert!(
             said.starts_with("reading frames ahead: cannot start a thread: ") && said.contains("more threads"),

@@ -280,7 +280,7 @@ fn priors_integrate_to_one() {
 
 /// Seed 4, 60 observations: what the surface is like where nobody looked; 1 in 10⁴ predictions lies beyond 4 deviations.
 #[test]
-fn the_fitted_surface_predicts_what_was_not_seen() {
+fn the_fitted_surface_predicts_unseen_points() {
     let (mut gp, mut rng) = (filled(Kernel::SquaredExponential, 60, 60, 4), rng(4));
     gp.fit(&priors(), 50);
     let (mut wrong, mut spread) = (0.0, 0.0);

@@ -103,7 +103,7 @@ mod tests {
 
     /// Against plain sums in double precision, at every level.
     #[test]
-    fn they_are_what_plain_loops_give() {
+    fn sums_equal_those_of_plain_loops() {
         let map = values(12 * STRIDE, 5);
         let at = |i: usize, j: usize| f64::from(map[j * STRIDE + i]);
         let centred = |of: &dyn Fn(usize, usize) -> f64| {

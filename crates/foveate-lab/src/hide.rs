@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn the_target_is_gone_and_comes_back_where_the_truth_says() {
+    fn the_target_disappears_and_returns_at_its_true_box() {
         let (image, b) = scene();
         let truth = vec![Some(b); 120];
         for (way, seed) in WAYS.iter().flat_map(|way| (0..20).map(move |seed| (*way, seed))) {

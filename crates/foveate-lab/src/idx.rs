@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn plain_and_gzip_give_what_was_written() {
+    fn plain_and_gzip_files_are_read_back() {
         let (images, labels, set) = files(5);
         let dir = tempfile::tempdir().expect("a temporary folder");
         let inner = dir.path().join("mnist");

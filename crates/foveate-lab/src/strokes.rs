@@ -303,7 +303,7 @@ mod tests {
     }
 
     #[test]
-    fn they_are_read_as_what_they_are() {
+    fn strokes_are_recognised() {
         // The nearest of 6,000 MNIST digits (Euclidean) has the drawn digit's class 94 times in 100; chance is 10.
         let mnist = need!(data("mnist"));
         let known = Digits::load(mnist.parent().expect("the data"), super::super::Split::Train).expect("MNIST");

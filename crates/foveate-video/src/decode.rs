@@ -133,7 +133,7 @@ mod tests {
 
     /// What is missing is told by the data, not by the end mark.
     #[test]
-    fn a_jpeg_whose_data_ends_early_is_refused() {
+    fn a_truncated_jpeg_is_refused() {
         for (planes, quality) in [(1, 90), (3, 90), (3, 30)] {
             for image in [noise(61, 45, planes), Image::new(61, 45, planes, vec![40; 61 * 45 * planes]).expect("bytes")]
             {
@@ -152,7 +152,7 @@ mod tests {
 
     /// In scans after the first: one that is begun is to be whole.
     #[test]
-    fn a_progressive_jpeg_whose_data_ends_early_is_refused() {
+    fn a_truncated_progressive_jpeg_is_refused() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/pictures/progressive.jpg");
         let bytes = need!(std::fs::read(path).map_err(|_| "clone of the repository"));
         let whole = decode_image(&bytes).expect("a picture");

@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_without_images_says_so() {
+    fn a_folder_without_images_is_an_error() {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let text = ImageFolder::open(dir.path()).expect_err("empty").to_string();
         assert!(text.contains("found no files"), "{text}");

@@ -223,7 +223,7 @@ mod tests {
     }
 
     #[test]
-    fn every_frame_comes_where_that_is_asked() {
+    fn every_frame_arrives_if_requested() {
         let (source, meter) = newest(camera(50, 0), Pace { every_frame: true, ..Pace::default() }, || false);
         let seen: Vec<usize> = source.map_while(Result::ok).map(|frame| frame.index).collect();
         assert_eq!((seen, meter.dropped()), ((0..50).collect(), 0));

@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn a_path_is_told_apart_by_what_is_there() {
+    fn the_content_of_a_path_decides_its_kind() {
         let dir = tempfile::tempdir().expect("a temporary folder");
         assert!(refusal(&dir.path().join("missing.mp4")).contains("missing.mp4"));
         assert!(refusal(dir.path()).contains("no files"));

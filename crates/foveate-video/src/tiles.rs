@@ -278,7 +278,7 @@ mod tests {
     /// Where bins are powers of two and windows lie on their grid, tiles give what the whole picture gives, to half a grey level a
     /// level; elsewhere level 0 does.
     #[test]
-    fn tiles_serve_what_the_picture_has() {
+    fn tiles_equal_the_picture() {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let image = picture(210, 130);
         write_tiles(dir.path().join("1"), &image, 32, 3).expect("written");

@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn masks_that_are_none_are_told() {
+    fn invalid_masks_are_errors() {
         assert_eq!(parse_region("m0,0,0,0,0"), Ok(None), "as vot-toolkit writes an empty one");
         assert_eq!(parse_region("m0,0,65535,65535,0,4294836225").expect("the largest").map(|b| b.w), Some(65535.0));
         for (text, said) in [

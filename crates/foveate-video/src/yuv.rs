@@ -172,7 +172,7 @@ mod tests {
     const MATRICES: [u16; 4] = [1, 6, 7, 9];
 
     #[test]
-    fn black_white_and_the_primaries_are_where_the_standard_says() {
+    fn black_white_and_the_primaries_follow_the_standard() {
         // BT.601, limited range: ITU-R BT.601-7, section 2.5.4; red is (81, 90, 240), BT.709's is (63, 102, 240).
         for (matrix, y, u, v) in [(6, 81, 90, 240), (1, 63, 102, 240)] {
             let red = Yuv { width: 2, height: 2, chroma: (1, 1), y: vec![y; 4], u: vec![u], v: vec![v] };

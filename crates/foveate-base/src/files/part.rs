@@ -244,7 +244,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_part_is_made_by_nobody_else_and_litter_goes() {
+    fn a_temporary_file_is_exclusive_and_leftovers_are_removed() {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let path = dir.path().join("a.txt");
         // No process has the largest number; one file is old, one is new, one is of this process, one is the user's.
@@ -300,7 +300,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn a_link_stays_and_leads_to_what_was_made() {
+    fn a_link_is_kept_and_its_target_written() {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let (folder, link) = (dir.path().join("b"), dir.path().join("a.txt"));
         let (there, other) = (folder.join("there"), folder.join("other"));

@@ -15,25 +15,26 @@ use foveate_base::Result;
 pub enum RewardConfig {
     /// Σw², the paper's.
     Concentration {
-        /// Power to which the likelihood is raised first, 0 to 1.
+        /// Exponent of the likelihood in the reward, 0 to 1.
         #[serde(default = "one")]
         temperature: f64,
     },
     /// log(N Σw²) / log N.
     LogConcentration {
-        /// Power to which the likelihood is raised first, 0 to 1.
+        /// Exponent of the likelihood in the reward, 0 to 1.
         #[serde(default = "one")]
         temperature: f64,
     },
-    /// How much the boxes that the look alone would believe in overlap that of all looks of the frame: for policies that ask for many.
+    /// Overlap of the box estimated from one look with that from all looks of the frame. For policies with several
+    /// gazes a frame.
     Agreement {
-        /// Power to which the likelihood is raised first, 0 to 1.
+        /// Exponent of the likelihood in the reward, 0 to 1.
         #[serde(default = "one")]
         temperature: f64,
     },
-    /// The share of the uncertainty about place that the look removed.
+    /// Share of the positional variance that the look removed.
     VarianceReduction {
-        /// Power to which the likelihood is raised first, 0 to 1.
+        /// Exponent of the likelihood in the reward, 0 to 1.
         #[serde(default = "one")]
         temperature: f64,
     },

@@ -8,8 +8,8 @@
 //! `local` = 1, whatever the flow missed. A `share` of the parents is moved, the others stay: the camera's motion may be
 //! mistaken, where one thing fills most of the picture, and the likelihood can tell.
 //!
-//! Deviation: the paper puts flow into the proposal q. Here it belongs to p, which then knows that cameras move: p/q stays
-//! 1, and a target is not taken to have jumped where the picture did.
+//! Deviation: the paper puts flow into the proposal q. Here it belongs to p, which then includes camera motion: p/q
+//! stays 1, and a jump of the picture is not a jump of the target.
 
 use serde::{Deserialize, Serialize};
 
@@ -38,7 +38,7 @@ impl Default for CameraMotion {
 }
 
 impl CameraMotion {
-    /// Fails where a number is out of range, naming it.
+    /// Fails with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         for (name, value) in [("camera", self.camera), ("local", self.local), ("share", self.share)] {
             within(&format!("camera_motion.{name}"), value, 0.0, 1.0)?;

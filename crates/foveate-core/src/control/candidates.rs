@@ -1,8 +1,8 @@
-//! Places where a target may be, from coarse to fine, and particles drawn again from the best of them.
+//! Candidate places of a target, from coarse to fine, and particles redrawn from the best of them.
 //!
-//! It is a proposal: with q a mixture of normals about those places and p a `chance` spread evenly over the area that was searched,
-//! these particles owe log p/q. They win or lose against the others by that and the likelihood, frame by frame: a place that
-//! fitted once by chance does not last.
+//! It is a proposal: with q a mixture of normals about those places and p a `chance` spread uniformly over the
+//! searched area, these particles get the weight log p/q. They compete with the others by that and by the likelihood,
+//! frame by frame, so a place that fitted once by chance does not last.
 
 use rand::RngExt;
 use rand_distr::StandardNormal;
@@ -17,10 +17,10 @@ const SIZES: [f64; 2] = [-0.15, 0.15];
 /// Places nearer to each other than this, in template units, are one.
 const NEAR: f64 = 0.5;
 
-/// Power of the likelihoods by which places are drawn: the second best gets some, too.
+/// Exponent of the likelihoods in the draw of places, so that the second best is drawn too.
 const SOFT: f64 = 0.25;
 
-/// How many candidates there are, and what is drawn from them.
+/// The number of candidates and the draws from them.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Draw {
     /// How many of the best places are kept.

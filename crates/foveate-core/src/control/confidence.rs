@@ -5,7 +5,7 @@
 //! target, or that the target is not to be seen. The weights are fitted on sequences with truth by `foveate train
 //! confidence`; docs/confidence.md has the figures.
 //!
-//! With a box regression neither is less than what that saw in many looks ([`Absence`]).
+//! With a box regression both are at least its lower bound ([`Absence`]).
 //!
 //! Deviation: with a second opinion there are two such probabilities. The reported one includes it; the *own* one, on which the tracker acts,
 //! does not, so that a second opinion changes no box. So there are two states as well: [`LossMonitor::is_searching`] follows from the own
@@ -36,7 +36,7 @@ pub const LOST: f64 = 0.1;
 pub struct TrackConfidence {
     /// P(lost), 0 to 1.
     pub p_lost: f64,
-    /// The same without the second opinion, which is what the tracker acts on: by its own cues and the box regression.
+    /// The same without the second tracker: by the own cues and the box regression. The tracker acts on this one.
     pub own: f64,
     /// The reported status. It follows from the series of `p_lost` alone: see [`ConfidenceModel::status`].
     pub status: Status,
@@ -53,7 +53,8 @@ pub struct FrameEvidence {
     pub evidence: f64,
     /// The reference likelihood of frame 1.
     pub reference: ReferenceLikelihood,
-    /// Log-likelihood of the best distractor (`control/distractors.rs`); `None` where none was searched for, −∞ where none was found.
+    /// Log-likelihood of the best distractor (`control/distractors.rs`); `None` without a search, −∞ if none was
+    /// found.
     pub distractor: Option<f64>,
     /// Standard deviation of the belief about place, template units.
     pub spread: f64,
@@ -61,21 +62,22 @@ pub struct FrameEvidence {
     pub distance: f64,
     /// How far the colours at the estimate are from the target's; 0 without a colour model.
     pub colour: f64,
-    /// How much more it looks like what was around the target in remembered frames than like the target; 0 where none is.
+    /// How much more it resembles the surroundings of the target in remembered frames than the target; 0 without
+    /// memory.
     pub elsewhere: f64,
     /// Overlap with the box of a second opinion; `None` without one.
     pub agreement: Option<f64>,
-    /// Log odds by the box regression that the target is not at the estimate; `None` where it did not look.
+    /// Logit of absence at the estimate by the box regression; `None` if it was not evaluated.
     pub absent: Option<f64>,
     /// Mean of the belief.
     pub estimate: State,
     /// Pixels per template unit there.
     pub unit: f64,
-    /// A lower bound on P(lost) from elsewhere: the class, say; 0 without one.
+    /// A lower bound on P(lost) from another source, such as the class; 0 without one.
     pub alarm: f64,
 }
 
-/// Judges frames by a model, and remembers what is usual on the target.
+/// Computes P(lost) of frames by a model, relative to running means of the evidence on the target.
 #[derive(Clone, Debug)]
 pub struct LossMonitor {
     model: ConfidenceModel,
@@ -92,7 +94,7 @@ struct Past {
     evidence: f64,
     deviation: f64,
     distance: f64,
-    /// The last estimate, and where it was seen last.
+    /// The last estimate, and the last confident position.
     estimate: State,
     seen: State,
     /// What fitted best in the whole picture, by the last search.
@@ -101,13 +103,13 @@ struct Past {
     is_new: bool,
     /// Smoothed drop.
     lasting: f64,
-    /// Smoothed likeness to what was elsewhere.
+    /// Smoothed similarity to remembered surroundings.
     elsewhere: f64,
     /// Smoothed agreement with a second opinion.
     agreement: f64,
-    /// What the box regression said lately.
+    /// Running mean of the logit of absence by the box regression.
     absence: f64,
-    /// The last verdict: whether the target is searched for, and what is reported.
+    /// The last result: whether the tracker searches, and the reported status.
     search: SearchState,
     reported: ReportedStatus,
     p_lost: f64,
@@ -115,7 +117,7 @@ struct Past {
     cues: Cues,
 }
 
-/// P(lost) by the own cues, with what the box regression saw in many looks, and with what the second opinion says as well.
+/// P(lost) by the own cues; with the box regression; with the second tracker as well.
 struct Verdict {
     cued: f64,
     own: f64,
@@ -126,11 +128,12 @@ struct Verdict {
 const NEWEST: f64 = 0.05;
 /// Share of the newest frame in the smoothed drop.
 const SMOOTH: f64 = 0.2;
-/// The same, in the likeness to what was elsewhere: a target that returns has to be seen soon.
+/// The same for the similarity to remembered surroundings; short, so that returns are reported soon.
 const SHARPER: f64 = 0.4;
-/// Log odds that a target is not there, where the box regression has not looked yet: it was given, or found.
+/// Logit of absence before the box regression has been evaluated: the target was given or found.
 const PRESENT: f64 = -MOST_ODDS;
-/// The least deviation of the evidence, as a share of what was promised between on and off.
+/// Least deviation of the evidence, as a share of the distance between the reference likelihoods on and off the
+/// target.
 const LEAST_DEVIATION: f64 = 0.02;
 
 impl Past {
@@ -156,13 +159,13 @@ impl LossMonitor {
         self.past = Past::none();
     }
 
-    /// The target was put somewhere: it is not searched for until frames speak against it; what is usual on it stays.
+    /// Resets the search after a new position was given; the running means stay.
     pub(crate) fn begin_again(&mut self) {
         let Past { frames, evidence, deviation, distance, seen, .. } = self.past;
         self.past = Past { frames, evidence, deviation, distance, seen, ..Past::none() };
     }
 
-    /// Forgets what is usual on the target: looks are compared with something else from now on.
+    /// Resets the running means, because later looks are compared with another template.
     pub(crate) fn forget_usual(&mut self) {
         let m = &mut self.past;
         (m.frames, m.evidence, m.deviation, m.distance, m.lasting) = (0, 0.0, 0.0, 0.0, 0.0);
@@ -202,14 +205,14 @@ impl LossMonitor {
         self.hold()
     }
 
-    /// The verdict of a frame whose evidence is not judged: P(lost) stays as it is, and the status follows from it.
+    /// The result of a frame without evidence: P(lost) is unchanged, and the status follows from it.
     pub fn hold(&mut self) -> TrackConfidence {
         let m = &mut self.past;
         m.reported.update(m.p_lost, self.model.status, self.model.patience);
         self.last()
     }
 
-    /// Whether the tracker searches for the target: what it acts on, which is not the reported status.
+    /// Whether the tracker searches for the target. This differs from the reported status.
     pub fn is_searching(&self) -> bool {
         self.past.search.is_searching
     }
@@ -292,13 +295,13 @@ impl LossMonitor {
         self.model.by_absence(&self.past.cues) >= self.model.leave
     }
 
-    /// Whether the box regression alone says that the target is lost: then the own cues believe what was learned of something else.
+    /// Whether only the box regression reports a loss. The appearance was then learned from another object.
     pub(crate) fn is_misled(&self) -> bool {
         let (model, cues) = (&self.model, &self.past.cues);
         model.by_absence(cues) > model.enter && model.own(cues) <= model.enter
     }
 
-    /// What fits best in the whole picture: nothing else is found while it lies elsewhere.
+    /// The best fit in the whole picture: the search does not end at another place.
     pub fn searched(&mut self, best: Option<&State>) {
         self.past.best_place = best.copied();
     }
@@ -313,7 +316,7 @@ impl LossMonitor {
         serde_json::to_value(&self.past).expect("plain data is JSON")
     }
 
-    /// Takes up what `save` gave.
+    /// Restores a state of `save`.
     pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
         self.past = Past::deserialize(saved)
             .map_err(|e| Error::Invalid(format!("the saved confidence cannot be used: {e}")))?;
@@ -326,7 +329,7 @@ fn within_odds(odds: f64) -> f64 {
     if odds.is_finite() { odds.clamp(-MOST_ODDS, MOST_ODDS) } else { MOST_ODDS }
 }
 
-/// Whether a place is more than a template unit from what a frame shows.
+/// Whether a place is more than a template unit from the estimate of a frame.
 fn apart(place: &State, shown: &FrameEvidence) -> bool {
     (place.x - shown.estimate.x).abs().max((place.y - shown.estimate.y).abs()) > shown.unit
 }

@@ -1,8 +1,8 @@
 //! Consistency monitor: does the evidence fit the target's being there?
 //!
-//! The paper's Σw² cannot tell: it stays high on a wrong, sharp peak. What can is
-//! the evidence, measured against what the first frame promised on and off the target, and the effective
-//! sample size of softened weights, which rises when nothing in view fits better than anything else.
+//! The paper's Σw² cannot detect a loss: it stays high on a wrong, sharp peak. This monitor uses the evidence,
+//! relative to the reference likelihoods of frame 1 on and off the target, and the effective sample size of softened
+//! weights, which rises if nothing in view fits better than the rest.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,17 +13,18 @@ use foveate_base::{Error, Result};
 /// The verdict of one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Consistency {
-    /// Smoothed evidence deficit: 0 when the evidence is what the target gives, 1 when it is what other places give; 0 to 2.
+    /// Smoothed evidence deficit: 0 for the evidence on the target, 1 for that of other places; 0 to 2.
     pub deficit: f64,
     /// The same of this frame alone, 0 to 2.
     pub frame_deficit: f64,
     /// Effective sample size of the softened weights, as a share of N, 0 to 1.
     pub tempered_ess: f64,
-    /// Whether the smoothed deficit is below the threshold; [`ConsistencyMonitor::learns`] says whether the frame is learned from.
+    /// Whether the smoothed deficit is below the threshold; [`ConsistencyMonitor::learns`] decides whether the frame
+    /// is learned.
     pub holds: bool,
-    /// Whether the reference likelihoods tell the target from other places: in at most half of the frames in which the reference settles
-    /// the evidence falls so short of it that the deficit means nothing. The reference is measured at the centre of the box, where a
-    /// target may show nothing, and a gaze may be elsewhere. `false` before a frame is judged.
+    /// Whether the reference likelihoods separate the target from other places: at most half of the settling frames
+    /// have a deficit too large to be informative. The reference is measured at the centre of the box, which may be
+    /// empty, and a gaze may be elsewhere. `false` before the first frame.
     pub is_informative: bool,
 }
 
@@ -62,11 +63,11 @@ struct Past {
     /// Frames judged since the start, `settle` at most, and the sum of how far their evidence fell short of the reference.
     settled: usize,
     shortfall: f64,
-    /// Of these frames, those whose evidence fell short by more than settling allows for.
+    /// Number of these frames with a deficit larger than settling allows.
     beyond: usize,
 }
 
-/// Share of the way from on to off that settling may go at most: beyond it, on and off could not be told apart.
+/// Largest share of the way from on to off that settling may go, so that on and off stay separated.
 const MOST_SHORTFALL: f64 = 0.7;
 
 impl Default for ConsistencySettings {
@@ -76,7 +77,7 @@ impl Default for ConsistencySettings {
 }
 
 impl ConsistencySettings {
-    /// Fails where a number is out of range, naming it.
+    /// Fails with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         for (name, value, most) in [
             ("memory", self.memory, 1.0),
@@ -149,7 +150,7 @@ impl ConsistencyMonitor {
         serde_json::to_value(&self.past).expect("plain data is JSON")
     }
 
-    /// Takes up what `save` gave.
+    /// Restores a state of `save`.
     pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
         self.past = Past::deserialize(saved)
             .map_err(|e| Error::Invalid(format!("the saved consistency cannot be used: {e}")))?;
@@ -223,7 +224,7 @@ mod tests {
     /// What the target gives from frame 2 on lies beyond what other places gave in frame 1: the deficit is at its maximum on the target, and
     /// is not informative. It is where only a few frames are so.
     #[test]
-    fn a_reference_that_tells_nothing_apart_is_not_informative() {
+    fn an_inseparable_reference_is_not_informative() {
         let peaked = [0.0, -50.0, -50.0, -50.0];
         let last = |beyond: &dyn Fn(usize) -> bool| {
             let mut v = ConsistencyMonitor::new(ConsistencySettings::default());

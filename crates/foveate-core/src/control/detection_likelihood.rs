@@ -1,12 +1,12 @@
-//! log p(detection | x): what a detector's boxes say about where the target is, beside its own look.
+//! log p(detection | x): the evidence of a detector's boxes about the position of the target.
 //!
-//! For detections d₁..ₖ of which one is taken to be the target's (the target's own, where it was said outside which is
-//! whose),
+//! For detections d₁..ₖ of which one belongs to the target (its own, after data association),
 //! ```text
 //! p(d | x) ∝ (1 − outlier)/k Σ exp(−½ |centre of d − place|² / place² − ½ (log size of d − log_scale)² / size²) + outlier
 //! ```
-//! with places in half boxes of d along each axis. The units are d's, not x's, or larger states would fit better. The
-//! uniform part bounds what a false detection can cost: log(1/outlier) nats a frame, so that the looks outweigh it.
+//! with positions in half boxes of d along each axis. The units are d's, not x's, because otherwise larger states
+//! would fit better. The uniform part bounds the effect of a false detection to log(1/outlier) nats a frame, so that
+//! appearance outweighs it.
 //!
 //! Deviation: the paper has no such term; detections enter its proposal alone, and the weights undo them.
 
@@ -17,7 +17,7 @@ use crate::scene::Detection;
 use foveate_base::Result;
 use foveate_base::error::within;
 
-/// How far detections are from what they are of.
+/// The error model of detections.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DetectionLikelihood {
@@ -36,7 +36,7 @@ impl Default for DetectionLikelihood {
 }
 
 impl DetectionLikelihood {
-    /// Fails where a number is out of range, naming it.
+    /// Fails with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         for (name, value, least, most) in
             [("place", self.place, 0.01, 10.0), ("size", self.size, 0.01, 100.0), ("outlier", self.outlier, 1e-9, 1.0)]
@@ -65,8 +65,8 @@ impl DetectionLikelihood {
         (self.outlier + (1.0 - self.outlier) * sum / f64::from(count)).ln()
     }
 
-    /// Adds it to the log weights of states. Their sum stays what it was, so that the evidence remains that of the looks,
-    /// which `ConsistencyMonitor` compares with what the first frame promised. Answers what was added to each for that.
+    /// Adds it to the log weights of states without changing their sum, so that the evidence remains that of
+    /// appearance, which `ConsistencyMonitor` compares with frame 1. Returns the constant that was added to each.
     pub fn weigh(&self, detections: &[Detection], states: &[State], extent: Extent, log_weights: &mut [f64]) -> f64 {
         if detections.is_empty() {
             return 0.0;

@@ -1,8 +1,8 @@
-//! Distractors: places that look like the target, or where it is believed to be a little, and that are not where it is
-//! estimated to be.
+//! Distractors: places away from the estimate that resemble the target or have some probability.
 //!
-//! What tells the target from them is worth learning (`identity/discriminant.rs`), before it passes close to one: among the
-//! particles they are the tracker's own mistakes, around the target ([`DistractorSearch`]) those it could still make.
+//! The discriminant (`identity/discriminant.rs`) learns them as negatives before the target passes close to one.
+//! Distractors among the particles are present mistakes of the tracker, those around the target
+//! ([`DistractorSearch`]) possible future ones.
 
 use serde::{Deserialize, Serialize};
 
@@ -40,7 +40,7 @@ impl DistractorSettings {
     fn steps(&self) -> i32 {
         (self.reach / self.step) as i32
     }
-    /// Fails where a number is out of range, naming it.
+    /// Fails with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         within("distractors.reach", self.reach, 1.0, 50.0)?;
         within("distractors.step", self.step, 0.1, 10.0)?;
@@ -109,8 +109,8 @@ const MOST: usize = 6;
 /// How far from the estimate they are at least, and from each other, template units.
 const APART: (f64, f64) = (0.7, 0.5);
 
-/// Fills `distractors` with the most probable states away from the estimate and from each other, at most six. The log weight of
-/// the best; −∞ where there is none.
+/// Fills `distractors` with the most probable states away from the estimate and from each other, at most six. Returns
+/// the log weight of the best; −∞ without one.
 pub fn distractors(
     states: &[State],
     log_weights: &[f64],

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 // Deviation: the paper writes p(xₜ | xₜ₋₁, aₜ₋₁), but nothing in it lets the action move the target.
-/// Where a state leads within one frame: a density that can be drawn from.
+/// The transition density of one frame, which can be sampled.
 ///
 /// `sample` must draw from the density that `log_density` evaluates, or importance weights are wrong and
 /// `conformance::dynamics` fails. Both are called from many threads.
@@ -21,13 +21,14 @@ pub trait Dynamics: Send + Sync {
     fn sample(&self, previous: &State, rng: &mut Rng) -> State;
     /// log p(next | previous) in nats, exact, with its constants.
     fn log_density(&self, next: &State, previous: &State) -> f64;
-    /// Where a state leads without noise.
+    /// The noise-free successor of a state.
     fn expected(&self, previous: &State) -> State;
     /// Standard deviation of a draw's place about that, along an axis.
     fn spread(&self) -> f64;
     /// The same motion for a target of which one template unit is `unit` pixels.
     fn sized(&self, unit: f64) -> Arc<dyn Dynamics>;
-    /// The law of so many frames at once, where it has a closed form; else a target that waits moves frame by frame.
+    /// The transition density of several frames, if it has a closed form. Otherwise a waiting target moves frame by
+    /// frame.
     fn over(&self, _frames: usize) -> Option<Leap> {
         None
     }
@@ -95,7 +96,7 @@ impl Default for Autoregressive {
 }
 
 impl Autoregressive {
-    /// Fails where a standard deviation is negative or anything is not finite, naming the field.
+    /// Fails with the field if a standard deviation is negative or a number is not finite.
     pub fn check(&self) -> Result<()> {
         let sds = [self.velocity, self.position, self.log_scale, self.angle];
         for (name, sd) in ["velocity", "position", "log_scale", "angle"].into_iter().zip(sds) {
@@ -131,7 +132,7 @@ fn log_normal(value: f64, mean: f64, sd: f64) -> f64 {
 type Noise = [[f64; 2]; 3];
 
 impl Autoregressive {
-    /// Where `previous` leads with these noises.
+    /// The successor of `previous` with this noise.
     #[inline]
     fn step(&self, previous: &State, [velocity, position, shape]: Noise) -> State {
         let vx = self.damping * previous.vx + self.velocity * velocity[0];

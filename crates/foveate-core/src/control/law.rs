@@ -1,8 +1,8 @@
-//! The density of a particle put at a detection or led there by the dynamics, as the mixture of both needs it.
+//! The density of a particle at a detection and under the dynamics, for the mixture of both.
 
 use crate::geometry::State;
 
-/// Normal laws of x, y and log scale, each one its own; the scale's counts where its deviation is above 0.
+/// Independent normal densities of x, y and log scale; that of scale is used if its deviation is above 0.
 #[derive(Clone, Copy)]
 pub(super) struct Law {
     pub mean: [f64; 3],

@@ -1,11 +1,12 @@
-//! Several frames of linear, Gaussian motion at once: what a target does while nobody looks at it.
+//! Several frames of linear, Gaussian motion at once, for a target without looks.
 //!
 //! Along an axis, with n and m standard normal, d the damping and q, p the deviations of velocity and place,
 //! ```text
 //! v' = d v + q n        x' = x + v' + p m
 //! ```
-//! k times over is normal again: v of mean dᵏ v, x of mean x + (d + d² + ... + dᵏ) v, and the laws of two stretches make that of both.
-//! So a target that waits costs nothing until it is looked at, and its mean and covariance meanwhile cost what a Kalman filter's do.
+//! k steps are normal again: v with mean dᵏ v, x with mean x + (d + d² + ... + dᵏ) v, and two intervals combine into
+//! one. So a waiting target costs nothing until its next look, and its mean and covariance cost as much as those of a
+//! Kalman filter.
 //!
 //! Deviation: the paper draws every particle in every frame.
 
@@ -73,7 +74,7 @@ impl Leap {
         }
     }
 
-    /// Draws where each state is after these frames.
+    /// Draws each state after these frames.
     pub fn draw(&self, states: &mut [State], rng: &mut Rng) {
         let [v, vx, x] = self.noise;
         let speed = v.sqrt();

@@ -1,11 +1,11 @@
 //! Looking around a target that may have leapt farther than the particles reach.
 //!
-//! The places around the estimate that look most like the target are its distractors (`distractors.rs`), or it is one of them. The
-//! best of them are looked at more closely; where one fits better than the estimate does, and well enough, a share of the
-//! predicted particles is drawn again from there, in the same frame. It is a proposal (`candidates.rs`), with p/q of a target that leaps
-//! anywhere in this neighbourhood by a small `chance`: no leap without better evidence than staying, and none onto what could be seen
-//! beside the target before, where that is remembered (`[distractors] remembered`). In doubt (`doubt`) the short-term memory has no say:
-//! what hides a target is learned for now while it slides over it, and would vouch for itself.
+//! The places around the estimate that look most like the target are its distractors (`distractors.rs`), or one of
+//! them is the target. The search refines the best of them. If one fits well and better than the estimate, a share of
+//! the predicted particles is drawn again from there, in the same frame. It is a proposal (`candidates.rs`), with p/q
+//! of a target that leaps anywhere in this neighbourhood with a small `chance`. There is no leap without better
+//! evidence than staying, and none onto a remembered place beside the target (`[distractors] remembered`). In doubt
+//! (`doubt`) the search ignores the short-term memory, which learns an occluder while it slides over the target.
 //!
 //! Deviation: the paper's proposal is blind to the picture but for a detector's boxes (section 5.1).
 
@@ -42,7 +42,7 @@ impl Default for LocalSearchSettings {
 }
 
 impl LocalSearchSettings {
-    /// Fails where a number is out of range, naming it.
+    /// Fails with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         within("local_search.fit", self.fit, 0.0, 2.0)?;
         within("local_search.chance", self.chance, 1e-9, 1.0)?;

@@ -1,4 +1,4 @@
-//! q = (1 − α) p + α · mean over detections: some children start where a detector found something.
+//! q = (1 − α) p + α · mean over detections: some particles start at detections.
 //!
 //! The paper's "mixture proposal" of detections and transition prior (section 6.3), after the boosted particle filter of
 //! Okuma et al. (2004). With p the dynamics and d a detection,
@@ -16,8 +16,8 @@
 //! noises here, so that the unscented transform is exact, and the Kalman filter. Where detections are precise beside the motion it is
 //! nearly the same; where they are not, its children lie between what the parent expects and the detection.
 //!
-//! Only detections within `gate` of where the parent leads count, all alike: scores of different detectors have no common
-//! unit, and which of them is the target is for the likelihood to say. A parent without any has p alone.
+//! Only detections within `gate` of the predicted position count, with equal weight: scores of different detectors
+//! have no common unit, and the likelihood decides between them. A parent without detections uses p alone.
 //!
 //! Clamping to the frame moves children after they are drawn and weighed. What moves x ~ q and x ~ p by the same rule keeps the
 //! weights p/q, so that the piles at the edge of the frame are p's too and need no density.
@@ -79,7 +79,7 @@ impl Default for Mixing {
 }
 
 impl Mixing {
-    /// Fails where a number is out of range, naming it.
+    /// Fails with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         for (name, value, least, most) in [
             ("alpha", self.alpha, 0.0, 0.99),
@@ -105,7 +105,7 @@ pub struct Mixture {
     unit: f64,
 }
 
-/// Names the streams that say which children start at detections, apart from those of the prior's draws.
+/// Name of the streams that choose the particles at detections, distinct from those of the prior's draws.
 const CHOICE: u64 = 1 << 32;
 
 impl Mixture {
@@ -156,7 +156,7 @@ impl Proposal for Mixture {
 }
 
 impl Mixture {
-    /// Lets `child`, a draw from p, start at a detection by chance; log p/q of what it is then.
+    /// Moves `child`, a draw from p, to a detection with probability α. Returns log p/q of the result.
     fn mix(&self, detections: &[Detection], parent: &State, child: &mut State, rng: &mut Rng) -> f64 {
         let (m, Mixing { alpha, spread, size, gate, update }) = (&self.motion, self.mixing);
         let size = size.filter(|_| m.log_scale > 0.0).unwrap_or(0.0);

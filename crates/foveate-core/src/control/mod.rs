@@ -1,8 +1,8 @@
 //! WHERE is it? The dorsal pathway: a particle filter over the target's [`State`] (section 3.1, Algorithm 1).
 //!
 //! A belief p(xₜ | h₁..ₜ, a₁..ₜ) is n weighted states. [`Proposal`] predicts them from the last frame's,
-//! [`normalize`] weighs them, [`Reward`] says how much a look told, [`Resampling`] selects survivors.
-//! log wₜ = log wₜ₋₁ + log p/q + log p(h | x, a), up to its own logarithm of a sum, the evidence.
+//! [`normalize`] weights them, [`Reward`] measures the value of a look, [`Resampling`] selects survivors. log wₜ =
+//! log wₜ₋₁ + log p/q + log p(h | x, a), minus the log evidence.
 
 mod camera_motion;
 mod candidates;
@@ -49,7 +49,7 @@ use crate::geometry::State;
 use foveate_kernels::{exp_from, largest_finite};
 use std::f64::consts::{PI, TAU};
 
-/// bₜ: what is believed of the target, as states with weights.
+/// bₜ: the belief about the target, as weighted states.
 #[derive(Clone, Copy, Debug)]
 pub struct Belief<'a> {
     /// The particles; at least one.
@@ -107,8 +107,8 @@ fn deviation(a: &State, b: &State) -> [f64; 6] {
     [a.x - b.x, a.y - b.y, a.vx - b.vx, a.vy - b.vy, a.log_scale - b.log_scale, turn]
 }
 
-/// From log weights to weights of sum 1; returns log Σ exp, the log evidence where the log weights are
-/// log (wₜ₋₁ p/q p(h | x, a)).
+/// From log weights to weights of sum 1. Returns log Σ exp, which is the log evidence if the log weights are log
+/// (wₜ₋₁ p/q p(h | x, a)).
 ///
 /// The sum runs in a fixed order. What is not finite weighs nothing; if nothing is finite, no particle explains
 /// the frame: the weights are uniform and −∞ is returned. Both slices have the same, non-zero length.

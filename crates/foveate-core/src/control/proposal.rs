@@ -1,4 +1,4 @@
-//! q(xₜ | xₜ₋₁, scene): where the next particles are put (Algorithm 1, "predict the next state").
+//! q(xₜ | xₜ₋₁, scene): the proposal of the next particles (Algorithm 1, "predict the next state").
 
 use super::{Dynamics, Leap};
 use crate::geometry::State;
@@ -6,7 +6,7 @@ use crate::scene::{Image, Scene};
 use foveate_base::rng::Streams;
 use std::sync::Arc;
 
-/// Puts the next particles, and says what their weights owe for it.
+/// Draws the next particles, and returns log p/q for their weights.
 ///
 /// Child i must come from `q(· | parents[i], scene)`, and `log_ratio[i]` be log p/q of it, in nats (0 where
 /// q = p). Randomness comes from `streams` alone, stream i for the i-th chunk of [`CHUNK`] particles, so that
@@ -14,11 +14,11 @@ use std::sync::Arc;
 pub trait Proposal: Send + Sync {
     /// Told at the start: one template unit is `unit` pixels.
     fn size(&mut self, unit: f64);
-    /// The law of so many frames without detections at once, whatever the picture shows; `None` where it has no closed form.
+    /// The density of several frames without detections, independent of the picture; `None` without a closed form.
     fn over(&self, _frames: usize) -> Option<Leap> {
         None
     }
-    /// Whether detections of the scene change what is proposed. If not, a tracker refuses detections that nothing else uses.
+    /// Whether the proposal depends on detections. If not, a tracker refuses detections that nothing else uses.
     fn uses_detections(&self) -> bool {
         true
     }
@@ -51,7 +51,8 @@ impl Prior {
     }
     /// Whether a target's centre that would leave the picture stays at its edge, without the speed that took it there.
     ///
-    /// Deviation: the paper does not clamp, and a lost particle flies off for good. It is p that has them, so p/q stays 1.
+    /// Deviation: the paper does not clamp, so a lost particle leaves the picture forever. The clamp is part of p, so
+    /// p/q stays 1.
     pub fn clamp_to_frame(self, clamp_to_frame: bool) -> Self {
         Self { clamp_to_frame, ..self }
     }
@@ -122,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn walls_stop_what_would_leave() {
+    fn clamping_keeps_states_in_the_picture() {
         let inside = State { x: 19.0, y: 0.0, vx: 9.0, vy: -9.0, ..State::default() };
         let mut states = [State { x: -3.0, y: 7.5, vx: -4.0, vy: 2.0, ..State::default() }, inside];
         confine(&mut states, &Image::grey(20, 8, 0));

@@ -1,10 +1,10 @@
-//! Looking for a target believed lost (the paper: "no ability to recover from a tracking failure").
+//! Search for a lost target (the paper: "no ability to recover from a tracking failure").
 //!
 //! Every few frames while the target is lost, places all over the picture are scored, and a share of the predicted
-//! particles is drawn again from the places that fit best. Where the picture has more places than the `budget` of a frame,
-//! it is searched in parts, one a search, that where the target was seen last first and the farthest last; the best places of
-//! all parts are remembered, and scored again in every search. It is a proposal (`candidates.rs`), with p/q of a target that may be
-//! anywhere in the picture.
+//! particles is drawn again from the best places. If the picture has more places than the `budget` of a frame, it is
+//! searched in parts, one a search, from the last confident position outwards. The best places of all parts are kept
+//! and scored again in every search. It is a proposal (`candidates.rs`), with p/q of a target that may be anywhere in
+//! the picture.
 
 use serde::Deserialize;
 use std::ops::Range;
@@ -17,7 +17,7 @@ mod settings;
 
 pub use self::settings::RedetectionSettings;
 
-/// Looks all over the picture for a target believed lost.
+/// Searches the whole picture for a lost target.
 #[derive(Clone, Debug)]
 pub struct Redetection {
     settings: RedetectionSettings,
@@ -25,7 +25,7 @@ pub struct Redetection {
     /// Searches since the target was lost, and the best places of the parts before.
     searches: u64,
     remembered: Vec<State>,
-    /// Parts of the picture: distances from where the target was seen, and which they are.
+    /// Parts of the picture, by distance from the last confident position.
     parts: Vec<(f64, usize)>,
 }
 
@@ -35,7 +35,7 @@ pub const REFINEMENTS: usize = 2;
 /// The most places that are scored at once.
 const MOST: f64 = 16_000.0;
 
-/// Places farther apart than this, template units, count as more, up to two: what lies between them is read, too.
+/// Places farther apart than this, template units, count as up to two, because pixels between them are read too.
 const WIDEST: f64 = 0.5;
 
 impl Redetection {
@@ -49,7 +49,7 @@ impl Redetection {
     pub fn settings(&self) -> &RedetectionSettings {
         &self.settings
     }
-    /// Whether to search in this frame. What was found is forgotten where the target is not lost.
+    /// Whether to search in this frame. Clears the candidates if the target is not lost.
     pub fn is_due(&mut self, lost: bool, frame: u64) -> bool {
         if !lost {
             self.searches = 0;
@@ -113,8 +113,8 @@ impl Redetection {
         self.parts.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         of(self.parts[(self.searches % (across * down) as u64) as usize].1)
     }
-    /// Keeps the best of the places scored last, and gives those that are remembered from other parts, and places about
-    /// them: they may have moved. None where the whole picture was searched. To be scored, before the candidates are made finer.
+    /// Keeps the best of the places scored last, and returns those kept from other parts with places around them,
+    /// because objects may have moved; none if the whole picture was searched. Score them before the refinement.
     pub fn recall(&mut self, log_likelihood: &[f64]) -> &[State] {
         self.candidates.keep_best(log_likelihood);
         let (apart, states) = (self.candidates.apart, &mut self.candidates.states);
@@ -129,7 +129,7 @@ impl Redetection {
         let found: Vec<State> = self.candidates.found().collect();
         serde_json::json!({ "searches": self.searches, "found": found })
     }
-    /// Takes up what `save` gave. Fails, unchanged, where it is none.
+    /// Restores a state of `save`. Fails without change if it is invalid.
     pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
         #[derive(Deserialize)]
         struct Saved {
@@ -258,7 +258,7 @@ mod tests {
     /// Σ over the new particles of p/q estimates the integral of p about the places: their share of the picture.
     /// 20,000 draws with one seed; the estimate's deviation is below 1 % of it, and 5 % would be five of them.
     #[test]
-    fn what_is_drawn_again_owes_what_the_prior_says() {
+    fn redrawn_particles_have_the_weight_of_the_prior() {
         let mut search = Redetection::new(RedetectionSettings {
             share: 1.0,
             places: 2,

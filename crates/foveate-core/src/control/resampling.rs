@@ -1,7 +1,7 @@
 //! Selection (Algorithm 1): children of heavy particles start the next frame.
 //!
-//! Every scheme is unbiased: particle i gets m·wᵢ of the m places on average. They differ in how far a
-//! count strays: systematic and residual ones by less than 1 from m·wᵢ below (Douc, Cappé & Moulines 2005).
+//! Every scheme is unbiased: particle i gets m·wᵢ of the m copies on average. They differ in the spread of counts:
+//! those of systematic and residual resampling are less than 1 below m·wᵢ (Douc, Cappé & Moulines 2005).
 
 use foveate_base::Result;
 use foveate_base::error::within;
@@ -42,7 +42,7 @@ impl Default for Resampling {
 }
 
 impl Resampling {
-    /// Fails where the threshold is not from 0 to 1.
+    /// Fails if the threshold is not from 0 to 1.
     pub fn check(&self) -> Result<()> {
         within("resampling.below", self.below, 0.0, 1.0)
     }
@@ -132,7 +132,7 @@ fn sum(weights: &[f64]) -> f64 {
     lanes.iter().sum::<f64>() + rest.iter().sum::<f64>()
 }
 
-/// `certain(w)` places for each particle, the rest drawn independently from what that leaves of its weight.
+/// `certain(w)` copies of each particle, the rest drawn independently from the remaining weights.
 ///
 /// The largest of r uniform draws is u^(1/r); below it lie r − 1 uniform draws. So they come in descending
 /// order, and one pass down the cumulative sum gives all places, from the last to the first.

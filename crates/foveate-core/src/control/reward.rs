@@ -1,8 +1,8 @@
-//! How much did a look tell? rₜ from the weights it gave (Algorithm 1, "gaze control").
+//! The reward rₜ of a look, from the weights it gives (Algorithm 1, "gaze control").
 //!
-//! Each reward raises the look's likelihood to a power of its own, the temperature: the sharpness that tracks
-//! best collapses the weights so far that the paper's Σw² hardly knows a good gaze from a bad one.
-//! All are in [0, 1], see weights only, and do not change when the particles change places.
+//! Each reward raises the look's likelihood to a power, the temperature: the sharpness that tracks best collapses the
+//! weights so far that the paper's Σw² hardly separates good gazes from bad ones. All rewards are in [0, 1], use
+//! weights only, and do not depend on the order of particles.
 
 use super::{deviation, normalize};
 use crate::geometry::{Extent, State};
@@ -44,7 +44,7 @@ impl Tempered {
         }
         Ok(Self { temperature, log_weights: Vec::new(), weights: Vec::new() })
     }
-    /// Weights ∝ prior · likelihood^temperature; `None` where no particle has any.
+    /// Weights ∝ prior · likelihood^temperature; `None` if all are 0.
     fn weigh(&mut self, log_prior: &[f64], log_likelihood: &[f64]) -> Option<&[f64]> {
         assert_eq!(log_prior.len(), log_likelihood.len(), "one prior weight for each likelihood");
         self.log_weights.clear();
@@ -55,7 +55,7 @@ impl Tempered {
     }
 }
 
-/// Σw², the paper's reward: 1/n for a look that told nothing, 1 where one particle remains.
+/// Σw², the paper's reward: 1/n for an uninformative look, 1 if one particle remains.
 #[derive(Clone, Debug)]
 pub struct Concentration(Tempered);
 
@@ -92,13 +92,13 @@ impl Reward for LogConcentration {
     }
 }
 
-/// Σw² within what rounding leaves of [0, 1].
+/// Σw² clamped to [0, 1].
 fn concentration(weights: &[f64]) -> f64 {
     weights.iter().map(|w| w * w).sum::<f64>().min(1.0)
 }
 
-/// 1 − tr Cov(x, y | look) / tr Cov(x, y): the share of the uncertainty about place that the look removed;
-/// 0 where it added some.
+/// 1 − tr Cov(x, y | look) / tr Cov(x, y): the share of the positional variance that the look removed; 0 if it added
+/// some.
 #[derive(Clone, Debug)]
 pub struct VarianceReduction(Tempered);
 
@@ -122,8 +122,8 @@ impl Reward for VarianceReduction {
 }
 
 // Deviation: the paper's reward says how sure a look is, not whether it is right.
-/// How much the boxes that a look alone would believe in overlap the one that all looks of the frame believe in, on average: IoU.
-/// What is sure of the wrong place earns nothing. With one look a frame it only says how sure the look is.
+/// Mean IoU of the boxes under one look with the box from all looks of the frame. A look that is sure of the wrong
+/// place has reward 0. With one look a frame it only measures its certainty.
 #[derive(Clone, Debug)]
 pub struct Agreement(Tempered);
 
@@ -171,7 +171,7 @@ mod tests {
     use super::*;
     use crate::conformance;
 
-    /// Where the target is believed to be, for rewards that do not mind.
+    /// An estimate for rewards that ignore it.
     const ANYWHERE: (&State, Extent) =
         (&State { x: 0.0, y: 0.0, vx: 0.0, vy: 0.0, log_scale: 0.0, angle: 0.0 }, Extent { half_w: 1.0, half_h: 1.0 });
 

@@ -1,7 +1,8 @@
 //! The reported status of a track: a function of the series of P(lost) alone, with hysteresis.
 //!
-//! While the box is usable, the status changes where P(lost) is `enter` or more; while it is not, where P(lost) is below `leave`. So no
-//! frame with P(lost) below `leave` is occluded or lost, and no frame with P(lost) of `enter` or more is tracking or reacquired.
+//! While the box is usable, the status changes if P(lost) is `enter` or more; while it is not, if P(lost) is below
+//! `leave`. So no frame with P(lost) below `leave` is occluded or lost, and no frame with P(lost) of `enter` or more
+//! is tracking or reacquired.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +16,7 @@ pub enum Status {
     /// The box is usable.
     #[default]
     Tracking,
-    /// The target is probably lost, since a few frames: it may come back where it was.
+    /// The target is probably lost, for a few frames: it may return at the same place.
     Occluded,
     /// The target is probably lost, for long: it may be anywhere.
     Lost,
@@ -62,7 +63,7 @@ impl Default for StatusThresholds {
 }
 
 impl StatusThresholds {
-    /// Fails where a number is out of range, naming it.
+    /// Fails with the key if a number is out of range.
     pub(super) fn check(&self) -> Result<()> {
         within("confidence.status.enter", self.enter, 0.0, 1.0)?;
         match self.leave {
@@ -144,7 +145,7 @@ mod tests {
 
     /// 400 random walks of 60 frames over random thresholds, which P(lost) meets exactly now and then; seed 1. Nothing in it is left to chance.
     #[test]
-    fn the_status_is_what_its_definition_says() {
+    fn the_status_follows_its_definition() {
         let mut rng = Streams::new(1, 0).at(0, Purpose::Scene).rng(0);
         let mut met = [0; 4];
         for _ in 0..400 {
@@ -179,7 +180,7 @@ mod tests {
     }
 
     #[test]
-    fn is_lost_is_lost_alone() {
+    fn is_lost_is_true_for_lost_only() {
         let all = [Status::Tracking, Status::Occluded, Status::Lost, Status::Reacquired];
         assert_eq!(all.map(Status::is_lost), [false, false, true, false]);
         assert_eq!(all.map(Status::is_usable), [true, false, false, true]);

@@ -1,7 +1,8 @@
 //! From the classes of each frame to one decision over time (section 2.2).
 //!
-//! The paper "accumulates the classification decisions": its authors' program counts how often each class was the likeliest.
-//! A sum of log-probabilities also hears how sure each frame was, and wins wherever probabilities mean what they say.
+//! The paper "accumulates the classification decisions": its authors' program counts how often each class was the
+//! most likely one. A sum of log-probabilities also uses the certainty of each frame, and is better with calibrated
+//! probabilities.
 
 use foveate_base::{Error, Result};
 use foveate_kernels::{exp_from, largest_finite};
@@ -24,10 +25,10 @@ pub enum Accumulate {
     },
 }
 
-/// What one frame can say against a class, at most, in nats.
+/// Largest evidence of one frame against a class, in nats.
 const MOST: f64 = 1e4;
 
-/// What all frames so far say of each class.
+/// Accumulated evidence for each class.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Accumulator {
     rule: Accumulate,
@@ -36,7 +37,7 @@ pub struct Accumulator {
 }
 
 impl Accumulate {
-    /// Fails where `memory` is out of range.
+    /// Fails if `memory` is out of range.
     pub fn check(&self) -> Result<()> {
         match self {
             Self::Forgetting { memory } if !(1.0..=1e6).contains(memory) => {
@@ -48,7 +49,7 @@ impl Accumulate {
 }
 
 impl Accumulator {
-    /// Of no frame yet. Fails where the rule's number is out of range, or there are not two classes.
+    /// Without frames. Fails if the rule's number is out of range, or there are fewer than two classes.
     pub fn new(rule: Accumulate, classes: usize) -> Result<Self> {
         rule.check()?;
         if classes < 2 {
@@ -70,7 +71,7 @@ impl Accumulator {
             *evidence = kept * *evidence + q.max(-MOST);
         }
     }
-    /// p(c | all frames so far); all alike before the first.
+    /// p(c | all frames so far); uniform before the first.
     pub fn posterior(&self, out: &mut [f64]) {
         let total: f64 = self.evidence.iter().sum();
         match self.rule {
@@ -93,7 +94,7 @@ impl Accumulator {
     pub fn save(&self) -> Value {
         Value::from(self.evidence.clone())
     }
-    /// Takes up what `save` gave. Fails, unchanged, where it does not fit.
+    /// Restores a state of `save`. Fails without change if it does not fit.
     pub fn load(&mut self, saved: &Value) -> Result<()> {
         match Vec::<f64>::deserialize(saved) {
             Ok(evidence) if evidence.len() == self.evidence.len() && evidence.iter().all(|e| self.could_be(*e)) => {
@@ -161,7 +162,7 @@ mod tests {
     }
 
     #[test]
-    fn all_are_alike_before_the_first_frame_and_what_is_wrong_is_refused() {
+    fn classes_are_uniform_before_the_first_frame_and_errors_are_refused() {
         for rule in [Accumulate::Sum, Accumulate::Count, Accumulate::Forgetting { memory: 9.0 }] {
             same(after(rule, &[]), [1.0; 3]);
         }

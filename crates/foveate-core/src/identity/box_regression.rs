@@ -1,17 +1,18 @@
-//! Bounding-box regression: a small convolutional network sees the estimated box and as much around it, beside frame 1's, and says where
-//! the target is from it, and how large. The box that is told goes a part of the way there.
+//! Bounding-box regression: a small convolutional network compares the estimated box and its surroundings with those
+//! of frame 1, and predicts the offset and size of the target. The reported box moves part of the way.
 //!
-//! Weights of the particles say which of the places looked at is the likeliest; they know nothing of how targets change and where their
-//! borders are, and what they err by changes slowly: one look in a few frames is enough. Where borders are is learned once, from tracks with
-//! true boxes and from photographs put before others (`bench/train_box_regression.py`), for targets of all kinds (Girshick et al., 2014; Held et al., *Learning to track at 100 FPS with deep
-//! regression networks*, 2016); both pictures are compared as by Dosovitskiy et al. (*FlowNet*, 2015).
+//! Particle weights find the most likely place, but have no model of how targets change and where their borders are.
+//! Their error changes slowly, so one evaluation in a few frames is enough. The network learns borders once, from
+//! annotated tracks and from photographs composed onto others (`bench/train_box_regression.py`), for targets of all
+//! kinds (Girshick et al., 2014; Held et al., *Learning to track at 100 FPS with deep regression networks*, 2016). It
+//! compares both pictures as Dosovitskiy et al. do (*FlowNet*, 2015).
 //!
-//! It also says whether the target is there. While it is occluded or lost, that counts in whether it is found (`confidence.box_regression`);
-//! while it is tracked, what it says in many looks makes P(lost) at least so much (`confidence.absence`): it learns nothing while tracking, so
-//! that what was learned of something else does not mislead it.
+//! It also predicts whether the target is there. While the target is occluded or lost, this helps to decide whether
+//! it is found (`confidence.box_regression`). While it is tracked, the mean over many evaluations is a lower bound of
+//! P(lost) (`confidence.absence`): the network does not learn while tracking, so a wrong object cannot mislead it.
 //!
-//! Deviation: the paper tells the mean of the belief. Where the target is believed to be does not hear of the network: followed there, what it
-//! errs by would come back to it (docs/lab/real-video.md).
+//! Deviation: the paper reports the mean of the belief. The correction is for output only; the filter does not use
+//! it, because its errors would then accumulate (docs/lab/real-video.md).
 
 mod file;
 mod glimpse;
@@ -61,7 +62,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Fails where a number is out of range.
+    /// Fails if a number is out of range.
     pub fn check(&self) -> Result<()> {
         within("box_regression.gain", self.gain, 0.0, 1.0)?;
         within("box_regression.every", self.every as f64, 1.0, 100.0)?;
@@ -85,7 +86,7 @@ impl Settings {
     }
 }
 
-/// The network, what it is to find, and what it saw last.
+/// The network, its template, and its last input.
 pub struct BoxRegression {
     network: Arc<Network>,
     settings: Settings,
@@ -118,7 +119,7 @@ impl BoxRegression {
         Self { network, settings, template: None, said: Said::default(), glimpse, scratch }
     }
 
-    /// Takes what is in this box for the target.
+    /// Sets the template to the content of this box.
     pub fn imprint(&mut self, image: &Image, state: &State, extent: Extent) {
         self.look(image, state, extent);
         self.template = Some(self.network.template(self.scratch.features()));
@@ -126,7 +127,7 @@ impl BoxRegression {
         self.glimpse.read = None;
     }
 
-    /// What the network says of this box. Panics before there is a template.
+    /// The network's prediction for this box. Panics without a template.
     pub fn answer(&mut self, image: &Image, state: &State, extent: Extent) -> Answer {
         self.look(image, state, extent);
         let template = self.template.as_ref().expect("a template is imprinted before the first answer");
@@ -138,7 +139,8 @@ impl BoxRegression {
         self.said.frames.is_multiple_of(self.settings.every as u64)
     }
 
-    /// The state that is told of a frame of this estimate, each frame once; `answer` is what was said of it, where that is known.
+    /// The reported state for this estimate; call it once a frame. `answer` is the network's prediction, if already
+    /// computed.
     pub fn moved(&mut self, image: &Image, state: &State, extent: Extent, answer: Option<Answer>) -> State {
         let (rate, gain) = (self.settings.rate, self.settings.gain);
         if self.is_due() {
@@ -158,12 +160,12 @@ impl BoxRegression {
         State { x: state.x + u * half_w, y: state.y + v * half_h, log_scale: state.log_scale + log_scale, ..*state }
     }
 
-    /// Counts what it read since it was asked last.
+    /// Adds the values read since the last call.
     pub fn measure(&mut self, meter: &mut Meter) {
         self.glimpse.read.take().into_iter().for_each(|read| meter.add(read));
     }
 
-    /// What it is to find and what was said, as plain data; nothing before there is a template.
+    /// The template and the running means, as plain data; `None` without a template.
     pub(crate) fn save(&self) -> Option<serde_json::Value> {
         let template = numbers::encode(&self.template.as_ref()?.features);
         Some(serde_json::to_value(Saved { template, said: self.said }).expect("plain data is JSON"))
@@ -191,7 +193,7 @@ impl BoxRegression {
         Ok(())
     }
 
-    /// Frees what is not needed until the next look.
+    /// Frees buffers that are not needed until the next evaluation.
     pub(crate) fn compact(&mut self) {
         (self.glimpse, self.scratch) = Default::default();
     }

@@ -20,13 +20,13 @@ const KIND: &str = "classifier";
 /// Bytes of a class's name.
 const LONGEST: usize = 200;
 
-/// What a model file says beside the numbers.
+/// The metadata of a model file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct About {
     /// Where it comes from.
     pub metadata: Metadata,
-    /// The first layer whose features it reads, as JSON. Not read here.
+    /// The first layer of its input features, as JSON. Not used here.
     pub first_layer: String,
     /// What the classes are called, in their order.
     pub names: Vec<String>,
@@ -47,7 +47,7 @@ pub struct Classifier {
 }
 
 impl Classifier {
-    /// Joins them. Fails where there are not as many names as classes, or two are equal, empty or absurdly long.
+    /// Joins them. Fails if the numbers of names and classes differ, or names are equal, empty or too long.
     pub fn new(softmax: Softmax, names: Vec<String>) -> Result<Self> {
         let named = names.iter().all(|n| (1..=LONGEST).contains(&n.len()));
         let alone = names.iter().enumerate().all(|(i, n)| !names[..i].contains(n));
@@ -69,7 +69,7 @@ impl Classifier {
         let file = File { about, temperature: self.softmax.temperature() };
         pack(KIND, file, &self.softmax.tensors())
     }
-    /// Reads a model from the bytes of a file; `path` stands for it in errors.
+    /// Reads a model from the bytes of a file; errors call it `path`.
     ///
     /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, About)> {

@@ -1,13 +1,13 @@
-//! Colour of the target against its surroundings: a cue that holds what deforms.
+//! Colour of the target and of its surroundings: a cue for targets that deform.
 //!
-//! Two histograms, of the box and of a frame around it, say of every pixel how probably it is the target's,
+//! Two histograms, of the box and of a frame around it, give the probability that a pixel belongs to the target,
 //! ```text
 //! p(target | bin) = (f + ε/2) / (f + b + ε)
 //! ```
-//! as in Staple (Bertinetto et al., 2016) and DAT (Possegger et al., 2015). A state's contrast c is the mean of p inside its box
-//! less the mean in a ring around it; with c₁ that of frame 1, its distance is 1 − c / c₁: 0 on the target, about 1 elsewhere.
-//! It is mixed with the distance of shapes, the less the smaller c₁ is: of a target that has the colours of its surroundings,
-//! this cue knows nothing, and it says so. Sums over boxes are four reads of an integral image.
+//! as in Staple (Bertinetto et al., 2016) and DAT (Possegger et al., 2015). A state's contrast c is the mean of p
+//! inside its box minus the mean in a ring around it. With c₁ that of frame 1, its distance is 1 − c / c₁: 0 on the
+//! target, about 1 elsewhere. The smaller c₁, the smaller its mixing weight with the distance of shapes: a target
+//! with the colours of its surroundings gives no evidence. Sums over boxes are four reads of an integral image.
 //!
 //! Deviation: the paper has one appearance, learned features of a grey glimpse.
 
@@ -42,7 +42,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Fails where a number is out of range, naming it.
+    /// Fails with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         for (name, value, most) in [
             ("mixing_weight", self.mixing_weight, 1.0),
@@ -66,7 +66,7 @@ pub(super) const RING: f64 = 1.5;
 const FULL: f64 = 0.4;
 /// Less contrast than this is none.
 const LEAST: f64 = 0.02;
-/// Bins as empty as this, as a share of all pixels, say nothing.
+/// Bins with a smaller share of all pixels are ignored.
 const EMPTY: f32 = 1e-4;
 /// How far off a distance may lie.
 const RANGE: (f64, f64) = (-0.2, 1.2);
@@ -119,7 +119,7 @@ impl Colour {
         &self.settings
     }
 
-    /// Learns the target at `state` of the first frame, and forgets all before.
+    /// Resets the model to the target at `state` of the first frame.
     pub fn init(&mut self, image: &Image, state: &State, extent: Extent) {
         self.counts.count(image, state, extent);
         self.first.clone_from(&self.counts.now);
@@ -164,8 +164,7 @@ impl Colour {
         (self.contrast / FULL).min(1.0)
     }
 
-    /// 0 where the contrast is that of the target in frame 1, 1 where there is none, of a state about which these are the
-    /// sums.
+    /// The distance of a state with these sums: 0 at the contrast of frame 1, 1 without contrast.
     pub(super) fn distance(&self, sums: &Integral, state: &State, extent: Extent) -> f64 {
         1.0 - (contrast(sums, state, extent) / self.contrast).clamp(RANGE.0, RANGE.1)
     }
@@ -189,7 +188,7 @@ impl Colour {
         serde_json::json!({ "contrast": self.contrast, "histograms": numbers })
     }
 
-    /// Takes up what `save` gave. Fails, unchanged, where it is none.
+    /// Restores a state of `save`. Fails without change if it is invalid.
     pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
         let bad = |what: &str| Error::Invalid(format!("the saved colours cannot be used: {what}"));
         #[derive(Deserialize)]
@@ -212,7 +211,7 @@ impl Colour {
     }
 }
 
-/// Mean probability inside of the box, less that in a ring around it. What lies outside of the picture is no target.
+/// Mean probability inside the box minus that in a ring around it. Pixels outside the picture are background.
 fn contrast(sums: &Integral, s: &State, extent: Extent) -> f64 {
     if sums.is_empty() {
         return 0.0;

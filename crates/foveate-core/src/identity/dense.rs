@@ -1,7 +1,7 @@
-//! The features of all places of a lattice at once, for the oriented encoder: where places lie half blocks apart, their glimpses
-//! share cells, gradients and blocks, and each place costs but its lengths.
+//! The features of all places of a lattice at once, for the oriented encoder: places half a block apart share cells,
+//! gradients and blocks, so each place costs only its normalisation.
 //!
-//! What comes out is what looks one by one give, up to the rounding of sums.
+//! The results equal those of single looks, up to the rounding of sums.
 
 use foveate_kernels as kernels;
 use kernels::{HALVES, Lengths};
@@ -83,8 +83,8 @@ impl Lattice {
 }
 
 impl Dense {
-    /// Fails where the encoder is not the oriented one, or the cells are not as it has them: grey ones in a square, and two
-    /// channels of colour as large as blocks.
+    /// Fails if the encoder is not the oriented one, or the cells are not a square of grey ones and two colour
+    /// channels as large as blocks.
     pub fn new(retina: &dyn Retina, encoder: &(dyn Encoder + 'static)) -> Option<Self> {
         let (blocks, lengths) = encoder.downcast::<Oriented>()?.blocks();
         let (side, cells) = (kernels::BLOCK * blocks + 2, retina.cells());
@@ -110,7 +110,7 @@ impl Dense {
         fits.then(|| Self { blocks, lengths, pitch, middle, maps: Maps::default(), of: None })
     }
 
-    /// Looks at states that were seen. Says false, and does nothing, where they are no lattice.
+    /// Reads states of the prepared frame. Returns false, without effect, if they form no lattice.
     pub fn look(&mut self, pyramid: &Pyramid, states: &[State], extent: Extent) -> bool {
         let Some(first) = states.first() else { return false };
         let of = (*first, *states.last().unwrap_or(first), states.len());

@@ -1,4 +1,4 @@
-//! What tells the target from what is around it, learned while tracking: ridge regression from features to nearness.
+//! The discriminant: a ridge regression from features to nearness to the target, learned while tracking.
 //!
 //! A score w · (h, 1) is fitted to labels exp(−½ (|offset|² / σ² + Δ log-scale² / σₛ²)) of glimpses at and around the
 //! target, of other sizes, and at its distractors: places that look like it but are not. The sums that the fit needs, Σ h hᵀ and
@@ -7,10 +7,10 @@
 //! A = first_frame_weight · A₁ + (1 − first_frame_weight) · Aₜ + ridge · I + variation.weight · C,   A w = b,
 //! Aₜ = (1 − learning_rate) · Aₜ₋₁ + learning_rate · Σ h hᵀ
 //! ```
-//! and a few steps of conjugate gradients a frame, from the last w on, follow its solution. With `dropout`, sums of two features of one
-//! part (gradients, grey, colour) are divided by 1 − dropout: w is then what fits best in expectation where each part is left out with
-//! that probability, and larger by as much where it is not (van der Maaten et al., 2013), so that no part leans on another. C is how
-//! features of a target vary along a track, where that is known ([`Variation`]).
+//! and a few steps of conjugate gradients a frame, from the last w on, follow its solution. With `dropout`, sums of
+//! two features of one part (gradients, grey, colour) are divided by 1 − dropout: w then minimises the expected error
+//! if each part is dropped with that probability and scaled up otherwise (van der Maaten et al., 2013), so that parts
+//! become independent. C is the covariance of a target's features along a track, if known ([`Variation`]).
 //!
 //! Deviation: the paper's template is the first frame for ever. Correlation filters learn the same from all shifts at
 //! once (Henriques et al., 2015); glimpses, foveated and turned, are no shifts of each other.
@@ -50,14 +50,14 @@ const MOST_PLACES: usize = PLACES + DISTRACTORS;
 #[derive(Clone, Debug)]
 pub struct Discriminant {
     regression: Regression,
-    /// What the sums of the first frame are made of: they are larger, and made again where memory is short.
+    /// The samples of the first frame. Its sums are larger, and are computed again if memory is short.
     first_rows: Vec<f32>,
     first: Sums,
     recent: Sums,
-    /// The triangle of the recent frames where memory is short: then both triangles are empty between frames.
+    /// The packed triangle of the recent frames if memory is short; both triangles are then empty between frames.
     packed: Packed,
     weights: Vec<f32>,
-    /// What was learned for now, too, where there is a short-term memory.
+    /// The short-term memory, if configured.
     short_term: Option<Recent>,
     pub(super) learning: Learning,
 }
@@ -66,7 +66,7 @@ impl Discriminant {
     /// Rows that are kept of the first frame, at most.
     pub(crate) const FIRST_ROWS: u64 = MOST_PLACES as u64;
 
-    /// Of features with parts of these lengths. It knows nothing yet.
+    /// An untrained discriminant for features with parts of these lengths.
     pub fn new(settings: Settings, parts: Vec<usize>) -> Self {
         let n = parts.iter().sum::<usize>() + 1;
         let zeros = Sums { gram: vec![0.0; n * (n + 1) / 2], cross: vec![0.0; n] };
@@ -88,7 +88,7 @@ impl Discriminant {
         Self { short_term, ..self }
     }
 
-    /// The same, of features that are known to vary so: what is added to the sums.
+    /// The same, with a covariance of features that is added to the sums.
     pub(super) fn varying(mut self, variation: Option<Arc<[f32]>>) -> Self {
         self.regression.variation = variation;
         self
@@ -123,7 +123,7 @@ impl Discriminant {
         &self.regression.settings
     }
 
-    /// Whether it has learned to judge what is seen at a gaze: the centre only.
+    /// Whether it was trained for this gaze: the centre only.
     pub fn knows(gaze: Gaze) -> bool {
         gaze.u == 0.0 && gaze.v == 0.0
     }
@@ -146,8 +146,7 @@ impl Discriminant {
         }
     }
 
-    /// How much farther the distractors among `rows` are than the target, on average, by a distance of features; 0 where there
-    /// are none.
+    /// Mean margin of the distractors among `rows` over the target, by a distance of features; 0 without distractors.
     pub(super) fn margin(&self, distance: impl Fn(&[f32]) -> f64) -> f64 {
         let of = |row: &[f32]| distance(&row[..row.len() - 1]);
         let mut rows = self.learning.rows.chunks_exact(self.weights.len());
@@ -184,7 +183,7 @@ impl Discriminant {
         rows.resize(places.len() * weights.len(), 0.0);
     }
 
-    /// Learns from `rows` at `places`. On the first frame it forgets all else.
+    /// Learns from `rows` at `places`. The first frame resets everything else.
     pub(super) fn learn(&mut self, first: bool) {
         self.unpack();
         let Self { regression, first_rows, first: begun, recent, weights, short_term, learning, .. } = self;
@@ -297,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_learned_since_the_first_frame_is_forgotten() {
+    fn a_reset_keeps_the_first_frame_only() {
         let first = learned(Settings::default(), 1);
         let mut it = learned(Settings::default(), 6).remembering();
         it.learn_for_now();

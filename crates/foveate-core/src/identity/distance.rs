@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 /// How unlike two feature vectors are: at least 0, and 0 for equal ones.
 pub trait Distance: Send + Sync {
-    /// Brings a template's features, in place, to the form that `distance` compares with: what depends on the
-    /// template alone is computed once a batch.
+    /// Transforms a template's features in place to the form that `distance` uses: terms of the template alone are
+    /// computed once a batch.
     fn keep(&self, template: &mut [f32]);
     /// The distance of `features` from a kept template.
     fn distance(&self, features: &[f32], kept: &[f32]) -> f64;
@@ -73,7 +73,7 @@ impl Distance for Kind {
 }
 
 impl Kind {
-    /// The distance where it follows from Σ h and Σ √h · kept alone, which an encoder may give without writing the
+    /// The distance, if it follows from Σ h and Σ √h · kept alone. An encoder may compute these without writing the
     /// features h ([`super::Encoder::overlaps`]).
     pub fn of_overlap(&self) -> Option<fn(f32, f32) -> f64> {
         match self {
@@ -84,7 +84,7 @@ impl Kind {
     }
 }
 
-/// 1 − the cosine of features whose square length is `square`, and `along` a kept template.
+/// 1 − cosine, from the squared length `square` of features and their product `along` with a kept template.
 pub(super) fn cosine(square: f32, along: f32) -> f64 {
     let norm = f64::from(square).sqrt();
     if norm > 0.0 { (1.0 - f64::from(along) / norm).max(0.0) } else { 1.0 }
@@ -95,7 +95,7 @@ fn overlap_gap(a: &[f32], kept: &[f32]) -> f64 {
     gap(sum, overlap)
 }
 
-/// 1 − Σ √h · kept / √Σh, at least 0; 1 where nothing is active.
+/// 1 − Σ √h · kept / √Σh, at least 0; 1 if no unit is active.
 fn gap(sum: f32, overlap: f32) -> f64 {
     if sum > 0.0 { (1.0 - f64::from(overlap) / f64::from(sum).sqrt()).max(0.0) } else { 1.0 }
 }

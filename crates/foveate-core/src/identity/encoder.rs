@@ -54,7 +54,7 @@ pub struct Raw {
 }
 
 impl Raw {
-    /// For a retina whose cells have these channels; if asked for, each channel is standardised on its own.
+    /// For a retina whose cells have these channels; with `standardise` each channel is standardised separately.
     pub fn new(channels: &[usize], standardise: bool) -> Self {
         Self { standardise, channels: Channels::of(channels) }
     }
@@ -80,7 +80,7 @@ impl Encoder for Raw {
 pub(super) struct Channels(Vec<usize>);
 
 impl Channels {
-    /// Of a retina whose cells have these channels.
+    /// For a retina whose cells have these channels.
     pub fn of(cells: &[usize]) -> Self {
         Self(cells.chunk_by(|a, b| a == b).map(<[usize]>::len).collect())
     }

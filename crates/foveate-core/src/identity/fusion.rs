@@ -32,7 +32,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Fails where a number is out of range, naming it.
+    /// Fails with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         within("fusion.gain", self.gain, 0.0, 100.0)?;
         within("fusion.learning_rate", self.learning_rate, 0.0, 1.0)
@@ -81,7 +81,7 @@ impl Fusion {
         self.margins
     }
 
-    /// Takes up what `save` gave. Fails, unchanged, where it is none.
+    /// Restores a state of `save`. Fails without change if it is invalid.
     pub fn load(&mut self, margins: [f64; 3]) -> Result<()> {
         if margins.iter().any(|m| !(-1.0..=1.0).contains(m)) {
             return Err(Error::Invalid(format!(

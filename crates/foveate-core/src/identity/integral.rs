@@ -16,7 +16,7 @@ const SAMPLES: f64 = 12.0;
 /// Probabilities are whole numbers of this part of one: sums over a million samples fit in 32 bits.
 const ONE: f32 = 4096.0;
 
-/// Pixels from one sample to the next, of boxes whose smaller half has so many.
+/// Spacing of samples in pixels, by the smaller half side of boxes.
 pub(super) fn step(half: f64) -> usize {
     (half / SAMPLES).max(1.0) as usize
 }
@@ -54,7 +54,7 @@ pub(super) struct Integral {
     left: f64,
     top: f64,
     step: f64,
-    /// What was asked for.
+    /// The request.
     region: [f64; 4],
 }
 
@@ -97,7 +97,7 @@ impl Integral {
         self.covers(region) && self.step <= step as f64 + 1.0
     }
 
-    /// Left column, top row, width and height of what was read, pixels.
+    /// Left column, top row, width and height of the read region, pixels.
     pub fn read(&self) -> (usize, usize, usize, usize) {
         let side = |n: usize| (n.max(1) - 1) * self.step as usize + n.min(1);
         (self.left as usize, self.top as usize, side(self.width), side(self.height))

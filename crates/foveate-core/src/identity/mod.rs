@@ -158,7 +158,7 @@ pub trait Appearance: Send + Sync {
     fn set_short_term_aside(&mut self, _aside: bool) -> bool {
         false
     }
-    /// Forgets what was learned for now.
+    /// Resets the short-term memory.
     fn forget_short_term(&mut self) {}
     /// Forgets all that was learned since the first frame: it was learned of something else. The frame is to be seen again before more looks.
     fn forget_learned(&mut self) {}

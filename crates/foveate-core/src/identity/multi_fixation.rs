@@ -1,8 +1,8 @@
 //! What is it? From the last Δ looks to the probabilities of classes (section 2.2).
 //!
-//! Either the multi-fixation RBM has the classes itself, and p(y | x) is exact (Larochelle & Hinton 2010), or it was
-//! learned without them and a logistic regression reads its hidden units (the paper). Either way log-probabilities are
-//! divided by a temperature that was fitted on held-out digits, so that they mean what they say.
+//! Either the multi-fixation RBM includes the classes, and p(y | x) is exact (Larochelle & Hinton 2010), or it was
+//! trained without them and a logistic regression reads its hidden units (the paper). In both cases log-probabilities
+//! are divided by a temperature that was fitted on held-out digits, so that they are calibrated.
 
 use super::Recognizer;
 use crate::geometry::Gaze;
@@ -26,8 +26,8 @@ pub struct MultiFixation {
 }
 
 impl MultiFixation {
-    /// Joins a machine and, where it has no classes of its own, a classifier of its hidden units; `temperature` divides
-    /// the machine's own log-probabilities (a classifier has its own).
+    /// Joins a machine and, if it has no classes, a classifier of its hidden units. `temperature` divides the
+    /// machine's own log-probabilities; a classifier has its own temperature.
     ///
     /// Fails if both have classes or neither, or their sizes differ.
     pub fn new(rbm: Arc<FixationRbm>, classifier: Option<Arc<Softmax>>, temperature: f64) -> Result<Self> {
@@ -51,7 +51,7 @@ impl MultiFixation {
         let names = if names.len() == self.classes() { names } else { vec![] };
         Self { names: names.into(), ..self }
     }
-    /// Reads a model file, and [the classifier beside it](classifier_path) where the machine has no classes of its own.
+    /// Reads a model file, and [the classifier beside it](classifier_path) if the machine has no classes.
     pub fn read(files: &dyn Files, path: &Path) -> Result<(Self, About)> {
         let (rbm, about) = FixationRbm::from_bytes(&files.read(path)?, path)?;
         let beside = classifier_path(path);
@@ -66,11 +66,11 @@ impl MultiFixation {
     pub fn rbm(&self) -> &FixationRbm {
         &self.rbm
     }
-    /// Δ: looks that a decision stands on, at most.
+    /// Δ: the largest number of looks in a decision.
     pub fn window(&self) -> usize {
         self.rbm.window()
     }
-    /// Takes in the first layer's features of a look; the oldest is forgotten after Δ. Allocates nothing.
+    /// Adds the first layer's features of a look, and drops the oldest of more than Δ. Allocates nothing.
     fn look(&mut self, features: &[f32], gaze: Gaze) {
         let code = self.rbm.places().code(gaze.u as f32, gaze.v as f32);
         self.reading.fixate(&self.rbm, features, code);
@@ -122,7 +122,7 @@ impl Recognizer for MultiFixation {
     }
 }
 
-/// Where the classifier of a machine without classes lies: FILE.softmax beside FILE.
+/// The path of the classifier of a machine without classes: FILE.softmax beside FILE.
 pub fn classifier_path(path: &Path) -> PathBuf {
     let mut name = path.to_path_buf().into_os_string();
     name.push(".softmax");

@@ -41,7 +41,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Fails where a number is out of range, naming it.
+    /// Fails with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         within("online_training.particles", self.particles as f64, 1.0, 64.0)?;
         within("online_training.learning_rate", f64::from(self.learning_rate), 0.0, 1.0)?;

@@ -7,9 +7,9 @@
 //! grey         2n × 2n     sums of 2 × 2 cells
 //! colour                   the opponent cells, less what is neither
 //! ```
-//! A part whose weight is 0 is not there. All but colour have their mean taken out, and each part its length brought to the root of its
-//! weight, so that the cosine of two feature vectors is the weighted mean of the cosines of their parts. The paper's first layer is learned
-//! (section 2.1); on real video none of ours comes up to this one.
+//! A part with weight 0 is omitted. The mean is subtracted from all parts but colour, and each part is scaled to the
+//! root of its weight, so that the cosine of two feature vectors is the weighted mean of the cosines of their parts.
+//! The paper's first layer is learned (section 2.1); on real video none of ours matches this one.
 
 use foveate_kernels as kernels;
 use serde::{Deserialize, Serialize};
@@ -40,7 +40,7 @@ impl Default for Weights {
 /// Lengths of a part, in its values' root mean square, that count as flat: less contrast than that is noise.
 const FLAT: [f32; 3] = [0.05, 0.1, 0.03];
 
-/// The value of a colour channel where there is no colour.
+/// The value of a colour channel without colour.
 pub(super) const NEITHER: f32 = 128.0 / 255.0;
 
 /// Gradients, grey and colour.
@@ -53,8 +53,8 @@ pub struct Oriented {
 }
 
 impl Oriented {
-    /// For a retina whose cells have these channels. Fails where grey is not a square of 6, 10, 14 and so on to 34 cells a
-    /// side, or a weight is negative.
+    /// For a retina whose cells have these channels. Fails if grey is not a square of 6, 10, 14 and so on to 34 cells
+    /// a side, or a weight is negative.
     pub fn new(channels: &[usize], weights: Weights) -> Result<Self> {
         let cells = channels.iter().filter(|c| **c == 0).count();
         let side = cells.isqrt();

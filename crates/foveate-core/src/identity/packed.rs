@@ -1,12 +1,13 @@
-//! Sums of outer products in half their size, for targets that nobody looks at just now.
+//! Sums of outer products in half their size, for targets that are not updated in this frame.
 
 /// The largest share.
 const MOST: f32 = 32767.0;
-/// A number to which others of at most 2^22 are added to be rounded: what is left is in the last bits.
+/// Adding this number rounds others of at most 2^22: the result is in the last bits.
 const ROUNDER: f32 = 12_582_912.0;
 
-/// A positive semidefinite matrix as its lower triangle, row after row, in 16 bits a value: a_ij as a share of √(a_ii a_jj), which it
-/// never exceeds. The diagonal is kept as it is. An error is at most 1.6e-5 of that root; what was packed once is the same ever after.
+/// A positive semidefinite matrix as its lower triangle, row after row, in 16 bits a value: a_ij as a share of √(a_ii
+/// a_jj), which it never exceeds. The diagonal is exact. The error is at most 1.6e-5 of that root; packing again
+/// changes nothing.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Packed {
     diagonal: Vec<f32>,
@@ -44,7 +45,7 @@ impl Packed {
     }
 }
 
-/// Each row of a triangle, and where it begins.
+/// The rows of a triangle with their offsets.
 fn each_row(n: usize, mut row: impl FnMut(usize, usize)) {
     (0..n).for_each(|i| row(i, i * (i + 1) / 2));
 }

@@ -4,10 +4,10 @@
 //! bw × bh pixels: the footprint of the retina's cell l at the particles' mean scale, rounded to whole pixels.
 //! At scale 1 and angle 0, on whole pixels, a tap therefore *is* the mean over its cell.
 //!
-//! Where cells are large, what every pixel has is more than looks can tell: then levels are made of a picture of which a pixel
-//! is the mean of 2 × 2 of the image's, or more, and cells still have two pixels and a half at least. Those of colour, which videos
-//! and photographs have at half the resolution as it is, are made of coarser pictures where their own cells are larger. Of squares of
-//! 4 × 4 pixels and more (a target of 160 pixels and more, of 16 cells) two or three rows are read.
+//! With large cells, single pixels do not matter: levels are then made from a picture of means over 2 × 2 pixels or
+//! more, with cells of at least two and a half pixels. Levels of colour, which videos and photographs have at half
+//! the resolution anyway, are made from coarser pictures if their cells are larger. Of squares of 4 × 4 pixels and
+//! more (16 cells on a target of 160 pixels and more) two or three rows are read.
 //!
 //! Deviation from a mip pyramid with levels of 1, 2, 4, 8 px: levels follow the target's size, so nothing
 //! jumps when it grows past a power of two, and a ring of 3 or 6 px cells is exact as well.
@@ -70,8 +70,8 @@ impl Region {
         states.iter().map(window).reduce(|a, b| a.union(&b)).unwrap_or_default()
     }
 
-    /// How far from a state glimpses at these gazes can touch pixels, across and down, where its box has these halves and cells
-    /// lie up to `reach` template units from a gaze.
+    /// How far from a state glimpses at these gazes reach, horizontally and vertically, for a box with these half
+    /// sides and cells up to `reach` template units from a gaze.
     pub(super) fn reach(s: &State, gazes: &[Gaze], (w, h): (f64, f64), reach: f64) -> (f64, f64) {
         let far = gazes.iter().map(|g| g.u.abs().max(g.v.abs())).fold(0.0, f64::max) + reach;
         let (sin, cos) = s.turn();
@@ -122,13 +122,13 @@ impl Region {
     }
 }
 
-/// How far a box may be from the side it is to have, in pixels, where it was made for other states of the frame.
+/// Tolerance of the side of a box, in pixels, if it was made for other states of the frame.
 const NEARLY: f64 = 0.75;
 
 /// Pixels of a picture across a cell, at least: of an image of more, every so many pixels become one.
 const FINE: f64 = 2.5;
 
-/// A picture in planes, and where its first pixel lies in the whole picture of its coarseness, in its own pixels.
+/// A picture in planes, and the position of its first pixel in the whole picture of its level, in its own pixels.
 #[derive(Clone, Copy)]
 struct Picture<'a> {
     planes: [&'a [u8]; 3],
@@ -172,7 +172,8 @@ impl<'a> Picture<'a> {
         }
     }
 
-    /// A region of the image in pixels of this picture, with one more on each side where it is coarser: taps lie between two.
+    /// A region of the image in pixels of this picture, with one more on each side if it is coarser, because taps
+    /// interpolate.
     fn region(&self, region: Region, image: (usize, usize)) -> Region {
         if self.step == 1 {
             return region;
@@ -184,7 +185,8 @@ impl<'a> Picture<'a> {
 }
 
 impl Pyramid {
-    /// Whether what [`Pyramid::build`] with these arguments would make is here already, of the same image, or nearly so.
+    /// Whether the pyramid already equals, or nearly equals, the result of [`Pyramid::build`] with these arguments on
+    /// the same image.
     pub fn holds(&self, region: Region, footprints: &[Footprint], unit: (f64, f64)) -> bool {
         let nearly = |(level, footprint): (&Level, &Footprint)| {
             let side = |unit: f64| (footprint.side * unit / level.step as f64).clamp(1.0, WIDEST_BOX);
@@ -234,7 +236,7 @@ impl Pyramid {
         self.coarse = [room, coarser_room];
     }
 
-    /// Frees what only building needs.
+    /// Frees buffers that only building needs.
     pub(super) fn trim(&mut self) {
         self.coarse = Default::default();
         (self.sums, self.channel, self.scratch) = Default::default();

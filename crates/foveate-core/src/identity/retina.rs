@@ -38,7 +38,7 @@ pub trait Retina: Send + Sync {
     /// The footprints a pyramid must hold for this retina, in template units (sides of cells), one for each level,
     /// and the channel each level averages.
     fn footprints(&self) -> &[Footprint];
-    /// The same cells about another gaze: what this one sees at a fixation of that gaze, that one sees at the centre's.
+    /// The same cells about another gaze: the new retina at the centre reads the cells of this one at that gaze.
     fn about(&self, gaze: Gaze) -> Arc<dyn Retina>;
     /// Reads a glimpse at each fixation, one a row.
     fn look_each(&self, pyramid: &Pyramid, at: &[Fixation], glimpses: RowsMut<'_>);
@@ -81,7 +81,7 @@ pub struct Foveal {
 }
 
 impl Foveal {
-    /// Lays out the cells. Fails where a window is not whole cells, or not wider than the one inside it.
+    /// Lays out the cells. Fails if a window is not a whole number of cells, or not wider than the one inside it.
     pub fn new(config: FovealConfig) -> Result<Self> {
         if !(1.0..=1e4).contains(&config.side) {
             return Err(Error::Config(format!("retina.side must be 1 to 10000 template pixels, got {}", config.side)));
@@ -184,7 +184,7 @@ mod tests {
 
     /// About another gaze it sees there what it saw under that gaze.
     #[test]
-    fn a_retina_about_a_gaze_sees_what_that_gaze_sees() {
+    fn a_retina_about_a_gaze_reads_the_cells_of_that_gaze() {
         let bytes = (0..120 * 100 * 3).map(|i: usize| (i * 7 + i * i / 1013) as u8).collect();
         let image = Image::new(120, 100, 3, bytes).expect("enough bytes");
         let config = FovealConfig { side: 16.0, rings: vec![[10, 1], [18, 2]], colour: vec![[8, 4]] };

@@ -1,4 +1,5 @@
-//! What was around the target while it was certain, remembered: an alibi for what is at the estimate later.
+//! Remembers the places around the target in confident frames. A patch that was seen beside the target then cannot be
+//! the target now.
 //!
 //! A thing is at one place at a time. If what is at the estimate now could be seen beside the target some frames ago, it is not the
 //! target, however well it fits what was learned since. Of a remembered frame a with the features of places at the target, Tₐ, and
@@ -28,7 +29,7 @@ pub(crate) struct Surroundings {
     /// Places of a frame, at most.
     places: usize,
     frames: Vec<Remembered>,
-    /// The frame to be forgotten next.
+    /// The next frame to overwrite.
     oldest: usize,
     query: Vec<i8>,
     products: Vec<i32>,
@@ -67,8 +68,8 @@ impl Surroundings {
         self.frames.iter_mut().for_each(|frame| frame.lengths.clear());
     }
 
-    /// Remembers the features (`rows`, one a place) of places around a target at `state`. Nothing happens where they are not both at
-    /// the target and around it.
+    /// Stores the features (`rows`, one a place) of places around a target at `state`. No effect unless there are
+    /// places both at the target and around it.
     pub fn remember(&mut self, state: &State, extent: Extent, places: &[State], rows: &[f32]) {
         let scale = state.log_scale.exp();
         let (w, h) = (AT_TARGET * scale * extent.half_w, AT_TARGET * scale * extent.half_h);
@@ -99,8 +100,8 @@ impl Surroundings {
         }
     }
 
-    /// How much more an estimate with these features is like what was around the target in remembered frames than like the target in
-    /// them, the mean over them: −2 to 2. 0 where nothing is remembered.
+    /// How much more an estimate with these features resembles the surroundings of the target than the target, the
+    /// mean over remembered frames: −2 to 2. 0 without memory.
     pub fn elsewhere(&mut self, features: &[f32]) -> f64 {
         let Self { frames, query, products, .. } = self;
         query.clear();
@@ -131,7 +132,7 @@ impl Surroundings {
         serde_json::to_value(saved).expect("plain data is JSON")
     }
 
-    /// Takes up what `save` gave, of features of this length. Fails, unchanged, where it does not fit.
+    /// Restores a state of `save` with features of this length. Fails without change if it does not fit.
     pub fn load(&mut self, saved: &serde_json::Value, width: usize) -> Result<()> {
         let bad = |what: String| Error::Invalid(format!("the saved surroundings cannot be used: {what}"));
         let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
@@ -211,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn all_frames_are_compared_and_the_oldest_is_forgotten() {
+    fn all_frames_are_compared_and_the_oldest_is_dropped() {
         let (places, rows) = places();
         let mut memory = Surroundings::new(3, 4);
         memory.remember(&places[1], EXTENT, &places, &rows);
@@ -230,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn it_goes_on_where_it_was_saved_and_refuses_what_does_not_fit() {
+    fn a_saved_memory_continues_and_a_foreign_one_is_refused() {
         let (places, rows) = places();
         let mut memory = Surroundings::new(3, 4);
         for at in [1, 2] {

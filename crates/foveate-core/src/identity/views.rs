@@ -1,5 +1,5 @@
-//! What was seen of a frame: box means and sums of colours of one rectangle or, where states are scattered, of several. What
-//! lies between them costs nothing, so that a frame's cost goes by its states and not by the picture.
+//! The prepared parts of a frame: box means and colour sums of one rectangle or, if states are scattered, of several.
+//! The area between them costs nothing, so the cost of a frame depends on its states and not on the picture.
 
 use super::colour::{Colour, RING, step};
 use super::footprint::Footprint;
@@ -23,7 +23,7 @@ pub(super) struct Views {
     used: usize,
     size: (usize, usize),
     regions: Vec<Region>,
-    /// What was read since it was asked last.
+    /// Values read since the last call.
     read: Meter,
 }
 
@@ -36,7 +36,7 @@ pub(super) struct Apart {
     pub distances: Vec<f64>,
 }
 
-/// What looks need to know of a retina and a target.
+/// The properties of a retina and a target that looks need.
 #[derive(Clone, Copy)]
 pub(super) struct Looks<'a> {
     pub footprints: &'a [Footprint],
@@ -48,24 +48,24 @@ pub(super) struct Looks<'a> {
 /// Rectangles of one call, at most, and of a frame.
 const MOST: usize = 16;
 const ALL: usize = 64;
-/// States are scattered where their rectangles have less than this share of the one around all of them, and that one has so many
-/// pixels: less is soon read, in memory that is there already.
+/// States are scattered if their rectangles have less than this share of the one around all of them, and that one has
+/// so many pixels. Smaller ones are read quickly into existing memory.
 const SCATTERED: f64 = 0.5;
 const LARGE: usize = 1 << 18;
-/// Half boxes by which more is seen than was asked for, where states lie beyond what was seen at first: others will follow.
+/// Margin in half boxes if states lie outside the prepared part, because others will follow.
 const SLACK: f64 = 0.5;
 
-/// What a set of states asks of a frame.
+/// The parts of a frame that a set of states needs.
 struct Wanted {
     /// Pixels per template unit at the mean size.
     unit: (f64, f64),
-    /// How far the rings of the colour model reach beyond what looks need, and how close its samples are.
+    /// Margin of the rings of the colour model, and the spacing of its samples.
     margin: (f64, f64),
     step: usize,
 }
 
 impl Looks<'_> {
-    /// What these states ask of a frame, and the rectangles they are in.
+    /// The parts of a frame that these states need, and their rectangles.
     fn survey(&self, size: (usize, usize), states: &[State], gazes: &[Gaze], found: &mut Vec<Region>) -> Wanted {
         let (mut sum, mut least, mut margin) = (0.0, f64::MAX, (0.0_f64, 0.0_f64));
         let windows = states.iter().map(|s| {
@@ -101,7 +101,7 @@ impl Region {
     }
 }
 
-/// Fills `found` with rectangles around the windows of states: one, or several where that leaves out half of it.
+/// Fills `found` with rectangles around the windows of states: one, or several if they save half of it.
 fn cluster(windows: impl Iterator<Item = Region>, size: (usize, usize), found: &mut Vec<Region>) {
     found.clear();
     if size.0 * size.1 < LARGE {
@@ -142,13 +142,13 @@ fn cluster(windows: impl Iterator<Item = Region>, size: (usize, usize), found: &
 }
 
 impl Views {
-    /// Exchanges everything but what was counted.
+    /// Exchanges everything but the counts.
     pub fn exchange(&mut self, other: &mut Self) {
         std::mem::swap(self, other);
         std::mem::swap(&mut self.read, &mut other.read);
     }
 
-    /// Takes in what states need of a new frame, and forgets the one before.
+    /// Prepares the parts of a new frame that states need, and drops the previous frame.
     pub fn see(
         &mut self,
         image: &Image,
@@ -179,7 +179,7 @@ impl Views {
         &self.views[0]
     }
 
-    /// Takes in what more states need of the same frame, as far as it is not there.
+    /// Prepares the parts of the same frame that more states need, unless already there.
     pub fn see_more(
         &mut self,
         image: &Image,
@@ -233,7 +233,7 @@ impl Views {
         }
     }
 
-    /// One rectangle that has all that looks at these states need, without their colours; none where there is no such.
+    /// One rectangle with all that looks at these states need, without colours; `None` if there is no such.
     pub fn whole(&mut self, states: &[State], looks: Looks<'_>) -> Option<&View> {
         let wanted = looks.survey(self.size, states, &[Gaze::CENTRE], &mut self.regions);
         let region = self.regions.iter().copied().reduce(|a, b| a.union(&b))?;

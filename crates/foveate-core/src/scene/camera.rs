@@ -16,7 +16,7 @@ const PASSES: i32 = 12;
 /// Distance at which a place counts half, in pixels a frame: in the first pass, halved with each, and in the last ones.
 const HALF: [f64; 2] = [8.0, 0.5];
 
-/// Cells along the edges that are left out where a map is large enough: patches there see less of what leaves the picture.
+/// Cells along the edges that are ignored if a map is large enough: patches there lose pixels that leave the picture.
 const EDGE: usize = 8;
 
 impl Affine {
@@ -25,9 +25,9 @@ impl Affine {
         let along = |c: &[f64; 3]| c[0] + c[1] * x + c[2] * y;
         (along(&self.u), along(&self.v))
     }
-    /// Fits a field of flow: least squares, reweighted by 1 / (1 + (r / half)²) (Cauchy's weights; half comes down to ½ pixel), so that what moves by
-    /// itself hardly counts where it is the lesser part. The start is the median of the field. Cells are taken 4 apart;
-    /// `places` is memory for them.
+    /// Fits a field of flow: least squares, reweighted by 1 / (1 + (r / half)²) (Cauchy's weights; half decreases to
+    /// ½ pixel), so that independent motion has little weight if it is the smaller part. The start is the median of
+    /// the field. Cells are taken 4 apart; `places` is a scratch buffer.
     pub fn fit(u: &Map, v: &Map, places: &mut Vec<[f64; 4]>) -> Self {
         let (w, cell) = (u.width(), u.cell() as f64);
         places.clear();
@@ -71,7 +71,7 @@ impl Affine {
     }
 }
 
-/// The solution of three equations by Cramer's rule; `None` where they do not tell it.
+/// The solution of three equations by Cramer's rule; `None` if they are singular.
 fn solve(m: [[f64; 3]; 3], b: [f64; 3]) -> Option<[f64; 3]> {
     let det = |m: &[[f64; 3]; 3]| {
         m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])

@@ -1,7 +1,8 @@
 //! Cuts: a frame of which most has nothing to do with the one before.
 //!
-//! Both are made small, 16 × 12 means of grey. A cell has changed when it differs by more than some grey levels beyond what
-//! the whole picture did (a lamp that is switched on is no cut); where most cells have, there was a cut.
+//! Both pictures are reduced to 16 × 12 means of grey. A cell has changed if it differs by more than some grey levels
+//! beyond the change of the whole picture (switching on a lamp is no cut). If most cells have changed, there was a
+//! cut.
 
 use crate::scene::Image;
 
@@ -64,7 +65,7 @@ mod tests {
     }
 
     #[test]
-    fn another_place_is_a_cut_and_what_moves_or_dims_is_not() {
+    fn another_scene_is_a_cut_but_motion_and_dimming_are_not() {
         let checks = |x: usize, y: usize| if (x / 9 + y / 9).is_multiple_of(2) { 200 } else { 40 };
         let mut cuts = Cuts::default();
         assert!(!cuts.cut(&picture(&checks)), "the first frame");

@@ -1,20 +1,20 @@
-//! What is worth a look in a frame, before anybody knows what it is: the [`Detector`] seam, and boxes out of maps.
+//! Detection of candidates in a frame without knowledge of the target: the trait [`Detector`], and boxes from maps.
 //!
-//! [`Motion`](super::Motion), [`Saliency`](super::Saliency) and [`Flow`](super::Flow) fill a [`Map`] and let [`Blobs`] draw
-//! boxes round what exceeds a threshold in it.
+//! [`Motion`](super::Motion), [`Saliency`](super::Saliency) and [`Flow`](super::Flow) fill a [`Map`], and [`Blobs`]
+//! draws boxes around regions above a threshold.
 
 use crate::geometry::BBox;
 use crate::scene::{Image, Map};
 use foveate_base::{Error, Result};
 
-/// A place where something was found, by a detector.
+/// A box found by a detector.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Detection {
     /// Where, in pixels.
     pub bbox: BBox,
     /// How sure the detector is; larger is surer. NaN: it gives no score.
     pub score: f64,
-    /// The number of its class, from 0; `None` where the detector has none.
+    /// The number of its class, from 0; `None` if the detector has no classes.
     pub class: Option<usize>,
 }
 
@@ -24,10 +24,10 @@ impl Detection {
         Self { bbox, score, class: None }
     }
 
-    /// Fails where the box is none, naming the number of the detection and the value.
+    /// Fails if the box is invalid, with the number of the detection and the value.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where a number of the box is not finite, or width or height is not above 0.
+    /// [`Error::Invalid`] if a number of the box is not finite, or width or height is not above 0.
     pub(crate) fn check(&self, index: usize) -> Result<()> {
         let BBox { x, y, w, h } = self.bbox;
         for (name, value) in [("left", x), ("top", y), ("width", w), ("height", h)] {
@@ -48,7 +48,7 @@ impl Detection {
     }
 }
 
-/// Finds candidates in a frame: where something moves, or stands out.
+/// Finds candidates in a frame, such as moving or salient regions.
 ///
 /// May be assumed: frames come in the order of the video; the first frame, and one of another size than the one before,
 /// begins a new video.

@@ -1,11 +1,11 @@
-//! Where each place of a frame came to be in the next one: dense optical flow, and what moves otherwise than the camera.
+//! Dense optical flow from one frame to the next, and regions that move differently from the camera.
 //!
 //! Patches of 8 × 8 pixels on a grid of 4, from coarse pictures to fine, each moved by inverse compositional Gauss-Newton
 //! steps (Baker and Matthews 2004) from where the coarser level put it; between patches the flow is their mean, weighed by
 //! how well each explains the pixel: the dense inverse search of Kroeger et al. (2016).
 //! Deviation: no variational smoothing afterwards, and brightness may change by a constant within a patch.
 //!
-//! Flow is in pixels a frame: what is at `(x, y)` in the first picture is at `(x + u, y + v)` in the second.
+//! Flow is in pixels a frame: the point `(x, y)` of the first picture is at `(x + u, y + v)` in the second.
 
 use foveate_kernels::PATCH;
 
@@ -26,12 +26,13 @@ const COARSEST: usize = 12;
 const CAMERA: usize = 3;
 const COARSE_SIDE: usize = 60;
 
-/// Dense optical flow between successive frames. As a detector it finds what moves otherwise than the camera: the map has
-/// the length of the flow less the camera's, pixels a frame.
+/// Dense optical flow between successive frames. As a detector it finds regions that move differently from the
+/// camera: the map has the length of the flow minus the camera's, pixels a frame.
 #[derive(Clone, Debug)]
 pub struct Flow {
-    /// Level at which the search ends: 0 the picture itself, 1 half of it (four times as fast). From 3 on, which is enough for
-    /// the camera's motion alone, large pictures end at a coarser one, where their shorter side has fewer than 60 pixels.
+    /// Level at which the search ends: 0 is the picture itself, 1 half its size (four times as fast). From 3 on,
+    /// which suffices for the camera's motion, large pictures end at a coarser level, with fewer than 60 pixels along
+    /// the shorter side.
     pub finest: usize,
     /// Pixels a frame above which a place moves otherwise than the camera.
     pub threshold: f32,
@@ -101,12 +102,12 @@ impl Detector for Flow {
 }
 
 impl Flow {
-    /// Flow whose search ends at this level.
+    /// Flow with a search that ends at this level.
     pub fn down_to(finest: usize) -> Self {
         Self { finest, ..Self::default() }
     }
-    /// Takes the next picture, and fills [`Flow::field`] with the flow from the one before to it; zeros where there is none
-    /// of its size.
+    /// Adds the next picture and fills [`Flow::field`] with the flow from the previous one; zeros if that had another
+    /// size.
     pub fn next(&mut self, image: &Image) {
         std::mem::swap(&mut self.before, &mut self.now);
         let finest = self.finest_of(image);
@@ -162,8 +163,7 @@ impl Flow {
     }
 }
 
-/// The pyramid of a picture's intensity, without the picture itself where the search ends before it; answers how many levels
-/// are used.
+/// The pyramid of a picture's intensity, without levels below the end of the search. Returns the number of levels.
 fn build(levels: &mut Vec<Map>, image: &Image, (sums, across): (&mut Vec<u16>, &mut Vec<f32>), finest: usize) -> usize {
     let mut count = 1;
     while (image.width().min(image.height()) >> count) >= COARSEST {

@@ -1,8 +1,8 @@
-//! Which parts of a motion mask are ghosts: what was in the background and has left.
+//! Ghosts in a motion mask: objects that were in the background and have left.
 //!
-//! A thing before the ground has its edges where the frame has some; a thing that left has them where the background has
-//! some. The outline of a ghost does not change from frame to frame, either (Cucchiara et al., IEEE PAMI 25(10), 2003, tell
-//! ghosts by that alone; a walker who stands is none).
+//! An object in the foreground has its edges in the frame; an object that left has them in the background. The
+//! outline of a ghost does not change from frame to frame either (Cucchiara et al., IEEE PAMI 25(10), 2003, use only
+//! this; a standing pedestrian is no ghost).
 
 /// How many times as strong as the frame's the background's edges must be along the outline of a ghost.
 const STRONGER: f32 = 1.5;
@@ -11,7 +11,7 @@ const REACH: usize = 2;
 /// Frames in a row, in the mean, that the outline of a ghost has not changed.
 const STILL: f32 = 4.0;
 
-/// What is in motion, and what it is compared with. Rows have `width` pixels.
+/// The motion mask, the frame and the background. Rows have `width` pixels.
 #[derive(Clone, Copy)]
 pub(super) struct Marked<'a> {
     pub marks: &'a [bool],
@@ -96,7 +96,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_left_is_a_ghost_and_what_came_is_none() {
+    fn an_object_that_left_is_a_ghost_and_one_that_came_is_not() {
         const SIDE: usize = 40;
         let block = |k: usize, x: usize| (x..x + 8).contains(&(k % SIDE)) && (10..25).contains(&(k / SIDE));
         let pixels = 0..SIDE * SIDE;

@@ -73,17 +73,17 @@ impl Image {
     pub fn from_grey8(width: usize, height: usize, grey: &[u8]) -> Result<Self> {
         Self::from_pixels(Pixels::Grey, (width, height), width, grey)
     }
-    /// From anybody's pixels: a copy that takes them apart into planes. `stride` is the number of bytes from one row to the
-    /// next, at least what a row has; the last row may end early.
+    /// Copies interleaved pixels into planes. `stride` is the number of bytes from one row to the next, at least the
+    /// length of a row; the last row may end early.
     ///
     /// # Errors
-    /// [`Error::Invalid`] where a side is 0, the stride is less than a row, or there are too few bytes.
+    /// [`Error::Invalid`] if a side is 0, the stride is less than a row, or there are too few bytes.
     pub fn from_pixels(pixels: Pixels, size: (usize, usize), stride: usize, bytes: &[u8]) -> Result<Self> {
         let mut image = Self { width: 0, height: 0, planes: 1, data: Arc::default() };
         image.refill(pixels, size, stride, bytes)?;
         Ok(image)
     }
-    /// The same into a picture that is there: where it had this size, no memory is taken.
+    /// The same into an existing picture; allocates only if its size was another.
     ///
     /// # Errors
     /// As [`Image::from_pixels`]; then nothing has changed.
@@ -160,7 +160,7 @@ impl Image {
     pub fn at(&self, p: usize, x: usize, y: usize) -> u8 {
         self.plane(p)[y * self.width + x]
     }
-    /// The part of so many columns and rows from a pixel on, which lies inside.
+    /// The part with so many columns and rows from a pixel on; it must be inside.
     pub(crate) fn part(&self, (x, y): (usize, usize), (width, height): (usize, usize)) -> Self {
         let mut data = Vec::with_capacity(width * height * self.planes);
         for p in 0..self.planes {

@@ -1,4 +1,4 @@
-//! A grid of numbers laid over a picture: how much moves, or stands out, where.
+//! A grid of numbers over a picture, such as motion or saliency.
 
 use foveate_kernels as kernels;
 
@@ -64,8 +64,8 @@ impl Map {
     pub fn at(&self, i: usize, j: usize) -> f32 {
         self.values[j * self.width + i]
     }
-    /// The value between cells: bilinear at grid coordinates (cell centres at whole numbers), the edge's value outside.
-    /// 0 where the map is empty.
+    /// The bilinear value at grid coordinates (cell centres at integers), the edge's value outside. 0 if the map is
+    /// empty.
     pub fn between(&self, u: f32, v: f32) -> f32 {
         if self.values.is_empty() {
             return 0.0;
@@ -86,7 +86,7 @@ impl Map {
         let cell = self.cell as f32;
         self.between((x + 0.5) / cell - 0.5, (y + 0.5) / cell - 0.5)
     }
-    /// The largest value, 0 where none is larger.
+    /// The largest value, at least 0.
     pub fn max(&self) -> f32 {
         self.values.iter().fold(0.0, |a, &b| a.max(b))
     }

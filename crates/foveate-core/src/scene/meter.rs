@@ -27,7 +27,7 @@ impl Meter {
             self.windows.push(window);
         }
     }
-    /// Also what another one counted.
+    /// Adds the counts of another meter.
     pub fn add_all(&mut self, other: &Self) {
         other.windows.iter().for_each(|w| self.add((w.x, w.y, w.columns, w.rows)));
     }

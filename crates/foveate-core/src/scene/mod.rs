@@ -1,4 +1,4 @@
-//! THE WORLD COMING IN: pictures, and what is found in them.
+//! THE WORLD COMING IN: pictures and detections.
 
 pub mod camera;
 pub mod cut;

@@ -1,4 +1,4 @@
-//! Medians of 3 × 3 pixels, and discs that grow and shrink what is marked.
+//! Medians of 3 × 3 pixels, and erosion and dilation of marks by discs.
 
 /// Memory of [`median`].
 #[derive(Clone, Debug, Default)]
@@ -47,12 +47,12 @@ pub(super) struct Mask {
 }
 
 impl Mask {
-    /// Keeps what a disc inside the marks can reach: specks and thin lines go.
+    /// Opening: keeps marks that a disc inside them can reach; removes specks and thin lines.
     pub(super) fn open(&mut self, width: usize, radius: usize) {
         self.each(width, radius, false);
         self.each(width, radius, true);
     }
-    /// Marks what no disc outside the marks can reach: small gaps go.
+    /// Closing: marks pixels that no disc outside the marks can reach; fills small gaps.
     pub(super) fn close(&mut self, width: usize, radius: usize) {
         self.each(width, radius, true);
         self.each(width, radius, false);
@@ -61,7 +61,7 @@ impl Mask {
     pub(super) fn dilate(&mut self, width: usize, radius: usize) {
         self.each(width, radius, true);
     }
-    /// Writes `value` over a disc at each pixel that has it. Nothing lies past the edges, neither marks nor gaps.
+    /// Writes `value` over a disc at each pixel with this value. Outside the picture are neither marks nor gaps.
     fn each(&mut self, width: usize, radius: usize, value: bool) {
         let height = self.marks.len() / width;
         self.other.clone_from(&self.marks);

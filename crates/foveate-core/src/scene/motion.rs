@@ -1,10 +1,10 @@
 //! What moves: each frame against a background that is learned as the video goes.
 //!
-//! Each pixel keeps the mean and variance of its grey (after a 3 × 3 median, which takes away salt and pepper). A pixel that
-//! is several deviations off is in motion; opening takes away specks, closing joins the parts of one thing. Pixels in motion
-//! do not teach the background, unless they stay as they are for a while: so what was there at first and left, and what
-//! came and stopped, becomes background again; what left is told by its edges, too (`ghosts.rs`). Each frame is compared at
-//! the background's brightness. The camera must stand still; where it moves, see [`Flow`](super::flow::Flow).
+//! Each pixel has a running mean and variance of its grey (after a 3 × 3 median against salt and pepper). A pixel
+//! that is several deviations off is in motion; opening removes specks, closing joins the parts of one object. Moving
+//! pixels do not update the background until they stay unchanged for a while. So an object that left, or that came
+//! and stopped, becomes background again; edges also reveal objects that left (`ghosts.rs`). Each frame is compared
+//! at the background's brightness. The camera must be fixed; for a moving camera see [`Flow`](super::flow::Flow).
 //!
 //! [`first_box`] is how the paper's authors found their target: by the difference of the first two frames.
 
@@ -16,8 +16,8 @@ use crate::scene::ghosts::{Ghosts, Marked};
 use crate::scene::morphology::{Mask, Rows, median};
 use crate::scene::{Detection, Image, Map};
 
-/// Frame differencing against a running background. The map has a value a pixel: deviations from the background where
-/// something moves, 0 elsewhere.
+/// Frame differencing against a running background. The map has one value a pixel: deviations from the background in
+/// moving regions, 0 elsewhere.
 #[derive(Clone, Debug)]
 pub struct Motion {
     /// Deviations from the mean at which a pixel is in motion.
@@ -138,9 +138,9 @@ impl Motion {
     fn deviation(&self, k: usize) -> f32 {
         (self.variance[k] + self.least_deviation * self.least_deviation).sqrt()
     }
-    /// How much brighter or darker the frame is than the background, most of which is in view: cameras adapt to what comes.
+    /// Ratio of the brightness of the frame to that of the background, because cameras adapt their exposure.
     fn expose(&mut self) {
-        /// Grey levels from which on a ratio means something; one pixel in so many is asked; so many are enough.
+        /// Least grey level for a ratio; sampling interval in pixels; sufficient number of samples.
         const DARK: f32 = 16.0;
         const EVERY: usize = 7;
         const ENOUGH: usize = 100;
@@ -154,7 +154,7 @@ impl Motion {
             self.gain = ratios.select_nth_unstable_by(middle, f32::total_cmp).1.clamp(0.25, 4.0);
         }
     }
-    /// Marks what is off the background, cleans the marks, and fills the map.
+    /// Marks pixels that differ from the background, cleans the marks, and fills the map.
     fn compare(&mut self, width: usize) {
         for k in 0..self.now.len() {
             let off = (f32::from(self.now[k]) / self.gain - self.mean[k]).abs() / self.deviation(k);
@@ -217,23 +217,22 @@ const LEAST: f64 = 0.25;
 /// by its own side is at 3/4.
 const LEFT: f64 = 0.75;
 
-/// In one part what was left and what was come to are told apart where their shares differ by this. A square that moved by a
-/// quarter of its side is at 0.2; where a textured thing moved both are at a half.
+/// Difference of the two shares from which on the old and the new position within one part are distinguished. A
+/// square that moved by a quarter of its side has 0.2; for a textured object both shares are a half.
 const APART: f64 = 0.15;
 
-/// A target's box in the first frame, by what moved between it and the second one (the start of the authors' published
-/// program): absolute difference, 3 × 3 median, opening and dilation by a disc of radius 2, the largest connected part that
-/// was there in the first frame.
-/// `size` is that of the box round the part's centre, which keeps within the picture; `None` takes the part's own.
+/// A target's box in the first frame from the motion to the second one (the start of the authors' program): absolute
+/// difference, 3 × 3 median, opening and dilation by a disc of radius 2, the largest connected part in the first
+/// frame. `size` is that of the box around the part's centre, clamped to the picture; `None` uses the part's own.
 ///
-/// What moved by more than its size makes two parts: where it was, and where it is. At the edge of a part the first picture has
-/// contrast if the target was there, the second one if it came there, which tells them apart. An even thing that moved by less
-/// makes a part behind it and one before it, with contrast in both pictures: then the box begins with the one and ends before
-/// the other.
+/// An object that moved by more than its size makes two parts: its old and its new position. At the edge of the old
+/// part the first picture has contrast, at the edge of the new one the second picture, which distinguishes them. A
+/// uniform object that moved by less makes one part behind it and one before it, with contrast in both pictures; the
+/// box then begins with the first and ends before the second.
 ///
-/// Answers `None` where nothing moved, or the pictures differ in size. Deviations: the program takes the largest part, be it
-/// where the target is in the second frame; and where opening leaves nothing, because a thin thing moved a little, the difference
-/// is dilated as it is.
+/// Returns `None` if nothing moved or the pictures differ in size. Deviations: the authors' program takes the largest
+/// part even if it is the target's position in the second frame. If opening leaves nothing, because a thin object
+/// moved a little, the difference is dilated directly.
 pub fn first_box(first: &Image, second: &Image, size: Option<(f64, f64)>) -> Option<BBox> {
     let (width, height) = (first.width(), first.height());
     if (second.width(), second.height()) != (width, height) {
@@ -345,8 +344,8 @@ impl Difference {
     }
 }
 
-/// Where a thing was along a side of `all`, as start and length: the part that it left, or, where that is a strip behind it, from
-/// there to the strip that it came to.
+/// The old position of an object along a side of `all`, as start and length: the part that it left, or, if that is a
+/// strip behind it, from there to the strip at the new position.
 fn reach(all: (f64, f64), from: (f64, f64), to: (f64, f64)) -> (f64, f64) {
     if 2.0 * from.1 >= all.1 {
         return from;
@@ -397,7 +396,7 @@ mod tests {
 
     /// A block stands where the background was learned, leaves, and another comes in while the camera darkens all.
     #[test]
-    fn what_left_is_forgotten_and_exposure_is_no_motion() {
+    fn objects_that_left_become_background_and_exposure_is_no_motion() {
         let picture = |x: usize, gain: f32| {
             let block = |k: usize| (x..x + 20).contains(&(k % 120)) && (30..70).contains(&(k / 120));
             let grey = |k: usize| if block(k) { 220.0 } else { 90.0 + (k % 7) as f32 };

@@ -1,8 +1,8 @@
 //! Objects of known classes, found by a network from an ONNX file.
 //!
-//! The picture is scaled to fit the network's input, its sides kept in proportion, and padded with grey (letterbox). Of the boxes
-//! that the network gives those count whose class is asked for and whose score is high enough; of boxes that overlap the best stays
-//! (non-maximum suppression, whatever the classes: what is tracked is one thing, not one thing a class).
+//! The picture is scaled to the network's input with its aspect ratio, and padded with grey (letterbox). Boxes of
+//! other classes and with low scores are dropped, and of overlapping boxes the best is kept (non-maximum suppression
+//! across classes, because one object is tracked once).
 
 use serde::{Deserialize, Serialize};
 
@@ -91,7 +91,7 @@ impl Settings {
         }
     }
 
-    /// Fails naming the key where a number is out of range.
+    /// Fails with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         if self.model.is_empty() {
             return Err(Error::Config("detector.model is empty: give the path of an ONNX file".into()));

@@ -1,4 +1,4 @@
-//! What a tracker is told of a frame beside its pixels: detections, and how the picture moved.
+//! The inputs of a tracker beside pixels: detections and the motion of the picture.
 
 use super::{Detection, Detector, Flow, Image};
 
@@ -29,7 +29,8 @@ impl Preprocessor {
     pub fn look(&mut self, image: &Image) {
         self.look_or_watch(image, true);
     }
-    /// The same; the detector is asked only where it `asks`: else nothing is found, and it has not seen this picture.
+    /// The same, but the detector runs only if `asks`. Otherwise there are no detections, and the detector's state is
+    /// unchanged.
     pub fn look_or_watch(&mut self, image: &Image, asks: bool) {
         self.found.clear();
         if let Some(detector) = self.detector.as_mut().filter(|_| asks) {
@@ -51,7 +52,7 @@ impl Preprocessor {
     pub fn scene<'a>(&'a self, image: &'a Image) -> Scene<'a> {
         Scene { image, detections: &self.found }
     }
-    /// The flow to the picture that was looked at last, where it was asked for.
+    /// The flow to the last picture, if it was computed.
     pub fn flow(&self) -> Option<&Flow> {
         self.flow.as_ref()
     }

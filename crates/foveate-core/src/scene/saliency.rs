@@ -1,9 +1,10 @@
-//! What stands out: the saliency of Itti, Koch and Niebur (1998), from one picture alone.
+//! The saliency of Itti, Koch and Niebur (1998), from one picture.
 //!
-//! Intensity, two opponent colours and four orientations are read from a pyramid that halves at each level; differences
-//! between a fine centre c ∈ {2, 3, 4} and a coarse surround c + δ, δ ∈ {3, 4}, say where a place is unlike its
-//! surroundings. N(·) brings a map to the range 0 to 1 and multiplies it by (1 − m̄)², m̄ being the mean of its other local
-//! maxima: a map with one peak stays, one with many alike vanishes. Maps of a feature are added, features weighed.
+//! Intensity, two opponent colours and four orientations are read from a pyramid that halves at each level.
+//! Differences between a fine centre c ∈ {2, 3, 4} and a coarse surround c + δ, δ ∈ {3, 4}, measure how much a place
+//! differs from its surroundings. N(·) scales a map to 0 to 1 and multiplies it by (1 − m̄)², with m̄ the mean of its
+//! other local maxima: a map with one peak is kept, one with many similar peaks vanishes. Maps of a feature are
+//! added, features are weighted.
 //!
 //! Deviation: maps are added at the finest centre (cells of 4 pixels), not the coarsest, so that boxes are sharp; opponency
 //! keeps its sign, so that green on red stands out as red on green does; orientation is the energy of an even and an odd
@@ -132,7 +133,7 @@ impl Saliency {
     }
 }
 
-/// (r − g) or (b − min(r, g)), over max(r, g, b); 0 where it is too dark to tell a hue (a tenth of white).
+/// (r − g) or (b − min(r, g)), over max(r, g, b); 0 in pixels too dark for a hue (below a tenth of white).
 fn opponents(image: &Image, red: bool, to: &mut Map) {
     let planes = image.plane(0).iter().zip(image.plane(1)).zip(image.plane(2));
     for (value, ((&r, &g), &b)) in to.values_mut().iter_mut().zip(planes) {

@@ -1,11 +1,12 @@
-//! A sensor that reads only so many values a frame: a coarse overview, windows about the place where the target is expected,
-//! and a fovea where the gaze is.
+//! A sensor that reads a limited number of values a frame: a coarse overview, windows about the predicted position,
+//! and a fovea at the gaze.
 //!
-//! A *value* is what a sensor serves: one pixel of one plane, or the mean of a bin of pixels (a camera with binning and region
-//! read-out, a tile of a coarser picture, a lens that zooms). What was read is painted into a picture of its own, smoothly from
-//! bin to bin, coarse first and sharp last, and everything that tracks looks at that picture: what was not read cannot be seen.
+//! A *value* is one pixel of one plane, or the mean of a bin of pixels (a camera with binning and region read-out, a
+//! tile of a coarser picture, a zoom lens). The sensor paints its values into a picture, smoothly from bin to bin,
+//! coarse first and sharp last. The tracker sees only that picture, so unread pixels are invisible.
 //!
-//! Deviation: the paper's retina reads the whole picture once a particle; here all particles share what one sensor reads.
+//! Deviation: the paper's retina reads the whole picture once a particle; here all particles share the values of one
+//! sensor.
 
 use serde::{Deserialize, Serialize};
 
@@ -19,7 +20,8 @@ use foveate_kernels::blend;
 /// What unread places look like: neither bright nor dark.
 const UNREAD: u8 = 128;
 
-/// What is asked of a source: `columns` × `rows` bins of `bin.0` × `bin.1` pixels, the first one's left upper pixel at (x, y).
+/// A request to a source: `columns` × `rows` bins of `bin.0` × `bin.1` pixels, with the upper left pixel of the first
+/// at (x, y).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Window {
     /// Left column, pixels.
@@ -45,9 +47,9 @@ impl Window {
 pub trait Regions: Sync {
     /// Width, height and planes (1 or 3) of the whole picture, which no call changes.
     fn shape(&self) -> [usize; 3];
-    /// Means of the bins of a window, rounded, plane after plane, row by row: `planes × columns × rows` bytes. Of a bin that
-    /// reaches beyond the picture the pixels inside count; one at least is. Answers how many values had to be read for it: as many
-    /// as bins times planes, or more where the source cannot do better.
+    /// Means of the bins of a window, rounded, plane after plane, row by row: `planes × columns × rows` bytes. A bin
+    /// that extends beyond the picture uses its pixels inside, at least one. Returns the number of values read: bins
+    /// times planes, or more if the source cannot do better.
     ///
     /// # Errors
     /// Where the source cannot be read.
@@ -110,7 +112,7 @@ fn two_boxes() -> Patch {
 }
 
 impl SensorSettings {
-    /// Fails where a number is out of range, naming it.
+    /// Fails with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         within("sensor.overview", self.overview as f64, 0.0, 4096.0)?;
         for [reach, side] in self.patches() {
@@ -124,7 +126,7 @@ impl SensorSettings {
     }
 }
 
-/// Reads what its settings say, and holds the picture of it.
+/// Reads values according to its settings, and holds their picture.
 #[derive(Clone, Debug)]
 pub struct Sensor {
     settings: SensorSettings,
@@ -144,7 +146,7 @@ impl Sensor {
         let seen = Image::grey(1, 1, UNREAD);
         Self { settings, seen, painted: vec![], bytes: vec![], lines: Default::default(), taps: vec![], values: 0 }
     }
-    /// What was read of the frame, in the place it has in the picture; grey where nothing was.
+    /// The values of the frame at their positions in the picture; grey elsewhere.
     pub fn seen(&self) -> &Image {
         &self.seen
     }
@@ -153,7 +155,7 @@ impl Sensor {
         self.values
     }
 
-    /// Begins a frame: forgets the last one, and reads the overview.
+    /// Begins a frame: clears the last one and reads the overview.
     ///
     /// # Errors
     /// Where the source cannot be read.
@@ -179,8 +181,8 @@ impl Sensor {
         Ok(())
     }
 
-    /// Reads the windows about the place where the target is expected, then the fovea at the gaze, as wide as its settings
-    /// say; of many gazes it reads all that they see, as sharply.
+    /// Reads the windows about the predicted position, then the fovea at the gaze. With several gazes it reads all of
+    /// their area at that resolution.
     ///
     /// # Errors
     /// Where the source cannot be read.
@@ -324,7 +326,7 @@ mod tests {
 
     /// A window fine enough is the picture itself, and what was read of the last frame is gone.
     #[test]
-    fn it_shows_what_it_read_and_nothing_else() {
+    fn the_picture_has_only_values_that_were_read() {
         let (image, mut sensor) = (picture(3), sensor(0, vec![], [1.0, 64.0]));
         for (x, y) in [(60.0, 40.0), (5.0, 80.0), (129.0, 0.0)] {
             sensor.begin(&image).expect("memory");

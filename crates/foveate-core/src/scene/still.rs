@@ -1,7 +1,7 @@
 //! Does the camera stand still? Detectors of motion need one that does.
 //!
-//! The flow that most of a picture has is the camera's, unless large objects cross it. So the picture itself has to agree: where a camera
-//! moves, hardly any textured place stays as it was; before one that stands still all of the background does.
+//! The dominant flow of a picture is the camera's, unless large objects cross it. So the picture must agree: with a
+//! moving camera hardly any textured place stays unchanged, with a fixed one all of the background does.
 
 use super::{Flow, Image, Map};
 
@@ -13,10 +13,10 @@ const MOVED: f64 = 0.002;
 const CELLS: f64 = 200.0;
 /// The least difference between neighbouring cells of a textured place, as a share of white.
 const TEXTURE: f32 = 4.0 / 255.0;
-/// The share of the textured places that stay as they were above which the camera stands still. Before cameras that stand it is 0.6 to 0.9,
-/// also where large objects cross the picture; of 22 sequences whose camera moves it is 0.05 to 0.44, the median of their frames.
+/// Share of unchanged textured places above which the camera is fixed. With fixed cameras it is 0.6 to 0.9, even if
+/// large objects cross the picture; in 22 sequences with a moving camera it is 0.05 to 0.44 (median over frames).
 const STANDING: f64 = 0.5;
-/// Frames that are watched before a camera is said to move, and the share of them in which it must have moved.
+/// Frames before a moving camera is reported, and the least share of them with motion.
 const FEWEST: usize = 20;
 const SHARE: f64 = 0.5;
 
@@ -40,7 +40,7 @@ impl Default for StillCamera {
 }
 
 impl StillCamera {
-    /// Takes the next picture; it is not compared with the one before where a cut lies between.
+    /// Adds the next picture; it is not compared with the previous one across a cut.
     pub fn look(&mut self, image: &Image, cut: bool) {
         self.flow.look(image);
         std::mem::swap(&mut self.before, &mut self.now);
@@ -53,8 +53,8 @@ impl StillCamera {
         }
     }
 
-    /// The share of the textured places of the last two pictures that are where they were, 0 to 1; 0 where there is none. Such a place changes
-    /// by less than a motion of half of `MOVED` along its gradient would change it.
+    /// The share of unchanged textured places in the last two pictures, 0 to 1; 0 without texture. An unchanged place
+    /// differs by less than a motion of half of `MOVED` along its gradient would cause.
     fn standing(&self, image: &Image) -> f64 {
         let (w, h) = (self.now.width(), self.now.height());
         if (self.before.width(), self.before.height()) != (w, h) || w < 3 {
@@ -76,8 +76,8 @@ impl StillCamera {
         standing as f64 / textured.max(1) as f64
     }
 
-    /// How far the picture moved since the last one, by the flow that most of it has, as a share of its diagonal: the mean of four places,
-    /// so that zoom and driving forward count. Large objects before a camera that stands may be taken for it.
+    /// Motion of the picture since the last one, by its dominant flow, as a share of the diagonal: the mean of four
+    /// places, so that zoom and forward motion count. Large objects before a fixed camera may be mistaken for it.
     pub fn motion(&self, image: &Image) -> f64 {
         let (w, h) = (image.width() as f64, image.height() as f64);
         let at = |x: f64, y: f64| {
@@ -124,7 +124,7 @@ mod tests {
     }
 
     #[test]
-    fn a_camera_that_turns_is_told_from_one_that_stands() {
+    fn a_turning_camera_is_distinguished_from_a_fixed_one() {
         let (mut stands, mut turns) = (StillCamera::default(), StillCamera::default());
         for t in 0..22 {
             stands.look(&picture(0, 0, 20 + 5 * t), false);

@@ -1,8 +1,9 @@
 //! Boxes of upright walkers out of the marks of a motion detector.
 //!
-//! A walker in dark clothes before a dark window comes in parts, and two who walk side by side come as one. Parts that stand
-//! above each other are joined; what is too wide for one walker is cut where its columns have the fewest marks; what is too
-//! small is dropped. It knows no people: whatever is upright and moves is a walker, and those who hide each other stay one.
+//! A pedestrian in dark clothes before a dark window appears in parts, and two side by side appear as one. Parts
+//! above each other are joined; regions too wide for one pedestrian are split at the columns with the fewest marks;
+//! small regions are dropped. There is no model of people: every upright moving region is a pedestrian, and
+//! pedestrians who occlude each other stay one region.
 
 use crate::geometry::BBox;
 use crate::scene::{Detection, Detector, Image, Map, Motion};
@@ -94,7 +95,7 @@ fn thinnest(map: &Map, bbox: &BBox, x: f64, reach: f64) -> f64 {
     columns.min_by_key(|column| (marks(*column), (*column as f64 - x).abs() as usize)).map_or(x, |column| column as f64)
 }
 
-/// The box of what is marked within a box, and the sum of its values.
+/// The box of the marks within a box, and the sum of their values.
 fn tight(map: &Map, b: &BBox) -> (BBox, f64) {
     let (mut left, mut right, mut top, mut bottom, mut mass) = (usize::MAX, 0, usize::MAX, 0, 0.0);
     let columns = b.x as usize..((b.x + b.w) as usize).min(map.width());

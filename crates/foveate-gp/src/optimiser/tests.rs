@@ -88,7 +88,7 @@ fn what_was_saved_goes_on_with_the_same_bits() {
 
 /// Constant, huge and repeated values, and all numbers of variables: points stay within their bounds, and predictions are finite.
 #[test]
-fn it_stays_within_its_bounds_whatever_it_is_told() {
+fn points_stay_within_bounds_for_any_values() {
     let mut rng = Streams::new(8, 0).rng(0);
     for d in 1..=MOST {
         let bounds = vec![(-1e3, 2e-3); d];

@@ -14,7 +14,7 @@ fn matrix(n: usize, stride: usize) -> Vec<f64> {
 }
 
 #[test]
-fn factor_and_inverse_multiply_to_what_they_came_from() {
+fn factor_and_inverse_multiply_to_the_original() {
     for n in [0usize, 1, 2, 7, 8, 9, 15, 16, 17, 31, 40, 65] {
         let stride = n.next_multiple_of(SQUARE).max(SQUARE);
         let a = matrix(n, stride);

@@ -253,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn losses_are_told() {
+    fn losses_are_reported() {
         let mut case = case();
         assert_eq!(case.verdict(), "Lost in frames 5 to 11 (reported 3 frames later).");
         assert_eq!(case.worst(), Some(4));

@@ -144,7 +144,7 @@ mod tests {
     }
 
     #[test]
-    fn attributes_are_labels_and_what_boxes_tell() {
+    fn attributes_come_from_labels_and_boxes() {
         let b = foveate_core::geometry::BBox { x: 0.0, y: 0.0, w: 10.0, h: 10.0 };
         let (images, truth_file) = ("nowhere".into(), "nowhere".into());
         let mut sequence = Sequence { name: "Bolt2".into(), images, truth_file, truth: vec![Some(b); 3] };

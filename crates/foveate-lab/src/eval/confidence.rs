@@ -296,7 +296,7 @@ mod tests {
     /// 4000 draws from beliefs that are right, and from beliefs that do not know of 0.3 units: the share within the 90 %
     /// region has a deviation of 0.005; beyond five of them a correct program fails once in a million.
     #[test]
-    fn regions_of_right_beliefs_hold_what_they_say() {
+    fn regions_of_correct_beliefs_have_their_coverage() {
         let mut rng = Streams::new(11, 0).rng(0);
         let mut frames = |localisation_noise: f64| -> Vec<Judged> {
             let draw = |_| {

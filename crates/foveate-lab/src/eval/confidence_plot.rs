@@ -49,7 +49,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn it_draws_what_there_is() {
+    fn the_plot_has_all_points() {
         let svg = plot(&[("nobody", &ConfidenceScore::of(&[], 0.0))]);
         assert!(svg.contains("<svg") && svg.contains("perfect") && !svg.contains("nobody"));
     }

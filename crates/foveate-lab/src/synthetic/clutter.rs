@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn the_target_lies_where_the_truth_says() {
+    fn the_target_is_at_its_true_box() {
         let settings = Clutter { noise: NOISE, ..Clutter::default() };
         let video = settings.video(&squares()).expect("a video");
         for t in [0, 100, 299] {
@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_settings_say_what_is_wrong() {
+    fn wrong_settings_are_errors_with_the_cause() {
         let good = Clutter::default();
         for (settings, said) in [
             (Clutter { digit: 10, ..good.clone() }, "digit is 10"),

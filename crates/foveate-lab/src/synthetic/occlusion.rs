@@ -312,7 +312,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_settings_say_what_is_wrong() {
+    fn wrong_settings_are_errors_with_the_cause() {
         let good = Occlusion::default();
         for (settings, said) in [
             (Occlusion { digit: 10, ..good.clone() }, "digit is 10"),

@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn a_diverged_training_says_so() {
+    fn a_diverged_training_is_an_error() {
         let data: Vec<f32> = (0..400).map(|i| (i as f32).sin() * 30.0).collect();
         let rows = Rows::new(&data, 4);
         let recipe = Recipe { rate: 1e20, ..Recipe::new(Visible::Gaussian, 3) };

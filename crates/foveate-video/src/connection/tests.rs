@@ -8,7 +8,7 @@ const HEAD: &str = "printf 'YUV4MPEG2 W2 H2 F5:1 C420jpeg\\n'\n";
 const FRAME: &str = "printf 'FRAME\\nabcdef'\n";
 
 #[test]
-fn a_sender_is_waited_for_where_that_is_asked() {
+fn listening_waits_for_a_sender() {
     let asked = |address: &str, listen| {
         let address = Path::new(address);
         let found = arguments(&Scheme::of(address).expect("a scheme"), address, listen, (0, 0));
@@ -74,7 +74,7 @@ fn end_of(first: &str, later: &str, listen: bool, seconds: u64) -> (usize, Optio
 
 #[cfg(unix)]
 #[test]
-fn a_stream_that_ends_says_how() {
+fn the_end_of_a_stream_has_a_reason() {
     let began = Instant::now();
     // In good order, and nobody is to come any more: no error.
     assert_eq!(end_of("exit 0", "exit 1", false, 0), (2, None, vec![]));
@@ -123,7 +123,7 @@ fn a_first_frame_that_comes_late_is_no_stall() {
 }
 
 #[test]
-fn what_cannot_be_opened_is_said() {
+fn unsupported_addresses_are_errors() {
     let open = |address: &str, options| {
         Connection::open(Path::new(address), options, Duration::from_secs(10)).err().expect("an error").to_string()
     };

@@ -3,7 +3,7 @@ use super::*;
 use foveate_testing::{ffmpeg, need};
 
 #[test]
-fn what_ffmpeg_says_is_understood() {
+fn the_log_of_ffmpeg_is_parsed() {
     let heard = |line: &str| {
         let mut said = Said { frames: 7, ..Said::default() };
         said.hear(line);
@@ -28,7 +28,7 @@ fn what_ffmpeg_says_is_understood() {
 }
 
 #[test]
-fn what_ffprobe_says_is_understood() {
+fn the_output_of_ffprobe_is_parsed() {
     let video = "index=0\ncodec_name=h264\ncodec_type=video\nwidth=160\nheight=120\npix_fmt=yuv420p\ncolor_range=pc\ncolor_space=bt709\n\
                  r_frame_rate=25/1\navg_frame_rate=25/2\nduration=N/A\nnb_frames=N/A\n";
     let facts = Facts {
@@ -157,7 +157,7 @@ fn a_file_opens_no_other() {
 }
 
 #[test]
-fn a_missing_program_is_named_with_what_to_do() {
+fn a_missing_program_is_an_error_with_the_remedy() {
     let leash = Leash::default();
     let text = Ffmpeg::open(Path::new("no-such-ffmpeg"), Path::new("x.avi"), 0, &leash, &Remarks::default())
         .err()

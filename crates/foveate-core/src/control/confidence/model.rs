@@ -10,7 +10,7 @@ use foveate_base::{Error, Result};
 pub const CUES: usize = OWN + 2;
 /// Number of those that are the tracker's own, the first.
 pub const OWN: usize = 10;
-/// Where the others are: what a second opinion says, and the box regression.
+/// Positions of the cues of the second tracker and of the box regression.
 pub const AGREEMENT: usize = OWN;
 const ABSENCE: usize = OWN + 1;
 /// Their names, in order.
@@ -84,8 +84,8 @@ pub struct ConfidenceModel {
     pub localisation_noise: f64,
 }
 
-/// How the reported P(lost) hears a second opinion: log P / (1 − P) = `own` · log P° / (1 − P°) + `agreement` · cue + `bias`, with P° that
-/// of the tracker's own cues.
+/// The effect of a second tracker on the reported P(lost): logit P = `own` · logit P° + `agreement` · cue + `bias`,
+/// with P° by the tracker's own cues.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Heard {
@@ -108,7 +108,7 @@ pub struct Seen {
     pub bias: f64,
 }
 
-/// P(lost) is at least that of log odds `weight` · cue + `bias`, with the cue *absence*: one look says little, many in a row much.
+/// A lower bound on P(lost): logit `weight` · cue + `bias`, with the cue *absence*, a mean over many looks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Absence {
@@ -121,7 +121,7 @@ pub struct Absence {
 }
 
 impl Default for Absence {
-    /// Nothing is heard.
+    /// No effect.
     fn default() -> Self {
         Self { rate: 0.25, weight: 0.0, bias: 0.0 }
     }
@@ -135,7 +135,7 @@ impl Absence {
 }
 
 impl Default for Heard {
-    /// Nothing is heard.
+    /// No effect.
     fn default() -> Self {
         Self { own: 1.0, agreement: 0.0, bias: 0.0 }
     }
@@ -162,7 +162,7 @@ impl Default for ConfidenceModel {
 }
 
 impl ConfidenceModel {
-    /// Fails where a number is out of range, naming it.
+    /// Fails with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         for weight in &self.weights {
             within("a number of confidence.weights", *weight, -1e3, 1e3)?;
@@ -197,13 +197,13 @@ impl ConfidenceModel {
         logistic(self.own_log_odds(cues))
     }
 
-    /// The same while the target is searched for, with what the box regression sees there.
+    /// The same during a search, with the logit of the box regression.
     pub(super) fn returned(&self, own: f64, absent: Option<f64>) -> f64 {
         let Seen { weight, bias } = self.box_regression;
         absent.map_or(own, |absent| logistic(weight * absent + bias - odds(own)))
     }
 
-    /// The least P(lost), by what the box regression said lately.
+    /// The lower bound of P(lost) by the box regression.
     pub(super) fn by_absence(&self, cues: &Cues) -> f64 {
         let Absence { weight, bias, .. } = self.absence;
         if self.absence.counts() { logistic(weight * cues[ABSENCE] + bias) } else { 0.0 }
@@ -214,7 +214,7 @@ impl ConfidenceModel {
         self.bias + self.weights.iter().zip(cues).map(|(w, c)| w * c).sum::<f64>()
     }
 
-    /// P(lost) as reported, where the own one is `own`.
+    /// The reported P(lost) for the own one, `own`.
     pub(super) fn reported(&self, own: f64, cues: &Cues) -> f64 {
         let (heard, agreement) = (&self.second_opinion, cues[AGREEMENT]);
         if agreement < 0.0 {
@@ -223,7 +223,7 @@ impl ConfidenceModel {
         logistic(heard.bias - heard.own * odds(own) + heard.agreement * agreement)
     }
 
-    /// How much a frame counts towards the end of a search, or towards its beginning; 0 where it speaks for neither.
+    /// The count of a frame towards the end or the start of a search; 0 if it is between.
     pub(super) fn weight_of_frame(&self, searching: bool, p_lost: f64) -> f64 {
         match searching {
             true if p_lost < self.leave => (odds(p_lost) / odds(self.leave)).clamp(1.0, self.surest),

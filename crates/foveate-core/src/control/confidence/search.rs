@@ -1,4 +1,5 @@
-//! Whether the tracker searches for the target: what it acts on, by its own P(lost) and over several frames. It is not the reported status.
+//! Whether the tracker searches for the target, by its own P(lost) over several frames. This differs from the
+//! reported status.
 
 use serde::{Deserialize, Serialize};
 

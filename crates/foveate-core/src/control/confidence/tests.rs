@@ -218,7 +218,7 @@ fn a_second_opinion_is_reported_and_not_acted_on() {
 }
 
 #[test]
-fn it_goes_on_from_what_was_saved() {
+fn a_saved_monitor_continues() {
     let frames: Vec<_> = (0..50).map(|t| shown(-3.0 - (t % 7) as f64, 0.02 * t as f64)).collect();
     let mut c = LossMonitor::new(ConfidenceModel::default());
     for f in &frames[..25] {

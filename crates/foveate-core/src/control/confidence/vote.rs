@@ -1,8 +1,8 @@
-//! Several trackers of one target vote: whose box is told, and how probable is it that the target is not there?
+//! Vote of several trackers of one target on the reported box and P(lost).
 //!
-//! Each member k says where the target is, bₖ, and how probably it is not there, Pₖ. Taken as a mixture of equal parts, the members
-//! expect of a box b the overlap Σ (1 − Pₖ) IoU(b, bₖ) / K; the member's box of which most is expected is told. A box is lost where its
-//! IoU with the target is below 0.1, so that P(lost) = 1 − Σ (1 − Pₖ) [IoU(b, bₖ) ≥ 0.1] / K. Nothing of it is fitted.
+//! Each member k has a box bₖ and a probability of loss Pₖ. As a mixture of equal parts, the members expect the
+//! overlap Σ (1 − Pₖ) IoU(b, bₖ) / K of a box b; the member's box with the largest value is reported. A box is lost
+//! if its IoU with the target is below 0.1, so P(lost) = 1 − Σ (1 − Pₖ) [IoU(b, bₖ) ≥ 0.1] / K. Nothing is fitted.
 //!
 //! Deviation: the paper has one tracker. Query by committee: Seung, Opper and Sompolinsky (1992); ensembles for uncertainty:
 //! Lakshminarayanan, Pritzel and Blundell (2017).
@@ -16,12 +16,12 @@ use crate::control::{Status, StatusThresholds};
 use crate::geometry::BBox;
 use foveate_base::{Error, Result};
 
-/// The target is lost where that is more probable than not; it is found below the second. Both are of the vote's P(lost), and decide which
-/// members begin again and what is reported.
+/// Thresholds of the vote's P(lost): lost from the first on, found below the second. They decide which members
+/// restart and which status is reported.
 const OUT: f64 = 0.5;
 const FOUND: f64 = 0.45;
 
-/// What one member says of a frame.
+/// One member's box and P(lost) of a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Ballot {
     /// Its box, pixels.
@@ -39,7 +39,7 @@ impl Ballot {
     }
 }
 
-/// Counts ballots, and remembers what was believed of the track.
+/// Counts ballots, and keeps the status of the track.
 #[derive(Clone, Debug)]
 pub struct Vote {
     rule: ConfidenceModel,
@@ -74,7 +74,7 @@ impl Vote {
         self.past = Past::default();
     }
 
-    /// Whose box is told, and its P(lost); of several that are as good, the first. Panics without ballots.
+    /// The member with the reported box, and its P(lost); the first of equal ones. Panics without ballots.
     pub fn elect(ballots: &[Ballot]) -> (usize, f64) {
         let share = 1.0 / ballots.len() as f64;
         let expected = |at: &BBox| ballots.iter().map(|b| share * (1.0 - b.p_lost) * b.bbox.iou(at)).sum::<f64>();
@@ -110,7 +110,7 @@ impl Vote {
         serde_json::to_value(&self.past).expect("plain data is JSON")
     }
 
-    /// Takes up what `save` gave.
+    /// Restores a state of `save`.
     pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
         self.past =
             Past::deserialize(saved).map_err(|e| Error::Invalid(format!("the saved vote cannot be used: {e}")))?;
@@ -132,7 +132,7 @@ mod tests {
     /// is told the mean overlap is the largest of all members' boxes, and P(lost) is the share of worlds with an overlap below 0.1; seed 3,
     /// false alarms below 1 in 10,000 (four standard deviations of 1/2000).
     #[test]
-    fn elected_is_what_drawn_worlds_say() {
+    fn the_vote_equals_a_simulation_of_its_mixture() {
         let ballots = [at(0.0, 0.3), at(2.0, 0.1), at(9.5, 0.0), at(40.0, 0.2)];
         let (elected, p_lost) = Vote::elect(&ballots);
         let mut rng = Streams::new(3, 0).rng(0);
@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn one_alone_is_believed_as_it_says() {
+    fn a_single_member_keeps_its_estimate() {
         assert_eq!(Vote::elect(&[at(3.0, 0.25)]), (0, 0.25));
     }
 

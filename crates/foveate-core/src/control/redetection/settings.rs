@@ -35,7 +35,7 @@ impl Default for RedetectionSettings {
 }
 
 impl RedetectionSettings {
-    /// Fails where a number is out of range, naming it.
+    /// Fails with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         let wrong = |name: &str, expected: &str, found: f64| {
             Err(Error::Config(format!("redetection.{name} is {expected}; it is {found}")))

@@ -28,7 +28,7 @@ pub(super) struct Filters {
     pub bias: Vec<f32>,
 }
 
-/// As a layer is in a file: bytes, and what those of a filter are multiplied by.
+/// A layer in a file: bytes, and the scale of each filter.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Written {

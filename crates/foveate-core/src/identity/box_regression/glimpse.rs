@@ -5,7 +5,7 @@ use crate::scene::Image;
 use foveate_base::memory::grow;
 use foveate_kernels as kernels;
 
-/// Cells along a side, and half of what they cover, half sides of the box.
+/// Cells along a side, and half of the covered side in half sides of the box.
 pub(super) const SIDE: usize = 32;
 const REACH: f64 = 2.0;
 /// Red, green, blue.
@@ -66,7 +66,7 @@ const LARGEST: f64 = 1e9;
 
 /// Of each cell along an axis the pixels under it and their shares, which sum to 1; the end of each cell's; the first pixel, and how many.
 ///
-/// A pixel counts as a bilinear read has it: by the part of its hat that lies over the cell.
+/// The weight of a pixel is that of a bilinear read: the part of its hat function over the cell.
 fn cells(
     centre: f64,
     half: f64,
@@ -94,7 +94,7 @@ fn cells(
     (first, past - first)
 }
 
-/// The part of a hat over −1 to 1 that lies below `at`.
+/// The integral up to `at` of a hat function over −1 to 1.
 fn hat(at: f64) -> f64 {
     let at = at.clamp(-1.0, 1.0);
     if at < 0.0 { 0.5 * (at + 1.0).powi(2) } else { 1.0 - 0.5 * (1.0 - at).powi(2) }

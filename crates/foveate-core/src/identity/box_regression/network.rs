@@ -1,4 +1,4 @@
-//! The network: what it says of a picture of a box's surroundings beside one of the target's.
+//! The network: its prediction for a picture of a box's surroundings, compared with one of the target's.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ const REACH: usize = 2;
 const COMPARED: usize = (2 * REACH + 1) * (2 * REACH + 1);
 /// Features that stand beside the comparisons, of each of the two pictures.
 const BESIDE: usize = 16;
-/// Channels of what both pictures are joined to.
+/// Channels of the joined pictures.
 const JOINED: usize = 48;
 const DENSE: usize = 64;
 const ANSWERS: usize = 7;
@@ -65,14 +65,14 @@ pub struct Template {
     joined: Vec<f32>,
 }
 
-/// What the network says of a box, in its half sides.
+/// The network's prediction for a box, in its half sides.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Answer {
     /// Where the target's centre is from the box's: right, down.
     pub offset: [f32; 2],
     /// Logarithm of the target's size over the box's.
     pub log_scale: f32,
-    /// Logarithms of what each of the three is expected to err by.
+    /// Log expected errors of the three.
     pub log_spread: [f32; 3],
     /// Log odds that the target is not there.
     pub lost: f32,
@@ -95,7 +95,7 @@ impl Scratch {
 }
 
 impl Network {
-    /// Of what a file says.
+    /// From the content of a file.
     ///
     /// # Errors
     /// Where it is none of `bench/train_box_regression.py`, or damaged.
@@ -139,7 +139,7 @@ impl Network {
         Template { features: features.to_vec(), even, joined }
     }
 
-    /// What it says of the features that were looked at last, beside the target's.
+    /// The prediction for the last features, compared with the target's.
     pub(super) fn answer(&self, template: &Template, scratch: &mut Scratch) -> Answer {
         let Scratch { framed, found, features, joined } = scratch;
         let across = COMPARED + BESIDE;
@@ -239,7 +239,7 @@ mod tests {
 
     /// The definition, with both pictures joined before they are looked at.
     #[test]
-    fn it_says_what_the_definition_says() {
+    fn the_network_equals_its_definition() {
         let layers = file::read(&random(3, &LAYERS), Path::new("n"), &LAYERS).expect("just written");
         let network = Network::of(layers.clone());
         let features = |glimpse: &[f32]| {

@@ -1,4 +1,4 @@
-//! Ridge regression by its sums: what is learned from in a frame, sums that fade, and steps of conjugate gradients along them.
+//! Ridge regression by its sums: the samples of a frame, sums that fade, and steps of conjugate gradients.
 
 use std::sync::Arc;
 
@@ -27,12 +27,12 @@ pub(in crate::identity) struct Learning {
     pub labels: Vec<f32>,
     system: Sums,
     work: [Vec<f32>; 2],
-    /// Room for the triangles of who keeps none.
+    /// Scratch buffer for the triangles of a discriminant that keeps none.
     pub triangles: [Vec<f32>; 2],
 }
 
 impl Sums {
-    /// Fades, and adds a share of what `rows` at `places` are.
+    /// Fades the sums, and adds a share of `rows` at `places`.
     pub fn learn(&mut self, Learning { rows, labels, .. }: &Learning, n: usize, (keep, share): (f32, f32)) {
         match keep > 0.0 {
             true => kernels::add_outer(rows, n, keep, share, &mut self.gram),
@@ -50,7 +50,7 @@ impl Sums {
 pub(super) struct Regression {
     pub settings: Settings,
     pub parts: Vec<usize>,
-    /// What is added to the sums for how features vary; nothing where it is not known.
+    /// The covariance of features that is added to the sums; empty if unknown.
     pub variation: Option<Arc<[f32]>>,
 }
 

@@ -13,7 +13,7 @@ type Parts = [String; 5];
 #[serde(untagged)]
 enum Saved {
     Parts(Parts),
-    /// With what was learned for now: its sums and weights, and how much of what was learned apart still counts.
+    /// With the short-term memory: its sums and weights, and the weight of its difference from the long-term one.
     Apart {
         parts: Parts,
         short_term: [String; 3],
@@ -45,7 +45,7 @@ impl Discriminant {
         serde_json::to_value(saved).expect("plain data is JSON")
     }
 
-    /// Takes up what `save` gave. Fails, unchanged, where it does not fit.
+    /// Restores a state of `save`. Fails without change if it does not fit.
     pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
         let bad = |what: String| Error::Invalid(format!("the saved discriminant cannot be used: {what}"));
         let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;

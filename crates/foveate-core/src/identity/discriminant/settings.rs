@@ -46,7 +46,7 @@ impl Settings {
     pub(super) fn fading(&self) -> (f32, f32) {
         (1.0 - self.learning_rate as f32, self.learning_rate as f32)
     }
-    /// Fails where a number is out of range, naming it.
+    /// Fails with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         for (name, value, least, most) in [
             ("mixing_weight", self.mixing_weight, 0.0, 1.0),

@@ -1,10 +1,11 @@
-//! A short-term memory: what was learned for now, from frames that are not consistent enough to be learned from for good.
+//! A short-term memory: learns from frames that are not consistent enough for the long-term memory.
 //!
-//! A target that turns looks less like itself for a while, and so does one that is being covered. A discriminant that learns from
-//! both follows the first and is led astray by the second; one that learns from neither loses the first. So there are two: the
-//! short-term one learns from more frames and moves the box, the other, which learned from consistent frames alone, judges whether
-//! the target is lost: what is learned in doubt does not vouch for itself. Once the target is reported as occluded or lost, what was
-//! learned for now is forgotten. While both have learned the same there is one.
+//! A target that turns looks less like frame 1 for a while, and so does one that is being occluded. A discriminant
+//! that learns from both follows the first and drifts onto the occluder; one that learns from neither loses the
+//! first. So there are two: the short-term discriminant learns from more frames and moves the box; the long-term one
+//! learns from consistent frames only, and decides whether the target is lost, so that doubtful frames cannot confirm
+//! themselves. Once the target is reported as occluded or lost, the short-term memory is reset. While both have
+//! learned the same frames, only one is stored.
 //!
 //! Deviation: the paper has one template. Short-term and long-term stores: Hong et al., MUSTer (2015); filters of two rates: Ma et
 //! al. (2015).
@@ -32,14 +33,14 @@ impl Default for ShortTerm {
 }
 
 impl ShortTerm {
-    /// Fails where a number is out of range, naming it.
+    /// Fails with the key if a number is out of range.
     pub fn check(&self) -> Result<()> {
         within("short_term.threshold", self.threshold, 0.0, 100.0)?;
         within("short_term.gate", self.gate, 0.0, 2.0)
     }
 }
 
-/// Share of what was learned apart at which both are taken to be the same again.
+/// Weight of the difference below which both are treated as equal again.
 const SAME: f64 = 0.01;
 
 /// The sums of more frames, and the weights they give.
@@ -47,9 +48,9 @@ const SAME: f64 = 0.01;
 pub(super) struct Recent {
     pub sums: Sums,
     pub weights: Vec<f32>,
-    /// How much of what was learned apart still counts; `None` while both are the same.
+    /// Weight of the difference of both; `None` while they are equal.
     pub apart: Option<f64>,
-    /// It is not to be used for now: the other one judges.
+    /// Whether it is suspended: the long-term one is then used.
     pub aside: bool,
 }
 
@@ -63,7 +64,7 @@ impl Recent {
         self.apart = None;
     }
 
-    /// Learns what the other one just learned.
+    /// Learns the frame that the long-term one has just learned.
     pub fn learn_too(&mut self, regression: &Regression, begun: &Sums, learning: &mut Learning) {
         let Some(apart) = self.apart else { return };
         self.learn(regression, begun, learning);

@@ -1,21 +1,21 @@
-//! A discriminant with a short-term memory: which of the two is in use, and what both learn.
+//! A discriminant with a short-term memory: which of the two is in use, and the frames of both.
 
 use super::Discriminant;
 use super::ridge::STEPS;
 use super::short_term::Recent;
 
 impl Discriminant {
-    /// Whether it can learn for now.
+    /// Whether it has a short-term memory.
     pub fn has_short_term(&self) -> bool {
         self.short_term.is_some()
     }
 
-    /// Whether something was learned for now, and is not forgotten.
+    /// Whether the short-term memory differs from the long-term one.
     pub fn is_apart(&self) -> bool {
         self.short_term.as_ref().is_some_and(|it| it.apart.is_some())
     }
 
-    /// Forgets what was learned for now.
+    /// Resets the short-term memory.
     pub fn forget(&mut self) {
         self.short_term.iter_mut().for_each(Recent::forget);
     }
@@ -36,7 +36,7 @@ impl Discriminant {
         regression.solve(first, recent, weights, learning, STEPS.0);
     }
 
-    /// Whether what was learned for now is left out of distances.
+    /// Whether distances ignore the short-term memory.
     pub(in crate::identity) fn set_aside(&mut self, aside: bool) {
         self.short_term.iter_mut().for_each(|it| it.aside = aside);
     }
@@ -49,7 +49,7 @@ impl Discriminant {
         }
     }
 
-    /// Learns from `rows` at `places` for now; nothing without a short-term memory.
+    /// Learns `rows` at `places` in the short-term memory, if there is one.
     pub(in crate::identity) fn learn_for_now(&mut self) {
         self.unpack();
         let Self { regression, first, recent, weights, short_term, learning, .. } = self;
@@ -86,7 +86,7 @@ mod tests {
         it.learning.rows.chunks_exact_mut(N).for_each(|row| row[N - 1] = 1.0);
     }
 
-    /// Frames of which each is learned from for good or for now, by one with a short-term memory.
+    /// Frames that a discriminant with a short-term memory learns, long-term or short-term.
     fn both(frames: &[bool]) -> Discriminant {
         let mut it = fresh().remembering();
         for (frame, for_good) in frames.iter().enumerate() {
@@ -96,7 +96,7 @@ mod tests {
         it
     }
 
-    /// The same frames, all those for which `which` is true learned from for good by one without.
+    /// The same frames; a discriminant without short-term memory learns those for which `which` is true.
     fn one(frames: &[bool], which: impl Fn(bool) -> bool) -> Discriminant {
         let mut it = fresh();
         for (frame, _) in frames.iter().enumerate().filter(|(_, for_good)| which(**for_good)) {
@@ -108,8 +108,8 @@ mod tests {
 
     const FRAMES: [bool; 7] = [true, true, false, true, false, false, true];
 
-    /// To the bit: in use is one that learned from all frames; set aside, one that learned from those alone that are learned from for
-    /// good; forgotten, too.
+    /// Bit for bit: in use, it equals a discriminant that learned all frames; suspended or reset, one that learned
+    /// the long-term frames only.
     #[test]
     fn there_are_two() {
         let mut it = both(&FRAMES);

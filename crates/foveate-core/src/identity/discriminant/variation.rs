@@ -5,8 +5,9 @@
 //! ```text
 //! E (w · (h + δ) − label)² = (w · h − label)² + wᵀ C w,   C = E δ δᵀ
 //! ```
-//! so that `weight` · C beside the ridge makes the score rely on what stays (Fisher, 1936; within-class covariance normalisation: Hatch et
-//! al., 2006). A frame is learned from at some sixty places; `weight` says how many of them count as the target's.
+//! so that with `weight` · C beside the ridge the score relies on stable features (Fisher, 1936; within-class
+//! covariance normalisation: Hatch et al., 2006). A frame has some sixty training places; `weight` is the number of
+//! them that count as the target's.
 //!
 //! Deviation: the paper learns features from photographs, and nothing of how they change.
 
@@ -39,7 +40,7 @@ impl Default for Variation {
 }
 
 impl Variation {
-    /// Fails where the weight is out of range.
+    /// Fails if the weight is out of range.
     pub fn check(&self) -> Result<()> {
         within("variation.weight", self.weight, 0.0, 1000.0)
     }
@@ -47,7 +48,7 @@ impl Variation {
     /// What is added to the sums of an encoder's features, if the covariance counts.
     ///
     /// # Errors
-    /// As [`Variation::read`]; [`Error::Config`] where it is not the covariance of such features.
+    /// As [`Variation::read`]; [`Error::Config`] if it is not the covariance of these features.
     pub(crate) fn penalty(&self, files: &dyn Files, encoder: &(dyn Encoder + 'static)) -> Result<Option<Arc<[f32]>>> {
         self.read(files)?.map(|covariance| covariance.penalty(self.weight, encoder)).transpose()
     }
@@ -124,7 +125,7 @@ impl Covariance {
         }
     }
 
-    /// As a file, with what says how it was made.
+    /// As the bytes of a file, with metadata on its training.
     pub fn to_json(&self, command: &str, sha256: &str) -> String {
         let floats: Vec<u8> = self.deviations.iter().flat_map(|v| v.to_le_bytes()).collect();
         let bytes: Vec<u8> = self.correlations.iter().map(|v| v.to_le_bytes()[0]).collect();
@@ -138,7 +139,7 @@ impl Covariance {
         serde_json::to_string_pretty(&written).expect("plain data") + "\n"
     }
 
-    /// Of what a file says.
+    /// From the content of a file.
     ///
     /// # Errors
     /// Where it is none of `foveate train variation`, or damaged.
@@ -171,7 +172,7 @@ impl Covariance {
     /// What is added to the sums of an encoder's features, the lower triangle with a last row for the 1 behind them.
     ///
     /// # Errors
-    /// [`Error::Config`] where it is not the covariance of such features.
+    /// [`Error::Config`] if it is not the covariance of these features.
     fn penalty(&self, weight: f64, encoder: &(dyn Encoder + 'static)) -> Result<Arc<[f32]>> {
         let Some((_, lengths)) = encoder.downcast::<Oriented>().map(Oriented::blocks) else {
             return Err(Error::Config(

@@ -4,7 +4,7 @@ use super::{GazeAppearance, looks};
 use crate::geometry::{Gaze, State};
 
 impl GazeAppearance {
-    /// Distances of what is seen at each state to the template at the same gaze, in shape and colour.
+    /// Distances of the features at each state to the template at the same gaze, in shape and colour.
     pub(super) fn distances(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
         let Some(first) = states.first() else { return };
         let looks = looks(&*self.retina, self.extent());
@@ -30,7 +30,7 @@ impl GazeAppearance {
         self.buffers.apart = apart;
     }
 
-    /// The same of states that all are in one rectangle of what was seen.
+    /// The same for states in one prepared rectangle.
     fn distances_in(&mut self, view: usize, states: &[State], gaze: Gaze, out: &mut [f64]) {
         self.shape_distances(view, states, gaze, out);
         let (extent, sums) = (self.extent(), &self.buffers.views.get(view).sums);

@@ -1,4 +1,4 @@
-//! Template, discriminant and colour: which of them there are, how they are mixed, and what colour is worth.
+//! Template, discriminant and colour: which are configured, and their mixing weights.
 
 use std::sync::Arc;
 
@@ -15,7 +15,7 @@ use foveate_base::rows::{Rows, RowsMut};
 /// How a look around the target is learned from.
 #[derive(Clone, Copy, PartialEq)]
 enum Learned {
-    /// As the first frame: all else is forgotten.
+    /// As the first frame: everything else is reset.
     First,
     /// As a frame in which distractors are so much farther than the target by their colours.
     ForGood(f64),
@@ -24,7 +24,7 @@ enum Learned {
 }
 
 impl GazeAppearance {
-    /// Learns while tracking what tells the target from what is around it, by these settings.
+    /// Adds a discriminant with these settings.
     pub fn discriminating(self, settings: discriminant::Settings) -> Self {
         Self { discriminant: Some(Discriminant::new(settings, self.encoder.parts())), ..self }
     }
@@ -35,7 +35,7 @@ impl GazeAppearance {
         Self { discriminant: self.discriminant.map(|it| it.varying(penalty)), ..self }
     }
 
-    /// With a short-term memory, it learns from frames, too, that are not consistent enough to be learned from for good.
+    /// Adds a short-term memory, which also learns from less consistent frames.
     pub fn remembering(self, short_term: bool) -> Self {
         let remembering = |it: Discriminant| if short_term { it.remembering() } else { it };
         Self { discriminant: self.discriminant.map(remembering), ..self }
@@ -51,17 +51,17 @@ impl GazeAppearance {
         Self { fusion: settings.map(Fusion::new), ..self }
     }
 
-    /// The whole box is looked at under every gaze: gazes say where a sensor reads sharply.
+    /// Reads the whole box under every gaze: gazes only steer the sharp region of a sensor.
     pub fn steady(self, steady: bool) -> Self {
         Self { steady, ..self }
     }
 
-    /// Learns the first frame, and what looks like the target there and is not.
+    /// Learns the first frame with its distractors as negatives.
     pub(super) fn learn_first(&mut self, image: &Image, state: &State, distractors: &[State]) {
         self.discriminate(image, state, distractors, Learned::First);
     }
 
-    /// Learns as much as a lesson says.
+    /// Learns a frame according to a lesson.
     pub(super) fn take(&mut self, image: &Image, state: &State, distractors: &[State], lesson: Lesson) {
         let (extent, margin) = (self.extent(), self.colour_margin(state, distractors));
         let within = |gate: f64| lesson.deficit.is_some_and(|deficit| deficit <= gate);
@@ -155,8 +155,8 @@ impl GazeAppearance {
         self.fusion.as_ref().map_or((discriminant, colour), |it| it.mixed(discriminant, colour))
     }
 
-    /// How much farther the distractors are than the target by their colours, on average. All of them were seen: where
-    /// distractors are not searched for, they are particles.
+    /// Mean margin of the distractors over the target by colour. All of them were prepared: without a distractor
+    /// search they are particles.
     pub(super) fn colour_margin(&self, state: &State, distractors: &[State]) -> f64 {
         let looks = looks(&*self.retina, self.extent());
         let Some(colour) = self.colour.as_ref().filter(|_| self.fusion.is_some() && !distractors.is_empty()) else {

@@ -1,9 +1,9 @@
-//! Takes off what was there before the target moved: for fixed cameras.
+//! Discounts the background of frame 1, for fixed cameras.
 
 use crate::scene::Image;
 
-/// `image` less a share of what it has in common with `first`, kept in `out`; itself, with nothing kept, where the share is 0, or the sizes
-/// differ, or it is the first one: there everything is familiar.
+/// `image` minus a share of its common part with `first`, in `out`. Returns `image` itself if the share is 0, the
+/// sizes differ, or it is the first frame.
 pub(super) fn dim<'a>(image: &'a Image, first: &Image, share: f32, out: &'a mut Option<Image>) -> &'a Image {
     let like = |other: &Image| other.shape() == image.shape();
     if share <= 0.0 || !like(first) || image.bytes() == first.bytes() {

@@ -1,4 +1,4 @@
-//! The usual gaze: what is learned of the first frame is learned of the place it looks at.
+//! The committed gaze: the template and the learned appearance belong to it.
 
 use super::{GazeAppearance, Sharpness};
 use crate::geometry::{Extent, Gaze, State};
@@ -10,7 +10,7 @@ use crate::scene::Image;
 use foveate_base::rng::Streams;
 
 impl GazeAppearance {
-    /// Learns the first frame by the usual gaze, and what evidence to expect of it.
+    /// Learns the first frame at the committed gaze, and measures the reference likelihoods.
     pub(super) fn imprint(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams) {
         // On the first frame itself everything is familiar.
         let discounting_background = std::mem::take(&mut self.discounting_background);
@@ -30,7 +30,7 @@ impl GazeAppearance {
         kept.reference = ReferenceLikelihood { on: -sharpness * found.on, off: -sharpness * found.off };
     }
 
-    /// Turns the retina to another usual gaze; what was learned is of the last one.
+    /// Moves the retina to another committed gaze; the learned appearance is still that of the last one.
     pub(super) fn turn(&mut self, home: Gaze) {
         if (home.u, home.v) != (self.home.u, self.home.v) {
             self.retina = self.centred.about(home);
@@ -40,7 +40,8 @@ impl GazeAppearance {
         self.home = home;
     }
 
-    /// Learns everything anew of another usual gaze. Says false where there is nothing yet, or gazes move a sensor.
+    /// Learns everything again for another committed gaze. Returns false before the first frame, or if gazes steer a
+    /// sensor.
     pub(super) fn settle_on(&mut self, gaze: Gaze, streams: Streams) -> bool {
         let Some(kept) = self.kept.as_ref().filter(|_| !self.steady) else { return false };
         let (image, state, extent) = (kept.whole(), kept.state, kept.extent);

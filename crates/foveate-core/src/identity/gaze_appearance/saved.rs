@@ -1,4 +1,4 @@
-//! What an appearance remembers between frames, as plain data: the picture of frame 1, and what tells the target from the rest.
+//! The state of an appearance between frames, as plain data: the picture of frame 1 and the learned models.
 
 use base64::Engine as _;
 use serde::{Deserialize, Serialize};
@@ -126,7 +126,7 @@ struct Saved {
     width: usize,
     height: usize,
     planes: usize,
-    /// From which column and row on, of a picture of which width and height, where it is a part.
+    /// Column, row, width and height of the whole picture, if it is a part.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     part: Option<((usize, usize), (usize, usize))>,
     pixels: String,
@@ -140,7 +140,7 @@ struct Saved {
     colour: Option<serde_json::Value>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     fusion: Option<[f64; 3]>,
-    /// The usual gaze, where it is not the centre.
+    /// The committed gaze, if it is not the centre.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     home: Option<Gaze>,
     /// The first layer as it was trained while tracking.

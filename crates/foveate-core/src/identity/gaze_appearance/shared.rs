@@ -1,4 +1,4 @@
-//! One of many targets: what looking needs is shared with the others, and of the first picture the part is kept that has the
+//! One of many targets: shares scratch buffers with the others, and keeps only the part of the first picture with the
 //! target.
 
 use super::{GazeAppearance, Template, looks};
@@ -11,7 +11,7 @@ use crate::scene::Image;
 
 /// The farthest gaze a template can be read at, in template units.
 const FARTHEST_GAZE: f64 = 1.5;
-/// Pixels about those that a pyramid says it used: a coarse one reads whole blocks of at most so many.
+/// Margin in pixels around those that a pyramid used: a coarse one reads whole blocks of at most so many.
 const BLOCK: usize = 16;
 
 impl GazeAppearance {
@@ -72,7 +72,7 @@ impl Template {
         self.build(&self.whole(), retina)
     }
 
-    /// The picture in its size, black where it was not kept.
+    /// The picture at full size, black outside the kept part.
     pub(super) fn whole(&self) -> Image {
         if self.is_whole() {
             return self.image.clone();

@@ -8,7 +8,7 @@ use crate::scene::Image;
 use foveate_base::{Error, Result};
 
 impl GazeAppearance {
-    /// Trains the first layer while it tracks, by these settings. Fails where that is not an RBM.
+    /// Trains the first layer while tracking. Fails if it is not an RBM.
     pub fn training(self, settings: Option<Settings>) -> Result<Self> {
         let Some(settings) = settings else { return Ok(self) };
         let rbm = self
@@ -18,8 +18,8 @@ impl GazeAppearance {
         Ok(Self { training: Some(Training::new(settings, rbm)), ..self })
     }
 
-    /// Looks at the target where it is believed to be, at the template, and beside the target, and takes a step along them. What
-    /// was seen of the frame may be forgotten.
+    /// Reads the target at the estimate, the template, and places beside the target, and takes a training step. The
+    /// prepared frame may be dropped.
     pub(super) fn train(&mut self, image: &Image, state: &State, frame_deficit: f64) {
         let Some(mut training) = self.training.take() else { return };
         if frame_deficit <= training.settings().gate {

@@ -9,17 +9,16 @@ use crate::scene::Map;
 const PIXELS: usize = PATCH * PATCH;
 /// Gauss-Newton steps of a patch at one level, at most.
 const STEPS: usize = 12;
-/// Least eigenvalue of a patch's mean squared gradient, of grey 0 to 1 a pixel: below it nothing can be told along some
-/// direction, and the patch stays where the coarser level put it.
+/// Least eigenvalue of a patch's mean squared gradient, of grey 0 to 1 a pixel. Below it the motion along some
+/// direction is undetermined, and the patch keeps the position from the coarser level.
 const TEXTURE: f32 = 2e-5;
 
-/// A patch of the first picture, and what a Gauss-Newton step needs of it. Past the edges of a picture the edge's pixels are
-/// repeated.
+/// A patch of the first picture, with the sums for a Gauss-Newton step. Edge pixels repeat outside the picture.
 pub(super) struct Patch {
     x: usize,
     y: usize,
     made: kernels::Patch,
-    /// The inverse of Σ g gᵀ with the gradients' means taken off, as xx, xy, yy; `None` where there is too little texture.
+    /// The inverse of Σ g gᵀ of mean-free gradients, as xx, xy, yy; `None` with too little texture.
     inverse: Option<[f32; 3]>,
 }
 
@@ -34,7 +33,7 @@ impl Patch {
         let inverse = (least > TEXTURE * PIXELS as f32).then(|| [yy / det, -xy / det, xx / det]);
         Self { x, y, made, inverse }
     }
-    /// Where the patch went: steps from `start` while they lessen the error; back to `start` where they lead too far.
+    /// The position of the patch: steps from `start` while the error decreases; `start` if they lead too far.
     pub fn search(&self, before: &Map, now: &Map, start: (f32, f32)) -> (f32, f32) {
         let Some([xx, xy, yy]) = self.inverse else { return start };
         let (mut best, mut least, mut flow) = (start, f32::INFINITY, start);
@@ -58,8 +57,7 @@ impl Patch {
         }
         best
     }
-    /// What `of` makes of the values where the patch was moved to, of how many there are in a row, and of how far the patch lies
-    /// between them.
+    /// The result of `of` on the values at the moved patch, their number in a row, and the fractional position.
     fn moved<T>(&self, now: &Map, flow: (f32, f32), of: impl FnOnce(&[f32], usize, (f32, f32)) -> T) -> T {
         let (x, y) = (self.x as f32 + flow.0, self.y as f32 + flow.1);
         let (left, top) = (x.floor(), y.floor());

@@ -14,7 +14,7 @@ pub(super) struct Reading {
 }
 
 impl Reading {
-    /// Of an output with these sides. Fails saying what was expected.
+    /// The layout of an output with this shape. Fails with the expected shape.
     pub fn new(layout: Layout, output: &[usize]) -> Result<Self, &'static str> {
         let [1, a, b] = *output else { return Err("expected (1, 4 + classes, boxes) or (1, boxes, 5 + classes)") };
         let wanted = |ok: bool, reading: Self, what| if ok { Ok(reading) } else { Err(what) };
@@ -36,7 +36,7 @@ impl Reading {
         }
     }
 
-    /// How many classes there are, where the output says so.
+    /// The number of classes, if the output determines it.
     pub fn classes(&self) -> Option<usize> {
         match self.layout {
             Layout::Yolov5 => Some(self.numbers - 5),

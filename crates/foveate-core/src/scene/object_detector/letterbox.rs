@@ -6,12 +6,12 @@ use crate::scene::Image;
 /// The grey around the picture, as detectors are trained with it.
 const AROUND: f32 = 114.0 / 255.0;
 
-/// Where a picture lies in an input.
+/// The position of a picture in a network's input.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Letterbox {
     /// Width and height of the picture.
     picture: (usize, usize),
-    /// Left, top, width and height of what it becomes.
+    /// Left, top, width and height of the scaled picture.
     place: [usize; 4],
 }
 
@@ -54,8 +54,8 @@ impl Letterbox {
         }
     }
 
-    /// The box of the picture between these places of the input (left, top, right, bottom), cut to the picture; `None` where less than a
-    /// pixel of it is left.
+    /// The box of the picture for these edges in the input (left, top, right, bottom), clipped to the picture; `None`
+    /// if less than a pixel remains.
     pub fn back(&self, [left, top, right, bottom]: [f64; 4]) -> Option<BBox> {
         let ((width, height), [x, y, columns, rows]) = (self.picture, self.place.map(|n| n as f64));
         let (width, height) = (width as f64, height as f64);

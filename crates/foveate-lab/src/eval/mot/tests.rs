@@ -56,7 +56,7 @@ fn rows_marked_0_are_not_truth() {
 }
 
 #[test]
-fn what_cannot_be_scored_is_said() {
+fn unscorable_input_is_an_error() {
     let one = tracks([at(0, 1, 0.0)]);
     let said = |truth: &Tracks, results: &Tracks| score(truth, results).expect_err("wrong").to_string();
     assert!(said(&one, &tracks([at(3, 2, 0.0), at(3, 2, 9.0)])).contains("results: id 2 has two boxes in frame 4"));

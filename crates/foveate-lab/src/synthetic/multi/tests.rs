@@ -32,7 +32,7 @@ fn targets_start_apart_grow_threefold_turn_and_cross() {
 /// The squares have ink on the middle 20 of 28 pixels: a point well inside is inked, one outside is not, whatever size
 /// and angle, unless another one is near.
 #[test]
-fn ink_lies_where_the_state_says() {
+fn ink_is_inside_the_state() {
     let video = Multi { targets: 1, crossings: 0, ..Multi::default() }.video(&squares()).expect("a video");
     let mover = &video.movers()[0];
     for t in [0, 77, 150, 299] {
@@ -101,7 +101,7 @@ fn clutter_and_noise_are_drawn() {
 }
 
 #[test]
-fn wrong_settings_say_what_is_wrong() {
+fn wrong_settings_are_errors_with_the_cause() {
     let good = Multi::default();
     for (settings, said) in [
         (Multi { targets: 0, ..good.clone() }, "targets is 0"),

@@ -92,7 +92,7 @@ fn errors(alpha: f32, epochs: usize) -> (usize, usize) {
 }
 
 #[test]
-fn the_symbol_in_the_middle_tells_the_controller_where_the_bar_is() {
+fn the_controller_finds_the_bar_from_the_symbol() {
     assert_eq!(errors(1.0, 400), (0, 0));
     // Without the generative part nothing teaches the hidden units the symbols, which have no class.
     let (elsewhere, misread) = errors(0.0, 400);

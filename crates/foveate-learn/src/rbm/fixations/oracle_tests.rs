@@ -67,7 +67,7 @@ fn free_energy_classes_and_hidden_units_are_those_of_all_states() {
 }
 
 #[test]
-fn a_reading_agrees_with_whole_sequences_and_forgets_what_left_its_window() {
+fn a_reading_equals_whole_sequences_and_drops_old_glimpses() {
     let rbm = machine(SHAPE, 9);
     let mut rng = Streams::new(1, 0).rng(0);
     let x: Vec<f32> = (0..6 * SHAPE.n_v).map(|_| rng.random()).collect();
@@ -278,7 +278,7 @@ fn models_come_back_from_files_and_damaged_ones_are_refused() {
 
 /// Four terabytes, by what the shapes of two small tensors would make together.
 #[test]
-fn what_a_file_says_that_it_has_is_not_allocated() {
+fn claimed_shapes_are_not_allocated() {
     let about = About { metadata: Default::default(), first_layer: String::new(), temperature: 1.0 };
     let rbm = machine(SHAPE, 7);
     let file = super::io::File { window: 2, places: rbm.places.clone(), about };
