@@ -66,8 +66,9 @@ levels! {
     pub fn blend / blend_at (above: &[f32], below: &[f32], part: f32, out: &mut [u8]) = blend_body
 }
 
-/// Rows of which products are summed at a time, and entries of a step.
+/// Rows of which products are summed at a time, and entries of a step with AVX-512.
 const ROWS: usize = 4;
+#[cfg(target_arch = "x86_64")]
 const ENTRIES: usize = 32;
 
 #[inline(always)]

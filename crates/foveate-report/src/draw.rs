@@ -14,7 +14,7 @@ pub type Colour = [u8; 3];
 pub type Point = (f64, f64);
 
 /// The corners of the unit square, in order along its outline.
-pub(crate) const CORNERS: [Point; 4] = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
+pub const CORNERS: [Point; 4] = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)];
 
 /// A colour picture being drawn on.
 #[derive(Clone, Debug)]

@@ -24,7 +24,6 @@ mod eye;
 mod film;
 mod font;
 pub mod heat;
-pub mod interactive;
 mod json;
 mod limited;
 pub mod multi;

@@ -46,10 +46,15 @@ impl SurfacePicture {
     /// # Errors
     /// Its folder cannot be written.
     pub fn create(path: impl Into<PathBuf>, info: RunInfo) -> Result<Self> {
-        let file = Some(Sink::create(path)?);
+        Ok(Self::to(Sink::create(path)?, info))
+    }
+
+    /// Writes to `file`.
+    pub fn to(file: Sink, info: RunInfo) -> Self {
+        let file = Some(file);
         let (crop, first, heat, best) = (None, None, None, None);
         let (arms, fixations) = (vec![], vec![]);
-        Ok(Self { info, file, shows: true, crop, first, frames: 0, heat, arms, fixations, best })
+        Self { info, file, shows: true, crop, first, frames: 0, heat, arms, fixations, best }
     }
 
     /// Whether a policy has something to show: a reward surface, or several gazes.

@@ -8,12 +8,10 @@ use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 use foveate_lab::Digits;
 use foveate_lab::synthetic::{Clutter, Drawn, GLIMPSE, Occlusion};
-use foveate_report::interactive::{Row, cells, detail, surface};
+use foveate_page::{Row, cells, detail, surface};
 use foveate_video::Frame;
 use serde::Deserialize;
 use serde_json::{Value, json};
-
-use crate::session::rgba;
 
 /// Digits of each class to choose from.
 const PER_CLASS: usize = 20;
@@ -177,4 +175,13 @@ impl Lesson {
 fn error(a: &BBox, b: &BBox) -> f64 {
     let ((ax, ay), (bx, by)) = (a.centre(), b.centre());
     (ax - bx).hypot(ay - by)
+}
+
+/// Red, green, blue and an alpha of 255, pixel by pixel.
+pub fn rgba(image: &Image) -> Vec<u8> {
+    let plane = |p: usize| image.plane(p.min(image.planes() - 1));
+    let colours = plane(0).iter().zip(plane(1)).zip(plane(2));
+    let mut out = Vec::with_capacity(4 * image.width() * image.height());
+    colours.for_each(|((r, g), b)| out.extend_from_slice(&[*r, *g, *b, 255]));
+    out
 }

@@ -5,15 +5,12 @@
 
 #![deny(unsafe_code)]
 
-mod ahead;
 mod app;
 #[cfg(target_arch = "wasm32")]
 #[allow(unsafe_code)] // for names that the linker must not change; no block of it
 mod exports;
 mod lesson;
-mod message;
-mod save;
-mod session;
+mod open;
 mod store;
 
 pub use app::App;

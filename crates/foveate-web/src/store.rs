@@ -7,7 +7,7 @@ use std::sync::Arc;
 use foveate_base::Error as Problem;
 use foveate_base::files::PICTURE;
 use foveate_core::scene::Image;
-use foveate_report::interactive::Reopen;
+use foveate_page::Reopen;
 use foveate_video::{CodedVideo, Frame, FrameSource, SourceInfo, VideoFile, decode_image};
 use serde::Deserialize;
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The crates, and those that each may depend on.
-const CRATES: [(&str, &[&str]); 13] = [
+const CRATES: [(&str, &[&str]); 14] = [
     ("base", &[]),
     ("kernels", &[]),
     ("gp", &["base", "kernels"]),
@@ -12,12 +12,13 @@ const CRATES: [(&str, &[&str]); 13] = [
     ("core", &["base", "kernels", "gp", "learn"]),
     ("video", &["base", "core"]),
     ("report", &["base", "core", "video"]),
+    ("page", &["base", "core", "video", "report"]),
     ("lab", &["base", "kernels", "gp", "learn", "core", "video", "report"]),
     ("", &["base", "gp", "learn", "core", "video", "report", "lab"]),
-    ("cli", &[""]),
+    ("cli", &["", "page"]),
     ("testing", &[]),
     ("paper", &["", "cli"]),
-    ("web", &["base", "kernels", "core", "video", "report", "lab"]),
+    ("web", &["base", "kernels", "core", "video", "page", "lab"]),
 ];
 
 fn folder(name: &str) -> PathBuf {

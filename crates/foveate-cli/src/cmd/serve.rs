@@ -4,24 +4,23 @@ mod app;
 mod guard;
 mod http;
 mod live;
-mod message;
 mod page;
 mod roots;
 mod save;
 mod server;
-mod session;
 mod video;
 
 use std::net::{IpAddr, SocketAddr, TcpListener, ToSocketAddrs};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
 
 use foveate::{Error, Result};
+use foveate_page::Page;
 
 use super::configure::{Changes, read};
 use crate::terminal;
-use app::{App, Pick, Sessions};
+use app::{App, Pick, Server};
 use guard::Guard;
 use roots::Roots;
 
@@ -149,7 +148,7 @@ fn start(
         return Err(Error::malformed(&paths[0], problem));
     }
     let threads = rayon::current_num_threads();
-    let (pool, saving) = (crate::threads(threads)?, Arc::new(crate::threads(threads)?));
+    let pool = crate::threads(threads)?;
     let name = address.to_string();
     let listener =
         TcpListener::bind(address).map_err(Error::io(&name, "cannot listen there; give another --address"))?;
@@ -157,16 +156,9 @@ fn start(
     let guard = Guard { port: bound.port(), remote: !address.ip().is_loopback(), token };
     let done = pick.as_ref().map_or_else(Arc::<AtomicBool>::default, |pick| Arc::clone(&pick.done));
     announce(&bound, &guard, pick.is_some());
-    let app = Arc::new(App {
-        guard,
-        roots,
-        pick,
-        config: page.config.clone(),
-        policy: page.policy.clone(),
-        pool,
-        saving,
-        sessions: Mutex::new(Sessions::default()),
-    });
+    let (config, policy) = (page.config.clone(), page.policy.clone());
+    let page = Page::new(Server { roots, pick, config, policy, pool });
+    let app = Arc::new(App { guard, page });
     terminal::catch_interrupts();
     let stop: Arc<dyn Fn() -> bool + Send + Sync> =
         Arc::new(move || terminal::stopping() || done.load(Ordering::SeqCst));
@@ -177,7 +169,7 @@ fn start(
     let served = server::serve(&listener, &answer, &trusted, &stop);
     // What was said last is on its way.
     std::thread::sleep(std::time::Duration::from_millis(100));
-    app.close();
+    app.page.close(None);
     served.map_err(Error::io(Path::new(&name), "the server broke off"))
 }
 

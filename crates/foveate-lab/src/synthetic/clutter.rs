@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::idx::{Digits, SIDE};
 use crate::synthetic::path::Path;
-use crate::synthetic::{Drawn, Ink, pick, shifted, wrong};
+use crate::synthetic::{Drawn, Ink, check_scene, pick, shifted, wrong};
 use foveate_base::Result;
 use foveate_base::rng::{Purpose, Streams};
 use foveate_core::geometry::BBox;
@@ -104,19 +104,8 @@ impl Clutter {
     }
 
     fn check(&self) -> Result<()> {
-        let [slow, fast] = self.speed;
-        match self {
-            _ if self.digit > 9 => wrong(format!("digit is {}, expected 0 to 9", self.digit)),
-            _ if self.frames == 0 => wrong("frames is 0, expected at least 1".into()),
-            _ if self.width.min(self.height) < SIDE || self.width.max(self.height) > 10_000 => {
-                wrong(format!("a canvas of {} x {}, expected sides of 28 to 10000", self.width, self.height))
-            }
-            _ if !(0.0..=1.0).contains(&self.noise) => wrong(format!("noise is {}, expected 0 to 1", self.noise)),
-            _ if !(0.0 <= slow && slow <= fast && fast.is_finite()) => {
-                wrong(format!("speed is from {slow} to {fast}, expected 0 or more, the slower first"))
-            }
-            _ => Ok(()),
-        }
+        check_scene(self.frames, (self.width, self.height), SIDE as f64, self.noise, self.speed)?;
+        if self.digit > 9 { wrong(format!("digit is {}, expected 0 to 9", self.digit)) } else { Ok(()) }
     }
 
     fn streams(&self, frame: u64) -> Streams {

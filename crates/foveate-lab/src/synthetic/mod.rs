@@ -191,6 +191,27 @@ fn wrong<T>(what: String) -> Result<T> {
     Err(Error::Config(format!("synthetic video: {what}")))
 }
 
+/// Checks the settings that all scenes have; `least` is the shortest side of the canvas.
+fn check_scene(
+    frames: usize,
+    (width, height): (usize, usize),
+    least: f64,
+    noise: f64,
+    [slow, fast]: [f64; 2],
+) -> Result<()> {
+    match () {
+        () if frames == 0 => wrong("frames is 0, expected at least 1".into()),
+        () if (width.min(height) as f64) < least || width.max(height) > 10_000 => {
+            wrong(format!("a canvas of {width} x {height}, expected sides from the target's {least} to 10000"))
+        }
+        () if !(0.0..=1.0).contains(&noise) => wrong(format!("noise is {noise}, expected 0 to 1")),
+        () if !(0.0 <= slow && slow <= fast && fast.is_finite()) => {
+            wrong(format!("speed is from {slow} to {fast}, expected 0 or more, the slower first"))
+        }
+        () => Ok(()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::crossings::crossings;
 use crate::idx::{Digits, SIDE};
 use crate::synthetic::path::Path;
-use crate::synthetic::{Ink, pick, wrong};
+use crate::synthetic::{Ink, check_scene, pick, wrong};
 use foveate_base::Result;
 use foveate_base::rng::{Purpose, Rng, Streams};
 use foveate_core::geometry::{BBox, Extent, State};
@@ -216,28 +216,18 @@ impl Multi {
     }
 
     fn check(&self) -> Result<()> {
-        let ([slow, fast], [low, high]) = (self.speed, self.scale);
-        let sides = (2.0 * HALF * high).ceil()..=10_000.0;
+        let [low, high] = self.scale;
+        let least = (2.0 * HALF * high).ceil();
+        check_scene(self.frames, (self.width, self.height), least, self.noise, self.speed)?;
         match self {
             _ if !(1..=10_000).contains(&self.targets) => {
                 wrong(format!("targets is {}, expected 1 to 10000", self.targets))
             }
-            _ if self.frames == 0 => wrong("frames is 0, expected at least 1".into()),
             _ if !(1.0 <= low && low <= high && high <= 10.0) => {
                 wrong(format!("scale is from {low} to {high}, expected 1 to 10, the smaller first"))
             }
-            _ if !sides.contains(&(self.width as f64)) || !sides.contains(&(self.height as f64)) => wrong(format!(
-                "a canvas of {} x {}, expected sides from the largest target's {} to 10000",
-                self.width,
-                self.height,
-                sides.start()
-            )),
             _ if !(0.0..=3600.0).contains(&self.turn) => {
                 wrong(format!("turn is {}, expected 0 to 3600 degrees", self.turn))
-            }
-            _ if !(0.0..=1.0).contains(&self.noise) => wrong(format!("noise is {}, expected 0 to 1", self.noise)),
-            _ if !(0.0 <= slow && slow <= fast && fast.is_finite()) => {
-                wrong(format!("speed is from {slow} to {fast}, expected 0 or more, the slower first"))
             }
             _ => Ok(()),
         }

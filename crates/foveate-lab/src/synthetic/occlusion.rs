@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::idx::{Digits, SIDE};
 use crate::synthetic::path::Path;
-use crate::synthetic::{Drawn, Ink, NOISE, pick, shifted, wrong};
+use crate::synthetic::{Drawn, Ink, NOISE, check_scene, pick, shifted, wrong};
 use foveate_base::Result;
 use foveate_base::rng::{Purpose, Streams};
 use foveate_core::geometry::BBox;
@@ -132,23 +132,13 @@ impl Occlusion {
     }
 
     fn check(&self) -> Result<()> {
-        let [slow, fast] = self.speed;
-        let sides = self.side..=10_000;
+        check_scene(self.frames, (self.width, self.height), self.side as f64, self.noise, self.speed)?;
         match self {
             _ if self.digit > 9 => wrong(format!("digit is {}, expected 0 to 9", self.digit)),
-            _ if self.frames == 0 => wrong("frames is 0, expected at least 1".into()),
             _ if !(SIDE..=10 * SIDE).contains(&self.side) => {
                 wrong(format!("side is {}, expected 28 to 280", self.side))
             }
-            _ if !sides.contains(&self.width) || !sides.contains(&self.height) => wrong(format!(
-                "a canvas of {} x {}, expected sides from the target's {} to 10000",
-                self.width, self.height, self.side
-            )),
-            _ if !(0.0..=1.0).contains(&self.noise) => wrong(format!("noise is {}, expected 0 to 1", self.noise)),
             _ if self.patch > SIDE => wrong(format!("patch is {}, expected 0 to 28", self.patch)),
-            _ if !(0.0 <= slow && slow <= fast && fast.is_finite()) => {
-                wrong(format!("speed is from {slow} to {fast}, expected 0 or more, the slower first"))
-            }
             _ if self.bars > 1000 || self.bar.iter().any(|b| !(1..=1000).contains(b)) => {
                 wrong(format!("{} bars of {:?}, expected at most 1000 with sides of 1 to 1000", self.bars, self.bar))
             }

@@ -9,25 +9,12 @@ use sha2::{Digest, Sha256};
 
 use super::http::Response;
 
-/// The scripts, in order, after what every page shares.
-const OWN: &str = concat!(
-    include_str!("page/camera.js"),
-    include_str!("page/tracker.js"),
-    include_str!("page/common.js"),
-    include_str!("page/state.js"),
-    include_str!("page/stage.js"),
-    include_str!("page/box.js"),
-    include_str!("page/panels.js"),
-    include_str!("page/targets.js"),
-    include_str!("page/files.js"),
-    include_str!("page/main.js"),
-);
-
 /// The document, and the policy that lets it run its own style and script, talk to us, and nothing else.
 fn page() -> &'static (String, String) {
     static PAGE: OnceLock<(String, String)> = OnceLock::new();
     PAGE.get_or_init(|| {
-        let (style, script) = (format!("{STYLE}\n{}", include_str!("page/page.css")), format!("{SCRIPT}{OWN}"));
+        let style = format!("{STYLE}\n{}", foveate_page::STYLE);
+        let script = format!("{SCRIPT}{}{}", include_str!("page/tracker.js"), foveate_page::SCRIPT);
         let hash = |text: &str| format!("'sha256-{}'", STANDARD.encode(Sha256::digest(text)));
         let policy = format!(
             "default-src 'none'; script-src {}; style-src {}; img-src 'self' blob: data:; connect-src 'self'; base-uri 'none'; \
@@ -35,7 +22,7 @@ fn page() -> &'static (String, String) {
             hash(&script),
             hash(&style)
         );
-        let cards = include_str!("page/cards.html").into();
+        let cards = foveate_page::CARDS.into();
         let parts = [("style", style), ("script", script), ("brand", BRAND.into()), ("cards", cards)];
         let html = fill(include_str!("page/page.html"), &parts);
         (html, policy)

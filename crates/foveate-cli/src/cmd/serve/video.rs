@@ -5,13 +5,14 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use foveate::geometry::BBox;
-use foveate::report::interactive::{BEFORE, Player, Reopen, check_size};
 use foveate::report::shrunk;
 use foveate::scene::Image;
 use foveate::video::{Frame, FrameSource, ImageFolder, SourceInfo, annotation, encode_jpeg, image_files, open};
 use foveate::{Error, Result};
+use foveate_page::{BEFORE, Frames, Player, Reopen, check_size};
 
 use super::roots::Place;
+use crate::cmd::track::outputs::bit_rate;
 
 /// The longer side of a picture on the page, pixels, at most.
 const LONGEST: usize = 1280;
@@ -44,11 +45,6 @@ impl Video {
         Ok(Self { place, info, files })
     }
 
-    /// A source of all frames, as the runner of `foveate track` wants it.
-    pub fn source(&self) -> Result<Box<dyn FrameSource>> {
-        source(&self.place, self.files.as_deref(), 0)
-    }
-
     /// The true boxes, where the folder has them.
     pub fn truth(&self) -> Vec<Option<BBox>> {
         let folder = if self.place.real.is_dir() { Some(&*self.place.real) } else { self.place.real.parent() };
@@ -70,6 +66,30 @@ fn source(place: &Place, files: Option<&[PathBuf]>, from: usize) -> Result<Box<d
     match files {
         Some(files) => Ok(Box::new(ImageFolder::from_files(files[from.min(files.len() - 1)..].to_vec())?)),
         None => open(&place.real),
+    }
+}
+
+/// A video that is open, with its pictures for the page.
+pub struct Open {
+    video: Video,
+    pub stills: Stills,
+}
+
+impl Open {
+    pub fn new(video: Video) -> Self {
+        Self { stills: Stills::new(video.clone()), video }
+    }
+}
+
+impl foveate_page::Video for Open {
+    fn frames(&mut self) -> &mut dyn Frames {
+        &mut self.stills.player
+    }
+    fn reader(&self) -> Box<dyn Frames> {
+        Box::new(Player::new(self.video.clone()))
+    }
+    fn bit_rate(&self) -> Option<f64> {
+        bit_rate(&self.video.place.real, &self.video.info)
     }
 }
 
@@ -143,7 +163,6 @@ fn smaller(image: &Image, k: usize) -> Image {
 mod tests {
     use super::super::roots::Roots;
     use super::*;
-    use foveate::report::interactive::Frames;
     use foveate::video::{decode_image, save_png};
 
     #[test]

@@ -94,7 +94,7 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
 }
 
 /// Bits a second of a video file, its sound included.
-fn bit_rate(source: &Path, info: &SourceInfo) -> Option<f64> {
+pub fn bit_rate(source: &Path, info: &SourceInfo) -> Option<f64> {
     let file = std::fs::metadata(source).ok().filter(std::fs::Metadata::is_file)?;
     let frames = info.frames.filter(|n| *n > 1)?;
     Some(8.0 * file.len() as f64 * info.rate / frames as f64).filter(|rate| rate.is_finite())

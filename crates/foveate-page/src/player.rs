@@ -1,9 +1,9 @@
 //! Frames of a video in any order.
 
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 
 use foveate_base::Result;
-use foveate_video::{Frame, FrameSource};
+use foveate_video::{Frame, FrameSource, Remarks};
 
 /// Frames before one that was asked for that are decoded, too, where a source can be opened anywhere: for steps back.
 pub const BEFORE: usize = 16;
@@ -30,42 +30,36 @@ pub trait Frames: Send {
     fn repeats(&self) -> bool {
         true
     }
+    /// What was found in the video, such as damage.
+    fn remarks(&self) -> Remarks {
+        Remarks::default()
+    }
 }
 
-/// Frames that several read; what one of them reads the others find read.
-#[derive(Clone)]
-pub struct Shared(Arc<Mutex<Reading>>);
-
-struct Reading {
+/// Frames, of which the one read last is kept.
+pub struct Kept {
     frames: Box<dyn Frames>,
-    newest: Option<Arc<Frame>>,
+    /// The frame that was read last.
+    pub last: Option<Arc<Frame>>,
 }
 
-impl Shared {
-    /// Of these frames.
+impl Kept {
+    /// No frame is read yet.
     pub fn new(frames: Box<dyn Frames>) -> Self {
-        Self(Arc::new(Mutex::new(Reading { frames, newest: None })))
-    }
-    fn reading(&self) -> MutexGuard<'_, Reading> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-    /// The frame that any of them read last.
-    pub fn newest(&self) -> Option<Arc<Frame>> {
-        self.reading().newest.clone()
+        Self { frames, last: None }
     }
 }
 
-impl Frames for Shared {
+impl Frames for Kept {
     fn frame(&mut self, index: usize) -> Result<Option<Arc<Frame>>> {
-        let mut reading = self.reading();
-        let frame = reading.frames.frame(index)?;
+        let frame = self.frames.frame(index)?;
         if frame.is_some() {
-            reading.newest.clone_from(&frame);
+            self.last.clone_from(&frame);
         }
         Ok(frame)
     }
     fn repeats(&self) -> bool {
-        self.reading().frames.repeats()
+        self.frames.repeats()
     }
 }
 
@@ -89,12 +83,13 @@ pub struct Player<V> {
     /// The number of the frame that the source gives next.
     next: usize,
     last: Option<Arc<Frame>>,
+    remarks: Remarks,
 }
 
 impl<V: Reopen> Player<V> {
     /// Of a video; nothing is opened yet.
     pub fn new(video: V) -> Self {
-        Self { video, source: None, next: 0, last: None }
+        Self { video, source: None, next: 0, last: None, remarks: Remarks::default() }
     }
 
     /// [`Frames::frame`]. Frames read on the way, but not those that could be left out, come to `passed`.
@@ -111,7 +106,9 @@ impl<V: Reopen> Player<V> {
         }
         if self.source.is_none() || index < self.next || (pictures.is_some() && from > self.next) {
             self.next = if pictures.is_some() { from } else { 0 };
-            self.source = Some(self.video.source(self.next)?);
+            let source = self.video.source(self.next)?;
+            self.remarks = source.remarks();
+            self.source = Some(source);
         }
         while let Some(source) = &mut self.source {
             let Some(frame) = source.next().transpose().inspect_err(|_| self.source = None)? else {
@@ -134,5 +131,8 @@ impl<V: Reopen> Player<V> {
 impl<V: Reopen> Frames for Player<V> {
     fn frame(&mut self, index: usize) -> Result<Option<Arc<Frame>>> {
         self.passing(index, |_| ())
+    }
+    fn remarks(&self) -> Remarks {
+        self.remarks.clone()
     }
 }

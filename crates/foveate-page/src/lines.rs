@@ -3,19 +3,17 @@
 
 use std::collections::VecDeque;
 use std::io::{Read, Write};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use flate2::Compression;
 use flate2::read::DeflateDecoder;
 use flate2::write::DeflateEncoder;
 
-use super::tracking;
-use crate::stream::Format;
-use crate::{Boxes, Observer, Stream, Table};
 use foveate_base::Result;
 use foveate_base::sink::{Memory, Sink};
 use foveate_core::Seen;
 use foveate_core::geometry::BBox;
+use foveate_report::stream::Format;
+use foveate_report::{Boxes, Observer, Stream, Table};
 use foveate_video::{Frame, Meter, Remarks};
 
 /// The files.
@@ -35,9 +33,12 @@ pub fn target_of(name: &str) -> (usize, &str) {
     found.unwrap_or((0, name))
 }
 
-/// Lines of the three files; clones share them.
-#[derive(Clone, Default)]
-pub struct Lines(Arc<Mutex<Kept>>);
+/// Lines of the three files as a track grows.
+pub struct Lines {
+    kept: Kept,
+    observers: [Box<dyn Observer + Send>; 3],
+    out: [Memory; 3],
+}
 
 #[derive(Default)]
 struct Kept {
@@ -86,6 +87,18 @@ impl Kept {
             self.frames = frames;
         }
     }
+
+    fn piece(&self, name: &str, piece: usize) -> Option<String> {
+        let which = FILES.iter().position(|known| *known == name)?;
+        let chunk = match self.packed.get(piece) {
+            Some(packed) => unpack(packed),
+            None if piece == self.packed.len() => self.tail.clone(),
+            None => return None,
+        };
+        let header = if piece == 0 && name == "track.csv" { &*self.header } else { "" };
+        let lines = chunk.split_inclusive('\n').skip(which).step_by(3);
+        Some(std::iter::once(header).chain(lines).collect())
+    }
 }
 
 /// Text is never refused, and memory never full of it: both ways hold for what was made here.
@@ -103,57 +116,8 @@ fn unpack(bytes: &[u8]) -> String {
 }
 
 impl Lines {
-    /// Lines of so many of the last frames, or somewhat more; for sources without an end.
-    pub fn of_last(frames: usize) -> Self {
-        Self(Arc::new(Mutex::new(Kept { most: Some(frames), ..Kept::default() })))
-    }
-
-    fn kept(&self) -> MutexGuard<'_, Kept> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// The first frame that is kept, from 0.
-    pub fn first(&self) -> usize {
-        self.kept().first
-    }
-
-    /// A piece of a file, from 0; `None` after the last one, or where there is no file of that name.
-    pub fn piece(&self, name: &str, piece: usize) -> Option<String> {
-        let which = FILES.iter().position(|known| *known == name)?;
-        let kept = self.kept();
-        let chunk = match kept.packed.get(piece) {
-            Some(packed) => unpack(packed),
-            None if piece == kept.packed.len() => kept.tail.clone(),
-            None => return None,
-        };
-        let header = if piece == 0 && name == "track.csv" { &*kept.header } else { "" };
-        let lines = chunk.split_inclusive('\n').skip(which).step_by(3);
-        Some(std::iter::once(header).chain(lines).collect())
-    }
-
-    /// A whole file.
-    pub fn file(&self, name: &str) -> Option<String> {
-        let first = self.piece(name, 0)?;
-        Some((1..).map_while(|k| self.piece(name, k)).fold(first, |text, piece| text + &piece))
-    }
-
-    /// Bytes of memory that they take, or nearly.
-    pub fn bytes(&self) -> usize {
-        let kept = self.kept();
-        kept.tail.capacity() + kept.packed.iter().map(Vec::capacity).sum::<usize>()
-    }
-}
-
-/// Writes them.
-pub struct LineLog {
-    lines: Lines,
-    observers: [Box<dyn Observer + Send>; 3],
-    out: [Memory; 3],
-}
-
-impl LineLog {
-    /// Into these lines; `meter` is of a source that drops frames.
-    pub fn new(lines: Lines, meter: Option<Meter>) -> Self {
+    /// No lines yet. At most `most` frames are kept, or somewhat more; `meter` is that of a source that drops frames.
+    pub fn new(most: Option<usize>, meter: Option<Meter>) -> Self {
         let out: [Memory; 3] = Default::default();
         let sink = |i: usize| Sink::memory(FILES[i], out[i].clone());
         let observers: [Box<dyn Observer + Send>; 3] = [
@@ -161,12 +125,17 @@ impl LineLog {
             Box::new(Table::to(sink(1))),
             Box::new(Stream::new(out[2].clone(), Format::Json, meter, Remarks::default())),
         ];
-        Self { lines, observers, out }
+        Self { kept: Kept { most, ..Kept::default() }, observers, out }
     }
 
-    fn take(&self, index: usize) {
+    /// A piece of a file, from 0; `None` after the last one, or where there is no file of that name.
+    pub fn piece(&self, name: &str, piece: usize) -> Option<String> {
+        self.kept.piece(name, piece)
+    }
+
+    fn take(&mut self, index: usize) {
         let [boxes, mut table, json] = self.out.each_ref().map(|out| String::from_utf8_lossy(&out.take()).into_owned());
-        let mut kept = self.lines.kept();
+        let kept = &mut self.kept;
         // The header comes with the first line.
         if kept.header.is_empty()
             && let Some(end) = table.find('\n')
@@ -176,21 +145,28 @@ impl LineLog {
         }
         kept.push(index, [boxes, table, json]);
     }
-}
 
-impl tracking::Log for LineLog {
-    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
+    /// Adds a frame whose box was given.
+    ///
+    /// # Errors
+    /// It cannot be written down.
+    pub fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
         self.observers.iter_mut().try_for_each(|o| o.start(frame, bbox))?;
         self.take(frame.index);
         Ok(())
     }
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+    /// Adds a frame that was tracked.
+    ///
+    /// # Errors
+    /// It cannot be written down.
+    pub fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
         self.observers.iter_mut().try_for_each(|o| o.observe(frame, seen))?;
         self.take(frame.index);
         Ok(())
     }
-    fn cut(&mut self, index: usize) {
-        self.lines.kept().cut(index);
+    /// Drops all frames from `index` (from 0) on.
+    pub fn cut(&mut self, index: usize) {
+        self.kept.cut(index);
     }
 }
 
@@ -202,22 +178,24 @@ mod tests {
         ["box", "row", "json"].map(|kind| format!("{kind} {k}\n"))
     }
 
+    fn file(kept: &Kept, name: &str) -> String {
+        (0..).map_while(|piece| kept.piece(name, piece)).collect()
+    }
+
     #[test]
     fn lines_come_back_as_they_were_and_can_be_taken_back() {
-        let lines = Lines::default();
-        let put = |from: usize, to: usize| (from..to).for_each(|k| lines.kept().push(k, line(k)));
-        lines.kept().header = "columns\n".into();
+        let mut kept = Kept { header: "columns\n".into(), ..Kept::default() };
         let whole =
             |from: usize, to: usize, which: usize| (from..to).map(|k| line(k)[which].clone()).collect::<String>();
-        put(7, 2000);
+        (7..2000).for_each(|k| kept.push(k, line(k)));
         for cut in [1999, 1500, 7 + 3 * CHUNK, 7 + 2 * CHUNK + 1, 300, 8, 7] {
-            lines.kept().cut(cut);
-            assert_eq!(lines.file("boxes.txt").expect("a file"), whole(7, cut, 0), "{cut}");
-            assert_eq!(lines.file("track.csv").expect("a file"), "columns\n".to_owned() + &whole(7, cut, 1));
-            put(cut, 2000);
-            assert_eq!(lines.file("track.jsonl").expect("a file"), whole(7, 2000, 2));
+            kept.cut(cut);
+            assert_eq!(file(&kept, "boxes.txt"), whole(7, cut, 0), "{cut}");
+            assert_eq!(file(&kept, "track.csv"), "columns\n".to_owned() + &whole(7, cut, 1));
+            (cut..2000).for_each(|k| kept.push(k, line(k)));
+            assert_eq!(file(&kept, "track.jsonl"), whole(7, 2000, 2));
         }
-        assert_eq!(lines.file("else"), None);
+        assert_eq!(kept.piece("else", 0), None);
     }
 
     #[test]
@@ -231,14 +209,14 @@ mod tests {
 
     #[test]
     fn without_an_end_the_oldest_lines_go() {
-        let lines = Lines::of_last(1000);
-        (0..10_000).for_each(|k| lines.kept().push(k, line(k)));
-        let text = lines.file("boxes.txt").expect("a file");
+        let mut kept = Kept { most: Some(1000), ..Kept::default() };
+        (0..10_000).for_each(|k| kept.push(k, line(k)));
+        let text = file(&kept, "boxes.txt");
         let frames = text.lines().count();
         assert!((1000..=1000 + 2 * CHUNK).contains(&frames) && text.ends_with("box 9999\n"), "{frames}");
-        assert_eq!(lines.first(), 10_000 - frames);
-        assert!(text.starts_with(&format!("box {}\n", lines.first())));
-        lines.kept().cut(9990);
-        assert!(lines.file("boxes.txt").expect("a file").ends_with("box 9989\n"));
+        assert_eq!(kept.first, 10_000 - frames);
+        assert!(text.starts_with(&format!("box {}\n", kept.first)));
+        kept.cut(9990);
+        assert!(file(&kept, "boxes.txt").ends_with("box 9989\n"));
     }
 }

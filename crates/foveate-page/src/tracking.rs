@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::player::Frames;
-use super::row::{self, Row, Surface};
-use super::texts::Texts;
+use crate::lines::Lines;
+use crate::player::Frames;
+use crate::row::{self, Row, Surface};
+use crate::texts::Texts;
 use foveate_base::files::Files;
 use foveate_base::{Error, Result};
-use foveate_core::Seen;
 use foveate_core::config::{Blueprint, Config};
 use foveate_core::geometry::BBox;
 use foveate_core::{Tracker, start};
@@ -58,40 +58,13 @@ impl Setup {
     }
 }
 
-/// Is told of every frame of a track as it grows.
-pub trait Log: Send {
-    /// A frame whose box was given.
-    ///
-    /// # Errors
-    /// It cannot be written down.
-    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()>;
-    /// A frame that was tracked.
-    ///
-    /// # Errors
-    /// It cannot be written down.
-    fn observe(&mut self, frame: &Frame, step: &Seen<'_>) -> Result<()>;
-    /// All frames from `index` (from 0) on are forgotten.
-    fn cut(&mut self, index: usize);
-}
-
-/// No log.
-impl Log for () {
-    fn start(&mut self, _: &Frame, _: &BBox) -> Result<()> {
-        Ok(())
-    }
-    fn observe(&mut self, _: &Frame, _: &Seen<'_>) -> Result<()> {
-        Ok(())
-    }
-    fn cut(&mut self, _: usize) {}
-}
-
 /// A track.
 pub struct Tracking {
     /// What it is tracked with.
     pub setup: Setup,
     tracker: Tracker,
-    player: Box<dyn Frames>,
-    log: Box<dyn Log>,
+    /// Its results as text.
+    pub lines: Lines,
     /// The frame it began in, from 0.
     first: usize,
     /// How many it has.
@@ -113,14 +86,13 @@ impl Tracking {
     ///
     /// # Errors
     /// There is no such frame, or the box does not fit it.
-    pub fn start(player: Box<dyn Frames>, log: Box<dyn Log>, setup: Setup, index: usize, bbox: BBox) -> Result<Self> {
+    pub fn start(frames: &mut dyn Frames, lines: Lines, setup: Setup, index: usize, bbox: BBox) -> Result<Self> {
         let tracker = setup.blueprint.tracker(setup.seed)?;
-        let details = if player.repeats() { DETAILS } else { RECENT_DETAILS };
+        let details = if frames.repeats() { DETAILS } else { RECENT_DETAILS };
         let mut tracking = Self {
             setup,
             tracker,
-            player,
-            log,
+            lines,
             first: index,
             count: 0,
             rows: vec![],
@@ -130,7 +102,7 @@ impl Tracking {
             every: EVERY,
             ended: false,
         };
-        tracking.give(index, bbox)?;
+        tracking.give(frames, index, bbox)?;
         Ok(tracking)
     }
 
@@ -171,14 +143,14 @@ impl Tracking {
     ///
     /// # Errors
     /// The video breaks, or the track is too long.
-    pub fn step(&mut self) -> Result<()> {
+    pub fn step(&mut self, frames: &mut dyn Frames) -> Result<()> {
         if self.ended {
             return Ok(());
         }
-        if self.count >= MOST_FRAMES && self.player.repeats() {
+        if self.count >= MOST_FRAMES && frames.repeats() {
             return Err(Error::Invalid(format!("the page tracks {MOST_FRAMES} frames at most; use foveate track")));
         }
-        self.go_on(self.last() + 1)
+        self.go_on(frames, self.last() + 1)
     }
 
     /// A box by hand in a frame (from 0) that was tracked: what was tracked from there on is forgotten, and the target starts anew,
@@ -186,33 +158,33 @@ impl Tracking {
     ///
     /// # Errors
     /// The frame was not tracked, is gone, or the box does not fit it.
-    pub fn correct(&mut self, index: usize, bbox: BBox) -> Result<()> {
+    pub fn correct(&mut self, frames: &mut dyn Frames, index: usize, bbox: BBox) -> Result<()> {
         if !(self.first..=self.last()).contains(&index) {
             let (first, last) = (self.first + 1, self.last() + 1);
             return Err(Error::Invalid(format!("frames {first} to {last} are tracked; correct one of these")));
         }
         // Before anything is forgotten: the frame may be gone, and the box may not fit it.
-        let frame = self.needed(index)?;
+        let frame = needed(frames, index)?;
         start::check(&frame.image, &bbox)?;
-        if !self.player.repeats() {
+        if !frames.repeats() {
             self.cut(index);
         } else if index == self.first {
             self.tracker = self.setup.blueprint.tracker(self.setup.seed)?;
             self.cut(index);
         } else {
-            self.rewind(index - 1)?;
+            self.rewind(frames, index - 1)?;
         }
-        self.begin(&frame, index, bbox)
+        self.begin(&frame, frames.repeats(), bbox)
     }
 
     /// Brings the tracker to where it was after frame `index`, by the last state saved until then and the frames since.
-    fn rewind(&mut self, index: usize) -> Result<()> {
+    fn rewind(&mut self, frames: &mut dyn Frames, index: usize) -> Result<()> {
         let saved = self.states.all.range(..=index).next_back().map(|(k, text)| (*k, text.clone()));
         let (from, text) =
             saved.ok_or_else(|| Error::Invalid("the track cannot be taken up there; start anew".into()))?;
         let state = serde_json::from_str(&text).map_err(|e| Error::Invalid(e.to_string()))?;
         let frame =
-            self.read(from)?.ok_or_else(|| Error::Invalid("the video has become shorter; open it again".into()))?;
+            frames.frame(from)?.ok_or_else(|| Error::Invalid("the video has become shorter; open it again".into()))?;
         let mut tracker = self.setup.blueprint.tracker(self.setup.seed)?;
         tracker.load(&state)?;
         tracker.skip(&frame.image)?;
@@ -221,8 +193,8 @@ impl Tracking {
         self.cut(from + 1);
         for k in from + 1..=index {
             match given.get(&k) {
-                Some(bbox) => self.give(k, *bbox)?,
-                None => self.go_on(k)?,
+                Some(bbox) => self.give(frames, k, *bbox)?,
+                None => self.go_on(frames, k)?,
             }
         }
         Ok(())
@@ -235,42 +207,32 @@ impl Tracking {
         self.given.retain(|k, _| *k < index);
         self.details.cut(index);
         self.states.cut(index);
-        self.log.cut(index);
+        self.lines.cut(index);
         self.ended = false;
     }
 
-    fn read(&mut self, index: usize) -> Result<Option<Arc<Frame>>> {
-        self.player.frame(index)
+    fn give(&mut self, frames: &mut dyn Frames, index: usize, bbox: BBox) -> Result<()> {
+        let frame = needed(frames, index)?;
+        self.begin(&frame, frames.repeats(), bbox)
     }
 
-    /// A frame that the video must have.
-    fn needed(&mut self, index: usize) -> Result<Arc<Frame>> {
-        let missing = || Error::Invalid(format!("the video has no frame {}; choose an earlier one", index + 1));
-        self.read(index)?.ok_or_else(missing)
-    }
-
-    fn give(&mut self, index: usize, bbox: BBox) -> Result<()> {
-        let frame = self.needed(index)?;
-        self.begin(&frame, index, bbox)
-    }
-
-    fn begin(&mut self, frame: &Frame, index: usize, bbox: BBox) -> Result<()> {
+    fn begin(&mut self, frame: &Frame, repeats: bool, bbox: BBox) -> Result<()> {
         self.tracker.init(&frame.image, bbox)?;
-        self.given.insert(index, bbox);
+        self.given.insert(frame.index, bbox);
         self.count += 1;
         self.rows.push(Row::given(frame, &bbox));
-        self.log.start(frame, &bbox)?;
-        self.save(index);
+        self.lines.start(frame, &bbox)?;
+        self.save(frame.index, repeats);
         Ok(())
     }
 
-    fn go_on(&mut self, index: usize) -> Result<()> {
-        let Some(frame) = self.read(index)? else {
+    fn go_on(&mut self, frames: &mut dyn Frames, index: usize) -> Result<()> {
+        let Some(frame) = frames.frame(index)? else {
             self.ended = true;
             return Ok(());
         };
         let seen = self.tracker.update(&frame.image)?;
-        self.log.observe(&frame, &seen)?;
+        self.lines.observe(&frame, &seen)?;
         self.count += 1;
         self.rows.push(Row::tracked(&frame, &seen));
         self.details.put(index, row::detail(index + 1, &seen));
@@ -278,14 +240,14 @@ impl Tracking {
             self.details.drop_first();
         }
         if (index - self.first).is_multiple_of(self.every) {
-            self.save(index);
+            self.save(index, frames.repeats());
         }
         Ok(())
     }
 
     /// Keeps the tracker as it is after a frame. Where there is no room, every other state goes, and later ones are rarer.
-    fn save(&mut self, index: usize) {
-        if !self.player.repeats() {
+    fn save(&mut self, index: usize, repeats: bool) {
+        if !repeats {
             return;
         }
         self.states.put(index, self.tracker.save().to_string());
@@ -296,10 +258,16 @@ impl Tracking {
     }
 }
 
+/// A frame that the video must have.
+fn needed(frames: &mut dyn Frames, index: usize) -> Result<Arc<Frame>> {
+    let missing = || Error::Invalid(format!("the video has no frame {}; choose an earlier one", index + 1));
+    frames.frame(index)?.ok_or_else(missing)
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::player::{Player, Reopen};
     use super::*;
+    use crate::player::{Player, Reopen};
     use foveate_base::files::Nowhere;
     use foveate_core::config::Config;
     use foveate_core::scene::Image;
@@ -326,40 +294,43 @@ mod tests {
         let blueprint = config.check(&Nowhere).expect("it fits");
         let setup = Setup { blueprint, config: "natural-fast".into(), policy: None, seed: 3 };
         let (a, b) = (BBox::new(20.0, 20.0, 24.0, 24.0), BBox::new(33.0, 18.0, 26.0, 28.0));
-        let start = || {
-            let player = Box::new(Player::new(Folder(dir.path().to_owned())));
-            Tracking::start(player, Box::new(()), setup.clone(), 0, a).expect("a box in the picture")
+        let mut player = Player::new(Folder(dir.path().to_owned()));
+        let frames: &mut dyn Frames = &mut player;
+        let start = |frames: &mut dyn Frames| {
+            Tracking::start(frames, Lines::new(None, None), setup.clone(), 0, a).expect("a box in the picture")
         };
-        let step = |t: &mut Tracking, frames: usize| (0..frames).for_each(|_| t.step().expect("tracked"));
+        let step = |t: &mut Tracking, frames: &mut dyn Frames, count: usize| {
+            (0..count).for_each(|_| t.step(frames).expect("tracked"));
+        };
         let boxes = |rows: &[Row]| rows.iter().map(|row| row.bbox).collect::<Vec<_>>();
-        let mut plain = start();
-        step(&mut plain, 11);
-        plain.correct(11, b).expect("it was tracked");
-        step(&mut plain, 1000);
+        let mut plain = start(frames);
+        step(&mut plain, frames, 11);
+        plain.correct(frames, 11, b).expect("it was tracked");
+        step(&mut plain, frames, 1000);
         assert!(plain.ended() && plain.frames() == 30);
         let rows = plain.take_rows();
         assert!(rows.len() == 30 && rows[11].given && plain.take_rows().is_empty());
         // Further on, then back; by a state in between, and by one at the start.
         for every in [4, 50] {
-            let mut back = start();
+            let mut back = start(frames);
             back.every = every;
-            step(&mut back, 1000);
+            step(&mut back, frames, 1000);
             let before = back.take_rows();
             assert_ne!(boxes(&before)[12..], boxes(&rows)[12..], "the correction matters");
-            back.correct(20, a).expect("it was tracked");
-            back.correct(11, b).expect("it was tracked");
+            back.correct(frames, 20, a).expect("it was tracked");
+            back.correct(frames, 11, b).expect("it was tracked");
             assert_eq!(back.frames(), 12);
-            step(&mut back, 1000);
+            step(&mut back, frames, 1000);
             let after = back.take_rows();
             assert_eq!(boxes(&after[after.len() - 19..]), boxes(&rows[11..]));
             assert_eq!(back.given().len(), 2);
         }
-        assert!(plain.correct(30, b).expect_err("not tracked").to_string().contains("1 to 30"));
+        assert!(plain.correct(frames, 30, b).expect_err("not tracked").to_string().contains("1 to 30"));
         // A box that does not fit changes nothing, in the first frame neither.
         for index in [11, 0] {
-            assert!(plain.correct(index, BBox::new(900.0, 0.0, 9.0, 9.0)).is_err());
+            assert!(plain.correct(frames, index, BBox::new(900.0, 0.0, 9.0, 9.0)).is_err());
             assert_eq!((plain.frames(), plain.last(), plain.given().len()), (30, 29, 2));
-            assert!(plain.ended() && plain.step().is_ok() && plain.take_rows().is_empty());
+            assert!(plain.ended() && plain.step(frames).is_ok() && plain.take_rows().is_empty());
         }
     }
 }

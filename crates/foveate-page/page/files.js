@@ -87,7 +87,6 @@ byId('save-go').addEventListener('click', doing(async () => {
         return;
       }
       state.textContent = `Writing frame ${frames} of ${total} …`;
-      await new Promise(done => setTimeout(done, 200));
     }
   } finally { if (mine === saving) byId('save-go').disabled = false; }
 }));

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::player::Frames;
+use crate::player::Frames;
 use foveate_base::{Error, Result};
 use foveate_core::scene::Image;
 use foveate_video::{Frame, Meter};

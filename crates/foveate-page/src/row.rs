@@ -4,13 +4,12 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
-use crate::draw::CORNERS;
-use crate::heat::Heat;
-use crate::report;
 use foveate_core::Seen;
 use foveate_core::gaze::PolicySnapshot;
 use foveate_core::geometry::{BBox, Extent, Gaze, State};
 use foveate_core::identity::Retina;
+use foveate_report::draw::CORNERS;
+use foveate_report::heat::Heat;
 use foveate_video::Frame;
 
 /// Points along a side of a reward surface.
@@ -115,7 +114,7 @@ struct Detail {
 
 /// What a frame (from 1) looked like from inside, as JSON text: particles, glimpse, gazes, probabilities of gazes.
 pub fn detail(frame: usize, seen: &Seen<'_>) -> String {
-    let (particles, weights) = report::particles(seen);
+    let (particles, weights) = foveate_report::particles(seen);
     let chosen = seen.plan.chosen_index();
     let also = seen.plan.used().filter(|(k, _)| *k != chosen).map(|(_, gaze)| [gaze.u, gaze.v]).collect();
     let arms = match seen.snapshot {
@@ -129,7 +128,7 @@ pub fn detail(frame: usize, seen: &Seen<'_>) -> String {
         frame,
         particles: text(&particles),
         weights: text(&weights),
-        glimpse: text(&report::levels(&seen.percept.glimpse)),
+        glimpse: text(&foveate_report::levels(&seen.percept.glimpse)),
         also,
         arms,
     };

@@ -1,0 +1,133 @@
+//! The videos that are open, and the answers to messages about them.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use foveate_base::{Error, Result};
+use serde_json::{Value, json};
+
+use crate::host::Host;
+use crate::message::Message;
+use crate::session::Session;
+use crate::tracks::MOST_TARGETS;
+
+/// Videos open at a time; the one that was used longest ago makes room.
+const MOST_SESSIONS: usize = 4;
+
+/// All that the page's messages are about.
+pub struct Page<H: Host> {
+    /// The program that shows it.
+    pub host: H,
+    sessions: Mutex<Sessions<H>>,
+}
+
+/// Videos that are open, the one used last at the end.
+struct Sessions<H: Host> {
+    open: Vec<(u64, Arc<Mutex<Session<H>>>)>,
+    last: u64,
+}
+
+fn unknown() -> Error {
+    Error::Invalid(format!("this video is no longer open (at most {MOST_SESSIONS} are): open it again"))
+}
+
+impl<H: Host> Page<H> {
+    /// A page with no video open.
+    pub fn new(host: H) -> Self {
+        Self { host, sessions: Mutex::new(Sessions { open: vec![], last: 0 }) }
+    }
+
+    fn sessions(&self) -> MutexGuard<'_, Sessions<H>> {
+        self.sessions.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn session(&self, id: u64) -> Result<Arc<Mutex<Session<H>>>> {
+        let mut sessions = self.sessions();
+        let at = sessions.open.iter().position(|(other, _)| *other == id).ok_or_else(unknown)?;
+        let entry = sessions.open.remove(at);
+        let session = Arc::clone(&entry.1);
+        sessions.open.push(entry);
+        Ok(session)
+    }
+
+    /// Keeps a session; what the page is sent of it, with its number.
+    pub fn add(&self, session: Session<H>) -> Value {
+        let mut about = session.about();
+        let mut sessions = self.sessions();
+        if sessions.open.len() >= MOST_SESSIONS {
+            sessions.open.remove(0);
+        }
+        sessions.last += 1;
+        let id = sessions.last;
+        sessions.open.push((id, Arc::new(Mutex::new(session))));
+        about["session"] = json!(id);
+        about
+    }
+
+    /// Works with an open video. One in which something broke is closed.
+    ///
+    /// # Errors
+    /// It is not open, or as `work`.
+    pub fn with<T: Send>(&self, id: u64, work: impl FnOnce(&mut Session<H>) -> Result<T> + Send) -> Result<T> {
+        let session = self.session(id)?;
+        let Ok(mut guard) = session.lock() else {
+            self.close(Some(id));
+            return Err(unknown());
+        };
+        let session = &mut *guard;
+        self.host.run(|| work(session))
+    }
+
+    /// Waits for a frame of a stream, as [`Session::wait`]; not on the threads that answer, where others would wait with it.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn wait(&self, id: u64, index: Option<usize>) -> Result<()> {
+        self.session(id)?.lock().map_err(|_| unknown())?.wait(index)
+    }
+
+    /// Closes a video, or all, and removes what was written for it.
+    pub fn close(&self, id: Option<u64>) {
+        self.sessions().open.retain(|(other, _)| id.is_some_and(|id| *other != id));
+    }
+
+    /// Answers a message.
+    ///
+    /// # Errors
+    /// What it asks for cannot be done.
+    pub fn act(&self, message: Message) -> Result<Value> {
+        match message {
+            Message::Hello {} => {
+                let mut hello = self.host.hello()?;
+                hello["version"] = json!(env!("CARGO_PKG_VERSION"));
+                hello["policies"] = json!(foveate_core::config::POLICIES);
+                hello["targets"] = json!(MOST_TARGETS);
+                Ok(hello)
+            }
+            Message::Live { name, width, height, rate } => {
+                Ok(self.add(Session::pushed(name.into(), width, height, rate)?))
+            }
+            Message::Close { session } => {
+                self.close(Some(session));
+                Ok(json!({}))
+            }
+            Message::Propose { session, frame, at } => self.with(session, |s| s.propose(frame, at)),
+            Message::Start { session, target, frame, bbox, config, policy, seed } => {
+                let setup = self.host.setup(config, policy, seed)?;
+                self.with(session, |s| s.start(target, setup, frame, bbox))
+            }
+            Message::Step { session, frames } => {
+                self.wait(session, None)?;
+                self.with(session, |s| s.step(frames))
+            }
+            Message::Next { session } => {
+                self.with(session, |s| Ok(json!({ "next": s.tracks.next().map(|index| index + 1) })))
+            }
+            Message::Remove { session, target } => self.with(session, |s| s.remove(target)),
+            Message::Detail { session, target, frame } => self.with(session, |s| Ok(s.tracks.detail(target, frame))),
+            Message::Correct { session, target, frame, bbox } => self.with(session, |s| s.correct(target, frame, bbox)),
+            Message::Command { session } => self.with(session, |s| Ok(json!({ "command": s.command()? }))),
+            Message::Save { session, film, report } => self.with(session, |s| s.save(film, report, &self.host)),
+            Message::Saved { session } => self.with(session, Session::saved),
+        }
+    }
+}

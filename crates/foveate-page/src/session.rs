@@ -1,0 +1,267 @@
+//! A video that is open: its frames, its tracks, its results.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use foveate_base::{Error, Result};
+use foveate_core::geometry::BBox;
+use foveate_core::scene::Image;
+use foveate_report::RunInfo;
+use foveate_report::run::check_box;
+use foveate_video::{Frame, SourceInfo};
+use serde_json::{Value, json};
+
+use crate::host::{Host, Video};
+use crate::lines::{FILES, named, target_of};
+use crate::player::Frames;
+use crate::propose::propose;
+use crate::recent::Recent;
+use crate::saving::{Made, Saving};
+use crate::tracking::Setup;
+use crate::tracks::Tracks;
+
+/// Pixels of a frame, at most: a decoded one has three bytes for each, and a page holds a few.
+const MOST_PIXELS: usize = 1 << 25;
+/// True boxes that the page is sent, at most.
+const MOST_TRUTH: usize = 20_000;
+/// How long one message to track may take.
+const LONGEST_STEP: std::time::Duration = std::time::Duration::from_millis(60);
+
+/// Waits for the next frame of a stream and adds it to the last frames.
+pub type Pull = Box<dyn FnMut(&Recent) -> Result<()> + Send>;
+
+/// Where frames come from.
+pub enum Source<V> {
+    /// A video of which any frame can be read.
+    Video(V),
+    /// A camera or a stream, which gives each frame once; without the function the page pushes its frames.
+    Live(Recent, Option<Pull>),
+}
+
+/// A video that is open.
+pub struct Session<H: Host> {
+    /// What is known of it.
+    pub info: SourceInfo,
+    /// Its name on the command line.
+    pub name: PathBuf,
+    /// Where its frames come from.
+    pub source: Source<H::Video>,
+    truth: Vec<Option<BBox>>,
+    pub(crate) tracks: Tracks,
+    /// Of each target, once the page asked for results.
+    saving: Option<Vec<Saving>>,
+}
+
+/// Fails where frames are too large for a page.
+///
+/// # Errors
+/// [`Error::Malformed`] with their size.
+pub fn check_size(info: &SourceInfo, video: &Path) -> Result<()> {
+    let (w, h) = (info.width, info.height);
+    if w.saturating_mul(h) <= MOST_PIXELS {
+        return Ok(());
+    }
+    let problem = format!("frames of {w} x {h} are too large for the page; track it with `foveate track --scale`");
+    Err(Error::malformed(video, problem))
+}
+
+impl<H: Host> Session<H> {
+    /// A session of a source, with the true boxes from frame 0 on where they are known.
+    ///
+    /// # Errors
+    /// Its frames are too large for a page.
+    pub fn new(name: PathBuf, source: Source<H::Video>, info: SourceInfo, truth: Vec<Option<BBox>>) -> Result<Self> {
+        check_size(&info, &name)?;
+        let (frames, meter) = match &source {
+            Source::Video(video) => (video.tracked(), None),
+            Source::Live(recent, _) => (Box::new(recent.clone()) as Box<dyn Frames>, Some(recent.meter.clone())),
+        };
+        Ok(Self { info, name, source, truth, tracks: Tracks::new(frames, meter), saving: None })
+    }
+
+    /// A camera of the page, whose frames of this size will be pushed.
+    ///
+    /// # Errors
+    /// It has no picture, or one that is too large.
+    pub fn pushed(name: PathBuf, width: usize, height: usize, rate: f64) -> Result<Self> {
+        if width == 0 || height == 0 {
+            return Err(Error::Invalid("the camera has no picture; choose it again".into()));
+        }
+        let rate = if rate.is_finite() && (1.0..=1000.0).contains(&rate) { rate } else { 30.0 };
+        let info = SourceInfo { width, height, frames: None, rate, reader: "the browser".into() };
+        Self::new(name, Source::Live(Recent::new(width, height), None), info, vec![])
+    }
+
+    fn is_live(&self) -> bool {
+        matches!(self.source, Source::Live(..))
+    }
+
+    /// What the page is sent when the video opens.
+    pub(crate) fn about(&self) -> Value {
+        let truth = self.truth.iter().take(MOST_TRUTH);
+        let truth: Vec<_> = truth.map(|b| b.map(|b| [b.x, b.y, b.w, b.h])).collect();
+        let SourceInfo { width, height, frames, rate, reader } = &self.info;
+        let mut about = json!({
+            "width": width, "height": height, "frames": frames, "exact": self.info.exact_frames().is_some(), "rate": rate,
+            "reader": reader, "truth": truth,
+        });
+        if self.is_live() {
+            about["live"] = json!(true);
+        }
+        about
+    }
+
+    /// Waits for a frame of a stream if it is still to come: `index` (from 0), or for `None` the one that is tracked next.
+    ///
+    /// # Errors
+    /// The stream breaks, or none came in time.
+    pub fn wait(&mut self, index: Option<usize>) -> Result<()> {
+        let index = index.or(self.tracks.next());
+        match &mut self.source {
+            Source::Live(recent, Some(pull)) if index == Some(recent.count()) => pull(recent),
+            _ => Ok(()),
+        }
+    }
+
+    /// Takes the next frame of a camera of the page, at a time in seconds, after `missed` frames that were never seen; its number
+    /// from 1.
+    ///
+    /// # Errors
+    /// The page does not push this video's frames, or it has another size.
+    pub fn push(&self, image: Image, time: f64, missed: u64) -> Result<usize> {
+        match &self.source {
+            Source::Live(recent, None) => recent.push(image, time, missed).map(|index| index + 1),
+            _ => Err(Error::Invalid("this video takes no frames of the page".into())),
+        }
+    }
+
+    /// The frame that was decoded last for the tracks.
+    pub fn decoded(&self) -> Option<Arc<Frame>> {
+        self.tracks.decoded()
+    }
+
+    /// A frame (from 0); `None` where the video ends before.
+    ///
+    /// # Errors
+    /// It cannot be read, or is gone.
+    pub fn frame(&mut self, index: usize) -> Result<Option<Arc<Frame>>> {
+        match self.decoded().filter(|frame| frame.index == index) {
+            Some(frame) => Ok(Some(frame)),
+            None => self.frames().frame(index),
+        }
+    }
+
+    fn frames(&mut self) -> &mut dyn Frames {
+        match &mut self.source {
+            Source::Video(video) => video.frames(),
+            Source::Live(recent, _) => recent,
+        }
+    }
+
+    /// A box about a place in a frame (from 1), or without one about the most salient.
+    pub(crate) fn propose(&mut self, frame: usize, at: Option<(f64, f64)>) -> Result<Value> {
+        let [other, frame] = self.frames().pair(frame - 1)?;
+        let frame = frame.ok_or_else(|| Error::Invalid("the video has no such frame; choose an earlier one".into()))?;
+        let at = at.filter(|(x, y)| x.is_finite() && y.is_finite());
+        let (b, from) = propose(other.as_ref().map(|f| &f.image), &frame.image, at);
+        Ok(json!({ "box": [b.x, b.y, b.w, b.h], "from": from }))
+    }
+
+    pub(crate) fn start(&mut self, target: usize, setup: Setup, frame: usize, bbox: BBox) -> Result<Value> {
+        check_box("the box", &bbox, &self.info)?;
+        self.saving = None;
+        self.tracks.start(target, setup, frame - 1, bbox)
+    }
+
+    pub(crate) fn remove(&mut self, target: usize) -> Result<Value> {
+        self.saving = None;
+        self.tracks.remove(target)
+    }
+
+    pub(crate) fn step(&mut self, frames: usize) -> Result<Value> {
+        let (began, before) = (H::now(), self.tracks.frames());
+        // Of a stream one frame has come; targets that are behind catch up on those that are kept.
+        let frames = if self.is_live() { 1 } else { frames };
+        let mut answer = self.tracks.step(frames, || H::now() - began > LONGEST_STEP)?;
+        if self.tracks.frames() > before {
+            self.saving = None;
+        }
+        if let Source::Live(recent, _) = &self.source {
+            answer["missed"] = json!(recent.meter.dropped());
+        }
+        Ok(answer)
+    }
+
+    pub(crate) fn correct(&mut self, target: usize, frame: usize, bbox: BBox) -> Result<Value> {
+        check_box("the box", &bbox, &self.info)?;
+        self.saving = None;
+        self.tracks.correct(target, frame - 1, bbox)
+    }
+
+    /// The commands that give these tracks; empty for a camera or a stream, whose frames do not come again.
+    pub(crate) fn command(&self) -> Result<String> {
+        if self.is_live() { self.tracks.get(0).map(|_| String::new()) } else { self.tracks.command(&self.name) }
+    }
+
+    /// Begins to write results. Text files are there already; of a camera or a stream there are no others.
+    pub(crate) fn save(&mut self, film: bool, report: bool, host: &H) -> Result<Value> {
+        self.tracks.get(0)?;
+        // The files before go first.
+        self.saving = None;
+        let mut all = vec![];
+        if let (Source::Video(video), true) = (&self.source, film || report) {
+            for target in 0..self.tracks.count() {
+                let (tracking, name) = (self.tracks.get(target)?, self.name.to_string_lossy().into_owned());
+                let setup = &tracking.setup;
+                let info = RunInfo {
+                    command: self.tracks.line(target, &self.name)?,
+                    truth: self.truth.clone(),
+                    bit_rate: video.bit_rate(),
+                    ..RunInfo::of(name, &self.info, setup.config.clone(), &setup.blueprint, setup.seed)
+                };
+                all.push(Saving::begin((film, report), tracking, video.reader(), info, host)?);
+            }
+        }
+        self.saving = Some(all);
+        Ok(json!({}))
+    }
+
+    /// How far that is; with the names of the files once they are whole.
+    pub(crate) fn saved(&mut self) -> Result<Value> {
+        let live = self.is_live();
+        let texts = if live { &FILES } else { H::TEXTS };
+        let saving = match &mut self.saving {
+            None if live => &mut vec![],
+            None => return Err(Error::Invalid("nothing is being saved; save the results first".into())),
+            Some(saving) => saving,
+        };
+        let began = H::now();
+        if let Some(next) = saving.iter_mut().find(|saving| saving.files.is_none()) {
+            next.go_on::<H>(|| H::now() - began > LONGEST_STEP)?;
+        }
+        let frames: usize = saving.iter().map(|saving| saving.count).sum();
+        if saving.iter().any(|saving| saving.files.is_none()) {
+            return Ok(json!({ "frames": frames, "files": null }));
+        }
+        let names = |target: usize| {
+            let made = saving.get(target).and_then(|saving| saving.files.as_ref()).into_iter().flatten();
+            let names: Vec<&str> = texts.iter().copied().chain(made.map(|(name, _)| *name)).collect();
+            names.into_iter().map(move |name| named(target, name))
+        };
+        let files: Vec<String> = (0..self.tracks.count()).flat_map(names).collect();
+        Ok(json!({ "frames": frames, "files": files }))
+    }
+
+    /// A piece, from 0, of a text file of a target; `None` after the last one, or where there is none of that name.
+    pub fn text(&self, name: &str, piece: usize) -> Option<String> {
+        let (target, name) = target_of(name);
+        self.tracks.get(target).ok()?.lines.piece(name, piece)
+    }
+
+    /// A file that was written.
+    pub fn made(&self, name: &str) -> Option<Made> {
+        let (target, name) = target_of(name);
+        let files = self.saving.as_ref()?.get(target)?.files.as_ref()?;
+        files.iter().find(|(known, _)| *known == name).map(|(_, made)| made.clone())
+    }
+}
