@@ -104,12 +104,10 @@ pub fn toml(bytes: &[u8]) {
 
 /// Model files of all kinds.
 pub fn models(bytes: &[u8]) {
-    use foveate::learn::{autoencoder::Autoencoder, filters::PatchFilters, rbm, softmax::Softmax};
+    use foveate::learn::{filters::PatchFilters, rbm, softmax::Softmax};
     let path = Path::new("fuzz.safetensors");
     drop(rbm::Rbm::from_bytes(bytes, path));
-    drop(rbm::factored::FactoredRbm::from_bytes(bytes, path));
     drop(rbm::fixations::FixationRbm::from_bytes(bytes, path));
-    drop(Autoencoder::from_bytes(bytes, path));
     drop(PatchFilters::from_bytes(bytes, path));
     drop(Softmax::from_bytes(bytes, path));
     drop(foveate::identity::Classifier::from_bytes(bytes, path));

@@ -1,14 +1,18 @@
 //! The experiments of the paper: its tables and figures beside those of foveate, with the program's own commands.
 #![forbid(unsafe_code)]
 
+mod autoencoder;
 mod eval;
+mod mcrbm;
+mod parts;
 mod reproduce;
+mod train;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
-use foveate::extend::Parts;
+use foveate::Result;
 
 /// The shipped classifier of digits.
 const DIGITS: &str = "builtin:digits";
@@ -31,6 +35,8 @@ struct Cli {
 enum Command {
     /// Run the paper's experiments and put its tables and figures beside ours, on one page
     Reproduce(reproduce::Args),
+    /// Train a model
+    Train(train::Args),
     /// A command of foveate
     #[command(external_subcommand)]
     #[expect(dead_code, reason = "foveate reads all arguments itself")]
@@ -40,13 +46,14 @@ enum Command {
 fn main() -> ExitCode {
     let arguments: Vec<_> = std::env::args_os().collect();
     let cli = Cli::parse_from(&arguments);
-    // The paper's parts, for configurations to name.
-    let parts = Parts::new();
-    match cli.command {
-        Command::Program(_) => foveate_cli::main_with(parts),
-        Command::Reproduce(args) => {
-            foveate_cli::start(&arguments, std::env::current_exe().unwrap_or_default(), parts);
-            cli.common.run(|| reproduce::run(args)).into()
+    let run: Box<dyn FnOnce() -> Result<()> + Send> = match cli.command {
+        Command::Reproduce(args) => Box::new(|| reproduce::run(args)),
+        Command::Train(train::Args { what: train::What::Mcrbm(args) }) => Box::new(move || train::mcrbm::run(&args)),
+        Command::Train(train::Args { what: train::What::Autoencoder(args) }) => {
+            Box::new(move || train::autoencoder::run(&args))
         }
-    }
+        Command::Train(_) | Command::Program(_) => return foveate_cli::main_with(parts::parts()),
+    };
+    foveate_cli::start(&arguments, std::env::current_exe().unwrap_or_default(), parts::parts());
+    cli.common.run(run).into()
 }

@@ -7,9 +7,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
 use foveate::learn::Stop;
-use foveate::learn::autoencoder::{self, Autoencoder};
 use foveate::learn::filters::{self, PatchFilters};
-use foveate::learn::rbm::factored::{self, FactoredRbm, Units};
 use foveate::learn::rbm::io::{Tensor, Tensors};
 use foveate::learn::rbm::{self, Rbm};
 use foveate::learn::softmax::{self, Examples, Fit};
@@ -27,8 +25,6 @@ use crate::errors::OrRaise;
 type Singles<'py> = PyReadonlyArray2<'py, f32>;
 
 enum Model {
-    Autoencoder(Autoencoder),
-    Factored(FactoredRbm),
     Filters(PatchFilters),
     Rbm(Rbm),
 }
@@ -42,13 +38,11 @@ fn owned(tensors: Vec<Tensor<'_>>) -> Tensors {
 }
 
 fn no(kind: &str) -> Error {
-    Error::Invalid(format!("expected autoencoder, factored, filters or rbm, got {kind}"))
+    Error::Invalid(format!("expected filters or rbm, got {kind}"))
 }
 
 /// A learner at work.
 enum Training {
-    Autoencoder(autoencoder::Trainer),
-    Factored(factored::Trainer),
     Filters(filters::Trainer),
     Rbm(rbm::Trainer),
 }
@@ -56,10 +50,6 @@ enum Training {
 impl Training {
     fn new(kind: &str, recipe: &str, rows: Rows<'_>) -> Result<Self> {
         Ok(match kind {
-            "autoencoder" => {
-                Self::Autoencoder(autoencoder::Trainer::new(serde_json::from_str(recipe).map_err(wrong)?, rows)?)
-            }
-            "factored" => Self::Factored(factored::Trainer::new(serde_json::from_str(recipe).map_err(wrong)?, rows)?),
             "filters" => Self::Filters(filters::Trainer::new(serde_json::from_str(recipe).map_err(wrong)?, rows)?),
             "rbm" => Self::Rbm(rbm::Trainer::new(serde_json::from_str(recipe).map_err(wrong)?, rows)?),
             other => return Err(no(other)),
@@ -69,8 +59,6 @@ impl Training {
     fn finish(&mut self, rows: Rows<'_>, stop: Stop<'_>) -> Result<()> {
         while !stop() {
             match self {
-                Self::Autoencoder(trainer) if !trainer.is_done() => trainer.step(rows),
-                Self::Factored(trainer) if !trainer.is_done() => trainer.step(),
                 Self::Filters(trainer) if !trainer.is_done() => trainer.step_until(stop)?,
                 Self::Rbm(trainer) if !trainer.is_done() => trainer.step(rows),
                 _ => return Ok(()),
@@ -81,8 +69,6 @@ impl Training {
     /// What was learned; of filters with their cost.
     fn learned(&self) -> Result<Tensors> {
         Ok(match self {
-            Self::Autoencoder(trainer) => trainer.check().map(|()| owned(trainer.learned().tensors()))?,
-            Self::Factored(trainer) => trainer.check().map(|()| owned(trainer.learned().tensors()))?,
             Self::Filters(trainer) => {
                 let mut tensors = owned(trainer.learned().tensors());
                 tensors.insert("cost".into(), (vec![], vec![trainer.cost() as f32]));
@@ -97,8 +83,6 @@ impl Model {
     fn new(kind: &str, recipe: &str, mut tensors: Tensors) -> Result<Self> {
         let tensors = &mut tensors;
         let model = match kind {
-            "autoencoder" => Autoencoder::of_tensors(tensors).map(Self::Autoencoder),
-            "factored" => FactoredRbm::of_tensors(tensors).map(Self::Factored),
             "filters" => {
                 let filters::Recipe { method, softening, .. } = serde_json::from_str(recipe).map_err(wrong)?;
                 PatchFilters::of_tensors(method, softening, tensors).map(Self::Filters)
@@ -125,8 +109,6 @@ impl Model {
             codes.resize(from + some.len() * units, 0.0);
             let h = RowsMut::new(&mut codes[from..], units);
             match self {
-                Self::Autoencoder(model) => model.layer().h_from_v(some, h),
-                Self::Factored(model) => model.features(some, Units::Both, h),
                 Self::Rbm(model) => model.h_from_v(some, h),
                 Self::Filters(_) => {}
             }
@@ -136,7 +118,6 @@ impl Model {
     /// −F(v), nats, of every row.
     fn scores(&self, rows: Rows<'_>, stop: Stop<'_>) -> Result<Vec<f64>> {
         let energy: &dyn Fn(&[f32]) -> f64 = match self {
-            Self::Factored(model) => &|v| model.free_energy(v),
             Self::Rbm(model) => &|v| model.free_energy(v),
             _ => return Err(Error::Invalid("this model has no free energy".into())),
         };
@@ -145,8 +126,6 @@ impl Model {
     /// How many codes a row has.
     fn units(&self) -> usize {
         match self {
-            Self::Autoencoder(model) => model.layer().shape().1,
-            Self::Factored(model) => model.width(Units::Both),
             Self::Filters(model) => model.shape().2,
             Self::Rbm(model) => model.shape().1,
         }
@@ -154,8 +133,6 @@ impl Model {
     /// How wide rows are.
     fn width(&self) -> usize {
         match self {
-            Self::Autoencoder(model) => model.layer().shape().0,
-            Self::Factored(model) => model.glimpse_len(),
             Self::Filters(model) => model.shape().0,
             Self::Rbm(model) => model.shape().0,
         }

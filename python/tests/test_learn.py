@@ -19,7 +19,7 @@ import pytest
 
 pytest.importorskip("sklearn", reason="skipped: no scikit-learn")
 
-from foveate.learn import ISA, RBM, Autoencoder, FactoredRBM, SoftmaxRegression, SparseCoding, SphericalKMeans
+from foveate.learn import ISA, RBM, SoftmaxRegression, SparseCoding, SphericalKMeans
 from sklearn.base import clone
 from sklearn.cluster import KMeans
 from sklearn.datasets import load_digits, load_iris, load_wine
@@ -33,9 +33,6 @@ from sklearn.utils.estimator_checks import check_estimator
 
 SMALL: list[Any] = [
     RBM(3, n_iter=2),
-    FactoredRBM(4, 3, n_iter=2),
-    FactoredRBM(16, 3, n_iter=2, pooling="grid", persistent=False, pool_from=0),
-    Autoencoder(3, n_iter=2),
     SphericalKMeans(3, n_iter=2),
     SphericalKMeans(3, n_iter=2, softening=1.0),
     SparseCoding(3, n_iter=2),
@@ -93,12 +90,7 @@ def test_the_same_seed_learns_the_same_and_what_is_wrong_is_said(estimator: Any)
         (SparseCoding(3, alpha=0.0), "penalty"),
         (ISA(2, subspace_size=3), "1, 2, 4 or 8"),
         (ISA(2, subspace_size=8), "minimum of 8"),
-        (Autoencoder(10**30), "training"),
-        (Autoencoder(10**12), "65536"),
-        (Autoencoder(3, mask=1.0), "mask"),
         (RBM(3, visible="grey"), "visible|variant"),  # type: ignore[arg-type]
-        (FactoredRBM(17, 3, pooling="grid"), "square"),
-        (FactoredRBM(4, 3, rejection_rate=0.0), "rejected"),
         (SoftmaxRegression(C=0.0), "C is above 0"),
         (SoftmaxRegression(max_iter=0), "max_iter"),
     ],
@@ -135,29 +127,6 @@ def test_free_energies_sum_to_the_partition_function() -> None:
     np.testing.assert_array_equal(again.components_, rbm.components_)
     with pytest.raises(foveate.InputError):
         RBM(visible="bernoulli").fit(rows - 3)
-
-
-def test_a_factored_rbm_knows_what_is_loud_together() -> None:
-    """Two pairs of numbers without correlation, loud or silent together: that is all there is to know of them."""
-    rng = np.random.default_rng(0)
-    volume = rng.exponential(size=(4000, 2))
-    rows = np.repeat(volume, 2, axis=1) * rng.normal(size=(4000, 4))
-    machine = FactoredRBM(n_factors=8, n_means=2, n_iter=20, random_state=0).fit(rows[:2000])
-    alone = rng.permuted(rows[2000:], axis=0)
-    assert machine.score_samples(rows[2000:]).mean() > machine.score_samples(alone).mean() + 0.05
-    assert machine.pooling_.shape == (8, 8) and (machine.pooling_ >= 0).all()
-
-
-def test_an_autoencoder_takes_noise_away() -> None:
-    """Ten values of which two are free: what it makes of noisy rows is nearer to the clean ones than they are."""
-    rng = np.random.default_rng(0)
-    clean = rng.normal(size=(3000, 2)) @ rng.normal(size=(2, 10))
-    coder = Autoencoder(20, mask=0.0, noise=0.5, n_iter=60, l2=0.0, random_state=0).fit(clean[:2000])
-    noisy = clean[2000:] + 0.5 * rng.normal(size=(1000, 10))
-    made = coder.inverse_transform(coder.transform(noisy))
-    assert ((made - clean[2000:]) ** 2).mean() < 0.4 * ((noisy - clean[2000:]) ** 2).mean()
-    hidden = 1 / (1 + np.exp(-(noisy @ coder.components_.T + coder.intercept_hidden_)))
-    np.testing.assert_allclose(coder.transform(noisy), hidden, atol=1e-5)
 
 
 def test_separated_clusters_are_those_of_scikit_learn() -> None:
@@ -322,9 +291,6 @@ def pressed(work: Callable[[], object]) -> float:
 LONG: list[tuple[Any, str]] = [
     (RBM(4, n_iter=2**30), "fit"),
     (RBM(2000, learning_rate=0.0), "score_samples"),
-    (FactoredRBM(64, 64, n_iter=2**30), "fit"),
-    (FactoredRBM(600, 200, explained_variance=1.0), "score_samples"),
-    (Autoencoder(4, n_iter=2**30), "fit"),
     (SphericalKMeans(2000, n_iter=2**30), "fit"),
     (SparseCoding(300), "fit"),
     (SparseCoding(300, alpha=0.01), "transform"),

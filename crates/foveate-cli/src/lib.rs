@@ -16,6 +16,10 @@ pub mod runs;
 pub mod configure {
     pub use crate::cmd::configure::{Changes, read};
 }
+/// Training runs: glimpses to learn from, files, checkpoints, progress.
+pub mod training {
+    pub use crate::cmd::train::common::{Files, Glimpses, Natural, train};
+}
 /// Videos with known boxes.
 pub mod videos {
     pub use crate::cmd::videos::{Video, of_sequence};

@@ -1,7 +1,6 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
-pub mod autoencoder;
 pub mod filters;
 pub mod rbm;
 pub mod softmax;

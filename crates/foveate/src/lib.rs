@@ -137,7 +137,7 @@
 //! | `threads` | yes | particles and targets in parallel; results do not change |
 //! | `video` | yes | `video`: image folders, MP4, the ffmpeg program, annotation files |
 //! | `report` | yes | `report`: tables, annotated video, the report page, runs from a source to observers |
-//! | `learn` | no | `learn`: RBMs, autoencoder, k-means, softmax; learned encoders and recognisers, and the models that ship |
+//! | `learn` | no | `learn`: RBMs, k-means, softmax; learned encoders and recognisers, and the models that ship |
 //! | `onnx` | no | encoders and object detectors from ONNX files (`encoder.kind`, `detector.kind`: `onnx`); its build takes minutes |
 //! | `lab` | no | `lab`: evaluation, training runs, synthetic scenes |
 #![forbid(unsafe_code)]

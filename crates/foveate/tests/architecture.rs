@@ -17,7 +17,7 @@ const CRATES: [(&str, &[&str]); 14] = [
     ("", &["base", "gp", "learn", "core", "video", "report", "lab"]),
     ("cli", &["", "page"]),
     ("testing", &[]),
-    ("paper", &["", "cli"]),
+    ("paper", &["", "cli", "kernels"]),
     ("web", &["base", "kernels", "core", "video", "page", "lab"]),
 ];
 

@@ -115,7 +115,7 @@ impl LineSpec {
         }
         let mut text = toml::Table::try_from(&config).map_err(|e| Error::Config(format!("line {}: {e}", self.name)))?;
         lay(&mut text, &self.change);
-        let config = Config::parse(&text.to_string(), &format!("line {}", self.name))?;
+        let config = Config::parse_with(&text.to_string(), &format!("line {}", self.name), &crate::parts::parts())?;
         let in_line = |e: Error| Error::Config(format!("line {}: {e}", self.name));
         let config = settings.iter().try_fold(config, |config, setting| config.set(setting)).map_err(in_line)?;
         // The seed of each run is its job's.

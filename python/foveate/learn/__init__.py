@@ -12,10 +12,8 @@ interpreter's lock is free while they learn.
 True
 """
 
-from ._autoencoder import Autoencoder
-from ._factored import FactoredRBM
 from ._filters import ISA, SparseCoding, SphericalKMeans
 from ._rbm import RBM
 from ._softmax import SoftmaxRegression
 
-__all__ = ["ISA", "RBM", "Autoencoder", "FactoredRBM", "SoftmaxRegression", "SparseCoding", "SphericalKMeans"]
+__all__ = ["ISA", "RBM", "SoftmaxRegression", "SparseCoding", "SphericalKMeans"]

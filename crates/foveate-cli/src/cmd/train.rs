@@ -12,13 +12,11 @@ use foveate::learn::rbm::monitor::Fit;
 use foveate::learn::rbm::{Negative, Rbm, Recipe, Sparsity, Trainer, Visible};
 use foveate::rows::Rows;
 
-mod autoencoder;
 mod classifier;
-mod common;
+pub mod common;
 mod confidence;
 mod confidence_tracks;
 mod fixations;
-mod mcrbm;
 mod patch_filters;
 mod variation;
 
@@ -33,8 +31,6 @@ pub struct Args {
 enum What {
     Rbm(Box<RbmArgs>),
     Fixations(Box<fixations::Args>),
-    Mcrbm(Box<mcrbm::Args>),
-    Autoencoder(Box<autoencoder::Args>),
     Kmeans(Box<patch_filters::KmeansArgs>),
     Sparse(Box<patch_filters::SparseArgs>),
     Ica(Box<patch_filters::IcaArgs>),
@@ -160,8 +156,6 @@ pub fn run(args: Args) -> Result<()> {
     match args.what {
         What::Rbm(args) => train(&args),
         What::Fixations(args) => fixations::run(&args),
-        What::Mcrbm(args) => mcrbm::run(&args),
-        What::Autoencoder(args) => autoencoder::run(&args),
         What::Kmeans(args) => args.run(),
         What::Sparse(args) => args.run(),
         What::Ica(args) => args.run(),

@@ -4,7 +4,6 @@ mod classifier;
 mod confidence;
 mod fixations;
 mod kmeans;
-mod mcrbm;
 mod photographs;
 mod rbm;
 mod training;

@@ -4,9 +4,15 @@ use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+/// The program that is tested: `foveate`, or another with its commands.
+const PROGRAM: &str = match (option_env!("CARGO_BIN_EXE_foveate"), option_env!("CARGO_BIN_EXE_paper")) {
+    (Some(program), _) | (None, Some(program)) => program,
+    (None, None) => panic!("tests are built with a program"),
+};
+
 /// `foveate train` with these arguments, on the data in a folder, to a model in the same folder.
 pub fn train(dir: &Path, out: &str, args: &[&str], extra: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
+    let mut command = Command::new(PROGRAM);
     command.arg("train").args(args).args(["--threads", "2", "--data"]).arg(dir);
     command.arg("--out").arg(dir.join(out)).args(extra);
     command.stdout(Stdio::piped()).stderr(Stdio::piped());

@@ -106,11 +106,7 @@ mod tests {
     #[test]
     fn other_learned_features_are_a_setting_away() {
         let learned = Config::builtin("natural-learned").expect("it ships").expect("it is right");
-        for settings in [
-            &["encoder.kind=mcrbm", "encoder.units=covariance", "likelihood.sharpness=120"][..],
-            &["encoder.kind=autoencoder", "likelihood.sharpness=120"],
-            &["encoder.kind=kmeans", "likelihood.sharpness=60"],
-        ] {
+        for settings in [&["encoder.kind=kmeans", "likelihood.sharpness=60"][..]] {
             let config = settings.iter().try_fold(learned.clone(), |config, setting| config.set(setting));
             config.and_then(|config| config.check(&Folder::here())).expect(settings[0]);
         }

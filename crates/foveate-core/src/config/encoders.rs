@@ -7,8 +7,6 @@ use crate::identity::onnx::Planes;
 use crate::identity::oriented;
 #[cfg(feature = "learn")]
 use crate::identity::rbm_encoder::Precision;
-#[cfg(feature = "learn")]
-use foveate_learn::rbm::factored::Units;
 
 /// The first layers there are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,27 +17,6 @@ pub enum EncoderConfig {
     #[cfg(feature = "learn")]
     Rbm {
         /// The model.
-        weights: String,
-        /// Precision of the weights.
-        #[serde(default)]
-        precision: Precision,
-    },
-    /// A factored RBM, of covariance and mean units: `weights` is a model file, or `builtin:natural-mcrbm`, as if left out.
-    #[cfg(feature = "learn")]
-    Mcrbm {
-        /// The model.
-        #[serde(default = "natural_mcrbm")]
-        weights: String,
-        /// Which of its units are features.
-        #[serde(default)]
-        units: Units,
-    },
-    /// The hidden layer of a denoising autoencoder: `weights` is a model file, or
-    /// `builtin:natural-autoencoder`, as if left out.
-    #[cfg(feature = "learn")]
-    Autoencoder {
-        /// The model.
-        #[serde(default = "natural_autoencoder")]
         weights: String,
         /// Precision of the weights.
         #[serde(default)]
@@ -113,16 +90,6 @@ pub enum EncoderConfig {
     /// A registered one.
     #[serde(skip)]
     Own(OwnPart),
-}
-
-#[cfg(feature = "learn")]
-fn natural_mcrbm() -> String {
-    "builtin:natural-mcrbm".into()
-}
-
-#[cfg(feature = "learn")]
-fn natural_autoencoder() -> String {
-    "builtin:natural-autoencoder".into()
 }
 
 #[cfg(feature = "learn")]

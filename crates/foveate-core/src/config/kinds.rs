@@ -17,8 +17,7 @@ pub const POLICIES: [&str; 12] = [
 ];
 
 #[cfg(feature = "learn")]
-pub(super) const ENCODERS: [&str; 9] =
-    ["rbm", "mcrbm", "autoencoder", "kmeans", "sparse", "ica", "onnx", "oriented", "raw"];
+pub(super) const ENCODERS: [&str; 7] = ["rbm", "kmeans", "sparse", "ica", "onnx", "oriented", "raw"];
 #[cfg(not(feature = "learn"))]
 pub(super) const ENCODERS: [&str; 3] = ["onnx", "oriented", "raw"];
 

@@ -7,13 +7,10 @@ use super::EncoderConfig;
 use super::identity::{Places, channels};
 use crate::identity::convolution::ConvolutionEncoder;
 use crate::identity::encoder::Encoder;
-use crate::identity::factored::FactoredEncoder;
 use crate::identity::rbm_encoder::RbmEncoder;
 use crate::identity::retina::{Foveal, FovealConfig, Retina};
 use foveate_base::{Error, Result};
-use foveate_learn::autoencoder::Autoencoder;
 use foveate_learn::filters::PatchFilters;
-use foveate_learn::rbm::factored::FactoredRbm;
 use foveate_learn::rbm::io::command;
 use foveate_learn::rbm::{Metadata, Rbm};
 
@@ -28,18 +25,6 @@ pub(super) fn first_layer(
             let (rbm, metadata) = model(weights, places, Rbm::from_bytes)?;
             let retina = trained_retina(weights, &metadata, given, "rbm")?;
             let encoder = RbmEncoder::new(rbm, &channels(&retina)).rounded(*precision);
-            Ok((retina, Arc::new(encoder)))
-        }
-        EncoderConfig::Autoencoder { weights, precision } => {
-            let (model, metadata) = model(weights, places, Autoencoder::from_bytes)?;
-            let retina = trained_retina(weights, &metadata, given, "autoencoder")?;
-            let encoder = RbmEncoder::new(model.layer().clone(), &channels(&retina)).rounded(*precision);
-            Ok((retina, Arc::new(encoder)))
-        }
-        EncoderConfig::Mcrbm { weights, units } => {
-            let (rbm, metadata) = model(weights, places, FactoredRbm::from_bytes)?;
-            let retina = trained_retina(weights, &metadata, given, "mcrbm")?;
-            let encoder = FactoredEncoder::new(rbm, *units, &channels(&retina));
             Ok((retina, Arc::new(encoder)))
         }
         EncoderConfig::Kmeans { weights, pool, threshold } => {
@@ -118,8 +103,6 @@ fn model<M>(weights: &str, (files, folder): Places<'_>, from_bytes: fn(&[u8], &P
 const MODELS: &[(&str, &[u8])] = &[
     ("digits", include_bytes!("../../models/digits.safetensors")),
     ("natural", include_bytes!("../../models/natural.safetensors")),
-    ("natural-mcrbm", include_bytes!("../../models/natural-mcrbm.safetensors")),
-    ("natural-autoencoder", include_bytes!("../../models/natural-autoencoder.safetensors")),
     ("natural-sparse", include_bytes!("../../models/natural-sparse.safetensors")),
     ("natural-ica", include_bytes!("../../models/natural-ica.safetensors")),
     ("natural-kmeans", include_bytes!("../../models/natural-kmeans.safetensors")),

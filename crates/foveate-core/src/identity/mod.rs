@@ -17,8 +17,6 @@ mod dense;
 pub mod discriminant;
 pub mod distance;
 pub mod encoder;
-#[cfg(feature = "learn")]
-pub mod factored;
 mod footprint;
 pub mod fusion;
 pub mod gaze_appearance;

@@ -1,4 +1,4 @@
-//! The first layer of the paper: the hidden units of an RBM (section 2.1), or of an autoencoder, all particles in one product.
+//! The first layer of the paper: the hidden units of an RBM (section 2.1), all particles in one product.
 
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_kernels as kernels;

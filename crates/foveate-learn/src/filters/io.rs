@@ -121,8 +121,8 @@ mod tests {
             let mut bytes = std::fs::read(&path).expect("just written");
             *bytes.last_mut().expect("not empty") ^= 1;
             assert!(PatchFilters::from_bytes(&bytes, &path).is_err());
-            let autoencoder = crate::autoencoder::Autoencoder::load(&path).expect_err("another kind").to_string();
-            assert!(autoencoder.contains(method.name()), "{autoencoder}");
+            let other = crate::rbm::Rbm::load(&path).expect_err("another kind").to_string();
+            assert!(other.contains(method.name()), "{other}");
         }
     }
 }

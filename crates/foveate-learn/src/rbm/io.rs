@@ -121,9 +121,12 @@ pub fn refuse(path: &Path, problem: &str, kind: &str) -> Error {
     Error::malformed(path, format!("not a usable model: {problem}; `{}` makes one", command(kind)))
 }
 
-/// What trains a model of this kind.
+/// The command that trains a model of this kind.
 pub fn command(kind: &str) -> String {
-    format!("foveate train {kind}")
+    match kind {
+        "mcrbm" | "autoencoder" => format!("cargo run --release -p paper -- train {kind}"),
+        _ => format!("foveate train {kind}"),
+    }
 }
 
 /// The bytes of a file of tensors.

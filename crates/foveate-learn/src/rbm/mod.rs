@@ -4,9 +4,7 @@
 
 mod checkpoint;
 pub mod epoch_state;
-pub mod factored;
 pub mod fixations;
-mod hmc;
 pub mod io;
 pub mod likelihood;
 pub mod monitor;
@@ -19,7 +17,7 @@ pub mod progress;
 mod rbm;
 mod recipe;
 pub mod train;
-mod units;
+pub mod units;
 mod visible;
 mod whiten;
 

@@ -24,7 +24,7 @@ pub fn warm() {
 
 /// Rows a thread takes at a time: all of them for one thread, so that weights are packed once; any number gives the
 /// same bits.
-pub(crate) fn block_of(rows: usize) -> usize {
+pub fn block_of(rows: usize) -> usize {
     rows.div_ceil(rayon::current_num_threads()).max(8)
 }
 

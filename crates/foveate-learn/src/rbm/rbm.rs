@@ -57,6 +57,10 @@ impl Rbm {
     pub fn visible_bias(&self) -> &[f32] {
         &self.visible_bias
     }
+    /// W, b and c, for a trainer to move: shapes as [`Rbm::new`] has them. They must stay finite.
+    pub fn parameters_mut(&mut self) -> [&mut [f32]; 3] {
+        [&mut self.weights, &mut self.visible_bias, &mut self.hidden_bias]
+    }
     /// c, length n_h.
     pub fn hidden_bias(&self) -> &[f32] {
         &self.hidden_bias

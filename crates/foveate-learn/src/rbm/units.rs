@@ -6,14 +6,14 @@ use rand::Rng as _;
 use rand_distr::{Distribution, StandardNormal};
 
 /// Adds `bias` to every row of `x`.
-pub(super) fn add_bias(x: &mut [f32], bias: &[f32]) {
+pub fn add_bias(x: &mut [f32], bias: &[f32]) {
     for row in x.chunks_exact_mut(bias.len()) {
         row.iter_mut().zip(bias).for_each(|(x, b)| *x += b);
     }
 }
 
 /// log(1 + eˣ) without overflow.
-pub(super) fn softplus(x: f64) -> f64 {
+pub fn softplus(x: f64) -> f64 {
     x.max(0.0) + (-x.abs()).exp().ln_1p()
 }
 
@@ -65,7 +65,7 @@ pub(super) fn sample_visible(visible: Visible, v: &mut [f32], rng: &mut Rng) {
 }
 
 /// `sums` += the sum of the rows of `x`.
-pub(super) fn add_rows(x: &[f32], sums: &mut [f32]) {
+pub fn add_rows(x: &[f32], sums: &mut [f32]) {
     for row in x.chunks_exact(sums.len()) {
         foveate_kernels::add_scaled(1.0, row, sums);
     }

@@ -53,8 +53,6 @@ fn encoder(config: &EncoderConfig) -> &'static str {
         EncoderConfig::Raw { standardise: true } => "standardised pixels (`raw`)",
         EncoderConfig::Raw { .. } => "pixels (`raw`)",
         EncoderConfig::Rbm { .. } => "RBM (`rbm`)",
-        EncoderConfig::Mcrbm { .. } => "factored RBM (`mcrbm`)",
-        EncoderConfig::Autoencoder { .. } => "autoencoder (`autoencoder`)",
         EncoderConfig::Kmeans { .. } => "k-means filters (`kmeans`)",
         EncoderConfig::Sparse { .. } => "filters by sparse coding (`sparse`)",
         EncoderConfig::Ica { .. } => "energies of two-layer ICA (`ica`)",

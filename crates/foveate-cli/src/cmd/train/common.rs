@@ -61,8 +61,11 @@ pub struct Natural {
 
 /// Glimpses to learn from and to monitor with, n × the retina's values.
 pub struct Glimpses {
+    /// The retina that looks.
     pub retina: Foveal,
+    /// Those to learn from.
     pub learn: Vec<f32>,
+    /// Those of pictures never learned from.
     pub held: Vec<f32>,
     /// Names `learn`.
     pub sha256: String,

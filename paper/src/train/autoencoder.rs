@@ -1,11 +1,11 @@
-//! `foveate train autoencoder`: a denoising autoencoder with tied weights, from natural glimpses.
+//! `paper train autoencoder`: a denoising autoencoder with tied weights, from natural glimpses.
 
+use crate::autoencoder::{Recipe, Trainer};
 use foveate::Result;
 use foveate::identity::retina::Retina;
 use foveate::lab::training::filters;
-use foveate::learn::autoencoder::{Recipe, Trainer};
 
-use super::common::{self, Glimpses, Natural};
+use foveate_cli::training::{self, Glimpses, Natural};
 
 /// Learn a denoising autoencoder with tied weights from glimpses of natural photographs.
 ///
@@ -82,7 +82,7 @@ pub fn run(args: &Args) -> Result<()> {
         |path| Trainer::resume(path, recipe.clone(), glimpses.rows(), &glimpses.sha256),
         || Trainer::new(recipe.clone(), glimpses.rows()),
     )?;
-    common::train(
+    training::train(
         (recipe.epochs, trainer.batches(glimpses.rows().len())),
         &mut trainer,
         Trainer::progress,

@@ -1,10 +1,10 @@
 //! Small machines against enumeration of their hidden states and finite differences; what training promises.
 
 use super::energy::Scratch;
+use super::hmc::Potential;
 use super::*;
-use crate::rbm::Metadata;
-use crate::rbm::hmc::Potential;
-use foveate_base::rng::Streams;
+use foveate::learn::rbm::Metadata;
+use foveate::rng::Streams;
 use proptest::prelude::*;
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
@@ -269,7 +269,8 @@ fn models_come_back_and_what_is_not_one_is_refused() {
     let path = Path::new("m.safetensors");
     assert_eq!(FactoredRbm::from_bytes(&bytes, path).expect("just made"), (model.clone(), metadata.clone()));
     let why = |bytes: &[u8]| FactoredRbm::from_bytes(bytes, path).expect_err("refused").to_string();
-    let rbm = crate::rbm::Rbm::new(crate::rbm::Visible::Gaussian, vec![0.5; 6], vec![0.0; 2], vec![0.0; 3]);
+    let rbm =
+        foveate::learn::rbm::Rbm::new(foveate::learn::rbm::Visible::Gaussian, vec![0.5; 6], vec![0.0; 2], vec![0.0; 3]);
     let other = rbm.expect("finite").to_bytes(&metadata);
     assert!(why(&other).contains("kind \"rbm\"") && why(&other).contains("train mcrbm"), "{}", why(&other));
     let mut bent = bytes.clone();

@@ -1,14 +1,14 @@
 //! Model files and checkpoints of factored RBMs: tensors under a seal, as `rbm/io.rs` writes them.
 
+use super::hmc::Step;
 use super::train::Trainer;
 use super::{FactoredRbm, Parameters, Recipe, Sizes};
-use crate::rbm::Metadata;
-use crate::rbm::hmc::Step;
-use crate::rbm::io::{About, Tensor, Tensors, open, pack, read};
-use crate::rbm::progress::{Checkpoint, save};
-use crate::rbm::whiten::Whitening;
-use foveate_base::rows::Rows;
-use foveate_base::{Result, files};
+use foveate::learn::rbm::Metadata;
+use foveate::learn::rbm::Whitening;
+use foveate::learn::rbm::io::{About, Tensor, Tensors, open, pack};
+use foveate::learn::rbm::progress::{Checkpoint, save};
+use foveate::rows::Rows;
+use foveate::{Result, files};
 use std::path::Path;
 
 const KIND: &str = "mcrbm";
@@ -68,10 +68,6 @@ impl FactoredRbm {
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
         let (found, about) = open(bytes, path, KIND, |_: &About, tensors| Self::of_tensors(tensors))?;
         Ok((found, about.metadata))
-    }
-    /// Reads a model file; see [`FactoredRbm::from_bytes`].
-    pub fn load(path: &Path) -> Result<(Self, Metadata)> {
-        Self::from_bytes(&read(path)?, path)
     }
 }
 

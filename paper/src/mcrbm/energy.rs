@@ -3,11 +3,11 @@
 //! F(x) = ½‖x‖² − bᵛᵀx − Σ_k softplus(s_k) − Σ_j softplus(bᵐ_j + W·ⱼᵀx), with s_k = b_kᶜ − ½ Σ_f P_fk u_f². Its gradient through
 //! x̂ = r x, r = (mean(x²) + ½)^(−½): with a = C (u ∘ P hᶜ), r a − r³ x (aᵀx) / n_x, then x − bᵛ − W hᵐ.
 
+use super::hmc::Potential;
 use super::{Parameters, SMALL, Sizes};
-use crate::rbm::hmc::Potential;
-use crate::rbm::product::{rows_times, rows_times_transposed};
-use crate::rbm::units::{add_bias, softplus};
-use foveate_base::rows::Rows;
+use foveate::learn::rbm::product::{rows_times, rows_times_transposed};
+use foveate::learn::rbm::units::{add_bias, softplus};
+use foveate::rows::Rows;
 use foveate_kernels::{bias_logistic, dot, logistic};
 
 /// Factors of a product taken before its logarithm: each is ½ to 1.
@@ -22,7 +22,7 @@ pub(super) fn normalise(x: &mut [f32]) -> f32 {
 
 /// Buffers of a batch of m rows.
 #[derive(Debug, Default)]
-pub(in crate::rbm) struct Scratch {
+pub(super) struct Scratch {
     /// x̂, m × n_x.
     pub(super) hat: Vec<f32>,
     /// r, m.

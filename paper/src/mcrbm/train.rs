@@ -5,15 +5,15 @@
 //! bits for any number of threads, and after any interruption.
 
 use super::energy::Scratch;
+use super::hmc::{Step, Work as Chains, transition};
 use super::{FactoredRbm, Negative, Parameters, Recipe, Sizes};
-use crate::rbm::epoch_state::EpochState;
-use crate::rbm::hmc::{Step, Work as Chains, transition};
-use crate::rbm::product::{add_outer, block_of};
-use crate::rbm::units::add_rows;
-use crate::rbm::whiten::Whitening;
-use foveate_base::rng::{Purpose, Streams};
-use foveate_base::rows::Rows;
-use foveate_base::{Error, Result};
+use foveate::learn::rbm::Whitening;
+use foveate::learn::rbm::epoch_state::EpochState;
+use foveate::learn::rbm::product::{add_outer, block_of};
+use foveate::learn::rbm::units::add_rows;
+use foveate::rng::{Purpose, Streams};
+use foveate::rows::Rows;
+use foveate::{Error, Result};
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
 
@@ -98,7 +98,7 @@ impl Trainer {
         let work = Work::default();
         Ok(Self { recipe, whitening, parameters, chains, step, length, state: EpochState::default(), data, work })
     }
-    crate::training_accessors!();
+    foveate::learn::training_accessors!();
     /// Batches an epoch has.
     pub fn batches(&self) -> usize {
         self.data.len() / self.whitening.shape().1 / self.recipe.batch

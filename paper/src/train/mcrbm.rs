@@ -1,13 +1,14 @@
-//! `foveate train mcrbm`: a factored RBM, of covariance and mean units, from natural glimpses.
+//! `paper train mcrbm`: a factored RBM, of covariance and mean units, from natural glimpses.
 
+use crate::mcrbm::{FactoredRbm, Negative, Pooling, Recipe, Trainer, Units};
 use clap::ValueEnum;
 use foveate::Result;
 use foveate::identity::retina::Retina;
 use foveate::lab::training::filters;
-use foveate::learn::rbm::factored::{FactoredRbm, Negative, Pooling, Recipe, Trainer, Units};
 use foveate::rows::{Rows, RowsMut};
 
-use super::common::{self, Glimpses, Natural};
+use foveate_cli::say;
+use foveate_cli::training::{self, Glimpses, Natural};
 
 /// Learn a factored RBM, of covariance and mean units, from glimpses of natural photographs.
 ///
@@ -141,7 +142,7 @@ pub fn run(args: &Args) -> Result<()> {
         sizes.covariance,
         sizes.mean
     );
-    common::train(
+    training::train(
         (recipe.epochs, trainer.batches()),
         &mut trainer,
         Trainer::progress,

@@ -4,11 +4,11 @@
 //! its noise: the same seed gives the same bits for any number of threads, and after any interruption.
 
 use super::Autoencoder;
-use crate::rbm::epoch_state::EpochState;
-use crate::rbm::product::{add_outer, block_of, rows_times};
-use foveate_base::rng::{Purpose, Streams};
-use foveate_base::rows::{Rows, RowsMut};
-use foveate_base::{Error, Result};
+use foveate::learn::rbm::epoch_state::EpochState;
+use foveate::learn::rbm::product::{add_outer, block_of, rows_times};
+use foveate::rng::{Purpose, Streams};
+use foveate::rows::{Rows, RowsMut};
+use foveate::{Error, Result};
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
@@ -107,7 +107,7 @@ impl Trainer {
         let velocity = vec![0.0; n_v * n_h + n_v + n_h];
         Ok(Self { recipe, model, velocity, state: EpochState::default(), work: Work::default() })
     }
-    crate::training_accessors!();
+    foveate::learn::training_accessors!();
     /// Batches an epoch has for this many rows.
     pub fn batches(&self, rows: usize) -> usize {
         rows / self.recipe.batch
@@ -119,7 +119,8 @@ impl Trainer {
     /// Fails if a parameter is no longer finite: the training has diverged.
     pub fn check(&self) -> Result<()> {
         let layer = &self.model.layer;
-        if [&layer.weights, &layer.visible_bias, &layer.hidden_bias].iter().all(|x| x.iter().all(|x| x.is_finite())) {
+        let all = [layer.weights().data(), layer.visible_bias(), layer.hidden_bias()];
+        if all.iter().all(|x| x.iter().all(|x| x.is_finite())) {
             return Ok(());
         }
         Err(self.state.diverged(self.recipe.rate))
@@ -157,7 +158,7 @@ impl Trainer {
             layer.h_from_v(Rows::new(noisy, n_v), RowsMut::new(h, n_h));
             layer.v_from_h(Rows::new(h, n_h), RowsMut::new(delta, n_v));
             delta.iter_mut().zip(clean).for_each(|(d, v)| *d -= v);
-            rows_times(Rows::new(delta, n_v), &layer.weights, gamma);
+            rows_times(Rows::new(delta, n_v), layer.weights().data(), gamma);
             gamma.iter_mut().zip(&*h).for_each(|(g, h)| *g *= h * (1.0 - h));
         });
         gradient.clear();
@@ -179,11 +180,10 @@ impl Trainer {
     /// Moves the parameters down the gradient.
     fn descend(&mut self) {
         let Recipe { rate, momentum, l2, .. } = self.recipe;
-        let layer = &mut self.model.layer;
-        let n = layer.weights.len();
-        let pulled = self.work.gradient[..n].iter_mut().zip(&layer.weights);
+        let [weights, visible_bias, hidden_bias] = self.model.layer.parameters_mut();
+        let pulled = self.work.gradient.iter_mut().zip(&*weights);
         pulled.for_each(|(g, w)| *g += l2 * w);
-        let all = layer.weights.iter_mut().chain(&mut layer.visible_bias).chain(&mut layer.hidden_bias);
+        let all = weights.iter_mut().chain(visible_bias).chain(hidden_bias);
         for ((x, u), g) in all.zip(&mut self.velocity).zip(&self.work.gradient) {
             *u = momentum * *u - (1.0 - momentum) * rate * g;
             *x += *u;
@@ -219,7 +219,8 @@ mod tests {
         for e in 0..n {
             let at = |by: f32| {
                 let mut layer = trainer.model.layer.clone();
-                let mut all = layer.weights.iter_mut().chain(&mut layer.visible_bias).chain(&mut layer.hidden_bias);
+                let [weights, visible_bias, hidden_bias] = layer.parameters_mut();
+                let mut all = weights.iter_mut().chain(visible_bias).chain(hidden_bias);
                 *all.nth(e).expect("a parameter") += by;
                 let (mut h, mut back) = ([0.0; 12], [0.0; 18]);
                 layer.h_from_v(Rows::new(&noisy, 6), RowsMut::new(&mut h, 4));
@@ -263,11 +264,11 @@ mod tests {
         assert!(Trainer::resume(&path, Recipe { mask: 0.1, ..recipe }, all, "abc").is_err());
         let model = dir.path().join("m.safetensors");
         whole.learned().save(&model, &Default::default()).expect("a writable folder");
-        assert_eq!(&Autoencoder::load(&model).expect("just written").0, whole.learned());
         let mut bytes = std::fs::read(&model).expect("just written");
+        assert_eq!(&Autoencoder::from_bytes(&bytes, &model).expect("just written").0, whole.learned());
         *bytes.last_mut().expect("not empty") ^= 1;
         assert!(Autoencoder::from_bytes(&bytes, &model).is_err());
-        assert!(crate::rbm::Rbm::load(&model).expect_err("another kind").to_string().contains("autoencoder"));
+        assert!(foveate::learn::rbm::Rbm::load(&model).expect_err("another kind").to_string().contains("autoencoder"));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! How to learn: the numbers of a training, and their ranges.
 
 use super::MOST;
-use foveate_base::{Error, Result};
+use foveate::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// How to learn. Steps are those of the authors' code, all times `rate`.

@@ -5,20 +5,23 @@
 //! E(x, hᶜ, hᵐ) = ½ Σ_k h_kᶜ Σ_f P_fk u_f² − bᶜᵀhᶜ − xᵀWhᵐ − bᵐᵀhᵐ + ½‖x‖² − bᵛᵀx, in nats.
 //! So p(h_kᶜ = 1 | x) = σ(b_kᶜ − ½ Σ_f P_fk u_f²): a covariance unit is on while its factors are silent.
 
+mod encoder;
 mod energy;
+mod hmc;
 mod io;
 mod recipe;
 #[cfg(test)]
 mod tests;
 mod train;
 
+pub use self::encoder::FactoredEncoder;
 pub use self::recipe::{Negative, Pooling, Recipe};
 pub use self::train::Trainer;
 
-use super::product::rows_times;
-use super::whiten::Whitening;
-use foveate_base::rows::{Rows, RowsMut};
-use foveate_base::{Error, Result};
+use foveate::learn::rbm::Whitening;
+use foveate::learn::rbm::product::rows_times;
+use foveate::rows::{Rows, RowsMut};
+use foveate::{Error, Result};
 use foveate_kernels::bias_logistic;
 use serde::{Deserialize, Serialize};
 
@@ -163,7 +166,7 @@ impl FactoredRbm {
         self.parameters.sizes()
     }
     /// p(hᶜ = 0 | v), then p(hᵐ = 1 | v), of the units asked for, for every row of `v` (m × n_v) into `h` (m ×
-    /// [`FactoredRbm::width`]). Allocates nothing but for a thread's first product (see [`warm`](super::warm)); a row's
+    /// [`FactoredRbm::width`]). Allocates nothing but for a thread's first product; a row's
     /// result depends on that row alone, bit for bit.
     ///
     /// Deviation: the article takes p(hᶜ = 1), which nearly all units have high, on flat patches most of all: then any two

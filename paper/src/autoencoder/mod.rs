@@ -8,9 +8,9 @@ mod train;
 
 pub use self::train::{Recipe, Trainer};
 
-use crate::rbm::{Rbm, Visible};
-use foveate_base::Result;
-use foveate_base::rows::{Rows, RowsMut};
+use foveate::Result;
+use foveate::learn::rbm::{Rbm, Visible};
+use foveate::rows::{Rows, RowsMut};
 
 /// A trained autoencoder: the parameters W, b, c of a layer, as an RBM with Gaussian units has them.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,20 +1,21 @@
 //! The features of a factored RBM (section 2.1, Ranzato & Hinton 2010) as a first layer.
 
-use super::encoder::{Channels, Encoder};
-use foveate_base::rows::{Rows, RowsMut};
-use foveate_learn::rbm::factored::{FactoredRbm, Units};
+use super::{FactoredRbm, Units};
+use foveate::identity::Encoder;
+use foveate::identity::encoder::Raw;
+use foveate::rows::{Rows, RowsMut};
 
 /// The probabilities of a factored RBM's hidden units: covariance units off, mean units on.
 pub struct FactoredEncoder {
     rbm: FactoredRbm,
     units: Units,
-    channels: Channels,
+    glimpses: Raw,
 }
 
 impl FactoredEncoder {
     /// Encodes with these units of a trained machine; each channel of a glimpse is standardised first, as in its training.
     pub fn new(rbm: FactoredRbm, units: Units, channels: &[usize]) -> Self {
-        Self { rbm, units, channels: Channels::of(channels) }
+        Self { rbm, units, glimpses: Raw::new(channels, true) }
     }
 }
 
@@ -23,7 +24,7 @@ impl Encoder for FactoredEncoder {
         (self.rbm.glimpse_len(), self.rbm.width(self.units))
     }
     fn condition(&self, glimpse: &mut [f32]) {
-        self.channels.standardise(glimpse);
+        self.glimpses.condition(glimpse);
     }
     fn encode(&self, glimpses: Rows<'_>, features: RowsMut<'_>) {
         self.rbm.features(glimpses, self.units, features);
@@ -33,9 +34,9 @@ impl Encoder for FactoredEncoder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::conformance;
-    use foveate_base::rng::Streams;
-    use foveate_learn::rbm::factored::{Recipe, Trainer};
+    use crate::mcrbm::{Recipe, Trainer};
+    use foveate::conformance;
+    use foveate::rng::Streams;
     use rand::RngExt;
 
     #[test]

@@ -3,9 +3,9 @@
 //! A row x gets a momentum p ~ N(0, 1), moves for some leapfrog steps along H = F(x) + ½‖p‖², and is accepted with
 //! probability min(1, exp(H₀ − H₁)); otherwise it stays where it was. The density is left as it is, whatever the step.
 
-use super::product::block_of;
-use foveate_base::rng::Rng;
-use foveate_base::rows::Rows;
+use foveate::learn::rbm::product::block_of;
+use foveate::rng::Rng;
+use foveate::rows::Rows;
 use rand::RngExt;
 use rand_distr::{Distribution, StandardNormal};
 use rayon::prelude::*;
@@ -132,7 +132,7 @@ fn leapfrog<P: Potential>(potential: &P, (steps, step): (usize, f32), n: usize, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use foveate_base::rng::{Purpose, Streams};
+    use foveate::rng::{Purpose, Streams};
 
     /// Independent normal numbers of these precisions around 0.
     struct Normal([f32; 3]);

@@ -1,11 +1,11 @@
 //! Model files and checkpoints of autoencoders.
 
 use super::{Autoencoder, Recipe, Trainer};
-use crate::rbm::io::{About, Tensor, Tensors, open, pack, read};
-use crate::rbm::progress::{Checkpoint, save};
-use crate::rbm::{Metadata, Rbm, Visible};
-use foveate_base::rows::Rows;
-use foveate_base::{Result, files};
+use foveate::learn::rbm::io::{About, Tensor, Tensors, open, pack};
+use foveate::learn::rbm::progress::{Checkpoint, save};
+use foveate::learn::rbm::{Metadata, Rbm, Visible};
+use foveate::rows::Rows;
+use foveate::{Result, files};
 use std::path::Path;
 
 const KIND: &str = "autoencoder";
@@ -30,10 +30,6 @@ impl Autoencoder {
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
         let (found, about) = open(bytes, path, KIND, |_: &About, tensors| Self::of_tensors(tensors))?;
         Ok((found, about.metadata))
-    }
-    /// Reads a model file; see [`Autoencoder::from_bytes`].
-    pub fn load(path: &Path) -> Result<(Self, Metadata)> {
-        Self::from_bytes(&read(path)?, path)
     }
 }
 

@@ -1,11 +1,10 @@
-//! `foveate train mcrbm` as a user meets it: it trains, it survives being killed, its model tracks.
+//! `paper train mcrbm` as a user meets it: it trains, it survives being killed, its model tracks.
 
-use foveate::files::Folder;
 use std::path::Path;
 use std::process::Command;
 
 use crate::photographs::write_photographs;
-use crate::training::{fails, train, whole_and_cut};
+use crate::training::{fails, said, train, whole_and_cut};
 
 fn command(dir: &Path, out: &str, extra: &[&str]) -> Command {
     let data = ["mcrbm", "--means", "9", "--held-out", "100", "--rings", "8/1,16/2"];
@@ -24,21 +23,35 @@ fn a_killed_training_goes_on_and_ends_with_the_same_bits_and_its_model_tracks() 
     assert!(std::fs::read(dir.path().join("whole.png")).expect("filters").starts_with(b"\x89PNG"));
     assert!(rest.contains("resuming") && !rest.contains("epoch 3/20"), "{rest}");
 
-    let config = |weights: &str, units: &str| {
-        format!(
+    let track = |weights: &str, units: &str| {
+        let config = format!(
             "particles = 50\ndynamics = {{ kind = \"autoregressive\" }}\npolicy = {{ kind = \"fixed\" }}\n\
              encoder = {{ kind = \"mcrbm\", weights = \"{weights}\", units = \"{units}\" }}\n\
              likelihood = {{ distance = \"cosine\", sharpness = 50 }}\n"
-        )
+        );
+        std::fs::write(dir.path().join("c.toml"), config).expect("a writable folder");
+        let mut command = Command::new(env!("CARGO_BIN_EXE_paper"));
+        command.current_dir(dir.path()).args([
+            "track",
+            "video",
+            "-c",
+            "c.toml",
+            "--no-video",
+            "--no-report",
+            "-o",
+            "out",
+        ]);
+        command
     };
-    use foveate::config::Config;
-    let check =
-        |text: &str| Config::parse(text, "test").and_then(|config| config.check(&Folder::new(dir.path())).map(|_| ()));
+    let mut synth = Command::new(env!("CARGO_BIN_EXE_paper"));
+    said({
+        synth.current_dir(dir.path()).args(["synth", "clutter", "--frames", "3", "--out", "video"]);
+        synth
+    });
     for units in ["both", "covariance", "mean"] {
-        check(&config("whole.safetensors", units)).expect("the model fits");
+        said(track("whole.safetensors", units));
     }
-    let wrong = check(&config("builtin:natural", "both")).expect_err("an RBM of another kind").to_string();
-    assert!(wrong.contains("kind \"mcrbm\""), "{wrong}");
+    fails(track("cut.png", "both"), "not a usable model");
 }
 
 #[test]

@@ -1,0 +1,25 @@
+//! `paper train`: the first layers that the paper mentions and no shipped configuration uses.
+
+use std::ffi::OsString;
+
+use clap::Subcommand;
+
+pub mod autoencoder;
+pub mod mcrbm;
+
+/// Learn a model.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    pub what: What,
+}
+
+#[derive(Subcommand)]
+pub enum What {
+    Mcrbm(Box<mcrbm::Args>),
+    Autoencoder(Box<autoencoder::Args>),
+    /// A model of `foveate train`
+    #[command(external_subcommand)]
+    #[expect(dead_code, reason = "foveate reads all arguments itself")]
+    Program(Vec<OsString>),
+}
