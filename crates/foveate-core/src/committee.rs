@@ -61,14 +61,14 @@ impl Committee {
     /// One frame: every member's, and the vote.
     pub fn step<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
         if self.members.len() == 1 {
-            return self.members[0].step(scene);
+            return self.members[0].step_on(scene);
         }
         threads::each(&mut self.members, |_, member| {
-            member.step(scene);
+            member.step_on(scene);
         });
         self.ballots.clear();
         self.ballots.extend(self.members.iter().map(|member| {
-            let (bbox, confidence) = member.told();
+            let (bbox, confidence) = member.reported();
             Ballot { bbox, p_lost: confidence.p_lost, is_searching: member.is_searching() }
         }));
         let (elected, p_lost, status) = self.vote.count(&self.ballots);
@@ -89,7 +89,7 @@ impl Committee {
             .iter_mut()
             .zip(&self.ballots)
             .filter(|(_, ballot)| ballot.is_searching && !ballot.is_on(&here))
-            .for_each(|(member, _)| member.begin_again_at(&here));
+            .for_each(|(member, _)| member.start_again_at(&here));
     }
 
     pub fn compensate(&mut self, flow: &Flow) {
@@ -196,7 +196,7 @@ mod tests {
             let here = target(10 + i / 2);
             let told = committee.step(Scene { image: &image, detections: &[] });
             assert!(told.bbox.iou(&here) > 0.3, "frame {i}: {:?}", told.bbox);
-            if committee.members[2].told().0.iou(&here) > 0.3 {
+            if committee.members[2].reported().0.iou(&here) > 0.3 {
                 fetched = fetched.or(Some(i));
             }
         }
@@ -205,5 +205,24 @@ mod tests {
             committee.members.iter().all(|member| member.save()["visible"] == 0.9),
             "as much can be seen of it as before"
         );
+    }
+
+    /// The parts of a tracker that hardly moves: what is 40 pixels off does not find back by itself.
+    #[test]
+    fn the_committee_fetches_a_lost_member() {
+        use crate::engine::toy::{Toy, parts, picture, started, target};
+        let image = picture();
+        let scene = Scene { image: &image, detections: &[] };
+        let mut alone = started(parts(Toy::at(50.0)), 2);
+        let mut committee = Committee::new((0..3).map(|k| started(parts(Toy::at(50.0)), k)).collect());
+        alone.reset_at(&target(90.0));
+        committee.members[2].reset_at(&target(90.0));
+        for _ in 0..20 {
+            alone.step_on(scene);
+            assert!(committee.step(scene).bbox.iou(&target(50.0)) > 0.5);
+        }
+        assert!(alone.is_searching() && alone.reported().0.iou(&target(90.0)) > 0.5, "alone it is lost");
+        assert!(committee.members[2].reported().0.iou(&target(50.0)) > 0.5, "fetched");
+        assert!(!committee.members[2].is_searching());
     }
 }

@@ -272,23 +272,23 @@ impl Blueprint {
         let DynamicsConfig::Autoregressive(dynamics) = &c.dynamics;
         let site = ProposalSite::new(*dynamics, c.clamp_to_frame);
         let filter = Filter::new(proposals::proposal(&c.proposal, site, &c.parts)?, c.particles)?
-            .resampling(c.resampling)
-            .starting(c.start)
-            .compensating(c.camera_motion)
-            .weighing(c.detection_likelihood)
-            .redetecting(c.redetection.clone().map(Redetection::new))
-            .searching_around(c.local_search.map(LocalSearch::new));
+            .with_resampling(c.resampling)
+            .with_start(c.start)
+            .with_camera_motion(c.camera_motion)
+            .with_detection_likelihood(c.detection_likelihood)
+            .with_redetection(c.redetection.clone().map(Redetection::new))
+            .with_local_search(c.local_search.map(LocalSearch::new));
         let gaze = GazeControl::new(self.shadowed(policy(&c.policy, &c.parts)?), c.reward.reward(&c.parts)?);
         let monitor = Monitor::new(c.consistency.clone(), c.confidence.clone())
-            .remembering(&c.consistency, c.short_term.map(|it| (it.threshold, it.gate)))
-            .searching(c.distractors.clone());
+            .with_short_term(&c.consistency, c.short_term.map(|it| (it.threshold, it.gate)))
+            .with_distractors(c.distractors.clone());
         let recognition = self.recogniser.as_ref().map(reading::Recogniser::recognition).transpose()?;
         let second = self.second.as_ref().map(|second| second.parts()).transpose()?;
         let regression = self.boxes.clone().zip(c.box_regression.clone());
         Ok(crate::engine::Parts::new(filter, gaze, self.observation_model()?, monitor)
-            .recognising(recognition)
-            .regressing(regression.map(|(network, settings)| BoxRegression::new(network, settings)))
-            .seconded(second))
+            .with_recognition(recognition)
+            .with_box_regression(regression.map(|(network, settings)| BoxRegression::new(network, settings)))
+            .with_second_tracker(second))
     }
     /// log p(hₜ | xₜ, aₜ): retina, encoder and distance with all that is learned while tracking, or one of the user's own.
     fn observation_model(&self) -> Result<Box<dyn Appearance>> {
@@ -299,14 +299,15 @@ impl Blueprint {
             return c.parts.observation_model(own, site);
         }
         let appearance = GazeAppearance::new(retina, encoder, c.likelihood.distance, c.likelihood.rule()?)?
-            .discounting_background(c.likelihood.background_discount)
-            .steady(c.sensor.is_some() && covers_the_box(&self.retina))
-            .colouring(c.colour)
-            .fusing(c.fusion);
+            .with_background_discount(c.likelihood.background_discount)
+            .with_steady_gaze(c.sensor.is_some() && covers_the_box(&self.retina))
+            .with_colour(c.colour)
+            .with_fusion(c.fusion);
         let appearance = match c.discriminant {
-            Some(settings) => {
-                appearance.discriminating(settings).varying(self.variation.clone()).remembering(c.short_term.is_some())
-            }
+            Some(settings) => appearance
+                .with_discriminant(settings)
+                .with_variation(self.variation.clone())
+                .with_short_term(c.short_term.is_some()),
             None => appearance,
         };
         #[cfg(feature = "learn")]

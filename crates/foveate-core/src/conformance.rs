@@ -277,14 +277,14 @@ pub fn appearance(make: &dyn Fn() -> Box<dyn Appearance>) {
         out
     };
     let mut a = make();
-    a.init_template(&first, &target, extent, Streams::new(3, 0));
-    a.see(&second, &states, &gazes);
+    let reference = a.init_template(&first, &target, extent, Streams::new(3, 0));
+    assert!(reference.on >= reference.off, "the target fits better than other places");
+    a.prepare(&second, &states, &gazes);
     let mut resumed = make();
     let text = serde_json::to_string(&a.save()).expect("a JSON value is text");
     resumed.load(&serde_json::from_str(&text).expect("what was written can be read")).expect("what was saved fits");
     assert_eq!(resumed.save(), a.save(), "what was loaded must be what was saved");
-    assert_eq!(resumed.reference(), a.reference());
-    resumed.see(&second, &states, &gazes);
+    resumed.prepare(&second, &states, &gazes);
     for gaze in gazes {
         let all = weigh(&mut *a, &states, gaze);
         assert!(all == weigh(&mut *resumed, &states, gaze), "what was loaded must see the same");
@@ -304,8 +304,8 @@ pub fn appearance(make: &dyn Fn() -> Box<dyn Appearance>) {
         let rubbish = serde_json::from_str(rubbish).expect("valid JSON");
         assert!(resumed.load(&rubbish).is_err(), "{rubbish} must be refused");
     }
-    a.see(&first, &[target], &gazes);
+    a.prepare(&first, &[target], &gazes);
     let mut percept = Percept::default();
-    a.perceive(&target, gazes[1], &mut percept);
+    a.glimpse(&target, gazes[1], &mut percept);
     assert!(percept.gaze == gazes[1] && percept.distance < 1e-3, "the template is at no distance from itself");
 }

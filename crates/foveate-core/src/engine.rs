@@ -1,36 +1,47 @@
 //! Algorithm 1 of Denil et al. (2012): particle filtering with gaze control, one frame at a time.
 //!
-//! [`Engine::step`] is the paper's loop. Each verb of it is one function: `predict` and `select` in `engine/filter.rs`,
-//! `choose`, `weigh`, `learn`, `record` and `settle` in `engine/gaze.rs`, `redetect` and `search_around` in `engine/redetect.rs`, `monitor` and `adapt` in
-//! `engine/monitor.rs`, `regress` in `engine/regress.rs`. What belongs together is kept together: [`Filter`], [`GazeControl`], [`Monitor`].
+//! [`Engine::step`] is the paper's loop. Each verb of it is one function that takes the data it reads and returns the data it makes:
+//! `predict` and `select` in `engine/filter.rs`, `plan` and `rewards` in `engine/gaze.rs`, `log_likelihoods` in `engine/view.rs`, `weigh` in
+//! `engine/particles.rs`, and beyond the paper `search` in `engine/search.rs` and `judge` and `learn` in `engine/monitor.rs`.
 
-mod exclusion;
+mod extras;
 mod filter;
 mod gaze;
 mod monitor;
-mod redetect;
-mod regress;
+mod particles;
 mod saved;
-mod second_opinion;
+mod search;
+mod second;
 mod template;
+#[cfg(test)]
+mod tests;
+#[cfg(test)]
+pub(crate) mod toy;
+mod view;
+mod visibility;
 
-pub(crate) use exclusion::Claim;
 pub use filter::Filter;
 pub use gaze::GazeControl;
 pub use monitor::Monitor;
+pub(crate) use visibility::Claim;
 
-use exclusion::Exclusion;
+use extras::Extras;
+use particles::Particles;
+use search::Distractors;
+use view::{Looks, Scratch, View};
+use visibility::Visibility;
 
-use crate::control::{Belief, TrackConfidence};
+use crate::control::{FrameEvidence, TrackConfidence};
 use crate::gaze::{Context, Plan};
-use crate::geometry::{BBox, Extent, Gaze, State};
-use crate::identity::box_regression::{Answer, BoxRegression};
+use crate::geometry::{BBox, Extent, State};
+use crate::identity::box_regression::BoxRegression;
 use crate::identity::{self, Appearance, Percept};
 use crate::recognition::{Recognition, Recognized};
 use crate::reference::ReferenceLikelihood;
-use crate::scene::{Image, Meter, Scene};
+use crate::scene::{Meter, Scene, World};
 use crate::seen::{Phase, Seen, best};
-use foveate_base::rng::Purpose::Recognize;
+use foveate_base::Result;
+use foveate_base::rng::Purpose::{Look, Recognize, Select};
 use foveate_base::rng::Streams;
 use serde::{Deserialize, Serialize};
 
@@ -45,52 +56,47 @@ pub struct Parts {
     pub appearance: Box<dyn Appearance>,
     /// Is it lost?
     pub monitor: Monitor,
-    /// p(cₜ | all looks at the estimate): what the target is called. It never changes the track, unless it has an alarm.
-    pub recognition: Option<Recognition>,
-    /// Where the target's borders are, told of the box at the estimate.
-    pub box_regression: Option<BoxRegression>,
-    /// A tracker whose box is compared with this one's.
+    extras: Extras,
+    /// The parts of a second tracker, whose box is compared with that of this one.
     pub second_opinion: Option<Box<Parts>>,
 }
 
 impl Parts {
     /// These parts, without a recogniser, box regression and a second opinion.
     pub fn new(filter: Filter, gaze: GazeControl, appearance: Box<dyn Appearance>, monitor: Monitor) -> Self {
-        Self { filter, gaze, appearance, monitor, recognition: None, box_regression: None, second_opinion: None }
+        Self { filter, gaze, appearance, monitor, extras: Extras::default(), second_opinion: None }
     }
-    /// The same, with a recogniser.
-    pub fn recognising(self, recognition: Option<Recognition>) -> Self {
-        Self { recognition, ..self }
+    /// The same, with a recogniser of the target's class. It never changes the track, unless it has an alarm.
+    pub fn with_recognition(mut self, recognition: Option<Recognition>) -> Self {
+        self.extras.recognition = recognition;
+        self
     }
-    /// The same, telling boxes that this has moved.
-    pub fn regressing(self, box_regression: Option<BoxRegression>) -> Self {
-        Self { box_regression, ..self }
+    /// The same, with box regression: the borders of the target, from the box at the estimate.
+    pub fn with_box_regression(mut self, box_regression: Option<BoxRegression>) -> Self {
+        self.extras.box_regression = box_regression;
+        self
     }
-    /// The same, with a tracker of these parts beside it, whose box is compared with this one's.
-    pub fn seconded(self, second_opinion: Option<Self>) -> Self {
+    /// The same, with a second tracker of these parts, whose box is compared with that of this one.
+    pub fn with_second_tracker(self, second_opinion: Option<Self>) -> Self {
         Self { second_opinion: second_opinion.map(Box::new), ..self }
     }
 }
 
-/// What the number of a target is changed by for its second opinion, which shares no draw with it.
+/// Flips one bit of a target's number for its second tracker, so that the two share no random draw.
 const SECOND: u64 = 1 << 63;
 
 /// One target being followed.
 pub(crate) struct Engine {
     parts: Parts,
-    /// Of the second opinion's parts.
-    second: Option<Box<Engine>>,
+    second: Option<Box<Self>>,
     streams: Streams,
     target: Option<Target>,
     /// Steps since the target was given.
     frame: u64,
-    /// What the policy is told: how the last frame ended.
+    /// How the last frame ended, for the policy.
     context: Context,
-    /// Share of the target that nothing else covers, 0 to 1.
-    visible: f64,
-    /// Whose the places of this frame are.
-    exclusion: Exclusion,
-    work: Work,
+    visibility: Visibility,
+    record: Record,
 }
 
 /// What was given to follow.
@@ -101,6 +107,8 @@ struct Target {
     extent: Extent,
     /// Pixels per template unit at scale 1.
     unit: f64,
+    /// The log-likelihoods to expect on the target and elsewhere.
+    reference: ReferenceLikelihood,
 }
 
 /// What is believed after a frame.
@@ -114,50 +122,33 @@ pub(crate) struct Estimate {
     pub ess: f64,
 }
 
-/// What one step computes, in buffers that are grown once.
+/// The results of one frame. Their buffers are grown once.
 #[derive(Default)]
-pub(crate) struct Work {
-    /// x̃: the predicted particles.
-    pub predicted: Vec<State>,
-    /// Their mean.
-    pub expected: State,
-    /// log wₜ₋₁ p/q and the detection likelihood, and what was added to it for the sum of the weights to stay.
-    pub log_prior: Vec<f64>,
-    pub detected: f64,
-    pub plan: Plan,
-    /// Its gazes as the appearance has them: from the one it has settled on.
-    pub gazes: Vec<Gaze>,
-    /// A row of N a gaze of the plan.
-    pub log_likelihood: Vec<f64>,
-    pub log_posterior: Vec<f64>,
-    pub weights: Vec<f64>,
-    pub log_evidence: f64,
-    pub gaze_evidence: Vec<f64>,
-    pub rewards: Vec<f64>,
-    pub recorded: Vec<f64>,
-    pub ancestors: Vec<usize>,
-    pub percept: Percept,
-    pub redetected: Vec<usize>,
-    pub drawn: Vec<State>,
-    pub scores: Vec<f64>,
-    pub distractors: Vec<State>,
-    /// Where it was looked for distractors in this frame, and the log-likelihood of the best.
-    pub around: Option<(State, f64)>,
-    /// What the box regression said of the estimate, where it was asked already.
-    pub answer: Option<Answer>,
-    /// Of places, to be remembered or compared with those that are.
-    pub features: Vec<f32>,
-    /// What is told of the frame.
-    pub told: Option<(Estimate, TrackConfidence)>,
-    /// Pixels of the frame that were used.
-    pub meter: Meter,
-    pub pixels: usize,
+struct Record {
+    belief: Particles,
+    plan: Plan,
+    looks: Looks,
+    /// One value for each gaze of the plan: its log evidence, nats, and its reward.
+    gaze_evidence: Vec<f64>,
+    rewards: Vec<f64>,
+    /// The reward of each gaze that the plan records.
+    recorded: Vec<f64>,
+    percept: Percept,
+    found: Distractors,
+    ancestors: Vec<usize>,
+    /// The reported estimate and P(lost).
+    reported: Option<(Estimate, TrackConfidence)>,
+    /// The pixels of the picture that were read.
+    meter: Meter,
+    /// The values that were read: pixels times planes, or those that a sensor read.
+    values: usize,
+    scratch: Scratch,
 }
 
-/// What engines need only during a step: as many targets as threads are looked at at a time.
+/// Buffers that engines need only during a step: as many targets as threads are looked at at a time.
 #[derive(Default)]
 pub(crate) struct Buffers {
-    work: Work,
+    record: Record,
     identity: identity::Buffers,
 }
 
@@ -172,89 +163,137 @@ impl Engine {
             target: None,
             frame: 0,
             context: Context::default(),
-            visible: 1.0,
-            exclusion: Exclusion::default(),
-            work: Work::default(),
+            visibility: Visibility::default(),
+            record: Record::default(),
         }
     }
 
-    /// One frame of Algorithm 1. Panics before [`Engine::init`].
-    pub fn step<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
-        self.aim(scene);
-        self.look(scene)
+    /// Algorithm 1, one frame. Panics before [`Engine::init`].
+    ///
+    /// # Errors
+    /// If a sensor cannot read its source: then the target has to be given anew.
+    pub fn step<'a>(&'a mut self, world: World<'a, '_>) -> Result<Seen<'a>> {
+        let (t, target, streams, mut last) = self.begin();
+        let Self { parts, second, context, visibility, .. } = self;
+        let Parts { filter, gaze, appearance, monitor, extras, .. } = parts;
+        // Importance sampling
+        let mut belief = filter.predict(world.scene(), target.extent, (streams, t), last.belief); // x̃ ~ q, log wₜ₋₁ p/q
+        let plan = gaze.plan(context, streams.at(t, Look), last.plan); // k* ~ πₜ
+        let (scene, values) = world.read(&belief.expected, target.extent, plan.gazes())?; // vₜ
+        let mut view = View::new(&mut **appearance, scene, target, visibility, &belief.expected, &mut last.scratch);
+        let looked = (plan.gazes(), plan.weights(), monitor.distractors.as_ref());
+        let mut looks = view.log_likelihoods(&belief.states, looked, last.looks); // log p(h | x, a)
+        let gaze_evidence = belief.weigh(&looks, last.gaze_evidence); // w̃ₜ
+        // Gaze control
+        let rewards = gaze.rewards(&belief, &looks, target.extent, last.rewards); // rₜ
+        gaze.policy.learn(&plan, &rewards); // πₜ₊₁
+        // Beyond the paper: search, judge, learn
+        let found = filter.search(&mut view, &mut belief, &mut looks, monitor, (context.lost, streams, t), last.found);
+        let estimate = belief.estimate();
+        let percept = view.glimpse(&estimate.mean, plan.chosen(), last.percept);
+        let found = monitor.search(&mut view, &estimate.mean, found);
+        let agreement = second::agreement(second, &view, &estimate);
+        let answer = extras.ask(&view, &estimate, monitor.model(), context.lost);
+        let evidence = monitor.evidence(&mut view, &belief, &looks, &estimate, (&percept, &found));
+        let evidence =
+            FrameEvidence { agreement, absent: answer.map(|it| it.lost.into()), alarm: extras.alarm(), ..evidence };
+        let verdict = monitor.judge(view.is_judged, &evidence);
+        let misled = monitor.revise(&mut view, &verdict, &estimate, (context.lost, t));
+        *context = monitor.context(&evidence, &belief, &estimate);
+        second::follow(second, &view, &estimate, &verdict, (context.lost, misled));
+        extras.recognise(&view, &estimate, context, streams.at(t, Recognize));
+        let found = monitor.learn(&mut view, &belief, &estimate.mean, found, t);
+        // Selection
+        let ancestors = filter.select(&belief, &estimate, streams.at(t, Select), last.ancestors);
+        // Report
+        let estimate = extras.regress(&view, estimate, answer);
+        let reported = Some((estimate, verdict));
+        self.record =
+            Record { belief, plan, looks, gaze_evidence, rewards, found, percept, ancestors, reported, ..last };
+        Ok(self.finish(scene, values))
     }
 
-    /// The first half of a step: where the target is expected, and where to look. Of the picture it needs the size alone.
-    pub fn aim(&mut self, scene: Scene<'_>) {
+    /// Algorithm 1 on a picture in memory. Panics before [`Engine::init`].
+    pub fn step_on<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
+        self.step(World::Picture(scene)).expect("a picture in memory can be read")
+    }
+
+    /// Starts a frame: its number, the target, the streams, and the results of the last frame, whose buffers are used again.
+    fn begin(&mut self) -> (u64, Target, Streams, Record) {
         self.frame += 1;
-        self.predict(scene);
-        self.expect();
-        self.choose();
+        let mut last = std::mem::take(&mut self.record);
+        // Reads since the last step, for observers and similarities, are not those of this frame.
+        self.parts.appearance.measure(&mut last.meter);
+        (self.frame, *self.target(), self.streams, last)
     }
 
-    /// The second half, after [`Engine::aim`], with the picture: what was seen, and what follows.
-    pub fn look<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
-        let image = scene.image;
-        self.work.around = None;
-        self.see(image);
-        self.weigh();
-        self.learn();
-        self.redetect(scene);
-        self.search_around(scene);
-        let estimate = self.estimate();
-        let confidence = self.monitor(image, &estimate);
-        self.recognise(image, &estimate);
-        self.adapt(image, &estimate);
-        self.select(&estimate);
-        let told = self.regress(image, &estimate);
-        self.work.told = Some((told, confidence));
-        self.measure();
-        self.record(image);
-        self.settle();
+    /// Ends a frame: counts what was read, scores the gazes that are recorded for observers, and commits to a gaze if the policy does.
+    fn finish<'a>(&'a mut self, scene: Scene<'a>, values: Option<usize>) -> Seen<'a> {
+        self.measure(scene.image.planes(), values);
+        self.record_gazes(scene);
+        self.commit_gaze();
         self.report(scene)
     }
 
-    /// Mean, covariance and effective sample size of the weighted particles.
-    fn estimate(&mut self) -> Estimate {
-        let belief = Belief { states: &self.work.predicted, weights: &self.work.weights };
-        Estimate { mean: belief.mean(), covariance: belief.covariance(), ess: belief.ess() }
+    /// Counts the pixels that were read; `values` are those of a sensor.
+    fn measure(&mut self, planes: usize, values: Option<usize>) {
+        let (parts, Record { meter, values: counted, .. }) = (&mut self.parts, &mut self.record);
+        meter.clear();
+        parts.appearance.measure(meter);
+        parts.extras.measure(meter);
+        if let Some(second) = &self.second {
+            meter.add_all(&second.record.meter);
+        }
+        *counted = values.unwrap_or_else(|| meter.pixels() * planes);
     }
 
-    /// Looks at the estimate once more, to say what the target is called.
-    fn recognise(&mut self, image: &Image, estimate: &Estimate) {
-        let (extent, rng) = (self.target().extent, &mut self.streams.at(self.frame, Recognize).rng(0));
-        if let Some(recognition) = &mut self.parts.recognition {
-            recognition.look(image, &estimate.mean, extent, &self.context, rng);
+    /// The rewards of gazes that the plan records for observers, by the belief at the end of the frame: if a search drew particles again, that
+    /// is not the belief by which the planned gazes were scored.
+    fn record_gazes(&mut self, scene: Scene<'_>) {
+        let (target, Record { belief, plan, looks, recorded, scratch, .. }) = (*self.target(), &mut self.record);
+        recorded.clear();
+        if plan.recorded().is_empty() {
+            return;
+        }
+        let Parts { appearance, gaze, .. } = &mut self.parts;
+        let mut view = View::new(&mut **appearance, scene, target, &self.visibility, &belief.expected, scratch);
+        *looks = view.log_likelihoods(&belief.states, (plan.recorded(), &[], None), std::mem::take(looks));
+        *recorded = gaze.rewards(belief, looks, target.extent, std::mem::take(recorded));
+    }
+
+    /// If the policy looks at one place from now on, everything is learned of that place, from the first picture on.
+    fn commit_gaze(&mut self) {
+        let (streams, Parts { appearance, gaze, monitor, .. }) = (self.streams, &mut self.parts);
+        let Some(gaze) = gaze.policy.settles() else { return };
+        let committed = appearance.committed_gaze();
+        if (gaze.u, gaze.v) == (committed.u, committed.v) {
+            return;
+        }
+        let Some(reference) = appearance.commit_gaze(gaze, streams) else { return };
+        self.target = self.target.map(|target| Target { reference, ..target });
+        monitor.forget_evidence();
+        let source = appearance.template_source().map(|it| (it.image.clone(), *it.state, it.origin));
+        if let Some((image, state, (x, y))) = source {
+            self.init_surroundings(&image, &State { x: state.x - x as f64, y: state.y - y as f64, ..state });
         }
     }
 
-    /// Counts what was used of the picture; what is recorded for observers is not in it.
-    fn measure(&mut self) {
-        let (parts, w) = (&mut self.parts, &mut self.work);
-        w.meter.clear();
-        parts.appearance.measure(&mut w.meter);
-        parts.recognition.iter().for_each(|recognition| recognition.measure(&mut w.meter));
-        parts.box_regression.iter_mut().for_each(|it| it.measure(&mut w.meter));
-        self.second.iter().for_each(|second| w.meter.add_all(&second.work.meter));
-        w.pixels = w.meter.pixels();
-    }
-
-    /// The box that was told of the last frame, and what was believed of the track. Panics before the first step.
-    pub fn told(&self) -> (BBox, TrackConfidence) {
-        let (estimate, confidence) = self.work.told.expect("a step was made");
+    /// The reported box of the last frame, and P(lost). Panics before the first step.
+    pub fn reported(&self) -> (BBox, TrackConfidence) {
+        let (estimate, confidence) = self.record.reported.expect("a step was made");
         (estimate.mean.bbox(self.target().extent), confidence)
     }
 
-    /// What was read of the last frame.
+    /// The pixels that were read of the last frame.
     pub fn meter(&self) -> &Meter {
-        &self.work.meter
+        &self.record.meter
     }
 
-    /// Everything that the last frame, which is `scene`, computed. Panics before the first step.
+    /// The results of the last frame, which is `scene`. Panics before the first step.
     pub fn report<'a>(&'a self, scene: Scene<'a>) -> Seen<'a> {
-        let (parts, w) = (&self.parts, &self.work);
-        let (estimate, confidence) = w.told.expect("a step was made");
-        let recognized = parts.recognition.as_ref().map_or(Recognized::default(), Recognition::recognized);
+        let (parts, last) = (&self.parts, &self.record);
+        let (estimate, confidence) = last.reported.expect("a step was made");
+        let recognized = parts.extras.recognition.as_ref().map_or(Recognized::default(), Recognition::recognized);
         let extent = self.target().extent;
         let TrackConfidence { p_lost, own, status, cues } = confidence;
         Seen {
@@ -264,26 +303,26 @@ impl Engine {
             state: estimate.mean,
             covariance: estimate.covariance,
             extent,
-            gaze: w.plan.chosen(),
-            visible: self.visible,
+            gaze: last.plan.chosen(),
+            visible: self.visibility.fraction(),
             consistency: parts.monitor.consistency(),
             class: best(recognized.classes),
             own_p_lost: own,
             cues,
             ess: estimate.ess,
-            log_evidence: w.log_evidence,
+            log_evidence: last.belief.log_evidence,
             localisation_noise: parts.monitor.model().localisation_noise,
-            values: w.pixels * scene.image.planes(),
+            values: last.values,
             picture: Some(scene.image),
             detections: scene.detections,
-            particles: &w.predicted,
-            weights: &w.weights,
-            ancestors: &w.ancestors,
-            plan: &w.plan,
-            rewards: &w.rewards,
-            recorded: &w.recorded,
-            gaze_evidence: &w.gaze_evidence,
-            percept: &w.percept,
+            particles: &last.belief.states,
+            weights: &last.belief.weights,
+            ancestors: &last.ancestors,
+            plan: &last.plan,
+            rewards: &last.rewards,
+            recorded: &last.recorded,
+            gaze_evidence: &last.gaze_evidence,
+            percept: &last.percept,
             classes: recognized.classes,
             class_names: recognized.names,
             own_classes: recognized.own,
@@ -297,42 +336,34 @@ impl Engine {
         self.target.as_ref().expect("a target is given before the first step")
     }
 
-    fn reference(&self) -> ReferenceLikelihood {
-        self.parts.appearance.reference()
-    }
-
-    /// Where the target is expected after [`Engine::aim`], and where to look.
-    pub fn aimed(&self) -> (State, &Plan) {
-        (self.work.expected, &self.work.plan)
-    }
-
-    /// The mean of the predicted particles.
-    fn expect(&mut self) {
-        let states = &self.work.predicted;
-        let each = 1.0 / states.len() as f64;
-        let sum = states.iter().fold([0.0; 6], |mut sum, s| {
-            sum.iter_mut().zip(s.to_array()).for_each(|(sum, x)| *sum += each * x);
-            sum
-        });
-        self.work.expected = State::from_array(sum);
-    }
-
     /// Exchanges what it needs only during a step with `buffers`, which other engines may use between steps.
     pub fn exchange(&mut self, buffers: &mut Buffers) {
-        std::mem::swap(&mut self.work, &mut buffers.work);
+        std::mem::swap(&mut self.record, &mut buffers.record);
         self.parts.appearance.exchange(&mut buffers.identity);
     }
 
     /// Frees what is not needed until the next step.
     pub fn compact(&mut self) {
         self.parts.appearance.compact();
-        self.parts.box_regression.iter_mut().for_each(BoxRegression::compact);
-        self.second.iter_mut().for_each(|second| second.compact());
+        self.parts.extras.compact();
+        if let Some(second) = &mut self.second {
+            second.compact();
+        }
     }
 
     /// Whether there is a target: it was given, or the state of a tracker that had one was loaded.
     pub fn has_target(&self) -> bool {
         self.target.is_some()
+    }
+
+    /// Whether another target may be seen at the place where this one was expected in the last frame.
+    pub fn is_contested(&self) -> bool {
+        self.visibility.is_contested(&self.record.belief.expected)
+    }
+
+    /// Whether another target claims places that this one may be at.
+    pub fn meets_another(&self) -> bool {
+        self.visibility.meets_another()
     }
 
     /// Whether detections move or weigh its particles.

@@ -1,7 +1,7 @@
 //! WHAT is it called? Looks at the estimate, through a recogniser, to classes over time (section 2.2).
 //!
 //! Recognition stands beside the filter: it looks at the frame anew, at the estimate, through a retina and first layer of
-//! its own and where a policy of its own says. It never moves the belief; with an alarm ([`Recognition::alarming`]) it has a
+//! its own and where a policy of its own says. It never moves the belief; with an alarm ([`Recognition::with_alarm`]) it has a
 //! word in whether the target is lost.
 
 use std::sync::Arc;
@@ -96,7 +96,7 @@ impl Recognition {
     }
 
     /// The same, with an alarm: a class that is no longer seen counts as an evidence deficit.
-    pub fn alarming(mut self) -> Result<Self> {
+    pub fn with_alarm(mut self) -> Result<Self> {
         self.alarm = Some(Alarm::new(self.classes())?);
         Ok(self)
     }

@@ -8,7 +8,7 @@ use crate::config::{Blueprint, Configure};
 use crate::engine::{Engine, Parts};
 use crate::geometry::{BBox, Extent, State};
 use crate::origin::Origin;
-use crate::scene::{Detection, Image, Preprocessor, Regions, Scene, Sensor};
+use crate::scene::{Detection, Image, Preprocessor, Regions, Scene, Sensor, World};
 use crate::seen::Seen;
 use foveate_base::files::Nowhere;
 use foveate_base::{Error, Result};
@@ -113,13 +113,8 @@ impl Tracker {
         let sensor = self.sensor.as_mut().expect("checked above");
         sensor.begin(picture)?;
         look(&mut self.preprocessor, &mut self.committee, sensor.seen());
-        let engine = self.committee.first_mut();
-        engine.aim(self.preprocessor.scene(sensor.seen()));
-        let extent = engine.extent().expect("there is a target, or the shape were none");
-        let (expected, plan) = engine.aimed();
-        sensor.look(picture, &expected, extent, plan.gazes())?;
-        let values = sensor.values();
-        Ok(Seen { values, ..engine.look(self.preprocessor.scene(sensor.seen())) })
+        let detections = self.preprocessor.detections();
+        self.committee.first_mut().step(World::Sensor { sensor, source: picture, detections })
     }
 
     /// The same with the detections of your own detector, which replace those of the configuration's.
@@ -283,5 +278,23 @@ impl Blueprint {
     pub fn tracker_of(&self, seed: u64, target: u64) -> Result<Tracker> {
         let sensor = self.config().sensor.clone().map(Sensor::new);
         Ok(Tracker::of(self.origin(seed, target), self.members(seed, target)?, self.preprocessor()).sensing(sensor))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::toy::{Toy, parts, picture, target};
+
+    /// A flow or a detector reads all of the picture; without either only what was looked at counts.
+    #[test]
+    fn all_values_count_if_the_preprocessor_reads_the_whole_picture() {
+        for (flow, all) in [(None, false), (Some(0), true)] {
+            let mut tracker = Tracker::from_parts(parts(Toy::at(50.0)), Preprocessor::new(None, flow), 1);
+            tracker.init(&picture(), target(50.0)).expect("a box in the picture");
+            let image = picture();
+            let values = tracker.update(&image).expect("a picture of that size").values;
+            assert_eq!(values == 100 * 100, all, "{values} values with flow {flow:?}");
+        }
     }
 }

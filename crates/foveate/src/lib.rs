@@ -113,18 +113,18 @@
 //!
 //! let blueprint = Config::builtin("narrow").expect("it ships")?.check(&Nowhere)?;
 //! let mut parts = blueprint.parts()?;
-//! parts.gaze = parts.gaze.choosing(new());
+//! parts.gaze = parts.gaze.with_policy(new());
 //! let tracker = Tracker::from_parts(parts, blueprint.preprocessor(), 1);
 //! # Ok::<(), Error>(())
 //! ```
 //!
 //! | yours | takes its place by |
 //! | --- | --- |
-//! | policy; policy and reward | `parts.gaze.choosing(policy)`; [`GazeControl::new`] |
-//! | dynamics, proposal | `parts.filter.proposing(proposal)`; the proposal from dynamics alone: [`control::Prior`] |
+//! | policy; policy and reward | `parts.gaze.with_policy(policy)`; [`GazeControl::new`] |
+//! | dynamics, proposal | `parts.filter.with_proposal(proposal)`; the proposal from dynamics alone: [`control::Prior`] |
 //! | encoder, with the configuration's retina or another | [`Config::identity`], then `blueprint.with(retina, encoder)`, which trackers of many targets take, too |
 //! | appearance: retina, distance and all | `parts.appearance` |
-//! | recogniser | `parts.recognising(recognition)` |
+//! | recogniser | `parts.with_recognition(recognition)` |
 //! | detector | [`Tracker::update_with`], [`MultiTracker`] |
 //!
 //! A configuration with `[sensor]` needs `Tracker::from_parts(...).sensing(...)` with a [`scene::Sensor`] of its settings besides.

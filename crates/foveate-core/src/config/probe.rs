@@ -44,8 +44,7 @@ pub(super) fn encoder(
              likelihood.distance to \"cosine\" or \"euclidean\", or change the encoder"
         ));
     }
-    appearance.init_template(&image, &TARGET, EXTENT, Streams::new(1, 0));
-    let reference = appearance.reference();
+    let reference = appearance.init_template(&image, &TARGET, EXTENT, Streams::new(1, 0));
     let gap = reference.on - reference.off;
     if (LEAST..=MOST).contains(&gap) {
         return Ok(());

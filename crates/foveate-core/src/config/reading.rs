@@ -127,6 +127,6 @@ impl Recogniser {
             },
         );
         let recognition = Recognition::new(retina, self.encoder.clone(), machine, policy, self.accumulate)?;
-        if self.alarm { recognition.alarming() } else { Ok(recognition) }
+        if self.alarm { recognition.with_alarm() } else { Ok(recognition) }
     }
 }

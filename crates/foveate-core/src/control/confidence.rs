@@ -2,7 +2,7 @@
 //!
 //! [`Cues`] of a frame, each a ratio or normalised by its own past, so that one table serves many configurations, go
 //! through a logistic model: P(lost) = 1 / (1 + exp(−b − Σ wₖ cₖ)). *Lost* means that the box has an IoU below 0.1 with the
-//! target, or that the target is not to be seen. The weights are fitted on sequences with truth by `foveate train
+//! target, or that the target is not visible. The weights are fitted on sequences with truth by `foveate train
 //! confidence`; docs/confidence.md has the figures.
 //!
 //! With a box regression both are at least its lower bound ([`Absence`]).
@@ -24,7 +24,9 @@ mod search;
 mod vote;
 
 use self::model::MOST_ODDS;
-pub use self::model::{AGREEMENT, Absence, CUE_NAMES, CUES, ConfidenceModel, Cues, Heard, OWN, Seen};
+pub use self::model::{
+    AGREEMENT, AbsenceWeights, CUE_NAMES, CUES, ConfidenceModel, Cues, OWN, ReacquisitionWeights, SecondTrackerWeights,
+};
 use self::search::SearchState;
 pub use self::vote::{Ballot, Vote};
 
@@ -44,7 +46,7 @@ pub struct TrackConfidence {
     pub cues: Cues,
 }
 
-/// What a frame showed.
+/// The evidence of one frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameEvidence {
     /// The evidence deficit, smoothed and of this frame.
@@ -65,7 +67,7 @@ pub struct FrameEvidence {
     /// How much more it resembles the surroundings of the target in remembered frames than the target; 0 without
     /// memory.
     pub elsewhere: f64,
-    /// Overlap with the box of a second opinion; `None` without one.
+    /// Overlap (IoU) with the box of the second tracker; `None` without one.
     pub agreement: Option<f64>,
     /// Logit of absence at the estimate by the box regression; `None` if it was not evaluated.
     pub absent: Option<f64>,
@@ -84,7 +86,7 @@ pub struct LossMonitor {
     past: Past,
 }
 
-/// What is remembered between frames.
+/// The state between frames.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Past {
@@ -144,7 +146,7 @@ impl Past {
 }
 
 impl LossMonitor {
-    /// A monitor with this model, which has seen nothing yet.
+    /// A monitor with this model, before the first frame.
     pub fn new(model: ConfidenceModel) -> Self {
         Self { model, past: Past::none() }
     }
@@ -160,7 +162,7 @@ impl LossMonitor {
     }
 
     /// Resets the search after a new position was given; the running means stay.
-    pub(crate) fn begin_again(&mut self) {
+    pub(crate) fn restart(&mut self) {
         let Past { frames, evidence, deviation, distance, seen, .. } = self.past;
         self.past = Past { frames, evidence, deviation, distance, seen, ..Past::none() };
     }
@@ -178,7 +180,7 @@ impl LossMonitor {
         let cues = self.cues(shown, absent);
         let verdict = self.verdict(&cues, shown.alarm);
         let elsewhere = self.past.best_place.is_some_and(|place| apart(&place, shown));
-        // Whether it is back is asked of the last look, not of those before.
+        // Only the last look decides whether the target is back.
         let p_lost = if self.is_searching() { self.model.returned(verdict.cued, absent) } else { verdict.own };
         let confidence = self.update_status(&verdict, p_lost, elsewhere, cues);
         self.past.estimate = shown.estimate;
@@ -188,14 +190,14 @@ impl LossMonitor {
         confidence
     }
 
-    /// Judges a frame of which only the cues were kept, as if no search had ever found anything elsewhere.
+    /// Judges a frame by its cues alone, as if no search had found another place.
     pub fn rejudge(&mut self, cues: &Cues) -> TrackConfidence {
         let verdict = self.verdict(cues, 0.0);
         let p_lost = if self.is_searching() { verdict.cued } else { verdict.own };
         self.update_status(&verdict, p_lost, false, *cues)
     }
 
-    /// Keeps a frame's verdict. `p_lost`: the probability that decides whether the target is searched for.
+    /// Keeps the verdict of a frame, and updates search and status. `p_lost` decides whether the tracker searches.
     fn update_status(&mut self, verdict: &Verdict, p_lost: f64, elsewhere: bool, cues: Cues) -> TrackConfidence {
         let m = &mut self.past;
         if m.search.update(&self.model, p_lost, elsewhere) {
@@ -239,7 +241,7 @@ impl LossMonitor {
             let least = 0.1 * m.distance + 1e-9;
             distance = ((s.distance + least) / (m.distance + least)).ln();
         }
-        // How it looked where it was searched before says nothing of another place.
+        // Smoothed values of another place do not hold here.
         let anew = m.search.is_searching && apart(&m.estimate, s);
         let first = std::mem::take(&mut m.is_new) || anew;
         m.lasting += if anew { 1.0 } else { SMOOTH } * (drop - m.lasting);
@@ -273,7 +275,7 @@ impl LossMonitor {
         ]
     }
 
-    /// What is usual on the target.
+    /// Updates the usual evidence on the target.
     fn learn(&mut self, s: &FrameEvidence) {
         let m = &mut self.past;
         if !(s.evidence.is_finite() && s.distance.is_finite()) {
@@ -290,7 +292,7 @@ impl LossMonitor {
         m.seen = s.estimate;
     }
 
-    /// Whether the box regression doubts that the target is there, so that nothing is to be learned from it.
+    /// Whether the box regression doubts that the target is at the estimate: then nothing is learned from the frame.
     pub(crate) fn is_doubted(&self) -> bool {
         self.model.by_absence(&self.past.cues) >= self.model.leave
     }
@@ -306,7 +308,7 @@ impl LossMonitor {
         self.past.best_place = best.copied();
     }
 
-    /// Where the target was seen last; none before the first frame.
+    /// Where the target was seen last; `None` before the first frame.
     pub fn seen(&self) -> Option<&State> {
         (self.past.frames > 0).then_some(&self.past.seen)
     }
@@ -324,7 +326,7 @@ impl LossMonitor {
     }
 }
 
-/// Log odds as they count.
+/// Log odds within ±6; log odds that are not finite count as 6.
 fn within_odds(odds: f64) -> f64 {
     if odds.is_finite() { odds.clamp(-MOST_ODDS, MOST_ODDS) } else { MOST_ODDS }
 }

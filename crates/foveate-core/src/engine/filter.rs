@@ -1,8 +1,9 @@
 //! WHERE is it? `predict` and `select`: the particle filter around the looks.
 
-use super::{Engine, Estimate};
+use super::particles::{Particles, mean};
+use super::{Engine, Estimate, Record};
 use crate::control::{
-    Belief, CHUNK, CameraMotion, DetectionLikelihood, Leap, LocalSearch, Proposal, Redetection, Resampling, normalize,
+    Belief, CHUNK, CameraMotion, DetectionLikelihood, Leap, LocalSearch, Proposal, Redetection, Resampling,
 };
 use crate::geometry::{Extent, State};
 use crate::scene::{Flow, Scene};
@@ -60,33 +61,33 @@ impl Filter {
             waiting: None,
         })
     }
-    /// The same, with particles put by this proposal.
-    pub fn proposing(self, proposal: Box<dyn Proposal>) -> Self {
+    /// The same, with particles predicted by this proposal.
+    pub fn with_proposal(self, proposal: Box<dyn Proposal>) -> Self {
         Self { proposal, ..self }
     }
     /// The same, selecting by this rule.
-    pub fn resampling(self, resampling: Resampling) -> Self {
+    pub fn with_resampling(self, resampling: Resampling) -> Self {
         Self { resampling, ..self }
     }
     /// The same, with the first particles spread like this.
-    pub fn starting(self, start: StartSpread) -> Self {
+    pub fn with_start(self, start: StartSpread) -> Self {
         Self { start, ..self }
     }
     /// The same; particles move with the camera before they are predicted.
-    pub fn compensating(self, camera_motion: Option<CameraMotion>) -> Self {
+    pub fn with_camera_motion(self, camera_motion: Option<CameraMotion>) -> Self {
         Self { camera_motion, ..self }
     }
     /// The same; detections weigh particles: p(detections | xₜ).
-    pub fn weighing(self, detection_likelihood: Option<DetectionLikelihood>) -> Self {
+    pub fn with_detection_likelihood(self, detection_likelihood: Option<DetectionLikelihood>) -> Self {
         Self { detection_likelihood, ..self }
     }
-    /// The same; a lost target is looked for all over the picture.
-    pub fn redetecting(self, redetection: Option<Redetection>) -> Self {
+    /// The same; a lost target is searched for all over the picture.
+    pub fn with_redetection(self, redetection: Option<Redetection>) -> Self {
         Self { redetection, ..self }
     }
 
-    /// The same; a target that has leapt is looked for around the estimate.
-    pub fn searching_around(self, local_search: Option<LocalSearch>) -> Self {
+    /// The same; a target that has leapt is searched for around the estimate.
+    pub fn with_local_search(self, local_search: Option<LocalSearch>) -> Self {
         Self { local_search, ..self }
     }
 
@@ -104,9 +105,82 @@ impl Filter {
     }
 }
 
+impl Filter {
+    /// x̃ ~ q(x | x′), and log wₜ₋₁ p/q with the detection likelihood: what the weights of frame `t` are before the looks. `reuse` gives its
+    /// buffers.
+    pub(super) fn predict(
+        &mut self,
+        scene: Scene<'_>,
+        extent: Extent,
+        (streams, t): (Streams, u64),
+        reuse: Particles,
+    ) -> Particles {
+        self.catch_up(streams.at(t - 1, Predict)); // The frame before, in which nothing was drawn if the particles waited.
+        let mut to = reuse;
+        let n = self.particles.len();
+        to.states.resize(n, State::default());
+        to.log_importance.resize(n, 0.0);
+        self.proposal.propose(scene, &self.particles, &mut to.states, &mut to.log_importance, streams.at(t, Predict));
+        to.log_importance.iter_mut().zip(&self.log_weights).for_each(|(importance, carried)| *importance += carried);
+        let weigh = |it: &DetectionLikelihood| it.weigh(scene.detections, &to.states, extent, &mut to.log_importance);
+        to.detection_offset = self.detection_likelihood.as_ref().map_or(0.0, weigh);
+        to.expected = mean(&to.states);
+        to
+    }
+
+    /// Children of heavy particles start the next frame if the effective sample size asks for it; otherwise all go on with their weights.
+    /// Returns the index of each one's parent, in the buffer `ancestors`.
+    pub(super) fn select(
+        &mut self,
+        belief: &Particles,
+        estimate: &Estimate,
+        streams: Streams,
+        mut ancestors: Vec<usize>,
+    ) -> Vec<usize> {
+        let n = self.particles.len();
+        ancestors.resize(n, 0);
+        if self.resampling.is_due(estimate.ess, n) {
+            self.resampling.select(&belief.weights, &mut ancestors, &mut streams.rng(0));
+            self.log_weights.fill(-(n as f64).ln());
+        } else {
+            ancestors.iter_mut().enumerate().for_each(|(i, a)| *a = i);
+            self.log_weights.iter_mut().zip(&belief.weights).for_each(|(carried, weight)| *carried = weight.ln());
+        }
+        self.particles.iter_mut().zip(&ancestors).for_each(|(particle, a)| *particle = belief.states[*a]);
+        ancestors
+    }
+
+    /// The motion of a frame without a look that needs none of the particles: nothing is detected, the camera does not move them, and the
+    /// motion of many frames has a closed form.
+    fn leap(&self, detected: bool) -> Option<Leap> {
+        self.proposal.over(1).filter(|_| !detected && self.camera_motion.is_none())
+    }
+
+    /// Mean and covariance after a frame of this motion; the particles stay behind.
+    fn wait(&mut self, leap: &Leap) -> (State, [[f64; 6]; 6]) {
+        let mut waiting = self.waiting.unwrap_or_else(|| {
+            let weights: Vec<f64> = self.log_weights.iter().map(|w| w.exp()).collect();
+            let belief = Belief { states: &self.particles, weights: &weights };
+            Waiting { frames: 0, mean: belief.mean(), covariance: belief.covariance() }
+        });
+        waiting.frames += 1;
+        leap.spread(&mut waiting.mean, &mut waiting.covariance);
+        self.waiting = Some(waiting);
+        (waiting.mean, waiting.covariance)
+    }
+
+    /// Moves particles that waited to where they are before this frame.
+    fn catch_up(&mut self, streams: Streams) {
+        let Some(waiting) = self.waiting.take() else { return };
+        let leap = self.proposal.over(waiting.frames).expect("it had one when they began to wait");
+        for (i, particles) in self.particles.chunks_mut(CHUNK).enumerate() {
+            leap.draw(particles, &mut streams.rng(i as u64));
+        }
+    }
+}
+
 impl Engine {
-    /// Moves the particles, and what else is known of the target, with the picture; before [`Engine::step`] with the picture
-    /// it moved to.
+    /// Moves the particles, and another state of the target, with the picture; before [`Engine::step`] with the picture it moved to.
     pub fn compensate(&mut self, flow: &Flow, also: &mut State) {
         let filter = &mut self.parts.filter;
         if let Some(camera_motion) = &filter.camera_motion {
@@ -117,88 +191,23 @@ impl Engine {
         self.second.iter_mut().for_each(|second| second.compensate(flow, &mut State::default()));
     }
 
-    /// x̃ ~ q(x | x'), and log wₜ₋₁ p/q, which the weights owe for not sampling from p, times what detections say.
-    pub(super) fn predict(&mut self, scene: Scene<'_>) {
-        self.catch_up();
-        let extent = self.target().extent;
-        let (f, w) = (&mut self.parts.filter, &mut self.work);
-        let n = f.particles.len();
-        w.predicted.resize(n, State::default());
-        w.log_prior.resize(n, 0.0);
-        let streams = self.streams.at(self.frame, Predict);
-        f.proposal.propose(scene, &f.particles, &mut w.predicted, &mut w.log_prior, streams);
-        w.log_prior.iter_mut().zip(&f.log_weights).for_each(|(prior, carried)| *prior += carried);
-        let weigh = |it: &DetectionLikelihood| it.weigh(scene.detections, &w.predicted, extent, &mut w.log_prior);
-        w.detected = f.detection_likelihood.as_ref().map_or(0.0, weigh);
-    }
-
-    /// Whether a frame without a look needs none of the particles, and so no buffers: nothing is detected, the camera does not move
-    /// them, and the motion of many frames has a closed form.
+    /// Whether a frame without a look needs none of the particles, and so no buffers.
     pub fn waits(&self, detected: bool) -> bool {
-        self.leap(detected).is_some()
-    }
-
-    /// The motion of such a frame.
-    fn leap(&self, detected: bool) -> Option<Leap> {
-        let filter = &self.parts.filter;
-        filter.proposal.over(1).filter(|_| !detected && filter.camera_motion.is_none())
-    }
-
-    /// Mean and covariance after a frame of this motion; the particles stay behind.
-    fn wait(&mut self, leap: &Leap) -> (State, [[f64; 6]; 6]) {
-        let filter = &mut self.parts.filter;
-        let mut waiting = filter.waiting.unwrap_or_else(|| {
-            let weights: Vec<f64> = filter.log_weights.iter().map(|w| w.exp()).collect();
-            let belief = Belief { states: &filter.particles, weights: &weights };
-            Waiting { frames: 0, mean: belief.mean(), covariance: belief.covariance() }
-        });
-        waiting.frames += 1;
-        leap.spread(&mut waiting.mean, &mut waiting.covariance);
-        filter.waiting = Some(waiting);
-        (waiting.mean, waiting.covariance)
-    }
-
-    /// Moves particles that waited to where they are before this frame.
-    fn catch_up(&mut self) {
-        let filter = &mut self.parts.filter;
-        let Some(waiting) = filter.waiting.take() else { return };
-        let leap = filter.proposal.over(waiting.frames).expect("it had one when they began to wait");
-        // Nothing was drawn in the frame before: they waited.
-        let streams = self.streams.at(self.frame - 1, Predict);
-        for (i, particles) in filter.particles.chunks_mut(CHUNK).enumerate() {
-            leap.draw(particles, &mut streams.rng(i as u64));
-        }
+        self.parts.filter.leap(detected).is_some()
     }
 
     /// A frame without a look: the belief is predicted, detections weigh it, and it is selected from. Mean and covariance.
     pub fn coast(&mut self, scene: Scene<'_>) -> (State, [[f64; 6]; 6]) {
         self.frame += 1;
-        if let Some(leap) = self.leap(!scene.detections.is_empty()) {
-            return self.wait(&leap);
+        let (t, extent, filter) = (self.frame, self.target().extent, &mut self.parts.filter);
+        if let Some(leap) = filter.leap(!scene.detections.is_empty()) {
+            return filter.wait(&leap);
         }
-        self.predict(scene);
-        let w = &mut self.work;
-        w.weights.resize(w.log_prior.len(), 0.0);
-        normalize(&w.log_prior, &mut w.weights);
-        let estimate = self.estimate();
-        self.select(&estimate);
+        let Record { belief, ancestors, .. } = &mut self.record;
+        *belief = filter.predict(scene, extent, (self.streams, t), std::mem::take(belief));
+        belief.weigh_without_looks();
+        let estimate = belief.estimate();
+        *ancestors = filter.select(belief, &estimate, self.streams.at(t, Select), std::mem::take(ancestors));
         (estimate.mean, estimate.covariance)
-    }
-
-    /// Children of heavy particles start the next frame, where the effective sample size asks for it; else all go on with
-    /// their weights.
-    pub(super) fn select(&mut self, estimate: &Estimate) {
-        let (f, w) = (&mut self.parts.filter, &mut self.work);
-        let n = f.particles.len();
-        w.ancestors.resize(n, 0);
-        if f.resampling.is_due(estimate.ess, n) {
-            let rng = &mut self.streams.at(self.frame, Select).rng(0);
-            f.resampling.select(&w.weights, &mut w.ancestors, rng);
-            f.log_weights.fill(-(n as f64).ln());
-        } else {
-            w.ancestors.iter_mut().enumerate().for_each(|(i, a)| *a = i);
-            f.log_weights.iter_mut().zip(&w.weights).for_each(|(carried, weight)| *carried = weight.ln());
-        }
-        f.particles.iter_mut().zip(&w.ancestors).for_each(|(particle, a)| *particle = w.predicted[*a]);
     }
 }

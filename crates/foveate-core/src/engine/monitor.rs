@@ -1,6 +1,9 @@
-//! Is it lost? `monitor` gives the one answer, `adapt` learns from the frames it trusts.
+//! Is it lost? The evidence of a frame, and what is learned from frames that are trusted.
 
-use super::{Engine, Estimate, Work};
+use super::Estimate;
+use super::particles::Particles;
+use super::search::Distractors;
+use super::view::{Looks, View};
 use crate::control::{
     ConfidenceModel, Consistency, ConsistencyMonitor, ConsistencySettings, DistractorSearch, DistractorSettings,
     FrameEvidence, LossMonitor, TrackConfidence, distractors,
@@ -8,19 +11,8 @@ use crate::control::{
 use crate::gaze::Context;
 use crate::geometry::{Gaze, State};
 use crate::identity::surroundings::Surroundings;
-use crate::identity::{Appearance, Lesson};
-use crate::recognition::Recognition;
-use crate::scene::Image;
+use crate::identity::{Lesson, Percept};
 
-/// Least share in view at which evidence is judged: of what is hidden for the most part, looks say nothing.
-const LEAST_JUDGED: f64 = 0.5;
-/// The same while another target is in its way: a tenth that is covered costs more than a tenth of the evidence.
-const LEAST_JUDGED_BESIDE: f64 = 0.9;
-/// Share of the place where the target is expected below which another target may be what is seen there.
-const OWN_PLACE: f64 = 0.8;
-/// P(lost) by the own cues below which a second opinion that is lost begins again at the estimate: seldom. Where it is led to the first's place
-/// more readily it agrees with it, right or wrong (docs/lab/confidence.md).
-const SURE: f64 = 0.005;
 /// P(lost) below which the target is certain, and frames from one that is remembered to the next.
 const CERTAIN: f64 = 0.05;
 const REMEMBERED_EVERY: u64 = 8;
@@ -29,8 +21,8 @@ const REMEMBERED_EVERY: u64 = 8;
 pub struct Monitor {
     /// Compares the evidence with the reference.
     pub(super) consistency: ConsistencyMonitor,
-    /// The same for what is learned for now, by the evidence as it is with that; `None` without a short-term memory.
-    pub(super) for_now: Option<ForNow>,
+    /// The same for the short-term memory, by the evidence that includes it; `None` without one.
+    pub(super) short_term: Option<ShortTermMonitor>,
     /// P(lost) and the status.
     pub(super) loss: LossMonitor,
     /// Looks for what the target could be mistaken for; `None` for among the particles only.
@@ -39,8 +31,8 @@ pub struct Monitor {
     pub(super) surroundings: Option<Surroundings>,
 }
 
-/// From which frames a short-term memory learns.
-pub(super) struct ForNow {
+/// Decides from which frames a short-term memory learns.
+pub(super) struct ShortTermMonitor {
     pub consistency: ConsistencyMonitor,
     /// The most that a frame's evidence may fall short.
     gate: f64,
@@ -51,26 +43,26 @@ impl Monitor {
     pub fn new(consistency: ConsistencySettings, model: ConfidenceModel) -> Self {
         Self {
             consistency: ConsistencyMonitor::new(consistency),
-            for_now: None,
+            short_term: None,
             loss: LossMonitor::new(model),
             distractors: None,
             surroundings: None,
         }
     }
-    /// The same, looking for distractors around the target in every frame, and remembering what was there.
-    pub fn searching(self, settings: Option<DistractorSettings>) -> Self {
+    /// The same, with a search for distractors around the target in every frame, and a memory of the places around it.
+    pub fn with_distractors(self, settings: Option<DistractorSettings>) -> Self {
         let remembering = settings.as_ref().filter(|settings| settings.remembered > 0);
         let surroundings = remembering.map(|settings| Surroundings::new(settings.remembered, settings.count()));
         Self { distractors: settings.map(DistractorSearch::new), surroundings, ..self }
     }
-    /// The same, for an appearance that learns for now from frames of larger deficits: `threshold` of the smoothed one, `gate` of one
-    /// frame's.
-    pub fn remembering(self, settings: &ConsistencySettings, short_term: Option<(f64, f64)>) -> Self {
-        let for_now = short_term.map(|(threshold, gate)| {
+    /// The same, for an appearance with a short-term memory. That learns from frames of larger deficits: `threshold` of the smoothed one,
+    /// `gate` of one frame's.
+    pub fn with_short_term(self, settings: &ConsistencySettings, short_term: Option<(f64, f64)>) -> Self {
+        let short_term = short_term.map(|(threshold, gate)| {
             let settings = ConsistencySettings { threshold, ..settings.clone() };
-            ForNow { consistency: ConsistencyMonitor::new(settings), gate }
+            ShortTermMonitor { consistency: ConsistencyMonitor::new(settings), gate }
         });
-        Self { for_now, ..self }
+        Self { short_term, ..self }
     }
     /// The fitted model of P(lost).
     pub fn model(&self) -> &ConfidenceModel {
@@ -80,192 +72,222 @@ impl Monitor {
     pub(crate) fn consistency(&self) -> Consistency {
         self.consistency.last()
     }
-    /// Whether the first of two places looks more like what was around the target in remembered frames than the second does.
-    pub(super) fn was_beside(
-        &mut self,
-        appearance: &mut dyn Appearance,
-        places: [State; 2],
-        features: &mut Vec<f32>,
-    ) -> bool {
-        let Some(surroundings) = &mut self.surroundings else { return false };
-        appearance.features(&places, features);
-        let (first, second) = features.split_at(features.len() / 2);
-        surroundings.elsewhere(first) > surroundings.elsewhere(second)
-    }
+    /// Forgets the past: the target was just given.
     pub(super) fn reset(&mut self) {
         self.reset_consistency();
         self.loss.reset();
     }
-    /// Forgets how evidence was, and what was usual: what it is compared with has changed.
+    /// Forgets the evidence of past frames, and its usual values: the template that it compares with has changed.
     pub(super) fn forget_evidence(&mut self) {
         self.reset_consistency();
         self.loss.forget_usual();
     }
-    /// Forgets how evidence was in the last frames.
+    /// Forgets the evidence of the last frames.
     pub(super) fn reset_consistency(&mut self) {
         self.consistency.reset();
-        self.for_now.iter_mut().for_each(|it| it.consistency.reset());
-    }
-}
-
-impl Engine {
-    /// Perceives at the estimate, and judges the frame: P(lost), the status, and what the policy is told next.
-    pub(super) fn monitor(&mut self, image: &Image, estimate: &Estimate) -> TrackConfidence {
-        let evidence = self.evidence(image, estimate);
-        let (judged, loss) = (self.is_judged(), &mut self.parts.monitor.loss);
-        let confidence = if judged { loss.judge(&evidence) } else { loss.hold() };
-        let lost = loss.is_searching();
-        if lost && !self.context.lost && loss.is_misled() {
-            self.forget_learned();
+        if let Some(it) = &mut self.short_term {
+            it.consistency.reset();
         }
-        self.context = Context {
-            ess: estimate.ess / self.work.predicted.len() as f64,
-            deficit: evidence.consistency.deficit.max(evidence.alarm),
-            frame_deficit: evidence.consistency.frame_deficit,
-            spread: evidence.spread,
-            lost,
-            ..self.context
-        };
-        if lost {
-            self.parts.appearance.forget_short_term();
-        } else if confidence.own < CERTAIN {
-            if confidence.own < SURE {
-                self.advise(estimate);
-            }
-            if judged && self.frame.is_multiple_of(REMEMBERED_EVERY) {
-                self.remember(&estimate.mean);
-            }
+    }
+
+    /// Whether the first of two places looks more like the surroundings of the target in remembered frames than the second does.
+    pub(super) fn was_beside(&mut self, view: &mut View<'_>, places: [State; 2]) -> bool {
+        let Some(surroundings) = &mut self.surroundings else { return false };
+        let features = &mut view.scratch.features;
+        view.appearance.features(&places, features);
+        let (first, second) = features.split_at(features.len() / 2);
+        surroundings.elsewhere(first) > surroundings.elsewhere(second)
+    }
+
+    /// What the frame shows at the estimate, with nothing of second opinion, box regression and classes. If the frame is not judged,
+    /// nothing is compared with past frames.
+    pub(super) fn evidence(
+        &mut self,
+        view: &mut View<'_>,
+        belief: &Particles,
+        looks: &Looks,
+        estimate: &Estimate,
+        (percept, around): (&Percept, &Distractors),
+    ) -> FrameEvidence {
+        let reference = view.target.reference;
+        let unit = view.target.unit * estimate.mean.log_scale.exp();
+        let mut evidence = belief.log_evidence / looks.count();
+        let (mut distractor, mut consistency, mut elsewhere) = (None, self.consistency.last(), 0.0);
+        if view.is_judged {
+            (evidence, distractor) = self.long_term(view, belief, estimate, evidence, around);
+            // As much as looks at the target count for.
+            distractor = distractor.map(|best| view.visibility.fraction() * best);
+            consistency = self.consistency.judge(evidence, &belief.log_weights, reference);
+            elsewhere = self.was_elsewhere(view, &estimate.mean, percept);
         }
-        confidence
-    }
-
-    /// Forgets what discriminant and colours learned since the first frame, and what was around the target: it was learned of something else,
-    /// for which the target was taken, and vouches for it.
-    fn forget_learned(&mut self) {
-        self.parts.appearance.forget_learned();
-        self.parts.monitor.surroundings.iter_mut().for_each(Surroundings::clear);
-        self.second.iter_mut().for_each(|second| second.forget_learned());
-    }
-
-    /// What the frame shows of the target at the estimate; where it is not judged, what is told of its looks is the last verdict's.
-    fn evidence(&mut self, image: &Image, estimate: &Estimate) -> FrameEvidence {
-        let (reference, judged) = (self.reference(), self.is_judged());
-        let unit = self.target().unit * estimate.mean.log_scale.exp();
-        let w = &mut self.work;
-        let evidence = w.log_evidence / w.plan.looks();
-        let chosen = w.plan.chosen();
-        // The mean of states that are scattered lies where none of them is.
-        let seen = chosen.relative_to(self.parts.appearance.home());
-        self.parts.appearance.see_more(image, &[estimate.mean], &[seen]);
-        self.parts.appearance.perceive(&estimate.mean, seen, &mut w.percept);
-        let (distance, colour) = (w.percept.distance, w.percept.colour);
-        let distractor = if judged { self.look_around(image, &estimate.mean) } else { None };
-        let (evidence, distractor) = self.in_the_long_term(estimate, evidence, distractor);
-        // As much as looks at the target count for.
-        let distractor = distractor.map(|fit| self.visible * fit);
-        let consistency = match judged {
-            true => self.parts.monitor.consistency.judge(evidence, &self.work.log_posterior, reference),
-            false => self.parts.monitor.consistency.last(),
-        };
-        let elsewhere = if judged { self.was_elsewhere(estimate) } else { 0.0 };
-        self.work.percept.gaze = chosen;
         FrameEvidence {
             consistency,
             evidence,
             reference,
             distractor,
             spread: spread(&estimate.covariance, unit),
-            distance,
-            colour,
+            distance: percept.distance,
+            colour: percept.colour,
             elsewhere,
-            agreement: self.agreement(image, estimate),
-            absent: self.absent(image, estimate),
+            agreement: None,
+            absent: None,
             estimate: estimate.mean,
             unit,
-            alarm: self.parts.recognition.as_ref().map_or(0.0, Recognition::alarm),
+            alarm: 0.0,
         }
     }
 
-    /// Evidence and the likelihood of the best distractor, without what was learned for now: that may not vouch for itself.
-    fn in_the_long_term(&mut self, estimate: &Estimate, evidence: f64, distractor: Option<f64>) -> (f64, Option<f64>) {
-        let (judged, reference, visible) = (self.is_judged(), self.reference(), self.visible);
-        let (parts, w) = (&mut self.parts, &mut self.work);
-        let Some(for_now) = parts.monitor.for_now.as_mut().filter(|_| judged) else { return (evidence, distractor) };
-        w.drawn.clear();
-        w.drawn.push(estimate.mean);
-        if distractor.is_some() {
-            w.drawn.extend(&w.distractors);
-        }
-        w.scores.resize(w.drawn.len(), 0.0);
-        if !parts.appearance.long_term_log_likelihood(&w.drawn, &mut w.scores) {
-            for_now.consistency.follow(&parts.monitor.consistency);
-            return (evidence, distractor);
-        }
-        for_now.consistency.judge(evidence, &w.log_posterior, reference);
-        let mut here = [0.0];
-        parts.appearance.log_likelihood(&[estimate.mean], Gaze::CENTRE, &mut here);
-        let best = w.scores[1..].iter().copied().fold(f64::NEG_INFINITY, f64::max);
-        (evidence + visible * (w.scores[0] - here[0]), distractor.map(|_| best))
+    /// Evidence and the likelihood of the best distractor without the short-term memory, which may have learned another object.
+    fn long_term(
+        &mut self,
+        view: &mut View<'_>,
+        belief: &Particles,
+        estimate: &Estimate,
+        evidence: f64,
+        around: &Distractors,
+    ) -> (f64, Option<f64>) {
+        let Some(short_term) = &mut self.short_term else { return (evidence, around.best) };
+        let others = if around.best.is_some() { &around.states[..] } else { &[] };
+        let Some(long_term) = view.long_term_scores(&estimate.mean, others) else {
+            short_term.consistency.follow(&self.consistency);
+            return (evidence, around.best);
+        };
+        short_term.consistency.judge(evidence, &belief.log_weights, view.target.reference);
+        (evidence + view.visibility.fraction() * long_term.change, around.best.map(|_| long_term.best))
     }
 
-    /// How much more the estimate looks like what was around the target in remembered frames than like the target.
-    fn was_elsewhere(&mut self, estimate: &Estimate) -> f64 {
-        let Some(surroundings) = &mut self.parts.monitor.surroundings else { return 0.0 };
-        let Work { features, percept, .. } = &mut self.work;
-        if percept.gaze == Gaze::CENTRE {
+    /// How much more the estimate looks like the surroundings of the target in remembered frames than like the target, −2 to 2.
+    fn was_elsewhere(&mut self, view: &mut View<'_>, estimate: &State, percept: &Percept) -> f64 {
+        let Some(surroundings) = &mut self.surroundings else { return 0.0 };
+        if percept.gaze.relative_to(view.appearance.committed_gaze()) == Gaze::CENTRE {
             return surroundings.elsewhere(&percept.features);
         }
-        self.parts.appearance.features(&[estimate.mean], features);
-        surroundings.elsewhere(features)
+        view.appearance.features(&[*estimate], &mut view.scratch.features);
+        surroundings.elsewhere(&view.scratch.features)
     }
 
-    /// Remembers what is at the places that were searched for distractors, with the target at `state`.
-    pub(super) fn remember(&mut self, state: &State) {
-        let extent = self.target().extent;
-        let (monitor, features) = (&mut self.parts.monitor, &mut self.work.features);
-        if let (Some(surroundings), Some(around)) = (&mut monitor.surroundings, &monitor.distractors)
-            && self.parts.appearance.width() > 0
+    /// P(lost) and the status of a frame. If the frame is not judged, P(lost) stays as it is.
+    pub(super) fn judge(&mut self, is_judged: bool, evidence: &FrameEvidence) -> TrackConfidence {
+        if is_judged { self.loss.judge(evidence) } else { self.loss.hold() }
+    }
+
+    /// What the appearance and the surroundings forget after this verdict, and whether the surroundings of the target are remembered in
+    /// frame `t`. Returns whether the tracker was misled: it has just lost the target, and all that it learned since frame 1 is forgotten.
+    pub(super) fn revise(
+        &mut self,
+        view: &mut View<'_>,
+        verdict: &TrackConfidence,
+        estimate: &Estimate,
+        (was_lost, t): (bool, u64),
+    ) -> bool {
+        let lost = self.loss.is_searching();
+        let misled = lost && !was_lost && self.loss.is_misled();
+        if misled {
+            // Discriminant and colours were trained on another object.
+            if let Some(memory) = view.appearance.memory() {
+                memory.forget();
+            }
+            if let Some(surroundings) = &mut self.surroundings {
+                surroundings.clear();
+            }
+        }
+        if lost {
+            if let Some(memory) = view.appearance.memory() {
+                memory.forget_short_term();
+            }
+        } else if verdict.own < CERTAIN && view.is_judged && t.is_multiple_of(REMEMBERED_EVERY) {
+            self.remember(view, &estimate.mean);
+        }
+        misled
+    }
+
+    /// Remembers the places that were last searched for distractors, with the target at `state`.
+    pub(super) fn remember(&mut self, view: &mut View<'_>, state: &State) {
+        if let (Some(surroundings), Some(around)) = (&mut self.surroundings, &self.distractors)
+            && view.appearance.width() > 0
         {
-            self.parts.appearance.features(around.last(), features);
-            surroundings.remember(state, extent, around.last(), features);
+            let features = &mut view.scratch.features;
+            view.appearance.features(around.last(), features);
+            surroundings.remember(state, view.target.extent, around.last(), features);
         }
     }
 
-    /// Learns what tells the target from what is around it, while the evidence is consistent with its being there.
-    pub(super) fn adapt(&mut self, image: &Image, estimate: &Estimate) {
-        let (judged, extent) = (self.is_judged(), self.target().extent);
-        let (parts, w) = (&mut self.parts, &mut self.work);
-        let (monitor, lost) = (&parts.monitor, self.context.lost);
-        let learns = monitor.consistency.learns(self.frame, lost) && !monitor.loss.is_doubted();
-        let for_now =
-            |it: &ForNow| it.consistency.learns(self.frame, false) && it.consistency.last().frame_deficit <= it.gate;
+    /// What the policy is told of this frame before it plans the next.
+    pub(super) fn context(&self, evidence: &FrameEvidence, belief: &Particles, estimate: &Estimate) -> Context {
+        Context {
+            ess: estimate.ess / belief.states.len() as f64,
+            deficit: evidence.consistency.deficit.max(evidence.alarm),
+            frame_deficit: evidence.consistency.frame_deficit,
+            spread: evidence.spread,
+            lost: self.loss.is_searching(),
+        }
+    }
+
+    /// Searches for distractors around the estimate, if the frame is judged and they are not known from before.
+    pub(super) fn search(&mut self, view: &mut View<'_>, estimate: &State, found: Distractors) -> Distractors {
+        if !view.is_judged {
+            return found;
+        }
+        found.search(self.distractors.as_mut(), view, estimate)
+    }
+
+    /// What may be learned from frame `t`; `None` for nothing.
+    fn lesson(&self, t: u64) -> Option<Lesson> {
+        let lost = self.loss.is_searching();
+        let learns = self.consistency.learns(t, lost) && !self.loss.is_doubted();
+        let short_term =
+            |it: &ShortTermMonitor| it.consistency.learns(t, false) && it.consistency.last().frame_deficit <= it.gate;
         let lesson = Lesson {
-            deficit: learns.then(|| monitor.consistency.last().frame_deficit),
-            for_now: !lost && monitor.for_now.as_ref().is_some_and(for_now),
+            deficit: learns.then(|| self.consistency.last().frame_deficit),
+            short_term: !lost && self.short_term.as_ref().is_some_and(short_term),
         };
-        if !(judged && (learns || lesson.for_now) && parts.appearance.adapts()) {
+        (learns || lesson.short_term).then_some(lesson)
+    }
+
+    /// Learns the target at the estimate, and the distractors around it or among the particles, from frame `t`, if the evidence is consistent
+    /// with the target there.
+    pub(super) fn learn(
+        &self,
+        view: &mut View<'_>,
+        belief: &Particles,
+        estimate: &State,
+        mut found: Distractors,
+        t: u64,
+    ) -> Distractors {
+        let Some(lesson) = self.lesson(t).filter(|_| view.is_judged) else { return found };
+        let Some(memory) = view.appearance.memory() else { return found };
+        if self.distractors.is_none() {
+            distractors(&belief.states, &belief.log_weights, estimate, view.target.extent, &mut found.states);
+        }
+        memory.learn(view.scene.image, estimate, &found.states, lesson);
+        found
+    }
+
+    /// Learns the surroundings of the target, at `state` of its first frame: remembers the places there, and learns those that look most like
+    /// the target, each if the settings ask for it. The places of earlier frames are forgotten.
+    pub(super) fn init_surroundings(&mut self, view: &mut View<'_>, state: &State) {
+        let Some(around) = &mut self.distractors else { return };
+        let first_frame = around.first_frame();
+        if let Some(surroundings) = &mut self.surroundings {
+            surroundings.clear();
+            view.scratch.features.reserve(surroundings.places() * view.appearance.width());
+        }
+        if !first_frame && self.surroundings.is_none() {
             return;
         }
-        if parts.monitor.distractors.is_none() {
-            distractors(&w.predicted, &w.log_posterior, &estimate.mean, extent, &mut w.distractors);
+        let places = around.places(view.size(), state, view.target.extent);
+        if places.is_empty() {
+            return;
         }
-        parts.appearance.adapt(image, &estimate.mean, &w.distractors, lesson);
-    }
-
-    /// Whether enough of the target is in view for its evidence to say that it is lost.
-    pub(super) fn is_judged(&self) -> bool {
-        let least = if self.meets_another() { LEAST_JUDGED_BESIDE } else { LEAST_JUDGED };
-        self.visible >= least && !self.is_contested()
-    }
-
-    /// Whether another target may be what is seen where this one is expected.
-    pub fn is_contested(&self) -> bool {
-        self.exclusion.share(&self.work.expected) < OWN_PLACE
-    }
-
-    /// Whether another target claims places that this one may be at.
-    pub fn meets_another(&self) -> bool {
-        !self.exclusion.is_empty()
+        view.appearance.prepare(view.scene.image, places, &[Gaze::CENTRE]);
+        let (extent, mut found) = (view.target.extent, vec![]);
+        if first_frame {
+            distractors(places, view.prepared_scores(places), state, extent, &mut found);
+        }
+        self.remember(view, state);
+        if let Some(memory) = view.appearance.memory().filter(|_| first_frame) {
+            memory.init_distractors(view.scene.image, state, &found);
+        }
     }
 }
 

@@ -28,11 +28,11 @@ struct Saved {
     waiting: Option<Waiting>,
     visible: f64,
     policy: SavedState,
-    appearance: serde_json::Value,
+    appearance: SavedState,
     consistency: serde_json::Value,
-    /// The same with what was learned for now; none without a short-term memory.
+    /// The same with the short-term memory; none without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    for_now: Option<serde_json::Value>,
+    short_term: Option<serde_json::Value>,
     confidence: serde_json::Value,
     /// What was around the target; none where nothing is remembered.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -60,17 +60,17 @@ impl Engine {
             particles: self.parts.filter.particles.clone(),
             log_weights: self.parts.filter.log_weights.iter().map(|w| w.is_finite().then_some(*w)).collect(),
             waiting: self.parts.filter.waiting,
-            visible: self.visible,
+            visible: self.visibility.fraction(),
             policy: self.parts.gaze.policy.save(),
             appearance: self.parts.appearance.save(),
             consistency: self.parts.monitor.consistency.save(),
-            for_now: self.parts.monitor.for_now.as_ref().map(|it| it.consistency.save()),
+            short_term: self.parts.monitor.short_term.as_ref().map(|it| it.consistency.save()),
             confidence: self.parts.monitor.loss.save(),
             surroundings: self.parts.monitor.surroundings.as_ref().map(Surroundings::save),
             context: self.context,
             redetection: self.parts.filter.redetection.as_ref().map(Redetection::save),
-            recognizer: self.parts.recognition.as_ref().map(Recognition::save),
-            box_regression: self.parts.box_regression.as_ref().and_then(BoxRegression::save),
+            recognizer: self.parts.extras.recognition.as_ref().map(Recognition::save),
+            box_regression: self.parts.extras.box_regression.as_ref().and_then(BoxRegression::save),
             second: self.second.as_ref().map(|second| second.save()),
         };
         serde_json::to_value(saved).expect("plain data is JSON")
@@ -89,7 +89,7 @@ impl Engine {
                 saved.log_weights.len()
             )));
         }
-        if saved.frame > MOST_FRAMES || saved.target.is_some() == saved.appearance.is_null() {
+        if saved.frame > MOST_FRAMES || saved.target.is_some() == saved.appearance.is_empty() {
             return Err(bad("its frame number is absurd, or it has a target without a template".into()));
         }
         if saved.waiting.is_some_and(|waiting| waiting.frames as u64 > saved.frame) {
@@ -110,7 +110,7 @@ impl Engine {
         self.parts.gaze.policy.load(&saved.policy)?;
         self.parts.appearance.load(&saved.appearance)?;
         self.parts.monitor.consistency.load(&saved.consistency)?;
-        match (&mut self.parts.monitor.for_now, &saved.for_now) {
+        match (&mut self.parts.monitor.short_term, &saved.short_term) {
             (Some(it), Some(saved)) => it.consistency.load(saved)?,
             (Some(it), None) => it.consistency.reset(),
             (None, _) => (),
@@ -124,12 +124,12 @@ impl Engine {
         if let (Some(search), Some(saved)) = (&mut self.parts.filter.redetection, &saved.redetection) {
             search.load(saved)?;
         }
-        match (&mut self.parts.recognition, &saved.recognizer) {
+        match (&mut self.parts.extras.recognition, &saved.recognizer) {
             (Some(recognizer), Some(saved)) => recognizer.load(saved)?,
             (Some(recognizer), None) => recognizer.reset(),
             (None, _) => (),
         }
-        if let Some(it) = &mut self.parts.box_regression {
+        if let Some(it) = &mut self.parts.extras.box_regression {
             if saved.target.is_some() && saved.box_regression.is_none() {
                 return Err(bad("it has no box regression; use the configuration it was saved with".into()));
             }
@@ -148,7 +148,7 @@ impl Engine {
         self.frame = saved.frame;
         self.target = saved.target;
         self.context = saved.context;
-        self.visible = saved.visible.clamp(0.0, 1.0);
+        self.visibility.set_fraction(saved.visible);
         self.parts.filter.particles = saved.particles;
         self.parts.filter.waiting = saved.waiting;
         self.parts.filter.log_weights = saved.log_weights.iter().map(|w| w.unwrap_or(f64::NEG_INFINITY)).collect();

@@ -203,3 +203,30 @@ impl BoxRegression {
         self.network.look(&self.glimpse.values, &mut self.scratch);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use foveate_base::files::Nowhere;
+
+    /// Reads pixels in every `every`-th frame alone; between them the box is moved by the answers until then.
+    #[test]
+    fn it_looks_in_every_few_frames() {
+        let settings = Settings { every: 3, ..Settings::default() };
+        let network = Arc::new(settings.read(&Nowhere).expect("it ships"));
+        let mut it = BoxRegression::new(network, settings);
+        let bytes = (0..80 * 60).map(|i| (i * 7 % 251) as u8).collect();
+        let (image, extent) = (Image::new(80, 60, 1, bytes).expect("80 x 60"), Extent { half_w: 8.0, half_h: 10.0 });
+        let state = State { x: 40.0, y: 30.0, ..State::default() };
+        it.imprint(&image, &state, extent);
+        let mut before = None;
+        for frame in 0..7 {
+            let mut meter = Meter::default();
+            let moved = it.moved(&image, &state, extent, None);
+            it.measure(&mut meter);
+            assert_eq!(meter.pixels() > 0, frame % 3 == 0, "frame {frame}");
+            assert!(frame % 3 == 0 || before == Some(moved), "frame {frame}");
+            before = Some(moved);
+        }
+    }
+}

@@ -123,7 +123,7 @@ impl Colour {
     pub fn init(&mut self, image: &Image, state: &State, extent: Extent) {
         self.counts.count(image, state, extent);
         self.first.clone_from(&self.counts.now);
-        self.begin_again();
+        self.restart();
         let mut sums = Integral::default();
         let (w, h) = state.half(extent);
         let (step, w, h) = (step(w.min(h)), RING * w, RING * h);
@@ -144,7 +144,7 @@ impl Colour {
     }
 
     /// Forgets all that was learned since the first frame.
-    pub(super) fn begin_again(&mut self) {
+    pub(super) fn restart(&mut self) {
         self.recent.clone_from(&self.first);
         self.judge();
     }
@@ -340,7 +340,7 @@ mod tests {
         let before = it.recent.target[bin];
         it.adapt(&blue, &TARGET, EXTENT);
         assert_eq!((before, it.recent.target[bin]), (0.0, 0.5));
-        it.begin_again();
+        it.restart();
         let fresh = colour(settings);
         assert_eq!((&it.recent, &it.probability, &it.parts), (&fresh.recent, &fresh.probability, &fresh.parts));
     }

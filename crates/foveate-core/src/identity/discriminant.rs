@@ -83,13 +83,13 @@ impl Discriminant {
     }
 
     /// The same, with a short-term memory.
-    pub fn remembering(self) -> Self {
+    pub fn with_short_term(self) -> Self {
         let short_term = Some(Recent::new(&self.recent, &self.weights));
         Self { short_term, ..self }
     }
 
     /// The same, with a covariance of features that is added to the sums.
-    pub(super) fn varying(mut self, variation: Option<Arc<[f32]>>) -> Self {
+    pub(super) fn with_variation(mut self, variation: Option<Arc<[f32]>>) -> Self {
         self.regression.variation = variation;
         self
     }
@@ -219,7 +219,7 @@ mod tests {
 
     /// The same, of features that vary so.
     fn expecting(variation: Option<&Arc<[f32]>>, settings: Settings, frames: u64) -> Discriminant {
-        let mut it = Discriminant::new(settings, PARTS.to_vec()).varying(variation.cloned());
+        let mut it = Discriminant::new(settings, PARTS.to_vec()).with_variation(variation.cloned());
         for frame in 0..frames {
             let mut rng = Streams::new(4, 0).rng(frame);
             // As a tracker does: of the first frame no distractors are known.
@@ -298,10 +298,10 @@ mod tests {
     #[test]
     fn a_reset_keeps_the_first_frame_only() {
         let first = learned(Settings::default(), 1);
-        let mut it = learned(Settings::default(), 6).remembering();
-        it.learn_for_now();
+        let mut it = learned(Settings::default(), 6).with_short_term();
+        it.learn_short_term();
         it.compact();
-        it.begin_again();
+        it.restart();
         assert_eq!((&it.weights, &it.recent, &it.first), (&first.weights, &first.first, &first.first));
         assert!(!it.is_apart());
     }

@@ -20,8 +20,9 @@ use super::online::Training;
 use super::pyramid::Pyramid;
 use super::retina::Retina;
 use super::views::Looks;
-use super::{Appearance, Buffers, Lesson, Percept, ReferenceLikelihood, TemplateSource};
+use super::{Appearance, Buffers, Lesson, Memory, Percept, ReferenceLikelihood, TemplateSource};
 use crate::geometry::{Extent, Fixation, Gaze, State};
+use crate::saved_state::SavedState;
 use crate::scene::{Image, Meter};
 use foveate_base::rng::Streams;
 use foveate_base::rows::{Rows, RowsMut};
@@ -30,7 +31,7 @@ use foveate_base::{Error, Result};
 mod apart;
 mod cues;
 mod dim;
-mod imprint;
+mod reference;
 mod saved;
 mod shared;
 #[cfg(feature = "learn")]
@@ -43,11 +44,11 @@ const CHUNK: usize = 48;
 
 /// Retina, encoder, distance and a template.
 pub struct GazeAppearance {
-    /// About the usual gaze, and as it was given.
+    /// About the committed gaze, and as it was given.
     retina: Arc<dyn Retina>,
     centred: Arc<dyn Retina>,
-    /// The usual gaze: the centre, until it settles on another.
-    home: Gaze,
+    /// The gaze that it is committed to: the centre at first.
+    committed: Gaze,
     encoder: Arc<dyn Encoder>,
     distance: Kind,
     setting: Sharpness,
@@ -78,7 +79,6 @@ struct Template {
     state: State,
     extent: Extent,
     sharpness: f64,
-    reference: ReferenceLikelihood,
 }
 
 #[derive(Default)]
@@ -109,7 +109,7 @@ impl GazeAppearance {
         Ok(Self {
             dense: Dense::new(&*retina, &*encoder),
             centred: retina.clone(),
-            home: Gaze::CENTRE,
+            committed: Gaze::CENTRE,
             retina,
             encoder,
             distance,
@@ -134,7 +134,7 @@ impl GazeAppearance {
     ///
     /// Not in the paper, which finds its targets by motion but then forgets that they move. Without it a static thing
     /// beneath the target in the first frame, part of the template, holds the tracker back.
-    pub fn discounting_background(self, share: f32) -> Self {
+    pub fn with_background_discount(self, share: f32) -> Self {
         Self { discounting_background: share, ..self }
     }
 
@@ -251,28 +251,19 @@ fn looks(retina: &dyn Retina, extent: Extent) -> Looks<'_> {
 }
 
 impl Appearance for GazeAppearance {
-    fn init_template(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams) {
+    fn init_template(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams) -> ReferenceLikelihood {
         #[cfg(feature = "learn")]
         if let Some(training) = &mut self.training {
             self.encoder = training.reset(streams);
         }
-        self.turn(Gaze::CENTRE);
-        let nothing = ReferenceLikelihood { on: 0.0, off: 0.0 };
+        self.recenter(Gaze::CENTRE);
         let (origin, size) = ((0, 0), (image.width(), image.height()));
-        self.keep(Template {
-            image: image.clone(),
-            origin,
-            size,
-            state: *state,
-            extent,
-            sharpness: 1.0,
-            reference: nothing,
-        });
+        self.keep(Template { image: image.clone(), origin, size, state: *state, extent, sharpness: 1.0 });
         self.colour.iter_mut().for_each(|colour| colour.init(image, state, extent));
-        self.imprint(image, state, extent, streams);
+        self.init_reference(image, state, extent, streams)
     }
 
-    fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
+    fn prepare(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
         let gazes = if self.steady { &[Gaze::CENTRE] } else { gazes };
         let looks = looks(&*self.retina, self.extent());
         self.dense.iter_mut().for_each(|dense| dense.of = None);
@@ -286,7 +277,7 @@ impl Appearance for GazeAppearance {
         self.buffers.views.measure(meter);
     }
 
-    fn see_more(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
+    fn extend(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
         let gazes = if self.steady { &[Gaze::CENTRE] } else { gazes };
         let looks = looks(&*self.retina, self.extent());
         // What was dimmed when the frame was seen first is still there.
@@ -301,7 +292,7 @@ impl Appearance for GazeAppearance {
         out.iter_mut().for_each(|d| *d *= -sharpness);
     }
 
-    fn perceive(&mut self, state: &State, gaze: Gaze, percept: &mut Percept) {
+    fn glimpse(&mut self, state: &State, gaze: Gaze, percept: &mut Percept) {
         let (n_v, n_h) = self.encoder.shape();
         percept.gaze = gaze;
         let gaze = if self.steady { Gaze::CENTRE } else { gaze };
@@ -330,43 +321,20 @@ impl Appearance for GazeAppearance {
         self.look_at_each(states, rows);
     }
 
-    fn home(&self) -> Gaze {
-        self.home
+    fn committed_gaze(&self) -> Gaze {
+        self.committed
     }
 
-    fn settle(&mut self, gaze: Gaze, streams: Streams) -> bool {
-        self.settle_on(gaze, streams)
+    fn commit_gaze(&mut self, gaze: Gaze, streams: Streams) -> Option<ReferenceLikelihood> {
+        self.commit(gaze, streams)
     }
 
-    fn adapts(&self) -> bool {
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
         #[cfg(feature = "learn")]
         if self.training.is_some() {
-            return true;
+            return Some(self);
         }
-        self.discriminant.is_some() || self.colour.is_some()
-    }
-
-    fn adapt(&mut self, image: &Image, state: &State, distractors: &[State], lesson: Lesson) {
-        self.take(image, state, distractors, lesson);
-    }
-
-    fn set_short_term_aside(&mut self, aside: bool) -> bool {
-        let Some(it) = self.discriminant.as_mut().filter(|it| it.is_apart()) else { return false };
-        it.set_aside(aside);
-        true
-    }
-
-    fn forget_short_term(&mut self) {
-        self.discriminant.iter_mut().for_each(Discriminant::forget);
-    }
-
-    fn forget_learned(&mut self) {
-        self.discriminant.iter_mut().for_each(Discriminant::begin_again);
-        self.colour.iter_mut().for_each(Colour::begin_again);
-    }
-
-    fn init_distractors(&mut self, image: &Image, state: &State, distractors: &[State]) {
-        self.learn_first(image, state, distractors);
+        (self.discriminant.is_some() || self.colour.is_some()).then_some(self as &mut dyn Memory)
     }
 
     fn template_source(&self) -> Option<TemplateSource<'_>> {
@@ -382,16 +350,43 @@ impl Appearance for GazeAppearance {
         self.free();
     }
 
-    fn reference(&self) -> ReferenceLikelihood {
-        self.kept().reference
-    }
-
-    fn save(&self) -> serde_json::Value {
+    fn save(&self) -> SavedState {
         self.to_saved()
     }
 
-    fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+    fn load(&mut self, saved: &SavedState) -> Result<()> {
         self.take_up(saved)
+    }
+}
+
+impl Memory for GazeAppearance {
+    fn learn(&mut self, image: &Image, state: &State, distractors: &[State], lesson: Lesson) {
+        self.take(image, state, distractors, lesson);
+    }
+
+    fn forget(&mut self) {
+        if let Some(discriminant) = &mut self.discriminant {
+            discriminant.restart();
+        }
+        if let Some(colour) = &mut self.colour {
+            colour.restart();
+        }
+    }
+
+    fn init_distractors(&mut self, image: &Image, state: &State, distractors: &[State]) {
+        self.learn_first(image, state, distractors);
+    }
+
+    fn set_short_term_aside(&mut self, aside: bool) -> bool {
+        let Some(it) = self.discriminant.as_mut().filter(|it| it.is_apart()) else { return false };
+        it.set_aside(aside);
+        true
+    }
+
+    fn forget_short_term(&mut self) {
+        if let Some(discriminant) = &mut self.discriminant {
+            discriminant.forget();
+        }
     }
 }
 

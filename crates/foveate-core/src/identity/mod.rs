@@ -23,7 +23,6 @@ pub mod gaze_appearance;
 mod integral;
 #[cfg(feature = "learn")]
 pub mod multi_fixation;
-#[cfg(feature = "learn")]
 mod numbers;
 #[cfg(feature = "learn")]
 pub mod online;
@@ -55,8 +54,8 @@ use crate::geometry::{Extent, Gaze, State};
 use crate::reference::ReferenceLikelihood;
 use crate::saved_state::SavedState;
 use crate::scene::{Image, Meter};
-use foveate_base::Result;
 use foveate_base::rng::Streams;
+use foveate_base::{Error, Result};
 
 /// One look, kept: what the fovea saw and what the first layer made of it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -77,11 +76,11 @@ pub struct Percept {
 /// What may be learned from a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lesson {
-    /// Its evidence deficit: 0 where the evidence is what the target gives, 1 where it is what other places give. `None` where nothing
-    /// is to be learned for good.
+    /// The evidence deficit of the frame: 0 if the evidence is as on the target, 1 if it is as elsewhere. `None` if nothing is to be
+    /// learned for long.
     pub deficit: Option<f64>,
-    /// Where nothing is learned for good, whether something is for now: by a short-term memory, if there is one.
-    pub for_now: bool,
+    /// Whether the short-term memory, if there is one, learns where nothing is learned for long.
+    pub short_term: bool,
 }
 
 /// A picture of the target, and where in it the target is.
@@ -99,86 +98,94 @@ pub struct TemplateSource<'a> {
 
 /// How the target looks, as the control pathway sees it.
 ///
-/// `see` is called once a frame, before any `log_likelihood` or `perceive` of that frame, with every state
-/// and gaze they may ask about; what else they ask about is told to `see_more` first. A log-likelihood must depend on its own state and gaze
+/// `prepare` is called once a frame, before any `log_likelihood` or `glimpse` of that frame, with the states and
+/// gazes of that frame; other states and gazes are given to `extend` first. A log-likelihood must depend on its own state and gaze
 /// alone: if it does not, results change with the number of threads, and `conformance::appearance` fails.
 pub trait Appearance: Send + Sync {
-    /// Keeps the template τ: how the target looks at `state`, whose box has `extent` at scale 1.
-    fn init_template(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams);
-    /// Takes in what `states` and `gazes` of this frame need.
-    fn see(&mut self, image: &Image, states: &[State], gazes: &[Gaze]);
-    /// Takes in what more states of the frame that was seen last need, where it is not there. What was seen of it before may
-    /// be forgotten.
-    fn see_more(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
-        self.see(image, states, gazes);
-    }
-    /// Counts what was read of pictures since it was asked last.
-    fn measure(&mut self, _meter: &mut Meter) {}
+    /// Keeps the template τ: how the target looks at `state`, whose box has `extent` at scale 1. Returns the log-likelihoods to expect on
+    /// the target and elsewhere: P(lost) compares later evidence with them.
+    fn init_template(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams) -> ReferenceLikelihood;
+    /// Prepares the parts of this frame that `states` and `gazes` need.
+    fn prepare(&mut self, image: &Image, states: &[State], gazes: &[Gaze]);
     /// log p(hₜ | xₜ, aₜ) in nats, up to a constant, for each state.
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]);
-    /// Looks once and keeps what was seen.
-    fn perceive(&mut self, state: &State, gaze: Gaze, percept: &mut Percept);
-    /// Length of its features; 0 where it has none.
+    /// Prepares the parts of the last prepared frame that more states need. What was prepared before may be discarded.
+    fn extend(&mut self, image: &Image, states: &[State], gazes: &[Gaze]) {
+        self.prepare(image, states, gazes);
+    }
+    /// Looks at one state, and keeps the glimpse, its features and their distance to the template. By default there are no features, and the
+    /// distance is the negative log-likelihood.
+    fn glimpse(&mut self, state: &State, gaze: Gaze, percept: &mut Percept) {
+        let mut log_likelihood = [0.0];
+        self.log_likelihood(&[*state], gaze, &mut log_likelihood);
+        *percept = Percept { gaze, distance: -log_likelihood[0], ..Percept::default() };
+    }
+    /// Length of its features; 0 if it has none.
     fn width(&self) -> usize {
         0
     }
-    /// Fills `rows` with the features of states of the frame that was seen last, under the centre gaze, row by row;
-    /// no rows where it has none.
+    /// Fills `rows` with the features of prepared states under the centre gaze, row by row; no rows if it has none.
     fn features(&mut self, _states: &[State], rows: &mut Vec<f32>) {
         rows.clear();
     }
-    /// The gaze that it has settled on: its centre, from which the gazes it is told of are counted.
-    fn home(&self) -> Gaze {
+    /// The gaze that the appearance is committed to: all other gazes are relative to it.
+    fn committed_gaze(&self) -> Gaze {
         Gaze::CENTRE
     }
-    /// Makes this gaze the centre, from which all gazes it is told of later are counted: what was learned of another is learned anew
-    /// from the first frame. Says false, and does nothing, where it cannot.
-    fn settle(&mut self, _gaze: Gaze, _streams: Streams) -> bool {
-        false
+    /// Commits to this gaze, and learns the first frame anew under it. Returns the log-likelihoods to expect under this gaze; `None`, and
+    /// nothing happens, if it cannot.
+    fn commit_gaze(&mut self, _gaze: Gaze, _streams: Streams) -> Option<ReferenceLikelihood> {
+        None
     }
-    /// Whether [`Appearance::adapt`] does anything.
-    fn adapts(&self) -> bool {
-        false
+    /// What it learns while tracking; `None` if it learns nothing after the first frame.
+    fn memory(&mut self) -> Option<&mut dyn Memory> {
+        None
     }
-    /// Learns from the target, believed to be at `state` of this frame, which must be the one that was seen last, and not at
-    /// the `distractors`, as much as the `lesson` says. What was seen of the frame is forgotten.
-    fn adapt(&mut self, _image: &Image, _state: &State, _distractors: &[State], _lesson: Lesson) {}
-    /// Log-likelihoods as [`Appearance::log_likelihood`] has them at the centre gaze, but without what was learned for now; `false`,
-    /// with `out` as it was, where nothing was.
-    fn long_term_log_likelihood(&mut self, states: &[State], out: &mut [f64]) -> bool {
-        if !self.set_short_term_aside(true) {
-            return false;
-        }
-        self.log_likelihood(states, Gaze::CENTRE, out);
-        self.set_short_term_aside(false)
-    }
-    /// Leaves out what was learned for now, or takes it in again. Answers whether there is any.
-    fn set_short_term_aside(&mut self, _aside: bool) -> bool {
-        false
-    }
-    /// Resets the short-term memory.
-    fn forget_short_term(&mut self) {}
-    /// Forgets all that was learned since the first frame: it was learned of something else. The frame is to be seen again before more looks.
-    fn forget_learned(&mut self) {}
-    /// The picture `init_template` was given, or the part of it that has the target; none where that is not kept.
+    /// The picture that `init_template` was given, or the part of it with the target; `None` if that is not kept.
     fn template_source(&self) -> Option<TemplateSource<'_>> {
         None
     }
-    /// Exchanges what it needs only while it looks at a frame with `buffers`. Who holds many targets gives each the same buffers for
-    /// as long as it is looked at, and takes them back by a second call. Nothing that is told of a frame may depend on it.
+    /// Adds the rectangles of pictures that were read since the last call.
+    fn measure(&mut self, _meter: &mut Meter) {}
+    /// Exchanges buffers that are needed only while a frame is looked at. A tracker of many targets lends each the same buffers and takes
+    /// them back by a second call. No result may depend on them.
     fn exchange(&mut self, _buffers: &mut Buffers) {}
-    /// Frees what is not needed until the next look, and can be made again from what is kept. It is called before buffers are taken
-    /// back, so that what it frees may be left in them.
+    /// Frees memory that is not needed until the next look and can be computed again. It is called before buffers are taken back, so that
+    /// freed memory may be left in them.
     fn compact(&mut self) {}
-    /// Learns the first frame once more, with what looks like the target there and is not: hard negatives, which are not forgotten.
-    /// To be called after [`Appearance::init_template`], with the same picture and state.
+    /// The state to resume from; empty without a template. By default the state cannot be saved.
+    fn save(&self) -> SavedState {
+        SavedState::empty()
+    }
+    /// Resumes from what `save` returned.
+    ///
+    /// # Errors
+    /// If the state does not fit.
+    fn load(&mut self, saved: &SavedState) -> Result<()> {
+        if saved.is_empty() {
+            return Ok(());
+        }
+        Err(Error::Invalid("the saved appearance cannot be used: this appearance model saves nothing".into()))
+    }
+}
+
+/// What an appearance learns while tracking.
+pub trait Memory {
+    /// Learns the target at `state` of the prepared frame, and not at the `distractors`, as far as the lesson says. The frame has to be
+    /// prepared again before more looks.
+    fn learn(&mut self, image: &Image, state: &State, distractors: &[State], lesson: Lesson);
+    /// Forgets all that was learned since the first frame, because it was learned from another object. The frame has to be prepared again
+    /// before more looks.
+    fn forget(&mut self);
+    /// Learns the first frame again, with places that look like the target there and are not: hard negatives, which are never forgotten.
+    /// Called after [`Appearance::init_template`], with the same picture and state.
     fn init_distractors(&mut self, _image: &Image, _state: &State, _distractors: &[State]) {}
-    /// What the first frame says of evidence to come.
-    fn reference(&self) -> ReferenceLikelihood;
-    /// Everything `init_template` learned, to resume from.
-    fn save(&self) -> serde_json::Value;
-    /// Takes up what `save` gave.
-    fn load(&mut self, saved: &serde_json::Value) -> Result<()>;
+    /// Leaves the short-term memory out of log-likelihoods, or takes it in again. Returns whether there is one that has learned.
+    fn set_short_term_aside(&mut self, _aside: bool) -> bool {
+        false
+    }
+    /// Forgets the short-term memory.
+    fn forget_short_term(&mut self) {}
 }
 
 /// What is it called? From looks at the target to the probabilities of classes (section 2.2).

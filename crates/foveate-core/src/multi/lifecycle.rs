@@ -149,3 +149,45 @@ impl MultiTracker {
         &mut self.active[at]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::settings::{Initiation, Settings};
+    use super::super::{Fresh, Make, Room};
+    use super::*;
+    use crate::engine::Engine;
+    use crate::engine::toy::{Toy, parts, picture, target};
+    use crate::origin::Origin;
+    use crate::scene::Preprocessor;
+
+    /// Every place of column 50 looks like each of its targets.
+    fn targets(initiation: Initiation) -> MultiTracker {
+        let make: Make = Box::new(|id| Engine::new(parts(Toy::at(50.0)), 1, id));
+        let fresh: Fresh = Box::new(Preprocessor::default);
+        let (settings, room) = (Settings { initiation, ..Settings::default() }, Room { kept: 0, look: 0, reach: 1.0 });
+        let mut it = MultiTracker::of(Origin::by_hand(1), settings, room, make, fresh);
+        it.add(&picture(), None, target(50.0)).expect("a box in the picture");
+        it
+    }
+
+    /// Beside an active target (IoU above `overlap`) only a strong detection starts a track, and at its place (IoU above 0.6) none does.
+    #[test]
+    fn strong_detections_start_tracks_beside_others() {
+        let it = targets(Initiation { strong: 0.9, overlap: 0.3, ..Initiation::default() });
+        let taken = |x: f64, rank: f64| it.is_taken(&Detection::new(target(x), rank));
+        // Moved by 8 of 20 pixels, boxes have an IoU of 12 / 28; by 2, of 18 / 22.
+        assert_eq!([taken(58.0, 0.5), taken(58.0, 0.9), taken(52.0, 0.9)], [true, false, true]);
+        assert!(!taken(80.0, 0.5), "nothing is there");
+    }
+
+    /// Looks do not depend on size, so a child at the place of its mother would be her.
+    #[test]
+    fn a_terminated_target_of_another_size_is_not_identified() {
+        for (side, found) in [(20.0, true), (28.0, true), (40.0, false), (10.0, false)] {
+            let mut it = targets(Initiation::default());
+            it.cut();
+            let target = it.reidentify(&picture(), &BBox::around(50.0, 50.0, side, side));
+            assert_eq!(target.is_some(), found, "a side of {side} pixels, where it had 20");
+        }
+    }
+}

@@ -106,7 +106,7 @@ impl Target {
         }
         let (next, waited) = (self.next(), std::mem::take(&mut self.track.waited));
         let detections = self.track.detection.as_slice();
-        let step = self.engine.step(Scene { image, detections });
+        let step = self.engine.step_on(Scene { image, detections });
         let (estimate, covariance, deficit, class) =
             (step.state, step.covariance, step.consistency.deficit, step.class);
         let (gaze, bbox, p_lost) = (step.gaze, step.bbox, step.p_lost);
@@ -177,4 +177,49 @@ fn shape(b: &BBox, extent: Extent) -> f64 {
 /// The longer half of a target's box, pixels.
 fn longer_half(state: &State, extent: Extent) -> f64 {
     state.log_scale.exp() * extent.half_w.max(extent.half_h)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+    use crate::engine::toy::{Toy, parts, picture, started, target};
+
+    /// A target at column 50 whose looks say that it is at column `at`, and how often it was given a template.
+    fn given(at: f64) -> (Target, Arc<AtomicUsize>) {
+        let toy = Toy::at(at);
+        let templates = toy.templates.clone();
+        let mut it = Target::new(started(parts(toy), 1), Track::unknown(1));
+        it.begin(0, target(50.0), Phase::Initiated);
+        (it, templates)
+    }
+
+    /// A target that waited for four frames was moved by five frames of motion.
+    #[test]
+    fn surprise_is_counted_for_each_frame_of_waiting() {
+        let surprise = |waited: usize| {
+            let mut it = given(50.0).0;
+            it.track.waited = waited;
+            it.step(&picture(), &Settings::default(), false);
+            assert_eq!(it.track.waited, 0);
+            it.surprise - (1.0 - NEWEST)
+        };
+        assert!(surprise(0) > 0.0 && (surprise(0) / surprise(4) - 5.0).abs() < 1e-9, "{} {}", surprise(0), surprise(4));
+    }
+
+    /// While another target covers a part of it, that part would become its template.
+    #[test]
+    fn a_template_is_not_renewed_while_the_target_is_covered() {
+        for (visible, renews) in [(1.0, true), (0.9, false)] {
+            let (mut it, templates) = given(90.0);
+            for _ in 0..10 {
+                it.track.visible = visible;
+                it.track.set_detection(Some(Detection::new(it.track.bbox, 1.0)), None);
+                it.step(&picture(), &Settings::default(), true);
+            }
+            assert_eq!(templates.load(Ordering::Relaxed) > 1, renews, "{visible} of it is visible");
+        }
+    }
 }

@@ -26,6 +26,7 @@ pub use self::meter::Meter;
 pub use self::motion::Motion;
 #[cfg(feature = "onnx")]
 pub use self::object_detector::ObjectDetector;
+pub(crate) use self::preprocessor::World;
 pub use self::preprocessor::{Preprocessor, Scene};
 pub use self::saliency::Saliency;
 pub use self::sensor::{Regions, Sensor, SensorSettings};

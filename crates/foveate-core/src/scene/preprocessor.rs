@@ -1,6 +1,8 @@
 //! The inputs of a tracker beside pixels: detections and the motion of the picture.
 
-use super::{Detection, Detector, Flow, Image};
+use super::{Detection, Detector, Flow, Image, Regions, Sensor};
+use crate::geometry::{Extent, Gaze, State};
+use foveate_base::Result;
 
 /// What a tracker sees of one frame.
 #[derive(Clone, Copy, Debug)]
@@ -9,6 +11,46 @@ pub struct Scene<'a> {
     pub image: &'a Image,
     /// What a detector found in it; empty without one.
     pub detections: &'a [Detection],
+}
+
+/// Where the picture of a step comes from: it is whole from the start, or a sensor reads parts of it once it is known where to look.
+pub(crate) enum World<'a, 's> {
+    /// A picture in memory.
+    Picture(Scene<'a>),
+    /// A sensor, which has read its overview of the picture.
+    Sensor {
+        /// Reads the parts.
+        sensor: &'a mut Sensor,
+        /// Serves them.
+        source: &'s dyn Regions,
+        /// The detections in the overview.
+        detections: &'a [Detection],
+    },
+}
+
+impl<'a> World<'a, '_> {
+    /// The frame before the look: of a sensor's picture only the overview.
+    pub fn scene(&self) -> Scene<'_> {
+        match self {
+            Self::Picture(scene) => *scene,
+            Self::Sensor { sensor, detections, .. } => Scene { image: sensor.seen(), detections },
+        }
+    }
+
+    /// The frame for looks at a target under these gazes, and how many values a sensor read of it.
+    ///
+    /// # Errors
+    /// If the source of a sensor cannot be read.
+    pub fn read(self, expected: &State, extent: Extent, gazes: &[Gaze]) -> Result<(Scene<'a>, Option<usize>)> {
+        match self {
+            Self::Picture(scene) => Ok((scene, None)),
+            Self::Sensor { sensor, source, detections } => {
+                sensor.look(source, expected, extent, gazes)?;
+                let sensor = &*sensor;
+                Ok((Scene { image: sensor.seen(), detections }, Some(sensor.values())))
+            }
+        }
+    }
 }
 
 /// Runs a detector and the flow, once a frame for however many targets. Without either it costs nothing.

@@ -5,7 +5,7 @@ use crate::hide::Hide;
 use foveate_base::Result;
 use foveate_base::rows::Rows;
 use foveate_core::Tracker;
-use foveate_core::control::{AGREEMENT, ConfidenceModel, Heard, OWN};
+use foveate_core::control::{AGREEMENT, ConfidenceModel, OWN, SecondTrackerWeights};
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
 use foveate_learn::softmax::{Fit, Softmax};
@@ -83,9 +83,9 @@ pub fn fit_second_opinion(tracks: &[&Judgement], confidence: &ConfidenceModel) -
     if !tracks.iter().flat_map(|t| &t.frames).any(|j| j.cues[AGREEMENT] >= 0.0) {
         return Ok(confidence.clone());
     }
-    let row = |j: &Judged| [confidence.own_log_odds(&j.cues), j.cues[AGREEMENT]];
+    let row = |j: &Judged| [confidence.own_logit(&j.cues), j.cues[AGREEMENT]];
     let ([own, agreement], bias) = logistic(tracks, row, 0.0)?;
-    Ok(ConfidenceModel { second_opinion: Heard { own, agreement, bias }, ..confidence.clone() })
+    Ok(ConfidenceModel { second_opinion: SecondTrackerWeights { own, agreement, bias }, ..confidence.clone() })
 }
 
 /// Weights and bias of the log odds that a frame is a lost one, linear in what `row` takes of it.
@@ -145,7 +145,7 @@ mod tests {
     use foveate_core::control::{Cues, Status};
 
     /// A thousand frames for each log odds of the own cues and each overlap, as many of them lost as a known model says.
-    fn tracks(known: &Heard) -> Vec<Judgement> {
+    fn tracks(known: &SecondTrackerWeights) -> Vec<Judgement> {
         let mut frames = vec![];
         for (z, agreement) in (-4..=4).flat_map(|z| [0.0, 0.5, 1.0].map(|agreement| (f64::from(z), agreement))) {
             let odds = known.own * z + known.agreement * agreement + known.bias;
@@ -162,7 +162,7 @@ mod tests {
 
     #[test]
     fn what_a_second_opinion_counts_for_is_found_and_nothing_else_is_touched() {
-        let known = Heard { own: 0.5, agreement: -3.0, bias: 1.0 };
+        let known = SecondTrackerWeights { own: 0.5, agreement: -3.0, bias: 1.0 };
         let mut before = ConfidenceModel { bias: 0.0, ..ConfidenceModel::default() };
         before.weights = std::array::from_fn(|k| f64::from(u8::from(k == 0)));
         let mut tracks = tracks(&known);

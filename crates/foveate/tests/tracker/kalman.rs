@@ -11,7 +11,7 @@ use foveate::control::{
 };
 use foveate::gaze::Fixed;
 use foveate::geometry::{BBox, Extent, Gaze, State};
-use foveate::identity::{Appearance, Percept};
+use foveate::identity::Appearance;
 use foveate::reference::ReferenceLikelihood;
 use foveate::rng::{Purpose, Streams};
 use foveate::scene::{Image, Preprocessor, Scene};
@@ -256,24 +256,16 @@ fn picture(observation: &[f64; 4]) -> Image {
 struct Linear([f64; 4]);
 
 impl Appearance for Linear {
-    fn init_template(&mut self, _: &Image, _: &State, _: Extent, _: Streams) {}
-    fn see(&mut self, image: &Image, _: &[State], _: &[Gaze]) {
+    fn init_template(&mut self, _: &Image, _: &State, _: Extent, _: Streams) -> ReferenceLikelihood {
+        ReferenceLikelihood { on: 0.0, off: -20.0 }
+    }
+    fn prepare(&mut self, image: &Image, _: &[State], _: &[Gaze]) {
         for (value, bytes) in self.0.iter_mut().zip(image.plane(0).chunks_exact(8)) {
             *value = f64::from_le_bytes(bytes.try_into().expect("eight bytes"));
         }
     }
     fn log_likelihood(&mut self, states: &[State], _: Gaze, out: &mut [f64]) {
         out.iter_mut().zip(states).for_each(|(out, state)| *out = log_likelihood(state, &self.0));
-    }
-    fn perceive(&mut self, _: &State, _: Gaze, _: &mut Percept) {}
-    fn reference(&self) -> ReferenceLikelihood {
-        ReferenceLikelihood { on: 0.0, off: -20.0 }
-    }
-    fn save(&self) -> serde_json::Value {
-        serde_json::Value::Null
-    }
-    fn load(&mut self, _: &serde_json::Value) -> foveate::Result<()> {
-        Ok(())
     }
 }
 
@@ -291,7 +283,8 @@ fn track(
     let reward = Concentration::new(1.0).expect("a temperature");
     let gaze = GazeControl::new(Box::new(Fixed::new(Gaze::CENTRE)), Box::new(reward));
     let monitor = Monitor::new(ConsistencySettings::default(), ConfidenceModel::default());
-    let parts = Parts::new(filter.resampling(resampling).starting(SPREAD), gaze, Box::new(Linear([0.0; 4])), monitor);
+    let parts =
+        Parts::new(filter.with_resampling(resampling).with_start(SPREAD), gaze, Box::new(Linear([0.0; 4])), monitor);
     let mut tracker = Tracker::from_parts(parts, Preprocessor::default(), seed);
     let (x, y) = CENTRE;
     tracker.init(&picture(&[0.0; 4]), BBox::around(x, y, BOX.0, BOX.1)).expect("a box in the picture");

@@ -9,7 +9,7 @@ use foveate::control::{Autoregressive, Belief, ConfidenceModel, ConsistencySetti
 use foveate::extend::SavedState;
 use foveate::gaze::{Context, Grid, Plan, Policy, Pool};
 use foveate::geometry::{Extent, Gaze, State};
-use foveate::identity::{Appearance, Percept};
+use foveate::identity::Appearance;
 use foveate::reference::ReferenceLikelihood;
 use foveate::rng::{Rng, Streams};
 use foveate::scene::{Image, Preprocessor};
@@ -26,23 +26,15 @@ const SD: [f64; 4] = [2.0, 3.0, 5.0, 4.0];
 const GAZES: [(f64, f64); 4] = [(-3.0, -3.0), (-3.0, 3.0), (3.0, -3.0), (3.0, 3.0)];
 
 impl Appearance for Bells {
-    fn init_template(&mut self, _: &Image, _: &State, _: Extent, _: Streams) {}
-    fn see(&mut self, _: &Image, _: &[State], _: &[Gaze]) {}
+    fn init_template(&mut self, _: &Image, _: &State, _: Extent, _: Streams) -> ReferenceLikelihood {
+        ReferenceLikelihood { on: 0.0, off: -10.0 }
+    }
+    fn prepare(&mut self, _: &Image, _: &[State], _: &[Gaze]) {}
     fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
         let sd = SD[gaze.arm.expect("a gaze of a grid")];
         for (state, out) in states.iter().zip(out) {
             *out = -0.5 * ((state.x - 50.0 - gaze.u).powi(2) + (state.y - 50.0 - gaze.v).powi(2)) / (sd * sd);
         }
-    }
-    fn perceive(&mut self, _: &State, _: Gaze, _: &mut Percept) {}
-    fn reference(&self) -> ReferenceLikelihood {
-        ReferenceLikelihood { on: 0.0, off: -10.0 }
-    }
-    fn save(&self) -> serde_json::Value {
-        serde_json::Value::Null
-    }
-    fn load(&mut self, _: &serde_json::Value) -> foveate::Result<()> {
-        Ok(())
     }
 }
 
@@ -64,7 +56,7 @@ fn tracker(policy: Box<dyn Policy>) -> Tracker {
     let filter = Filter::new(Box::new(Prior::new(std::sync::Arc::new(still))), N).expect("some particles");
     let gaze = GazeControl::new(policy, Box::new(VarianceReduction::new(1.0).expect("a temperature")));
     let monitor = Monitor::new(ConsistencySettings::default(), ConfidenceModel::default());
-    let parts = Parts::new(filter.starting(start), gaze, Box::new(Bells), monitor);
+    let parts = Parts::new(filter.with_start(start), gaze, Box::new(Bells), monitor);
     Tracker::from_parts(parts, Preprocessor::default(), 1)
 }
 

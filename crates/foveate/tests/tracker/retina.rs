@@ -261,7 +261,7 @@ fn appearances_keep_the_law() {
                 });
                 conformance::appearance(&|| -> Box<dyn Appearance> {
                     let made = GazeAppearance::new(retina.clone(), encoder.clone(), distance, sharpness);
-                    Box::new(made.expect("widths that fit").discriminating(discriminant::Settings::default()))
+                    Box::new(made.expect("widths that fit").with_discriminant(discriminant::Settings::default()))
                 });
             }
         }

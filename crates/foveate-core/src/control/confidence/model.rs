@@ -60,11 +60,11 @@ pub struct ConfidenceModel {
     /// Bias b.
     pub bias: f64,
     /// What a second opinion counts for in the P(lost) that is reported; nothing without one.
-    pub second_opinion: Heard,
+    pub second_opinion: SecondTrackerWeights,
     /// What the box regression counts for in whether a search ends; nothing without one.
-    pub box_regression: Seen,
+    pub box_regression: ReacquisitionWeights,
     /// What the box regression counts for in whether a target that is tracked is lost; nothing without one.
-    pub absence: Absence,
+    pub absence: AbsenceWeights,
     /// Own P(lost), without the second tracker, above which a frame counts towards a search, 0 to 1.
     pub enter: f64,
     /// Own P(lost) below which a frame counts towards the end of a search, 0 to `enter`.
@@ -88,7 +88,7 @@ pub struct ConfidenceModel {
 /// with P° by the tracker's own cues.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Heard {
+pub struct SecondTrackerWeights {
     /// Weight of the logit by the own cues.
     pub own: f64,
     /// Weight of the agreement of both boxes, negative.
@@ -101,7 +101,7 @@ pub struct Heard {
 /// log P / (1 − P) = log P° / (1 − P°) + `weight` · log odds by the box regression that the target is not there, −6 to 6, + `bias`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Seen {
+pub struct ReacquisitionWeights {
     /// Weight of the network's logit of absence.
     pub weight: f64,
     /// Bias.
@@ -111,7 +111,7 @@ pub struct Seen {
 /// A lower bound on P(lost): logit `weight` · cue + `bias`, with the cue *absence*, a mean over many looks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
-pub struct Absence {
+pub struct AbsenceWeights {
     /// Weight of the newest evaluation in the running mean, above 0 to 1.
     pub rate: f64,
     /// Weight of the mean logit; 0 is off.
@@ -120,21 +120,21 @@ pub struct Absence {
     pub bias: f64,
 }
 
-impl Default for Absence {
+impl Default for AbsenceWeights {
     /// No effect.
     fn default() -> Self {
         Self { rate: 0.25, weight: 0.0, bias: 0.0 }
     }
 }
 
-impl Absence {
+impl AbsenceWeights {
     /// Whether the box regression counts.
     pub fn counts(&self) -> bool {
         self.weight != 0.0
     }
 }
 
-impl Default for Heard {
+impl Default for SecondTrackerWeights {
     /// No effect.
     fn default() -> Self {
         Self { own: 1.0, agreement: 0.0, bias: 0.0 }
@@ -146,9 +146,9 @@ impl Default for ConfidenceModel {
         Self {
             weights: [1.5, 0.5, 0.5, 0.5, 0.5, 0.3, 0.3, 0.0, 0.0, 0.0],
             bias: -4.0,
-            second_opinion: Heard::default(),
-            box_regression: Seen::default(),
-            absence: Absence::default(),
+            second_opinion: SecondTrackerWeights::default(),
+            box_regression: ReacquisitionWeights::default(),
+            absence: AbsenceWeights::default(),
             enter: 0.5,
             leave: 0.3,
             notice: 2,
@@ -194,23 +194,23 @@ impl ConfidenceModel {
     }
     /// P(lost) of a frame by the tracker's own cues.
     pub(super) fn own(&self, cues: &Cues) -> f64 {
-        logistic(self.own_log_odds(cues))
+        logistic(self.own_logit(cues))
     }
 
     /// The same during a search, with the logit of the box regression.
     pub(super) fn returned(&self, own: f64, absent: Option<f64>) -> f64 {
-        let Seen { weight, bias } = self.box_regression;
-        absent.map_or(own, |absent| logistic(weight * absent + bias - odds(own)))
+        let ReacquisitionWeights { weight, bias } = self.box_regression;
+        absent.map_or(own, |absent| logistic(weight * absent + bias - tracking_logit(own)))
     }
 
     /// The lower bound of P(lost) by the box regression.
     pub(super) fn by_absence(&self, cues: &Cues) -> f64 {
-        let Absence { weight, bias, .. } = self.absence;
+        let AbsenceWeights { weight, bias, .. } = self.absence;
         if self.absence.counts() { logistic(weight * cues[ABSENCE] + bias) } else { 0.0 }
     }
 
     /// ln(P / (1 − P)) of the same P.
-    pub fn own_log_odds(&self, cues: &Cues) -> f64 {
+    pub fn own_logit(&self, cues: &Cues) -> f64 {
         self.bias + self.weights.iter().zip(cues).map(|(w, c)| w * c).sum::<f64>()
     }
 
@@ -220,13 +220,15 @@ impl ConfidenceModel {
         if agreement < 0.0 {
             return own;
         }
-        logistic(heard.bias - heard.own * odds(own) + heard.agreement * agreement)
+        logistic(heard.bias - heard.own * tracking_logit(own) + heard.agreement * agreement)
     }
 
     /// The count of a frame towards the end or the start of a search; 0 if it is between.
     pub(super) fn weight_of_frame(&self, searching: bool, p_lost: f64) -> f64 {
         match searching {
-            true if p_lost < self.leave => (odds(p_lost) / odds(self.leave)).clamp(1.0, self.surest),
+            true if p_lost < self.leave => {
+                (tracking_logit(p_lost) / tracking_logit(self.leave)).clamp(1.0, self.surest)
+            }
             false if p_lost > self.enter => 1.0,
             _ => 0.0,
         }
@@ -254,7 +256,7 @@ fn logistic(z: f64) -> f64 {
 }
 
 /// ln((1 − P) / P), finite.
-fn odds(p: f64) -> f64 {
+fn tracking_logit(p: f64) -> f64 {
     ((1.0 - p).max(1e-12) / p.max(1e-12)).ln()
 }
 
@@ -277,7 +279,7 @@ mod tests {
             (ConfidenceModel { bias: f64::NAN, ..ConfidenceModel::default() }, "bias"),
             (
                 ConfidenceModel {
-                    second_opinion: Heard { own: f64::INFINITY, ..Heard::default() },
+                    second_opinion: SecondTrackerWeights { own: f64::INFINITY, ..SecondTrackerWeights::default() },
                     ..ConfidenceModel::default()
                 },
                 "second_opinion.own",

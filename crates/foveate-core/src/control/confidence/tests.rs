@@ -52,7 +52,7 @@ fn what_is_given_again_begins_again() {
     (0..30).for_each(|_| _ = c.judge(&shown(-3.0, 0.0)));
     (0..20).for_each(|_| _ = c.judge(&shown(-12.0, 1.0)));
     assert!(!c.last().status.is_usable());
-    c.begin_again();
+    c.restart();
     let TrackConfidence { status, p_lost, own, .. } = c.last();
     assert_eq!((status, p_lost, own), (Status::Tracking, 0.0, 0.0), "nothing is known of it yet");
     let first = c.judge(&FrameEvidence { agreement: Some(0.9), elsewhere: 0.2, ..shown(-3.0, 0.0) });
@@ -103,7 +103,7 @@ fn what_was_seen_elsewhere_does_not_last_after_a_leap() {
 /// not. While it is tracked, nothing is heard of that.
 #[test]
 fn what_is_seen_there_decides_whether_it_is_found() {
-    let box_regression = Seen { weight: 0.5, bias: 0.5 };
+    let box_regression = ReacquisitionWeights { weight: 0.5, bias: 0.5 };
     let model = ConfidenceModel { box_regression, leave: 0.05, ..ConfidenceModel::default() };
     let found = |model: &ConfidenceModel, absent: f64| {
         let mut c = LossMonitor::new(model.clone());
@@ -123,18 +123,18 @@ fn what_is_seen_there_decides_whether_it_is_found() {
         !found(&ConfidenceModel { leave: 0.05, ..ConfidenceModel::default() }, -8.0),
         "without weight it is not heard"
     );
-    let odds = |p: f64| (p / (1.0 - p)).ln();
-    assert!((odds(model.returned(0.3, Some(-2.0))) - (odds(0.3) - 0.5)).abs() < 1e-9);
+    let logit = |p: f64| (p / (1.0 - p)).ln();
+    assert!((logit(model.returned(0.3, Some(-2.0))) - (logit(0.3) - 0.5)).abs() < 1e-9);
     assert_eq!(model.returned(0.3, None), 0.3);
 }
 
 /// The own cues are content and so is a second opinion; the box regression looks in every third frame, and in each of a lost target.
 #[test]
 fn many_looks_that_miss_the_target_make_it_lost_and_one_does_not() {
-    let absence = Absence { rate: 0.25, weight: 3.0, bias: 1.0 };
-    let second_opinion = Heard { own: 1.0, agreement: -4.0, bias: 0.0 };
-    let run = |absence: Absence, misses: std::ops::Range<usize>| -> Vec<TrackConfidence> {
-        let box_regression = Seen { weight: 0.5, bias: 0.5 };
+    let absence = AbsenceWeights { rate: 0.25, weight: 3.0, bias: 1.0 };
+    let second_opinion = SecondTrackerWeights { own: 1.0, agreement: -4.0, bias: 0.0 };
+    let run = |absence: AbsenceWeights, misses: std::ops::Range<usize>| -> Vec<TrackConfidence> {
+        let box_regression = ReacquisitionWeights { weight: 0.5, bias: 0.5 };
         let model = ConfidenceModel { absence, second_opinion, box_regression, leave: 0.05, ..Default::default() };
         let mut c = LossMonitor::new(model);
         let looks = |t: usize, c: &LossMonitor| t.is_multiple_of(3) || c.is_searching();
@@ -146,7 +146,7 @@ fn many_looks_that_miss_the_target_make_it_lost_and_one_does_not() {
     };
     let tracked = |c: &TrackConfidence| c.status == Status::Tracking && c.p_lost < 0.1;
     assert!(run(absence, 30..33).iter().all(tracked), "one look");
-    assert!(run(Absence::default(), 30..60).iter().all(tracked), "it does not count");
+    assert!(run(AbsenceWeights::default(), 30..60).iter().all(tracked), "it does not count");
     let many = run(absence, 30..60);
     let lost = many.iter().position(|c| !tracked(c)).expect("ten looks");
     assert!((36..45).contains(&lost), "{lost}");
@@ -160,7 +160,7 @@ fn many_looks_that_miss_the_target_make_it_lost_and_one_does_not() {
 /// The own cues indicate a loss. The second opinion decides what is reported, and nothing of it is acted on.
 #[test]
 fn a_loss_is_reported_where_the_second_opinion_agrees() {
-    let second_opinion = Heard { own: 0.2, agreement: -8.0, bias: 4.0 };
+    let second_opinion = SecondTrackerWeights { own: 0.2, agreement: -8.0, bias: 4.0 };
     let run = |sees: &dyn Fn(usize) -> bool| -> Vec<(bool, TrackConfidence)> {
         let mut c = LossMonitor::new(ConfidenceModel { second_opinion, ..ConfidenceModel::default() });
         let judge = |t: usize| {
@@ -202,7 +202,7 @@ fn a_frame_that_is_not_judged_goes_on_with_its_p_lost() {
 /// Where a second opinion is elsewhere P(lost) rises, as the model says; what is acted on goes by the own cues.
 #[test]
 fn a_second_opinion_is_reported_and_not_acted_on() {
-    let second_opinion = Heard { own: 0.5, agreement: -4.0, bias: 1.0 };
+    let second_opinion = SecondTrackerWeights { own: 0.5, agreement: -4.0, bias: 1.0 };
     let model = ConfidenceModel { second_opinion, ..ConfidenceModel::default() };
     let (mut alone, mut pair) = (LossMonitor::new(ConfidenceModel::default()), LossMonitor::new(model));
     for t in 0..80 {

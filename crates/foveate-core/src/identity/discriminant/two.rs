@@ -21,7 +21,7 @@ impl Discriminant {
     }
 
     /// Forgets all that was learned since the first frame.
-    pub(in crate::identity) fn begin_again(&mut self) {
+    pub(in crate::identity) fn restart(&mut self) {
         self.unpack();
         self.recent.gram.clone_from(&self.first.gram);
         self.recent.cross.clone_from(&self.first.cross);
@@ -50,7 +50,7 @@ impl Discriminant {
     }
 
     /// Learns `rows` at `places` in the short-term memory, if there is one.
-    pub(in crate::identity) fn learn_for_now(&mut self) {
+    pub(in crate::identity) fn learn_short_term(&mut self) {
         self.unpack();
         let Self { regression, first, recent, weights, short_term, learning, .. } = self;
         let Some(it) = short_term else { return };
@@ -88,10 +88,10 @@ mod tests {
 
     /// Frames that a discriminant with a short-term memory learns, long-term or short-term.
     fn both(frames: &[bool]) -> Discriminant {
-        let mut it = fresh().remembering();
+        let mut it = fresh().with_short_term();
         for (frame, for_good) in frames.iter().enumerate() {
             look(&mut it, frame as u64);
-            if *for_good { it.learn(frame == 0) } else { it.learn_for_now() }
+            if *for_good { it.learn(frame == 0) } else { it.learn_short_term() }
         }
         it
     }
@@ -124,7 +124,7 @@ mod tests {
         assert!(!it.is_apart() && it.in_use() == long);
         // The next one begins from there.
         look(&mut it, 9);
-        it.learn_for_now();
+        it.learn_short_term();
         let mut other = one(&FRAMES, |for_good| for_good);
         look(&mut other, 9);
         other.learn(false);
@@ -139,7 +139,7 @@ mod tests {
         assert!(!both(&[true; 5]).is_apart());
         let mut without = fresh();
         look(&mut without, 0);
-        without.learn_for_now();
+        without.learn_short_term();
         assert!(
             !without.is_apart() && !without.has_short_term(),
             "without a short-term memory nothing is learned for now"
@@ -149,7 +149,7 @@ mod tests {
     #[test]
     fn what_was_learned_for_now_is_kept() {
         let it = both(&FRAMES);
-        let mut other = fresh().remembering();
+        let mut other = fresh().with_short_term();
         other.load(&it.save()).expect("it was saved");
         assert_eq!((&other.short_term, &other.weights), (&it.short_term, &it.weights));
         let mut without = fresh();

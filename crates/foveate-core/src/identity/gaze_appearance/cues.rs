@@ -18,41 +18,41 @@ enum Learned {
     /// As the first frame: everything else is reset.
     First,
     /// As a frame in which distractors are so much farther than the target by their colours.
-    ForGood(f64),
+    LongTerm(f64),
     /// By the short-term memory alone.
-    ForNow,
+    ShortTerm,
 }
 
 impl GazeAppearance {
     /// Adds a discriminant with these settings.
-    pub fn discriminating(self, settings: discriminant::Settings) -> Self {
+    pub fn with_discriminant(self, settings: discriminant::Settings) -> Self {
         Self { discriminant: Some(Discriminant::new(settings, self.encoder.parts())), ..self }
     }
 
     /// The discriminant adds this to its sums for how the target's features are known to vary: a lower triangle, with a last row for the 1
     /// behind them.
-    pub(crate) fn varying(self, penalty: Option<Arc<[f32]>>) -> Self {
-        Self { discriminant: self.discriminant.map(|it| it.varying(penalty)), ..self }
+    pub(crate) fn with_variation(self, penalty: Option<Arc<[f32]>>) -> Self {
+        Self { discriminant: self.discriminant.map(|it| it.with_variation(penalty)), ..self }
     }
 
     /// Adds a short-term memory, which also learns from less consistent frames.
-    pub fn remembering(self, short_term: bool) -> Self {
-        let remembering = |it: Discriminant| if short_term { it.remembering() } else { it };
-        Self { discriminant: self.discriminant.map(remembering), ..self }
+    pub fn with_short_term(self, short_term: bool) -> Self {
+        let with_short_term = |it: Discriminant| if short_term { it.with_short_term() } else { it };
+        Self { discriminant: self.discriminant.map(with_short_term), ..self }
     }
 
     /// Learns while tracking the colours of the target and of its surroundings, by these settings.
-    pub fn colouring(self, settings: Option<colour::Settings>) -> Self {
+    pub fn with_colour(self, settings: Option<colour::Settings>) -> Self {
         Self { colour: settings.map(Colour::new), ..self }
     }
 
     /// Learns while tracking which of template, discriminant and colour to trust, by these settings.
-    pub fn fusing(self, settings: Option<fusion::Settings>) -> Self {
+    pub fn with_fusion(self, settings: Option<fusion::Settings>) -> Self {
         Self { fusion: settings.map(Fusion::new), ..self }
     }
 
     /// Reads the whole box under every gaze: gazes only steer the sharp region of a sensor.
-    pub fn steady(self, steady: bool) -> Self {
+    pub fn with_steady_gaze(self, steady: bool) -> Self {
         Self { steady, ..self }
     }
 
@@ -69,8 +69,8 @@ impl GazeAppearance {
             colour.adapt(image, state, extent);
         }
         let learned = match &self.discriminant {
-            Some(it) if within(it.settings().gate) => Some(Learned::ForGood(margin)),
-            Some(it) if lesson.for_now && it.has_short_term() => Some(Learned::ForNow),
+            Some(it) if within(it.settings().gate) => Some(Learned::LongTerm(margin)),
+            Some(it) if lesson.short_term && it.has_short_term() => Some(Learned::ShortTerm),
             _ => None,
         };
         if let Some(learned) = learned {
@@ -111,14 +111,14 @@ impl GazeAppearance {
                 one[0] = 1.0;
             }
         }
-        if let (Learned::ForGood(colour), Some(fusion)) = (learned, &mut self.fusion)
+        if let (Learned::LongTerm(colour), Some(fusion)) = (learned, &mut self.fusion)
             && !distractors.is_empty()
         {
             let template = it.margin(|h| self.distance.distance(h, &self.scratch.template));
             fusion.learn([template, it.margin(|h| it.distance(h)), colour]);
         }
         match learned {
-            Learned::ForNow => it.learn_for_now(),
+            Learned::ShortTerm => it.learn_short_term(),
             _ => it.learn(learned == Learned::First),
         }
         self.discriminant = Some(it);

@@ -8,7 +8,7 @@ use crate::geometry::{Extent, Gaze, State};
 use crate::identity::colour::Colour;
 use crate::identity::discriminant::Discriminant;
 use crate::identity::fusion::Fusion;
-use crate::reference::ReferenceLikelihood;
+use crate::saved_state::SavedState;
 use crate::scene::Image;
 use foveate_base::{Error, Result, memory};
 
@@ -16,8 +16,8 @@ use foveate_base::{Error, Result, memory};
 const FARTHEST: f64 = 10.0;
 
 impl GazeAppearance {
-    pub(super) fn to_saved(&self) -> serde_json::Value {
-        let Some(kept) = &self.kept else { return serde_json::Value::Null };
+    pub(super) fn to_saved(&self) -> SavedState {
+        let Some(kept) = &self.kept else { return SavedState::empty() };
         let saved = Saved {
             width: kept.image.width(),
             height: kept.image.height(),
@@ -27,23 +27,22 @@ impl GazeAppearance {
             state: kept.state,
             extent: kept.extent,
             sharpness: kept.sharpness,
-            reference: kept.reference,
             discriminant: self.discriminant.as_ref().map(Discriminant::save),
             colour: self.colour.as_ref().map(Colour::save),
             fusion: self.fusion.as_ref().map(Fusion::save),
-            home: (self.home != Gaze::CENTRE).then_some(self.home),
+            home: (self.committed != Gaze::CENTRE).then_some(self.committed),
             training: self.saved_training(),
         };
-        serde_json::to_value(saved).expect("plain data is JSON")
+        SavedState::new(&saved)
     }
 
-    pub(super) fn take_up(&mut self, saved: &serde_json::Value) -> Result<()> {
-        if saved.is_null() {
+    pub(super) fn take_up(&mut self, saved: &SavedState) -> Result<()> {
+        if saved.is_empty() {
             self.kept = None;
             return Ok(());
         }
         let bad = |what: String| Error::Invalid(format!("the saved appearance cannot be used: {what}"));
-        let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
+        let saved: Saved = saved.read().map_err(|e| bad(e.to_string()))?;
         let pixels = base64::engine::general_purpose::STANDARD.decode(&saved.pixels).map_err(|e| bad(e.to_string()))?;
         let image = Image::new(saved.width, saved.height, saved.planes, pixels)?;
         match (&mut self.discriminant, &saved.discriminant) {
@@ -78,15 +77,15 @@ impl GazeAppearance {
         if ![home.u, home.v].iter().all(|place| place.abs() <= FARTHEST) {
             return Err(bad("its usual gaze is no place of the template".into()));
         }
-        self.turn(home);
-        let Saved { state, extent, sharpness, reference, part, .. } = saved;
+        self.recenter(home);
+        let Saved { state, extent, sharpness, part, .. } = saved;
         let (origin, size) = part.unwrap_or(((0, 0), (image.width(), image.height())));
         let holds = |from: usize, n: usize, side: usize| from.checked_add(n).is_some_and(|end| end <= side);
         if !holds(origin.0, image.width(), size.0) || !holds(origin.1, image.height(), size.1) {
             return Err(bad("the part of a picture that it has lies outside of the picture".into()));
         }
         memory::check_picture(size.0, size.1)?;
-        self.keep(Template { image, origin, size, state, extent, sharpness, reference });
+        self.keep(Template { image, origin, size, state, extent, sharpness });
         Ok(())
     }
 }
@@ -133,7 +132,6 @@ struct Saved {
     state: State,
     extent: Extent,
     sharpness: f64,
-    reference: ReferenceLikelihood,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     discriminant: Option<serde_json::Value>,
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -35,7 +35,7 @@ fn appearance(precision: Precision, distance: Kind) -> GazeAppearance {
     let mut it = GazeAppearance::new(Arc::new(retina), Arc::new(encoder), distance, fixed).expect("parts that fit");
     let image = Image::new(80, 80, 1, (0..80 * 80).map(|_| rng.random()).collect()).expect("one byte a pixel");
     it.init_template(&image, &State { x: 40.0, y: 40.0, ..State::default() }, EXTENT, Streams::new(3, 0));
-    it.see(&image, &states(), &[GAZE]);
+    it.prepare(&image, &states(), &[GAZE]);
     it
 }
 
@@ -66,24 +66,25 @@ fn a_distance_depends_on_its_state_alone() {
 fn scattered_states_are_seen_as_each_alone() {
     let (size, mut rng) = ((700, 500), Streams::new(3, 0).rng(5));
     let image = Image::new(size.0, size.1, 3, (0..size.0 * size.1 * 3).map(|_| rng.random()).collect()).expect("bytes");
-    let mut it = appearance(Precision::F32, Kind::Cosine).colouring(Some(crate::identity::colour::Settings::default()));
+    let mut it =
+        appearance(Precision::F32, Kind::Cosine).with_colour(Some(crate::identity::colour::Settings::default()));
     it.init_template(&image, &State { x: 200.0, y: 150.0, ..State::default() }, EXTENT, Streams::new(3, 0));
     let mut about =
         |x: f64, y: f64| State { x: x + rng.random::<f64>(), y: y + rng.random::<f64>(), ..State::default() };
     let corners = [(20.0, 20.0), (680.0, 20.0), (20.0, 480.0), (680.0, 490.0), (-30.0, 250.0)];
     let states: Vec<State> = (0..60).map(|k| about(corners[k % 5].0, corners[k % 5].1)).collect();
     let more: Vec<State> = (0..60).map(|k| about(200.0, 150.0 + (k % 3) as f64)).chain(states.clone()).collect();
-    it.see(&image, &states, &[GAZE]);
+    it.prepare(&image, &states, &[GAZE]);
     assert!(it.buffers.views.count() > 2, "corners are not worth the whole picture");
     let mut together = distances(&mut it, &states, 1);
     let before = it.buffers.views.count();
-    it.see_more(&image, &states, &[GAZE]);
+    it.extend(&image, &states, &[GAZE]);
     assert_eq!(it.buffers.views.count(), before, "all is there");
-    it.see_more(&image, &more, &[GAZE]);
+    it.extend(&image, &more, &[GAZE]);
     assert_eq!(it.buffers.views.count(), before + 1);
     together.extend(distances(&mut it, &more, 2));
     let alone = states.iter().chain(&more).map(|state| {
-        it.see(&image, &[*state], &[GAZE]);
+        it.prepare(&image, &[*state], &[GAZE]);
         distances(&mut it, &[*state], 1)[0]
     });
     let alone: Vec<f64> = alone.collect();
@@ -103,7 +104,7 @@ fn ways_to_a_distance_agree() {
         let mut it = appearance(precision, Kind::BhattacharyyaSquared);
         let together = distances(&mut it, &states, 1);
         for ((state, d), unrounded) in states.iter().zip(&together).zip(&unrounded) {
-            it.perceive(state, GAZE, &mut percept);
+            it.glimpse(state, GAZE, &mut percept);
             assert!((percept.distance - d).abs() < 1e-6, "{precision:?}: {d}, not {}", percept.distance);
             let most = if precision == Precision::F32 { 0.0 } else { 0.01 * unrounded + 1e-5 };
             assert!((d - unrounded).abs() <= most, "{precision:?}: {d}, not {unrounded}");
@@ -118,7 +119,7 @@ fn a_new_template_is_used_at_once() {
     let (image, there) = (Image::grey(80, 80, 200), State { x: 30.0, y: 50.0, ..State::default() });
     assert!(distances(&mut it, &states()[..1], 1)[0] > 1e-3);
     it.init_template(&image, &there, EXTENT, Streams::new(3, 0));
-    it.see(&image, &[there], &[GAZE]);
+    it.prepare(&image, &[there], &[GAZE]);
     assert_eq!(distances(&mut it, &[there], 1), [0.0]);
 }
 
@@ -137,33 +138,60 @@ fn settled_it_is_as_if_it_had_always_looked_there() {
     let make = |retina: Arc<dyn Retina>| {
         GazeAppearance::new(retina, encoder.clone(), Kind::Cosine, Sharpness::Fixed(60.0))
             .expect("parts that fit")
-            .discriminating(discriminant::Settings::default())
+            .with_discriminant(discriminant::Settings::default())
     };
     let (at, streams) = (State { x: 40.0, y: 40.0, ..State::default() }, Streams::new(3, 0));
     let judge = |it: &mut GazeAppearance, gaze: Gaze| {
         let mut out = vec![0.0; N];
-        it.see(&image, &states(), &[gaze]);
+        it.prepare(&image, &states(), &[gaze]);
         it.log_likelihood(&states(), gaze, &mut out);
         out
     };
     let home = Gaze { u: -0.5, v: 0.5, arm: Some(2) };
     let mut always = make(retina.about(home));
-    always.init_template(&image, &at, EXTENT, streams);
+    let expected = always.init_template(&image, &at, EXTENT, streams);
     let mut settled = make(Arc::new(retina));
     settled.init_template(&image, &at, EXTENT, streams);
     let centred = judge(&mut settled, Gaze::CENTRE);
-    assert!(settled.settle(home, streams));
+    let reference = settled.commit_gaze(home, streams);
     assert_eq!(judge(&mut settled, Gaze::CENTRE), judge(&mut always, Gaze::CENTRE));
     assert_eq!(judge(&mut settled, GAZE.relative_to(home)), judge(&mut always, GAZE.relative_to(home)));
-    assert_eq!(settled.reference(), always.reference());
+    assert_eq!(reference, Some(expected));
     let mut other = make(settled.centred.clone());
     other.load(&settled.save()).expect("it was saved");
     assert_eq!(judge(&mut other, Gaze::CENTRE), judge(&mut settled, Gaze::CENTRE));
-    let mut saved = settled.save();
+    let mut saved = settled.save().read::<serde_json::Value>().expect("any value");
     saved["home"]["u"] = serde_json::json!(1e9);
-    assert!(other.load(&saved).is_err(), "a gaze far from the template");
+    assert!(other.load(&SavedState::new(&saved)).is_err(), "a gaze far from the template");
     settled.init_template(&image, &at, EXTENT, streams);
     assert_eq!(judge(&mut settled, Gaze::CENTRE), centred);
-    assert!(!settled.steady(true).settle(home, streams), "there the gaze moves a sensor");
-    assert!(!make(always.centred.clone()).settle(home, streams), "before there is a target");
+    assert!(settled.with_steady_gaze(true).commit_gaze(home, streams).is_none(), "there the gaze moves a sensor");
+    assert!(make(always.centred.clone()).commit_gaze(home, streams).is_none(), "before there is a target");
+}
+
+/// To the bit: after a frame of other colours was learned and all that is forgotten, it is as after the first frame.
+#[test]
+fn colours_are_forgotten_with_all_that_was_learned() {
+    let settings = crate::identity::colour::Settings { learning_rate: 0.5, mixing_weight: 0.5, ..Default::default() };
+    let picture = |target: [u8; 3]| {
+        let inside = |x: usize, y: usize| (26..54).contains(&x) && (28..52).contains(&y);
+        let bytes = (0..80 * 80).flat_map(|i| if inside(i % 80, i / 80) { target } else { [30, 60, 30] });
+        Image::from_rgb8(80, 80, &bytes.collect::<Vec<u8>>()).expect("80 x 80")
+    };
+    let (first, second, at) =
+        (picture([200, 30, 40]), picture([20, 40, 220]), State { x: 40.0, y: 40.0, ..State::default() });
+    let mut it = appearance(Precision::F32, Kind::Cosine).with_colour(Some(settings));
+    it.init_template(&first, &at, EXTENT, Streams::new(3, 0));
+    let judge = |it: &mut GazeAppearance| {
+        let mut out = vec![0.0; N];
+        it.prepare(&first, &states(), &[Gaze::CENTRE]);
+        it.log_likelihood(&states(), Gaze::CENTRE, &mut out);
+        out
+    };
+    let fresh = judge(&mut it);
+    it.prepare(&second, &states(), &[Gaze::CENTRE]);
+    it.learn(&second, &at, &[], Lesson { deficit: Some(0.0), short_term: false });
+    assert!(judge(&mut it) != fresh, "colours were learned");
+    it.forget();
+    assert!(judge(&mut it) == fresh, "colours are forgotten");
 }

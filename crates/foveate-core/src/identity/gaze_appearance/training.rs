@@ -32,7 +32,7 @@ impl GazeAppearance {
             };
             let offsets: Vec<(f64, f64)> = training.offsets().collect();
             let places: Vec<State> = offsets.iter().copied().map(at).collect();
-            self.see_more(image, &places, &[Gaze::CENTRE]);
+            self.extend(image, &places, &[Gaze::CENTRE]);
             let rows = &mut training.looks;
             rows.resize((places.len() + LOOKS) * n_v, 0.0);
             let (target, rest) = rows.split_at_mut(LOOKS * n_v);

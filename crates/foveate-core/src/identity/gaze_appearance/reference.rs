@@ -11,13 +11,19 @@ use foveate_base::rng::Streams;
 
 impl GazeAppearance {
     /// Learns the first frame at the committed gaze, and measures the reference likelihoods.
-    pub(super) fn imprint(&mut self, image: &Image, state: &State, extent: Extent, streams: Streams) {
+    pub(super) fn init_reference(
+        &mut self,
+        image: &Image,
+        state: &State,
+        extent: Extent,
+        streams: Streams,
+    ) -> ReferenceLikelihood {
         // On the first frame itself everything is familiar.
         let discounting_background = std::mem::take(&mut self.discounting_background);
         self.fusion.iter_mut().for_each(Fusion::reset);
         self.learn_first(image, state, &[]);
         let found = calibrate::calibrate(image, state, extent, streams, &mut |states, out| {
-            self.see(image, states, &[Gaze::CENTRE]);
+            self.prepare(image, states, &[Gaze::CENTRE]);
             self.distances(states, Gaze::CENTRE, out);
         });
         self.discounting_background = discounting_background;
@@ -25,28 +31,27 @@ impl GazeAppearance {
             Sharpness::Fixed(sharpness) => sharpness,
             Sharpness::Calibrated(rule) => rule.sharpness(&found),
         };
-        let kept = self.kept.as_mut().expect("a template is kept before it is imprinted");
+        let kept = self.kept.as_mut().expect("a template is kept before its reference likelihood is measured");
         kept.sharpness = sharpness;
-        kept.reference = ReferenceLikelihood { on: -sharpness * found.on, off: -sharpness * found.off };
+        ReferenceLikelihood { on: -sharpness * found.on, off: -sharpness * found.off }
     }
 
     /// Moves the retina to another committed gaze; the learned appearance is still that of the last one.
-    pub(super) fn turn(&mut self, home: Gaze) {
-        if (home.u, home.v) != (self.home.u, self.home.v) {
-            self.retina = self.centred.about(home);
+    pub(super) fn recenter(&mut self, gaze: Gaze) {
+        if (gaze.u, gaze.v) != (self.committed.u, self.committed.v) {
+            self.retina = self.centred.about(gaze);
             self.dense = Dense::new(&*self.retina, &*self.encoder);
             (self.template, self.scratch.template_gaze) = (None, None);
         }
-        self.home = home;
+        self.committed = gaze;
     }
 
     /// Learns everything again for another committed gaze. Returns false before the first frame, or if gazes steer a
     /// sensor.
-    pub(super) fn settle_on(&mut self, gaze: Gaze, streams: Streams) -> bool {
-        let Some(kept) = self.kept.as_ref().filter(|_| !self.steady) else { return false };
+    pub(super) fn commit(&mut self, gaze: Gaze, streams: Streams) -> Option<ReferenceLikelihood> {
+        let kept = self.kept.as_ref().filter(|_| !self.steady)?;
         let (image, state, extent) = (kept.whole(), kept.state, kept.extent);
-        self.turn(gaze);
-        self.imprint(&image, &state, extent, streams);
-        true
+        self.recenter(gaze);
+        Some(self.init_reference(&image, &state, extent, streams))
     }
 }

@@ -1,6 +1,6 @@
-//! Two targets cannot be in one place: a place's evidence is explained by one of the targets that may be there.
+//! How much of a target can be seen: other things cover a part of it, and two targets cannot be in one place.
 //!
-//! Where the boxes of two targets meet, each look may be at the other one. The association is joint and soft, as in the joint
+//! If the boxes of two targets meet, each look may be at the other one. The association is joint and soft, as in the joint
 //! probabilistic data association filter: a place belongs to a target by the share that the target's prediction has in the
 //! predictions of all that meet there. What of a look belongs to others counts as much as a look at any other place of the picture.
 //! MacCormick and Blake (2000) call this the exclusion principle; Khan, Balch and Dellaert (2005) have it as a prior.
@@ -23,14 +23,55 @@ impl Claim {
     }
 }
 
-/// The claims on the places of one frame: of this target, and of those that it meets.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Exclusion {
+/// Least visible fraction at which evidence is judged: the likelihood of a target that is mostly hidden is uninformative.
+const LEAST_JUDGED: f64 = 0.5;
+/// The same while another target is in its way: a tenth that is covered costs more than a tenth of the evidence.
+const LEAST_JUDGED_BESIDE: f64 = 0.9;
+/// Share of the place where the target is expected below which another target may be seen there.
+const OWN_PLACE: f64 = 0.8;
+
+/// How much of a target can be seen in one frame: the visible fraction, and the places that other targets claim.
+#[derive(Clone, Debug)]
+pub(super) struct Visibility {
+    /// Fraction of the target that nothing else covers, 0 to 1.
+    fraction: f64,
     own: Claim,
     others: Vec<Claim>,
 }
 
-impl Exclusion {
+impl Default for Visibility {
+    fn default() -> Self {
+        Self { fraction: 1.0, own: Claim::default(), others: vec![] }
+    }
+}
+
+impl Visibility {
+    /// Sets the visible fraction; a number that is not finite counts as 1.
+    pub fn set_fraction(&mut self, fraction: f64) {
+        self.fraction = if fraction.is_finite() { fraction.clamp(0.0, 1.0) } else { 1.0 };
+    }
+
+    /// The visible fraction, 0 to 1.
+    pub fn fraction(&self) -> f64 {
+        self.fraction
+    }
+
+    /// Whether enough of the target is in view for its looks to say whether it is lost.
+    pub fn is_judged(&self, expected: &State) -> bool {
+        let least = if self.meets_another() { LEAST_JUDGED_BESIDE } else { LEAST_JUDGED };
+        self.fraction >= least && !self.is_contested(expected)
+    }
+
+    /// Whether another target may be seen at the place where this one is expected.
+    pub fn is_contested(&self, expected: &State) -> bool {
+        self.share(expected) < OWN_PLACE
+    }
+
+    /// Whether another target claims places that this one may be at.
+    pub fn meets_another(&self) -> bool {
+        !self.others.is_empty()
+    }
+
     /// Starts a frame.
     pub fn begin(&mut self, own: Claim) {
         self.own = own;
@@ -42,27 +83,25 @@ impl Exclusion {
         self.others.push(other);
     }
 
-    /// Whether no other target is in the way.
-    pub fn is_empty(&self) -> bool {
-        self.others.is_empty()
-    }
-
     /// The share of a place that is this target's, 0 to 1.
     pub fn share(&self, state: &State) -> f64 {
-        if self.is_empty() {
+        if !self.meets_another() {
             return 1.0;
         }
         let own = self.own.log_density(state);
         1.0 / (1.0 + self.others.iter().map(|other| (other.log_density(state) - own).exp()).sum::<f64>())
     }
 
-    /// Leaves of each state's log-likelihood what is this target's.
+    /// Leaves each state the part of its log-likelihood that belongs to this target, and as much of that as is visible.
+    // Deviation: the paper has no second target. A target that is covered in part counts for as much less.
     pub fn apply(&self, states: &[State], log_likelihood: &mut [f64], reference: ReferenceLikelihood) {
-        if self.is_empty() {
-            return;
+        if self.meets_another() {
+            for (l, state) in log_likelihood.iter_mut().zip(states) {
+                *l = reference.off + self.share(state) * (*l - reference.off);
+            }
         }
-        for (l, state) in log_likelihood.iter_mut().zip(states) {
-            *l = reference.off + self.share(state) * (*l - reference.off);
+        if self.fraction < 1.0 {
+            log_likelihood.iter_mut().for_each(|l| *l *= self.fraction);
         }
     }
 }
@@ -79,8 +118,8 @@ mod tests {
         State { x, y: 12.0, ..State::default() }
     }
 
-    fn met(own: Claim, others: &[Claim]) -> Exclusion {
-        Exclusion { own, others: others.to_vec() }
+    fn met(own: Claim, others: &[Claim]) -> Visibility {
+        Visibility { fraction: 1.0, own, others: others.to_vec() }
     }
 
     /// Against Bayes' rule with the densities written out.

@@ -1,0 +1,102 @@
+//! The particles of one frame: predicted states, and their weights before and after the looks.
+
+use super::Estimate;
+use super::view::{Looks, View};
+use crate::control::{Belief, DetectionLikelihood, normalize};
+use crate::geometry::State;
+
+/// N states of one frame and their weights. A search may draw some of the states again; the weights then follow.
+#[derive(Default)]
+pub(super) struct Particles {
+    /// x̃⁽ⁱ⁾: the predicted states.
+    pub states: Vec<State>,
+    /// Their mean: where the target is expected before the looks.
+    pub expected: State,
+    /// log wₜ₋₁ p/q and the detection likelihood: the weights before the looks.
+    pub log_importance: Vec<f64>,
+    /// Nats that the detection likelihood added to every particle, so that the sum of the weights stayed the same.
+    pub detection_offset: f64,
+    /// log wₜ after the looks, not normalised.
+    pub log_weights: Vec<f64>,
+    /// wₜ after the looks; their sum is 1.
+    pub weights: Vec<f64>,
+    /// log Σ w̃ₜ, nats.
+    pub log_evidence: f64,
+    /// Indices of the states that the last search drew again.
+    pub drawn: Vec<usize>,
+}
+
+impl Particles {
+    /// wₜ ∝ wₜ₋₁ p/q Π p(h | x, a) over the gazes that are used, each to the power of its weight in the plan. Returns the log evidence of
+    /// every gaze by its own look alone, in the buffer `evidence`.
+    // Deviation: where the paper samples anew for each action, all gazes of a frame weigh the same particles.
+    pub fn weigh(&mut self, looks: &Looks, mut evidence: Vec<f64>) -> Vec<f64> {
+        evidence.clear();
+        for log_likelihood in looks.rows() {
+            self.log_weights.clone_from(&self.log_importance);
+            add(&mut self.log_weights, 1.0, log_likelihood);
+            self.normalize();
+            evidence.push(self.log_evidence);
+        }
+        self.log_weights.clone_from(&self.log_importance);
+        looks.used().for_each(|(weight, log_likelihood)| add(&mut self.log_weights, weight, log_likelihood));
+        self.normalize();
+        evidence
+    }
+
+    /// The weights without a look: wₜ ∝ wₜ₋₁ p/q.
+    pub fn weigh_without_looks(&mut self) {
+        self.log_weights.clone_from(&self.log_importance);
+        self.normalize();
+    }
+
+    /// Adds the detection likelihood to the importance of the states in `drawn`, as [`Particles::log_importance`] of all others has it.
+    pub fn apply_detection_likelihood(&mut self, likelihood: Option<&DetectionLikelihood>, view: &View<'_>) {
+        let Some(likelihood) = likelihood else { return };
+        for i in &self.drawn {
+            let log_likelihood = likelihood.log_likelihood(view.scene.detections, &self.states[*i], view.target.extent);
+            self.log_importance[*i] += log_likelihood + self.detection_offset;
+        }
+    }
+
+    /// Looks at the states in `drawn`, and weighs all particles again.
+    pub fn weigh_drawn(&mut self, view: &mut View<'_>, looks: &mut Looks) {
+        if self.drawn.is_empty() {
+            return;
+        }
+        self.drawn.iter().for_each(|i| self.log_weights[*i] = self.log_importance[*i]);
+        looks.look_again(view, &self.states, &self.drawn, &mut self.log_weights);
+        self.normalize();
+    }
+
+    fn normalize(&mut self) {
+        self.weights.resize(self.log_weights.len(), 0.0);
+        self.log_evidence = normalize(&self.log_weights, &mut self.weights);
+    }
+
+    /// The states with their weights after the looks.
+    pub fn belief(&self) -> Belief<'_> {
+        Belief { states: &self.states, weights: &self.weights }
+    }
+
+    /// Mean, covariance and effective sample size after the looks.
+    pub fn estimate(&self) -> Estimate {
+        let belief = self.belief();
+        Estimate { mean: belief.mean(), covariance: belief.covariance(), ess: belief.ess() }
+    }
+}
+
+/// Mean of states that all have one weight.
+pub(super) fn mean(states: &[State]) -> State {
+    let each = 1.0 / states.len() as f64;
+    let sum = states.iter().fold([0.0; 6], |mut sum, s| {
+        sum.iter_mut().zip(s.to_array()).for_each(|(sum, x)| *sum += each * x);
+        sum
+    });
+    State::from_array(sum)
+}
+
+/// `to += factor · what`, element by element.
+fn add(to: &mut [f64], factor: f64, what: &[f64]) {
+    to.iter_mut().zip(what).for_each(|(a, b)| *a += factor * b);
+}

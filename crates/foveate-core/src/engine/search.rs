@@ -1,0 +1,159 @@
+//! Searches that the paper does not have: for a lost target all over the picture, and around a target that may have leapt. Each draws some of
+//! the particles again.
+
+use super::Filter;
+use super::monitor::Monitor;
+use super::particles::Particles;
+use super::view::{Looks, View, set_short_term_aside};
+use crate::control::{CLOSER, DistractorSearch, LocalSearch, REFINEMENTS, WORTH, distractors};
+use crate::geometry::State;
+use foveate_base::rng::{Purpose, Streams};
+
+/// The places around one state that look most like the target and are not that state.
+#[derive(Default)]
+pub(super) struct Distractors {
+    /// The state that was searched around; `None` if there was no search, or its scores do not hold any more.
+    around: Option<State>,
+    /// The log-likelihood of the best of them, −∞ if there is none; `None` if there was no search.
+    pub best: Option<f64>,
+    pub states: Vec<State>,
+}
+
+impl Distractors {
+    /// Searches around `state`, unless these already are the distractors there. Without a search there are none.
+    pub fn search(mut self, search: Option<&mut DistractorSearch>, view: &mut View<'_>, state: &State) -> Self {
+        if self.around.is_some_and(|around| around == *state) {
+            return self;
+        }
+        (self.around, self.best) = (None, None);
+        let Some(search) = search else { return self };
+        let places = search.places(view.size(), state, view.target.extent);
+        // An estimate that has left the picture has nothing around it.
+        if places.is_empty() {
+            self.states.clear();
+            self.best = Some(f64::NEG_INFINITY);
+            return self;
+        }
+        let extent = view.target.extent;
+        self.best = Some(distractors(places, view.scores(places), state, extent, &mut self.states));
+        self.around = Some(*state);
+        self
+    }
+
+    /// Empty, with the same buffer.
+    pub fn forget(self) -> Self {
+        Self { around: None, best: None, ..self }
+    }
+}
+
+impl Filter {
+    /// Searches the whole picture if the target is lost, and around the estimate if it is not. Returns the distractors around the estimate, if
+    /// they were searched for, in the buffer `found`.
+    pub(super) fn search(
+        &mut self,
+        view: &mut View<'_>,
+        belief: &mut Particles,
+        looks: &mut Looks,
+        monitor: &mut Monitor,
+        (lost, streams, t): (bool, Streams, u64),
+        found: Distractors,
+    ) -> Distractors {
+        if self.redetection.as_mut().is_some_and(|search| search.is_due(lost, t)) {
+            let seen = monitor.loss.seen().copied().unwrap_or_else(|| belief.belief().mean());
+            let best = self.redetect(view, belief, looks, &seen, streams.at(t, Purpose::Redetection));
+            monitor.loss.searched(best.as_ref());
+        }
+        let found = found.forget();
+        if lost || !view.is_judged {
+            return found;
+        }
+        self.search_around(view, belief, looks, monitor, found, streams.at(t, Purpose::LocalSearch))
+    }
+
+    /// Scores places all over the picture, draws some of the states again from the best, and weighs all again. `seen`: where the target was
+    /// seen last. Returns the best place.
+    fn redetect(
+        &mut self,
+        view: &mut View<'_>,
+        belief: &mut Particles,
+        looks: &mut Looks,
+        seen: &State,
+        streams: Streams,
+    ) -> Option<State> {
+        let search = self.redetection.as_mut()?;
+        let reference = view.target.reference;
+        let mut scores = view.scores(search.places(view.size(), seen, view.target.extent));
+        let places = search.recall(scores);
+        scores = view.scores(places);
+        for _ in 0..REFINEMENTS {
+            let places = search.candidates.refine(scores);
+            scores = view.scores(places);
+        }
+        let least = reference.on - search.settings().fit * (reference.on - reference.off);
+        let best = search.candidates.best(scores).map(|(place, _)| place);
+        search.candidates.draw(least, &mut belief.states, &mut belief.log_importance, &mut belief.drawn, streams);
+        belief.apply_detection_likelihood(self.detection_likelihood.as_ref(), view);
+        belief.weigh_drawn(view, looks);
+        best
+    }
+
+    /// If a place around the estimate fits better than the estimate does, and well, and was not seen beside the target before, some of the
+    /// states are drawn again from there. In doubt the short-term memory is left out: it may have learned an object that hides the target, and is
+    /// reset if another place is the better one. Returns the distractors around the estimate, in the buffer of `found`.
+    fn search_around(
+        &mut self,
+        view: &mut View<'_>,
+        belief: &mut Particles,
+        looks: &mut Looks,
+        monitor: &mut Monitor,
+        found: Distractors,
+        streams: Streams,
+    ) -> Distractors {
+        let Some(search) = self.local_search.as_mut() else { return found };
+        let estimate = belief.belief().mean();
+        let is_doubtful = monitor.loss.last().own >= search.settings().doubt;
+        let aside = is_doubtful && set_short_term_aside(view.appearance, true);
+        let mut found = found.search(monitor.distractors.as_mut(), view, &estimate);
+        let least = better_place(search, monitor, view, &estimate, &found);
+        if aside {
+            set_short_term_aside(view.appearance, false);
+            found = found.forget();
+        }
+        let Some(least) = least else { return found };
+        search.candidates.draw(least, &mut belief.states, &mut belief.log_importance, &mut belief.drawn, streams);
+        belief.apply_detection_likelihood(self.detection_likelihood.as_ref(), view);
+        if aside {
+            // Without the short-term memory all particles have other likelihoods.
+            if let Some(memory) = view.appearance.memory() {
+                memory.forget_short_term();
+            }
+            belief.drawn.clear();
+            belief.drawn.extend(0..belief.states.len());
+        }
+        belief.weigh_drawn(view, looks);
+        found
+    }
+}
+
+/// Whether one of the places around the estimate is a better one: then the least log-likelihood that places are drawn from.
+fn better_place(
+    search: &mut LocalSearch,
+    monitor: &mut Monitor,
+    view: &mut View<'_>,
+    estimate: &State,
+    found: &Distractors,
+) -> Option<f64> {
+    let (reference, best, lattice) = (view.target.reference, found.best?, monitor.distractors.as_ref()?.lattice());
+    let here = view.scores(&[*estimate])[0];
+    if best < here - WORTH {
+        return None;
+    }
+    let mut scores = view.scores(search.begin(&found.states, estimate, view.target.extent, lattice));
+    for _ in 0..CLOSER {
+        let places = search.candidates.refine(scores);
+        scores = view.scores(places);
+    }
+    let least = here.max(reference.on - search.settings().fit * (reference.on - reference.off));
+    let (place, fit) = search.candidates.best(scores)?;
+    (fit >= least && !monitor.was_beside(view, [place, *estimate])).then_some(least)
+}

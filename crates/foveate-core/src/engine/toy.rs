@@ -1,0 +1,112 @@
+//! An appearance in closed form, and a tracker with it, for tests of rules without video.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use super::{Engine, Filter, GazeControl, Monitor, Parts, Target};
+use crate::control::{Autoregressive, Concentration, ConfidenceModel, ConsistencySettings, OWN, Prior};
+use crate::gaze::Fixed;
+use crate::geometry::{BBox, Extent, Gaze, State};
+use crate::identity::{Appearance, Percept};
+use crate::reference::ReferenceLikelihood;
+use crate::scene::Image;
+use foveate_base::rng::Streams;
+
+/// Half the size of the target's box, pixels.
+pub(crate) const EXTENT: Extent = Extent { half_w: 10.0, half_h: 10.0 };
+/// Log-likelihood lost for each pixel between a state and the target, and far from it, nats.
+pub(crate) const SLOPE: f64 = 0.5;
+pub(crate) const OFF: f64 = -10.0;
+const REFERENCE: ReferenceLikelihood = ReferenceLikelihood { on: 0.0, off: OFF };
+
+/// log p(h | x, a) falls with the horizontal distance from `at`, whatever the picture shows. A gaze adds its offset to the place.
+pub(crate) struct Toy {
+    /// Column of the target.
+    pub at: f64,
+    pub committed: Gaze,
+    /// The number of templates it was given.
+    pub templates: Arc<AtomicUsize>,
+}
+
+impl Toy {
+    pub fn at(at: f64) -> Self {
+        Self { at, committed: Gaze::CENTRE, templates: Arc::default() }
+    }
+
+    /// The features of a column: one axis for each 10 pixels.
+    pub fn axis(&self, x: f64) -> [f32; 6] {
+        let axis = ((x - self.at) / 10.0).round().clamp(-2.0, 3.0) + 2.0;
+        std::array::from_fn(|k| f32::from(u8::from(k == axis as usize)))
+    }
+}
+
+impl Appearance for Toy {
+    fn init_template(&mut self, _: &Image, _: &State, _: Extent, _: Streams) -> ReferenceLikelihood {
+        self.templates.fetch_add(1, Ordering::Relaxed);
+        REFERENCE
+    }
+    fn prepare(&mut self, _: &Image, _: &[State], _: &[Gaze]) {}
+    fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
+        let fit = |state: &State| (-SLOPE * (state.x + gaze.u * EXTENT.half_w - self.at).abs()).max(OFF);
+        out.iter_mut().zip(states).for_each(|(out, state)| *out = fit(state));
+    }
+    fn glimpse(&mut self, state: &State, gaze: Gaze, percept: &mut Percept) {
+        percept.gaze = gaze;
+        percept.features = self.axis(state.x).to_vec();
+    }
+    fn width(&self) -> usize {
+        6
+    }
+    fn features(&mut self, states: &[State], rows: &mut Vec<f32>) {
+        rows.clear();
+        rows.extend(states.iter().flat_map(|state| self.axis(state.x)));
+    }
+    fn committed_gaze(&self) -> Gaze {
+        self.committed
+    }
+    fn commit_gaze(&mut self, gaze: Gaze, _: Streams) -> Option<ReferenceLikelihood> {
+        self.committed = gaze;
+        Some(REFERENCE)
+    }
+}
+
+/// A grey picture of 100 x 100 pixels.
+pub(crate) fn picture() -> Image {
+    Image::grey(100, 100, 90)
+}
+
+/// The box of the target at this column.
+pub(crate) fn target(x: f64) -> BBox {
+    BBox::around(x, 50.0, 2.0 * EXTENT.half_w, 2.0 * EXTENT.half_h)
+}
+
+pub(super) fn given() -> Target {
+    Target { state: state(50.0), extent: EXTENT, unit: EXTENT.mean(), reference: REFERENCE }
+}
+
+pub(crate) fn state(x: f64) -> State {
+    State { x, y: 50.0, ..State::default() }
+}
+
+/// P(lost) is near 0 if the evidence is that of the target, and near 1 if it is that of other places.
+pub(crate) fn model() -> ConfidenceModel {
+    let mut weights = [0.0; OWN];
+    weights[0] = 20.0;
+    ConfidenceModel { weights, bias: -10.0, ..ConfidenceModel::default() }
+}
+
+/// 50 particles that hardly move, one gaze, and this appearance.
+pub(crate) fn parts(appearance: Toy) -> Parts {
+    let still = Autoregressive { damping: 0.0, velocity: 0.0, position: 0.03, log_scale: 0.0, ..Default::default() };
+    let filter = Filter::new(Box::new(Prior::new(Arc::new(still))), 50).expect("some particles");
+    let reward = Concentration::new(1.0).expect("a temperature");
+    let gaze = GazeControl::new(Box::new(Fixed::new(Gaze::CENTRE)), Box::new(reward));
+    Parts::new(filter, gaze, Box::new(appearance), Monitor::new(ConsistencySettings::default(), model()))
+}
+
+/// A tracker of these parts that was given the target at column 50.
+pub(crate) fn started(parts: Parts, number: u64) -> Engine {
+    let mut engine = Engine::new(parts, 1, number);
+    engine.init(&picture(), target(50.0)).expect("a box in the picture");
+    engine
+}
