@@ -11,7 +11,6 @@ use flate2::write::DeflateEncoder;
 use foveate_base::Result;
 use foveate_base::sink::{Memory, Sink};
 use foveate_core::Seen;
-use foveate_core::geometry::BBox;
 use foveate_report::stream::Format;
 use foveate_report::{Boxes, Observer, Stream, Table};
 use foveate_video::{Frame, Meter, Remarks};
@@ -146,21 +145,12 @@ impl Lines {
         kept.push(index, [boxes, table, json]);
     }
 
-    /// Adds a frame whose box was given.
-    ///
-    /// # Errors
-    /// It cannot be written down.
-    pub fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
-        self.observers.iter_mut().try_for_each(|o| o.start(frame, bbox))?;
-        self.take(frame.index);
-        Ok(())
-    }
-    /// Adds a frame that was tracked.
+    /// Adds a frame.
     ///
     /// # Errors
     /// It cannot be written down.
     pub fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
-        self.observers.iter_mut().try_for_each(|o| o.observe(frame, seen))?;
+        self.observers.iter_mut().try_for_each(|o| o.observe(frame, std::slice::from_ref(seen)))?;
         self.take(frame.index);
         Ok(())
     }

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use foveate_core::Seen;
 use foveate_core::gaze::PolicySnapshot;
-use foveate_core::geometry::{BBox, Extent, Gaze, State};
+use foveate_core::geometry::{Extent, Gaze, State};
 use foveate_core::identity::Retina;
 use foveate_report::draw::CORNERS;
 use foveate_report::heat::Heat;
@@ -48,42 +48,24 @@ pub struct Row {
 }
 
 impl Row {
-    /// Of a frame whose box was given.
-    pub fn given(frame: &Frame, bbox: &BBox) -> Self {
+    /// A frame and its target.
+    pub fn of(frame: &Frame, seen: &Seen<'_>) -> Self {
+        let (b, gaze, region, given) = (seen.bbox, seen.gaze, seen.region(0.9), seen.is_given());
+        let f = seen.state.fixate(gaze, seen.extent);
         Self {
             frame: frame.index + 1,
             time: frame.time,
-            bbox: [bbox.x, bbox.y, bbox.w, bbox.h],
-            corners: corners(&State::of(bbox), Extent::of(bbox)),
-            given: true,
-            p_lost: 0.0,
-            status: "given",
-            usable: true,
-            gaze: None,
-            fixation: None,
-            region: None,
-            distance: None,
-            ess: None,
-        }
-    }
-
-    /// Of a frame that was tracked.
-    pub fn tracked(frame: &Frame, seen: &Seen<'_>) -> Self {
-        let (b, gaze, region) = (seen.bbox, seen.plan.chosen(), seen.region(0.9));
-        let f = seen.state.fixate(gaze, seen.extent);
-        Self {
             bbox: [b.x, b.y, b.w, b.h],
             corners: corners(&seen.state, seen.extent),
-            given: false,
+            given,
             p_lost: seen.p_lost,
-            status: seen.status.name(),
+            status: if given { "given" } else { seen.status.name() },
             usable: seen.is_usable(),
-            gaze: Some([gaze.u, gaze.v]),
-            fixation: Some([f.x, f.y, f.ux, f.uy, f.vx, f.vy]),
-            region: Some([region.x, region.y, region.half[0], region.half[1], region.turn]),
-            distance: Some(seen.percept.distance),
-            ess: Some(seen.ess),
-            ..Self::given(frame, &b)
+            gaze: (!given).then_some([gaze.u, gaze.v]),
+            fixation: (!given).then_some([f.x, f.y, f.ux, f.uy, f.vx, f.vy]),
+            region: (!given).then_some([region.x, region.y, region.half[0], region.half[1], region.turn]),
+            distance: (!given).then_some(seen.percept.distance),
+            ess: (!given).then_some(seen.ess),
         }
     }
 }

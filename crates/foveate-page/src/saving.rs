@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use foveate_base::Result;
 use foveate_base::sink::{Memory, Sink};
-use foveate_core::Tracker;
+use foveate_core::{Seen, Tracker};
 use foveate_core::geometry::BBox;
 use foveate_report::{Film, Observer, Report, RunInfo, SurfacePicture};
 use foveate_video::Frame;
@@ -117,18 +117,15 @@ impl Saving {
         let Self { tracker, outputs, info, .. } = self;
         let began = H::now();
         let mut observers = outputs.iter_mut().map(|(_, observer, _)| observer);
-        match self.given.get(&self.next) {
+        let seen = match self.given.get(&self.next) {
             Some(bbox) => {
                 tracker.init(&frame.image, *bbox)?;
-                info.clock.add(H::now() - began);
-                observers.try_for_each(|observer| observer.start(frame, bbox))?;
+                Seen::given(frame.image.shape(), bbox)
             }
-            None => {
-                let seen = tracker.update(&frame.image)?;
-                info.clock.add(H::now() - began);
-                observers.try_for_each(|observer| observer.observe(frame, &seen))?;
-            }
-        }
+            None => tracker.update(&frame.image)?,
+        };
+        info.clock.add(H::now() - began);
+        observers.try_for_each(|observer| observer.observe(frame, &[seen]))?;
         self.next += 1;
         self.count += 1;
         Ok(())

@@ -11,7 +11,7 @@ use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 use foveate_core::config::{Blueprint, Config};
 use foveate_core::geometry::BBox;
-use foveate_core::{Tracker, start};
+use foveate_core::{Seen, Tracker, start};
 use foveate_video::Frame;
 
 /// Frames of a track, at most; of a source without an end, of which results are kept.
@@ -220,8 +220,9 @@ impl Tracking {
         self.tracker.init(&frame.image, bbox)?;
         self.given.insert(frame.index, bbox);
         self.count += 1;
-        self.rows.push(Row::given(frame, &bbox));
-        self.lines.start(frame, &bbox)?;
+        let seen = Seen::given(frame.image.shape(), &bbox);
+        self.rows.push(Row::of(frame, &seen));
+        self.lines.observe(frame, &seen)?;
         self.save(frame.index, repeats);
         Ok(())
     }
@@ -234,7 +235,7 @@ impl Tracking {
         let seen = self.tracker.update(&frame.image)?;
         self.lines.observe(&frame, &seen)?;
         self.count += 1;
-        self.rows.push(Row::tracked(&frame, &seen));
+        self.rows.push(Row::of(&frame, &seen));
         self.details.put(index, row::detail(index + 1, &seen));
         while self.details.bytes > self.details.most {
             self.details.drop_first();

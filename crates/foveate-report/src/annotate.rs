@@ -105,21 +105,19 @@ impl Annotator {
         Self { has_panel: false, ..Self::new(info) }
     }
 
-    /// A frame whose box was given, with an even width and height of at least 2 pixels.
-    pub fn start(&mut self, frame: &Frame, bbox: &BBox) -> Image {
-        let (state, extent) = (State::of(bbox), Extent::of(bbox));
-        self.path.clear();
-        self.path.push(&state);
-        let (mut page, view, panel) = self.page(frame);
-        outline(&mut page, view, &state, extent, Gaze::CENTRE, 1.0, 2.0, TARGET);
-        banner(&mut page, view, frame, "box given", [0, 95, 155]);
-        self.side(&mut page, panel, frame, None);
-        page.into_image()
-    }
-
-    /// A frame that was tracked, as large as that of [`Annotator::start`].
+    /// A frame with its target. Width and height are even and at least 2 pixels, the same for all frames.
     pub fn annotate(&mut self, frame: &Frame, seen: &Seen<'_>) -> Image {
+        if seen.is_given() {
+            self.path.clear();
+        }
         self.path.push(&seen.state);
+        if seen.is_given() {
+            let (mut page, view, panel) = self.page(frame);
+            outline(&mut page, view, &seen.state, seen.extent, Gaze::CENTRE, 1.0, 2.0, TARGET);
+            banner(&mut page, view, frame, "box given", [0, 95, 155]);
+            self.side(&mut page, panel, frame, None);
+            return page.into_image();
+        }
         self.best = if let PolicySnapshot::Surface(surface) = seen.snapshot { surface.best() } else { None };
         let (mut page, view, panel) = self.page(frame);
         for b in seen.detections.iter().map(|d| d.bbox) {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::draw::{Drawing, text_width};
 use crate::run::touching;
-use crate::{Annotator, Baseline, MultiAnnotator, MultiObserver, Observer, RunInfo};
+use crate::{Annotator, Baseline, MultiAnnotator, Observer, RunInfo};
 use foveate_base::files::folder_of;
 use foveate_base::sink::{Memory, Sink};
 use foveate_base::{Error, Result};
@@ -61,33 +61,51 @@ pub(super) fn writable(path: &Path) -> Result<()> {
     std::fs::metadata(folder_of(path)).map(drop).map_err(Error::io(path, "cannot write"))
 }
 
-/// annotated.mp4 of one target: every frame as [`Annotator`] draws it.
+/// Draws a frame with its targets.
+type Draw = Box<dyn FnMut(&Frame, &[Seen<'_>]) -> Image + Send>;
+
+/// annotated.mp4: every frame as an annotator draws it, at the source's times and about its bit rate.
 pub struct Film {
     video: Video,
-    annotator: Annotator,
+    draw: Draw,
 }
 
 impl Film {
-    /// Will write `path`, an MP4 file with H.264 at the source's times and about its bit rate.
+    /// Will write `path`, an MP4 file with H.264, of a run with one target.
     ///
     /// # Errors
     /// Its folder is not there.
     pub fn create(path: impl Into<PathBuf>, info: &RunInfo) -> Result<Self> {
-        Ok(Self { video: Video::create(path.into(), info)?, annotator: Annotator::new(info) })
+        Ok(Self { video: Video::create(path.into(), info)?, draw: Self::one(info) })
     }
 
-    /// The same into memory; `name` stands for the file in errors.
+    /// The same of a run with many targets.
+    ///
+    /// # Errors
+    /// Its folder is not there.
+    pub fn of_many(path: impl Into<PathBuf>, info: &RunInfo) -> Result<Self> {
+        let mut annotator = MultiAnnotator::default();
+        let draw = Box::new(move |frame: &Frame, targets: &[Seen<'_>]| annotator.annotate(frame, targets));
+        Ok(Self { video: Video::create(path.into(), info)?, draw })
+    }
+
+    /// The film of one target in memory; `name` stands for the file in errors.
     pub fn to(memory: Memory, name: impl Into<PathBuf>, info: &RunInfo) -> Self {
-        Self { video: Video::of(name.into(), Some(memory), info), annotator: Annotator::new(info) }
+        Self { video: Video::of(name.into(), Some(memory), info), draw: Self::one(info) }
+    }
+
+    fn one(info: &RunInfo) -> Draw {
+        let mut annotator = Annotator::new(info);
+        Box::new(move |frame, targets| match targets {
+            [seen, ..] => annotator.annotate(frame, seen),
+            [] => frame.image.clone(),
+        })
     }
 }
 
 impl Observer for Film {
-    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
-        self.video.push(&self.annotator.start(frame, bbox), frame.time)
-    }
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
-        self.video.push(&self.annotator.annotate(frame, seen), frame.time)
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        self.video.push(&(self.draw)(frame, targets), frame.time)
     }
     fn finish(&mut self) -> Result<()> {
         self.video.finish()
@@ -149,49 +167,26 @@ impl SideBySide {
 }
 
 impl Observer for SideBySide {
-    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
-        for (tracker, baseline) in &mut self.others {
-            tracker.init(&frame.image, *bbox)?;
-            baseline.add(*bbox, 0);
-        }
-        let panes: Vec<_> = self.annotators.iter_mut().map(|one| (one.start(frame, bbox), String::new())).collect();
-        self.push(&panes, frame.time)
-    }
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
-        let [ours, annotators @ ..] = &mut self.annotators[..] else { return Ok(()) };
-        let mut panes = vec![(ours.annotate(frame, seen), Self::error(&self.truth, frame, &seen.state))];
-        for ((tracker, baseline), annotator) in self.others.iter_mut().zip(annotators) {
-            let seen = tracker.update(&frame.image)?;
-            baseline.add(touching(&seen.bbox, &frame.image), seen.values);
-            let error = Self::error(&self.truth, frame, &seen.state);
-            panes.push((annotator.annotate(frame, &seen), error));
-        }
-        self.push(&panes, frame.time)
-    }
-    fn finish(&mut self) -> Result<()> {
-        self.video.finish()
-    }
-}
-
-/// annotated.mp4 of many targets: every frame as [`MultiAnnotator`] draws it.
-pub struct MultiFilm {
-    video: Video,
-    annotator: MultiAnnotator,
-}
-
-impl MultiFilm {
-    /// Will write `path`, an MP4 file with H.264 at the source's times and about its bit rate.
-    ///
-    /// # Errors
-    /// Its folder is not there.
-    pub fn create(path: impl Into<PathBuf>, info: &RunInfo) -> Result<Self> {
-        Ok(Self { video: Video::create(path.into(), info)?, annotator: MultiAnnotator::default() })
-    }
-}
-
-impl MultiObserver for MultiFilm {
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
-        self.video.push(&self.annotator.annotate(frame, targets), frame.time)
+        let ([seen, ..], [ours, annotators @ ..]) = (targets, &mut self.annotators[..]) else { return Ok(()) };
+        let error = |seen: &Seen<'_>| match seen.is_given() {
+            true => String::new(),
+            false => Self::error(&self.truth, frame, &seen.state),
+        };
+        let mut panes = vec![(ours.annotate(frame, seen), error(seen))];
+        for ((tracker, baseline), annotator) in self.others.iter_mut().zip(annotators) {
+            let other = if seen.is_given() {
+                tracker.init(&frame.image, seen.bbox)?;
+                baseline.add(seen.bbox, 0);
+                *seen
+            } else {
+                let other = tracker.update(&frame.image)?;
+                baseline.add(touching(&other.bbox, &frame.image), other.values);
+                other
+            };
+            panes.push((annotator.annotate(frame, &other), error(&other)));
+        }
+        self.push(&panes, frame.time)
     }
     fn finish(&mut self) -> Result<()> {
         self.video.finish()

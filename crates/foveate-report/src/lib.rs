@@ -7,7 +7,7 @@
 //! | [`Boxes`] | [`MotFile`] | boxes.txt, tracks.txt: boxes in OTB's and MOTChallenge's formats |
 //! | [`Table`] | [`TracksTable`], [`TargetsTable`] | track.csv, tracks.csv, targets.csv |
 //! | [`Trace`] | | trace.jsonl: every intermediate quantity |
-//! | [`Film`] | [`MultiFilm`] | annotated.mp4 |
+//! | [`Film`] | [`Film`] | annotated.mp4 |
 //! | [`Report`] | [`MultiReport`] | report.html: a page that replays the run offline |
 //! | [`SurfacePicture`] | | surface.png: what the gaze policy learned |
 //! | [`Strip`] | [`MultiStrip`] | a film strip |
@@ -27,7 +27,6 @@ pub mod heat;
 mod json;
 mod limited;
 pub mod multi;
-pub mod multi_observer;
 mod pictures;
 pub mod regret;
 mod report;
@@ -43,11 +42,10 @@ mod tracks;
 
 pub use self::annotate::Annotator;
 pub use self::csv::quoted;
-pub use self::film::{Film, MultiFilm, SideBySide};
+pub use self::film::{Film, SideBySide};
 pub use self::json::Summary;
 pub use self::limited::Limited;
 pub use self::multi::MultiAnnotator;
-pub use self::multi_observer::MultiObserver;
 pub use self::pictures::shrunk;
 pub use self::report::{
     BRAND, MultiReport, Report, SCRIPT, STYLE, card, document, drawing, escape, fill, levels, particles,
@@ -70,35 +68,30 @@ use foveate_core::geometry::{BBox, Gaze};
 use foveate_core::identity::Retina;
 use foveate_video::{Frame, SourceInfo};
 
-/// Observes a run with one target.
+/// Observes a run.
 ///
-/// Frames come in order: `start` for one whose box was given, `observe` for one that was tracked. `finish` comes once,
-/// at the end, also where the source broke half-way. An observer must not change what it observes; one that is dropped
-/// without `finish` leaves no file.
+/// `observe` is called once per frame, in order, with all active targets in the order of their ids, also if there are none. In a run with
+/// one target it is that one; [`Seen::is_given`] tells the frames in which its box was given. A target that is missing was terminated; it
+/// may be re-identified later ([`foveate_core::multi::Phase::ReIdentified`]). `finish` is called once, at the end, also if the source broke
+/// half-way. An observer must not change what it observes; one that is dropped without `finish` leaves no file.
 pub trait Observer {
-    /// A frame whose box was given (pixels, counted from 0): the first one of a run, or a later re-initialisation.
+    /// A frame and its active targets.
     ///
     /// # Errors
     /// A file cannot be written.
-    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()>;
-    /// A frame that was tracked.
-    ///
-    /// # Errors
-    /// A file cannot be written.
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()>;
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()>;
     /// The end: files get their names.
     ///
     /// # Errors
     /// A file cannot be written.
-    fn finish(&mut self) -> Result<()>;
+    fn finish(&mut self) -> Result<()> {
+        Ok(())
+    }
 }
 
 impl Observer for Box<dyn Observer> {
-    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
-        (**self).start(frame, bbox)
-    }
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
-        (**self).observe(frame, seen)
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        (**self).observe(frame, targets)
     }
     fn finish(&mut self) -> Result<()> {
         (**self).finish()
@@ -107,11 +100,8 @@ impl Observer for Box<dyn Observer> {
 
 /// Each of them in turn. Where one fails, `finish` still comes to all; the first error is returned.
 impl Observer for Vec<Box<dyn Observer>> {
-    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
-        self.iter_mut().try_for_each(|o| o.start(frame, bbox))
-    }
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
-        self.iter_mut().try_for_each(|o| o.observe(frame, seen))
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        self.iter_mut().try_for_each(|o| o.observe(frame, targets))
     }
     fn finish(&mut self) -> Result<()> {
         self.iter_mut().map(|o| o.finish()).fold(Ok(()), Result::and)

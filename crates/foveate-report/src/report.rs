@@ -26,7 +26,7 @@ use foveate_base::Result;
 use foveate_base::sink::Sink;
 use foveate_core::Seen;
 use foveate_core::gaze::PolicySnapshot;
-use foveate_core::geometry::{BBox, Extent, Gaze, State};
+use foveate_core::geometry::Gaze;
 use foveate_video::Frame;
 
 /// Particles drawn on a picture.
@@ -66,6 +66,21 @@ impl Report {
         first.glimpse(&**retina, gaze)
     }
 
+    /// A frame whose box was given.
+    fn given(&mut self, frame: &Frame, seen: &Seen<'_>) {
+        let bbox = &seen.bbox;
+        if self.page.template.is_none() {
+            self.page.template = Some(Template::new(&Crop::around(&frame.image, bbox)));
+        }
+        self.first = self.info.retina.as_deref().map(|retina| FirstFrame::new(&frame.image, bbox, retina));
+        let row = self.page.given(frame, &seen.state, seen.extent);
+        if self.keys.wants(row) {
+            let template = base64(&levels(&self.template(Gaze::CENTRE)));
+            let jpeg = picture(&frame.image);
+            self.keep(Key { row, jpeg, glimpse: template.clone(), template, ..Key::default() });
+        }
+    }
+
     fn keep(&mut self, key: Key) {
         self.keys.push(key.row, key.bytes(), key);
     }
@@ -81,23 +96,13 @@ impl Report {
 }
 
 impl Observer for Report {
-    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
-        let (state, extent) = (State::of(bbox), Extent::of(bbox));
-        if self.page.template.is_none() {
-            self.page.template = Some(Template::new(&Crop::around(&frame.image, bbox)));
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        let Some(seen) = targets.first() else { return Ok(()) };
+        if seen.is_given() {
+            self.given(frame, seen);
+            return Ok(());
         }
-        self.first = self.info.retina.as_deref().map(|retina| FirstFrame::new(&frame.image, bbox, retina));
-        let row = self.page.given(frame, &state, extent);
-        if self.keys.wants(row) {
-            let template = base64(&levels(&self.template(Gaze::CENTRE)));
-            let jpeg = picture(&frame.image);
-            self.keep(Key { row, jpeg, glimpse: template.clone(), template, ..Key::default() });
-        }
-        Ok(())
-    }
-
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
-        let gaze = seen.plan.chosen();
+        let gaze = seen.gaze;
         let arm = self.arm(gaze, seen.snapshot);
         let row = self.page.tracked(frame, seen, arm);
         if !self.log.gazes().is_empty() {

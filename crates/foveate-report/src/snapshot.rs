@@ -101,15 +101,14 @@ impl SurfacePicture {
 }
 
 impl Observer for SurfacePicture {
-    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        let Some(seen) = targets.first() else { return Ok(()) };
         self.frames += 1;
-        self.crop = Some(Crop::around(&frame.image, bbox));
-        self.first = self.info.retina.as_deref().map(|retina| FirstFrame::new(&frame.image, bbox, retina));
-        Ok(())
-    }
-
-    fn observe(&mut self, _: &Frame, seen: &Seen<'_>) -> Result<()> {
-        self.frames += 1;
+        if seen.is_given() {
+            self.crop = Some(Crop::around(&frame.image, &seen.bbox));
+            self.first = self.info.retina.as_deref().map(|retina| FirstFrame::new(&frame.image, &seen.bbox, retina));
+            return Ok(());
+        }
         self.shows = Self::shows(seen.snapshot);
         match seen.snapshot {
             PolicySnapshot::Blank => (),

@@ -12,11 +12,10 @@ use std::net::UdpSocket;
 
 use serde::Serialize;
 
+use crate::Observer;
 use crate::tracks::mot_line;
-use crate::{MultiObserver, Observer};
 use foveate_base::{Error, Result};
 use foveate_core::Seen;
-use foveate_core::Status;
 use foveate_core::geometry::BBox;
 use foveate_video::{Frame, Meter, Remarks};
 
@@ -37,6 +36,7 @@ pub struct Stream {
     meter: Option<Meter>,
     remarks: Remarks,
     line: String,
+    many: bool,
 }
 
 #[derive(Serialize)]
@@ -73,7 +73,7 @@ impl Stream {
     /// Lines to a writer, which is flushed after each frame. `meter` is of a source that drops frames or times them, `remarks` are the
     /// source's.
     pub fn new(out: impl Write + Send + 'static, format: Format, meter: Option<Meter>, remarks: Remarks) -> Self {
-        Self { out: Box::new(out), format, meter, remarks, line: String::new() }
+        Self { out: Box::new(out), format, meter, remarks, line: String::new(), many: false }
     }
 
     /// Lines to an address (`HOST:PORT`), a datagram a frame. Whether anybody is there does not matter.
@@ -90,22 +90,30 @@ impl Stream {
         Ok(Self::new(Datagrams(socket.map_err(wrong)?), format, meter, remarks))
     }
 
+    /// The lines of a run with many targets.
+    #[must_use]
+    pub fn of_many(self) -> Self {
+        Self { many: true, ..self }
+    }
+
     fn measured(&self) -> (u64, Option<f64>) {
         let meter = self.meter.as_ref();
         let latency = meter.and_then(Meter::latency).map(|time| (time.as_secs_f64() * 1e6).round() / 1e3);
         (meter.map_or(0, Meter::dropped), latency)
     }
 
-    fn one(&mut self, frame: &Frame, bbox: &BBox, p_lost: f64, status: Option<Status>) -> Result<()> {
+    /// One target's line.
+    fn one(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+        let (bbox, p_lost) = (&seen.bbox, seen.p_lost);
         match self.format {
             Format::Json => {
                 let (dropped, latency_ms) = self.measured();
                 let (frame, time, damaged) = (frame.index + 1, frame.time, self.remarks.damaged());
-                let status = status.map_or("given", Status::name);
+                let status = if seen.is_given() { "given" } else { seen.status.name() };
                 self.json(&One { frame, time, bbox, p_lost, status, dropped, damaged, latency_ms })
             }
             Format::Mot => {
-                if status.is_none_or(Status::is_usable) {
+                if seen.is_usable() {
                     mot_line(&mut self.line, frame, 1, bbox, 1.0 - p_lost);
                 }
                 self.send()
@@ -131,19 +139,10 @@ impl Stream {
 }
 
 impl Observer for Stream {
-    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
-        self.one(frame, bbox, 0.0, None)
-    }
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
-        self.one(frame, &seen.bbox, seen.p_lost, Some(seen.status))
-    }
-    fn finish(&mut self) -> Result<()> {
-        Ok(())
-    }
-}
-
-impl MultiObserver for Stream {
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        if let (false, [seen, ..]) = (self.many, targets) {
+            return self.one(frame, seen);
+        }
         if self.format == Format::Mot {
             for target in targets.iter().filter(|target| target.is_usable()) {
                 mot_line(&mut self.line, frame, target.id, &target.bbox, (1.0 - target.consistency.deficit).max(0.0));
@@ -157,9 +156,6 @@ impl MultiObserver for Stream {
         let (dropped, latency_ms) = self.measured();
         let (targets, damaged) = (targets.iter().map(of).collect(), self.remarks.damaged());
         self.json(&Many { frame: frame.index + 1, time: frame.time, targets, dropped, damaged, latency_ms })
-    }
-    fn finish(&mut self) -> Result<()> {
-        Ok(())
     }
 }
 
@@ -179,6 +175,8 @@ impl Write for Datagrams {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use foveate_core::Status;
+    use foveate_core::multi::Phase;
     use foveate_core::scene::Image;
     use std::sync::{Arc, Mutex};
 
@@ -210,7 +208,7 @@ mod tests {
         ] {
             let out = Shared::default();
             let mut stream = Stream::new(out.clone(), format, None, Remarks::default());
-            Observer::start(&mut stream, &frame(), &bbox).expect("written");
+            stream.observe(&frame(), &[Seen::given([40, 30, 1], &bbox)]).expect("written");
             assert_eq!(String::from_utf8_lossy(&out.0.lock().expect("one thread")), wanted);
         }
         for (status, lines) in
@@ -218,15 +216,17 @@ mod tests {
         {
             let out = Shared::default();
             let mut stream = Stream::new(out.clone(), Format::Mot, None, Remarks::default());
-            stream.one(&frame(), &bbox, 0.2, Some(status)).expect("written");
+            let mut seen = Seen::given([40, 30, 1], &bbox).in_phase(Phase::Tracked);
+            seen.status = status;
+            stream.observe(&frame(), &[seen]).expect("written");
             let text = String::from_utf8_lossy(&out.0.lock().expect("one thread")).into_owned();
             assert_eq!(text.lines().count(), lines, "{status:?}: a guess is no line");
         }
         let out = Shared::default();
-        let mut stream = Stream::new(out.clone(), Format::Json, Some(Meter::default()), Remarks::default());
+        let mut stream = Stream::new(out.clone(), Format::Json, Some(Meter::default()), Remarks::default()).of_many();
         let mut target = Seen::given([40, 30, 1], &bbox);
         target.id = 3;
-        MultiObserver::observe(&mut stream, &frame(), &[target]).expect("written");
+        stream.observe(&frame(), &[target]).expect("written");
         let text = String::from_utf8_lossy(&out.0.lock().expect("one thread")).into_owned();
         assert!(text.contains("\"targets\":[{\"id\":3,\"bbox\":{\"x\":1.0") && text.ends_with("}\n"), "{text}");
     }
@@ -236,7 +236,8 @@ mod tests {
         let receiver = UdpSocket::bind("127.0.0.1:0").expect("a port");
         let address = receiver.local_addr().expect("an address").to_string();
         let mut stream = Stream::udp(&address, Format::Json, None, Remarks::default()).expect("an address");
-        Observer::start(&mut stream, &frame(), &BBox { x: 0.0, y: 0.0, w: 2.0, h: 2.0 }).expect("sent");
+        let bbox = BBox { x: 0.0, y: 0.0, w: 2.0, h: 2.0 };
+        stream.observe(&frame(), &[Seen::given([40, 30, 1], &bbox)]).expect("sent");
         let mut bytes = [0; 500];
         let n = receiver.recv(&mut bytes).expect("a datagram");
         assert!(bytes[..n].starts_with(b"{\"frame\":7,") && bytes[n - 1] == b'\n');

@@ -6,10 +6,10 @@ use crate::draw::{CORNERS, Colour, Drawing, text_width};
 use crate::eye::windows;
 use crate::film::writable;
 use crate::pictures::resized;
-use crate::{MultiAnnotator, MultiObserver, Observer, RunInfo};
+use crate::{MultiAnnotator, Observer, RunInfo};
 use foveate_base::{Error, Result, files};
 use foveate_core::Seen;
-use foveate_core::geometry::{BBox, Extent, Gaze, State};
+use foveate_core::geometry::{BBox, Gaze, State};
 use foveate_core::scene::Image;
 use foveate_video::{Frame, encode_png};
 
@@ -58,7 +58,7 @@ impl Strip {
         self.stills
     }
 
-    fn keep(&mut self, frame: &Frame, state: &State, extent: Extent, gaze: Option<Gaze>) {
+    fn keep(&mut self, frame: &Frame, seen: &Seen<'_>) {
         if !self.at.contains(&frame.index) {
             return;
         }
@@ -69,7 +69,7 @@ impl Strip {
         page.paste(&frame.image, 0, 0, width, height);
         let mut square = |state: &State, gaze: Gaze, reach: f64, thick: f64, colour: Colour| {
             let corner = |(u, v): (f64, f64)| {
-                let at = state.fixate(Gaze { u: gaze.u + reach * u, v: gaze.v + reach * v, arm: None }, extent);
+                let at = state.fixate(Gaze { u: gaze.u + reach * u, v: gaze.v + reach * v, arm: None }, seen.extent);
                 (zoom * (at.x + 0.5) - 0.5, zoom * (at.y + 0.5) - 0.5)
             };
             let corners = CORNERS.map(corner);
@@ -79,9 +79,9 @@ impl Strip {
         if let Some(Some(truth)) = self.truth.get(frame.index) {
             square(&State::of(truth), Gaze::CENTRE, 1.0, 3.6, TRUTH);
         }
-        square(state, Gaze::CENTRE, 1.0, 1.8, TARGET);
-        if let Some(gaze) = gaze {
-            square(state, gaze, self.window, 1.4, GAZE);
+        square(&seen.state, Gaze::CENTRE, 1.0, 1.8, TARGET);
+        if !seen.is_given() {
+            square(&seen.state, seen.gaze, self.window, 1.4, GAZE);
         }
         self.stills.push((frame.index, page.into_image()));
     }
@@ -111,15 +111,8 @@ impl Strip {
 }
 
 impl Observer for Strip {
-    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
-        self.keep(frame, &State::of(bbox), Extent::of(bbox), None);
-        Ok(())
-    }
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
-        self.keep(frame, &seen.state, seen.extent, Some(seen.plan.chosen()));
-        Ok(())
-    }
-    fn finish(&mut self) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        targets.iter().take(1).for_each(|seen| self.keep(frame, seen));
         Ok(())
     }
 }
@@ -139,7 +132,7 @@ impl MultiStrip {
     /// Will write the `frames` (counted from 0) to `path`, a PNG, in rows of `columns`, at least 1.
     ///
     /// # Errors
-    /// Its folder is not there. [`MultiObserver::finish`] fails where none of the frames was observed.
+    /// Its folder is not there. [`Observer::finish`] fails where none of the frames was observed.
     pub fn create(path: impl Into<PathBuf>, title: &str, frames: Vec<usize>, columns: usize) -> Result<Self> {
         let path = path.into();
         writable(&path)?;
@@ -164,7 +157,7 @@ impl MultiStrip {
     }
 }
 
-impl MultiObserver for MultiStrip {
+impl Observer for MultiStrip {
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         if self.frames.contains(&frame.index) {
             self.pictures.push(self.annotator.annotate(frame, targets));
@@ -187,7 +180,7 @@ impl MultiObserver for MultiStrip {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::MultiFilm;
+    use crate::Film;
     use crate::multi::tests::{frame, seen};
     use foveate_core::multi::Phase;
 
@@ -198,7 +191,7 @@ mod tests {
         let bbox = BBox { x: 5.0, y: 5.0, w: 20.0, h: 20.0 };
         for index in [0, 1, 4] {
             let frame = Frame { index, time: 0.0, image: Image::grey(40, 30, 0) };
-            strip.start(&frame, &bbox).expect("it cannot fail");
+            strip.observe(&frame, &[Seen::given(frame.image.shape(), &bbox)]).expect("it cannot fail");
         }
         assert_eq!(strip.stills.iter().map(|s| s.0).collect::<Vec<_>>(), [0, 4]);
         let picture = strip.picture("two of three");
@@ -214,8 +207,8 @@ mod tests {
     fn film_and_strip_are_whole_or_not_there() {
         let dir = tempfile::tempdir().expect("a temporary folder");
         let (mp4, png) = (dir.path().join("a.mp4"), dir.path().join("a.png"));
-        let mut all: Vec<Box<dyn MultiObserver>> = vec![
-            Box::new(MultiFilm::create(&mp4, &RunInfo::default()).expect("a writable folder")),
+        let mut all: Vec<Box<dyn Observer>> = vec![
+            Box::new(Film::of_many(&mp4, &RunInfo::default()).expect("a writable folder")),
             Box::new(MultiStrip::create(&png, "two of four", vec![0, 3], 4).expect("a writable folder")),
         ];
         for t in 0..4 {

@@ -4,12 +4,11 @@ use std::path::PathBuf;
 
 use crate::Observer;
 use crate::columns::TRACK;
-use crate::csv::{Csv, Rows};
+use crate::csv::Csv;
 use crate::run::touching;
 use foveate_base::Result;
 use foveate_base::sink::Sink;
 use foveate_core::Seen;
-use foveate_core::geometry::{BBox, State};
 use foveate_video::Frame;
 
 /// boxes.txt in OTB's format: [`crate::columns::BOXES`], pixels counted from 1, the first frame included. A box that lies
@@ -32,18 +31,14 @@ impl Boxes {
     pub fn to(file: Sink) -> Self {
         Self { file }
     }
-    fn put(&mut self, b: &BBox) -> Result<()> {
-        self.file.write(format!("{:.3},{:.3},{:.3},{:.3}\n", b.x + 1.0, b.y + 1.0, b.w, b.h).as_bytes())?;
-        self.file.flush()
-    }
 }
 
 impl Observer for Boxes {
-    fn start(&mut self, _: &Frame, bbox: &BBox) -> Result<()> {
-        self.put(bbox)
-    }
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
-        self.put(&touching(&seen.bbox, &frame.image))
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        let Some(seen) = targets.first() else { return Ok(()) };
+        let b = if seen.is_given() { seen.bbox } else { touching(&seen.bbox, &frame.image) };
+        self.file.write(format!("{:.3},{:.3},{:.3},{:.3}\n", b.x + 1.0, b.y + 1.0, b.w, b.h).as_bytes())?;
+        self.file.flush()
     }
     fn finish(&mut self) -> Result<()> {
         self.file.finish()
@@ -71,25 +66,17 @@ impl Table {
     }
 }
 
-/// The columns that every frame has.
-fn put_box(row: &mut Rows, frame: &Frame, b: &BBox, state: &State) {
-    row.put(frame.index + 1);
-    row.put_all(&[frame.time, b.x, b.y, b.w, b.h]);
-    row.put_all(&state.to_array());
-}
-
 impl Observer for Table {
-    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        let Some(seen) = targets.first() else { return Ok(()) };
+        let (b, c, gaze) = (&seen.bbox, &seen.covariance, seen.gaze);
         self.file.write(|row| {
-            put_box(row, frame, bbox, &State::of(bbox));
-            row.end();
-        })
-    }
-
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
-        let (c, gaze) = (&seen.covariance, seen.plan.chosen());
-        self.file.write(|row| {
-            put_box(row, frame, &seen.bbox, &seen.state);
+            row.put(frame.index + 1);
+            row.put_all(&[frame.time, b.x, b.y, b.w, b.h]);
+            row.put_all(&seen.state.to_array());
+            if seen.is_given() {
+                return row.end();
+            }
             row.put_all(c.iter().enumerate().flat_map(|(i, line)| &line[i..]));
             row.put_all(&[c[0][0].sqrt(), c[1][1].sqrt(), seen.ess, seen.log_evidence]);
             match seen.consistency.is_informative {

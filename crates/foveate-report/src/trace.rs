@@ -122,11 +122,11 @@ impl Trace {
 }
 
 impl Observer for Trace {
-    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
-        self.put(&Given { frame: frame.index + 1, time: frame.time, given: bbox })
-    }
-
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        let Some(seen) = targets.first() else { return Ok(()) };
+        if seen.is_given() {
+            return self.put(&Given { frame: frame.index + 1, time: frame.time, given: &seen.bbox });
+        }
         let p = seen.percept;
         self.put(&Tracked {
             frame: frame.index + 1,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use crate::MultiObserver;
+use crate::Observer;
 use crate::columns::{TARGETS, TRACKS};
 use crate::csv::{Csv, Rows};
 use foveate_base::Result;
@@ -37,7 +37,7 @@ impl MotFile {
     }
 }
 
-impl MultiObserver for MotFile {
+impl Observer for MotFile {
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         self.line.clear();
         for target in targets.iter().filter(|target| target.is_usable()) {
@@ -78,7 +78,7 @@ impl TracksTable {
     }
 }
 
-impl MultiObserver for TracksTable {
+impl Observer for TracksTable {
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         self.file.write(|row| {
             for target in targets {
@@ -152,7 +152,7 @@ impl TargetsTable {
     }
 }
 
-impl MultiObserver for TargetsTable {
+impl Observer for TargetsTable {
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         for target in targets {
             let number = frame.index + 1;

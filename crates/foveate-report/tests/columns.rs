@@ -11,7 +11,7 @@ use foveate_core::multi::Phase;
 use foveate_core::scene::{Detection, Image};
 use foveate_report::columns::{BOXES, Column, REGRET, TARGETS, TRACE, TRACK, TRACKS, TRACKS_TXT};
 use foveate_report::regret::RegretLog;
-use foveate_report::{Boxes, MotFile, MultiObserver, Observer, Table, TargetsTable, Trace, TracksTable};
+use foveate_report::{Boxes, MotFile, Observer, Table, TargetsTable, Trace, TracksTable};
 use foveate_video::Frame;
 use serde_json::Value;
 
@@ -78,13 +78,13 @@ fn files_of_one_target_have_the_columns_of_the_dictionary() {
     let mut tracker = blueprint.tracker(7).expect("parts that fit");
     let bbox = BBox { x: 10.0, y: 12.0, w: 16.0, h: 12.0 };
     tracker.init(&frame(0).image, bbox).expect("a box in the picture");
-    all.start(&frame(0), &bbox).expect("written");
+    all.observe(&frame(0), &[Seen::given(frame(0).image.shape(), &bbox)]).expect("written");
     let mut names = vec![];
     for index in 1..4 {
         let frame = frame(index);
         let seen = tracker.update(&frame.image).expect("a picture of the first size");
         names.push(seen.status.name());
-        all.observe(&frame, &seen).expect("written");
+        all.observe(&frame, &[seen]).expect("written");
     }
     all.finish().expect("named");
 
@@ -135,7 +135,7 @@ fn regret_has_the_columns_of_the_dictionary() {
 fn files_of_many_targets_have_the_columns_of_the_dictionary() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = |name: &str| folder.path().join(name);
-    let mut all: Vec<Box<dyn MultiObserver>> = vec![
+    let mut all: Vec<Box<dyn Observer>> = vec![
         Box::new(MotFile::create(path("tracks.txt")).expect("a writable folder")),
         Box::new(TracksTable::create(path("tracks.csv")).expect("a writable folder")),
         Box::new(TargetsTable::create(path("targets.csv")).expect("a writable folder")),

@@ -13,7 +13,7 @@ use foveate_core::config::Config;
 use foveate_core::geometry::BBox;
 use foveate_core::multi::Phase;
 use foveate_core::scene::Image;
-use foveate_report::{MultiObserver, MultiReport, Observer, Report, RunInfo, SurfacePicture};
+use foveate_report::{MultiReport, Observer, Report, RunInfo, SurfacePicture};
 use foveate_video::Frame;
 use serde_json::Value;
 
@@ -52,11 +52,11 @@ fn run(folder: &Path, policy: &str) -> PathBuf {
         Box::new(SurfacePicture::create(folder.join("surface.png"), info).expect("a writable folder")),
     ];
     tracker.init(&frame(0).image, INIT).expect("a box in the picture");
-    all.start(&frame(0), &INIT).expect("kept");
+    all.observe(&frame(0), &[Seen::given(frame(0).image.shape(), &INIT)]).expect("kept");
     for index in 1..FRAMES {
         let frame = frame(index);
         let seen = tracker.update(&frame.image).expect("a picture of the first size");
-        all.observe(&frame, &seen).expect("kept");
+        all.observe(&frame, &[seen]).expect("kept");
     }
     all.finish().expect("written");
     path

@@ -56,4 +56,4 @@ pub use open::{open, open_with};
 pub use options::{Decoder, LiveOptions, Options, Pixels, Raw};
 pub use remarks::Remarks;
 pub use select::{Selection, select};
-pub use tiles::{TileFolder, TileFrames, write_tiles};
+pub use tiles::{TileFolder, TileFrames, Tiles, write_tiles};

@@ -2,7 +2,7 @@
 
 use foveate_base::files::Nowhere;
 use foveate_base::{Error, Result};
-use foveate_core::Tracker;
+use foveate_core::{Seen, Tracker};
 use foveate_core::config::{Blueprint, Config};
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
@@ -139,7 +139,7 @@ impl Lesson {
         let (width, height) = self.video.size();
         json!({
             "width": width, "height": height, "frames": self.video.truth().len(), "cells": self.cells, "policy": self.policy,
-            "config": self.config, "row": Row::given(&self.frame, &self.video.truth()[0]),
+            "config": self.config, "row": Row::of(&self.frame, &Seen::given(self.frame.image.shape(), &self.video.truth()[0])),
         })
     }
 
@@ -159,7 +159,7 @@ impl Lesson {
             let detail: Value = serde_json::from_str(&detail(index + 1, &seen)).unwrap_or_default();
             let reward = seen.rewards.get(seen.plan.chosen_index()).copied().unwrap_or(0.0);
             let shown = surface(seen.snapshot);
-            let row = Row::tracked(&self.frame, &seen);
+            let row = Row::of(&self.frame, &seen);
             Ok(
                 json!({ "row": row, "detail": detail, "reward": reward, "surface": shown, "error": error(&seen.bbox, &truth) }),
             )

@@ -13,7 +13,7 @@ use foveate::lab::eval::experiment::quantile;
 use foveate::lab::eval::mot::{Crossings, Score, TrackBox, Tracks, score};
 use foveate::lab::synthetic::MultiVideo;
 use foveate::multi::MultiTracker;
-use foveate::report::multi_observer::MultiObserver;
+use foveate::report::Observer;
 use foveate::video::Frame;
 use foveate::{Error, Result, Seen};
 
@@ -117,7 +117,7 @@ impl Run {
     ///
     /// # Errors
     /// Those of the follower and of the observer, whose `finish` is not called here.
-    pub fn follow(video: &MultiVideo, follower: &mut dyn Follower, observer: &mut dyn MultiObserver) -> Result<Self> {
+    pub fn follow(video: &MultiVideo, follower: &mut dyn Follower, observer: &mut dyn Observer) -> Result<Self> {
         let mut run = Self { frames: video.frames(), ..Self::default() };
         for frame in video.clone().source() {
             let frame = frame?;
@@ -323,7 +323,7 @@ mod tests {
     fn figures_of_a_known_follower() {
         let video = Multi { targets: 4, frames: 31, crossings: 0, ..Multi::default() };
         let video = video.video(&Digits::drawn(1, 2)).expect("a video");
-        let mut nobody: Vec<Box<dyn MultiObserver>> = vec![];
+        let mut nobody: Vec<Box<dyn Observer>> = vec![];
         let run = Run::follow(&video, &mut Oracle(video.clone(), vec![]), &mut nobody).expect("it follows");
         assert!(run.is_of(31) && !run.is_of(30) && run.found.len() == 124);
         let judged = run.judge(&video).expect("it can be judged");

@@ -155,10 +155,8 @@ impl Timeline {
 }
 
 impl Observer for Timeline {
-    fn start(&mut self, _: &Frame, _: &BBox) -> Result<()> {
-        Ok(())
-    }
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        let Some(seen) = targets.first().filter(|seen| !seen.is_given()) else { return Ok(()) };
         self.frames.push(frame.index);
         self.boxes.push(seen.bbox);
         self.gazes.push(seen.plan.chosen());
@@ -168,9 +166,6 @@ impl Observer for Timeline {
             self.policy.push(probabilities.to_vec());
         }
         self.classes.push(seen.classes.to_vec());
-        Ok(())
-    }
-    fn finish(&mut self) -> Result<()> {
         Ok(())
     }
 }

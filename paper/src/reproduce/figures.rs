@@ -7,7 +7,7 @@ use foveate::Seen;
 use foveate::geometry::BBox;
 use foveate::lab::eval::sequence::find_sequences;
 use foveate::lab::synthetic::Drawn;
-use foveate::report::run::{SingleRun, Span, follow};
+use foveate::report::run::{RunPlan, run};
 use foveate::report::{Observer, RunInfo, Strip, SurfacePicture};
 use foveate::video::{Frame, FrameSource, encode_png, open};
 use foveate::{Error, Result};
@@ -38,11 +38,8 @@ impl Recording {
 }
 
 impl Observer for Recording {
-    fn start(&mut self, frame: &Frame, bbox: &BBox) -> Result<()> {
-        self.each(|o| o.start(frame, bbox))
-    }
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
-        self.each(|o| o.observe(frame, seen))
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        self.each(|o| o.observe(frame, targets))
     }
     fn finish(&mut self) -> Result<()> {
         self.each(|o| o.finish())
@@ -65,9 +62,8 @@ fn record(
         Recording { timeline: Timeline::new(truth.clone()), strip: Strip::new(&info, frames, STILLS), surface };
     let mut tracker = blueprint.tracker(seed)?;
     let (until, stop, clock) = (frames.saturating_sub(1), &terminal::stopping, info.clock.clone());
-    let span = Span { until, stop, clock, ..Span::default() };
-    let run = SingleRun { init: truth.first().copied().flatten(), span, again: &[] };
-    let (_, result) = follow(source, &mut tracker, &mut recording, run);
+    let plan = RunPlan { init: truth.first().copied().flatten(), until, stop, clock, ..RunPlan::default() };
+    let (_, result) = run(source, &mut tracker, &mut recording, plan);
     result.map(|()| recording)
 }
 

@@ -5,7 +5,7 @@ use foveate::config::{Blueprint, RecogniserConfig};
 use foveate::files::Folder;
 use foveate::lab::eval::experiment::digest;
 use foveate::lab::synthetic::{Multi, MultiVideo};
-use foveate::report::{MultiFilm, MultiObserver, MultiReport, MultiStrip, RunInfo};
+use foveate::report::{Film, MultiReport, MultiStrip, Observer, RunInfo};
 use foveate::{Error, Result};
 use serde_json::json;
 
@@ -36,7 +36,7 @@ fn follow(
     alone: bool,
     video: &MultiVideo,
     seed: u64,
-    observer: &mut dyn MultiObserver,
+    observer: &mut dyn Observer,
 ) -> Result<Run> {
     if !alone {
         return Run::follow(video, &mut blueprint.multi_tracker(seed)?, observer);
@@ -64,7 +64,7 @@ pub fn multi(experiment: &Experiment, setup: &Setup) -> Result<Option<Table>> {
     };
     let make = |&(entry, video): &(usize, usize)| {
         let (blueprint, alone, scene) = (&entries[entry].blueprint, experiment.lines[entry].alone, &settings[video]);
-        let nobody = &mut Vec::<Box<dyn MultiObserver>>::new();
+        let nobody = &mut Vec::<Box<dyn Observer>>::new();
         let run = follow(blueprint, alone, &videos[video], scene.seed, nobody)?;
         let stored = json!({
             "configuration": blueprint.config(), "video": scene, "digits": setup.from,
@@ -120,9 +120,9 @@ fn film(experiment: &Experiment, blueprint: &Blueprint, video: &MultiVideo, setu
         video.movers().len()
     );
     let file = format!("{name}-strip.png");
-    let mut observers: Vec<Box<dyn MultiObserver>> = vec![
+    let mut observers: Vec<Box<dyn Observer>> = vec![
         Box::new(MultiStrip::create(setup.out.join(&file), &title, shown, COLUMNS)?),
-        Box::new(MultiFilm::create(setup.out.join(format!("{name}.mp4")), &info)?),
+        Box::new(Film::of_many(setup.out.join(format!("{name}.mp4")), &info)?),
         Box::new(MultiReport::create(setup.out.join(format!("{name}-report.html")), info)?),
     ];
     follow(blueprint, line.alone, video, seed, &mut observers)?;

@@ -9,7 +9,7 @@ use foveate::geometry::BBox;
 use foveate::lab::Digits;
 use foveate::lab::eval::score_centres;
 use foveate::lab::synthetic::{Clutter, Drawn, GLIMPSE, Occlusion, Synthetic};
-use foveate::report::run::{SingleRun, Span, follow};
+use foveate::report::run::{self, RunPlan};
 use foveate::report::{Baseline, SideBySide, Summary, SurfacePicture};
 use foveate::text::counted;
 use foveate::video::{Frame, FrameSource};
@@ -18,7 +18,7 @@ use foveate::{Error, Result};
 use super::configure::{Changes, read};
 use super::results::{Ended, Results};
 use super::track::outputs::{Outputs, run_info};
-use super::track::spared::Lost;
+use super::track::tolerant::FailedOutputs;
 use crate::terminal;
 
 #[derive(clap::Args)]
@@ -125,60 +125,60 @@ pub fn run(args: Args) -> Result<()> {
     info.bit_rate = Some(BIT_RATE);
     info.baselines = others.iter().map(|(_, baseline)| baseline.clone()).collect();
     let surface = SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
-    let outputs = Outputs { video: false, report: true, surface, trace: args.trace, regret: false, endless: false };
+    let outputs = Outputs { report: true, surface, trace: args.trace, ..Outputs::default() };
     let names = [&outputs.names()[..], &["annotated.mp4"]].concat();
     terminal::catch_interrupts();
     let results = Results::begin(&args.out, &names, &[config_name.as_ref()])?;
-    let lost = Lost::default();
-    let mut observers = outputs.observers(results.folder(), &info, &lost)?;
+    let failed = FailedOutputs::default();
+    let mut observers = outputs.observers(results.folder(), &info, &failed)?;
     // The same tracker with gazes that learn nothing, on the same frames.
     let path = results.folder().join("annotated.mp4");
     let name = format!("{}gaze: {policy}", if learning { "learned " } else { "" });
     let film = SideBySide::create(path, &info, name, others)?;
-    observers.push(Box::new(lost.spare(&["annotated.mp4"], film)));
+    observers.push(failed.tolerate(&["annotated.mp4"], film));
 
     let began = Instant::now();
     let bar = terminal::progress(source.info().frames, "demo");
     let mut progress = |_: &Frame| bar.inc(1);
     let (stop, clock, progress) =
         (&terminal::stopping, info.clock.clone(), Some(&mut progress as &mut dyn FnMut(&Frame)));
-    let run = SingleRun { init: Some(truth[0]), span: Span { stop, clock, progress, ..Span::default() }, again: &[] };
-    let (outcome, result) = follow(&mut source, &mut tracker, &mut observers, run);
+    let plan = RunPlan { init: Some(truth[0]), stop, clock, progress, ..RunPlan::default() };
+    let (summary, result) = run::run(&mut source, &mut tracker, &mut observers, plan);
     bar.finish_and_clear();
     drop(observers);
-    result.and(lost.check().map_err(|error| results.told(&error)))?;
-    if outcome.tracked == 0 {
+    result.and(failed.check().map_err(|error| results.with_final_path(&error)))?;
+    if summary.tracked == 0 {
         let out = args.out.display();
         return Err(Error::Invalid(format!(
             "stopped before the second frame: nothing was tracked; {out} was left as it was"
         )));
     }
-    let ended = if outcome.frames.stopped { Ended::Stopped } else { Ended::Finished };
-    results.keep(ended, outcome.frames.count, Ok(()))?;
-    let frames = outcome.frames.count;
+    let ended = if summary.stopped { Ended::Stopped } else { Ended::Finished };
+    results.keep(ended, summary.frames, Ok(()))?;
+    let frames = summary.frames;
     say!("Followed {described}, through {}.", counted(frames, "frame"));
-    tell(&policy, &outcome.boxes, &truth, outcome.values / outcome.tracked)?;
+    tell(&policy, &summary.boxes, &truth, summary.values / summary.tracked)?;
     for baseline in &info.baselines {
-        tell(baseline.name(), &baseline.boxes(), &truth, baseline.values() / outcome.tracked)?;
+        tell(baseline.name(), &baseline.boxes(), &truth, baseline.values() / summary.tracked)?;
     }
     if args.is_usual() {
         say!("One run is luck. {TEN_SEEDS} (docs/looking.md).");
     }
-    say!("Reported as occluded in {}, as lost in {}.", counted(outcome.occluded, "frame"), outcome.lost);
+    say!("Reported as occluded in {}, as lost in {}.", counted(summary.occluded, "frame"), summary.lost);
     let learned = learning.then(|| favourite(tracker.parts().gaze.policy().snapshot())).flatten();
     let nothing = || format!("Its policy, {policy}, has nothing to learn; try --policy hedge or --policy gp-ucb.");
     say!("{}", learned.unwrap_or_else(nothing));
     if args.scene == Scene::Glimpse {
         say!("A larger look sees most of the digit wherever it is, and the fixed centre is as good: --scene clutter.");
     }
-    let tracking = Summary::rate(frames, outcome.frames.spent.as_secs_f64());
+    let tracking = Summary::rate(frames, summary.spent.as_secs_f64());
     let whole = Summary::rate(frames, began.elapsed().as_secs_f64());
     say!("{} a second in the tracker, {whole:.0} end to end.", counted(tracking.round() as usize, "frame"));
     say!(
         "See what it saw, frame by frame: {}; all side by side: annotated.mp4",
         args.out.join("report.html").display()
     );
-    if outcome.frames.stopped {
+    if summary.stopped {
         std::process::exit(terminal::stop_status());
     }
     Ok(())

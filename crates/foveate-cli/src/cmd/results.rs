@@ -152,7 +152,7 @@ impl Results {
         };
         self.kept = true;
         if let Err(error) = placed {
-            let error = self.told(&error);
+            let error = self.with_final_path(&error);
             let rescue = self.part.with_file_name(rescued(self.out.file_name().unwrap_or_default()));
             let at = if files::rename(&self.part, &rescue).is_ok() { &rescue } else { &self.part };
             return Err(Error::Invalid(format!(
@@ -170,7 +170,7 @@ impl Results {
     }
 
     /// An error that names a file of the folder in the making, by the name that it was to have.
-    pub fn told(&self, error: &Error) -> Error {
+    pub fn with_final_path(&self, error: &Error) -> Error {
         let (part, asked) = (self.part.to_string_lossy(), self.asked.to_string_lossy());
         Error::Invalid(error.to_string().replace(&*part, &asked))
     }

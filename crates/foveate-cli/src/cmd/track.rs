@@ -3,34 +3,34 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use foveate::Result;
 use foveate::config::{Blueprint, Config, DetectorConfig, RecogniserConfig};
 use foveate::files::Folder;
 use foveate::geometry::BBox;
-use foveate::lab::eval::regret::comparison_gazes;
-use foveate::report::SurfacePicture;
-use foveate::report::run::{self, SingleRun, Span, check_box, follow, follow_tiles};
-use foveate::video::{Frame, SourceInfo};
-use foveate::{Error, Result, Tracker, files};
+use foveate::report::run::{self, RunPlan, RunSummary};
+use foveate::scene::{Cuts, Detection};
+use foveate::video::Frame;
 
 use super::configure::{Changes, Profile, config_name, read};
 use super::of_file;
-use super::results::{Ended, Results, spare, writable};
+use super::results::{Ended, Results};
 use crate::terminal;
-use init::{Frames, Init, check_again, first_box, known_truth, parse_again, parse_init, truth_file};
-use outputs::{Outputs, Told, tell};
-use saved::{SavedState, video_name};
+use detections::{DetectionSource, ManyArgs};
+use ending::Ending;
+use init::{Init, parse_again, parse_init, truth_file};
+use plan::{Job, Plan, Subject};
 use source::{SourceArgs, Started, StreamTo, parse_stream};
-use spared::Lost;
+use tolerant::FailedOutputs;
 
 mod batch;
+mod detections;
+mod ending;
 pub mod init;
-mod multi;
 pub mod outputs;
+mod plan;
 mod saved;
 pub mod source;
-pub mod spared;
-
-pub use outputs::run_info;
+pub mod tolerant;
 
 /// Its section of a configuration.
 const RECOGNISER: &str = "recogniser";
@@ -60,9 +60,6 @@ pub struct Args {
     /// the first box of VIDEO.mp4 is in VIDEO.txt, index.html has the worst first, failures.txt those that failed
     #[arg(required = true, value_name = "SOURCE")]
     sources: Vec<PathBuf>,
-    /// The one that is tracked now.
-    #[arg(skip)]
-    source: PathBuf,
     #[command(flatten)]
     input: SourceArgs,
     /// Write a line a frame as it happens: JSON or MOTChallenge's text to standard output, or JSON to an address. What else is said
@@ -75,7 +72,7 @@ pub struct Args {
     #[arg(long, value_name = "X,Y,W,H|motion", value_parser = parse_init, allow_hyphen_values = true)]
     init: Vec<Init>,
     #[command(flatten)]
-    many: multi::ManyArgs,
+    many: ManyArgs,
     /// Restart on the target at a later frame (counted from 1) with a new box; may be given several times
     #[arg(long, value_name = "FRAME:X,Y,W,H", value_parser = parse_again, allow_hyphen_values = true)]
     reinit: Vec<(usize, BBox)>,
@@ -137,45 +134,14 @@ impl Args {
         self.recognise.iter().map(Path::new).chain(network)
     }
 
-    /// What the run reads, for its results must not replace that. A state that is taken up may be: so it goes on.
-    fn inputs(&self) -> Vec<PathBuf> {
+    /// The files that the run reads: its results must not replace them. A state that is taken up may be replaced: so it goes on.
+    fn inputs(&self, source: &Path) -> Vec<PathBuf> {
         let (files, model) = ([&self.many.detections, &self.many.inits], self.models());
         let config = self.config.iter().map(Path::new);
         let begins = self.init.is_empty() && self.load_state.is_none() && !self.many.asked();
-        let truth = truth_file(&self.source).filter(|_| begins || self.source.is_dir());
-        let files = files.into_iter().flatten().map(PathBuf::as_path).chain(model).chain(config).chain([&*self.source]);
+        let truth = truth_file(source).filter(|_| begins || source.is_dir());
+        let files = files.into_iter().flatten().map(PathBuf::as_path).chain(model).chain(config).chain([source]);
         files.map(PathBuf::from).chain(truth).collect()
-    }
-
-    /// Begins the results. Lines of --stream to standard output have it for themselves from here on.
-    fn results(&self, names: &[&str], endless: bool) -> Result<Results> {
-        if self.stream.as_ref().is_some_and(StreamTo::takes_output) {
-            terminal::give_output();
-        }
-        let begin = if endless { Results::begin_live } else { Results::begin };
-        let inputs = self.inputs();
-        let inputs = inputs.iter().chain(&self.load_state).map(PathBuf::as_path);
-        begin(&self.out, names, &inputs.collect::<Vec<_>>())
-    }
-
-    /// Refuses a file to be written at the end, where its folder is not there (that of the results will be), or
-    /// where it would change what is read.
-    fn check_written(&self, path: Option<&Path>, names: &[&str]) -> Result<()> {
-        let Some(path) = path else { return Ok(()) };
-        let (folder, out) = (files::folder_of(path), &*self.out);
-        if folder != out || folder.is_dir() {
-            writable(path)?;
-        }
-        let result = |name: &&str| path.file_name().is_some_and(|n| n == *name);
-        let same = || {
-            folder == out
-                || std::fs::canonicalize(folder).ok().zip(std::fs::canonicalize(out).ok()).is_some_and(|(a, b)| a == b)
-        };
-        if names.iter().chain(&["run.json"]).any(result) && same() {
-            return Err(Error::malformed(path, "a result of the run has this name; give another name"));
-        }
-        let inputs = self.inputs();
-        spare(path, &inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())
     }
 
     /// Whether many targets are asked for.
@@ -213,174 +179,149 @@ struct Tally {
     lost_frames: usize,
 }
 
-pub fn run(mut args: Args) -> Result<()> {
+pub fn run(args: Args) -> Result<()> {
     if args.recognise.as_deref() == Some(DIGITS) {
         note!(
             "foveate: the recogniser that ships knows the digits 0 to 9 alone, and calls everything a digit; for other classes train one \
              with foveate train classifier, and give it to --recognise"
         );
     }
-    if args.sources.len() > 1 {
-        return batch::run(args);
+    match &args.sources[..] {
+        [source] => one(&args, source, &args.out).map(drop),
+        _ => batch::run(args),
     }
-    args.source = args.sources.pop().unwrap_or_default();
-    one(&args).map(drop)
 }
 
-/// Tracks through `args.source`.
-fn one(args: &Args) -> Result<Tally> {
-    let (config, folder, described) = args.configured()?;
-    // A configuration of many targets with a detector of its own needs nothing else to begin with.
-    let begins = config.multi_target.is_some() && config.detector.is_some();
-    if args.asks_for_many() || (begins && args.init.is_empty() && args.load_state.is_none()) {
-        return multi::run(args, config, &folder, &described);
-    }
-    single(args, args.blueprint(config, &folder)?, &described)
-}
-
-fn single(args: &Args, blueprint: Blueprint, config_name: &str) -> Result<Tally> {
-    let shadow = if args.regret { comparison_gazes(&blueprint.config().policy).gazes() } else { vec![] };
-    let blueprint = blueprint.shadowing(shadow.clone());
-    let seed = args.seed.unwrap_or(blueprint.config().seed);
-    let mut tracker = blueprint.tracker(seed)?;
-    let opened = args.input.open(&args.source)?;
-    let about = opened.source.info().clone();
-    let Begin { frames, init, again } = begin(args, &blueprint, &mut tracker, seed, &about)?;
-    let mut info = run_info(&args.source.display().to_string(), &about, config_name, &blueprint, seed);
-    info.truth = known_truth(&args.source).iter().map(|bbox| bbox.map(|bbox| args.input.scaled(&bbox))).collect();
-    info.shadow = shadow;
-    let endless = opened.endless;
-    let tiles = opened.tiles.clone();
-    if tiles.is_some() {
-        check_reads_tiles(&blueprint, &args.source, config_name)?;
-    }
-    let (video, report) = (!args.no_video && !endless, !args.no_report);
-    let (trace, regret) = (args.trace, args.regret);
-    let surface = report && SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
-    let outputs = Outputs { video, report, surface, trace, regret, endless };
-    args.check_written(args.save_state.as_deref(), &outputs.names())?;
+/// Tracks through one source, to results in `out`.
+fn one(args: &Args, source: &Path, out: &Path) -> Result<Tally> {
+    let Plan { opened, mut subject, job } = Plan::new(args, source, out)?;
     terminal::catch_interrupts();
-    let (results, lost) = (args.results(&outputs.names(), endless)?, Lost::default());
-    let mut observers = outputs.observers(results.folder(), &info, &lost)?;
-    let (began, Started { mut source, counts }) = (Instant::now(), opened.start());
-    if let Some(stream) = &args.stream {
-        observers.insert(0, Box::new(stream.observer(counts.meter.clone(), source.remarks())?));
+    if let Subject::Many(tracker, ..) = &subject {
+        terminal::tell_stop(tracker.stopper());
     }
-    let bar = terminal::progress(frames.total(&about), "tracking");
-    let mut next_frame = frames.from;
+    let (results, failed) = (job.begin_results()?, FailedOutputs::default());
+    let mut observers = job.outputs.observers(results.folder(), &job.info, &failed)?;
+    let (began, tiles, Started { mut source, counts }) = (Instant::now(), opened.tiles.clone(), opened.start());
+    if let Some(stream) = job.stream {
+        let stream = stream.observer(counts.meter.clone(), source.remarks())?;
+        observers.insert(0, Box::new(if job.outputs.many { stream.of_many() } else { stream }));
+    }
+    let bar = terminal::progress(job.frames.total(&job.about), "tracking");
+    let mut next_frame = job.frames.from;
     let mut progress = |frame: &Frame| {
         next_frame = frame.index + 1;
-        bar.set_position((next_frame - frames.from) as u64);
+        bar.set_position((next_frame - job.frames.from) as u64);
     };
-    let (stop, clock, warnings) = (&terminal::stopping, info.clock.clone(), info.warnings.clone());
-    // Nobody reads boxes and times of all frames: memory stays flat.
-    let span = Span {
-        from: frames.from,
-        until: frames.until,
-        stop,
-        clock,
-        warnings,
+    let (tracker, detections) = subject.parts();
+    let mut detect = detections.map(|detections| {
+        move |frame: &Frame, cut: bool, found: &mut Vec<Detection>| detections.next(frame, cut, found)
+    });
+    let plan = RunPlan {
+        init: job.init,
+        given: &job.given,
+        cuts: detect.is_some().then(Cuts::default),
+        detect: detect.as_mut().map(|detect| detect as run::Detect<'_>),
+        tiles: tiles.as_ref(),
+        from: job.frames.from,
+        until: job.frames.until,
+        stop: &terminal::stopping,
+        clock: job.info.clock.clone(),
+        warnings: job.info.warnings.clone(),
+        // Nothing reads the boxes and times of all frames: memory stays flat.
         endless: true,
         progress: Some(&mut progress),
     };
-    let run = SingleRun { init, again: &again, span };
-    let (outcome, result) = match &tiles {
-        Some(tiles) => follow_tiles(tiles, &mut *source, &mut tracker, &mut observers, run),
-        None => follow(&mut *source, &mut tracker, &mut observers, run),
-    };
-    let result = result.map_err(of_file(&args.source));
+    let (summary, result) = run::run(&mut *source, tracker, &mut observers, plan);
+    let result = result.map_err(of_file(job.source));
     bar.finish_and_clear();
     drop(observers);
     // It stops reading, and ends its ffmpeg.
     drop(source);
     counts.note();
-    let whole = result.is_ok() && !outcome.frames.stopped;
-    let tracked = outcome.tracked > 0 || (whole && outcome.frames.count > 0);
-    let kept = keep(results, &lost, tracked, result.is_ok(), &outcome.frames);
-    let saved = match &args.save_state {
-        Some(path) if tracked => {
-            SavedState::write(path, (&args.source, &about), &blueprint, seed, next_frame, tracker.save())
-        }
-        _ => Ok(()),
-    };
+    if result.is_ok() && !summary.stopped {
+        note_unused(&job, &subject, &summary, next_frame);
+    }
+    let tracked = is_tracked(&job, &summary, result.is_ok());
+    let kept = keep(results, &failed, tracked, result.is_ok(), &summary);
+    let saved = if tracked { job.save(&subject, next_frame) } else { Ok(()) };
     let files = kept.as_ref().map_or(&[][..], Vec::as_slice);
     let error = [result.as_ref().err(), kept.as_ref().err(), saved.as_ref().err()].into_iter().flatten().next();
-    let error = error.map(ToString::to_string);
-    let (source, out, total) = (&*args.source, &*args.out, began.elapsed());
-    let warnings = info.warnings.all();
-    tell(&outcome, &Told { source, out, seed, json: args.json, files, total, warnings, error });
-    note_unreached(&again, next_frame, whole);
-    ended(out, tracked, result.and(kept.map(drop)).and(saved), outcome.frames.stopped)?;
-    Ok(Tally { frames: outcome.frames.count, occluded_frames: outcome.occluded, lost_frames: outcome.lost })
+    tell(&job, &subject, &summary, files, began, error.map(ToString::to_string));
+    ended(out, tracked, result.and(kept.map(drop)).and(saved), summary.stopped)?;
+    Ok(Tally { frames: summary.frames, occluded_frames: summary.occluded, lost_frames: summary.lost })
 }
 
-/// From which frame on a run tracks, and what it is told of the target.
-struct Begin {
-    frames: Frames,
-    /// The box in its first frame; none where a saved tracker goes on.
-    init: Option<BBox>,
-    /// Boxes that are given again, and in which frames.
-    again: Vec<(usize, BBox)>,
+/// Whether there is a result: a frame that was tracked, or all frames of a video that ended well.
+fn is_tracked(job: &Job<'_>, summary: &RunSummary, well: bool) -> bool {
+    let tracked = if job.outputs.many { summary.frames > 1 } else { summary.tracked > 0 };
+    tracked || (well && !summary.stopped && summary.frames > 0)
 }
 
-/// Looks up where to begin, in the saved state or on the command line, and has the tracker take up the state.
-fn begin(args: &Args, blueprint: &Blueprint, tracker: &mut Tracker, seed: u64, about: &SourceInfo) -> Result<Begin> {
-    let selection = args.input.selection();
-    let frames = |from: usize, start: &'static str| Frames::new(from, start, args.until, about);
-    let (frames, init) = match &args.load_state {
-        Some(path) => {
-            let saved = SavedState::read(path, blueprint, seed)?;
-            let frames = frames(saved.next_frame, "the saved state goes on")?;
-            tracker.load(&saved.tracker).map_err(of_file(path))?;
-            saved.check_size(path, about)?;
-            let (then, now) = (&saved.source, video_name(&args.source));
-            if !then.is_empty() && *then != now {
-                note!("foveate: the state was saved in {then:?}, and goes on in {now:?}: is it the same video?");
-            }
-            (frames, None)
+/// Reports boxes of frames that the video turned out not to have.
+fn note_unused(job: &Job<'_>, subject: &Subject, summary: &RunSummary, next_frame: usize) {
+    let end = if job.outputs.many { summary.frames } else { next_frame };
+    let late: Vec<usize> = job.given.iter().map(|given| given.frame).filter(|frame| *frame >= end).collect();
+    let Subject::Many(_, detections, _) = subject else {
+        for frame in late {
+            note!("foveate: --reinit {}: the video ended at frame {end}; this box was not used", frame + 1);
         }
-        None => {
-            let frames =
-                frames(selection.from, if selection.from == 0 { "the video begins" } else { "--from begins" })?;
-            let bbox = first_box(&args.source, args.init.first().copied(), &args.input)?;
-            check_box("the first box", &bbox, about)?;
-            (frames, Some(bbox))
-        }
+        return;
     };
-    let again = check_again(&args.reinit, frames, about)?;
-    if let Some((frame, _)) = again.iter().find(|(frame, _)| !selection.takes(*frame)) {
-        let frame = frame + 1;
-        return Err(Error::Invalid(format!("--reinit {frame}: --every leaves this frame out; give another frame")));
+    if !late.is_empty() {
+        job.info.warnings.add(format!(
+            "{} of the first boxes are of frames after frame {end}, the last one: they were not used.",
+            late.len()
+        ));
     }
-    Ok(Begin { frames, init, again })
+    detections.note_late(end);
 }
 
-/// Refuses pictures in tiles for a configuration that reads whole ones.
-fn check_reads_tiles(blueprint: &Blueprint, source: &Path, config_name: &str) -> Result<()> {
-    if blueprint.config().sensor.is_some() {
-        return Ok(());
-    }
-    let source = source.display();
-    Err(Error::Config(format!(
-        "{source}: pictures in tiles are for a configuration with [sensor], such as --config foveated; {config_name} reads whole pictures"
-    )))
-}
-
-/// Keeps the results of a run in which something was tracked, and which went well or not, but for those that were lost; answers where they
-/// are. Fails where some were lost.
-fn keep(mut results: Results, lost: &Lost, tracked: bool, well: bool, frames: &run::Frames) -> Result<Vec<PathBuf>> {
-    let ended = match (well && lost.names().is_empty(), frames.stopped) {
+/// Keeps the results of a run in which something was tracked, except those that could not be written; returns their paths. Fails if some
+/// could not be written.
+fn keep(
+    mut results: Results,
+    failed: &FailedOutputs,
+    tracked: bool,
+    well: bool,
+    summary: &RunSummary,
+) -> Result<Vec<PathBuf>> {
+    let ended = match (well && failed.names().is_empty(), summary.stopped) {
         (false, _) => Ended::Error,
         (true, true) => Ended::Stopped,
         (true, false) => Ended::Finished,
     };
-    results.set_damaged(frames.damaged);
-    let some = results.leave_out(&lost.names());
-    let lost = lost.check().map_err(|error| results.told(&error));
-    if tracked && some { results.keep(ended, frames.count, lost) } else { lost.map(|()| vec![]) }
+    results.set_damaged(summary.damaged);
+    let some = results.leave_out(&failed.names());
+    let failed = failed.check().map_err(|error| results.with_final_path(&error));
+    if tracked && some { results.keep(ended, summary.frames, failed) } else { failed.map(|()| vec![]) }
 }
 
-/// Says what became of a run that did not go well, and ends the program where it was asked to stop.
+/// Prints the end of a run.
+fn tell(
+    job: &Job<'_>,
+    subject: &Subject,
+    summary: &RunSummary,
+    files: &[PathBuf],
+    began: Instant,
+    error: Option<String>,
+) {
+    let mut detector = None;
+    if let Subject::Many(tracker, _, source) = subject {
+        if tracker.is_full() {
+            job.info.warnings.add(FULL.into());
+        }
+        detector = Some((source.to_string(), matches!(source, DetectionSource::Ours(..))));
+    }
+    let (total, warnings) = (began.elapsed(), job.info.warnings.all());
+    let &Job { source, out, seed, json, .. } = job;
+    Ending { source, out, seed, json, detector, summary, files, total, warnings, error }.tell();
+}
+
+/// The warning of a run in which memory kept tracks from being started.
+const FULL: &str =
+    "There were more targets than memory allows: some detections started no track. Allow more with --max-memory.";
+
+/// Reports a run in which nothing was tracked, and ends the program if it was asked to stop.
 fn ended(out: &Path, tracked: bool, result: Result<()>, stopped: bool) -> Result<()> {
     if !tracked {
         note!("foveate: nothing was tracked; {} was left as it was", out.display());
@@ -390,11 +331,4 @@ fn ended(out: &Path, tracked: bool, result: Result<()>, stopped: bool) -> Result
         std::process::exit(terminal::stop_status());
     }
     Ok(())
-}
-
-/// Boxes given again in frames that the video turned out not to have: nobody could know before.
-fn note_unreached(again: &[(usize, BBox)], next_frame: usize, whole: bool) {
-    for (frame, _) in again.iter().filter(|(frame, _)| whole && *frame >= next_frame) {
-        note!("foveate: --reinit {}: the video ended at frame {next_frame}; this box was not used", frame + 1);
-    }
 }

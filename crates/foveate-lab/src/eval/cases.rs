@@ -12,6 +12,7 @@ use super::metrics::score;
 use super::{Evaluation, Score, Sequence};
 use foveate_base::text::counted;
 use foveate_base::{Error, Result};
+use foveate_core::Seen;
 use foveate_core::control::Status;
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
@@ -121,7 +122,8 @@ impl Case {
         let at: Vec<usize> = (0..STILLS).map(|i| i * last / (STILLS - 1)).chain(self.worst()).collect();
         let mut strip = Strip::at(at, self.sequence.truth.clone());
         for (frame, bbox) in open(&self.sequence.images)?.zip(&self.boxes) {
-            strip.start(&frame?, bbox)?;
+            let frame = frame?;
+            strip.observe(&frame, &[Seen::given(frame.image.shape(), bbox)])?;
         }
         Ok(strip.into_stills())
     }

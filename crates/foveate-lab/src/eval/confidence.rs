@@ -94,16 +94,11 @@ impl<'a> Recorder<'a> {
 }
 
 impl Observer for Recorder<'_> {
-    fn start(&mut self, _: &Frame, _: &BBox) -> Result<()> {
-        Ok(())
-    }
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        let Some(seen) = targets.first().filter(|seen| !seen.is_given()) else { return Ok(()) };
         let truth = self.truth.get(frame.index).copied().flatten();
         self.frames.push(Judged::of(seen, truth));
         self.read = [self.read[0] + seen.values as f64, self.read[1] + seen.share_read()];
-        Ok(())
-    }
-    fn finish(&mut self) -> Result<()> {
         Ok(())
     }
 }

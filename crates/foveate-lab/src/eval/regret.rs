@@ -7,7 +7,7 @@ use foveate_base::sink::Sink;
 use foveate_core::Seen;
 use foveate_core::config::PolicyConfig;
 use foveate_core::gaze::Grid;
-use foveate_core::geometry::{BBox, Gaze};
+use foveate_core::geometry::Gaze;
 use foveate_report::Observer;
 use foveate_report::regret::RegretLog;
 use foveate_video::Frame;
@@ -67,11 +67,8 @@ impl RegretFiles {
 }
 
 impl Observer for RegretFiles {
-    fn start(&mut self, _: &Frame, _: &BBox) -> Result<()> {
-        Ok(())
-    }
-    fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
-        self.log.enter(frame, seen)
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        targets.iter().filter(|seen| !seen.is_given()).try_for_each(|seen| self.log.enter(frame, seen))
     }
     fn finish(&mut self) -> Result<()> {
         if !std::mem::replace(&mut self.finished, true) {

@@ -12,7 +12,7 @@ use crate::draw::CORNERS;
 use crate::multi::{MultiAnnotator, colour, is_occluded_or_lost, name};
 use crate::pictures::within;
 use crate::template::Crop;
-use crate::{MultiObserver, RunInfo};
+use crate::{Observer, RunInfo};
 use foveate_base::Result;
 use foveate_base::sink::Sink;
 use foveate_base::text::counted;
@@ -225,7 +225,7 @@ impl Drawn {
     }
 }
 
-impl MultiObserver for MultiReport {
+impl Observer for MultiReport {
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
         let number = frame.index + 1;
         self.size = (frame.image.width(), frame.image.height());

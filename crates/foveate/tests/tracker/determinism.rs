@@ -89,7 +89,7 @@ fn observers_and_other_targets_change_nothing() {
         let mut tracker = started(blueprint, 0, &frames);
         for (frame, plain) in frames[1..].iter().zip(&plain) {
             let step = tracker.update(&frame.image).expect("a picture of the first size");
-            observers.observe(frame, &step).expect("room on the disk");
+            observers.observe(frame, &[step]).expect("room on the disk");
             assert!(bits(&step) == *plain, "{name}");
             let mut twin = bits(&other.update(&frame.image).expect("a picture of the first size"));
             twin.truncate(plain.len());

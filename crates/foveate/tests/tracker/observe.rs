@@ -61,11 +61,11 @@ fn run(observer: &mut dyn Observer, mut look: impl FnMut(&Frame, &Seen<'_>)) {
     let blueprint = Config::parse(CONFIG, "test").and_then(|c| c.check(&Folder::here())).expect("a good configuration");
     let mut tracker = blueprint.tracker(7).expect("parts that fit");
     tracker.init(&frame(0).image, INIT).expect("a box in the picture");
-    observer.start(&frame(0), &INIT).expect("room on the disk");
+    observer.observe(&frame(0), &[Seen::given(frame(0).image.shape(), &INIT)]).expect("room on the disk");
     for index in 1..FRAMES {
         let frame = frame(index);
         let step = tracker.update(&frame.image).expect("a picture of the first size");
-        observer.observe(&frame, &step).expect("room on the disk");
+        observer.observe(&frame, &[step]).expect("room on the disk");
         look(&frame, &step);
     }
 }
@@ -202,7 +202,7 @@ fn the_report_runs_in_a_browser() {
 fn the_annotated_frame_shows_box_and_lost() {
     let mut annotator = Annotator::new(&info());
     let mut blank = Vec::<Box<dyn Observer>>::new();
-    let first = annotator.start(&frame(0), &INIT);
+    let first = annotator.annotate(&frame(0), &Seen::given(frame(0).image.shape(), &INIT));
     assert!(first.width().is_multiple_of(2) && first.height().is_multiple_of(2) && first.planes() == 3);
     assert_eq!(first.height(), 480, "48 rows are magnified ten times");
     let mut sizes = vec![];
@@ -241,10 +241,7 @@ fn nothing_stays_where_nothing_was_finished_and_errors_name_the_file() {
 struct Broken<'a>(&'a std::cell::Cell<usize>);
 
 impl Observer for Broken<'_> {
-    fn start(&mut self, _: &Frame, _: &BBox) -> Result<()> {
-        Ok(())
-    }
-    fn observe(&mut self, _: &Frame, _: &Seen<'_>) -> Result<()> {
+    fn observe(&mut self, _: &Frame, _: &[Seen<'_>]) -> Result<()> {
         Ok(())
     }
     fn finish(&mut self) -> Result<()> {

@@ -8,7 +8,7 @@ use foveate::geometry::BBox;
 use foveate::lab::Digits;
 use foveate::lab::synthetic::{Clutter, Drawn};
 use foveate::report::Observer;
-use foveate::report::run::{SingleRun, Span, follow};
+use foveate::report::run::{self, RunPlan};
 use foveate::scene::{Detection, Image, Preprocessor};
 use foveate::video::Frame;
 
@@ -131,14 +131,8 @@ fn saliency_finds_again_what_jumped() {
 fn the_runner_asks_the_detector() {
     struct Counter(Vec<usize>);
     impl Observer for Counter {
-        fn start(&mut self, _: &Frame, _: &BBox) -> foveate::Result<()> {
-            Ok(())
-        }
-        fn observe(&mut self, _: &Frame, step: &foveate::Seen<'_>) -> foveate::Result<()> {
-            self.0.push(step.detections.len());
-            Ok(())
-        }
-        fn finish(&mut self) -> foveate::Result<()> {
+        fn observe(&mut self, _: &Frame, targets: &[foveate::Seen<'_>]) -> foveate::Result<()> {
+            self.0.extend(targets.iter().filter(|seen| !seen.is_given()).map(|seen| seen.detections.len()));
             Ok(())
         }
     }
@@ -146,9 +140,8 @@ fn the_runner_asks_the_detector() {
     let run = |blueprint: &Blueprint, from: usize| {
         let video = scene.video(&Digits::drawn(1, 2)).expect("a scene");
         let (mut tracker, mut counter) = (blueprint.tracker(1).expect("it fits"), Counter(vec![]));
-        let span = Span { from, ..Span::default() };
-        let run = SingleRun { init: Some(video.truth()[from]), span, ..SingleRun::default() };
-        follow(&mut video.source(), &mut tracker, &mut counter, run).1.expect("a whole video");
+        let plan = RunPlan { init: Some(video.truth()[from]), from, ..RunPlan::default() };
+        run::run(&mut video.source(), &mut tracker, &mut counter, plan).1.expect("a whole video");
         counter.0
     };
     let moving = with(&plain(), "[detector]\nkind = \"motion\"\n");

@@ -134,12 +134,12 @@ fn tables_traces_and_reports_say_the_class() {
         Box::new(Report::create(at("report.html"), info).expect("a writable folder")),
     ];
     let mut tracker = started(&recognising(&raw(POLICIES[3]), &model, RULES[0], ""), &frames);
-    observers.start(&frames[0], &INIT).expect("room on the disk");
+    observers.observe(&frames[0], &[foveate::Seen::given(frames[0].image.shape(), &INIT)]).expect("room on the disk");
     let mut said = vec![];
     for frame in &frames[1..] {
         let step = tracker.update(&frame.image).expect("a picture of the first size");
         said.push((step.class.expect("a recogniser"), step.classes.to_vec()));
-        observers.observe(frame, &step).expect("room on the disk");
+        observers.observe(frame, &[step]).expect("room on the disk");
     }
     observers.finish().expect("renamed");
     let read = |name: &str| std::fs::read_to_string(at(name)).expect("it was written");

@@ -100,11 +100,11 @@ fn info() -> RunInfo {
 fn run(observer: &mut dyn Observer, mut look: impl FnMut(&Frame, &Seen<'_>)) {
     let mut tracker = tracker();
     tracker.init(&frame(0).image, INIT).expect("a box in the picture");
-    observer.start(&frame(0), &INIT).expect("room on the disk");
+    observer.observe(&frame(0), &[Seen::given(frame(0).image.shape(), &INIT)]).expect("room on the disk");
     for index in 1..FRAMES {
         let frame = frame(index);
         let step = tracker.update(&frame.image).expect("a picture of the first size");
-        observer.observe(&frame, &step).expect("room on the disk");
+        observer.observe(&frame, &[step]).expect("room on the disk");
         look(&frame, &step);
     }
     observer.finish().expect("renamed");
@@ -176,7 +176,7 @@ fn the_picture_and_the_video_show_it() {
     assert!(picture.width() > 900 && picture.planes() == 3, "{} wide", picture.width());
 
     let mut annotator = Annotator::new(&info());
-    annotator.start(&frame(0), &INIT);
+    annotator.annotate(&frame(0), &Seen::given(frame(0).image.shape(), &INIT));
     let mut last = None;
     run(&mut Vec::<Box<dyn Observer>>::new(), |frame, step| last = Some(annotator.annotate(frame, step)));
     let last = last.expect("frames");

@@ -3,7 +3,7 @@
 use foveate::config::Blueprint;
 use foveate::lab::eval::confidence::{Judged, Recorder};
 use foveate::lab::eval::{Sequence, TrackRun};
-use foveate::report::run::{SingleRun, Span, check_box, follow};
+use foveate::report::run::{RunPlan, check_box, run};
 use foveate::text::counted;
 use foveate::video::open;
 use foveate::{Error, Result};
@@ -37,10 +37,9 @@ pub fn check(sequences: &[Sequence]) -> Result<()> {
 /// The boxes of all frames, and what was said in each frame from the second on.
 pub fn one_pass(blueprint: &Blueprint, sequence: &Sequence, seed: u64) -> Result<(TrackRun, Vec<Judged>)> {
     let (mut tracker, mut source, bbox) = (blueprint.tracker(seed)?, open(&sequence.images)?, sequence.init()?);
-    let span = Span { until: sequence.truth.len() - 1, ..Span::default() };
-    let run = SingleRun { init: Some(bbox), span, again: &[] };
+    let plan = RunPlan { init: Some(bbox), until: sequence.truth.len() - 1, ..RunPlan::default() };
     let mut witness = Recorder::of(&sequence.truth);
-    let (outcome, result) = follow(&mut *source, &mut tracker, &mut witness, run);
+    let (summary, result) = run(&mut *source, &mut tracker, &mut witness, plan);
     result.map_err(of_file(&sequence.images))?;
-    Ok((TrackRun { boxes: outcome.boxes, seconds: outcome.frames.seconds, read: witness.read() }, witness.frames))
+    Ok((TrackRun { boxes: summary.boxes, seconds: summary.seconds, read: witness.read() }, witness.frames))
 }

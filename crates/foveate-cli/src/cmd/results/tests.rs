@@ -116,7 +116,7 @@ fn a_finished_run_stays_where_a_new_one_lost_a_file() {
         write(results.folder(), "boxes.txt", "new");
         assert!(results.leave_out(&["film.mp4"]));
         let lost = results.folder().join("film.mp4").display().to_string() + ": no space";
-        let lost = results.told(&Error::Invalid(lost));
+        let lost = results.with_final_path(&Error::Invalid(lost));
         results.keep(Ended::Error, 1, Err(lost)).expect_err("a film that was lost").to_string()
     };
     // Where nothing or no finished run is, the other files are kept.

@@ -82,9 +82,8 @@ pub fn run(mut args: Args) -> Result<()> {
             continue;
         }
         note!("{} of {total}: {}", i + 1, source.display());
-        (args.source, args.out) = ((*source).clone(), out);
         // What a damaged video does to one run must not end the others.
-        let result = quiet::catch(|| one(&args)).unwrap_or_else(|panic| Err(Error::Invalid(panic)));
+        let result = quiet::catch(|| one(&args, source, &out)).unwrap_or_else(|panic| Err(Error::Invalid(panic)));
         let (tally, error) = match result {
             Ok(tally) => (tally, None),
             Err(error) => (Tally::default(), Some(error.to_string())),

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use foveate::geometry::BBox;
-use foveate::report::run::check_box;
+use foveate::report::run::{Given, check_box};
 use foveate::scene::motion;
 use foveate::text::counted;
 use foveate::video::{SourceInfo, TileFolder, annotation};
@@ -167,17 +167,17 @@ impl Frames {
     }
 }
 
-/// Boxes given again, counted from 0; each in the picture, and in a frame of its own that is tracked.
-pub fn check_again(again: &[(usize, BBox)], frames: Frames, info: &SourceInfo) -> Result<Vec<(usize, BBox)>> {
-    let mut from_0: Vec<(usize, BBox)> = vec![];
+/// Boxes given again, counted from 0; each touches the picture, and has a frame of its own that is tracked.
+pub fn check_again(again: &[(usize, BBox)], frames: Frames, info: &SourceInfo) -> Result<Vec<Given>> {
+    let mut from_0: Vec<Given> = vec![];
     for (frame, bbox) in again {
         let what = format!("--reinit {frame}");
         frames.check(&what, frame - 1)?;
         check_box(&format!("the box of {what}"), bbox, info)?;
-        if from_0.iter().any(|(at, _)| at + 1 == *frame) {
+        if from_0.iter().any(|given| given.frame + 1 == *frame) {
             return Err(Error::Invalid(format!("{what}: this frame is given two boxes; give one")));
         }
-        from_0.push((frame - 1, *bbox));
+        from_0.push(Given { frame: frame - 1, id: None, bbox: *bbox });
     }
     Ok(from_0)
 }

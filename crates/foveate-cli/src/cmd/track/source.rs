@@ -92,11 +92,11 @@ pub struct Opened {
 /// A source that is read, and what is counted meanwhile.
 pub struct Started {
     pub source: Box<dyn FrameSource>,
-    pub counts: Counts,
+    pub counts: SourceCounts,
 }
 
-/// Frames dropped, and how often a stream was opened again. Counts on while the source is read.
-pub struct Counts {
+/// Frames dropped, and how often a stream was opened again, while the source is read.
+pub struct SourceCounts {
     /// Of sources that drop frames, or could.
     pub meter: Option<Meter>,
     reconnected: Option<Arc<AtomicU64>>,
@@ -189,11 +189,11 @@ impl Opened {
         } else {
             (ahead_until(self.source, terminal::stopping), None)
         };
-        Started { source, counts: Counts { meter, reconnected: self.reconnected } }
+        Started { source, counts: SourceCounts { meter, reconnected: self.reconnected } }
     }
 }
 
-impl Counts {
+impl SourceCounts {
     /// Says what is to be said of them at the end.
     pub fn note(&self) {
         let dropped = self.meter.as_ref().map_or(0, Meter::dropped);

@@ -1,11 +1,11 @@
-//! What is detected, by the program or from a file, frame by frame.
+//! The detections of many targets, by the program or from a file, frame by frame.
 
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use foveate::config::{DetectorConfig, DetectorParts};
+use foveate::config::{Config, DetectorConfig, DetectorParts};
 use foveate::files::Folder;
 use foveate::report::Warnings;
 use foveate::scene::object_detector::{Layout, Settings};
@@ -14,9 +14,9 @@ use foveate::video::mot::{TrackBox, Tracks};
 use foveate::video::{Frame, SourceInfo, ahead};
 use foveate::{BBox, Error, Result};
 
-use super::super::Args;
-use super::super::init::Frames;
-use super::super::source::{SourceArgs, is_endless, named};
+use super::Args;
+use super::init::Frames;
+use super::source::{SourceArgs, is_endless, named};
 
 /// What makes it many targets.
 #[derive(clap::Args)]
@@ -139,6 +139,58 @@ impl ManyArgs {
     }
 }
 
+/// The source of the detections: one detector at most.
+pub enum DetectionSource {
+    Nothing,
+    /// The program's, which replaces the configuration's if there is one.
+    Ours(DetectorConfig, Option<DetectorConfig>),
+    File(PathBuf, Option<DetectorConfig>),
+    /// The configuration's: the tracker runs it.
+    Configured(DetectorConfig),
+}
+
+impl DetectionSource {
+    /// The detector or the file of the command line; else the configuration's detector.
+    pub fn choose(args: &ManyArgs, config: &mut Config) -> Result<Self> {
+        let chosen = match (args.detector()?, &args.detections) {
+            (Some(kind), _) => Self::Ours(kind, config.detector.take()),
+            (None, Some(path)) => Self::File(path.clone(), config.detector.take()),
+            (None, None) => config.detector.clone().map_or(Self::Nothing, Self::Configured),
+        };
+        match chosen {
+            Self::Nothing | Self::Configured(_) if args.save_detections.is_some() => Err(Error::Invalid(
+                "--save-detections writes what --detect finds; give --detect KIND too, or leave it out".into(),
+            )),
+            chosen => Ok(chosen),
+        }
+    }
+
+    /// Whether it assumes that the camera stands still.
+    pub fn needs_still_camera(&self) -> bool {
+        let (Self::Ours(kind, _) | Self::Configured(kind)) = self else { return false };
+        matches!(kind, DetectorConfig::Motion | DetectorConfig::Walkers)
+    }
+}
+
+impl std::fmt::Display for DetectionSource {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let name = |detector: &DetectorConfig| match detector {
+            DetectorConfig::Onnx(settings) => format!("onnx:{}", settings.model),
+            detector => detector.name().to_owned(),
+        };
+        let replaced = match self {
+            Self::Nothing => return write!(f, "none, given boxes alone"),
+            Self::Configured(kind) => return write!(f, "{}, the configuration's", name(kind)),
+            Self::Ours(kind, replaced) => write!(f, "{} (--detect)", name(kind)).map(|()| replaced)?,
+            Self::File(path, replaced) => write!(f, "{}", path.display()).map(|()| replaced)?,
+        };
+        match replaced {
+            Some(kind) => write!(f, ", in the place of the configuration's {}", name(kind)),
+            None => Ok(()),
+        }
+    }
+}
+
 /// Frames that the background is learned from, and how far into the video they lie.
 const PICTURES: usize = 40;
 const AHEAD: usize = 400;
@@ -183,16 +235,25 @@ pub(super) struct Detections {
     parts: Option<DetectorParts>,
     detector: Option<Box<dyn Detector>>,
     read: BTreeMap<usize, Vec<Detection>>,
-    kept: Option<Tracks>,
+    /// The file of --detections.
+    file: Option<PathBuf>,
+    /// The file of --save-detections, and its lines so far.
+    kept: Option<(PathBuf, Tracks)>,
     /// Watches the camera where the detector needs one that stands still, until it is found to move.
     still: Option<StillCamera>,
     pub warnings: Warnings,
 }
 
 impl Detections {
-    /// Where `needed`, there must be some: nothing else starts a track.
-    pub fn of(args: &Args, about: &SourceInfo, frames: Frames, needed: bool, still: bool) -> Result<Self> {
-        let (source, input, args) = (&args.source, &args.input, &args.many);
+    /// If `needed`, there must be some: nothing else starts a track.
+    pub fn of(
+        (args, source): (&Args, &Path),
+        about: &SourceInfo,
+        frames: Frames,
+        needed: bool,
+        still: bool,
+    ) -> Result<Self> {
+        let (input, args) = (&args.input, &args.many);
         let parts = args.detector()?.map(|config| config.read(&Folder::here())).transpose()?;
         let least = args.least.unwrap_or(0.0);
         let mut read: BTreeMap<usize, Vec<Detection>> = BTreeMap::new();
@@ -222,14 +283,15 @@ impl Detections {
                 ));
             }
         }
-        let kept = args.save_detections.is_some().then(Tracks::default);
+        let (file, kept) =
+            (args.detections.clone(), args.save_detections.clone().map(|path| (path, Tracks::default())));
         let pictures = match args.detect {
             Some(DetectorConfig::Motion | DetectorConfig::Walkers) => background(source, input)?,
             _ => vec![],
         };
         let detector = parts.as_ref().map(|parts| parts.knowing(&pictures));
         let still = still.then(StillCamera::default);
-        Ok(Self { parts, detector, read, kept, still, warnings: Warnings::default() })
+        Ok(Self { parts, detector, read, file, kept, still, warnings: Warnings::default() })
     }
 
     pub fn next(&mut self, frame: &Frame, cut: bool, found: &mut Vec<Detection>) -> Result<()> {
@@ -247,7 +309,7 @@ impl Detections {
             Some(detector) => detector.detect(&frame.image, found),
             None => found.extend_from_slice(self.read.get(&frame.index).map_or(&[], Vec::as_slice)),
         }
-        if let Some(kept) = &mut self.kept {
+        if let Some((_, kept)) = &mut self.kept {
             kept.sightings.extend(found.iter().map(|d| TrackBox {
                 frame: frame.index,
                 id: -1,
@@ -258,19 +320,17 @@ impl Detections {
         Ok(())
     }
 
-    /// Says how many boxes of --detections lie behind the last of so many frames, where nobody could know before.
-    pub fn note_late(&self, args: &ManyArgs, frames: usize) {
-        if let Some(path) = &args.detections {
+    /// Notes how many boxes of --detections lie after the last frame, for a source of unknown length.
+    pub fn note_late(&self, frames: usize) {
+        if let Some(path) = &self.file {
             let late = self.read.range(frames..).map(|(_, found)| found.len()).sum();
             note_unused(path, late, format_args!("in frames after frame {frames}, the last one"));
         }
     }
 
-    pub fn save(&self, args: &ManyArgs) -> Result<()> {
-        match (&args.save_detections, &self.kept) {
-            (Some(path), Some(kept)) => kept.write(path),
-            _ => Ok(()),
-        }
+    /// Writes the file of --save-detections.
+    pub fn save(&self) -> Result<()> {
+        self.kept.as_ref().map_or(Ok(()), |(path, kept)| kept.write(path))
     }
 }
 

@@ -1,0 +1,316 @@
+//! The checked arguments of a run: everything that can be refused is refused before anything is tracked or written.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+use foveate::config::{Blueprint, Config};
+use foveate::files::Folder;
+use foveate::lab::eval::regret::comparison_gazes;
+use foveate::report::run::{AnyTracker, Given, check_box};
+use foveate::report::{RunInfo, SurfacePicture};
+use foveate::text::counted;
+use foveate::video::mot::Tracks;
+use foveate::video::{Selection, SourceInfo};
+use foveate::{BBox, Error, MultiTracker, Result, Tracker, files};
+
+use super::Args;
+use super::detections::{DetectionSource, Detections};
+use super::init::{Frames, check_again, first_box, known_truth};
+use super::outputs::{Outputs, run_info};
+use super::saved::{SavedState, video_name};
+use super::source::{Opened, StreamTo, is_endless};
+use crate::cmd::of_file;
+use crate::cmd::results::{Results, spare, writable};
+use crate::terminal;
+
+/// A run that may begin.
+pub struct Plan<'a> {
+    pub opened: Opened,
+    pub subject: Subject,
+    pub job: Job<'a>,
+}
+
+/// The tracker of a run.
+pub enum Subject {
+    One(Box<Tracker>),
+    Many(Box<MultiTracker>, Box<Detections>, DetectionSource),
+}
+
+/// The rest of the plan.
+pub struct Job<'a> {
+    pub source: &'a Path,
+    pub out: &'a Path,
+    pub json: bool,
+    pub stream: Option<&'a StreamTo>,
+    pub blueprint: Blueprint,
+    pub seed: u64,
+    pub about: SourceInfo,
+    pub frames: Frames,
+    /// The first box of one target; `None` if a saved tracker goes on.
+    pub init: Option<BBox>,
+    pub given: Vec<Given>,
+    pub info: RunInfo,
+    pub outputs: Outputs,
+    /// Files that the results must not replace.
+    inputs: Vec<PathBuf>,
+    load_state: Option<&'a Path>,
+    save_state: Option<&'a Path>,
+}
+
+impl<'a> Plan<'a> {
+    /// Checks the arguments, reads what they name, and opens the source.
+    pub fn new(args: &'a Args, source: &'a Path, out: &'a Path) -> Result<Self> {
+        let (config, folder, name) = args.configured()?;
+        // A configuration of many targets with a detector of its own needs nothing else to begin with.
+        let begins = config.multi_target.is_some() && config.detector.is_some();
+        if args.asks_for_many() || (begins && args.init.is_empty() && args.load_state.is_none()) {
+            return Self::many(args, source, out, config, &folder, &name);
+        }
+        let shadow = if args.regret { comparison_gazes(&config.policy).gazes() } else { vec![] };
+        let blueprint = args.blueprint(config, &folder)?.shadowing(shadow.clone());
+        let seed = args.seed.unwrap_or(blueprint.config().seed);
+        let mut tracker = blueprint.tracker(seed)?;
+        let opened = args.input.open(source)?;
+        let about = opened.source.info().clone();
+        let (frames, init, given) = begin((args, source), (&blueprint, seed), &mut tracker, &about)?;
+        if opened.tiles.is_some() {
+            check_reads_tiles(&blueprint, source, &name)?;
+        }
+        let surface = !args.no_report && SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
+        let outputs = Outputs { surface, trace: args.trace, regret: args.regret, ..Outputs::default() };
+        let mut job =
+            Job::new(args, (source, out), (blueprint, &name, seed), (about, frames), (outputs, opened.endless));
+        job.info.truth = known_truth(source).iter().map(|bbox| bbox.map(|bbox| args.input.scaled(&bbox))).collect();
+        job.info.shadow = shadow;
+        (job.init, job.given) = (init, given);
+        job.check_written(args.save_state.as_deref())?;
+        Ok(Self { opened, subject: Subject::One(Box::new(tracker)), job })
+    }
+
+    fn many(
+        args: &'a Args,
+        source: &'a Path,
+        out: &'a Path,
+        mut config: Config,
+        folder: &Folder,
+        name: &str,
+    ) -> Result<Self> {
+        refuse(args, source)?;
+        let detector = DetectionSource::choose(&args.many, &mut config)?;
+        let blueprint = args.blueprint(config, folder)?;
+        let seed = args.seed.unwrap_or(blueprint.config().seed);
+        let tracker = blueprint.multi_tracker(seed)?;
+        let opened = args.input.open(source)?;
+        if opened.tiles.is_some() {
+            let source = source.display();
+            return Err(Error::Invalid(format!("{source}: many targets and detectors need whole pictures, not tiles")));
+        }
+        let about = opened.source.info().clone();
+        let frames = Frames::new(0, "the video begins", args.until, &about)?;
+        let given = given(args, source, &about)?;
+        check_memory(&tracker, &given, &about)?;
+        let still = detector.needs_still_camera();
+        let mut detections = Detections::of((args, source), &about, frames, given.is_empty(), still)?;
+        let outputs = Outputs { many: true, ..Outputs::default() };
+        let mut job =
+            Job::new(args, (source, out), (blueprint, name, seed), (about, frames), (outputs, opened.endless));
+        job.given = given;
+        job.check_written(args.many.save_detections.as_deref())?;
+        detections.warnings = job.info.warnings.clone();
+        Ok(Self { opened, subject: Subject::Many(Box::new(tracker), Box::new(detections), detector), job })
+    }
+}
+
+impl Subject {
+    /// The tracker, and the detections of many targets.
+    pub fn parts(&mut self) -> (AnyTracker<'_>, Option<&mut Detections>) {
+        match self {
+            Self::One(tracker) => (AnyTracker::One(tracker), None),
+            Self::Many(tracker, detections, _) => (AnyTracker::Many(tracker), Some(detections)),
+        }
+    }
+}
+
+impl<'a> Job<'a> {
+    fn new(
+        args: &'a Args,
+        (source, out): (&'a Path, &'a Path),
+        (blueprint, config_name, seed): (Blueprint, &str, u64),
+        (about, frames): (SourceInfo, Frames),
+        (outputs, endless): (Outputs, bool),
+    ) -> Self {
+        let info = run_info(&source.display().to_string(), &about, config_name, &blueprint, seed);
+        let (video, report) = (!args.no_video && !endless, !args.no_report);
+        Self {
+            source,
+            out,
+            json: args.json,
+            stream: args.stream.as_ref(),
+            blueprint,
+            seed,
+            about,
+            frames,
+            init: None,
+            given: vec![],
+            info,
+            outputs: Outputs { video, report, endless, ..outputs },
+            inputs: args.inputs(source),
+            load_state: args.load_state.as_deref(),
+            save_state: args.save_state.as_deref(),
+        }
+    }
+
+    /// Refuses a file to be written at the end if its folder is not there (that of the results will be), or if it would replace a file that
+    /// is read or a result.
+    fn check_written(&self, path: Option<&Path>) -> Result<()> {
+        let Some(path) = path else { return Ok(()) };
+        let (folder, out) = (files::folder_of(path), self.out);
+        if folder != out || folder.is_dir() {
+            writable(path)?;
+        }
+        let result = |name: &&str| path.file_name().is_some_and(|n| n == *name);
+        let same = || {
+            folder == out
+                || std::fs::canonicalize(folder).ok().zip(std::fs::canonicalize(out).ok()).is_some_and(|(a, b)| a == b)
+        };
+        if self.outputs.names().iter().chain(&["run.json"]).any(result) && same() {
+            return Err(Error::malformed(path, "a result of the run has this name; give another name"));
+        }
+        spare(path, &self.inputs.iter().map(PathBuf::as_path).collect::<Vec<_>>())
+    }
+
+    /// Begins the results. From here on, lines of --stream have standard output for themselves.
+    pub fn begin_results(&self) -> Result<Results> {
+        if self.stream.is_some_and(StreamTo::takes_output) {
+            terminal::give_output();
+        }
+        let begin = if self.outputs.endless { Results::begin_live } else { Results::begin };
+        let inputs = self.inputs.iter().map(PathBuf::as_path).chain(self.load_state);
+        begin(self.out, &self.outputs.names(), &inputs.collect::<Vec<_>>())
+    }
+
+    /// Writes the files beside the results: the state of one target for --load-state, the detections of many.
+    pub fn save(&self, subject: &Subject, next_frame: usize) -> Result<()> {
+        match (subject, self.save_state) {
+            (Subject::Many(_, detections, _), _) => detections.save(),
+            (Subject::One(tracker), Some(path)) => {
+                let (source, state) = ((self.source, &self.about), tracker.save());
+                SavedState::write(path, source, &self.blueprint, self.seed, next_frame, state)
+            }
+            (Subject::One(_), None) => Ok(()),
+        }
+    }
+}
+
+/// The frames of a run with one target, its first box, and the boxes that start it again. The tracker takes up the saved state, if there is
+/// one; then there is no first box.
+fn begin(
+    (args, source): (&Args, &Path),
+    (blueprint, seed): (&Blueprint, u64),
+    tracker: &mut Tracker,
+    about: &SourceInfo,
+) -> Result<(Frames, Option<BBox>, Vec<Given>)> {
+    let selection = args.input.selection();
+    let frames = |from: usize, start: &'static str| Frames::new(from, start, args.until, about);
+    let (frames, init) = match &args.load_state {
+        Some(path) => {
+            let saved = SavedState::read(path, blueprint, seed)?;
+            let frames = frames(saved.next_frame, "the saved state goes on")?;
+            tracker.load(&saved.tracker).map_err(of_file(path))?;
+            saved.check_size(path, about)?;
+            let (then, now) = (&saved.source, video_name(source));
+            if !then.is_empty() && *then != now {
+                note!("foveate: the state was saved in {then:?}, and goes on in {now:?}: is it the same video?");
+            }
+            (frames, None)
+        }
+        None => {
+            let frames =
+                frames(selection.from, if selection.from == 0 { "the video begins" } else { "--from begins" })?;
+            let bbox = first_box(source, args.init.first().copied(), &args.input)?;
+            check_box("the first box", &bbox, about)?;
+            (frames, Some(bbox))
+        }
+    };
+    let again = check_again(&args.reinit, frames, about)?;
+    if let Some(given) = again.iter().find(|given| !selection.takes(given.frame)) {
+        let frame = given.frame + 1;
+        return Err(Error::Invalid(format!("--reinit {frame}: --every leaves this frame out; give another frame")));
+    }
+    Ok((frames, init, again))
+}
+
+/// Refuses pictures in tiles for a configuration that reads whole pictures.
+fn check_reads_tiles(blueprint: &Blueprint, source: &Path, config_name: &str) -> Result<()> {
+    if blueprint.config().sensor.is_some() {
+        return Ok(());
+    }
+    let source = source.display();
+    Err(Error::Config(format!(
+        "{source}: pictures in tiles are for a configuration with [sensor], such as --config foveated; {config_name} reads whole pictures"
+    )))
+}
+
+/// Refuses the options of one target.
+fn refuse(args: &Args, source: &Path) -> Result<()> {
+    for (given, name) in [
+        (!args.reinit.is_empty(), "--reinit"),
+        (args.load_state.is_some(), "--load-state"),
+        (args.save_state.is_some(), "--save-state"),
+        (args.regret, "--regret"),
+        (args.trace, "--trace"),
+        (Selection { scale: 1.0, ..args.input.selection() } != Selection::default(), "--from or --every"),
+        (args.many.save_detections.is_some() && is_endless(source), "--save-detections, of a source without an end,"),
+    ] {
+        if given {
+            return Err(Error::Invalid(format!(
+                "{name} is for one target; leave it out, or give one --init and no --detect, --detections, --inits"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// The boxes of many targets given by hand: those of --init in frame 1, and those of --inits. All touch the picture.
+fn given(args: &Args, source: &Path, about: &SourceInfo) -> Result<Vec<Given>> {
+    let mut given = vec![];
+    for (i, init) in args.init.iter().enumerate() {
+        let bbox = first_box(source, Some(*init), &args.input)?;
+        check_box(&format!("the first box of target {}", i + 1), &bbox, about)?;
+        given.push(Given { frame: 0, id: None, bbox });
+    }
+    let Some(path) = &args.many.inits else { return Ok(given) };
+    for s in &Tracks::read(path)?.sightings {
+        let wrong = |problem: String| Error::malformed(path, format!("frame {}: {problem}", s.frame + 1));
+        if let Some(n) = about.exact_frames().filter(|n| s.frame >= *n) {
+            return Err(wrong(format!("the video has {}; give boxes of these alone", counted(n, "frame"))));
+        }
+        let id = match s.id {
+            -1 => None,
+            id @ 0.. => Some(id as u64),
+            id => return Err(wrong(format!("id {id}; give 0 or more, or -1 for a new one"))),
+        };
+        check_box("the box", &s.bbox, about).map_err(|e| wrong(e.to_string()))?;
+        given.push(Given { frame: s.frame, id, bbox: s.bbox });
+    }
+    let mut seen = BTreeSet::new();
+    let twice = given.iter().find(|given| given.id.is_some() && !seen.insert((given.frame, given.id)));
+    if let Some(Given { frame, id: Some(id), .. }) = twice {
+        let frame = frame + 1;
+        let problem = format!("frame {frame}: two boxes of target {id}; give one, or other ids");
+        return Err(Error::malformed(path, problem));
+    }
+    if given.is_empty() && args.many.detect.is_none() && args.many.detections.is_none() {
+        return Err(Error::malformed(path, "it has no box; give lines frame,id,x,y,w,h"));
+    }
+    Ok(given)
+}
+
+/// Fails if so many first boxes take more memory than allowed.
+fn check_memory(many: &MultiTracker, given: &[Given], about: &SourceInfo) -> Result<()> {
+    if given.is_empty() {
+        return Ok(());
+    }
+    let side = |of: fn(&BBox) -> f64| given.iter().map(|given| of(&given.bbox)).sum::<f64>() / given.len() as f64;
+    many.check_room(given.len(), &BBox::new(0.0, 0.0, side(|b| b.w), side(|b| b.h)), (about.width, about.height))
+}

@@ -1,0 +1,63 @@
+//! Fault-tolerant outputs: if a file cannot be written (a full disk, a film too large for its format), that file alone is missing, and the
+//! run goes on.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use foveate::report::Observer;
+use foveate::video::Frame;
+use foveate::{Error, Result, Seen};
+
+/// The files that could not be written, each with the reason. Clones share one list.
+#[derive(Clone, Default)]
+pub struct FailedOutputs(Rc<RefCell<Vec<(&'static str, String)>>>);
+
+impl FailedOutputs {
+    /// The names of the files.
+    pub fn names(&self) -> Vec<&'static str> {
+        self.0.borrow().iter().map(|(name, _)| *name).collect()
+    }
+
+    /// Fails if there are some, naming them.
+    pub fn check(&self) -> Result<()> {
+        match &self.0.borrow()[..] {
+            [] => Ok(()),
+            failed => {
+                let all: Vec<_> = failed.iter().map(|(name, why)| format!("{name} was not written: {why}")).collect();
+                Err(Error::Invalid(all.join("; ")))
+            }
+        }
+    }
+
+    /// The observer that writes `files`, made fault-tolerant: its first failure ends this observer alone.
+    pub fn tolerate(&self, files: &'static [&'static str], observer: impl Observer + 'static) -> Box<dyn Observer> {
+        Box::new(Tolerant { observer: Some(observer), files, failed: self.clone() })
+    }
+}
+
+/// An observer until it fails.
+struct Tolerant<O> {
+    observer: Option<O>,
+    files: &'static [&'static str],
+    failed: FailedOutputs,
+}
+
+impl<O> Tolerant<O> {
+    fn call(&mut self, call: impl FnOnce(&mut O) -> Result<()>) -> Result<()> {
+        if let Some(Err(error)) = self.observer.as_mut().map(call) {
+            self.observer = None;
+            let why = error.to_string();
+            self.failed.0.borrow_mut().extend(self.files.iter().map(|name| (*name, why.clone())));
+        }
+        Ok(())
+    }
+}
+
+impl<O: Observer> Observer for Tolerant<O> {
+    fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        self.call(|observer| observer.observe(frame, targets))
+    }
+    fn finish(&mut self) -> Result<()> {
+        self.call(Observer::finish)
+    }
+}

@@ -1,0 +1,83 @@
+//! What became of a run.
+
+use std::collections::HashSet;
+use std::time::Duration;
+
+use super::place::{touches, touching};
+use foveate_core::geometry::BBox;
+use foveate_core::multi::Phase;
+use foveate_core::scene::Image;
+use foveate_core::{Seen, Status};
+
+/// What became of a run. The lists are empty in a run without an end.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RunSummary {
+    /// Frames in the results, the first one included.
+    pub frames: usize,
+    /// Time spent in tracker and detectors in each of them, seconds.
+    pub seconds: Vec<f64>,
+    /// Time spent in all frames.
+    pub spent: Duration,
+    /// Whether the run was asked to stop before the source ended.
+    pub stopped: bool,
+    /// Frames of the source in which the decoder reported damage.
+    pub damaged: u64,
+    /// One target: frames that were tracked, not given.
+    pub tracked: usize,
+    /// One target: values read from the tracked frames, the sum of [`Seen::values`].
+    pub values: usize,
+    /// One target: frames whose status is occluded.
+    pub occluded: usize,
+    /// One target: frames whose status is lost.
+    pub lost: usize,
+    /// One target: frames whose box lies outside the picture.
+    pub outside: usize,
+    /// One target: its box in every frame as in boxes.txt, [`touching`] the picture.
+    pub boxes: Vec<BBox>,
+    /// One target: the box of the last frame; `None` if it lies outside the picture.
+    pub last: Option<BBox>,
+    /// One target: the most likely class after the last frame and its probability; `None` without a recogniser.
+    pub class: Option<(usize, f64)>,
+    /// One target: the name of that class, if it has one.
+    pub class_name: Option<String>,
+    /// Many targets: targets that were started, by a detection or by hand; one that was given several boxes counts once.
+    pub initiated: usize,
+    /// Many targets: how often a terminated one was re-identified.
+    pub reidentified: usize,
+    /// Many targets: cuts.
+    pub cuts: usize,
+    /// Many targets: the most active ones at a time.
+    pub most: usize,
+    /// Many targets: time spent in detecting; the rest of `spent` was spent in tracking.
+    pub detecting: Duration,
+}
+
+impl RunSummary {
+    /// A frame of a run with one target.
+    pub(super) fn add(&mut self, seen: &Seen<'_>, image: &Image, endless: bool) {
+        if !endless {
+            self.boxes.push(if seen.is_given() { seen.bbox } else { touching(&seen.bbox, image) });
+        }
+        let inside = seen.is_given() || touches(&seen.bbox, image);
+        self.last = inside.then_some(seen.bbox);
+        if seen.is_given() {
+            return;
+        }
+        self.tracked += 1;
+        self.values += seen.values;
+        self.outside += usize::from(!inside);
+        self.occluded += usize::from(seen.status == Status::Occluded);
+        self.lost += usize::from(seen.is_lost());
+        self.class = seen.class;
+        self.class_name = seen.class.and_then(|(class, _)| seen.class_names.get(class).cloned());
+    }
+
+    /// A frame of a run with many targets; `started` has the ids of those that were started.
+    pub(super) fn add_all(&mut self, targets: &[Seen<'_>], started: &mut HashSet<u64>) {
+        let of = |phase| targets.iter().filter(move |target| target.phase == phase);
+        started.extend(of(Phase::Initiated).map(|target| target.id));
+        self.initiated = started.len();
+        self.reidentified += of(Phase::ReIdentified).count();
+        self.most = self.most.max(targets.len());
+    }
+}
