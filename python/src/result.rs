@@ -36,23 +36,7 @@ pub struct Seen {
 impl Seen {
     /// A picture in which the box was given: nothing was estimated.
     pub fn given(bbox: BBox) -> Self {
-        let state = State::of(&bbox);
-        Self {
-            bbox,
-            status: Status::Tracking,
-            p_lost: 0.0,
-            state,
-            covariance: [[0.0; 6]; 6],
-            one_sd: Region { x: state.x, y: state.y, half: [0.0; 2], turn: 0.0 },
-            ess: 0.0,
-            log_evidence: f64::NAN,
-            gaze: (0.0, 0.0),
-            gazes: vec![],
-            rewards: vec![],
-            particles: vec![],
-            weights: vec![],
-            classes: vec![],
-        }
+        Self::of(&foveate::Seen::given([1; 3], &bbox))
     }
 
     /// Takes what Python may ask for.

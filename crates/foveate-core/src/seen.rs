@@ -310,3 +310,30 @@ impl fmt::Debug for Seen<'_> {
         seen.finish_non_exhaustive()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_phase_says_whether_the_box_is_a_result() {
+        let given = Seen::given([40, 30, 3], &BBox::new(4.0, 6.0, 10.0, 12.0));
+        assert!(given.is_given() && given.is_usable() && given.share_read() == 0.0 && given.weights.is_empty());
+        let usable = |phase| given.in_phase(phase).is_usable();
+        let all = [Phase::Initiated, Phase::ReIdentified, Phase::Tracked, Phase::Occluded, Phase::Lost];
+        assert_eq!(all.map(usable), [true, true, true, true, false]);
+        for status in [Status::Tracking, Status::Occluded, Status::Lost, Status::Reacquired] {
+            assert_eq!(usable(Phase::of(status)), status.is_usable(), "{status:?}");
+        }
+    }
+
+    #[test]
+    fn without_views_the_plain_data_stay() {
+        let weights = [0.25, 0.75];
+        let mut seen = Seen::given([40, 30, 3], &BBox::new(4.0, 6.0, 10.0, 12.0)).in_phase(Phase::Tracked);
+        (seen.id, seen.p_lost, seen.own_p_lost, seen.ess, seen.values) = (3, 0.25, 0.5, 1.5, 1800);
+        let kept = Seen { weights: &weights, ..seen }.without_views();
+        assert!(kept == seen && kept.weights.is_empty());
+        assert_eq!((kept.own_p_lost, kept.ess, kept.share_read()), (0.5, 1.5, 0.5));
+    }
+}

@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use foveate_base::Result;
 use foveate_base::sink::{Memory, Sink};
-use foveate_core::{Seen, Tracker};
 use foveate_core::geometry::BBox;
+use foveate_core::{Seen, Tracker};
 use foveate_report::{Film, Observer, Report, RunInfo, SurfacePicture};
 use foveate_video::Frame;
 

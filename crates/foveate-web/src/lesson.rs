@@ -2,10 +2,10 @@
 
 use foveate_base::files::Nowhere;
 use foveate_base::{Error, Result};
-use foveate_core::{Seen, Tracker};
 use foveate_core::config::{Blueprint, Config};
 use foveate_core::geometry::BBox;
 use foveate_core::scene::Image;
+use foveate_core::{Seen, Tracker};
 use foveate_lab::Digits;
 use foveate_lab::synthetic::{Clutter, Drawn, GLIMPSE, Occlusion};
 use foveate_page::{Row, cells, detail, surface};

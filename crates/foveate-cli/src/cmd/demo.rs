@@ -10,7 +10,7 @@ use foveate::lab::Digits;
 use foveate::lab::eval::score_centres;
 use foveate::lab::synthetic::{Clutter, Drawn, GLIMPSE, Occlusion, Synthetic};
 use foveate::report::run::{self, RunPlan};
-use foveate::report::{Baseline, SideBySide, Summary, SurfacePicture};
+use foveate::report::{Baseline, SideBySide, SurfacePicture};
 use foveate::text::counted;
 use foveate::video::{Frame, FrameSource};
 use foveate::{Error, Result};
@@ -171,8 +171,8 @@ pub fn run(args: Args) -> Result<()> {
     if args.scene == Scene::Glimpse {
         say!("A larger look sees most of the digit wherever it is, and the fixed centre is as good: --scene clutter.");
     }
-    let tracking = Summary::rate(frames, summary.spent.as_secs_f64());
-    let whole = Summary::rate(frames, began.elapsed().as_secs_f64());
+    let tracking = summary.fps(summary.spent.as_secs_f64());
+    let whole = summary.fps(began.elapsed().as_secs_f64());
     say!("{} a second in the tracker, {whole:.0} end to end.", counted(tracking.round() as usize, "frame"));
     say!(
         "See what it saw, frame by frame: {}; all side by side: annotated.mp4",

@@ -53,6 +53,11 @@ pub struct RunSummary {
 }
 
 impl RunSummary {
+    /// Frames per second, if all frames took so many seconds; 0 if nothing was measured.
+    pub fn fps(&self, seconds: f64) -> f64 {
+        if seconds > 0.0 { self.frames as f64 / seconds } else { 0.0 }
+    }
+
     /// A frame of a run with one target.
     pub(super) fn add(&mut self, seen: &Seen<'_>, image: &Image, endless: bool) {
         if !endless {

@@ -411,7 +411,7 @@ fn guesses_are_no_results() {
         let squares: Vec<_> = here.iter().map(|b| (1, *b)).collect();
         let detections: Vec<_> = here.iter().map(|b| found(*b)).collect();
         let results = tracker.update(&picture(&squares), &detections).expect("a picture of the first size").to_vec();
-        assert!(results.iter().all(|target| target.phase != Phase::Lost));
+        assert!(results.iter().all(|target| target.phase != Phase::Lost && (0.0..=1.0).contains(&target.p_lost)));
         let sure: Vec<_> = tracker.targets().iter().filter(|target| target.is_usable()).copied().collect();
         assert_eq!(results, sure, "frame {t}");
         guesses += tracker.targets().len() - results.len();

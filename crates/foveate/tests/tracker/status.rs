@@ -4,6 +4,7 @@ use crate::common::{INIT, frame, truth};
 use foveate::config::Config;
 use foveate::lab::Digits;
 use foveate::lab::synthetic::{Clutter, Drawn, Occlusion, Synthetic};
+use foveate::multi::Phase;
 use foveate::scene::Image;
 use foveate::{BBox, Status, Tracker};
 
@@ -55,6 +56,7 @@ fn run(config: &Config, scene: &[(Image, BBox)]) -> Vec<Row> {
     let row = |(image, truth): &(Image, BBox)| {
         let seen = tracker.update(image).expect("a picture of the first size");
         assert_eq!(seen.is_lost(), seen.status == Status::Lost);
+        assert_eq!(seen.is_usable(), seen.phase == Phase::Tracked);
         let consistency = seen.consistency;
         let deficit = consistency.is_informative.then_some(consistency.deficit);
         Row { p_lost: seen.p_lost, status: seen.status, deficit, iou: seen.bbox.iou(truth) }

@@ -230,7 +230,8 @@ fn note_unused(path: &Path, count: usize, place: std::fmt::Arguments<'_>) {
     }
 }
 
-/// What the program itself detects, and what came of it.
+/// The detections of a run, frame by frame: those of the program's detector, or of a file.
+#[derive(Default)]
 pub(super) struct Detections {
     parts: Option<DetectorParts>,
     detector: Option<Box<dyn Detector>>,

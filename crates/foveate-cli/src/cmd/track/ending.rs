@@ -1,12 +1,15 @@
 //! What a run prints at its end.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use foveate::report::Summary;
+use foveate::BBox;
 use foveate::report::run::RunSummary;
 use foveate::text::counted;
 use foveate::video::without_password;
+use serde::Serialize;
+use serde_json::{Value, json};
 
 /// The end of a run.
 pub struct Ending<'a> {
@@ -26,66 +29,94 @@ pub struct Ending<'a> {
     pub error: Option<String>,
 }
 
+/// The summary of one target as JSON, in this order. Boxes count from 0.
+#[derive(Serialize)]
+struct One<'a> {
+    source: Cow<'a, str>,
+    frames: usize,
+    seconds: f64,
+    fps: f64,
+    total_seconds: f64,
+    total_fps: f64,
+    occluded_frames: usize,
+    lost_frames: usize,
+    outside_frames: usize,
+    bbox: Option<BBox>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    class: Option<(usize, f64)>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    class_name: Option<&'a str>,
+    seed: u64,
+    outputs: Vec<Cow<'a, str>>,
+    damaged_frames: u64,
+    warnings: &'a [String],
+    error: Option<&'a str>,
+}
+
 impl Ending<'_> {
     /// Prints it.
     pub fn tell(&self) {
-        match (&self.detector, self.json) {
-            (None, true) => say!("{}", self.one().to_json()),
-            (Some((detector, _)), true) => say!("{:#}", self.many(detector)),
-            (_, false) if self.files.is_empty() => {}
-            (detector, false) => {
+        // A name need not be Unicode.
+        let outputs: Vec<_> = self.files.iter().map(|file| file.to_string_lossy()).collect();
+        let source = self.source.to_string_lossy();
+        let source = without_password(&source);
+        match &self.detector {
+            None if self.json => {
+                let text = serde_json::to_string_pretty(&self.one(source, outputs));
+                say!("{}", text.expect("plain data is JSON"));
+            }
+            Some((detector, _)) if self.json => say!("{:#}", self.many(detector, &source, &outputs)),
+            _ if self.files.is_empty() => {}
+            detector => {
                 match detector {
                     None => self.tell_one(),
                     Some((detector, timed)) => self.tell_many(detector, *timed),
                 }
                 self.warnings.iter().for_each(|warning| say!("Warning: {warning}"));
                 let names = self.files.iter().filter_map(|file| file.file_name());
-                let names: Vec<String> = names.map(|name| name.to_string_lossy().into()).collect();
+                let names: Vec<_> = names.map(|name| name.to_string_lossy()).collect();
                 say!("{}: {}", self.out.display(), names.join(", "));
             }
         }
     }
 
-    fn seconds(&self) -> (f64, f64) {
-        (self.summary.spent.as_secs_f64(), self.total.as_secs_f64())
+    /// Time spent in trackers and detector, in the detector, and in all, seconds.
+    fn seconds(&self) -> [f64; 3] {
+        [self.summary.spent, self.summary.detecting, self.total].map(|time| time.as_secs_f64())
     }
 
-    fn rate(&self, seconds: f64) -> f64 {
-        Summary::rate(self.summary.frames, seconds)
-    }
-
-    fn one(&self) -> Summary {
-        let (s, (seconds, total)) = (self.summary, self.seconds());
-        Summary {
-            source: without_password(&self.source.to_string_lossy()).into_owned(),
+    fn one<'a>(&'a self, source: Cow<'a, str>, outputs: Vec<Cow<'a, str>>) -> One<'a> {
+        let (s, [seconds, _, total]) = (self.summary, self.seconds());
+        One {
+            source,
             frames: s.frames,
             seconds,
-            fps: self.rate(seconds),
+            fps: s.fps(seconds),
             total_seconds: total,
-            total_fps: self.rate(total),
+            total_fps: s.fps(total),
             occluded_frames: s.occluded,
             lost_frames: s.lost,
             outside_frames: s.outside,
             bbox: s.last,
             class: s.class,
-            class_name: s.class_name.clone(),
+            class_name: s.class_name.as_deref(),
             seed: self.seed,
-            outputs: self.files.to_vec(),
+            outputs,
             damaged_frames: s.damaged,
-            warnings: self.warnings.clone(),
-            error: self.error.clone(),
+            warnings: &self.warnings,
+            error: self.error.as_deref(),
         }
     }
 
     fn tell_one(&self) {
-        let (s, (seconds, total)) = (self.summary, self.seconds());
+        let (s, [seconds, _, total]) = (self.summary, self.seconds());
         say!(
             "{} tracked, occluded in {}, lost in {}; {} a second in the tracker, {:.0} end to end.",
             counted(s.frames, "frame"),
             s.occluded,
             s.lost,
-            counted(self.rate(seconds).round() as usize, "frame"),
-            self.rate(total)
+            counted(s.fps(seconds).round() as usize, "frame"),
+            s.fps(total)
         );
         match s.last {
             Some(b) => {
@@ -99,28 +130,21 @@ impl Ending<'_> {
         }
     }
 
-    /// Time spent in the trackers, in the detector, and in all, seconds.
-    fn shares(&self) -> [f64; 3] {
-        let ((spent, total), detecting) = (self.seconds(), self.summary.detecting.as_secs_f64());
-        [(spent - detecting).max(0.0), detecting, total]
-    }
-
-    fn many(&self, detector: &str) -> serde_json::Value {
-        let (s, [tracking, detecting, total]) = (self.summary, self.shares());
-        // A name need not be Unicode.
-        let outputs: Vec<_> = self.files.iter().map(|file| file.to_string_lossy()).collect();
-        serde_json::json!({
-            "source": without_password(&self.source.to_string_lossy()), "frames": s.frames, "targets": s.initiated, "reidentified": s.reidentified,
-            "cuts": s.cuts, "most_at_a_time": s.most, "detector": detector, "tracking_seconds": tracking,
-            "detecting_seconds": detecting, "total_seconds": total, "total_fps": self.rate(total), "seed": self.seed,
-            "outputs": outputs, "damaged_frames": s.damaged, "warnings": self.warnings, "error": self.error,
+    fn many(&self, detector: &str, source: &str, outputs: &[Cow<'_, str>]) -> Value {
+        let (s, [spent, detecting, total]) = (self.summary, self.seconds());
+        json!({
+            "source": source, "frames": s.frames, "targets": s.initiated, "reidentified": s.reidentified, "cuts": s.cuts,
+            "most_at_a_time": s.most, "detector": detector, "tracking_seconds": (spent - detecting).max(0.0),
+            "detecting_seconds": detecting, "total_seconds": total, "total_fps": s.fps(total), "seed": self.seed, "outputs": outputs,
+            "damaged_frames": s.damaged, "warnings": self.warnings, "error": self.error,
         })
     }
 
     fn tell_many(&self, detector: &str, timed: bool) {
-        let (s, [tracking, detecting, total]) = (self.summary, self.shares());
+        let (s, [spent, detecting, total]) = (self.summary, self.seconds());
+        let tracking = (spent - detecting).max(0.0);
         let detected =
-            if timed { format!(", {:.0} with detection", self.rate(tracking + detecting)) } else { String::new() };
+            if timed { format!(", {:.0} with detection", s.fps(tracking + detecting)) } else { String::new() };
         say!(
             "{}, {}, at most {} at a time, {} re-identified, {}; {} a second in the trackers{detected}, {:.0} end to end.",
             counted(s.frames, "frame"),
@@ -128,8 +152,8 @@ impl Ending<'_> {
             s.most,
             s.reidentified,
             counted(s.cuts, "cut"),
-            counted(self.rate(tracking).round() as usize, "frame"),
-            self.rate(total)
+            counted(s.fps(tracking).round() as usize, "frame"),
+            s.fps(total)
         );
         say!("Detector: {detector}.");
     }

@@ -3,8 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use foveate::config::{Blueprint, Config};
-use foveate::files::Folder;
+use foveate::config::Blueprint;
 use foveate::lab::eval::regret::comparison_gazes;
 use foveate::report::run::{AnyTracker, Given, check_box};
 use foveate::report::{RunInfo, SurfacePicture};
@@ -58,70 +57,87 @@ pub struct Job<'a> {
 }
 
 impl<'a> Plan<'a> {
-    /// Checks the arguments, reads what they name, and opens the source.
+    /// Checks the arguments, reads the files that they name, and opens the source.
     pub fn new(args: &'a Args, source: &'a Path, out: &'a Path) -> Result<Self> {
-        let (config, folder, name) = args.configured()?;
+        let (mut config, folder, name) = args.configured()?;
         // A configuration of many targets with a detector of its own needs nothing else to begin with.
         let begins = config.multi_target.is_some() && config.detector.is_some();
-        if args.asks_for_many() || (begins && args.init.is_empty() && args.load_state.is_none()) {
-            return Self::many(args, source, out, config, &folder, &name);
+        let many = args.asks_for_many() || (begins && args.init.is_empty() && args.load_state.is_none());
+        let mut detector = None;
+        if many {
+            refuse(args, source)?;
+            detector = Some(DetectionSource::choose(&args.many, &mut config)?);
         }
         let shadow = if args.regret { comparison_gazes(&config.policy).gazes() } else { vec![] };
         let blueprint = args.blueprint(config, &folder)?.shadowing(shadow.clone());
         let seed = args.seed.unwrap_or(blueprint.config().seed);
-        let mut tracker = blueprint.tracker(seed)?;
+        let mut subject = match detector {
+            None => Subject::One(Box::new(blueprint.tracker(seed)?)),
+            Some(detector) => Subject::Many(Box::new(blueprint.multi_tracker(seed)?), Box::default(), detector),
+        };
         let opened = args.input.open(source)?;
         let about = opened.source.info().clone();
-        let (frames, init, given) = begin((args, source), (&blueprint, seed), &mut tracker, &about)?;
         if opened.tiles.is_some() {
-            check_reads_tiles(&blueprint, source, &name)?;
+            check_reads_tiles(&blueprint, source, &name, many)?;
         }
-        let surface = !args.no_report && SurfacePicture::shows(tracker.parts().gaze.policy().snapshot());
-        let outputs = Outputs { surface, trace: args.trace, regret: args.regret, ..Outputs::default() };
-        let mut job =
-            Job::new(args, (source, out), (blueprint, &name, seed), (about, frames), (outputs, opened.endless));
-        job.info.truth = known_truth(source).iter().map(|bbox| bbox.map(|bbox| args.input.scaled(&bbox))).collect();
-        job.info.shadow = shadow;
-        (job.init, job.given) = (init, given);
-        job.check_written(args.save_state.as_deref())?;
-        Ok(Self { opened, subject: Subject::One(Box::new(tracker)), job })
-    }
-
-    fn many(
-        args: &'a Args,
-        source: &'a Path,
-        out: &'a Path,
-        mut config: Config,
-        folder: &Folder,
-        name: &str,
-    ) -> Result<Self> {
-        refuse(args, source)?;
-        let detector = DetectionSource::choose(&args.many, &mut config)?;
-        let blueprint = args.blueprint(config, folder)?;
-        let seed = args.seed.unwrap_or(blueprint.config().seed);
-        let tracker = blueprint.multi_tracker(seed)?;
-        let opened = args.input.open(source)?;
-        if opened.tiles.is_some() {
-            let source = source.display();
-            return Err(Error::Invalid(format!("{source}: many targets and detectors need whole pictures, not tiles")));
+        let mut info = run_info(&source.display().to_string(), &about, &name, &blueprint, seed);
+        let (frames, init, given) = match &mut subject {
+            Subject::One(tracker) => begin((args, source), (&blueprint, seed), tracker, &about)?,
+            Subject::Many(tracker, detections, detector) => {
+                let frames = Frames::new(0, "the video begins", args.until, &about)?;
+                let given = given(args, source, &about)?;
+                check_memory(tracker, &given, &about)?;
+                let still = detector.needs_still_camera();
+                **detections = Detections::of((args, source), &about, frames, given.is_empty(), still)?;
+                detections.warnings = info.warnings.clone();
+                (frames, None, given)
+            }
+        };
+        let report = !args.no_report;
+        let outputs = Outputs {
+            many,
+            video: !args.no_video && !opened.endless,
+            report,
+            surface: report && subject.has_surface(),
+            trace: args.trace,
+            regret: args.regret,
+            endless: opened.endless,
+        };
+        if !many {
+            let truth = known_truth(source);
+            info.truth = truth.iter().map(|bbox| bbox.map(|bbox| args.input.scaled(&bbox))).collect();
+            info.shadow = shadow;
         }
-        let about = opened.source.info().clone();
-        let frames = Frames::new(0, "the video begins", args.until, &about)?;
-        let given = given(args, source, &about)?;
-        check_memory(&tracker, &given, &about)?;
-        let still = detector.needs_still_camera();
-        let mut detections = Detections::of((args, source), &about, frames, given.is_empty(), still)?;
-        let outputs = Outputs { many: true, ..Outputs::default() };
-        let mut job =
-            Job::new(args, (source, out), (blueprint, name, seed), (about, frames), (outputs, opened.endless));
-        job.given = given;
-        job.check_written(args.many.save_detections.as_deref())?;
-        detections.warnings = job.info.warnings.clone();
-        Ok(Self { opened, subject: Subject::Many(Box::new(tracker), Box::new(detections), detector), job })
+        let (json, stream, inputs) = (args.json, args.stream.as_ref(), args.inputs(source));
+        let (load_state, save_state) = (args.load_state.as_deref(), args.save_state.as_deref());
+        let job = Job {
+            source,
+            out,
+            json,
+            stream,
+            blueprint,
+            seed,
+            about,
+            frames,
+            init,
+            given,
+            info,
+            outputs,
+            inputs,
+            load_state,
+            save_state,
+        };
+        job.check_written(args.save_state.as_deref().or(args.many.save_detections.as_deref()))?;
+        Ok(Self { opened, subject, job })
     }
 }
 
 impl Subject {
+    /// Whether the gaze policy of one target has something to show.
+    fn has_surface(&self) -> bool {
+        matches!(self, Self::One(tracker) if SurfacePicture::shows(tracker.parts().gaze.policy().snapshot()))
+    }
+
     /// The tracker, and the detections of many targets.
     pub fn parts(&mut self) -> (AnyTracker<'_>, Option<&mut Detections>) {
         match self {
@@ -131,35 +147,7 @@ impl Subject {
     }
 }
 
-impl<'a> Job<'a> {
-    fn new(
-        args: &'a Args,
-        (source, out): (&'a Path, &'a Path),
-        (blueprint, config_name, seed): (Blueprint, &str, u64),
-        (about, frames): (SourceInfo, Frames),
-        (outputs, endless): (Outputs, bool),
-    ) -> Self {
-        let info = run_info(&source.display().to_string(), &about, config_name, &blueprint, seed);
-        let (video, report) = (!args.no_video && !endless, !args.no_report);
-        Self {
-            source,
-            out,
-            json: args.json,
-            stream: args.stream.as_ref(),
-            blueprint,
-            seed,
-            about,
-            frames,
-            init: None,
-            given: vec![],
-            info,
-            outputs: Outputs { video, report, endless, ..outputs },
-            inputs: args.inputs(source),
-            load_state: args.load_state.as_deref(),
-            save_state: args.save_state.as_deref(),
-        }
-    }
-
+impl Job<'_> {
     /// Refuses a file to be written at the end if its folder is not there (that of the results will be), or if it would replace a file that
     /// is read or a result.
     fn check_written(&self, path: Option<&Path>) -> Result<()> {
@@ -240,15 +228,18 @@ fn begin(
     Ok((frames, init, again))
 }
 
-/// Refuses pictures in tiles for a configuration that reads whole pictures.
-fn check_reads_tiles(blueprint: &Blueprint, source: &Path, config_name: &str) -> Result<()> {
-    if blueprint.config().sensor.is_some() {
-        return Ok(());
-    }
+/// Refuses pictures in tiles for many targets, and for a configuration that reads whole pictures.
+fn check_reads_tiles(blueprint: &Blueprint, source: &Path, config_name: &str, many: bool) -> Result<()> {
     let source = source.display();
-    Err(Error::Config(format!(
-        "{source}: pictures in tiles are for a configuration with [sensor], such as --config foveated; {config_name} reads whole pictures"
-    )))
+    if many {
+        return Err(Error::Invalid(format!("{source}: many targets and detectors need whole pictures, not tiles")));
+    }
+    if blueprint.config().sensor.is_none() {
+        return Err(Error::Config(format!(
+            "{source}: pictures in tiles are for a configuration with [sensor], such as --config foveated; {config_name} reads whole pictures"
+        )));
+    }
+    Ok(())
 }
 
 /// Refuses the options of one target.
