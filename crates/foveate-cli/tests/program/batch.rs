@@ -147,7 +147,8 @@ fn what_means_one_video_is_refused() {
 #[test]
 fn the_first_box_lies_beside_a_video() {
     let place = Place::new();
-    let made = place.run(&["synth", "multi", "--frames", "5", "--crossings", "0", "--out", "multi", "--video", "one.mp4"]);
+    let made =
+        place.run(&["synth", "multi", "--frames", "5", "--crossings", "0", "--out", "multi", "--video", "one.mp4"]);
     assert!(made.status.success(), "{}", errors(&made));
     assert!(place.failure(&["one.mp4"]).contains("no box to start from"));
     std::fs::write(place.path("one.txt"), "30,30,28,28\n").expect("written");
