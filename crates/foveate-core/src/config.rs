@@ -248,6 +248,12 @@ pub struct Blueprint {
     second: Option<Box<Blueprint>>,
 }
 
+impl std::fmt::Debug for Blueprint {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Blueprint").field("config", &self.config).finish_non_exhaustive()
+    }
+}
+
 impl Blueprint {
     /// The engine of one target.
     pub(crate) fn engine(&self, seed: u64, target: u64) -> Result<Engine> {

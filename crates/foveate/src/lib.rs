@@ -69,66 +69,10 @@
 //!
 //! # Parts of your own
 //!
-//! A checked configuration gives its parts; put yours in the place of one, and keep the others. Every trait has a function in
-//! [`conformance`] that panics where an implementation breaks its law. Here a policy:
-//!
-//! ```
-//! use foveate::config::Config;
-//! use foveate::extend::SavedState;
-//! use foveate::gaze::{Context, Grid, Plan, Policy};
-//! use foveate::geometry::Gaze;
-//! use foveate::rng::Rng;
-//! use foveate::{Error, Result, Tracker, conformance, files::Nowhere};
-//!
-//! /// Stays at a gaze that is rewarded with more than a half, and goes on to the next one from any other.
-//! struct WinStay {
-//!     gazes: Vec<Gaze>,
-//!     at: usize,
-//! }
-//!
-//! impl Policy for WinStay {
-//!     fn plan(&mut self, _: &Context, plan: &mut Plan, _: &mut Rng) {
-//!         plan.only(self.gazes[self.at]);
-//!     }
-//!     fn learn(&mut self, _: &Plan, rewards: &[f64]) {
-//!         if rewards[0] <= 0.5 {
-//!             self.at = (self.at + 1) % self.gazes.len();
-//!         }
-//!     }
-//!     fn save(&self) -> SavedState {
-//!         SavedState::new(&self.at)
-//!     }
-//!     fn load(&mut self, saved: &SavedState) -> Result<()> {
-//!         let at = saved.read().ok().filter(|at| *at < self.gazes.len());
-//!         self.at = at.ok_or_else(|| Error::Invalid(format!("no place in the grid: {saved}")))?;
-//!         Ok(())
-//!     }
-//!     fn reset(&mut self) {
-//!         self.at = 0;
-//!     }
-//! }
-//!
-//! let new = || Box::new(WinStay { gazes: Grid { n: 2, ..Grid::default() }.gazes(), at: 0 });
-//! conformance::policy(&|| new());
-//!
-//! let blueprint = Config::builtin("narrow").expect("it ships")?.check(&Nowhere)?;
-//! let mut parts = blueprint.parts()?;
-//! parts.gaze = parts.gaze.with_policy(new());
-//! let tracker = Tracker::from_parts(parts, blueprint.preprocessor(), 1);
-//! # Ok::<(), Error>(())
-//! ```
-//!
-//! | yours | takes its place by |
-//! | --- | --- |
-//! | policy; policy and reward | `parts.gaze.with_policy(policy)`; [`GazeControl::new`] |
-//! | dynamics, proposal | `parts.filter.with_proposal(proposal)`; the proposal from dynamics alone: [`control::Prior`] |
-//! | encoder, with the configuration's retina or another | [`Config::identity`], then `blueprint.with(retina, encoder)`, which trackers of many targets take, too |
-//! | appearance: retina, distance and all | `parts.appearance` |
-//! | recogniser | `parts.with_recognition(recognition)` |
-//! | detector | [`Tracker::update_with`], [`MultiTracker`] |
-//!
-//! A configuration with `[sensor]` needs `Tracker::from_parts(...).sensing(...)` with a [`scene::Sensor`] of its settings besides.
-//! A tracker with parts of your own saves and loads as any other does, in one of the same parts.
+//! A policy, an encoder, an observation model, a proposal, a detector or a reward of your own is a type that implements one trait of
+//! [`extend`]. Register it by name in [`extend::Parts`]; a configuration with these parts may then name it, for one target and for many.
+//! The laws that it must keep are functions in [`extend::conformance`]. `docs/extend.md` shows each step, and how your own binary gets the
+//! whole program with your parts.
 //!
 //! # Features
 //!
@@ -142,8 +86,10 @@
 //! | `lab` | no | `lab`: evaluation, training runs, synthetic scenes |
 #![forbid(unsafe_code)]
 
-pub use foveate_base::{error, files, memory, quiet, rng, rows, sink, text, thread};
-pub use foveate_core::*;
+pub use foveate_base::{Error, Result, files, memory};
+pub use foveate_core::{
+    BBox, Config, Detection, Image, MultiTracker, Profile, Seen, Status, Tracker, config, extend, geometry,
+};
 pub use foveate_gp as gp;
 #[cfg(feature = "lab")]
 pub use foveate_lab as lab;
@@ -153,6 +99,15 @@ pub use foveate_learn as learn;
 pub use foveate_report as report;
 #[cfg(feature = "video")]
 pub use foveate_video as video;
+
+// For the other crates, the tests and the benchmarks of the project: no part of what a version promises.
+#[doc(hidden)]
+pub use foveate_base::{error, quiet, rng, rows, sink, text, thread};
+#[doc(hidden)]
+pub use foveate_core::{
+    Filter, GazeControl, KernelLevel, Monitor, Parts, assignment, conformance, control, gaze, identity, multi,
+    recognition, reference, scene, seen, start, tracker,
+};
 
 /// What the documents show is run as tests.
 #[cfg(all(doctest, feature = "video"))]

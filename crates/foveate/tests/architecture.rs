@@ -98,6 +98,24 @@ fn crates_depend_on_what_they_may() {
     );
 }
 
+/// The names that a user finds: those of the front page and those of `extend`, one by one.
+#[test]
+fn the_facade_exports_listed_names() {
+    let mut names = vec![];
+    for path in [folder("").join("src/lib.rs"), folder("core").join("src/extend.rs")] {
+        let text = code(&std::fs::read_to_string(path).expect("a source"));
+        let statements = text.split(';').filter(|it| !it.contains("doc(hidden)"));
+        for (_, exported) in statements.filter_map(|it| it.split_once("pub use ")) {
+            assert!(!exported.contains('*'), "{exported}: list the names");
+            let list = exported.split_once('{').map_or(exported, |(_, list)| list.trim_end_matches('}'));
+            names.extend(list.split(',').map(|name| name.trim().rsplit([':', ' ']).next().unwrap_or("").to_owned()));
+        }
+    }
+    names.retain(|name| !name.is_empty());
+    println!("{} names: {}", names.len(), names.join(", "));
+    assert!(names.len() > 40 && names.len() <= 90, "{} names: {}", names.len(), names.join(", "));
+}
+
 #[test]
 fn modules_import_what_they_may() {
     const ROOT: [&str; 4] = ["config", "engine", "tracker", "step"];

@@ -137,6 +137,27 @@ fn links_lead_somewhere() {
     assert!(checked >= 40, "the links must be found: {checked} checked");
 }
 
+/// Each piece of code of docs/extend.md is a part of an example that is built and run.
+#[test]
+fn parts_of_ones_own_are_those_of_the_examples() {
+    let lines = |text: &str| text.lines().map(|line| line.trim().to_owned()).collect::<Vec<_>>();
+    let folder = root().join("examples/extend");
+    let sources = files(&folder, "rs").into_iter().chain(files(&folder, "toml"));
+    let sources: Vec<Vec<String>> = sources.map(|it| lines(&std::fs::read_to_string(it).expect("text"))).collect();
+    let page = std::fs::read_to_string(root().join("docs/extend.md")).expect("the page");
+    let mut compared = 0;
+    for block in page.split("```").skip(1).step_by(2) {
+        let (language, block) = block.split_once('\n').expect("a block has lines");
+        let block = lines(block.trim_end());
+        if ["rust", "toml"].contains(&language) {
+            let there = sources.iter().any(|source| source.windows(block.len()).any(|part| part == block));
+            assert!(there, "no example has this code of docs/extend.md:\n{}", block.join("\n"));
+            compared += 1;
+        }
+    }
+    assert!(compared >= 5, "{compared} pieces of code");
+}
+
 /// What follows `foveate` where a document shows a command.
 #[test]
 fn commands_and_configurations_exist() {

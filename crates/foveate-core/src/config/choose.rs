@@ -5,6 +5,7 @@ use foveate_base::{Error, Result};
 
 /// The configurations for any target in real video, by what they cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Profile {
     /// A quarter of the particles, nearly three times the speed of the other: `natural-fast`.
     Fast,

@@ -69,6 +69,7 @@ type MakeDetector = dyn Fn(&OwnPart) -> Result<Box<dyn Detector>> + Send + Sync;
 type MakeReward = dyn Fn(&OwnPart) -> Result<Box<dyn Reward>> + Send + Sync;
 
 /// The surroundings of an encoder in a configuration.
+#[derive(Clone)]
 #[non_exhaustive]
 pub struct EncoderSite<'a> {
     /// The retina that the configuration asks for; `None` if it has no `[retina]`.
@@ -285,6 +286,19 @@ impl fmt::Debug for Parts {
 impl PartialEq for Parts {
     fn eq(&self, other: &Self) -> bool {
         self.all() == other.all()
+    }
+}
+
+impl fmt::Debug for EncoderSite<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("EncoderSite").field("given", &self.given).field("folder", &self.folder).finish_non_exhaustive()
+    }
+}
+
+impl fmt::Debug for ObservationSite {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let site = (&self.distance, &self.sharpness, self.encoder.shape());
+        f.debug_tuple("ObservationSite").field(&site).finish()
     }
 }
 

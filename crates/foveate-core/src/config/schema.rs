@@ -61,7 +61,7 @@ pub struct Config {
     pub retina: Option<RetinaConfig>,
     /// The first layer.
     pub encoder: EncoderConfig,
-    /// An observation model of your own in the place of retina, encoder and distance; none unless given.
+    /// An observation model of your own, in the place of retina, encoder and distance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub observation_model: Option<OwnPart>,
     /// d and how sharply it counts.

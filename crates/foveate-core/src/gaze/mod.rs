@@ -149,6 +149,7 @@ impl Plan {
 /// last paragraph). [`Default`] is the first frame's: all is well.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Context {
     /// Effective sample size as a share of the particles, above 0 to 1.
     pub ess: f64,
