@@ -10,7 +10,7 @@ pub use crate::gaze::{Context, Expectation, Grid, Plan, Policy, PolicySnapshot, 
 pub use crate::geometry::{Extent, Fixation, Gaze, State};
 pub use crate::identity::encoder::standardise;
 pub use crate::identity::retina::{Cell, FovealConfig};
-pub use crate::identity::{Appearance, Encoder, Foveal, Percept, Retina};
+pub use crate::identity::{Appearance, Encoder, Foveal, Lesson, Memory, Percept, Retina, TemplateSource};
 pub use crate::reference::ReferenceLikelihood;
 pub use crate::saved_state::SavedState;
 pub use crate::scene::detect::{Blobs, Score};
