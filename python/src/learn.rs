@@ -84,8 +84,8 @@ impl Model {
         let tensors = &mut tensors;
         let model = match kind {
             "filters" => {
-                let filters::Recipe { method, softening, .. } = serde_json::from_str(recipe).map_err(wrong)?;
-                PatchFilters::of_tensors(method, softening, tensors).map(Self::Filters)
+                let filters::Recipe { softening, .. } = serde_json::from_str(recipe).map_err(wrong)?;
+                PatchFilters::of_tensors(softening, tensors).map(Self::Filters)
             }
             "rbm" => Rbm::of_tensors(serde_json::from_str::<rbm::Recipe>(recipe).map_err(wrong)?.visible, tensors)
                 .map(Self::Rbm),

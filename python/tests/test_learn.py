@@ -19,11 +19,10 @@ import pytest
 
 pytest.importorskip("sklearn", reason="skipped: no scikit-learn")
 
-from foveate.learn import ISA, RBM, SoftmaxRegression, SparseCoding, SphericalKMeans
+from foveate.learn import RBM, SoftmaxRegression, SphericalKMeans
 from sklearn.base import clone
 from sklearn.cluster import KMeans
 from sklearn.datasets import load_digits, load_iris, load_wine
-from sklearn.decomposition import sparse_encode
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.linear_model import LogisticRegression
 from sklearn.metrics import adjusted_rand_score
@@ -35,8 +34,6 @@ SMALL: list[Any] = [
     RBM(3, n_iter=2),
     SphericalKMeans(3, n_iter=2),
     SphericalKMeans(3, n_iter=2, softening=1.0),
-    SparseCoding(3, n_iter=2),
-    ISA(2, n_iter=2),
 ]
 EVERY = [*SMALL, SoftmaxRegression()]
 
@@ -87,9 +84,6 @@ def test_the_same_seed_learns_the_same_and_what_is_wrong_is_said(estimator: Any)
         (SphericalKMeans(0), "filters are 1 to"),
         (SphericalKMeans(3, explained_variance=1.5), "share of variance"),
         (SphericalKMeans(3, softening=0.0), "softening"),
-        (SparseCoding(3, alpha=0.0), "penalty"),
-        (ISA(2, subspace_size=3), "1, 2, 4 or 8"),
-        (ISA(2, subspace_size=8), "minimum of 8"),
         (RBM(3, visible="grey"), "visible|variant"),  # type: ignore[arg-type]
         (SoftmaxRegression(C=0.0), "C is above 0"),
         (SoftmaxRegression(max_iter=0), "max_iter"),
@@ -104,7 +98,7 @@ def test_parameters_out_of_range_are_told(wrong: Any, said: str) -> None:
 
 def test_the_interpreter_goes_on_while_they_learn() -> None:
     rows, ticks = np.random.default_rng(0).normal(size=(2000, 60)), 0
-    learner = threading.Thread(target=SparseCoding(100, n_iter=3).fit, args=(rows,))
+    learner = threading.Thread(target=SphericalKMeans(500, n_iter=30).fit, args=(rows,))
     learner.start()
     while learner.is_alive():
         time.sleep(0.01)
@@ -143,41 +137,6 @@ def test_separated_clusters_are_those_of_scikit_learn() -> None:
     np.testing.assert_allclose(model.components_ @ model.whitening_.T, model.filters_, atol=1e-4)
     products = np.maximum(white @ model.filters_.T - 0.5, 0)
     np.testing.assert_allclose(clone(model).set_params(threshold=0.5).fit(rows).transform(rows), products, atol=1e-4)
-
-
-def test_sparse_codes_are_those_of_scikit_learn() -> None:
-    """Each row's cost is that of its lasso, within 1e-4; with the noise left out the rows come back."""
-    rng = np.random.default_rng(0)
-    rows = (rng.random((1000, 12)) < 0.1) * rng.normal(size=(1000, 12)) @ rng.normal(size=(12, 8))
-    coder = SparseCoding(12, alpha=0.1, random_state=0).fit(rows)
-    codes = coder.transform(rows)
-    white, filters = ((rows - coder.mean_) @ coder.whitening_.T).astype(float), coder.filters_.astype(float)
-
-    def cost(s: Any) -> Any:
-        return 0.5 * ((white - s @ filters) ** 2).sum(axis=1) + 0.1 * np.abs(s).sum(axis=1)
-
-    theirs = sparse_encode(white, filters, algorithm="lasso_lars", alpha=0.1)
-    np.testing.assert_allclose(cost(codes), cost(theirs), atol=1e-4)
-    assert (codes != 0).mean() < 0.3
-    assert ((coder.inverse_transform(codes) - rows) ** 2).mean() < 0.01 * rows.var()
-
-
-def test_independent_sources_and_subspaces_are_found() -> None:
-    rng = np.random.default_rng(0)
-    sources = rng.laplace(size=(5000, 3))
-    mixed = sources @ rng.normal(size=(3, 3))
-    ica = ISA(3, subspace_size=1, random_state=0).fit(mixed)
-    match = np.abs(np.corrcoef(sources.T, ica.sources(mixed).T)[:3, 3:])
-    assert (match.max(axis=1) > 0.99).all() and sorted(match.argmax(axis=1)) == [0, 1, 2]
-    np.testing.assert_allclose(ica.transform(mixed), np.abs(ica.sources(mixed)), rtol=1e-6)
-
-    # Pairs that are loud together. Most starts end with pairs that are mixed up; the least cost says which did not.
-    pairs = np.repeat(rng.exponential(size=(10_000, 2)), 2, axis=1) * rng.normal(size=(10_000, 4))
-    mixing = rng.normal(size=(4, 4))
-    best = ISA(2, n_iter=30, n_init=10, random_state=0).fit(pairs @ mixing.T)
-    np.testing.assert_allclose(best.transform(pairs @ mixing.T).sum(axis=1).mean() / 4, best.cost_, rtol=1e-2)
-    shares = ((best.filters_ @ best.whitening_ @ mixing) ** 2).reshape(2, 2, 2, 2).sum(axis=(1, 3))
-    assert ((shares / shares.sum(axis=1, keepdims=True)).max(axis=1) > 0.99).all()
 
 
 @pytest.mark.parametrize("C", [0.1, 1.0, 10.0])
@@ -292,9 +251,6 @@ LONG: list[tuple[Any, str]] = [
     (RBM(4, n_iter=2**30), "fit"),
     (RBM(2000, learning_rate=0.0), "score_samples"),
     (SphericalKMeans(2000, n_iter=2**30), "fit"),
-    (SparseCoding(300), "fit"),
-    (SparseCoding(300, alpha=0.01), "transform"),
-    (ISA(120), "fit"),
     (SoftmaxRegression(tol=0.0, max_iter=2**30), "fit"),
 ]
 

@@ -93,7 +93,7 @@ impl Config {
 
     /// A parser's error in plain words, with what helps.
     fn problem(e: &str) -> String {
-        let unlearned = ["rbm", "kmeans", "sparse", "ica"].iter().any(|k| e.contains(&format!("unknown kind `{k}`")));
+        let unlearned = ["rbm", "kmeans"].iter().any(|k| e.contains(&format!("unknown kind `{k}`")));
         let feature = if unlearned { "\nencoders with learned weights need the feature `learn`" } else { "" };
         format!("{}{feature}", plainly::plainly(e))
     }

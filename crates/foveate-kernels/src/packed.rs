@@ -8,7 +8,7 @@
 //!
 //! Weights are kept times -log₂ e: then logistic(x) is 1 / (1 + 2^y) of the sum y.
 
-use crate::ends::{End, Energies, Features, Overlaps, Pooled, TO_EXP2, TOGETHER, padded};
+use crate::ends::{End, Features, Overlaps, Pooled, TO_EXP2, TOGETHER, padded};
 use crate::level::{Level, levels};
 use crate::tile::{self, BLOCK, Kernel, Line, Sums, TILE};
 
@@ -162,28 +162,6 @@ impl PackedWeights {
         pool_at(self.level, self, rows, &mut end);
     }
 
-    /// For each row v (n × n_v), `pooled` (cells × n_h / size) of its cell += √ Σ (gain · (v W) − `thresholds`)², the sum over `size` columns that
-    /// follow each other: with a gain and a cell for each row, and a threshold (n_h) for each column.
-    ///
-    /// Rows are added in their order. Allocates nothing for n_v up to 1365.
-    ///
-    /// # Panics
-    /// If the sizes do not agree, a cell is not in `pooled`, or `size` is not 1, 2, 4 or 8.
-    pub fn energies(
-        &self,
-        rows: &[f32],
-        gains: &[f32],
-        cells: &[u32],
-        (thresholds, size): (&[f32], usize),
-        pooled: &mut [f32],
-    ) {
-        let n = self.rows(rows, thresholds);
-        assert!(gains.len() == n && cells.len() == n, "there must be one gain and one cell a row");
-        assert!([1, 2, 4, 8].contains(&size) && self.n_h.is_multiple_of(size), "{} columns in {size}s", self.n_h);
-        let mut end = Energies::new(gains, thresholds, cells, size, pooled);
-        energies_at(self.level, self, rows, &mut end);
-    }
-
     /// The number of glimpses.
     fn rows(&self, glimpses: &[f32], bias: &[f32]) -> usize {
         assert!(
@@ -268,15 +246,6 @@ fn overlaps_body<const V: u8>(weights: &PackedWeights, glimpses: &[f32], end: &m
 #[inline(always)]
 fn pool_body<const V: u8>(weights: &PackedWeights, rows: &[f32], end: &mut Pooled<'_>) {
     weights.multiply::<V>(rows, end);
-}
-
-#[inline(always)]
-fn energies_body<const V: u8>(weights: &PackedWeights, rows: &[f32], end: &mut Energies<'_>) {
-    weights.multiply::<V>(rows, end);
-}
-
-levels! {
-    fn energies_at(weights: &PackedWeights, rows: &[f32], end: &mut Energies<'_>) = energies_body
 }
 
 levels! {

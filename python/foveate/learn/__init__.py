@@ -12,8 +12,8 @@ interpreter's lock is free while they learn.
 True
 """
 
-from ._filters import ISA, SparseCoding, SphericalKMeans
+from ._filters import SphericalKMeans
 from ._rbm import RBM
 from ._softmax import SoftmaxRegression
 
-__all__ = ["ISA", "RBM", "SoftmaxRegression", "SparseCoding", "SphericalKMeans"]
+__all__ = ["RBM", "SoftmaxRegression", "SphericalKMeans"]

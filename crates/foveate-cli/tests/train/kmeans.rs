@@ -2,7 +2,7 @@
 
 use foveate::files::Folder;
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::Command;
 
 use crate::photographs::write_photographs;
 use crate::training::{fails, train, whole_and_cut};
@@ -36,58 +36,6 @@ fn a_killed_training_goes_on_and_ends_with_the_same_bits_and_its_filters_serve_a
     let small =
         check("retina = { kind = \"foveal\", side = 28, rings = [[8, 4]] }\n").expect_err("too small").to_string();
     assert!(small.contains("2 x 2 cells"), "{small}");
-}
-
-#[test]
-fn sparse_coding_and_ica_train_too_and_each_names_its_encoder() {
-    let dir = tempfile::tempdir().expect("a temporary folder");
-    write_photographs(dir.path());
-    let check = |kind: &str, file: &str| {
-        let text = format!(
-            "particles = 50\ndynamics = {{ kind = \"autoregressive\" }}\npolicy = {{ kind = \"fixed\" }}\n\
-             encoder = {{ kind = \"{kind}\", weights = \"{file}\" }}\n\
-             likelihood = {{ distance = \"cosine\", sharpness = 50 }}\n"
-        );
-        foveate::config::Config::parse(&text, "test").and_then(|c| c.check(&Folder::new(dir.path())).map(|_| ()))
-    };
-    for (kind, own) in [("sparse", ["--penalty", "0.3"]), ("ica", ["--subspace", "2"])] {
-        let file = format!("{kind}.safetensors");
-        let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
-        command.args([
-            "train",
-            kind,
-            "--glimpses",
-            "800",
-            "--held-out",
-            "50",
-            "--rings",
-            "8/1,16/2",
-            "--patches",
-            "5000",
-        ]);
-        command.args(["--epochs", "3", "--units", "20", "--patch", "4", "--threads", "2"]).args(own);
-        command.arg("--data").arg(dir.path()).arg("--out").arg(dir.path().join(&file));
-        let out = command.output().expect("the program runs");
-        let said = String::from_utf8_lossy(&out.stdout);
-        assert!(
-            out.status.success() && said.contains("epoch 3/3  cost"),
-            "{said}{}",
-            String::from_utf8_lossy(&out.stderr)
-        );
-        check(kind, &file).expect("its own encoder");
-        let other = check("kmeans", &file).expect_err("another method's").to_string();
-        assert!(other.contains(&format!("set it to \"{kind}\"")), "{other}");
-    }
-    let wrong = |own: [&str; 3], words: &str| {
-        let mut command = command(dir.path(), "m.safetensors", &own[1..]);
-        let args: Vec<_> =
-            command.get_args().map(|a| if a == "kmeans" { own[0].into() } else { a.to_owned() }).collect();
-        command = Command::new(command.get_program());
-        command.args(args).stdout(Stdio::piped()).stderr(Stdio::piped());
-        fails(command, words);
-    };
-    wrong(["sparse", "--penalty", "0"], "penalty of sparse coding is above 0");
-    wrong(["ica", "--subspace", "3"], "1, 2, 4 or 8 filters");
 }
 
 #[test]

@@ -35,31 +35,6 @@ pub enum EncoderConfig {
         #[serde(default)]
         threshold: f32,
     },
-    /// Filters by sparse coding, convolved with the rings: `weights` is a model file, or `builtin:natural-sparse`, as if left out. It
-    /// serves any retina; left out, the one it was trained with is taken.
-    #[cfg(feature = "learn")]
-    Sparse {
-        /// The model.
-        #[serde(default = "natural_sparse")]
-        weights: String,
-        /// Side of the pooling grid of each ring.
-        #[serde(default = "two")]
-        pool: usize,
-        /// A filter counts for what its product with a whitened patch, or the negative, is above this; 0 unless given.
-        #[serde(default)]
-        threshold: f32,
-    },
-    /// Energies of subspaces of filters by two-layer ICA, convolved with the rings: `weights` is a model file, or
-    /// `builtin:natural-ica`, as if left out. It serves any retina; left out, the one it was trained with is taken.
-    #[cfg(feature = "learn")]
-    Ica {
-        /// The model.
-        #[serde(default = "natural_ica")]
-        weights: String,
-        /// What subspaces say is averaged over a grid of this many cells along a side of each ring.
-        #[serde(default = "two")]
-        pool: usize,
-    },
     /// First output of a network in an ONNX file. It needs a build with `--features onnx` and a retina; an input of
     /// (N, planes, side, side) needs one window.
     Onnx {
@@ -95,16 +70,6 @@ pub enum EncoderConfig {
 #[cfg(feature = "learn")]
 fn natural_kmeans() -> String {
     "builtin:natural-kmeans".into()
-}
-
-#[cfg(feature = "learn")]
-fn natural_sparse() -> String {
-    "builtin:natural-sparse".into()
-}
-
-#[cfg(feature = "learn")]
-fn natural_ica() -> String {
-    "builtin:natural-ica".into()
 }
 
 #[cfg(feature = "learn")]

@@ -17,7 +17,7 @@ pub const POLICIES: [&str; 12] = [
 ];
 
 #[cfg(feature = "learn")]
-pub(super) const ENCODERS: [&str; 7] = ["rbm", "kmeans", "sparse", "ica", "onnx", "oriented", "raw"];
+pub(super) const ENCODERS: [&str; 5] = ["rbm", "kmeans", "onnx", "oriented", "raw"];
 #[cfg(not(feature = "learn"))]
 pub(super) const ENCODERS: [&str; 3] = ["onnx", "oriented", "raw"];
 

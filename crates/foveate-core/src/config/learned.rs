@@ -27,13 +27,7 @@ pub(super) fn first_layer(
             let encoder = RbmEncoder::new(rbm, &channels(&retina)).rounded(*precision);
             Ok((retina, Arc::new(encoder)))
         }
-        EncoderConfig::Kmeans { weights, pool, threshold } => {
-            convolution("kmeans", weights, given, places, (*pool, *threshold))
-        }
-        EncoderConfig::Sparse { weights, pool, threshold } => {
-            convolution("sparse", weights, given, places, (*pool, *threshold))
-        }
-        EncoderConfig::Ica { weights, pool } => convolution("ica", weights, given, places, (*pool, 0.0)),
+        EncoderConfig::Kmeans { weights, pool, threshold } => convolution(weights, given, places, (*pool, *threshold)),
         EncoderConfig::Onnx { .. }
         | EncoderConfig::Oriented { .. }
         | EncoderConfig::Raw { .. }
@@ -43,24 +37,17 @@ pub(super) fn first_layer(
     }
 }
 
-/// Filters that were learned by the method of this name, convolved with the rings of any retina.
+/// Filters, convolved with the rings of any retina.
 fn convolution(
-    method: &str,
     weights: &str,
     given: Option<FovealConfig>,
     places: Places<'_>,
     (pool, threshold): (usize, f32),
 ) -> Result<(Foveal, Arc<dyn Encoder>)> {
     let (model, metadata) = model(weights, places, PatchFilters::from_bytes)?;
-    let found = model.method().name();
-    if found != method {
-        return Err(Error::Config(format!(
-            "{weights} has filters by the method {found}, but encoder.kind is \"{method}\"; set it to \"{found}\""
-        )));
-    }
     let retina = match given {
         Some(config) => Foveal::new(config)?,
-        None => trained_retina(weights, &metadata, None, method)?,
+        None => trained_retina(weights, &metadata, None, "kmeans")?,
     };
     let encoder = ConvolutionEncoder::new(&model, retina.cells(), pool, threshold)?;
     Ok((retina, Arc::new(encoder)))
@@ -103,7 +90,5 @@ fn model<M>(weights: &str, (files, folder): Places<'_>, from_bytes: fn(&[u8], &P
 const MODELS: &[(&str, &[u8])] = &[
     ("digits", include_bytes!("../../models/digits.safetensors")),
     ("natural", include_bytes!("../../models/natural.safetensors")),
-    ("natural-sparse", include_bytes!("../../models/natural-sparse.safetensors")),
-    ("natural-ica", include_bytes!("../../models/natural-ica.safetensors")),
     ("natural-kmeans", include_bytes!("../../models/natural-kmeans.safetensors")),
 ];

@@ -3,13 +3,7 @@
 //! Each ring of the retina is a small image, its hole filled with the means of the finer cells there. A patch at every place
 //! of each image is normalised, and meets the filters; what they say is averaged over the cells of a grid, `pool` × `pool` to
 //! an image. A row has images × pool² × n features, at least 0, in this order. A filter means the same at every place and
-//! in every ring, so that a model serves any retina. What the filters say of a whitened patch x:
-//!
-//! | learned by | features |
-//! | --- | --- |
-//! | k-means | n = K: max(0, dⱼ·x − threshold) |
-//! | sparse coding | n = 2 K: max(0, dⱼ·x − threshold), then max(0, −dⱼ·x − threshold). Deviation: one soft threshold in the place of a search for the codes (Coates & Ng 2011) |
-//! | ICA of two layers | n = K / size: √ Σ (dⱼ·x)² over the filters of a subspace |
+//! in every ring, so that a model serves any retina. A filter d (k-means) of a whitened patch x gives max(0, d·x − threshold).
 
 use foveate_kernels as kernels;
 
@@ -18,7 +12,7 @@ use super::retina::Cell;
 use foveate_base::rng::Streams;
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
-use foveate_learn::filters::{Method, PatchFilters};
+use foveate_learn::filters::PatchFilters;
 use foveate_learn::rbm::product::rows_times;
 use rand::RngExt;
 
@@ -171,8 +165,6 @@ impl Patches {
 /// Filters convolved with the rings, pooled.
 pub struct ConvolutionEncoder {
     patches: Patches,
-    /// Filters of a subspace; `None` where each counts alone, above its threshold.
-    subspace: Option<usize>,
     /// From a patch less its mean to what the filters say.
     packed: kernels::PackedWeights,
     /// What a filter says has to be above this.
@@ -187,7 +179,7 @@ pub struct ConvolutionEncoder {
 
 impl ConvolutionEncoder {
     /// Encodes with these filters the glimpses of a retina with these cells; each channel of a glimpse is standardised first,
-    /// as in their training. A filter counts for what its product with a patch is above `threshold`; filters of ICA have none.
+    /// as in their training. A filter counts for what its product with a patch is above `threshold`.
     ///
     /// Fails where a ring is too small for the patches, or the threshold is not a number.
     pub fn new(model: &PatchFilters, cells: &[Cell], pool: usize, threshold: f32) -> Result<Self> {
@@ -206,14 +198,9 @@ impl ConvolutionEncoder {
         let (patches, whitening) = (Patches::new(cells, side, pool)?, model.whitening());
         // A patch p with gain g is whitened to (g (p − its mean) − m) A, and filters D say that times D: one product with
         // what is left of A D when the mean of each column is taken out.
-        let (filters, threshold, subspace) = match model.method() {
-            Method::Kmeans => (model.filters().data().to_vec(), threshold, None),
-            Method::Sparse { .. } => (both_signs(model.filters()), threshold, None),
-            Method::Ica { size } => (model.filters().data().to_vec(), 0.0, Some(size)),
-        };
-        let k = filters.len() / n_x;
+        let filters = model.filters().data();
         let mut said = vec![0.0; n_p * k];
-        rows_times(whitening.matrix(), &filters, &mut said);
+        rows_times(whitening.matrix(), filters, &mut said);
         let mut thresholds = vec![threshold; k];
         for (m, row) in whitening.mean().iter().zip(said.chunks_exact(k)) {
             thresholds.iter_mut().zip(row).for_each(|(t, x)| *t += m * x);
@@ -233,18 +220,12 @@ impl ConvolutionEncoder {
             cells: patches.places.iter().map(|p| p.cell as u32).collect(),
             channels: Channels::of(&channels),
             patches,
-            subspace,
         })
     }
     /// Features of a pooling cell.
     fn width(&self) -> usize {
-        self.thresholds.len() / self.subspace.unwrap_or(1)
+        self.thresholds.len()
     }
-}
-
-/// Every filter, then the negative of every filter.
-fn both_signs(filters: Rows<'_>) -> Vec<f32> {
-    filters.iter().flat_map(|row| row.iter().copied().chain(row.iter().map(|x| -x)).collect::<Vec<f32>>()).collect()
 }
 
 impl Encoder for ConvolutionEncoder {
@@ -268,10 +249,7 @@ impl Encoder for ConvolutionEncoder {
                     self.patches.cut(place, &pixels, patch);
                 }
                 let gains = &gains[..places.len()];
-                match self.subspace {
-                    None => self.packed.pool(patches, gains, cells, &self.thresholds, h),
-                    Some(size) => self.packed.energies(patches, gains, cells, (&self.thresholds, size), h),
-                }
+                self.packed.pool(patches, gains, cells, &self.thresholds, h);
             }
             for (h, share) in h.chunks_exact_mut(k).zip(&self.shares) {
                 h.iter_mut().for_each(|h| *h *= share);
@@ -298,12 +276,8 @@ mod tests {
     }
 
     fn model(side: usize, filters: usize) -> PatchFilters {
-        by(Method::Kmeans, side, filters)
-    }
-
-    fn by(method: Method, side: usize, filters: usize) -> PatchFilters {
         let data = random(side * side * 600);
-        let recipe = Recipe { keep: 0.95, ..Recipe::new(method, filters) };
+        let recipe = Recipe { keep: 0.95, ..Recipe::new(filters) };
         let mut trainer = Trainer::new(recipe, Rows::new(&data, side * side)).expect("patches");
         (0..3).for_each(|_| trainer.step());
         trainer.learned().clone()
@@ -326,36 +300,16 @@ mod tests {
         }
     }
 
-    #[test]
-    fn filters_of_other_methods_keep_the_law() {
-        let cells = cells(&[[8, 1], [16, 2]], &[]);
-        for (method, n) in [(Method::Sparse { penalty: 0.3 }, 60), (Method::Ica { size: 4 }, 5)] {
-            let model = by(method, 5, 30);
-            let encoder = ConvolutionEncoder::new(&model, &cells, 2, 0.2).expect("they fit");
-            let mut glimpses = random(7 * cells.len());
-            glimpses.chunks_exact_mut(cells.len()).for_each(|glimpse| encoder.condition(glimpse));
-            conformance::encoder(&encoder, &glimpses);
-            assert_eq!(encoder.shape(), (cells.len(), 2 * 4 * n), "{method:?}");
-        }
-    }
-
     /// The definition, by plain loops in f64 over images drawn cell by cell.
     #[test]
     fn it_is_a_convolution() {
         let cells = cells(&[[8, 1], [16, 2], [32, 4]], &[]);
         let glimpse = random(cells.len());
-        let (sparse, ica) = (Method::Sparse { penalty: 0.3 }, Method::Ica { size: 2 });
-        for (method, threshold) in
-            [(Method::Kmeans, 0.3), (Method::Kmeans, 0.0), (Method::Kmeans, 1.0), (sparse, 0.3), (ica, 0.3)]
-        {
-            let model = by(method, 5, 20);
+        for threshold in [0.3, 0.0, 1.0] {
+            let model = model(5, 20);
             let (_, n_x, k) = model.shape();
             let (mean, matrix, filters) = (model.whitening().mean(), model.whitening().matrix(), model.filters());
-            let n = match method {
-                Method::Kmeans => k,
-                Method::Sparse { .. } => 2 * k,
-                Method::Ica { size } => k / size,
-            };
+            let n = k;
             let mut expected = vec![0.0f64; 3 * 4 * n];
             for (ring, &size) in [1.0f64, 2.0, 4.0].iter().enumerate() {
                 let image = |row: usize, column: usize| -> f64 {
@@ -386,17 +340,8 @@ mod tests {
                         (0..k).map(|f| (0..n_x).map(|j| x[j] * f64::from(filters.row(j)[f])).sum()).collect();
                     let cell = ring * 4 + top / 2 * 2 + left / 2;
                     let above = |s: f64| (s - f64::from(threshold)).max(0.0);
-                    let said: Vec<f64> = match method {
-                        Method::Kmeans => s.iter().map(|s| above(*s)).collect(),
-                        Method::Sparse { .. } => {
-                            s.iter().map(|s| above(*s)).chain(s.iter().map(|s| above(-s))).collect()
-                        }
-                        Method::Ica { size } => {
-                            s.chunks_exact(size).map(|s| s.iter().map(|s| s * s).sum::<f64>().sqrt()).collect()
-                        }
-                    };
-                    for (f, h) in said.iter().enumerate() {
-                        expected[cell * n + f] += h / 4.0 / (n_x as f64).sqrt();
+                    for (f, s) in s.iter().enumerate() {
+                        expected[cell * n + f] += above(*s) / 4.0 / (n_x as f64).sqrt();
                     }
                 }
             }
@@ -404,7 +349,7 @@ mod tests {
             let mut h = vec![f32::NAN; 12 * n];
             encoder.encode(Rows::new(&glimpse, cells.len()), RowsMut::new(&mut h, 12 * n));
             for (i, (h, e)) in h.iter().zip(&expected).enumerate() {
-                assert!((f64::from(*h) - e).abs() < 1e-4, "{method:?}, {threshold}, {i}: {h}, not {e}");
+                assert!((f64::from(*h) - e).abs() < 1e-4, "{threshold}, {i}: {h}, not {e}");
             }
         }
     }

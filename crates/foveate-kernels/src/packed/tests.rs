@@ -168,35 +168,6 @@ fn pooled_sums_agree_with_f64() {
 }
 
 #[test]
-fn energies_agree_with_f64() {
-    for (n, n_v, n_h, size) in [(1, 1, 2, 2), (7, 3, 5, 1), (100, 25, 100, 4), (49, 25, 136, 8)] {
-        let (rows, w, thresholds) = (values(n * n_v, 1), weights(n_v * n_h), values(n_h, 2));
-        let gains: Vec<f32> = values(n, 6).iter().map(|x| 5.0 * x).collect();
-        let cells: Vec<u32> = (0..n).map(|r| (r * r % 3) as u32).collect();
-        let width = n_h / size;
-        let mut truth = vec![0.25f64; 3 * width];
-        for r in 0..n {
-            let above = |j: usize| {
-                let sum: f64 = (0..n_v).map(|i| f64::from(rows[r * n_v + i]) * f64::from(w[i * n_h + j])).sum();
-                f64::from(gains[r]) * sum - f64::from(thresholds[j])
-            };
-            for i in 0..width {
-                let energy: f64 = (i * size..(i + 1) * size).map(|j| above(j).powi(2)).sum();
-                truth[cells[r] as usize * width + i] += energy.sqrt();
-            }
-        }
-        for level in Level::all() {
-            let mut pooled = vec![0.25; 3 * width];
-            let packed = PackedWeights::new(level, Precision::F32, n_v, n_h, &w);
-            packed.energies(&rows, &gains, &cells, (&thresholds, size), &mut pooled);
-            for (&got, &truth) in pooled.iter().zip(&truth) {
-                assert!((f64::from(got) - truth).abs() < 1e-5 * (1.0 + truth), "{level:?}: {got}, not {truth}");
-            }
-        }
-    }
-}
-
-#[test]
 fn no_glimpses_no_features() {
     PackedWeights::bf16(2, 3, &[0.0; 6]).features(&[], &[0.0; 3], &mut []);
 }

@@ -1,7 +1,7 @@
-//! Model files and checkpoints of filters. A file's kind is its method.
+//! Model files and checkpoints of filters.
 
-use super::{Method, PatchFilters, Recipe, Trainer};
-use crate::rbm::io::{Tensor, Tensors, kind, open, pack, read};
+use super::{PatchFilters, Recipe, Trainer};
+use crate::rbm::io::{Tensor, Tensors, open, pack, read};
 use crate::rbm::progress::{Checkpoint, save};
 use crate::rbm::{Metadata, Whitening};
 use foveate_base::rows::Rows;
@@ -9,29 +9,23 @@ use foveate_base::{Result, files};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
+const KIND: &str = "kmeans";
 const CHECKPOINT: &str = "filters-checkpoint";
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct About {
-    /// Absent in files of k-means.
-    #[serde(default, skip_serializing_if = "is_kmeans")]
-    method: Method,
     /// Absent in files of filters of rows as they are.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     softening: Option<f32>,
     metadata: Metadata,
 }
 
-fn is_kmeans(method: &Method) -> bool {
-    *method == Method::Kmeans
-}
-
 impl PatchFilters {
     /// Writes a model file; it is whole or not there.
     pub fn save(&self, path: &Path, metadata: &Metadata) -> Result<()> {
-        let about = About { method: self.method, softening: self.softening, metadata: metadata.clone() };
-        files::write(path, &pack(self.method.name(), about, &self.tensors()))
+        let about = About { softening: self.softening, metadata: metadata.clone() };
+        files::write(path, &pack(KIND, about, &self.tensors()))
     }
     /// The whitening and D, as model files have them.
     pub fn tensors(&self) -> Vec<Tensor<'_>> {
@@ -43,11 +37,7 @@ impl PatchFilters {
         ]
     }
     /// From the tensors of a model file, which are used up to what does not belong to filters; problems in words.
-    pub fn of_tensors(
-        method: Method,
-        softening: Option<f32>,
-        tensors: &mut Tensors,
-    ) -> std::result::Result<Self, String> {
+    pub fn of_tensors(softening: Option<f32>, tensors: &mut Tensors) -> std::result::Result<Self, String> {
         let mut take = |name: &str| tensors.remove(name).ok_or_else(|| format!("the tensor {name} is missing"));
         let (mean, matrix, filters) = (take("mean")?, take("whitening")?, take("filters")?);
         let white = matrix.0.get(1).copied().unwrap_or(0);
@@ -56,15 +46,14 @@ impl PatchFilters {
             return Err(format!("mean is {:?}, whitening {:?}, filters {:?}", mean.0, matrix.0, filters.0));
         }
         let whitening = Whitening::new(mean.1, matrix.1).map_err(|e| e.to_string())?;
-        Self::new(method, whitening, filters.1, softening).map_err(|e| e.to_string())
+        Self::new(whitening, filters.1, softening).map_err(|e| e.to_string())
     }
     /// Reads a model from the bytes of a file; `path` stands for it in errors.
     ///
     /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
     pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
-        let kind = kind(bytes).filter(|kind| ["sparse", "ica"].contains(&kind.as_str()));
-        let take = |about: &About, tensors: &mut Tensors| Self::of_tensors(about.method, about.softening, tensors);
-        let (found, about) = open(bytes, path, kind.as_deref().unwrap_or("kmeans"), take)?;
+        let take = |about: &About, tensors: &mut Tensors| Self::of_tensors(about.softening, tensors);
+        let (found, about) = open(bytes, path, KIND, take)?;
         Ok((found, about.metadata))
     }
     /// Reads a model file; see [`PatchFilters::from_bytes`].
@@ -101,28 +90,24 @@ mod tests {
     fn models_come_back_and_checkpoints_go_on() {
         let data: Vec<f32> = (0..900).map(|i| ((i * i % 101) as f32).sin()).collect();
         let rows = Rows::new(&data, 9);
-        for method in [Method::Kmeans, Method::Sparse { penalty: 0.5 }, Method::Ica { size: 2 }] {
-            let recipe = Recipe::new(method, 5);
-            let dir = tempfile::tempdir().expect("a temporary folder");
-            let (path, checkpoint) = (dir.path().join("m.safetensors"), dir.path().join("c"));
-            let mut whole = Trainer::new(recipe.clone(), rows).expect("patches");
-            whole.step();
-            whole.save(&checkpoint, "x").expect("a writable folder");
-            whole.step();
-            let mut rest = Trainer::resume(&checkpoint, recipe.clone(), rows, "x").expect("just written");
-            rest.step();
-            assert_eq!(rest.learned(), whole.learned());
-            assert!(
-                Trainer::resume(&checkpoint, recipe, rows, "y").expect_err("other data").to_string().contains("other")
-            );
-            let metadata = Metadata { command: "foveate".into(), ..Metadata::default() };
-            whole.learned().save(&path, &metadata).expect("a writable folder");
-            assert_eq!(PatchFilters::load(&path).expect("just written"), (whole.learned().clone(), metadata));
-            let mut bytes = std::fs::read(&path).expect("just written");
-            *bytes.last_mut().expect("not empty") ^= 1;
-            assert!(PatchFilters::from_bytes(&bytes, &path).is_err());
-            let other = crate::rbm::Rbm::load(&path).expect_err("another kind").to_string();
-            assert!(other.contains(method.name()), "{other}");
-        }
+        let recipe = Recipe::new(5);
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let (path, checkpoint) = (dir.path().join("m.safetensors"), dir.path().join("c"));
+        let mut whole = Trainer::new(recipe.clone(), rows).expect("patches");
+        whole.step();
+        whole.save(&checkpoint, "x").expect("a writable folder");
+        whole.step();
+        let mut rest = Trainer::resume(&checkpoint, recipe.clone(), rows, "x").expect("just written");
+        rest.step();
+        assert_eq!(rest.learned(), whole.learned());
+        assert!(Trainer::resume(&checkpoint, recipe, rows, "y").expect_err("other data").to_string().contains("other"));
+        let metadata = Metadata { command: "foveate".into(), ..Metadata::default() };
+        whole.learned().save(&path, &metadata).expect("a writable folder");
+        assert_eq!(PatchFilters::load(&path).expect("just written"), (whole.learned().clone(), metadata));
+        let mut bytes = std::fs::read(&path).expect("just written");
+        *bytes.last_mut().expect("not empty") ^= 1;
+        assert!(PatchFilters::from_bytes(&bytes, &path).is_err());
+        let other = crate::rbm::Rbm::load(&path).expect_err("another kind").to_string();
+        assert!(other.contains(KIND), "{other}");
     }
 }

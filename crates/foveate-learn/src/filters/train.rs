@@ -1,6 +1,6 @@
 //! Learning filters: passes over all patches, each of which turns every filter.
 
-use super::{MOST, Method, PatchFilters, Sums, normalised, place, subspaces, whiten};
+use super::{MOST, PatchFilters, Sums, kmeans, normalised, place, whiten};
 use crate::Stop;
 use crate::rbm::Whitening;
 use crate::rbm::epoch_state::EpochState;
@@ -18,9 +18,7 @@ const CHUNK: usize = 4096;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
-    /// What is made small.
-    pub method: Method,
-    /// K. For ICA the most: it has no more than whitened numbers, in whole subspaces.
+    /// K.
     pub filters: usize,
     /// Passes over all patches.
     pub epochs: usize,
@@ -34,12 +32,11 @@ pub struct Recipe {
 
 impl Recipe {
     /// The usual settings, to be changed field by field.
-    pub fn new(method: Method, filters: usize) -> Self {
-        Self { method, filters, epochs: 30, keep: 0.99, softening: Some(1.0), seed: 1 }
+    pub fn new(filters: usize) -> Self {
+        Self { filters, epochs: 30, keep: 0.99, softening: Some(1.0), seed: 1 }
     }
     /// Fails, with the reason, if a number is out of its range.
     pub fn check(&self) -> Result<()> {
-        self.method.check()?;
         let problem = if !(1..=MOST.1).contains(&self.filters) {
             format!("filters are 1 to {}, got {}", MOST.1, self.filters)
         } else if let Some(softening) = self.softening.filter(|s| !(*s > 0.0 && s.is_finite())) {
@@ -70,11 +67,10 @@ impl Trainer {
     /// Fails if the recipe is out of range, a value is not finite, the patches do not vary, or there are fewer than filters.
     pub fn new(recipe: Recipe, patches: Rows<'_>) -> Result<Self> {
         recipe.check()?;
-        // ICA has no more filters than whitened numbers, and these are fewer than patches.
-        let least = if let Method::Ica { .. } = recipe.method { 1 } else { recipe.filters };
-        if patches.len() < least || patches.width() > MOST.0 {
+        if patches.len() < recipe.filters || patches.width() > MOST.0 {
             return Err(Error::Invalid(format!(
-                "{least} filters need as many patches, of at most {} values; got {} of {}",
+                "{} filters need as many patches, of at most {} values; got {} of {}",
+                recipe.filters,
                 MOST.0,
                 patches.len(),
                 patches.width()
@@ -84,23 +80,9 @@ impl Trainer {
             Whitening::fit(Rows::new(&normalised(patches, recipe.softening), patches.width()), recipe.keep)?;
         let white = whiten(&whitening, recipe.softening, patches);
         let n_x = whitening.shape().1;
-        let k = match recipe.method {
-            Method::Ica { size } => recipe.filters.min(n_x) / size * size,
-            _ => recipe.filters,
-        };
-        if k == 0 {
-            return Err(Error::Invalid(format!(
-                "{} filters of patches of {n_x} whitened numbers have no subspace of {:?}; ask for more filters or smaller subspaces",
-                recipe.filters, recipe.method
-            )));
-        }
-        // What one task sums, times the tasks.
-        let sums = match recipe.method {
-            Method::Kmeans => n_x * k,
-            Method::Sparse { .. } => (n_x + k) * k,
-            Method::Ica { size } => k / size * n_x * n_x,
-        };
-        let bytes = size_of::<f64>() * sums * patches.len().div_ceil(CHUNK);
+        let k = recipe.filters;
+        // The sums of one task, times the tasks.
+        let bytes = size_of::<f64>() * n_x * k * patches.len().div_ceil(CHUNK);
         memory::check(
             format_args!("learning {k} filters of {n_x} whitened numbers from {} rows", patches.len()),
             bytes as u64,
@@ -108,11 +90,7 @@ impl Trainer {
         let mut filters = vec![0.0; n_x * k];
         let mut rng = Streams::new(recipe.seed, 0).at(0, Purpose::Train).rng(0);
         (0..k).for_each(|j| place(&mut filters, j, &some(&white, n_x, &mut rng)));
-        if let Method::Ica { .. } = recipe.method {
-            let begun: Vec<f64> = filters.iter().map(|x| f64::from(*x)).collect();
-            subspaces::orthonormal(&begun, n_x, &mut filters);
-        }
-        let model = PatchFilters::new(recipe.method, whitening, filters, recipe.softening)?;
+        let model = PatchFilters::new(whitening, filters, recipe.softening)?;
         Ok(Self { recipe, model, white, state: EpochState::default(), cost: f64::INFINITY })
     }
     crate::training_accessors!();
@@ -139,14 +117,13 @@ impl Trainer {
     /// # Errors
     /// [`Error::Stopped`] then; the trainer is as it was before.
     pub fn step_until(&mut self, stop: Stop<'_>) -> Result<()> {
-        let (method, n_x) = (self.recipe.method, self.model.shape().1);
+        let n_x = self.model.shape().1;
         let mut filters = self.model.filters.clone();
         let chunks = self.white.par_chunks(CHUNK * n_x);
-        let parts: Option<Vec<Sums>> = chunks.map(|rows| method.sums(Rows::new(rows, n_x), &filters, stop)).collect();
+        let parts: Option<Vec<Sums>> = chunks.map(|rows| kmeans::sums(Rows::new(rows, n_x), &filters, stop)).collect();
         let sums = parts.ok_or(Error::Stopped)?.into_iter().reduce(Sums::with).expect("patches");
         let mut rng = self.state.draws(self.recipe.seed).rng(0);
-        let turned = method.turn(&sums, &mut filters, n_x, || some(&self.white, n_x, &mut rng), stop);
-        turned.ok_or(Error::Stopped)?;
+        kmeans::turn(&sums, &mut filters, n_x, || some(&self.white, n_x, &mut rng));
         self.cost = sums.cost / self.white.len() as f64;
         self.model.filters = filters;
         self.state.done(1);
@@ -201,111 +178,61 @@ mod tests {
             .collect()
     }
 
-    const METHODS: [Method; 4] =
-        [Method::Kmeans, Method::Sparse { penalty: 0.3 }, Method::Ica { size: 1 }, Method::Ica { size: 4 }];
-
-    fn trainer(method: Method, data: &[f32], filters: usize, keep: f64) -> Trainer {
-        let recipe = Recipe { softening: Some(1e-3), keep, ..Recipe::new(method, filters) };
+    fn trainer(data: &[f32], filters: usize, keep: f64) -> Trainer {
+        let recipe = Recipe { softening: Some(1e-3), keep, ..Recipe::new(filters) };
         Trainer::new(recipe, Rows::new(data, 9)).expect("patches that vary")
     }
 
     #[test]
     fn the_cost_never_rises_whatever_the_threads() {
         let data = patches(6000, 0.5);
-        for method in METHODS {
-            let run = |threads: usize| {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-                pool.install(|| {
-                    let mut trainer = trainer(method, &data, 30, 1.0);
-                    let costs: Vec<f64> = (0..25)
-                        .map(|_| {
-                            trainer.step();
-                            trainer.cost()
-                        })
-                        .collect();
-                    (costs, trainer.learned().clone())
-                })
-            };
-            let (costs, model) = run(1);
-            // Filters are rounded to f32, and codes end where they hardly move: that is all by which it may rise.
-            assert!(costs.windows(2).all(|c| c[1] <= c[0] * (1.0 + 1e-5)), "{method:?}: {costs:?}");
-            let share = if let Method::Ica { .. } = method { 0.999 } else { 0.98 };
-            assert!(costs[24] < share * costs[0], "{method:?}: {costs:?}");
-            let now = model.cost(Rows::new(&data, 9));
-            assert!((costs[24] / now - 1.0).abs() < 0.02, "{method:?}: {} and {now}", costs[24]);
-            assert_eq!(run(3), (costs, model), "{method:?}");
-        }
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            pool.install(|| {
+                let mut trainer = trainer(&data, 30, 1.0);
+                let costs: Vec<f64> = (0..25)
+                    .map(|_| {
+                        trainer.step();
+                        trainer.cost()
+                    })
+                    .collect();
+                (costs, trainer.learned().clone())
+            })
+        };
+        let (costs, model) = run(1);
+        // Filters are rounded to f32: that is all by which it may rise.
+        assert!(costs.windows(2).all(|c| c[1] <= c[0] * (1.0 + 1e-5)), "{costs:?}");
+        assert!(costs[24] < 0.98 * costs[0], "{costs:?}");
+        let now = model.cost(Rows::new(&data, 9));
+        assert!((costs[24] / now - 1.0).abs() < 0.02, "{} and {now}", costs[24]);
+        assert_eq!(run(3), (costs, model));
     }
 
-    /// However early it is stopped, the trainer is as it was, and soon: between two questions lie 256 patches at most. What goes on
-    /// afterwards ends with the same bits.
+    /// A trainer that is stopped is as it was before, and stops soon: between two questions lie 256 patches at most. It then continues to
+    /// the same bits.
     #[test]
     fn a_pass_stops_within_256_patches_and_changes_nothing() {
         let data = patches(6000, 0.5);
-        for method in METHODS {
-            let (mut whole, mut cut) = (trainer(method, &data, 12, 1.0), trainer(method, &data, 12, 1.0));
-            let asked = AtomicUsize::new(0);
-            whole.step_until(&|| asked.fetch_add(1, Ordering::Relaxed) == usize::MAX).expect("not stopped");
-            let all = asked.swap(0, Ordering::Relaxed);
-            assert!(all >= 6000 / 256, "{method:?}: {all} questions");
-            // The last questions are those of the filters that turn.
-            for n in [1, 2, all / 2, all - 1, all] {
-                let before = (cut.learned().clone(), cut.progress());
-                asked.store(0, Ordering::Relaxed);
-                let stopped = cut.step_until(&|| asked.fetch_add(1, Ordering::Relaxed) + 1 >= n);
-                assert!(matches!(stopped, Err(Error::Stopped)), "{method:?}, after {n} of {all}");
-                assert!((cut.learned().clone(), cut.progress()) == before && cut.cost().is_infinite());
-            }
-            cut.step();
-            assert_eq!((cut.learned(), cut.cost()), (whole.learned(), whole.cost()), "{method:?}");
+        let (mut whole, mut cut) = (trainer(&data, 12, 1.0), trainer(&data, 12, 1.0));
+        let asked = AtomicUsize::new(0);
+        whole.step_until(&|| asked.fetch_add(1, Ordering::Relaxed) == usize::MAX).expect("not stopped");
+        let all = asked.swap(0, Ordering::Relaxed);
+        assert!(all >= 6000 / 256, "{all} questions");
+        for n in [1, 2, all / 2, all - 1, all] {
+            let before = (cut.learned().clone(), cut.progress());
+            asked.store(0, Ordering::Relaxed);
+            let stopped = cut.step_until(&|| asked.fetch_add(1, Ordering::Relaxed) + 1 >= n);
+            assert!(matches!(stopped, Err(Error::Stopped)), "after {n} of {all}");
+            assert!((cut.learned().clone(), cut.progress()) == before && cut.cost().is_infinite());
         }
-    }
-
-    /// Mixtures of independent sources that are far from normal: each filter of ICA finds one of them, up to its sign.
-    #[test]
-    fn ica_finds_independent_sources() {
-        let mut rng = Streams::new(5, 0).rng(0);
-        let n = 20_000;
-        let mut data = vec![0.0f32; n * 4];
-        for row in data.chunks_exact_mut(4) {
-            // Patches lose their mean: three sources are as many as four values can tell.
-            let s: [f32; 3] = std::array::from_fn(|_| {
-                let e: f32 = StandardNormal.sample(&mut rng);
-                if rng.random::<f32>() < 0.1 { 3.0 * e } else { 0.1 * e }
-            });
-            row.copy_from_slice(&[s[0] + 0.5 * s[1], s[1] - 0.6 * s[2], s[2] + 0.3 * s[0], -s[0] - 0.2 * s[1]]);
-        }
-        let recipe = Recipe { softening: Some(1e6), keep: 1.0, ..Recipe::new(Method::Ica { size: 1 }, 3) };
-        let mut trainer = Trainer::new(recipe, Rows::new(&data, 4)).expect("patches that vary");
-        (0..300).for_each(|_| trainer.step());
-        // What a filter says of patches of one source alone: of its own it says most by far.
-        let alone = |j: usize| -> Vec<f32> {
-            let s: [f32; 3] = std::array::from_fn(|i| f32::from(u8::from(i == j)));
-            vec![s[0] + 0.5 * s[1], s[1] - 0.6 * s[2], s[2] + 0.3 * s[0], -s[0] - 0.2 * s[1]]
-        };
-        let (model, mut found) = (trainer.learned(), [false; 3]);
-        let origin = whiten(model.whitening(), Some(1e6), Rows::new(&[0.0; 4], 4));
-        let said: Vec<Vec<f32>> = (0..3)
-            .map(|source| {
-                let x = whiten(model.whitening(), Some(1e6), Rows::new(&alone(source), 4));
-                (0..3)
-                    .map(|j| (0..3).map(|i| (x[i] - origin[i]) * model.filters().row(i)[j]).sum::<f32>().abs())
-                    .collect()
-            })
-            .collect();
-        for j in 0..3 {
-            let best = (0..3).max_by(|a, b| said[*a][j].total_cmp(&said[*b][j])).expect("three");
-            let others: f32 = (0..3).filter(|s| *s != best).map(|s| said[s][j]).sum();
-            assert!(others < 0.1 * said[best][j], "{said:?}");
-            found[best] = true;
-        }
-        assert_eq!(found, [true; 3]);
+        cut.step();
+        assert_eq!((cut.learned(), cut.cost()), (whole.learned(), whole.cost()));
     }
 
     #[test]
     fn normalised_whitened_patches_have_no_mean_and_covariance_one() {
         let data = patches(5000, 0.5);
-        let trainer = trainer(Method::Kmeans, &data, 4, 1.0);
+        let trainer = trainer(&data, 4, 1.0);
         let white = trainer.white();
         // Without their mean nine values have eight directions.
         assert_eq!(trainer.learned().shape(), (9, 8, 4));
@@ -323,56 +250,44 @@ mod tests {
     fn four_patterns_are_found_as_four_filters() {
         let data = patches(4000, 0.02);
         // Filters begin as patches: a pattern has none of 40 once in 25,000 seeds.
-        for method in [Method::Kmeans, Method::Sparse { penalty: 0.3 }] {
-            let mut trainer = trainer(method, &data, 40, 0.99);
-            (0..30).for_each(|_| trainer.step());
-            let (_, n_x, k) = trainer.learned().shape();
-            let filters = trainer.learned().filters();
-            let clean = patches(200, 0.0);
-            let white = whiten(trainer.learned().whitening(), Some(1e-3), Rows::new(&clean, 9));
-            for x in white.chunks_exact(n_x) {
-                let length = x.iter().map(|x| x * x).sum::<f32>().sqrt();
-                let best = (0..k).map(|j| (0..n_x).map(|i| x[i] * filters.row(i)[j]).sum::<f32>() / length);
-                assert!(best.fold(0.0, f32::max) > 0.95, "a filter is along each pattern");
-            }
+        let mut trainer = trainer(&data, 40, 0.99);
+        (0..30).for_each(|_| trainer.step());
+        let (_, n_x, k) = trainer.learned().shape();
+        let filters = trainer.learned().filters();
+        let clean = patches(200, 0.0);
+        let white = whiten(trainer.learned().whitening(), Some(1e-3), Rows::new(&clean, 9));
+        for x in white.chunks_exact(n_x) {
+            let length = x.iter().map(|x| x * x).sum::<f32>().sqrt();
+            let best = (0..k).map(|j| (0..n_x).map(|i| x[i] * filters.row(i)[j]).sum::<f32>() / length);
+            assert!(best.fold(0.0, f32::max) > 0.95, "a filter is along each pattern");
         }
     }
 
     #[test]
     fn codes_are_of_a_row_alone_and_rows_may_keep_their_means() {
         let data = patches(700, 0.5);
-        for method in METHODS {
-            let recipe = Recipe { softening: None, keep: 1.0, ..Recipe::new(method, 12) };
-            let mut trainer = Trainer::new(recipe, Rows::new(&data, 9)).expect("patches that vary");
-            (0..3).for_each(|_| trainer.step());
-            let model = trainer.learned();
-            let (_, n_x, k) = model.shape();
-            assert_eq!(n_x, 9, "no direction is lost");
-            let codes = model.codes(Rows::new(&data, 9));
-            for row in [0, 255, 256, 699] {
-                assert_eq!(
-                    model.codes(Rows::new(&data[9 * row..][..9], 9)),
-                    codes[k * row..][..k],
-                    "{method:?}: {row}"
-                );
-            }
+        let recipe = Recipe { softening: None, keep: 1.0, ..Recipe::new(12) };
+        let mut trainer = Trainer::new(recipe, Rows::new(&data, 9)).expect("patches that vary");
+        (0..3).for_each(|_| trainer.step());
+        let model = trainer.learned();
+        let (_, n_x, k) = model.shape();
+        assert_eq!(n_x, 9, "no direction is lost");
+        let codes = model.codes(Rows::new(&data, 9));
+        for row in [0, 255, 256, 699] {
+            assert_eq!(model.codes(Rows::new(&data[9 * row..][..9], 9)), codes[k * row..][..k], "{row}");
         }
     }
 
     #[test]
     fn bad_settings_are_refused() {
         let data = patches(20, 0.1);
-        let kmeans = |filters| Recipe::new(Method::Kmeans, filters);
+        let kmeans = Recipe::new;
         let why =
             |recipe: Recipe, data: &[f32]| Trainer::new(recipe, Rows::new(data, 9)).expect_err("refused").to_string();
         assert!(why(kmeans(21), &data).contains("21 filters need as many patches"));
         assert!(why(kmeans(0), &data).contains("filters are 1 to"));
         assert!(why(Recipe { softening: Some(0.0), ..kmeans(3) }, &data).contains("softening"));
         assert!(why(Recipe { keep: 1.5, ..kmeans(3) }, &data).contains("share of variance"));
-        let of = |method| Recipe::new(method, 3);
-        assert!(why(of(Method::Sparse { penalty: 0.0 }), &data).contains("penalty"));
-        assert!(why(of(Method::Ica { size: 3 }), &data).contains("subspace"));
-        assert!(why(of(Method::Ica { size: 4 }), &data).contains("no subspace"));
         assert!(why(kmeans(3), &[0.5; 180]).contains("cannot be whitened"));
         assert!(why(kmeans(3), &[f32::NAN; 180]).contains("finite"));
     }

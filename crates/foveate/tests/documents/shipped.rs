@@ -54,8 +54,6 @@ fn encoder(config: &EncoderConfig) -> &'static str {
         EncoderConfig::Raw { .. } => "pixels (`raw`)",
         EncoderConfig::Rbm { .. } => "RBM (`rbm`)",
         EncoderConfig::Kmeans { .. } => "k-means filters (`kmeans`)",
-        EncoderConfig::Sparse { .. } => "filters by sparse coding (`sparse`)",
-        EncoderConfig::Ica { .. } => "energies of two-layer ICA (`ica`)",
         _ => unreachable!("a configuration that ships has parts of the library"),
     }
 }

@@ -1,10 +1,10 @@
-//! `foveate train kmeans`, `sparse` and `ica`: filters of natural patches, for a convolutional first layer.
+//! `foveate train kmeans`: filters of natural patches, for a convolutional first layer.
 
 use foveate::Result;
 use foveate::identity::convolution::Patches;
 use foveate::identity::retina::{Foveal, FovealConfig, Retina};
 use foveate::lab::training::{filters, sha256_of};
-use foveate::learn::filters::{Method, Recipe, Trainer};
+use foveate::learn::filters::{Recipe, Trainer};
 use foveate::rng::{Purpose, Streams};
 use foveate::rows::Rows;
 
@@ -15,43 +15,10 @@ use super::common::{self, Glimpses, Natural};
 /// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
 /// ends with the same bits. The same seed gives the same model for any number of threads.
 #[derive(clap::Args)]
-pub struct KmeansArgs {
-    #[command(flatten)]
-    args: Args,
-}
-
-/// Learn filters of whitened patches by sparse coding, from the rings of glimpses of natural photographs.
-///
-/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
-/// ends with the same bits. The same seed gives the same model for any number of threads.
-#[derive(clap::Args)]
-pub struct SparseArgs {
-    #[command(flatten)]
-    args: Args,
-    /// What a unit of the codes' absolute sum costs, where a whitened number has variance 1.
-    #[arg(long, default_value_t = 0.5)]
-    penalty: f32,
-}
-
-/// Learn filters of whitened patches by two-layer ICA (independent subspaces), from the rings of glimpses of natural photographs.
-///
-/// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
-/// ends with the same bits. The same seed gives the same model for any number of threads.
-#[derive(clap::Args)]
-pub struct IcaArgs {
-    #[command(flatten)]
-    args: Args,
-    /// Filters of a subspace: 1, 2, 4 or 8.
-    #[arg(long, default_value_t = 2)]
-    subspace: usize,
-}
-
-/// What the three share.
-#[derive(clap::Args)]
-struct Args {
+pub struct Args {
     #[command(flatten)]
     natural: Natural,
-    /// Filters; ica has as many as whitened numbers at most, in whole subspaces.
+    /// Filters.
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u16).range(1..=400))]
     units: u16,
     /// Cells along a side of a patch, 2 to 8.
@@ -71,47 +38,21 @@ struct Args {
     epochs: usize,
 }
 
-impl KmeansArgs {
-    /// Runs the command.
-    pub fn run(&self) -> Result<()> {
-        self.args.run(Method::Kmeans)
-    }
-}
-
-impl SparseArgs {
-    /// Runs the command.
-    pub fn run(&self) -> Result<()> {
-        self.args.run(Method::Sparse { penalty: self.penalty })
-    }
-}
-
-impl IcaArgs {
-    /// Runs the command.
-    pub fn run(&self) -> Result<()> {
-        self.args.run(Method::Ica { size: self.subspace })
-    }
-}
-
 impl Args {
-    fn recipe(&self, method: Method) -> Recipe {
+    fn recipe(&self) -> Recipe {
         Recipe {
             epochs: self.epochs,
             keep: self.keep,
             softening: Some(self.softening),
             seed: self.natural.seed,
-            ..Recipe::new(method, self.units.into())
+            ..Recipe::new(self.units.into())
         }
     }
     /// The command that makes the same model: every setting said, folders left open.
-    fn command(&self, method: Method, glimpses: &Glimpses) -> String {
-        let own = match method {
-            Method::Kmeans => String::new(),
-            Method::Sparse { penalty } => format!(" --penalty {penalty}"),
-            Method::Ica { size } => format!(" --subspace {size}"),
-        };
+    fn command(&self, glimpses: &Glimpses) -> String {
         format!(
-            "{}{own} --units {} --patch {} --patches {} --keep {} --softening {} --epochs {} --out FILE",
-            self.natural.command(method.name(), glimpses.retina.config()),
+            "{} --units {} --patch {} --patches {} --keep {} --softening {} --epochs {} --out FILE",
+            self.natural.command("kmeans", glimpses.retina.config()),
             self.units,
             self.patch,
             self.patches,
@@ -120,8 +61,9 @@ impl Args {
             self.epochs
         )
     }
-    fn run(&self, method: Method) -> Result<()> {
-        let (files, recipe, side) = (self.natural.files()?, self.recipe(method), usize::from(self.patch));
+    /// Runs the command.
+    pub fn run(&self) -> Result<()> {
+        let (files, recipe, side) = (self.natural.files()?, self.recipe(), usize::from(self.patch));
         recipe.check()?;
         let glimpses = self.natural.glimpses()?;
         let cut = Patches::new(glimpses.retina.cells(), side, 1)?;
@@ -145,14 +87,11 @@ impl Args {
                 Ok(())
             },
             |trainer| trainer.save(&files.checkpoint, &sha256),
-            |trainer| {
-                let what = if method == Method::Kmeans { "variance left" } else { "cost" };
-                Ok(format!("{what} {:.4} (held out {:.4})", trainer.cost(), trainer.learned().cost(held)))
-            },
+            |trainer| Ok(format!("variance left {:.4} (held out {:.4})", trainer.cost(), trainer.learned().cost(held))),
         )?;
 
         let model = trainer.learned();
-        model.save(files.model, &glimpses.metadata(self.command(method, &glimpses), recipe.seed, recipe.epochs))?;
+        model.save(files.model, &glimpses.metadata(self.command(&glimpses), recipe.seed, recipe.epochs))?;
         let patch = Foveal::new(FovealConfig { side: side as f64, rings: vec![[side, 1]], colour: vec![] })?;
         files.finish(Some(&filters::picture(Rows::new(&model.pictures(), k), patch.cells(), 400)?))
     }
