@@ -158,12 +158,6 @@ impl Config {
                     .into(),
             ));
         }
-        if self.fusion.is_some() && self.discriminant.is_none() {
-            return Err(Error::Config(
-                "fusion: cues are judged where the discriminant learns; add [discriminant], or leave [fusion] out"
-                    .into(),
-            ));
-        }
         #[cfg(feature = "learn")]
         if self.online_training.is_some() && !matches!(self.encoder, EncoderConfig::Rbm { .. }) {
             return Err(Error::Config(
@@ -307,8 +301,7 @@ impl Blueprint {
         let appearance = GazeAppearance::new(retina, encoder, c.likelihood.distance, c.likelihood.rule()?)?
             .with_background_discount(c.likelihood.background_discount)
             .with_steady_gaze(c.sensor.is_some() && covers_the_box(&self.retina))
-            .with_colour(c.colour)
-            .with_fusion(c.fusion);
+            .with_colour(c.colour);
         let appearance = match c.discriminant {
             Some(settings) => appearance
                 .with_discriminant(settings)

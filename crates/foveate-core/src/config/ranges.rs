@@ -6,7 +6,7 @@ use crate::control::{
     CameraMotion, ConfidenceModel, ConsistencySettings, DetectionLikelihood, DistractorSettings, LocalSearchSettings,
     RedetectionSettings, Resampling,
 };
-use crate::identity::{box_regression, colour, discriminant, fusion};
+use crate::identity::{box_regression, colour, discriminant};
 use crate::multi;
 use crate::scene::SensorSettings;
 use crate::start::StartSpread;
@@ -89,7 +89,6 @@ checked!(
     discriminant::Settings,
     discriminant::ShortTerm,
     discriminant::Variation,
-    fusion::Settings,
     multi::Settings,
 );
 #[cfg(feature = "learn")]

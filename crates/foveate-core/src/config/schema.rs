@@ -17,7 +17,7 @@ use crate::control::{
 use crate::identity::calibrate::Calibration;
 use crate::identity::gaze_appearance::Sharpness;
 use crate::identity::retina::{Foveal, FovealConfig};
-use crate::identity::{box_regression, colour, discriminant, distance, fusion};
+use crate::identity::{box_regression, colour, discriminant, distance};
 use crate::start::StartSpread;
 use foveate_base::error::within;
 use foveate_base::{Error, Result};
@@ -80,9 +80,6 @@ pub struct Config {
     /// The colours of the target against those of its surroundings, learned while tracking; not at all unless given.
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
     pub colour: Option<colour::Settings>,
-    /// Which of template, discriminant and colour to trust, learned while tracking; as they are mixed unless given.
-    #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
-    pub fusion: Option<fusion::Settings>,
     /// How the first layer, an RBM, is trained while tracking; not at all unless given.
     #[cfg(feature = "learn")]
     #[serde(default, skip_serializing_if = "Option::is_none", deserialize_with = "in_range")]
@@ -188,7 +185,6 @@ impl Ranges for Config {
         self.variation.ranges()?;
         self.short_term.ranges()?;
         self.colour.ranges()?;
-        self.fusion.ranges()?;
         #[cfg(feature = "learn")]
         self.online_training.ranges()?;
         self.box_regression.ranges()?;

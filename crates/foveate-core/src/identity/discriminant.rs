@@ -146,15 +146,6 @@ impl Discriminant {
         }
     }
 
-    /// Mean margin of the distractors among `rows` over the target, by a distance of features; 0 without distractors.
-    pub(super) fn margin(&self, distance: impl Fn(&[f32]) -> f64) -> f64 {
-        let of = |row: &[f32]| distance(&row[..row.len() - 1]);
-        let mut rows = self.learning.rows.chunks_exact(self.weights.len());
-        let n = rows.len().saturating_sub(PLACES);
-        let target = rows.next().map_or(0.0, of);
-        rows.skip(PLACES - 1).map(|row| of(row) - target).sum::<f64>() / n.max(1) as f64
-    }
-
     /// Chooses `places` for a target at `state`, and their labels.
     pub(super) fn look_around(&mut self, state: &State, extent: Extent, distractors: &[State]) {
         let Self { learning: Learning { places, labels, rows, .. }, regression, weights, .. } = self;

@@ -14,7 +14,6 @@ use super::dense::Dense;
 use super::discriminant::Discriminant;
 use super::distance::{Distance, Kind};
 use super::encoder::Encoder;
-use super::fusion::Fusion;
 #[cfg(feature = "learn")]
 use super::online::Training;
 use super::pyramid::Pyramid;
@@ -62,7 +61,6 @@ pub struct GazeAppearance {
     dense: Option<Dense>,
     discriminant: Option<Discriminant>,
     colour: Option<Colour>,
-    fusion: Option<Fusion>,
     #[cfg(feature = "learn")]
     training: Option<Training>,
     /// Gazes move what a sensor reads, and the retina stays at the centre.
@@ -122,7 +120,6 @@ impl GazeAppearance {
             buffers: Buffers::default(),
             discriminant: None,
             colour: None,
-            fusion: None,
             #[cfg(feature = "learn")]
             training: None,
             steady: false,

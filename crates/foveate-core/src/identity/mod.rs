@@ -18,7 +18,6 @@ pub mod discriminant;
 pub mod distance;
 pub mod encoder;
 mod footprint;
-pub mod fusion;
 pub mod gaze_appearance;
 mod integral;
 #[cfg(feature = "learn")]

@@ -145,25 +145,6 @@ fn nothing_is_learned_where_the_evidence_does_not_fit() {
 }
 
 #[test]
-fn the_fusion_of_cues_learns_and_goes_on_from_what_was_saved() {
-    let boxes = |tracker: &mut Tracker, frames: std::ops::Range<usize>| -> Vec<BBox> {
-        frames.map(|t| tracker.update(&frame(t, 1).image).expect("a picture of the first size").bbox).collect()
-    };
-    let (mut none, mut off, mut on) =
-        (tracker(&[]), tracker(&["fusion.gain=0.0"]), tracker(&["fusion.gain=20.0", "fusion.learning_rate=0.2"]));
-    let first = boxes(&mut none, 1..12);
-    assert_eq!(boxes(&mut off, 1..12), first, "without gain nothing changes");
-    assert_ne!(boxes(&mut on, 1..12), first, "with gain it does");
-    let saved = on.save();
-    let mut resumed = tracker(&["fusion.gain=20.0", "fusion.learning_rate=0.2"]);
-    resumed.load(&saved).expect("its own state");
-    resumed.skip(&frame(11, 1).image).expect("a picture in memory");
-    assert_eq!(boxes(&mut resumed, 12..20), boxes(&mut on, 12..20));
-    let error = none.load(&saved).expect_err("a state with fusion").to_string();
-    assert!(error.contains("fusion is set in the state and not set in this tracker"), "{error}");
-}
-
-#[test]
 fn the_first_layer_is_trained_and_goes_on_from_what_was_saved() {
     let learned = |settings: &[&str]| {
         let config = Config::builtin("natural-learned").expect("it ships").expect("it is right");

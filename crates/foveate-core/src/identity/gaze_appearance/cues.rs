@@ -6,8 +6,6 @@ use super::{CHUNK, GazeAppearance, dim, looks};
 use crate::geometry::{Fixation, Gaze, State};
 use crate::identity::colour::{self, Colour};
 use crate::identity::discriminant::{self, Discriminant, Learning};
-use crate::identity::distance::Distance;
-use crate::identity::fusion::{self, Fusion};
 use crate::identity::{Buffers, Lesson};
 use crate::scene::Image;
 use foveate_base::rows::{Rows, RowsMut};
@@ -17,8 +15,8 @@ use foveate_base::rows::{Rows, RowsMut};
 enum Learned {
     /// As the first frame: everything else is reset.
     First,
-    /// As a frame in which distractors are so much farther than the target by their colours.
-    LongTerm(f64),
+    /// As a frame that fits: by all models.
+    LongTerm,
     /// By the short-term memory alone.
     ShortTerm,
 }
@@ -46,11 +44,6 @@ impl GazeAppearance {
         Self { colour: settings.map(Colour::new), ..self }
     }
 
-    /// Learns while tracking which of template, discriminant and colour to trust, by these settings.
-    pub fn with_fusion(self, settings: Option<fusion::Settings>) -> Self {
-        Self { fusion: settings.map(Fusion::new), ..self }
-    }
-
     /// Reads the whole box under every gaze: gazes only steer the sharp region of a sensor.
     pub fn with_steady_gaze(self, steady: bool) -> Self {
         Self { steady, ..self }
@@ -63,18 +56,17 @@ impl GazeAppearance {
 
     /// Learns a frame according to a lesson.
     pub(super) fn take(&mut self, image: &Image, state: &State, distractors: &[State], lesson: Lesson) {
-        let (extent, margin) = (self.extent(), self.colour_margin(state, distractors));
+        let extent = self.extent();
         let within = |gate: f64| lesson.deficit.is_some_and(|deficit| deficit <= gate);
         if let Some(colour) = self.colour.as_mut().filter(|colour| within(colour.settings().gate)) {
             colour.adapt(image, state, extent);
         }
         let learned = match &self.discriminant {
-            Some(it) if within(it.settings().gate) => Some(Learned::LongTerm(margin)),
+            Some(it) if within(it.settings().gate) => Some(Learned::LongTerm),
             Some(it) if lesson.short_term && it.has_short_term() => Some(Learned::ShortTerm),
             _ => None,
         };
         if let Some(learned) = learned {
-            self.template_features(Gaze::CENTRE);
             self.discriminate(image, state, distractors, learned);
         }
         #[cfg(feature = "learn")]
@@ -111,12 +103,6 @@ impl GazeAppearance {
                 one[0] = 1.0;
             }
         }
-        if let (Learned::LongTerm(colour), Some(fusion)) = (learned, &mut self.fusion)
-            && !distractors.is_empty()
-        {
-            let template = it.margin(|h| self.distance.distance(h, &self.scratch.template));
-            fusion.learn([template, it.margin(|h| it.distance(h)), colour]);
-        }
         match learned {
             Learned::ShortTerm => it.learn_short_term(),
             _ => it.learn(learned == Learned::First),
@@ -152,21 +138,6 @@ impl GazeAppearance {
     pub(super) fn mixing(&self) -> (f64, f64) {
         let discriminant = self.discriminant.as_ref().map_or(0.0, |it| it.settings().mixing_weight);
         let colour = self.colour.as_ref().map_or(0.0, Colour::weight);
-        self.fusion.as_ref().map_or((discriminant, colour), |it| it.mixed(discriminant, colour))
-    }
-
-    /// Mean margin of the distractors over the target by colour. All of them were prepared: without a distractor
-    /// search they are particles.
-    pub(super) fn colour_margin(&self, state: &State, distractors: &[State]) -> f64 {
-        let looks = looks(&*self.retina, self.extent());
-        let Some(colour) = self.colour.as_ref().filter(|_| self.fusion.is_some() && !distractors.is_empty()) else {
-            return 0.0;
-        };
-        let distance = |place: &State| {
-            let view = self.buffers.views.of(place, Gaze::CENTRE, looks, true);
-            colour.distance(&self.buffers.views.get(view).sums, place, looks.extent)
-        };
-        let all: f64 = distractors.iter().map(distance).sum();
-        all / distractors.len() as f64 - distance(state)
+        (discriminant, colour)
     }
 }

@@ -3,7 +3,6 @@
 use super::{GazeAppearance, Sharpness};
 use crate::geometry::{Extent, Gaze, State};
 use crate::identity::dense::Dense;
-use crate::identity::fusion::Fusion;
 use crate::identity::{Appearance, calibrate};
 use crate::reference::ReferenceLikelihood;
 use crate::scene::Image;
@@ -20,7 +19,6 @@ impl GazeAppearance {
     ) -> ReferenceLikelihood {
         // On the first frame itself everything is familiar.
         let discounting_background = std::mem::take(&mut self.discounting_background);
-        self.fusion.iter_mut().for_each(Fusion::reset);
         self.learn_first(image, state, &[]);
         let found = calibrate::calibrate(image, state, extent, streams, &mut |states, out| {
             self.prepare(image, states, &[Gaze::CENTRE]);

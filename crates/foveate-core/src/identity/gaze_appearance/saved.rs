@@ -7,7 +7,6 @@ use super::{GazeAppearance, Template};
 use crate::geometry::{Extent, Gaze, State};
 use crate::identity::colour::Colour;
 use crate::identity::discriminant::Discriminant;
-use crate::identity::fusion::Fusion;
 use crate::saved_state::SavedState;
 use crate::scene::Image;
 use foveate_base::{Error, Result, memory};
@@ -29,7 +28,6 @@ impl GazeAppearance {
             sharpness: kept.sharpness,
             discriminant: self.discriminant.as_ref().map(Discriminant::save),
             colour: self.colour.as_ref().map(Colour::save),
-            fusion: self.fusion.as_ref().map(Fusion::save),
             home: (self.committed != Gaze::CENTRE).then_some(self.committed),
             training: self.saved_training(),
         };
@@ -60,15 +58,6 @@ impl GazeAppearance {
             _ => {
                 return Err(bad(
                     "only one of it and this tracker has colours; use the configuration it was saved with".into(),
-                ));
-            }
-        }
-        match (&mut self.fusion, saved.fusion) {
-            (Some(it), Some(saved)) => it.load(saved)?,
-            (None, None) => (),
-            _ => {
-                return Err(bad(
-                    "only one of it and this tracker fuses cues; use the configuration it was saved with".into()
                 ));
             }
         }
@@ -136,8 +125,6 @@ struct Saved {
     discriminant: Option<serde_json::Value>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     colour: Option<serde_json::Value>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    fusion: Option<[f64; 3]>,
     /// The committed gaze, if it is not the centre.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     home: Option<Gaze>,
