@@ -8,8 +8,8 @@ use foveate_base::rng::{Purpose, Streams};
 use foveate_base::rows::{Rows, RowsMut};
 use foveate_base::{Error, Result};
 
-/// Nats by which the target must at least be likelier than the most similar other places of the test picture. The configurations that
-/// ship have 5 and more.
+/// Nats by which the target must at least be likelier than the most similar other places of the test picture: with fewer, a thousand
+/// particles elsewhere outweigh those on the target.
 const LEAST: f64 = 2.0;
 /// The most: beyond it, one particle has all the weight.
 const MOST: f64 = 1000.0;
@@ -83,13 +83,13 @@ fn features(image: &Image, retina: &dyn Retina, encoder: &dyn Encoder) -> Vec<f3
     features
 }
 
-/// Noise of three sizes in three planes: 4, 8 and 16 pixels.
+/// Noise of three sizes in three planes, 4, 8 and 16 pixels, about as rich in contrast as camera video.
 fn picture() -> Image {
     let [w, h] = SIZE;
     let mut rng = Streams::new(1, 0).at(0, Purpose::Scene).rng(0);
-    let mut bytes = vec![0_u8; 3 * w * h];
+    let mut bytes = vec![64_u8; 3 * w * h];
     for plane in bytes.chunks_exact_mut(w * h) {
-        for (cell, high) in [(4, 60.0), (8, 80.0), (16, 110.0)] {
+        for (cell, high) in [(4, 30.0), (8, 40.0), (16, 55.0)] {
             let columns = w / cell + 1;
             let noise: Vec<f64> = (0..columns * (h / cell + 1)).map(|_| high * rng.uniform()).collect();
             for (k, byte) in plane.iter_mut().enumerate() {
@@ -107,8 +107,8 @@ mod tests {
     use foveate_base::files::Nowhere;
 
     #[test]
-    fn encoders_that_ship_suit_their_configurations() {
-        for name in Config::names() {
+    fn encoders_for_real_video_suit_their_configurations() {
+        for name in ["natural", "natural-fast", "natural-middle", "natural-raw"] {
             let config = Config::builtin(name).expect("it ships").expect("it is right");
             let distance = config.likelihood.distance;
             let blueprint = config.check(&Nowhere).expect("parts that fit");

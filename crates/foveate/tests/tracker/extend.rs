@@ -7,6 +7,7 @@ use foveate::files::Folder;
 use foveate::gaze::{Context, Grid, Plan, Policy};
 use foveate::geometry::{Extent, Gaze, State};
 use foveate::identity::Encoder;
+use foveate::identity::oriented::{Oriented, Weights};
 use foveate::identity::retina::Retina;
 use foveate::rng::Rng;
 use foveate::rows::{Rows, RowsMut};
@@ -83,6 +84,18 @@ impl Encoder for Scaled {
     }
 }
 
+/// Glimpses as they are: all are about as bright.
+struct Bare(usize);
+
+impl Encoder for Bare {
+    fn shape(&self) -> (usize, usize) {
+        (self.0, self.0)
+    }
+    fn encode(&self, glimpses: Rows<'_>, mut features: RowsMut<'_>) {
+        features.data().copy_from_slice(glimpses.data());
+    }
+}
+
 /// Finds the square of [`picture`], once a frame.
 #[derive(Default)]
 struct Found {
@@ -109,6 +122,16 @@ fn parts() -> Parts {
             let retina = site.retina()?;
             let width = retina.glimpse_len();
             Ok((retina, Scaled { width, gain: it.gain }))
+        })
+        .with_encoder("bare", |_: Nothing, site| {
+            let retina = site.retina()?;
+            let width = retina.glimpse_len();
+            Ok((retina, Bare(width)))
+        })
+        .with_encoder("gradients", |_: Nothing, site| {
+            let retina = site.retina()?;
+            let channels: Vec<usize> = retina.cells().iter().map(|cell| cell.channel).collect();
+            Ok((retina, Oriented::new(&channels, Weights::default())?))
         })
         .with_detector("found", |_: Nothing| Ok(Found::default()))
 }
@@ -196,6 +219,28 @@ fn settings_that_do_not_fit_are_refused_by_name() {
         let error = config(&[setting]).and_then(|c| c.check(&Folder::here())).err().expect(setting).to_string();
         assert!(error.contains(said), "{setting}: {error}");
     }
+}
+
+/// A law-abiding encoder that does not suit distance or sharpness would follow nothing.
+#[test]
+fn an_encoder_that_does_not_suit_is_refused() {
+    let scaled = "encoder={ kind = \"scaled\", gain = 2.0 }";
+    for (settings, said) in [
+        (&["encoder.kind=bare"][..], "on a test picture the target is only"),
+        (&[scaled, "likelihood.distance=bhattacharyya"], "needs features of 0 or more"),
+        (&[scaled, "likelihood.distance=bernoulli"], "needs features of 0 to 1"),
+        (&[scaled, "likelihood.sharpness=100000"], "one particle has all the weight"),
+        (&["encoder={ kind = \"scaled\", gain = inf }"], "features must be finite"),
+    ] {
+        let error = config(settings).and_then(|c| c.check(&Folder::here())).err().expect(said).to_string();
+        assert!(error.contains("encoder: ") && error.contains(said), "{error}");
+    }
+    let calibrated =
+        ["encoder.kind=bare", "likelihood={ distance = \"cosine\", calibrate = { nats = 12, least = 1, most = 1e5 } }"];
+    config(&calibrated).and_then(|c| c.check(&Folder::here())).expect("the first frame chooses the sharpness");
+    let natural = Config::builtin("natural").expect("it ships").expect("it is right").with_parts(&parts());
+    let natural = ["variation=none", "encoder.kind=gradients"].iter().try_fold(natural, |config, it| config.set(it));
+    natural.and_then(|c| c.check(&Folder::here())).expect("the encoder of `natural`, registered anew");
 }
 
 #[test]
