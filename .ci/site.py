@@ -18,7 +18,7 @@ def on_files(files, config):
 
 
 def on_page_markdown(markdown, page, config, files):
-    """Links are relative to the repository in the text, and to the site in what is returned. Blocks of code stay."""
+    """Turns links relative to the repository into links of the site, outside of code, and `rust,no_run` into `rust`."""
     uri = page.file.src_uri
     source = uri.removeprefix("project/") if uri.startswith("project/") else f"docs/{uri}"
 
@@ -35,4 +35,6 @@ def on_page_markdown(markdown, page, config, files):
         return f"{mark}[{text}]({target}{'#' + anchor if anchor else ''})"
 
     parts = re.split(r"(```.*?```)", markdown, flags=re.S)
-    return "".join(part if part.startswith("```") else LINK.sub(moved, part) for part in parts)
+    code = [re.sub(r"^```(\w+),\S*", r"```\1", part) for part in parts[1::2]]
+    text = [LINK.sub(moved, part) for part in parts[::2]]
+    return text[0] + "".join(a + b for a, b in zip(code, text[1:], strict=True))
