@@ -102,7 +102,7 @@ pub fn reference(folders: &[&std::path::Path]) -> String {
     let mut out = String::from("### Top level\n\n");
     let (plain, sections): (Vec<&Field>, Vec<&Field>) = fields.iter().partition(|f| resolve(&items, &f.kind).is_none());
     let top = Part { items: &items, path: vec![], given: parse(LEAST) };
-    out += &table(&plain.iter().flat_map(|field| top.rows(field, "")).collect::<Vec<_>>());
+    out += &list(&plain.iter().flat_map(|field| top.rows(field, "")).collect::<Vec<_>>());
     let written = parse(&Config::parse(LEAST, "least").expect("it is enough").to_toml());
     for field in sections {
         let item = resolve(&items, &field.kind).expect("it is a section");
@@ -129,7 +129,7 @@ fn section(items: &[Item], name: &str, item: &Item) -> String {
     match &item.body {
         Body::Struct(fields) => {
             let part = Part { items, path: vec![name.into()], given: given(dummies(items, fields)) };
-            format!("\n{}", part.table(fields))
+            format!("\n{}", part.list(fields))
         }
         Body::Enum(variants) => {
             let (mut out, mut told, mut shown) = (String::new(), vec![], vec![]);
@@ -152,7 +152,7 @@ fn section(items: &[Item], name: &str, item: &Item) -> String {
                     out += &format!("Also {}, as above.\n", keys.join(", "));
                 }
                 if !new.is_empty() {
-                    out += &format!("\n{}", table(&new));
+                    out += &format!("\n{}", list(&new));
                 }
                 shown.extend(new);
                 for field in fields.iter().filter(|field| !told.contains(&field.kind)).collect::<Vec<_>>() {
@@ -194,10 +194,10 @@ struct Part<'a> {
 type Row = [String; 4];
 
 impl Part<'_> {
-    /// The table of some fields, and what the words mean that they take.
-    fn table(&self, fields: &[Field]) -> String {
+    /// The lines of some fields, and the meaning of their words.
+    fn list(&self, fields: &[Field]) -> String {
         let rows: Vec<Row> = fields.iter().flat_map(|field| self.rows(field, "")).collect();
-        let mut out = table(&rows);
+        let mut out = list(&rows);
         for field in fields {
             out += &self.words(field);
         }
@@ -242,7 +242,7 @@ impl Part<'_> {
             _ if field.required => "required".into(),
             Some(value) => format!("`{value}`"),
             None if kind == "boolean" => "`false`".into(),
-            None => "left out".into(),
+            None => "optional".into(),
         };
         let range =
             if ["number", "integer"].iter().any(|k| kind.starts_with(k)) { self.range(key, &field.kind) } else { None };
@@ -300,15 +300,11 @@ impl Part<'_> {
     fn words(&self, field: &Field) -> String {
         match resolve(self.items, &field.kind) {
             Some(Item { body: Body::Enum(variants), tagged: false, .. }) => {
-                let mut out = format!("\n| `{}` | meaning |\n| --- | --- |\n", field.name);
+                let mut out = format!("\nValues of `{}`:\n\n", field.name);
                 for variant in variants {
                     let inner = variant.fields.iter().map(|f| format!(" `{}`: {}", f.name, sentence(&f.docs)));
-                    out += &format!(
-                        "| {} | {}{} |\n",
-                        spelled(variant),
-                        sentence(&variant.docs),
-                        inner.collect::<String>()
-                    );
+                    out +=
+                        &format!("- {}: {}{}\n", spelled(variant), sentence(&variant.docs), inner.collect::<String>());
                 }
                 out
             }
@@ -347,16 +343,21 @@ fn parse(text: &str) -> Table {
     text.parse().expect("TOML")
 }
 
-/// The text as a sentence in a table's cell.
+/// The text as a sentence.
 fn sentence(docs: &str) -> String {
-    let text = docs.replace('|', "\\|");
-    if text.is_empty() || text.ends_with(['.', ':', '?']) { text } else { format!("{text}.") }
+    if docs.is_empty() || docs.ends_with(['.', ':', '?']) { docs.to_owned() } else { format!("{docs}.") }
 }
 
-fn table(rows: &[Row]) -> String {
-    let mut out = "| key | type | default | meaning |\n| --- | --- | --- | --- |\n".to_owned();
-    for row in rows {
-        out += &format!("| {} |\n", row.join(" | "));
-    }
-    out
+/// A line for each key: with its default as a configuration has it, and its range.
+fn list(rows: &[Row]) -> String {
+    let line = |[key, kind, default, docs]: &Row| {
+        if ["required", "optional"].contains(&default.as_str()) {
+            return format!("- {key} ({kind}, {default}): {docs}\n");
+        }
+        let (key, value) = (key.trim_matches('`'), default.trim_matches('`'));
+        let range = ["number, ", "integer, "].iter().find_map(|number| kind.strip_prefix(number));
+        let range = range.map_or_else(String::new, |range| format!(", {range}"));
+        format!("- `{key} = {value}`{range}: {docs}\n")
+    };
+    rows.iter().map(line).collect()
 }
