@@ -15,9 +15,6 @@ pub fn document(all: &[Results]) -> String {
     out += &summary(all);
     for results in all {
         out += &format!("\n## {}\n\n{}\n\n{}", results.title, results.about, table(results));
-        if !results.paper.is_empty() {
-            out += &digits(results);
-        }
         let checks: Vec<String> = results.checks.iter().map(|c| format!("- {}\n", c.text())).collect();
         out += &if checks.is_empty() { String::new() } else { format!("\n{}", checks.concat()) };
         out.truncate(out.trim_end().len());
@@ -30,8 +27,9 @@ pub fn document(all: &[Results]) -> String {
 fn conditions(all: &[Results]) -> String {
     let Some(first) = all.first() else { return "Nothing was run.".into() };
     format!(
-        "{}, {} frames a video. Means over videos, with 95 % bootstrap intervals in brackets. Off at end: the last 20 frames are more than\n\
-         15 px off on average. Differences are taken video by video. Random numbers are named by seed: the same command gives the same figures.",
+        "{}, {} frames a video. Cells are means over videos with 95 % bootstrap intervals. *Off at end*: the mean error of the last 20\n\
+         frames exceeds 15 px. *Difference*: paired by video, from the line of the same settings without a difference, unless another is\n\
+         named. The same command gives the same figures. The files in `paper/experiments/results/` also have medians and each digit.",
         first.digits_from, first.frames
     )
 }
@@ -82,82 +80,45 @@ fn short(line: &Line, unit: &str) -> String {
     format!("{:.2} {unit}, {:.0} % off at end", line.tally.mean, 100.0 * line.tally.off_at_end)
 }
 
-/// One table for each scene: means, medians, videos off at end, and differences. The settings of a line and the line that it is
-/// compared with have columns if they vary. Or the table of many targets.
+/// One table for each scene: means, videos off at end, and paired differences, which experiments on single changes omit. Or the table
+/// of many targets.
 fn table(results: &Results) -> String {
     if !results.multi.is_empty() {
         return multi_table::markdown(&results.multi);
     }
     let unit = unit(results);
-    let mixed = results.lines.iter().any(|l| l.group != Group::Recommended);
-    let settings = |text: &str| if mixed { format!(" {text} |") } else { String::new() };
+    let paired = |text: &str| if results.experiment.starts_with("why-") { String::new() } else { format!(" {text} |") };
     let mut out = String::new();
     for scene in results.scenes() {
         let lines: Vec<&Line> = results.lines.iter().filter(|l| l.scene == scene).collect();
-        let mut others: Vec<&str> = lines.iter().filter_map(|l| l.tally.against.and(l.other.as_deref())).collect();
-        others.sort_unstable();
-        others.dedup();
-        let (from, rule) = match others[..] {
-            [] => (String::new(), ""),
-            [only] => (format!(" minus {only} |"), " --- |"),
-            _ => (" difference | from |".to_owned(), " --- | --- |"),
-        };
         out += &format!(
-            "{scene}, {} videos a line:\n\n|{} line | mean {unit} | median {unit} | off at end |{from}\n|{} --- | --- | --- | --- |{rule}\n",
+            "{scene}, {} videos a line:\n\n| line | mean {unit} | off at end |{}\n| --- | --- | --- |{}\n",
             lines.first().map_or(0, |l| l.tally.videos),
-            settings("settings"),
-            settings("---"),
+            paired("difference"),
+            paired("---"),
         );
-        for line in lines {
+        for line in &lines {
             let t = &line.tally;
-            let (difference, from) = match (t.against, &line.other) {
-                (Some(d), Some(other)) => (format!("{:+.2} [{:+.2}, {:+.2}]", d.mean, d.low, d.high), other.as_str()),
-                _ => (String::new(), ""),
-            };
-            let last = match others.len() {
-                0 => String::new(),
-                1 => format!(" {difference} |"),
-                _ => format!(" {difference} | {from} |"),
+            let usual = lines.iter().find(|l| l.group == line.group && l.tally.against.is_none());
+            let difference = match (t.against, &line.other) {
+                (Some(d), Some(other)) => {
+                    let from =
+                        if usual.is_some_and(|l| l.name == *other) { String::new() } else { format!(" from {other}") };
+                    format!("{:+.2} [{:+.2}, {:+.2}]{from}", d.mean, d.low, d.high)
+                }
+                _ => String::new(),
             };
             out += &format!(
-                "|{} {} | {:.2} [{:.2}, {:.2}] | {:.2} | {:.0} % |{last}\n",
-                settings(line.group.title()),
+                "| {} | {:.2} [{:.2}, {:.2}] | {:.0} % |{}\n",
                 line.name,
                 t.mean,
                 t.interval[0],
                 t.interval[1],
-                t.median,
                 100.0 * t.off_at_end,
+                paired(&difference),
             );
         }
         out += "\n";
-    }
-    out
-}
-
-/// Digit by digit, beside the paper's: means, in brackets deviations over time.
-fn digits(results: &Results) -> String {
-    let scene = results.scenes().first().copied().unwrap_or("").to_owned();
-    let heads: String = results.digits.iter().map(|d| format!(" {d} |")).collect();
-    let rule: String = results.digits.iter().map(|_| " --- |").collect();
-    let mut out = format!("Digit by digit ({scene}):\n\n| line |{heads} mean |\n| --- |{rule} --- |\n");
-    let cell = |mean: f64, spread: Option<f64>| match spread.filter(|s| *s > 0.0) {
-        Some(spread) => format!(" {mean:.2} ({spread:.2}) |"),
-        None => format!(" {mean:.2} |"),
-    };
-    for row in &results.paper {
-        let cells: String = (results.digits.iter())
-            .map(|&d| {
-                row.digits
-                    .get(usize::from(d))
-                    .map_or(" |".into(), |m| cell(*m, row.spread.get(usize::from(d)).copied()))
-            })
-            .collect();
-        out += &format!("| **the paper: {}** |{cells} {:.2} |\n", row.row, row.average);
-    }
-    for line in results.lines.iter().filter(|l| l.scene == scene) {
-        let cells: String = line.tally.digits.iter().map(|d| cell(d.mean, Some(d.spread))).collect();
-        out += &format!("| {} |{cells} {:.2} |\n", line.name, line.tally.mean);
     }
     out
 }
