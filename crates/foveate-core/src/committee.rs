@@ -1,7 +1,8 @@
-//! Trackers of one target that share its pictures and no draw, and vote (`control/confidence/vote.rs`). Alone, one is what it was.
+//! Several trackers with independent random streams follow one target and vote (`control/confidence/vote.rs`). With one member the result is
+//! that of a single tracker.
 //!
-//! A member that has lost the target while the majority sees it begins again where that is: from what it has learned itself, so that it
-//! says by its own looks whether it is there.
+//! A member that has lost the target while the majority tracks it starts again at the elected box. It keeps its own template, so that it judges
+//! that place by its own evidence.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +14,7 @@ use crate::seen::{Phase, Seen};
 use crate::threads;
 use foveate_base::{Error, Result};
 
-/// More rectangles than a member reads of a picture.
+/// Upper bound of the rectangles that a member reads of a picture.
 const WINDOWS: usize = 64;
 
 /// One tracker or more.
@@ -44,21 +45,22 @@ impl Committee {
         &self.members[0]
     }
 
-    /// The same, for what a committee cannot do together.
+    /// The first member, for steps that read through a sensor, which a committee cannot share.
     pub fn first_mut(&mut self) -> &mut Engine {
         &mut self.members[0]
     }
 
-    /// All look at the target in this box.
+    /// Starts all members on the target in this box.
     ///
-    /// Fails as one of them does, before anything has changed.
+    /// # Errors
+    /// As [`Engine::init`], before anything has changed.
     pub fn init(&mut self, image: &Image, bbox: BBox) -> Result<()> {
         self.members.iter_mut().try_for_each(|member| member.init(image, bbox))?;
         self.vote.reset();
         Ok(())
     }
 
-    /// One frame: every member's, and the vote.
+    /// One frame: a step of every member, and the vote.
     pub fn step<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
         if self.members.len() == 1 {
             return self.members[0].step_on(scene);
@@ -73,7 +75,7 @@ impl Committee {
         }));
         let (elected, p_lost, status) = self.vote.count(&self.ballots);
         if !self.vote.is_searching() {
-            self.gather(elected);
+            self.reset_lost_members(elected);
         }
         self.meter.clear();
         self.members.iter().for_each(|member| self.meter.add_all(member.meter()));
@@ -82,8 +84,8 @@ impl Committee {
         Seen { values, p_lost, status, phase, ..self.members[elected].report(scene) }
     }
 
-    /// Members that are lost begin again where the target is.
-    fn gather(&mut self, elected: usize) {
+    /// Lost members start again at the elected box.
+    fn reset_lost_members(&mut self, elected: usize) {
         let here = self.ballots[elected].bbox;
         self.members
             .iter_mut()
@@ -117,7 +119,7 @@ impl Committee {
         self.first().parts()
     }
 
-    /// One member's state, or that of all and what they believe together.
+    /// The state of the only member, or of all members and the vote.
     pub fn save(&self) -> serde_json::Value {
         if let [only] = &self.members[..] {
             return only.save();
@@ -126,7 +128,7 @@ impl Committee {
         serde_json::to_value(saved).expect("plain data is JSON")
     }
 
-    /// Takes up what [`Committee::save`] gave.
+    /// Resumes from what [`Committee::save`] returned.
     pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
         if let [only] = &mut self.members[..] {
             return only.load(saved);

@@ -264,7 +264,7 @@ impl Engine {
     /// If the policy looks at one place from now on, everything is learned of that place, from the first picture on.
     fn commit_gaze(&mut self) {
         let (streams, Parts { appearance, gaze, monitor, .. }) = (self.streams, &mut self.parts);
-        let Some(gaze) = gaze.policy.settles() else { return };
+        let Some(gaze) = gaze.policy.committed_gaze() else { return };
         let committed = appearance.committed_gaze();
         if (gaze.u, gaze.v) == (committed.u, committed.v) {
             return;

@@ -38,7 +38,7 @@ pub struct Tracker {
 }
 
 /// The format number of saved trackers.
-const FORMAT: u32 = 15;
+const FORMAT: u32 = 16;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {

@@ -15,7 +15,7 @@ impl Blueprint {
         if self.config.sensor.is_some() {
             return Err(Error::Config("sensor: it serves one target; leave it out to follow many".into()));
         }
-        if self.config.policy.settles_elsewhere() {
+        if self.config.policy.commits_elsewhere() {
             return Err(Error::Config(
                 "policy: to learn anew of another place than the centre takes the whole first picture, which many targets do not keep; \
                  set policy.kind = \"fixed\" with u and v 0, or another kind than explore-then-commit"

@@ -139,7 +139,7 @@ impl PolicyConfig {
         matches!(self, Self::Hedge { .. } | Self::Pool { .. } | Self::Anchor { .. })
     }
     /// Whether it may look at one place for good that is not the centre, so that all is learned anew of that place.
-    pub(super) fn settles_elsewhere(&self) -> bool {
+    pub(super) fn commits_elsewhere(&self) -> bool {
         match self {
             Self::Fixed { u, v } => (*u, *v) != (0.0, 0.0),
             _ => matches!(self, Self::ExploreThenCommit { .. }),

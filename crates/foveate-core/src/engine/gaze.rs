@@ -60,7 +60,7 @@ impl GazeControl {
 
     /// Tells the policy before the first look what it asks for: how salient a gaze is, or what it would have earned on this picture.
     pub(super) fn init_prior(&mut self, image: &Image, target: &Target, appearance: &mut dyn Appearance) {
-        match self.policy.expects() {
+        match self.policy.expectation() {
             Some(Expectation::Saliency) => self.init_saliency(image, target),
             Some(Expectation::Rehearsal) => self.rehearse(image, target, appearance),
             None => {}
@@ -71,7 +71,7 @@ impl GazeControl {
     fn init_saliency(&mut self, image: &Image, target: &Target) {
         let mut saliency = Saliency::default();
         saliency.look(image);
-        self.policy.expect(&mut |gaze| {
+        self.policy.init_prior(&mut |gaze| {
             let looked_at = target.state.fixate(gaze, target.extent);
             f64::from(saliency.map().at_pixel(looked_at.x as f32, looked_at.y as f32))
         });
@@ -89,7 +89,7 @@ impl GazeControl {
         let (states, log_importance): (Vec<State>, Vec<f64>) = (0..PLACES * PLACES).map(place).unzip();
         let mut log_likelihood = vec![0.0; states.len()];
         let Self { policy, reward } = self;
-        policy.expect(&mut |gaze| {
+        policy.init_prior(&mut |gaze| {
             appearance.prepare(image, &states, &[gaze]);
             appearance.log_likelihood(&states, gaze, &mut log_likelihood);
             reward.reward(&states, &log_importance, &log_likelihood, (&at, extent))

@@ -1,4 +1,4 @@
-//! The target's template and place, changed from outside the loop: given, given again, renewed, compared, covered.
+//! Changes of the target from outside of the loop: a new template, another place, the visible fraction; and similarity to the template.
 
 use super::view::View;
 use super::{Claim, Engine, Parts, Target};
@@ -8,14 +8,15 @@ use crate::scene::{Image, Scene};
 use foveate_base::Result;
 use foveate_base::rng::Purpose;
 
-/// Offsets, template units, at which a place is compared: its box is seldom laid as the first one was.
+/// Offsets at which a place is compared, template units: a detected box seldom lies as the first box did.
 const ABOUT: [f64; 3] = [-0.2, 0.0, 0.2];
 
 impl Engine {
-    /// Starts, or starts again, on the target in `bbox`: keeps the template and draws x₀⁽ⁱ⁾ ~ p(x₀). All that was learned is
-    /// forgotten, and frames are counted anew, so that the random streams start again.
+    /// Starts on the target in `bbox`: keeps the template and draws x₀⁽ⁱ⁾ ~ p(x₀). Everything learned before is reset, and so are the frame
+    /// count and the random streams.
     ///
-    /// Fails where the box has no area, is not finite, or does not touch the picture; then nothing has changed.
+    /// # Errors
+    /// If the box has no area, is not finite, or does not touch the picture; then nothing has changed.
     pub fn init(&mut self, image: &Image, bbox: BBox) -> Result<()> {
         crate::start::check(image, &bbox)?;
         self.frame = 0;
@@ -32,10 +33,10 @@ impl Engine {
         self.second.as_mut().map_or(Ok(()), |second| second.init(image, bbox))
     }
 
-    /// Takes what is in this box for what the target looks like from now on. It moves on as it did, and what policy and
-    /// recogniser learned stays. Panics before [`Engine::init`].
+    /// Takes a new template from this box. Velocity, policy and recogniser stay. Panics before [`Engine::init`].
     ///
-    /// Fails where the box has no area, is not finite, or does not touch the picture; then nothing has changed.
+    /// # Errors
+    /// If the box has no area, is not finite, or does not touch the picture; then nothing has changed.
     pub fn update_template(&mut self, image: &Image, bbox: &BBox, velocity: (f64, f64)) -> Result<()> {
         assert!(self.target.is_some(), "a target is given before its template is updated");
         self.set_template(image, bbox, velocity)?;
@@ -62,14 +63,14 @@ impl Engine {
         self.parts.monitor.init_surroundings(&mut view, state);
     }
 
-    /// Puts the target into this box: particles start about it, its template stays, and it is not lost until frames say so. Panics
-    /// before [`Engine::init`].
+    /// Moves the target into this box: particles start around it, the template stays, and P(lost) is 0 until the next frame. All of it counts
+    /// as visible. Panics before [`Engine::init`].
     pub fn reset_at(&mut self, bbox: &BBox) {
         self.start_again_at(bbox);
         self.set_visibility(1.0);
     }
 
-    /// The same where it is fetched, not given: as much of it can be seen as before.
+    /// The same with the visible fraction as it is.
     pub fn start_again_at(&mut self, bbox: &BBox) {
         let state = self.state_at(bbox);
         let (half_w, half_h) = state.half(self.target().extent);
@@ -82,8 +83,8 @@ impl Engine {
         }
     }
 
-    /// Says which share of the target the next frames can show, 0 to 1, because something else covers it. Its looks count for
-    /// as much less, and below one half they cannot make it lost. 1 until told otherwise: then nothing changes.
+    /// Sets the visible fraction of the target in the next frames, 0 to 1; at first it is 1. Log-likelihoods are multiplied by it, and below
+    /// one half the frame is not judged.
     pub fn set_visibility(&mut self, visible: f64) {
         self.visibility.set_fraction(visible);
         if let Some(second) = &mut self.second {
@@ -91,7 +92,7 @@ impl Engine {
         }
     }
 
-    /// Where this target is expected in the next frame, and where those are that it meets: places at which they may be what is seen.
+    /// Sets where this target is expected in the next frame, and where the targets are that it meets.
     pub fn exclude(&mut self, own: Claim, others: impl Iterator<Item = Claim> + Clone) {
         self.visibility.begin(own);
         others.clone().for_each(|other| self.visibility.add(other));
@@ -100,14 +101,14 @@ impl Engine {
         }
     }
 
-    /// The state that has this box, upright and at rest, at this target's size. Panics before [`Engine::init`].
+    /// The state of this box, upright and at rest, with a scale relative to the template. Panics before [`Engine::init`].
     pub fn state_at(&self, bbox: &BBox) -> State {
         let log_scale = (Extent::of(bbox).mean() / self.target().extent.mean()).ln();
         State { log_scale, ..State::of(bbox) }
     }
 
-    /// How similar a place is to the target: 1 as much as its own was in its first frame, 0 as other places were; the best of
-    /// nine places about it. The track does not change. Panics before [`Engine::init`].
+    /// How similar a place is to the target: 1 for the similarity of its own place in its first frame, 0 for that of other places; the best
+    /// of nine places around it. The track does not change. Panics before [`Engine::init`].
     pub fn similarity(&mut self, image: &Image, state: &State) -> f64 {
         let extent = self.target().extent;
         let unit = state.log_scale.exp();

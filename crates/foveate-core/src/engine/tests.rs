@@ -126,7 +126,7 @@ impl Policy for Settled {
         plan.only(self.0);
     }
     fn learn(&mut self, _: &Plan, _: &[f64]) {}
-    fn settles(&self) -> Option<Gaze> {
+    fn committed_gaze(&self) -> Option<Gaze> {
         Some(self.0)
     }
 }

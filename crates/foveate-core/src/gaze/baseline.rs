@@ -26,7 +26,7 @@ impl Policy for Fixed {
         plan.only(self.gaze);
     }
     fn learn(&mut self, _: &Plan, _: &[f64]) {}
-    fn settles(&self) -> Option<Gaze> {
+    fn committed_gaze(&self) -> Option<Gaze> {
         Some(self.gaze)
     }
     fn snapshot(&self) -> PolicySnapshot<'_> {

@@ -108,7 +108,7 @@ impl Bayes {
         self.prior() * self.first().signal_variance.sqrt()
     }
     /// What it wants to know of a gaze before the first look.
-    pub(super) fn expects(&self) -> Option<Expectation> {
+    pub(super) fn expectation(&self) -> Option<Expectation> {
         match self {
             s if s.saliency > 0.0 => Some(Expectation::Saliency),
             s if s.rehearsal > 0.0 => Some(Expectation::Rehearsal),

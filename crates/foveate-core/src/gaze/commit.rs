@@ -2,7 +2,7 @@
 //!
 //! While it explores it looks at all gazes of a frame, each counting for an equal share, and adds up what they earn. Then it
 //! looks at the one that has earned most, and everything that is learned of the target is learned anew of that place, from the first
-//! frame on ([`Policy::settles`]). Now and then it explores for a frame again, and may change its mind. For a sensor that sees a part of
+//! frame on ([`Policy::committed_gaze`]). Now and then it explores for a frame again, and may change its mind. For a sensor that sees a part of
 //! the target only: to look at all of it costs much, and is worth it for as long as it takes to learn where to look.
 //!
 //! Deviation: the paper's policies choose anew in every frame. What tells the target from its surroundings is learned of one place of
@@ -87,7 +87,7 @@ impl Policy for ExploreThenCommit {
         }
         self.weigh();
     }
-    fn settles(&self) -> Option<Gaze> {
+    fn committed_gaze(&self) -> Option<Gaze> {
         (self.t >= self.frames).then(|| self.gains.gazes[self.best()])
     }
     fn snapshot(&self) -> PolicySnapshot<'_> {
@@ -140,7 +140,7 @@ mod tests {
                 let explores = t < frames || every > 0 && t % every == 0;
                 assert_eq!(plan.gazes().len(), if explores { 9 } else { 1 });
                 assert!((plan.looks() - 1.0).abs() < 1e-12, "as many looks as one");
-                assert_eq!(it.settles().is_some(), t >= frames);
+                assert_eq!(it.committed_gaze().is_some(), t >= frames);
                 let arm = if explores { 4 } else { best.unwrap_or(4) };
                 assert_eq!(plan.chosen().arm, Some(arm));
                 let reward = |gaze: &Gaze| if gaze.arm == best && explores { 0.6 } else { 0.5 };
@@ -161,7 +161,7 @@ mod tests {
             let good = if t < 8 { 1 } else { 6 };
             let rewards: Vec<f64> = plan.gazes().iter().map(|g| if g.arm == Some(good) { 0.9 } else { 0.1 }).collect();
             it.learn(&plan, &rewards);
-            chosen.extend(it.settles().and_then(|gaze| gaze.arm));
+            chosen.extend(it.committed_gaze().and_then(|gaze| gaze.arm));
         }
         chosen.dedup();
         assert_eq!(chosen, [1, 6]);

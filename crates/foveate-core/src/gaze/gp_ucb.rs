@@ -185,10 +185,10 @@ impl Policy for GpUcb {
         self.fixations.clear();
         (self.seen, self.poor, self.prior) = (0, false, Prior::default());
     }
-    fn expects(&self) -> Option<Expectation> {
-        self.settings.expects()
+    fn expectation(&self) -> Option<Expectation> {
+        self.settings.expectation()
     }
-    fn expect(&mut self, worth: &mut dyn FnMut(Gaze) -> f64) {
+    fn init_prior(&mut self, worth: &mut dyn FnMut(Gaze) -> f64) {
         self.prior = Prior::of(self.settings.reach, worth);
     }
 }

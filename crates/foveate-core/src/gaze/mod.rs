@@ -19,11 +19,11 @@ macro_rules! learned_by {
         fn reset(&mut self) {
             self.$field.reset();
         }
-        fn expects(&self) -> Option<$crate::gaze::Expectation> {
-            self.$field.expects()
+        fn expectation(&self) -> Option<$crate::gaze::Expectation> {
+            self.$field.expectation()
         }
-        fn expect(&mut self, worth: &mut dyn FnMut($crate::geometry::Gaze) -> f64) {
-            self.$field.expect(worth);
+        fn init_prior(&mut self, worth: &mut dyn FnMut($crate::geometry::Gaze) -> f64) {
+            self.$field.init_prior(worth);
         }
     };
 }
@@ -216,8 +216,8 @@ pub trait Policy: Send + Sync {
     fn plan(&mut self, context: &Context, plan: &mut Plan, rng: &mut Rng);
     /// Learns from rewards in [0, 1]; `rewards[k]` belongs to `plan.gazes()[k]`.
     fn learn(&mut self, plan: &Plan, rewards: &[f64]);
-    /// The gaze that it looks at from now on, if it will look at no other: then what is learned of the target is learned of that place.
-    fn settles(&self) -> Option<Gaze> {
+    /// The only gaze from now on, if the policy has committed to one: the target is then learned again under that gaze.
+    fn committed_gaze(&self) -> Option<Gaze> {
         None
     }
     /// What was learned, for observers only.
@@ -234,13 +234,13 @@ pub trait Policy: Send + Sync {
     }
     /// Forgets all that was learned.
     fn reset(&mut self) {}
-    /// What [`Policy::expect`] is to be told. Most policies want to know nothing.
-    fn expects(&self) -> Option<Expectation> {
+    /// The value of a gaze that [`Policy::init_prior`] receives; `None` for most policies, which have no prior.
+    fn expectation(&self) -> Option<Expectation> {
         None
     }
-    /// After `reset`, on the picture in which the target is given: `worth` says of a gaze what [`Policy::expects`] asked for,
-    /// 0 to 1. It costs time.
-    fn expect(&mut self, _worth: &mut dyn FnMut(Gaze) -> f64) {}
+    /// Sets the prior after `reset`, on the picture in which the target is given. `worth` computes the value of a gaze, 0 to 1, of the kind
+    /// of [`Policy::expectation`]; a call takes as long as a look.
+    fn init_prior(&mut self, _worth: &mut dyn FnMut(Gaze) -> f64) {}
 }
 
 /// A saved state that does not fit.

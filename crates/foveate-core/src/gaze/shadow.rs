@@ -35,8 +35,8 @@ impl Policy for Shadow {
     fn learn(&mut self, plan: &Plan, rewards: &[f64]) {
         self.inner.learn(plan, rewards);
     }
-    fn settles(&self) -> Option<Gaze> {
-        self.inner.settles()
+    fn committed_gaze(&self) -> Option<Gaze> {
+        self.inner.committed_gaze()
     }
     learned_by!(inner);
 }

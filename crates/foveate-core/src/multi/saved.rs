@@ -17,7 +17,7 @@ use foveate_base::{Error, Result, memory};
 pub(super) const MOST_FRAMES: usize = 1 << 31;
 
 /// The format number.
-const FORMAT: u32 = 8;
+const FORMAT: u32 = 9;
 
 #[derive(Serialize, Deserialize)]
 struct Saved {
