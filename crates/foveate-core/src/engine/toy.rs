@@ -15,8 +15,8 @@ use foveate_base::rng::Streams;
 /// Half the size of the target's box, pixels.
 pub(crate) const EXTENT: Extent = Extent { half_w: 10.0, half_h: 10.0 };
 /// Log-likelihood lost for each pixel between a state and the target, and far from it, nats.
-pub(crate) const SLOPE: f64 = 0.5;
-pub(crate) const OFF: f64 = -10.0;
+pub(crate) const SLOPE: f64 = 4.0;
+pub(crate) const OFF: f64 = -40.0;
 const REFERENCE: ReferenceLikelihood = ReferenceLikelihood { on: 0.0, off: OFF };
 
 /// log p(h | x, a) falls with the horizontal distance from `at`, whatever the picture shows. A gaze adds its offset to the place.
@@ -95,9 +95,9 @@ pub(crate) fn model() -> ConfidenceModel {
     ConfidenceModel { weights, bias: -10.0, ..ConfidenceModel::default() }
 }
 
-/// 50 particles that hardly move, one gaze, and this appearance.
+/// 50 particles that move by a pixel or two a frame, one gaze, and this appearance.
 pub(crate) fn parts(appearance: Toy) -> Parts {
-    let still = Autoregressive { damping: 0.0, velocity: 0.0, position: 0.03, log_scale: 0.0, ..Default::default() };
+    let still = Autoregressive { damping: 0.0, velocity: 0.0, position: 0.15, log_scale: 0.0, ..Default::default() };
     let filter = Filter::new(Box::new(Prior::new(Arc::new(still))), 50).expect("some particles");
     let reward = Concentration::new(1.0).expect("a temperature");
     let gaze = GazeControl::new(Box::new(Fixed::new(Gaze::CENTRE)), Box::new(reward));
