@@ -26,7 +26,6 @@ mod room;
 mod saved;
 pub mod settings;
 mod target;
-mod track;
 
 pub use crate::seen::Phase;
 pub(crate) use room::Room;
@@ -308,7 +307,7 @@ impl MultiTracker {
             numbers.push(k);
         }
         if left.is_empty() {
-            return self.active.iter_mut().for_each(|target| target.track.set_detection(None, None));
+            return self.active.iter_mut().for_each(|target| target.set_detection(None, None));
         }
         // Tentative tracks take part: what is theirs is left to them.
         self.tentative.expect(self.frame, &self.settings, expected);
@@ -324,7 +323,7 @@ impl MultiTracker {
         expected.truncate(self.active.len());
         for (target, given) in self.active.iter_mut().zip(&given) {
             let index = given.map(|j| numbers[j]).filter(|k| *k < own);
-            target.track.set_detection(given.map(|j| left[j]), index);
+            target.set_detection(given.map(|j| left[j]), index);
         }
         pairs::retain_both(left, numbers, |j, _| !given.contains(&Some(j)));
     }
@@ -352,7 +351,7 @@ impl MultiTracker {
     fn exclude(&mut self) {
         let Work { expected, meetings, claims, neighbours, .. } = &mut self.work;
         claims.clear();
-        claims.extend(self.active.iter().zip(&*expected).map(|(t, e)| t.track.sure().then(|| e.claim())));
+        claims.extend(self.active.iter().zip(&*expected).map(|(t, e)| t.track.is_usable().then(|| e.claim())));
         neighbours.clear();
         if !self.detecting && self.settings.occlusion.explain <= 0.0 {
             neighbours.extend(meetings.pairs().flat_map(|(i, j)| [(i, j), (j, i)]));
@@ -378,7 +377,7 @@ impl MultiTracker {
             for p in 0..image.planes() {
                 cleared.plane_mut(p).copy_from_slice(image.plane(p));
             }
-            for (_, other) in self.active.iter().enumerate().filter(|(j, t)| *j != i && t.track.sure()) {
+            for (_, other) in self.active.iter().enumerate().filter(|(j, t)| *j != i && t.track.is_usable()) {
                 if let Some(source) = other.engine.parts().appearance.template_source() {
                     explain::take_off(cleared, source, &other.next(), share);
                 }
@@ -388,7 +387,7 @@ impl MultiTracker {
 
     fn publish(&mut self) {
         self.targets.clear();
-        self.targets.extend(self.active.iter().map(|t| t.track.seen(self.shape)));
+        self.targets.extend(self.active.iter().map(|t| Seen { shape: self.shape, ..t.track }));
         self.results.clear();
         self.results.extend(self.targets.iter().filter(|target| target.is_usable()));
     }

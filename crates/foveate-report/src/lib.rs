@@ -24,7 +24,6 @@ mod eye;
 mod film;
 mod font;
 pub mod heat;
-mod limited;
 pub mod multi;
 mod pictures;
 pub mod regret;
@@ -42,7 +41,6 @@ mod tracks;
 pub use self::annotate::Annotator;
 pub use self::csv::quoted;
 pub use self::film::{Film, SideBySide};
-pub use self::limited::Limited;
 pub use self::multi::MultiAnnotator;
 pub use self::pictures::shrunk;
 pub use self::report::{

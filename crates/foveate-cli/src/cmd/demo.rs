@@ -135,7 +135,7 @@ pub fn run(args: Args) -> Result<()> {
     let path = results.folder().join("annotated.mp4");
     let name = format!("{}gaze: {policy}", if learning { "learned " } else { "" });
     let film = SideBySide::create(path, &info, name, others)?;
-    observers.push(failed.tolerate(&["annotated.mp4"], film));
+    observers.push(failed.tolerate(&["annotated.mp4"], film, usize::MAX));
 
     let began = Instant::now();
     let bar = terminal::progress(source.info().frames, "demo");

@@ -4,7 +4,6 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use super::target::Target;
-use super::track::Track;
 use super::{MOST_ID, MOST_REMEMBERED, MultiTracker, SAME, Work};
 use crate::geometry::BBox;
 use crate::scene::{Detection, Image};
@@ -89,12 +88,12 @@ impl MultiTracker {
                     target.engine.reset_at(&bbox);
                     let first = target.track.born;
                     target.begin(first, bbox, Phase::ReIdentified);
-                    target.track.set_detection(Some(given[number]), Some(number).filter(|k| *k < own));
+                    target.set_detection(Some(given[number]), Some(number).filter(|k| *k < own));
                     self.admit(target);
                 }
                 // The box was checked above: all that can be missing is room, or a number.
                 None => match self.start(image, self.next_id, bbox) {
-                    Ok(target) => target.track.set_detection(Some(given[number]), Some(number).filter(|k| *k < own)),
+                    Ok(target) => target.set_detection(Some(given[number]), Some(number).filter(|k| *k < own)),
                     Err(_) => self.full = true,
                 },
             }
@@ -135,7 +134,7 @@ impl MultiTracker {
             return Err(Error::Invalid(format!("a target's id is below {MOST_ID}; this one is {id}")));
         }
         self.check_room(1, &bbox, (image.width(), image.height()))?;
-        let mut target = Target::new((self.make)(id), Track::unknown(id));
+        let mut target = Target::new((self.make)(id), Target::unknown(id));
         target.looking(&self.pool, |target| target.engine.init(image, bbox))?;
         target.begin(self.frame, bbox, Phase::Initiated);
         self.next_id = self.next_id.max(id + 1);

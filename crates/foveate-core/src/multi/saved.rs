@@ -7,10 +7,11 @@ use super::initiation::TentativeTracks;
 use super::occlusion::Fronts;
 use super::ranks::Ranks;
 use super::target::{SHAPE, Target};
-use super::track::Track;
 use super::{MOST_ID, MultiTracker};
-use crate::geometry::BBox;
+use crate::control::Consistency;
+use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::origin::Origin;
+use crate::seen::{Phase, Seen};
 use foveate_base::{Error, Result, memory};
 
 /// Frames that a video may have had before: at 1000 a second, 24 days.
@@ -37,7 +38,7 @@ struct Saved {
 
 #[derive(Serialize, Deserialize)]
 struct SavedTarget {
-    track: Track,
+    track: SavedTrack,
     lost: usize,
     unseen: usize,
     hidden: usize,
@@ -45,6 +46,58 @@ struct SavedTarget {
     shape: f64,
     surprise: f64,
     engine: Value,
+}
+
+/// The result of a target's last frame: see [`Seen`].
+#[derive(Serialize, Deserialize)]
+struct SavedTrack {
+    id: u64,
+    born: usize,
+    phase: Phase,
+    #[serde(default)]
+    p_lost: f64,
+    bbox: BBox,
+    state: State,
+    extent: Extent,
+    covariance: [[f64; 6]; 6],
+    gaze: Gaze,
+    visible: f64,
+    deficit: f64,
+    waited: usize,
+    detected_class: Option<usize>,
+    class: Option<(usize, f64)>,
+}
+
+impl SavedTrack {
+    fn of(seen: &Seen<'_>) -> Self {
+        let Seen { id, born, phase, p_lost, bbox, state, extent, covariance, gaze, visible, .. } = *seen;
+        let Seen { consistency: Consistency { deficit, .. }, waited, detected_class, class, .. } = *seen;
+        Self {
+            id,
+            born,
+            phase,
+            p_lost,
+            bbox,
+            state,
+            extent,
+            covariance,
+            gaze,
+            visible,
+            deficit,
+            waited,
+            detected_class,
+            class,
+        }
+    }
+
+    fn seen(self) -> Seen<'static> {
+        let Self { id, born, phase, p_lost, bbox, state, extent, covariance, gaze, visible, deficit, .. } = self;
+        let Self { waited, detected_class, class, .. } = self;
+        let consistency = Consistency { deficit, ..Consistency::default() };
+        let given = Seen::given([1; 3], &bbox).in_phase(phase);
+        let belief = Seen { p_lost, state, extent, covariance, gaze, visible, consistency, ..given };
+        Seen { id, born, waited, detected_class, class, ..belief }
+    }
 }
 
 impl MultiTracker {
@@ -130,6 +183,7 @@ impl Saved {
 impl SavedTarget {
     fn of(target: &Target) -> Self {
         let Target { track, lost, unseen, hidden, terminated, shape, surprise, .. } = *target;
+        let track = SavedTrack::of(&track);
         Self { track, lost, unseen, hidden, terminated, shape, surprise, engine: target.engine.save() }
     }
     fn read(self, trackers: &MultiTracker) -> Result<Target> {
@@ -147,7 +201,8 @@ impl SavedTarget {
             let expected = format!("expected a logarithm from -{SHAPE} to {SHAPE}, found {shape}");
             return Err(Error::Invalid(format!("the saved targets cannot be used: shape of {}: {expected}", track.id)));
         }
-        let mut target = Target { lost, unseen, hidden, terminated, shape, surprise, ..Target::new(engine, track) };
+        let mut target =
+            Target { lost, unseen, hidden, terminated, shape, surprise, ..Target::new(engine, track.seen()) };
         target.looking(&trackers.pool, |_| ());
         Ok(target)
     }

@@ -4,11 +4,10 @@ use super::attention::Candidate;
 use super::edge;
 use super::pool::Pool;
 use super::settings::Settings;
-use super::track::Track;
 use crate::engine::Engine;
 use crate::geometry::{BBox, Extent, State};
 use crate::scene::{Detection, Image, Scene};
-use crate::seen::Phase;
+use crate::seen::{Phase, Seen};
 
 /// Weight of the newest look in the mean surprise.
 const NEWEST: f64 = 0.3;
@@ -22,7 +21,7 @@ pub(super) const SHAPE: f64 = 20.0;
 /// One target.
 pub(super) struct Target {
     pub engine: Engine,
-    pub track: Track,
+    pub track: Seen<'static>,
     /// Frames in a row it was lost, and without a detection.
     pub lost: usize,
     pub unseen: usize,
@@ -39,8 +38,19 @@ pub(super) struct Target {
 }
 
 impl Target {
+    /// The data of a target of which only the id is known.
+    pub fn unknown(id: u64) -> Seen<'static> {
+        Seen { id, ..Seen::given([1; 3], &BBox { x: 0.0, y: 0.0, w: 1.0, h: 1.0 }) }
+    }
+
+    /// Sets the detection of this frame, and its place among those of the caller.
+    pub fn set_detection(&mut self, detection: Option<Detection>, index: Option<usize>) {
+        (self.track.detection, self.track.detection_index) = (detection, index);
+        self.track.detected_class = detection.and_then(|d| d.class).or(self.track.detected_class);
+    }
+
     /// As yet without a box.
-    pub fn new(engine: Engine, track: Track) -> Self {
+    pub fn new(engine: Engine, track: Seen<'static>) -> Self {
         Self {
             engine,
             track,
@@ -94,9 +104,9 @@ impl Target {
     pub fn begin(&mut self, born: usize, bbox: BBox, phase: Phase) {
         let extent = self.engine.extent().expect("it was started");
         let state = self.engine.state_at(&bbox);
-        let Track { id, gaze, class, detected_class, .. } = self.track;
-        let unknown = Track::unknown(id);
-        self.track = Track { born, phase, bbox, state, extent, gaze, class, detected_class, ..unknown };
+        let Seen { id, gaze, class, detected_class, shape: size, .. } = self.track;
+        let given = Seen::given(size, &bbox).in_phase(phase);
+        self.track = Seen { id, born, state, extent, gaze, class, detected_class, ..given };
         (self.lost, self.unseen, self.hidden, self.shape, self.surprise) = (0, 0, 0, shape(&bbox, extent), 1.0);
     }
 
@@ -127,7 +137,8 @@ impl Target {
         let moved = (estimate.x - next.x).hypot(estimate.y - next.y) / longer_half(&estimate, extent);
         let moved = moved / (1 + waited) as f64;
         self.surprise += NEWEST * (moved - self.surprise);
-        self.track = Track { phase, p_lost, state: estimate, covariance, extent, gaze, deficit, class, ..self.track };
+        self.track = Seen { p_lost, state: estimate, covariance, extent, gaze, class, ..self.track }.in_phase(phase);
+        self.track.consistency.deficit = deficit;
         if let Some(Detection { bbox: b, .. }) = self.track.detection {
             self.shape += s.shape * (shape(&b, extent) - self.shape);
         }
@@ -155,7 +166,7 @@ impl Target {
             phase => phase,
         };
         let waited = self.track.waited + 1;
-        self.track = Track { phase, state, covariance, waited, ..self.track };
+        self.track = Seen { state, covariance, waited, ..self.track }.in_phase(phase);
         self.track.bbox = self.shaped(state.bbox(self.track.extent));
     }
 
@@ -164,7 +175,7 @@ impl Target {
         let State { vx, vy, .. } = self.track.state;
         if self.engine.update_template(image, &self.track.bbox, (vx, vy)).is_ok() {
             self.track.extent = self.engine.extent().expect("it was started");
-            (self.track.state.log_scale, self.shape, self.track.deficit) = (0.0, 0.0, 0.0);
+            (self.track.state.log_scale, self.shape, self.track.consistency.deficit) = (0.0, 0.0, 0.0);
         }
     }
 }
@@ -191,7 +202,7 @@ mod tests {
     fn given(at: f64) -> (Target, Arc<AtomicUsize>) {
         let toy = Toy::at(at);
         let templates = toy.templates.clone();
-        let mut it = Target::new(started(parts(toy), 1), Track::unknown(1));
+        let mut it = Target::new(started(parts(toy), 1), Target::unknown(1));
         it.begin(0, target(50.0), Phase::Initiated);
         (it, templates)
     }
@@ -216,7 +227,7 @@ mod tests {
             let (mut it, templates) = given(90.0);
             for _ in 0..10 {
                 it.track.visible = visible;
-                it.track.set_detection(Some(Detection::new(it.track.bbox, 1.0)), None);
+                it.set_detection(Some(Detection::new(it.track.bbox, 1.0)), None);
                 it.step(&picture(), &Settings::default(), true);
             }
             assert_eq!(templates.load(Ordering::Relaxed) > 1, renews, "{visible} of it is visible");

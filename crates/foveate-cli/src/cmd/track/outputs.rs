@@ -7,7 +7,7 @@ use foveate::Result;
 use foveate::config::Blueprint;
 use foveate::lab::eval::regret::RegretFiles;
 use foveate::report::{
-    Boxes, Film, Limited, MotFile, MultiReport, Observer, Report, RunInfo, SurfacePicture, Table, TargetsTable, Trace,
+    Boxes, Film, MotFile, MultiReport, Observer, Report, RunInfo, SurfacePicture, Table, TargetsTable, Trace,
     TracksTable,
 };
 use foveate::sink::Sink;
@@ -52,17 +52,18 @@ impl Outputs {
         // A file of lines has its name when it is whole, or at once in a run without an end.
         let sink = |name: &str| if self.endless { Sink::grow(at(name)) } else { Sink::create(at(name)) };
         let most = if self.endless { FIRST } else { usize::MAX };
-        let first = |files, observer: Box<dyn Observer>| failed.tolerate(files, Limited::new(observer, most));
+        let all = |files, observer: Box<dyn Observer>| failed.tolerate(files, observer, usize::MAX);
+        let first = |files, observer: Box<dyn Observer>| failed.tolerate(files, observer, most);
         let mut observers = if self.many {
             vec![
-                failed.tolerate(&["tracks.txt"], MotFile::to(sink("tracks.txt")?)),
-                failed.tolerate(&["tracks.csv"], TracksTable::to(sink("tracks.csv")?)),
-                failed.tolerate(&["targets.csv"], TargetsTable::create(at("targets.csv"))?),
+                all(&["tracks.txt"], Box::new(MotFile::to(sink("tracks.txt")?))),
+                all(&["tracks.csv"], Box::new(TracksTable::to(sink("tracks.csv")?))),
+                all(&["targets.csv"], Box::new(TargetsTable::create(at("targets.csv"))?)),
             ]
         } else {
             vec![
-                failed.tolerate(&["boxes.txt"], Boxes::to(sink("boxes.txt")?)),
-                failed.tolerate(&["track.csv"], Table::to(sink("track.csv")?)),
+                all(&["boxes.txt"], Box::new(Boxes::to(sink("boxes.txt")?))),
+                all(&["track.csv"], Box::new(Table::to(sink("track.csv")?))),
             ]
         };
         if self.trace {

@@ -29,9 +29,14 @@ impl FailedOutputs {
         }
     }
 
-    /// The observer that writes `files`, made fault-tolerant: its first failure ends this observer alone.
-    pub fn tolerate(&self, files: &'static [&'static str], observer: impl Observer + 'static) -> Box<dyn Observer> {
-        Box::new(Tolerant { observer: Some(observer), files, failed: self.clone() })
+    /// The observer that writes `files`, of the first frames of a run and fault-tolerant: its first failure ends this observer alone.
+    pub fn tolerate(
+        &self,
+        files: &'static [&'static str],
+        observer: impl Observer + 'static,
+        frames: usize,
+    ) -> Box<dyn Observer> {
+        Box::new(Tolerant { observer: Some(observer), files, frames, failed: self.clone() })
     }
 }
 
@@ -39,6 +44,8 @@ impl FailedOutputs {
 struct Tolerant<O> {
     observer: Option<O>,
     files: &'static [&'static str],
+    /// The frames that it still gets.
+    frames: usize,
     failed: FailedOutputs,
 }
 
@@ -55,6 +62,10 @@ impl<O> Tolerant<O> {
 
 impl<O: Observer> Observer for Tolerant<O> {
     fn observe(&mut self, frame: &Frame, targets: &[Seen<'_>]) -> Result<()> {
+        if self.frames == 0 {
+            return Ok(());
+        }
+        self.frames -= 1;
         self.call(|observer| observer.observe(frame, targets))
     }
     fn finish(&mut self) -> Result<()> {
