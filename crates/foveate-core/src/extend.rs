@@ -14,6 +14,7 @@ pub use crate::identity::{Appearance, Encoder, Foveal, Lesson, Memory, Percept, 
 pub use crate::reference::ReferenceLikelihood;
 pub use crate::saved_state::SavedState;
 pub use crate::scene::detect::{Blobs, Score};
-pub use crate::scene::{Detector, Map, Scene};
+pub use crate::scene::sensor::Window;
+pub use crate::scene::{Detector, Map, Regions, Scene};
 pub use foveate_base::rng::{Purpose, Rng, Streams};
 pub use foveate_base::rows::{Rows, RowsMut};

@@ -33,5 +33,5 @@ pub use foveate_kernels::Level as KernelLevel;
 pub use geometry::BBox;
 pub use multi::MultiTracker;
 pub use scene::{Detection, Image};
-pub use seen::Seen;
+pub use seen::{Phase, Seen};
 pub use tracker::Tracker;

@@ -88,7 +88,7 @@
 
 pub use foveate_base::{Error, Result, files, memory};
 pub use foveate_core::{
-    BBox, Config, Detection, Image, MultiTracker, Profile, Seen, Status, Tracker, config, extend, geometry,
+    BBox, Config, Detection, Image, MultiTracker, Phase, Profile, Seen, Status, Tracker, config, extend, geometry,
 };
 pub use foveate_gp as gp;
 #[cfg(feature = "lab")]
