@@ -79,6 +79,10 @@ fn synthetic_scenes_give_the_frozen_answers() {
     foveate(folder, &["synth", "clutter", "--frames", "24", "--out", "clutter"]);
     foveate(folder, &["synth", "partial", "--frames", "24", "--out", "partial"]);
     foveate(folder, &["synth", "multi", "--targets", "2", "--crossings", "1", "--frames", "60", "--out", "many"]);
+    for config in ["printed.toml", "authors.toml"] {
+        let paper = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../paper/configs");
+        std::fs::copy(paper.join(config), folder.join(config)).expect("a configuration of the paper");
+    }
     let mut lines = String::new();
     for config in [
         "digits",
@@ -92,8 +96,8 @@ fn synthetic_scenes_give_the_frozen_answers() {
         "natural-learned",
         "foveated",
         "narrow",
-        "printed",
-        "authors",
+        "printed.toml",
+        "authors.toml",
         "digits-rbm",
         "digits-multi",
     ] {

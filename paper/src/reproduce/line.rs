@@ -14,6 +14,10 @@ use crate::DIGITS;
 use foveate_cli::configure::{self, Changes};
 use foveate_cli::runs::Entry;
 
+/// Configurations of the paper: as it is printed, and with its authors' parameters.
+const CONFIGS: [(&str, &str); 2] =
+    [("printed", include_str!("../../configs/printed.toml")), ("authors", include_str!("../../configs/authors.toml"))];
+
 /// Which settings a line shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -104,7 +108,10 @@ impl LineSpec {
 
     /// What is run, with `settings` as [`Config::set`] takes them in the place of its own.
     pub fn entry(&self, settings: &[String]) -> Result<Entry> {
-        let (mut config, files) = configure::read(&self.config, &Changes::default())?;
+        let (mut config, files) = match CONFIGS.iter().find(|(name, _)| *name == self.config) {
+            Some((name, text)) => (Config::parse(text, name)?, Folder::here()),
+            None => configure::read(&self.config, &Changes::default())?,
+        };
         if let Some(name) = &self.policy {
             let all = policy_set::policies(&config.policy);
             let found = all.iter().find(|policy| policy_set::policy_name(policy) == *name).cloned();

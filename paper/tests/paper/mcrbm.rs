@@ -27,7 +27,7 @@ fn a_killed_training_goes_on_and_ends_with_the_same_bits_and_its_model_tracks() 
         let config = format!(
             "particles = 50\ndynamics = {{ kind = \"autoregressive\" }}\npolicy = {{ kind = \"fixed\" }}\n\
              encoder = {{ kind = \"mcrbm\", weights = \"{weights}\", units = \"{units}\" }}\n\
-             likelihood = {{ distance = \"cosine\", sharpness = 50 }}\n"
+             likelihood = {{ distance = \"cosine\", calibrate = {{ nats = 12, least = 1, most = 10000 }} }}\n"
         );
         std::fs::write(dir.path().join("c.toml"), config).expect("a writable folder");
         let mut command = Command::new(env!("CARGO_BIN_EXE_paper"));

@@ -9,8 +9,6 @@ pub const BUILTIN: &[(&str, &str)] = &[
     ("digits-multi", include_str!("../../configs/digits-multi.toml")),
     ("digits-closeup", include_str!("../../configs/digits-closeup.toml")),
     ("digits-pool", include_str!("../../configs/digits-pool.toml")),
-    ("printed", include_str!("../../configs/printed.toml")),
-    ("authors", include_str!("../../configs/authors.toml")),
     ("natural", include_str!("../../configs/natural.toml")),
     ("natural-committee", NATURAL_COMMITTEE),
     ("multi", include_str!("../../configs/multi.toml")),
@@ -54,7 +52,7 @@ pub const OFFERED: &[(&str, &[(&str, &str)])] = &[
         ],
     ),
     (
-        "Digits, and experiments of the paper",
+        "Digits",
         &[
             ("digits", "digits among digits, fixed centre"),
             ("digits-hedge", "digits among digits, Hedge"),
@@ -62,8 +60,6 @@ pub const OFFERED: &[(&str, &[(&str, &str)])] = &[
             ("digits-partial", "a digit behind bars, in noise"),
             ("digits-closeup", "a large digit through a small window"),
             ("digits-pool", "a large digit through nine windows"),
-            ("authors", "the authors' own parameters"),
-            ("printed", "the paper as printed"),
         ],
     ),
 ];
