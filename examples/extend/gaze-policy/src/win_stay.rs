@@ -2,7 +2,7 @@
 
 use foveate::extend::{Context, Gaze, Grid, Plan, Policy, Rng, SavedState};
 use foveate::{Error, Result};
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 
 /// The keys of `[policy]` beside `kind`.
 #[derive(Deserialize)]
@@ -31,6 +31,12 @@ impl WinStay {
     }
 }
 
+/// The state that a saved tracker carries.
+#[derive(Deserialize, Serialize)]
+struct Learned {
+    at: usize,
+}
+
 impl Policy for WinStay {
     fn plan(&mut self, _: &Context, plan: &mut Plan, _: &mut Rng) {
         plan.only(self.gazes[self.at]);
@@ -41,10 +47,10 @@ impl Policy for WinStay {
         }
     }
     fn save(&self) -> SavedState {
-        SavedState::new(&self.at)
+        SavedState::new(&Learned { at: self.at })
     }
     fn load(&mut self, saved: &SavedState) -> Result<()> {
-        let at: usize = saved.read()?;
+        let Learned { at } = saved.read()?;
         if at >= self.gazes.len() {
             return Err(Error::Invalid(format!("win-stay: gaze {at} of {}", self.gazes.len())));
         }
