@@ -13,5 +13,7 @@ use patch::{Patch, Settings};
 
 fn main() -> ExitCode {
     // It reads the picture itself: retina and encoder of the configuration, which the site has, are not used.
-    foveate_cli::main_with(Parts::new().with_observation_model("patch", |settings: Settings, _site| Patch::new(settings)))
+    foveate_cli::main_with(
+        Parts::new().with_observation_model("patch", |settings: Settings, _site| Patch::new(settings)),
+    )
 }

@@ -1,6 +1,8 @@
 //! Template matching: the box is sampled at 8 × 8 places, standardised, and compared with the first frame.
 
-use foveate::extend::{Appearance, Extent, Gaze, Purpose, ReferenceLikelihood, SavedState, State, Streams, standardise};
+use foveate::extend::{
+    Appearance, Extent, Gaze, Purpose, ReferenceLikelihood, SavedState, State, Streams, standardise,
+};
 use foveate::{Error, Image, Result};
 use serde::{Deserialize, Serialize};
 
@@ -108,7 +110,8 @@ impl Appearance for Patch {
     }
     fn load(&mut self, saved: &SavedState) -> Result<()> {
         let template: Option<Template> = saved.read()?;
-        let whole = |t: &Template| !t.picture.pixels.is_empty() && t.picture.pixels.len() == t.picture.width * t.picture.height;
+        let whole =
+            |t: &Template| !t.picture.pixels.is_empty() && t.picture.pixels.len() == t.picture.width * t.picture.height;
         if !template.as_ref().is_none_or(whole) {
             return Err(Error::Invalid("patch: the saved template is not a whole picture".into()));
         }
