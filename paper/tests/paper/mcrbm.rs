@@ -48,9 +48,10 @@ fn a_killed_training_goes_on_and_ends_with_the_same_bits_and_its_model_tracks() 
         synth.current_dir(dir.path()).args(["synth", "clutter", "--frames", "3", "--out", "video"]);
         synth
     });
-    for units in ["both", "covariance", "mean"] {
-        said(track("whole.safetensors", units));
-    }
+    said(track("whole.safetensors", "both"));
+    said(track("whole.safetensors", "mean"));
+    // Four covariance units alone are too few to find a target.
+    fails(track("whole.safetensors", "covariance"), "on a test picture the target is only");
     fails(track("cut.png", "both"), "not a usable model");
 }
 
