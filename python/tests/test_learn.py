@@ -98,7 +98,7 @@ def test_parameters_out_of_range_are_told(wrong: Any, said: str) -> None:
 
 def test_the_interpreter_goes_on_while_they_learn() -> None:
     rows, ticks = np.random.default_rng(0).normal(size=(2000, 60)), 0
-    learner = threading.Thread(target=SphericalKMeans(500, n_iter=30).fit, args=(rows,))
+    learner = threading.Thread(target=SphericalKMeans(500, n_iter=200).fit, args=(rows,))
     learner.start()
     while learner.is_alive():
         time.sleep(0.01)
