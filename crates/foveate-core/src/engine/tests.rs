@@ -171,3 +171,15 @@ fn a_step_follows_the_target() {
     let step = engine.step_on(Scene { image: &image, detections: &[] });
     assert!(step.bbox.iou(&target(50.0)) > 0.8 && !step.is_lost());
 }
+
+/// A target that is not at its place: the tracker searches, and the policy's context says so in the next frame.
+#[test]
+fn the_policy_is_told_of_a_lost_target() {
+    let mut engine = started(parts(Toy::at(90.0)), 0);
+    let image = picture();
+    assert!(!engine.context.lost);
+    for _ in 0..10 {
+        engine.step_on(Scene { image: &image, detections: &[] });
+    }
+    assert!(engine.is_searching() && engine.context.lost);
+}

@@ -148,4 +148,14 @@ mod tests {
         met(claim(0.0, 2.0), &[]).apply(&states, &mut alone, reference);
         assert_eq!(alone, [-2.5, -30.0, f64::NEG_INFINITY], "not a bit without another target");
     }
+
+    /// Half of the target gives half of the evidence.
+    #[test]
+    fn looks_count_as_much_as_the_target_is_visible() {
+        let mut visibility = Visibility::default();
+        visibility.set_fraction(0.5);
+        let mut looks = [-2.0, -12.0];
+        visibility.apply(&[at(0.0), at(1.0)], &mut looks, ReferenceLikelihood { on: 0.0, off: -12.0 });
+        assert_eq!(looks, [-1.0, -6.0]);
+    }
 }

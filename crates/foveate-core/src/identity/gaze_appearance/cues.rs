@@ -141,3 +141,49 @@ impl GazeAppearance {
         (discriminant, colour)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Extent;
+    use crate::identity::gaze_appearance::Sharpness;
+    use crate::identity::oriented::{Oriented, Weights};
+    use crate::identity::{Appearance, Foveal, Memory, Retina, distance, retina::FovealConfig};
+    use foveate_base::rng::Streams;
+
+    /// To the bit: after a frame of other colours was learned and all that is forgotten, it is as after the first frame.
+    #[test]
+    fn colours_are_forgotten_with_all_that_was_learned() {
+        let picture = |target: [u8; 3], around: [u8; 3]| {
+            let inside = |x: usize, y: usize| (26..54).contains(&x) && (28..52).contains(&y);
+            let bytes = (0..80 * 80).flat_map(|i| if inside(i % 80, i / 80) { target } else { around });
+            Image::from_rgb8(80, 80, &bytes.collect::<Vec<u8>>()).expect("80 x 80")
+        };
+        let [red, green, blue] = [[200, 30, 40], [30, 90, 30], [20, 40, 220]];
+        let (first, second) = (picture(red, green), picture(blue, red));
+        let (at, extent) = (State { x: 40.0, y: 40.0, ..State::default() }, Extent { half_w: 14.0, half_h: 12.0 });
+        let retina =
+            Foveal::new(FovealConfig { side: 16.0, rings: vec![[10, 1]], colour: vec![[8, 4]] }).expect("cells");
+        let channels: Vec<usize> = retina.cells().iter().map(|c| c.channel).collect();
+        let encoder = Oriented::new(&channels, Weights::default()).expect("a square of cells");
+        let settings = colour::Settings { learning_rate: 0.5, mixing_weight: 0.5, ..colour::Settings::default() };
+        let fixed = Sharpness::Fixed(60.0);
+        let mut it = GazeAppearance::new(Arc::new(retina), Arc::new(encoder), distance::Kind::Cosine, fixed)
+            .expect("parts that fit")
+            .with_colour(Some(settings));
+        it.init_template(&first, &at, extent, Streams::new(3, 0));
+        let states: Vec<State> = (0..9).map(|k| State { x: 36.0 + f64::from(k), ..at }).collect();
+        let judge = |it: &mut GazeAppearance| {
+            let mut out = vec![0.0; states.len()];
+            it.prepare(&first, &states, &[Gaze::CENTRE]);
+            it.log_likelihood(&states, Gaze::CENTRE, &mut out);
+            out
+        };
+        let fresh = judge(&mut it);
+        it.prepare(&second, &states, &[Gaze::CENTRE]);
+        it.learn(&second, &at, &[], Lesson { deficit: Some(0.0), short_term: false });
+        assert!(judge(&mut it) != fresh, "colours were learned");
+        it.forget();
+        assert!(judge(&mut it) == fresh, "colours are forgotten");
+    }
+}

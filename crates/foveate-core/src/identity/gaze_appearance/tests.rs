@@ -168,30 +168,3 @@ fn settled_it_is_as_if_it_had_always_looked_there() {
     assert!(settled.with_steady_gaze(true).commit_gaze(home, streams).is_none(), "there the gaze moves a sensor");
     assert!(make(always.centred.clone()).commit_gaze(home, streams).is_none(), "before there is a target");
 }
-
-/// To the bit: after a frame of other colours was learned and all that is forgotten, it is as after the first frame.
-#[test]
-fn colours_are_forgotten_with_all_that_was_learned() {
-    let settings = crate::identity::colour::Settings { learning_rate: 0.5, mixing_weight: 0.5, ..Default::default() };
-    let picture = |target: [u8; 3]| {
-        let inside = |x: usize, y: usize| (26..54).contains(&x) && (28..52).contains(&y);
-        let bytes = (0..80 * 80).flat_map(|i| if inside(i % 80, i / 80) { target } else { [30, 60, 30] });
-        Image::from_rgb8(80, 80, &bytes.collect::<Vec<u8>>()).expect("80 x 80")
-    };
-    let (first, second, at) =
-        (picture([200, 30, 40]), picture([20, 40, 220]), State { x: 40.0, y: 40.0, ..State::default() });
-    let mut it = appearance(Precision::F32, Kind::Cosine).with_colour(Some(settings));
-    it.init_template(&first, &at, EXTENT, Streams::new(3, 0));
-    let judge = |it: &mut GazeAppearance| {
-        let mut out = vec![0.0; N];
-        it.prepare(&first, &states(), &[Gaze::CENTRE]);
-        it.log_likelihood(&states(), Gaze::CENTRE, &mut out);
-        out
-    };
-    let fresh = judge(&mut it);
-    it.prepare(&second, &states(), &[Gaze::CENTRE]);
-    it.learn(&second, &at, &[], Lesson { deficit: Some(0.0), short_term: false });
-    assert!(judge(&mut it) != fresh, "colours were learned");
-    it.forget();
-    assert!(judge(&mut it) == fresh, "colours are forgotten");
-}
