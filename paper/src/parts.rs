@@ -51,18 +51,14 @@ fn natural_autoencoder() -> String {
 
 fn mcrbm(settings: McrbmSettings, site: &EncoderSite<'_>) -> Result<(Foveal, FactoredEncoder)> {
     let (rbm, retina) = model(&settings.weights, site, FactoredRbm::from_bytes)?;
-    let encoder = FactoredEncoder::new(rbm, settings.units, &channels(&retina));
+    let encoder = FactoredEncoder::new(rbm, settings.units, &retina.channels());
     Ok((retina, encoder))
 }
 
 fn autoencoder(settings: AutoencoderSettings, site: &EncoderSite<'_>) -> Result<(Foveal, RbmEncoder)> {
     let (model, retina) = model(&settings.weights, site, Autoencoder::from_bytes)?;
-    let encoder = RbmEncoder::new(model.layer().clone(), &channels(&retina)).rounded(settings.precision);
+    let encoder = RbmEncoder::new(model.layer().clone(), &retina.channels()).rounded(settings.precision);
     Ok((retina, encoder))
-}
-
-fn channels(retina: &Foveal) -> Vec<usize> {
-    retina.cells().iter().map(|cell| cell.channel).collect()
 }
 
 /// The models of this crate.

@@ -34,6 +34,7 @@ mod onnx;
 mod onnx;
 mod own;
 mod parts;
+mod places;
 mod plainly;
 mod policies;
 mod probe;

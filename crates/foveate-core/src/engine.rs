@@ -4,6 +4,8 @@
 //! `predict` and `select` in `engine/filter.rs`, `plan` and `rewards` in `engine/gaze.rs`, `log_likelihoods` in `engine/view.rs`, `weigh` in
 //! `engine/particles.rs`, and beyond the paper `search` in `engine/search.rs` and `judge` and `learn` in `engine/monitor.rs`.
 
+mod coast;
+mod distractors;
 mod extras;
 mod filter;
 mod gaze;
@@ -12,6 +14,7 @@ mod particles;
 mod saved;
 mod search;
 mod second;
+mod target;
 mod template;
 #[cfg(test)]
 mod tests;
@@ -25,9 +28,10 @@ pub use gaze::GazeControl;
 pub use monitor::Monitor;
 pub(crate) use visibility::Claim;
 
+use distractors::Distractors;
 use extras::Extras;
 use particles::Particles;
-use search::Distractors;
+pub(crate) use target::{Estimate, Target};
 use view::{Looks, Scratch, View};
 use visibility::Visibility;
 
@@ -37,13 +41,11 @@ use crate::geometry::{BBox, Extent, State};
 use crate::identity::box_regression::BoxRegression;
 use crate::identity::{self, Appearance, Percept};
 use crate::recognition::{Recognition, Recognized};
-use crate::reference::ReferenceLikelihood;
 use crate::scene::{Meter, Scene, World};
 use crate::seen::{Phase, Seen, best};
 use foveate_base::Result;
 use foveate_base::rng::Purpose::{Look, Recognize, Select};
 use foveate_base::rng::Streams;
-use serde::{Deserialize, Serialize};
 
 /// The replaceable parts of a tracker, grouped as the paper is.
 #[non_exhaustive]
@@ -97,29 +99,6 @@ pub(crate) struct Engine {
     context: Context,
     visibility: Visibility,
     record: Record,
-}
-
-/// What was given to follow.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Target {
-    state: State,
-    /// Half the size of its box at scale 1.
-    extent: Extent,
-    /// Pixels per template unit at scale 1.
-    unit: f64,
-    /// The log-likelihoods to expect on the target and elsewhere.
-    reference: ReferenceLikelihood,
-}
-
-/// What is believed after a frame.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Estimate {
-    /// Mean of the belief.
-    pub mean: State,
-    /// Its covariance over x, y, vx, vy, log scale, angle.
-    pub covariance: [[f64; 6]; 6],
-    /// Effective sample size, 1 to N.
-    pub ess: f64,
 }
 
 /// The results of one frame. Their buffers are grown once.

@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use super::encoders::EncoderConfig;
 use super::parts::EncoderSite;
+use super::places::Places;
 use super::{Config, RetinaConfig};
 use crate::identity::encoder::{Encoder, Raw};
 use crate::identity::oriented::Oriented;
-use crate::identity::retina::{Foveal, FovealConfig, Retina};
+use crate::identity::retina::{Foveal, FovealConfig};
 use foveate_base::files::Files;
 use foveate_base::{Error, Result};
 
@@ -23,9 +24,6 @@ impl Config {
         }
     }
 }
-
-/// Where model files are, and the folder there that names are relative to.
-pub(super) type Places<'a> = (&'a dyn Files, &'a Path);
 
 /// A first layer with the retina it was trained on, which is the given one where one is given.
 pub(super) fn first_layer(
@@ -43,7 +41,7 @@ pub(super) fn first_layer(
                 Error::Config("an oriented encoder needs a retina; for example [retina] kind = \"foveal\", side = 16, rings = [[18, 1]], colour = [[16, 4]]".into())
             })?;
             let retina = Foveal::new(config)?;
-            let encoder = Oriented::new(&channels(&retina), *weights)?;
+            let encoder = Oriented::new(&retina.channels(), *weights)?;
             Ok((retina, Arc::new(encoder)))
         }
         EncoderConfig::Raw { standardise } => {
@@ -51,14 +49,10 @@ pub(super) fn first_layer(
                     Error::Config("a raw encoder needs a retina; for example [retina] kind = \"foveal\", side = 28, rings = [[8, 1], [16, 2], [24, 4]]".into())
                 })?;
             let retina = Foveal::new(config)?;
-            let encoder = Raw::new(&channels(&retina), *standardise);
+            let encoder = Raw::new(&retina.channels(), *standardise);
             Ok((retina, Arc::new(encoder)))
         }
         #[cfg(feature = "learn")]
         learned => super::learned::first_layer(learned, given, places),
     }
-}
-
-pub(super) fn channels(retina: &Foveal) -> Vec<usize> {
-    retina.cells().iter().map(|c| c.channel).collect()
 }

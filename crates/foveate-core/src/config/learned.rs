@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::EncoderConfig;
-use super::identity::{Places, channels};
+use super::places::Places;
 use crate::identity::convolution::ConvolutionEncoder;
 use crate::identity::encoder::Encoder;
 use crate::identity::rbm_encoder::RbmEncoder;
@@ -24,7 +24,7 @@ pub(super) fn first_layer(
         EncoderConfig::Rbm { weights, precision } => {
             let (rbm, metadata) = model(weights, places, Rbm::from_bytes)?;
             let retina = trained_retina(weights, &metadata, given, "rbm")?;
-            let encoder = RbmEncoder::new(rbm, &channels(&retina)).rounded(*precision);
+            let encoder = RbmEncoder::new(rbm, &retina.channels()).rounded(*precision);
             Ok((retina, Arc::new(encoder)))
         }
         EncoderConfig::Kmeans { weights, pool, threshold } => convolution(weights, given, places, (*pool, *threshold)),

@@ -1,6 +1,6 @@
 //! Parts that change no box of the belief: the class of the target, and the regression of reported boxes.
 
-use super::Estimate;
+use super::target::Estimate;
 use super::view::View;
 use crate::control::ConfidenceModel;
 use crate::gaze::Context;

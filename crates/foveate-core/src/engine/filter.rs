@@ -1,14 +1,14 @@
 //! WHERE is it? `predict` and `select`: the particle filter around the looks.
 
 use super::particles::{Particles, mean};
-use super::{Engine, Estimate, Record};
+use super::target::Estimate;
 use crate::control::{
     Belief, CHUNK, CameraMotion, DetectionLikelihood, Leap, LocalSearch, Proposal, Redetection, Resampling,
 };
 use crate::geometry::{Extent, State};
-use crate::scene::{Flow, Scene};
+use crate::scene::Scene;
 use crate::start::StartSpread;
-use foveate_base::rng::Purpose::{Predict, Select};
+use foveate_base::rng::Purpose::Predict;
 use foveate_base::rng::Streams;
 use foveate_base::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -152,12 +152,12 @@ impl Filter {
 
     /// The motion of a frame without a look that needs none of the particles: nothing is detected, the camera does not move them, and the
     /// motion of many frames has a closed form.
-    fn leap(&self, detected: bool) -> Option<Leap> {
+    pub(super) fn leap(&self, detected: bool) -> Option<Leap> {
         self.proposal.over(1).filter(|_| !detected && self.camera_motion.is_none())
     }
 
     /// Mean and covariance after a frame of this motion; the particles stay behind.
-    fn wait(&mut self, leap: &Leap) -> (State, [[f64; 6]; 6]) {
+    pub(super) fn wait(&mut self, leap: &Leap) -> (State, [[f64; 6]; 6]) {
         let mut waiting = self.waiting.unwrap_or_else(|| {
             let weights: Vec<f64> = self.log_weights.iter().map(|w| w.exp()).collect();
             let belief = Belief { states: &self.particles, weights: &weights };
@@ -176,38 +176,5 @@ impl Filter {
         for (i, particles) in self.particles.chunks_mut(CHUNK).enumerate() {
             leap.draw(particles, &mut streams.rng(i as u64));
         }
-    }
-}
-
-impl Engine {
-    /// Moves the particles, and another state of the target, with the picture; before [`Engine::step`] with the picture it moved to.
-    pub fn compensate(&mut self, flow: &Flow, also: &mut State) {
-        let filter = &mut self.parts.filter;
-        if let Some(camera_motion) = &filter.camera_motion {
-            camera_motion.shift(flow, &mut filter.particles);
-            // It is one state: there is no share of it.
-            CameraMotion { share: 1.0, ..*camera_motion }.shift(flow, std::slice::from_mut(also));
-        }
-        self.second.iter_mut().for_each(|second| second.compensate(flow, &mut State::default()));
-    }
-
-    /// Whether a frame without a look needs none of the particles, and so no buffers.
-    pub fn waits(&self, detected: bool) -> bool {
-        self.parts.filter.leap(detected).is_some()
-    }
-
-    /// A frame without a look: the belief is predicted, detections weigh it, and it is selected from. Mean and covariance.
-    pub fn coast(&mut self, scene: Scene<'_>) -> (State, [[f64; 6]; 6]) {
-        self.frame += 1;
-        let (t, extent, filter) = (self.frame, self.target().extent, &mut self.parts.filter);
-        if let Some(leap) = filter.leap(!scene.detections.is_empty()) {
-            return filter.wait(&leap);
-        }
-        let Record { belief, ancestors, .. } = &mut self.record;
-        *belief = filter.predict(scene, extent, (self.streams, t), std::mem::take(belief));
-        belief.weigh_without_looks();
-        let estimate = belief.estimate();
-        *ancestors = filter.select(belief, &estimate, self.streams.at(t, Select), std::mem::take(ancestors));
-        (estimate.mean, estimate.covariance)
     }
 }

@@ -1,7 +1,7 @@
 //! WHERE TO LOOK? The prior of the gazes, their plan, and what each look was worth.
 
-use super::Target;
 use super::particles::Particles;
+use super::target::Target;
 use super::view::Looks;
 use crate::control::Reward;
 use crate::gaze::{Context, Expectation, Plan, Policy};

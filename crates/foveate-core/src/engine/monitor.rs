@@ -1,8 +1,8 @@
 //! Is it lost? The evidence of a frame, and what is learned from frames that are trusted.
 
-use super::Estimate;
+use super::distractors::Distractors;
 use super::particles::Particles;
-use super::search::Distractors;
+use super::target::Estimate;
 use super::view::{Looks, View};
 use crate::control::{
     ConfidenceModel, Consistency, ConsistencyMonitor, ConsistencySettings, DistractorSearch, DistractorSettings,

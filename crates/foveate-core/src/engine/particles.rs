@@ -1,6 +1,6 @@
 //! The particles of one frame: predicted states, and their weights before and after the looks.
 
-use super::Estimate;
+use super::target::Estimate;
 use super::view::{Looks, View};
 use crate::control::{Belief, DetectionLikelihood, normalize};
 use crate::geometry::State;

@@ -2,8 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Engine;
 use super::filter::Waiting;
-use super::{Engine, Target};
+use super::target::Target;
 use crate::control::Redetection;
 use crate::gaze::Context;
 use crate::geometry::State;

@@ -4,8 +4,9 @@
 //! tracker sees another part of the target, such as the middle of its box, and learns from its own boxes only, so that the two are seldom wrong
 //! in the same way. It moves no box of the first tracker; the overlap of the boxes is a cue of the reported P(lost) (*agreement*).
 
+use super::Engine;
+use super::target::Estimate;
 use super::view::View;
-use super::{Engine, Estimate};
 use crate::control::TrackConfidence;
 use crate::scene::Scene;
 

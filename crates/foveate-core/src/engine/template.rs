@@ -1,7 +1,8 @@
 //! Changes of the target from outside of the loop: a new template, another place, the visible fraction; and similarity to the template.
 
+use super::target::Target;
 use super::view::View;
-use super::{Claim, Engine, Parts, Target};
+use super::{Claim, Engine, Parts};
 use crate::gaze::Context;
 use crate::geometry::{BBox, Extent, Gaze, State};
 use crate::scene::{Image, Scene};

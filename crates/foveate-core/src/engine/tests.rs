@@ -1,6 +1,6 @@
 //! Rules that lie between the parts.
 
-use super::search::Distractors;
+use super::distractors::Distractors;
 use super::toy::{EXTENT, OFF, SLOPE, Toy, given, parts, picture, started, state, target};
 use super::view::{Looks, Scratch};
 use super::*;

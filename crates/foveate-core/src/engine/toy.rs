@@ -3,7 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use super::{Engine, Filter, GazeControl, Monitor, Parts, Target};
+use super::target::Target;
+use super::{Engine, Filter, GazeControl, Monitor, Parts};
 use crate::control::{Autoregressive, Concentration, ConfidenceModel, ConsistencySettings, OWN, Prior};
 use crate::gaze::Fixed;
 use crate::geometry::{BBox, Extent, Gaze, State};
@@ -109,4 +110,9 @@ pub(crate) fn started(parts: Parts, number: u64) -> Engine {
     let mut engine = Engine::new(parts, 1, number);
     engine.init(&picture(), target(50.0)).expect("a box in the picture");
     engine
+}
+
+#[test]
+fn the_law_of_appearances_holds() {
+    crate::conformance::appearance(&|| Box::new(Toy::at(30.0)));
 }

@@ -1,6 +1,6 @@
 //! What one frame shows of one target: log p(h | x, a) at any place of it.
 
-use super::Target;
+use super::target::Target;
 use super::visibility::Visibility;
 use crate::control::DistractorSearch;
 use crate::geometry::{Gaze, State};

@@ -81,6 +81,11 @@ pub struct Foveal {
 }
 
 impl Foveal {
+    /// The channel of each cell, in the order of a glimpse.
+    pub fn channels(&self) -> Vec<usize> {
+        self.cells.iter().map(|cell| cell.channel).collect()
+    }
+
     /// Lays out the cells. Fails if a window is not a whole number of cells, or not wider than the one inside it.
     pub fn new(config: FovealConfig) -> Result<Self> {
         if !(1.0..=1e4).contains(&config.side) {

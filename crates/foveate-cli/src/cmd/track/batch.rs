@@ -12,8 +12,9 @@ use foveate::text::counted;
 use foveate::{Error, Result, files, quiet};
 use serde::{Deserialize, Serialize};
 
+use super::args::Args;
 use super::init::first_box;
-use super::{Args, Tally, one};
+use super::{Tally, one};
 use crate::cmd::results::is_finished;
 use crate::runs::Entry;
 use crate::terminal;

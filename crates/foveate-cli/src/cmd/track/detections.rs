@@ -1,143 +1,20 @@
 //! The detections of many targets, by the program or from a file, frame by frame.
 
 use std::collections::BTreeMap;
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use foveate::config::{Config, DetectorConfig, DetectorParts};
 use foveate::files::Folder;
 use foveate::report::Warnings;
-use foveate::scene::object_detector::{Layout, Settings};
 use foveate::scene::{Cuts, Detection, Detector, Image, StillCamera};
 use foveate::video::mot::{TrackBox, Tracks};
 use foveate::video::{Frame, SourceInfo, ahead};
 use foveate::{BBox, Error, Result};
 
-use super::Args;
+use super::args::Args;
 use super::init::Frames;
-use super::source::{SourceArgs, is_endless, named};
-
-/// What makes it many targets.
-#[derive(clap::Args)]
-pub struct ManyArgs {
-    /// Follow everything that a detector finds, with no box drawn: tracks are started, terminated, and re-identified when their
-    /// targets come back. Without KIND, motion (the camera must stand still); onnx:MODEL is a network in an ONNX file, such as YOLO's.
-    /// It takes the place of the configuration's detector
-    #[arg(long, value_parser = Detectors, value_name = "KIND", num_args = 0..=1, default_missing_value = "motion", conflicts_with = "detections")]
-    pub detect: Option<DetectorConfig>,
-    /// Follow what another detector found: MOTChallenge's text (frame,id,x,y,w,h,conf,...; counted from 1; ids are not read).
-    /// They take the place of the configuration's detector
-    #[arg(long, value_name = "FILE")]
-    pub detections: Option<PathBuf>,
-    /// Least confidence at which a line of --detections counts, 0 if left out, or a box of --detect onnx:MODEL, 0.25 if left out
-    #[arg(long, value_name = "CONF", allow_hyphen_values = true, value_parser = parse_confidence)]
-    pub least: Option<f64>,
-    /// Classes of --detect onnx:MODEL that count, by their numbers from 0; all if left out
-    #[arg(long, value_name = "N,N", value_delimiter = ',')]
-    pub classes: Vec<usize>,
-    /// How the output of --detect onnx:MODEL is laid out; by its sides if left out
-    #[arg(long, value_name = "NAME", value_parser = named(LAYOUTS))]
-    pub layout: Option<Layout>,
-    /// First boxes of many targets: frame,id,x,y,w,h a line, counted from 1, as in MOTChallenge's text
-    #[arg(long, value_name = "FILE")]
-    pub inits: Option<PathBuf>,
-    /// Write what the detector found, in MOTChallenge's text, for --detections or other trackers
-    #[arg(long, value_name = "FILE")]
-    pub save_detections: Option<PathBuf>,
-}
-
-fn parse_confidence(text: &str) -> std::result::Result<f64, String> {
-    let number = text.parse().ok().filter(|number: &f64| number.is_finite());
-    number.ok_or_else(|| format!("expected a number such as 0.5, got \"{text}\""))
-}
-
-/// Layouts by name.
-const LAYOUTS: [(&str, Layout); 4] =
-    [("auto", Layout::Auto), ("yolov8", Layout::Yolov8), ("yolov5", Layout::Yolov5), ("end-to-end", Layout::EndToEnd)];
-
-/// Detectors by name, or `onnx:` and a file.
-#[derive(Clone)]
-struct Detectors;
-
-impl Detectors {
-    fn names() -> impl Iterator<Item = &'static str> {
-        DetectorConfig::ALL.into_iter().map(|(name, _)| name).chain(["onnx:MODEL"])
-    }
-}
-
-impl TypedValueParser for Detectors {
-    type Value = DetectorConfig;
-
-    fn parse_ref(
-        &self,
-        command: &clap::Command,
-        argument: Option<&clap::Arg>,
-        value: &OsStr,
-    ) -> std::result::Result<Self::Value, clap::Error> {
-        if let Some(model) =
-            value.to_str().and_then(|value| value.strip_prefix("onnx:")).filter(|model| !model.is_empty())
-        {
-            return Ok(DetectorConfig::Onnx(Settings::of(model)));
-        }
-        let name = PossibleValuesParser::new(Self::names()).parse_ref(command, argument, value)?;
-        let known = DetectorConfig::ALL.into_iter().find(|(known, _)| *known == name);
-        // Who writes `onnx:MODEL` means a file of that name.
-        Ok(known.map_or_else(|| DetectorConfig::Onnx(Settings::of("MODEL")), |(_, config)| config))
-    }
-
-    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        Some(Box::new(Self::names().map(PossibleValue::new)))
-    }
-}
-
-impl ManyArgs {
-    /// The configuration that ships for this: with what moves, with other detections, or with first boxes alone.
-    pub fn config(&self) -> &'static str {
-        match self.detect {
-            Some(DetectorConfig::Motion | DetectorConfig::Walkers | DetectorConfig::Flow) => "multi-motion",
-            None if self.detections.is_none() => "multi-boxes",
-            _ => "multi",
-        }
-    }
-
-    /// The program's detector, with what is said of it beside its name.
-    ///
-    /// # Errors
-    /// Where something is said that this one, or a file of detections, does not have.
-    pub fn detector(&self) -> Result<Option<DetectorConfig>> {
-        let network = matches!(self.detect, Some(DetectorConfig::Onnx(_)));
-        for (given, name, applies, of) in [
-            (
-                self.least.is_some(),
-                "--least",
-                network || self.detections.is_some(),
-                "--detections FILE or --detect onnx:MODEL",
-            ),
-            (!self.classes.is_empty(), "--classes", network, "--detect onnx:MODEL"),
-            (self.layout.is_some(), "--layout", network, "--detect onnx:MODEL"),
-        ] {
-            if given && !applies {
-                return Err(Error::Invalid(format!("{name} is for {of}; give that too, or leave it out")));
-            }
-        }
-        let mut detector = self.detect.clone();
-        if let Some(DetectorConfig::Onnx(settings)) = &mut detector {
-            settings.confidence = self.least.unwrap_or(settings.confidence);
-            settings.classes.clone_from(&self.classes);
-            settings.layout = self.layout.unwrap_or(settings.layout);
-        }
-        Ok(detector)
-    }
-
-    /// Whether many targets are asked for, apart from several --init.
-    pub fn asked(&self) -> bool {
-        // What belongs to a detector is refused there where there is none.
-        let told = self.least.is_some() || !self.classes.is_empty() || self.layout.is_some();
-        let files = self.detections.is_some() || self.inits.is_some() || self.save_detections.is_some();
-        self.detect.is_some() || files || told
-    }
-}
+use super::many::ManyArgs;
+use super::source::{SourceArgs, is_endless};
 
 /// The source of the detections: one detector at most.
 pub enum DetectionSource {

@@ -12,7 +12,7 @@ use foveate::video::mot::Tracks;
 use foveate::video::{Selection, SourceInfo};
 use foveate::{BBox, Error, MultiTracker, Result, Tracker, files};
 
-use super::Args;
+use super::args::Args;
 use super::detections::{DetectionSource, Detections};
 use super::init::{Frames, check_again, first_box, known_truth};
 use super::outputs::{Outputs, run_info};

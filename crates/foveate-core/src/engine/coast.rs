@@ -1,0 +1,40 @@
+//! Frames without a look, and the motion of the camera between looks.
+
+use super::{Engine, Record};
+use crate::control::CameraMotion;
+use crate::geometry::State;
+use crate::scene::{Flow, Scene};
+use foveate_base::rng::Purpose::Select;
+
+impl Engine {
+    /// Moves the particles, and another state of the target, with the picture; before [`Engine::step`] with the picture it moved to.
+    pub fn compensate(&mut self, flow: &Flow, also: &mut State) {
+        let filter = &mut self.parts.filter;
+        if let Some(camera_motion) = &filter.camera_motion {
+            camera_motion.shift(flow, &mut filter.particles);
+            // It is one state: there is no share of it.
+            CameraMotion { share: 1.0, ..*camera_motion }.shift(flow, std::slice::from_mut(also));
+        }
+        self.second.iter_mut().for_each(|second| second.compensate(flow, &mut State::default()));
+    }
+
+    /// Whether a frame without a look needs none of the particles, and so no buffers.
+    pub fn waits(&self, detected: bool) -> bool {
+        self.parts.filter.leap(detected).is_some()
+    }
+
+    /// A frame without a look: the belief is predicted, detections weigh it, and it is selected from. Mean and covariance.
+    pub fn coast(&mut self, scene: Scene<'_>) -> (State, [[f64; 6]; 6]) {
+        self.frame += 1;
+        let (t, extent, filter) = (self.frame, self.target().extent, &mut self.parts.filter);
+        if let Some(leap) = filter.leap(!scene.detections.is_empty()) {
+            return filter.wait(&leap);
+        }
+        let Record { belief, ancestors, .. } = &mut self.record;
+        *belief = filter.predict(scene, extent, (self.streams, t), std::mem::take(belief));
+        belief.weigh_without_looks();
+        let estimate = belief.estimate();
+        *ancestors = filter.select(belief, &estimate, self.streams.at(t, Select), std::mem::take(ancestors));
+        (estimate.mean, estimate.covariance)
+    }
+}
