@@ -4,7 +4,7 @@ use std::path::Path;
 
 use foveate::extend::{EncoderSite, Parts};
 use foveate::identity::rbm_encoder::{Precision, RbmEncoder};
-use foveate::identity::retina::{Foveal, FovealConfig, Retina};
+use foveate::identity::retina::{Foveal, FovealConfig};
 use foveate::learn::rbm::Metadata;
 use foveate::{Error, Result};
 use serde::Deserialize;
@@ -67,12 +67,11 @@ const MODELS: [(&str, &[u8]); 2] = [
     ("builtin:natural-autoencoder", include_bytes!("../models/natural-autoencoder.safetensors")),
 ];
 
+/// Reads a model and what is known of it.
+type Reader<M> = fn(&[u8], &Path) -> Result<(M, Metadata)>;
+
 /// A model with the retina that it was trained with; a configuration may ask for no other.
-fn model<M>(
-    weights: &str,
-    site: &EncoderSite<'_>,
-    from_bytes: fn(&[u8], &Path) -> Result<(M, Metadata)>,
-) -> Result<(M, Foveal)> {
+fn model<M>(weights: &str, site: &EncoderSite<'_>, from_bytes: Reader<M>) -> Result<(M, Foveal)> {
     let path = Path::new(weights);
     let (model, metadata) = match MODELS.iter().find(|(name, _)| *name == weights) {
         Some((_, bytes)) => from_bytes(bytes, path)?,

@@ -44,14 +44,14 @@ fn no(kind: &str) -> Error {
 /// A learner at work.
 enum Training {
     Filters(filters::Trainer),
-    Rbm(rbm::Trainer),
+    Rbm(Box<rbm::Trainer>),
 }
 
 impl Training {
     fn new(kind: &str, recipe: &str, rows: Rows<'_>) -> Result<Self> {
         Ok(match kind {
             "filters" => Self::Filters(filters::Trainer::new(serde_json::from_str(recipe).map_err(wrong)?, rows)?),
-            "rbm" => Self::Rbm(rbm::Trainer::new(serde_json::from_str(recipe).map_err(wrong)?, rows)?),
+            "rbm" => Self::Rbm(Box::new(rbm::Trainer::new(serde_json::from_str(recipe).map_err(wrong)?, rows)?)),
             other => return Err(no(other)),
         })
     }

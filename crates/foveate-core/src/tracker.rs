@@ -37,6 +37,12 @@ pub struct Tracker {
     shape: Option<[usize; 3]>,
 }
 
+impl std::fmt::Debug for Tracker {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Tracker").field("origin", &self.origin).field("shape", &self.shape).finish_non_exhaustive()
+    }
+}
+
 /// The format number of saved trackers.
 const FORMAT: u32 = 16;
 

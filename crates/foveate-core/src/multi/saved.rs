@@ -100,6 +100,13 @@ impl SavedTrack {
     }
 }
 
+impl std::fmt::Debug for MultiTracker {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let targets = self.active.len();
+        f.debug_struct("MultiTracker").field("origin", &self.origin).field("targets", &targets).finish_non_exhaustive()
+    }
+}
+
 impl MultiTracker {
     /// Everything there is to go on from with [`MultiTracker::load`].
     pub fn save(&self) -> Value {

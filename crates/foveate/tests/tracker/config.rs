@@ -174,7 +174,7 @@ fn a_recogniser_refuses_policies_that_ask_for_more_than_rewards() {
     ] {
         let setting =
             format!("recogniser={{ kind = \"multi-fixation\", weights = \"builtin:x\", policy = {{ {policy} }} }}");
-        let said = config.clone().set(&setting).and_then(|c| c.check(&Folder::here())).err().expect(policy).to_string();
+        let said = config.clone().set(&setting).and_then(|c| c.check(&Folder::here())).expect_err(policy).to_string();
         assert!(said.contains("recogniser.policy"), "{said}");
     }
 }
@@ -227,7 +227,7 @@ fn made_configurations_are_checked() {
     let refuse = |change: &dyn Fn(&mut Config), word: &str| {
         let mut config = good.clone();
         change(&mut config);
-        let error = config.check(&Folder::here()).err().expect(word).to_string();
+        let error = config.check(&Folder::here()).expect_err(word).to_string();
         assert!(error.contains(word), "{error}");
     };
     refuse(&|c| c.particles = 0, "particles");
@@ -273,7 +273,7 @@ fn the_committee_that_ships_is_three_of_natural() {
 #[test]
 fn another_encoder_leaves_the_variation_out() {
     let config = Config::builtin("natural").expect("it ships").expect("it is right");
-    let said = config.clone().set("encoder.kind=raw").and_then(|c| c.check(&Folder::here())).err().expect("raw");
+    let said = config.clone().set("encoder.kind=raw").and_then(|c| c.check(&Folder::here())).expect_err("raw");
     assert!(said.to_string().contains("set variation.weight to 0"), "{said}");
     let raw = config.clone().set("encoder.kind=raw").and_then(|c| c.set("variation.weight=0")).expect("a good one");
     let (retina, encoder) = raw.identity(&Folder::here()).expect("they fit");

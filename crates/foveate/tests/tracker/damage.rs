@@ -152,7 +152,7 @@ fn damaged_models_are_refused_by_name() {
         (random_rbm(28, 5).to_bytes(&metadata("{\"side\":28,\"rings\":[[8,0]]}")), "[8, 0]"),
     ] {
         put(&bytes);
-        let error = config.clone().check(&Folder::new(dir.path())).err().expect(words).to_string();
+        let error = config.clone().check(&Folder::new(dir.path())).expect_err(words).to_string();
         assert!(error.contains(words), "{error}");
     }
 }

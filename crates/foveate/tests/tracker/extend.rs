@@ -216,7 +216,7 @@ fn settings_that_do_not_fit_are_refused_by_name() {
         ("reward={ kind = \"sevenths\", of = 3 }", "unknown field `of`"),
         ("detector={ kind = \"found\", of = 3 }", "unknown field `of`"),
     ] {
-        let error = config(&[setting]).and_then(|c| c.check(&Folder::here())).err().expect(setting).to_string();
+        let error = config(&[setting]).and_then(|c| c.check(&Folder::here())).expect_err(setting).to_string();
         assert!(error.contains(said), "{setting}: {error}");
     }
 }
@@ -232,7 +232,7 @@ fn an_encoder_that_does_not_suit_is_refused() {
         (&[scaled, "likelihood.sharpness=100000"], "one particle has all the weight"),
         (&["encoder={ kind = \"scaled\", gain = inf }"], "features must be finite"),
     ] {
-        let error = config(settings).and_then(|c| c.check(&Folder::here())).err().expect(said).to_string();
+        let error = config(settings).and_then(|c| c.check(&Folder::here())).expect_err(said).to_string();
         assert!(error.contains("encoder: ") && error.contains(said), "{error}");
     }
     let calibrated =

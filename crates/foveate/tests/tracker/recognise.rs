@@ -109,7 +109,7 @@ fn what_does_not_fit_is_refused_by_name() {
     let refuse = |lines: &str, words: &str| {
         let text = format!("{base}\n[recogniser]\nkind = \"multi-fixation\"\n{lines}\n");
         let made = Config::parse(&text, "test").and_then(|c| c.check(&Folder::new(folder.path())));
-        let error = made.err().expect(words).to_string();
+        let error = made.expect_err(words).to_string();
         assert!(error.contains(words), "{error}");
     };
     refuse("weights = \"builtin:owls\"", "no recogniser is called builtin:owls");

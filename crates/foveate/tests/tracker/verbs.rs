@@ -42,7 +42,7 @@ fn detections_that_nothing_uses_are_refused() {
         let mut tracker = Tracker::new(&config).expect("parts that fit");
         tracker.init(&image, INIT).expect("a box in the picture");
         for detections in [&found[..], &[]] {
-            let error = tracker.update_with(&image, detections).err().expect("nothing uses them").to_string();
+            let error = tracker.update_with(&image, detections).expect_err("nothing uses them").to_string();
             for words in [
                 "uses no detections",
                 "[detection_likelihood]",
@@ -176,6 +176,6 @@ fn the_first_layer_is_trained_and_goes_on_from_what_was_saved() {
     }
     let natural = Config::builtin("natural").expect("it ships").expect("it is right");
     let trained = natural.set("online_training.particles=1").expect("a setting");
-    let error = Tracker::new(&trained).err().expect("gradients are not trained").to_string();
+    let error = Tracker::new(&trained).expect_err("gradients are not trained").to_string();
     assert!(error.contains("encoder.kind"), "{error}");
 }
