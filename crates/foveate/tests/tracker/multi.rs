@@ -132,7 +132,7 @@ fn what_many_targets_cannot_have_is_refused() {
     assert_eq!(tracker.add(&picture, Some(7), at(20.0, 20.0)).expect("a box in the picture"), 7);
     for policy in ["policy.kind=explore-then-commit", "policy={ kind = \"fixed\", u = 0.3 }"] {
         let config = Config::builtin("multi").expect("it ships").and_then(|config| config.set(policy)).expect("fits");
-        let said = MultiTracker::new(&config).err().expect("it settles elsewhere").to_string();
+        let said = MultiTracker::new(&config).expect_err("it settles elsewhere").to_string();
         assert!(said.contains("policy") && said.contains("whole first picture"), "{said}");
     }
 }

@@ -151,7 +151,7 @@ fn through_a_narrow_window_it_settles_on_a_part() {
 fn behind_a_sensor_no_policy_looks_twice_or_rehearses() {
     let foveated = || Config::builtin("foveated").expect("it ships").expect("it is right");
     for (policy, said) in [("kind = 'hedge'", "one gaze a frame"), ("kind = 'gp-ucb', rehearsal = 1.0", "saliency")] {
-        let problem = foveated().set(&format!("policy={{ {policy} }}")).and_then(Tracker::new).err().expect(said);
+        let problem = foveated().set(&format!("policy={{ {policy} }}")).and_then(Tracker::new).expect_err(said);
         assert!(problem.to_string().contains(said), "{problem}");
     }
     let allowed = foveated().set("policy={ kind = 'gp-ucb', saliency = 1.0 }").and_then(Tracker::new);
