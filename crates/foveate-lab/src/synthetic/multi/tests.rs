@@ -108,7 +108,7 @@ fn wrong_settings_are_errors_with_the_cause() {
         (Multi { targets: 10_001, ..good.clone() }, "targets is 10001"),
         (Multi { scale: [3.0, 1.0], ..good.clone() }, "scale is from 3 to 1"),
         (Multi { scale: [1.0, f64::NAN], ..good.clone() }, "scale is from 1 to NaN"),
-        (Multi { width: 83, ..good.clone() }, "largest target's 84"),
+        (Multi { width: 83, ..good.clone() }, "the target's 84"),
         (Multi { turn: f64::INFINITY, ..good.clone() }, "turn is inf"),
         (Multi { noise: 1.5, ..good.clone() }, "noise is 1.5"),
         (Multi { frames: 3, crossings: 50, ..good.clone() }, "cross 50 times"),
