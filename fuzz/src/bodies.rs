@@ -18,10 +18,10 @@ use foveate::{BBox, MultiTracker, Tracker};
 use super::{http, message};
 
 /// A target, by name, and the longest input that is worth trying.
-pub type Body = (&'static str, fn(&[u8]), usize);
+pub(crate) type Body = (&'static str, fn(&[u8]), usize);
 
 /// All of them.
-pub const ALL: [Body; 13] = [
+pub(crate) const ALL: [Body; 13] = [
     ("pictures", pictures, 1 << 16),
     ("mp4", mp4, 1 << 16),
     ("raw", raw, 1 << 14),
@@ -41,7 +41,7 @@ pub const ALL: [Body; 13] = [
 const FRAMES: usize = 8;
 
 /// PNG and JPEG.
-pub fn pictures(bytes: &[u8]) {
+pub(crate) fn pictures(bytes: &[u8]) {
     if let Ok(image) = decode_image(bytes) {
         assert_eq!(image.bytes().len(), image.width() * image.height() * image.planes());
     }
@@ -72,13 +72,13 @@ fn frames(path: &Path, options: &Options) {
 }
 
 /// MP4 and the decoders of H.264 behind it.
-pub fn mp4(bytes: &[u8]) {
+pub(crate) fn mp4(bytes: &[u8]) {
     let options = Options { decoder: Decoder::Builtin, ..Options::default() };
     with_file("a.mp4", bytes, |path| frames(path, &options));
 }
 
 /// yuv4mpeg, or bare pixels where the first byte is odd.
-pub fn raw(bytes: &[u8]) {
+pub(crate) fn raw(bytes: &[u8]) {
     let Some((first, rest)) = bytes.split_first() else { return };
     let raw = (first % 2 == 1).then(|| Raw {
         width: usize::from(first >> 4) + 1,
@@ -90,7 +90,7 @@ pub fn raw(bytes: &[u8]) {
 }
 
 /// Configurations, and trackers made from them.
-pub fn toml(bytes: &[u8]) {
+pub(crate) fn toml(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     if let Ok(config) = Config::parse(text, "fuzz") {
         let again = Config::parse(&config.to_toml(), "written").expect("what is written can be read");
@@ -103,7 +103,7 @@ pub fn toml(bytes: &[u8]) {
 }
 
 /// Model files of all kinds.
-pub fn models(bytes: &[u8]) {
+pub(crate) fn models(bytes: &[u8]) {
     use foveate::learn::{filters::PatchFilters, rbm, softmax::Softmax};
     let path = Path::new("fuzz.safetensors");
     drop(rbm::Rbm::from_bytes(bytes, path));
@@ -147,12 +147,12 @@ fn picture(t: u8) -> Image {
 }
 
 /// Saved trackers, of one target and of many, which then go on.
-pub fn states(bytes: &[u8]) {
+pub(crate) fn states(bytes: &[u8]) {
     goes_on(bytes);
 }
 
 /// Whether it is a saved tracker, or many: then it goes on.
-pub fn goes_on(bytes: &[u8]) -> bool {
+pub(crate) fn goes_on(bytes: &[u8]) -> bool {
     let Ok(state) = serde_json::from_slice::<serde_json::Value>(bytes) else { return false };
     let start = || one().tracker(1).expect("parts that fit");
     let mut tracker = start();
@@ -176,7 +176,7 @@ pub fn goes_on(bytes: &[u8]) -> bool {
 
 /// States to begin from.
 #[allow(dead_code)]
-pub fn saved() -> [(&'static str, Vec<u8>); 2] {
+pub(crate) fn saved() -> [(&'static str, Vec<u8>); 2] {
     let mut tracker = one().tracker(1).expect("parts that fit");
     tracker.init(&picture(0), BBox::new(10.0, 12.0, 12.0, 9.0)).expect("a box in the picture");
     tracker.update(&picture(1)).expect("a picture of the same size");
@@ -191,7 +191,7 @@ pub fn saved() -> [(&'static str, Vec<u8>); 2] {
 }
 
 /// MOTChallenge's text.
-pub fn mot(bytes: &[u8]) {
+pub(crate) fn mot(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     if let Ok(tracks) = Tracks::parse(text, Path::new("fuzz.txt")) {
         Tracks::parse(&tracks.text(), Path::new("written.txt")).expect("what is written can be read");
@@ -199,7 +199,7 @@ pub fn mot(bytes: &[u8]) {
 }
 
 /// OTB's and VOT's texts.
-pub fn boxes(bytes: &[u8]) {
+pub(crate) fn boxes(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else { return };
     let path = Path::new("fuzz.txt");
     // At the largest numbers, what is counted from 1 is too large.
@@ -214,7 +214,7 @@ pub fn boxes(bytes: &[u8]) {
 }
 
 /// MNIST's files, packed or not: pictures and labels, split in the middle.
-pub fn idx(bytes: &[u8]) {
+pub(crate) fn idx(bytes: &[u8]) {
     let (images, labels) = bytes.split_at(bytes.len() - bytes.len() / 4);
     with_file("images", images, |images| with_file("labels", labels, |labels| drop(Digits::read(images, labels))));
 }
@@ -247,7 +247,7 @@ impl Bytes<'_> {
 }
 
 /// Many targets: boxes and detections of any kind, cuts, states.
-pub fn targets(bytes: &[u8]) {
+pub(crate) fn targets(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
     let mut many = several().multi_tracker(1).expect("parts that fit");
     for t in 0..12 {
@@ -274,7 +274,7 @@ fn reloaded(many: &MultiTracker) -> MultiTracker {
 }
 
 /// The calls of the facade in any order.
-pub fn calls(bytes: &[u8]) {
+pub(crate) fn calls(bytes: &[u8]) {
     let mut bytes = Bytes(bytes);
     let mut tracker: Tracker = one().tracker(1).expect("parts that fit");
     for t in 0..16 {
@@ -299,7 +299,7 @@ pub fn calls(bytes: &[u8]) {
 }
 
 /// Requests to `foveate serve`.
-pub fn requests(bytes: &[u8]) {
+pub(crate) fn requests(bytes: &[u8]) {
     struct Sent<'a>(&'a [u8]);
     impl std::io::Read for Sent<'_> {
         fn read(&mut self, into: &mut [u8]) -> std::io::Result<usize> {
@@ -322,7 +322,7 @@ pub fn requests(bytes: &[u8]) {
 }
 
 /// Lines of TraX.
-pub fn trax(bytes: &[u8]) {
+pub(crate) fn trax(bytes: &[u8]) {
     let mut input = bytes;
     while let Ok(Some(message)) = message::next(&mut input) {
         drop(message);

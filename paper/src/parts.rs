@@ -13,7 +13,7 @@ use crate::autoencoder::Autoencoder;
 use crate::mcrbm::{FactoredEncoder, FactoredRbm, Units};
 
 /// The encoders `mcrbm` and `autoencoder`.
-pub fn parts() -> Parts {
+pub(crate) fn parts() -> Parts {
     Parts::new().with_encoder("mcrbm", mcrbm).with_encoder("autoencoder", autoencoder)
 }
 

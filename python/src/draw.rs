@@ -39,7 +39,7 @@ fn points(rows: &Rows<'_>) -> Vec<Vec<f64>> {
 /// The picture with these marks: boxes (left, top, width, height) with a colour and a text each, discs (x, y and a share of 1 that
 /// colours them), and paths with a colour each. A colour picture in the order of the channels; of a grey one, and of one with alpha, without.
 #[pyfunction]
-pub fn draw_marks<'py>(
+pub(crate) fn draw_marks<'py>(
     image: &Bound<'py, PyAny>,
     channels: &str,
     boxes: Rows<'py>,

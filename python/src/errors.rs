@@ -17,12 +17,12 @@ fn raise(py: Python<'_>, name: &str, text: String) -> PyErr {
 }
 
 /// A value given by the caller is not what it must be.
-pub fn input(py: Python<'_>, text: impl Into<String>) -> PyErr {
+pub(crate) fn input(py: Python<'_>, text: impl Into<String>) -> PyErr {
     raise(py, "InputError", text.into())
 }
 
 /// The exception that says what an [`Error`] says.
-pub fn of(py: Python<'_>, error: &Error) -> PyErr {
+pub(crate) fn of(py: Python<'_>, error: &Error) -> PyErr {
     let class = match error {
         Error::Config(_) => "ConfigError",
         Error::Invalid(_) | Error::Memory(_) => "InputError",
@@ -33,7 +33,7 @@ pub fn of(py: Python<'_>, error: &Error) -> PyErr {
 }
 
 /// Results with Python's errors.
-pub trait OrRaise<T> {
+pub(crate) trait OrRaise<T> {
     /// The value, or the exception that says the same.
     fn or_raise(self, py: Python<'_>) -> PyResult<T>;
 }

@@ -14,7 +14,7 @@ type Row = (usize, i64, [f64; 4], f64);
 
 /// Writes boxes of a video of so many pictures; answers what the format does not hold, a sentence each.
 #[pyfunction]
-pub fn export_boxes(
+pub(crate) fn export_boxes(
     py: Python<'_>,
     format: &str,
     path: PathBuf,

@@ -14,7 +14,7 @@ use crate::pictures::{Picture, Pixels};
 use crate::threads;
 
 /// A tracker, as a pickle takes it up.
-pub trait Follows: Send + Sized {
+pub(crate) trait Follows: Send + Sized {
     /// One that knows no target yet.
     fn made(making: &Making) -> Result<Self>;
     /// The whole state.
@@ -56,7 +56,7 @@ impl Follows for MultiTracker {
 }
 
 /// What an update changes.
-pub struct Working<T> {
+pub(crate) struct Working<T> {
     pub tracker: T,
     /// The picture at hand, in planes; after an update it is what a pickle needs to go on bit for bit.
     image: Option<Image>,
@@ -65,29 +65,29 @@ pub struct Working<T> {
 }
 
 /// A tracker that one call at a time works with, and how it was made.
-pub struct Held<T> {
+pub(crate) struct Held<T> {
     pub making: Making,
     working: Mutex<Working<T>>,
 }
 
 /// What a pickle has: the configuration's text and folder, seed, channels, the saved state, and the last picture (width, height, planes and
 /// bytes).
-pub type Pickle = (String, PathBuf, u64, String, Vec<u8>, Option<(usize, usize, usize, Vec<u8>)>);
+pub(crate) type Pickle = (String, PathBuf, u64, String, Vec<u8>, Option<(usize, usize, usize, Vec<u8>)>);
 
 impl<T: Follows> Held<T> {
     /// One that knows no target yet.
-    pub fn new(making: Making) -> Result<Self> {
+    pub(crate) fn new(making: Making) -> Result<Self> {
         let tracker = T::made(&making)?;
         Ok(Self { making, working: Mutex::new(Working { tracker, image: None, spare: None }) })
     }
 
     /// To be called without the interpreter's lock: another thread may be at work.
-    pub fn working(&self) -> MutexGuard<'_, Working<T>> {
+    pub(crate) fn working(&self) -> MutexGuard<'_, Working<T>> {
         self.working.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Shows a picture to the tracker, without the interpreter's lock.
-    pub fn show<R: Send>(
+    pub(crate) fn show<R: Send>(
         &self,
         image: &Bound<'_, PyAny>,
         act: impl FnOnce(&mut T, &Image) -> Result<R> + Send,
@@ -105,7 +105,7 @@ impl<T: Follows> Held<T> {
     }
 
     /// The whole state as JSON in UTF-8, with the order of a colour picture's bytes.
-    pub fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+    pub(crate) fn save<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         let text = py.detach(|| {
             let mut saved = self.working().tracker.save();
             saved["channels"] = self.making.channels.name.into();
@@ -115,7 +115,7 @@ impl<T: Follows> Held<T> {
     }
 
     /// Takes up a saved state. It is refused where a colour picture's bytes have another order: what was learned is of other colours.
-    pub fn load(&self, py: Python<'_>, saved: &[u8]) -> PyResult<()> {
+    pub(crate) fn load(&self, py: Python<'_>, saved: &[u8]) -> PyResult<()> {
         let ours = self.making.channels;
         let take_up = || {
             let saved = parse(saved)?;
@@ -132,7 +132,7 @@ impl<T: Follows> Held<T> {
     }
 
     /// What `__reduce__` answers: the function of this name makes it again.
-    pub fn pickled<'py>(
+    pub(crate) fn pickled<'py>(
         &self,
         py: Python<'py>,
         restore: &str,
@@ -147,7 +147,7 @@ impl<T: Follows> Held<T> {
     }
 
     /// One from its pickle.
-    pub fn restored(py: Python<'_>, (text, folder, seed, channels, saved, image): Pickle) -> PyResult<Self> {
+    pub(crate) fn restored(py: Python<'_>, (text, folder, seed, channels, saved, image): Pickle) -> PyResult<Self> {
         let this = Self::new(Making::again(py, &text, folder, seed, &channels)?).or_raise(py)?;
         let restore = || {
             let working = &mut *this.working();
@@ -165,7 +165,7 @@ impl<T: Follows> Held<T> {
 }
 
 /// Saved JSON.
-pub fn parse(saved: &[u8]) -> Result<Value> {
+pub(crate) fn parse(saved: &[u8]) -> Result<Value> {
     serde_json::from_slice(saved)
         .map_err(|e| Error::Invalid(format!("the saved state cannot be used: expected what save() gave, JSON: {e}")))
 }

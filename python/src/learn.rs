@@ -211,7 +211,7 @@ fn of_model<T: Send + 'static>(
 
 /// Learns from the rows of `x`; of filters with their cost. Ctrl-C ends it.
 #[pyfunction]
-pub fn learn_fit<'py>(
+pub(crate) fn learn_fit<'py>(
     py: Python<'py>,
     kind: String,
     recipe: String,
@@ -232,7 +232,7 @@ pub fn learn_fit<'py>(
 
 /// What the model makes of each row of `x`.
 #[pyfunction]
-pub fn learn_codes<'py>(
+pub(crate) fn learn_codes<'py>(
     py: Python<'py>,
     kind: &str,
     recipe: &str,
@@ -245,7 +245,7 @@ pub fn learn_codes<'py>(
 
 /// log p(v) of each row of `x`, nats, up to a constant.
 #[pyfunction]
-pub fn learn_scores<'py>(
+pub(crate) fn learn_scores<'py>(
     py: Python<'py>,
     kind: &str,
     recipe: &str,
@@ -263,7 +263,7 @@ type Fitted<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, usize,
 #[pyfunction]
 #[pyo3(signature = (x, labels, weights, classes, l2, steps, tolerance))]
 #[expect(clippy::too_many_arguments, reason = "as Python calls it")]
-pub fn softmax_fit<'py>(
+pub(crate) fn softmax_fit<'py>(
     py: Python<'py>,
     x: PyReadonlyArray2<'py, f64>,
     labels: PyReadonlyArray1<'py, u8>,

@@ -14,7 +14,7 @@ use crate::pictures::Channels;
 
 /// A configuration given by Python: TOML text of its own, or what is changed in a profile.
 #[derive(FromPyObject)]
-pub struct Given {
+pub(crate) struct Given {
     text: Option<String>,
     path: Option<PathBuf>,
     settings: Vec<String>,
@@ -22,7 +22,7 @@ pub struct Given {
 
 /// A checked configuration with its seed, and how pictures come.
 #[derive(Clone)]
-pub struct Making {
+pub(crate) struct Making {
     pub blueprint: Blueprint,
     /// The folder that its model files are relative to.
     pub folder: PathBuf,
@@ -32,7 +32,7 @@ pub struct Making {
 
 impl Making {
     /// By a profile or a configuration's name, and `config`, as `foveate._config.given` understands it.
-    pub fn new(
+    pub(crate) fn new(
         py: Python<'_>,
         profile: &str,
         config: Option<&Bound<'_, PyAny>>,
@@ -51,7 +51,7 @@ impl Making {
     }
 
     /// What a pickle has.
-    pub fn again(py: Python<'_>, text: &str, folder: PathBuf, seed: u64, channels: &str) -> PyResult<Self> {
+    pub(crate) fn again(py: Python<'_>, text: &str, folder: PathBuf, seed: u64, channels: &str) -> PyResult<Self> {
         let channels = Channels::named(py, channels)?;
         let config = Config::parse(text, "the pickle's configuration").or_raise(py)?;
         Self::of(config, folder, Some(seed), channels).or_raise(py)
@@ -64,13 +64,13 @@ impl Making {
     }
 
     /// The configuration as TOML, every setting written out.
-    pub fn text(&self) -> String {
+    pub(crate) fn text(&self) -> String {
         self.blueprint.config().to_toml()
     }
 }
 
 /// The argument `profile`; settings in its place are pointed to `config`.
-pub fn profile_name<'a>(given: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
+pub(crate) fn profile_name<'a>(given: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
     let Ok(name) = given.cast::<PyString>() else {
         let kind = given.get_type().name()?;
         return Err(PyTypeError::new_err(format!(

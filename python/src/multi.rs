@@ -173,7 +173,7 @@ impl PyMultiTracker {
 /// A tracker of many from its pickle.
 #[pyfunction]
 #[pyo3(signature = (*pickle))]
-pub fn _restore_multi(py: Python<'_>, pickle: Pickle) -> PyResult<PyMultiTracker> {
+pub(crate) fn _restore_multi(py: Python<'_>, pickle: Pickle) -> PyResult<PyMultiTracker> {
     let held = Held::restored(py, pickle)?;
     Ok(PyMultiTracker { held, names: PyDict::new(py).unbind() })
 }

@@ -15,22 +15,22 @@ fn make<'py>(py: Python<'py>, name: &str, values: &Bound<'py, PyTuple>) -> PyRes
 }
 
 /// A `Box`.
-pub fn bbox<'py>(py: Python<'py>, b: &BBox) -> PyResult<Bound<'py, PyAny>> {
+pub(crate) fn bbox<'py>(py: Python<'py>, b: &BBox) -> PyResult<Bound<'py, PyAny>> {
     make(py, "Box", &PyTuple::new(py, [b.x, b.y, b.w, b.h])?)
 }
 
 /// A `State`.
-pub fn state<'py>(py: Python<'py>, state: &State) -> PyResult<Bound<'py, PyAny>> {
+pub(crate) fn state<'py>(py: Python<'py>, state: &State) -> PyResult<Bound<'py, PyAny>> {
     make(py, "State", &PyTuple::new(py, state.to_array())?)
 }
 
 /// A `Region`.
-pub fn region<'py>(py: Python<'py>, r: &Region) -> PyResult<Bound<'py, PyAny>> {
+pub(crate) fn region<'py>(py: Python<'py>, r: &Region) -> PyResult<Bound<'py, PyAny>> {
     make(py, "Region", &PyTuple::new(py, [r.x, r.y, r.half[0], r.half[1], r.turn])?)
 }
 
 /// Four numbers: left, top, width, height.
-pub fn read_box(given: &Bound<'_, PyAny>) -> PyResult<BBox> {
+pub(crate) fn read_box(given: &Bound<'_, PyAny>) -> PyResult<BBox> {
     let wrong = |found: String| {
         PyTypeError::new_err(format!(
             "a box is four numbers, left, top, width and height in pixels from 0; it is {found}"

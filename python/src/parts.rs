@@ -13,7 +13,7 @@ use crate::errors::{OrRaise, input};
 
 /// For each of `count` places of the next step, the index of the particle that takes it; ascending.
 #[pyfunction]
-pub fn select<'py>(
+pub(crate) fn select<'py>(
     py: Python<'py>,
     weights: PyReadonlyArray1<'py, f64>,
     count: usize,
@@ -44,7 +44,7 @@ fn boxes(rows: ArrayView2<'_, f64>) -> Vec<Option<BBox>> {
 
 /// The figures and curves of one track, as JSON.
 #[pyfunction]
-pub fn score_ope(
+pub(crate) fn score_ope(
     py: Python<'_>,
     found: PyReadonlyArray2<'_, f64>,
     truth: PyReadonlyArray2<'_, f64>,
@@ -66,7 +66,7 @@ fn tracks(rows: ArrayView2<'_, f64>) -> Tracks {
 
 /// The figures of many targets, as JSON. Rows: frame, id, left, top, width, height, confidence.
 #[pyfunction]
-pub fn score_mot(
+pub(crate) fn score_mot(
     py: Python<'_>,
     found: PyReadonlyArray2<'_, f64>,
     truth: PyReadonlyArray2<'_, f64>,

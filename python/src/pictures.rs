@@ -14,7 +14,7 @@ use crate::errors::input;
 
 /// The order of a pixel's bytes, as the caller says it.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub struct Channels {
+pub(crate) struct Channels {
     pub name: &'static str,
     depth: usize,
     pixels: Layout,
@@ -32,42 +32,42 @@ const CHANNELS: [Channels; 5] = [
 
 impl Channels {
     /// By name.
-    pub fn named(py: Python<'_>, name: &str) -> PyResult<Self> {
+    pub(crate) fn named(py: Python<'_>, name: &str) -> PyResult<Self> {
         CHANNELS.into_iter().find(|c| c.name == name).ok_or_else(|| {
             let names = CHANNELS.map(|c| format!("\"{}\"", c.name)).join(", ");
             input(py, format!("channels is one of {names}; it is \"{name}\""))
         })
     }
     /// The same, where there are three.
-    pub fn of_three(self, py: Python<'_>) -> PyResult<Self> {
+    pub(crate) fn of_three(self, py: Python<'_>) -> PyResult<Self> {
         if self.depth == 3 {
             return Ok(self);
         }
         Err(input(py, format!("a video's channels are \"rgb\" or \"bgr\"; they are \"{}\"", self.name)))
     }
     /// Which byte of a pixel of three is red, green, blue: of grey, and with alpha left out.
-    pub fn order_of_three(self) -> &'static [usize] {
+    pub(crate) fn order_of_three(self) -> &'static [usize] {
         if self.order.len() == 3 { self.order } else { CHANNELS[0].order }
     }
     /// Whether the channels of this name have the same colours in the same order.
-    pub fn has_order_of(self, name: &str) -> bool {
+    pub(crate) fn has_order_of(self, name: &str) -> bool {
         CHANNELS.iter().any(|c| c.name == name && c.order == self.order)
     }
     /// Which byte of a pixel is red, green, blue.
-    pub fn order(self) -> &'static [usize] {
+    pub(crate) fn order(self) -> &'static [usize] {
         self.order
     }
 }
 
 /// A picture of Python's that nobody writes to while it is read.
-pub struct Picture<'py> {
+pub(crate) struct Picture<'py> {
     array: PyReadonlyArrayDyn<'py, u8>,
     channels: Channels,
 }
 
 impl<'py> Picture<'py> {
     /// A NumPy array, or what NumPy makes one of.
-    pub fn new(picture: &Bound<'py, PyAny>, channels: Channels) -> PyResult<Self> {
+    pub(crate) fn new(picture: &Bound<'py, PyAny>, channels: Channels) -> PyResult<Self> {
         let py = picture.py();
         let (array, channels) = match picture.cast::<PyUntypedArray>() {
             Ok(array) => (array.clone(), channels),
@@ -112,7 +112,7 @@ impl<'py> Picture<'py> {
     }
 
     /// Its pixels, to be read without the interpreter's lock.
-    pub fn pixels(&self) -> Pixels<'_> {
+    pub(crate) fn pixels(&self) -> Pixels<'_> {
         Pixels { view: self.array.as_array(), channels: self.channels }
     }
 }
@@ -175,14 +175,14 @@ fn advice(shape: &[usize]) -> &'static str {
 }
 
 /// A view of a picture.
-pub struct Pixels<'a> {
+pub(crate) struct Pixels<'a> {
     view: ArrayViewD<'a, u8>,
     channels: Channels,
 }
 
 impl Pixels<'_> {
     /// Takes the pixels apart into planes; where the picture before had this size, no memory is taken.
-    pub fn read<'i>(&self, kept: &'i mut Option<Image>) -> foveate::Result<&'i Image> {
+    pub(crate) fn read<'i>(&self, kept: &'i mut Option<Image>) -> foveate::Result<&'i Image> {
         let (height, width, planes) = (self.view.shape()[0], self.view.shape()[1], self.channels.order.len());
         let size = |image: &Image| [image.width(), image.height(), image.planes()];
         if kept.as_ref().is_none_or(|image| size(image) != [width, height, planes]) {
@@ -211,14 +211,14 @@ impl Pixels<'_> {
 }
 
 /// A picture as NumPy's arrays have it.
-pub enum Interleaved {
+pub(crate) enum Interleaved {
     Grey(Array2<u8>),
     Colour(Array3<u8>),
 }
 
 impl Interleaved {
     /// The array.
-    pub fn into_array(self, py: Python<'_>) -> Bound<'_, PyAny> {
+    pub(crate) fn into_array(self, py: Python<'_>) -> Bound<'_, PyAny> {
         match self {
             Self::Grey(pixels) => pixels.into_pyarray(py).into_any(),
             Self::Colour(pixels) => pixels.into_pyarray(py).into_any(),
@@ -227,7 +227,7 @@ impl Interleaved {
 }
 
 /// Planes as pixels of three bytes, of which `order` says which is red, green and blue.
-pub fn interleaved(image: &Image, order: &[usize]) -> Interleaved {
+pub(crate) fn interleaved(image: &Image, order: &[usize]) -> Interleaved {
     let size = (image.height(), image.width());
     let plane = |p: usize| ArrayView2::from_shape(size, image.plane(p)).expect("a plane is whole");
     if image.planes() == 1 {

@@ -108,7 +108,7 @@ type Pickle<'py> = (String, Vec<f64>, [PyReadonlyArrayDyn<'py, f64>; 4], Vec<(St
 /// A result from its pickle.
 #[pyfunction]
 #[pyo3(signature = (*pickle))]
-pub fn _restore_result(py: Python<'_>, pickle: Pickle<'_>) -> PyResult<Estimate> {
+pub(crate) fn _restore_result(py: Python<'_>, pickle: Pickle<'_>) -> PyResult<Estimate> {
     let (status, numbers, arrays, classes) = pickle;
     let known = [Status::Tracking, Status::Occluded, Status::Lost, Status::Reacquired];
     let status = known.into_iter().find(|known| known.name() == status);

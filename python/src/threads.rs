@@ -20,7 +20,7 @@ static POOL: Mutex<Pool> = Mutex::new(Pool { first: 0, process: 0, wanted: 0, po
 const MOST: usize = 1024;
 
 /// Uses so many threads from now on, 0 for all processors.
-pub fn set(wanted: usize) -> Result<()> {
+pub(crate) fn set(wanted: usize) -> Result<()> {
     if wanted > MOST {
         return Err(Error::Invalid(format!("threads are 0, for all processors, to {MOST}; they are {wanted}")));
     }
@@ -39,7 +39,7 @@ fn forget(pool: &mut Pool) {
 }
 
 /// Runs on the threads of this process.
-pub fn run<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> {
+pub(crate) fn run<T: Send>(work: impl FnOnce() -> T + Send) -> Result<T> {
     let pool = {
         let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);
         if pool.first == 0 {

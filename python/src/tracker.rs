@@ -270,17 +270,17 @@ impl PyTracker {
 /// A tracker from its pickle.
 #[pyfunction]
 #[pyo3(signature = (*pickle))]
-pub fn _restore_tracker(py: Python<'_>, pickle: Pickle) -> PyResult<PyTracker> {
+pub(crate) fn _restore_tracker(py: Python<'_>, pickle: Pickle) -> PyResult<PyTracker> {
     Held::restored(py, pickle).map(PyTracker::of)
 }
 
 /// The detections of a frame, of any form: a `foveate._detections.Found`.
-pub fn found<'py>(given: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+pub(crate) fn found<'py>(given: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
     given.py().import("foveate._detections")?.call_method1("read", (given,))
 }
 
 /// Those of a `Found`, as they are tracked with.
-pub fn detections_of(found: &Bound<'_, PyAny>) -> PyResult<Vec<Detection>> {
+pub(crate) fn detections_of(found: &Bound<'_, PyAny>) -> PyResult<Vec<Detection>> {
     let rows: PyReadonlyArray2<'_, f64> = found.getattr("rows")?.extract()?;
     let classes: PyReadonlyArray1<'_, i64> = found.getattr("classes")?.extract()?;
     debug_assert_eq!(rows.shape()[1], 5, "it has five columns");

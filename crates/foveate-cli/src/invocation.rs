@@ -22,18 +22,18 @@ pub fn set(arguments: &[OsString], program: PathBuf, parts: Parts) {
 }
 
 /// The parts that configurations may name beside those of the library.
-pub fn parts() -> Parts {
+pub(crate) fn parts() -> Parts {
     INVOCATION.get().map_or_else(Parts::new, |it| it.parts.clone())
 }
 
 /// The arguments, without the program's own name.
-pub fn words() -> impl Iterator<Item = String> {
+pub(crate) fn words() -> impl Iterator<Item = String> {
     let words = INVOCATION.get().map_or(&[][..], |it| it.words.get(1..).unwrap_or(&[]));
     words.iter().map(|word| word.to_string_lossy().into_owned())
 }
 
 /// The arguments in one line, without passwords of streams.
-pub fn arguments() -> String {
+pub(crate) fn arguments() -> String {
     words().map(|word| without_password(&word).into_owned()).collect::<Vec<_>>().join(" ")
 }
 
@@ -44,6 +44,6 @@ pub fn command() -> String {
 }
 
 /// The file that has the program's code.
-pub fn program() -> &'static Path {
+pub(crate) fn program() -> &'static Path {
     INVOCATION.get().map_or(Path::new("foveate"), |it| &it.program)
 }

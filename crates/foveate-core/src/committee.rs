@@ -34,19 +34,19 @@ struct Saved {
 
 impl Committee {
     /// Panics without members.
-    pub fn new(members: Vec<Engine>) -> Self {
+    pub(crate) fn new(members: Vec<Engine>) -> Self {
         let vote = Vote::new(members[0].parts().monitor.model());
         let meter = if members.len() > 1 { Meter::with_room(WINDOWS * members.len()) } else { Meter::default() };
         Self { members, vote, ballots: Vec::new(), meter }
     }
 
     /// The first member.
-    pub fn first(&self) -> &Engine {
+    pub(crate) fn first(&self) -> &Engine {
         &self.members[0]
     }
 
     /// The first member, for steps that read through a sensor, which a committee cannot share.
-    pub fn first_mut(&mut self) -> &mut Engine {
+    pub(crate) fn first_mut(&mut self) -> &mut Engine {
         &mut self.members[0]
     }
 
@@ -54,14 +54,14 @@ impl Committee {
     ///
     /// # Errors
     /// As [`Engine::init`], before anything has changed.
-    pub fn init(&mut self, image: &Image, bbox: BBox) -> Result<()> {
+    pub(crate) fn init(&mut self, image: &Image, bbox: BBox) -> Result<()> {
         self.members.iter_mut().try_for_each(|member| member.init(image, bbox))?;
         self.vote.reset();
         Ok(())
     }
 
     /// One frame: a step of every member, and the vote.
-    pub fn step<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
+    pub(crate) fn step<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
         if self.members.len() == 1 {
             return self.members[0].step_on(scene);
         }
@@ -94,33 +94,33 @@ impl Committee {
             .for_each(|(member, _)| member.start_again_at(&here));
     }
 
-    pub fn compensate(&mut self, flow: &Flow) {
+    pub(crate) fn compensate(&mut self, flow: &Flow) {
         self.members.iter_mut().for_each(|member| member.compensate(flow, &mut State::default()));
     }
 
-    pub fn reset_at(&mut self, bbox: &BBox) {
+    pub(crate) fn reset_at(&mut self, bbox: &BBox) {
         self.vote.reset();
         self.members.iter_mut().for_each(|member| member.reset_at(bbox));
     }
 
-    pub fn set_visibility(&mut self, visible: f64) {
+    pub(crate) fn set_visibility(&mut self, visible: f64) {
         self.members.iter_mut().for_each(|member| member.set_visibility(visible));
     }
 
-    pub fn has_target(&self) -> bool {
+    pub(crate) fn has_target(&self) -> bool {
         self.first().has_target()
     }
 
-    pub fn extent(&self) -> Option<Extent> {
+    pub(crate) fn extent(&self) -> Option<Extent> {
         self.first().extent()
     }
 
-    pub fn parts(&self) -> &Parts {
+    pub(crate) fn parts(&self) -> &Parts {
         self.first().parts()
     }
 
     /// The state of the only member, or of all members and the vote.
-    pub fn save(&self) -> serde_json::Value {
+    pub(crate) fn save(&self) -> serde_json::Value {
         if let [only] = &self.members[..] {
             return only.save();
         }
@@ -129,7 +129,7 @@ impl Committee {
     }
 
     /// Resumes from what [`Committee::save`] returned.
-    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+    pub(crate) fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
         if let [only] = &mut self.members[..] {
             return only.load(saved);
         }

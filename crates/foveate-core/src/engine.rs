@@ -133,7 +133,7 @@ pub(crate) struct Buffers {
 
 impl Engine {
     /// An engine of these parts, with its own streams of randomness named by `seed` and `target`.
-    pub fn new(mut parts: Parts, seed: u64, target: u64) -> Self {
+    pub(crate) fn new(mut parts: Parts, seed: u64, target: u64) -> Self {
         let second = parts.second_opinion.take();
         Self {
             second: second.map(|parts| Box::new(Self::new(*parts, seed, target ^ SECOND))),
@@ -151,7 +151,7 @@ impl Engine {
     ///
     /// # Errors
     /// If a sensor cannot read its source: then the target has to be given anew.
-    pub fn step<'a>(&'a mut self, world: World<'a, '_>) -> Result<Seen<'a>> {
+    pub(crate) fn step<'a>(&'a mut self, world: World<'a, '_>) -> Result<Seen<'a>> {
         let (t, target, streams, mut last) = self.begin();
         let Self { parts, second, context, visibility, .. } = self;
         let Parts { filter, gaze, appearance, monitor, extras, .. } = parts;
@@ -193,7 +193,7 @@ impl Engine {
     }
 
     /// Algorithm 1 on a picture in memory. Panics before [`Engine::init`].
-    pub fn step_on<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
+    pub(crate) fn step_on<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
         self.step(World::Picture(scene)).expect("a picture in memory can be read")
     }
 
@@ -258,18 +258,18 @@ impl Engine {
     }
 
     /// The reported box of the last frame, and P(lost). Panics before the first step.
-    pub fn reported(&self) -> (BBox, TrackConfidence) {
+    pub(crate) fn reported(&self) -> (BBox, TrackConfidence) {
         let (estimate, confidence) = self.record.reported.expect("a step was made");
         (estimate.mean.bbox(self.target().extent), confidence)
     }
 
     /// The pixels that were read of the last frame.
-    pub fn meter(&self) -> &Meter {
+    pub(crate) fn meter(&self) -> &Meter {
         &self.record.meter
     }
 
     /// The results of the last frame, which is `scene`. Panics before the first step.
-    pub fn report<'a>(&'a self, scene: Scene<'a>) -> Seen<'a> {
+    pub(crate) fn report<'a>(&'a self, scene: Scene<'a>) -> Seen<'a> {
         let (parts, last) = (&self.parts, &self.record);
         let (estimate, confidence) = last.reported.expect("a step was made");
         let recognized = parts.extras.recognition.as_ref().map_or(Recognized::default(), Recognition::recognized);
@@ -316,13 +316,13 @@ impl Engine {
     }
 
     /// Exchanges what it needs only during a step with `buffers`, which other engines may use between steps.
-    pub fn exchange(&mut self, buffers: &mut Buffers) {
+    pub(crate) fn exchange(&mut self, buffers: &mut Buffers) {
         std::mem::swap(&mut self.record, &mut buffers.record);
         self.parts.appearance.exchange(&mut buffers.identity);
     }
 
     /// Frees what is not needed until the next step.
-    pub fn compact(&mut self) {
+    pub(crate) fn compact(&mut self) {
         self.parts.appearance.compact();
         self.parts.extras.compact();
         if let Some(second) = &mut self.second {
@@ -331,37 +331,37 @@ impl Engine {
     }
 
     /// Whether there is a target: it was given, or the state of a tracker that had one was loaded.
-    pub fn has_target(&self) -> bool {
+    pub(crate) fn has_target(&self) -> bool {
         self.target.is_some()
     }
 
     /// Whether another target may be seen at the place where this one was expected in the last frame.
-    pub fn is_contested(&self) -> bool {
+    pub(crate) fn is_contested(&self) -> bool {
         self.visibility.is_contested(&self.record.belief.expected)
     }
 
     /// Whether another target claims places that this one may be at.
-    pub fn meets_another(&self) -> bool {
+    pub(crate) fn meets_another(&self) -> bool {
         self.visibility.meets_another()
     }
 
     /// Whether detections move or weigh its particles.
-    pub fn uses_detections(&self) -> bool {
+    pub(crate) fn uses_detections(&self) -> bool {
         self.parts.filter.uses_detections()
     }
 
     /// Whether it searches for the target: what it acts on, which is not the reported status.
-    pub fn is_searching(&self) -> bool {
+    pub(crate) fn is_searching(&self) -> bool {
         self.parts.monitor.loss.is_searching()
     }
 
     /// Half the size of the target's box at scale 1, pixels; `None` before there is a target.
-    pub fn extent(&self) -> Option<Extent> {
+    pub(crate) fn extent(&self) -> Option<Extent> {
         self.target.map(|target| target.extent)
     }
 
     /// The parts, to look at.
-    pub fn parts(&self) -> &Parts {
+    pub(crate) fn parts(&self) -> &Parts {
         &self.parts
     }
 }

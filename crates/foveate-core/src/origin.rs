@@ -22,12 +22,12 @@ const SHOWN: usize = 40;
 
 impl Origin {
     /// Of parts that were put together by hand.
-    pub fn by_hand(seed: u64) -> Self {
+    pub(crate) fn by_hand(seed: u64) -> Self {
         Self { seed, target: 0, configurations: vec![] }
     }
 
     /// Fails where `saved` is another one, with what differs, in words.
-    pub fn check(&self, saved: &Self) -> Result<(), String> {
+    pub(crate) fn check(&self, saved: &Self) -> Result<(), String> {
         let mut all = vec![];
         let numbers = [("seed", saved.seed, self.seed), ("target", saved.target, self.target)];
         all.extend(

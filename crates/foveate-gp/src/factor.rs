@@ -47,7 +47,7 @@ pub(super) struct Factor {
 }
 
 impl Factor {
-    pub fn new(dims: usize, window: usize) -> Self {
+    pub(crate) fn new(dims: usize, window: usize) -> Self {
         let stride = window.next_multiple_of(SQUARE);
         let (square, zeros) = (stride * stride, |n| vec![0.0; n]);
         Self {
@@ -74,7 +74,7 @@ impl Factor {
     }
 
     /// Factors the covariances of these points anew. What depends on the values, and the inverse, are out of date then.
-    pub fn refactor<const D: usize>(&mut self, points: &[[f64; D]], shape: Shape) {
+    pub(crate) fn refactor<const D: usize>(&mut self, points: &[[f64; D]], shape: Shape) {
         (self.n, self.inverted) = (points.len(), false);
         for (d, scaled) in self.scaled.chunks_exact_mut(self.stride).enumerate() {
             scaled.fill(0.0);
@@ -97,7 +97,7 @@ impl Factor {
     }
 
     /// Adds the last of `points` to the factor; false if the factor must be computed again.
-    pub fn extend<const D: usize>(&mut self, points: &[[f64; D]], shape: Shape) -> bool {
+    pub(crate) fn extend<const D: usize>(&mut self, points: &[[f64; D]], shape: Shape) -> bool {
         let n = self.n;
         let [.., point] = points else { return true };
         let mut new = [[0.0; SQUARE]; D];
@@ -126,7 +126,7 @@ impl Factor {
     }
 
     /// Takes the values into account: z, and with it the likelihood.
-    pub fn whiten(&mut self, values: &[f64]) {
+    pub(crate) fn whiten(&mut self, values: &[f64]) {
         self.whitened[..self.n].copy_from_slice(values);
         kernels::solve(&self.u, self.stride, &self.reciprocal, &mut self.whitened[..self.n]);
     }
@@ -140,21 +140,21 @@ impl Factor {
     }
 
     /// α, from z.
-    pub fn weigh(&mut self) {
+    pub(crate) fn weigh(&mut self) {
         self.alpha[..self.n].copy_from_slice(&self.whitened[..self.n]);
         self.alpha[self.n..].fill(0.0);
         kernels::solve_back(&self.u, self.stride, &self.reciprocal, &mut self.alpha[..self.n]);
     }
 
     /// ln p(y) = −½ zᵀz − Σ ln U_ii − n/2 ln 2π.
-    pub fn log_likelihood(&self) -> f64 {
+    pub(crate) fn log_likelihood(&self) -> f64 {
         let fit: f64 = self.whitened[..self.n].iter().map(|z| z * z).sum();
         let log_root: f64 = self.reciprocal[..self.n].iter().map(|r| -r.ln()).sum();
         -0.5 * fit - log_root - 0.5 * self.n as f64 * std::f64::consts::TAU.ln()
     }
 
     /// ∂ ln p(y) by ln ℓ_d, then by ln σₘ² and ln σₙ²: ½ tr((α αᵀ − (K + σₙ² I)⁻¹) ∂K).
-    pub fn gradient(&mut self, noise: f64, out: &mut [f64]) {
+    pub(crate) fn gradient(&mut self, noise: f64, out: &mut [f64]) {
         self.invert();
         let dims = out.len() - 2;
         kernels::likelihood_gradient(self.points(), &self.slope, &self.w, &self.alpha, &mut out[..=dims]);
@@ -167,7 +167,7 @@ impl Factor {
 
     /// The average of observed and expected information on the logarithms of the hyper-parameters, ½ aᵢᵀ (K + σₙ² I)⁻¹ aⱼ
     /// with aᵢ = ∂K/∂θᵢ α (Gilmour, Thompson & Cullis 1995): never negative, and n² operations. `put(i, j, value)` for i ≥ j.
-    pub fn information(&mut self, dims: usize, noise: f64, mut put: impl FnMut(usize, usize, f64)) {
+    pub(crate) fn information(&mut self, dims: usize, noise: f64, mut put: impl FnMut(usize, usize, f64)) {
         let (stride, n) = (self.stride, self.n);
         let Self { scaled, slope, alpha, rows, row, .. } = self;
         let points = Points { coordinates: scaled, stride, n };
@@ -207,7 +207,7 @@ impl Factor {
     }
 
     /// Mean and variance at one point.
-    pub fn predict<const D: usize>(&self, x: &[f64; D], shape: Shape) -> (f64, f64) {
+    pub(crate) fn predict<const D: usize>(&self, x: &[f64; D], shape: Shape) -> (f64, f64) {
         let mut at = [[0.0; SQUARE]; D];
         for d in 0..D {
             at[d][0] = x[d] / shape.length_scales[d];
@@ -225,7 +225,7 @@ impl Factor {
     }
 
     /// Means and variances at many points.
-    pub fn predict_many<const D: usize>(
+    pub(crate) fn predict_many<const D: usize>(
         &mut self,
         xs: impl Iterator<Item = [f64; D]>,
         shape: Shape,

@@ -16,7 +16,7 @@ pub const DIRECTIONS: usize = 8;
 /// Pixels along a block's side.
 pub const BLOCK: usize = 4;
 /// Blocks along a patch's side, at most.
-pub const MOST_BLOCKS: usize = 8;
+pub(crate) const MOST_BLOCKS: usize = 8;
 
 levels! {
     /// `gradients` ← for each block of 4 × 4 pixels of a patch, row by row, the sums of gradient in 8 directions; `squares` ← for each half

@@ -21,19 +21,19 @@ pub const FILES: [&str; 3] = ["boxes.txt", "track.csv", "track.jsonl"];
 const CHUNK: usize = 256;
 
 /// What a target's file is called: the first one's as it is, `target-2-boxes.txt` of the second.
-pub fn named(target: usize, file: &str) -> String {
+pub(crate) fn named(target: usize, file: &str) -> String {
     if target == 0 { file.to_owned() } else { format!("target-{}-{file}", target + 1) }
 }
 
 /// The target, from 0, and the file that are called so.
-pub fn target_of(name: &str) -> (usize, &str) {
+pub(crate) fn target_of(name: &str) -> (usize, &str) {
     let parts = name.strip_prefix("target-").and_then(|rest| rest.split_once('-'));
     let found = parts.and_then(|(number, file)| Some((number.parse::<usize>().ok().filter(|n| *n > 1)? - 1, file)));
     found.unwrap_or((0, name))
 }
 
 /// Lines of the three files as a track grows.
-pub struct Lines {
+pub(crate) struct Lines {
     kept: Kept,
     observers: [Box<dyn Observer + Send>; 3],
     out: [Memory; 3],
@@ -116,7 +116,7 @@ fn unpack(bytes: &[u8]) -> String {
 
 impl Lines {
     /// No lines yet. At most `most` frames are kept, or somewhat more; `meter` is that of a source that drops frames.
-    pub fn new(most: Option<usize>, meter: Option<Meter>) -> Self {
+    pub(crate) fn new(most: Option<usize>, meter: Option<Meter>) -> Self {
         let out: [Memory; 3] = Default::default();
         let sink = |i: usize| Sink::memory(FILES[i], out[i].clone());
         let observers: [Box<dyn Observer + Send>; 3] = [
@@ -128,7 +128,7 @@ impl Lines {
     }
 
     /// A piece of a file, from 0; `None` after the last one, or where there is no file of that name.
-    pub fn piece(&self, name: &str, piece: usize) -> Option<String> {
+    pub(crate) fn piece(&self, name: &str, piece: usize) -> Option<String> {
         self.kept.piece(name, piece)
     }
 
@@ -149,13 +149,13 @@ impl Lines {
     ///
     /// # Errors
     /// It cannot be written down.
-    pub fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
+    pub(crate) fn observe(&mut self, frame: &Frame, seen: &Seen<'_>) -> Result<()> {
         self.observers.iter_mut().try_for_each(|o| o.observe(frame, std::slice::from_ref(seen)))?;
         self.take(frame.index);
         Ok(())
     }
     /// Drops all frames from `index` (from 0) on.
-    pub fn cut(&mut self, index: usize) {
+    pub(crate) fn cut(&mut self, index: usize) {
         self.kept.cut(index);
     }
 }

@@ -37,7 +37,7 @@ pub trait Frames: Send {
 }
 
 /// Frames, of which the one read last is kept.
-pub struct Kept {
+pub(crate) struct Kept {
     frames: Box<dyn Frames>,
     /// The frame that was read last.
     pub last: Option<Arc<Frame>>,
@@ -45,7 +45,7 @@ pub struct Kept {
 
 impl Kept {
     /// No frame is read yet.
-    pub fn new(frames: Box<dyn Frames>) -> Self {
+    pub(crate) fn new(frames: Box<dyn Frames>) -> Self {
         Self { frames, last: None }
     }
 }

@@ -23,7 +23,7 @@ const PREFERENCE: f64 = 0.03;
 
 /// A box about a place, or without one about the most salient; and where it comes from: `motion`, `saliency`, `size`.
 /// Motion is told by another frame, the one before or after.
-pub fn propose(other: Option<&Image>, image: &Image, at: Option<(f64, f64)>) -> (BBox, &'static str) {
+pub(crate) fn propose(other: Option<&Image>, image: &Image, at: Option<(f64, f64)>) -> (BBox, &'static str) {
     let size = (image.width(), image.height());
     let (mut flow, mut saliency) = (Flow::default(), Saliency::default());
     let (mut moving, mut salient) = (vec![], vec![]);

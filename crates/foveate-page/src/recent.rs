@@ -9,7 +9,7 @@ use foveate_core::scene::Image;
 use foveate_video::{Frame, Meter};
 
 /// Frames that are kept: for steps back, and corrections.
-pub const RECENT: usize = 8;
+pub(crate) const RECENT: usize = 8;
 
 /// Frames that came last; clones share them.
 #[derive(Clone)]

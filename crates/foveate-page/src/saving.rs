@@ -31,7 +31,7 @@ pub enum Made {
 type Output = (&'static str, Box<dyn Observer + Send>, Option<Memory>);
 
 /// Results of a target that are being written, or are there. Dropped, they are removed.
-pub struct Saving {
+pub(crate) struct Saving {
     tracker: Tracker,
     frames: Box<dyn Frames>,
     outputs: Vec<Output>,
@@ -62,7 +62,7 @@ impl Saving {
     ///
     /// # Errors
     /// A file cannot be written.
-    pub fn begin<H: Host>(
+    pub(crate) fn begin<H: Host>(
         (film, report): (bool, bool),
         tracking: &Tracking,
         frames: Box<dyn Frames>,
@@ -100,7 +100,7 @@ impl Saving {
     ///
     /// # Errors
     /// The video breaks, or a file cannot be written.
-    pub fn go_on<H: Host>(&mut self, enough: impl Fn() -> bool) -> Result<()> {
+    pub(crate) fn go_on<H: Host>(&mut self, enough: impl Fn() -> bool) -> Result<()> {
         for done in 0..FRAMES {
             if self.files.is_some() || (done > 0 && enough()) {
                 break;

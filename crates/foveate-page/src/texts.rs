@@ -10,18 +10,18 @@ pub(super) struct Texts {
 }
 
 impl Texts {
-    pub fn new(most: usize) -> Self {
+    pub(crate) fn new(most: usize) -> Self {
         Self { all: BTreeMap::new(), bytes: 0, most }
     }
-    pub fn put(&mut self, index: usize, text: String) {
+    pub(crate) fn put(&mut self, index: usize, text: String) {
         self.bytes += text.len();
         self.bytes -= self.all.insert(index, text).map_or(0, |old| old.len());
     }
-    pub fn drop_first(&mut self) {
+    pub(crate) fn drop_first(&mut self) {
         self.bytes -= self.all.pop_first().map_or(0, |(_, text)| text.len());
     }
     /// Drops every other one; the first one stays.
-    pub fn thin(&mut self) {
+    pub(crate) fn thin(&mut self) {
         let mut k = 0;
         self.all.retain(|_, _| {
             k += 1;
@@ -29,7 +29,7 @@ impl Texts {
         });
         self.bytes = self.all.values().map(String::len).sum();
     }
-    pub fn cut(&mut self, index: usize) {
+    pub(crate) fn cut(&mut self, index: usize) {
         let gone = self.all.split_off(&index);
         self.bytes -= gone.values().map(String::len).sum::<usize>();
     }

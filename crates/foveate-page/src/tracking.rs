@@ -15,7 +15,7 @@ use foveate_core::{Seen, Tracker, start};
 use foveate_video::Frame;
 
 /// Frames of a track, at most; of a source without an end, of which results are kept.
-pub const MOST_FRAMES: usize = 100_000;
+pub(crate) const MOST_FRAMES: usize = 100_000;
 /// Bytes of details, and of saved states, that a track keeps; and of details where frames do not repeat.
 const DETAILS: usize = 32 << 20;
 const STATES: usize = 32 << 20;
@@ -59,7 +59,7 @@ impl Setup {
 }
 
 /// A track.
-pub struct Tracking {
+pub(crate) struct Tracking {
     /// What it is tracked with.
     pub setup: Setup,
     tracker: Tracker,
@@ -86,7 +86,7 @@ impl Tracking {
     ///
     /// # Errors
     /// There is no such frame, or the box does not fit it.
-    pub fn start(frames: &mut dyn Frames, lines: Lines, setup: Setup, index: usize, bbox: BBox) -> Result<Self> {
+    pub(crate) fn start(frames: &mut dyn Frames, lines: Lines, setup: Setup, index: usize, bbox: BBox) -> Result<Self> {
         let tracker = setup.blueprint.tracker(setup.seed)?;
         let details = if frames.repeats() { DETAILS } else { RECENT_DETAILS };
         let mut tracking = Self {
@@ -107,35 +107,35 @@ impl Tracking {
     }
 
     /// A row for each frame that was tracked since this was called last. A track keeps none: who shows it has them.
-    pub fn take_rows(&mut self) -> Vec<Row> {
+    pub(crate) fn take_rows(&mut self) -> Vec<Row> {
         std::mem::take(&mut self.rows)
     }
     /// How many frames it has.
-    pub fn frames(&self) -> usize {
+    pub(crate) fn frames(&self) -> usize {
         self.count
     }
     /// The first frame, from 0.
-    pub fn first(&self) -> usize {
+    pub(crate) fn first(&self) -> usize {
         self.first
     }
     /// The last frame tracked, from 0.
-    pub fn last(&self) -> usize {
+    pub(crate) fn last(&self) -> usize {
         self.first + self.count - 1
     }
     /// Whether the video has ended.
-    pub fn ended(&self) -> bool {
+    pub(crate) fn ended(&self) -> bool {
         self.ended
     }
     /// Boxes given by hand, by frame from 0.
-    pub fn given(&self) -> &BTreeMap<usize, BBox> {
+    pub(crate) fn given(&self) -> &BTreeMap<usize, BBox> {
         &self.given
     }
     /// The detail of a frame (from 0), as JSON; `None` where it was not kept.
-    pub fn detail(&self, index: usize) -> Option<&str> {
+    pub(crate) fn detail(&self, index: usize) -> Option<&str> {
         self.details.all.get(&index).map(|text| &**text)
     }
     /// What the policy has learned by the last frame.
-    pub fn surface(&self) -> Option<Surface> {
+    pub(crate) fn surface(&self) -> Option<Surface> {
         row::surface(self.tracker.parts().gaze.policy().snapshot())
     }
 
@@ -143,7 +143,7 @@ impl Tracking {
     ///
     /// # Errors
     /// The video breaks, or the track is too long.
-    pub fn step(&mut self, frames: &mut dyn Frames) -> Result<()> {
+    pub(crate) fn step(&mut self, frames: &mut dyn Frames) -> Result<()> {
         if self.ended {
             return Ok(());
         }
@@ -158,7 +158,7 @@ impl Tracking {
     ///
     /// # Errors
     /// The frame was not tracked, is gone, or the box does not fit it.
-    pub fn correct(&mut self, frames: &mut dyn Frames, index: usize, bbox: BBox) -> Result<()> {
+    pub(crate) fn correct(&mut self, frames: &mut dyn Frames, index: usize, bbox: BBox) -> Result<()> {
         if !(self.first..=self.last()).contains(&index) {
             let (first, last) = (self.first + 1, self.last() + 1);
             return Err(Error::Invalid(format!("frames {first} to {last} are tracked; correct one of these")));

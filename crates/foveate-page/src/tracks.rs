@@ -15,12 +15,12 @@ use crate::row::cells;
 use crate::tracking::{MOST_FRAMES, Setup, Tracking};
 
 /// Targets of a video, at most: each takes time.
-pub const MOST_TARGETS: usize = 8;
+pub(crate) const MOST_TARGETS: usize = 8;
 /// Frames tracked for one message, at most.
 const MOST_STEPS: usize = 200;
 
 /// The tracks of a video: one for each target, all on the same frames.
-pub struct Tracks {
+pub(crate) struct Tracks {
     frames: Kept,
     /// Counts the frames that a camera or a stream dropped.
     meter: Option<Meter>,
@@ -29,7 +29,7 @@ pub struct Tracks {
 
 impl Tracks {
     /// Of no target yet.
-    pub fn new(frames: Box<dyn Frames>, meter: Option<Meter>) -> Self {
+    pub(crate) fn new(frames: Box<dyn Frames>, meter: Option<Meter>) -> Self {
         Self { frames: Kept::new(frames), meter, all: vec![] }
     }
 
@@ -37,23 +37,23 @@ impl Tracks {
     ///
     /// # Errors
     /// There is none yet.
-    pub fn get(&self, target: usize) -> Result<&Tracking> {
+    pub(crate) fn get(&self, target: usize) -> Result<&Tracking> {
         self.all.get(target).ok_or_else(|| untracked(target))
     }
     /// How many targets there are.
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.all.len()
     }
     /// How many frames all of them have together.
-    pub fn frames(&self) -> usize {
+    pub(crate) fn frames(&self) -> usize {
         self.all.iter().map(Tracking::frames).sum()
     }
     /// The frame (from 0) that is tracked next: of the target that is farthest behind. `None` where there is none.
-    pub fn next(&self) -> Option<usize> {
+    pub(crate) fn next(&self) -> Option<usize> {
         self.all.iter().filter(|t| !t.ended()).map(|t| t.last() + 1).min()
     }
     /// The frame that was decoded last for them.
-    pub fn decoded(&self) -> Option<Arc<Frame>> {
+    pub(crate) fn decoded(&self) -> Option<Arc<Frame>> {
         self.frames.last.clone()
     }
 
@@ -61,7 +61,7 @@ impl Tracks {
     ///
     /// # Errors
     /// There are targets enough, or as [`Tracking::start`].
-    pub fn start(&mut self, target: usize, setup: Setup, frame: usize, bbox: BBox) -> Result<Value> {
+    pub(crate) fn start(&mut self, target: usize, setup: Setup, frame: usize, bbox: BBox) -> Result<Value> {
         if target > self.all.len() || target >= MOST_TARGETS {
             let there = self.all.len();
             let problem =
@@ -84,7 +84,7 @@ impl Tracks {
     ///
     /// # Errors
     /// There is no such target.
-    pub fn remove(&mut self, target: usize) -> Result<Value> {
+    pub(crate) fn remove(&mut self, target: usize) -> Result<Value> {
         self.get(target)?;
         self.all.remove(target);
         Ok(json!({}))
@@ -95,7 +95,7 @@ impl Tracks {
     ///
     /// # Errors
     /// There is no target, or as [`Tracking::step`].
-    pub fn step(&mut self, frames: usize, enough: impl Fn() -> bool) -> Result<Value> {
+    pub(crate) fn step(&mut self, frames: usize, enough: impl Fn() -> bool) -> Result<Value> {
         self.get(0)?;
         for done in 0..frames.clamp(1, MOST_STEPS) {
             let Some(next) = self.next().filter(|_| done == 0 || !enough()) else { break };
@@ -111,7 +111,7 @@ impl Tracks {
     }
 
     /// Particles, glimpse and gazes of a frame (from 1).
-    pub fn detail(&self, target: usize, frame: usize) -> Value {
+    pub(crate) fn detail(&self, target: usize, frame: usize) -> Value {
         let detail = self.get(target).ok().and_then(|tracking| tracking.detail(frame.saturating_sub(1)));
         json!({ "detail": parsed(detail) })
     }
@@ -120,7 +120,7 @@ impl Tracks {
     ///
     /// # Errors
     /// There is no such target, or as [`Tracking::correct`].
-    pub fn correct(&mut self, target: usize, frame: usize, bbox: BBox) -> Result<Value> {
+    pub(crate) fn correct(&mut self, target: usize, frame: usize, bbox: BBox) -> Result<Value> {
         let tracking = self.all.get_mut(target).ok_or_else(|| untracked(target))?;
         tracking.correct(&mut self.frames, frame, bbox)?;
         Ok(json!({ "rows": tracking.take_rows().pop().into_iter().collect::<Vec<_>>(), "ended": false }))
@@ -130,7 +130,7 @@ impl Tracks {
     ///
     /// # Errors
     /// There is no target.
-    pub fn command(&self, video: &Path) -> Result<String> {
+    pub(crate) fn command(&self, video: &Path) -> Result<String> {
         self.get(0)?;
         Ok((0..self.all.len()).filter_map(|target| self.line(target, video).ok()).collect::<Vec<_>>().join("\n"))
     }
@@ -139,7 +139,7 @@ impl Tracks {
     ///
     /// # Errors
     /// There is no such target.
-    pub fn line(&self, target: usize, video: &Path) -> Result<String> {
+    pub(crate) fn line(&self, target: usize, video: &Path) -> Result<String> {
         let tracking = self.get(target)?;
         let given: Vec<(usize, BBox)> = tracking.given().iter().map(|(k, b)| (*k, *b)).collect();
         let Setup { config, policy, seed, blueprint } = &tracking.setup;

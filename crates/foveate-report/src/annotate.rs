@@ -40,17 +40,17 @@ const BLACK: Colour = [0, 0, 0];
 pub(super) struct Path(VecDeque<Point>);
 
 impl Path {
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.0.clear();
     }
-    pub fn push(&mut self, state: &State) {
+    pub(crate) fn push(&mut self, state: &State) {
         self.0.push_back((state.x, state.y));
         if self.0.len() > PATH {
             self.0.pop_front();
         }
     }
     /// Draws it, the older the fainter.
-    pub fn draw(&self, page: &mut Drawing, view: View, thick: f64, colour: Colour, alpha: f64) {
+    pub(crate) fn draw(&self, page: &mut Drawing, view: View, thick: f64, colour: Colour, alpha: f64) {
         for (i, (a, b)) in self.0.iter().zip(self.0.iter().skip(1)).enumerate() {
             let fresh = (i + 1) as f64 / self.0.len() as f64;
             page.line(&[view.at(*a), view.at(*b)], thick * view.bold, colour, alpha * fresh);
@@ -80,7 +80,7 @@ pub(super) struct View {
 }
 
 impl View {
-    pub fn at(self, (x, y): Point) -> Point {
+    pub(crate) fn at(self, (x, y): Point) -> Point {
         // The centre of an image pixel is the centre of its block of page pixels.
         (self.zoom * (x + 0.5) - 0.5, self.zoom * (y + 0.5) - 0.5)
     }

@@ -18,7 +18,7 @@ pub(super) struct Rows {
 
 impl Rows {
     /// The header.
-    pub fn new(names: impl IntoIterator<Item: Display>) -> Self {
+    pub(crate) fn new(names: impl IntoIterator<Item: Display>) -> Self {
         let mut rows = Self { columns: usize::MAX, ..Self::default() };
         names.into_iter().for_each(|name| rows.put(name));
         rows.columns = rows.filled;
@@ -26,22 +26,22 @@ impl Rows {
         rows
     }
     /// One cell more. Floating-point numbers get the shortest digits that read back as the same number.
-    pub fn put(&mut self, value: impl Display) {
+    pub(crate) fn put(&mut self, value: impl Display) {
         debug_assert!(self.filled < self.columns, "a row has {} columns", self.columns);
         let comma = if self.filled > 0 { "," } else { "" };
         let _ = write!(self.text, "{comma}{value}");
         self.filled += 1;
     }
     /// Some cells more.
-    pub fn put_all<'a>(&mut self, values: impl IntoIterator<Item = &'a f64>) {
+    pub(crate) fn put_all<'a>(&mut self, values: impl IntoIterator<Item = &'a f64>) {
         values.into_iter().for_each(|value| self.put(value));
     }
     /// A cell of text.
-    pub fn put_text(&mut self, text: &str) {
+    pub(crate) fn put_text(&mut self, text: &str) {
         self.put(quoted(text));
     }
     /// Ends the row; cells that were not put are empty.
-    pub fn end(&mut self) {
+    pub(crate) fn end(&mut self) {
         self.text.extend(std::iter::repeat_n(',', self.columns - self.filled));
         self.text.push('\n');
         self.filled = 0;
@@ -64,22 +64,22 @@ pub(super) struct Csv {
 
 impl Csv {
     /// Starts the file with its header. Fails where its folder cannot be written.
-    pub fn create(path: impl Into<PathBuf>, columns: &[Column]) -> Result<Self> {
+    pub(crate) fn create(path: impl Into<PathBuf>, columns: &[Column]) -> Result<Self> {
         Ok(Self::to(Sink::create(path)?, columns))
     }
     /// Rows to a sink.
-    pub fn to(file: Sink, columns: &[Column]) -> Self {
+    pub(crate) fn to(file: Sink, columns: &[Column]) -> Self {
         Self { file, rows: Rows::new(columns.iter().map(|c| c.name)) }
     }
     /// Adds rows, one after each [`Rows::end`], and hands them to the operating system.
-    pub fn write(&mut self, fill: impl FnOnce(&mut Rows)) -> Result<()> {
+    pub(crate) fn write(&mut self, fill: impl FnOnce(&mut Rows)) -> Result<()> {
         fill(&mut self.rows);
         self.file.write(self.rows.text.as_bytes())?;
         self.rows.text.clear();
         self.file.flush()
     }
     /// Gives the file its name.
-    pub fn finish(&mut self) -> Result<()> {
+    pub(crate) fn finish(&mut self) -> Result<()> {
         if !self.rows.text.is_empty() {
             self.write(|_| ())?;
         }

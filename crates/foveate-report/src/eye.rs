@@ -31,7 +31,7 @@ pub(super) struct Eye {
 
 impl Eye {
     /// `None` for a retina without cells.
-    pub fn new(retina: &dyn Retina) -> Option<Self> {
+    pub(crate) fn new(retina: &dyn Retina) -> Option<Self> {
         let cells = retina.cells();
         let reach = cells.iter().map(|c| c.u.abs().max(c.v.abs()) + c.half).fold(0.0, f64::max);
         let finest = cells.iter().map(|c| c.half).fold(f64::INFINITY, f64::min);
@@ -48,7 +48,7 @@ impl Eye {
     }
 
     /// What was seen, one pixel for each smallest cell; black where the retina has no grey cell.
-    pub fn picture(&self, glimpse: &[f32]) -> Image {
+    pub(crate) fn picture(&self, glimpse: &[f32]) -> Image {
         let mut rgb = Vec::with_capacity(3 * self.side * self.side);
         for i in 0..self.side * self.side {
             let value = |channel: usize| self.maps[channel][i].and_then(|cell| glimpse.get(cell)).copied();

@@ -84,7 +84,7 @@ pub(super) mod tests {
     use super::*;
 
     /// A hill on (0.4, −0.2); the farther from the centre, the less is known.
-    pub struct Hill(pub Vec<Gaze>);
+    pub(crate) struct Hill(pub Vec<Gaze>);
 
     impl Surface for Hill {
         fn reach(&self) -> f64 {

@@ -125,7 +125,7 @@ pub(super) mod tests {
     use foveate_core::geometry::{BBox, State};
 
     /// A target of 20 px about (x, 20), turned by half a right angle.
-    pub fn seen(id: u64, x: f64, phase: Phase) -> Seen<'static> {
+    pub(crate) fn seen(id: u64, x: f64, phase: Phase) -> Seen<'static> {
         let bbox = BBox::around(x, 20.0, 20.0, 20.0);
         let state = State { angle: std::f64::consts::FRAC_PI_4, ..State::of(&bbox) };
         let mut seen = Seen::given([120, 60, 1], &bbox).in_phase(phase);
@@ -133,7 +133,7 @@ pub(super) mod tests {
         seen
     }
 
-    pub fn frame(index: usize) -> Frame {
+    pub(crate) fn frame(index: usize) -> Frame {
         Frame { index, time: index as f64 / 30.0, image: Image::grey(120, 60, 0) }
     }
 

@@ -74,7 +74,7 @@ pub(super) struct FirstFrame {
 }
 
 impl FirstFrame {
-    pub fn new(image: &Image, bbox: &BBox, retina: &dyn Retina) -> Self {
+    pub(crate) fn new(image: &Image, bbox: &BBox, retina: &dyn Retina) -> Self {
         let (state, extent) = (State::of(bbox), Extent::of(bbox));
         let reach = retina.footprints().iter().map(|f| f.reach).fold(0.0, f64::max);
         let corner = Gaze { u: FARTHEST_GAZE, v: FARTHEST_GAZE, arm: None };
@@ -85,7 +85,7 @@ impl FirstFrame {
     }
 
     /// The target at a gaze, cell by cell; empty where the gaze is too far off to be read.
-    pub fn glimpse(&self, retina: &dyn Retina, gaze: Gaze) -> Vec<f32> {
+    pub(crate) fn glimpse(&self, retina: &dyn Retina, gaze: Gaze) -> Vec<f32> {
         let far = gaze.u.abs().max(gaze.v.abs()) > FARTHEST_GAZE;
         let mut glimpse = vec![0.0; if far { 0 } else { retina.glimpse_len() }];
         if !far {
@@ -95,7 +95,7 @@ impl FirstFrame {
     }
 
     /// The same as a picture; `None` where it is empty, or the retina has no cell.
-    pub fn picture(&self, retina: &dyn Retina, gaze: Gaze) -> Option<Image> {
+    pub(crate) fn picture(&self, retina: &dyn Retina, gaze: Gaze) -> Option<Image> {
         let glimpse = self.glimpse(retina, gaze);
         Eye::new(retina).filter(|_| !glimpse.is_empty()).map(|eye| eye.picture(&glimpse))
     }

@@ -52,7 +52,7 @@ const UNTIMED: [&str; 17] = [
 ];
 
 impl Scheme {
-    pub fn of(address: &Path) -> Option<Self> {
+    pub(crate) fn of(address: &Path) -> Option<Self> {
         let text = address.to_str()?;
         SCHEMES
             .into_iter()
@@ -60,7 +60,7 @@ impl Scheme {
     }
 
     /// What ffmpeg opens at an address, and all that it may open for it.
-    pub fn input(&self, address: &Path) -> Input {
+    pub(crate) fn input(&self, address: &Path) -> Input {
         let lists = address.to_string_lossy().split(['?', '#']).next().is_some_and(|path| path.ends_with(".m3u8"));
         let kinds: Cow<'static, str> = match self.name {
             "rtsp://" => "rtsp".into(),

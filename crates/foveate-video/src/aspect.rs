@@ -22,7 +22,7 @@ impl Default for Aspect {
 
 impl Aspect {
     /// `None` if a side is 0, which means "unknown" in files, or if the ratio is implausible.
-    pub fn new(across: u32, down: u32) -> Option<Self> {
+    pub(crate) fn new(across: u32, down: u32) -> Option<Self> {
         let (mut n, mut rest) = (across, down);
         while rest > 0 {
             (n, rest) = (rest, n % rest);
@@ -32,7 +32,7 @@ impl Aspect {
     }
 
     /// The sides of a picture of `width` by `height` stored pixels as players show it: one of them grows, so that no pixel is lost.
-    pub fn shown(self, width: usize, height: usize) -> (usize, usize) {
+    pub(crate) fn shown(self, width: usize, height: usize) -> (usize, usize) {
         let grown = |side: usize, by: u32, over: u32| {
             ((side as u64 * u64::from(by) + u64::from(over) / 2) / u64::from(over)) as usize
         };
@@ -46,7 +46,7 @@ impl Aspect {
     ///
     /// # Errors
     /// The picture would be larger than [`MAX_SIDE`], or take more memory than there may be.
-    pub fn square(self, image: Image) -> Result<Image> {
+    pub(crate) fn square(self, image: Image) -> Result<Image> {
         let (width, height) = self.shown(image.width(), image.height());
         if (width, height) == (image.width(), image.height()) {
             return Ok(image);

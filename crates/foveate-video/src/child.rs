@@ -31,12 +31,12 @@ impl Leash {
     }
 
     /// Holds a child, which ends with the next one.
-    pub fn hold(&self, child: Child) {
+    pub(crate) fn hold(&self, child: Child) {
         self.put(child, None);
     }
 
     /// Holds a [`guarded`] child and the line to it.
-    pub fn hold_with(&self, child: Child, line: Line) {
+    pub(crate) fn hold_with(&self, child: Child, line: Line) {
         self.put(child, Some(line));
     }
 
@@ -51,7 +51,7 @@ impl Leash {
     }
 
     /// Ends the child.
-    pub fn end(&self) {
+    pub(crate) fn end(&self) {
         let mut held = self.held();
         if let Some(mut child) = held.child.take() {
             let _ = child.kill();
@@ -63,24 +63,24 @@ impl Leash {
     }
 
     /// Ends the child, and every later one.
-    pub fn end_for_good(&self) {
+    pub(crate) fn end_for_good(&self) {
         self.held().over = true;
         self.end();
     }
 
     /// Whether no further child is needed.
-    pub fn is_over(&self) -> bool {
+    pub(crate) fn is_over(&self) -> bool {
         self.held().over
     }
 
     /// A handle for other threads that ends it permanently.
-    pub fn interrupt(&self) -> Interrupt {
+    pub(crate) fn interrupt(&self) -> Interrupt {
         let leash = self.clone();
         Arc::new(move || leash.end_for_good())
     }
 
     /// Ends the child unless the returned guard is dropped within `patience`.
-    pub fn end_after(&self, patience: Duration) -> Sender<()> {
+    pub(crate) fn end_after(&self, patience: Duration) -> Sender<()> {
         let (in_time, waits) = channel();
         let leash = self.clone();
         let work = move || {
@@ -94,7 +94,7 @@ impl Leash {
     }
 
     /// Waits until the child exits. `None` if another thread ended it.
-    pub fn wait(&self) -> Option<ExitStatus> {
+    pub(crate) fn wait(&self) -> Option<ExitStatus> {
         loop {
             let ended = self.held().child.as_mut().map(Child::try_wait)?;
             match ended {
@@ -111,7 +111,7 @@ impl Leash {
 pub(crate) struct Line(#[cfg(unix)] std::os::unix::net::UnixStream, #[cfg(not(unix))] std::io::PipeReader);
 
 impl Line {
-    pub fn reader(&self) -> std::io::Result<impl Read + Send + 'static> {
+    pub(crate) fn reader(&self) -> std::io::Result<impl Read + Send + 'static> {
         self.0.try_clone()
     }
 

@@ -112,7 +112,7 @@ impl Connection {
     ///
     /// # Errors
     /// Where the address is of an unknown scheme, ffmpeg is not there, or it finds no video.
-    pub fn open(address: &Path, options: LiveOptions, stall: Duration) -> Result<Self> {
+    pub(crate) fn open(address: &Path, options: LiveOptions, stall: Duration) -> Result<Self> {
         let shown = PathBuf::from(&*without_password(&address.to_string_lossy()));
         let wrong = |problem: String| Error::malformed(&shown, problem);
         let scheme = Scheme::of(address).ok_or_else(|| {
@@ -164,12 +164,12 @@ impl Connection {
     }
 
     /// How often it was opened again. Counts on after this source was handed over.
-    pub fn reconnections(&self) -> Arc<AtomicU64> {
+    pub(crate) fn reconnections(&self) -> Arc<AtomicU64> {
         self.reconnected.clone()
     }
 
     /// To end it from another thread.
-    pub fn interrupt(&self) -> Interrupt {
+    pub(crate) fn interrupt(&self) -> Interrupt {
         self.leash.interrupt()
     }
 

@@ -14,7 +14,7 @@ pub(crate) enum DecodeError {
 
 impl DecodeError {
     /// Damage without a known cause.
-    pub fn damaged(found: impl std::fmt::Display) -> Self {
+    pub(crate) fn damaged(found: impl std::fmt::Display) -> Self {
         Self::Damaged(format!("{found}; the file is damaged or cut off, copy it again"))
     }
 }

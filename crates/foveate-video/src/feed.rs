@@ -30,7 +30,7 @@ impl Feed {
     ///
     /// # Errors
     /// Cause and remedy if the program is missing or does not start.
-    pub fn start(
+    pub(crate) fn start(
         program: &Path,
         leash: &Leash,
         mut next: impl FnMut() -> Option<Vec<u8>> + Send + 'static,
@@ -73,7 +73,7 @@ impl Feed {
     }
 
     /// The next picture; `None` at the end, an error if the program stops early.
-    pub fn picture(&mut self) -> Option<Decoded<Yuv>> {
+    pub(crate) fn picture(&mut self) -> Option<Decoded<Yuv>> {
         if let Some(output) = self.output.take() {
             self.pixels = Y4m::new(BufReader::new(output), &[]).ok();
         }
@@ -81,7 +81,7 @@ impl Feed {
     }
 
     /// Ends it. The first error that it logged, if any.
-    pub fn complaint(&mut self) -> Option<String> {
+    pub(crate) fn complaint(&mut self) -> Option<String> {
         self.leash.end();
         self.listener.take().map(JoinHandle::join);
         self.complaint.lock().unwrap_or_else(PoisonError::into_inner).take()

@@ -88,12 +88,18 @@ impl Ffmpeg {
     ///
     /// # Errors
     /// Cause and remedy if the program is missing or does not start, or if the file has sound only.
-    pub fn open(program: &Path, path: &Path, skip: usize, leash: &Leash, remarks: &Remarks) -> Result<Self, String> {
+    pub(crate) fn open(
+        program: &Path,
+        path: &Path,
+        skip: usize,
+        leash: &Leash,
+        remarks: &Remarks,
+    ) -> Result<Self, String> {
         Self::of_input(program, Input::file(path), skip, leash, remarks)
     }
 
     /// The same for any input.
-    pub fn of_input(
+    pub(crate) fn of_input(
         program: &Path,
         input: Input,
         skip: usize,
@@ -165,17 +171,17 @@ impl Ffmpeg {
     }
 
     /// Mean frames a second.
-    pub fn rate(&self) -> f64 {
+    pub(crate) fn rate(&self) -> f64 {
         self.facts.rate.unwrap_or(30.0)
     }
 
     /// An estimate of the number of frames.
-    pub fn frames(&self) -> Option<usize> {
+    pub(crate) fn frames(&self) -> Option<usize> {
         self.facts.frames
     }
 
     /// The next frame and its time in seconds from the first.
-    pub fn picture(&mut self) -> Option<Decoded<Picture>> {
+    pub(crate) fn picture(&mut self) -> Option<Decoded<Picture>> {
         if let Some(output) = self.output.take() {
             // Where nothing comes, the reason is told below.
             self.pixels = Y4m::new(BufReader::new(output), &[]).ok();

@@ -22,7 +22,7 @@ pub(super) struct Setup {
 
 impl Setup {
     /// Reads a decoder configuration record (ISO/IEC 14496-15, 5.2.4.1).
-    pub fn read(avcc: &[u8]) -> Decoded<Self> {
+    pub(crate) fn read(avcc: &[u8]) -> Decoded<Self> {
         let parse = || {
             let prefix = usize::from(*avcc.get(4)? & 3) + 1;
             let mut rest = avcc.get(5..)?;
@@ -55,7 +55,7 @@ impl Setup {
     }
 
     /// Whether a frame brings settings for pictures of another size than the first settings have.
-    pub fn resizes(&self, frame: &[u8]) -> bool {
+    pub(crate) fn resizes(&self, frame: &[u8]) -> bool {
         let other = |unit: &&[u8]| {
             let (set, first) = (sps::parse(unit), self.sps);
             set.zip(first).is_some_and(|(set, first)| (set.width, set.height) != (first.width, first.height))
@@ -65,7 +65,7 @@ impl Setup {
 
     /// Whether a frame holds bytes that no encoder writes: two zeros and a byte below 3 (ITU-T H.264, 7.4.1). Zeros at the end of a
     /// unit are padding.
-    pub fn is_damaged(&self, frame: &[u8]) -> bool {
+    pub(crate) fn is_damaged(&self, frame: &[u8]) -> bool {
         let illegal = |unit: &&[u8]| {
             let end = unit.iter().rposition(|&byte| byte != 0).map_or(0, |last| last + 1);
             unit[..end].windows(3).any(|bytes| bytes[..2] == [0, 0] && bytes[2] < 3)
@@ -74,17 +74,17 @@ impl Setup {
     }
 
     /// Whether a frame needs no other before it (an IDR picture).
-    pub fn starts_anew(&self, frame: &[u8]) -> Decoded<bool> {
+    pub(crate) fn starts_anew(&self, frame: &[u8]) -> Decoded<bool> {
         Ok(self.units(frame)?.iter().any(|unit| unit[0] & 31 == 5))
     }
 
     /// The parameter sets with start codes.
-    pub fn start(&self) -> Vec<u8> {
+    pub(crate) fn start(&self) -> Vec<u8> {
         annex_b(self.parameters.iter().map(Vec::as_slice))
     }
 
     /// A frame with start codes; `None` if it has no picture or is truncated.
-    pub fn with_start_codes(&self, frame: &[u8]) -> Option<Vec<u8>> {
+    pub(crate) fn with_start_codes(&self, frame: &[u8]) -> Option<Vec<u8>> {
         let units = self.units(frame).ok()?;
         units.iter().any(|unit| matches!(unit[0] & 31, 1..=5)).then(|| annex_b(units.into_iter()))
     }
@@ -133,7 +133,7 @@ pub(super) enum Decoder {
 
 impl Decoder {
     /// The faster decoder.
-    pub fn fast(setup: &Setup) -> Decoded<Self> {
+    pub(crate) fn fast(setup: &Setup) -> Decoded<Self> {
         if setup.sps.is_some_and(|sps| sps.cropped_before) {
             return Err(DecodeError::Unsupported("cropping at the left or the top".into()));
         }
@@ -143,7 +143,7 @@ impl Decoder {
     }
 
     /// The decoder that supports more.
-    pub fn wide(setup: &Setup) -> Decoded<Self> {
+    pub(crate) fn wide(setup: &Setup) -> Decoded<Self> {
         let mut decoder = Box::new(rust_h264::decoder::Decoder::new());
         let bytes = setup.start();
         guard(|| {
@@ -156,7 +156,7 @@ impl Decoder {
     }
 
     /// For people.
-    pub fn name(&self) -> &'static str {
+    pub(crate) fn name(&self) -> &'static str {
         match self {
             Self::Rusty(_) => "H.264 (built-in decoder)",
             Self::Rust(_) => "H.264 (built-in decoder for 10 bits, 4:2:2 and interlaced video)",
@@ -165,7 +165,7 @@ impl Decoder {
 
     /// Decodes one frame as stored in the file. `None` if it has settings only. After an error the decoder is
     /// unusable.
-    pub fn decode(&mut self, setup: &Setup, frame: &[u8]) -> Decoded<Option<Yuv>> {
+    pub(crate) fn decode(&mut self, setup: &Setup, frame: &[u8]) -> Decoded<Option<Yuv>> {
         let units = setup.units(frame)?;
         Setup::check(&units)?;
         let coded = units.iter().any(|unit| matches!(unit[0] & 31, 1..=5));

@@ -24,7 +24,7 @@ pub(super) fn file_type() -> Vec<u8> {
 
 impl Track {
     /// The last box of the file. Sides in pixels, even and below 65536.
-    pub fn index(&self, width: usize, height: usize, timing: &Timing, colour: Colour) -> Vec<u8> {
+    pub(crate) fn index(&self, width: usize, height: usize, timing: &Timing, colour: Colour) -> Vec<u8> {
         let length = timing.length().to_be_bytes();
         let scale = timing.scale.to_be_bytes();
         let runs: Vec<u32> = timing.runs.iter().flat_map(|(count, each)| [*count, *each]).collect();

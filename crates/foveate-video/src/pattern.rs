@@ -10,7 +10,7 @@ use foveate_base::{Error, Result};
 ///
 /// # Errors
 /// Where the folder cannot be read, has no file of the pattern, or a number is missing between the first and the last.
-pub fn files(path: &Path) -> Result<Option<Vec<PathBuf>>> {
+pub(crate) fn files(path: &Path) -> Result<Option<Vec<PathBuf>>> {
     let Some((before, digits, after)) = path.file_name().and_then(|name| parts(name.to_str()?)) else {
         return Ok(None);
     };

@@ -38,7 +38,7 @@ impl Piped {
     ///
     /// # Errors
     /// Where it does not begin as yuv4mpeg does.
-    pub fn y4m(name: PathBuf, reader: Bytes, read: &[u8]) -> Result<Self> {
+    pub(crate) fn y4m(name: PathBuf, reader: Bytes, read: &[u8]) -> Result<Self> {
         let stream = Y4m::new(reader, read).map_err(|error| match error {
             DecodeError::Damaged(problem) | DecodeError::Unsupported(problem) => Error::malformed(&name, problem),
         })?;
@@ -56,7 +56,7 @@ impl Piped {
     ///
     /// # Errors
     /// Where the size is none, or the bytes are no whole number of frames.
-    pub fn raw(name: PathBuf, reader: Bytes, bytes: Option<u64>, raw: Raw, notify: fn(&str)) -> Result<Self> {
+    pub(crate) fn raw(name: PathBuf, reader: Bytes, bytes: Option<u64>, raw: Raw, notify: fn(&str)) -> Result<Self> {
         let (width, height) = (raw.width, raw.height);
         if ![width, height].iter().all(|side| (1..=MAX_SIDE).contains(side)) {
             let problem =

@@ -18,7 +18,7 @@ use foveate_base::memory;
 use foveate_core::scene::Image;
 
 /// Bytes with random access: a file or its equivalent.
-pub trait Bytes: Read + Seek + Send {}
+pub(crate) trait Bytes: Read + Seek + Send {}
 impl<T: Read + Seek + Send> Bytes for T {}
 
 /// What is reported of a frame with bytes that no encoder writes.
@@ -55,7 +55,7 @@ const SAVED: [f64; 2] = [3e-9, 15e-9];
 const START: f64 = 0.4;
 
 impl Mp4 {
-    pub fn new(mut file: Box<dyn Bytes>, len: u64) -> Decoded<Self> {
+    pub(crate) fn new(mut file: Box<dyn Bytes>, len: u64) -> Decoded<Self> {
         let movie = mp4::read(&mut file, len)?;
         let setup = Setup::read(&movie.avcc)?;
         let decoder = match Decoder::fast(&setup) {
@@ -98,7 +98,7 @@ impl Mp4 {
     }
 
     /// Whether ffmpeg saves more time than it takes to start.
-    pub fn wants_ffmpeg(&self) -> bool {
+    pub(crate) fn wants_ffmpeg(&self) -> bool {
         let sps = self.setup.sps.unwrap_or_default();
         let saved = SAVED[usize::from(matches!(self.decoder, Decoder::Rust(_)))];
         saved * (sps.width * sps.height) as f64 * self.frames() as f64 > START
@@ -108,7 +108,7 @@ impl Mp4 {
     ///
     /// # Errors
     /// Where the program is not there or does not start.
-    pub fn feed(&mut self, mut file: File, program: &Path, leash: &Leash) -> Result<(), String> {
+    pub(crate) fn feed(&mut self, mut file: File, program: &Path, leash: &Leash) -> Result<(), String> {
         let samples: Vec<u32> = (0..self.movie.samples.len() as u32).filter(|&i| !self.lost(i as usize)).collect();
         let mut order = samples.clone();
         order.sort_by_key(|&i| self.movie.samples[i as usize].time);
@@ -155,7 +155,7 @@ impl Mp4 {
 
     /// Restarts with the decoder that supports more, up to the frames already returned. False if it is already in
     /// use.
-    pub fn widen(&mut self) -> bool {
+    pub(crate) fn widen(&mut self) -> bool {
         let wide = match self.decoder {
             Decoder::Rusty(_) => Decoder::wide(&self.setup).ok(),
             Decoder::Rust(_) => None,
@@ -174,27 +174,27 @@ impl Mp4 {
     }
 
     /// How many frames are to be shown.
-    pub fn frames(&self) -> usize {
+    pub(crate) fn frames(&self) -> usize {
         self.order.len()
     }
 
     /// What was found so far.
-    pub fn remarks(&self) -> &Remarks {
+    pub(crate) fn remarks(&self) -> &Remarks {
         &self.remarks
     }
 
     /// The decoder, for people.
-    pub fn decoder(&self) -> &'static str {
+    pub(crate) fn decoder(&self) -> &'static str {
         if self.fed_out.is_some() { "H.264 (ffmpeg)" } else { self.decoder.name() }
     }
 
     /// Mean frames a second; 30 if unknown from the times.
-    pub fn rate(&self) -> f64 {
+    pub(crate) fn rate(&self) -> f64 {
         let last = self.order.last().map_or(0.0, |&last| self.time(last));
         if last > 0.0 { (self.order.len() - 1) as f64 / last } else { 30.0 }
     }
 
-    pub fn picture(&mut self) -> Option<Decoded<Picture>> {
+    pub(crate) fn picture(&mut self) -> Option<Decoded<Picture>> {
         let next = self.yuv()?;
         Some(next.and_then(|(yuv, time)| Ok((self.image(&yuv)?, time))))
     }
@@ -203,7 +203,7 @@ impl Mp4 {
     ///
     /// # Errors
     /// It would be too large.
-    pub fn image(&self, yuv: &Yuv) -> foveate_base::Result<Image> {
+    pub(crate) fn image(&self, yuv: &Yuv) -> foveate_base::Result<Image> {
         let sps = self.setup.sps.unwrap_or_default();
         let (matrix, full) = match (sps.matrix, self.movie.colour) {
             (None | Some(2), Some((matrix, full))) => (Some(matrix), full || sps.full_range),
@@ -218,23 +218,23 @@ impl Mp4 {
     }
 
     /// The decoder configuration record.
-    pub fn description(&self) -> &[u8] {
+    pub(crate) fn description(&self) -> &[u8] {
         &self.movie.avcc
     }
 
     /// The samples in decoding order, each with its position in the order of presentation, if shown.
-    pub fn samples(&self) -> impl Iterator<Item = (&Sample, Option<u32>)> {
+    pub(crate) fn samples(&self) -> impl Iterator<Item = (&Sample, Option<u32>)> {
         self.movie.samples.iter().zip(self.rank.iter().copied())
     }
 
     /// Time in seconds of a position in the order of presentation, from the first shown frame; `None` if there is no
     /// such position.
-    pub fn time_of(&self, place: usize) -> Option<f64> {
+    pub(crate) fn time_of(&self, place: usize) -> Option<f64> {
         self.order.get(place).map(|&sample| self.time(sample))
     }
 
     /// The next picture as it was coded.
-    pub fn yuv(&mut self) -> Option<Decoded<(Yuv, f64)>> {
+    pub(crate) fn yuv(&mut self) -> Option<Decoded<(Yuv, f64)>> {
         if let Some(picture) = self.fed() {
             return Some(Ok(picture));
         }

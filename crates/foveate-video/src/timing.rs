@@ -19,7 +19,7 @@ const NEAR: f64 = 1e-6;
 impl Timing {
     /// Of frames at these times in seconds, which should rise: a frame lasts one unit at least. `constant` is the scale in which a frame
     /// of a constant rate lasts [`UNITS`]; the last frame lasts as long.
-    pub fn of(times: &[f64], constant: u32) -> Self {
+    pub(crate) fn of(times: &[f64], constant: u32) -> Self {
         let lasts = f64::from(UNITS) / f64::from(constant);
         let first = times.first().copied().unwrap_or(0.0);
         let near = |(i, time): (usize, &f64)| ((time - first) - i as f64 * lasts).abs() < NEAR;
@@ -46,7 +46,7 @@ impl Timing {
     }
 
     /// Units in all.
-    pub fn length(&self) -> u64 {
+    pub(crate) fn length(&self) -> u64 {
         self.runs.iter().map(|(count, each)| u64::from(*count) * u64::from(*each)).sum()
     }
 }

@@ -41,7 +41,7 @@ pub(crate) struct Y4m<R> {
 
 impl<R: Read> Y4m<R> {
     /// Reads the first line. `read` are the bytes already read to detect the format.
-    pub fn new(mut reader: R, read: &[u8]) -> Decoded<Self> {
+    pub(crate) fn new(mut reader: R, read: &[u8]) -> Decoded<Self> {
         let mut first = read.to_vec();
         let ended = line(&mut reader, &mut first);
         if !first.is_empty() && !first.starts_with(MAGIC.trim_ascii_end()) {
@@ -60,7 +60,7 @@ impl<R: Read> Y4m<R> {
     }
 
     /// The next picture, 8 bits a sample (deeper ones are cut to their upper bits); grey has no chroma planes.
-    pub fn picture(&mut self) -> Option<Decoded<Yuv>> {
+    pub(crate) fn picture(&mut self) -> Option<Decoded<Yuv>> {
         let mut found = vec![];
         match line(&mut self.reader, &mut found) {
             Ok(true) => (),

@@ -29,7 +29,7 @@ pub(crate) struct Colour {
 
 impl Colour {
     /// From H.264's matrix coefficients (table E-5), or from the size if they are missing or unspecified.
-    pub fn new(matrix: Option<u16>, full_range: bool, width: usize, height: usize) -> Self {
+    pub(crate) fn new(matrix: Option<u16>, full_range: bool, width: usize, height: usize) -> Self {
         let (kr, kb) = match matrix {
             Some(1) => (0.2126, 0.0722),
             Some(5 | 6) => (0.299, 0.114),
@@ -42,7 +42,7 @@ impl Colour {
     }
 
     /// Whether this is BT.709, for the mark in a file written.
-    pub fn is_bt709(&self) -> bool {
+    pub(crate) fn is_bt709(&self) -> bool {
         self.kr == 0.2126
     }
 
@@ -54,7 +54,7 @@ impl Colour {
 
 impl Yuv {
     /// Whether the lengths of the planes fit their sizes.
-    pub fn is_valid(&self) -> bool {
+    pub(crate) fn is_valid(&self) -> bool {
         let n = self.chroma.0 * self.chroma.1;
         let side = |full: usize, part: usize| part == full || part == full.div_ceil(2);
         let coloured = side(self.width, self.chroma.0) && side(self.height, self.chroma.1);
@@ -70,7 +70,7 @@ impl Yuv {
     }
 
     /// Red, green and blue planes; one plane if grey. Panics if the picture is not valid.
-    pub fn to_rgb(&self, colour: Colour) -> Image {
+    pub(crate) fn to_rgb(&self, colour: Colour) -> Image {
         assert!(self.is_valid(), "the planes of a decoded picture have the sizes it states");
         let (black, luma, chroma) = colour.steps();
         if self.is_grey() {
@@ -114,7 +114,7 @@ impl Yuv {
 
     /// A picture of even sides (the last column and row repeat if a side is odd), half-size chroma, limited range;
     /// grey images have neutral chroma.
-    pub fn from_image(image: &Image, colour: Colour) -> Self {
+    pub(crate) fn from_image(image: &Image, colour: Colour) -> Self {
         let (black, luma, chroma) = colour.steps();
         let (kr, kb) = (colour.kr, colour.kb);
         let fixed = |x: f64| (x * 65536.0).round() as i32;

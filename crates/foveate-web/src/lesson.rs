@@ -38,7 +38,7 @@ enum Kind {
 /// Its settings.
 #[derive(Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Scene {
+pub(crate) struct Scene {
     kind: Kind,
     /// 0 to 9.
     digit: u8,
@@ -106,7 +106,7 @@ impl Scene {
 }
 
 /// A scene, and three trackers in it.
-pub struct Lesson {
+pub(crate) struct Lesson {
     video: Box<dyn Drawn>,
     learning: Tracker,
     fixed: Tracker,
@@ -119,7 +119,7 @@ pub struct Lesson {
 }
 
 impl Lesson {
-    pub fn begin(scene: Scene, policy: &str) -> Result<Self> {
+    pub(crate) fn begin(scene: Scene, policy: &str) -> Result<Self> {
         let video = scene.video()?;
         let blueprint = scene.config(policy)?.check(&Nowhere)?;
         let frame = Frame { index: 0, time: 0.0, image: video.render(0) };
@@ -135,7 +135,7 @@ impl Lesson {
         Ok(Self { video, learning, fixed, random, cells, policy: policy.into(), config, frame })
     }
 
-    pub fn about(&self) -> Value {
+    pub(crate) fn about(&self) -> Value {
         let (width, height) = self.video.size();
         json!({
             "width": width, "height": height, "frames": self.video.truth().len(), "cells": self.cells, "policy": self.policy,
@@ -144,12 +144,12 @@ impl Lesson {
     }
 
     /// The frame shown.
-    pub fn picture(&self) -> Vec<u8> {
+    pub(crate) fn picture(&self) -> Vec<u8> {
         rgba(&self.frame.image)
     }
 
     /// The next frame; `{"ended": true}` after the last.
-    pub fn step(&mut self) -> Result<Value> {
+    pub(crate) fn step(&mut self) -> Result<Value> {
         let index = self.frame.index + 1;
         let Some(truth) = self.video.truth().get(index).copied() else { return Ok(json!({ "ended": true })) };
         let image: Image = self.video.render(index);
@@ -178,7 +178,7 @@ fn error(a: &BBox, b: &BBox) -> f64 {
 }
 
 /// Red, green, blue and an alpha of 255, pixel by pixel.
-pub fn rgba(image: &Image) -> Vec<u8> {
+pub(crate) fn rgba(image: &Image) -> Vec<u8> {
     let plane = |p: usize| image.plane(p.min(image.planes() - 1));
     let colours = plane(0).iter().zip(plane(1)).zip(plane(2));
     let mut out = Vec::with_capacity(4 * image.width() * image.height());

@@ -56,7 +56,7 @@ impl Frames for Ahead {
 }
 
 /// A video that is open.
-pub struct Open {
+pub(crate) struct Open {
     video: Video,
     player: Player<Video>,
     decoded: Decoded,
@@ -64,12 +64,12 @@ pub struct Open {
 }
 
 impl Open {
-    pub fn new(video: Video) -> Self {
+    pub(crate) fn new(video: Video) -> Self {
         Self { player: Player::new(video.clone()), video, decoded: Decoded::default(), coded: None }
     }
 
     /// The samples of H.264 in MP4, for a decoder of the browser; `{"codec": null}` of other sources.
-    pub fn coded(&mut self) -> Result<Value> {
+    pub(crate) fn coded(&mut self) -> Result<Value> {
         if self.video.pictures.is_some() {
             return Ok(json!({ "codec": null }));
         }
@@ -90,7 +90,7 @@ impl Open {
     }
 
     /// Takes the planes of a frame (from 0) that the browser decoded.
-    pub fn decoded(
+    pub(crate) fn decoded(
         &self,
         place: usize,
         size: (usize, usize),

@@ -35,7 +35,7 @@ impl Store for Paths {
 /// A file that the page has.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Given {
+pub(crate) struct Given {
     /// Its number.
     pub id: u32,
     pub name: String,
@@ -76,7 +76,7 @@ impl Seek for Open {
 
 /// A video file, or pictures in a row.
 #[derive(Clone)]
-pub struct Video {
+pub(crate) struct Video {
     pub store: Arc<dyn Store>,
     pub files: Vec<Given>,
     /// Frames a second, where they are pictures.
@@ -89,7 +89,7 @@ impl Video {
     }
 
     /// The file as it is coded, where it is H.264 in MP4.
-    pub fn coded(&self) -> foveate_base::Result<CodedVideo> {
+    pub(crate) fn coded(&self) -> foveate_base::Result<CodedVideo> {
         let file = self.files.first().ok_or_else(|| Problem::Invalid("expected a video file".into()))?;
         CodedVideo::open(&file.name, self.open(file), file.size)
     }

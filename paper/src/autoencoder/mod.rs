@@ -6,7 +6,7 @@
 mod io;
 mod train;
 
-pub use self::train::{Recipe, Trainer};
+pub(crate) use self::train::{Recipe, Trainer};
 
 use foveate::Result;
 use foveate::learn::rbm::{Rbm, Visible};
@@ -14,21 +14,21 @@ use foveate::rows::{Rows, RowsMut};
 
 /// A trained autoencoder: the parameters W, b, c of a layer, as an RBM with Gaussian units has them.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Autoencoder {
+pub(crate) struct Autoencoder {
     layer: Rbm,
 }
 
 impl Autoencoder {
     /// From W (n_v × n_h, row-major), b (n_v) and c (n_h). Fails if they do not fit, or a number is not finite.
-    pub fn new(weights: Vec<f32>, visible_bias: Vec<f32>, hidden_bias: Vec<f32>) -> Result<Self> {
+    pub(crate) fn new(weights: Vec<f32>, visible_bias: Vec<f32>, hidden_bias: Vec<f32>) -> Result<Self> {
         Ok(Self { layer: Rbm::new(Visible::Gaussian, weights, visible_bias, hidden_bias)? })
     }
     /// The layer: h and v̂ are its hidden probabilities and visible means.
-    pub fn layer(&self) -> &Rbm {
+    pub(crate) fn layer(&self) -> &Rbm {
         &self.layer
     }
     /// ‖v̂ − v‖² of rows as they are, mean over rows.
-    pub fn error(&self, rows: Rows<'_>) -> f64 {
+    pub(crate) fn error(&self, rows: Rows<'_>) -> f64 {
         let (n_v, n_h) = self.layer.shape();
         let (mut h, mut back) = (vec![0.0; rows.len() * n_h], vec![0.0; rows.len() * n_v]);
         self.layer.h_from_v(rows, RowsMut::new(&mut h, n_h));

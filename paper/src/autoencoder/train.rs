@@ -20,7 +20,7 @@ const MOST: usize = 1 << 16;
 /// How to learn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Recipe {
+pub(crate) struct Recipe {
     /// n_h.
     pub hidden: usize,
     /// Passes over the data.
@@ -43,12 +43,12 @@ pub struct Recipe {
 
 impl Recipe {
     /// The usual settings, to be changed field by field.
-    pub fn new(hidden: usize) -> Self {
+    pub(crate) fn new(hidden: usize) -> Self {
         let (mask, noise) = (0.3, 0.5);
         Self { hidden, epochs: 30, batch: 100, rate: 0.5, momentum: 0.9, mask, noise, l2: 1e-3, seed: 1 }
     }
     /// Fails, with the reason, if a number is out of its range.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         let positive = |x: f32| x.is_finite() && x >= 0.0;
         let problem = if self.hidden == 0 || self.batch == 0 {
             "hidden units and rows of a batch must be at least 1"
@@ -67,7 +67,7 @@ impl Recipe {
 
 /// An autoencoder being trained: everything that the rest of the training depends on, the data apart.
 #[derive(Debug)]
-pub struct Trainer {
+pub(crate) struct Trainer {
     pub(super) recipe: Recipe,
     pub(super) model: Autoencoder,
     /// Of W, then b, then c.
@@ -88,7 +88,7 @@ struct Work {
 impl Trainer {
     /// Begins with small random weights and biases 0. Fails if the recipe is out of range, a value is not finite, or there
     /// is no full batch.
-    pub fn new(recipe: Recipe, rows: Rows<'_>) -> Result<Self> {
+    pub(crate) fn new(recipe: Recipe, rows: Rows<'_>) -> Result<Self> {
         recipe.check()?;
         if rows.len() < recipe.batch || !rows.data().iter().all(|x| x.is_finite()) {
             return Err(Error::Invalid(format!(
@@ -109,15 +109,15 @@ impl Trainer {
     }
     foveate::learn::training_accessors!();
     /// Batches an epoch has for this many rows.
-    pub fn batches(&self, rows: usize) -> usize {
+    pub(crate) fn batches(&self, rows: usize) -> usize {
         rows / self.recipe.batch
     }
     /// The autoencoder as it stands.
-    pub fn learned(&self) -> &Autoencoder {
+    pub(crate) fn learned(&self) -> &Autoencoder {
         &self.model
     }
     /// Fails if a parameter is no longer finite: the training has diverged.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         let layer = &self.model.layer;
         let all = [layer.weights().data(), layer.visible_bias(), layer.hidden_bias()];
         if all.iter().all(|x| x.iter().all(|x| x.is_finite())) {
@@ -126,7 +126,7 @@ impl Trainer {
         Err(self.state.diverged(self.recipe.rate))
     }
     /// One mini-batch. `rows` must be those the training began with.
-    pub fn step(&mut self, rows: Rows<'_>) {
+    pub(crate) fn step(&mut self, rows: Rows<'_>) {
         let (n_v, r) = (rows.width(), &self.recipe);
         let draws = self.state.draws(r.seed);
         let (first, picked) = self.state.rows(rows.len(), r.batch, Some(draws.rng(0)));

@@ -21,14 +21,14 @@ use foveate::{Error, Result};
 
 /// Frame, counted from 1, and the probability of the centre gaze there: read off the bars of the companion paper's
 /// figure, to about ±0.03. Its fourth bar is .93 and lies between frames 181 and 215.
-pub const PAPER: [(usize, f64); 6] = [(20, 0.2), (69, 0.5), (142, 0.85), (181, 0.93), (215, 0.93), (260, 0.98)];
+pub(crate) const PAPER: [(usize, f64); 6] = [(20, 0.2), (69, 0.5), (142, 0.85), (181, 0.93), (215, 0.93), (260, 0.98)];
 
 /// A run counts as on target if the centre error is above [`OFF`] in at most this share of its frames.
-pub const OFF_SHARE: f64 = 0.05;
+pub(crate) const OFF_SHARE: f64 = 0.05;
 
 /// One tracker on one video, and how likely it was to look at the centre.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Learning {
+pub(crate) struct Learning {
     /// The track.
     pub run: Run,
     /// The centre gaze's probability after each frame from the second on.
@@ -40,7 +40,7 @@ impl Learning {
     ///
     /// # Errors
     /// The tracker refuses the first box, or its policy has no probability for the centre gaze.
-    pub fn follow(video: &dyn Drawn, tracker: &mut Tracker, template: Template) -> Result<Self> {
+    pub(crate) fn follow(video: &dyn Drawn, tracker: &mut Tracker, template: Template) -> Result<Self> {
         let mut learning = Self::default();
         for (index, truth) in video.truth().iter().enumerate() {
             let frame = Frame { index, time: index as f64 / 30.0, image: video.render(index) };
@@ -59,11 +59,11 @@ impl Learning {
         Ok(learning)
     }
     /// Whether it could be that of a video of so many frames.
-    pub fn is_of(&self, frames: usize) -> bool {
+    pub(crate) fn is_of(&self, frames: usize) -> bool {
         self.run.is_of(frames) && self.centre.len() == self.run.errors.len()
     }
     /// Whether it followed the target: see [`OFF_SHARE`].
-    pub fn on_target(&self) -> bool {
+    pub(crate) fn on_target(&self) -> bool {
         let off = self.run.errors.iter().filter(|e| **e > OFF).count();
         off as f64 <= OFF_SHARE * self.run.errors.len() as f64
     }
@@ -72,7 +72,7 @@ impl Learning {
 /// What the target's template is read from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Template {
+pub(crate) enum Template {
     /// The first frame as it is.
     #[default]
     Frame,
@@ -122,7 +122,7 @@ fn centre(snapshot: PolicySnapshot<'_>) -> Option<f64> {
 
 /// What many runs had at one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Point {
+pub(crate) struct Point {
     /// Counted from 1.
     pub frame: usize,
     /// Mean over the runs.
@@ -135,7 +135,7 @@ pub struct Point {
 
 /// The curve of several runs of the same length.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Curve {
+pub(crate) struct Curve {
     /// What the runs are.
     pub name: String,
     /// How many.
@@ -146,7 +146,7 @@ pub struct Curve {
 
 impl Curve {
     /// The curve of some runs; `None` without one.
-    pub fn of(name: &str, runs: &[&Learning]) -> Option<Self> {
+    pub(crate) fn of(name: &str, runs: &[&Learning]) -> Option<Self> {
         let frames = runs.first()?.centre.len();
         let point = |i: usize| {
             let values: Vec<f64> = runs.iter().map(|run| run.centre[i]).collect();
@@ -156,18 +156,18 @@ impl Curve {
         Some(Self { name: name.into(), runs: runs.len(), points: (0..frames).map(point).collect() })
     }
     /// The paper's frames that the videos have, each with the paper's value.
-    pub fn beside_paper(&self) -> impl Iterator<Item = (f64, &Point)> {
+    pub(crate) fn beside_paper(&self) -> impl Iterator<Item = (f64, &Point)> {
         PAPER.iter().filter_map(|(frame, p)| Some((*p, self.points.get(frame.checked_sub(2)?)?)))
     }
     /// Root mean square difference of the median from the paper's values; NaN where there is none.
-    pub fn distance(&self) -> f64 {
+    pub(crate) fn distance(&self) -> f64 {
         let off: Vec<f64> = self.beside_paper().map(|(p, at)| (at.quantiles[2] - p).powi(2)).collect();
         (off.iter().sum::<f64>() / off.len() as f64).sqrt()
     }
 }
 
 /// Aligned text: each curve at the paper's frames.
-pub fn text(curves: &[Curve]) -> String {
+pub(crate) fn text(curves: &[Curve]) -> String {
     let heads = ["runs of", "runs", "frame", "paper", "mean", "sd", "least", "10 %", "median", "90 %", "greatest", ""];
     let mut rows = vec![heads.map(String::from).to_vec()];
     for curve in curves {
@@ -199,7 +199,7 @@ pub fn text(curves: &[Curve]) -> String {
 }
 
 /// A panel for each curve: median, the band from 10 to 90 %, the paper's points. SVG text.
-pub fn plot(curves: &[Curve]) -> String {
+pub(crate) fn plot(curves: &[Curve]) -> String {
     let panel = |curve: &Curve| {
         let along = |q: usize| curve.points.iter().map(move |p| p.quantiles[q]);
         let x = || curve.points.iter().map(|p| p.frame as f64);

@@ -1,9 +1,9 @@
 //! Measures of the paper's experiments.
 
-pub mod learning;
-pub mod multi;
-pub mod policy_set;
-pub mod recognised;
-pub mod recovery;
-pub mod tally;
-pub mod timeline;
+pub(crate) mod learning;
+pub(crate) mod multi;
+pub(crate) mod policy_set;
+pub(crate) mod recognised;
+pub(crate) mod recovery;
+pub(crate) mod tally;
+pub(crate) mod timeline;

@@ -18,7 +18,7 @@ use foveate::video::Frame;
 use foveate::{Error, Result, Seen};
 
 /// Follows all targets of a video: the first frame's boxes, then frame by frame.
-pub trait Follower {
+pub(crate) trait Follower {
     /// The first frame, and the boxes of targets 1, 2, ...
     fn start(&mut self, frame: &Frame, boxes: &[BBox]) -> Result<()>;
     /// One more frame.
@@ -28,14 +28,14 @@ pub trait Follower {
 }
 
 /// One tracker a target, none of which knows of the others.
-pub struct Alone {
+pub(crate) struct Alone {
     trackers: Vec<Tracker>,
     seen: Vec<Seen<'static>>,
 }
 
 impl Alone {
     /// With a tracker for each target.
-    pub fn new(trackers: Vec<Tracker>) -> Self {
+    pub(crate) fn new(trackers: Vec<Tracker>) -> Self {
         Self { trackers, seen: vec![] }
     }
 }
@@ -84,7 +84,7 @@ impl Follower for MultiTracker {
 
 /// One target in one frame, as it was believed to be.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Found {
+pub(crate) struct Found {
     /// The frame, from 0.
     pub frame: usize,
     /// The target, from 1.
@@ -103,7 +103,7 @@ pub struct Found {
 
 /// One way to follow all targets of one video.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Run {
+pub(crate) struct Run {
     /// Length of the video.
     pub frames: usize,
     /// All targets in all frames, the first one included.
@@ -117,7 +117,7 @@ impl Run {
     ///
     /// # Errors
     /// Those of the follower and of the observer, whose `finish` is not called here.
-    pub fn follow(video: &MultiVideo, follower: &mut dyn Follower, observer: &mut dyn Observer) -> Result<Self> {
+    pub(crate) fn follow(video: &MultiVideo, follower: &mut dyn Follower, observer: &mut dyn Observer) -> Result<Self> {
         let mut run = Self { frames: video.frames(), ..Self::default() };
         for frame in video.clone().source() {
             let frame = frame?;
@@ -144,12 +144,12 @@ impl Run {
     }
 
     /// Whether these could be the results of a video of so many frames: a check of what was read from a file.
-    pub fn is_of(&self, frames: usize) -> bool {
+    pub(crate) fn is_of(&self, frames: usize) -> bool {
         self.frames == frames && self.found.iter().all(|found| found.frame < frames)
     }
 
     /// The boxes that are results.
-    pub fn tracks(&self) -> Tracks {
+    pub(crate) fn tracks(&self) -> Tracks {
         let one = |f: &Found| TrackBox { frame: f.frame, id: f.id as i64, bbox: f.bbox, confidence: 1.0 };
         Tracks { sightings: self.found.iter().filter(|f| f.sure).map(one).collect() }
     }
@@ -158,7 +158,7 @@ impl Run {
     ///
     /// # Errors
     /// The boxes cannot be scored.
-    pub fn judge(&self, video: &MultiVideo) -> Result<Judged> {
+    pub(crate) fn judge(&self, video: &MultiVideo) -> Result<Judged> {
         let (truth, results) = (video.truth(), self.tracks());
         let mut judged = Judged {
             score: score(&truth, &results)?,
@@ -185,7 +185,7 @@ impl Run {
 
 /// The figures of one run.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Judged {
+pub(crate) struct Judged {
     /// MOTA, IDF1, HOTA and so on.
     pub score: Score,
     /// What became of the crossings.
@@ -202,7 +202,7 @@ pub struct Judged {
 
 /// One line of the table: one way to follow, on all videos.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Line {
+pub(crate) struct Line {
     /// What was run.
     pub name: String,
     /// Its configuration.
@@ -235,7 +235,7 @@ pub struct Line {
 
 impl Line {
     /// Sums up the figures of runs; `None` without any.
-    pub fn of(name: &str, configuration: &str, scene: &str, judged: &[Judged]) -> Option<Self> {
+    pub(crate) fn of(name: &str, configuration: &str, scene: &str, judged: &[Judged]) -> Option<Self> {
         let all = |values: fn(&Judged) -> &Vec<f64>| judged.iter().flat_map(values).copied().collect::<Vec<f64>>();
         let (scale, angle) = (all(|j| &j.scale), all(|j| &j.angle));
         if scale.is_empty() {
@@ -265,7 +265,7 @@ impl Line {
 }
 
 /// Frames a second of videos with all their targets, in one thread.
-pub fn fps(runs: &[&Run]) -> Option<f64> {
+pub(crate) fn fps(runs: &[&Run]) -> Option<f64> {
     let frames: usize = runs.iter().map(|run| run.frames - 1).sum();
     let seconds: f64 = runs.iter().map(|run| run.seconds).sum();
     (seconds > 0.0).then(|| frames as f64 / seconds)

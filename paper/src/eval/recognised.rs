@@ -10,7 +10,7 @@ use foveate::{Error, Result};
 
 /// One tracker with a recogniser on one video, from the second frame on.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Recognised {
+pub(crate) struct Recognised {
     /// What the target is.
     pub digit: u8,
     /// Distance of the estimated centre from the true one, pixels.
@@ -28,7 +28,7 @@ impl Recognised {
     ///
     /// # Errors
     /// The tracker has no recogniser of ten classes or more, or refuses the first box.
-    pub fn follow(video: &dyn Drawn, tracker: &mut Tracker) -> Result<Self> {
+    pub(crate) fn follow(video: &dyn Drawn, tracker: &mut Tracker) -> Result<Self> {
         let digit = video.label();
         let mut run = Self { digit, ..Self::default() };
         for (index, truth) in video.truth().iter().enumerate() {
@@ -53,21 +53,21 @@ impl Recognised {
     }
 
     /// Whether these could be the results of a video of so many frames: a check of what was read from a file.
-    pub fn is_of(&self, frames: usize) -> bool {
+    pub(crate) fn is_of(&self, frames: usize) -> bool {
         let n = self.errors.len();
         n + 1 == frames && [self.decided.len(), self.own.len(), self.probability.len()] == [n; 3]
     }
 
     /// Share of frames whose decision over all frames so far is right.
-    pub fn accuracy(&self) -> f64 {
+    pub(crate) fn accuracy(&self) -> f64 {
         self.share(&self.decided)
     }
     /// Share of frames whose own decision, on the last looks, is right.
-    pub fn single(&self) -> f64 {
+    pub(crate) fn single(&self) -> f64 {
         self.share(&self.own)
     }
     /// Whether the last decision is right.
-    pub fn right_at_end(&self) -> bool {
+    pub(crate) fn right_at_end(&self) -> bool {
         self.decided.last() == Some(&self.digit)
     }
     fn share(&self, classes: &[u8]) -> f64 {

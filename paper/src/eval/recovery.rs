@@ -9,15 +9,15 @@ use foveate::lab::eval::table::aligned;
 use foveate::lab::hide::{Hide, WAYS, Way};
 
 /// Frames after the return within which a target should be re-acquired.
-pub const SOON: usize = 10;
+pub(crate) const SOON: usize = 10;
 /// Frames that are followed after the return.
-pub const AFTER: usize = 45;
+pub(crate) const AFTER: usize = 45;
 /// An IoU of at least this is on the target.
-pub const ON_TARGET: f64 = 0.3;
+pub(crate) const ON_TARGET: f64 = 0.3;
 
 /// What became of one target.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Case {
+pub(crate) struct Case {
     /// Name of the sequence.
     pub sequence: String,
     /// The tracker's seed, and that of the occlusion.
@@ -38,7 +38,7 @@ pub struct Case {
 
 impl Case {
     /// From a track of the clip (from the second frame on).
-    pub fn of(sequence: &str, seed: u64, hide: Hide, track: &[Judged]) -> Self {
+    pub(crate) fn of(sequence: &str, seed: u64, hide: Hide, track: &[Judged]) -> Self {
         // Frame t of the clip is track[t − 1].
         let at = |t: usize| track.get(t.wrapping_sub(1));
         let after = &track[(hide.until - 1).min(track.len())..];
@@ -57,7 +57,7 @@ impl Case {
         }
     }
     /// Whether another object was reported as the target.
-    pub fn is_false(&self) -> bool {
+    pub(crate) fn is_false(&self) -> bool {
         self.wrong >= EPISODE
     }
 }
@@ -68,7 +68,7 @@ fn wrong(j: &Judged) -> bool {
 
 /// The figures of many cases.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Line {
+pub(crate) struct Line {
     /// How they vanished; none of all together.
     pub way: Option<Way>,
     /// Cases that count: the target was tracked before.
@@ -91,7 +91,7 @@ pub struct Line {
 
 impl Line {
     /// Sums up.
-    pub fn of(way: Option<Way>, cases: &[&Case]) -> Self {
+    pub(crate) fn of(way: Option<Way>, cases: &[&Case]) -> Self {
         let all: Vec<&&Case> = cases.iter().filter(|c| way.is_none_or(|way| c.hide.way == way)).collect();
         let tracked: Vec<&&&Case> = all.iter().filter(|c| c.tracked).collect();
         let share = |such: &dyn Fn(&Case) -> bool| {
@@ -113,12 +113,12 @@ impl Line {
 }
 
 /// By way, and of all.
-pub fn lines(cases: &[&Case]) -> Vec<Line> {
+pub(crate) fn lines(cases: &[&Case]) -> Vec<Line> {
     WAYS.into_iter().map(Some).chain([None]).map(|way| Line::of(way, cases)).collect()
 }
 
 /// Tables of the ways, and of the sequences.
-pub fn text(cases: &[Case]) -> String {
+pub(crate) fn text(cases: &[Case]) -> String {
     let heads = [
         "",
         "cases",

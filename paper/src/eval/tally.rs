@@ -13,7 +13,7 @@ use foveate::{Error, Result};
 
 /// What one video gave.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Figure {
+pub(crate) struct Figure {
     /// Class of the target.
     pub digit: u8,
     /// The figure.
@@ -29,7 +29,7 @@ impl Figure {
     ///
     /// # Errors
     /// The run has no frame.
-    pub fn error(digit: u8, run: &Run) -> Result<Self> {
+    pub(crate) fn error(digit: u8, run: &Run) -> Result<Self> {
         let score = run.score()?;
         Ok(Self { digit, value: score.mean, spread: score.sd, off_at_end: score.off_at_end })
     }
@@ -37,7 +37,7 @@ impl Figure {
     ///
     /// # Errors
     /// The run has no frame.
-    pub fn accuracy(run: &Recognised) -> Result<Self> {
+    pub(crate) fn accuracy(run: &Recognised) -> Result<Self> {
         let track = Run { errors: run.errors.clone(), ..Run::default() };
         let off_at_end = track.score()?.off_at_end;
         Ok(Self { digit: run.digit, value: 100.0 * run.accuracy(), spread: 0.0, off_at_end })
@@ -46,7 +46,7 @@ impl Figure {
 
 /// Many videos.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Tally {
+pub(crate) struct Tally {
     /// Number of videos.
     pub videos: usize,
     /// Mean over videos.
@@ -68,7 +68,7 @@ pub struct Tally {
 
 /// The videos of one digit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct OfDigit {
+pub(crate) struct OfDigit {
     /// The digit.
     pub digit: u8,
     /// Mean over its videos.
@@ -82,7 +82,7 @@ impl Tally {
     ///
     /// # Errors
     /// There is no video, or the numbers of videos differ.
-    pub fn of(figures: &[Figure], other: Option<&[Figure]>) -> Result<Self> {
+    pub(crate) fn of(figures: &[Figure], other: Option<&[Figure]>) -> Result<Self> {
         if figures.is_empty() || other.is_some_and(|other| other.len() != figures.len()) {
             let others = other.map_or(0, <[Figure]>::len);
             return Err(Error::Invalid(format!("{} videos to sum up and {others} to compare with", figures.len())));
@@ -114,7 +114,7 @@ impl Tally {
 }
 
 /// Some lines' means with their intervals below each other: name, mean, low, high, colour. SVG text.
-pub fn plot(x_label: &str, rows: &[(String, [f64; 3], &str)]) -> String {
+pub(crate) fn plot(x_label: &str, rows: &[(String, [f64; 3], &str)]) -> String {
     let forest = rows.iter().fold(ForestPlot::new(), |plot, (name, [mean, low, high], colour)| {
         plot.with_colored_row(name.as_str(), *mean, *low, *high, *colour)
     });

@@ -20,7 +20,7 @@ const WINDOW: usize = 10;
 
 /// A run, frame by frame from the second on.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Timeline {
+pub(crate) struct Timeline {
     /// Where the target truly is, by index of the frame, as far as it is known.
     pub truth: Vec<Option<BBox>>,
     /// Indices of the frames.
@@ -41,18 +41,18 @@ pub struct Timeline {
 
 impl Timeline {
     /// Nothing yet, of a video with this truth.
-    pub fn new(truth: Vec<Option<BBox>>) -> Self {
+    pub(crate) fn new(truth: Vec<Option<BBox>>) -> Self {
         Self { truth, ..Self::default() }
     }
 
     /// Distances of the estimated centres from the true ones, pixels, in frames whose truth is known.
-    pub fn errors(&self) -> Vec<f64> {
+    pub(crate) fn errors(&self) -> Vec<f64> {
         let known = self.frames.iter().zip(&self.boxes);
         known.filter_map(|(&t, bbox)| Some(centre_error(bbox, self.truth.get(t)?.as_ref()?))).collect()
     }
 
     /// Panels below each other: place, gaze, reward, and class where there is one. SVG text.
-    pub fn plot(&self, title: &str) -> String {
+    pub(crate) fn plot(&self, title: &str) -> String {
         let mut panels = vec![self.place(title), self.look()];
         panels.push(match self.classes.iter().any(|c| !c.is_empty()) {
             true => self.class(),

@@ -6,7 +6,7 @@ use foveate::identity::encoder::Raw;
 use foveate::rows::{Rows, RowsMut};
 
 /// The probabilities of a factored RBM's hidden units: covariance units off, mean units on.
-pub struct FactoredEncoder {
+pub(crate) struct FactoredEncoder {
     rbm: FactoredRbm,
     units: Units,
     glimpses: Raw,
@@ -14,7 +14,7 @@ pub struct FactoredEncoder {
 
 impl FactoredEncoder {
     /// Encodes with these units of a trained machine; each channel of a glimpse is standardised first, as in its training.
-    pub fn new(rbm: FactoredRbm, units: Units, channels: &[usize]) -> Self {
+    pub(crate) fn new(rbm: FactoredRbm, units: Units, channels: &[usize]) -> Self {
         Self { rbm, units, glimpses: Raw::new(channels, true) }
     }
 }

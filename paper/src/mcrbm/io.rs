@@ -29,15 +29,15 @@ fn tensors<'a>(whitening: &'a Whitening, parameters: &'a Parameters) -> Vec<Tens
 
 impl FactoredRbm {
     /// The bytes of a model file.
-    pub fn to_bytes(&self, metadata: &Metadata) -> Vec<u8> {
+    pub(crate) fn to_bytes(&self, metadata: &Metadata) -> Vec<u8> {
         pack(KIND, About { metadata: metadata.clone() }, &self.tensors())
     }
     /// The whitening, C, P, W and the biases, as model files have them.
-    pub fn tensors(&self) -> Vec<Tensor<'_>> {
+    pub(crate) fn tensors(&self) -> Vec<Tensor<'_>> {
         tensors(&self.whitening, &self.parameters)
     }
     /// From the tensors of a model file, which are used up to what does not belong to a machine; problems in words.
-    pub fn of_tensors(tensors: &mut Tensors) -> std::result::Result<Self, String> {
+    pub(crate) fn of_tensors(tensors: &mut Tensors) -> std::result::Result<Self, String> {
         let mut shapes = vec![];
         let mut take = |name: &str| {
             let (shape, values) = tensors.remove(name).ok_or_else(|| format!("the tensor {name} is missing"))?;
@@ -59,13 +59,13 @@ impl FactoredRbm {
         Ok(found)
     }
     /// Writes a model file; it is whole or not there.
-    pub fn save(&self, path: &Path, metadata: &Metadata) -> Result<()> {
+    pub(crate) fn save(&self, path: &Path, metadata: &Metadata) -> Result<()> {
         files::write(path, &self.to_bytes(metadata))
     }
     /// Reads a model from the bytes of a file; `path` stands for it in errors.
     ///
     /// Fails, with the reason, if they are not a model file, are of another format or kind, or are damaged in any way.
-    pub fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
+    pub(crate) fn from_bytes(bytes: &[u8], path: &Path) -> Result<(Self, Metadata)> {
         let (found, about) = open(bytes, path, KIND, |_: &About, tensors| Self::of_tensors(tensors))?;
         Ok((found, about.metadata))
     }
@@ -75,7 +75,7 @@ impl Trainer {
     /// Writes a checkpoint; the file is whole or as it was before. `data_sha256` names the training rows.
     ///
     /// Fails if the training has diverged, or the file cannot be written.
-    pub fn save(&self, path: &Path, data_sha256: &str) -> Result<()> {
+    pub(crate) fn save(&self, path: &Path, data_sha256: &str) -> Result<()> {
         self.check()?;
         let state = [self.step.size, self.step.rejection, self.length];
         let n_x = self.whitening.shape().1;
@@ -87,7 +87,7 @@ impl Trainer {
     /// Goes on from a checkpoint, made with the same recipe (but for the number of epochs) and the same rows.
     ///
     /// Fails, with the reason, if the recipe or the data are others, or the file is damaged.
-    pub fn resume(path: &Path, recipe: Recipe, rows: Rows<'_>, data_sha256: &str) -> Result<Self> {
+    pub(crate) fn resume(path: &Path, recipe: Recipe, rows: Rows<'_>, data_sha256: &str) -> Result<Self> {
         let as_long = |begun| Recipe { epochs: recipe.epochs, ..begun };
         let mut checkpoint = Checkpoint::open(path, CHECKPOINT, &recipe, as_long, ("data", data_sha256))?;
         let found = FactoredRbm::of_tensors(&mut checkpoint.tensors).map_err(|p| checkpoint.refuse(&p))?;

@@ -14,9 +14,9 @@ mod recipe;
 mod tests;
 mod train;
 
-pub use self::encoder::FactoredEncoder;
-pub use self::recipe::{Negative, Pooling, Recipe};
-pub use self::train::Trainer;
+pub(crate) use self::encoder::FactoredEncoder;
+pub(crate) use self::recipe::{Negative, Pooling, Recipe};
+pub(crate) use self::train::Trainer;
 
 use foveate::learn::rbm::Whitening;
 use foveate::learn::rbm::product::rows_times;
@@ -34,7 +34,7 @@ const STACK: usize = 8 * MOST;
 
 /// How many units there are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sizes {
+pub(crate) struct Sizes {
     /// Whitened values.
     pub white: usize,
     /// Factors.
@@ -48,7 +48,7 @@ pub struct Sizes {
 /// Which hidden units are asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Units {
+pub(crate) enum Units {
     /// Covariance units, then mean units.
     #[default]
     Both,
@@ -130,7 +130,7 @@ impl Parameters {
 
 /// A factored RBM with the whitening it was trained on: glimpses go in, features come out.
 #[derive(Clone, Debug, PartialEq)]
-pub struct FactoredRbm {
+pub(crate) struct FactoredRbm {
     whitening: Whitening,
     parameters: Parameters,
 }
@@ -149,11 +149,11 @@ impl FactoredRbm {
         Ok(Self { whitening, parameters })
     }
     /// n_v: values of a glimpse.
-    pub fn glimpse_len(&self) -> usize {
+    pub(crate) fn glimpse_len(&self) -> usize {
         self.whitening.shape().0
     }
     /// How many features these units give.
-    pub fn width(&self, units: Units) -> usize {
+    pub(crate) fn width(&self, units: Units) -> usize {
         let Sizes { covariance, mean, .. } = self.sizes();
         match units {
             Units::Both => covariance + mean,
@@ -162,7 +162,7 @@ impl FactoredRbm {
         }
     }
     /// How many units there are.
-    pub fn sizes(&self) -> Sizes {
+    pub(crate) fn sizes(&self) -> Sizes {
         self.parameters.sizes()
     }
     /// p(hᶜ = 0 | v), then p(hᵐ = 1 | v), of the units asked for, for every row of `v` (m × n_v) into `h` (m ×
@@ -171,7 +171,7 @@ impl FactoredRbm {
     ///
     /// Deviation: the article takes p(hᶜ = 1), which nearly all units have high, on flat patches most of all: then any two
     /// glimpses are alike. That a relation is broken is rare, and says what is there.
-    pub fn features(&self, v: Rows<'_>, units: Units, mut h: RowsMut<'_>) {
+    pub(crate) fn features(&self, v: Rows<'_>, units: Units, mut h: RowsMut<'_>) {
         let (n_v, n_h) = (self.whitening.shape().0, self.width(units));
         assert_eq!((v.width(), h.width()), (n_v, n_h), "rows must be as wide as the machine's sides");
         let Sizes { white, factors, covariance, mean } = self.sizes();
@@ -210,15 +210,15 @@ impl FactoredRbm {
         }
     }
     /// The factors' filters as glimpses, n_v × n_f: the columns of C with the whitening undone.
-    pub fn factor_filters(&self) -> Vec<f32> {
+    pub(crate) fn factor_filters(&self) -> Vec<f32> {
         self.whitening.unwhiten(Rows::new(&self.parameters.filters, self.sizes().factors))
     }
     /// The mean units' filters as glimpses, n_v × n_m: the columns of W with the whitening undone.
-    pub fn mean_filters(&self) -> Vec<f32> {
+    pub(crate) fn mean_filters(&self) -> Vec<f32> {
         self.whitening.unwhiten(Rows::new(&self.parameters.weights, self.sizes().mean))
     }
     /// F(x) = −log Σ_h exp(−E(x, h)) of a glimpse (length n_v), in nats: plain sums in f64.
-    pub fn free_energy(&self, v: &[f32]) -> f64 {
+    pub(crate) fn free_energy(&self, v: &[f32]) -> f64 {
         let (n_v, n_x) = self.whitening.shape();
         let (mut centred, mut x) = (vec![0.0; n_v], vec![0.0; n_x]);
         self.whitening.whiten(Rows::new(v, n_v), &mut centred, &mut x);

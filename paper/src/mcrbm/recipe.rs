@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// How to learn. Steps are those of the authors' code, all times `rate`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Recipe {
+pub(crate) struct Recipe {
     /// n_f; the square of an even number for pooling over a grid.
     pub factors: usize,
     /// Which factors a covariance unit begins with.
@@ -44,7 +44,7 @@ pub struct Recipe {
 /// Which factors a covariance unit begins with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Pooling {
+pub(crate) enum Pooling {
     /// One of its own: P = identity.
     Single,
     /// A neighbourhood of 3 × 3 on a square of factors whose borders meet, one unit for every second row and column:
@@ -55,7 +55,7 @@ pub enum Pooling {
 /// Where the chains of the negative phase begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Negative {
+pub(crate) enum Negative {
     /// At the rows of the batch (the article).
     Contrastive,
     /// Where they ended in the batch before (the authors' code).
@@ -64,7 +64,7 @@ pub enum Negative {
 
 impl Recipe {
     /// The authors' settings, to be changed field by field.
-    pub fn new(factors: usize, means: usize) -> Self {
+    pub(crate) fn new(factors: usize, means: usize) -> Self {
         Self {
             factors,
             pooling: Pooling::Single,
@@ -84,7 +84,7 @@ impl Recipe {
         }
     }
     /// Fails, with the reason, if a number is out of its range.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         let side = self.factors.isqrt();
         let counts = [self.factors, self.means, self.batch, self.leapfrog_steps];
         let problem = if counts.contains(&0) || self.factors > MOST || self.means > MOST {

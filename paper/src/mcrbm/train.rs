@@ -35,7 +35,7 @@ const LENGTH_REMEMBERED: f32 = 0.95;
 
 /// A machine being trained: everything that the rest of the training depends on.
 #[derive(Debug)]
-pub struct Trainer {
+pub(crate) struct Trainer {
     pub(super) recipe: Recipe,
     pub(super) whitening: Whitening,
     pub(super) parameters: Parameters,
@@ -64,7 +64,7 @@ impl Trainer {
     /// Begins: fits the whitening to the rows (glimpses as the encoder conditions them), and draws small filters.
     ///
     /// Fails if the recipe is out of range, a value is not finite, or there is no full batch.
-    pub fn new(recipe: Recipe, rows: Rows<'_>) -> Result<Self> {
+    pub(crate) fn new(recipe: Recipe, rows: Rows<'_>) -> Result<Self> {
         recipe.check()?;
         if rows.len() < recipe.batch {
             return Err(Error::Invalid(format!(
@@ -100,19 +100,19 @@ impl Trainer {
     }
     foveate::learn::training_accessors!();
     /// Batches an epoch has.
-    pub fn batches(&self) -> usize {
+    pub(crate) fn batches(&self) -> usize {
         self.data.len() / self.whitening.shape().1 / self.recipe.batch
     }
     /// The length of a leapfrog step now, and the running share of rejected proposals.
-    pub fn leapfrog(&self) -> (f32, f32) {
+    pub(crate) fn leapfrog(&self) -> (f32, f32) {
         (self.step.size, self.step.rejection)
     }
     /// The machine as it stands.
-    pub fn learned(&self) -> FactoredRbm {
+    pub(crate) fn learned(&self) -> FactoredRbm {
         FactoredRbm { whitening: self.whitening.clone(), parameters: self.parameters.clone() }
     }
     /// Fails if a parameter is no longer finite: the training has diverged.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         if self.parameters.parts().iter().all(|(_, x)| x.iter().all(|x| x.is_finite())) {
             return Ok(());
         }
@@ -126,7 +126,7 @@ impl Trainer {
         }
     }
     /// One mini-batch.
-    pub fn step(&mut self) {
+    pub(crate) fn step(&mut self) {
         let (n, batch) = (self.whitening.shape().1, self.recipe.batch);
         let draws = self.state.draws(self.recipe.seed);
         let (first, picked) = self.state.rows(self.data.len() / n, batch, Some(draws.rng(0)));

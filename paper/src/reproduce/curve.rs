@@ -21,7 +21,7 @@ const SHOWN: u8 = 8;
 
 /// The curve of each line: of all runs, of those on target, and of those of the eight, which is what the paper's figure
 /// shows. `None` where runs are missing.
-pub fn curve(experiment: &Experiment, setup: &Setup) -> Result<Option<Figure>> {
+pub(super) fn curve(experiment: &Experiment, setup: &Setup) -> Result<Option<Figure>> {
     let scene = &experiment.scene()?.video;
     let mut curves = vec![];
     for line in &experiment.lines {

@@ -9,7 +9,7 @@ use super::plan::EXPERIMENTS;
 use super::results::Results;
 
 /// The results kept in `experiments/results` of a checkout, in the order of the page.
-pub fn stored(root: &Path) -> Result<Vec<Results>> {
+pub(super) fn stored(root: &Path) -> Result<Vec<Results>> {
     let mut all = vec![];
     for (name, _) in EXPERIMENTS {
         let path = root.join("paper/experiments/results").join(format!("{name}.json"));
@@ -22,7 +22,7 @@ pub fn stored(root: &Path) -> Result<Vec<Results>> {
 }
 
 /// Puts results into a checkout, and writes docs/results.md anew.
-pub fn write(root: &Path, fresh: &[&Results]) -> Result<()> {
+pub(super) fn write(root: &Path, fresh: &[&Results]) -> Result<()> {
     let folder = root.join("paper/experiments/results");
     if !root.join("docs").is_dir() || !folder.is_dir() {
         return Err(Error::Invalid(format!(

@@ -93,7 +93,7 @@ fn show(recording: &Recording, file: &str, title: &str) -> (Vec<Picture>, Value)
 }
 
 /// One run of each line on the first video of each digit.
-pub fn policy(experiment: &Experiment, setup: &Setup) -> Result<Figure> {
+pub(super) fn policy(experiment: &Experiment, setup: &Setup) -> Result<Figure> {
     let (mut figure, scene, seed) = (Figure::default(), experiment.scene()?, experiment.seeds.first);
     for (i, line) in experiment.lines.iter().enumerate() {
         for &digit in &experiment.digits {
@@ -111,7 +111,7 @@ pub fn policy(experiment: &Experiment, setup: &Setup) -> Result<Figure> {
 }
 
 /// Each line on each sequence; those that are not there are named.
-pub fn face(experiment: &Experiment, setup: &Setup) -> Result<Figure> {
+pub(super) fn face(experiment: &Experiment, setup: &Setup) -> Result<Figure> {
     let mut figure = Figure::default();
     for name in &experiment.sequences {
         let folder = setup.data.join("tracking").join(name);

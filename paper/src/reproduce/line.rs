@@ -21,7 +21,7 @@ const CONFIGS: [(&str, &str); 2] =
 /// Which settings a line shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Group {
+pub(super) enum Group {
     /// As this project recommends.
     #[default]
     Recommended,
@@ -34,7 +34,7 @@ pub enum Group {
 }
 
 impl Group {
-    pub fn title(self) -> &'static str {
+    pub(super) fn title(self) -> &'static str {
         match self {
             Self::Recommended => "as recommended",
             Self::Authors => "authors' parameters",
@@ -47,7 +47,7 @@ impl Group {
 /// One line of a table: a configuration with a policy.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct LineSpec {
+pub(super) struct LineSpec {
     pub name: String,
     #[serde(default)]
     pub group: Group,
@@ -80,7 +80,7 @@ pub struct LineSpec {
 /// Where a recogniser looks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Looks {
+pub(super) enum Looks {
     Random,
     Circular,
     /// EXP3.
@@ -90,12 +90,12 @@ pub enum Looks {
 
 impl LineSpec {
     /// Whether it is run on a scene.
-    pub fn is_run_on(&self, scene: &str) -> bool {
+    pub(super) fn is_run_on(&self, scene: &str) -> bool {
         self.scenes.as_ref().is_none_or(|names| names.iter().any(|n| n == scene))
     }
 
     /// Takes what it leaves out from the line it is like.
-    pub fn follow(&mut self, other: &Self) {
+    pub(super) fn follow(&mut self, other: &Self) {
         if self.config.is_empty() {
             self.config.clone_from(&other.config);
         }
@@ -107,7 +107,7 @@ impl LineSpec {
     }
 
     /// What is run, with `settings` as [`Config::set`] takes them in the place of its own.
-    pub fn entry(&self, settings: &[String]) -> Result<Entry> {
+    pub(super) fn entry(&self, settings: &[String]) -> Result<Entry> {
         let (mut config, files) = match CONFIGS.iter().find(|(name, _)| *name == self.config) {
             Some((name, text)) => (Config::parse(text, name)?, Folder::here()),
             None => configure::read(&self.config, &Changes::default())?,

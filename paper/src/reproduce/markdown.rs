@@ -6,7 +6,7 @@ use super::plan::Measure;
 use super::results::{Line, Results};
 
 /// docs/results.md.
-pub fn document(all: &[Results]) -> String {
+pub(super) fn document(all: &[Results]) -> String {
     let mut out = String::from(
         "# Results\n\nWritten by `cargo run --release -p paper -- reproduce all --data data --write-docs .`; what is changed here by hand is lost.\n\n",
     );

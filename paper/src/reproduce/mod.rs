@@ -40,7 +40,7 @@ mod table;
 /// DIR/runs: the same command goes on where it was stopped or killed, and results do not depend on the number of threads.
 /// It fails where a figure is outside of its expected range.
 #[derive(clap::Args)]
-pub struct Args {
+pub(crate) struct Args {
     /// What to run
     #[arg(value_name = "NAME", default_value = "all")]
     names: Vec<String>,
@@ -91,7 +91,7 @@ fn chosen(names: &[String]) -> Result<Vec<Experiment>> {
     wanted.into_iter().map(Experiment::named).collect()
 }
 
-pub fn run(args: Args) -> Result<()> {
+pub(crate) fn run(args: Args) -> Result<()> {
     let began = Instant::now();
     let mut experiments = chosen(&args.names)?;
     for experiment in &mut experiments {

@@ -47,7 +47,7 @@ fn follow(
 }
 
 /// Runs what is not done yet. `None` where runs are missing: those of another shard, or it was asked to stop.
-pub fn multi(experiment: &Experiment, setup: &Setup) -> Result<Option<Table>> {
+pub(super) fn multi(experiment: &Experiment, setup: &Setup) -> Result<Option<Table>> {
     let scene = experiment.multi.as_ref();
     let scene = scene.ok_or_else(|| Error::Config(format!("{}: no [multi], the scene", experiment.name)))?;
     let settings = |seed| Multi { seed, frames: experiment.frames, ..scene.video.clone() };

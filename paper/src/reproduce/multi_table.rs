@@ -3,7 +3,7 @@
 use crate::eval::multi::Line;
 
 /// Columns of the table.
-pub const HEADS: [&str; 12] = [
+pub(super) const HEADS: [&str; 12] = [
     "",
     "videos",
     "HOTA",
@@ -19,13 +19,13 @@ pub const HEADS: [&str; 12] = [
 ];
 
 /// What the columns say.
-pub const LEGEND: &str = "\
+pub(super) const LEGEND: &str = "\
 All videos pooled; boxes reported lost are left out. Crossings: half of the smaller box is covered. Preserved: afterwards both targets
 have the tracks they had before; swapped: one has the other's. Scale and angle errors are medians over targets and frames, lost ones
 too. Class right: decided over all frames so far.";
 
 /// As text, in the order of [`HEADS`].
-pub fn cells(line: &Line) -> [String; HEADS.len()] {
+pub(super) fn cells(line: &Line) -> [String; HEADS.len()] {
     let percent = |share: f64| format!("{:.1} %", 100.0 * share);
     [
         line.name.clone(),
@@ -44,14 +44,14 @@ pub fn cells(line: &Line) -> [String; HEADS.len()] {
 }
 
 /// The table as Markdown.
-pub fn markdown(lines: &[Line]) -> String {
+pub(super) fn markdown(lines: &[Line]) -> String {
     let row = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
     let rows: String = lines.iter().map(|line| row(&cells(line))).collect();
     format!("{}{}{rows}\n{LEGEND}\n", row(&HEADS.map(String::from)), row(&HEADS.map(|_| "---".into())))
 }
 
 /// A row a line.
-pub fn csv(lines: &[Line]) -> String {
+pub(super) fn csv(lines: &[Line]) -> String {
     let head =
         "scene,line,videos,hota,idf1,mota,switches,crossings,preserved,swapped,scale_error,angle_error,class_right\n";
     let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));

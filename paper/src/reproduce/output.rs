@@ -8,20 +8,20 @@ use serde_json::Value;
 use super::results::Results;
 
 /// One experiment on the page.
-pub struct Section {
+pub(super) struct Section {
     pub name: String,
     pub title: String,
     pub about: String,
     pub content: Content,
 }
 
-pub enum Content {
+pub(super) enum Content {
     Table(Box<Table>),
     Figure(Figure),
 }
 
 /// A table with its pictures, and what depends on the machine: frames a second of each line, where they are known.
-pub struct Table {
+pub(super) struct Table {
     pub results: Results,
     pub speeds: Vec<Option<f64>>,
     pub pictures: Vec<Picture>,
@@ -29,7 +29,7 @@ pub struct Table {
 
 /// Pictures, the numbers behind them, and what is to be said of them.
 #[derive(Default)]
-pub struct Figure {
+pub(super) struct Figure {
     pub pictures: Vec<Picture>,
     pub numbers: Vec<Value>,
     /// Aligned text; empty where there is none.
@@ -39,7 +39,7 @@ pub struct Figure {
 }
 
 /// A picture of the page.
-pub struct Picture {
+pub(super) struct Picture {
     /// Its file's name: `.png` or `.svg`.
     pub file: String,
     pub caption: String,
@@ -47,7 +47,7 @@ pub struct Picture {
 }
 
 impl Section {
-    pub fn results(&self) -> Option<&Results> {
+    pub(super) fn results(&self) -> Option<&Results> {
         match &self.content {
             Content::Table(table) => Some(&table.results),
             Content::Figure(_) => None,
@@ -55,7 +55,7 @@ impl Section {
     }
 
     /// Its files: results and pictures.
-    pub fn write(&self, out: &Path) -> Result<()> {
+    pub(super) fn write(&self, out: &Path) -> Result<()> {
         let (pictures, json) = match &self.content {
             Content::Table(table) => {
                 files::write_inside(out.join(format!("{}.csv", self.name)), table.results.csv().as_bytes())?;
@@ -75,7 +75,7 @@ impl Section {
 
 impl Picture {
     /// Of a file that was just written into a folder.
-    pub fn read(out: &Path, file: String, caption: String) -> Result<Self> {
+    pub(super) fn read(out: &Path, file: String, caption: String) -> Result<Self> {
         let path = out.join(&file);
         let bytes = std::fs::read(&path).map_err(Error::io(&path, "cannot read the picture just written"))?;
         Ok(Self { file, caption, bytes })

@@ -19,7 +19,7 @@ const SMALL: &str = "<p><strong>Small variant (--quick):</strong> fewer digits, 
     works, not that the paper is reproduced.</p>";
 
 /// The whole page.
-pub fn html(sections: &[Section], digits: &str, quick: bool, took: Duration) -> String {
+pub(super) fn html(sections: &[Section], digits: &str, quick: bool, took: Duration) -> String {
     let link = |s: &Section| format!("<a href=\"#{0}\">{0}</a>", escape(&s.name));
     let links: String = sections.iter().map(link).collect();
     let checks = sections.iter().filter_map(Section::results).flat_map(|r| r.checks.iter().map(move |c| (r, c)));

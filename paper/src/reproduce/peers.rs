@@ -10,7 +10,7 @@ use super::plan::Experiment;
 use super::results::Line;
 
 /// A tracker's figures on the videos of one scene of one experiment.
-pub struct Peer {
+pub(super) struct Peer {
     experiment: String,
     scene: String,
     tracker: String,
@@ -21,7 +21,7 @@ pub struct Peer {
 const HEAD: &str = "experiment,scene,tracker,digit,seed,mean,spread,off_at_end";
 
 /// Reads files of peers; lines that begin with `#` say how they were made.
-pub fn read(paths: &[PathBuf]) -> Result<Vec<Peer>> {
+pub(super) fn read(paths: &[PathBuf]) -> Result<Vec<Peer>> {
     let mut peers: Vec<Peer> = vec![];
     for path in paths {
         let text = files::read_text(path, files::TEXT)?;
@@ -59,7 +59,7 @@ fn parse(line: &str) -> Option<Peer> {
 }
 
 /// The peers' lines of an experiment.
-pub fn lines<'a>(peers: &'a [Peer], experiment: &'a Experiment) -> impl Iterator<Item = Line> + 'a {
+pub(super) fn lines<'a>(peers: &'a [Peer], experiment: &'a Experiment) -> impl Iterator<Item = Line> + 'a {
     let such = |peer: &&Peer| {
         peer.experiment == experiment.name && experiment.scenes.iter().any(|scene| scene.name == peer.scene)
     };

@@ -16,7 +16,7 @@ macro_rules! experiments {
 }
 
 /// Names and texts, in the order of the page.
-pub const EXPERIMENTS: [(&str, &str); 22] = experiments![
+pub(super) const EXPERIMENTS: [(&str, &str); 22] = experiments![
     "table1",
     "table2",
     "table3",
@@ -44,7 +44,7 @@ pub const EXPERIMENTS: [(&str, &str); 22] = experiments![
 /// One table or figure.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Experiment {
+pub(super) struct Experiment {
     /// Its folder, or the name of its file.
     #[serde(skip)]
     pub name: String,
@@ -85,7 +85,7 @@ pub struct Experiment {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Kind {
+pub(super) enum Kind {
     #[default]
     Table,
     /// One run over time.
@@ -105,7 +105,7 @@ pub enum Kind {
 /// What is measured of a video.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Measure {
+pub(super) enum Measure {
     /// The mean distance of centres, pixels: less is better.
     #[default]
     Error,
@@ -131,7 +131,7 @@ impl Default for Quick {
 /// A kind of video.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Scene<V> {
+pub(super) struct Scene<V> {
     pub name: String,
     /// Its digit, seed and length are put in.
     pub video: V,
@@ -140,7 +140,7 @@ pub struct Scene<V> {
 /// A row of the paper's table.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Printed {
+pub(super) struct Printed {
     pub row: String,
     pub digits: Vec<f64>,
     /// The figures in brackets.
@@ -152,7 +152,7 @@ pub struct Printed {
 /// A range that a figure has to lie in.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Expect {
+pub(super) struct Expect {
     pub line: String,
     pub scene: String,
     pub figure: Metric,
@@ -171,7 +171,7 @@ pub struct Expect {
 /// A column of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Metric {
+pub(super) enum Metric {
     Mean,
     Median,
     /// Share of videos that end off the target, 0 to 1.
@@ -186,7 +186,7 @@ pub enum Metric {
 
 impl Expect {
     /// Least and greatest value that is allowed.
-    pub fn range(&self, quick: bool) -> (Option<f64>, Option<f64>) {
+    pub(super) fn range(&self, quick: bool) -> (Option<f64>, Option<f64>) {
         if quick { (self.quick_at_least, self.quick_at_most) } else { (self.at_least, self.at_most) }
     }
 }
@@ -218,7 +218,7 @@ fn usual_occlusion() -> (usize, usize) {
 
 impl Experiment {
     /// One that is part of the program, by name, or a file of one's own.
-    pub fn named(name: &str) -> Result<Self> {
+    pub(super) fn named(name: &str) -> Result<Self> {
         if let Some((_, text)) = EXPERIMENTS.iter().find(|e| e.0 == name) {
             return Self::parse(name, text, &format!("experiments/{name}/experiment.toml"));
         }
@@ -313,12 +313,12 @@ impl Experiment {
     }
 
     /// Its first scene.
-    pub fn scene(&self) -> Result<&Scene<Synthetic>> {
+    pub(super) fn scene(&self) -> Result<&Scene<Synthetic>> {
         self.scenes.first().ok_or_else(|| Error::Config(format!("{}: no [[scene]]", self.name)))
     }
 
     /// Makes it the small variant.
-    pub fn make_quick(&mut self) {
+    pub(super) fn make_quick(&mut self) {
         let Quick { digits, seeds, frames } = self.quick.clone();
         (self.digits, self.seeds, self.frames) = (digits, seeds, frames);
         self.sequences.truncate(1);
@@ -329,7 +329,7 @@ impl Experiment {
     }
 
     /// The line that a line is compared with: as it says, or else the fixed centre of the same configuration.
-    pub fn against(&self, line: usize) -> Option<usize> {
+    pub(super) fn against(&self, line: usize) -> Option<usize> {
         let this = &self.lines[line];
         let fixed =
             |l: &LineSpec| l.config == this.config && l.policy.as_deref() == Some("fixed") && l.change.is_empty();

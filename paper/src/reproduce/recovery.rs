@@ -29,7 +29,7 @@ impl Finished for Clips {
 
 /// Each line on all clips of each sequence; `None` where runs are missing. From each sequence and seed three clips are cut:
 /// the target is covered by what is beside it; the camera looks away and back; it looks away and then to another place.
-pub fn recovery(experiment: &Experiment, setup: &Setup) -> Result<Option<Figure>> {
+pub(super) fn recovery(experiment: &Experiment, setup: &Setup) -> Result<Option<Figure>> {
     let folder = setup.data.join("tracking");
     let mut figure = Figure::default();
     if !folder.is_dir() {

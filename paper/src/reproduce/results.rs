@@ -14,7 +14,7 @@ use super::setup::Setup;
 
 /// A table of figures.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Results {
+pub(super) struct Results {
     /// Its name.
     pub experiment: String,
     pub title: String,
@@ -42,7 +42,7 @@ pub struct Results {
 
 /// A configuration with a policy, on all videos of a scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Line {
+pub(super) struct Line {
     pub name: String,
     pub group: Group,
     pub row: Option<String>,
@@ -60,7 +60,7 @@ pub struct Line {
 
 /// An expected range, and whether the figure lies in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Check {
+pub(super) struct Check {
     pub line: String,
     pub scene: String,
     pub figure: Metric,
@@ -86,7 +86,7 @@ fn is_one(seed: &u64) -> bool {
 
 impl Results {
     /// Without lines.
-    pub fn empty(experiment: &Experiment, setup: &Setup) -> Self {
+    pub(super) fn empty(experiment: &Experiment, setup: &Setup) -> Self {
         Self {
             experiment: experiment.name.clone(),
             title: experiment.title.clone(),
@@ -107,7 +107,7 @@ impl Results {
     }
 
     /// Compares the lines with what the experiment expects of its own settings.
-    pub fn check(&mut self, experiment: &Experiment, setup: &Setup) {
+    pub(super) fn check(&mut self, experiment: &Experiment, setup: &Setup) {
         let holds = |e: &&Expect| self.set.is_empty() && (setup.mnist || !e.mnist_only);
         for expect in experiment.expect.iter().filter(holds) {
             let (at_least, at_most) = expect.range(setup.quick);
@@ -135,7 +135,7 @@ impl Results {
     }
 
     /// The scenes, each once, in the order of the lines.
-    pub fn scenes(&self) -> Vec<&str> {
+    pub(super) fn scenes(&self) -> Vec<&str> {
         let mut scenes: Vec<&str> = vec![];
         for line in &self.lines {
             if !scenes.contains(&line.scene.as_str()) {
@@ -145,18 +145,18 @@ impl Results {
         scenes
     }
 
-    pub fn json(&self) -> Result<String> {
+    pub(super) fn json(&self) -> Result<String> {
         let text = serde_json::to_string_pretty(self).map_err(|e| Error::Invalid(e.to_string()))?;
         Ok(text + "\n")
     }
 
-    pub fn read(text: &str, name: &str) -> Result<Self> {
+    pub(super) fn read(text: &str, name: &str) -> Result<Self> {
         serde_json::from_str(text)
             .map_err(|e| Error::Invalid(format!("{name}: not results of foveate reproduce: {e}; write them again")))
     }
 
     /// A row a line and digit, and one for all digits; a row a line of many targets.
-    pub fn csv(&self) -> String {
+    pub(super) fn csv(&self) -> String {
         if !self.multi.is_empty() {
             return multi_table::csv(&self.multi);
         }
@@ -188,7 +188,7 @@ impl Results {
 
 impl Check {
     /// In words.
-    pub fn text(&self) -> String {
+    pub(super) fn text(&self) -> String {
         let percent = |x: f64| match self.figure {
             Metric::OffAtEnd | Metric::Preserved => format!("{:.1} %", 100.0 * x),
             Metric::Hota | Metric::Idf1 => format!("{x:.3}"),

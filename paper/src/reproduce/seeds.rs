@@ -7,7 +7,7 @@ use serde::Deserialize;
 /// Seeds, one after the other; one at least.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(try_from = "Written")]
-pub struct Seeds {
+pub(super) struct Seeds {
     pub first: u64,
     /// How many.
     pub count: u64,
@@ -23,13 +23,13 @@ enum Written {
 
 impl Seeds {
     /// 1 to this one.
-    pub fn up_to(last: u64) -> Self {
+    pub(super) fn up_to(last: u64) -> Self {
         Self { first: 1, count: last }
     }
-    pub fn last(self) -> u64 {
+    pub(super) fn last(self) -> u64 {
         self.first + (self.count - 1)
     }
-    pub fn iter(self) -> std::ops::RangeInclusive<u64> {
+    pub(super) fn iter(self) -> std::ops::RangeInclusive<u64> {
         self.first..=self.last()
     }
 }

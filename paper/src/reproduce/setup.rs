@@ -12,7 +12,7 @@ use foveate_cli::runs::{self, Entry, Finished, Store};
 use serde::Serialize;
 
 /// One run: the indices of its entry and its scene, the video, and the seed of the tracker's randomness.
-pub struct Job {
+pub(super) struct Job {
     pub entry: usize,
     pub scene: usize,
     pub video: Synthetic,
@@ -31,13 +31,13 @@ struct Stored<'a, R> {
 }
 
 /// Follows the target of a video.
-pub type Following<R> = dyn Fn(&dyn Drawn, &mut Tracker) -> Result<R> + Sync;
+pub(super) type Following<R> = dyn Fn(&dyn Drawn, &mut Tracker) -> Result<R> + Sync;
 
 /// Digits drawn of each class where there is no MNIST.
 const DRAWN: usize = 40;
 
 /// What experiments are run on.
-pub struct Setup {
+pub(super) struct Setup {
     pub digits: Digits,
     /// What the digits are.
     pub from: String,
@@ -55,7 +55,7 @@ pub struct Setup {
 
 impl Setup {
     /// On the data of a folder; without one, of $FOVEATE_DATA or `data`, or digits drawn by a pen.
-    pub fn of(data: Option<PathBuf>, store: Store, out: PathBuf) -> Result<Self> {
+    pub(super) fn of(data: Option<PathBuf>, store: Store, out: PathBuf) -> Result<Self> {
         let usual = || std::env::var_os("FOVEATE_DATA").map_or_else(|| "data".into(), PathBuf::from);
         let (given, data) = (data.is_some(), data.unwrap_or_else(usual));
         let (digits, from, mnist) = match Digits::load(&data, Split::Test) {
@@ -71,7 +71,7 @@ impl Setup {
     }
 
     /// The runs of all jobs, in their order; `follow` makes those that are not kept yet.
-    pub fn runs<R: Finished>(
+    pub(super) fn runs<R: Finished>(
         &self,
         name: &str,
         entries: &[Entry],

@@ -58,7 +58,7 @@ impl Learned {
 
 /// Reward surfaces: one video of each digit, followed by several trackers that differ in their randomness alone. `None` where
 /// runs are missing.
-pub fn surfaces(experiment: &Experiment, setup: &Setup) -> Result<Option<Figure>> {
+pub(super) fn surfaces(experiment: &Experiment, setup: &Setup) -> Result<Option<Figure>> {
     let (mut figure, seeds, scene) = (Figure::default(), experiment.seeds, &experiment.scene()?.video);
     for (i, line) in experiment.lines.iter().enumerate() {
         let entries = [Entry::of(line.entry(&setup.settings)?.blueprint, "surfaces")?];

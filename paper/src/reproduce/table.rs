@@ -28,7 +28,7 @@ enum Done {
 
 /// All runs of a table that are not done yet. `None` where some are missing: those of another shard, or it was asked to
 /// stop.
-pub fn table(experiment: &Experiment, setup: &Setup) -> Result<Option<Table>> {
+pub(super) fn table(experiment: &Experiment, setup: &Setup) -> Result<Option<Table>> {
     let entries = experiment.lines.iter().map(|line| line.entry(&setup.settings)).collect::<Result<Vec<_>>>()?;
     let jobs = jobs(experiment);
     let Some(done) = done(experiment, setup, &entries, &jobs)? else { return Ok(None) };

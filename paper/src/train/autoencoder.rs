@@ -12,7 +12,7 @@ use foveate_cli::training::{self, Glimpses, Natural};
 /// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
 /// ends with the same bits. The same seed gives the same model for any number of threads.
 #[derive(clap::Args)]
-pub struct Args {
+pub(crate) struct Args {
     #[command(flatten)]
     natural: Natural,
     /// Hidden units.
@@ -73,7 +73,7 @@ impl Args {
 }
 
 /// Runs the command.
-pub fn run(args: &Args) -> Result<()> {
+pub(crate) fn run(args: &Args) -> Result<()> {
     let (files, recipe) = (args.natural.files()?, args.recipe());
     recipe.check()?;
     let glimpses = args.natural.glimpses()?;

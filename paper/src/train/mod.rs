@@ -4,18 +4,18 @@ use std::ffi::OsString;
 
 use clap::Subcommand;
 
-pub mod autoencoder;
-pub mod mcrbm;
+pub(crate) mod autoencoder;
+pub(crate) mod mcrbm;
 
 /// Learn a model.
 #[derive(clap::Args)]
-pub struct Args {
+pub(crate) struct Args {
     #[command(subcommand)]
     pub what: What,
 }
 
 #[derive(Subcommand)]
-pub enum What {
+pub(crate) enum What {
     Mcrbm(Box<mcrbm::Args>),
     Autoencoder(Box<autoencoder::Args>),
     /// A model of `foveate train`

@@ -3,14 +3,14 @@
 use foveate::{Error, Result};
 
 #[derive(clap::Args)]
-pub struct Args {
+pub(crate) struct Args {
     /// The shell; for bash: foveate completions bash > ~/.local/share/bash-completion/completions/foveate
     #[arg(value_enum)]
     shell: clap_complete::Shell,
 }
 
 /// Prints the completions of `program`.
-pub fn run(args: Args, mut program: clap::Command) -> Result<()> {
+pub(crate) fn run(args: Args, mut program: clap::Command) -> Result<()> {
     let name = program.get_name().to_owned();
     let mut script = vec![];
     clap_complete::generate(args.shell, &mut program, name, &mut script);

@@ -6,14 +6,14 @@ use foveate::identity::Retina;
 use foveate::{Error, Result};
 
 #[derive(clap::Args)]
-pub struct Args {
+pub(crate) struct Args {
     /// Print this one, as TOML, to be changed and given to --config; left out, all are listed: name, gaze policy, rings of the
     /// retina in template pixels (window/cell, from the inside out), and what it is for
     name: Option<String>,
 }
 
 /// Runs the command.
-pub fn run(args: Args) -> Result<()> {
+pub(crate) fn run(args: Args) -> Result<()> {
     let Some(name) = &args.name else { return list() };
     match BUILTIN.iter().find(|b| b.0 == *name) {
         Some((_, text)) => {
@@ -46,7 +46,7 @@ fn list() -> Result<()> {
 
 /// The windows of a retina and the cells in them, as `8/1 16/2 24/4`, in units of its smallest cell; `+` before those that read
 /// colour.
-pub fn rings(retina: &dyn Retina) -> String {
+pub(crate) fn rings(retina: &dyn Retina) -> String {
     let finest = retina.cells().iter().map(|c| c.half).fold(f64::INFINITY, f64::min);
     let mut rings: Vec<(usize, f64, f64)> = vec![];
     for cell in retina.cells() {

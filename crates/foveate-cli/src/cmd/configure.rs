@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use clap::builder::PossibleValuesParser;
-pub use foveate::config::POLICIES;
+pub(crate) use foveate::config::POLICIES;
 
 use foveate::config::Config;
 use foveate::files::Folder;
@@ -13,7 +13,7 @@ use crate::invocation;
 
 /// Configurations for real video, by the time they take.
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
-pub enum Profile {
+pub(crate) enum Profile {
     /// A quarter of the particles, nearly three times the speed: natural-fast
     Fast,
     /// What is taken unless told otherwise: natural
@@ -23,7 +23,7 @@ pub enum Profile {
 }
 
 /// The configuration asked for by name or by profile; `natural` unless told otherwise.
-pub fn config_name(config: Option<&str>, profile: Option<Profile>) -> &str {
+pub(crate) fn config_name(config: Option<&str>, profile: Option<Profile>) -> &str {
     let profile = match profile {
         Some(Profile::Fast) => foveate::Profile::Fast,
         Some(Profile::Balanced) | None => foveate::Profile::Balanced,

@@ -52,7 +52,7 @@ impl Format {
 ///
 /// What the other format cannot hold is told, a line each. Where a format of one target gets several, give --id.
 #[derive(clap::Args)]
-pub struct Args {
+pub(crate) struct Args {
     /// The file to read
     input: PathBuf,
     /// The file to write; it is replaced where it is there
@@ -137,7 +137,7 @@ impl Boxes {
     }
 }
 
-pub fn run(args: Args) -> Result<()> {
+pub(crate) fn run(args: Args) -> Result<()> {
     spare(&args.output, &[&args.input])?;
     let mut boxes = read(args.from, &args.input)?;
     if boxes.frames == 0 && boxes.tracks.is_empty() {

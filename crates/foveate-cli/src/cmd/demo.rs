@@ -22,7 +22,7 @@ use super::track::tolerant::FailedOutputs;
 use crate::terminal;
 
 #[derive(clap::Args)]
-pub struct Args {
+pub(crate) struct Args {
     /// Folder for the results; open report.html in it
     #[arg(long, short, value_name = "DIR", default_value = "out/demo")]
     out: PathBuf,
@@ -101,7 +101,7 @@ impl Scene {
 /// What the gaze policy is compared with: the policies that learn nothing, and what their gazes are called.
 const UNLEARNED: [(&str, &str); 2] = [("fixed", "fixed centre"), ("random", "random gazes")];
 
-pub fn run(args: Args) -> Result<()> {
+pub(crate) fn run(args: Args) -> Result<()> {
     let (scene, described, fitting, usual) = args.scene.draw(args.digit, args.seed);
     let config_name = args.config.as_deref().unwrap_or(fitting);
     fits(config_name)?;

@@ -2,9 +2,9 @@
 
 mod choose;
 mod grid;
-pub mod kept;
+pub(crate) mod kept;
 mod one_pass;
-pub mod record;
+pub(crate) mod record;
 
 use std::cell::RefCell;
 use std::path::{Path, PathBuf};
@@ -34,7 +34,7 @@ use crate::terminal;
 /// With --mot, tracks of many targets are scored instead: MOTA, IDF1, HOTA and what they are made of, as TrackEval has them:
 /// foveate eval --mot --truth DIR --results DIR
 #[derive(clap::Args, Debug)]
-pub struct Args {
+pub(crate) struct Args {
     /// Sequences in the layout of OTB (groundtruth_rect.txt, img/), VOT, GOT-10k or LaSOT (groundtruth.txt), or folders that hold them
     #[arg(long, value_name = "DIR", num_args = 1.., required_unless_present = "mot")]
     pub seqs: Vec<PathBuf>,
@@ -103,7 +103,7 @@ impl Args {
 }
 
 /// Runs the command.
-pub fn run(args: Args) -> Result<()> {
+pub(crate) fn run(args: Args) -> Result<()> {
     if args.mot {
         return many(&args);
     }

@@ -14,7 +14,7 @@ use super::track::source::named;
 
 #[derive(clap::Args)]
 #[command(after_help = "Example: foveate look video.mp4 --map flow --frame 120 --out look.png")]
-pub struct Args {
+pub(crate) struct Args {
     /// A video file, or a folder of images
     source: PathBuf,
     /// What decodes a video file: auto takes the program ffmpeg where it is installed and faster
@@ -56,7 +56,7 @@ impl Kind {
 }
 
 /// Runs the command.
-pub fn run(args: Args) -> Result<()> {
+pub(crate) fn run(args: Args) -> Result<()> {
     spare(&args.out, &[&args.source])?;
     let wanted = args.frame.map_or(29, |n| usize::try_from(n - 1).unwrap_or(usize::MAX));
     let (mut detector, mut found) = (args.map.detector(), vec![]);

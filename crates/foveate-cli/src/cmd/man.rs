@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use foveate::{Error, Result, files};
 
 #[derive(clap::Args)]
-pub struct Args {
+pub(crate) struct Args {
     /// Folder for the pages: foveate.1, foveate-track.1, ...; for `man` to find them, ~/.local/share/man/man1
     #[arg(value_name = "DIR")]
     folder: PathBuf,
 }
 
 /// Writes the pages of `program`.
-pub fn run(args: Args, program: clap::Command) -> Result<()> {
+pub(crate) fn run(args: Args, program: clap::Command) -> Result<()> {
     let mut program = program.disable_help_subcommand(true);
     program.build();
     let folder = &args.folder;

@@ -1,21 +1,21 @@
 //! One file a command: its arguments, and what it does.
 
-pub mod completions;
-pub mod configs;
-pub mod configure;
-pub mod convert;
-pub mod demo;
-pub mod eval;
-pub mod look;
-pub mod man;
+pub(crate) mod completions;
+pub(crate) mod configs;
+pub(crate) mod configure;
+pub(crate) mod convert;
+pub(crate) mod demo;
+pub(crate) mod eval;
+pub(crate) mod look;
+pub(crate) mod man;
 mod results;
-pub mod serve;
-pub mod synth;
-pub mod tiles;
-pub mod track;
-pub mod train;
-pub mod trax;
-pub mod videos;
+pub(crate) mod serve;
+pub(crate) mod synth;
+pub(crate) mod tiles;
+pub(crate) mod track;
+pub(crate) mod train;
+pub(crate) mod trax;
+pub(crate) mod videos;
 
 use std::path::Path;
 

@@ -14,9 +14,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use foveate::{Error, Result, files};
-pub use in_place::InPlace;
+pub(super) use in_place::InPlace;
 use inputs::frame_of;
-pub use inputs::{spare, writable};
+pub(super) use inputs::{spare, writable};
 use leftovers::{growing, hidden, rescued, sweep};
 use serde::{Deserialize, Serialize};
 
@@ -26,7 +26,7 @@ const MANIFEST: &str = "run.json";
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Ended {
+pub(super) enum Ended {
     /// It did all that it was asked for.
     Finished,
     /// It was asked to stop.
@@ -65,12 +65,12 @@ impl Manifest {
 }
 
 /// Whether a folder holds a run that did all that it was asked for.
-pub fn is_finished(folder: &Path) -> bool {
+pub(super) fn is_finished(folder: &Path) -> bool {
     manifest(folder).is_some_and(|run| run.complete && run.ended.is_none_or(|ended| ended == Ended::Finished))
 }
 
 /// The results of a run in the making. Dropped before [`Results::keep`], they leave nothing behind.
-pub struct Results {
+pub(super) struct Results {
     /// Where they are to be, as it was asked for and as it is.
     asked: PathBuf,
     out: PathBuf,
@@ -87,13 +87,13 @@ pub struct Results {
 impl Results {
     /// Begins results that will be `names` in the folder `out`, which stays as it is until they are kept. Fails where the
     /// folder cannot be made or written, a result could not get its name, or one of the `inputs` would be replaced or removed.
-    pub fn begin(out: &Path, names: &[&str], inputs: &[&Path]) -> Result<Self> {
+    pub(super) fn begin(out: &Path, names: &[&str], inputs: &[&Path]) -> Result<Self> {
         Self::begin_in(out, names, inputs, |name| hidden(name, "tmp"))
     }
 
     /// [`Results::begin`] of a run without an end: meanwhile its files are in a folder that anybody may read, `OUT.live-PID`, and
     /// stay there where the run is killed.
-    pub fn begin_live(out: &Path, names: &[&str], inputs: &[&Path]) -> Result<Self> {
+    pub(super) fn begin_live(out: &Path, names: &[&str], inputs: &[&Path]) -> Result<Self> {
         Self::begin_in(out, names, inputs, growing)
     }
 
@@ -131,14 +131,14 @@ impl Results {
     }
 
     /// Where to write.
-    pub fn folder(&self) -> &Path {
+    pub(super) fn folder(&self) -> &Path {
         &self.part
     }
 
     /// Puts the results of a run that ended so, after so many frames, in their place; answers their paths. Where one is missing, or they
     /// cannot be moved, the folder stays as it was and they are kept beside it, under a name that the error tells. So it is where some
     /// were lost, as the error `lost` says, and the folder holds a finished run.
-    pub fn keep(mut self, ended: Ended, frames: usize, lost: Result<()>) -> Result<Vec<PathBuf>> {
+    pub(super) fn keep(mut self, ended: Ended, frames: usize, lost: Result<()>) -> Result<Vec<PathBuf>> {
         self.ended = (ended, frames);
         let missing = self.names.iter().find(|name| !self.part.join(name).is_file());
         let placed = match (missing, &lost) {
@@ -165,18 +165,18 @@ impl Results {
     }
 
     /// In how many frames of the source the decoder reported damage.
-    pub fn set_damaged(&mut self, frames: u64) {
+    pub(super) fn set_damaged(&mut self, frames: u64) {
         self.damaged = frames;
     }
 
     /// An error that names a file of the folder in the making, by the name that it was to have.
-    pub fn with_final_path(&self, error: &Error) -> Error {
+    pub(super) fn with_final_path(&self, error: &Error) -> Error {
         let (part, asked) = (self.part.to_string_lossy(), self.asked.to_string_lossy());
         Error::Invalid(error.to_string().replace(&*part, &asked))
     }
 
     /// Leaves out results that could not be written. False where none is left.
-    pub fn leave_out(&mut self, lost: &[&str]) -> bool {
+    pub(super) fn leave_out(&mut self, lost: &[&str]) -> bool {
         self.names.retain(|name| !lost.contains(&&**name));
         lost.iter().for_each(|name| drop(fs::remove_file(self.part.join(name))));
         !self.names.is_empty()

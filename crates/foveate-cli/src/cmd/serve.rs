@@ -37,7 +37,7 @@ opened by the addresses given here, and no others.";
 
 #[derive(clap::Args)]
 #[command(after_long_help = WHO)]
-pub struct Args {
+pub(crate) struct Args {
     /// Folders, videos, streams (rtsp://, http://) and cameras (/dev/video0) that the page may open; this folder if left out
     #[arg(value_name = "PATH", default_value = ".")]
     paths: Vec<PathBuf>,
@@ -61,7 +61,7 @@ is on another machine, draw the box in `foveate serve`, which has --token and --
 
 #[derive(clap::Args)]
 #[command(after_long_help = WHO_PICK)]
-pub struct PickArgs {
+pub(crate) struct PickArgs {
     /// A video file, or a folder of images
     video: PathBuf,
     /// Where to listen on this machine; a free port if left out
@@ -95,14 +95,14 @@ fn parse_address(text: &str) -> std::result::Result<SocketAddr, String> {
 }
 
 /// Runs `foveate serve`.
-pub fn run(args: Args) -> Result<()> {
+pub(crate) fn run(args: Args) -> Result<()> {
     let token = args.token.or_else(|| std::env::var("FOVEATE_TOKEN").ok().filter(|token| !token.is_empty()));
     check(&args.address, args.allow_remote, token.as_deref())?;
     start(&args.paths, args.address, token, &args.page, None)
 }
 
 /// Runs `foveate pick`.
-pub fn run_pick(args: PickArgs) -> Result<()> {
+pub(crate) fn run_pick(args: PickArgs) -> Result<()> {
     if !args.address.ip().is_loopback() {
         return Err(Error::Invalid(format!(
             "--address {}: other machines could reach it; give an address of this machine alone (127.0.0.1:0), or draw the box in \

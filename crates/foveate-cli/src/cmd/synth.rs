@@ -21,7 +21,7 @@ const DRAWN: usize = 20;
 
 /// Makes videos with known truth, as folders in OTB's layout (and MOTChallenge's, where targets are many).
 #[derive(clap::Args, Debug)]
-pub struct Args {
+pub(crate) struct Args {
     #[command(subcommand)]
     kind: Kind,
 }
@@ -196,7 +196,7 @@ fn pair(text: &str) -> std::result::Result<[f64; 2], String> {
 }
 
 /// Runs the command.
-pub fn run(args: Args) -> Result<()> {
+pub(crate) fn run(args: Args) -> Result<()> {
     match args.kind {
         Kind::Clutter(args) => {
             let Common { digit, seed, frames, .. } = args.common;

@@ -11,7 +11,7 @@ use super::track::source::named;
 use crate::terminal;
 
 #[derive(clap::Args)]
-pub struct Args {
+pub(crate) struct Args {
     /// A video file, or a folder of images
     source: PathBuf,
     /// Folder to make: FRAME/LEVEL/COLUMN_ROW.png, level 0 the picture itself, each further level half of it
@@ -31,7 +31,7 @@ pub struct Args {
     decoder: Decoder,
 }
 
-pub fn run(args: Args) -> Result<()> {
+pub(crate) fn run(args: Args) -> Result<()> {
     if args.out.exists() {
         let out = args.out.display();
         return Err(Error::Invalid(format!("{out} exists; give --out a folder that does not, or remove it")));

@@ -11,7 +11,7 @@ use foveate::video::Frame;
 use super::of_file;
 use super::results::{Ended, Results};
 use crate::terminal;
-pub use args::{Args, DIGITS};
+pub(crate) use args::{Args, DIGITS};
 use detections::DetectionSource;
 use ending::Ending;
 use plan::{Job, Plan, Subject};
@@ -22,13 +22,13 @@ mod args;
 mod batch;
 mod detections;
 mod ending;
-pub mod init;
+pub(crate) mod init;
 mod many;
-pub mod outputs;
+pub(crate) mod outputs;
 mod plan;
 mod saved;
-pub mod source;
-pub mod tolerant;
+pub(crate) mod source;
+pub(crate) mod tolerant;
 
 /// Frames of a run, and those whose status is occluded or lost.
 #[derive(Clone, Copy, Default, serde::Serialize, serde::Deserialize)]
@@ -38,7 +38,7 @@ struct Tally {
     lost_frames: usize,
 }
 
-pub fn run(args: Args) -> Result<()> {
+pub(crate) fn run(args: Args) -> Result<()> {
     if args.recognise.as_deref() == Some(DIGITS) {
         note!(
             "foveate: the recogniser that ships knows the digits 0 to 9 alone, and calls everything a digit; for other classes train one \

@@ -13,7 +13,7 @@ use foveate::learn::rbm::{Negative, Rbm, Recipe, Sparsity, Trainer, Visible};
 use foveate::rows::Rows;
 
 mod classifier;
-pub mod common;
+pub(crate) mod common;
 mod confidence;
 mod confidence_tracks;
 mod fixations;
@@ -22,7 +22,7 @@ mod variation;
 
 /// Learn a model.
 #[derive(clap::Args)]
-pub struct Args {
+pub(crate) struct Args {
     #[command(subcommand)]
     what: What,
 }
@@ -150,7 +150,7 @@ fn ring(text: &str) -> std::result::Result<[usize; 2], String> {
 }
 
 /// Runs the command.
-pub fn run(args: Args) -> Result<()> {
+pub(crate) fn run(args: Args) -> Result<()> {
     match args.what {
         What::Rbm(args) => train(&args),
         What::Fixations(args) => fixations::run(&args),

@@ -24,7 +24,7 @@ const MOST: usize = 256;
 ///
 /// Version 3 of the protocol has one object. With --objects it is version 4: several objects, each with a tracker of its own.
 #[derive(clap::Args)]
-pub struct Args {
+pub(crate) struct Args {
     /// A configuration file, or the name of one that ships with the program; natural if left out
     #[arg(long, short, value_name = "FILE|NAME")]
     config: Option<String>,
@@ -41,7 +41,7 @@ pub struct Args {
     objects: bool,
 }
 
-pub fn run(args: Args) -> Result<()> {
+pub(crate) fn run(args: Args) -> Result<()> {
     let name = config_name(args.config.as_deref(), args.profile);
     let (config, folder) = read(name, &args.changes)?;
     let blueprint = config.check(&folder)?;

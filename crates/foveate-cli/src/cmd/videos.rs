@@ -49,7 +49,7 @@ pub fn of_sequence(sequence: &Sequence) -> Result<Video<'static>> {
 }
 
 /// A drawn scene.
-pub fn of_scene<'a>(scene: &Synthetic, digits: &'a Digits) -> Result<Video<'a>> {
+pub(crate) fn of_scene<'a>(scene: &Synthetic, digits: &'a Digits) -> Result<Video<'a>> {
     let video = scene.video(digits)?;
     let truth = video.truth().iter().copied().map(Some).collect();
     let name = format!("digit {}, seed {}", scene.digit(), scene.seed());

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Chromium without a window, spoken to through two pipes (its DevTools protocol).
-pub struct Browser {
+pub(crate) struct Browser {
     child: Child,
     to: File,
     from: Receiver<Value>,
@@ -26,7 +26,7 @@ pub struct Browser {
 
 impl Browser {
     /// `None` where none is installed, or it cannot run here.
-    pub fn start(folder: &Path, more: &[&str]) -> Option<Self> {
+    pub(crate) fn start(folder: &Path, more: &[&str]) -> Option<Self> {
         let named = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success());
         let program = ["chromium", "chromium-browser", "google-chrome", "chrome"].into_iter().find(named)?;
         let (to, from) = (folder.join("to"), folder.join("from"));
@@ -64,7 +64,7 @@ impl Browser {
         Some(browser)
     }
 
-    pub fn try_call(&mut self, method: &str, params: Value) -> Option<Value> {
+    pub(crate) fn try_call(&mut self, method: &str, params: Value) -> Option<Value> {
         self.id += 1;
         let mut message = json!({ "id": self.id, "method": method, "params": params });
         if let Some(session) = &self.session {
@@ -87,12 +87,12 @@ impl Browser {
         }
     }
 
-    pub fn call(&mut self, method: &str, params: Value) -> Value {
+    pub(crate) fn call(&mut self, method: &str, params: Value) -> Value {
         self.try_call(method, params).unwrap_or_else(|| panic!("{method}: the browser does not answer"))
     }
 
     /// The value of an expression in the page.
-    pub fn value(&mut self, expression: &str) -> Value {
+    pub(crate) fn value(&mut self, expression: &str) -> Value {
         let params = json!({ "expression": expression, "awaitPromise": true, "returnByValue": true });
         let answer = self.call("Runtime.evaluate", params);
         assert!(answer["exceptionDetails"].is_null(), "{expression}: {}", answer["exceptionDetails"]);
@@ -100,7 +100,7 @@ impl Browser {
     }
 
     /// Waits until an expression is true.
-    pub fn until(&mut self, expression: &str) {
+    pub(crate) fn until(&mut self, expression: &str) {
         let began = Instant::now();
         while self.value(expression) != true {
             let message = self.value("document.getElementById('message')?.textContent");
@@ -109,12 +109,12 @@ impl Browser {
         }
     }
 
-    pub fn mouse(&mut self, kind: &str, (x, y): (f64, f64)) {
+    pub(crate) fn mouse(&mut self, kind: &str, (x, y): (f64, f64)) {
         let button = json!({ "type": kind, "x": x, "y": y, "button": "left", "buttons": 1, "clickCount": 1 });
         self.call("Input.dispatchMouseEvent", button);
     }
 
-    pub fn click(&mut self, selector: &str) {
+    pub(crate) fn click(&mut self, selector: &str) {
         let expression = format!(
             "(() => {{ const e = document.querySelector('{selector}'); e.scrollIntoView({{ block: 'center' }}); \
              const b = e.getBoundingClientRect(); return [b.x + b.width / 2, b.y + b.height / 2]; }})()"
@@ -125,7 +125,7 @@ impl Browser {
     }
 
     /// Draws a box on the frame.
-    pub fn draw(&mut self, [x, y, w, h]: [f64; 4]) {
+    pub(crate) fn draw(&mut self, [x, y, w, h]: [f64; 4]) {
         let place = "(() => { const e = document.getElementById('screen'); e.scrollIntoView({ block: 'center' }); \
                      const b = e.getBoundingClientRect(); return [b.x, b.y, b.width / page.video.width]; })()";
         let (left, top, k): (f64, f64, f64) = serde_json::from_value(self.value(place)).expect("a stage");
@@ -140,18 +140,18 @@ impl Browser {
     }
 
     /// The box that is drawn.
-    pub fn drawn(&mut self) -> [f64; 4] {
+    pub(crate) fn drawn(&mut self) -> [f64; 4] {
         let drawn = self.value("[page.draft.x, page.draft.y, page.draft.w, page.draft.h]");
         serde_json::from_value(drawn).expect("a box")
     }
 
     /// The boxes of the track.
-    pub fn boxes(&mut self) -> Vec<[f64; 4]> {
+    pub(crate) fn boxes(&mut self) -> Vec<[f64; 4]> {
         serde_json::from_value(self.value("page.rows.map(row => row.box)")).expect("boxes")
     }
 
     /// Tracks to the end as fast as it goes, from wherever it is; the boxes.
-    pub fn track(&mut self) -> Vec<[f64; 4]> {
+    pub(crate) fn track(&mut self) -> Vec<[f64; 4]> {
         self.value("byId('pace').value = 200, true");
         self.until("!page.busy && (page.ended || page.playing || (byId('play').click(), false))");
         self.until("page.ended && !page.playing && !page.busy");
@@ -159,12 +159,12 @@ impl Browser {
     }
 
     /// Shows a frame.
-    pub fn show(&mut self, frame: usize) {
+    pub(crate) fn show(&mut self, frame: usize) {
         self.value(&format!("byId('scrub').value = {frame}, byId('scrub').dispatchEvent(new Event('input')), true"));
         self.until(&format!("page.frame === {frame} && shown.frame === {frame}"));
     }
 
-    pub fn key(&mut self, key: &str, modifiers: u8) {
+    pub(crate) fn key(&mut self, key: &str, modifiers: u8) {
         for kind in ["keyDown", "keyUp"] {
             self.call(
                 "Input.dispatchKeyEvent",
@@ -174,7 +174,7 @@ impl Browser {
     }
 
     /// Sets the colour scheme and the width; a page as narrow as a phone is pressed by fingers.
-    pub fn look(&mut self, scheme: &str, width: usize) {
+    pub(crate) fn look(&mut self, scheme: &str, width: usize) {
         let media = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
         self.call("Emulation.setEmulatedMedia", media);
         self.call("Emulation.setTouchEmulationEnabled", json!({ "enabled": width < 500 }));
@@ -185,7 +185,7 @@ impl Browser {
 
     /// Looks at the page light and dark, on a screen and on a phone: contrast, width, the size of what fingers press, names, and
     /// where its parts come from.
-    pub fn judge(&mut self, name: &str) {
+    pub(crate) fn judge(&mut self, name: &str) {
         let mut grounds = vec![];
         for scheme in ["light", "dark"] {
             for width in [1280, 390] {
@@ -213,7 +213,7 @@ impl Browser {
     }
 
     /// Opens a page that is a file, and judges it.
-    pub fn judge_file(&mut self, name: &str, page: &Path) {
+    pub(crate) fn judge_file(&mut self, name: &str, page: &Path) {
         is_one_document(&std::fs::read_to_string(page).expect("a page"));
         self.call("Page.navigate", json!({ "url": format!("file://{}", page.display()) }));
         self.until("document.readyState === 'complete' && !!document.querySelector('main')");
@@ -222,7 +222,7 @@ impl Browser {
     }
 
     /// A picture of the page, where $FOVEATE_SCREENSHOTS names a folder to put it.
-    pub fn picture(&mut self, name: &str) {
+    pub(crate) fn picture(&mut self, name: &str) {
         use base64::Engine as _;
         let Some(folder) = std::env::var_os("FOVEATE_SCREENSHOTS") else { return };
         let shot = self.call("Page.captureScreenshot", json!({ "format": "png", "captureBeyondViewport": true }));
@@ -242,7 +242,7 @@ impl Drop for Browser {
 }
 
 /// Checks a page that is one file: it has both colour schemes, a policy that lets nothing in, and no address but that of SVG itself.
-pub fn is_one_document(page: &str) {
+pub(crate) fn is_one_document(page: &str) {
     assert!(page.contains("@media (prefers-color-scheme: dark)"), "a dark scheme");
     assert!(page.contains("http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'"), "a policy");
     for (at, _) in page.match_indices("http://").chain(page.match_indices("https://")) {

@@ -6,10 +6,10 @@ use std::process::{Command, Stdio};
 
 use super::place::{Place, errors};
 
-pub type Files = BTreeMap<String, Vec<u8>>;
+pub(crate) type Files = BTreeMap<String, Vec<u8>>;
 
 /// All files below a folder but hidden ones, by path.
-pub fn files(folder: &Path) -> Files {
+pub(crate) fn files(folder: &Path) -> Files {
     let mut found = Files::new();
     let mut folders = vec![folder.to_owned()];
     while let Some(inside) = folders.pop() {
@@ -37,7 +37,7 @@ fn is_whole(name: &str, bytes: &[u8], wanted: &[u8], again: &[u8]) -> bool {
             && bytes.last() == wanted.last())
 }
 
-pub struct Job {
+pub(crate) struct Job {
     pub place: Place,
     pub args: &'static [&'static str],
     /// What whole runs write; what differs between them tells times.
@@ -46,7 +46,7 @@ pub struct Job {
 }
 
 impl Job {
-    pub fn new(place: Place, args: &'static [&'static str]) -> Self {
+    pub(crate) fn new(place: Place, args: &'static [&'static str]) -> Self {
         let mut job = Self { place, args, wanted: Files::new(), again: Files::new() };
         for _ in 0..2 {
             let output = job.command().output().expect("it starts");
@@ -100,7 +100,7 @@ impl Job {
     }
 
     /// Fails each operation once, up to the `most`-th of a kind; answers how many there were of each kind.
-    pub fn fail_each(&self, most: usize) -> [usize; 4] {
+    pub(crate) fn fail_each(&self, most: usize) -> [usize; 4] {
         let log = self.place.path("faults.log");
         ["open", "write", "sync", "rename"].map(|operation| {
             for n in 1.. {
@@ -135,7 +135,7 @@ impl Job {
     }
 
     /// Kills it so often, at moments all over its run. Half-finished work that it goes on from stays from kill to kill.
-    pub fn kill(&self, times: u32) {
+    pub(crate) fn kill(&self, times: u32) {
         let took = |_| {
             let began = std::time::Instant::now();
             self.check_again("before");

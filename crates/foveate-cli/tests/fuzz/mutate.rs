@@ -3,7 +3,7 @@
 use serde_json::Value;
 
 /// Draws them.
-pub struct Mutator(u64);
+pub(crate) struct Mutator(u64);
 
 /// Numbers that programs go wrong at.
 const ODD: [u64; 12] =
@@ -33,7 +33,7 @@ const WORDS: [&str; 20] = [
 ];
 
 impl Mutator {
-    pub fn new(seed: u64) -> Self {
+    pub(crate) fn new(seed: u64) -> Self {
         Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
     }
 
@@ -46,7 +46,7 @@ impl Mutator {
     }
 
     /// A mutation of one of the corpus. Of one that is JSON mostly JSON: what is not ends in its parser.
-    pub fn next(&mut self, corpus: &[Vec<u8>], longest: usize) -> Vec<u8> {
+    pub(crate) fn next(&mut self, corpus: &[Vec<u8>], longest: usize) -> Vec<u8> {
         let seed = &corpus[self.below(corpus.len())];
         if seed.starts_with(b"{\"") && self.below(4) > 0 {
             let mut value = serde_json::from_slice(seed).expect("JSON");

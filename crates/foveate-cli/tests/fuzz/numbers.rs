@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 /// What a number of a state may not be, or may.
-pub fn odd() -> [Value; 9] {
+pub(crate) fn odd() -> [Value; 9] {
     [
         json!(-1),
         json!(0),
@@ -18,7 +18,7 @@ pub fn odd() -> [Value; 9] {
 }
 
 /// Where the numbers of a state are; of an array the first two and the last.
-pub fn places(state: &Value, at: &str, found: &mut Vec<String>) {
+pub(crate) fn places(state: &Value, at: &str, found: &mut Vec<String>) {
     match state {
         Value::Number(_) => found.push(at.into()),
         Value::Object(map) => map.iter().for_each(|(key, value)| places(value, &format!("{at}/{key}"), found)),

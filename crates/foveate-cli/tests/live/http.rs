@@ -12,7 +12,7 @@ use foveate_testing::{ffmpeg, need};
 
 /// How the server answers.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Serves {
+pub(crate) enum Serves {
     /// With the length of the file, and parts of it where these are asked for.
     Ranges,
     /// With the length, always the whole file.
@@ -26,7 +26,7 @@ pub enum Serves {
 }
 
 /// Serves the files of a folder; the address.
-pub fn serve(folder: &Path, how: Serves) -> String {
+pub(crate) fn serve(folder: &Path, how: Serves) -> String {
     let entries = std::fs::read_dir(folder).expect("a folder").flatten().filter(|entry| entry.path().is_file());
     let files: BTreeMap<String, Vec<u8>> = entries
         .map(|entry| (entry.file_name().to_string_lossy().into_owned(), std::fs::read(entry.path()).expect("a file")))
@@ -83,7 +83,7 @@ pub fn serve(folder: &Path, how: Serves) -> String {
 }
 
 /// Writes the clip in several containers.
-pub fn clips(folder: &Path, frames: usize) -> Result<(), String> {
+pub(crate) fn clips(folder: &Path, frames: usize) -> Result<(), String> {
     ffmpeg()?;
     std::fs::write(folder.join("a.y4m"), video(frames)).expect("a writable folder");
     let made = |args: &str, name: &str| {
@@ -101,7 +101,7 @@ pub fn clips(folder: &Path, frames: usize) -> Result<(), String> {
     Ok(())
 }
 
-pub fn track(folder: &Path, source: &str, out: &str, more: &[&str]) -> Output {
+pub(crate) fn track(folder: &Path, source: &str, out: &str, more: &[&str]) -> Output {
     let output = run(folder, &[&[source, "--out", out, "--no-video"], more].concat(), vec![]);
     assert!(output.status.success(), "{source}: {}", text(&output.stderr));
     output

@@ -4,9 +4,9 @@
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-pub const FRAMES: usize = 10;
+pub(crate) const FRAMES: usize = 10;
 
-pub const CONFIG: &str = r#"
+pub(crate) const CONFIG: &str = r#"
 particles = 60
 [dynamics]
 kind = "autoregressive"
@@ -30,53 +30,53 @@ const PROGRAM: &str = match (option_env!("CARGO_BIN_EXE_foveate"), option_env!("
     (None, None) => panic!("tests are built with a program"),
 };
 
-pub struct Place(tempfile::TempDir);
+pub(crate) struct Place(tempfile::TempDir);
 
 impl Place {
     /// A folder with a video of ten frames and a quick configuration.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let place = Self(tempfile::tempdir().expect("a temporary folder"));
         std::fs::write(place.path("c.toml"), CONFIG).expect("a writable folder");
         let made = place.run(&["synth", "clutter", "--frames", &FRAMES.to_string(), "--out", "video"]);
         assert!(made.status.success(), "{}", errors(&made));
         place
     }
-    pub fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.0.path().join(name)
     }
-    pub fn run(&self, args: &[&str]) -> Output {
+    pub(crate) fn run(&self, args: &[&str]) -> Output {
         self.command(args).output().expect("it starts")
     }
-    pub fn command(&self, args: &[&str]) -> Command {
+    pub(crate) fn command(&self, args: &[&str]) -> Command {
         let mut command = Command::new(PROGRAM);
         command.current_dir(self.0.path()).args(args);
         command
     }
     /// The names in a folder, sorted.
-    pub fn names(&self, folder: &str) -> Vec<String> {
+    pub(crate) fn names(&self, folder: &str) -> Vec<String> {
         let entries = std::fs::read_dir(self.path(folder)).expect("a folder");
         let mut names: Vec<_> = entries.map(|e| e.expect("one").file_name().to_string_lossy().into_owned()).collect();
         names.sort();
         names
     }
     /// Tracks into the folder `out`; without a film and a report.
-    pub fn track(&self, out: &str, args: &[&str]) -> Output {
+    pub(crate) fn track(&self, out: &str, args: &[&str]) -> Output {
         self.run(&[&["track", "-c", "c.toml", "--no-video", "--no-report", "-o", out][..], args].concat())
     }
     /// The same, where it must succeed; boxes.txt comes back.
-    pub fn boxes(&self, out: &str, args: &[&str]) -> Vec<u8> {
+    pub(crate) fn boxes(&self, out: &str, args: &[&str]) -> Vec<u8> {
         let output = self.track(out, args);
         assert!(output.status.success(), "{}", errors(&output));
         self.read(&format!("{out}/boxes.txt"))
     }
-    pub fn read(&self, name: &str) -> Vec<u8> {
+    pub(crate) fn read(&self, name: &str) -> Vec<u8> {
         std::fs::read(self.path(name)).expect("it was written")
     }
-    pub fn lines(&self, name: &str) -> usize {
+    pub(crate) fn lines(&self, name: &str) -> usize {
         self.read(name).iter().filter(|&&b| b == b'\n').count()
     }
     /// What is said where it fails.
-    pub fn failure(&self, args: &[&str]) -> String {
+    pub(crate) fn failure(&self, args: &[&str]) -> String {
         let output = self.track("failed", args);
         assert!(!output.status.success(), "{args:?} must fail");
         assert!(!errors(&output).contains("panicked"), "{}", errors(&output));
@@ -84,6 +84,6 @@ impl Place {
     }
 }
 
-pub fn errors(output: &Output) -> String {
+pub(crate) fn errors(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use foveate::BBox;
 
-pub struct Server {
+pub(crate) struct Server {
     pub child: Child,
     pub port: u16,
     pub url: String,
@@ -19,7 +19,7 @@ pub struct Server {
 }
 
 impl Server {
-    pub fn start(folder: &Path, args: &[&str]) -> Self {
+    pub(crate) fn start(folder: &Path, args: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_foveate"));
         command.current_dir(folder).args(args).env_remove("FOVEATE_TOKEN").env("TMPDIR", folder);
         let mut child =
@@ -42,7 +42,7 @@ impl Server {
     }
 
     /// Sends bytes as they are, and closes; what came back.
-    pub fn send(&self, bytes: &[u8]) -> Vec<u8> {
+    pub(crate) fn send(&self, bytes: &[u8]) -> Vec<u8> {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).expect("it listens");
         stream.set_read_timeout(Some(Duration::from_secs(60))).expect("a socket");
         // A server that has refused already does not read on.
@@ -54,12 +54,12 @@ impl Server {
     }
 
     /// A message of the page: the status, and the answer.
-    pub fn ask(&self, message: &str) -> (u16, serde_json::Value) {
+    pub(crate) fn ask(&self, message: &str) -> (u16, serde_json::Value) {
         self.ask_with(message, "")
     }
 
     /// The same with further headers, each ending in a new line.
-    pub fn ask_with(&self, message: &str, headers: &str) -> (u16, serde_json::Value) {
+    pub(crate) fn ask_with(&self, message: &str, headers: &str) -> (u16, serde_json::Value) {
         let (host, length) = (format!("127.0.0.1:{}", self.port), message.len());
         let request = format!(
             "POST /api HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\nContent-Type: application/json\r\n\
@@ -70,7 +70,7 @@ impl Server {
     }
 
     /// A page, picture or file.
-    pub fn get(&self, path: &str) -> (u16, Vec<u8>) {
+    pub(crate) fn get(&self, path: &str) -> (u16, Vec<u8>) {
         let request = format!("GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\nConnection: close\r\n\r\n", self.port);
         parts(&self.send(request.as_bytes()))
     }
@@ -84,22 +84,22 @@ impl Drop for Server {
 }
 
 /// Status and body of an answer; 0 where there was none.
-pub fn parts(answer: &[u8]) -> (u16, Vec<u8>) {
+pub(crate) fn parts(answer: &[u8]) -> (u16, Vec<u8>) {
     let status = answer.get(9..12).and_then(|s| std::str::from_utf8(s).ok()).and_then(|s| s.parse().ok()).unwrap_or(0);
     let body = answer.windows(4).position(|w| w == b"\r\n\r\n").map_or(vec![], |at| answer[at + 4..].to_vec());
     (status, body)
 }
 
-pub const SIZE: (usize, usize) = (320, 240);
-pub const FRAMES: usize = 36;
+pub(crate) const SIZE: (usize, usize) = (320, 240);
+pub(crate) const FRAMES: usize = 36;
 
 /// Where the target is in frame `t` (from 0): left, top, width, height.
-pub fn truth(t: usize) -> [f64; 4] {
+pub(crate) fn truth(t: usize) -> [f64; 4] {
     [100.0 + 3.0 * t as f64, 90.0 + t as f64, 48.0, 48.0]
 }
 
 /// Frame `t`: a textured square over noise, in grey.
-pub fn picture(t: usize) -> Vec<u8> {
+pub(crate) fn picture(t: usize) -> Vec<u8> {
     let (w, h) = SIZE;
     let mut x = 1u32;
     let mut picture: Vec<u8> = (0..w * h)
@@ -117,7 +117,7 @@ pub fn picture(t: usize) -> Vec<u8> {
 }
 
 /// Pictures of a textured square that moves over noise, and its true boxes.
-pub fn clip(folder: &Path) {
+pub(crate) fn clip(folder: &Path) {
     std::fs::create_dir_all(folder).expect("a writable folder");
     let (w, h) = SIZE;
     let mut boxes = String::new();
@@ -130,13 +130,13 @@ pub fn clip(folder: &Path) {
     std::fs::write(folder.join("groundtruth_rect.txt"), boxes).expect("a writable folder");
 }
 
-pub fn iou(a: [f64; 4], b: [f64; 4]) -> f64 {
+pub(crate) fn iou(a: [f64; 4], b: [f64; 4]) -> f64 {
     let [a, b] = [a, b].map(|[x, y, w, h]| BBox::new(x, y, w, h));
     a.iou(&b)
 }
 
 /// The frame of the clip that is nearest to a picture.
-pub fn nearest(jpeg: &[u8]) -> usize {
+pub(crate) fn nearest(jpeg: &[u8]) -> usize {
     let image = foveate::video::decode_image(jpeg).expect("a picture");
     let apart =
         |t: &usize| -> u64 { picture(*t).iter().zip(image.plane(0)).map(|(a, b)| u64::from(a.abs_diff(*b))).sum() };
@@ -144,7 +144,7 @@ pub fn nearest(jpeg: &[u8]) -> usize {
 }
 
 /// The clip as a file by HTTP, with its length; its address.
-pub fn by_http() -> String {
+pub(crate) fn by_http() -> String {
     let (w, h) = SIZE;
     let mut file = format!("YUV4MPEG2 W{w} H{h} F50:1 Ip A1:1 Cmono\n").into_bytes();
     (0..FRAMES).for_each(|t| file.extend([b"FRAME\n".as_slice(), &picture(t)].concat()));

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 /// Ten pictures of stripes and noise, in a folder of their own: beside them a picture of filters would count as one.
-pub fn write_photographs(dir: &Path) {
+pub(crate) fn write_photographs(dir: &Path) {
     let dir = dir.join("natural");
     std::fs::create_dir(&dir).expect("a writable folder");
     for i in 0..10u32 {

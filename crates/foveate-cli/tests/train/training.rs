@@ -11,7 +11,7 @@ const PROGRAM: &str = match (option_env!("CARGO_BIN_EXE_foveate"), option_env!("
 };
 
 /// `foveate train` with these arguments, on the data in a folder, to a model in the same folder.
-pub fn train(dir: &Path, out: &str, args: &[&str], extra: &[&str]) -> Command {
+pub(crate) fn train(dir: &Path, out: &str, args: &[&str], extra: &[&str]) -> Command {
     let mut command = Command::new(PROGRAM);
     command.arg("train").args(args).args(["--threads", "2", "--data"]).arg(dir);
     command.arg("--out").arg(dir.join(out)).args(extra);
@@ -20,14 +20,14 @@ pub fn train(dir: &Path, out: &str, args: &[&str], extra: &[&str]) -> Command {
 }
 
 /// What a command says that does what it is told.
-pub fn said(mut command: Command) -> String {
+pub(crate) fn said(mut command: Command) -> String {
     let output = command.output().expect("it runs");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     String::from_utf8_lossy(&output.stdout).into_owned()
 }
 
 /// A command that fails with these words, without a panic.
-pub fn fails(mut command: Command, words: &str) {
+pub(crate) fn fails(mut command: Command, words: &str) {
     let output = command.output().expect("it runs");
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(!output.status.success() && text.contains(words) && !text.contains("panicked"), "{text}");
@@ -35,7 +35,7 @@ pub fn fails(mut command: Command, words: &str) {
 
 /// A training whose model is `whole.safetensors`; and one of `cut.safetensors` that is killed (-9) whenever one of these
 /// lines comes, or a little later, and then goes on to the same bits. Answers what the first and the last of these runs said.
-pub fn whole_and_cut(dir: &Path, train: &dyn Fn(&'static str) -> Command, lines: &[&str]) -> (String, String) {
+pub(crate) fn whole_and_cut(dir: &Path, train: &dyn Fn(&'static str) -> Command, lines: &[&str]) -> (String, String) {
     let whole = said(train("whole.safetensors"));
     assert!(!dir.join("whole.safetensors.checkpoint").exists(), "a finished training needs no checkpoint");
     for start in lines {

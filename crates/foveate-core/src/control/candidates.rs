@@ -106,7 +106,7 @@ impl Candidates {
     }
     /// Keeps the best of the places scored last, and gives places about these, three times as close to each other, and these in other
     /// sizes. To be scored.
-    pub fn refine(&mut self, log_likelihood: &[f64]) -> &[State] {
+    pub(crate) fn refine(&mut self, log_likelihood: &[f64]) -> &[State] {
         self.keep_best(log_likelihood);
         self.apart = (self.apart.0 / 3.0, self.apart.1 / 3.0);
         self.states.clear();
@@ -121,14 +121,14 @@ impl Candidates {
         &self.states
     }
     /// The place that fits best of all that were scored, however well, and its log-likelihood.
-    pub fn best(&mut self, log_likelihood: &[f64]) -> Option<(State, f64)> {
+    pub(crate) fn best(&mut self, log_likelihood: &[f64]) -> Option<(State, f64)> {
         self.keep_best(log_likelihood);
         self.found.first().map(|found| (found.state, found.log_likelihood))
     }
     /// After [`Candidates::best`]: draws a share of `states`, every so many, again from the best places whose log-likelihood is at least `least`, each
     /// from a stream of its own. `which` gets their indices, none where nothing fits, and `log_prior` the log p/q of these.
     /// Speed and angle of a state stay what they were; its size is the place's.
-    pub fn draw(
+    pub(crate) fn draw(
         &mut self,
         least: f64,
         states: &mut [State],

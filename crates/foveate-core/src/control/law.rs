@@ -13,10 +13,10 @@ pub(super) struct Law {
 }
 
 impl Law {
-    pub fn new(mean: [f64; 3], place: f64, size: f64) -> Self {
+    pub(super) fn new(mean: [f64; 3], place: f64, size: f64) -> Self {
         Self { mean, place, size, log_top: -2.0 * place.ln() - if size > 0.0 { size.ln() } else { 0.0 } }
     }
-    pub fn log_density(&self, state: &State) -> f64 {
+    pub(super) fn log_density(&self, state: &State) -> f64 {
         let z = [(state.x - self.mean[0]) / self.place, (state.y - self.mean[1]) / self.place];
         let s = if self.size > 0.0 { (state.log_scale - self.mean[2]) / self.size } else { 0.0 };
         self.log_top - 0.5 * (z[0] * z[0] + z[1] * z[1] + s * s)

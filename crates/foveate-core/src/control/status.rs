@@ -86,13 +86,13 @@ pub(super) struct ReportedStatus {
 
 impl ReportedStatus {
     /// The status of the last frame.
-    pub fn status(&self) -> Status {
+    pub(super) fn status(&self) -> Status {
         self.status
     }
 
     /// The status of the next frame, by its P(lost). It is occluded in the first `patience` frames of a loss, and lost after them; after
     /// lost it is reacquired in the first `patience` frames, and tracking after them.
-    pub fn update(&mut self, p_lost: f64, thresholds: StatusThresholds, patience: usize) -> Status {
+    pub(super) fn update(&mut self, p_lost: f64, thresholds: StatusThresholds, patience: usize) -> Status {
         let was_usable = self.status.is_usable();
         let usable = if was_usable { p_lost < thresholds.enter } else { p_lost < thresholds.leave };
         self.frames = if usable == was_usable { self.frames.saturating_add(1) } else { 1 };

@@ -8,7 +8,7 @@ use foveate_base::rng::Purpose::Select;
 
 impl Engine {
     /// Moves the particles, and another state of the target, with the picture; before [`Engine::step`] with the picture it moved to.
-    pub fn compensate(&mut self, flow: &Flow, also: &mut State) {
+    pub(crate) fn compensate(&mut self, flow: &Flow, also: &mut State) {
         let filter = &mut self.parts.filter;
         if let Some(camera_motion) = &filter.camera_motion {
             camera_motion.shift(flow, &mut filter.particles);
@@ -19,12 +19,12 @@ impl Engine {
     }
 
     /// Whether a frame without a look needs none of the particles, and so no buffers.
-    pub fn waits(&self, detected: bool) -> bool {
+    pub(crate) fn waits(&self, detected: bool) -> bool {
         self.parts.filter.leap(detected).is_some()
     }
 
     /// A frame without a look: the belief is predicted, detections weigh it, and it is selected from. Mean and covariance.
-    pub fn coast(&mut self, scene: Scene<'_>) -> (State, [[f64; 6]; 6]) {
+    pub(crate) fn coast(&mut self, scene: Scene<'_>) -> (State, [[f64; 6]; 6]) {
         self.frame += 1;
         let (t, extent, filter) = (self.frame, self.target().extent, &mut self.parts.filter);
         if let Some(leap) = filter.leap(!scene.detections.is_empty()) {

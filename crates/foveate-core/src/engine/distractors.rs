@@ -16,7 +16,7 @@ pub(super) struct Distractors {
 
 impl Distractors {
     /// Searches around `state`, unless these already are the distractors there. Without a search there are none.
-    pub fn search(mut self, search: Option<&mut DistractorSearch>, view: &mut View<'_>, state: &State) -> Self {
+    pub(super) fn search(mut self, search: Option<&mut DistractorSearch>, view: &mut View<'_>, state: &State) -> Self {
         if self.around.is_some_and(|around| around == *state) {
             return self;
         }
@@ -36,7 +36,7 @@ impl Distractors {
     }
 
     /// Empty, with the same buffer.
-    pub fn forget(self) -> Self {
+    pub(super) fn forget(self) -> Self {
         Self { around: None, best: None, ..self }
     }
 }

@@ -20,7 +20,7 @@ pub(super) struct Extras {
 
 impl Extras {
     /// Starts on a target at `state` of its first picture.
-    pub fn init(&mut self, image: &Image, state: &crate::geometry::State, extent: Extent) {
+    pub(super) fn init(&mut self, image: &Image, state: &crate::geometry::State, extent: Extent) {
         if let Some(it) = &mut self.box_regression {
             it.imprint(image, state, extent);
         }
@@ -28,7 +28,13 @@ impl Extras {
 
     /// The answer of the box regression at the estimate, if its log odds of an absent target count in this frame: in each frame of a target
     /// that is lost, and where the regression looks in any case.
-    pub fn ask(&mut self, view: &View<'_>, estimate: &Estimate, model: &ConfidenceModel, lost: bool) -> Option<Answer> {
+    pub(super) fn ask(
+        &mut self,
+        view: &View<'_>,
+        estimate: &Estimate,
+        model: &ConfidenceModel,
+        lost: bool,
+    ) -> Option<Answer> {
         let (returns, absence) = (model.box_regression.weight != 0.0, model.absence.counts());
         let counts = |it: &&mut BoxRegression| if lost { returns || absence } else { absence && it.is_due() };
         let boxes = self.box_regression.as_mut().filter(counts)?;
@@ -36,25 +42,25 @@ impl Extras {
     }
 
     /// The estimate as it is reported. The filter does not use it. `answer`: that of the box regression in this frame, if it was asked already.
-    pub fn regress(&mut self, view: &View<'_>, estimate: Estimate, answer: Option<Answer>) -> Estimate {
+    pub(super) fn regress(&mut self, view: &View<'_>, estimate: Estimate, answer: Option<Answer>) -> Estimate {
         let Some(boxes) = &mut self.box_regression else { return estimate };
         Estimate { mean: boxes.moved(view.scene.image, &estimate.mean, view.target.extent, answer), ..estimate }
     }
 
     /// Looks at the estimate once more, for the class of the target.
-    pub fn recognise(&mut self, view: &View<'_>, estimate: &Estimate, context: &Context, streams: Streams) {
+    pub(super) fn recognise(&mut self, view: &View<'_>, estimate: &Estimate, context: &Context, streams: Streams) {
         if let Some(it) = &mut self.recognition {
             it.look(view.scene.image, &estimate.mean, view.target.extent, context, &mut streams.rng(0));
         }
     }
 
     /// A lower bound on P(lost) from the classes of the frames before, 0 to 1.
-    pub fn alarm(&self) -> f64 {
+    pub(super) fn alarm(&self) -> f64 {
         self.recognition.as_ref().map_or(0.0, Recognition::alarm)
     }
 
     /// Adds the rectangles that were read in this frame.
-    pub fn measure(&mut self, meter: &mut Meter) {
+    pub(super) fn measure(&mut self, meter: &mut Meter) {
         if let Some(it) = &self.recognition {
             it.measure(meter);
         }
@@ -64,7 +70,7 @@ impl Extras {
     }
 
     /// Frees buffers that are not needed until the next step.
-    pub fn compact(&mut self) {
+    pub(super) fn compact(&mut self) {
         if let Some(it) = &mut self.box_regression {
             it.compact();
         }

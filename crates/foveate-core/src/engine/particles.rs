@@ -30,7 +30,7 @@ impl Particles {
     /// wₜ ∝ wₜ₋₁ p/q Π p(h | x, a) over the gazes that are used, each to the power of its weight in the plan. Returns the log evidence of
     /// every gaze by its own look alone, in the buffer `evidence`.
     // Deviation: where the paper samples anew for each action, all gazes of a frame weigh the same particles.
-    pub fn weigh(&mut self, looks: &Looks, mut evidence: Vec<f64>) -> Vec<f64> {
+    pub(super) fn weigh(&mut self, looks: &Looks, mut evidence: Vec<f64>) -> Vec<f64> {
         evidence.clear();
         for log_likelihood in looks.rows() {
             self.log_weights.clone_from(&self.log_importance);
@@ -45,13 +45,13 @@ impl Particles {
     }
 
     /// The weights without a look: wₜ ∝ wₜ₋₁ p/q.
-    pub fn weigh_without_looks(&mut self) {
+    pub(super) fn weigh_without_looks(&mut self) {
         self.log_weights.clone_from(&self.log_importance);
         self.normalize();
     }
 
     /// Adds the detection likelihood to the importance of the states in `drawn`, as [`Particles::log_importance`] of all others has it.
-    pub fn apply_detection_likelihood(&mut self, likelihood: Option<&DetectionLikelihood>, view: &View<'_>) {
+    pub(super) fn apply_detection_likelihood(&mut self, likelihood: Option<&DetectionLikelihood>, view: &View<'_>) {
         let Some(likelihood) = likelihood else { return };
         for i in &self.drawn {
             let log_likelihood = likelihood.log_likelihood(view.scene.detections, &self.states[*i], view.target.extent);
@@ -60,7 +60,7 @@ impl Particles {
     }
 
     /// Looks at the states in `drawn`, and weighs all particles again.
-    pub fn weigh_drawn(&mut self, view: &mut View<'_>, looks: &mut Looks) {
+    pub(super) fn weigh_drawn(&mut self, view: &mut View<'_>, looks: &mut Looks) {
         if self.drawn.is_empty() {
             return;
         }
@@ -75,12 +75,12 @@ impl Particles {
     }
 
     /// The states with their weights after the looks.
-    pub fn belief(&self) -> Belief<'_> {
+    pub(super) fn belief(&self) -> Belief<'_> {
         Belief { states: &self.states, weights: &self.weights }
     }
 
     /// Mean, covariance and effective sample size after the looks.
-    pub fn estimate(&self) -> Estimate {
+    pub(super) fn estimate(&self) -> Estimate {
         let belief = self.belief();
         Estimate { mean: belief.mean(), covariance: belief.covariance(), ess: belief.ess() }
     }

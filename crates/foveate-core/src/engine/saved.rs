@@ -54,7 +54,7 @@ struct Saved {
 
 impl Engine {
     /// The whole state of the filter in mid-video, to go on from bit for bit with [`Engine::load`].
-    pub fn save(&self) -> serde_json::Value {
+    pub(crate) fn save(&self) -> serde_json::Value {
         let saved = Saved {
             frame: self.frame,
             target: self.target,
@@ -79,7 +79,7 @@ impl Engine {
 
     /// Takes up what `save` gave, in a tracker made from the same configuration and seed. After an error the tracker
     /// has to be started anew.
-    pub fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
+    pub(crate) fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
         let bad = |what: String| Error::Invalid(format!("the saved tracker cannot be used: {what}"));
         let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
         let n = self.parts.filter.particles.len();

@@ -18,7 +18,7 @@ impl Engine {
     ///
     /// # Errors
     /// If the box has no area, is not finite, or does not touch the picture; then nothing has changed.
-    pub fn init(&mut self, image: &Image, bbox: BBox) -> Result<()> {
+    pub(crate) fn init(&mut self, image: &Image, bbox: BBox) -> Result<()> {
         crate::start::check(image, &bbox)?;
         self.frame = 0;
         self.set_template(image, &bbox, (0.0, 0.0))?;
@@ -38,7 +38,7 @@ impl Engine {
     ///
     /// # Errors
     /// If the box has no area, is not finite, or does not touch the picture; then nothing has changed.
-    pub fn update_template(&mut self, image: &Image, bbox: &BBox, velocity: (f64, f64)) -> Result<()> {
+    pub(crate) fn update_template(&mut self, image: &Image, bbox: &BBox, velocity: (f64, f64)) -> Result<()> {
         assert!(self.target.is_some(), "a target is given before its template is updated");
         self.set_template(image, bbox, velocity)?;
         self.parts.monitor.forget_evidence();
@@ -66,13 +66,13 @@ impl Engine {
 
     /// Moves the target into this box: particles start around it, the template stays, and P(lost) is 0 until the next frame. All of it counts
     /// as visible. Panics before [`Engine::init`].
-    pub fn reset_at(&mut self, bbox: &BBox) {
+    pub(crate) fn reset_at(&mut self, bbox: &BBox) {
         self.start_again_at(bbox);
         self.set_visibility(1.0);
     }
 
     /// The same with the visible fraction as it is.
-    pub fn start_again_at(&mut self, bbox: &BBox) {
+    pub(crate) fn start_again_at(&mut self, bbox: &BBox) {
         let state = self.state_at(bbox);
         let (half_w, half_h) = state.half(self.target().extent);
         self.parts.monitor.reset_consistency();
@@ -86,7 +86,7 @@ impl Engine {
 
     /// Sets the visible fraction of the target in the next frames, 0 to 1; at first it is 1. Log-likelihoods are multiplied by it, and below
     /// one half the frame is not judged.
-    pub fn set_visibility(&mut self, visible: f64) {
+    pub(crate) fn set_visibility(&mut self, visible: f64) {
         self.visibility.set_fraction(visible);
         if let Some(second) = &mut self.second {
             second.set_visibility(visible);
@@ -94,7 +94,7 @@ impl Engine {
     }
 
     /// Sets where this target is expected in the next frame, and where the targets are that it meets.
-    pub fn exclude(&mut self, own: Claim, others: impl Iterator<Item = Claim> + Clone) {
+    pub(crate) fn exclude(&mut self, own: Claim, others: impl Iterator<Item = Claim> + Clone) {
         self.visibility.begin(own);
         others.clone().for_each(|other| self.visibility.add(other));
         if let Some(second) = &mut self.second {
@@ -103,14 +103,14 @@ impl Engine {
     }
 
     /// The state of this box, upright and at rest, with a scale relative to the template. Panics before [`Engine::init`].
-    pub fn state_at(&self, bbox: &BBox) -> State {
+    pub(crate) fn state_at(&self, bbox: &BBox) -> State {
         let log_scale = (Extent::of(bbox).mean() / self.target().extent.mean()).ln();
         State { log_scale, ..State::of(bbox) }
     }
 
     /// How similar a place is to the target: 1 for the similarity of its own place in its first frame, 0 for that of other places; the best
     /// of nine places around it. The track does not change. Panics before [`Engine::init`].
-    pub fn similarity(&mut self, image: &Image, state: &State) -> f64 {
+    pub(crate) fn similarity(&mut self, image: &Image, state: &State) -> f64 {
         let extent = self.target().extent;
         let unit = state.log_scale.exp();
         let places: [State; 9] = std::array::from_fn(|i| State {

@@ -30,12 +30,12 @@ pub(crate) struct Toy {
 }
 
 impl Toy {
-    pub fn at(at: f64) -> Self {
+    pub(crate) fn at(at: f64) -> Self {
         Self { at, committed: Gaze::CENTRE, templates: Arc::default() }
     }
 
     /// The features of a column: one axis for each 10 pixels.
-    pub fn axis(&self, x: f64) -> [f32; 6] {
+    pub(crate) fn axis(&self, x: f64) -> [f32; 6] {
         let axis = ((x - self.at) / 10.0).round().clamp(-2.0, 3.0) + 2.0;
         std::array::from_fn(|k| f32::from(u8::from(k == axis as usize)))
     }

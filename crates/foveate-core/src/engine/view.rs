@@ -40,7 +40,7 @@ pub(super) struct Looks {
 
 impl<'a> View<'a> {
     /// One frame of `target`, which is expected at a place before the looks.
-    pub fn new(
+    pub(super) fn new(
         appearance: &'a mut dyn Appearance,
         scene: Scene<'a>,
         target: Target,
@@ -52,13 +52,13 @@ impl<'a> View<'a> {
     }
 
     /// Width and height of the picture, pixels.
-    pub fn size(&self) -> (usize, usize) {
+    pub(super) fn size(&self) -> (usize, usize) {
         (self.scene.image.width(), self.scene.image.height())
     }
 
     /// log p(h | x, a) of these states under all gazes, which count with these weights, in the buffer `looks`. The part of the picture that
     /// a search for distractors around the target needs is prepared at the same time.
-    pub fn log_likelihoods(
+    pub(super) fn log_likelihoods(
         &mut self,
         states: &[State],
         (gazes, weights, around): (&[Gaze], &[f64], Option<&DistractorSearch>),
@@ -84,19 +84,19 @@ impl<'a> View<'a> {
     }
 
     /// log p(h | x, a) of states that were prepared, as far as the target is visible there.
-    pub fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
+    pub(super) fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
         self.appearance.log_likelihood(states, gaze, out);
         self.visibility.apply(states, out, self.target.reference);
     }
 
     /// log p(h | x, a) of other places under the centre gaze, as if all of the target were visible there.
-    pub fn scores(&mut self, places: &[State]) -> &[f64] {
+    pub(super) fn scores(&mut self, places: &[State]) -> &[f64] {
         self.appearance.extend(self.scene.image, places, &[Gaze::CENTRE]);
         self.prepared_scores(places)
     }
 
     /// The same of places that were prepared.
-    pub fn prepared_scores(&mut self, places: &[State]) -> &[f64] {
+    pub(super) fn prepared_scores(&mut self, places: &[State]) -> &[f64] {
         self.scratch.scores.resize(places.len(), 0.0);
         self.appearance.log_likelihood(places, Gaze::CENTRE, &mut self.scratch.scores);
         &self.scratch.scores
@@ -104,7 +104,7 @@ impl<'a> View<'a> {
 
     /// log p(h | x, a) of the estimate, with and without the short-term memory, and the best of the `others` without it; `None` without a
     /// short-term memory.
-    pub fn long_term_scores(&mut self, estimate: &State, others: &[State]) -> Option<LongTerm> {
+    pub(super) fn long_term_scores(&mut self, estimate: &State, others: &[State]) -> Option<LongTerm> {
         let Scratch { states, scores, .. } = &mut *self.scratch;
         states.clear();
         states.push(*estimate);
@@ -122,7 +122,7 @@ impl<'a> View<'a> {
     }
 
     /// What is seen at a state under the chosen gaze of the plan.
-    pub fn glimpse(&mut self, state: &State, chosen: Gaze, mut percept: Percept) -> Percept {
+    pub(super) fn glimpse(&mut self, state: &State, chosen: Gaze, mut percept: Percept) -> Percept {
         let gaze = chosen.relative_to(self.appearance.committed_gaze());
         // The mean of states that are scattered lies where none of them is.
         self.appearance.extend(self.scene.image, &[*state], &[gaze]);
@@ -147,22 +147,28 @@ pub(super) struct LongTerm {
 
 impl Looks {
     /// The log-likelihoods of each gaze of the plan.
-    pub fn rows(&self) -> impl Iterator<Item = &[f64]> {
+    pub(super) fn rows(&self) -> impl Iterator<Item = &[f64]> {
         self.log_likelihood.chunks_exact(self.particles)
     }
 
     /// The gazes that move the belief: the weight of each, and its log-likelihoods.
-    pub fn used(&self) -> impl Iterator<Item = (f64, &[f64])> {
+    pub(super) fn used(&self) -> impl Iterator<Item = (f64, &[f64])> {
         self.weights.iter().copied().zip(self.rows()).filter(|(weight, _)| *weight > 0.0)
     }
 
     /// How many looks the used gazes count for: the sum of their weights.
-    pub fn count(&self) -> f64 {
+    pub(super) fn count(&self) -> f64 {
         self.weights.iter().sum()
     }
 
     /// Looks again at the states with these indices, under the gazes that are used, and adds the log-likelihoods to their log weights.
-    pub fn look_again(&mut self, view: &mut View<'_>, states: &[State], which: &[usize], log_weights: &mut [f64]) {
+    pub(super) fn look_again(
+        &mut self,
+        view: &mut View<'_>,
+        states: &[State],
+        which: &[usize],
+        log_weights: &mut [f64],
+    ) {
         view.appearance.extend(view.scene.image, states, &self.gazes);
         let mut again = std::mem::take(&mut view.scratch.states);
         again.clear();

@@ -47,44 +47,44 @@ impl Default for Visibility {
 
 impl Visibility {
     /// Sets the visible fraction; a number that is not finite counts as 1.
-    pub fn set_fraction(&mut self, fraction: f64) {
+    pub(super) fn set_fraction(&mut self, fraction: f64) {
         self.fraction = if fraction.is_finite() { fraction.clamp(0.0, 1.0) } else { 1.0 };
     }
 
     /// The visible fraction, 0 to 1.
-    pub fn fraction(&self) -> f64 {
+    pub(super) fn fraction(&self) -> f64 {
         self.fraction
     }
 
     /// Whether enough of the target is in view for its looks to say whether it is lost.
-    pub fn is_judged(&self, expected: &State) -> bool {
+    pub(super) fn is_judged(&self, expected: &State) -> bool {
         let least = if self.meets_another() { LEAST_JUDGED_BESIDE } else { LEAST_JUDGED };
         self.fraction >= least && !self.is_contested(expected)
     }
 
     /// Whether another target may be seen at the place where this one is expected.
-    pub fn is_contested(&self, expected: &State) -> bool {
+    pub(super) fn is_contested(&self, expected: &State) -> bool {
         self.share(expected) < OWN_PLACE
     }
 
     /// Whether another target claims places that this one may be at.
-    pub fn meets_another(&self) -> bool {
+    pub(super) fn meets_another(&self) -> bool {
         !self.others.is_empty()
     }
 
     /// Starts a frame.
-    pub fn begin(&mut self, own: Claim) {
+    pub(super) fn begin(&mut self, own: Claim) {
         self.own = own;
         self.others.clear();
     }
 
     /// Another target's claim.
-    pub fn add(&mut self, other: Claim) {
+    pub(super) fn add(&mut self, other: Claim) {
         self.others.push(other);
     }
 
     /// The share of a place that is this target's, 0 to 1.
-    pub fn share(&self, state: &State) -> f64 {
+    pub(super) fn share(&self, state: &State) -> f64 {
         if !self.meets_another() {
             return 1.0;
         }
@@ -94,7 +94,7 @@ impl Visibility {
 
     /// Leaves each state the part of its log-likelihood that belongs to this target, and as much of that as is visible.
     // Deviation: the paper has no second target. A target that is covered in part counts for as much less.
-    pub fn apply(&self, states: &[State], log_likelihood: &mut [f64], reference: ReferenceLikelihood) {
+    pub(super) fn apply(&self, states: &[State], log_likelihood: &mut [f64], reference: ReferenceLikelihood) {
         if self.meets_another() {
             for (l, state) in log_likelihood.iter_mut().zip(states) {
                 *l = reference.off + self.share(state) * (*l - reference.off);

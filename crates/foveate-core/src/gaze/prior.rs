@@ -17,7 +17,7 @@ pub(super) struct Prior {
 
 impl Prior {
     /// Asks about the whole square of half side `reach`. Where all is alike, nothing is expected.
-    pub fn of(reach: f64, worth: &mut dyn FnMut(Gaze) -> f64) -> Self {
+    pub(super) fn of(reach: f64, worth: &mut dyn FnMut(Gaze) -> f64) -> Self {
         let values: Vec<f64> = (0..SIDE * SIDE).map(|i| worth(gaze(reach, i))).collect();
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
@@ -29,16 +29,16 @@ impl Prior {
         }
     }
     /// As it was saved. `None` where it does not fit.
-    pub fn from_values(values: Vec<f64>) -> Option<Self> {
+    pub(super) fn from_values(values: Vec<f64>) -> Option<Self> {
         let fits = values.is_empty() || values.len() == SIDE * SIDE;
         (fits && values.iter().all(|v| v.abs() <= SIDE as f64)).then_some(Self { values })
     }
     /// To be saved.
-    pub fn values(&self) -> &[f64] {
+    pub(super) fn values(&self) -> &[f64] {
         &self.values
     }
     /// At (u, v) of a square of half side `reach`, between the gazes asked about.
-    pub fn at(&self, reach: f64, u: f64, v: f64) -> f64 {
+    pub(super) fn at(&self, reach: f64, u: f64, v: f64) -> f64 {
         if self.values.is_empty() {
             return 0.0;
         }
@@ -54,7 +54,7 @@ impl Prior {
     }
     /// A gaze, each as probable as the exponential of `weight` times what is expected of it. `None` where nothing is: then no random
     /// number is drawn, and what is drawn next is what it was without a prior.
-    pub fn draw(&self, reach: f64, weight: f64, rng: &mut Rng) -> Option<Gaze> {
+    pub(super) fn draw(&self, reach: f64, weight: f64, rng: &mut Rng) -> Option<Gaze> {
         if self.values.is_empty() {
             return None;
         }

@@ -85,7 +85,7 @@ impl Lattice {
 impl Dense {
     /// Fails if the encoder is not the oriented one, or the cells are not a square of grey ones and two colour
     /// channels as large as blocks.
-    pub fn new(retina: &dyn Retina, encoder: &(dyn Encoder + 'static)) -> Option<Self> {
+    pub(super) fn new(retina: &dyn Retina, encoder: &(dyn Encoder + 'static)) -> Option<Self> {
         let (blocks, lengths) = encoder.downcast::<Oriented>()?.blocks();
         let (side, cells) = (kernels::BLOCK * blocks + 2, retina.cells());
         let pitch = 2.0 * cells.first()?.half;
@@ -111,7 +111,7 @@ impl Dense {
     }
 
     /// Reads states of the prepared frame. Returns false, without effect, if they form no lattice.
-    pub fn look(&mut self, pyramid: &Pyramid, states: &[State], extent: Extent) -> bool {
+    pub(super) fn look(&mut self, pyramid: &Pyramid, states: &[State], extent: Extent) -> bool {
         let Some(first) = states.first() else { return false };
         let of = (*first, *states.last().unwrap_or(first), states.len());
         if self.of == Some(of) {
@@ -162,7 +162,7 @@ impl Dense {
     }
 
     /// The features of the k-th state that was looked at.
-    pub fn features(&self, k: usize, out: &mut [f32]) {
+    pub(super) fn features(&self, k: usize, out: &mut [f32]) {
         let made = &self.maps;
         let Lattice { columns, across, down, .. } = made.lattice;
         let first = k / columns * down * made.columns + k % columns * across;

@@ -81,11 +81,11 @@ pub(super) struct Channels(Vec<usize>);
 
 impl Channels {
     /// For a retina whose cells have these channels.
-    pub fn of(cells: &[usize]) -> Self {
+    pub(super) fn of(cells: &[usize]) -> Self {
         Self(cells.chunk_by(|a, b| a == b).map(<[usize]>::len).collect())
     }
     /// [`standardise`] of each channel on its own.
-    pub fn standardise(&self, glimpse: &mut [f32]) {
+    pub(super) fn standardise(&self, glimpse: &mut [f32]) {
         let mut rest = glimpse;
         for n in &self.0 {
             let (channel, others) = rest.split_at_mut(*n);

@@ -33,7 +33,7 @@ pub(super) struct Bins(Vec<u16>);
 
 impl Bins {
     /// The bins of some of a row's pixels.
-    pub fn of(&mut self, image: &Image, y: usize, columns: Range<usize>) -> &[u16] {
+    pub(super) fn of(&mut self, image: &Image, y: usize, columns: Range<usize>) -> &[u16] {
         let row = |p: usize| &image.plane(p)[y * image.width()..][columns.clone()];
         let bins = &mut self.0;
         bins.resize(columns.len(), 0);
@@ -60,7 +60,7 @@ pub(super) struct Integral {
 
 impl Integral {
     /// Sums of the [`parts`] of bins over a region of a picture: left, top, right, bottom.
-    pub fn fill(&mut self, image: &Image, region: [f64; 4], step: usize, parts: &[u16], bins: &mut Bins) {
+    pub(super) fn fill(&mut self, image: &Image, region: [f64; 4], step: usize, parts: &[u16], bins: &mut Bins) {
         (self.region, self.step) = (region, step as f64);
         let [left, top, right, bottom] = region;
         self.left = (left.max(0.0) / self.step).floor() * self.step;
@@ -87,34 +87,34 @@ impl Integral {
     }
 
     /// Whether sums over this region are here.
-    pub fn covers(&self, region: [f64; 4]) -> bool {
+    pub(super) fn covers(&self, region: [f64; 4]) -> bool {
         let [left, top, right, bottom] = self.region;
         left <= region[0] && top <= region[1] && region[2] <= right && region[3] <= bottom
     }
 
     /// Whether these sums, or nearly these, are here, of the same image.
-    pub fn holds(&self, region: [f64; 4], step: usize) -> bool {
+    pub(super) fn holds(&self, region: [f64; 4], step: usize) -> bool {
         self.covers(region) && self.step <= step as f64 + 1.0
     }
 
     /// Left column, top row, width and height of the read region, pixels.
-    pub fn read(&self) -> (usize, usize, usize, usize) {
+    pub(super) fn read(&self) -> (usize, usize, usize, usize) {
         let side = |n: usize| (n.max(1) - 1) * self.step as usize + n.min(1);
         (self.left as usize, self.top as usize, side(self.width), side(self.height))
     }
 
     /// Whether there is nothing to sum up.
-    pub fn is_empty(&self) -> bool {
+    pub(super) fn is_empty(&self) -> bool {
         self.width == 0
     }
 
     /// How many samples lie in a box of `width` × `height` pixels.
-    pub fn samples(&self, width: f64, height: f64) -> f64 {
+    pub(super) fn samples(&self, width: f64, height: f64) -> f64 {
         width * height / (self.step * self.step)
     }
 
     /// The sum over a box, cut to the region, and the number of its samples.
-    pub fn over(&self, left: f64, top: f64, right: f64, bottom: f64) -> (f64, f64) {
+    pub(super) fn over(&self, left: f64, top: f64, right: f64, bottom: f64) -> (f64, f64) {
         let each = 1.0 / self.step;
         let along = |at: f64, from: f64, n: usize| (((at - from) * each).clamp(0.0, n as f64) + 0.5) as u32 as usize;
         let (column, line) = (|x| along(x, self.left, self.width), |y| along(y, self.top, self.height));

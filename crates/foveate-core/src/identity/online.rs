@@ -71,29 +71,29 @@ pub(super) struct Training {
 
 impl Training {
     /// Begins with an encoder as it was pretrained.
-    pub fn new(settings: Settings, pretrained: &RbmEncoder) -> Self {
+    pub(super) fn new(settings: Settings, pretrained: &RbmEncoder) -> Self {
         Self { settings, pretrained: pretrained.clone(), seed: 0, rbm: begin(settings, pretrained, 0), looks: vec![] }
     }
 
-    pub fn settings(&self) -> &Settings {
+    pub(super) fn settings(&self) -> &Settings {
         &self.settings
     }
 
     /// Offsets of looks from the target, template units: nine at it, then eight beside it.
-    pub fn offsets(&self) -> impl Iterator<Item = (f64, f64)> {
+    pub(super) fn offsets(&self) -> impl Iterator<Item = (f64, f64)> {
         let grid = |step: f64| ABOUT.into_iter().flat_map(move |v| ABOUT.map(|u| (step * u, step * v)));
         grid(self.settings.reach).chain(grid(BESIDE).filter(|at| *at != (0.0, 0.0)))
     }
 
     /// Forgets what it learned.
-    pub fn reset(&mut self, streams: Streams) -> Arc<dyn Encoder> {
+    pub(super) fn reset(&mut self, streams: Streams) -> Arc<dyn Encoder> {
         self.seed = streams.at(0, Purpose::Train).rng(0).random();
         self.rbm = begin(self.settings, &self.pretrained, self.seed);
         Arc::new(self.pretrained.clone())
     }
 
     /// One step along the looks.
-    pub fn learn(&mut self) -> Arc<dyn Encoder> {
+    pub(super) fn learn(&mut self) -> Arc<dyn Encoder> {
         let (n_v, _) = self.pretrained.shape();
         let (target, beside) = self.looks.split_at(2 * LOOKS * n_v);
         self.rbm.learn(Rows::new(target, n_v), Rows::new(beside, n_v));
@@ -105,7 +105,7 @@ impl Training {
     }
 
     /// What it learned.
-    pub fn save(&self) -> serde_json::Value {
+    pub(super) fn save(&self) -> serde_json::Value {
         let (steps, particles) = self.rbm.particles();
         let particles = particles.iter().map(|Particle { rbm, log_weight }| SavedParticle {
             weights: encode(rbm.weights().data()),
@@ -118,7 +118,7 @@ impl Training {
     }
 
     /// Takes up what `save` gave.
-    pub fn load(&mut self, saved: &serde_json::Value) -> Result<Arc<dyn Encoder>> {
+    pub(super) fn load(&mut self, saved: &serde_json::Value) -> Result<Arc<dyn Encoder>> {
         let bad = |what: &str| Error::Invalid(format!("the saved online training cannot be used: {what}"));
         let saved = Saved::deserialize(saved).map_err(|e| bad(&e.to_string()))?;
         let particle = |it: &SavedParticle| -> Result<Particle> {

@@ -16,7 +16,7 @@ pub(super) struct Packed {
 
 impl Packed {
     /// Takes up a triangle of `n` rows.
-    pub fn pack(&mut self, n: usize, gram: &[f32]) {
+    pub(super) fn pack(&mut self, n: usize, gram: &[f32]) {
         let Self { diagonal, shares } = self;
         diagonal.clear();
         diagonal.extend((0..n).map(|i| gram[i * (i + 3) / 2]));
@@ -32,7 +32,7 @@ impl Packed {
     }
 
     /// The triangle, into `gram`.
-    pub fn unpack(&self, gram: &mut Vec<f32>) {
+    pub(super) fn unpack(&self, gram: &mut Vec<f32>) {
         let (n, roots) = (self.diagonal.len(), self.diagonal.iter().map(|a| a.max(0.0).sqrt()).collect::<Vec<f32>>());
         gram.resize(self.shares.len(), 0.0);
         each_row(n, |i, from| {

@@ -53,24 +53,24 @@ struct Saved {
 
 impl Surroundings {
     /// A memory of so many frames, at least one, with so many places each, at most; empty.
-    pub fn new(most: usize, places: usize) -> Self {
+    pub(crate) fn new(most: usize, places: usize) -> Self {
         Self { most, places, frames: vec![], oldest: 0, query: vec![], products: vec![] }
     }
 
     /// Places of a frame, at most.
-    pub fn places(&self) -> usize {
+    pub(crate) fn places(&self) -> usize {
         self.places
     }
 
     /// Forgets all frames.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.oldest = 0;
         self.frames.iter_mut().for_each(|frame| frame.lengths.clear());
     }
 
     /// Stores the features (`rows`, one a place) of places around a target at `state`. No effect unless there are
     /// places both at the target and around it.
-    pub fn remember(&mut self, state: &State, extent: Extent, places: &[State], rows: &[f32]) {
+    pub(crate) fn remember(&mut self, state: &State, extent: Extent, places: &[State], rows: &[f32]) {
         let scale = state.log_scale.exp();
         let (w, h) = (AT_TARGET * scale * extent.half_w, AT_TARGET * scale * extent.half_h);
         let at_target = |place: &State| (place.x - state.x).abs() <= w && (place.y - state.y).abs() <= h;
@@ -102,7 +102,7 @@ impl Surroundings {
 
     /// How much more an estimate with these features resembles the surroundings of the target than the target, the
     /// mean over remembered frames: −2 to 2. 0 without memory.
-    pub fn elsewhere(&mut self, features: &[f32]) -> f64 {
+    pub(crate) fn elsewhere(&mut self, features: &[f32]) -> f64 {
         let Self { frames, query, products, .. } = self;
         query.clear();
         let length = pack(features, query);
@@ -122,7 +122,7 @@ impl Surroundings {
     }
 
     /// The state to resume from.
-    pub fn save(&self) -> serde_json::Value {
+    pub(crate) fn save(&self) -> serde_json::Value {
         let text = |frame: &Remembered| {
             let bytes: Vec<u8> = frame.codes.iter().map(|code| code.cast_unsigned()).collect();
             (frame.at_target, frame.lengths.len(), base64::engine::general_purpose::STANDARD.encode(bytes))
@@ -133,7 +133,7 @@ impl Surroundings {
     }
 
     /// Restores a state of `save` with features of this length. Fails without change if it does not fit.
-    pub fn load(&mut self, saved: &serde_json::Value, width: usize) -> Result<()> {
+    pub(crate) fn load(&mut self, saved: &serde_json::Value, width: usize) -> Result<()> {
         let bad = |what: String| Error::Invalid(format!("the saved surroundings cannot be used: {what}"));
         let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;
         let n = saved.frames.len();

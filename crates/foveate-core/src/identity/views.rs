@@ -143,13 +143,13 @@ fn cluster(windows: impl Iterator<Item = Region>, size: (usize, usize), found: &
 
 impl Views {
     /// Exchanges everything but the counts.
-    pub fn exchange(&mut self, other: &mut Self) {
+    pub(super) fn exchange(&mut self, other: &mut Self) {
         std::mem::swap(self, other);
         std::mem::swap(&mut self.read, &mut other.read);
     }
 
     /// Prepares the parts of a new frame that states need, and drops the previous frame.
-    pub fn see(
+    pub(super) fn see(
         &mut self,
         image: &Image,
         states: &[State],
@@ -163,7 +163,7 @@ impl Views {
     }
 
     /// The same in one rectangle, which is the answer.
-    pub fn see_whole(
+    pub(super) fn see_whole(
         &mut self,
         image: &Image,
         states: &[State],
@@ -180,7 +180,7 @@ impl Views {
     }
 
     /// Prepares the parts of the same frame that more states need, unless already there.
-    pub fn see_more(
+    pub(super) fn see_more(
         &mut self,
         image: &Image,
         states: &[State],
@@ -234,30 +234,30 @@ impl Views {
     }
 
     /// One rectangle with all that looks at these states need, without colours; `None` if there is no such.
-    pub fn whole(&mut self, states: &[State], looks: Looks<'_>) -> Option<&View> {
+    pub(super) fn whole(&mut self, states: &[State], looks: Looks<'_>) -> Option<&View> {
         let wanted = looks.survey(self.size, states, &[Gaze::CENTRE], &mut self.regions);
         let region = self.regions.iter().copied().reduce(|a, b| a.union(&b))?;
         self.views[..self.used].iter().find(|view| view.pyramid.holds(region, looks.footprints, wanted.unit))
     }
 
     /// Counts what was read of pictures since it was asked last.
-    pub fn measure(&mut self, meter: &mut Meter) {
+    pub(super) fn measure(&mut self, meter: &mut Meter) {
         meter.add_all(&self.read);
         self.read.clear();
     }
 
     /// How many rectangles there are.
-    pub fn count(&self) -> usize {
+    pub(super) fn count(&self) -> usize {
         self.used
     }
 
     /// The k-th rectangle. Panics before anything was seen.
-    pub fn get(&self, k: usize) -> &View {
+    pub(super) fn get(&self, k: usize) -> &View {
         &self.views[k]
     }
 
     /// In which rectangle a state is to be looked at, of those that have it the newest.
-    pub fn of(&self, state: &State, gaze: Gaze, looks: Looks<'_>, colours: bool) -> usize {
+    pub(super) fn of(&self, state: &State, gaze: Gaze, looks: Looks<'_>, colours: bool) -> usize {
         if self.used == 1 {
             return 0;
         }

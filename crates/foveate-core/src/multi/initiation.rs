@@ -43,7 +43,7 @@ const NEWEST: f64 = 0.5;
 impl TentativeTracks {
     /// Takes the unmatched detections of a frame, whose scores are ranks, and gives what has become targets, each with the number of the
     /// detection that it starts from.
-    pub fn grow(
+    pub(super) fn grow(
         &mut self,
         frame: usize,
         detections: &[Detection],
@@ -84,7 +84,7 @@ impl TentativeTracks {
     }
 
     /// Moves all candidates: `shift` says by how much, pixels, at a place.
-    pub fn shift(&mut self, shift: &dyn Fn(f64, f64) -> (f64, f64)) {
+    pub(super) fn shift(&mut self, shift: &dyn Fn(f64, f64) -> (f64, f64)) {
         for c in &mut self.candidates {
             for b in [&mut c.bbox, &mut c.origin] {
                 let (x, y) = b.centre();
@@ -95,13 +95,13 @@ impl TentativeTracks {
     }
 
     /// Adds where the candidates are expected in a frame.
-    pub fn expect(&self, frame: usize, s: &Settings, out: &mut Vec<Expected>) {
+    pub(super) fn expect(&self, frame: usize, s: &Settings, out: &mut Vec<Expected>) {
         let place = |c: &Candidate| Expected { bbox: c.expected(frame), variance: (0.0, 0.0), guess: false };
         out.extend(self.candidates.iter().filter(|c| c.may_return(frame, s)).map(place));
     }
 
     /// Says what is wrong with numbers that were saved before frame `next`.
-    pub fn check(&self, next: usize) -> Result<(), String> {
+    pub(super) fn check(&self, next: usize) -> Result<(), String> {
         match self.candidates.iter().find(|c| c.first > c.last || c.last > next || c.hits == 0 || c.hits > next + 1) {
             None => Ok(()),
             Some(Candidate { first, last, hits, .. }) => Err(format!(
@@ -112,7 +112,7 @@ impl TentativeTracks {
     }
 
     /// Forgets all candidates.
-    pub fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.candidates.clear();
     }
 }

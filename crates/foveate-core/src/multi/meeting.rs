@@ -24,7 +24,7 @@ pub(super) struct Meetings {
 
 impl Meetings {
     /// Finds all pairs of these boxes.
-    pub fn find(&mut self, n: usize, at: &dyn Fn(usize) -> BBox) {
+    pub(super) fn find(&mut self, n: usize, at: &dyn Fn(usize) -> BBox) {
         let Self { order, pairs, meets } = self;
         pairs.clear();
         meets.clear();
@@ -37,12 +37,12 @@ impl Meetings {
     }
 
     /// The pairs, each with the smaller index first, in order.
-    pub fn pairs(&self) -> impl Iterator<Item = (usize, usize)> {
+    pub(super) fn pairs(&self) -> impl Iterator<Item = (usize, usize)> {
         self.pairs.iter().map(|(i, j)| (*i as usize, *j as usize))
     }
 
     /// Whether a box meets another.
-    pub fn meets(&self, i: usize) -> bool {
+    pub(super) fn meets(&self, i: usize) -> bool {
         self.meets[i]
     }
 }

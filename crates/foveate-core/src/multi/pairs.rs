@@ -18,7 +18,7 @@ pub(super) struct Expected {
 
 impl Expected {
     /// The density of its place, no sharper than boxes are laid.
-    pub fn claim(&self) -> Claim {
+    pub(super) fn claim(&self) -> Claim {
         let BBox { w, h, .. } = self.bbox;
         Claim { centre: self.bbox.centre(), variance: (off(self.variance.0, w), off(self.variance.1, h)) }
     }

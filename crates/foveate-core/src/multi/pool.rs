@@ -14,17 +14,17 @@ pub(super) struct Pool {
 
 impl Pool {
     /// A room, and to give it back.
-    pub fn take(&self) -> Buffers {
+    pub(super) fn take(&self) -> Buffers {
         self.free().pop().unwrap_or_default()
     }
-    pub fn put(&self, room: Buffers) {
+    pub(super) fn put(&self, room: Buffers) {
         self.free().push(room);
     }
     fn free(&self) -> MutexGuard<'_, Vec<Buffers>> {
         self.free.lock().unwrap_or_else(PoisonError::into_inner)
     }
     /// Whether somebody asked to stop: then what is done in this frame is of no more use.
-    pub fn stops(&self) -> bool {
+    pub(super) fn stops(&self) -> bool {
         self.stop.load(Ordering::Relaxed)
     }
 }

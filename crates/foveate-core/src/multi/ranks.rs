@@ -18,7 +18,7 @@ pub(super) struct Ranks {
 
 impl Ranks {
     /// Remembers the scores of a frame; those that are not finite do not count.
-    pub fn look(&mut self, detections: &[Detection]) {
+    pub(super) fn look(&mut self, detections: &[Detection]) {
         for score in detections.iter().map(|d| d.score).filter(|score| score.is_finite()) {
             if self.scores.len() < REMEMBERED {
                 self.scores.push(score);
@@ -31,7 +31,7 @@ impl Ranks {
     }
 
     /// The share of the remembered scores that are not above this one, 0 to 1; `None` where it is no score, or all of them are the same.
-    pub fn of(&self, score: f64) -> Option<f64> {
+    pub(super) fn of(&self, score: f64) -> Option<f64> {
         let first = *self.scores.first()?;
         if !score.is_finite() || self.scores.iter().all(|s| *s == first) {
             return None;

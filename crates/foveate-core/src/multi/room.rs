@@ -15,7 +15,7 @@ pub(crate) struct Room {
 
 impl Room {
     /// What `n` targets and another one in this box take, with those threads that look, in pictures of three planes.
-    pub fn with(&self, n: usize, bbox: &BBox, size: (usize, usize)) -> u64 {
+    pub(crate) fn with(&self, n: usize, bbox: &BBox, size: (usize, usize)) -> u64 {
         let area = 3.0 * bbox.w * bbox.h * (self.reach * self.reach);
         let template = (area as u64).min(3u64.saturating_mul(size.0 as u64).saturating_mul(size.1 as u64));
         let threads = crate::threads::several() as u64;

@@ -39,18 +39,18 @@ pub(super) struct Target {
 
 impl Target {
     /// The data of a target of which only the id is known.
-    pub fn unknown(id: u64) -> Seen<'static> {
+    pub(super) fn unknown(id: u64) -> Seen<'static> {
         Seen { id, ..Seen::given([1; 3], &BBox { x: 0.0, y: 0.0, w: 1.0, h: 1.0 }) }
     }
 
     /// Sets the detection of this frame, and its place among those of the caller.
-    pub fn set_detection(&mut self, detection: Option<Detection>, index: Option<usize>) {
+    pub(super) fn set_detection(&mut self, detection: Option<Detection>, index: Option<usize>) {
         (self.track.detection, self.track.detection_index) = (detection, index);
         self.track.detected_class = detection.and_then(|d| d.class).or(self.track.detected_class);
     }
 
     /// As yet without a box.
-    pub fn new(engine: Engine, track: Seen<'static>) -> Self {
+    pub(super) fn new(engine: Engine, track: Seen<'static>) -> Self {
         Self {
             engine,
             track,
@@ -66,18 +66,18 @@ impl Target {
     }
 
     /// The values that the order of attention depends on.
-    pub fn candidate(&self) -> Candidate {
+    pub(super) fn candidate(&self) -> Candidate {
         Candidate { waited: self.track.waited, surprise: self.surprise }
     }
 
     /// Where it is expected in the next frame.
-    pub fn next(&self) -> State {
+    pub(super) fn next(&self) -> State {
         let s = self.track.state;
         State { x: s.x + s.vx, y: s.y + s.vy, ..s }
     }
 
     /// Looks at a picture, in a room of the pool. What was there before does not count.
-    pub fn looking<T>(&mut self, pool: &Pool, look: impl FnOnce(&mut Self) -> T) -> T {
+    pub(super) fn looking<T>(&mut self, pool: &Pool, look: impl FnOnce(&mut Self) -> T) -> T {
         let mut room = pool.take();
         self.engine.exchange(&mut room);
         let seen = look(self);
@@ -89,19 +89,19 @@ impl Target {
     }
 
     /// How much what is there looks like it, 0 to 1.
-    pub fn similarity_ahead(&mut self, image: &Image, pool: &Pool) -> f64 {
+    pub(super) fn similarity_ahead(&mut self, image: &Image, pool: &Pool) -> f64 {
         let next = self.next();
         self.looking(pool, |target| target.engine.similarity(image, &next))
     }
 
     /// The same box in the target's present shape.
-    pub fn shaped(&self, b: BBox) -> BBox {
+    pub(super) fn shaped(&self, b: BBox) -> BBox {
         let ((x, y), wider) = (b.centre(), (self.shape / 2.0).exp());
         BBox::around(x, y, b.w * wider, b.h / wider)
     }
 
     /// A box that was given, or found.
-    pub fn begin(&mut self, born: usize, bbox: BBox, phase: Phase) {
+    pub(super) fn begin(&mut self, born: usize, bbox: BBox, phase: Phase) {
         let extent = self.engine.extent().expect("it was started");
         let state = self.engine.state_at(&bbox);
         let Seen { id, gaze, class, detected_class, shape: size, .. } = self.track;
@@ -110,7 +110,7 @@ impl Target {
         (self.lost, self.unseen, self.hidden, self.shape, self.surprise) = (0, 0, 0, shape(&bbox, extent), 1.0);
     }
 
-    pub fn step(&mut self, image: &Image, s: &Settings, detecting: bool) {
+    pub(super) fn step(&mut self, image: &Image, s: &Settings, detecting: bool) {
         if !self.looked_at {
             return self.coast(image, s, detecting);
         }

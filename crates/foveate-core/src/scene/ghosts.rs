@@ -32,7 +32,7 @@ pub(super) struct Ghosts {
 
 impl Ghosts {
     /// The pixels of all parts (pixels that touch at a side) that are ghosts.
-    pub fn find(&mut self, m: Marked) -> &[usize] {
+    pub(super) fn find(&mut self, m: Marked) -> &[usize] {
         let Self { seen, pixels } = self;
         seen.clear();
         seen.extend(m.marks.iter().map(|mark| !mark));

@@ -30,7 +30,7 @@ pub(crate) enum World<'a, 's> {
 
 impl<'a> World<'a, '_> {
     /// The frame before the look: of a sensor's picture only the overview.
-    pub fn scene(&self) -> Scene<'_> {
+    pub(crate) fn scene(&self) -> Scene<'_> {
         match self {
             Self::Picture(scene) => *scene,
             Self::Sensor { sensor, detections, .. } => Scene { image: sensor.seen(), detections },
@@ -41,7 +41,7 @@ impl<'a> World<'a, '_> {
     ///
     /// # Errors
     /// If the source of a sensor cannot be read.
-    pub fn read(self, expected: &State, extent: Extent, gazes: &[Gaze]) -> Result<(Scene<'a>, Option<usize>)> {
+    pub(crate) fn read(self, expected: &State, extent: Extent, gazes: &[Gaze]) -> Result<(Scene<'a>, Option<usize>)> {
         match self {
             Self::Picture(scene) => Ok((scene, None)),
             Self::Sensor { sensor, source, detections } => {

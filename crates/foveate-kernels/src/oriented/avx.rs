@@ -18,7 +18,7 @@ pub(crate) struct Cells<'a> {
 impl<'a> Cells<'a> {
     /// `ROWS` rows of cells, `stride` apart, whose border begins with the first value.
     #[inline(always)]
-    pub fn new<const ROWS: usize>(cells: &'a [f32], stride: usize) -> Self {
+    pub(crate) fn new<const ROWS: usize>(cells: &'a [f32], stride: usize) -> Self {
         Self { cells: &cells[..(ROWS + 1) * stride + COLUMNS + 2], stride }
     }
 
@@ -37,7 +37,7 @@ impl<'a> Cells<'a> {
     /// # Safety
     /// The processor has AVX and FMA, and there are so many rows.
     #[inline(always)]
-    pub unsafe fn gradients<const ROWS: usize>(&self) -> [__m256; DIRECTIONS] {
+    pub(crate) unsafe fn gradients<const ROWS: usize>(&self) -> [__m256; DIRECTIONS] {
         // SAFETY: the caller's word.
         unsafe {
             let (zero, half) = (_mm256_setzero_ps(), _mm256_set1_ps(HALF));
@@ -71,7 +71,7 @@ impl<'a> Cells<'a> {
     /// # Safety
     /// The processor has AVX, and there are so many rows.
     #[inline(always)]
-    pub unsafe fn squares(&self, row: usize, out: &mut [f32; COLUMNS / 2]) {
+    pub(crate) unsafe fn squares(&self, row: usize, out: &mut [f32; COLUMNS / 2]) {
         // SAFETY: the caller's word, and `out` has room for all.
         unsafe {
             let pairs = |row: usize| _mm256_add_ps(self.row(row, 1), self.row(row, 2));

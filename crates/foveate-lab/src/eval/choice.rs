@@ -134,7 +134,7 @@ pub(super) mod tests {
     use crate::eval::{Curves, Row};
 
     /// A candidate with these AUCs on these sequences.
-    pub fn candidate(name: &str, aucs: &[(&str, f64)]) -> Evaluation {
+    pub(crate) fn candidate(name: &str, aucs: &[(&str, f64)]) -> Evaluation {
         let row = |(sequence, auc): &(&str, f64)| {
             let score = Score {
                 frames: 1,
@@ -155,7 +155,7 @@ pub(super) mod tests {
     }
 
     /// Half a: Bag, Coke, and Car1 and Car4 of one source. Half b: Bolt and Bolt2 of one source.
-    pub fn three() -> Vec<Evaluation> {
+    pub(crate) fn three() -> Vec<Evaluation> {
         let of = |name, aucs: [f64; 6]| {
             let names = ["Bag", "Coke", "Car1", "Car4", "Bolt", "Bolt2"];
             candidate(name, &names.into_iter().zip(aucs).collect::<Vec<_>>())

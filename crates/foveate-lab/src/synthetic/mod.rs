@@ -218,7 +218,7 @@ mod tests {
     use crate::idx::SIDE;
 
     /// One digit of each class: a filled square with a transparent rim, of grey 100 + class.
-    pub fn squares() -> Digits {
+    pub(super) fn squares() -> Digits {
         let pixel = |i: usize, c: u8| {
             let inside = |k: usize| (4..24).contains(&k);
             if inside(i / SIDE) && inside(i % SIDE) { 100 + c } else { 0 }

@@ -21,7 +21,7 @@ impl Path {
     /// with a length for the given speed. A point near a fault of the curve is drawn again. Faults are a position off
     /// the canvas, a step of 5 px or more (none of the authors' videos has one; 2.3 times the mean if that is more),
     /// and two points nearer than a tenth of the canvas.
-    pub fn draw(&self, rng: &mut Rng) -> Result<Vec<[f64; 2]>> {
+    pub(super) fn draw(&self, rng: &mut Rng) -> Result<Vec<[f64; 2]>> {
         const TRIES: usize = 100_000;
         let (room, frames) = (self.room, self.frames);
         let near = 0.1 * room[0].hypot(room[1]);

@@ -10,7 +10,7 @@ use foveate_core::scene::Image;
 use foveate_video::encode_jpeg;
 
 /// The program, as pages name it.
-pub const VERSION: &str = concat!("foveate ", env!("CARGO_PKG_VERSION"));
+pub(super) const VERSION: &str = concat!("foveate ", env!("CARGO_PKG_VERSION"));
 /// The style of the pages: colours, cards, buttons.
 pub const STYLE: &str = include_str!("style.css");
 /// The mark at the head of a page.
@@ -25,7 +25,7 @@ const TEMPLATE_QUALITY: u8 = 88;
 
 /// A page: `template` with its parts, the title, the data and the scripts that read them. The title has the name of the source alone: it
 /// does not depend on where the program was called from.
-pub fn page(template: &str, source: &str, data: &Value, scripts: &[&str], parts: &[(&str, String)]) -> String {
+pub(super) fn page(template: &str, source: &str, data: &Value, scripts: &[&str], parts: &[(&str, String)]) -> String {
     // No "<" is left in it, so nothing in it can end the script element or begin a comment.
     let data = data.to_string().replace('<', "\\u003c");
     let mut all = vec![
@@ -68,7 +68,7 @@ pub fn fill(template: &str, parts: &[(&str, String)]) -> String {
 }
 
 /// A number as a page has it: five figures are more than a screen shows; what is not finite becomes null.
-pub fn short(value: f64) -> Value {
+pub(super) fn short(value: f64) -> Value {
     if !value.is_finite() {
         return Value::Null;
     }
@@ -79,23 +79,23 @@ pub fn short(value: f64) -> Value {
 }
 
 /// Bytes as base64.
-pub fn base64(bytes: &[u8]) -> String {
+pub(super) fn base64(bytes: &[u8]) -> String {
     base64::engine::general_purpose::STANDARD.encode(bytes)
 }
 
 /// Bytes that a base64 text stands for.
-pub fn bytes_of(text: &str) -> usize {
+pub(super) fn bytes_of(text: &str) -> usize {
     text.len() / 4 * 3
 }
 
 /// A frame as a page has it: a small JPEG in base64.
-pub fn picture(image: &Image) -> String {
+pub(super) fn picture(image: &Image) -> String {
     base64(&encode_jpeg(&within(image, LONGEST), QUALITY))
 }
 
 /// The target in the first frame.
 #[derive(Serialize)]
-pub struct Template {
+pub(super) struct Template {
     pub jpeg: String,
     /// Left, top, right, bottom in template units.
     #[serde(rename = "box")]
@@ -103,7 +103,7 @@ pub struct Template {
 }
 
 impl Template {
-    pub fn new(crop: &Crop) -> Self {
+    pub(super) fn new(crop: &Crop) -> Self {
         let jpeg = base64(&encode_jpeg(&within(&crop.image, LONGEST), TEMPLATE_QUALITY));
         Self { jpeg, bounds: crop.bounds }
     }
@@ -111,7 +111,7 @@ impl Template {
 
 /// The words that stand after `prefix` in a script, for tests: `series.ess` has `ess` after `series.`.
 #[cfg(test)]
-pub fn words_after<'a>(script: &'a str, prefix: &str) -> Vec<&'a str> {
+pub(super) fn words_after<'a>(script: &'a str, prefix: &str) -> Vec<&'a str> {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '$';
     let starts = script.match_indices(prefix).map(|(at, _)| at);
     let whole = starts.filter(|&at| !script[..at].ends_with(|c| is_word(c) || c == '.'));

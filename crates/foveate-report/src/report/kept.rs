@@ -1,12 +1,12 @@
 //! Evenly spaced pictures of a run whose length is not known beforehand.
 
 /// Pictures in a page, at most.
-pub const MOST_KEYS: usize = 400;
+pub(super) const MOST_KEYS: usize = 400;
 /// Bytes of pictures in a page before base64, at most.
 const MOST_BYTES: usize = 6_500_000;
 
 /// Every `every`-th of the rows offered. Where they get too many, or too large, every second one goes.
-pub struct Kept<T> {
+pub(super) struct Kept<T> {
     /// Row, bytes, and what is kept of it.
     items: Vec<(usize, usize, T)>,
     every: usize,
@@ -16,19 +16,19 @@ pub struct Kept<T> {
 
 impl<T> Kept<T> {
     /// Keeps `most` rows at most, 2 at least.
-    pub fn new(most: usize) -> Self {
+    pub(super) fn new(most: usize) -> Self {
         Self { items: vec![], every: 1, most, bytes: 0 }
     }
     /// The distance of two kept rows.
-    pub fn every(&self) -> usize {
+    pub(super) fn every(&self) -> usize {
         self.every
     }
     /// Whether this row is to be kept.
-    pub fn wants(&self, row: usize) -> bool {
+    pub(super) fn wants(&self, row: usize) -> bool {
         row.is_multiple_of(self.every)
     }
     /// Keeps a row that is wanted.
-    pub fn push(&mut self, row: usize, bytes: usize, item: T) {
+    pub(super) fn push(&mut self, row: usize, bytes: usize, item: T) {
         self.items.push((row, bytes, item));
         self.bytes += bytes;
         while self.items.len() > 2 && (self.items.len() > self.most || self.bytes > MOST_BYTES) {
@@ -39,7 +39,7 @@ impl<T> Kept<T> {
         }
     }
     /// What was kept, in order.
-    pub fn iter(&self) -> impl Iterator<Item = &T> {
+    pub(super) fn iter(&self) -> impl Iterator<Item = &T> {
         self.items.iter().map(|(.., item)| item)
     }
 }

@@ -54,7 +54,7 @@ const MOST_CLASSES: usize = 6;
 
 /// What is kept of a frame beside its numbers. Texts are base64: a JPEG, or bytes.
 #[derive(Default, Serialize)]
-pub struct Key {
+pub(super) struct Key {
     pub row: usize,
     pub jpeg: String,
     /// x and y of each particle: 16 bits over −1 to 2 pictures.
@@ -78,7 +78,7 @@ pub struct Key {
 
 /// A reward surface: n × n bytes each, row by row, between the two values of its span.
 #[derive(Serialize)]
-pub struct Hills {
+pub(super) struct Hills {
     pub mean: String,
     pub mean_span: [f64; 2],
     pub sd: String,
@@ -88,13 +88,13 @@ pub struct Hills {
 
 impl Key {
     /// Bytes of its pictures and surfaces before base64.
-    pub fn bytes(&self) -> usize {
+    pub(super) fn bytes(&self) -> usize {
         bytes_of(&self.jpeg) + self.surface.as_ref().map_or(0, |s| bytes_of(&s.mean) + bytes_of(&s.sd))
     }
 }
 
 /// All that the page shows but its keys.
-pub struct Page {
+pub(super) struct Page {
     source: String,
     info: Value,
     rate: f64,
@@ -120,7 +120,7 @@ pub struct Page {
 }
 
 impl Page {
-    pub fn new(info: &RunInfo) -> Self {
+    pub(super) fn new(info: &RunInfo) -> Self {
         let cells = info.retina.iter().flat_map(|r| r.cells()).flat_map(|c| [c.u, c.v, c.half, c.channel as f64]);
         Self {
             source: info.source.clone(),
@@ -151,7 +151,7 @@ impl Page {
     }
 
     /// A row for a frame whose box was given; returns its index.
-    pub fn given(&mut self, frame: &Frame, state: &State, extent: Extent) -> usize {
+    pub(super) fn given(&mut self, frame: &Frame, state: &State, extent: Extent) -> usize {
         let mut row = [f64::NAN; COLUMNS.len()];
         self.size = [frame.image.width(), frame.image.height()];
         row[0] = frame.index as f64 + 1.0;
@@ -168,7 +168,7 @@ impl Page {
     }
 
     /// A row for a frame that was tracked; returns its index.
-    pub fn tracked(&mut self, frame: &Frame, seen: &Seen<'_>, arm: Option<usize>) -> usize {
+    pub(super) fn tracked(&mut self, frame: &Frame, seen: &Seen<'_>, arm: Option<usize>) -> usize {
         let index = self.given(frame, &seen.state, seen.extent);
         self.particles = seen.weights.len();
         self.classes[index].extend_from_slice(seen.classes);
@@ -203,7 +203,7 @@ impl Page {
     }
 
     /// Takes in what was earned and what could have been; a log has the rows that were tracked.
-    pub fn regret(&mut self, log: &RegretLog) {
+    pub(super) fn regret(&mut self, log: &RegretLog) {
         let Some(regret) = log.regret() else { return };
         // A frame whose box was given has no gaze.
         let gaze = COLUMNS.iter().position(|name| *name == "u").expect("it is one of them");
@@ -253,12 +253,12 @@ impl Page {
     }
 
     /// Takes in how long tracking took.
-    pub fn measure(&mut self, tracking: Duration) {
+    pub(super) fn measure(&mut self, tracking: Duration) {
         self.seconds = tracking.as_secs_f64();
     }
 
     /// The page.
-    pub fn render(&self, keys: &[&Key]) -> String {
+    pub(super) fn render(&self, keys: &[&Key]) -> String {
         let column = |i: usize| self.rows.iter().map(|row| short(row[i])).collect();
         let series: Map<String, Value> =
             COLUMNS.iter().enumerate().map(|(i, name)| ((*name).into(), Value::Array(column(i)))).collect();

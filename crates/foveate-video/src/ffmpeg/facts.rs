@@ -32,7 +32,7 @@ const PICTURES: [&str; 8] = ["mjpeg", "png", "bmp", "gif", "webp", "tiff", "jpeg
 
 impl Facts {
     /// Runs the ffprobe beside the ffmpeg. Without it all facts are unknown.
-    pub fn ask(program: &Path, input: &Input) -> Self {
+    pub(super) fn ask(program: &Path, input: &Input) -> Self {
         let found = Command::new(probe(program))
             .args(["-v", "quiet"])
             .args(input.guards())
@@ -44,7 +44,7 @@ impl Facts {
         found.map_or(Self::default(), |found| Self::read(&String::from_utf8_lossy(&found.stdout)))
     }
 
-    pub fn read(text: &str) -> Self {
+    pub(super) fn read(text: &str) -> Self {
         let (streams, format) = sections(text);
         let kind = |stream: &Section, kind: &str| stream.get("codec_type").is_some_and(|found| *found == kind);
         let videos = streams.values().filter(|stream| kind(stream, "video"));

@@ -22,7 +22,7 @@ pub(crate) struct Input {
 
 impl Input {
     /// A file of the disk.
-    pub fn file(path: &Path) -> Self {
+    pub(crate) fn file(path: &Path) -> Self {
         let mut name = OsString::from("file:");
         name.push(path);
         Self {
@@ -34,7 +34,7 @@ impl Input {
     }
 
     /// The options that stand before it.
-    pub fn guards(&self) -> impl Iterator<Item = OsString> + '_ {
+    pub(crate) fn guards(&self) -> impl Iterator<Item = OsString> + '_ {
         let allowed = ["-protocol_whitelist", self.protocols, "-format_whitelist", &self.kinds];
         allowed.into_iter().chain(self.options.iter().map(String::as_str)).map(OsString::from)
     }

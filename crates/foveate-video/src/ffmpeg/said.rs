@@ -36,7 +36,7 @@ const CORRUPT: [&str; 2] = ["corrupt decoded frame", "corrupt input packet"];
 
 impl Said {
     /// A line of the log.
-    pub fn hear(&mut self, line: &str) {
+    pub(crate) fn hear(&mut self, line: &str) {
         let after = |level: &str| line.split_once(level).map(|(_, text)| text.trim().to_owned());
         let error = after("[error] ").or_else(|| after("[fatal] "));
         let Some(text) = error.clone().or_else(|| after("[warning] ")) else { return };

@@ -10,7 +10,7 @@ use foveate_core::scene::Image;
 use foveate_video::Mp4Writer;
 
 /// The folder that `web/build` made.
-pub fn folder() -> Result<PathBuf, String> {
+pub(crate) fn folder() -> Result<PathBuf, String> {
     let usual = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../web/dist");
     let folder = std::env::var_os("FOVEATE_WEB").map_or_else(usual, PathBuf::from);
     if folder.join("foveate.wasm").is_file() {
@@ -20,7 +20,7 @@ pub fn folder() -> Result<PathBuf, String> {
 }
 
 /// Serves the files of a folder, as any host does; the address.
-pub fn serve(folder: PathBuf) -> String {
+pub(crate) fn serve(folder: PathBuf) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = format!("http://{}/", listener.local_addr().expect("an address"));
     std::thread::spawn(move || {
@@ -55,20 +55,20 @@ fn answer(folder: &Path, mut stream: TcpStream) -> Option<()> {
     stream.write_all(head.as_bytes()).and_then(|()| stream.write_all(&body)).ok()
 }
 
-pub const SIZE: (usize, usize) = (320, 240);
+pub(crate) const SIZE: (usize, usize) = (320, 240);
 /// Frames until all begins again.
-pub const FRAMES: usize = 64;
+pub(crate) const FRAMES: usize = 64;
 /// Side of a square of the number in the picture, pixels.
 const BIT: usize = 16;
 
 /// Where the target is in frame `t` (from 0): left, top, width, height. It goes round and round.
-pub fn truth(t: usize) -> [f64; 4] {
+pub(crate) fn truth(t: usize) -> [f64; 4] {
     let turn = std::f64::consts::TAU * (t % FRAMES) as f64 / FRAMES as f64;
     [(136.0 + 60.0 * turn.cos()).round(), (104.0 + 40.0 * turn.sin()).round(), 48.0, 40.0]
 }
 
 /// Frame `t`: a textured square over noise; in the upper left corner stands its number, a square a bit.
-pub fn frame(t: usize) -> Vec<u8> {
+pub(crate) fn frame(t: usize) -> Vec<u8> {
     let (w, h) = SIZE;
     let mut x = 1u32;
     let mut noise = || {
@@ -91,11 +91,11 @@ pub fn frame(t: usize) -> Vec<u8> {
 }
 
 /// In the page: the number in a picture.
-pub const NUMBER: &str = "(picture => { const c = new OffscreenCanvas(96, 16).getContext('2d'); c.drawImage(picture, 0, 0); \
+pub(crate) const NUMBER: &str = "(picture => { const c = new OffscreenCanvas(96, 16).getContext('2d'); c.drawImage(picture, 0, 0); \
     let n = 0; for (let b = 0; b < 6; b++) n |= (c.getImageData(16 * b + 8, 8, 1, 1).data[1] > 128) << b; return n; })";
 
 /// One turn as H.264 in MP4.
-pub fn mp4(path: &Path) {
+pub(crate) fn mp4(path: &Path) {
     let mut writer = Mp4Writer::create(path, SIZE.0, SIZE.1, 30.0).expect("a writable folder");
     for t in 0..FRAMES {
         let image = Image::from_grey8(SIZE.0, SIZE.1, &frame(t)).expect("as many pixels").with_planes(3);
@@ -105,7 +105,7 @@ pub fn mp4(path: &Path) {
 }
 
 /// One turn as yuv4mpeg, for a browser's pretended camera.
-pub fn y4m(path: &Path, rate: usize) {
+pub(crate) fn y4m(path: &Path, rate: usize) {
     let (w, h) = SIZE;
     let mut bytes = format!("YUV4MPEG2 W{w} H{h} F{rate}:1 Ip A1:1 C420jpeg\n").into_bytes();
     for t in 0..FRAMES {
@@ -116,7 +116,7 @@ pub fn y4m(path: &Path, rate: usize) {
     std::fs::write(path, bytes).expect("a writable folder");
 }
 
-pub fn iou(a: [f64; 4], b: [f64; 4]) -> f64 {
+pub(crate) fn iou(a: [f64; 4], b: [f64; 4]) -> f64 {
     let [a, b] = [a, b].map(|[x, y, w, h]| BBox::new(x, y, w, h));
     a.iou(&b)
 }

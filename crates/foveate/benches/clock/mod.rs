@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 /// CPU seconds of this thread, which does all the work; wall seconds where the system does not tell.
-pub fn seconds(work: impl FnOnce()) -> f64 {
+pub(crate) fn seconds(work: impl FnOnce()) -> f64 {
     let cpu = || -> Option<f64> {
         let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
         Some(text.split(' ').next()?.parse::<f64>().ok()? * 1e-9)

@@ -17,15 +17,15 @@ use foveate::video::Frame;
 use rand::RngExt;
 
 /// Where the target of [`frame`] is in frame 0.
-pub const INIT: BBox = BBox { x: 20.0, y: 30.0, w: 24.0, h: 20.0 };
+pub(crate) const INIT: BBox = BBox { x: 20.0, y: 30.0, w: 24.0, h: 20.0 };
 
 /// The target's box in a later frame.
-pub fn truth(index: usize) -> BBox {
+pub(crate) fn truth(index: usize) -> BBox {
     BBox { x: INIT.x + index as f64, y: INIT.y + (index / 2) as f64, ..INIT }
 }
 
 /// A patch with a texture of its own drifts over another texture; 1 or 3 planes of 120 × 90.
-pub fn frame(index: usize, planes: usize) -> Frame {
+pub(crate) fn frame(index: usize, planes: usize) -> Frame {
     let (w, h) = (120, 90);
     let at = truth(index);
     let pixel = |plane: usize, x: usize, y: usize| {
@@ -43,7 +43,7 @@ pub fn frame(index: usize, planes: usize) -> Frame {
 }
 
 /// The policies, as TOML.
-pub const POLICIES: [&str; 7] = [
+pub(crate) const POLICIES: [&str; 7] = [
     "{ kind = \"fixed\", u = 0.25, v = -0.25 }",
     "{ kind = \"random\" }",
     "{ kind = \"circular\" }",
@@ -54,7 +54,7 @@ pub const POLICIES: [&str; 7] = [
 ];
 
 /// A checked configuration of `particles`; `rbm` puts a small random machine in the place of the raw encoder.
-pub fn blueprint(policy: &str, rbm: bool, below: f64, colour: bool, particles: usize) -> Blueprint {
+pub(crate) fn blueprint(policy: &str, rbm: bool, below: f64, colour: bool, particles: usize) -> Blueprint {
     let colour: Vec<[usize; 2]> = if colour { vec![[16, 4]] } else { vec![] };
     let distance = if rbm { "bhattacharyya" } else { "cosine" };
     let text = format!(
@@ -76,13 +76,13 @@ pub fn blueprint(policy: &str, rbm: bool, below: f64, colour: bool, particles: u
 }
 
 /// The configuration for real video, of fewer particles.
-pub fn natural(particles: usize) -> Blueprint {
+pub(crate) fn natural(particles: usize) -> Blueprint {
     let config = Config::builtin("natural").expect("it ships").expect("it is right");
     Config { particles, ..config }.check(&Folder::here()).expect("a good configuration")
 }
 
 /// `natural`, learning for now alone, where the evidence is worse than frame 1 promised.
-pub fn learning_for_now(particles: usize) -> Blueprint {
+pub(crate) fn learning_for_now(particles: usize) -> Blueprint {
     let config = natural(particles).config().clone();
     let config = ["consistency.threshold=0", "discriminant.gate=0", "short_term.threshold=2"]
         .into_iter()
@@ -91,7 +91,7 @@ pub fn learning_for_now(particles: usize) -> Blueprint {
 }
 
 /// A Gaussian machine of random weights: some units are on, some off, at any glimpse.
-pub fn random_rbm(n_v: usize, n_h: usize) -> Rbm {
+pub(crate) fn random_rbm(n_v: usize, n_h: usize) -> Rbm {
     let mut rng = Streams::new(11, 0).rng(0);
     let mut values = |n: usize, size: f32| (0..n).map(|_| size * (rng.random::<f32>() - 0.5)).collect::<Vec<f32>>();
     let (weights, visible, hidden) = (values(n_v * n_h, 1.0), values(n_v, 0.1), values(n_h, 1.0));
@@ -100,7 +100,7 @@ pub fn random_rbm(n_v: usize, n_h: usize) -> Rbm {
 
 /// A model file of a small multi-fixation RBM with three classes, of random weights, that reads the glimpses of a foveal
 /// retina; in a folder that goes when it is dropped.
-pub fn random_recogniser() -> (tempfile::TempDir, String) {
+pub(crate) fn random_recogniser() -> (tempfile::TempDir, String) {
     use foveate::learn::rbm::fixations::{About, Code, Cost, Places, Recipe, Sequences, Trainer};
     use foveate::rows::Rows;
     let retina = Foveal::new(FovealConfig { side: 28.0, rings: vec![[8, 2], [16, 4]], colour: vec![] });
@@ -127,7 +127,7 @@ pub fn random_recogniser() -> (tempfile::TempDir, String) {
 }
 
 /// The same configuration with this recogniser; `policy` as TOML, or empty for the usual one.
-pub fn recognising(blueprint: &Blueprint, weights: &str, accumulate: &str, policy: &str) -> Blueprint {
+pub(crate) fn recognising(blueprint: &Blueprint, weights: &str, accumulate: &str, policy: &str) -> Blueprint {
     let policy = if policy.is_empty() { String::new() } else { format!(", policy = {policy}") };
     let text = format!(
         "{}\n[recogniser]\nkind = \"multi-fixation\"\nweights = '{weights}'\naccumulate = {accumulate}\n",
@@ -138,7 +138,7 @@ pub fn recognising(blueprint: &Blueprint, weights: &str, accumulate: &str, polic
 }
 
 /// What a browser makes of a page, above its scripts, once it stands at this `#fragment`; an error where no browser shows it.
-pub fn shown(page: &Path, fragment: &str) -> Result<String, String> {
+pub(crate) fn shown(page: &Path, fragment: &str) -> Result<String, String> {
     let profile = tempfile::tempdir().expect("a temporary folder");
     let profile = format!("--user-data-dir={}", profile.path().display());
     let address = format!("file://{}#{fragment}", page.display());

@@ -95,7 +95,7 @@ const INTRODUCTIONS: [(&str, &str); 23] = [
 ];
 
 /// Every section and every key.
-pub fn reference(folders: &[&std::path::Path]) -> String {
+pub(crate) fn reference(folders: &[&std::path::Path]) -> String {
     let items = items(folders);
     let config = resolve(&items, "schema::Config").expect("the struct of configurations");
     let Body::Struct(fields) = &config.body else { panic!("Config is a struct") };

@@ -4,7 +4,7 @@ use foveate::config::{BUILTIN, Config, EncoderConfig, PolicyConfig};
 use foveate::files::Nowhere;
 
 /// A table of the configurations that ship: the purpose of each, and its policy, retina and encoder.
-pub fn configurations() -> String {
+pub(crate) fn configurations() -> String {
     let head = ["configuration", "for", "policy", "retina", "encoder", "particles", "P(lost)"];
     let line = |cells: [&str; 7]| format!("| {} |\n", cells.join(" | "));
     let mut out = line(head) + &line(["---"; 7]);

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 /// A struct or an enum.
-pub struct Item {
+pub(crate) struct Item {
     pub name: String,
     /// Its file.
     file: String,
@@ -12,12 +12,12 @@ pub struct Item {
     pub body: Body,
 }
 
-pub enum Body {
+pub(crate) enum Body {
     Struct(Vec<Field>),
     Enum(Vec<Variant>),
 }
 
-pub struct Field {
+pub(crate) struct Field {
     pub name: String,
     /// Its type, without `Option`, `Box` and visibility.
     pub kind: String,
@@ -27,7 +27,7 @@ pub struct Field {
     pub required: bool,
 }
 
-pub struct Variant {
+pub(crate) struct Variant {
     /// As a configuration has it.
     pub name: String,
     pub docs: String,
@@ -37,7 +37,7 @@ pub struct Variant {
 }
 
 /// Every item of the files below these folders, up to their tests.
-pub fn items(folders: &[&Path]) -> Vec<Item> {
+pub(crate) fn items(folders: &[&Path]) -> Vec<Item> {
     let mut found = vec![];
     for path in folders.iter().flat_map(|folder| super::files(folder, "rs")) {
         let text = std::fs::read_to_string(&path).expect("a source is text");
@@ -52,7 +52,7 @@ pub fn items(folders: &[&Path]) -> Vec<Item> {
 }
 
 /// The item that a path in a source of `from` names.
-pub fn resolve<'a>(items: &'a [Item], kind: &str) -> Option<&'a Item> {
+pub(crate) fn resolve<'a>(items: &'a [Item], kind: &str) -> Option<&'a Item> {
     let (module, name) = kind.rsplit_once("::").unwrap_or(("", kind));
     let module = module.rsplit("::").next().expect("one part");
     let mut named = items.iter().filter(|item| item.name == name);

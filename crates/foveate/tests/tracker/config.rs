@@ -6,7 +6,7 @@ use std::path::Path;
 use foveate::config::{BUILTIN, Config};
 
 /// A configuration of many parts.
-pub const GOOD: &str = r#"seed = 1
+pub(crate) const GOOD: &str = r#"seed = 1
 particles = 100
 [resampling]
 scheme = "residual"
@@ -89,7 +89,7 @@ places = 3
 spread = 0.15
 "#;
 
-pub fn check(text: &str) -> foveate::Result<()> {
+pub(crate) fn check(text: &str) -> foveate::Result<()> {
     Config::parse(text, "my.toml")?.check(&Folder::here()).map(|_| ())
 }
 

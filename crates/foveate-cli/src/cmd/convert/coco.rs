@@ -37,7 +37,7 @@ struct Annotation {
 }
 
 /// Frames are the images in the order of `frame_id`, or of `id` where one has none.
-pub fn read(path: &Path) -> Result<Boxes> {
+pub(super) fn read(path: &Path) -> Result<Boxes> {
     let text = files::read(path, files::TEXT)?;
     let file: File = serde_json::from_slice(&text)
         .map_err(|e| Error::malformed(path, format!("expected COCO's images and annotations: {e}")))?;
@@ -67,7 +67,7 @@ pub fn read(path: &Path) -> Result<Boxes> {
     Ok(boxes)
 }
 
-pub fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
+pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
     let images =
         (1..=boxes.frames).map(|n| serde_json::json!({"id": n, "frame_id": n, "file_name": format!("{n:06}.jpg")}));
     let annotation = |(i, b): (usize, &TrackBox)| {

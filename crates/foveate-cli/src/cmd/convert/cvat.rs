@@ -15,7 +15,7 @@ use super::{Boxes, MOST};
 const BOX: u64 = 400;
 
 /// Between key frames that are not next to each other boxes are put on the straight line, as CVAT does.
-pub fn read(path: &Path) -> Result<Boxes> {
+pub(super) fn read(path: &Path) -> Result<Boxes> {
     let text = files::read_text(path, files::TEXT)?;
     let wrong = |problem: String| Error::malformed(path, problem);
     let document = Document::parse(&text).map_err(|e| wrong(format!("expected XML of CVAT for video 1.1: {e}")))?;
@@ -98,7 +98,7 @@ fn between(a: &BBox, b: &BBox, share: f64) -> BBox {
 }
 
 /// Every box is a key frame; a box outside ends each stretch.
-pub fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
+pub(super) fn write(boxes: &mut Boxes, path: &Path) -> Result<()> {
     boxes.lose_confidence();
     let unknown = boxes.tracks.iter().filter(|b| b.id < 0).count();
     if unknown > 0 {

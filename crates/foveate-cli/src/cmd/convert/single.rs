@@ -12,7 +12,7 @@ use super::{Boxes, Format};
 /// The id of the only target.
 const ID: i64 = 1;
 
-pub fn read(format: Format, path: &Path) -> Result<Boxes> {
+pub(super) fn read(format: Format, path: &Path) -> Result<Boxes> {
     let mut boxes = Boxes::default();
     let mut truth = match format {
         Format::Vot => {
@@ -46,7 +46,7 @@ fn shapes(path: &Path) -> Result<[usize; 2]> {
     Ok([polygons, text.lines().filter(|line| is_mask(line)).count()])
 }
 
-pub fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {
+pub(super) fn write(format: Format, boxes: &mut Boxes, path: &Path) -> Result<()> {
     let ids: Vec<i64> = boxes.ids().into_iter().collect();
     if let [-1] = ids[..] {
         let n = boxes.tracks.len();

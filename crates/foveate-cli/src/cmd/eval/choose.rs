@@ -28,7 +28,7 @@ struct Job {
 }
 
 /// What is chosen among, checked: every candidate is a tracker, and both halves have sequences.
-pub struct Plan {
+pub(super) struct Plan {
     candidates: Vec<Candidate>,
     entries: Vec<Entry>,
     present: Option<usize>,
@@ -36,7 +36,7 @@ pub struct Plan {
 
 impl Plan {
     /// Of settings as --choose has them. Nothing is written yet.
-    pub fn of(config: &Config, folder: &Folder, choices: &[String], sequences: &[Sequence]) -> Result<Self> {
+    pub(super) fn of(config: &Config, folder: &Folder, choices: &[String], sequences: &[Sequence]) -> Result<Self> {
         for half in ["a", "b"] {
             if !sequences.iter().any(|s| by_half(&s.name) == half) {
                 let all: Vec<&str> = sequences.iter().map(|s| s.name.as_str()).collect();
@@ -59,7 +59,7 @@ impl Plan {
     }
 
     /// Runs what is not kept in `store` yet; answers all tracks. `None` where it was asked to stop, or to do a part only.
-    pub fn run(
+    pub(super) fn run(
         &self,
         sequences: &[Sequence],
         data: &[Data],
@@ -81,7 +81,7 @@ impl Plan {
     }
 
     /// The files in the folder of results that [`Plan::judge`] and [`keep`] may write.
-    pub fn files(&self, sequences: &[Sequence], seeds: &[u64]) -> Vec<String> {
+    pub(super) fn files(&self, sequences: &[Sequence], seeds: &[u64]) -> Vec<String> {
         let mut files: Vec<String> = ["cross.txt", "cross.json"].map(str::to_owned).to_vec();
         for c in &self.candidates {
             let folder = format!("{CANDIDATES}/{}", folder_name(&c.name));
@@ -92,7 +92,7 @@ impl Plan {
     }
 
     /// The choice, and the cross-validated tracker.
-    pub fn judge(
+    pub(super) fn judge(
         &self,
         sequences: &[Sequence],
         seeds: &[u64],
@@ -124,7 +124,7 @@ impl Plan {
 
 /// Keeps what a choice gave as cross.txt and cross.json, which also says of which configuration and with which seeds; answers
 /// the text.
-pub fn keep(choice: &Choice, configuration: &str, seeds: &[u64], out: &Path) -> Result<String> {
+pub(super) fn keep(choice: &Choice, configuration: &str, seeds: &[u64], out: &Path) -> Result<String> {
     let (text, mut json) = (choice_table::text(choice), choice_table::json(choice));
     json["configuration"] = configuration.into();
     json["seeds"] = seeds.into();

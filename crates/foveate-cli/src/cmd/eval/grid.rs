@@ -9,7 +9,7 @@ const MOST: usize = 1000;
 
 /// A candidate: its settings, `KEY=VALUE` with a space between two, and its configuration.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Candidate {
+pub(super) struct Candidate {
     pub name: String,
     pub config: Config,
 }
@@ -18,7 +18,7 @@ pub struct Candidate {
 ///
 /// Fails where one is no list of values for a key, a key comes twice, a configuration is refused, two candidates are the same,
 /// or there are fewer than two or more than [`MOST`].
-pub fn candidates(config: &Config, choices: &[String]) -> Result<Vec<Candidate>> {
+pub(super) fn candidates(config: &Config, choices: &[String]) -> Result<Vec<Candidate>> {
     let lists: Vec<(&str, Vec<&str>)> = choices.iter().map(|choice| list(choice)).collect::<Result<_>>()?;
     for (i, (key, _)) in lists.iter().enumerate() {
         if lists[..i].iter().any(|(other, _)| other == key) {

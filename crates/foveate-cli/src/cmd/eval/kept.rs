@@ -12,7 +12,7 @@ use crate::runs::{self, Entry, Finished, Store};
 
 /// A finished run, as its file has it.
 #[derive(Clone, Serialize, Deserialize)]
-pub struct Kept {
+pub(crate) struct Kept {
     pub sequence: String,
     pub seed: u64,
     boxes: Vec<BBox>,
@@ -23,7 +23,7 @@ pub struct Kept {
 
 impl Kept {
     /// As [`one_pass`] answers it.
-    pub fn apart(self) -> (TrackRun, Vec<Judged>) {
+    pub(crate) fn apart(self) -> (TrackRun, Vec<Judged>) {
         (TrackRun { boxes: self.boxes, seconds: self.seconds, read: self.read }, self.judged)
     }
 }
@@ -35,7 +35,7 @@ impl Finished for Kept {
 }
 
 /// A configuration on sequences.
-pub struct Runs<'a> {
+pub(crate) struct Runs<'a> {
     entry: Entry,
     sequences: &'a [Sequence],
     data: &'a [Data],
@@ -44,19 +44,19 @@ pub struct Runs<'a> {
 
 impl<'a> Runs<'a> {
     /// Those that are kept in `store`, or will be; `data` are those of the sequences.
-    pub fn new(entry: Entry, sequences: &'a [Sequence], data: &'a [Data], store: &'a Store) -> Self {
+    pub(crate) fn new(entry: Entry, sequences: &'a [Sequence], data: &'a [Data], store: &'a Store) -> Self {
         Self { entry, sequences, data, store }
     }
 
     /// The run of a sequence with a seed, kept or made.
-    pub fn one(&self, sequence: &Sequence, seed: u64) -> Result<Kept> {
+    pub(crate) fn one(&self, sequence: &Sequence, seed: u64) -> Result<Kept> {
         let i = self.sequences.iter().position(|it| it.name == sequence.name).expect("one of the sequences");
         self.store.one(&self.key(seed, i), sequence.truth.len(), || make(&self.entry, sequence, seed))
     }
 
     /// The runs of each seed with each sequence, in this order; those that are not kept yet are made side by side, each in one
     /// thread. `None` where it was asked to stop, or to do a part only.
-    pub fn all(&self, seeds: &[u64]) -> Result<Option<Vec<Kept>>> {
+    pub(crate) fn all(&self, seeds: &[u64]) -> Result<Option<Vec<Kept>>> {
         let jobs: Vec<(u64, usize)> =
             seeds.iter().flat_map(|seed| (0..self.sequences.len()).map(move |sequence| (*seed, sequence))).collect();
         let key = |(seed, i): &(u64, usize)| self.key(*seed, *i);
@@ -67,7 +67,7 @@ impl<'a> Runs<'a> {
     }
 
     /// Removes the files of these runs, and their folder where nothing else is in it.
-    pub fn forget(&self, seeds: &[u64]) -> Result<()> {
+    pub(crate) fn forget(&self, seeds: &[u64]) -> Result<()> {
         let all = |seed: &u64| (0..self.sequences.len()).map(|i| self.key(*seed, i)).collect::<Vec<_>>();
         self.store.forget(seeds.iter().flat_map(all))?;
         // What is left in the folder is not of this evaluation.
@@ -76,7 +76,7 @@ impl<'a> Runs<'a> {
     }
 
     /// What P(lost) takes off the radius of a credible region: that of the tracker's configuration.
-    pub fn localisation_noise(&self) -> f64 {
+    pub(crate) fn localisation_noise(&self) -> f64 {
         self.entry.blueprint.config().confidence.localisation_noise
     }
 
@@ -86,12 +86,12 @@ impl<'a> Runs<'a> {
 }
 
 /// What names the file of a run: what it is done for, and all that it depends on, the boxes and pictures of the sequence among it.
-pub fn key(purpose: &str, entry: &Entry, sequence: &Sequence, data: &Data, seed: u64) -> String {
+pub(crate) fn key(purpose: &str, entry: &Entry, sequence: &Sequence, data: &Data, seed: u64) -> String {
     experiment::digest(&[purpose, &entry.key, &sequence.name, &data.digest(), &seed.to_string()].map(str::as_bytes))
 }
 
 /// A run, and the text of its file.
-pub fn make(entry: &Entry, sequence: &Sequence, seed: u64) -> Result<(Kept, Vec<u8>)> {
+pub(crate) fn make(entry: &Entry, sequence: &Sequence, seed: u64) -> Result<(Kept, Vec<u8>)> {
     let (TrackRun { boxes, seconds, read }, judged) = one_pass(&entry.blueprint, sequence, seed)?;
     let kept = Kept { sequence: sequence.name.clone(), seed, boxes, seconds, read, judged };
     let text = runs::text(&kept)?;

@@ -12,7 +12,7 @@ use crate::cmd::of_file;
 
 /// Refuses sequences that no tracker can be run on, before it is run on any: the first box must be one that a target can have, and
 /// there must be a picture for each box. Says where there are more pictures.
-pub fn check(sequences: &[Sequence]) -> Result<()> {
+pub(super) fn check(sequences: &[Sequence]) -> Result<()> {
     for sequence in sequences {
         let (bbox, source, truth) = (sequence.init()?, open(&sequence.images)?, sequence.truth_file.display());
         check_box(&format!("{truth}: the first box"), &bbox, source.info())?;
@@ -35,7 +35,7 @@ pub fn check(sequences: &[Sequence]) -> Result<()> {
 }
 
 /// The boxes of all frames, and what was said in each frame from the second on.
-pub fn one_pass(blueprint: &Blueprint, sequence: &Sequence, seed: u64) -> Result<(TrackRun, Vec<Judged>)> {
+pub(super) fn one_pass(blueprint: &Blueprint, sequence: &Sequence, seed: u64) -> Result<(TrackRun, Vec<Judged>)> {
     let (mut tracker, mut source, bbox) = (blueprint.tracker(seed)?, open(&sequence.images)?, sequence.init()?);
     let plan = RunPlan { init: Some(bbox), until: sequence.truth.len() - 1, ..RunPlan::default() };
     let mut witness = Recorder::of(&sequence.truth);

@@ -14,7 +14,7 @@ use crate::runs::Entry;
 
 /// The program, its arguments, and the data.
 #[derive(Clone, Debug, Serialize)]
-pub struct Record {
+pub(crate) struct Record {
     program: &'static str,
     /// A digest of the program's file: two builds of one version differ.
     build: String,
@@ -46,7 +46,7 @@ struct Ran {
 
 /// A sequence.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Data {
+pub(crate) struct Data {
     pub sequence: String,
     truth: PathBuf,
     /// A digest of the true boxes.
@@ -57,7 +57,7 @@ pub struct Data {
 
 impl Data {
     /// Of a sequence whose pictures are not read.
-    pub fn without_pictures(sequence: &Sequence) -> Self {
+    pub(crate) fn without_pictures(sequence: &Sequence) -> Self {
         Self {
             sequence: sequence.name.clone(),
             truth: sequence.truth_file.clone(),
@@ -70,7 +70,7 @@ impl Data {
     ///
     /// # Errors
     /// It has no pictures, or one cannot be read.
-    pub fn with_pictures(sequence: &Sequence) -> Result<Self> {
+    pub(crate) fn with_pictures(sequence: &Sequence) -> Result<Self> {
         let one = |path: &PathBuf| {
             let bytes = std::fs::read(path).map_err(Error::io(path, "cannot read"))?;
             Ok(experiment::digest(&[path.file_name().unwrap_or_default().as_encoded_bytes(), &bytes]))
@@ -84,14 +84,14 @@ impl Data {
     ///
     /// # Errors
     /// The file cannot be read.
-    pub fn of_many(sequence: &mot::Sequence) -> Result<Self> {
+    pub(crate) fn of_many(sequence: &mot::Sequence) -> Result<Self> {
         let truth = sequence.truth_file.clone();
         let bytes = std::fs::read(&truth).map_err(Error::io(&truth, "cannot read"))?;
         Ok(Self { sequence: sequence.name.clone(), truth, boxes: experiment::digest(&[&bytes]), pictures: None })
     }
 
     /// A name for the true boxes and the pictures.
-    pub fn digest(&self) -> String {
+    pub(crate) fn digest(&self) -> String {
         experiment::digest(&[&self.boxes, self.pictures.as_deref().unwrap_or_default()].map(str::as_bytes))
     }
 }
@@ -101,7 +101,7 @@ impl Record {
     ///
     /// # Errors
     /// The program's file cannot be read.
-    pub fn of(results: Vec<PathBuf>, data: Vec<Data>) -> Result<Self> {
+    pub(crate) fn of(results: Vec<PathBuf>, data: Vec<Data>) -> Result<Self> {
         Ok(Self {
             program: concat!("foveate ", env!("CARGO_PKG_VERSION")),
             build: program()?,
@@ -113,7 +113,7 @@ impl Record {
     }
 
     /// With the tracker that is run; `configuration` is its name and what was changed in it.
-    pub fn running(mut self, entry: &Entry, configuration: &str, seeds: &[u64], choose: &[String]) -> Self {
+    pub(crate) fn running(mut self, entry: &Entry, configuration: &str, seeds: &[u64], choose: &[String]) -> Self {
         let config = entry.blueprint.config();
         self.tracker = Some(Ran {
             configuration: configuration.into(),
@@ -128,17 +128,17 @@ impl Record {
     }
 
     /// The configuration's name and what was changed in it; empty where no tracker is run.
-    pub fn configuration(&self) -> &str {
+    pub(crate) fn configuration(&self) -> &str {
         self.tracker.as_ref().map_or("", |ran| &ran.configuration)
     }
 
     /// As `scores.json` has it.
-    pub fn json(&self) -> serde_json::Value {
+    pub(crate) fn json(&self) -> serde_json::Value {
         serde_json::to_value(self).expect("it is plain data")
     }
 
     /// As a section of `report.html`.
-    pub fn html(&self) -> String {
+    pub(crate) fn html(&self) -> String {
         let code = |text: &str| format!("<code>{}</code>", escape(text));
         let mut facts = vec![("Command", code(&self.command))];
         if let Some(ran) = &self.tracker {
@@ -172,27 +172,27 @@ impl Record {
 }
 
 /// A name for the program itself: a rebuilt one may track otherwise.
-pub fn program() -> Result<String> {
+pub(crate) fn program() -> Result<String> {
     let path = crate::invocation::program();
     Ok(experiment::digest(&[&std::fs::read(path).map_err(Error::io(path, "cannot read"))?]))
 }
 
 /// The settings that finished runs have in common: a file beside their folder.
 #[derive(PartialEq, serde::Deserialize, Serialize)]
-pub struct Settings {
+pub(crate) struct Settings {
     build: String,
     fingerprint: String,
     configuration: String,
 }
 
 impl Settings {
-    pub fn of(entry: &Entry) -> Result<Self> {
+    pub(crate) fn of(entry: &Entry) -> Result<Self> {
         let configuration = entry.blueprint.config().to_toml();
         Ok(Self { build: program()?, fingerprint: entry.fingerprint.clone(), configuration })
     }
 
     /// The file for a folder of finished runs.
-    pub fn file(runs: &Path) -> PathBuf {
+    pub(crate) fn file(runs: &Path) -> PathBuf {
         runs.with_extension("settings.json")
     }
 
@@ -214,7 +214,7 @@ impl Settings {
     }
 
     /// Writes them beside the folder `runs`. Fails where it, or one of the `others` that runs are taken from, was made with others.
-    pub fn claim(&self, runs: &Path, others: &[PathBuf]) -> Result<()> {
+    pub(crate) fn claim(&self, runs: &Path, others: &[PathBuf]) -> Result<()> {
         for folder in others.iter().map(PathBuf::as_path).chain([runs]).filter(|folder| folder.is_dir()) {
             let Ok(text) = std::fs::read(Self::file(folder)) else { continue };
             let Ok(theirs) = serde_json::from_slice::<Self>(&text) else { continue };

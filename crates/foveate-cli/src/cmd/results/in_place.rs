@@ -13,7 +13,7 @@ use crate::terminal;
 const OURS: &str = "scores.json";
 
 /// Results in the making. Dropped before [`InPlace::finish`], they are listed as those of a run that was stopped or broke off.
-pub struct InPlace {
+pub(crate) struct InPlace {
     out: PathBuf,
     names: Vec<String>,
     /// What an earlier evaluation left and nobody reads.
@@ -24,7 +24,7 @@ pub struct InPlace {
 impl InPlace {
     /// Lists the `names` to come, which are paths below the folder, beside what an earlier run left there. Fails where the folder cannot
     /// be made or written.
-    pub fn begin(out: &Path, mut names: Vec<String>, read: &[&Path]) -> Result<Self> {
+    pub(crate) fn begin(out: &Path, mut names: Vec<String>, read: &[&Path]) -> Result<Self> {
         fs::create_dir_all(out).map_err(Error::io(out, "cannot create"))?;
         let earlier = match manifest(out) {
             None if out.join(MANIFEST).exists() => return Err(not_ours(out)),
@@ -43,7 +43,7 @@ impl InPlace {
     }
 
     /// All that was to come is there: what an earlier evaluation left goes.
-    pub fn finish(mut self) -> Result<()> {
+    pub(crate) fn finish(mut self) -> Result<()> {
         self.finished = true;
         let whole = fs::canonicalize(&self.out).map_err(Error::io(&self.out, "cannot find the folder for results"))?;
         for name in std::mem::take(&mut self.stale) {

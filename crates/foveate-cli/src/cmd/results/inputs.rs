@@ -8,7 +8,7 @@ use foveate::video::folder::{image_files, is_image};
 use foveate::{Error, Result};
 
 /// Refuses a file to be written that is a folder, or whose folder is not there.
-pub fn writable(path: &Path) -> Result<()> {
+pub(crate) fn writable(path: &Path) -> Result<()> {
     if path.is_dir() {
         return Err(Error::malformed(path, "expected a file to write to, found a folder; give another name"));
     }
@@ -20,7 +20,7 @@ pub fn writable(path: &Path) -> Result<()> {
 }
 
 /// Refuses a file to be written that is one of the `inputs`, or would become a frame of one.
-pub fn spare(path: &Path, inputs: &[&Path]) -> Result<()> {
+pub(crate) fn spare(path: &Path, inputs: &[&Path]) -> Result<()> {
     let whole = whole(path);
     if inputs.iter().any(|input| fs::canonicalize(input).ok() == whole && whole.is_some()) {
         return Err(Error::malformed(path, "it is read, and would be replaced; give another name"));
@@ -36,7 +36,7 @@ pub fn spare(path: &Path, inputs: &[&Path]) -> Result<()> {
 }
 
 /// The folder of images, among the `inputs`, that a file would be a frame of.
-pub fn frame_of<'a>(path: &Path, inputs: &[&'a Path]) -> Option<&'a Path> {
+pub(super) fn frame_of<'a>(path: &Path, inputs: &[&'a Path]) -> Option<&'a Path> {
     let whole = whole(path).filter(|path| is_image(path))?;
     let holds = |input: &&&Path| {
         let frames = if input.is_dir() { image_files(input).unwrap_or_default() } else { vec![] };

@@ -47,13 +47,13 @@ enum Own {
 }
 
 /// The server's state.
-pub struct App {
+pub(super) struct App {
     pub guard: Guard,
     pub page: Page<Server>,
 }
 
 /// The videos and configurations that the page may use.
-pub struct Server {
+pub(super) struct Server {
     pub roots: Roots,
     /// Whether a box that was drawn is only to be reported.
     pub pick: Option<Pick>,
@@ -65,7 +65,7 @@ pub struct Server {
 }
 
 /// What becomes of a box that was picked.
-pub struct Pick {
+pub(super) struct Pick {
     /// Whether others may follow.
     pub keep: bool,
     pub done: Arc<AtomicBool>,
@@ -112,7 +112,7 @@ impl Host for Server {
 
 impl App {
     /// Answers a request.
-    pub fn answer(&self, request: &Request) -> Response {
+    pub(super) fn answer(&self, request: &Request) -> Response {
         if let Err(refused) = self.guard.check(request) {
             return refused;
         }

@@ -6,7 +6,7 @@ use super::http::{Request, Response};
 
 /// What a request must show before anything else is looked at.
 #[derive(Clone, Debug)]
-pub struct Guard {
+pub(super) struct Guard {
     pub port: u16,
     /// Whether others than this machine may come: then a token is asked for.
     pub remote: bool,
@@ -19,7 +19,7 @@ const TOKEN: &str = "x-foveate-token";
 impl Guard {
     /// Refuses a request that comes by a name that is not ours (DNS rebinding), without the token, by a method that nothing here
     /// has, or from a page that is not ours.
-    pub fn check(&self, request: &Request) -> Result<(), Response> {
+    pub(super) fn check(&self, request: &Request) -> Result<(), Response> {
         let host = request.header("host").unwrap_or_default();
         if !self.is_ours(host) {
             return Err(Response::error(

@@ -5,19 +5,19 @@ use std::io::{Read, Write};
 use std::time::{Duration, Instant};
 
 /// Bytes of a request's first line and headers, at most.
-pub const MOST_HEAD: usize = 16 << 10;
+pub(super) const MOST_HEAD: usize = 16 << 10;
 /// Headers of a request, at most.
 const MOST_HEADERS: usize = 64;
 /// Bytes of a request's body, at most.
-pub const MOST_BODY: usize = 64 << 10;
+pub(super) const MOST_BODY: usize = 64 << 10;
 /// Bytes of a picture that the page pushes, at most; taken of the page alone.
-pub const MOST_PICTURE: usize = 2 << 20;
+pub(super) const MOST_PICTURE: usize = 2 << 20;
 /// How long a request may take to come, from its first byte.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// A request that was read whole.
 #[derive(Debug, Default)]
-pub struct Request {
+pub(super) struct Request {
     pub method: String,
     /// Without the query, as it came: nothing in it is decoded.
     pub path: String,
@@ -32,23 +32,23 @@ pub struct Request {
 
 impl Request {
     /// A header that is there once; `None` where it is not there, or twice.
-    pub fn header(&self, name: &str) -> Option<&str> {
+    pub(super) fn header(&self, name: &str) -> Option<&str> {
         let mut all = self.headers.iter().filter(|(n, _)| n == name);
         all.next().filter(|_| all.next().is_none()).map(|(_, value)| &**value)
     }
     /// Whether a header is there, once or more often.
-    pub fn has(&self, name: &str) -> bool {
+    pub(super) fn has(&self, name: &str) -> bool {
         self.headers.iter().any(|(n, _)| n == name)
     }
     /// A value of the query.
-    pub fn query(&self, name: &str) -> Option<&str> {
+    pub(super) fn query(&self, name: &str) -> Option<&str> {
         self.query.iter().find(|(n, _)| n == name).map(|(_, value)| &**value)
     }
 }
 
 /// An answer.
 #[derive(Debug)]
-pub struct Response {
+pub(super) struct Response {
     pub status: u16,
     /// Its media type.
     pub kind: &'static str,
@@ -60,24 +60,24 @@ pub struct Response {
 }
 
 impl Response {
-    pub fn new(status: u16, kind: &'static str, body: impl Into<Vec<u8>>) -> Self {
+    pub(super) fn new(status: u16, kind: &'static str, body: impl Into<Vec<u8>>) -> Self {
         Self { status, kind, body: body.into(), file: None, headers: vec![] }
     }
     /// A refusal of a method that is not the one that this path has.
-    pub fn other_method(path: &str) -> Self {
+    pub(super) fn other_method(path: &str) -> Self {
         let allowed = if ["/api", "/push"].contains(&path) { "POST" } else { "GET" };
         let refusal = Self::error(405, "another method is needed here");
         Self { headers: vec![("Allow", allowed.into())], ..refusal }
     }
     /// A refusal, as JSON.
-    pub fn error(status: u16, what: &str) -> Self {
+    pub(super) fn error(status: u16, what: &str) -> Self {
         Self::new(status, "application/json", serde_json::json!({ "error": what }).to_string())
     }
 }
 
 /// Why there is no request.
 #[derive(Debug)]
-pub enum Ended {
+pub(super) enum Ended {
     /// The other side has gone, or said nothing for too long.
     Gone,
     /// It is none that is answered: say so, and close.
@@ -85,18 +85,18 @@ pub enum Ended {
 }
 
 /// The server's side of a connection.
-pub struct Connection<S> {
+pub(super) struct Connection<S> {
     stream: S,
     buffer: Vec<u8>,
 }
 
 impl<S: Read + Write> Connection<S> {
-    pub fn new(stream: S) -> Self {
+    pub(super) fn new(stream: S) -> Self {
         Self { stream, buffer: vec![] }
     }
 
     /// The next request. `trusted` says, by its head, whether a body as large as a picture is taken.
-    pub fn request(&mut self, trusted: &dyn Fn(&Request) -> bool) -> Result<Request, Ended> {
+    pub(super) fn request(&mut self, trusted: &dyn Fn(&Request) -> bool) -> Result<Request, Ended> {
         let mut began: Option<Instant> = (!self.buffer.is_empty()).then(Instant::now);
         let (mut request, head, length) = loop {
             if let Some(parsed) = head(&self.buffer)? {
@@ -134,7 +134,7 @@ impl<S: Read + Write> Connection<S> {
     }
 
     /// Answers.
-    pub fn respond(&mut self, response: &Response, keep: bool) -> std::io::Result<()> {
+    pub(super) fn respond(&mut self, response: &Response, keep: bool) -> std::io::Result<()> {
         let mut head = format!(
             "HTTP/1.1 {} {}\r\nContent-Type: {}\r\nContent-Length: {}\r\nConnection: {}\r\n\
              X-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\nX-Frame-Options: DENY\r\n\
@@ -161,7 +161,7 @@ impl<S: Read + Write> Connection<S> {
     }
 
     /// The stream below.
-    pub fn stream(&mut self) -> &mut S {
+    pub(super) fn stream(&mut self) -> &mut S {
         &mut self.stream
     }
 }

@@ -14,7 +14,7 @@ use super::video::Open;
 const PATIENCE: Duration = Duration::from_secs(15);
 
 /// Opens a stream or a camera as `foveate track` does: the newest frame is kept, others are dropped. A file with an end waits.
-pub fn open(address: &Path) -> Result<(Source<Open>, SourceInfo)> {
+pub(super) fn open(address: &Path) -> Result<(Source<Open>, SourceInfo)> {
     let notify = |text: &str| note!("foveate: {text}");
     let source = Stream::open(address, LiveOptions { notify, ..LiveOptions::default() })?;
     check_size(source.info(), address)?;

@@ -30,7 +30,7 @@ fn page() -> &'static (String, String) {
 }
 
 /// The page as an answer.
-pub fn response() -> Response {
+pub(super) fn response() -> Response {
     let (html, policy) = page();
     let mut response = Response::new(200, "text/html; charset=utf-8", html.as_bytes());
     response.headers.push(("Content-Security-Policy", policy.clone()));

@@ -13,7 +13,7 @@ const MOST: usize = 2000;
 
 /// The folders and files that may be seen.
 #[derive(Debug)]
-pub struct Roots(Vec<Root>);
+pub(super) struct Roots(Vec<Root>);
 
 #[derive(Debug)]
 struct Root {
@@ -26,7 +26,7 @@ struct Root {
 
 /// A place that was found.
 #[derive(Clone, Debug)]
-pub struct Place {
+pub(super) struct Place {
     /// As the user would write it.
     pub shown: PathBuf,
     /// As the system calls it.
@@ -36,7 +36,7 @@ pub struct Place {
 
 impl Place {
     /// A file in it, or the place itself where it is one; none that leads out of the root.
-    pub fn inside(&self, file: &Path) -> Option<PathBuf> {
+    pub(super) fn inside(&self, file: &Path) -> Option<PathBuf> {
         let real = file.canonicalize().ok()?;
         (real.starts_with(&self.root) && real.is_file()).then_some(real)
     }
@@ -44,7 +44,7 @@ impl Place {
 
 /// What there is in a folder.
 #[derive(Debug, Serialize)]
-pub struct Entry {
+pub(super) struct Entry {
     pub name: String,
     pub path: String,
     /// folder, images, video, stream
@@ -53,7 +53,7 @@ pub struct Entry {
 
 impl Roots {
     /// Fails where one is not there, or neither a folder nor a regular file.
-    pub fn new(paths: &[PathBuf]) -> Result<Self> {
+    pub(super) fn new(paths: &[PathBuf]) -> Result<Self> {
         let root = |given: &PathBuf| {
             if is_live(given) {
                 return Ok(Root { given: given.clone(), real: given.clone(), live: true });
@@ -72,7 +72,7 @@ impl Roots {
     }
 
     /// What a name stands for: a folder or a regular file below a root.
-    pub fn find(&self, name: &str) -> Result<Place> {
+    pub(super) fn find(&self, name: &str) -> Result<Place> {
         let nothing = || Error::Invalid(format!("there is no {name:?} here; choose from the list"));
         let (root, rest) = name.split_once('/').unwrap_or((name, ""));
         let root = root.parse().ok().and_then(|k: usize| self.0.get(k)).filter(|root| !root.live);
@@ -91,13 +91,13 @@ impl Roots {
     }
 
     /// The address of a stream or a camera that was given.
-    pub fn stream(&self, name: &str) -> Option<&Path> {
+    pub(super) fn stream(&self, name: &str) -> Option<&Path> {
         let root = name.parse().ok().and_then(|k: usize| self.0.get(k))?;
         root.live.then_some(&*root.real)
     }
 
     /// What there is to choose in a place; of no name, the roots.
-    pub fn list(&self, name: &str) -> Result<Vec<Entry>> {
+    pub(super) fn list(&self, name: &str) -> Result<Vec<Entry>> {
         if name.is_empty() {
             let entry = |(k, root): (usize, &Root)| {
                 let name = root.given.to_string_lossy().into_owned();

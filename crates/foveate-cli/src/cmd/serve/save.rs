@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use foveate::{Error, Result};
 
 /// Makes a folder for results among the temporary ones, which nobody else can read.
-pub fn scratch() -> Result<PathBuf> {
+pub(super) fn scratch() -> Result<PathBuf> {
     static NUMBER: AtomicUsize = AtomicUsize::new(0);
     let builder = || {
         let mut builder = std::fs::DirBuilder::new();

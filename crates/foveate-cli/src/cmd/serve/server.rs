@@ -16,13 +16,13 @@ const SILENCE: Duration = Duration::from_secs(30);
 const POLL: Duration = Duration::from_millis(100);
 
 /// Answers requests.
-pub type Answer = dyn Fn(&Request) -> Response + Send + Sync;
+pub(super) type Answer = dyn Fn(&Request) -> Response + Send + Sync;
 
 /// Says whose large bodies are taken, by the head of the request.
-pub type Trusted = dyn Fn(&Request) -> bool + Send + Sync;
+pub(super) type Trusted = dyn Fn(&Request) -> bool + Send + Sync;
 
 /// Answers until `stop` says so.
-pub fn serve(
+pub(super) fn serve(
     listener: &TcpListener,
     answer: &Arc<Answer>,
     trusted: &Arc<Trusted>,

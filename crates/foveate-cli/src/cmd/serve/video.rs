@@ -22,7 +22,7 @@ const KEPT: usize = 64 << 20;
 
 /// A video that can be opened at any frame.
 #[derive(Clone, Debug)]
-pub struct Video {
+pub(super) struct Video {
     pub place: Place,
     pub info: SourceInfo,
     /// Its pictures, where it is a folder.
@@ -30,7 +30,7 @@ pub struct Video {
 }
 
 impl Video {
-    pub fn open(place: Place) -> Result<Self> {
+    pub(super) fn open(place: Place) -> Result<Self> {
         let files = match place.real.is_dir() {
             true => {
                 let found = image_files(&place.real)?;
@@ -46,7 +46,7 @@ impl Video {
     }
 
     /// The true boxes, where the folder has them.
-    pub fn truth(&self) -> Vec<Option<BBox>> {
+    pub(super) fn truth(&self) -> Vec<Option<BBox>> {
         let folder = if self.place.real.is_dir() { Some(&*self.place.real) } else { self.place.real.parent() };
         let file = folder.and_then(|folder| self.place.inside(&folder.join("groundtruth_rect.txt")));
         file.filter(|_| self.files.is_some()).and_then(|file| annotation::read_truth(file).ok()).unwrap_or_default()
@@ -70,13 +70,13 @@ fn source(place: &Place, files: Option<&[PathBuf]>, from: usize) -> Result<Box<d
 }
 
 /// A video that is open, with its pictures for the page.
-pub struct Open {
+pub(super) struct Open {
     video: Video,
     pub stills: Stills,
 }
 
 impl Open {
-    pub fn new(video: Video) -> Self {
+    pub(super) fn new(video: Video) -> Self {
         Self { stills: Stills::new(video.clone()), video }
     }
 }
@@ -94,7 +94,7 @@ impl foveate_page::Video for Open {
 }
 
 /// Frames as JPEG files, of which the last ones are kept.
-pub struct Stills {
+pub(super) struct Stills {
     /// Frames as they are.
     pub player: Player<Video>,
     kept: BTreeMap<usize, Arc<[u8]>>,
@@ -103,12 +103,12 @@ pub struct Stills {
 }
 
 impl Stills {
-    pub fn new(video: Video) -> Self {
+    pub(super) fn new(video: Video) -> Self {
         Self { player: Player::new(video), kept: BTreeMap::new(), order: VecDeque::new(), bytes: 0 }
     }
 
     /// Frame `index` as a picture, from `decoded` where it is that one; `None` where the video ends before.
-    pub fn get(&mut self, index: usize, decoded: Option<&Arc<Frame>>) -> Result<Option<Arc<[u8]>>> {
+    pub(super) fn get(&mut self, index: usize, decoded: Option<&Arc<Frame>>) -> Result<Option<Arc<[u8]>>> {
         if let Some(jpeg) = self.kept.get(&index) {
             return Ok(Some(Arc::clone(jpeg)));
         }
@@ -149,7 +149,7 @@ impl Stills {
 }
 
 /// A frame as the page shows it: one that is large is made smaller by a whole factor.
-pub fn jpeg(image: &Image) -> Vec<u8> {
+pub(super) fn jpeg(image: &Image) -> Vec<u8> {
     let k = image.width().max(image.height()).div_ceil(LONGEST);
     if k <= 1 { encode_jpeg(image, QUALITY) } else { encode_jpeg(&smaller(image, k), QUALITY) }
 }

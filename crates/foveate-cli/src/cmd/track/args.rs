@@ -16,7 +16,7 @@ use crate::cmd::configure::{Changes, Profile, config_name, read};
 const RECOGNISER: &str = "recogniser";
 
 /// The recogniser that ships with the program.
-pub const DIGITS: &str = "builtin:digits";
+pub(crate) const DIGITS: &str = "builtin:digits";
 
 /// What is said of files and of numbers in them.
 const FILES: &str = "\
@@ -34,7 +34,7 @@ stands in boxes.txt at the nearest place where it touches the picture, and in tr
 
 #[derive(clap::Args)]
 #[command(after_long_help = FILES)]
-pub struct Args {
+pub(crate) struct Args {
     /// A video file, or a folder of images, or of tiles (foveate tiles); - or a fifo for yuv4mpeg from a pipe; rtsp://, http://, https:// or /dev/video0 for a
     /// stream or camera (through the program ffmpeg). Of several videos each has a folder in --out: finished ones are passed over,
     /// the first box of VIDEO.mp4 is in VIDEO.txt, index.html has the worst first, failures.txt those that failed

@@ -61,7 +61,7 @@ impl Run {
 ///
 /// # Errors
 /// An option is for one video, two videos have one name, the folder has runs of other settings; at the end, where videos failed.
-pub fn run(mut args: Args) -> Result<()> {
+pub(super) fn run(mut args: Args) -> Result<()> {
     refuse(&args)?;
     let (root, sources) = (args.out.clone(), std::mem::take(&mut args.sources));
     let videos = named(&sources)?;

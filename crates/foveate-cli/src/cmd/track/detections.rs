@@ -17,7 +17,7 @@ use super::many::ManyArgs;
 use super::source::{SourceArgs, is_endless};
 
 /// The source of the detections: one detector at most.
-pub enum DetectionSource {
+pub(super) enum DetectionSource {
     Nothing,
     /// The program's, which replaces the configuration's if there is one.
     Ours(DetectorConfig, Option<DetectorConfig>),
@@ -28,7 +28,7 @@ pub enum DetectionSource {
 
 impl DetectionSource {
     /// The detector or the file of the command line; else the configuration's detector.
-    pub fn choose(args: &ManyArgs, config: &mut Config) -> Result<Self> {
+    pub(super) fn choose(args: &ManyArgs, config: &mut Config) -> Result<Self> {
         let chosen = match (args.detector()?, &args.detections) {
             (Some(kind), _) => Self::Ours(kind, config.detector.take()),
             (None, Some(path)) => Self::File(path.clone(), config.detector.take()),
@@ -43,7 +43,7 @@ impl DetectionSource {
     }
 
     /// Whether it assumes that the camera stands still.
-    pub fn needs_still_camera(&self) -> bool {
+    pub(super) fn needs_still_camera(&self) -> bool {
         let (Self::Ours(kind, _) | Self::Configured(kind)) = self else { return false };
         matches!(kind, DetectorConfig::Motion | DetectorConfig::Walkers)
     }
@@ -124,7 +124,7 @@ pub(super) struct Detections {
 
 impl Detections {
     /// If `needed`, there must be some: nothing else starts a track.
-    pub fn of(
+    pub(super) fn of(
         (args, source): (&Args, &Path),
         about: &SourceInfo,
         frames: Frames,
@@ -172,7 +172,7 @@ impl Detections {
         Ok(Self { parts, detector, read, file, kept, still, warnings: Warnings::default() })
     }
 
-    pub fn next(&mut self, frame: &Frame, cut: bool, found: &mut Vec<Detection>) -> Result<()> {
+    pub(super) fn next(&mut self, frame: &Frame, cut: bool, found: &mut Vec<Detection>) -> Result<()> {
         if let (true, Some(parts)) = (cut, &self.parts) {
             self.detector = Some(parts.knowing(&[]));
         }
@@ -199,7 +199,7 @@ impl Detections {
     }
 
     /// Notes how many boxes of --detections lie after the last frame, for a source of unknown length.
-    pub fn note_late(&self, frames: usize) {
+    pub(super) fn note_late(&self, frames: usize) {
         if let Some(path) = &self.file {
             let late = self.read.range(frames..).map(|(_, found)| found.len()).sum();
             note_unused(path, late, format_args!("in frames after frame {frames}, the last one"));
@@ -207,7 +207,7 @@ impl Detections {
     }
 
     /// Writes the file of --save-detections.
-    pub fn save(&self) -> Result<()> {
+    pub(super) fn save(&self) -> Result<()> {
         self.kept.as_ref().map_or(Ok(()), |(path, kept)| kept.write(path))
     }
 }

@@ -12,7 +12,7 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 /// The end of a run.
-pub struct Ending<'a> {
+pub(super) struct Ending<'a> {
     pub source: &'a Path,
     pub out: &'a Path,
     pub seed: u64,
@@ -55,7 +55,7 @@ struct One<'a> {
 
 impl Ending<'_> {
     /// Prints it.
-    pub fn tell(&self) {
+    pub(super) fn tell(&self) {
         // A name need not be Unicode.
         let outputs: Vec<_> = self.files.iter().map(|file| file.to_string_lossy()).collect();
         let source = self.source.to_string_lossy();

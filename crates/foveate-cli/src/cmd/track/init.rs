@@ -13,14 +13,14 @@ use super::source::{SourceArgs, is_endless};
 
 /// Where the first box comes from.
 #[derive(Clone, Copy)]
-pub enum Init {
+pub(crate) enum Init {
     /// These numbers.
     Given(BBox),
     /// What moved, in a box of its own size or of a given one.
     Motion(Option<(f64, f64)>),
 }
 
-pub fn parse_init(text: &str) -> std::result::Result<Init, String> {
+pub(crate) fn parse_init(text: &str) -> std::result::Result<Init, String> {
     let Some(size) = text.strip_prefix("motion") else { return parse_box(text).map(Init::Given) };
     let sides = size.strip_prefix(':').and_then(|s| s.split_once(','));
     let sides = sides.and_then(|(w, h)| Some((w.trim().parse().ok()?, h.trim().parse().ok()?)));
@@ -44,20 +44,20 @@ fn parse_box(text: &str) -> std::result::Result<BBox, String> {
     }
 }
 
-pub fn parse_again(text: &str) -> std::result::Result<(usize, BBox), String> {
+pub(crate) fn parse_again(text: &str) -> std::result::Result<(usize, BBox), String> {
     let (frame, bbox) = text.split_once(':').ok_or_else(|| format!("expected FRAME:x,y,w,h, got \"{text}\""))?;
     let frame = frame.parse().ok().filter(|f| *f > 1);
     Ok((frame.ok_or_else(|| format!("expected a frame number from 2 on, got \"{text}\""))?, parse_box(bbox)?))
 }
 
 /// The file beside a source that has its first box: groundtruth_rect.txt in a folder, VIDEO.txt beside VIDEO.mp4.
-pub fn truth_file(source: &Path) -> Option<PathBuf> {
+pub(crate) fn truth_file(source: &Path) -> Option<PathBuf> {
     let truth = if source.is_file() { source.with_extension("txt") } else { source.join("groundtruth_rect.txt") };
     (truth.is_file() && truth != source).then_some(truth)
 }
 
 /// The given box, what moves, or the first line of groundtruth_rect.txt, or of VIDEO.txt beside VIDEO.mp4.
-pub fn first_box(source: &Path, init: Option<Init>, input: &SourceArgs) -> Result<BBox> {
+pub(crate) fn first_box(source: &Path, init: Option<Init>, input: &SourceArgs) -> Result<BBox> {
     match init {
         Some(Init::Given(bbox)) => return Ok(bbox),
         Some(Init::Motion(size)) => return moving(source, size, input),
@@ -105,13 +105,13 @@ fn moving(source: &Path, size: Option<(f64, f64)>, input: &SourceArgs) -> Result
 }
 
 /// The truth, where the source has one, for the report to compare with; it never reaches the tracker.
-pub fn known_truth(source: &Path) -> Vec<Option<BBox>> {
+pub(crate) fn known_truth(source: &Path) -> Vec<Option<BBox>> {
     annotation::read_truth(source.join("groundtruth_rect.txt")).unwrap_or_default()
 }
 
 /// Which frames are tracked, counted from 0; refuses those that the video has not, as far as their number is known.
 #[derive(Clone, Copy, Debug)]
-pub struct Frames {
+pub(crate) struct Frames {
     /// The first.
     pub from: usize,
     /// The last; larger than any, where it goes on to the end.
@@ -122,7 +122,7 @@ pub struct Frames {
 
 impl Frames {
     /// From a frame (from 0) until one (from 1); `start` says why from there, as in "the saved state goes on".
-    pub fn new(from: usize, start: &str, until: Option<u64>, info: &SourceInfo) -> Result<Self> {
+    pub(crate) fn new(from: usize, start: &str, until: Option<u64>, info: &SourceInfo) -> Result<Self> {
         let until = until.map_or(usize::MAX, |until| usize::try_from(until).unwrap_or(usize::MAX) - 1);
         let count = info.exact_frames();
         if let Some(n) = count.filter(|n| until != usize::MAX && until >= *n) {
@@ -150,13 +150,13 @@ impl Frames {
     }
 
     /// How many there are, or about how many; `None` where nobody knows.
-    pub fn total(&self, info: &SourceInfo) -> Option<usize> {
+    pub(crate) fn total(&self, info: &SourceInfo) -> Option<usize> {
         let end = self.until.saturating_add(1);
         info.frames.map(|n| n.min(end)).or((end < usize::MAX).then_some(end)).map(|end| end.saturating_sub(self.from))
     }
 
     /// Refuses a frame (from 0) that is not tracked in; `what` says what it is for.
-    pub fn check(&self, what: &str, frame: usize) -> Result<()> {
+    pub(crate) fn check(&self, what: &str, frame: usize) -> Result<()> {
         let last = self.count.map_or(self.until, |n| self.until.min(n - 1));
         if (self.from..=last).contains(&frame) {
             return Ok(());
@@ -168,7 +168,7 @@ impl Frames {
 }
 
 /// Boxes given again, counted from 0; each touches the picture, and has a frame of its own that is tracked.
-pub fn check_again(again: &[(usize, BBox)], frames: Frames, info: &SourceInfo) -> Result<Vec<Given>> {
+pub(crate) fn check_again(again: &[(usize, BBox)], frames: Frames, info: &SourceInfo) -> Result<Vec<Given>> {
     let mut from_0: Vec<Given> = vec![];
     for (frame, bbox) in again {
         let what = format!("--reinit {frame}");

@@ -12,7 +12,7 @@ use super::source::named;
 
 /// Arguments that ask for many targets.
 #[derive(clap::Args)]
-pub struct ManyArgs {
+pub(super) struct ManyArgs {
     /// Follow everything that a detector finds, with no box drawn: tracks are started, terminated, and re-identified when their
     /// targets come back. Without KIND, motion (the camera must stand still); onnx:MODEL is a network in an ONNX file, such as YOLO's.
     /// It takes the place of the configuration's detector
@@ -85,7 +85,7 @@ impl TypedValueParser for Detectors {
 
 impl ManyArgs {
     /// The configuration that ships for this: with what moves, with other detections, or with first boxes alone.
-    pub fn config(&self) -> &'static str {
+    pub(super) fn config(&self) -> &'static str {
         match self.detect {
             Some(DetectorConfig::Motion | DetectorConfig::Walkers | DetectorConfig::Flow) => "multi-motion",
             None if self.detections.is_none() => "multi-boxes",
@@ -97,7 +97,7 @@ impl ManyArgs {
     ///
     /// # Errors
     /// Where something is said that this one, or a file of detections, does not have.
-    pub fn detector(&self) -> Result<Option<DetectorConfig>> {
+    pub(super) fn detector(&self) -> Result<Option<DetectorConfig>> {
         let network = matches!(self.detect, Some(DetectorConfig::Onnx(_)));
         for (given, name, applies, of) in [
             (
@@ -123,7 +123,7 @@ impl ManyArgs {
     }
 
     /// Whether many targets are asked for, apart from several --init.
-    pub fn asked(&self) -> bool {
+    pub(super) fn asked(&self) -> bool {
         // What belongs to a detector is refused there where there is none.
         let told = self.least.is_some() || !self.classes.is_empty() || self.layout.is_some();
         let files = self.detections.is_some() || self.inits.is_some() || self.save_detections.is_some();

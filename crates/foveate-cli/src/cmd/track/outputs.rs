@@ -15,7 +15,7 @@ use foveate::video::{SourceInfo, without_password};
 
 /// The files of a run: boxes.txt and track.csv of one target, tracks.txt, tracks.csv and targets.csv of many, and these.
 #[derive(Clone, Copy, Default)]
-pub struct Outputs {
+pub(crate) struct Outputs {
     /// Of many targets.
     pub many: bool,
     pub video: bool,
@@ -33,7 +33,7 @@ const FIRST: usize = 10_000;
 
 impl Outputs {
     /// The names of the files.
-    pub fn names(self) -> Vec<&'static str> {
+    pub(crate) fn names(self) -> Vec<&'static str> {
         let all: [(bool, &[&str]); 7] = [
             (!self.many, &["boxes.txt", "track.csv"]),
             (self.many, &["tracks.txt", "tracks.csv", "targets.csv"]),
@@ -47,7 +47,12 @@ impl Outputs {
     }
 
     /// The observers that write these files into a folder. If one fails in mid-run, its files are listed in `failed`.
-    pub fn observers(self, folder: &Path, info: &RunInfo, failed: &FailedOutputs) -> Result<Vec<Box<dyn Observer>>> {
+    pub(crate) fn observers(
+        self,
+        folder: &Path,
+        info: &RunInfo,
+        failed: &FailedOutputs,
+    ) -> Result<Vec<Box<dyn Observer>>> {
         let at = |name: &str| folder.join(name);
         // A file of lines has its name when it is whole, or at once in a run without an end.
         let sink = |name: &str| if self.endless { Sink::grow(at(name)) } else { Sink::create(at(name)) };
@@ -94,7 +99,13 @@ impl Outputs {
 }
 
 /// The data of a run that are known before it begins.
-pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &Blueprint, seed: u64) -> RunInfo {
+pub(crate) fn run_info(
+    source: &str,
+    info: &SourceInfo,
+    config_name: &str,
+    blueprint: &Blueprint,
+    seed: u64,
+) -> RunInfo {
     let (bit_rate, command) = (bit_rate(Path::new(source), info), crate::invocation::command());
     RunInfo {
         bit_rate,
@@ -104,7 +115,7 @@ pub fn run_info(source: &str, info: &SourceInfo, config_name: &str, blueprint: &
 }
 
 /// Bits a second of a video file, its sound included.
-pub fn bit_rate(source: &Path, info: &SourceInfo) -> Option<f64> {
+pub(crate) fn bit_rate(source: &Path, info: &SourceInfo) -> Option<f64> {
     let file = std::fs::metadata(source).ok().filter(std::fs::Metadata::is_file)?;
     let frames = info.frames.filter(|n| *n > 1)?;
     Some(8.0 * file.len() as f64 * info.rate / frames as f64).filter(|rate| rate.is_finite())

@@ -23,20 +23,20 @@ use crate::cmd::results::{Results, spare, writable};
 use crate::terminal;
 
 /// A run that may begin.
-pub struct Plan<'a> {
+pub(super) struct Plan<'a> {
     pub opened: Opened,
     pub subject: Subject,
     pub job: Job<'a>,
 }
 
 /// The tracker of a run.
-pub enum Subject {
+pub(super) enum Subject {
     One(Box<Tracker>),
     Many(Box<MultiTracker>, Box<Detections>, DetectionSource),
 }
 
 /// The rest of the plan.
-pub struct Job<'a> {
+pub(super) struct Job<'a> {
     pub source: &'a Path,
     pub out: &'a Path,
     pub json: bool,
@@ -58,7 +58,7 @@ pub struct Job<'a> {
 
 impl<'a> Plan<'a> {
     /// Checks the arguments, reads the files that they name, and opens the source.
-    pub fn new(args: &'a Args, source: &'a Path, out: &'a Path) -> Result<Self> {
+    pub(super) fn new(args: &'a Args, source: &'a Path, out: &'a Path) -> Result<Self> {
         let (mut config, folder, name) = args.configured()?;
         // A configuration of many targets with a detector of its own needs nothing else to begin with.
         let begins = config.multi_target.is_some() && config.detector.is_some();
@@ -139,7 +139,7 @@ impl Subject {
     }
 
     /// The tracker, and the detections of many targets.
-    pub fn parts(&mut self) -> (AnyTracker<'_>, Option<&mut Detections>) {
+    pub(super) fn parts(&mut self) -> (AnyTracker<'_>, Option<&mut Detections>) {
         match self {
             Self::One(tracker) => (AnyTracker::One(tracker), None),
             Self::Many(tracker, detections, _) => (AnyTracker::Many(tracker), Some(detections)),
@@ -168,7 +168,7 @@ impl Job<'_> {
     }
 
     /// Begins the results. From here on, lines of --stream have standard output for themselves.
-    pub fn begin_results(&self) -> Result<Results> {
+    pub(super) fn begin_results(&self) -> Result<Results> {
         if self.stream.is_some_and(StreamTo::takes_output) {
             terminal::give_output();
         }
@@ -178,7 +178,7 @@ impl Job<'_> {
     }
 
     /// Writes the files beside the results: the state of one target for --load-state, the detections of many.
-    pub fn save(&self, subject: &Subject, next_frame: usize) -> Result<()> {
+    pub(super) fn save(&self, subject: &Subject, next_frame: usize) -> Result<()> {
         match (subject, self.save_state) {
             (Subject::Many(_, detections, _), _) => detections.save(),
             (Subject::One(tracker), Some(path)) => {

@@ -8,7 +8,7 @@ use foveate::{Error, Result, files};
 
 /// A tracker in mid-video, as a file, and what it was made of.
 #[derive(serde::Serialize, serde::Deserialize)]
-pub struct SavedState {
+pub(super) struct SavedState {
     pub next_frame: usize,
     pub seed: u64,
     pub config: String,
@@ -22,13 +22,13 @@ pub struct SavedState {
 }
 
 /// The last part of a path or an address.
-pub fn video_name(source: &Path) -> String {
+pub(super) fn video_name(source: &Path) -> String {
     let whole = std::fs::canonicalize(source);
     whole.as_deref().unwrap_or(source).file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 impl SavedState {
-    pub fn write(
+    pub(super) fn write(
         path: &Path,
         (source, about): (&Path, &SourceInfo),
         blueprint: &Blueprint,
@@ -44,7 +44,7 @@ impl SavedState {
     }
 
     /// Refuses pictures of another size than those it was tracked in.
-    pub fn check_size(&self, path: &Path, about: &SourceInfo) -> Result<()> {
+    pub(super) fn check_size(&self, path: &Path, about: &SourceInfo) -> Result<()> {
         let now = [about.width, about.height];
         match self.size.filter(|then| *then != now) {
             Some([w, h]) => Err(Error::malformed(
@@ -59,7 +59,7 @@ impl SavedState {
     }
 
     /// Fails where it was saved with another configuration or seed.
-    pub fn read(path: &Path, blueprint: &Blueprint, seed: u64) -> Result<Self> {
+    pub(super) fn read(path: &Path, blueprint: &Blueprint, seed: u64) -> Result<Self> {
         let text = files::read_text(path, files::TEXT)?;
         let saved: Self = serde_json::from_str(&text)
             .map_err(|e| Error::malformed(path, format!("not a state written by --save-state: {e}; write it again")))?;

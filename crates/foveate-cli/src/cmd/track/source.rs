@@ -17,7 +17,7 @@ use foveate::{Error, Result};
 use crate::terminal;
 
 #[derive(clap::Args)]
-pub struct SourceArgs {
+pub(crate) struct SourceArgs {
     /// What decodes a video file: auto takes the program ffmpeg where it is installed and faster. The boxes do not depend on it
     #[arg(long, value_name = "auto|builtin|ffmpeg", default_value = "auto", value_parser = named(Decoder::ALL))]
     decoder: Decoder,
@@ -53,7 +53,7 @@ pub struct SourceArgs {
 }
 
 /// A value by its name.
-pub fn named<T: Copy + Send + Sync + 'static, const N: usize>(
+pub(crate) fn named<T: Copy + Send + Sync + 'static, const N: usize>(
     all: [(&'static str, T); N],
 ) -> impl TypedValueParser<Value = T> {
     let find = move |name: String| all.into_iter().find(|(n, _)| *n == name).expect("it is one of them").1;
@@ -73,13 +73,13 @@ fn parse_scale(text: &str) -> std::result::Result<f64, String> {
 }
 
 /// Whether a source has no end that is known: a stream, a camera, standard input, a fifo.
-pub fn is_endless(source: &Path) -> bool {
+pub(crate) fn is_endless(source: &Path) -> bool {
     let piped = std::fs::metadata(source).is_ok_and(|about| !about.is_file() && !about.is_dir());
     is_live(source) || source == Path::new("-") || piped
 }
 
 /// A source that was opened, and not read yet.
-pub struct Opened {
+pub(crate) struct Opened {
     pub source: Box<dyn FrameSource>,
     /// Whether its end is not known.
     pub endless: bool,
@@ -90,37 +90,37 @@ pub struct Opened {
 }
 
 /// A source that is read, and what is counted meanwhile.
-pub struct Started {
+pub(crate) struct Started {
     pub source: Box<dyn FrameSource>,
     pub counts: SourceCounts,
 }
 
 /// Frames dropped, and how often a stream was opened again, while the source is read.
-pub struct SourceCounts {
+pub(crate) struct SourceCounts {
     /// Of sources that drop frames, or could.
     pub meter: Option<Meter>,
     reconnected: Option<Arc<AtomicU64>>,
 }
 
 impl SourceArgs {
-    pub fn selection(&self) -> Selection {
+    pub(crate) fn selection(&self) -> Selection {
         let from = self.from.map_or(0, |from| usize::try_from(from - 1).unwrap_or(usize::MAX));
         Selection { from, every: self.every as usize, scale: self.scale }
     }
 
     /// A box of the video, in the pictures as they are tracked in.
-    pub fn scaled(&self, b: &BBox) -> BBox {
+    pub(crate) fn scaled(&self, b: &BBox) -> BBox {
         let s = self.scale;
         BBox { x: s * b.x, y: s * b.y, w: s * b.w, h: s * b.h }
     }
 
-    pub fn options(&self) -> Options {
+    pub(crate) fn options(&self) -> Options {
         let raw = self.raw.map(|(width, height)| Raw { width, height, pixels: self.pix.unwrap_or_default() });
         Options { decoder: self.decoder, raw, notify: note_line, ..Options::default() }
     }
 
     /// Opens a source.
-    pub fn open(&self, path: &Path) -> Result<Opened> {
+    pub(crate) fn open(&self, path: &Path) -> Result<Opened> {
         let (live, mut endless) = (is_live(path), is_endless(path));
         let wrong = |what: &str| Error::Invalid(format!("{}: {what}", path.display()));
         if endless && self.from.is_some() {
@@ -179,7 +179,7 @@ impl SourceArgs {
 
 impl Opened {
     /// Reads ahead, or the newest frame, until the program is to stop.
-    pub fn start(self) -> Started {
+    pub(crate) fn start(self) -> Started {
         if let Some(shape) = self.source.remarks().shape() {
             note!("foveate: {shape}");
         }
@@ -195,7 +195,7 @@ impl Opened {
 
 impl SourceCounts {
     /// Says what is to be said of them at the end.
-    pub fn note(&self) {
+    pub(crate) fn note(&self) {
         let dropped = self.meter.as_ref().map_or(0, Meter::dropped);
         let again = self.reconnected.as_ref().map_or(0, |n| n.load(Ordering::Relaxed));
         if dropped > 0 {
@@ -217,13 +217,13 @@ fn note_line(text: &str) {
 
 /// Where lines go as frames are tracked.
 #[derive(Clone, Debug)]
-pub enum StreamTo {
+pub(crate) enum StreamTo {
     Json,
     Mot,
     Udp(String),
 }
 
-pub fn parse_stream(text: &str) -> std::result::Result<StreamTo, String> {
+pub(crate) fn parse_stream(text: &str) -> std::result::Result<StreamTo, String> {
     match (text, text.strip_prefix("udp:")) {
         ("json", _) => Ok(StreamTo::Json),
         ("mot", _) => Ok(StreamTo::Mot),
@@ -234,7 +234,7 @@ pub fn parse_stream(text: &str) -> std::result::Result<StreamTo, String> {
 
 impl StreamTo {
     /// The observer that writes the lines. Standard output is then theirs alone.
-    pub fn observer(&self, meter: Option<Meter>, remarks: Remarks) -> Result<foveate::report::Stream> {
+    pub(crate) fn observer(&self, meter: Option<Meter>, remarks: Remarks) -> Result<foveate::report::Stream> {
         use foveate::report::{Stream, stream::Format};
         match self {
             Self::Json => Ok(Stream::new(std::io::stdout(), Format::Json, meter, remarks)),
@@ -244,7 +244,7 @@ impl StreamTo {
     }
 
     /// Whether it takes standard output.
-    pub fn takes_output(&self) -> bool {
+    pub(crate) fn takes_output(&self) -> bool {
         !matches!(self, Self::Udp(_))
     }
 }

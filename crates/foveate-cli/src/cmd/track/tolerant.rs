@@ -10,16 +10,16 @@ use foveate::{Error, Result, Seen};
 
 /// The files that could not be written, each with the reason. Clones share one list.
 #[derive(Clone, Default)]
-pub struct FailedOutputs(Rc<RefCell<Vec<(&'static str, String)>>>);
+pub(crate) struct FailedOutputs(Rc<RefCell<Vec<(&'static str, String)>>>);
 
 impl FailedOutputs {
     /// The names of the files.
-    pub fn names(&self) -> Vec<&'static str> {
+    pub(crate) fn names(&self) -> Vec<&'static str> {
         self.0.borrow().iter().map(|(name, _)| *name).collect()
     }
 
     /// Fails if there are some, naming them.
-    pub fn check(&self) -> Result<()> {
+    pub(crate) fn check(&self) -> Result<()> {
         match &self.0.borrow()[..] {
             [] => Ok(()),
             failed => {
@@ -30,7 +30,7 @@ impl FailedOutputs {
     }
 
     /// The observer that writes `files`, of the first frames of a run and fault-tolerant: its first failure ends this observer alone.
-    pub fn tolerate(
+    pub(crate) fn tolerate(
         &self,
         files: &'static [&'static str],
         observer: impl Observer + 'static,

@@ -27,7 +27,7 @@ const MOST: usize = 20;
 /// uses it. Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and ends
 /// with the same bits.
 #[derive(clap::Args)]
-pub struct Args {
+pub(super) struct Args {
     /// Folder with a folder of pictures for each class.
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
@@ -95,7 +95,7 @@ impl Args {
 }
 
 /// Runs the command.
-pub fn run(args: &Args) -> Result<()> {
+pub(super) fn run(args: &Args) -> Result<()> {
     let files = Files::of(&args.out, None, args.restart)?;
     let (config, folder) = args.layer()?;
     let (retina, encoder) = config.identity(&folder)?;

@@ -97,7 +97,7 @@ impl Natural {
 }
 
 /// The retina of a configuration, or else of these windows. Fails where the configuration has none, or windows do not fit.
-pub fn retina(config: Option<&Path>, side: f64, rings: &[[usize; 2]], colour: &[[usize; 2]]) -> Result<Foveal> {
+pub(crate) fn retina(config: Option<&Path>, side: f64, rings: &[[usize; 2]], colour: &[[usize; 2]]) -> Result<Foveal> {
     Foveal::new(match config {
         Some(path) => training::retina_of_config(path)?,
         None => FovealConfig { side, rings: rings.to_vec(), colour: colour.to_vec() },
@@ -105,12 +105,12 @@ pub fn retina(config: Option<&Path>, side: f64, rings: &[[usize; 2]], colour: &[
 }
 
 /// Windows as `--rings` takes them.
-pub fn rings(rings: &[[usize; 2]]) -> String {
+pub(crate) fn rings(rings: &[[usize; 2]]) -> String {
     rings.iter().map(|r| format!("{}/{}", r[0], r[1])).collect::<Vec<_>>().join(",")
 }
 
 /// ` --colour WINDOWS`, where a retina has such.
-pub fn colour(retina: &FovealConfig) -> String {
+pub(crate) fn colour(retina: &FovealConfig) -> String {
     if retina.colour.is_empty() { String::new() } else { format!(" --colour {}", rings(&retina.colour)) }
 }
 

@@ -29,7 +29,7 @@ use crate::terminal;
 /// more with the new model, and fits on both. The figures are those of the last round's tracks.
 /// After Ctrl-C or a kill the same command goes on.
 #[derive(clap::Args)]
-pub struct Args {
+pub(super) struct Args {
     /// The tracker: a configuration file, or the name of one that ships with the program
     #[arg(long, value_name = "FILE|NAME", default_value = "natural")]
     config: String,
@@ -57,7 +57,7 @@ struct Section<'a> {
 }
 
 /// Runs the command.
-pub fn run(args: &Args) -> Result<()> {
+pub(super) fn run(args: &Args) -> Result<()> {
     terminal::catch_interrupts();
     let (mut config, folder) = configure::read(&args.config, &args.changes)?;
     if config.committee > 1 {

@@ -19,7 +19,7 @@ use crate::runs::{self, Entry, Finished, Store};
 
 /// What is to be tracked.
 #[derive(clap::Args)]
-pub struct Tracked {
+pub(super) struct Tracked {
     /// Sequences in OTB layout, or folders that hold them
     #[arg(long, value_name = "DIR", num_args = 1.., required_unless_present = "scene")]
     seqs: Vec<PathBuf>,
@@ -61,7 +61,7 @@ impl Finished for Vec<Judgement> {
 }
 
 /// The videos.
-pub enum Videos {
+pub(super) enum Videos {
     /// Sequences, each with a name for its pictures and truth.
     Sequences(Vec<(Sequence, String)>),
     /// Drawn scenes, their digits, and a name for those. Their camera stands still.
@@ -77,7 +77,7 @@ struct Job {
 
 impl Videos {
     /// Those that the arguments ask for.
-    pub fn of(args: &Tracked) -> Result<Self> {
+    pub(super) fn of(args: &Tracked) -> Result<Self> {
         let Some(name) = args.scene else {
             let named = |sequence: Sequence| Data::with_pictures(&sequence).map(|data| (sequence, data.digest()));
             return Ok(Self::Sequences(find_sequences(&args.seqs)?.into_iter().map(named).collect::<Result<_>>()?));
@@ -96,7 +96,7 @@ impl Videos {
     }
 
     /// A tracker on all of them: each video with each seed, and each backwards after it was forwards.
-    pub fn jobs(&self, args: &Tracked, blueprint: Blueprint) -> Result<Jobs<'_>> {
+    pub(super) fn jobs(&self, args: &Tracked, blueprint: Blueprint) -> Result<Jobs<'_>> {
         let seeds = || (0..args.seeds).map(|i| args.seed.wrapping_add(i));
         let ways = if args.backwards { &[false, true][..] } else { &[false] };
         let all = (0..self.len())
@@ -130,7 +130,7 @@ impl Videos {
 }
 
 /// A tracker on all of them.
-pub struct Jobs<'a> {
+pub(super) struct Jobs<'a> {
     videos: &'a Videos,
     entry: Entry,
     occlusions: u64,
@@ -139,12 +139,12 @@ pub struct Jobs<'a> {
 
 impl Jobs<'_> {
     /// Names of the files.
-    pub fn keys(&self) -> Vec<String> {
+    pub(super) fn keys(&self) -> Vec<String> {
         self.all.iter().map(|job| self.key(job)).collect()
     }
 
     /// All tracks, in the order of the videos; `None` where it was asked to stop.
-    pub fn tracks(&self, store: &Store, label: &str) -> Result<Option<Vec<Judgement>>> {
+    pub(super) fn tracks(&self, store: &Store, label: &str) -> Result<Option<Vec<Judgement>>> {
         let make = |job: &Job| {
             let tracks = self.made(job)?;
             let text = runs::text(&tracks)?;

@@ -32,7 +32,7 @@ const CURVE: (usize, usize) = (30, 2000);
 /// among others, on noise. Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes
 /// on from there and ends with the same bits. The same seed gives the same model for any number of threads.
 #[derive(clap::Args)]
-pub struct Args {
+pub(super) struct Args {
     /// Folder with the four MNIST files, or with a folder `mnist` of them.
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
@@ -204,7 +204,7 @@ impl Args {
 }
 
 /// Runs the command.
-pub fn run(args: &Args) -> Result<()> {
+pub(super) fn run(args: &Args) -> Result<()> {
     let files = Files::of(&args.out, None, args.restart)?;
     let recipe = args.recipe();
     recipe.check()?;

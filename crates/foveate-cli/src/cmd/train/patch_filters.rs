@@ -15,7 +15,7 @@ use super::common::{self, Glimpses, Natural};
 /// Progress is kept in FILE.checkpoint: after an interruption (Ctrl-C, kill) the same command goes on from there and
 /// ends with the same bits. The same seed gives the same model for any number of threads.
 #[derive(clap::Args)]
-pub struct Args {
+pub(super) struct Args {
     #[command(flatten)]
     natural: Natural,
     /// Filters.
@@ -62,7 +62,7 @@ impl Args {
         )
     }
     /// Runs the command.
-    pub fn run(&self) -> Result<()> {
+    pub(super) fn run(&self) -> Result<()> {
         let (files, recipe, side) = (self.natural.files()?, self.recipe(), usize::from(self.patch));
         recipe.check()?;
         let glimpses = self.natural.glimpses()?;

@@ -17,7 +17,7 @@ use crate::cmd::results::{spare, writable};
 /// over each track, for `[variation] covariance = "FILE"` of a configuration: what varies much tells less of where the target is.
 /// The same sequences give the same file.
 #[derive(clap::Args)]
-pub struct Args {
+pub(super) struct Args {
     /// Sequences in OTB layout, or folders that hold them
     #[arg(long, value_name = "DIR", num_args = 1.., required = true)]
     seqs: Vec<PathBuf>,
@@ -38,7 +38,7 @@ pub struct Args {
 }
 
 /// Runs the command.
-pub fn run(args: &Args) -> Result<()> {
+pub(super) fn run(args: &Args) -> Result<()> {
     writable(&args.out)?;
     spare(&args.out, &[args.config.as_ref()])?;
     let (config, _) = configure::read(&args.config, &args.changes)?;

@@ -5,7 +5,7 @@ use std::io::BufRead;
 use foveate::{Error, Result};
 
 /// What every message begins with. Lines without it are nobody's.
-pub const PREFIX: &str = "@@TRAX:";
+pub(super) const PREFIX: &str = "@@TRAX:";
 /// The longest line that is read, bytes: a polygon of some 60,000 corners.
 const LONGEST: usize = 1 << 20;
 /// The longest name of a property.
@@ -13,7 +13,7 @@ const LONGEST_KEY: usize = 64;
 
 /// A message, or what could be read of one.
 #[derive(Debug, Default, PartialEq)]
-pub struct Message {
+pub(super) struct Message {
     /// Its type in lower case: initialize, frame, quit.
     pub kind: String,
     /// What stands in it without a key.
@@ -26,7 +26,7 @@ pub struct Message {
 ///
 /// # Errors
 /// The stream breaks, a line is longer than 1 MiB or no text, or a message is malformed.
-pub fn next(input: &mut impl BufRead) -> Result<Option<Message>> {
+pub(super) fn next(input: &mut impl BufRead) -> Result<Option<Message>> {
     loop {
         let Some(line) = line(input)? else { return Ok(None) };
         if let Some(text) = line.strip_prefix(PREFIX) {
@@ -120,7 +120,7 @@ fn is_key(key: &str) -> bool {
 }
 
 /// A message as a line.
-pub fn format(kind: &str, arguments: &[&str], properties: &[(&str, &str)]) -> String {
+pub(super) fn format(kind: &str, arguments: &[&str], properties: &[(&str, &str)]) -> String {
     let escape = |text: &str| text.replace('\\', "\\\\").replace('"', "\\\"").replace('\n', "\\n");
     let arguments = arguments.iter().map(|a| format!(" \"{}\"", escape(a)));
     let properties = properties.iter().map(|(key, value)| format!(" \"{key}={}\"", escape(value)));

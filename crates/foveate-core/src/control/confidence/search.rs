@@ -16,7 +16,7 @@ pub(super) struct SearchState {
 
 impl SearchState {
     /// Takes a frame in. Returns whether the target is found in it. `elsewhere`: another place fits better, so that nothing is found.
-    pub fn update(&mut self, model: &ConfidenceModel, p_lost: f64, elsewhere: bool) -> bool {
+    pub(super) fn update(&mut self, model: &ConfidenceModel, p_lost: f64, elsewhere: bool) -> bool {
         let searching = self.is_searching;
         let weight = if searching && elsewhere { 0.0 } else { model.weight_of_frame(searching, p_lost) };
         self.against = if weight > 0.0 { self.against + weight } else { 0.0 };

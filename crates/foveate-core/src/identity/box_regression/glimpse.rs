@@ -17,7 +17,7 @@ const SOFT: f32 = 8.0;
 
 /// Buffers of a glimpse, and the glimpse.
 #[derive(Clone, Debug, Default)]
-pub struct Glimpse {
+pub(super) struct Glimpse {
     across: Vec<(usize, f32)>,
     down: Vec<(usize, f32)>,
     ends: [Vec<usize>; 2],
@@ -30,7 +30,7 @@ pub struct Glimpse {
 
 impl Glimpse {
     /// Looks at a box. Outside the picture its border goes on.
-    pub fn take(&mut self, image: &Image, state: &State, extent: Extent) {
+    pub(super) fn take(&mut self, image: &Image, state: &State, extent: Extent) {
         let (half_w, half_h) = state.half(extent);
         let Self { across, down, ends: [to_right, to_bottom], row, values, read } = self;
         let (left, width) = cells(state.x, half_w, image.width(), across, to_right);

@@ -56,7 +56,7 @@ pub struct Network {
 
 /// What is kept of the target's own picture.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Template {
+pub(super) struct Template {
     /// As the third layer has them.
     pub(super) features: Vec<f32>,
     /// The same, each place of length 1.
@@ -80,7 +80,7 @@ pub struct Answer {
 
 /// What a look needs, taken once.
 #[derive(Clone, Debug, Default)]
-pub struct Scratch {
+pub(super) struct Scratch {
     framed: Vec<f32>,
     found: Vec<f32>,
     features: Vec<f32>,
@@ -89,7 +89,7 @@ pub struct Scratch {
 
 impl Scratch {
     /// Of the glimpse that was looked at last.
-    pub fn features(&self) -> &[f32] {
+    pub(super) fn features(&self) -> &[f32] {
         &self.features
     }
 }

@@ -33,7 +33,7 @@ pub(in crate::identity) struct Learning {
 
 impl Sums {
     /// Fades the sums, and adds a share of `rows` at `places`.
-    pub fn learn(&mut self, Learning { rows, labels, .. }: &Learning, n: usize, (keep, share): (f32, f32)) {
+    pub(super) fn learn(&mut self, Learning { rows, labels, .. }: &Learning, n: usize, (keep, share): (f32, f32)) {
         match keep > 0.0 {
             true => kernels::add_outer(rows, n, keep, share, &mut self.gram),
             false => outer(rows, n, &mut self.gram),
@@ -56,7 +56,7 @@ pub(super) struct Regression {
 
 impl Regression {
     /// Conjugate gradients from `weights` on: so many steps towards the ridge regression of both sums.
-    pub fn solve(
+    pub(super) fn solve(
         &self,
         begun: &Sums,
         recent: &Sums,

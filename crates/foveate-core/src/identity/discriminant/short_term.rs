@@ -56,23 +56,23 @@ pub(super) struct Recent {
 
 impl Recent {
     /// With room for as much as there is.
-    pub fn new(sums: &Sums, weights: &[f32]) -> Self {
+    pub(super) fn new(sums: &Sums, weights: &[f32]) -> Self {
         Self { sums: sums.clone(), weights: weights.to_vec(), apart: None, aside: false }
     }
 
-    pub fn forget(&mut self) {
+    pub(super) fn forget(&mut self) {
         self.apart = None;
     }
 
     /// Learns the frame that the long-term one has just learned.
-    pub fn learn_too(&mut self, regression: &Regression, begun: &Sums, learning: &mut Learning) {
+    pub(super) fn learn_too(&mut self, regression: &Regression, begun: &Sums, learning: &mut Learning) {
         let Some(apart) = self.apart else { return };
         self.learn(regression, begun, learning);
         let left = apart * (1.0 - regression.settings.learning_rate);
         self.apart = (left > SAME).then_some(left);
     }
 
-    pub fn learn(&mut self, regression: &Regression, begun: &Sums, learning: &mut Learning) {
+    pub(super) fn learn(&mut self, regression: &Regression, begun: &Sums, learning: &mut Learning) {
         self.sums.learn(learning, self.weights.len(), regression.settings.fading());
         regression.solve(begun, &self.sums, &mut self.weights, learning, STEPS.1);
     }

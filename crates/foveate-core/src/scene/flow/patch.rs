@@ -23,7 +23,7 @@ pub(super) struct Patch {
 }
 
 impl Patch {
-    pub fn cut(from: &Map, x: usize, y: usize) -> Self {
+    pub(super) fn cut(from: &Map, x: usize, y: usize) -> Self {
         let mut made = kernels::Patch::default();
         let [xx, xy, yy] = window::<{ PATCH + 2 }, _>(from, x as f32 - 1.0, y as f32 - 1.0, |values, stride| {
             kernels::cut_patch(values, stride, &mut made)
@@ -34,7 +34,7 @@ impl Patch {
         Self { x, y, made, inverse }
     }
     /// The position of the patch: steps from `start` while the error decreases; `start` if they lead too far.
-    pub fn search(&self, before: &Map, now: &Map, start: (f32, f32)) -> (f32, f32) {
+    pub(super) fn search(&self, before: &Map, now: &Map, start: (f32, f32)) -> (f32, f32) {
         let Some([xx, xy, yy]) = self.inverse else { return start };
         let (mut best, mut least, mut flow) = (start, f32::INFINITY, start);
         let limit = (before.width() as f32, before.height() as f32);
@@ -64,7 +64,14 @@ impl Patch {
         window::<{ PATCH + 1 }, _>(now, left, top, |values, stride| of(values, stride, (x - left, y - top)))
     }
     /// Adds the patch's flow to its pixels, each as far as it explains the pixel: weight 1 / max(error, 2 grey levels).
-    pub fn spread(&self, before: &Map, now: &Map, flow: (f32, f32), (u, v): (&mut Map, &mut Map), weight: &mut [f32]) {
+    pub(super) fn spread(
+        &self,
+        before: &Map,
+        now: &Map,
+        flow: (f32, f32),
+        (u, v): (&mut Map, &mut Map),
+        weight: &mut [f32],
+    ) {
         let (w, h) = (before.width(), before.height());
         let moved = self.moved(now, flow, kernels::patch_between);
         let width = PATCH.min(w - self.x);

@@ -79,13 +79,13 @@ struct Target {
 }
 
 impl Counter {
-    pub fn new(targets: usize) -> Self {
+    pub(super) fn new(targets: usize) -> Self {
         Self { clear: Clear::default(), targets: vec![Target::default(); targets], shared: 0 }
     }
 
     /// One frame. Pairs of the shared frame before stay together while they overlap by half; the rest is matched for
     /// the largest sum of overlaps.
-    pub fn frame(&mut self, frame_table: &FrameTable, overlaps: &[f64]) {
+    pub(super) fn frame(&mut self, frame_table: &FrameTable, overlaps: &[f64]) {
         let (rows, columns) = (frame_table.truth.len(), frame_table.found.len());
         frame_table.truth.iter().for_each(|&(id, _)| self.targets[id].frames += 1);
         let mut matches = 0;
@@ -127,7 +127,7 @@ impl Counter {
         target.last = Some((id, self.shared));
     }
 
-    pub fn finish(mut self) -> Clear {
+    pub(super) fn finish(mut self) -> Clear {
         for target in &self.targets {
             let share = ratio(target.found as f64, target.frames as f64);
             *match share {

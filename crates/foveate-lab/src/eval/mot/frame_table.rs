@@ -19,7 +19,7 @@ pub(super) struct FrameTable {
 
 impl FrameTable {
     /// Intersection over union of each true box (row) with each found one (column).
-    pub fn overlaps(&self) -> Vec<f64> {
+    pub(super) fn overlaps(&self) -> Vec<f64> {
         self.truth.iter().flat_map(|(_, t)| self.found.iter().map(|(_, f)| overlap(t, f))).collect()
     }
 }
@@ -50,7 +50,7 @@ pub(super) struct FrameTables {
 impl FrameTables {
     /// # Errors
     /// An id is negative or twice in a frame, or there are too many boxes.
-    pub fn of(truth: &Tracks, results: &Tracks) -> Result<Self> {
+    pub(super) fn of(truth: &Tracks, results: &Tracks) -> Result<Self> {
         // A mark between 0 and 1 is no mark: MOTChallenge's tools cut it to a whole number.
         let counts = |s: &&TrackBox| s.confidence.trunc() != 0.0;
         let truth = numbered("truth", truth.sightings.iter().filter(counts).collect())?;

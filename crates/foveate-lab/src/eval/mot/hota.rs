@@ -111,7 +111,7 @@ pub(super) struct Counter {
 }
 
 impl Counter {
-    pub fn frame(&mut self, frame_table: &FrameTable, overlaps: &[f64]) {
+    pub(super) fn frame(&mut self, frame_table: &FrameTable, overlaps: &[f64]) {
         let columns = frame_table.found.len();
         let mut of_found = vec![0.0; columns];
         for row in overlaps.chunks_exact(columns.max(1)) {
@@ -129,7 +129,7 @@ impl Counter {
     }
 
     /// Matches every frame for the largest sum of (how well ids go together) × overlap, and counts.
-    pub fn finish(self, all: &FrameTables) -> Hota {
+    pub(super) fn finish(self, all: &FrameTables) -> Hota {
         let (mut targets, mut tracks) = (vec![0.0; all.ids.0], vec![0.0; all.ids.1]);
         for frame_table in &all.frames {
             frame_table.truth.iter().for_each(|&(id, _)| targets[id] += 1.0);

@@ -49,7 +49,7 @@ pub(super) struct Counter {
 }
 
 impl Counter {
-    pub fn frame(&mut self, frame_table: &FrameTable, overlaps: &[f64]) {
+    pub(super) fn frame(&mut self, frame_table: &FrameTable, overlaps: &[f64]) {
         let pairs = frame_table
             .truth
             .iter()
@@ -60,7 +60,7 @@ impl Counter {
     }
 
     /// Tracks are given to targets such that most boxes are right, which makes IDF1 largest too.
-    pub fn finish(self, ids: (usize, usize), boxes: (usize, usize)) -> Identity {
+    pub(super) fn finish(self, ids: (usize, usize), boxes: (usize, usize)) -> Identity {
         let mut scores = vec![0.0; ids.0 * ids.1];
         for (&(target, id), &frames) in &self.together {
             scores[target * ids.1 + id] = frames as f64;

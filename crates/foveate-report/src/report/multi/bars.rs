@@ -14,7 +14,7 @@ const ROW: f64 = 22.0;
 const AXIS: f64 = 30.0;
 
 /// A row a track: filled where tracked, pale where occluded, a thin line where lost; a ring at each re-identification.
-pub fn bars(tracks: &[(u64, &Track)], last: usize) -> String {
+pub(super) fn bars(tracks: &[(u64, &Track)], last: usize) -> String {
     let name = |id: u64| format!("id {id}");
     let longest = tracks.iter().map(|(id, _)| name(*id).len()).max().unwrap_or(0);
     let left = 20.0 + LETTER * longest.max(5) as f64;
