@@ -30,7 +30,7 @@ pub(crate) struct Network {
 
 impl Graph {
     /// Reads a file. `path` stands for it in errors.
-    pub fn read(bytes: &[u8], path: &Path) -> Result<Self> {
+    pub(crate) fn read(bytes: &[u8], path: &Path) -> Result<Self> {
         let read = caught(|| {
             // Sizes of values within the graph are computed: those that a file states may be of another batch.
             let onnx = tract_onnx::onnx().with_ignore_value_info(true);
@@ -68,12 +68,12 @@ impl Graph {
     }
 
     /// Sides of its input; `None` where it leaves one open.
-    pub fn sides(&self) -> &[Option<usize>] {
+    pub(crate) fn sides(&self) -> &[Option<usize>] {
         &self.sides
     }
 
     /// An error of this file.
-    pub fn error(&self, problem: impl Into<String>) -> Error {
+    pub(crate) fn error(&self, problem: impl Into<String>) -> Error {
         Error::malformed(&self.path, problem)
     }
 
@@ -82,7 +82,7 @@ impl Graph {
     /// # Errors
     /// Where they do not fit, an operator is not known, sides of the output depend on what is seen, or it takes more memory
     /// than there may be.
-    pub fn network(&self, sides: &[usize]) -> Result<Network> {
+    pub(crate) fn network(&self, sides: &[usize]) -> Result<Network> {
         let shown = fixed(sides);
         let cannot = |e: String| self.error(format!("it cannot be run with an input of {shown} ({e})"));
         let typed = caught(|| {
@@ -118,7 +118,7 @@ impl Graph {
 
 impl Network {
     /// Sides of its output.
-    pub fn output(&self) -> &[usize] {
+    pub(crate) fn output(&self) -> &[usize] {
         &self.output
     }
 
@@ -126,7 +126,7 @@ impl Network {
     ///
     /// # Errors
     /// Where it fails after all: then `output` holds anything.
-    pub fn run(&self, input: &[f32], output: &mut [f32]) -> Result<()> {
+    pub(crate) fn run(&self, input: &[f32], output: &mut [f32]) -> Result<()> {
         let ran = caught(|| {
             let input = Tensor::from_shape(&self.input, input)?;
             let said = self.plan.run(tvec!(input.into()))?;

@@ -47,7 +47,7 @@ fn time(encoder: &str, file: &File, frames: &[Image], truth: &[Option<BBox>]) ->
         tracker.init(&frames[0], first)?;
         let mut boxes = vec![];
         let seconds = clock::seconds(|| {
-            let update = |image| tracker.update(image).expect("pictures of one size").bbox;
+            let update = |image: &Image| tracker.update(image).expect("pictures of one size").bbox;
             boxes.extend(frames[1..].iter().map(update));
         });
         best = best.min(1e3 * seconds / boxes.len() as f64);

@@ -3,7 +3,7 @@
 use super::writer::{Attribute, Network};
 
 /// Numbers from −0.5 to 0.5, the same each time.
-pub fn numbers(n: usize, seed: u32) -> Vec<f32> {
+pub(crate) fn numbers(n: usize, seed: u32) -> Vec<f32> {
     let next = |state: &mut u32, _| {
         *state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
         Some((*state >> 8) as f32 / (1 << 24) as f32 - 0.5)
@@ -12,12 +12,12 @@ pub fn numbers(n: usize, seed: u32) -> Vec<f32> {
 }
 
 /// What it is fed.
-pub fn identity(sides: &[i64]) -> Vec<u8> {
+pub(crate) fn identity(sides: &[i64]) -> Vec<u8> {
     Network::new(sides, sides).node("Identity", &["x"], "y", &[]).file()
 }
 
 /// `weights` is inputs × features, row-major.
-pub fn linear(batch: i64, inputs: usize, features: usize, weights: &[f32], bias: &[f32]) -> Vec<u8> {
+pub(crate) fn linear(batch: i64, inputs: usize, features: usize, weights: &[f32], bias: &[f32]) -> Vec<u8> {
     let (n_v, n_h) = (inputs as i64, features as i64);
     let network =
         Network::new(&[batch, n_v], &[batch, n_h]).floats("w", &[n_v, n_h], weights).floats("b", &[n_h], bias);
@@ -25,7 +25,7 @@ pub fn linear(batch: i64, inputs: usize, features: usize, weights: &[f32], bias:
 }
 
 /// 3 × 3 filters on one plane, what is above 0, means over 2 × 2 places.
-pub fn convolution(side: usize, filters: usize, weights: &[f32], bias: &[f32]) -> Vec<u8> {
+pub(crate) fn convolution(side: usize, filters: usize, weights: &[f32], bias: &[f32]) -> Vec<u8> {
     let (s, f) = (side as i64, filters as i64);
     let places = (s - 2) / 2;
     let two = Attribute::Ints("kernel_shape", &[2, 2]);
@@ -39,7 +39,7 @@ pub fn convolution(side: usize, filters: usize, weights: &[f32], bias: &[f32]) -
 }
 
 /// A small network as people train them: three convolutions with stride 2, 16, 32 and 32 filters, 512 features of 3 × 32 × 32 values.
-pub fn deep(planes: usize) -> Vec<u8> {
+pub(crate) fn deep(planes: usize) -> Vec<u8> {
     let p = planes as i64;
     let halve = || [Attribute::Ints("strides", &[2, 2]), Attribute::Ints("pads", &[1, 1, 1, 1])];
     let scaled = |n: usize, inputs: usize, seed| -> Vec<f32> {
@@ -61,7 +61,7 @@ pub fn deep(planes: usize) -> Vec<u8> {
 
 /// A detector that gives these numbers whatever it sees, but that scores, which are in `scored` places 1 and else 0, are multiplied by
 /// the contrast of the input (largest value less the smallest).
-pub fn boxes(input: &[i64], output: &[i64], numbers: &[f32], scored: &[f32]) -> Vec<u8> {
+pub(crate) fn boxes(input: &[i64], output: &[i64], numbers: &[f32], scored: &[f32]) -> Vec<u8> {
     let other: Vec<f32> = numbers.iter().zip(scored).map(|(x, scored)| x * (1.0 - scored)).collect();
     let scores: Vec<f32> = numbers.iter().zip(scored).map(|(x, scored)| x * scored).collect();
     let all = || [Attribute::Int("keepdims", 0)];

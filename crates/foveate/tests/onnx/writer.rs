@@ -39,7 +39,7 @@ impl Message {
 }
 
 /// What an operator is told beside its inputs.
-pub enum Attribute<'a> {
+pub(crate) enum Attribute<'a> {
     Int(&'a str, i64),
     Ints(&'a str, &'a [i64]),
     Float(&'a str, f32),
@@ -57,10 +57,10 @@ impl Attribute<'_> {
 }
 
 /// Sides of an input or output; what is left open has 0.
-pub type Sides<'a> = &'a [i64];
+pub(crate) type Sides<'a> = &'a [i64];
 
 /// A graph with one input `x` and one output `y`.
-pub struct Network {
+pub(crate) struct Network {
     graph: Message,
 }
 
@@ -81,17 +81,17 @@ const INT64: i64 = 7;
 
 impl Network {
     /// With an input of these sides and an output of these, of 32-bit numbers.
-    pub fn new(input: Sides<'_>, output: Sides<'_>) -> Self {
+    pub(crate) fn new(input: Sides<'_>, output: Sides<'_>) -> Self {
         Self::of(FLOAT, input, output)
     }
     /// With an input of another kind of numbers.
-    pub fn of(kind: i64, input: Sides<'_>, output: Sides<'_>) -> Self {
+    pub(crate) fn of(kind: i64, input: Sides<'_>, output: Sides<'_>) -> Self {
         let graph = Message::default().text(2, "test");
         let graph = graph.message(11, &value("x", kind, input)).message(12, &value("y", FLOAT, output));
         Self { graph }
     }
     /// An operator from named inputs to one named output.
-    pub fn node(mut self, op: &str, inputs: &[&str], output: &str, attributes: &[Attribute<'_>]) -> Self {
+    pub(crate) fn node(mut self, op: &str, inputs: &[&str], output: &str, attributes: &[Attribute<'_>]) -> Self {
         let node = inputs.iter().fold(Message::default(), |node, input| node.text(1, input));
         let node = node.text(2, output).text(3, output).text(4, op);
         let node = attributes.iter().fold(node, |node, a| node.message(5, &a.message()));
@@ -99,19 +99,19 @@ impl Network {
         self
     }
     /// Numbers of these sides, by name.
-    pub fn floats(mut self, name: &str, sides: Sides<'_>, values: &[f32]) -> Self {
+    pub(crate) fn floats(mut self, name: &str, sides: Sides<'_>, values: &[f32]) -> Self {
         let raw: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         self.graph = self.graph.message(5, &tensor(name, FLOAT, sides, &raw));
         self
     }
     /// Whole numbers of these sides, by name.
-    pub fn ints(mut self, name: &str, sides: Sides<'_>, values: &[i64]) -> Self {
+    pub(crate) fn ints(mut self, name: &str, sides: Sides<'_>, values: &[i64]) -> Self {
         let raw: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         self.graph = self.graph.message(5, &tensor(name, INT64, sides, &raw));
         self
     }
     /// The file.
-    pub fn file(&self) -> Vec<u8> {
+    pub(crate) fn file(&self) -> Vec<u8> {
         let opset = Message::default().text(1, "").int(2, 17);
         Message::default().int(1, 8).text(2, "foveate tests").message(7, &self.graph).message(8, &opset).0
     }

@@ -15,7 +15,7 @@ pub(super) struct Reading {
 
 impl Reading {
     /// The layout of an output with this shape. Fails with the expected shape.
-    pub fn new(layout: Layout, output: &[usize]) -> Result<Self, &'static str> {
+    pub(super) fn new(layout: Layout, output: &[usize]) -> Result<Self, &'static str> {
         let [1, a, b] = *output else { return Err("expected (1, 4 + classes, boxes) or (1, boxes, 5 + classes)") };
         let wanted = |ok: bool, reading: Self, what| if ok { Ok(reading) } else { Err(what) };
         let reading = |layout, boxes, numbers| Self { layout, boxes, numbers };
@@ -37,7 +37,7 @@ impl Reading {
     }
 
     /// The number of classes, if the output determines it.
-    pub fn classes(&self) -> Option<usize> {
+    pub(super) fn classes(&self) -> Option<usize> {
         match self.layout {
             Layout::Yolov5 => Some(self.numbers - 5),
             Layout::EndToEnd => None,
@@ -47,7 +47,7 @@ impl Reading {
 
     /// Calls `take` with left, top, right, bottom, score and class of every box of a score of at least `least`, above 0. Of equal
     /// scores the first class counts.
-    pub fn each(&self, output: &[f32], least: f64, mut take: impl FnMut([f64; 4], f64, usize)) {
+    pub(super) fn each(&self, output: &[f32], least: f64, mut take: impl FnMut([f64; 4], f64, usize)) {
         let number = |k: usize, i: usize| match self.layout {
             Layout::Auto | Layout::Yolov8 => output[i * self.boxes + k],
             Layout::Yolov5 | Layout::EndToEnd => output[k * self.numbers + i],

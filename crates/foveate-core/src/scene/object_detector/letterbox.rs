@@ -17,7 +17,7 @@ pub(super) struct Letterbox {
 
 impl Letterbox {
     /// For a picture and an input of these widths and heights.
-    pub fn new(picture: (usize, usize), input: (usize, usize)) -> Self {
+    pub(super) fn new(picture: (usize, usize), input: (usize, usize)) -> Self {
         let scale = (input.0 as f64 / picture.0 as f64).min(input.1 as f64 / picture.1 as f64);
         let side = |of: usize, most: usize| ((of as f64 * scale).round() as usize).clamp(1, most);
         let (width, height) = (side(picture.0, input.0), side(picture.1, input.1));
@@ -25,7 +25,7 @@ impl Letterbox {
     }
 
     /// Writes the planes of an input of this width, 0 to 1; red, green and blue, or grey.
-    pub fn fill(&self, image: &Image, width: usize, planes: &mut [&mut [f32]]) {
+    pub(super) fn fill(&self, image: &Image, width: usize, planes: &mut [&mut [f32]]) {
         let [left, top, columns, rows] = self.place;
         let taps = |n: usize, of: usize| -> Vec<(usize, usize, f32)> {
             let scale = of as f64 / n as f64;
@@ -56,7 +56,7 @@ impl Letterbox {
 
     /// The box of the picture for these edges in the input (left, top, right, bottom), clipped to the picture; `None`
     /// if less than a pixel remains.
-    pub fn back(&self, [left, top, right, bottom]: [f64; 4]) -> Option<BBox> {
+    pub(super) fn back(&self, [left, top, right, bottom]: [f64; 4]) -> Option<BBox> {
         let ((width, height), [x, y, columns, rows]) = (self.picture, self.place.map(|n| n as f64));
         let (width, height) = (width as f64, height as f64);
         let along = |at: f64, from: f64, n: f64, of: f64| ((at - from) * of / n).clamp(0.0, of);
