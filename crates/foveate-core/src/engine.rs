@@ -1,8 +1,8 @@
 //! Algorithm 1 of Denil et al. (2012): particle filtering with gaze control, one frame at a time.
 //!
-//! [`Engine::step`] is the paper's loop. Each verb of it is one function that takes the data it reads and returns the data it makes:
-//! `predict` and `select` in `engine/filter.rs`, `plan` and `rewards` in `engine/gaze.rs`, `log_likelihoods` in `engine/view.rs`, `weigh` in
-//! `engine/particles.rs`, and beyond the paper `search` in `engine/search.rs` and `judge` and `learn` in `engine/monitor.rs`.
+//! [`Engine::step`] is the paper's loop. Each operation is one function that takes the data it reads and returns the data it makes:
+//! `predict` and `select` in `engine/filter.rs`, `plan` and `rewards` in `engine/gaze.rs`, `log_likelihoods` in `engine/view.rs`, `weigh`
+//! in `engine/particles.rs`, and beyond the paper `search` in `engine/search.rs` and `judge` and `learn` in `engine/monitor.rs`.
 
 mod coast;
 mod distractors;
@@ -47,10 +47,10 @@ use foveate_base::Result;
 use foveate_base::rng::Purpose::{Look, Recognize, Select};
 use foveate_base::rng::Streams;
 
-/// The replaceable parts of a tracker, grouped as the paper is.
+/// The replaceable parts of a tracker, grouped as in the paper.
 #[non_exhaustive]
 pub struct Parts {
-    /// WHERE is it? Prediction, selection, the search for a lost target.
+    /// WHERE is it? Prediction, selection, and the search for a lost target.
     pub filter: Filter,
     /// WHERE TO LOOK? The policy and its reward.
     pub gaze: GazeControl,
@@ -59,26 +59,26 @@ pub struct Parts {
     /// Is it lost?
     pub monitor: Monitor,
     extras: Extras,
-    /// The parts of a second tracker, whose box is compared with that of this one.
+    /// The parts of a second tracker; the overlap of the two boxes is a cue of P(lost).
     pub second_opinion: Option<Box<Parts>>,
 }
 
 impl Parts {
-    /// These parts, without a recogniser, box regression and a second opinion.
+    /// Combines these parts, without a recogniser, box regression or second tracker.
     pub fn new(filter: Filter, gaze: GazeControl, appearance: Box<dyn Appearance>, monitor: Monitor) -> Self {
         Self { filter, gaze, appearance, monitor, extras: Extras::default(), second_opinion: None }
     }
-    /// The same, with a recogniser of the target's class. It never changes the track, unless it has an alarm.
+    /// Sets the recogniser of the target's class. It never changes the track, unless it has an alarm.
     pub fn with_recognition(mut self, recognition: Option<Recognition>) -> Self {
         self.extras.recognition = recognition;
         self
     }
-    /// The same, with box regression: the borders of the target, from the box at the estimate.
+    /// Sets the box regression, which estimates the borders of the target from the box at the estimate.
     pub fn with_box_regression(mut self, box_regression: Option<BoxRegression>) -> Self {
         self.extras.box_regression = box_regression;
         self
     }
-    /// The same, with a second tracker of these parts, whose box is compared with that of this one.
+    /// Sets the parts of a second tracker; the overlap of the two boxes is a cue of P(lost).
     pub fn with_second_tracker(self, second_opinion: Option<Self>) -> Self {
         Self { second_opinion: second_opinion.map(Box::new), ..self }
     }
@@ -87,27 +87,27 @@ impl Parts {
 /// Flips one bit of a target's number for its second tracker, so that the two share no random draw.
 const SECOND: u64 = 1 << 63;
 
-/// One target being followed.
+/// The filter of one target.
 pub(crate) struct Engine {
     parts: Parts,
     second: Option<Box<Self>>,
     streams: Streams,
     target: Option<Target>,
-    /// Steps since the target was given.
+    /// Steps since the target was set.
     frame: u64,
-    /// How the last frame ended, for the policy.
+    /// The state at the end of the last frame, for the policy.
     context: Context,
     visibility: Visibility,
     record: Record,
 }
 
-/// The results of one frame. Their buffers are grown once.
+/// The results of one frame. Their buffers are allocated once.
 #[derive(Default)]
 struct Record {
     belief: Particles,
     plan: Plan,
     looks: Looks,
-    /// One value for each gaze of the plan: its log evidence, nats, and its reward.
+    /// The log evidence of each gaze of the plan, nats, and its reward.
     gaze_evidence: Vec<f64>,
     rewards: Vec<f64>,
     /// The reward of each gaze that the plan records.
@@ -119,12 +119,12 @@ struct Record {
     reported: Option<(Estimate, TrackConfidence)>,
     /// The pixels of the picture that were read.
     meter: Meter,
-    /// The values that were read: pixels times planes, or those that a sensor read.
+    /// The number of values read: pixels times planes, or the values that a sensor read.
     values: usize,
     scratch: Scratch,
 }
 
-/// Buffers that engines need only during a step: as many targets as threads are looked at at a time.
+/// Buffers that an engine needs only during a step. At most as many are in use as there are threads.
 #[derive(Default)]
 pub(crate) struct Buffers {
     record: Record,
@@ -132,7 +132,7 @@ pub(crate) struct Buffers {
 }
 
 impl Engine {
-    /// An engine of these parts, with its own streams of randomness named by `seed` and `target`.
+    /// Creates an engine of these parts, with random streams that are named by `seed` and `target`.
     pub(crate) fn new(mut parts: Parts, seed: u64, target: u64) -> Self {
         let second = parts.second_opinion.take();
         Self {
@@ -147,10 +147,10 @@ impl Engine {
         }
     }
 
-    /// Algorithm 1, one frame. Panics before [`Engine::init`].
+    /// Runs one frame of Algorithm 1. Panics before [`Engine::init`].
     ///
     /// # Errors
-    /// If a sensor cannot read its source: then the target has to be given anew.
+    /// If a sensor cannot read its source. The caller must then set the target again.
     pub(crate) fn step<'a>(&'a mut self, world: World<'a, '_>) -> Result<Seen<'a>> {
         let (t, target, streams, mut last) = self.begin();
         let Self { parts, second, context, visibility, .. } = self;
@@ -192,21 +192,22 @@ impl Engine {
         Ok(self.finish(scene, values))
     }
 
-    /// Algorithm 1 on a picture in memory. Panics before [`Engine::init`].
+    /// Runs one frame of Algorithm 1 on a picture in memory. Panics before [`Engine::init`].
     pub(crate) fn step_on<'a>(&'a mut self, scene: Scene<'a>) -> Seen<'a> {
         self.step(World::Picture(scene)).expect("a picture in memory can be read")
     }
 
-    /// Starts a frame: its number, the target, the streams, and the results of the last frame, whose buffers are used again.
+    /// Starts a frame. Returns its number, the target, the random streams, and the results of the last frame, whose buffers are used
+    /// again.
     fn begin(&mut self) -> (u64, Target, Streams, Record) {
         self.frame += 1;
         let mut last = std::mem::take(&mut self.record);
-        // Reads since the last step, for observers and similarities, are not those of this frame.
+        // Drops the reads since the last step, which were for observers and similarities.
         self.parts.appearance.measure(&mut last.meter);
         (self.frame, *self.target(), self.streams, last)
     }
 
-    /// Ends a frame: counts what was read, scores the gazes that are recorded for observers, and commits to a gaze if the policy does.
+    /// Ends a frame: counts the values read, scores the gazes that are recorded for observers, and commits to a gaze if the policy does.
     fn finish<'a>(&'a mut self, scene: Scene<'a>, values: Option<usize>) -> Seen<'a> {
         self.measure(scene.image.planes(), values);
         self.record_gazes(scene);
@@ -214,7 +215,7 @@ impl Engine {
         self.report(scene)
     }
 
-    /// Counts the pixels that were read; `values` are those of a sensor.
+    /// Counts the pixels that were read; `values` is the number that a sensor read.
     fn measure(&mut self, planes: usize, values: Option<usize>) {
         let (parts, Record { meter, values: counted, .. }) = (&mut self.parts, &mut self.record);
         meter.clear();
@@ -226,8 +227,8 @@ impl Engine {
         *counted = values.unwrap_or_else(|| meter.pixels() * planes);
     }
 
-    /// The rewards of gazes that the plan records for observers, by the belief at the end of the frame: if a search drew particles again, that
-    /// is not the belief by which the planned gazes were scored.
+    /// Computes the rewards of the gazes that the plan records for observers, from the belief at the end of the frame. If a search drew
+    /// particles again, this belief differs from the one that scored the planned gazes.
     fn record_gazes(&mut self, scene: Scene<'_>) {
         let (target, Record { belief, plan, looks, recorded, scratch, .. }) = (*self.target(), &mut self.record);
         recorded.clear();
@@ -240,7 +241,7 @@ impl Engine {
         *recorded = gaze.rewards(belief, looks, target.extent, std::mem::take(recorded));
     }
 
-    /// If the policy looks at one place from now on, everything is learned of that place, from the first picture on.
+    /// If the policy has committed to one gaze, trains the appearance again under that gaze, from frame 1 on.
     fn commit_gaze(&mut self) {
         let (streams, Parts { appearance, gaze, monitor, .. }) = (self.streams, &mut self.parts);
         let Some(gaze) = gaze.policy.committed_gaze() else { return };
@@ -257,18 +258,18 @@ impl Engine {
         }
     }
 
-    /// The reported box of the last frame, and P(lost). Panics before the first step.
+    /// Returns the reported box of the last frame and P(lost). Panics before the first step.
     pub(crate) fn reported(&self) -> (BBox, TrackConfidence) {
         let (estimate, confidence) = self.record.reported.expect("a step was made");
         (estimate.mean.bbox(self.target().extent), confidence)
     }
 
-    /// The pixels that were read of the last frame.
+    /// Returns the pixels that were read in the last frame.
     pub(crate) fn meter(&self) -> &Meter {
         &self.record.meter
     }
 
-    /// The results of the last frame, which is `scene`. Panics before the first step.
+    /// Returns the results of the last frame, which is `scene`. Panics before the first step.
     pub(crate) fn report<'a>(&'a self, scene: Scene<'a>) -> Seen<'a> {
         let (parts, last) = (&self.parts, &self.record);
         let (estimate, confidence) = last.reported.expect("a step was made");
@@ -315,13 +316,13 @@ impl Engine {
         self.target.as_ref().expect("a target is given before the first step")
     }
 
-    /// Exchanges what it needs only during a step with `buffers`, which other engines may use between steps.
+    /// Exchanges the buffers that the engine needs only during a step with `buffers`, which other engines may use between steps.
     pub(crate) fn exchange(&mut self, buffers: &mut Buffers) {
         std::mem::swap(&mut self.record, &mut buffers.record);
         self.parts.appearance.exchange(&mut buffers.identity);
     }
 
-    /// Frees what is not needed until the next step.
+    /// Frees memory that is not needed until the next step.
     pub(crate) fn compact(&mut self) {
         self.parts.appearance.compact();
         self.parts.extras.compact();
@@ -330,37 +331,37 @@ impl Engine {
         }
     }
 
-    /// Whether there is a target: it was given, or the state of a tracker that had one was loaded.
+    /// Returns whether there is a target: `init` was called, or the state of a tracker with a target was loaded.
     pub(crate) fn has_target(&self) -> bool {
         self.target.is_some()
     }
 
-    /// Whether another target may be seen at the place where this one was expected in the last frame.
+    /// Returns whether another target may be visible at the place where this one was expected in the last frame.
     pub(crate) fn is_contested(&self) -> bool {
         self.visibility.is_contested(&self.record.belief.expected)
     }
 
-    /// Whether another target claims places that this one may be at.
+    /// Returns whether another target claims places where this one may be.
     pub(crate) fn meets_another(&self) -> bool {
         self.visibility.meets_another()
     }
 
-    /// Whether detections move or weigh its particles.
+    /// Returns whether detections move or weigh the particles.
     pub(crate) fn uses_detections(&self) -> bool {
         self.parts.filter.uses_detections()
     }
 
-    /// Whether it searches for the target: what it acts on, which is not the reported status.
+    /// Returns whether the engine searches for the target. The search follows its own P(lost), not the reported status.
     pub(crate) fn is_searching(&self) -> bool {
         self.parts.monitor.loss.is_searching()
     }
 
-    /// Half the size of the target's box at scale 1, pixels; `None` before there is a target.
+    /// Returns half the size of the target's box at scale 1, pixels; `None` before there is a target.
     pub(crate) fn extent(&self) -> Option<Extent> {
         self.target.map(|target| target.extent)
     }
 
-    /// The parts, to look at.
+    /// Returns the parts.
     pub(crate) fn parts(&self) -> &Parts {
         &self.parts
     }

@@ -1,4 +1,4 @@
-//! Frames without a look, and the motion of the camera between looks.
+//! Frames without a look, and the compensation of camera motion between looks.
 
 use super::{Engine, Record};
 use crate::control::CameraMotion;
@@ -7,23 +7,23 @@ use crate::scene::{Flow, Scene};
 use foveate_base::rng::Purpose::Select;
 
 impl Engine {
-    /// Moves the particles, and another state of the target, with the picture; before [`Engine::step`] with the picture it moved to.
+    /// Moves the particles, and another state of the target, with the picture. Call it before [`Engine::step`] with the new picture.
     pub(crate) fn compensate(&mut self, flow: &Flow, also: &mut State) {
         let filter = &mut self.parts.filter;
         if let Some(camera_motion) = &filter.camera_motion {
             camera_motion.shift(flow, &mut filter.particles);
-            // It is one state: there is no share of it.
+            // A single state always moves with the camera.
             CameraMotion { share: 1.0, ..*camera_motion }.shift(flow, std::slice::from_mut(also));
         }
         self.second.iter_mut().for_each(|second| second.compensate(flow, &mut State::default()));
     }
 
-    /// Whether a frame without a look needs none of the particles, and so no buffers.
+    /// Returns whether a frame without a look needs none of the particles, and so no buffers.
     pub(crate) fn waits(&self, detected: bool) -> bool {
         self.parts.filter.leap(detected).is_some()
     }
 
-    /// A frame without a look: the belief is predicted, detections weigh it, and it is selected from. Mean and covariance.
+    /// Runs a frame without a look: predicts the belief, weighs it by detections, and resamples. Returns mean and covariance.
     pub(crate) fn coast(&mut self, scene: Scene<'_>) -> (State, [[f64; 6]; 6]) {
         self.frame += 1;
         let (t, extent, filter) = (self.frame, self.target().extent, &mut self.parts.filter);

@@ -1,21 +1,21 @@
-//! The search around a state for places that the target could be mistaken for.
+//! The search around a state for places that resemble the target.
 
 use super::view::View;
 use crate::control::{DistractorSearch, distractors};
 use crate::geometry::State;
 
-/// The places around one state that look most like the target and are not that state.
+/// The places around one state, apart from itself, that look most like the target.
 #[derive(Default)]
 pub(super) struct Distractors {
-    /// The state that was searched around; `None` if there was no search, or its scores do not hold any more.
+    /// The state at the centre of the search; `None` if there was no search or its scores are out of date.
     around: Option<State>,
-    /// The log-likelihood of the best of them, −∞ if there is none; `None` if there was no search.
+    /// The log-likelihood of the best of these places, −∞ if there is none; `None` if there was no search.
     pub best: Option<f64>,
     pub states: Vec<State>,
 }
 
 impl Distractors {
-    /// Searches around `state`, unless these already are the distractors there. Without a search there are none.
+    /// Searches around `state`, unless these are the distractors there already. Without a search the result is empty.
     pub(super) fn search(mut self, search: Option<&mut DistractorSearch>, view: &mut View<'_>, state: &State) -> Self {
         if self.around.is_some_and(|around| around == *state) {
             return self;
@@ -23,7 +23,7 @@ impl Distractors {
         (self.around, self.best) = (None, None);
         let Some(search) = search else { return self };
         let places = search.places(view.size(), state, view.target.extent);
-        // An estimate that has left the picture has nothing around it.
+        // There are no places around an estimate outside the picture.
         if places.is_empty() {
             self.states.clear();
             self.best = Some(f64::NEG_INFINITY);
@@ -35,7 +35,7 @@ impl Distractors {
         self
     }
 
-    /// Empty, with the same buffer.
+    /// Marks the result as out of date, and keeps its buffers.
     pub(super) fn forget(self) -> Self {
         Self { around: None, best: None, ..self }
     }

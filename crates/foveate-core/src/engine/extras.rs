@@ -1,4 +1,4 @@
-//! Parts that change no box of the belief: the class of the target, and the regression of reported boxes.
+//! Parts that never change the belief: the class of the target, and the regression of reported boxes.
 
 use super::target::Estimate;
 use super::view::View;
@@ -10,7 +10,7 @@ use crate::recognition::Recognition;
 use crate::scene::{Image, Meter};
 use foveate_base::rng::Streams;
 
-/// The recogniser and the box regression of a tracker; each may be missing.
+/// The recogniser and the box regression of a tracker; both are optional.
 #[derive(Default)]
 pub(super) struct Extras {
     /// p(cₜ | all looks at the estimate).
@@ -26,8 +26,8 @@ impl Extras {
         }
     }
 
-    /// The answer of the box regression at the estimate, if its log odds of an absent target count in this frame: in each frame of a target
-    /// that is lost, and where the regression looks in any case.
+    /// Returns the answer of the box regression at the estimate, if this frame uses its log odds of an absent target: in each frame of a
+    /// lost target, and in the frames where the regression runs in any case.
     pub(super) fn ask(
         &mut self,
         view: &View<'_>,
@@ -41,20 +41,21 @@ impl Extras {
         Some(boxes.answer(view.scene.image, &estimate.mean, view.target.extent))
     }
 
-    /// The estimate as it is reported. The filter does not use it. `answer`: that of the box regression in this frame, if it was asked already.
+    /// Returns the estimate as reported, which the filter does not use. `answer` is the answer of the box regression if this frame has
+    /// computed it already.
     pub(super) fn regress(&mut self, view: &View<'_>, estimate: Estimate, answer: Option<Answer>) -> Estimate {
         let Some(boxes) = &mut self.box_regression else { return estimate };
         Estimate { mean: boxes.moved(view.scene.image, &estimate.mean, view.target.extent, answer), ..estimate }
     }
 
-    /// Looks at the estimate once more, for the class of the target.
+    /// Classifies the target from another look at the estimate.
     pub(super) fn recognise(&mut self, view: &View<'_>, estimate: &Estimate, context: &Context, streams: Streams) {
         if let Some(it) = &mut self.recognition {
             it.look(view.scene.image, &estimate.mean, view.target.extent, context, &mut streams.rng(0));
         }
     }
 
-    /// A lower bound on P(lost) from the classes of the frames before, 0 to 1.
+    /// Returns a lower bound on P(lost) from the classes of the previous frames, 0 to 1.
     pub(super) fn alarm(&self) -> f64 {
         self.recognition.as_ref().map_or(0.0, Recognition::alarm)
     }

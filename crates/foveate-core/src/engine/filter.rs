@@ -1,4 +1,4 @@
-//! WHERE is it? `predict` and `select`: the particle filter around the looks.
+//! WHERE is it? `predict` and `select`: the particle filter before and after the looks.
 
 use super::particles::{Particles, mean};
 use super::target::Estimate;
@@ -13,13 +13,13 @@ use foveate_base::rng::Streams;
 use foveate_base::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// The particles, and how they are predicted, weighed by detections, selected and drawn again.
+/// The particles, and the parts that predict, weigh, resample and redraw them.
 pub struct Filter {
     /// q(xₜ | xₜ₋₁, scene).
     pub(super) proposal: Box<dyn Proposal>,
     /// The selection step.
     pub(super) resampling: Resampling,
-    /// p(x₀): how far from the given box the first particles are.
+    /// p(x₀): the spread of the first particles around the given box.
     pub(super) start: StartSpread,
     pub(super) camera_motion: Option<CameraMotion>,
     pub(super) detection_likelihood: Option<DetectionLikelihood>,
@@ -28,11 +28,11 @@ pub struct Filter {
     /// xₜ⁽ⁱ⁾ and log wₜ⁽ⁱ⁾, between frames.
     pub(super) particles: Vec<State>,
     pub(super) log_weights: Vec<f64>,
-    /// Where nobody looks, they stay behind until somebody does.
+    /// Set while frames without a look postpone the motion of the particles.
     pub(super) waiting: Option<Waiting>,
 }
 
-/// Frames that the particles are behind, and what is believed meanwhile.
+/// The postponed frames of motion, and the belief meanwhile.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Waiting {
     pub frames: usize,
@@ -41,9 +41,10 @@ pub(super) struct Waiting {
 }
 
 impl Filter {
-    /// A filter of `n` particles with the usual resampling and first spread.
+    /// Creates a filter of `n` particles with the default resampling and start spread.
     ///
-    /// Fails where `n` is 0.
+    /// # Errors
+    /// If `n` is 0.
     pub fn new(proposal: Box<dyn Proposal>, n: usize) -> Result<Self> {
         if n == 0 {
             return Err(Error::Config("particles must be at least 1, got 0; 100 to 1000 are usual".into()));
@@ -61,42 +62,42 @@ impl Filter {
             waiting: None,
         })
     }
-    /// The same, with particles predicted by this proposal.
+    /// Sets the proposal that predicts the particles.
     pub fn with_proposal(self, proposal: Box<dyn Proposal>) -> Self {
         Self { proposal, ..self }
     }
-    /// The same, selecting by this rule.
+    /// Sets the resampling scheme.
     pub fn with_resampling(self, resampling: Resampling) -> Self {
         Self { resampling, ..self }
     }
-    /// The same, with the first particles spread like this.
+    /// Sets the spread of the first particles.
     pub fn with_start(self, start: StartSpread) -> Self {
         Self { start, ..self }
     }
-    /// The same; particles move with the camera before they are predicted.
+    /// Sets the camera motion, which moves particles before they are predicted.
     pub fn with_camera_motion(self, camera_motion: Option<CameraMotion>) -> Self {
         Self { camera_motion, ..self }
     }
-    /// The same; detections weigh particles: p(detections | xₜ).
+    /// Sets the detection likelihood p(detections | xₜ), which weighs particles.
     pub fn with_detection_likelihood(self, detection_likelihood: Option<DetectionLikelihood>) -> Self {
         Self { detection_likelihood, ..self }
     }
-    /// The same; a lost target is searched for all over the picture.
+    /// Sets the search of the whole picture for a lost target.
     pub fn with_redetection(self, redetection: Option<Redetection>) -> Self {
         Self { redetection, ..self }
     }
 
-    /// The same; a target that has leapt is searched for around the estimate.
+    /// Sets the search around the estimate for a target that has moved abruptly.
     pub fn with_local_search(self, local_search: Option<LocalSearch>) -> Self {
         Self { local_search, ..self }
     }
 
-    /// Whether detections move or weigh particles.
+    /// Returns whether detections move or weigh particles.
     pub(super) fn uses_detections(&self) -> bool {
         self.detection_likelihood.is_some() || self.proposal.uses_detections()
     }
 
-    /// Draws all particles anew, about a state.
+    /// Draws all particles anew around a state.
     pub(super) fn spread(&mut self, state: &State, extent: Extent, streams: Streams) {
         self.waiting = None;
         self.start.draw(state, extent, &mut self.particles, streams);
@@ -106,8 +107,8 @@ impl Filter {
 }
 
 impl Filter {
-    /// x̃ ~ q(x | x′), and log wₜ₋₁ p/q with the detection likelihood: what the weights of frame `t` are before the looks. `reuse` gives its
-    /// buffers.
+    /// Draws x̃ ~ q(x | x′) and computes log wₜ₋₁ p/q with the detection likelihood: the log weights of frame `t` before the looks. The
+    /// buffers of `reuse` are used again.
     pub(super) fn predict(
         &mut self,
         scene: Scene<'_>,
@@ -115,7 +116,7 @@ impl Filter {
         (streams, t): (Streams, u64),
         reuse: Particles,
     ) -> Particles {
-        self.catch_up(streams.at(t - 1, Predict)); // The frame before, in which nothing was drawn if the particles waited.
+        self.catch_up(streams.at(t - 1, Predict)); // If the particles waited, nothing was drawn in the previous frame.
         let mut to = reuse;
         let n = self.particles.len();
         to.states.resize(n, State::default());
@@ -128,8 +129,8 @@ impl Filter {
         to
     }
 
-    /// Children of heavy particles start the next frame if the effective sample size asks for it; otherwise all go on with their weights.
-    /// Returns the index of each one's parent, in the buffer `ancestors`.
+    /// Resamples if the effective sample size is too small; otherwise all particles keep their weights. Returns the index of each one's
+    /// parent, in the buffer `ancestors`.
     pub(super) fn select(
         &mut self,
         belief: &Particles,
@@ -150,13 +151,13 @@ impl Filter {
         ancestors
     }
 
-    /// The motion of a frame without a look that needs none of the particles: nothing is detected, the camera does not move them, and the
-    /// motion of many frames has a closed form.
+    /// Returns the motion of a frame without a look that needs none of the particles: there are no detections, the camera does not move
+    /// the particles, and the motion of many frames has a closed form.
     pub(super) fn leap(&self, detected: bool) -> Option<Leap> {
         self.proposal.over(1).filter(|_| !detected && self.camera_motion.is_none())
     }
 
-    /// Mean and covariance after a frame of this motion; the particles stay behind.
+    /// Returns mean and covariance after a frame of this motion; the particles do not move yet.
     pub(super) fn wait(&mut self, leap: &Leap) -> (State, [[f64; 6]; 6]) {
         let mut waiting = self.waiting.unwrap_or_else(|| {
             let weights: Vec<f64> = self.log_weights.iter().map(|w| w.exp()).collect();
@@ -169,7 +170,7 @@ impl Filter {
         (waiting.mean, waiting.covariance)
     }
 
-    /// Moves particles that waited to where they are before this frame.
+    /// Applies the postponed motion to the particles, up to the frame before this one.
     fn catch_up(&mut self, streams: Streams) {
         let Some(waiting) = self.waiting.take() else { return };
         let leap = self.proposal.over(waiting.frames).expect("it had one when they began to wait");

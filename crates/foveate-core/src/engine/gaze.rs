@@ -1,4 +1,4 @@
-//! WHERE TO LOOK? The prior of the gazes, their plan, and what each look was worth.
+//! WHERE TO LOOK? The prior of the gazes, their plan, and the reward of each look.
 
 use super::particles::Particles;
 use super::target::Target;
@@ -10,8 +10,8 @@ use crate::identity::Appearance;
 use crate::scene::{Detector, Image, Saliency};
 use foveate_base::rng::Streams;
 
-/// How uncertain the target's place is in a rehearsal, template units, and places along a side of the square of ± two such
-/// deviations that it could be at.
+/// Standard deviation of the target's place in a rehearsal, template units. The rehearsal covers ± two deviations with `PLACES` places
+/// along a side.
 const REHEARSED: f64 = 0.2;
 const PLACES: usize = 9;
 
@@ -24,26 +24,26 @@ pub struct GazeControl {
 }
 
 impl GazeControl {
-    /// This policy, rewarded like this.
+    /// Combines a policy and its reward.
     pub fn new(policy: Box<dyn Policy>, reward: Box<dyn Reward>) -> Self {
         Self { policy, reward }
     }
-    /// The same, with gazes chosen by this policy.
+    /// Sets the policy that chooses the gazes.
     pub fn with_policy(self, policy: Box<dyn Policy>) -> Self {
         Self { policy, ..self }
     }
-    /// The policy, to look at.
+    /// Returns the policy.
     pub fn policy(&self) -> &dyn Policy {
         &*self.policy
     }
 
-    /// k* ~ πₜ: the gazes of this frame, in the buffer `plan`. Some policies plan one gaze, some all.
+    /// k* ~ πₜ: returns the gazes of this frame, in the buffer `plan`. Some policies plan one gaze, others all.
     pub(super) fn plan(&mut self, context: &Context, streams: Streams, mut plan: Plan) -> Plan {
         self.policy.plan(context, &mut plan, &mut streams.rng(0));
         plan
     }
 
-    /// rₜ of every look, in the buffer `rewards`.
+    /// Returns the reward rₜ of every look, in the buffer `rewards`.
     pub(super) fn rewards(
         &mut self,
         belief: &Particles,
@@ -58,7 +58,7 @@ impl GazeControl {
         rewards
     }
 
-    /// Tells the policy before the first look what it asks for: how salient a gaze is, or what it would have earned on this picture.
+    /// Sets the prior of the policy before the first look, if it has one: from saliency, or from the reward of a gaze on this picture.
     pub(super) fn init_prior(&mut self, image: &Image, target: &Target, appearance: &mut dyn Appearance) {
         match self.policy.expectation() {
             Some(Expectation::Saliency) => self.init_saliency(image, target),
@@ -67,7 +67,7 @@ impl GazeControl {
         }
     }
 
-    /// How much the place of a gaze stands out.
+    /// Sets the prior from the saliency at the place of each gaze.
     fn init_saliency(&mut self, image: &Image, target: &Target) {
         let mut saliency = Saliency::default();
         saliency.look(image);
@@ -77,7 +77,7 @@ impl GazeControl {
         });
     }
 
-    /// What a gaze would have earned on this picture if the target had been anywhere near its place. Beyond the paper.
+    /// Sets the prior from the reward of each gaze on this picture with the target near its place. Beyond the paper.
     fn rehearse(&mut self, image: &Image, target: &Target, appearance: &mut dyn Appearance) {
         let Target { state: at, extent, .. } = *target;
         let off = |k: usize| 4.0 * (k as f64 / (PLACES - 1) as f64 - 0.5);

@@ -1,4 +1,4 @@
-//! Is it lost? The evidence of a frame, and what is learned from frames that are trusted.
+//! Is it lost? The evidence of a frame, and the updates of the models in trusted frames.
 
 use super::distractors::Distractors;
 use super::particles::Particles;
@@ -13,33 +13,33 @@ use crate::geometry::{Gaze, State};
 use crate::identity::surroundings::Surroundings;
 use crate::identity::{Lesson, Percept};
 
-/// P(lost) below which the target is certain, and frames from one that is remembered to the next.
+/// P(lost) below which a frame is confident, and the number of frames from one remembered frame to the next.
 const CERTAIN: f64 = 0.05;
 const REMEMBERED_EVERY: u64 = 8;
 
-/// What watches the evidence, and says from it how probably the target is lost.
+/// Monitors the evidence and computes P(lost) from it.
 pub struct Monitor {
     /// Compares the evidence with the reference.
     pub(super) consistency: ConsistencyMonitor,
-    /// The same for the short-term memory, by the evidence that includes it; `None` without one.
+    /// Compares the evidence with the short-term memory in the same way; `None` without such a memory.
     pub(super) short_term: Option<ShortTermMonitor>,
     /// P(lost) and the status.
     pub(super) loss: LossMonitor,
-    /// Looks for what the target could be mistaken for; `None` for among the particles only.
+    /// Searches for distractors around the target; `None` to take them from the particles alone.
     pub(super) distractors: Option<DistractorSearch>,
-    /// What was around the target while it was certain; `None` where nothing is remembered.
+    /// Remembers the places around the target in confident frames; `None` to remember nothing.
     pub(super) surroundings: Option<Surroundings>,
 }
 
-/// Decides from which frames a short-term memory learns.
+/// Decides which frames update the short-term memory.
 pub(super) struct ShortTermMonitor {
     pub consistency: ConsistencyMonitor,
-    /// The most that a frame's evidence may fall short.
+    /// Largest deficit of a single frame that updates it.
     gate: f64,
 }
 
 impl Monitor {
-    /// A monitor with these settings, which has seen nothing yet.
+    /// Creates a monitor with these settings and no history.
     pub fn new(consistency: ConsistencySettings, model: ConfidenceModel) -> Self {
         Self {
             consistency: ConsistencyMonitor::new(consistency),
@@ -49,14 +49,14 @@ impl Monitor {
             surroundings: None,
         }
     }
-    /// The same, with a search for distractors around the target in every frame, and a memory of the places around it.
+    /// Adds a search for distractors around the target in every frame, and a memory of the places around it.
     pub fn with_distractors(self, settings: Option<DistractorSettings>) -> Self {
         let remembering = settings.as_ref().filter(|settings| settings.remembered > 0);
         let surroundings = remembering.map(|settings| Surroundings::new(settings.remembered, settings.count()));
         Self { distractors: settings.map(DistractorSearch::new), surroundings, ..self }
     }
-    /// The same, for an appearance with a short-term memory. That learns from frames of larger deficits: `threshold` of the smoothed one,
-    /// `gate` of one frame's.
+    /// Adds a monitor for an appearance with a short-term memory, which learns up to larger deficits: `threshold` for the smoothed
+    /// deficit, `gate` for that of one frame.
     pub fn with_short_term(self, settings: &ConsistencySettings, short_term: Option<(f64, f64)>) -> Self {
         let short_term = short_term.map(|(threshold, gate)| {
             let settings = ConsistencySettings { threshold, ..settings.clone() };
@@ -64,25 +64,25 @@ impl Monitor {
         });
         Self { short_term, ..self }
     }
-    /// The fitted model of P(lost).
+    /// Returns the fitted model of P(lost).
     pub fn model(&self) -> &ConfidenceModel {
         self.loss.model()
     }
-    /// How the last frame's evidence compared with the reference.
+    /// Returns how the last frame's evidence compares with the reference.
     pub(crate) fn consistency(&self) -> Consistency {
         self.consistency.last()
     }
-    /// Forgets the past: the target was just given.
+    /// Resets the history for a new target.
     pub(super) fn reset(&mut self) {
         self.reset_consistency();
         self.loss.reset();
     }
-    /// Forgets the evidence of past frames, and its usual values: the template that it compares with has changed.
+    /// Drops the evidence of past frames and its usual values, because the template has changed.
     pub(super) fn forget_evidence(&mut self) {
         self.reset_consistency();
         self.loss.forget_usual();
     }
-    /// Forgets the evidence of the last frames.
+    /// Drops the evidence of the last frames.
     pub(super) fn reset_consistency(&mut self) {
         self.consistency.reset();
         if let Some(it) = &mut self.short_term {
@@ -90,7 +90,7 @@ impl Monitor {
         }
     }
 
-    /// Whether the first of two places looks more like the surroundings of the target in remembered frames than the second does.
+    /// Returns whether the first of two places looks more like the surroundings of the target in remembered frames than the second does.
     pub(super) fn was_beside(&mut self, view: &mut View<'_>, places: [State; 2]) -> bool {
         let Some(surroundings) = &mut self.surroundings else { return false };
         let features = &mut view.scratch.features;
@@ -99,7 +99,7 @@ impl Monitor {
         surroundings.elsewhere(first) > surroundings.elsewhere(second)
     }
 
-    /// What the frame shows at the estimate, with nothing of second opinion, box regression and classes. If the frame is not judged,
+    /// Returns the evidence at the estimate, without the cues of second tracker, box regression and classes. If the frame is not judged,
     /// nothing is compared with past frames.
     pub(super) fn evidence(
         &mut self,
@@ -115,7 +115,7 @@ impl Monitor {
         let (mut distractor, mut consistency, mut elsewhere) = (None, self.consistency.last(), 0.0);
         if view.is_judged {
             (evidence, distractor) = self.long_term(view, belief, estimate, evidence, around);
-            // As much as looks at the target count for.
+            // Scaled by the visible fraction, as the log-likelihood of the target is.
             distractor = distractor.map(|best| view.visibility.fraction() * best);
             consistency = self.consistency.judge(evidence, &belief.log_weights, reference);
             elsewhere = self.was_elsewhere(view, &estimate.mean, percept);
@@ -137,7 +137,8 @@ impl Monitor {
         }
     }
 
-    /// Evidence and the likelihood of the best distractor without the short-term memory, which may have learned another object.
+    /// Returns the evidence, and the log-likelihood of the best distractor, without the short-term memory, which may have learned another
+    /// object.
     fn long_term(
         &mut self,
         view: &mut View<'_>,
@@ -156,7 +157,7 @@ impl Monitor {
         (evidence + view.visibility.fraction() * long_term.change, around.best.map(|_| long_term.best))
     }
 
-    /// How much more the estimate looks like the surroundings of the target in remembered frames than like the target, −2 to 2.
+    /// Returns how much more the estimate looks like the surroundings of the target in remembered frames than like the target, −2 to 2.
     fn was_elsewhere(&mut self, view: &mut View<'_>, estimate: &State, percept: &Percept) -> f64 {
         let Some(surroundings) = &mut self.surroundings else { return 0.0 };
         if percept.gaze.relative_to(view.appearance.committed_gaze()) == Gaze::CENTRE {
@@ -166,13 +167,13 @@ impl Monitor {
         surroundings.elsewhere(&view.scratch.features)
     }
 
-    /// P(lost) and the status of a frame. If the frame is not judged, P(lost) stays as it is.
+    /// Computes P(lost) and the status of a frame. If the frame is not judged, P(lost) does not change.
     pub(super) fn judge(&mut self, is_judged: bool, evidence: &FrameEvidence) -> TrackConfidence {
         if is_judged { self.loss.judge(evidence) } else { self.loss.hold() }
     }
 
-    /// What the appearance and the surroundings forget after this verdict, and whether the surroundings of the target are remembered in
-    /// frame `t`. Returns whether the tracker was misled: it has just lost the target, and all that it learned since frame 1 is forgotten.
+    /// Resets appearance and surroundings after this verdict if needed, and remembers the surroundings of the target if frame `t` is due.
+    /// Returns whether the tracker was misled: it has just lost the target, and everything learned since frame 1 is reset.
     pub(super) fn revise(
         &mut self,
         view: &mut View<'_>,
@@ -183,7 +184,7 @@ impl Monitor {
         let lost = self.loss.is_searching();
         let misled = lost && !was_lost && self.loss.is_misled();
         if misled {
-            // Discriminant and colours were trained on another object.
+            // The discriminant and the colour model were trained on another object.
             if let Some(memory) = view.appearance.memory() {
                 memory.forget();
             }
@@ -201,7 +202,7 @@ impl Monitor {
         misled
     }
 
-    /// Remembers the places that were last searched for distractors, with the target at `state`.
+    /// Remembers the places of the last search for distractors, with the target at `state`.
     pub(super) fn remember(&mut self, view: &mut View<'_>, state: &State) {
         if let (Some(surroundings), Some(around)) = (&mut self.surroundings, &self.distractors)
             && view.appearance.width() > 0
@@ -212,7 +213,7 @@ impl Monitor {
         }
     }
 
-    /// What the policy is told of this frame before it plans the next.
+    /// Returns the context in which the policy plans the next frame.
     pub(super) fn context(&self, evidence: &FrameEvidence, belief: &Particles, estimate: &Estimate) -> Context {
         Context {
             ess: estimate.ess / belief.states.len() as f64,
@@ -223,7 +224,7 @@ impl Monitor {
         }
     }
 
-    /// Searches for distractors around the estimate, if the frame is judged and they are not known from before.
+    /// Searches for distractors around the estimate, if the frame is judged and the result is not known yet.
     pub(super) fn search(&mut self, view: &mut View<'_>, estimate: &State, found: Distractors) -> Distractors {
         if !view.is_judged {
             return found;
@@ -231,7 +232,7 @@ impl Monitor {
         found.search(self.distractors.as_mut(), view, estimate)
     }
 
-    /// What may be learned from frame `t`; `None` for nothing.
+    /// Returns the memories that frame `t` may update; `None` for no update.
     fn lesson(&self, t: u64) -> Option<Lesson> {
         let lost = self.loss.is_searching();
         let learns = self.consistency.learns(t, lost) && !self.loss.is_doubted();
@@ -244,8 +245,8 @@ impl Monitor {
         (learns || lesson.short_term).then_some(lesson)
     }
 
-    /// Learns the target at the estimate, and the distractors around it or among the particles, from frame `t`, if the evidence is consistent
-    /// with the target there.
+    /// Trains the models on frame `t` if the evidence is consistent with the target at the estimate: on the target there, and on the
+    /// distractors around it or among the particles.
     pub(super) fn learn(
         &self,
         view: &mut View<'_>,
@@ -263,8 +264,8 @@ impl Monitor {
         found
     }
 
-    /// Learns the surroundings of the target, at `state` of its first frame: remembers the places there, and learns those that look most like
-    /// the target, each if the settings ask for it. The places of earlier frames are forgotten.
+    /// Initialises the surroundings of the target, at `state` of its first frame: remembers the places there, and trains the models on
+    /// those that look most like the target, each if the settings enable it. The places of earlier frames are dropped.
     pub(super) fn init_surroundings(&mut self, view: &mut View<'_>, state: &State) {
         let Some(around) = &mut self.distractors else { return };
         let first_frame = around.first_frame();
@@ -291,7 +292,7 @@ impl Monitor {
     }
 }
 
-/// Standard deviation of place in template units; a million stands for what is not finite.
+/// Returns the standard deviation of the place in template units, or a million if it is not finite.
 fn spread(covariance: &[[f64; 6]; 6], unit: f64) -> f64 {
     ((0.5 * (covariance[0][0] + covariance[1][1])).sqrt() / unit).min(1e6)
 }

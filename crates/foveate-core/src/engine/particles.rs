@@ -5,20 +5,20 @@ use super::view::{Looks, View};
 use crate::control::{Belief, DetectionLikelihood, normalize};
 use crate::geometry::State;
 
-/// N states of one frame and their weights. A search may draw some of the states again; the weights then follow.
+/// The states of one frame and their weights. If a search draws some states again, the weights are updated.
 #[derive(Default)]
 pub(super) struct Particles {
     /// x̃⁽ⁱ⁾: the predicted states.
     pub states: Vec<State>,
-    /// Their mean: where the target is expected before the looks.
+    /// Their mean: the expected state before the looks.
     pub expected: State,
-    /// log wₜ₋₁ p/q and the detection likelihood: the weights before the looks.
+    /// The log weights before the looks: log wₜ₋₁ p/q plus the detection likelihood.
     pub log_importance: Vec<f64>,
-    /// Nats that the detection likelihood added to every particle, so that the sum of the weights stayed the same.
+    /// Nats that were added to every particle so that the detection likelihood does not change the sum of the weights.
     pub detection_offset: f64,
     /// log wₜ after the looks, not normalised.
     pub log_weights: Vec<f64>,
-    /// wₜ after the looks; their sum is 1.
+    /// wₜ after the looks; they sum to 1.
     pub weights: Vec<f64>,
     /// log Σ w̃ₜ, nats.
     pub log_evidence: f64,
@@ -27,9 +27,9 @@ pub(super) struct Particles {
 }
 
 impl Particles {
-    /// wₜ ∝ wₜ₋₁ p/q Π p(h | x, a) over the gazes that are used, each to the power of its weight in the plan. Returns the log evidence of
-    /// every gaze by its own look alone, in the buffer `evidence`.
-    // Deviation: where the paper samples anew for each action, all gazes of a frame weigh the same particles.
+    /// Computes wₜ ∝ wₜ₋₁ p/q Π p(h | x, a) over the used gazes, each to the power of its weight in the plan. Returns the log evidence of
+    /// each gaze from its own look alone, in the buffer `evidence`.
+    // Deviation: all gazes of a frame weigh the same particles; the paper samples anew for each action.
     pub(super) fn weigh(&mut self, looks: &Looks, mut evidence: Vec<f64>) -> Vec<f64> {
         evidence.clear();
         for log_likelihood in looks.rows() {
@@ -44,13 +44,14 @@ impl Particles {
         evidence
     }
 
-    /// The weights without a look: wₜ ∝ wₜ₋₁ p/q.
+    /// Computes the weights without a look: wₜ ∝ wₜ₋₁ p/q.
     pub(super) fn weigh_without_looks(&mut self) {
         self.log_weights.clone_from(&self.log_importance);
         self.normalize();
     }
 
-    /// Adds the detection likelihood to the importance of the states in `drawn`, as [`Particles::log_importance`] of all others has it.
+    /// Adds the detection likelihood to the log weights of the states in `drawn`; [`Particles::log_importance`] of all others includes it
+    /// already.
     pub(super) fn apply_detection_likelihood(&mut self, likelihood: Option<&DetectionLikelihood>, view: &View<'_>) {
         let Some(likelihood) = likelihood else { return };
         for i in &self.drawn {
@@ -59,7 +60,7 @@ impl Particles {
         }
     }
 
-    /// Looks at the states in `drawn`, and weighs all particles again.
+    /// Computes the likelihood of the states in `drawn`, and weighs all particles again.
     pub(super) fn weigh_drawn(&mut self, view: &mut View<'_>, looks: &mut Looks) {
         if self.drawn.is_empty() {
             return;
@@ -74,19 +75,19 @@ impl Particles {
         self.log_evidence = normalize(&self.log_weights, &mut self.weights);
     }
 
-    /// The states with their weights after the looks.
+    /// Returns the states with their weights after the looks.
     pub(super) fn belief(&self) -> Belief<'_> {
         Belief { states: &self.states, weights: &self.weights }
     }
 
-    /// Mean, covariance and effective sample size after the looks.
+    /// Returns mean, covariance and effective sample size after the looks.
     pub(super) fn estimate(&self) -> Estimate {
         let belief = self.belief();
         Estimate { mean: belief.mean(), covariance: belief.covariance(), ess: belief.ess() }
     }
 }
 
-/// Mean of states that all have one weight.
+/// Returns the mean of equally weighted states.
 pub(super) fn mean(states: &[State]) -> State {
     let each = 1.0 / states.len() as f64;
     let sum = states.iter().fold([0.0; 6], |mut sum, s| {

@@ -1,4 +1,4 @@
-//! An engine in mid-video as plain data, to go on from.
+//! The state of an engine in mid-video as plain data, from which tracking resumes.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,7 @@ use crate::recognition::Recognition;
 use crate::saved_state::SavedState;
 use foveate_base::{Error, Result};
 
-/// More frames than any video has.
+/// Upper bound on the frame number of a saved state.
 const MOST_FRAMES: u64 = 1 << 48;
 
 #[derive(Serialize, Deserialize)]
@@ -22,38 +22,38 @@ struct Saved {
     frame: u64,
     target: Option<Target>,
     particles: Vec<State>,
-    /// JSON has no −∞: a particle without weight has none.
+    /// JSON has no −∞: a particle without weight has `None`.
     log_weights: Vec<Option<f64>>,
-    /// Where nobody looked at it lately.
+    /// The postponed motion of frames without a look.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     waiting: Option<Waiting>,
     visible: f64,
     policy: SavedState,
     appearance: SavedState,
     consistency: serde_json::Value,
-    /// The same with the short-term memory; none without one.
+    /// The same for the short-term memory; `None` without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     short_term: Option<serde_json::Value>,
     confidence: serde_json::Value,
-    /// What was around the target; none where nothing is remembered.
+    /// The remembered surroundings of the target; `None` without that memory.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     surroundings: Option<serde_json::Value>,
     context: Context,
-    /// What the search for a lost target remembers; none without such a search.
+    /// The state of the search for a lost target; `None` without such a search.
     redetection: Option<serde_json::Value>,
-    /// None of a tracker that did not recognise; one that does begins then.
+    /// `None` for a tracker without a recogniser; a recogniser that is loaded from `None` starts from nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     recognizer: Option<serde_json::Value>,
-    /// What the box regression is to find; none without one.
+    /// The state of the box regression; `None` without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     box_regression: Option<serde_json::Value>,
-    /// None without a second opinion.
+    /// `None` without a second tracker.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     second: Option<serde_json::Value>,
 }
 
 impl Engine {
-    /// The whole state of the filter in mid-video, to go on from bit for bit with [`Engine::load`].
+    /// Returns the whole state of the filter in mid-video. [`Engine::load`] resumes from it bit for bit.
     pub(crate) fn save(&self) -> serde_json::Value {
         let saved = Saved {
             frame: self.frame,
@@ -77,8 +77,8 @@ impl Engine {
         serde_json::to_value(saved).expect("plain data is JSON")
     }
 
-    /// Takes up what `save` gave, in a tracker made from the same configuration and seed. After an error the tracker
-    /// has to be started anew.
+    /// Restores a state that `save` returned, in a tracker made from the same configuration and seed. After an error the caller must set
+    /// the target again.
     pub(crate) fn load(&mut self, saved: &serde_json::Value) -> Result<()> {
         let bad = |what: String| Error::Invalid(format!("the saved tracker cannot be used: {what}"));
         let saved = Saved::deserialize(saved).map_err(|e| bad(e.to_string()))?;

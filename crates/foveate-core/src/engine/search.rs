@@ -1,5 +1,5 @@
-//! Searches that the paper does not have: for a lost target all over the picture, and around a target that may have leapt. Each draws some of
-//! the particles again.
+//! Searches beyond the paper: of the whole picture for a lost target, and around the estimate for a target that has moved abruptly. Each
+//! draws some of the particles again.
 
 use super::distractors::Distractors;
 use super::filter::Filter;
@@ -11,8 +11,8 @@ use crate::geometry::State;
 use foveate_base::rng::{Purpose, Streams};
 
 impl Filter {
-    /// Searches the whole picture if the target is lost, and around the estimate if it is not. Returns the distractors around the estimate, if
-    /// they were searched for, in the buffer `found`.
+    /// Searches the whole picture if the target is lost, and around the estimate otherwise. Returns the distractors around the estimate,
+    /// if there was a search for them, in the buffer `found`.
     pub(super) fn search(
         &mut self,
         view: &mut View<'_>,
@@ -34,8 +34,8 @@ impl Filter {
         self.search_around(view, belief, looks, monitor, found, streams.at(t, Purpose::LocalSearch))
     }
 
-    /// Scores places all over the picture, draws some of the states again from the best, and weighs all again. `seen`: where the target was
-    /// seen last. Returns the best place.
+    /// Scores places all over the picture, draws some of the states again from the best, and weighs all particles again. `seen` is the
+    /// place where the target was last tracked. Returns the best place.
     fn redetect(
         &mut self,
         view: &mut View<'_>,
@@ -61,9 +61,10 @@ impl Filter {
         best
     }
 
-    /// If a place around the estimate fits better than the estimate does, and well, and was not seen beside the target before, some of the
-    /// states are drawn again from there. In doubt the short-term memory is left out: it may have learned an object that hides the target, and is
-    /// reset if another place is the better one. Returns the distractors around the estimate, in the buffer of `found`.
+    /// Draws some of the states again from the places around the estimate, if one of them fits better than the estimate does, fits well,
+    /// and was not seen beside the target before. In doubt the scores leave out the short-term memory, which may have learned an object
+    /// that occludes the target; if another place is better, that memory is reset. Returns the distractors around the estimate, in the
+    /// buffer of `found`.
     fn search_around(
         &mut self,
         view: &mut View<'_>,
@@ -87,7 +88,7 @@ impl Filter {
         search.candidates.draw(least, &mut belief.states, &mut belief.log_importance, &mut belief.drawn, streams);
         belief.apply_detection_likelihood(self.detection_likelihood.as_ref(), view);
         if aside {
-            // Without the short-term memory all particles have other likelihoods.
+            // The log-likelihoods of all particles change without the short-term memory.
             if let Some(memory) = view.appearance.memory() {
                 memory.forget_short_term();
             }
@@ -99,7 +100,7 @@ impl Filter {
     }
 }
 
-/// Whether one of the places around the estimate is a better one: then the least log-likelihood that places are drawn from.
+/// Compares the places around the estimate with it. If one is better, returns the least log-likelihood of the places to draw from.
 fn better_place(
     search: &mut LocalSearch,
     monitor: &mut Monitor,

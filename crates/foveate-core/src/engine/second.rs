@@ -1,8 +1,9 @@
-//! A second, smaller tracker of the same target. If the boxes of the two part, one of them is lost.
+//! A second, smaller tracker of the same target. If the boxes of the two diverge, one of them is lost.
 //!
-//! Deviation: the paper has one tracker. Query by committee (Seung, Opper and Sompolinsky, 1992) asks where members disagree: the second
-//! tracker sees another part of the target, such as the middle of its box, and learns from its own boxes only, so that the two are seldom wrong
-//! in the same way. It moves no box of the first tracker; the overlap of the boxes is a cue of the reported P(lost) (*agreement*).
+//! Deviation: the paper has one tracker. Query by committee (Seung, Opper and Sompolinsky, 1992) uses the disagreement of members: the
+//! second tracker sees another part of the target, such as the middle of its box, and learns from its own boxes only, so that the two
+//! seldom fail in the same way. It never moves the box of the first tracker; the overlap of the boxes is a cue of the reported P(lost)
+//! (*agreement*).
 
 use super::Engine;
 use super::target::Estimate;
@@ -10,18 +11,19 @@ use super::view::View;
 use crate::control::TrackConfidence;
 use crate::scene::Scene;
 
-/// P(lost) by the own cues below which a lost second tracker starts again at the estimate. It is small: a second tracker that is led to the
-/// first one's place more readily agrees with it, right or wrong (docs/lab/confidence.md).
+/// P(lost) of the first tracker below which a lost second tracker restarts at the estimate. It is small because a second tracker that
+/// restarts more readily agrees with the first one, right or wrong (docs/lab/confidence.md).
 const SURE: f64 = 0.005;
 
-/// Steps the second tracker: the overlap (IoU) of its box with that at the estimate of the first; `None` without one.
+/// Steps the second tracker. Returns the overlap (IoU) of its box with the box at the estimate of the first; `None` without a second
+/// tracker.
 pub(super) fn agreement(second: &mut Option<Box<Engine>>, view: &View<'_>, estimate: &Estimate) -> Option<f64> {
     let scene = Scene { image: view.scene.image, detections: &[] };
     Some(second.as_mut()?.step_on(scene).bbox.iou(&estimate.mean.bbox(view.target.extent)))
 }
 
-/// Resets the second tracker with the first: it forgets what it learned since frame 1 if the first was `misled`, and starts again at the
-/// estimate if it is lost and the first is sure of its place.
+/// Resets the second tracker with the first. If the first was `misled`, everything that the second learned since frame 1 is reset. If the
+/// second is lost and the first is sure of its place, the second restarts at the estimate.
 pub(super) fn follow(
     second: &mut Option<Box<Engine>>,
     view: &View<'_>,
@@ -39,7 +41,7 @@ pub(super) fn follow(
 }
 
 impl Engine {
-    /// Forgets what the discriminant and the colours learned since frame 1, and the surroundings of the target.
+    /// Resets the discriminant and the colour model to frame 1, and drops the surroundings of the target.
     fn forget_learned(&mut self) {
         if let Some(memory) = self.parts.appearance.memory() {
             memory.forget();

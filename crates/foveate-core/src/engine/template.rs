@@ -1,4 +1,4 @@
-//! Changes of the target from outside of the loop: a new template, another place, the visible fraction; and similarity to the template.
+//! Changes of the target between frames (a new template, another place, the visible fraction), and similarity to the template.
 
 use super::target::Target;
 use super::view::View;
@@ -9,15 +9,15 @@ use crate::scene::{Image, Scene};
 use foveate_base::Result;
 use foveate_base::rng::Purpose;
 
-/// Offsets at which a place is compared, template units: a detected box seldom lies as the first box did.
+/// Offsets at which a place is compared, template units: detected boxes are seldom aligned with the first box.
 const ABOUT: [f64; 3] = [-0.2, 0.0, 0.2];
 
 impl Engine {
-    /// Starts on the target in `bbox`: keeps the template and draws x₀⁽ⁱ⁾ ~ p(x₀). Everything learned before is reset, and so are the frame
-    /// count and the random streams.
+    /// Starts on the target in `bbox`: keeps the template and draws x₀⁽ⁱ⁾ ~ p(x₀). Resets everything learned before, the frame count and
+    /// the random streams.
     ///
     /// # Errors
-    /// If the box has no area, is not finite, or does not touch the picture; then nothing has changed.
+    /// If the box has no area, is not finite, or does not touch the picture; nothing changes then.
     pub(crate) fn init(&mut self, image: &Image, bbox: BBox) -> Result<()> {
         crate::start::check(image, &bbox)?;
         self.frame = 0;
@@ -34,10 +34,10 @@ impl Engine {
         self.second.as_mut().map_or(Ok(()), |second| second.init(image, bbox))
     }
 
-    /// Takes a new template from this box. Velocity, policy and recogniser stay. Panics before [`Engine::init`].
+    /// Takes a new template from this box. Velocity, policy and recogniser do not change. Panics before [`Engine::init`].
     ///
     /// # Errors
-    /// If the box has no area, is not finite, or does not touch the picture; then nothing has changed.
+    /// If the box has no area, is not finite, or does not touch the picture; nothing changes then.
     pub(crate) fn update_template(&mut self, image: &Image, bbox: &BBox, velocity: (f64, f64)) -> Result<()> {
         assert!(self.target.is_some(), "a target is given before its template is updated");
         self.set_template(image, bbox, velocity)?;
@@ -57,21 +57,21 @@ impl Engine {
         Ok(())
     }
 
-    /// Learns the surroundings of the target, at `state` of this picture, as those of its first frame.
+    /// Initialises the surroundings of the target from this picture, with the target at `state`, as in its first frame.
     pub(super) fn init_surroundings(&mut self, image: &Image, state: &State) {
         let (target, scene, scratch) = (*self.target(), Scene { image, detections: &[] }, &mut self.record.scratch);
         let mut view = View::new(&mut *self.parts.appearance, scene, target, &self.visibility, state, scratch);
         self.parts.monitor.init_surroundings(&mut view, state);
     }
 
-    /// Moves the target into this box: particles start around it, the template stays, and P(lost) is 0 until the next frame. All of it counts
-    /// as visible. Panics before [`Engine::init`].
+    /// Moves the target into this box: draws particles around it, keeps the template, sets P(lost) to 0 until the next frame, and the
+    /// visible fraction to 1. Panics before [`Engine::init`].
     pub(crate) fn reset_at(&mut self, bbox: &BBox) {
         self.start_again_at(bbox);
         self.set_visibility(1.0);
     }
 
-    /// The same with the visible fraction as it is.
+    /// Moves the target into this box as [`Engine::reset_at`] does, but keeps the visible fraction.
     pub(crate) fn start_again_at(&mut self, bbox: &BBox) {
         let state = self.state_at(bbox);
         let (half_w, half_h) = state.half(self.target().extent);
@@ -84,8 +84,8 @@ impl Engine {
         }
     }
 
-    /// Sets the visible fraction of the target in the next frames, 0 to 1; at first it is 1. Log-likelihoods are multiplied by it, and below
-    /// one half the frame is not judged.
+    /// Sets the visible fraction of the target in the next frames, 0 to 1; the default is 1. It multiplies log-likelihoods, and below one
+    /// half the frame is not judged.
     pub(crate) fn set_visibility(&mut self, visible: f64) {
         self.visibility.set_fraction(visible);
         if let Some(second) = &mut self.second {
@@ -93,7 +93,7 @@ impl Engine {
         }
     }
 
-    /// Sets where this target is expected in the next frame, and where the targets are that it meets.
+    /// Sets the place where this target is expected in the next frame, and the places of the targets that overlap it.
     pub(crate) fn exclude(&mut self, own: Claim, others: impl Iterator<Item = Claim> + Clone) {
         self.visibility.begin(own);
         others.clone().for_each(|other| self.visibility.add(other));
@@ -102,14 +102,14 @@ impl Engine {
         }
     }
 
-    /// The state of this box, upright and at rest, with a scale relative to the template. Panics before [`Engine::init`].
+    /// Returns the state of this box, upright and at rest, with a scale relative to the template. Panics before [`Engine::init`].
     pub(crate) fn state_at(&self, bbox: &BBox) -> State {
         let log_scale = (Extent::of(bbox).mean() / self.target().extent.mean()).ln();
         State { log_scale, ..State::of(bbox) }
     }
 
-    /// How similar a place is to the target: 1 for the similarity of its own place in its first frame, 0 for that of other places; the best
-    /// of nine places around it. The track does not change. Panics before [`Engine::init`].
+    /// Returns how similar a place is to the target: 1 for the similarity of its own place in its first frame, 0 for that of other places.
+    /// It is the best of nine places around the given one. The track does not change. Panics before [`Engine::init`].
     pub(crate) fn similarity(&mut self, image: &Image, state: &State) -> f64 {
         let extent = self.target().extent;
         let unit = state.log_scale.exp();

@@ -1,4 +1,4 @@
-//! Rules that lie between the parts.
+//! Properties of several parts together.
 
 use super::distractors::Distractors;
 use super::toy::{EXTENT, OFF, SLOPE, Toy, given, parts, picture, started, state, target};
@@ -26,7 +26,7 @@ fn close(found: f64, exact: f64) {
     assert!((found - exact).abs() < 1e-9, "{found} is not {exact}");
 }
 
-/// p(h | a) = Σ wₜ₋₁ p/q · p(h | x, a), for each gaze by itself, whichever of them moves the belief.
+/// p(h | a) = Σ wₜ₋₁ p/q · p(h | x, a) for each gaze on its own, whichever gaze moves the belief.
 #[test]
 fn the_evidence_of_a_gaze_is_its_likelihood_under_the_prior() {
     let gazes = [Gaze::CENTRE, Gaze { u: 0.1, v: 0.0, arm: None }];
@@ -46,7 +46,7 @@ fn the_evidence_of_a_gaze_is_its_likelihood_under_the_prior() {
     close(belief.weights[1], 0.1 * likelihood(3.0) / evidence[0].exp());
 }
 
-/// Only in every eighth frame, with P(lost) below 0.05, and with enough of the target in view.
+/// The surroundings are remembered in every eighth frame, with P(lost) below 0.05 and enough of the target visible.
 #[test]
 fn surroundings_are_remembered_in_confident_frames_only() {
     let settings = DistractorSettings { reach: 2.0, step: 1.0, remembered: 2, first_frame: false };
@@ -65,9 +65,9 @@ fn surroundings_are_remembered_in_confident_frames_only() {
     }
 }
 
-/// Half of a target gives half of the evidence, and so does half of a distractor: their margin does not depend on the visible fraction.
+/// Half of a target gives half of the evidence, and so does half of a distractor: their margin is independent of the visible fraction.
 #[test]
-fn a_distractor_counts_as_much_as_the_target_is_visible() {
+fn the_visible_fraction_scales_distractors_and_target_alike() {
     let settings = DistractorSettings { reach: 2.0, step: 1.0, ..DistractorSettings::default() };
     for fraction in [1.0, 0.8, 0.5] {
         let mut monitor = Monitor::new(Default::default(), toy::model()).with_distractors(Some(settings.clone()));
@@ -75,7 +75,7 @@ fn a_distractor_counts_as_much_as_the_target_is_visible() {
         let shown = look(&mut Toy::at(50.0), fraction, |view| {
             let looks = view.log_likelihoods(&belief.states, (&[Gaze::CENTRE], &[1.0], None), Looks::default());
             belief.weigh(&looks, vec![]);
-            // Places are 10 pixels apart; in the column of the target they all have its likelihood.
+            // Places are 10 pixels apart; all places in the column of the target have its likelihood.
             let found = monitor.search(view, &state(47.0), Distractors::default());
             monitor.evidence(view, &belief, &looks, &estimate(47.0), (&Percept::default(), &found))
         });
@@ -83,9 +83,9 @@ fn a_distractor_counts_as_much_as_the_target_is_visible() {
     }
 }
 
-/// A place of another size or a box laid otherwise: the best of nine places within a fifth of the box counts.
+/// The best of nine places within a fifth of the box counts, for a place of another size or a shifted box.
 #[test]
-fn similarity_is_that_of_the_best_place_about() {
+fn similarity_is_the_best_of_nine_places() {
     let mut engine = started(parts(Toy::at(50.0)), 0);
     let mut similarity = |x: f64| engine.similarity(&picture(), &state(x));
     close(similarity(50.0), 1.0);
@@ -95,9 +95,9 @@ fn similarity_is_that_of_the_best_place_about() {
     close(similarity(90.0), 0.0);
 }
 
-/// The lost second tracker starts again at the estimate of a first one that is sure, and else stays where it is.
+/// A lost second tracker restarts at the estimate of a first one that is sure; otherwise it does not move.
 #[test]
-fn a_lost_second_tracker_is_led_back_by_a_sure_first() {
+fn a_lost_second_tracker_restarts_at_a_sure_first() {
     for (own, lost, second_lost, led) in [
         (0.001, false, true, true),
         (0.01, false, true, false),
@@ -118,7 +118,7 @@ fn a_lost_second_tracker_is_led_back_by_a_sure_first() {
     }
 }
 
-/// Looks at one place from the first frame on.
+/// A policy that is committed to one gaze from the first frame on.
 struct Settled(Gaze);
 
 impl Policy for Settled {
@@ -131,7 +131,7 @@ impl Policy for Settled {
     }
 }
 
-/// The evidence of another gaze says nothing of the evidence under this one.
+/// The evidence of another gaze is not comparable with the evidence under this one.
 #[test]
 fn committing_to_a_gaze_drops_the_evidence_of_the_old_one() {
     let mut parts = parts(Toy::at(50.0));
@@ -146,7 +146,7 @@ fn committing_to_a_gaze_drops_the_evidence_of_the_old_one() {
     }
 }
 
-/// An ellipse whose squared half axes add up to χ² quantile × trace of (covariance + noise² I).
+/// An ellipse. Its squared half axes add up to χ² quantile × trace of (covariance + noise² I).
 #[test]
 fn a_credible_region_includes_the_localisation_noise() {
     let mut engine = started(parts(Toy::at(50.0)), 0);
@@ -163,7 +163,7 @@ fn a_credible_region_includes_the_localisation_noise() {
     assert!(noise > 0.5, "a pixel");
 }
 
-/// The box of the target that was given is the box of the first estimate, to the spread of the particles.
+/// The first estimate is the given box, up to the spread of the particles.
 #[test]
 fn a_step_follows_the_target() {
     let mut engine = started(parts(Toy::at(50.0)), 0);
@@ -172,9 +172,9 @@ fn a_step_follows_the_target() {
     assert!(step.bbox.iou(&target(50.0)) > 0.8 && !step.is_lost());
 }
 
-/// A target that is not at its place: the tracker searches, and the policy's context says so in the next frame.
+/// If the target is not at its place, the tracker searches, and the policy's context reports the loss in the next frame.
 #[test]
-fn the_policy_is_told_of_a_lost_target() {
+fn the_policy_context_reports_a_lost_target() {
     let mut engine = started(parts(Toy::at(90.0)), 0);
     let image = picture();
     assert!(!engine.context.lost);

@@ -15,17 +15,17 @@ use foveate_base::rng::Streams;
 
 /// Half the size of the target's box, pixels.
 pub(crate) const EXTENT: Extent = Extent { half_w: 10.0, half_h: 10.0 };
-/// Log-likelihood lost for each pixel between a state and the target, and far from it, nats.
+/// Decrease of the log-likelihood for each pixel between a state and the target, and the log-likelihood far from it, nats.
 pub(crate) const SLOPE: f64 = 4.0;
 pub(crate) const OFF: f64 = -40.0;
 const REFERENCE: ReferenceLikelihood = ReferenceLikelihood { on: 0.0, off: OFF };
 
-/// log p(h | x, a) falls with the horizontal distance from `at`, whatever the picture shows. A gaze adds its offset to the place.
+/// log p(h | x, a) falls with the horizontal distance from `at`, for any picture. A gaze adds its offset to the place.
 pub(crate) struct Toy {
     /// Column of the target.
     pub at: f64,
     pub committed: Gaze,
-    /// The number of templates it was given.
+    /// The number of templates it has received.
     pub templates: Arc<AtomicUsize>,
 }
 
@@ -89,14 +89,14 @@ pub(crate) fn state(x: f64) -> State {
     State { x, y: 50.0, ..State::default() }
 }
 
-/// P(lost) is near 0 if the evidence is that of the target, and near 1 if it is that of other places.
+/// A model whose P(lost) is near 0 for the evidence of the target, and near 1 for that of other places.
 pub(crate) fn model() -> ConfidenceModel {
     let mut weights = [0.0; OWN];
     weights[0] = 20.0;
     ConfidenceModel { weights, bias: -10.0, ..ConfidenceModel::default() }
 }
 
-/// 50 particles that move by a pixel or two a frame, one gaze, and this appearance.
+/// 50 particles that move by a pixel or two per frame, one gaze, and this appearance.
 pub(crate) fn parts(appearance: Toy) -> Parts {
     let still = Autoregressive { damping: 0.0, velocity: 0.0, position: 0.15, log_scale: 0.0, ..Default::default() };
     let filter = Filter::new(Box::new(Prior::new(Arc::new(still))), 50).expect("some particles");
@@ -105,7 +105,7 @@ pub(crate) fn parts(appearance: Toy) -> Parts {
     Parts::new(filter, gaze, Box::new(appearance), Monitor::new(ConsistencySettings::default(), model()))
 }
 
-/// A tracker of these parts that was given the target at column 50.
+/// An engine of these parts, with the target set at column 50.
 pub(crate) fn started(parts: Parts, number: u64) -> Engine {
     let mut engine = Engine::new(parts, 1, number);
     engine.init(&picture(), target(50.0)).expect("a box in the picture");
@@ -113,6 +113,6 @@ pub(crate) fn started(parts: Parts, number: u64) -> Engine {
 }
 
 #[test]
-fn the_law_of_appearances_holds() {
+fn the_toy_appearance_conforms() {
     crate::conformance::appearance(&|| Box::new(Toy::at(30.0)));
 }

@@ -1,4 +1,4 @@
-//! What one frame shows of one target: log p(h | x, a) at any place of it.
+//! The likelihood of one target in one frame: log p(h | x, a) at any place.
 
 use super::target::Target;
 use super::visibility::Visibility;
@@ -7,18 +7,18 @@ use crate::geometry::{Gaze, State};
 use crate::identity::{Appearance, Percept};
 use crate::scene::Scene;
 
-/// One frame, as the appearance model of one target sees it.
+/// One frame under the appearance model of one target.
 pub(super) struct View<'a> {
     pub appearance: &'a mut dyn Appearance,
     pub scene: Scene<'a>,
     pub target: Target,
     pub visibility: &'a Visibility,
-    /// Whether enough of the target is in view for its looks to say whether it is lost.
+    /// Whether the visible fraction of the target is large enough to judge whether it is lost.
     pub is_judged: bool,
     pub scratch: &'a mut Scratch,
 }
 
-/// Buffers of a view that are grown once. Nothing in them is read by another call.
+/// Buffers of a view, allocated once. No call reads the values of another call.
 #[derive(Default)]
 pub(super) struct Scratch {
     states: Vec<State>,
@@ -29,17 +29,17 @@ pub(super) struct Scratch {
 /// log p(h | x, a) of all particles under every gaze of a plan.
 #[derive(Default)]
 pub(super) struct Looks {
-    /// The gazes of the plan, relative to the gaze that the appearance is committed to.
+    /// The gazes of the plan, relative to the gaze to which the appearance is committed.
     pub gazes: Vec<Gaze>,
-    /// How much each of them counts for the weights of the particles: the weights of its plan.
+    /// The weight of each gaze in the plan.
     weights: Vec<f64>,
-    /// A row of N for each gaze.
+    /// One row of N values for each gaze.
     log_likelihood: Vec<f64>,
     particles: usize,
 }
 
 impl<'a> View<'a> {
-    /// One frame of `target`, which is expected at a place before the looks.
+    /// Creates the view of one frame of `target`, with its expected state before the looks.
     pub(super) fn new(
         appearance: &'a mut dyn Appearance,
         scene: Scene<'a>,
@@ -51,13 +51,13 @@ impl<'a> View<'a> {
         Self { appearance, scene, target, visibility, is_judged: visibility.is_judged(expected), scratch }
     }
 
-    /// Width and height of the picture, pixels.
+    /// Returns width and height of the picture, pixels.
     pub(super) fn size(&self) -> (usize, usize) {
         (self.scene.image.width(), self.scene.image.height())
     }
 
-    /// log p(h | x, a) of these states under all gazes, which count with these weights, in the buffer `looks`. The part of the picture that
-    /// a search for distractors around the target needs is prepared at the same time.
+    /// Computes log p(h | x, a) of these states under all gazes, with these weights, in the buffer `looks`. It also prepares the part of
+    /// the picture that a search for distractors around the target needs.
     pub(super) fn log_likelihoods(
         &mut self,
         states: &[State],
@@ -83,27 +83,27 @@ impl<'a> View<'a> {
         looks
     }
 
-    /// log p(h | x, a) of states that were prepared, as far as the target is visible there.
+    /// Computes log p(h | x, a) of prepared states, reduced by the visibility of the target there.
     pub(super) fn log_likelihood(&mut self, states: &[State], gaze: Gaze, out: &mut [f64]) {
         self.appearance.log_likelihood(states, gaze, out);
         self.visibility.apply(states, out, self.target.reference);
     }
 
-    /// log p(h | x, a) of other places under the centre gaze, as if all of the target were visible there.
+    /// Computes log p(h | x, a) of other places under the centre gaze, as if the whole target were visible there.
     pub(super) fn scores(&mut self, places: &[State]) -> &[f64] {
         self.appearance.extend(self.scene.image, places, &[Gaze::CENTRE]);
         self.prepared_scores(places)
     }
 
-    /// The same of places that were prepared.
+    /// Computes the scores of [`View::scores`] for prepared places.
     pub(super) fn prepared_scores(&mut self, places: &[State]) -> &[f64] {
         self.scratch.scores.resize(places.len(), 0.0);
         self.appearance.log_likelihood(places, Gaze::CENTRE, &mut self.scratch.scores);
         &self.scratch.scores
     }
 
-    /// log p(h | x, a) of the estimate, with and without the short-term memory, and the best of the `others` without it; `None` without a
-    /// short-term memory.
+    /// Computes log p(h | x, a) of the estimate with and without the short-term memory, and of the best of the `others` without it; `None`
+    /// without a short-term memory.
     pub(super) fn long_term_scores(&mut self, estimate: &State, others: &[State]) -> Option<LongTerm> {
         let Scratch { states, scores, .. } = &mut *self.scratch;
         states.clear();
@@ -121,10 +121,10 @@ impl<'a> View<'a> {
         Some(LongTerm { change: scores[0] - here[0], best })
     }
 
-    /// What is seen at a state under the chosen gaze of the plan.
+    /// Returns the glimpse at a state under the chosen gaze of the plan.
     pub(super) fn glimpse(&mut self, state: &State, chosen: Gaze, mut percept: Percept) -> Percept {
         let gaze = chosen.relative_to(self.appearance.committed_gaze());
-        // The mean of states that are scattered lies where none of them is.
+        // The mean of scattered states is not near any of them, so it is prepared too.
         self.appearance.extend(self.scene.image, &[*state], &[gaze]);
         self.appearance.glimpse(state, gaze, &mut percept);
         percept.gaze = chosen;
@@ -132,36 +132,36 @@ impl<'a> View<'a> {
     }
 }
 
-/// Leaves the short-term memory out of log-likelihoods, or takes it in again. Returns whether there is one that has learned.
+/// Excludes the short-term memory from log-likelihoods, or includes it again. Returns whether there is one that has been trained.
 pub(super) fn set_short_term_aside(appearance: &mut dyn Appearance, aside: bool) -> bool {
     appearance.memory().is_some_and(|memory| memory.set_short_term_aside(aside))
 }
 
 /// Log-likelihoods without the short-term memory.
 pub(super) struct LongTerm {
-    /// Nats that the estimate has more without the short-term memory than with it.
+    /// Log-likelihood of the estimate without the short-term memory, less that with it, nats.
     pub change: f64,
-    /// The log-likelihood of the best of the other places; −∞ if there is none.
+    /// The log-likelihood of the best other place; −∞ if there is none.
     pub best: f64,
 }
 
 impl Looks {
-    /// The log-likelihoods of each gaze of the plan.
+    /// Returns the log-likelihoods of each gaze of the plan.
     pub(super) fn rows(&self) -> impl Iterator<Item = &[f64]> {
         self.log_likelihood.chunks_exact(self.particles)
     }
 
-    /// The gazes that move the belief: the weight of each, and its log-likelihoods.
+    /// Returns the weight and the log-likelihoods of each gaze that moves the belief.
     pub(super) fn used(&self) -> impl Iterator<Item = (f64, &[f64])> {
         self.weights.iter().copied().zip(self.rows()).filter(|(weight, _)| *weight > 0.0)
     }
 
-    /// How many looks the used gazes count for: the sum of their weights.
+    /// Returns the sum of the weights of the used gazes: the effective number of looks.
     pub(super) fn count(&self) -> f64 {
         self.weights.iter().sum()
     }
 
-    /// Looks again at the states with these indices, under the gazes that are used, and adds the log-likelihoods to their log weights.
+    /// Computes the likelihood of the states with these indices again, under the used gazes, and adds it to their log weights.
     pub(super) fn look_again(
         &mut self,
         view: &mut View<'_>,

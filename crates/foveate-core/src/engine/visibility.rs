@@ -1,14 +1,14 @@
-//! How much of a target can be seen: other things cover a part of it, and two targets cannot be in one place.
+//! The visibility of a target: other objects occlude a part of it, and two targets cannot be in one place.
 //!
-//! If the boxes of two targets meet, each look may be at the other one. The association is joint and soft, as in the joint
-//! probabilistic data association filter: a place belongs to a target by the share that the target's prediction has in the
-//! predictions of all that meet there. What of a look belongs to others counts as much as a look at any other place of the picture.
-//! MacCormick and Blake (2000) call this the exclusion principle; Khan, Balch and Dellaert (2005) have it as a prior.
+//! If the boxes of two targets overlap, a look at one may show the other. The association is joint and soft, as in the joint probabilistic
+//! data association filter: a place belongs to a target in proportion to the density of the target's prediction there, among the
+//! predictions of all overlapping targets. The part of a look that belongs to others counts as a look at any other place of the picture.
+//! MacCormick and Blake (2000) call this the exclusion principle; Khan, Balch and Dellaert (2005) use it as a prior.
 
 use crate::geometry::State;
 use crate::reference::ReferenceLikelihood;
 
-/// Where a target is expected: a normal density over places, pixels.
+/// The predicted place of a target: a normal density, pixels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Claim {
     pub centre: (f64, f64),
@@ -16,24 +16,24 @@ pub(crate) struct Claim {
 }
 
 impl Claim {
-    /// Log density, but for a constant that all claims share.
+    /// Returns the log density, up to a constant that all claims share.
     fn log_density(&self, state: &State) -> f64 {
         let axis = |off: f64, variance: f64| off * off / variance + variance.ln();
         -0.5 * (axis(state.x - self.centre.0, self.variance.0) + axis(state.y - self.centre.1, self.variance.1))
     }
 }
 
-/// Least visible fraction at which evidence is judged: the likelihood of a target that is mostly hidden is uninformative.
+/// Least visible fraction at which evidence is judged: the likelihood of a mostly occluded target is uninformative.
 const LEAST_JUDGED: f64 = 0.5;
-/// The same while another target is in its way: a tenth that is covered costs more than a tenth of the evidence.
+/// The same while another target overlaps: covering a tenth of the target costs more than a tenth of the evidence.
 const LEAST_JUDGED_BESIDE: f64 = 0.9;
-/// Share of the place where the target is expected below which another target may be seen there.
+/// If the target's share of its expected place is smaller than this, another target may be visible there.
 const OWN_PLACE: f64 = 0.8;
 
-/// How much of a target can be seen in one frame: the visible fraction, and the places that other targets claim.
+/// The visibility of a target in one frame: the visible fraction, and the places that other targets claim.
 #[derive(Clone, Debug)]
 pub(super) struct Visibility {
-    /// Fraction of the target that nothing else covers, 0 to 1.
+    /// Fraction of the target that is not occluded, 0 to 1.
     fraction: f64,
     own: Claim,
     others: Vec<Claim>,
@@ -46,44 +46,44 @@ impl Default for Visibility {
 }
 
 impl Visibility {
-    /// Sets the visible fraction; a number that is not finite counts as 1.
+    /// Sets the visible fraction; a value that is not finite counts as 1.
     pub(super) fn set_fraction(&mut self, fraction: f64) {
         self.fraction = if fraction.is_finite() { fraction.clamp(0.0, 1.0) } else { 1.0 };
     }
 
-    /// The visible fraction, 0 to 1.
+    /// Returns the visible fraction, 0 to 1.
     pub(super) fn fraction(&self) -> f64 {
         self.fraction
     }
 
-    /// Whether enough of the target is in view for its looks to say whether it is lost.
+    /// Returns whether the visible fraction of the target is large enough to judge whether it is lost.
     pub(super) fn is_judged(&self, expected: &State) -> bool {
         let least = if self.meets_another() { LEAST_JUDGED_BESIDE } else { LEAST_JUDGED };
         self.fraction >= least && !self.is_contested(expected)
     }
 
-    /// Whether another target may be seen at the place where this one is expected.
+    /// Returns whether another target may be visible at the place where this one is expected.
     pub(super) fn is_contested(&self, expected: &State) -> bool {
         self.share(expected) < OWN_PLACE
     }
 
-    /// Whether another target claims places that this one may be at.
+    /// Returns whether another target claims places where this one may be.
     pub(super) fn meets_another(&self) -> bool {
         !self.others.is_empty()
     }
 
-    /// Starts a frame.
+    /// Starts a frame with the claim of this target.
     pub(super) fn begin(&mut self, own: Claim) {
         self.own = own;
         self.others.clear();
     }
 
-    /// Another target's claim.
+    /// Adds another target's claim.
     pub(super) fn add(&mut self, other: Claim) {
         self.others.push(other);
     }
 
-    /// The share of a place that is this target's, 0 to 1.
+    /// Returns this target's share of a place, 0 to 1.
     pub(super) fn share(&self, state: &State) -> f64 {
         if !self.meets_another() {
             return 1.0;
@@ -92,8 +92,8 @@ impl Visibility {
         1.0 / (1.0 + self.others.iter().map(|other| (other.log_density(state) - own).exp()).sum::<f64>())
     }
 
-    /// Leaves each state the part of its log-likelihood that belongs to this target, and as much of that as is visible.
-    // Deviation: the paper has no second target. A target that is covered in part counts for as much less.
+    /// Reduces each log-likelihood to the part of it that belongs to this target and is visible.
+    // Deviation: the paper has no second target. Occlusion reduces the weight of a target's log-likelihood in proportion.
     pub(super) fn apply(&self, states: &[State], log_likelihood: &mut [f64], reference: ReferenceLikelihood) {
         if self.meets_another() {
             for (l, state) in log_likelihood.iter_mut().zip(states) {
@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_another_targets_counts_as_any_other_place() {
+    fn a_place_of_another_target_counts_as_any_other_place() {
         let reference = ReferenceLikelihood { on: -2.0, off: -12.0 };
         let (states, mut looks) = ([at(0.0), at(40.0), at(20.0)], [-2.0, -2.0, -2.0]);
         met(claim(0.0, 2.0), &[claim(40.0, 2.0)]).apply(&states, &mut looks, reference);
@@ -151,7 +151,7 @@ mod tests {
 
     /// Half of the target gives half of the evidence.
     #[test]
-    fn looks_count_as_much_as_the_target_is_visible() {
+    fn the_visible_fraction_scales_the_evidence() {
         let mut visibility = Visibility::default();
         visibility.set_fraction(0.5);
         let mut looks = [-2.0, -12.0];
