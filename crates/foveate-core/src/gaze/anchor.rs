@@ -1,15 +1,15 @@
-//! Two looks a frame: a fixed one that holds the target, and the policy's own.
+//! Two looks per frame: a fixed gaze that keeps the track, and the gaze of another policy.
 //!
-//! Not in the paper. In trials "centre + chosen" was the only policy of partial information that was reliable.
+//! Not in the paper. In our trials "centre + chosen" was the only reliable policy of partial information.
 
 use super::{Context, Plan, Policy};
 use crate::geometry::Gaze;
 use foveate_base::rng::Rng;
 
-/// Uses one gaze, the centre unless told otherwise, in every frame beside those of another policy.
+/// Uses one fixed gaze, by default the centre, in every frame in addition to those of another policy.
 ///
-/// The other policy learns from its own gazes' rewards only. Where the anchor is one of them, it is looked
-/// at once: the same look twice would count its evidence twice.
+/// The other policy learns from the rewards of its own gazes only. If it plans the fixed gaze itself, that gaze is scored once: scoring it
+/// twice would count its evidence twice.
 pub struct Anchor {
     gaze: Gaze,
     inner: Box<dyn Policy>,
@@ -17,11 +17,11 @@ pub struct Anchor {
 }
 
 impl Anchor {
-    /// The centre beside `inner`.
+    /// Combines the centre with `inner`.
     pub fn centre(inner: Box<dyn Policy>) -> Self {
         Self::new(Gaze::CENTRE, inner)
     }
-    /// Any gaze beside `inner`.
+    /// Combines any gaze with `inner`.
     pub fn new(gaze: Gaze, inner: Box<dyn Policy>) -> Self {
         Self { gaze, inner, own: Plan::new() }
     }
@@ -58,7 +58,7 @@ mod tests {
     }
 
     #[test]
-    fn anchors_keep_the_law() {
+    fn anchors_conform() {
         conformance::policy(&|| Box::new(Anchor::centre(hedge())));
         conformance::policy(&|| Box::new(Anchor::new(Gaze { u: 0.9, v: 0.0, arm: None }, hedge())));
         conformance::policy(&|| Box::new(Anchor::centre(Box::new(Random::new(Grid::default().gazes())))));
@@ -88,7 +88,7 @@ mod tests {
         }
     }
 
-    /// What a pool weighs counts for as much beside the centre, which counts for one look at least.
+    /// A pool keeps its weights beside the centre, which has a weight of at least 1.
     #[test]
     fn the_inner_policy_weighs_its_own_gazes() {
         let mut rng = Streams::new(3, 0).at(0, Purpose::Look).rng(0);

@@ -1,4 +1,4 @@
-//! Policies that learn nothing (section 4.1), to measure the others by.
+//! Policies without learning (section 4.1), as baselines.
 
 use super::{Context, Plan, Policy, PolicySnapshot, misfit};
 use crate::geometry::Gaze;
@@ -8,14 +8,14 @@ use foveate_base::rng::Rng;
 use rand::RngExt;
 use serde::{Deserialize, Serialize};
 
-/// Always the same gaze. The paper has no such baseline; it is a strong one. What is learned of the target is learned of that place.
+/// Always the same gaze, under which the appearance is learned. The paper has no such baseline; it is a strong one.
 #[derive(Clone, Debug)]
 pub struct Fixed {
     gaze: Gaze,
 }
 
 impl Fixed {
-    /// Always this one.
+    /// Always plans this gaze.
     pub fn new(gaze: Gaze) -> Self {
         Self { gaze }
     }
@@ -34,7 +34,7 @@ impl Policy for Fixed {
     }
 }
 
-/// Any of a few gazes, each as likely as another.
+/// Any of a few gazes, with equal probability.
 #[derive(Clone, Debug)]
 pub struct Random {
     gazes: Vec<Gaze>,
@@ -42,7 +42,7 @@ pub struct Random {
 }
 
 impl Random {
-    /// One of these each frame. Panics if there are none.
+    /// Plans one of these gazes per frame. Panics if there are none.
     pub fn new(gazes: Vec<Gaze>) -> Self {
         assert!(!gazes.is_empty(), "a policy needs gazes to choose from");
         Self { probabilities: vec![1.0 / gazes.len() as f64; gazes.len()], gazes }
@@ -64,12 +64,12 @@ impl Policy for Random {
 pub struct Circular {
     gazes: Vec<Gaze>,
     turn: usize,
-    /// 1 at the gaze whose turn it is.
+    /// 1 at the present gaze, 0 elsewhere.
     probabilities: Vec<f64>,
 }
 
 impl Circular {
-    /// These in their order, again and again. Panics if there are none.
+    /// Plans these gazes in order, cyclically. Panics if there are none.
     pub fn new(gazes: Vec<Gaze>) -> Self {
         assert!(!gazes.is_empty(), "a policy needs gazes to choose from");
         let mut policy = Self { probabilities: vec![0.0; gazes.len()], gazes, turn: 0 };
@@ -83,7 +83,7 @@ impl Circular {
     }
 }
 
-/// The state of [`Circular`], as it is saved.
+/// The saved state of [`Circular`].
 #[derive(Serialize, Deserialize)]
 struct Turn {
     turn: usize,
@@ -124,7 +124,7 @@ mod tests {
     use foveate_base::rng::{Purpose, Streams};
 
     #[test]
-    fn baselines_keep_the_law() {
+    fn baselines_conform() {
         conformance::policy(&|| Box::new(Fixed::new(Gaze::CENTRE)));
         conformance::policy(&|| Box::new(Random::new(Grid::default().gazes())));
         conformance::policy(&|| Box::new(Circular::new(Grid::default().gazes())));
@@ -133,7 +133,7 @@ mod tests {
 
     /// 9,000 draws, seed 5; binomial, 5 deviations: 9 counts fail less than once in 10⁵.
     #[test]
-    fn random_is_uniform_and_circular_goes_round() {
+    fn random_is_uniform_and_circular_is_cyclic() {
         let mut rng = Streams::new(5, 0).at(0, Purpose::Look).rng(0);
         let (mut plan, mut counts) = (Plan::new(), [0; 9]);
         let arm = |plan: &Plan| plan.chosen().arm.expect("gazes of a grid are arms");

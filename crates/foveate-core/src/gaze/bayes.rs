@@ -1,4 +1,4 @@
-//! Settings of Bayesian optimisation of the gaze, and what follows from them before anything is learned.
+//! Settings of Bayesian optimisation of the gaze, and the priors that follow from them.
 
 use super::Expectation;
 use foveate_base::{Error, Result};
@@ -67,7 +67,10 @@ impl Default for Bayes {
 }
 
 impl Bayes {
-    /// Fails where a number is out of range, naming it.
+    /// Checks all settings.
+    ///
+    /// # Errors
+    /// If a number is out of range; the error names it.
     pub fn check(&self) -> Result<()> {
         let wrong = |name: &str, expected: &str, found: f64| {
             Err(Error::Config(format!("gp-ucb: {name} is {expected}; it is {found}")))
@@ -94,20 +97,20 @@ impl Bayes {
             _ => Ok(()),
         }
     }
-    /// Where hyper-parameters start. Rewards have variance 1 where they are standardised; raw ones are small.
+    /// Returns the initial hyper-parameters. Standardised rewards have variance 1; raw rewards are small.
     pub(super) fn first(&self) -> Hyper<2> {
         let signal_variance = if self.standardise { 1.0 } else { 0.01 };
         Hyper { length_scales: [0.5 * self.reach; 2], signal_variance, noise_variance: 0.25 * signal_variance }
     }
-    /// What counts before anything is learned: saliency or rehearsal.
+    /// Returns the weight of the prior mean, from saliency or rehearsal.
     pub(super) fn prior(&self) -> f64 {
         self.saliency.max(self.rehearsal)
     }
-    /// What a deviation of it counts, in units of the process.
+    /// Returns the effect of one deviation of the prior mean, in units of the process.
     pub(super) fn prior_weight(&self) -> f64 {
         self.prior() * self.first().signal_variance.sqrt()
     }
-    /// What it wants to know of a gaze before the first look.
+    /// Returns the kind of prior mean that the policy uses.
     pub(super) fn expectation(&self) -> Option<Expectation> {
         match self {
             s if s.saliency > 0.0 => Some(Expectation::Saliency),

@@ -1,12 +1,12 @@
-//! Explore, then commit (Perchet et al., 2016; Garivier et al., 2016): all gazes for so many frames, then the best of them.
+//! Explore, then commit (Perchet et al., 2016; Garivier et al., 2016): all gazes for a number of frames, then the best of them.
 //!
-//! While it explores it looks at all gazes of a frame, each counting for an equal share, and adds up what they earn. Then it
-//! looks at the one that has earned most, and everything that is learned of the target is learned anew of that place, from the first
-//! frame on ([`Policy::committed_gaze`]). Now and then it explores for a frame again, and may change its mind. For a sensor that sees a part of
-//! the target only: to look at all of it costs much, and is worth it for as long as it takes to learn where to look.
+//! While the policy explores, it scores all gazes of a frame with equal weights and adds up their rewards. Then it uses the gaze with the
+//! largest sum, and the appearance is trained again under that gaze, from the first frame on ([`Policy::committed_gaze`]). At intervals it
+//! explores for one frame again, and may change its choice. Use it with a sensor that sees only a part of the target: looking at the whole
+//! target is expensive, and pays only until the best gaze is known.
 //!
-//! Deviation: the paper's policies choose anew in every frame. What tells the target from its surroundings is learned of one place of
-//! the template, and a gaze that moves does without ([`Discriminant`](crate::identity::Discriminant)).
+//! Deviation: the paper's policies choose anew in every frame. The discriminant ([`Discriminant`](crate::identity::Discriminant)) learns
+//! one place of the template, so a moving gaze cannot use it.
 
 use super::gains::Gains;
 use super::{Context, Plan, Policy, PolicySnapshot, Schedule, misfit};
@@ -16,19 +16,20 @@ use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// Looks at all gazes for so many frames, then at the best of them, and at all of them again in every so many-th frame.
+/// Scores all gazes for a number of frames, then uses the best of them, and scores all again in every n-th frame.
 #[derive(Clone, Debug)]
 pub struct ExploreThenCommit {
     gains: Gains,
     frames: u64,
-    /// 0: it never explores again.
+    /// Frames between two explorations; 0 for no further exploration.
     every: u64,
     /// Frames so far.
     t: u64,
 }
 
 impl ExploreThenCommit {
-    /// Over these gazes (one at least), exploring for `frames` frames, and in every `every`-th later one; 0: in none.
+    /// Creates a policy over these gazes (at least one). It explores for `frames` frames, and later in every `every`-th frame; 0 for
+    /// never.
     pub fn new(gazes: Vec<Gaze>, frames: u64, every: u64) -> Result<Self> {
         if gazes.is_empty() {
             return Err(Error::Config("explore-then-commit needs one gaze at least to choose from".into()));
@@ -38,14 +39,14 @@ impl ExploreThenCommit {
     fn explores(&self) -> bool {
         self.t < self.frames || self.every > 0 && self.t.is_multiple_of(self.every)
     }
-    /// The gaze that earned most; of equal ones that nearest to the centre.
+    /// Returns the gaze with the largest reward; among equal ones the one nearest to the centre.
     fn best(&self) -> usize {
         let Gains { gazes, gain, .. } = &self.gains;
         let better =
             |a: &usize, b: &usize| gain[*a].total_cmp(&gain[*b]).then(far(&gazes[*b]).total_cmp(&far(&gazes[*a])));
         (0..gazes.len()).max_by(better).expect("one gaze at least")
     }
-    /// All alike while it explores; then the best one.
+    /// Gives all gazes equal weights while the policy explores; then uses the best one.
     fn weigh(&mut self) {
         let n = self.gains.gazes.len();
         let best = (self.t >= self.frames).then(|| self.best());
@@ -58,7 +59,7 @@ fn far(gaze: &Gaze) -> f64 {
     gaze.u.hypot(gaze.v)
 }
 
-/// The state of [`ExploreThenCommit`], as it is saved.
+/// The saved state of [`ExploreThenCommit`].
 #[derive(Serialize, Deserialize)]
 struct Saved {
     gains: SavedState,
@@ -129,9 +130,10 @@ mod tests {
         assert!(ExploreThenCommit::new(vec![], 10, 0).is_err());
     }
 
-    /// All nine for ten frames and in every fifth one later, else the best; where all earn the same, or nothing was explored, the centre.
+    /// All nine gazes for ten frames and in every fifth frame later, otherwise the best one; with equal rewards or no exploration, the
+    /// centre.
     #[test]
-    fn it_looks_at_all_and_then_at_the_best() {
+    fn it_explores_and_then_commits() {
         let (mut plan, mut rng) = (Plan::new(), Streams::new(1, 0).at(0, Purpose::Look).rng(0));
         for (frames, every, best) in [(10, 0, Some(7)), (10, 5, Some(7)), (10, 0, None), (0, 0, None)] {
             let mut it = policy(frames, every);
@@ -150,9 +152,9 @@ mod tests {
         }
     }
 
-    /// What earns more later is chosen later.
+    /// A gaze that earns more later is chosen later.
     #[test]
-    fn it_changes_its_mind() {
+    fn it_changes_to_a_better_gaze() {
         let (mut plan, mut rng) = (Plan::new(), Streams::new(1, 0).at(0, Purpose::Look).rng(0));
         let mut it = policy(4, 2);
         let mut chosen = vec![];

@@ -1,4 +1,4 @@
-//! EXP3 and its relatives: bandits that get the reward of one gaze a frame; their bounds hold whatever the rewards.
+//! EXP3 and its relatives: bandits that receive the reward of one gaze per frame; their bounds hold for any rewards.
 //!
 //! All keep an estimate Ĝ of each gaze's total reward, weigh gazes by p(i) ∝ exp(η Ĝ(i)) and draw one, i, with p̂(i):
 //!
@@ -9,9 +9,9 @@
 //! | `Implicit` (Neu 2015, EXP3-IX) | p(j) | −(1 − r) / (p(i) + γ) | 2γ |
 //! | `Sharing` (Auer et al. 2002, section 8, EXP3.S) | as `Unbiased` | r / p̂(i), then all share eα/K of the sum of weights | γ/K |
 //!
-//! Regret against the best single gaze over T frames, with γ for T frames: expected 2 √((e − 1) T K ln K) for
-//! `Unbiased`; `Implicit` 2 √(2 T K ln K) + (√(2 T K / ln K) + 1) ln(2/δ) with probability 1 − δ. `Sharing` competes
-//! with the best sequence of gazes that changes now and then.
+//! Regret against the best single gaze over T frames, with γ for T frames: expected 2 √((e − 1) T K ln K) for `Unbiased`; `Implicit` 2 √(2
+//! T K ln K) + (√(2 T K / ln K) + 1) ln(2/δ) with probability 1 − δ. `Sharing` competes with the best sequence of gazes that changes
+//! occasionally.
 
 use super::gains::{Gains, draw};
 use super::{Context, Plan, Policy, PolicySnapshot, Schedule};
@@ -22,23 +22,24 @@ use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
 use std::f64::consts::E;
 
-/// Below this the paper's p(i) is not divided by: it underflows within minutes, and the reward would be infinite.
+/// Least divisor for the paper's p(i), which underflows within minutes and would make the reward infinite.
 const LEAST: f64 = 1e-12;
 
-/// How a reward becomes an estimate; see the table above.
+/// Rule that turns a reward into an estimate; see the table above.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Variant {
-    /// EXP3: divided by the probability that the gaze was drawn with, so that the estimate's mean is the reward.
+    /// EXP3: divides by the probability of the draw, so that the mean of the estimate is the reward.
     Unbiased,
-    /// Deviation, the paper's: Algorithm 2 divides by Hedge's p instead, which explodes where p is small.
+    /// Deviation, the paper's: Algorithm 2 divides by Hedge's p instead; the estimate explodes if p is small.
     AsPrinted,
-    /// EXP3-IX: explores by damping the estimates instead of drawing at random. Small regret is likely, not only expected.
+    /// EXP3-IX: explores by damping the estimates instead of by random draws. Its bound holds with high probability, not only in
+    /// expectation.
     Implicit,
-    /// EXP3.S: no weight falls below a share α, above 0 to 1, of the sum, for rewards that change.
+    /// EXP3.S: no weight falls below a share α of the sum, above 0 to 1, for rewards that change.
     Sharing(f64),
 }
 
-/// Weighs gazes by the exponential of what they seem to have earned.
+/// Weighs gazes by the exponential of their estimated rewards.
 #[derive(Clone, Debug)]
 pub struct Exp3 {
     variant: Variant,
@@ -50,10 +51,10 @@ pub struct Exp3 {
 }
 
 impl Exp3 {
-    /// Over these gazes (one at least), with γ above 0 to 1 on rewards in [0, 1].
+    /// Creates a policy over these gazes (at least one), with γ above 0 to 1 on rewards in [0, 1].
     ///
-    /// `AsPrinted` needs a fixed γ, for no theorem gives one. `Sharing` takes γ as `Unbiased` does; for a known number
-    /// of changes see [`Exp3::sharing_for`].
+    /// `AsPrinted` needs a fixed γ, because no theorem gives one. `Sharing` takes γ as `Unbiased` does; for a known number of changes see
+    /// [`Exp3::sharing_for`].
     pub fn new(gazes: Vec<Gaze>, variant: Variant, gamma: impl Into<Schedule>) -> Result<Self> {
         let gamma = gamma.into();
         gamma.check("exp3: gamma, the share of exploration,", 1.0)?;
@@ -74,20 +75,20 @@ impl Exp3 {
         };
         Err(Error::Config(wrong))
     }
-    /// With η so many times the published one, 0.001 to 1000. The theorems hold up to 1; where rewards differ little,
-    /// more learns sooner.
+    /// Multiplies the published η by `haste`, 0.001 to 1000. The theorems hold up to 1; if rewards differ little, a larger value learns
+    /// sooner.
     pub fn hasty(self, haste: f64) -> Result<Self> {
         within("exp3: haste", haste, 1e-3, 1e3)?;
         Ok(Self { haste, ..self })
     }
-    /// γ and share of EXP3.S for `k` gazes where the best changes so many times in so many frames: its regret against
-    /// the best such sequence is 2 √((e − 1) K T ((changes + 1) ln(KT) + e)) (Auer et al. 2002, corollary 8.3).
+    /// Returns γ and share of EXP3.S for `k` gazes, if the best gaze changes `changes` times in `frames` frames. The regret against the
+    /// best such sequence is 2 √((e − 1) K T ((changes + 1) ln(KT) + e)) (Auer et al. 2002, corollary 8.3).
     pub fn sharing_for(k: usize, frames: usize, changes: usize) -> (f64, f64) {
         let (k, t) = (k as f64, frames.max(1) as f64);
         let gamma = (k * ((changes + 1) as f64 * (k * t).ln() + E) / ((E - 1.0) * t)).sqrt();
         (gamma.min(1.0), 1.0 / t)
     }
-    /// γ and η of the frame to come.
+    /// Returns γ and η of the next frame.
     fn rates(&self) -> (f64, f64) {
         let k = self.gains.gazes.len() as f64;
         let log_k = k.max(2.0).ln();
@@ -96,8 +97,8 @@ impl Exp3 {
                 let gamma = self.gains.rate(log_k / (2.0 * k), log_k / (4.0 * k));
                 (gamma, 2.0 * gamma)
             }
-            // Deviation: Auer et al. start again with each guess of the rewards' sum (section 4). A γ that falls as
-            // 1/√t has regret K ln K/γ + (e − 1) Σγ at most too, here 2 √(2 (e − 1) T K ln K), and never forgets.
+            // Deviation: Auer et al. start again with each guess of the rewards' sum (section 4). A γ that falls as 1/√t also has regret K
+            // ln K/γ + (e − 1) Σγ at most, here 2 √(2 (e − 1) T K ln K), and never restarts.
             _ => {
                 let gamma = self.gains.rate(k * log_k / (E - 1.0), k * log_k / (2.0 * (E - 1.0))).min(1.0);
                 (gamma, if self.variant == Variant::AsPrinted { gamma } else { gamma / k })
@@ -105,7 +106,7 @@ impl Exp3 {
         };
         (gamma, self.haste * eta)
     }
-    /// p and p̂ of the frame to come.
+    /// Computes p and p̂ of the next frame.
     fn weigh(&mut self) {
         let (gamma, eta) = self.rates();
         self.gains.weigh(if let Variant::Sharing(_) = self.variant { 1.0 } else { eta });
@@ -131,7 +132,7 @@ impl Policy for Exp3 {
             Variant::AsPrinted => gain[drawn] += reward / p[drawn].max(LEAST),
             Variant::Implicit => gain[drawn] -= (1.0 - reward) / (p[drawn] + gamma),
             Variant::Sharing(share) => {
-                // In logarithms, for weights may underflow, and grow beyond all numbers.
+                // In logarithms, because weights may underflow or overflow.
                 let log_sum = gain.iter().map(|gain| gain.exp()).sum::<f64>().ln();
                 let log_shared = (E * share / gain.len() as f64).ln() + log_sum;
                 gain[drawn] += eta * reward / self.mixed[drawn];
@@ -172,7 +173,7 @@ mod tests {
     use crate::conformance;
 
     #[test]
-    fn all_keep_the_law() {
+    fn all_variants_conform() {
         for variant in VARIANTS {
             conformance::policy(&move || Box::new(exp3(variant, 0.2)));
             conformance::policy(&move || Box::new(exp3(variant, 1.0).hasty(20.0).expect("in range")));

@@ -1,4 +1,4 @@
-//! What gazes have earned, and the probabilities that follow from it: what Hedge, the pool and EXP3 learn.
+//! The cumulative rewards of gazes and their probabilities: the state of Hedge, the pool and EXP3.
 
 use super::{Schedule, misfit};
 use crate::geometry::Gaze;
@@ -15,27 +15,27 @@ pub(super) struct Gains {
     schedule: Schedule,
     /// G, or an estimate of it.
     pub(super) gain: Vec<f64>,
-    /// Frames learned from.
+    /// Number of frames learned from.
     frames: u64,
     /// p.
     pub(super) p: Vec<f64>,
 }
 
 impl Gains {
-    /// Nothing earned yet.
+    /// Creates gains of 0.
     pub(super) fn new(gazes: Vec<Gaze>, schedule: Schedule) -> Self {
         let (gain, p) = (vec![0.0; gazes.len()], vec![1.0 / gazes.len() as f64; gazes.len()]);
         Self { gazes, schedule, gain, frames: 0, p }
     }
-    /// [`Schedule::rate`] of the frame to come.
+    /// Returns [`Schedule::rate`] of the next frame.
     pub(super) fn rate(&self, known: f64, anytime: f64) -> f64 {
         self.schedule.rate(self.frames.saturating_add(1), known, anytime)
     }
-    /// One frame more was learned from.
+    /// Counts one frame.
     pub(super) fn count(&mut self) {
         self.frames = self.frames.saturating_add(1);
     }
-    /// p from the gains; the largest is subtracted, so nothing overflows.
+    /// Computes p from the gains. The largest gain is subtracted, so that nothing overflows.
     pub(super) fn weigh(&mut self, eta: f64) {
         let max = self.gain.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         for (p, gain) in self.p.iter_mut().zip(&self.gain) {
@@ -44,7 +44,7 @@ impl Gains {
         let sum: f64 = self.p.iter().sum();
         self.p.iter_mut().for_each(|p| *p /= sum);
     }
-    /// Gains and frames; p follows from them.
+    /// Returns gains and frames; p follows from them.
     pub(super) fn save(&self) -> SavedState {
         SavedState::new(&Saved { gain: self.gain.clone(), frames: self.frames })
     }
@@ -59,21 +59,21 @@ impl Gains {
         (self.gain, self.frames) = (gain, frames);
         Ok(())
     }
-    /// Forgets all, but for p.
+    /// Resets everything except p.
     pub(super) fn reset(&mut self) {
         self.gain.fill(0.0);
         self.frames = 0;
     }
 }
 
-/// The state of [`Gains`], as it is saved.
+/// The saved state of [`Gains`].
 #[derive(Serialize, Deserialize)]
 struct Saved {
     gain: Vec<f64>,
     frames: u64,
 }
 
-/// Draws an index with these probabilities, which sum to 1 but for rounding.
+/// Draws an index with these probabilities, which sum to 1 up to rounding.
 pub(super) fn draw(probabilities: &[f64], rng: &mut Rng) -> usize {
     let mut left: f64 = rng.random();
     for (k, p) in probabilities.iter().enumerate() {

@@ -1,11 +1,11 @@
 //! Bayesian optimisation of the gaze (section 4.4): partial information over a continuous square of gazes.
 //!
-//! The reward of looking at (u, v) is a Gaussian process; its hyper-parameters are MAP estimates; the next gaze is where
-//! m(a) + √βₜ s(a) is largest (GP-UCB), βₜ = 2 ln(t³π²/3δ), found by DIRECT. The cost of a frame does not grow: the process
-//! knows the newest `window` rewards only, which also lets it forget what no longer holds.
+//! The reward of looking at (u, v) is a Gaussian process; its hyper-parameters are MAP estimates; the next gaze maximises m(a) + √βₜ s(a)
+//! (GP-UCB), βₜ = 2 ln(t³π²/3δ), found by DIRECT. The cost of a frame is constant: the process uses the newest `window` rewards only, and
+//! so also adapts to changes.
 //!
-//! Deviation: rewards are standardised over the window ([`Bayes::standardise`]). √βₜ is 4 to 7 in units of the process'
-//! deviation, and as printed, on rewards of 0.01, nothing is ever exploited.
+//! Deviation: rewards are standardised over the window ([`Bayes::standardise`]). √βₜ is 4 to 7 in units of the process' deviation; as
+//! printed, on rewards of 0.01, the policy never exploits.
 //! Deviation: the first gazes are drawn near the centre ([`Bayes::start`]), not over the whole square.
 //! Beyond the paper (its future work): [`Bayes::guard`], [`Bayes::caution`], [`Bayes::saliency`] and [`Bayes::rehearsal`].
 
@@ -23,18 +23,18 @@ use serde::Deserialize;
 use serde_json::json;
 use std::f64::consts::PI;
 
-/// The policy.
+/// The GP-UCB policy.
 pub struct GpUcb {
     settings: Bayes,
     priors: Priors<2>,
     process: Gp<2>,
     direct: Direct<2>,
-    /// Rewards seen; t of βₜ.
+    /// Number of rewards received; t of βₜ.
     seen: u64,
-    /// The window's rewards as they came, oldest first, and where.
+    /// The raw rewards of the window, oldest first, and their gazes.
     rewards: Vec<f64>,
     fixations: Vec<Gaze>,
-    /// The last reward was poor, by `guard`.
+    /// Whether the last reward was poor, by `guard`.
     poor: bool,
     prior: Prior,
     means: Vec<f64>,
@@ -42,7 +42,10 @@ pub struct GpUcb {
 }
 
 impl GpUcb {
-    /// Fails where a setting is out of range.
+    /// Creates the policy.
+    ///
+    /// # Errors
+    /// If a setting is out of range.
     pub fn new(settings: Bayes) -> Result<Self> {
         settings.check()?;
         let window = settings.window;
@@ -60,7 +63,7 @@ impl GpUcb {
             settings,
         })
     }
-    /// √βₜ as held back by the guard and by the context.
+    /// Returns √βₜ, reduced by the guard and by the context.
     fn exploration(&self, context: &Context) -> f64 {
         if self.poor {
             return 0.0;
@@ -70,7 +73,7 @@ impl GpUcb {
         let held = 1.0 - self.settings.caution * context.frame_deficit.max(context.deficit).min(1.0);
         self.settings.exploration * held * beta.max(0.0).sqrt()
     }
-    /// Mean and standard deviation of the window's rewards.
+    /// Returns mean and standard deviation of the window's rewards.
     fn moments(&self) -> (f64, f64) {
         if self.rewards.is_empty() {
             return (0.0, 1.0);
@@ -80,15 +83,15 @@ impl GpUcb {
         let sd = (self.rewards.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / n).sqrt();
         (mean, sd.max(self.settings.floor).max(1e-9))
     }
-    /// Mean and divisor that standardise the window's rewards.
+    /// Returns the mean and the divisor that standardise the window's rewards.
     fn units(&self) -> (f64, f64) {
         if self.settings.standardise { self.moments() } else { (0.0, 1.0) }
     }
-    /// The process' mean at a gaze before anything was learned.
+    /// Returns the prior mean of the process at a gaze.
     fn expected(&self, u: f64, v: f64) -> f64 {
         self.settings.prior_weight() * self.prior.at(self.settings.reach, u, v)
     }
-    /// The process' targets from the window's rewards.
+    /// Computes the targets of the process from the window's rewards.
     fn standardise(&mut self) {
         let (mean, sd) = self.units();
         let Self { settings, process, rewards, fixations, prior, means, .. } = self;
@@ -193,7 +196,7 @@ impl Policy for GpUcb {
     }
 }
 
-/// Quasi-Newton steps of one adjustment, from where the last one ended.
+/// Quasi-Newton steps of one fit, which starts at the last result.
 const MOST_ITERATIONS: usize = 15;
 
 impl Surface for GpUcb {
@@ -230,7 +233,7 @@ mod tests {
     }
 
     #[test]
-    fn gp_ucb_keeps_the_law() {
+    fn gp_ucb_conforms() {
         conformance::policy(&|| Box::new(policy(Bayes::default())));
         let printed = Bayes { standardise: false, refit: 1, start: 0.5, window: 20, ..Bayes::default() };
         conformance::policy(&|| Box::new(policy(printed.clone())));
@@ -249,7 +252,7 @@ mod tests {
         assert_eq!((plan.chosen().u, plan.chosen().v), (u, v));
     }
 
-    /// A noisy hill: after 100 looks the favourite lies on it, and most late looks do. 10 seeds, one may miss.
+    /// A noisy hill: after 100 looks the best gaze lies on it, and so do most late looks. 10 seeds, one may miss.
     #[test]
     fn it_finds_the_hill_and_stays_there() {
         let hill = |u: f64, v: f64| 0.8 * (-((u - 0.3).powi(2) + (v + 0.2).powi(2)) / 0.08).exp();
@@ -271,8 +274,8 @@ mod tests {
     }
 
     #[test]
-    fn guard_and_caution_hold_exploration_back() {
-        // The guard's deviations are the window's, whatever the process sees.
+    fn guard_and_caution_reduce_exploration() {
+        // The guard uses the deviation of the window, with and without standardisation.
         for standardise in [true, false] {
             guarded(policy(Bayes { guard: Some(1.0), caution: 0.5, standardise, ..Bayes::default() }));
         }

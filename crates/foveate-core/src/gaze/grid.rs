@@ -1,4 +1,4 @@
-//! Fixed gazes on the template, for the policies that choose among a few.
+//! Fixed gazes on the template, for policies with a finite set of gazes.
 
 use crate::geometry::Gaze;
 use foveate_base::Result;
@@ -24,12 +24,15 @@ impl Default for Grid {
 }
 
 impl Grid {
-    /// Fails where there is no gaze, more than a thousand, or an endless reach.
+    /// Checks the grid.
+    ///
+    /// # Errors
+    /// If there is no gaze, or there are more than a thousand, or the reach is not finite.
     pub fn check(&self) -> Result<()> {
         within("grid.n", self.n as f64, 1.0, 31.0)?;
         within("grid.reach", self.reach, 0.0, 10.0)
     }
-    /// The gazes; arm k is the k-th.
+    /// Returns the gazes; arm k is the k-th.
     pub fn gazes(&self) -> Vec<Gaze> {
         let n = self.n;
         let at = |i: usize| if n == 1 { 0.0 } else { self.reach * (2.0 * i as f64 / (n - 1) as f64 - 1.0) };

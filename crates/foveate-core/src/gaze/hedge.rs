@@ -1,8 +1,8 @@
 //! Hedge (section 4.2; Freund & Schapire 1997): full information over a few gazes.
 //!
-//! pₜ(i) ∝ exp(γ Gₜ₋₁(i)), with G the sum of a gaze's rewards. Every gaze is scored each frame, one is drawn
-//! from pₜ and used. With γ = √(8 ln K / T) the expected reward over T frames lies within √(T ln K / 2) of the
-//! best single gaze's, whatever the rewards (Cesa-Bianchi & Lugosi 2006, theorem 2.2).
+//! pₜ(i) ∝ exp(γ Gₜ₋₁(i)); G is the sum of a gaze's rewards. Every gaze is scored each frame, one is drawn from pₜ and used. With γ = √(8
+//! ln K / T) the expected reward over T frames lies within √(T ln K / 2) of that of the best single gaze, for any rewards (Cesa-Bianchi &
+//! Lugosi 2006, theorem 2.2).
 
 use super::gains::{Gains, draw};
 use super::{Context, Plan, Policy, PolicySnapshot, Schedule};
@@ -11,16 +11,16 @@ use crate::saved_state::SavedState;
 use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
 
-/// Weighs gazes by the exponential of what they earned.
+/// Weighs gazes by the exponential of their cumulative rewards.
 #[derive(Clone, Debug)]
 pub struct Hedge {
     gains: Gains,
-    /// Share of the gains that fades each frame.
+    /// Fraction by which the gains decay each frame.
     forget: f64,
 }
 
 impl Hedge {
-    /// Over these gazes (one at least), with learning rate `gamma` > 0 on rewards in [0, 1].
+    /// Creates a policy over these gazes (at least one), with learning rate `gamma` > 0 on rewards in [0, 1].
     pub fn new(gazes: Vec<Gaze>, gamma: impl Into<Schedule>) -> Result<Self> {
         let gamma = gamma.into();
         if gazes.is_empty() {
@@ -29,19 +29,19 @@ impl Hedge {
         gamma.check("hedge: gamma, the learning rate,", 1e9)?;
         Ok(Self { gains: Gains::new(gazes, gamma), forget: 0.0 })
     }
-    /// The learning rate with the best bound for `k` gazes over a known number of frames: √(8 ln K / T).
+    /// Returns the learning rate with the best bound for `k` gazes over a known number of frames: √(8 ln K / T).
     pub fn gamma_for(k: usize, frames: usize) -> f64 {
         (8.0 * (k.max(2) as f64).ln() / frames.max(1) as f64).sqrt()
     }
-    /// A share (0 to 1) of what was learned fades each frame; none unless told.
+    /// Sets the fraction by which the gains decay each frame, 0 to 1; the default is 0.
     pub(super) fn fading(self, forget: f64) -> Self {
         Self { forget, ..self }
     }
-    /// The gazes, and the probability of each.
+    /// Returns the gazes, and the probability of each.
     pub(super) fn shares(&self) -> impl Iterator<Item = (Gaze, f64)> {
         self.gains.gazes.iter().copied().zip(self.gains.p.iter().copied())
     }
-    /// pₜ from Gₜ₋₁.
+    /// Computes pₜ from Gₜ₋₁.
     fn weigh(&mut self) {
         let log_k = (self.gains.gazes.len().max(2) as f64).ln();
         self.gains.weigh(self.gains.rate(8.0 * log_k, 4.0 * log_k));
@@ -93,7 +93,7 @@ mod tests {
     }
 
     #[test]
-    fn hedge_keeps_the_law() {
+    fn hedge_conforms() {
         conformance::policy(&|| Box::new(hedge(0.5)));
         conformance::policy(&|| Box::new(hedge(Schedule::Anytime)));
         conformance::policy(&|| Box::new(hedge(Schedule::Frames(50))));
@@ -107,7 +107,7 @@ mod tests {
         );
     }
 
-    /// The theorem holds for every sequence, so no slack: adversaries that see pₜ, drifting and random rewards.
+    /// The theorem holds for every sequence, so there is no slack: adversaries that see pₜ, drifting rewards and random ones.
     #[test]
     fn regret_is_within_the_theorem() {
         const K: usize = 9;
@@ -146,7 +146,7 @@ mod tests {
 
     /// 20,000 draws; binomial, 5 deviations: 9 counts fail less than once in 10⁵.
     #[test]
-    fn gazes_are_drawn_with_the_printed_probabilities() {
+    fn gazes_are_drawn_with_the_published_probabilities() {
         let (mut policy, mut plan) = (hedge(2.0), Plan::new());
         let mut rng = Streams::new(7, 0).at(0, Purpose::Look).rng(0);
         policy.plan(&Context::default(), &mut plan, &mut rng);

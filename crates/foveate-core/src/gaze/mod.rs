@@ -1,10 +1,9 @@
 //! WHERE TO LOOK? Policies over gazes, which learn from rewards (section 4).
 //!
-//! A [`Policy`] writes a [`Plan`]: the gazes it wants rewards for, and which of them are used to move the
-//! belief. All gazes (full information: Hedge) or one (partial: baselines, bandits) is thus a fact about the
-//! plan's length. A policy sees gazes and rewards, never a pixel.
+//! A [`Policy`] writes a [`Plan`]: the gazes to score, and those among them that move the belief. A plan contains all gazes (full
+//! information: Hedge) or one (partial information: baselines, bandits). A policy receives gazes and rewards, never pixels.
 
-/// All that a policy learns is what another one, in a field of it, learns.
+/// Implements learning and state of a policy by those of the policy in one of its fields.
 macro_rules! learned_by {
     ($field:ident) => {
         fn snapshot(&self) -> $crate::gaze::PolicySnapshot<'_> {
@@ -60,7 +59,7 @@ use foveate_base::rng::Rng;
 use foveate_base::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-/// The gazes of one frame: each is scored, the used ones move the belief, one is the policy's own choice.
+/// The gazes of one frame: each is scored, the used ones move the belief, and one is the policy's own choice.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
     gazes: Vec<Gaze>,
@@ -70,23 +69,23 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// An empty plan.
+    /// Creates an empty plan.
     pub const fn new() -> Self {
         Self { gazes: Vec::new(), weights: Vec::new(), marked: None, recorded: Vec::new() }
     }
-    /// Forgets all gazes; keeps the room.
+    /// Removes all gazes; keeps the memory.
     pub fn clear(&mut self) {
         self.gazes.clear();
         self.weights.clear();
         self.marked = None;
         self.recorded.clear();
     }
-    /// Asks for one gaze, and uses it.
+    /// Plans one gaze, and uses it.
     pub fn only(&mut self, gaze: Gaze) {
         self.clear();
         self.weigh(gaze, 1.0);
     }
-    /// Asks for all of `gazes`, and uses the one at `chosen`.
+    /// Plans all of `gazes`, and uses the one at `chosen`.
     pub fn all(&mut self, gazes: &[Gaze], chosen: usize) {
         assert!(chosen < gazes.len(), "gaze {chosen} of {} cannot be chosen", gazes.len());
         self.clear();
@@ -94,72 +93,72 @@ impl Plan {
             self.weigh(gaze, f64::from(u8::from(k == chosen)));
         }
     }
-    /// Asks for one gaze more, and uses as much of its log-likelihood as `weight` says, finite and at least 0; at 0 it is only scored.
+    /// Adds one gaze. `weight` multiplies its log-likelihood, finite and at least 0; at 0 the gaze is only scored.
     pub fn weigh(&mut self, gaze: Gaze, weight: f64) {
         self.gazes.push(gaze);
         self.weights.push(weight);
     }
-    /// Uses the gaze at `k` too, for one look at least.
+    /// Uses the gaze at `k` too, with a weight of at least 1.
     pub fn use_also(&mut self, k: usize) {
         self.weights[k] = self.weights[k].max(1.0);
     }
-    /// Says which of the used gazes is the policy's own choice; otherwise it is the first used one.
+    /// Sets which of the used gazes is the policy's own choice; by default it is the first used one.
     pub fn mark(&mut self, k: usize) {
         assert!(self.weights[k] > 0.0, "the choice must be one of the used gazes");
         self.marked = Some(k);
     }
-    /// Asks for the reward of a gaze for observers alone: it neither moves the belief nor comes to `learn`.
+    /// Records the reward of a gaze for observers only: it neither moves the belief nor reaches `learn`.
     pub fn record(&mut self, gaze: Gaze) {
         self.recorded.push(gaze);
     }
-    /// The gazes whose rewards are for observers alone.
+    /// Returns the gazes that are recorded for observers only.
     pub fn recorded(&self) -> &[Gaze] {
         &self.recorded
     }
-    /// What to score, in the order of the rewards.
+    /// Returns the gazes to score, in the order of the rewards.
     pub fn gazes(&self) -> &[Gaze] {
         &self.gazes
     }
-    /// The gazes that move the belief, one at least, with their indices.
+    /// Returns the gazes that move the belief, at least one, with their indices.
     pub fn used(&self) -> impl Iterator<Item = (usize, Gaze)> {
         let all = self.gazes.iter().copied().zip(&self.weights).enumerate();
         all.filter(|(_, (_, weight))| **weight > 0.0).map(|(k, (gaze, _))| (k, gaze))
     }
-    /// For each gaze, how much its log-likelihood counts: 1 for one that is used, 0 for one that is only scored, anything
-    /// else where the policy weighs them.
+    /// Returns the factor of each gaze's log-likelihood: 1 for a used gaze, 0 for a gaze that is only scored, any other value if the
+    /// policy weighs its gazes.
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }
-    /// How many looks the used gazes count for: the sum of their weights.
+    /// Returns the sum of the weights of the used gazes: the effective number of looks.
     pub fn looks(&self) -> f64 {
         self.weights.iter().sum()
     }
-    /// Index of the policy's own choice. Panics if no gaze is used, which no policy may leave so.
+    /// Returns the index of the policy's own choice. Panics if no gaze is used, which a policy must not cause.
     pub fn chosen_index(&self) -> usize {
         let first = || self.used().next().expect("a plan uses one gaze at least").0;
         self.marked.unwrap_or_else(first)
     }
-    /// The policy's own choice: what it is said to look at.
+    /// Returns the policy's own choice, which is reported as the gaze.
     pub fn chosen(&self) -> Gaze {
         self.gazes[self.chosen_index()]
     }
 }
 
-/// How sure the tracker was at the end of the frame before: what a policy may weigh exploring against (the paper's
-/// last paragraph). [`Default`] is the first frame's: all is well.
+/// The confidence of the tracker at the end of the previous frame, against which a policy may weigh exploration (the paper's last
+/// paragraph). [`Default`] is the context of the first frame, with full confidence.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Context {
-    /// Effective sample size as a share of the particles, above 0 to 1.
+    /// Effective sample size as a fraction of the particles, above 0 to 1.
     pub ess: f64,
-    /// 0 while the looks fit as they do on the target, 1 when they fit as elsewhere; smoothed over frames, 0 to 2.
+    /// Evidence deficit: 0 if the looks fit as on the target, 1 if they fit as elsewhere; smoothed over frames, 0 to 2.
     pub deficit: f64,
-    /// The same of the last frame alone, 0 to 2.
+    /// Evidence deficit of the last frame alone, 0 to 2.
     pub frame_deficit: f64,
     /// Standard deviation of the belief about place, in template units (1 is half the target's box).
     pub spread: f64,
-    /// Whether the target is believed lost.
+    /// Whether the tracker searches for a lost target.
     pub lost: bool,
 }
 
@@ -169,70 +168,70 @@ impl Default for Context {
     }
 }
 
-/// A reward surface over the template, as a policy believes it to be.
+/// The reward surface over the template that a policy has estimated.
 pub trait Surface: Sync {
-    /// Half the side of the square of gazes it is over, in template units.
+    /// Half the side of its square of gazes, template units.
     fn reach(&self) -> f64;
-    /// Mean and standard deviation of the believed reward of looking at (u, v).
+    /// Mean and standard deviation of the estimated reward of looking at (u, v).
     fn at(&self, u: f64, v: f64) -> (f64, f64);
-    /// The gazes it was learned from, oldest first.
+    /// The gazes that it was estimated from, oldest first.
     fn fixations(&self) -> &[Gaze];
-    /// The gaze with the largest mean. `None` before anything was learned.
+    /// The gaze with the largest mean; `None` before the first reward.
     fn best(&self) -> Option<Gaze>;
 }
 
-/// What a policy has learned, for people to see.
+/// The learned state of a policy, for display.
 #[derive(Clone, Copy)]
 pub enum PolicySnapshot<'a> {
     /// Nothing to show.
     Blank,
-    /// How likely each gaze is to be chosen next, or how much it weighs where all are; the shares sum to 1.
+    /// The probability of each gaze in the next frame, or its share of the weights if all are used; the values sum to 1.
     Arms {
         /// The gazes.
         gazes: &'a [Gaze],
-        /// As many probabilities.
+        /// One probability for each gaze.
         probabilities: &'a [f64],
     },
-    /// What each gaze of a continuous space is believed to be worth; worked out where it is asked for.
+    /// The estimated reward of each gaze of a continuous space, computed on demand.
     Surface(&'a dyn Surface),
 }
 
-/// What a policy wants to know of a gaze before the first look, from the picture in which the target is given.
+/// The kind of prior that a policy computes before the first look, from the picture in which the target is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Expectation {
-    /// How much what it looks at stands out (Itti, Koch and Niebur).
+    /// Saliency at the place of a gaze (Itti, Koch and Niebur).
     Saliency,
-    /// Its reward on that picture itself, had the target's place been uncertain: how much it tells of place.
+    /// The reward of a gaze on that picture with an uncertain place of the target: how well the gaze localises it.
     Rehearsal,
 }
 
-/// Chooses gazes, and learns from what they were worth.
+/// Chooses gazes, and learns from their rewards.
 ///
-/// One call of `plan`, then one of `learn` with that plan, each frame. `plan` must use one gaze at least and
-/// draw from `rng` alone. `save` and `load` must carry all that was learned, bit for bit: a policy that loads
-/// goes on as the one that saved would have.
+/// Each frame calls `plan` once, then `learn` once with that plan. `plan` must use at least one gaze and draw from `rng` alone. `save` and
+/// `load` must carry everything learned, bit for bit: a policy that loads a state continues exactly as the policy that saved it.
 pub trait Policy: Send + Sync {
-    /// Replaces the plan by the gazes of the next frame. Most policies do not mind the context.
+    /// Replaces the plan by the gazes of the next frame. Most policies ignore the context.
     fn plan(&mut self, context: &Context, plan: &mut Plan, rng: &mut Rng);
     /// Learns from rewards in [0, 1]; `rewards[k]` belongs to `plan.gazes()[k]`.
     fn learn(&mut self, plan: &Plan, rewards: &[f64]);
-    /// The only gaze from now on, if the policy has committed to one: the target is then learned again under that gaze.
+    /// The only gaze of all later frames, if the policy has committed to one: the appearance is then trained again under that gaze.
     fn committed_gaze(&self) -> Option<Gaze> {
         None
     }
-    /// What was learned, for observers only.
+    /// Returns the learned state, for observers only.
     fn snapshot(&self) -> PolicySnapshot<'_> {
         PolicySnapshot::Blank
     }
-    /// All that was learned.
+    /// Returns everything that was learned.
     fn save(&self) -> SavedState {
         SavedState::empty()
     }
-    /// Restores a state that `save` returned for a policy with the same settings. If the state does not fit, this fails and changes nothing.
+    /// Restores a state that `save` returned for a policy with the same settings. If the state does not fit, this fails and changes
+    /// nothing.
     fn load(&mut self, saved: &SavedState) -> Result<()> {
         if saved.is_empty() { Ok(()) } else { Err(misfit("nothing, for this policy learns nothing", saved)) }
     }
-    /// Forgets all that was learned.
+    /// Resets everything that was learned.
     fn reset(&mut self) {}
     /// The value of a gaze that [`Policy::init_prior`] receives; `None` for most policies, which have no prior.
     fn expectation(&self) -> Option<Expectation> {
@@ -243,7 +242,7 @@ pub trait Policy: Send + Sync {
     fn init_prior(&mut self, _worth: &mut dyn FnMut(Gaze) -> f64) {}
 }
 
-/// A saved state that does not fit.
+/// The error for a saved state that does not fit.
 fn misfit(expected: &str, found: &SavedState) -> Error {
     let found: String = found.to_string().chars().take(80).collect();
     Error::Invalid(format!(

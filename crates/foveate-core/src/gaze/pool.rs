@@ -1,13 +1,13 @@
-//! All gazes in every frame, and their likelihoods weighed by what each was worth: a logarithmic opinion pool.
+//! All gazes in every frame, with their likelihoods weighted by past rewards: a logarithmic opinion pool.
 //!
-//! With wₜ(k) ∝ exp(γ Gₜ₋₁(k)) of sum `looks`, and G(k) the sum of a gaze's rewards, of which a share `forget` fades each frame,
+//! With wₜ(k) ∝ exp(γ Gₜ₋₁(k)) that sum to `looks`, and G(k) the sum of a gaze's rewards, which decays by a fraction `forget` each frame,
 //! ```text
 //! log p(h₁..ₖ | x) = Σₖ wₜ(k) log p(hₖ | x, aₖ)
 //! ```
-//! (Genest & Zidek 1986; the weights are Hedge's, over experts that are all heard). With equal weights and `looks` = K it is
-//! the product of the likelihoods, as of K looks that err independently; with `looks` = 1 their geometric mean, as sharp as one.
+//! (Genest & Zidek 1986; the weights are those of Hedge). With equal weights and `looks` = K it is the product of the likelihoods, as for
+//! K looks with independent errors; with `looks` = 1 it is their geometric mean, as sharp as one look.
 //!
-//! Deviation: the paper moves the belief by one gaze a frame, whichever Hedge draws.
+//! Deviation: the paper moves the belief by one gaze per frame, which Hedge draws.
 
 use super::{Context, Hedge, Plan, Policy, Schedule};
 use crate::geometry::Gaze;
@@ -15,17 +15,17 @@ use foveate_base::Result;
 use foveate_base::error::within;
 use foveate_base::rng::Rng;
 
-/// Looks everywhere at once, and listens most to the gazes that told most lately.
+/// Uses all gazes at once, with the largest weights on those with the largest recent rewards.
 #[derive(Clone, Debug)]
 pub struct Pool {
-    /// Learns the weights; here nothing is drawn from them.
+    /// Learns the weights; nothing is drawn from them here.
     hedge: Hedge,
     looks: f64,
 }
 
 impl Pool {
-    /// Over these gazes (one at least), with learning rate `gamma` > 0 on rewards in [0, 1], of whose sum a share `forget` (0
-    /// to 1) fades each frame. The weights' sum is `looks`, above 0: as many looks as they are to count for.
+    /// Creates a policy over these gazes (at least one), with learning rate `gamma` > 0 on rewards in [0, 1]; their sum decays by a
+    /// fraction `forget` (0 to 1) each frame. The weights sum to `looks`, above 0: the effective number of looks.
     pub fn new(gazes: Vec<Gaze>, gamma: impl Into<Schedule>, forget: f64, looks: f64) -> Result<Self> {
         within("pool: forget", forget, 0.0, 1.0)?;
         within("pool: looks", looks, 1e-3, 1e3)?;
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn pools_keep_the_law() {
+    fn pools_conform() {
         conformance::policy(&|| Box::new(pool(0.5, 0.05, 9.0)));
         conformance::policy(&|| Box::new(pool(Schedule::Anytime, 0.0, 1.0)));
         conformance::policy(&|| Box::new(Pool::new(vec![Gaze::CENTRE], 5.0, 0.1, 1.0).expect("one gaze will do")));
@@ -99,9 +99,9 @@ mod tests {
         }
     }
 
-    /// Without fading they are Hedge's; with it, rewards r for good weigh exp(γ r / forget), whatever was before.
+    /// Without decay they are Hedge's. With it, constant rewards r give weights exp(γ r / forget), from any start.
     #[test]
-    fn weights_in_closed_form() {
+    fn weights_have_a_closed_form() {
         let rewards = [0.1, 0.4, 0.2, 0.9, 0.5, 0.0, 0.3, 0.7, 1.0];
         let (mut pool_, mut hedge) =
             (pool(0.3, 0.0, 1.0), Hedge::new(Grid::default().gazes(), 0.3).expect("nine gazes"));

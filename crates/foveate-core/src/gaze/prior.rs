@@ -1,43 +1,42 @@
-//! What a gaze is expected to earn before anything was earned: saliency as a prior of where to look next, which the paper's
-//! last section hopes for, or a rehearsal on the first picture.
+//! The prior mean of a gaze's reward: saliency, which the paper's last section proposes, or a rehearsal on the first picture.
 
 use crate::geometry::Gaze;
 use foveate_base::rng::Rng;
 use rand::RngExt;
 
-/// Gazes along a side of the square that are asked about.
+/// Gazes along a side of the square at which the prior is evaluated.
 const SIDE: usize = 15;
 
-/// Saliency or rehearsal over the square of gazes: mean 0 and deviation 1, or nothing.
+/// Saliency or rehearsal over the square of gazes, with mean 0 and deviation 1; or no prior.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Prior {
-    /// Row after row from −reach to reach; empty: 0 everywhere.
+    /// Row by row from −reach to reach; empty for a prior of 0 everywhere.
     values: Vec<f64>,
 }
 
 impl Prior {
-    /// Asks about the whole square of half side `reach`. Where all is alike, nothing is expected.
+    /// Evaluates the whole square of half side `reach`. If all values are equal, the prior is empty.
     pub(super) fn of(reach: f64, worth: &mut dyn FnMut(Gaze) -> f64) -> Self {
         let values: Vec<f64> = (0..SIDE * SIDE).map(|i| worth(gaze(reach, i))).collect();
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
         let deviation = (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt();
-        // Written so that NaN is none either.
+        // This comparison is also false for NaN.
         match deviation > 1e-6 {
             true => Self { values: values.iter().map(|v| (v - mean) / deviation).collect() },
             false => Self::default(),
         }
     }
-    /// As it was saved. `None` where it does not fit.
+    /// Restores saved values; `None` if their number does not fit.
     pub(super) fn from_values(values: Vec<f64>) -> Option<Self> {
         let fits = values.is_empty() || values.len() == SIDE * SIDE;
         (fits && values.iter().all(|v| v.abs() <= SIDE as f64)).then_some(Self { values })
     }
-    /// To be saved.
+    /// Returns the values to save.
     pub(super) fn values(&self) -> &[f64] {
         &self.values
     }
-    /// At (u, v) of a square of half side `reach`, between the gazes asked about.
+    /// Returns the prior at (u, v) of a square of half side `reach`, interpolated between the evaluated gazes.
     pub(super) fn at(&self, reach: f64, u: f64, v: f64) -> f64 {
         if self.values.is_empty() {
             return 0.0;
@@ -52,13 +51,13 @@ impl Prior {
         };
         (1.0 - below) * row(j) + below * row(j + 1)
     }
-    /// A gaze, each as probable as the exponential of `weight` times what is expected of it. `None` where nothing is: then no random
-    /// number is drawn, and what is drawn next is what it was without a prior.
+    /// Draws a gaze with a probability in proportion to the exponential of `weight` times its prior. Returns `None` if the prior is empty;
+    /// no random number is drawn then, so that later draws are those without a prior.
     pub(super) fn draw(&self, reach: f64, weight: f64, rng: &mut Rng) -> Option<Gaze> {
         if self.values.is_empty() {
             return None;
         }
-        // The largest power is 0: some deviations are too large to be raised.
+        // The largest exponent is 0, so that large deviations do not overflow.
         let largest = self.values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let share = |value: &f64| (weight * (value - largest)).exp();
         let mut left = rng.random::<f64>() * self.values.iter().map(share).sum::<f64>();
@@ -87,7 +86,7 @@ mod tests {
         let n = prior.values.len() as f64;
         assert!(prior.values.iter().sum::<f64>().abs() < 1e-9);
         assert!((prior.values.iter().map(|v| v * v).sum::<f64>() - n).abs() < 1e-9);
-        // A plane is met exactly: by its slope from the centre, where it is 0.
+        // A plane is interpolated exactly: by its slope from the centre, where it is 0.
         let slope = prior.at(0.5, 0.5, 0.0) / 0.5;
         for (u, v) in [(0.13, -0.4), (-0.5, 0.5), (0.499, 0.01)] {
             assert!((prior.at(0.5, u, v) - slope * (u - 0.5 * v)).abs() < 1e-9, "at {u}, {v}");
@@ -95,7 +94,7 @@ mod tests {
     }
 
     #[test]
-    fn where_all_is_alike_nothing_is_expected() {
+    fn equal_values_give_an_empty_prior() {
         for value in [0.3, f64::NAN] {
             let prior = Prior::of(0.5, &mut |_| value);
             assert_eq!(prior, Prior::default());
@@ -104,9 +103,9 @@ mod tests {
         }
     }
 
-    /// 2000 draws with seed 1: of two halves, one with e² times the other's share, 88 % ± 4 standard deviations of 0.7 %.
+    /// 2000 draws with seed 1, two halves, one with e² times the other's probability: 88 % ± 4 standard deviations of 0.7 %.
     #[test]
-    fn what_stands_out_is_drawn_more_often() {
+    fn salient_gazes_are_drawn_more_often() {
         let prior = Prior::of(1.0, &mut |gaze| f64::from(u8::from(gaze.u >= 0.0)));
         let mut rng = Streams::new(1, 0).at(0, Purpose::Look).rng(0);
         let right = (0..2000).filter(|_| prior.draw(1.0, 1.0, &mut rng).expect("not all alike").u >= 0.0).count();
@@ -117,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_saved_is_what_it_was() {
+    fn saved_values_load_unchanged() {
         let prior = Prior::of(0.5, &mut |gaze| gaze.u * gaze.v);
         assert_eq!(Prior::from_values(prior.values().to_vec()), Some(prior));
         assert_eq!(Prior::from_values(vec![0.0; 7]), None);

@@ -1,4 +1,4 @@
-//! How fast a bandit learns, frame after frame: the theorems' rates, or a number.
+//! The learning rate of a bandit in each frame: the theorems' rates, or a fixed number.
 
 use foveate_base::{Error, Result};
 use serde::de::{Deserializer, Error as _, IgnoredAny, MapAccess, Visitor};
@@ -18,7 +18,10 @@ pub enum Schedule {
 }
 
 impl Schedule {
-    /// Fails naming the `key` unless a fixed rate is from 10⁻⁹ to `most`, and frames are 1 to 10⁹.
+    /// Checks that a fixed rate is from 10⁻⁹ to `most`, and frames are 1 to 10⁹.
+    ///
+    /// # Errors
+    /// If a number is out of range; the error names the `key`.
     pub fn check(self, key: &str, most: f64) -> Result<()> {
         match self {
             Self::Fixed(rate) if !(1e-9..=most).contains(&rate) => {
@@ -30,7 +33,7 @@ impl Schedule {
             _ => Ok(()),
         }
     }
-    /// The rate in frame `t`, where theory has √(`known` / T) for T frames and √(`anytime` / t) for any number.
+    /// Returns the rate in frame `t`: theory gives √(`known` / T) for T frames and √(`anytime` / t) for any number.
     pub(super) fn rate(self, t: u64, known: f64, anytime: f64) -> f64 {
         match self {
             Self::Fixed(rate) => rate,
@@ -108,7 +111,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn schedules_are_spelled_in_three_ways() {
+    fn schedules_have_three_spellings() {
         for (text, schedule) in [
             ("0.5", Schedule::Fixed(0.5)),
             ("5", Schedule::Fixed(5.0)),

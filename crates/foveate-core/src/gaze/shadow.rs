@@ -1,23 +1,23 @@
-//! Gazes that are scored for the record: what would each of them have earned?
+//! Gazes that are scored for the record only, to compute the reward that each would have earned.
 //!
-//! Regret against the best fixed gaze needs the rewards of gazes that the policy did not ask for. [`Shadow`] has them
-//! scored each frame, for observers; neither the belief nor the policy inside ever learns of them. A track with it is
-//! the track without it, bit for bit; only time is lost, as much as for a policy with full information.
+//! Regret against the best fixed gaze needs the rewards of gazes that the policy did not plan. [`Shadow`] has them scored each frame, for
+//! observers; neither the belief nor the inner policy uses them. The track is the same with and without it, bit for bit; it costs as much
+//! time as a policy with full information.
 
 use super::{Context, Plan, Policy};
 use crate::geometry::Gaze;
 use foveate_base::rng::Rng;
 
-/// Has some gazes recorded in every frame beside those that another policy asks for ([`Plan::record`]).
+/// Records some gazes in every frame in addition to those that another policy plans ([`Plan::record`]).
 ///
-/// Those that the other policy asks for itself are not recorded: their rewards are there already.
+/// Gazes that the other policy plans itself are not recorded, because their rewards are known already.
 pub struct Shadow {
     gazes: Vec<Gaze>,
     inner: Box<dyn Policy>,
 }
 
 impl Shadow {
-    /// These gazes behind `inner`.
+    /// Records these gazes in addition to the plan of `inner`.
     pub fn new(gazes: Vec<Gaze>, inner: Box<dyn Policy>) -> Self {
         Self { gazes, inner }
     }
@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn shadows_keep_the_law() {
+    fn shadows_conform() {
         conformance::policy(&|| Box::new(Shadow::new(gazes(), hedge())));
         conformance::policy(&|| {
             Box::new(Shadow::new(Grid { n: 2, reach: 0.9 }.gazes(), Box::new(Random::new(gazes()))))
@@ -67,7 +67,7 @@ mod tests {
     }
 
     #[test]
-    fn each_gaze_is_asked_for_once_and_the_plan_stays() {
+    fn each_gaze_is_scored_once_and_the_plan_stays() {
         let mut rng = Streams::new(1, 0).at(0, Purpose::Look).rng(0);
         let mut plan = Plan::new();
         let mut circular = Shadow::new(gazes(), Box::new(Anchor::centre(Box::new(Circular::new(gazes())))));
@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn the_inner_policy_does_not_notice() {
+    fn the_inner_policy_is_unaffected() {
         let rng = || Streams::new(3, 0).at(0, Purpose::Look).rng(0);
         let (mut a, mut b) = (rng(), rng());
         let (mut bare, mut shadowed) = (hedge(), Shadow::new(Grid { n: 4, reach: 0.8 }.gazes(), hedge()));

@@ -13,7 +13,7 @@ pub(super) fn exp3(variant: Variant, gamma: impl Into<Schedule>) -> Exp3 {
     Exp3::new(Grid::default().gazes(), variant, gamma).expect("nine gazes and a rate in range")
 }
 
-/// What a policy learns from playing gaze `k` for this reward.
+/// Trains a policy on playing gaze `k` for this reward.
 fn learn(policy: &mut Exp3, k: usize, reward: f64) {
     let mut plan = Plan::new();
     plan.only(policy.gains.gazes[k]);
@@ -46,7 +46,7 @@ fn the_mean_of_an_estimate_is_the_reward() {
                     learn(&mut next, drawn, reward);
                     for (j, mean) in mean.iter_mut().enumerate() {
                         let grown = match variant {
-                            // Sharing adds the same to all: what is left of the drawn one's is its own.
+                            // Sharing adds the same to all; the rest of the drawn gaze's change is its own.
                             Variant::Sharing(share) => {
                                 let (old, shared) = (policy.gains.p[drawn], E * share / K as f64);
                                 let ratio = next.gains.p[drawn] / next.gains.p[(drawn + 1) % K];
@@ -126,10 +126,10 @@ fn gazes_are_drawn_with_their_probabilities() {
     }
 }
 
-/// Rewards of all gazes in frame `t`, which may depend on the probabilities p̂ the next gaze is drawn with.
+/// Rewards of all gazes in frame `t`, which may depend on the probabilities p̂ of the next draw.
 type Adversary<'a> = &'a dyn Fn(usize, usize, &[f64]) -> [f64; K]; // (t, T, p̂)
 
-/// Those of Hedge's test: two that look at the policy, noise, one that is a little better, one that changes.
+/// The adversaries of Hedge's test: two that see the policy, noise, one that is slightly better, one that changes.
 const ADVERSARIES: [(&str, Adversary<'static>); 5] = [
     ("pays the least likely", &|_, _, p| {
         let least = (1..K).fold(0, |best, k| if p[k] < p[best] { k } else { best });
@@ -147,7 +147,7 @@ const ADVERSARIES: [(&str, Adversary<'static>); 5] = [
     ("switches half-way", &|t, end, _| std::array::from_fn(|k| f64::from(k == if t < end / 2 { 1 } else { 7 }))),
 ];
 
-/// What one run came to: Σ p̂ · r, the drawn gazes' rewards, and the total of every gaze.
+/// The result of one run: Σ p̂ · r, the rewards of the drawn gazes, and the total of every gaze.
 struct Outcome {
     expected: f64,
     earned: f64,
@@ -175,9 +175,8 @@ fn mean(values: &[f64]) -> (f64, f64) {
     (mean, (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0) / n).sqrt())
 }
 
-/// Expected regret, whatever the rewards: 2.63 √(g K ln K) where G_max ≤ g is known (Auer et al. 2002, corollary 3.2),
-/// √2 times that where T is not. 20 runs of each, seed 5; the mean may pass the bound by 5 errors, which a policy at
-/// the bound would less than once in 10⁶.
+/// Expected regret for any rewards: 2.63 √(g K ln K) if G_max ≤ g is known (Auer et al. 2002, corollary 3.2), √2 times that if T is not.
+/// 20 runs of each, seed 5; the mean may exceed the bound by 5 errors, which a policy at the bound does less than once in 10⁶.
 #[test]
 fn expected_regret_is_within_the_theorem() {
     for (name, adversary) in ADVERSARIES {
@@ -197,10 +196,10 @@ fn expected_regret_is_within_the_theorem() {
     }
 }
 
-/// Regret itself, not only expected: at most 1 run in 20 passes the bound for δ = 0.05 (Neu 2015, theorem 1). 200 runs
-/// of each, seed 6; more than 26 of 200 happen less than once in 10⁵ where 10 are expected.
+/// Regret itself, not only expected: at most 1 run in 20 exceeds the bound for δ = 0.05 (Neu 2015, theorem 1). 200 runs of each, seed 6;
+/// more than 26 of 200 happen less than once in 10⁵ if 10 are expected.
 #[test]
-fn regret_of_implicit_exploration_is_likely_small() {
+fn regret_of_implicit_exploration_is_within_the_theorem() {
     for (name, adversary) in ADVERSARIES {
         for anytime in [false, true] {
             const T: usize = 2000;
@@ -258,9 +257,9 @@ fn sharing_competes_with_changing_gazes() {
     assert!(plain > 1.2 * sharing, "EXP3 {plain}, EXP3.S {sharing}");
 }
 
-/// 100,000 frames in which a gaze that is almost never drawn is paid now and then; seed 9.
+/// 100,000 frames in which a gaze that is almost never drawn earns a reward occasionally; seed 9.
 #[test]
-fn rare_gazes_never_make_nonsense() {
+fn rewards_of_rare_gazes_stay_finite() {
     for (v, variant) in VARIANTS.into_iter().enumerate() {
         for (gamma, haste) in [(0.1, 1.0), (1e-9, 1000.0), (1.0, 1000.0)] {
             let mut policy = exp3(variant, gamma).hasty(haste).expect("in range");
